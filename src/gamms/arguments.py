@@ -1,0 +1,84 @@
+"""Checks at the door: turn what a caller passed into the plain value we store, or say what is wrong."""
+
+import math
+from collections.abc import Iterable
+from numbers import Real
+from operator import index
+from typing import Any
+
+from gamms.errors import BadType, BadValue, nearest
+
+_INT64 = 2**63
+
+
+def as_int(value: Any, name: str) -> int:
+    """`value` as a plain int: ints and NumPy integers pass, bools and everything else do not.
+
+    Raises:
+        BadType: `value` is not an integer.
+        BadValue: it does not fit into 64 bits.
+    """
+    if isinstance(value, bool):
+        raise BadType(f"{name} must be an integer, not the bool {value!r}.")
+    try:
+        number = index(value)
+    except TypeError:
+        raise BadType(f"{name} must be an integer, not {value!r} ({type(value).__name__}).") from None
+    if not -_INT64 <= number < _INT64:
+        raise BadValue(f"{name} must fit into 64 bits, not {number}.")
+    return number
+
+
+def as_float(value: Any, name: str) -> float:
+    """`value` as a plain, finite float.
+
+    Raises:
+        BadType: `value` is not a real number.
+        BadValue: it is NaN or infinite.
+    """
+    if isinstance(value, bool) or not (isinstance(value, Real) or hasattr(value, "__float__")):
+        raise BadType(f"{name} must be a number, not {value!r} ({type(value).__name__}).")
+    try:
+        number = float(value)
+    except (TypeError, ValueError, OverflowError) as error:
+        raise BadType(f"{name} must be a number, not {value!r}: {error}.") from None
+    if not math.isfinite(number):
+        raise BadValue(f"{name} must be finite, not {number}.")
+    return number
+
+
+def as_range(value: Any, name: str) -> float:
+    """`value` as a distance that may be infinite, but neither negative nor NaN.
+
+    Raises:
+        BadType: `value` is not a real number.
+        BadValue: it is negative or NaN.
+    """
+    if isinstance(value, Real) and value == math.inf:
+        return math.inf
+    number = as_float(value, name)
+    if number < 0.0:
+        raise BadValue(f"{name} must not be negative, not {number}.")
+    return number
+
+
+def as_name(value: Any, kind: str) -> str:
+    """`value` as the name of something.
+
+    Raises:
+        BadType: `value` is not a string.
+        BadValue: it is empty.
+    """
+    if not isinstance(value, str):
+        raise BadType(f"The name of {kind} must be a string, not {value!r} ({type(value).__name__}).")
+    if not value:
+        raise BadValue(f"The name of {kind} must not be empty.")
+    return value
+
+
+def misspelt(given: Iterable[str], known: Iterable[str]) -> list[str]:
+    """One sentence for each given keyword that is unknown but looks like a known one."""
+    known = list(known)
+    return [
+        f"Unknown keyword {name!r}.{hint}" for name in given if name not in known and (hint := nearest(name, known))
+    ]

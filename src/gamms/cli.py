@@ -1,0 +1,5 @@
+"""`gamms`: the command line."""
+
+
+def main() -> None:
+    """Run the command line."""

@@ -1,0 +1,280 @@
+"""The hall: the only module that knows every room, builds them and wires them to one context."""
+
+import logging
+import os
+from types import TracebackType
+from typing import TYPE_CHECKING, Any, Self
+
+from gamms import agent, game, graph, kernels, memory, sensor, visual
+from gamms.arguments import as_int
+from gamms.errors import BadType, BadValue, NotYet
+from gamms.typing import (
+    IAgentEngine,
+    IComputeEngine,
+    IContext,
+    IGraphEngine,
+    IInternalContext,
+    ILogger,
+    IMemoryEngine,
+    IMessageEngine,
+    ISensorEngine,
+    IVisualizationEngine,
+)
+
+if TYPE_CHECKING:
+    from numpy.random import Generator
+
+_LEVELS = ("DEBUG", "INFO", "WARNING", "ERROR", "CRITICAL")
+_LOGGER_VERBS = ("debug", "info", "warning", "error", "critical", "setLevel")
+
+
+class InternalContext(IInternalContext):
+    """Engines that serve other engines, not users."""
+
+    def __init__(
+        self,
+        compute_engine: IComputeEngine | None = None,
+        memory_engine: IMemoryEngine | None = None,
+        message_engine: IMessageEngine | None = None,
+    ) -> None:
+        self.compute_engine = compute_engine
+        self.memory_engine = memory_engine
+        self.message_engine = message_engine
+
+    @property
+    def memory(self) -> IMemoryEngine:
+        """The stores."""
+        return self.memory_engine  # type: ignore[return-value] # None only in a context that is built by hand
+
+    @property
+    def compute(self) -> IComputeEngine | None:
+        """Background work; None while there is no such engine."""
+        return self.compute_engine
+
+    @property
+    def message(self) -> IMessageEngine | None:
+        """Messages between processes; None while there is no such engine."""
+        return self.message_engine
+
+    def terminate(self) -> None:
+        """Close every engine."""
+        for engine in (self.memory_engine, self.compute_engine, self.message_engine):
+            if engine is not None:
+                engine.terminate()
+
+
+class RecorderLater:
+    """Where the recorder will be: nothing is recorded, and asking for more says so."""
+
+    def record(self) -> bool:
+        """Whether events are being written now."""
+        return False
+
+    def __getattr__(self, name: str) -> Any:
+        if name.startswith("__"):
+            raise AttributeError(name)
+        raise NotYet(f"Recording (ctx.record.{name})")
+
+
+class Context(IContext):
+    """One running scenario. Usable in a `with` statement, which terminates it.
+
+    The rooms are attributes, so that a program may build a context of its own engines.
+    """
+
+    agent_engine: Any
+    graph_engine: Any
+    sensor_engine: Any
+    visual_engine: Any
+    recorder: Any
+    internal_context: Any
+
+    def __init__(
+        self,
+        internal_context: IInternalContext | None = None,
+        agent_engine: IAgentEngine | None = None,
+        sensor_engine: ISensorEngine | None = None,
+        visual_engine: IVisualizationEngine | None = None,
+        graph_engine: IGraphEngine | None = None,
+        recorder: Any = None,
+        logger: Any = None,
+    ) -> None:
+        self.internal_context = internal_context
+        self.agent_engine = agent_engine
+        self.sensor_engine = sensor_engine
+        self.visual_engine = visual_engine
+        self.graph_engine = graph_engine
+        self.recorder = recorder or RecorderLater()
+        self._logger: Any = logger or logging.getLogger("gamms")
+        self._alive = False
+        self._seed = _fresh_seed()
+        self._rng: Generator | None = None
+
+    @property
+    def agent(self) -> "agent.AgentEngine":
+        """The agent room."""
+        return self.agent_engine  # type: ignore[no-any-return] # a program may put its own there
+
+    @property
+    def graph(self) -> "graph.GraphEngine":
+        """The graph room."""
+        return self.graph_engine  # type: ignore[no-any-return] # a program may put its own there
+
+    @property
+    def sensor(self) -> "sensor.SensorEngine":
+        """The sensor room."""
+        return self.sensor_engine  # type: ignore[no-any-return] # a program may put its own there
+
+    @property
+    def visual(self) -> "visual.NoEngine":
+        """The visual room."""
+        return self.visual_engine  # type: ignore[no-any-return] # a program may put its own there
+
+    @property
+    def record(self) -> Any:
+        """The recorder; until it is built, an object whose `record()` is False."""
+        return self.recorder
+
+    @property
+    def ictx(self) -> IInternalContext:
+        """Engines that serve other engines."""
+        return self.internal_context  # type: ignore[no-any-return] # a program may put its own there
+
+    @property
+    def logger(self) -> ILogger:
+        """Where messages go; settable to any object with the verbs of `ILogger`."""
+        return self._logger  # type: ignore[no-any-return] # checked when it is set
+
+    @logger.setter
+    def logger(self, logger: ILogger) -> None:
+        missing = [verb for verb in _LOGGER_VERBS if not callable(getattr(logger, verb, None))]
+        if missing:
+            raise BadType(f"A logger needs the methods of gamms.logger.ILogger; {logger!r} lacks {missing}.")
+        self._logger = logger
+
+    @property
+    def seed(self) -> int:
+        """What every random stream of this context follows from."""
+        return self._seed
+
+    @property
+    def rng(self) -> "Generator":
+        """The scenario's own random stream."""
+        if self._rng is None:
+            self._rng = self.stream("context")
+        return self._rng
+
+    def stream(self, *names: str | int) -> "Generator":
+        """The random stream of one purpose: same seed and names, same draws, whoever else draws.
+
+        For example `ctx.stream("agent", name)` for an agent, `ctx.stream("weather", turn)` for a turn.
+        """
+        return kernels.stream(self._seed, *names)
+
+    def set_alive(self) -> None:
+        """Begin."""
+        self._alive = True
+
+    def is_terminated(self) -> bool:
+        """Whether the scenario has ended (or has not begun)."""
+        return not self._alive
+
+    def terminate(self) -> None:
+        """End the scenario: close every room, in the order in which they depend on each other."""
+        if not self._alive:
+            return
+        if self.record.record():
+            self.record.stop()
+        try:
+            for room in (
+                "agent_engine",
+                "sensor_engine",
+                "graph_engine",
+                "internal_context",
+                "visual_engine",
+            ):
+                if getattr(self, room) is not None:
+                    getattr(self, room).terminate()
+        finally:
+            self._alive = False
+
+    def __enter__(self) -> Self:
+        return self
+
+    def __exit__(
+        self, kind: type[BaseException] | None, error: BaseException | None, trace: TracebackType | None
+    ) -> None:
+        self.terminate()
+
+
+def create_context(
+    graph_engine: "graph.Engine" = graph.Engine.MEMORY,
+    vis_engine: "visual.Engine" = visual.Engine.NO_VIS,
+    vis_kwargs: dict[str, Any] | None = None,
+    logger_config: dict[str, Any] | None = None,
+    *,
+    seed: int | None = None,
+    graph_path: str | os.PathLike[str] | None = None,
+) -> Context:
+    """Open a context with every room in it.
+
+    Args:
+        graph_engine: MEMORY writes nothing to disk unless asked; SQLITE also keeps the graph in a database file.
+        vis_engine: NO_VIS shows nothing (and can still draw a picture); PYGAME is not built yet.
+        vis_kwargs: keywords of the visual engine.
+        logger_config: arguments of `logging.basicConfig`; `level` defaults to $GAMMS_LOG_LEVEL, then INFO.
+        seed: the same seed gives the same random streams; None draws one.
+        graph_path: the database file of SQLITE; an existing one is opened. None: a temporary one.
+
+    Raises:
+        UnknownType (ValueError): an unknown graph engine.
+        NotYet (NotImplementedError): a visual engine that is not built yet, or an unknown one.
+        BadValue, BadType: a bad seed, or a `graph_path` without SQLITE.
+        BadFile (ValueError): `graph_path` is something else than a graph's database.
+    """
+    ctx = Context(logger=_configured_logger(logger_config or {}))
+    if seed is not None:
+        ctx._seed = as_int(seed, "seed")
+    ctx.internal_context = InternalContext(memory_engine=memory.MemoryEngine())
+    try:
+        ctx.graph_engine = graph.GraphEngine(ctx, engine=graph_engine, path=_database_path(graph_engine, graph_path))
+    except BaseException:
+        ctx.internal_context.terminate()
+        raise
+    ctx.agent_engine = agent.AgentEngine(ctx, moves=game.Moves(ctx.graph_engine.graph))
+    ctx.sensor_engine = sensor.SensorEngine(ctx)
+    ctx.visual_engine = _visual_engine(ctx, vis_engine, vis_kwargs or {})
+    ctx.set_alive()
+    return ctx
+
+
+def _fresh_seed() -> int:
+    return int.from_bytes(os.urandom(6), "little")
+
+
+def _visual_engine(ctx: Context, engine: Any, keywords: dict[str, Any]) -> IVisualizationEngine:
+    if engine is visual.Engine.NO_VIS:
+        return visual.NoEngine(ctx, **keywords)
+    if engine is visual.Engine.PYGAME:
+        raise NotYet("The pygame window (visual.Engine.PYGAME)")
+    raise NotImplementedError(f"Unknown visual engine {engine!r}. Use gamms.visual.Engine.NO_VIS.")
+
+
+def _database_path(engine: Any, path: str | os.PathLike[str] | None) -> "memory.PathLike | None":
+    if engine is not graph.Engine.SQLITE:
+        if path is not None:
+            raise BadValue(f"graph_path={path!r} needs graph_engine=gamms.graph.Engine.SQLITE.")
+        return None
+    return memory.temporary_path("graph.db") if path is None else memory.PathLike(os.fspath(path))
+
+
+def _configured_logger(config: dict[str, Any]) -> logging.Logger:
+    level = config.get("level")
+    if level is None:
+        level = os.environ.get("GAMMS_LOG_LEVEL", "INFO").upper()
+        level = level if level in _LEVELS else "INFO"
+    logging.basicConfig(**{**config, "level": level})
+    logger = logging.getLogger("gamms")
+    logger.setLevel(level)
+    logger.info("GAMMS logs from level %d on.", logger.level)
+    return logger

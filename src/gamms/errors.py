@@ -1,0 +1,94 @@
+"""Every exception GAMMS raises on purpose.
+
+GammsError
+├─ UnknownName (KeyError)          a name or id that no sensor, agent, node, edge or store answers to
+├─ UnknownType (ValueError)        a type that this call does not know
+├─ Duplicate (ValueError)          a name that is already taken
+├─ DuplicateId (KeyError)          an id that is already in the graph
+├─ BadValue (ValueError)           an argument of the right type with an impossible value
+├─ BadType (TypeError)             an argument of the wrong type
+├─ BadFile (ValueError)            a file that is damaged, foreign or too large
+├─ MissingExtra (ImportError)      an optional library is needed and absent
+├─ NotYet (NotImplementedError)    a feature that is announced and not built yet
+│  └─ NotYetImportable (ImportError)  ... and was asked for by an import
+└─ ContextTerminated (AttributeError) the context has ended
+"""
+
+from collections.abc import Iterable
+from difflib import get_close_matches
+
+
+class GammsError(Exception):
+    """Base class: `except GammsError` catches all of ours and nothing else."""
+
+    def __str__(self) -> str:
+        # KeyError shows the repr of its message; a sentence should read like one.
+        return str(self.args[0]) if self.args else ""
+
+
+def nearest(name: object, known: Iterable[object]) -> str:
+    """The hint of an error message: the known name most like `name`, or nothing."""
+    near = get_close_matches(str(name), [str(one) for one in known], n=1)
+    return f" Did you mean {near[0]!r}?" if near else ""
+
+
+class UnknownName(GammsError, KeyError):
+    """A name or id nobody answers to."""
+
+    def __init__(self, kind: str, name: object, known: Iterable[object] = ()) -> None:
+        super().__init__(f"Unknown {kind} {name!r}.{nearest(name, known)}")
+
+
+class UnknownType(GammsError, ValueError):
+    """A type that this call does not know."""
+
+
+class Duplicate(GammsError, ValueError):
+    """A name that is already taken."""
+
+    def __init__(self, kind: str, name: object) -> None:
+        super().__init__(f"There is already {kind} named {name!r}. Choose another name or delete that one first.")
+
+
+class DuplicateId(GammsError, KeyError):
+    """An id that is already in the graph."""
+
+    def __init__(self, kind: str, id: int) -> None:
+        super().__init__(f"There is already {kind} with id {id}. Use another id, or the update method to change it.")
+
+
+class BadValue(GammsError, ValueError):
+    """An argument of the right type with an impossible value."""
+
+
+class BadType(GammsError, TypeError):
+    """An argument of the wrong type."""
+
+
+class BadFile(GammsError, ValueError):
+    """A file that is damaged, foreign or too large."""
+
+
+class MissingExtra(GammsError, ImportError):
+    """An optional library is needed and absent."""
+
+    def __init__(self, feature: str, extra: str) -> None:
+        super().__init__(f'{feature} needs an optional library: pip install "gamms[{extra}]"')
+
+
+class NotYet(GammsError, NotImplementedError):
+    """A feature that is announced and not built yet."""
+
+    def __init__(self, feature: str) -> None:
+        super().__init__(f"{feature} is not part of this version of GAMMS yet. See the README for what is there.")
+
+
+class NotYetImportable(NotYet, ImportError):
+    """A name that belongs to a feature that is not built yet."""
+
+
+class ContextTerminated(GammsError, AttributeError):
+    """The context has ended; its graph is gone and nothing can be created in it."""
+
+    def __init__(self, wanted: str) -> None:
+        super().__init__(f"The context is terminated: {wanted} is no longer there. Create a new context.")

@@ -1,0 +1,81 @@
+"""All that a saved graph holds, checked: what files and databases are written from and read into."""
+
+from dataclasses import dataclass
+from typing import Any
+
+import numpy as np
+
+from gamms import kernels
+from gamms.errors import BadFile, GammsError
+from gamms.graph.tables import RowIndex
+from gamms.ir.graph import FloatArray, GraphColumns, IntArray
+from gamms.typing.graph_engine import ObsFace
+
+
+@dataclass(slots=True, frozen=True)
+class Contents:
+    """A graph, its obstacles, and whom the data is by."""
+
+    columns: GraphColumns
+    faces: list[ObsFace]
+    attribution: str | None
+
+
+def checked_columns(
+    arrays: dict[str, Any],
+    bends: dict[int, FloatArray],
+    attributes: tuple[dict[str, dict[int, Any]], dict[str, dict[int, Any]]],
+    crs: str | None,
+) -> GraphColumns:
+    """Columns from arrays that a stranger wrote.
+
+    Args:
+        arrays: `node_ids`, `xy`, `edge_ids`, `sources` and `targets` (node rows), `lengths`.
+        bends: edge row -> (points, 2).
+        attributes: of nodes and of edges, name -> row -> value.
+        crs: the coordinate reference system.
+
+    Raises:
+        BadFile: they do not make a graph.
+    """
+    nodes, edges = len(arrays["node_ids"]), len(arrays["edge_ids"])
+    for name, shape in (
+        ("xy", (nodes, 2)),
+        ("sources", (edges,)),
+        ("targets", (edges,)),
+        ("lengths", (edges,)),
+    ):
+        if arrays[name].shape != shape:
+            raise BadFile(f"{name} has shape {arrays[name].shape} instead of {shape}")
+    for ids, kind in ((arrays["node_ids"], "node"), (arrays["edge_ids"], "edge")):
+        try:
+            RowIndex().refuse_duplicates(ids, kind)
+        except GammsError as error:
+            raise BadFile(f"an id is there twice: {error}") from error
+    _check_rows(arrays["sources"], nodes, "source")
+    _check_rows(arrays["targets"], nodes, "target")
+    _check_rows(np.array(list(bends), np.int64), edges, "polyline")
+    for values in (arrays["xy"], arrays["lengths"], *bends.values()):
+        if not np.isfinite(values).all():
+            raise BadFile("a coordinate or length is not finite")
+    if edges and float(arrays["lengths"].min()) < 0.0:
+        raise BadFile("a length is negative")
+    for rows, count in zip(attributes, (nodes, edges), strict=True):
+        for name, values in rows.items():
+            _check_rows(np.array(list(values), np.int64), count, f"attribute {name!r}")
+    offsets, out_edges = kernels.group_rows(arrays["sources"], nodes)
+    return GraphColumns(
+        **arrays,
+        offsets=offsets,
+        out_edges=out_edges,
+        bends=bends,
+        node_attributes=attributes[0],
+        edge_attributes=attributes[1],
+        revision=0,
+        crs=crs,
+    )
+
+
+def _check_rows(rows: IntArray, count: int, what: str) -> None:
+    if len(rows) and not (int(rows.min()) >= 0 and int(rows.max()) < count):
+        raise BadFile(f"a {what} belongs to a row that is not there")

@@ -1,0 +1,179 @@
+"""The graph room's front: the graph, its obstacles, and how they are kept."""
+
+import os
+from collections.abc import Iterator
+from typing import TYPE_CHECKING, Any
+
+from gamms.errors import BadValue, ContextTerminated, UnknownType
+from gamms.graph import file
+from gamms.graph.contents import Contents
+from gamms.graph.database import STORE, GraphDatabase
+from gamms.graph.graph import Graph
+from gamms.graph.obstacles import Obstacles, checked_face
+from gamms.ir.graph import GraphColumns
+from gamms.typing import IContext
+from gamms.typing.graph_engine import Corner, Engine, IGraphEngine, ObsFace
+from gamms.typing.memory_engine import StoreType
+
+if TYPE_CHECKING:
+    import networkx as nx
+
+    from gamms.typing.memory_engine import IPathLike
+
+
+class GraphEngine(IGraphEngine):
+    """Owns the graph; with `Engine.SQLITE`, also keeps it in a database file.
+
+    Args:
+        ctx: the context.
+        engine: MEMORY writes nothing unless asked; SQLITE answers every call alike and keeps a database file.
+        path: of the database; an existing one is opened.
+
+    Raises:
+        UnknownType (ValueError): `engine` is no member of `Engine`.
+        BadFile (ValueError): there is something else at `path`.
+    """
+
+    def __init__(self, ctx: IContext, engine: Engine = Engine.MEMORY, path: "IPathLike | None" = None) -> None:
+        if not isinstance(engine, Engine):
+            raise UnknownType(f"Unknown graph engine {engine!r}. Use Engine.MEMORY or Engine.SQLITE.")
+        self._graph: Graph | None = Graph()
+        self._obstacles = Obstacles()
+        self._database: GraphDatabase | None = None
+        if engine is Engine.SQLITE:
+            self._database = GraphDatabase(ctx.ictx.memory.create_store(StoreType.DATABASE, STORE, path))
+            self._put(self._database.read())
+
+    @property
+    def graph(self) -> Graph:
+        """The graph."""
+        if self._graph is None:
+            raise ContextTerminated("ctx.graph")
+        return self._graph
+
+    # -- obstacles ----------------------------------------------------------------------------------------------
+
+    def add_obstacle_face(self, face_id: int, tr: Corner, tl: Corner, br: Corner, bl: Corner, type: int) -> None:
+        """Add a quadrangle."""
+        self._present().add(checked_face(face_id, tr, tl, br, bl, type))
+
+    def remove_obstacle_face(self, face_id: int) -> None:
+        """Remove a quadrangle."""
+        self._present().remove(face_id)
+
+    def get_obstacle_face(self, face_id: int) -> ObsFace:
+        """A quadrangle by id."""
+        return self._present().get(face_id)
+
+    def get_obstacle_faces(self, d: float = -1.0, x: float = 0.0, y: float = 0.0) -> Iterator[int]:
+        """Ids of the faces whose bounding box meets the square of half side d around (x, y); all for `d < 0`."""
+        return self._present().near(d, x, y)
+
+    # -- in and out ---------------------------------------------------------------------------------------------
+
+    def attach_networkx_graph(self, G: "nx.Graph[Any]") -> Graph:  # noqa: N803 - published name
+        """Add any networkx graph to what is there, all or nothing.
+
+        Integer labels become ids; other labels get the next free integers (`networkx_labels` tells which). An
+        undirected graph gives both directions. Missing edge ids are assigned, missing lengths come from
+        `linestring` or `geometry`, all other attributes are kept.
+
+        Raises:
+            BadValue (ValueError): it cannot be attached; its cause says why, and nothing has changed.
+        """
+        return self.graph.attach_networkx_graph(G)
+
+    def networkx_labels(self) -> dict[Any, int]:
+        """Label in networkx -> id here, for every node whose label was no integer."""
+        from gamms.graph.networkx import labels
+
+        return labels(self.graph)
+
+    def save(self, path: str | os.PathLike[str] | None = None) -> None:
+        """Write graph, obstacles, CRS and attributes into one file.
+
+        Args:
+            path: of the file; None writes into the database file of `Engine.SQLITE`.
+
+        Raises:
+            BadValue: no path and no database, or an attribute that is no plain data.
+            OSError: the file cannot be written.
+        """
+        contents = self._contents()
+        if self._database is not None:
+            self._database.write(contents)
+        if path is not None:
+            file.save(path, contents)
+        elif self._database is None:
+            raise BadValue("A graph in memory needs a path to be saved to: ctx.graph.save('map.gamms').")
+
+    def load(self, path: str | os.PathLike[str]) -> Graph:
+        """Replace graph and obstacles by those in a file that `save` wrote.
+
+        Raises:
+            BadFile (ValueError): the file is damaged or foreign; nothing has changed.
+            OSError: it cannot be read.
+        """
+        graph = self.graph
+        self._put(file.load(path))
+        return graph
+
+    def terminate(self) -> None:
+        """Write what a database has to hold, and let go of the graph."""
+        if self._graph is None:
+            return
+        if self._database is not None:
+            self._database.write(self._contents())
+        self._graph.close()
+        self._graph = None
+
+    # -- the graph's own verbs, for short -----------------------------------------------------------------------
+
+    def columns(self) -> GraphColumns:
+        """The graph as read-only arrays that stay as they are now."""
+        return self.graph.columns()
+
+    def add_nodes(self, ids: Any, x: Any, y: Any) -> None:
+        """Add many nodes at once; see `Graph.add_nodes`."""
+        self.graph.add_nodes(ids, x, y)
+
+    def add_edges(self, ids: Any, sources: Any, targets: Any, lengths: Any = None) -> None:
+        """Add many straight edges at once; see `Graph.add_edges`."""
+        self.graph.add_edges(ids, sources, targets, lengths)
+
+    def node_attributes(self, node_id: int) -> dict[str, Any]:
+        """The attributes of a node that are not `id`, `x` or `y`; a fresh dict (KeyError)."""
+        return self.graph.node_attributes(node_id)
+
+    def edge_attributes(self, edge_id: int) -> dict[str, Any]:
+        """The attributes of an edge beyond ends, length and linestring; a fresh dict (KeyError)."""
+        return self.graph.edge_attributes(edge_id)
+
+    def to_networkx(self) -> "nx.MultiDiGraph[int] | nx.DiGraph[int]":
+        """The graph as a networkx graph: a DiGraph, or a MultiDiGraph where edges are parallel."""
+        return self.graph.to_networkx()
+
+    @property
+    def crs(self) -> str | None:
+        """The coordinate reference system of x and y, such as 'EPSG:32635'."""
+        return self.graph.crs
+
+    @property
+    def attribution(self) -> str | None:
+        """Whom the data is by; shown where the graph is shown."""
+        return self.graph.attribution
+
+    # -- inside -------------------------------------------------------------------------------------------------
+
+    def _present(self) -> Obstacles:
+        if self._graph is None:
+            raise ContextTerminated("ctx.graph")
+        return self._obstacles
+
+    def _contents(self) -> Contents:
+        return Contents(self.graph.columns(), list(self._obstacles), self.graph.attribution)
+
+    def _put(self, contents: Contents) -> None:
+        self.graph.replace(contents.columns)
+        self.graph.attribution = contents.attribution
+        self._obstacles.replace(contents.faces)

@@ -1,0 +1,369 @@
+"""The mutable graph: every change and every query of nodes and edges goes through here."""
+
+from collections.abc import Iterator, Sequence
+from math import inf, isnan, pi
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
+
+from gamms import kernels
+from gamms.errors import BadValue, ContextTerminated, DuplicateId, UnknownName
+from gamms.graph import records
+from gamms.graph.indexes import Indexes, Neighborhoods
+from gamms.graph.tables import EdgeTable, NodeTable
+from gamms.ir.graph import FloatArray, GraphColumns
+from gamms.typing.graph_engine import IGraph, Node, OSMEdge, Surroundings
+
+if TYPE_CHECKING:
+    import networkx as nx
+
+
+class Graph(IGraph):
+    """A graph over columns; see `IGraph` for what each call promises.
+
+    Attributes:
+        crs: the coordinate reference system of x and y, such as 'EPSG:32635'; None when unknown.
+        attribution: whom the data is by, to be shown where the graph is shown; None when nobody asks for it.
+    """
+
+    crs: str | None
+    attribution: str | None
+
+    def __init__(self) -> None:
+        self._neighborhoods = Neighborhoods(lambda: self._indexes)
+        self._revision = -1
+        self.clear()
+
+    def clear(self) -> None:
+        """Remove every node and edge."""
+        self._nodes = NodeTable()
+        self._edges = EdgeTable()
+        self._indexes = Indexes(self._nodes, self._edges, self._neighborhoods)
+        self._columns: GraphColumns | None = None
+        self._revision += 1
+        self.crs = self.attribution = None
+
+    @property
+    def revision(self) -> int:
+        """A number that changes with every change of the graph."""
+        return self._revision
+
+    def __len__(self) -> int:
+        """How many nodes there are."""
+        return len(self._nodes)
+
+    # -- one by one ---------------------------------------------------------------------------------------------
+
+    def add_node(self, node_data: dict[str, Any]) -> None:
+        """Add a node."""
+        id = records.as_id(records.required(node_data, "id", "A node"), "a node")
+        x = records.as_coordinate(records.required(node_data, "x", "A node"), "x", id)
+        y = records.as_coordinate(records.required(node_data, "y", "A node"), "y", id)
+        nodes = self._nodes
+        if nodes.index.row(id) >= 0:
+            raise DuplicateId("a node", id)
+        given = records.extras(node_data, records.NODE_KEYS) if len(node_data) > 3 else None
+        row = nodes.append(id, x, y)
+        if given:
+            nodes.set_attributes(row, given)
+        if self._indexes.is_built:
+            self._indexes.node_added(row)
+        self._revision += 1
+
+    def add_edge(self, edge_data: dict[str, Any]) -> None:
+        """Add an edge."""
+        id = records.as_id(records.required(edge_data, "id", "An edge"), "an edge")
+        length = records.as_length(records.required(edge_data, "length", "An edge"), id)
+        source, target = self._end_rows(edge_data, id)
+        edges = self._edges
+        if edges.index.row(id) >= 0:
+            raise DuplicateId("an edge", id)
+        bend, given = None, None
+        if len(edge_data) > 4:
+            bend = records.bend_of(edge_data.get("linestring"), id, self._straight(source, target))
+            given = records.extras(edge_data, records.EDGE_KEYS)
+        row = edges.append(id, source, target, length)
+        if bend is not None:
+            edges.bends[row] = bend
+        if given:
+            edges.set_attributes(row, given)
+        if self._indexes.is_built:
+            self._indexes.edge_added(row, source, target)
+        self._revision += 1
+
+    def get_node(self, node_id: int) -> Node:
+        """The node with that id."""
+        row = self._nodes.find(records.as_id(node_id, "a node"))
+        xy = self._nodes.xy
+        return Node(self._nodes.ids[row], xy[2 * row], xy[2 * row + 1])
+
+    def get_edge(self, edge_id: int) -> OSMEdge:
+        """The edge with that id."""
+        row = self._edges.find(records.as_id(edge_id, "an edge"))
+        return self._indexes.edge_value(row)
+
+    def update_node(self, node_data: dict[str, Any]) -> None:
+        """Change the given keys of a node."""
+        id = records.as_id(records.required(node_data, "id", "An update of a node"), "a node")
+        nodes, row = self._nodes, self._nodes.find(id)
+        x, y = nodes.xy[2 * row], nodes.xy[2 * row + 1]
+        new_x = records.as_coordinate(node_data.get("x", x), "x", id)
+        new_y = records.as_coordinate(node_data.get("y", y), "y", id)
+        given = records.extras(node_data, records.NODE_KEYS)
+        nodes.set_attributes(row, given)
+        if (new_x, new_y) != (x, y):
+            nodes.own()
+            nodes.xy[2 * row], nodes.xy[2 * row + 1] = new_x, new_y
+            self._indexes.node_moved(row)
+        self._revision += 1
+
+    def update_edge(self, edge_data: dict[str, Any]) -> None:
+        """Change the given keys of an edge."""
+        id = records.as_id(records.required(edge_data, "id", "An update of an edge"), "an edge")
+        edges, row = self._edges, self._edges.find(id)
+        old_ends = (edges.sources[row], edges.targets[row])
+        ids = self._nodes.ids
+        full = {
+            "source": ids[old_ends[0]],
+            "target": ids[old_ends[1]],
+            "length": edges.lengths[row],
+            **edge_data,
+        }
+        ends = self._end_rows(full, id)
+        length = records.as_length(full["length"], id)
+        given = records.extras(edge_data, records.EDGE_KEYS)
+        bend = records.bend_of(full.get("linestring"), id, self._straight(*ends))
+        edges.own()
+        edges.lengths[row] = length
+        edges.sources[row], edges.targets[row] = ends
+        if "linestring" in edge_data or ends != old_ends:  # an old polyline does not lead to a new end
+            edges.bends.pop(row, None)
+        if bend is not None:
+            edges.bends[row] = bend
+        edges.set_attributes(row, given)
+        self._indexes.edge_changed(row, old_ends, ends)
+        self._revision += 1
+
+    def remove_node(self, node_id: int) -> None:
+        """Remove a node and the edges at it."""
+        row = self._nodes.index.row(records.as_id(node_id, "a node"))
+        if row < 0:
+            return
+        for edge in self._indexes.edges_at(np.array([row])).tolist():
+            self._drop_edge(edge)
+        self._nodes.remove(row)
+        self._indexes.node_removed(row)
+        self._revision += 1
+        self._compact()
+
+    def remove_edge(self, edge_id: int) -> None:
+        """Remove an edge."""
+        self._drop_edge(self._edges.find(records.as_id(edge_id, "an edge")))
+        self._revision += 1
+        self._compact()
+
+    # -- queries ------------------------------------------------------------------------------------------------
+
+    def get_nodes(self, d: float = -1.0, x: float = 0.0, y: float = 0.0) -> Iterator[int]:
+        """Ids of the nodes within d of (x, y), in insertion order; all for `d < 0`."""
+        if _is_everywhere(d, x, y):
+            return self._nodes.iter_ids()
+        return self._nodes.iter_ids(self._indexes.nodes_within(x, y, d))
+
+    def get_edges(self, d: float = -1.0, x: float = 0.0, y: float = 0.0) -> Iterator[int]:
+        """Ids of the edges with at least one end node within d of (x, y), in insertion order; all for `d < 0`."""
+        if _is_everywhere(d, x, y):
+            return self._edges.iter_ids()
+        return self._edges.iter_ids(self._indexes.edges_at(self._indexes.nodes_within(x, y, d)))
+
+    def get_neighbors(self, node_id: int) -> Iterator[int]:
+        """Unique targets of the edges leaving a node, in edge insertion order."""
+        return iter(self._indexes.neighbors(records.as_id(node_id, "a node")))
+
+    @property
+    def neighborhoods(self) -> Neighborhoods:
+        """Live and read-only: node id -> the node itself, then its neighbours."""
+        return self._neighborhoods
+
+    def has_node(self, node_id: int) -> bool:
+        """Whether there is a node with that id."""
+        return self._nodes.index.row(node_id) >= 0
+
+    def within(
+        self, node_id: int, radius: float, fov: float = 2.0 * pi, heading: tuple[float, float] = (0.0, 0.0)
+    ) -> Surroundings:
+        """What lies within `radius` of a node and inside its field of view."""
+        row = self._nodes.find(records.as_id(node_id, "a node"))
+        x, y = self._nodes.xy[2 * row], self._nodes.xy[2 * row + 1]
+        rows = self._nodes.living() if radius == inf else self._indexes.nodes_within(x, y, radius)
+        if fov != 2.0 * pi and heading != (0.0, 0.0):
+            dx, dy = (self._nodes.array("xy")[rows] - (x, y)).T
+            rows = rows[kernels.in_cone(dx, dy, heading, fov)]
+        nodes = self._indexes.node_values(rows)
+        return Surroundings({node[0]: node for node in nodes}, self._indexes.edges_among(rows))
+
+    def positions(self, node_ids: Sequence[int] | np.ndarray[Any, Any]) -> FloatArray:
+        """Coordinates (nodes, 2) of several nodes."""
+        rows = self._nodes.index.rows(records.id_array(node_ids, "node_ids"), "node")
+        xy: FloatArray = self._nodes.array("xy")[rows]
+        return xy
+
+    def node_attributes(self, node_id: int) -> dict[str, Any]:
+        """The attributes of a node that are not `id`, `x` or `y`; a fresh dict (KeyError)."""
+        return self._nodes.attributes_of(self._nodes.find(records.as_id(node_id, "a node")))
+
+    def edge_attributes(self, edge_id: int) -> dict[str, Any]:
+        """The attributes of an edge beyond ends, length and linestring; a fresh dict (KeyError)."""
+        return self._edges.attributes_of(self._edges.find(records.as_id(edge_id, "an edge")))
+
+    # -- as arrays ----------------------------------------------------------------------------------------------
+
+    def add_nodes(self, ids: Any, x: Any, y: Any) -> None:
+        """Add many nodes at once.
+
+        Args:
+            ids: (nodes,) integers, none of them taken.
+            x: (nodes,) finite, map units.
+            y: (nodes,) finite, map units.
+
+        Raises:
+            DuplicateId (KeyError), BadValue (ValueError), BadType (TypeError): nothing has changed then.
+        """
+        ids = records.id_array(ids, "ids")
+        xy = np.column_stack([records.number_array(x, len(ids), "x"), records.number_array(y, len(ids), "y")])
+        self._nodes.extend(ids, xy=xy)
+        self._forget_indexes()
+
+    def add_edges(self, ids: Any, sources: Any, targets: Any, lengths: Any = None) -> None:
+        """Add many straight edges at once.
+
+        Args:
+            ids: (edges,) integers, none of them taken.
+            sources: (edges,) ids of nodes.
+            targets: (edges,) ids of nodes.
+            lengths: (edges,) in map units, not negative; None measures the straight lines.
+
+        Raises:
+            UnknownName, DuplicateId (KeyError), BadValue (ValueError), BadType (TypeError): nothing has changed then.
+        """
+        ids = records.id_array(ids, "ids")
+        ends = [records.id_array(end, name) for end, name in ((sources, "sources"), (targets, "targets"))]
+        for name, end in zip(("sources", "targets"), ends, strict=True):
+            if len(end) != len(ids):
+                raise BadValue(f"{name} must have shape ({len(ids)},) like the ids, not {end.shape}.")
+        source_rows, target_rows = (self._nodes.index.rows(end, "node") for end in ends)
+        if lengths is None:
+            xy = self._nodes.array("xy")
+            lengths = np.hypot(*(xy[target_rows] - xy[source_rows]).T)
+        lengths = records.number_array(lengths, len(ids), "lengths")
+        if len(lengths) and float(lengths.min()) < 0.0:
+            raise BadValue(f"lengths must not be negative; the least is {float(lengths.min())}.")
+        self._edges.extend(ids, sources=source_rows, targets=target_rows, lengths=lengths)
+        self._forget_indexes()
+
+    def columns(self) -> GraphColumns:
+        """The graph as read-only arrays that stay as they are now."""
+        if self._columns is None or self._columns.revision != self._revision:
+            self._compact(fully=True)
+            self._columns = _snapshot(self._nodes, self._edges, self._revision, self.crs)
+        return self._columns
+
+    def replace(self, columns: GraphColumns) -> None:
+        """Become the graph that `columns` describe."""
+        self.clear()
+        self._nodes.extend(columns.node_ids, xy=columns.xy)
+        ends = {"sources": columns.sources, "targets": columns.targets}
+        self._edges.extend(columns.edge_ids, lengths=columns.lengths, **ends)
+        self._edges.bends = dict(columns.bends)
+        for table, attributes in (
+            (self._nodes, columns.node_attributes),
+            (self._edges, columns.edge_attributes),
+        ):
+            table.attributes = {name: dict(values) for name, values in attributes.items()}
+        self.crs = columns.crs
+
+    def attach_networkx_graph(self, G: "nx.Graph[Any]") -> "Graph":  # noqa: N803 - published name
+        """Add any networkx graph to what is there, all or nothing."""
+        from gamms.graph.networkx import attach
+
+        attach(self, G)
+        return self
+
+    def to_networkx(self) -> "nx.MultiDiGraph[int] | nx.DiGraph[int]":
+        """The graph as a networkx graph: a DiGraph, or a MultiDiGraph where edges are parallel."""
+        from gamms.graph.networkx import export
+
+        return export(self)
+
+    def close(self) -> None:
+        """Let go of everything; whatever is asked of the graph from now on raises ContextTerminated."""
+        self._neighborhoods.clear()
+        self._nodes = self._edges = self._indexes = self._columns = _Gone()  # type: ignore[assignment] # see _Gone
+
+    # -- inside -------------------------------------------------------------------------------------------------
+
+    def _end_rows(self, edge: dict[str, Any], id: int) -> tuple[int, int]:
+        row_of = self._nodes.index.row
+        source, target = edge["source"], edge["target"]
+        ends = row_of(records.as_id(source, "a node")), row_of(records.as_id(target, "a node"))
+        if ends[0] < 0 or ends[1] < 0:
+            raise UnknownName(f"node at the end of edge {id}:", source if ends[0] < 0 else target)
+        return ends
+
+    def _straight(self, source: int, target: int) -> tuple[float, float, float, float]:
+        xy = self._nodes.xy
+        return (xy[2 * source], xy[2 * source + 1], xy[2 * target], xy[2 * target + 1])
+
+    def _drop_edge(self, row: int) -> None:
+        ends = (self._edges.sources[row], self._edges.targets[row])
+        self._edges.remove(row)
+        self._indexes.edge_removed(ends)
+
+    def _forget_indexes(self) -> None:
+        self._indexes = Indexes(self._nodes, self._edges, self._neighborhoods)
+        self._revision += 1
+
+    def _compact(self, *, fully: bool = False) -> None:
+        """Drop the dead rows, as a rule once they outnumber the living: so each costs its share only once."""
+        nodes, edges = self._nodes, self._edges
+        if nodes.dead > (0 if fully else len(nodes)):
+            edges.rename_ends(nodes.compact())
+            self._indexes = Indexes(nodes, edges, self._neighborhoods)
+        if edges.dead > (0 if fully else len(edges)):
+            edges.compact()
+            self._indexes = Indexes(nodes, edges, self._neighborhoods)
+
+
+class _Gone:
+    """What a closed graph has instead of tables and indexes."""
+
+    def __getattr__(self, name: str) -> Any:
+        raise ContextTerminated("its graph")
+
+    def __len__(self) -> int:
+        raise ContextTerminated("its graph")
+
+
+def _is_everywhere(d: float, x: float, y: float) -> bool:
+    if isnan(d) or isnan(x) or isnan(y):
+        raise BadValue(f"A place and a distance must be numbers, not d={d}, x={x}, y={y}.")
+    return d < 0 or d == inf
+
+
+def _snapshot(nodes: NodeTable, edges: EdgeTable, revision: int, crs: str | None) -> GraphColumns:
+    offsets, out_edges = kernels.group_rows(edges.array("sources"), nodes.count)
+    return GraphColumns(
+        node_ids=nodes.frozen("ids"),
+        xy=nodes.frozen("xy"),
+        edge_ids=edges.frozen("ids"),
+        sources=edges.frozen("sources"),
+        targets=edges.frozen("targets"),
+        lengths=edges.frozen("lengths"),
+        offsets=offsets,
+        out_edges=out_edges,
+        bends=dict(edges.bends),
+        node_attributes={name: dict(values) for name, values in nodes.attributes.items()},
+        edge_attributes={name: dict(values) for name, values in edges.attributes.items()},
+        revision=revision,
+        crs=crs,
+    )

@@ -1,0 +1,177 @@
+"""The bridge to networkx: any of its graphs in, ours out."""
+
+from collections.abc import Hashable, Iterable
+from itertools import count
+from operator import index
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
+
+from gamms.errors import BadType, BadValue
+from gamms.graph import records
+from gamms.graph.graph import Graph
+from gamms.ir import geometry
+from gamms.ir.graph import FloatArray
+
+if TYPE_CHECKING:
+    import networkx as nx
+
+LABEL = "networkx_label"  # the attribute that keeps a node's label where it could not be its id
+
+
+def attach(graph: Graph, G: "nx.Graph[Any]") -> None:  # noqa: N803 - published name
+    """Add a networkx graph to `graph`, all or nothing.
+
+    Raises:
+        BadValue (ValueError): "Failed to attach NetworkX graph: …", with the reason as its cause.
+    """
+    try:
+        _Import(graph, G).commit()
+    except Exception as error:
+        raise BadValue(f"Failed to attach NetworkX graph: {error}") from error
+
+
+def export(graph: Graph) -> "nx.MultiDiGraph[int] | nx.DiGraph[int]":
+    """A DiGraph with our ids as labels; a MultiDiGraph, keyed by edge id, where edges are parallel."""
+    import networkx as nx
+
+    columns = graph.columns()
+    pairs = columns.sources * len(columns.node_ids) + columns.targets
+    is_multi = len(np.unique(pairs)) < len(pairs)
+    exported: Any = nx.MultiDiGraph() if is_multi else nx.DiGraph()
+    exported.graph.update({key: value for key in ("crs", "attribution") if (value := getattr(graph, key))})
+    for id in graph.get_nodes():
+        node = graph.get_node(id)
+        exported.add_node(id, x=node.x, y=node.y, **graph.node_attributes(id))
+    for id in graph.get_edges():
+        edge = graph.get_edge(id)
+        data = {"id": id, "length": edge.length, "linestring": edge.linestring, **graph.edge_attributes(id)}
+        exported.add_edges_from(
+            [(edge.source, edge.target, id, data) if is_multi else (edge.source, edge.target, data)]
+        )
+    return exported  # type: ignore[no-any-return] # one of two classes
+
+
+def labels(graph: Graph) -> dict[Hashable, int]:
+    """Label in networkx -> id here, for every node whose label could not be its id."""
+    columns = graph.columns()
+    return {label: int(columns.node_ids[row]) for row, label in columns.node_attributes.get(LABEL, {}).items()}
+
+
+class _Import:
+    """A networkx graph on its way in: everything is worked out before the graph changes."""
+
+    def __init__(self, graph: Graph, G: "nx.Graph[Any]") -> None:  # noqa: N803 - published name
+        if not (hasattr(G, "nodes") and hasattr(G, "edges") and hasattr(G, "is_directed")):
+            raise BadType(f"it must be a networkx graph, not {G!r}")
+        self.graph, self.about = graph, dict(G.graph)
+        self.node_data = [dict(data) for _, data in G.nodes(data=True)]
+        self.id_of = _ids_of_labels(graph, list(G.nodes))
+        self.edges = list(_directed(G))
+        self.edge_ids = _edge_ids(graph, [data.get("id") for _, _, data in self.edges])
+
+    def commit(self) -> None:
+        nodes, edges = self.graph._nodes, self.graph._edges
+        node_ids = np.array(list(self.id_of.values()), np.int64)
+        xy = self._take_xy()
+        places = dict(zip(self.id_of.values(), xy.tolist(), strict=True))
+        bends, lengths = self._take_shapes(places)
+        nodes.index.refuse_duplicates(node_ids, nodes.kind)
+        edges.index.refuse_duplicates(self.edge_ids, edges.kind)
+
+        first = nodes.extend(node_ids, xy=xy)
+        _add_attributes(nodes.attributes, first, self.node_data)
+        for row, (label, id) in enumerate(self.id_of.items(), first):
+            if label != id:
+                nodes.set_attributes(row, {LABEL: label})
+        ends = np.array([(self.id_of[u], self.id_of[v]) for u, v, _ in self.edges], np.int64).reshape(-1, 2)
+        source_rows, target_rows = (nodes.index.rows(end, "node") for end in ends.T)
+        first = edges.extend(self.edge_ids, sources=source_rows, targets=target_rows, lengths=lengths)
+        edges.bends.update({first + i: bend for i, bend in bends.items()})
+        _add_attributes(edges.attributes, first, [data for _, _, data in self.edges])
+        for key in ("crs", "attribution"):
+            if self.about.get(key) is not None:
+                setattr(self.graph, key, str(self.about[key]))
+        self.graph._forget_indexes()
+
+    def _take_xy(self) -> FloatArray:
+        pairs = [
+            [records.as_coordinate(data.pop(axis, 0.0), axis, id) for axis in ("x", "y")]
+            for id, data in zip(self.id_of.values(), self.node_data, strict=True)
+        ]
+        return np.array(pairs, np.float64).reshape(-1, 2)
+
+    def _take_shapes(self, places: dict[int, list[float]]) -> tuple[dict[int, FloatArray], FloatArray]:
+        """The polylines of the edges that are not straight, by edge; and every edge's length."""
+        bends: dict[int, FloatArray] = {}
+        lengths = np.empty(len(self.edges))
+        shapes = _polylines([(data.pop("linestring", None), data.pop("geometry", None)) for _, _, data in self.edges])
+        for i, (u, v, data) in enumerate(self.edges):
+            id = int(self.edge_ids[i])
+            ends = np.array((places[self.id_of[u]], places[self.id_of[v]]))
+            shape = shapes.get(i)
+            if shape is not None and not (len(shape) == 2 and (shape == ends).all()):
+                bends[i] = shape
+            length = data.pop("length", None)
+            if length is None:
+                length = float(np.hypot(*np.diff(ends if shape is None else shape, axis=0).T).sum())
+            lengths[i] = records.as_length(length, id)
+            data.pop("id", None)
+        return bends, lengths
+
+
+def _ids_of_labels(graph: Graph, labels: list[Hashable]) -> dict[Hashable, int]:
+    """Integer labels are ids; any other label gets the next free integer."""
+    ids = {label: _as_label_id(label) for label in labels}
+    taken = [id for id in ids.values() if id is not None]
+    free = count(max([-1, *taken, *graph.get_nodes()]) + 1)
+    return {label: next(free) if id is None else id for label, id in ids.items()}
+
+
+def _as_label_id(label: Hashable) -> int | None:
+    if isinstance(label, bool):
+        return None
+    try:
+        id = index(label)  # type: ignore[arg-type] # the except is the check
+    except TypeError:
+        return None
+    return id if -(2**63) <= id < 2**63 else None
+
+
+def _directed(G: "nx.Graph[Any]") -> Iterable[tuple[Any, Any, dict[str, Any]]]:  # noqa: N803 - networkx's name
+    """Each edge once per direction it can be used in; the way back has no id yet and the reversed shape."""
+    for u, v, data in G.edges(data=True):
+        yield u, v, dict(data)
+        if not G.is_directed() and u != v:
+            back = {key: value for key, value in data.items() if key != "id"}
+            for key in ("linestring", "geometry"):
+                if back.get(key) is not None:
+                    back[key] = geometry.points_of(back[key], f"The {key} of edge {u!r}-{v!r}")[::-1]
+            yield v, u, back
+
+
+def _edge_ids(graph: Graph, given: list[Any]) -> "np.ndarray[Any, np.dtype[np.int64]]":
+    ids = [None if id is None else records.as_id(id, "an edge") for id in given]
+    free = count(max([-1, *(id for id in ids if id is not None), *graph.get_edges()]) + 1)
+    return np.array([next(free) if id is None else id for id in ids], np.int64)
+
+
+def _polylines(given: list[tuple[Any, Any]]) -> dict[int, FloatArray]:
+    """`linestring`, else `geometry`, as points (points, 2) by edge, for the edges that have one."""
+    shapes = {i: pair[0] if pair[0] is not None else pair[1] for i, pair in enumerate(given) if pair != (None, None)}
+    lines = {i: shape for i, shape in shapes.items() if hasattr(shape, "coords")}
+    points, offsets = geometry.points_of_many(list(lines.values()))
+    bounds = offsets.tolist()
+    found = {i: points[a:b] for i, a, b in zip(lines, bounds[:-1], bounds[1:], strict=True)}
+    for i, shape in shapes.items():
+        if i not in lines:
+            found[i] = geometry.points_of(shape, "A linestring")
+    if not np.isfinite(points).all():
+        raise BadValue("a linestring has a coordinate that is not finite")
+    return found
+
+
+def _add_attributes(columns: dict[str, dict[int, Any]], first: int, rows: list[dict[Any, Any]]) -> None:
+    for row, data in enumerate(rows, first):
+        for name, value in data.items():
+            columns.setdefault(str(name), {})[row] = value

@@ -1,0 +1,42 @@
+"""Nodes by place: a cell grid that is built when first asked for and kept up to date by notes."""
+
+import numpy as np
+
+from gamms import kernels
+from gamms.graph.tables import NodeTable
+from gamms.ir.graph import IntArray
+
+_LATE = 256
+
+
+class Places:
+    """Finds the node rows in a disc at a cost that does not grow with the graph."""
+
+    def __init__(self, nodes: NodeTable) -> None:
+        self._nodes = nodes
+        self._cells = kernels.build_cells(nodes.array("xy"))
+        self._late: set[int] = set()  # rows that were added or moved since
+
+    def note(self, row: int) -> None:
+        """A node was added or moved."""
+        self._late.add(row)
+
+    @property
+    def is_worn(self) -> bool:
+        """Whether so much was noted that a new grid is cheaper."""
+        return len(self._late) > _LATE + len(self._cells.rows) // 4
+
+    def within(self, x: float, y: float, d: float) -> IntArray:
+        """Living node rows whose distance to (x, y) is <= d, ascending."""
+        rows = kernels.candidate_rows(self._cells, x, y, d)
+        if rows is None:
+            rows = np.arange(self._nodes.count)
+        elif self._late:
+            rows = np.union1d(rows, np.fromiter(self._late, np.int64))
+        dx, dy = (self._nodes.array("xy")[rows] - (x, y)).T
+        with np.errstate(over="ignore"):  # infinitely far away is far away
+            rows = rows[dx * dx + dy * dy <= d * d]
+        if self._nodes.dead:
+            rows = rows[self._nodes.array("alive")[rows] != 0]
+        found: IntArray = np.sort(rows)
+        return found

@@ -1,0 +1,111 @@
+"""What callers pass as a node or an edge, checked and split into our columns and the caller's attributes."""
+
+from collections.abc import Sequence
+from math import isfinite
+from typing import Any
+
+import numpy as np
+
+from gamms.arguments import as_float, as_int
+from gamms.errors import BadType, BadValue
+from gamms.ir.geometry import points_of
+from gamms.ir.graph import FloatArray, IntArray
+
+NODE_KEYS = frozenset(("id", "x", "y"))
+EDGE_KEYS = frozenset(("id", "source", "target", "length", "linestring"))
+
+
+def required(record: Any, key: str, kind: str) -> Any:
+    """`record[key]`.
+
+    Raises:
+        BadType: the record is no dict.
+        BadValue: it has no such key.
+    """
+    try:
+        return record[key]
+    except KeyError:
+        raise BadValue(f"{kind} needs the key {key!r}; got only {sorted(map(str, record))}.") from None
+    except TypeError:
+        raise BadType(f"{kind} must be given as a dict, not {record!r}.") from None
+
+
+def as_id(value: Any, kind: str) -> int:
+    """An id as a plain int."""
+    return value if type(value) is int and -(2**63) <= value < 2**63 else as_int(value, f"The id of {kind}")
+
+
+def as_coordinate(value: Any, axis: str, id: int) -> float:
+    """A coordinate as a finite float."""
+    return value if type(value) is float and isfinite(value) else as_float(value, f"{axis} of node {id}")
+
+
+def as_length(value: Any, id: int) -> float:
+    """A length as a finite float that is not negative."""
+    length = value if type(value) is float and isfinite(value) else as_float(value, f"The length of edge {id}")
+    if length < 0.0:
+        raise BadValue(f"The length of edge {id} must not be negative, not {length}.")
+    return length
+
+
+def bend_of(linestring: Any, id: int, ends: Sequence[float]) -> FloatArray | None:
+    """The polyline (points, 2) of an edge; None when it is the straight line between `ends` (x0, y0, x1, y1).
+
+    Raises:
+        BadValue: it is no polyline.
+    """
+    if linestring is None:
+        return None
+    points = points_of(linestring, f"The linestring of edge {id}")
+    return None if len(points) == 2 and tuple(points.ravel().tolist()) == tuple(ends) else points
+
+
+def extras(record: dict[str, Any], keys: frozenset[str]) -> dict[str, Any]:
+    """The keys that are not ours: the caller's attributes.
+
+    Raises:
+        BadType: a key is no string.
+    """
+    given = {key: value for key, value in record.items() if key not in keys}
+    for key in given:
+        if not isinstance(key, str):
+            raise BadType(f"The name of an attribute must be a string, not {key!r}.")
+    return given
+
+
+def id_array(values: Any, name: str) -> IntArray:
+    """Ids as an array (ids,).
+
+    Raises:
+        BadType: they are not integers.
+        BadValue: they are not one-dimensional.
+    """
+    array = np.asarray(values)
+    if array.size == 0:
+        array = array.astype(np.int64)
+    if array.dtype.kind not in "iu":
+        raise BadType(f"{name} must be an array of integers, not of {array.dtype}.")
+    if array.ndim != 1:
+        raise BadValue(f"{name} must be one-dimensional, not of shape {array.shape}.")
+    if array.dtype.kind == "u" and array.size and int(array.max()) >= 2**63:
+        raise BadValue(f"{name} must fit into 64 bits, not {int(array.max())}.")
+    return array.astype(np.int64)
+
+
+def number_array(values: Any, count: int, name: str) -> FloatArray:
+    """Numbers as an array (count,) of finite floats.
+
+    Raises:
+        BadType: they are not numbers.
+        BadValue: their count is another, or one of them is not finite.
+    """
+    try:
+        array = np.asarray(values, dtype=np.float64)
+    except (TypeError, ValueError) as error:
+        raise BadType(f"{name} must be an array of numbers: {error}.") from None
+    if array.shape != (count,):
+        raise BadValue(f"{name} must have shape ({count},) like the ids, not {array.shape}.")
+    bad = np.flatnonzero(~np.isfinite(array))
+    if len(bad):
+        raise BadValue(f"{name} must be finite; at index {int(bad[0])} it is {array[bad[0]]}.")
+    return array

@@ -1,0 +1,303 @@
+"""Growing columns with an id per row: the one home of the nodes and edges of a graph."""
+
+from collections.abc import Iterator
+from typing import Any, ClassVar
+
+import numpy as np
+
+from gamms.errors import DuplicateId, UnknownName
+from gamms.ir.graph import FloatArray, IntArray
+
+_START = 16
+
+
+class RowIndex:
+    """Finds the row of an id; the usual ids `first, first + 1, …` in row order take no memory."""
+
+    __slots__ = ("_first", "_gone", "_others", "_run")
+
+    def __init__(self) -> None:
+        self._first = 0  # rows 0 … _run - 1 have the ids _first, _first + 1, …
+        self._run = 0
+        self._gone: set[int] = set()  # removed rows of the run
+        self._others: dict[int, int] = {}  # id -> row, for every other row
+
+    def row(self, id: int) -> int:
+        """The row of `id`, or -1."""
+        row = id - self._first
+        if 0 <= row < self._run and row not in self._gone:
+            return row
+        return self._others.get(id, -1)
+
+    def rows(self, ids: IntArray, kind: str) -> IntArray:
+        """The rows (ids,) of many ids.
+
+        Raises:
+            UnknownName (KeyError): one of them is not there.
+        """
+        rows = ids - self._first
+        if self._others or self._gone or not _all_below(rows, self._run):
+            rows = np.fromiter(map(self.row, ids.tolist()), np.int64, len(ids))
+        missing = np.flatnonzero(rows < 0)
+        if len(missing):
+            raise UnknownName(kind, int(ids[missing[0]]))
+        return rows
+
+    def add(self, id: int, row: int) -> None:
+        """Remember that `id`, which is not there, is in the next row."""
+        if row == 0:
+            self._first = id
+        if row == self._run and id == self._first + row:
+            self._run += 1
+        else:
+            self._others[id] = row
+
+    def extend(self, ids: IntArray, row: int, kind: str) -> None:
+        """Remember that `ids` are in the rows from `row` on.
+
+        Raises:
+            DuplicateId (KeyError): one of them is there already, or twice in `ids`; nothing has changed then.
+        """
+        if not len(ids):
+            return
+        self.refuse_duplicates(ids, kind)
+        consecutive = _are_consecutive(ids)
+        first = int(ids[0]) if row == 0 else self._first
+        if consecutive and row == self._run and int(ids[0]) == first + row:
+            self._first, self._run = first, row + len(ids)
+        else:
+            self._others.update(zip(ids.tolist(), range(row, row + len(ids)), strict=True))
+
+    def remove(self, id: int) -> None:
+        """Forget an id that is there."""
+        if self._others.pop(id, None) is None:
+            self._gone.add(id - self._first)
+
+    def refuse_duplicates(self, ids: IntArray, kind: str) -> None:
+        """Check that new ids are neither there already nor twice in `ids`.
+
+        Raises:
+            DuplicateId (KeyError): one of them is.
+        """
+        if not _are_consecutive(ids):
+            unique, counts = np.unique(ids, return_counts=True)
+            if len(unique) < len(ids):
+                raise DuplicateId(kind, int(unique[counts > 1][0]))
+        in_run = ids[(ids >= self._first) & (ids < self._first + self._run)]
+        for id in (ids if self._others else in_run).tolist():
+            if self.row(id) >= 0:
+                raise DuplicateId(kind, id)
+
+
+def _are_consecutive(ids: IntArray) -> bool:
+    return bool((np.diff(ids) == 1).all())
+
+
+def _all_below(rows: IntArray, limit: int) -> bool:
+    return len(rows) == 0 or (int(rows.min()) >= 0 and int(rows.max()) < limit)
+
+
+class Table:
+    """Columns of equal length. A removed row stays as a dead one until `compact`.
+
+    Each column is an attribute: a memoryview for single values (flat, `width` values per row). `array` gives it
+    as an array. What `frozen` gave out is never written to again.
+    """
+
+    kind: ClassVar[str]  # what a row is, with its article, for messages
+    columns: ClassVar[dict[str, tuple[Any, int]]]  # name -> (dtype, width)
+
+    ids: memoryview
+    alive: memoryview
+
+    def __init__(self) -> None:
+        self.index = RowIndex()
+        self.count = 0  # rows in use, dead ones included
+        self.dead = 0
+        self.capacity = 0
+        self.attributes: dict[str, dict[int, Any]] = {}  # name -> row -> value
+        self._arrays = {name: np.zeros((0, width), dtype) for name, (dtype, width) in self.columns.items()}
+        self._is_shared = False
+        self._resize(_START)
+
+    def __len__(self) -> int:
+        return self.count - self.dead
+
+    def array(self, name: str) -> np.ndarray[Any, Any]:
+        """A column as an array of the rows in use; do not keep it."""
+        array = self._arrays[name][: self.count]
+        return array[:, 0] if array.shape[1] == 1 else array
+
+    def frozen(self, name: str) -> np.ndarray[Any, Any]:
+        """A column as a read-only array that stays as it is now."""
+        self._is_shared = True
+        array = self.array(name)
+        array.setflags(write=False)
+        return array
+
+    def own(self) -> None:
+        """Call before writing to a row that exists: what was given out keeps the old values."""
+        if self._is_shared:
+            self._resize(self.capacity)
+            self._is_shared = False
+
+    def reserve(self, rows: int) -> None:
+        """Make room for `rows` more rows."""
+        if self.count + rows > self.capacity:
+            self._resize(max(self.count + rows, 2 * self.capacity if rows == 1 else 0))
+
+    def find(self, id: int) -> int:
+        """The row of `id`.
+
+        Raises:
+            UnknownName (KeyError): it is not there.
+        """
+        row = self.index.row(id)
+        if row < 0:
+            raise UnknownName(self.kind.split()[-1], id)
+        return row
+
+    def extend(self, ids: IntArray, **columns: np.ndarray[Any, Any]) -> int:
+        """Append many rows, given every column but `alive`; returns the first new row.
+
+        Raises:
+            DuplicateId (KeyError): an id is taken; nothing has changed then.
+        """
+        first, end = self.count, self.count + len(ids)
+        self.index.extend(ids, first, self.kind)
+        self.reserve(len(ids))
+        for name, values in {"ids": ids, **columns}.items():
+            self._arrays[name][first:end] = values.reshape(len(ids), self.columns[name][1])
+        self._arrays["alive"][first:end] = 1
+        self.count = end
+        return first
+
+    def remove(self, row: int) -> None:
+        """Make a living row a dead one."""
+        self.index.remove(self.ids[row])
+        self.alive[row] = 0
+        self.dead += 1
+        for values in self.attributes.values():
+            values.pop(row, None)
+
+    def living(self) -> IntArray:
+        """Rows that are not dead, ascending."""
+        if not self.dead:
+            return np.arange(self.count)
+        return np.flatnonzero(self.array("alive"))
+
+    def iter_ids(self, rows: IntArray | None = None) -> Iterator[int]:
+        """The ids of `rows`, or of all living ones."""
+        ids = self.array("ids")
+        if rows is None:
+            rows = None if not self.dead else self.living()
+        return iter((ids if rows is None else ids[rows]).tolist())
+
+    def attributes_of(self, row: int) -> dict[str, Any]:
+        """The attributes of one row, a fresh dict."""
+        return {name: values[row] for name, values in self.attributes.items() if row in values}
+
+    def set_attributes(self, row: int, given: dict[str, Any]) -> None:
+        """Change some attributes of one row."""
+        for name, value in given.items():
+            self.attributes.setdefault(name, {})[row] = value
+
+    def compact(self) -> IntArray:
+        """Drop the dead rows; returns the new row (rows,) of each old one, -1 for a dead one."""
+        kept = self.living()
+        moved = np.full(self.count, -1, np.int64)
+        moved[kept] = np.arange(len(kept))
+        ids = self.array("ids")[kept]
+        self._arrays = {name: array[kept] for name, array in self._arrays.items()}
+        self.count, self.dead, self.capacity, self._is_shared = len(kept), 0, len(kept), False
+        self._resize(max(_START, len(kept)))
+        self.index = RowIndex()
+        self.index.extend(ids, 0, self.kind)
+        self.attributes = {
+            name: {int(moved[row]): value for row, value in values.items()} for name, values in self.attributes.items()
+        }
+        return moved
+
+    def _resize(self, capacity: int) -> None:
+        for name, (dtype, width) in self.columns.items():
+            array = np.zeros((capacity, width), dtype)
+            array[: self.count] = self._arrays[name][: self.count]
+            self._arrays[name] = array
+            setattr(self, name, array.reshape(-1).data)
+        self.capacity = capacity
+
+
+class NodeTable(Table):
+    """All nodes."""
+
+    kind = "a node"
+    columns: ClassVar = {"ids": (np.int64, 1), "xy": (np.float64, 2), "alive": (np.uint8, 1)}
+
+    xy: "memoryview[float]"
+
+    def append(self, id: int, x: float, y: float) -> int:
+        """Add a node whose id is not there; returns its row."""
+        row = self.count
+        if row == self.capacity:
+            self.reserve(1)
+        self.index.add(id, row)
+        self.ids[row] = id
+        self.xy[2 * row] = x
+        self.xy[2 * row + 1] = y
+        self.alive[row] = 1
+        self.count = row + 1
+        return row
+
+
+class EdgeTable(Table):
+    """All edges; their ends are node rows."""
+
+    kind = "an edge"
+    columns: ClassVar = {
+        "ids": (np.int64, 1),
+        "sources": (np.int64, 1),
+        "targets": (np.int64, 1),
+        "lengths": (np.float64, 1),
+        "alive": (np.uint8, 1),
+    }
+
+    sources: memoryview
+    targets: memoryview
+    lengths: "memoryview[float]"
+
+    def __init__(self) -> None:
+        super().__init__()
+        self.bends: dict[int, FloatArray] = {}  # row -> (points, 2), for the edges that are not straight
+
+    def append(self, id: int, source: int, target: int, length: float) -> int:
+        """Add an edge whose id is not there; returns its row."""
+        row = self.count
+        if row == self.capacity:
+            self.reserve(1)
+        self.index.add(id, row)
+        self.ids[row] = id
+        self.sources[row] = source
+        self.targets[row] = target
+        self.lengths[row] = length
+        self.alive[row] = 1
+        self.count = row + 1
+        return row
+
+    def remove(self, row: int) -> None:
+        """Make a living row a dead one."""
+        super().remove(row)
+        self.bends.pop(row, None)
+
+    def compact(self) -> IntArray:
+        """Drop the dead rows; returns the new row (rows,) of each old one, -1 for a dead one."""
+        moved = super().compact()
+        self.bends = {int(moved[row]): bend for row, bend in self.bends.items()}
+        return moved
+
+    def rename_ends(self, moved: IntArray) -> None:
+        """Follow the node rows after a compaction of the nodes."""
+        self.own()
+        for name in ("sources", "targets"):
+            column = self.array(name)
+            # A dead edge may end at a dead node; any row will do for it.
+            column[:] = np.maximum(moved[column], 0)

@@ -1,0 +1,34 @@
+"""The road network as columns: what every kernel and every drawer reads."""
+
+from collections.abc import Mapping
+from dataclasses import dataclass
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+IntArray = NDArray[np.int64]
+FloatArray = NDArray[np.float64]
+
+
+@dataclass(slots=True, frozen=True, eq=False)
+class GraphColumns:
+    """One revision of a graph; all arrays are read-only.
+
+    Rows are in insertion order. The edges leaving node row `i` are the edge rows
+    `out_edges[offsets[i]:offsets[i + 1]]`, in insertion order.
+    """
+
+    node_ids: IntArray  # (nodes,)
+    xy: FloatArray  # (nodes, 2)  map units, metres for road networks
+    edge_ids: IntArray  # (edges,)
+    sources: IntArray  # (edges,)  node rows
+    targets: IntArray  # (edges,)  node rows
+    lengths: FloatArray  # (edges,)
+    offsets: IntArray  # (nodes + 1,)
+    out_edges: IntArray  # (edges,)  edge rows, grouped by source
+    bends: Mapping[int, FloatArray]  # edge row -> (points, 2), for the edges that are not straight
+    node_attributes: Mapping[str, Mapping[int, Any]]  # name -> node row -> value
+    edge_attributes: Mapping[str, Mapping[int, Any]]  # name -> edge row -> value
+    revision: int
+    crs: str | None

@@ -1,0 +1,62 @@
+"""A cell grid over points: rows near a place, at a cost that does not grow with the number of points."""
+
+from dataclasses import dataclass
+
+import numpy as np
+
+from gamms.ir.graph import FloatArray, IntArray
+
+_POINTS_PER_CELL = 4.0
+_MOST_CELLS = 2**31 - 2  # per axis: two cell numbers share one 64-bit key
+_MOST_STRIPES = 512  # a disc that spans more rows of cells is answered by a scan
+
+
+@dataclass(slots=True, frozen=True, eq=False)
+class CellIndex:
+    """Rows sorted by cell; cells are numbered row by row from the origin."""
+
+    origin: tuple[float, float]
+    size: float  # side of a cell, map units
+    keys: IntArray  # (points,)  ascending
+    rows: IntArray  # (points,)
+
+
+def build_cells(xy: FloatArray) -> CellIndex:
+    """Index points of shape (points, 2), finite.
+
+    The cell size follows from the middle 90 % of the points, so that a few outliers do not spoil it.
+    """
+    if len(xy) == 0:
+        empty = np.zeros(0, np.int64)
+        return CellIndex((0.0, 0.0), 1.0, empty, empty)
+    low, high = np.quantile(xy, [0.05, 0.95], axis=0)
+    span = high - low
+    area = float(span[0] * span[1])
+    size = (area / len(xy) * _POINTS_PER_CELL) ** 0.5 if area > 0.0 else float(span.max()) / len(xy) * _POINTS_PER_CELL
+    least = float(np.abs(xy).max()) * 1e-9  # smaller cells drown in rounding
+    size = max(size, least) or 1.0
+    origin = (float(xy[:, 0].min()), float(xy[:, 1].min()))
+    keys = _key(_cell(xy[:, 0], origin[0], size), _cell(xy[:, 1], origin[1], size))
+    order = np.argsort(keys, kind="stable")
+    return CellIndex(origin, size, keys[order], order)
+
+
+def candidate_rows(cells: CellIndex, x: float, y: float, d: float) -> IntArray | None:
+    """Rows of a superset of the points within `d` of (x, y); None when a scan of all points is cheaper."""
+    reach = d + 1e-9 * (abs(x) + abs(y) + d)  # a point on the rim must not fall out by rounding
+    if 2.0 * reach / cells.size > _MOST_STRIPES:
+        return None
+    low_x, high_x = _cell(np.array((x - reach, x + reach)), cells.origin[0], cells.size)
+    low_y, high_y = _cell(np.array((y - reach, y + reach)), cells.origin[1], cells.size)
+    stripes = np.arange(low_y, high_y + 1)
+    first = np.searchsorted(cells.keys, _key(low_x, stripes), side="left")
+    last = np.searchsorted(cells.keys, _key(high_x, stripes), side="right")
+    return np.concatenate([cells.rows[a:b] for a, b in zip(first.tolist(), last.tolist(), strict=True)])
+
+
+def _cell(values: FloatArray, origin: float, size: float) -> IntArray:
+    return np.clip(np.floor((values - origin) / size), -1, _MOST_CELLS).astype(np.int64) + 1
+
+
+def _key(column: IntArray, stripe: IntArray) -> IntArray:
+    return (stripe << 32) | column

@@ -1,0 +1,31 @@
+"""Compressed sparse rows: group, and gather many groups at once."""
+
+import numpy as np
+
+from gamms.ir.graph import IntArray
+
+
+def group_rows(keys: IntArray, groups: int) -> tuple[IntArray, IntArray]:
+    """Group row numbers by key, in row order within a group.
+
+    Args:
+        keys: (rows,) the group of each row, in `range(groups)`.
+        groups: how many groups there are.
+
+    Returns:
+        `offsets` (groups + 1,) and `rows` (rows,): group `g` is `rows[offsets[g]:offsets[g + 1]]`.
+    """
+    offsets = np.zeros(groups + 1, np.int64)
+    np.cumsum(np.bincount(keys, minlength=groups), out=offsets[1:])
+    return offsets, np.argsort(keys, kind="stable")
+
+
+def ragged_rows(offsets: IntArray, rows: IntArray, groups: IntArray) -> IntArray:
+    """The rows of several groups, concatenated in the order of `groups`."""
+    first = offsets[groups]
+    counts = offsets[groups + 1] - first
+    ends = np.cumsum(counts)
+    total = int(ends[-1]) if len(ends) else 0
+    shift = np.repeat(first - ends + counts, counts)
+    found: IntArray = rows[np.arange(total) + shift]
+    return found

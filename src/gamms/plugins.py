@@ -1,0 +1,50 @@
+"""Named factories, filled by the rooms and by installed packages."""
+
+from collections.abc import Callable, Iterator
+from typing import Generic, TypeVar
+
+from gamms.errors import Duplicate, UnknownName
+
+T = TypeVar("T")
+
+
+class Registry(Generic[T]):
+    """What kind of thing it holds, and every name it answers to.
+
+    An installed package adds a name through an entry point of the registry's group.
+    """
+
+    def __init__(self, kind: str, group: str) -> None:
+        self._kind, self._group = kind, group
+        self._factories: dict[str, Callable[..., T]] = {}
+
+    def register(self, name: str) -> Callable[[Callable[..., T]], Callable[..., T]]:
+        """Decorator: the decorated factory answers to `name`.
+
+        Raises:
+            Duplicate: the name is taken.
+        """
+
+        def keep(factory: Callable[..., T]) -> Callable[..., T]:
+            if name in self._factories:
+                raise Duplicate(f"a {self._kind}", name)
+            self._factories[name] = factory
+            return factory
+
+        return keep
+
+    def __getitem__(self, name: str) -> Callable[..., T]:
+        if name in self._factories:
+            return self._factories[name]
+        from importlib.metadata import entry_points
+
+        for entry in entry_points(group=self._group, name=name):
+            factory: Callable[..., T] = entry.load()
+            return factory
+        raise UnknownName(self._kind, name, self)
+
+    def __iter__(self) -> Iterator[str]:
+        from importlib.metadata import entry_points
+
+        yield from self._factories
+        yield from (entry.name for entry in entry_points(group=self._group))

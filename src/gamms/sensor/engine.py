@@ -1,0 +1,134 @@
+"""The sensor room's front: creates sensors and keeps them by name."""
+
+from collections.abc import Callable
+from typing import Any
+
+from gamms.arguments import as_name, misspelt
+from gamms.errors import (
+    BadType,
+    BadValue,
+    ContextTerminated,
+    Duplicate,
+    NotYet,
+    UnknownName,
+    UnknownType,
+    nearest,
+)
+from gamms.sensor.catalog import KINDS, LATER
+from gamms.sensor.crowd import Crowd
+from gamms.sensor.views import Views
+from gamms.typing import IContext
+from gamms.typing.sensor_engine import ISensor, ISensorEngine, SensorType
+
+
+class SensorEngine(ISensorEngine):
+    """The sensors of one context.
+
+    Attributes:
+        sensors: the sensors by name.
+        views, crowd: what the built-in sensors share.
+    """
+
+    def __init__(self, ctx: IContext) -> None:
+        self.ctx = ctx
+        self.sensors: dict[str, ISensor] = {}
+        self.views = Views(ctx)
+        self.crowd = Crowd(ctx)
+
+    def create_sensor(self, sensor_id: str, sensor_type: SensorType | None = None, **kwargs: Any) -> ISensor:
+        """Create a built-in sensor and keep it."""
+        synonym = kwargs.pop("type", None)
+        kind = KINDS.get(_checked_type(synonym if sensor_type is None else sensor_type, sensor_id))
+        if kind is None:
+            raise NotYet(LATER[sensor_type or synonym])
+        self._refuse_name(sensor_id)
+        given = {**kind.defaults, **{key: value for key, value in kwargs.items() if key in kind.defaults}}
+        if "orientation" in given:
+            given["orientation"] = _checked_orientation(given["orientation"], sensor_id)
+        sensor = kind.make(self, sensor_id, sensor_type or synonym, given)
+        for hint in misspelt(kwargs, (*kind.defaults, "sensor_range", "fov", "orientation", "type")):
+            self.ctx.logger.warning(f"Sensor {sensor_id!r}: {hint}")
+        self.sensors[sensor_id] = sensor
+        return sensor
+
+    def add_sensor(self, sensor: ISensor) -> None:
+        """Keep a sensor under its own name."""
+        if not isinstance(sensor, ISensor):
+            raise BadType(f"A sensor must be an ISensor, not {sensor!r}. Derive its class from gamms.typing.ISensor.")
+        self._refuse_name(sensor.sensor_id)
+        self.sensors[sensor.sensor_id] = sensor
+
+    def get_sensor(self, sensor_id: str) -> ISensor:
+        """A sensor by name (KeyError)."""
+        try:
+            return self.sensors[sensor_id]
+        except (KeyError, TypeError):
+            raise UnknownName("sensor", sensor_id, self.sensors) from None
+
+    def custom(self, name: str) -> Callable[[type], type]:
+        """Decorator: the class senses a kind of its own, `SensorType.<name>`.
+
+        Raises:
+            BadValue: the name is no identifier, or means something else on an enum.
+        """
+        member = _custom_member(name, self.ctx)
+
+        def decorate(cls: type) -> type:
+            cls.type = property(lambda _: member)  # type: ignore[attr-defined] # ISensor's property
+            if "type" in getattr(cls, "__abstractmethods__", ()):
+                cls.__abstractmethods__ = cls.__abstractmethods__ - {"type"}  # type: ignore[attr-defined]
+            return cls
+
+        return decorate
+
+    def terminate(self) -> None:
+        """Close the room; sensors stay readable."""
+
+    def _refuse_name(self, sensor_id: str) -> None:
+        if self.ctx.is_terminated():
+            raise ContextTerminated("ctx.sensor")
+        if as_name(sensor_id, "a sensor") in self.sensors:
+            raise Duplicate("a sensor", sensor_id)
+
+
+def _checked_type(kind: Any, sensor_id: str) -> SensorType:
+    if isinstance(kind, SensorType) and (kind in KINDS or kind in LATER):
+        return kind
+    known = [one.name for one in KINDS]
+    if isinstance(kind, SensorType):
+        hint = " A custom sensor is an object of your own class: ctx.sensor.add_sensor(obj)."
+    else:
+        hint = nearest(str(kind).upper().removeprefix("SENSORTYPE."), known).replace("'", "")
+        hint = hint.replace("Did you mean ", "Did you mean SensorType.") or f" Use a SensorType: {', '.join(known)}."
+    shown = kind if isinstance(kind, SensorType) else repr(kind)
+    raise UnknownType(f"Unknown sensor type {shown} for sensor {sensor_id!r}.{hint}")
+
+
+def _checked_orientation(value: Any, sensor_id: str) -> tuple[float, float]:
+    from math import hypot
+
+    try:
+        x, y = (float(part) for part in value)
+    except (TypeError, ValueError):
+        raise BadValue(f"orientation of {sensor_id!r} must be a pair (cos, sin), not {value!r}.") from None
+    length = hypot(x, y)
+    if not 0.0 < length < float("inf"):
+        raise BadValue(f"orientation of {sensor_id!r} must be finite and not (0, 0), not {value!r}.")
+    return x / length, y / length
+
+
+def _custom_member(name: Any, ctx: IContext) -> SensorType:
+    """`SensorType.<name>`, added to the enumeration if it is new: kinds live as long as the process."""
+    as_name(name, "a kind of sensor")
+    if name in SensorType.__members__:
+        ctx.logger.warning(f"SensorType.{name} exists already and is used again.")
+        return SensorType[name]
+    if not name.isidentifier() or hasattr(SensorType, name):
+        raise BadValue(f"{name!r} cannot be the name of a kind of sensor; use another identifier.")
+    member = object.__new__(SensorType)
+    member._name_, member._value_ = name, len(SensorType)
+    type.__setattr__(SensorType, name, member)
+    SensorType._member_names_.append(name)
+    SensorType._member_map_[name] = member
+    SensorType._value2member_map_[member._value_] = member
+    return member

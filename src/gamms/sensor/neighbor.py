@@ -1,0 +1,20 @@
+"""NEIGHBOR: where one may go from here."""
+
+from gamms.sensor.sensor import Sensor
+from gamms.typing import IContext
+from gamms.typing.sensor_engine import SensorType
+
+
+class NeighborSensor(Sensor):
+    """`data`: a fresh list of the node itself, then its out-neighbours in edge insertion order."""
+
+    __slots__ = ("_neighborhoods",)
+
+    def __init__(self, ctx: IContext, sensor_id: str, sensor_type: SensorType = SensorType.NEIGHBOR) -> None:
+        super().__init__(ctx, sensor_id, sensor_type)
+        self.data: list[int] = []
+        self._neighborhoods = ctx.graph.graph.neighborhoods
+
+    def sense(self, node_id: int) -> None:
+        """Look around."""
+        self.data = list(self._neighborhoods[node_id])

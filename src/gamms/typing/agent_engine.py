@@ -1,0 +1,171 @@
+"""Contract of the agent room."""
+
+from abc import ABC, abstractmethod
+from collections.abc import Callable, Iterator
+from enum import IntEnum
+from typing import Any, NamedTuple
+
+import numpy as np
+
+from gamms.ir.agents import AgentColumns
+from gamms.ir.graph import IntArray
+from gamms.typing.sensor_engine import ISensor
+
+Strategy = Callable[[dict[str, Any]], None]
+
+
+class AgentType(IntEnum):
+    """Kinds of agent."""
+
+    BASIC = 0
+    AERIAL = 1
+
+
+class IAgent(ABC):
+    """Senses, decides and moves. Its position is a node of the graph."""
+
+    current_node_id: int
+    prev_node_id: int
+
+    @property
+    @abstractmethod
+    def name(self) -> str:
+        """The agent's name."""
+
+    @property
+    @abstractmethod
+    def type(self) -> AgentType:
+        """What kind of agent this is."""
+
+    @property
+    @abstractmethod
+    def state(self) -> dict[str, Any]:
+        """What `get_state` returned last; `{}` before the first time."""
+
+    @property
+    @abstractmethod
+    def strategy(self) -> Strategy | None:
+        """The function that decides."""
+
+    @property
+    @abstractmethod
+    def orientation(self) -> tuple[float, float]:
+        """`(cos, sin)` of the heading; (0.0, 0.0) while there is none.
+
+        Follows from the last move until it is set; set to None it follows again.
+        """
+
+    @abstractmethod
+    def register_sensor(self, name: str, sensor: ISensor) -> None:
+        """Carry a sensor; its results appear in the state under `name`."""
+
+    @abstractmethod
+    def deregister_sensor(self, name: str) -> None:
+        """Carry a sensor no longer; an unknown name is only warned about."""
+
+    @abstractmethod
+    def register_strategy(self, strategy: Strategy | None) -> None:
+        """Decide with `strategy` from now on."""
+
+    @abstractmethod
+    def step(self) -> None:
+        """`get_state`, decide, `set_state`."""
+
+    @abstractmethod
+    def get_state(self) -> dict[str, Any]:
+        """Sense; a fresh dict with `curr_pos` and `sensor: {name: (SensorType, data)}`."""
+
+    @abstractmethod
+    def set_state(self) -> None:
+        """Do what `state['action']` says: a node id, or `{'node_id': …, 'orientation': (cos, sin)}`.
+
+        Nothing changes when an error is raised.
+
+        Raises:
+            KeyError: no action, or an unknown node.
+            ValueError: an action dict without `node_id`, or an impossible orientation.
+            TypeError: an action of any other kind.
+        """
+
+
+class IAerialAgent(IAgent):
+    """An agent that flies; not built yet."""
+
+    @property
+    @abstractmethod
+    def position(self) -> tuple[float, float, float]:
+        """Where it is, map units."""
+
+    @property
+    @abstractmethod
+    def quat(self) -> tuple[float, float, float, float]:
+        """How it is turned: `(w, x, y, z)`."""
+
+
+class Roll(NamedTuple):
+    """Who is in the world, in the order of creation."""
+
+    names: list[str]
+    nodes: IntArray  # (agents,)  ids
+    moves: int | None  # changes whenever anything above may have; None means: never remember anything
+
+
+class IMoves(ABC):
+    """The one writer of where agents are. Every method checks first and changes nothing when it raises."""
+
+    @abstractmethod
+    def act(self, columns: AgentColumns, row: int, action: Any) -> None:
+        """Do what an action says; see `IAgent.set_state`."""
+
+    @abstractmethod
+    def place(self, columns: AgentColumns, row: int, node_id: Any) -> None:
+        """Put an agent on a node; where it was before stays as it is (KeyError)."""
+
+    @abstractmethod
+    def place_previous(self, columns: AgentColumns, row: int, node_id: Any) -> None:
+        """Say on which node an agent was before (KeyError)."""
+
+    @abstractmethod
+    def turn(self, columns: AgentColumns, row: int, heading: Any) -> None:
+        """Face `(cos, sin)`, of any length but zero, until told otherwise; None follows the moves again."""
+
+
+class IAgentEngine(ABC):
+    """Creates agents and keeps them by name."""
+
+    moves: IMoves
+
+    @abstractmethod
+    def create_agent(self, name: str, **kwargs: Any) -> IAgent:
+        """Create an agent.
+
+        Keywords: `start_node_id` (required), `sensors` (ids; unknown ones are warned about and skipped), `team`,
+        `strategy`, `type` or `agent_type`, `orientation`; any other becomes an attribute of the agent.
+
+        Raises:
+            Duplicate (ValueError): the name is taken.
+            KeyError: no `start_node_id`, or an unknown node.
+            ContextTerminated: the context has ended.
+        """
+
+    @abstractmethod
+    def get_agent(self, name: str) -> IAgent:
+        """An agent by name (KeyError)."""
+
+    @abstractmethod
+    def delete_agent(self, name: str) -> None:
+        """Take an agent out of the world; an unknown name is only warned about."""
+
+    @abstractmethod
+    def create_iter(self) -> Iterator[IAgent]:
+        """The agents in the order of their creation; agents may be created and deleted meanwhile."""
+
+    def roll(self) -> Roll:
+        """Who is where, as an array; override for speed."""
+        agents = list(self.create_iter())
+        nodes = np.array([agent.current_node_id for agent in agents], np.int64)
+        return Roll([agent.name for agent in agents], nodes, None)
+
+    @abstractmethod
+    def terminate(self) -> None:
+        """Close the room; agents stay readable."""

@@ -1,0 +1,39 @@
+"""Contract of the logger, and its levels (the standard library's numbers)."""
+
+import logging
+from abc import ABC, abstractmethod
+from logging import CRITICAL, DEBUG, ERROR, INFO, NOTSET, WARNING
+from typing import Any
+
+
+class ILogger(ABC):
+    """What GAMMS calls on a logger; a standard library `logging.Logger` is one."""
+
+    @abstractmethod
+    def debug(self, msg: str, *args: Any) -> None:
+        """Say what only a developer wants to know."""
+
+    @abstractmethod
+    def info(self, msg: str, *args: Any) -> None:
+        """Say what happened."""
+
+    @abstractmethod
+    def warning(self, msg: str, *args: Any) -> None:
+        """Say what looks like a mistake."""
+
+    @abstractmethod
+    def error(self, msg: str, *args: Any) -> None:
+        """Say what went wrong."""
+
+    @abstractmethod
+    def critical(self, msg: str, *args: Any) -> None:
+        """Say why we must stop."""
+
+    @abstractmethod
+    def setLevel(self, level: int | str) -> None:  # noqa: N802 - the standard library's name
+        """Drop what is less severe than `level`."""
+
+
+ILogger.register(logging.Logger)
+
+__all__ = ["CRITICAL", "DEBUG", "ERROR", "INFO", "NOTSET", "WARNING", "ILogger"]

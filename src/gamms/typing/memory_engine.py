@@ -1,0 +1,116 @@
+"""Contract of the stores: maps from a key to a row of typed fields."""
+
+from abc import ABC, abstractmethod
+from collections.abc import Iterator, Mapping
+from enum import IntEnum
+from typing import Any
+
+Schema = dict[str, type]  # field -> Python type
+
+
+class StoreType(IntEnum):
+    """Where a store keeps its maps."""
+
+    MEMORY = 0
+    FILESYSTEM = 1
+    DATABASE = 2
+
+
+class IPathLike(ABC):
+    """Where a store lives."""
+
+    @abstractmethod
+    def as_str(self) -> str:
+        """The path as text."""
+
+    @abstractmethod
+    def exists(self) -> bool:
+        """Whether something is there."""
+
+
+class IStore(ABC):
+    """Named maps; each has a schema and a primary key.
+
+    Raises, on every implementation alike:
+        Duplicate (ValueError): `create_map` with a taken name.
+        TypeError: a schema that is no dict of field names to types, or is empty.
+        IndexError: a primary key that is not in the schema or not of type int, float, str, bool or bytes;
+            any data operation on an unknown map (at the call, not at the first step of an iterator).
+        KeyError: `delete_map` of an unknown map; a key that exists on insert, or is missing elsewhere.
+        ValueError: a row without one of its fields.
+    """
+
+    @abstractmethod
+    def name(self) -> str:
+        """The store's name."""
+
+    @abstractmethod
+    def path(self) -> IPathLike | None:
+        """Where the store lives; None when it is in memory only."""
+
+    @property
+    @abstractmethod
+    def type(self) -> StoreType:
+        """Where the store keeps its maps."""
+
+    @abstractmethod
+    def create_map(self, map_name: str, schema: Schema, primary_key: str) -> None:
+        """Begin a map."""
+
+    @abstractmethod
+    def delete_map(self, map_name: str) -> None:
+        """Drop a map and its rows."""
+
+    @abstractmethod
+    def list_maps(self) -> list[str]:
+        """Names of the maps, in the order of their creation."""
+
+    @abstractmethod
+    def insert_data(self, map_name: str, struct: dict[str, Any]) -> None:
+        """Add a row; the caller's dict is neither changed nor kept."""
+
+    @abstractmethod
+    def get_data(self, map_name: str, key: Any) -> Mapping[str, Any]:
+        """A row by key."""
+
+    @abstractmethod
+    def update_data(self, map_name: str, struct: dict[str, Any]) -> None:
+        """Change the given fields of the row whose key is in `struct`."""
+
+    @abstractmethod
+    def delete_data(self, map_name: str, key: Any) -> None:
+        """Remove a row."""
+
+    @abstractmethod
+    def query_keys(self, map_name: str) -> Iterator[Any]:
+        """All keys, in insertion order."""
+
+    @abstractmethod
+    def close(self) -> None:
+        """Release the store; it is unusable afterwards."""
+
+
+class IMemoryEngine(ABC):
+    """Keeps the stores by name."""
+
+    @abstractmethod
+    def create_store(self, store_type: StoreType, name: str, path: IPathLike | None = None) -> IStore:
+        """Open a store.
+
+        Raises:
+            Duplicate: the name is taken.
+            BadValue: an unknown type, or a DATABASE without a path.
+            NotYet: a FILESYSTEM store.
+        """
+
+    @abstractmethod
+    def get_store(self, name: str) -> IStore:
+        """A store by name (KeyError)."""
+
+    @abstractmethod
+    def list_stores(self) -> Iterator[str]:
+        """Names of the open stores."""
+
+    @abstractmethod
+    def terminate(self) -> None:
+        """Close every store."""

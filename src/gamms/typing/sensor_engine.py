@@ -1,0 +1,101 @@
+"""Contract of the sensor room."""
+
+from abc import ABC, abstractmethod
+from collections.abc import Callable
+from enum import Enum
+from typing import Any
+
+
+class SensorType(Enum):
+    """Kinds of sensor; custom kinds are added while a program runs and live as long as its process."""
+
+    CUSTOM = 0
+    NEIGHBOR = 1
+    MAP = 2
+    AGENT = 3
+    RANGE = 4
+    ARC = 5
+    AGENT_RANGE = 6
+    AGENT_ARC = 7
+    AERIAL = 8
+    AERIAL_AGENT = 9
+    OCCLUDED_MAP = 10
+    OCCLUDED_AGENT = 11
+    OCCLUDED_AERIAL = 12
+    OCCLUDED_AERIAL_AGENT = 13
+
+
+class ISensor(ABC):
+    """Looks at the world from a node and keeps what it saw.
+
+    Must write: everything below. `data` after `sense` is a fresh object: no later call changes an earlier result.
+    """
+
+    @property
+    @abstractmethod
+    def sensor_id(self) -> str:
+        """The sensor's name."""
+
+    @property
+    @abstractmethod
+    def type(self) -> SensorType:
+        """What kind of sensor this is."""
+
+    @property
+    @abstractmethod
+    def data(self) -> Any:
+        """What was sensed last; empty before the first time."""
+
+    @abstractmethod
+    def sense(self, node_id: int) -> None:
+        """Look at the world from a node and keep the result in `data`.
+
+        Raises:
+            UnknownName (KeyError): there is no such node.
+        """
+
+    @abstractmethod
+    def update(self, data: dict[str, Any]) -> None:
+        """Take in what the sensor cannot see by itself; built-in sensors ignore it."""
+
+    @abstractmethod
+    def set_owner(self, owner: str | None) -> None:
+        """Name the agent that carries the sensor, or nobody."""
+
+
+class ISensorEngine(ABC):
+    """Creates sensors and keeps them by name."""
+
+    @abstractmethod
+    def create_sensor(self, sensor_id: str, sensor_type: SensorType | None = None, **kwargs: Any) -> ISensor:
+        """Create a built-in sensor and keep it.
+
+        `type=` is a synonym of `sensor_type`; other keywords are those of the kind, unknown ones are ignored
+        (with a warning where they look like a misspelling).
+
+        Raises:
+            UnknownType (ValueError): not a built-in kind.
+            NotYet: a kind that is announced and not built yet.
+            Duplicate (ValueError): the name is taken.
+            ContextTerminated: the context has ended.
+        """
+
+    @abstractmethod
+    def add_sensor(self, sensor: ISensor) -> None:
+        """Keep a sensor under its own name.
+
+        Raises:
+            Duplicate (ValueError): the name is taken.
+        """
+
+    @abstractmethod
+    def get_sensor(self, sensor_id: str) -> ISensor:
+        """A sensor by name (KeyError)."""
+
+    @abstractmethod
+    def custom(self, name: str) -> Callable[[type], type]:
+        """Decorator: the class senses a kind of its own, `SensorType.<name>`."""
+
+    @abstractmethod
+    def terminate(self) -> None:
+        """Close the room; sensors stay readable."""

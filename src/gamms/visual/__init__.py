@@ -1,0 +1,78 @@
+"""The visual room: what a scenario looks like, and pictures of it.
+
+What lives here: the engine without a window (`no_engine.py`), artists (`artist.py`) and their drawers
+(`drawers/`), the drawing primitives (`primitives.py`), which collect draw commands (`commands.py`), and the
+backends that turn draw commands into files (`backends/`). `picture.py` goes from artists to a file.
+Read `no_engine.py` first, then `primitives.py`.
+May import: `gamms.typing`, `gamms.kernels`, `gamms.ir`, `gamms.plugins`, `gamms.arguments`, `gamms.errors`.
+To extend: something to draw is one function in `drawers/`; a way to show it is one file in `backends/` and
+one line in its `__init__`. The room only reads the scenario; it never changes it.
+"""
+
+from gamms.errors import NotYetImportable
+from gamms.visual.appearance import AgentData, Circle, GraphData, Rectangle
+from gamms.visual.artist import Artist, RenderMode
+from gamms.visual.color import Color, string_to_color
+from gamms.visual.constants import (
+    CACHE_ZOOM_MAX,
+    SHORT_EDGE_PIXEL_THRESHOLD,
+    SKIP_EDGE_PIXEL_THRESHOLD,
+    SKIP_NODE_PIXEL_THRESHOLD,
+    Engine,
+    Shape,
+    Space,
+)
+from gamms.visual.drawers import (
+    render_agent,
+    render_agent_sensor,
+    render_circle,
+    render_graph,
+    render_map_sensor,
+    render_neighbor_sensor,
+    render_obstacles,
+    render_rectangle,
+)
+from gamms.visual.no_engine import NoEngine
+
+_LATER = {
+    "PygameVisualizationEngine": "The pygame window",
+    "RenderManager": "The pygame window",
+    "lazy": "The pygame window",
+    "render_input_overlay": "The pygame window",
+    "render_aerial_agent": "Drawing aerial agents",
+    "render_aerial_agent_sensor": "Drawing aerial agents",
+}
+
+
+def __getattr__(name: str) -> object:
+    if name in _LATER:
+        raise NotYetImportable(_LATER[name])
+    raise AttributeError(f"module {__name__!r} has no attribute {name!r}")
+
+
+__all__ = [
+    "CACHE_ZOOM_MAX",
+    "SHORT_EDGE_PIXEL_THRESHOLD",
+    "SKIP_EDGE_PIXEL_THRESHOLD",
+    "SKIP_NODE_PIXEL_THRESHOLD",
+    "AgentData",
+    "Artist",
+    "Circle",
+    "Color",
+    "Engine",
+    "GraphData",
+    "NoEngine",
+    "Rectangle",
+    "RenderMode",
+    "Shape",
+    "Space",
+    "render_agent",
+    "render_agent_sensor",
+    "render_circle",
+    "render_graph",
+    "render_map_sensor",
+    "render_neighbor_sensor",
+    "render_obstacles",
+    "render_rectangle",
+    "string_to_color",
+]

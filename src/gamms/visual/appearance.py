@@ -1,0 +1,50 @@
+"""What the built-in drawers find in an artist's `data`."""
+
+from dataclasses import dataclass, field
+from typing import Any
+
+from gamms.typing import ColorType
+from gamms.visual.color import Color
+
+
+@dataclass
+class Circle:
+    """A disc; `radius` in world units."""
+
+    x: float
+    y: float
+    radius: float
+    color: ColorType = Color.Black
+
+
+@dataclass
+class Rectangle:
+    """A rectangle with its top-left corner at (x, y); `width` and `height` in pixels."""
+
+    x: float
+    y: float
+    width: float
+    height: float
+    color: ColorType = Color.Black
+
+
+@dataclass
+class AgentData:
+    """How an agent looks; `size` in world units."""
+
+    name: str
+    color: ColorType = Color.Black
+    size: float = 8.0
+    image: Any = None  # the path of a picture; a window may keep the loaded one
+    current_position: tuple[float, float] | None = None  # where it was drawn last
+
+
+@dataclass
+class GraphData:
+    """How the graph looks; `node_size` in world units."""
+
+    node_color: ColorType = Color.DarkGray
+    node_size: float = 2.0
+    edge_color: ColorType = Color.LightGray
+    draw_id: bool = False
+    edge_line_points: dict[int, Any] = field(default_factory=dict)  # graph revision -> what the drawer made of it

@@ -1,0 +1,248 @@
+"""SVG: commands of one style that follow each other become one element, so that a city stays a small file.
+
+The same commands give the same bytes.
+"""
+
+import re
+from base64 import b64encode
+from collections.abc import Callable, Iterator
+from html import escape
+from itertools import pairwise
+from pathlib import Path
+from typing import NamedTuple
+
+import numpy as np
+
+from gamms.errors import BadValue
+from gamms.ir.draw import DrawCommands, DrawKind, DrawSpace
+from gamms.ir.graph import FloatArray, IntArray
+from gamms.visual.camera import Camera
+from gamms.visual.color import Rgba
+
+_SMALLEST_RADIUS_PX = 0.5
+_THINNEST_PX = 1.0  # of lines whose width is in world units
+_ASCENT = 0.8  # of the font height: from the top of a line of text to its baseline
+_INK, _FAINT = "#333333", "#777777"
+_FONT = "system-ui, 'Helvetica Neue', Arial, sans-serif"
+_NO_XML = re.compile("[^\t\n\r\x20-\ud7ff\ue000-\ufffd\U00010000-\U0010ffff]")
+_IMAGE_TYPES = {
+    ".png": "png",
+    ".jpg": "jpeg",
+    ".jpeg": "jpeg",
+    ".gif": "gif",
+    ".webp": "webp",
+    ".svg": "svg+xml",
+}
+
+
+class _Sheet(NamedTuple):
+    """All commands in painting order and in tenths of pixels, the unit in which everything is rounded."""
+
+    kind: IntArray  # (commands,)
+    color: "np.ndarray[tuple[int, ...], np.dtype[np.uint8]]"  # (commands, 4)
+    size: IntArray  # (commands,)
+    width: IntArray  # (commands,)
+    angle: FloatArray  # (commands,)  degrees
+    offsets: IntArray  # (commands + 1,)
+    points: IntArray  # (points, 2)
+    text: list[str]  # (commands,)
+
+    def points_of(self, row: int) -> list[list[int]]:
+        """The points of one command."""
+        points: list[list[int]] = self.points[self.offsets[row] : self.offsets[row + 1]].tolist()
+        return points
+
+
+def svg(commands: DrawCommands, camera: Camera, *, title: str, note: str, background: Rgba) -> bytes:
+    """The whole picture as an SVG file."""
+    sheet = _sheet(commands, camera)
+    lines = [
+        _opening(camera),
+        f"<title>{_escaped(title or 'GAMMS')}</title>",
+        f'<rect width="100%" height="100%"{_paint("fill", background)}/>',
+        '<g stroke-linecap="round" stroke-linejoin="round">',
+        *(_group(sheet, begin, end) for begin, end in _runs(sheet)),
+        "</g>",
+        *_frame(camera, title, note),
+        "</svg>\n",
+    ]
+    return "\n".join(line for line in lines if line).encode()
+
+
+def _opening(camera: Camera) -> str:
+    width, height = camera.width, camera.height
+    return (
+        f'<svg xmlns="http://www.w3.org/2000/svg" width="{width}" height="{height}" '
+        f'viewBox="0 0 {width} {height}" role="img" font-family="{_FONT}">'
+    )
+
+
+def _frame(camera: Camera, title: str, note: str) -> Iterator[str]:
+    """The words around the picture."""
+    if title:
+        yield f'<text x="20" y="32" font-size="20" font-weight="600" fill="{_INK}">{_escaped(title)}</text>'
+    if note:
+        x, y = camera.width - 8, camera.height - 8
+        style = f'font-size="11" text-anchor="end" fill="{_FAINT}"'
+        yield f'<text x="{x}" y="{y}" {style}>{_escaped(note)}</text>'
+
+
+# -- columns to tenths of pixels ----------------------------------------------------------------------------
+
+
+def _sheet(commands: DrawCommands, camera: Camera) -> _Sheet:
+    rows = commands.in_painting_order()
+    counts = np.diff(commands.offsets)[rows]
+    offsets = np.concatenate([[0], np.cumsum(counts)])
+    take = np.repeat(commands.offsets[rows] - offsets[:-1], counts) + np.arange(offsets[-1])
+    points = camera.to_screen(commands.points)
+    boxes = np.flatnonzero(commands.kind == DrawKind.RECTANGLE)
+    scale = np.where(commands.space == DrawSpace.WORLD, camera.scale, 1.0)
+    points[commands.offsets[boxes] + 1] = commands.points[commands.offsets[boxes] + 1] * scale[boxes, None]
+    return _Sheet(
+        kind=commands.kind[rows],
+        color=commands.color[rows],
+        size=_tenths(commands.size * scale)[rows],
+        width=_tenths(_widths_px(commands, scale))[rows],
+        angle=commands.angle[rows],
+        offsets=offsets,
+        points=_tenths(points)[take],
+        text=[commands.text[row] for row in rows.tolist()],
+    )
+
+
+def _widths_px(commands: DrawCommands, scale: FloatArray) -> FloatArray:
+    in_world = (commands.kind == DrawKind.LINE) & (commands.space == DrawSpace.WORLD)
+    widths = np.where(in_world, np.maximum(commands.width * scale, _THINNEST_PX), commands.width)
+    # An outline must not be rounded to nothing: a width of 0 means filled.
+    return np.where(widths > 0.0, np.maximum(widths, 0.1), 0.0)
+
+
+def _tenths(pixels: FloatArray) -> IntArray:
+    return np.rint(pixels * 10.0).astype(np.int64)
+
+
+# -- runs of one style --------------------------------------------------------------------------------------
+
+
+def _runs(sheet: _Sheet) -> Iterator[tuple[int, int]]:
+    """First row and last row + 1 of commands that share their kind, colour and width."""
+    if len(sheet.kind) == 0:
+        return
+    style = np.column_stack([sheet.kind, sheet.width, sheet.color])
+    changes = np.flatnonzero((style[1:] != style[:-1]).any(axis=1)) + 1
+    yield from pairwise([0, *changes.tolist(), len(style)])
+
+
+def _group(sheet: _Sheet, begin: int, end: int) -> str:
+    """The elements of one run; empty where nothing of it is large enough to be seen."""
+    kind = DrawKind(int(sheet.kind[begin]))
+    if kind is DrawKind.LINE:
+        path = _lines(sheet, begin, end)
+        return f'<path{_style(sheet, begin, kind)} d="{path}"/>' if path else ""
+    body = "".join(_ELEMENTS[kind](sheet, row) for row in range(begin, end))
+    return f"<g{_style(sheet, begin, kind)}>{body}</g>" if body else ""
+
+
+def _style(sheet: _Sheet, row: int, kind: DrawKind) -> str:
+    red, green, blue, alpha = sheet.color[row].tolist()
+    width = int(sheet.width[row])
+    if kind is DrawKind.LINE or width > 0:
+        return f' fill="none"{_paint("stroke", (red, green, blue, alpha))} stroke-width="{_number(width)}"'
+    return _paint("fill", (red, green, blue, alpha))
+
+
+def _paint(role: str, color: Rgba) -> str:
+    red, green, blue, alpha = color
+    opacity = "" if alpha == 255 else f' {role}-opacity="{alpha / 255:.3g}"'
+    return f' {role}="#{red:02x}{green:02x}{blue:02x}"{opacity}'
+
+
+def _lines(sheet: _Sheet, begin: int, end: int) -> str:
+    """One path through all lines of a run: where each starts, then steps; repeated points are left out."""
+    offsets = sheet.offsets[begin : end + 1] - sheet.offsets[begin]
+    points = sheet.points[sheet.offsets[begin] : sheet.offsets[end]]
+    line = np.repeat(np.arange(end - begin), np.diff(offsets))
+    steps = np.diff(points, axis=0, prepend=points[:1])
+    is_first = np.zeros(len(points), bool)
+    is_first[offsets[:-1]] = True
+    is_kept = is_first | (steps != 0).any(axis=1)
+    # A line that shrank to a point is left out altogether.
+    is_kept &= np.bincount(line[is_kept], minlength=end - begin)[line] > 1
+    numbers = np.where(is_first[:, None], points, steps)[is_kept]
+    letters = np.where(is_first[is_kept], "M", "l").tolist()
+    xs, ys = _numbers(numbers[:, 0]), _numbers(numbers[:, 1])
+    return "".join(
+        f"{letter}{x}{y}" if y[0] == "-" else f"{letter}{x} {y}" for letter, x, y in zip(letters, xs, ys, strict=True)
+    )
+
+
+def _numbers(tenths: IntArray) -> list[str]:
+    values, inverse = np.unique(tenths, return_inverse=True)
+    texts: list[str] = np.array([_number(value) for value in values.tolist()], object)[inverse].tolist()
+    return texts
+
+
+def _number(tenths: int) -> str:
+    """Tenths of pixels as the shortest decimal number of pixels."""
+    whole, tenth = divmod(abs(tenths), 10)
+    sign = "-" if tenths < 0 else ""
+    return f"{sign}{whole}.{tenth}" if tenth else f"{sign}{whole}"
+
+
+# -- single elements ----------------------------------------------------------------------------------------
+
+
+def _circle(sheet: _Sheet, row: int) -> str:
+    ((x, y),), radius = sheet.points_of(row), int(sheet.size[row])
+    if radius < 10 * _SMALLEST_RADIUS_PX:
+        return ""
+    return f'<circle cx="{_number(x)}" cy="{_number(y)}" r="{_number(radius)}"/>'
+
+
+def _rectangle(sheet: _Sheet, row: int) -> str:
+    (x, y), (width, height) = sheet.points_of(row)
+    return f'<rect x="{_number(x)}" y="{_number(y)}" width="{_number(width)}" height="{_number(height)}"/>'
+
+
+def _polygon(sheet: _Sheet, row: int) -> str:
+    corners = "L".join(f"{_number(x)} {_number(y)}" for x, y in sheet.points_of(row))
+    return f'<path d="M{corners}Z"/>'
+
+
+def _text(sheet: _Sheet, row: int) -> str:
+    ((x, y),), size = sheet.points_of(row), int(sheet.size[row])
+    baseline = _number(y + round(_ASCENT * size))
+    place = f'x="{_number(x)}" y="{baseline}" font-size="{_number(size)}"'
+    return f"<text {place}>{_escaped(sheet.text[row])}</text>"
+
+
+def _image(sheet: _Sheet, row: int) -> str:
+    ((x, y),), half = sheet.points_of(row), int(sheet.size[row])
+    turn = float(sheet.angle[row])
+    turned = f' transform="rotate({-turn:.6g} {_number(x)} {_number(y)})"' if turn else ""
+    side = _number(2 * half)
+    return (
+        f'<image x="{_number(x - half)}" y="{_number(y - half)}" width="{side}" height="{side}"{turned} '
+        f'href="{_embedded(Path(sheet.text[row]))}"/>'
+    )
+
+
+def _embedded(path: Path) -> str:
+    """The image itself, so that the picture is one file."""
+    if path.suffix.lower() not in _IMAGE_TYPES:
+        raise BadValue(f"Cannot put {path.name!r} into a picture; use one of {', '.join(_IMAGE_TYPES)}.")
+    return f"data:image/{_IMAGE_TYPES[path.suffix.lower()]};base64,{b64encode(path.read_bytes()).decode()}"
+
+
+def _escaped(text: str) -> str:
+    return escape(_NO_XML.sub("\ufffd", text))
+
+
+_ELEMENTS: dict[DrawKind, Callable[[_Sheet, int], str]] = {
+    DrawKind.CIRCLE: _circle,
+    DrawKind.RECTANGLE: _rectangle,
+    DrawKind.POLYGON: _polygon,
+    DrawKind.TEXT: _text,
+    DrawKind.IMAGE: _image,
+}

@@ -1,0 +1,59 @@
+"""Where a picture looks: from world coordinates, y up, to pixels, y down."""
+
+from typing import NamedTuple
+
+import numpy as np
+
+from gamms.ir.draw import DrawCommands, DrawKind, DrawSpace
+from gamms.ir.graph import FloatArray
+
+_MARGIN = 0.04  # of the picture's shorter side
+_SMALLEST = 1e-9  # world units; anything smaller is a point
+
+
+class Camera(NamedTuple):
+    """A picture's size in pixels, the world point in its upper left corner, and pixels per world unit."""
+
+    width: int
+    height: int
+    left: float
+    top: float
+    scale: float
+
+    def to_screen(self, points: FloatArray) -> FloatArray:
+        """World points (points, 2) in pixels."""
+        screen: FloatArray = (points - (self.left, self.top)) * (self.scale, -self.scale)
+        return screen
+
+
+def fit(commands: DrawCommands, width: int, height: int, header: float = 0.0) -> Camera:
+    """A camera that sees everything drawn, as large as it gets below a header of so many pixels."""
+    low, high = bounds(commands)
+    margin = _MARGIN * min(width, height)
+    free = max(width - 2 * margin, 1.0), max(height - header - 2 * margin, 1.0)
+    scale = min(
+        (room / extent for room, extent in zip(free, high - low, strict=True) if extent > _SMALLEST),
+        default=1.0,
+    )
+    x, y = ((low + high) / 2).tolist()
+    return Camera(width, height, x - width / 2 / scale, y + (height + header) / 2 / scale, scale)
+
+
+def bounds(commands: DrawCommands) -> tuple[FloatArray, FloatArray]:
+    """Lower left and upper right corner of everything drawn, in world units; sizes in pixels do not count."""
+    if len(commands) == 0:
+        return np.zeros(2), np.zeros(2)
+    reach = np.where(commands.space == DrawSpace.WORLD, commands.size, 0.0)
+    around = np.repeat(reach, np.diff(commands.offsets))[:, None]
+    points = _corners(commands)
+    return (points - around).min(axis=0), (points + around).max(axis=0)
+
+
+def _corners(commands: DrawCommands) -> FloatArray:
+    """The points of all commands, with the far corner of each rectangle in place of its extent."""
+    points = commands.points.copy()
+    rows = np.flatnonzero(commands.kind == DrawKind.RECTANGLE)
+    anchors = commands.offsets[rows]
+    in_world = (commands.space[rows] == DrawSpace.WORLD)[:, None]
+    points[anchors + 1] = points[anchors] + points[anchors + 1] * (1.0, -1.0) * in_world
+    return points

@@ -1,0 +1,81 @@
+"""Colours: by name, as values, and one per team."""
+
+from typing import Any
+
+from gamms.arguments import as_float
+from gamms.errors import BadType, BadValue, nearest
+
+Rgb = tuple[int, int, int]
+Rgba = tuple[int, int, int, int]
+
+
+class Color:
+    """Colours by name, as RGB."""
+
+    White = (255, 255, 255)
+    Black = (0, 0, 0)
+    Red = (255, 0, 0)
+    Green = (0, 255, 0)
+    LightGreen = (144, 238, 144)
+    Blue = (0, 0, 255)
+    Yellow = (255, 255, 0)
+    Cyan = (0, 255, 255)
+    Magenta = (255, 0, 255)
+    Gray = (169, 169, 169)
+    LightGray = (211, 211, 211)
+    DarkGray = (128, 128, 128)
+    Brown = (210, 105, 30)
+    Purple = (128, 0, 128)
+
+
+# Okabe and Ito's palette: told apart by colour-blind readers too.
+TEAM_COLORS: tuple[Rgb, ...] = (
+    (0, 114, 178),
+    (213, 94, 0),
+    (0, 158, 115),
+    (204, 121, 167),
+    (230, 159, 0),
+    (86, 180, 233),
+)
+
+_NAMES: dict[str, Rgb] = {
+    "orange": (255, 165, 0),
+    "pink": (255, 192, 203),
+    **{name.lower(): value for name, value in vars(Color).items() if isinstance(value, tuple)},
+}
+_NAMES |= {name.replace("gray", "grey"): value for name, value in _NAMES.items() if "gray" in name}
+
+
+def string_to_color(text: str) -> Rgb:
+    """The colour called `text`: a name in any case, or `#rrggbb`.
+
+    Raises:
+        BadValue (ValueError): no such colour.
+    """
+    name = text.strip().lower()
+    if name in _NAMES:
+        return _NAMES[name]
+    try:
+        red, green, blue = bytes.fromhex(name.removeprefix("#"))
+    except ValueError:
+        raise BadValue(f"Unknown color {text!r}; give a name or '#rrggbb'.{nearest(name, _NAMES)}") from None
+    return red, green, blue
+
+
+def rgba(color: Any) -> Rgba:
+    """RGB, RGBA, a name or `#rrggbb` as four integers, clipped to 0-255.
+
+    Raises:
+        BadType: not a colour.
+        BadValue: not three or four finite numbers, or an unknown name.
+    """
+    if isinstance(color, str):
+        return (*string_to_color(color), 255)
+    try:
+        values = [as_float(value, "A color's component") for value in color]
+    except TypeError as error:
+        raise BadType(f"A color is (red, green, blue) or (red, green, blue, alpha), not {color!r}: {error}") from None
+    if len(values) not in (3, 4):
+        raise BadValue(f"A color has three or four components, not {len(values)}: {color!r}.")
+    red, green, blue, alpha = (min(255, max(0, round(value))) for value in [*values, 255.0][:4])
+    return red, green, blue, alpha

@@ -1,0 +1,164 @@
+"""Collects draw commands, one by one or in bulk, and freezes them into columns."""
+
+from collections.abc import Sequence
+from itertools import chain, repeat
+from typing import Any, NamedTuple
+
+import numpy as np
+
+from gamms.arguments import as_float, as_range
+from gamms.errors import BadValue
+from gamms.ir.draw import DrawCommands, DrawKind, DrawSpace
+from gamms.ir.graph import FloatArray
+from gamms.visual.color import Rgba, rgba
+
+_FARTHEST = 1e12  # beyond it, differences of coordinates lose their metres
+
+
+class _Run(NamedTuple):
+    """Commands in a row that differ in nothing but their points."""
+
+    commands: int
+    kind: int
+    layer: int
+    space: int
+    size: float
+    width: float
+    angle: float
+    color: Rgba
+    text: str
+
+
+class Commands:
+    """An open list of draw commands; what is added is painted on `layer`, above what was added before."""
+
+    def __init__(self) -> None:
+        self.layer = 0
+        self._runs: list[_Run] = []
+        self._points: list[FloatArray] = []
+        self._counts: list[int] = []
+
+    def add_circles(
+        self, centers: Any, radius: float, color: Any, width: float = 0.0, space: DrawSpace = DrawSpace.WORLD
+    ) -> None:
+        """Draw equal circles around `centers` (circles, 2); `radius` in the unit of `space`, `width` px."""
+        points = _as_points(centers)
+        self._add(DrawKind.CIRCLE, points, [1] * len(points), color, space=space, size=radius, width=width)
+
+    def add_lines(
+        self, points: Any, offsets: Any, color: Any, width: float = 1.0, space: DrawSpace = DrawSpace.SCREEN
+    ) -> None:
+        """Draw polylines of one style; line `i` is `points[offsets[i]:offsets[i + 1]]`.
+
+        `width` is in the unit of `space`.
+
+        Raises:
+            BadValue: a line of fewer than two points, or offsets that do not divide the points.
+        """
+        points, counts = _as_points(points), np.diff(offsets)
+        if len(offsets) == 0 or offsets[0] != 0 or offsets[-1] != len(points) or (counts < 2).any():
+            raise BadValue("Each line needs two points or more, and the offsets must go from 0 to their number.")
+        self._add(DrawKind.LINE, points, counts.tolist(), color, space=space, width=width)
+
+    def add_line(self, points: Any, color: Any, width: float = 1.0) -> None:
+        """Draw one polyline; `width` in pixels."""
+        self.add_lines(points, (0, len(points)), color, width)
+
+    def add_polygon(self, points: Any, color: Any, width: float = 0.0) -> None:
+        """Draw a polygon; `width` of its outline in pixels, 0 = filled."""
+        points = _as_points(points)
+        if len(points) < 3:
+            raise BadValue(f"A polygon needs three points or more, not {len(points)}.")
+        self._add(DrawKind.POLYGON, points, [len(points)], color, width=width)
+
+    def add_rectangle(self, x: float, y: float, width: float, height: float, color: Any) -> None:
+        """Fill a rectangle whose top-left corner is at (x, y); `width` and `height` in pixels."""
+        extent = as_range(width, "The width of a rectangle"), as_range(height, "The height of a rectangle")
+        self._add(DrawKind.RECTANGLE, _as_points([(x, y), extent]), [2], color, space=DrawSpace.SCREEN)
+
+    def add_text(self, text: str, x: float, y: float, color: Any, font_px: float) -> None:
+        """Write `text` with its top-left corner at (x, y)."""
+        self._add(
+            DrawKind.TEXT,
+            _as_points([(x, y)]),
+            [1],
+            color,
+            space=DrawSpace.SCREEN,
+            size=font_px,
+            text=str(text),
+        )
+
+    def add_image(self, path: str, x: float, y: float, half_side: float, angle: float = 0.0) -> None:
+        """Draw an image file around (x, y), turned counter-clockwise by `angle` degrees."""
+        points = _as_points([(x, y)])
+        self._add(DrawKind.IMAGE, points, [1], (0, 0, 0), size=half_side, angle=as_float(angle, "angle"), text=path)
+
+    def _add(  # noqa: PLR0913 - one argument per column
+        self,
+        kind: DrawKind,
+        points: FloatArray,
+        counts: list[int],
+        color: Any,
+        *,
+        space: DrawSpace = DrawSpace.WORLD,
+        size: float = 0.0,
+        width: float = 0.0,
+        angle: float = 0.0,
+        text: str = "",
+    ) -> None:
+        size, width = _as_extent(size, "size"), _as_extent(width, "width")
+        self._runs.append(_Run(len(counts), kind, self.layer, space, size, width, angle, rgba(color), text))
+        self._points.append(points)
+        self._counts.extend(counts)
+
+    def freeze(self) -> DrawCommands:
+        """Everything added so far, as read-only columns."""
+        return DrawCommands(
+            kind=self._column("kind", np.int64),
+            layer=self._column("layer", np.int64),
+            space=self._column("space", np.int64),
+            size=self._column("size", np.float64),
+            width=self._column("width", np.float64),
+            angle=self._column("angle", np.float64),
+            color=_read_only(self._column("color", np.uint8).reshape(-1, 4)),
+            offsets=_read_only(np.cumsum([0, *self._counts], dtype=np.int64)),
+            points=_read_only(np.concatenate([np.empty((0, 2)), *self._points])),
+            text=tuple(chain.from_iterable(repeat(run.text, run.commands) for run in self._runs)),
+        )
+
+    def _column(self, name: str, dtype: type[np.generic]) -> "np.ndarray[Any, Any]":
+        counts = np.array([run.commands for run in self._runs], np.int64)
+        values = np.array([getattr(run, name) for run in self._runs], dtype)
+        return _read_only(np.repeat(values, counts, axis=0))
+
+
+def _as_points(points: Sequence[Any] | FloatArray) -> FloatArray:
+    try:
+        # A copy: the caller may go on using his array.
+        array = np.array(points, dtype=np.float64)
+    except (TypeError, ValueError) as error:
+        raise BadValue(f"Points are (x, y) pairs of numbers, not {points!r}: {error}") from None
+    if array.size == 0:
+        return np.empty((0, 2))
+    if array.ndim != 2 or array.shape[1] != 2:
+        raise BadValue(f"Points are (x, y) pairs, not an array of shape {array.shape}.")
+    if not (np.abs(array) <= _FARTHEST).all():
+        raise BadValue(f"A point is not finite or farther away than {_FARTHEST:g}: {_first_bad(array)}.")
+    return array
+
+
+def _first_bad(points: FloatArray) -> tuple[float, float]:
+    x, y = points[~(np.abs(points) <= _FARTHEST).all(axis=1)][0].tolist()
+    return x, y
+
+
+def _as_extent(value: Any, name: str) -> float:
+    number = as_range(value, name)
+    if number > _FARTHEST:
+        raise BadValue(f"{name} must be at most {_FARTHEST:g}, not {number}.")
+    return number
+
+
+def _read_only(array: "np.ndarray[Any, Any]") -> "np.ndarray[Any, Any]":
+    array.setflags(write=False)
+    return array

@@ -1,0 +1,28 @@
+"""Drawers: functions `(ctx, data)` that say what a thing looks like, with the primitives of `ctx.visual`.
+
+One file per topic. A new thing to draw is one function here; every backend can show it. Where the same thing
+is drawn many times, use the bulk primitives `render_lines` and `render_circles` (see `primitives.py`).
+"""
+
+from gamms.visual.drawers.agents import render_agent
+from gamms.visual.drawers.graph import render_graph
+from gamms.visual.drawers.obstacles import render_obstacles
+from gamms.visual.drawers.sensors import (
+    render_agent_sensor,
+    render_map_sensor,
+    render_neighbor_sensor,
+    render_sensor,
+)
+from gamms.visual.drawers.shapes import render_circle, render_rectangle
+
+__all__ = [
+    "render_agent",
+    "render_agent_sensor",
+    "render_circle",
+    "render_graph",
+    "render_map_sensor",
+    "render_neighbor_sensor",
+    "render_obstacles",
+    "render_rectangle",
+    "render_sensor",
+]

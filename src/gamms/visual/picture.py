@@ -1,0 +1,93 @@
+"""From artists to a picture file: draw, point the camera, hand the columns to a backend, write."""
+
+import os
+from collections.abc import Mapping
+from pathlib import Path
+from typing import NamedTuple
+
+from gamms.arguments import as_int
+from gamms.errors import BadValue, NotYet, UnknownName
+from gamms.ir.draw import DrawCommands
+from gamms.typing import ArtistType, ColorType, IArtist, ILogger
+from gamms.visual.backends import FORMATS, Backend
+from gamms.visual.camera import fit
+from gamms.visual.color import rgba
+from gamms.visual.commands import Commands
+
+BACKGROUND = (252, 252, 250)
+_HEADER_PX = 44.0
+
+
+class Sheet(NamedTuple):
+    """Where a picture goes, how large it is, and who paints it."""
+
+    path: Path
+    width: int
+    height: int
+    backend: Backend
+
+
+def sheet(path: str | Path, width: int, height: int) -> Sheet:
+    """Check everything that can be checked before drawing.
+
+    Raises:
+        BadValue: a size that is not positive, or a folder that does not exist.
+        NotYet: a format that cannot be written.
+    """
+    path, width, height = (
+        Path(path),
+        as_int(width, "The width of a picture"),
+        as_int(height, "The height of a picture"),
+    )
+    if width <= 0 or height <= 0:
+        raise BadValue(f"A picture needs a positive width and height, not {width} x {height}.")
+    if not path.parent.is_dir():
+        raise BadValue(f"There is no folder {str(path.parent)!r} to save {path.name!r} in. Create it first.")
+    return Sheet(path, width, height, _backend(path))
+
+
+def _backend(path: Path) -> Backend:
+    try:
+        return FORMATS[path.suffix.lower()]
+    except UnknownName:
+        known = ", ".join(FORMATS)
+        raise NotYet(f"Saving a picture as {path.suffix or path.name!r} (there is: {known})") from None
+
+
+def paint(artists: Mapping[str, IArtist], commands: Commands, logger: ILogger) -> None:
+    """Let every visible artist draw, lowest layer first; one that fails is logged, and the others draw on."""
+    for name, artist in sorted(artists.items(), key=_painting_order):
+        if not artist.get_visible():
+            continue
+        commands.layer = artist.get_layer()
+        try:
+            artist.draw()
+        except Exception as error:  # noqa: BLE001 - a drawer is user code; the contract is to log and go on
+            logger.error(  # noqa: TRY400 - ILogger has no `exception`
+                "Artist %r could not be drawn: %s: %s", name, type(error).__name__, error
+            )
+
+
+def _painting_order(item: tuple[str, IArtist]) -> tuple[int, bool]:
+    """By layer, and within it what never changes first."""
+    artist = item[1]
+    return artist.get_layer(), artist.get_artist_type() is not ArtistType.STATIC
+
+
+def with_attribution(note: str, attribution: str | None) -> str:
+    """The note, and the source of the map unless the note already names it."""
+    if attribution and attribution not in note:
+        return f"{note} · {attribution}" if note else attribution
+    return note
+
+
+def write(sheet: Sheet, commands: DrawCommands, *, title: str, note: str, background: ColorType) -> None:
+    """Paint the columns and replace the file in one step."""
+    camera = fit(commands, sheet.width, sheet.height, header=_HEADER_PX if title else 0.0)
+    content = sheet.backend(commands, camera, title=title, note=note, background=rgba(background))
+    beside = sheet.path.with_name(f".{sheet.path.name}.{os.getpid()}.tmp")
+    try:
+        beside.write_bytes(content)
+        beside.replace(sheet.path)
+    finally:
+        beside.unlink(missing_ok=True)

@@ -1,0 +1,178 @@
+"""The drawing primitives: each appends to the open command list, and does nothing while none is open."""
+# ruff: noqa: ARG002 - published signatures; culling and smoothing are the backend's business
+
+from collections.abc import Iterator, Sequence
+from contextlib import contextmanager
+from pathlib import Path
+from typing import Any, cast
+
+from gamms.errors import BadType, BadValue
+from gamms.ir.draw import DrawSpace
+from gamms.typing import ColorType, IContext, IVisualizationEngine
+from gamms.visual.color import Color
+from gamms.visual.commands import Commands
+
+_FONT_PX = 36
+
+
+class Primitives(IVisualizationEngine):
+    """The part of an engine that drawers draw with."""
+
+    def __init__(self) -> None:
+        self._drawing: Commands | None = None
+
+    @contextmanager
+    def _collecting(self) -> Iterator[Commands]:
+        """Open a command list: what is drawn inside the block is in it."""
+        outer, self._drawing = self._drawing, Commands()
+        try:
+            yield self._drawing
+        finally:
+            self._drawing = outer
+
+    def render_text(
+        self,
+        text: str,
+        x: float,
+        y: float,
+        color: ColorType = Color.Black,
+        perform_culling_test: bool = True,
+        font_size: int | None = None,
+    ) -> None:
+        """Write `text` with its top-left corner at (x, y); `font_size` in pixels, default 36."""
+        if self._drawing is not None:
+            self._drawing.add_text(text, x, y, color, _FONT_PX if font_size is None else font_size)
+
+    def render_rectangle(
+        self,
+        x: float,
+        y: float,
+        width: float,
+        height: float,
+        color: ColorType = Color.Black,
+        perform_culling_test: bool = True,
+    ) -> None:
+        """Fill a rectangle whose top-left corner is at (x, y); `width` and `height` in pixels."""
+        if self._drawing is not None:
+            self._drawing.add_rectangle(x, y, width, height, color)
+
+    def render_circle(
+        self,
+        x: float,
+        y: float,
+        radius: float,
+        color: ColorType = Color.Black,
+        width: int = 0,
+        perform_culling_test: bool = True,
+    ) -> None:
+        """Draw a circle; `width` is its outline in pixels, 0 = filled."""
+        if self._drawing is not None:
+            self._drawing.add_circles([(x, y)], radius, color, width)
+
+    def render_line(
+        self,
+        start_x: float,
+        start_y: float,
+        end_x: float,
+        end_y: float,
+        color: ColorType = Color.Black,
+        width: int = 1,
+        is_aa: bool = False,
+        perform_culling_test: bool = True,
+        force_no_aa: bool = False,
+    ) -> None:
+        """Draw a line, `width` in pixels."""
+        if self._drawing is not None:
+            self._drawing.add_line([(start_x, start_y), (end_x, end_y)], color, width)
+
+    def render_linestring(
+        self,
+        points: Sequence[tuple[float, float]],
+        color: ColorType = Color.Black,
+        width: int = 1,
+        closed: bool = False,
+        is_aa: bool = False,
+        perform_culling_test: bool = True,
+    ) -> None:
+        """Draw a polyline, `width` in pixels; a closed one returns to its first point."""
+        if self._drawing is not None:
+            self._drawing.add_line([*points, *points[:1]] if closed else points, color, width)
+
+    def render_polygon(
+        self,
+        points: Sequence[tuple[float, float]],
+        color: ColorType = Color.Black,
+        width: int = 0,
+        perform_culling_test: bool = True,
+    ) -> None:
+        """Draw a polygon; `width` is its outline in pixels, 0 = filled."""
+        if self._drawing is not None:
+            self._drawing.add_polygon(points, color, width)
+
+    def render_image(
+        self,
+        x: float,
+        y: float,
+        image: Any,
+        size: float,
+        angle: float = 0.0,
+        perform_culling_test: bool = True,
+    ) -> None:
+        """Draw the image file `image` with side `2 * size`, turned by `angle` degrees."""
+        if self._drawing is not None:
+            self._drawing.add_image(_image_path(image), x, y, size, angle)
+
+    def render_lines(
+        self,
+        points: Any,
+        offsets: Any,
+        color: ColorType = Color.Black,
+        width: float = 1,
+        *,
+        in_world: bool = False,
+    ) -> None:
+        """Draw many polylines at once: line `i` is `points[offsets[i]:offsets[i + 1]]`.
+
+        `width` is in pixels, or in world units (but never thinner than a pixel) where `in_world` is set.
+        """
+        if self._drawing is not None:
+            self._drawing.add_lines(points, offsets, color, width, DrawSpace.WORLD if in_world else DrawSpace.SCREEN)
+
+    def render_circles(
+        self,
+        centers: Any,
+        radius: float,
+        color: ColorType = Color.Black,
+        width: float = 0,
+        *,
+        in_pixels: bool = False,
+    ) -> None:
+        """Draw many equal circles at once; `radius` in world units, or in pixels where `in_pixels` is set."""
+        if self._drawing is not None:
+            space = DrawSpace.SCREEN if in_pixels else DrawSpace.WORLD
+            self._drawing.add_circles(centers, radius, color, width, space)
+
+    def render_layer(self, layer_id: int) -> None:
+        """Do nothing: layers are painted with the picture."""
+
+    def create_layer(self, layer_id: int, *args: Any, **kwargs: Any) -> None:
+        """Do nothing: a layer is there as soon as an artist is on it."""
+
+    def clear_layer(self, layer_id: int) -> None:
+        """Do nothing: every picture begins empty."""
+
+    def fill_layer(self, layer_id: int, *args: Any, **kwargs: Any) -> None:
+        """Do nothing: layers have no background of their own."""
+
+
+def primitives_of(ctx: IContext) -> Primitives:
+    """The visual engine of a context as what built-in drawers draw with, bulk primitives included."""
+    return cast("Primitives", ctx.visual)
+
+
+def _image_path(image: Any) -> str:
+    if not isinstance(image, str | Path):
+        raise BadType(f"An image is given by the path of its file here, not by {image!r}.")
+    if not Path(image).is_file():
+        raise BadValue(f"There is no image file {str(image)!r}.")
+    return str(image)

@@ -1,0 +1,255 @@
+"""A database file: what is kept, what is refused, and that nothing in it is run."""
+
+import json
+import sqlite3
+
+import pytest
+
+from gamms.errors import BadFile
+from gamms.memory import PathLike, SqliteStore
+
+SCHEMA = {"id": int, "a b": list, "X": float}
+
+
+def fill(store):
+    store.create_map("nodes", SCHEMA, "id")
+    store.insert_data("nodes", {"id": 2, "a b": [(1,)], "X": 0.5})
+    store.insert_data("nodes", {"id": 1, "a b": None, "X": -0.0})
+
+
+def run(path, sql, *values):
+    connection = sqlite3.connect(path)
+    with connection:
+        connection.execute(sql, values)
+    connection.close()
+
+
+def test_a_map_goes_on_in_the_next_session(database):
+    first = database()
+    fill(first)
+    first.close()
+    second = database()
+    assert second.list_maps() == []
+    second.create_map("nodes", SCHEMA, "id")
+    assert second.list_maps() == ["nodes"]
+    second.insert_data("nodes", {"id": 0, "a b": [], "X": 1.0})
+    assert second.read_columns("nodes") == {"id": [2, 1, 0], "a b": [[(1,)], None, []], "X": [0.5, 0.0, 1.0]}
+
+
+def test_a_map_is_gone_on_with_once(database):
+    first = database()
+    fill(first)
+    first.close()
+    second = database()
+    second.create_map("nodes", SCHEMA, "id")
+    with pytest.raises(ValueError, match="already a map"):
+        second.create_map("nodes", SCHEMA, "id")
+
+
+@pytest.mark.parametrize(
+    ("schema", "key"),
+    [(SCHEMA | {"X": int}, "id"), ({"id": int}, "id"), (SCHEMA, "X"), (SCHEMA | {"y": int}, "id")],
+)
+def test_a_map_of_the_file_keeps_its_schema(database, schema, key):
+    first = database()
+    fill(first)
+    first.close()
+    second = database()
+    with pytest.raises(ValueError, match=r"has the schema \{'id': 'int'.*, not \{'id'"):
+        second.create_map("nodes", schema, key)
+    assert second.list_maps() == []
+
+
+def test_the_order_of_the_fields_may_change(database):
+    first = database()
+    fill(first)
+    first.close()
+    second = database()
+    second.create_map("nodes", dict(reversed(SCHEMA.items())), "id")
+    assert second.get_data("nodes", 2) == {"X": 0.5, "a b": [(1,)], "id": 2}
+
+
+def test_a_deleted_map_stays_deleted(database):
+    first = database()
+    fill(first)
+    first.delete_map("nodes")
+    first.close()
+    second = database()
+    second.create_map("nodes", {"other": str}, "other")
+    assert list(second.query_keys("nodes")) == []
+
+
+def test_nothing_is_kept_before_flush(database):
+    writer = database()
+    fill(writer)
+    writer.flush()
+    writer.insert_data("nodes", {"id": 3, "a b": [], "X": 0.0})
+    reader = database()
+    reader.create_map("nodes", SCHEMA, "id")
+    assert list(reader.query_keys("nodes")) == [2, 1]
+    writer.flush()
+    assert list(reader.query_keys("nodes")) == [2, 1, 3]
+
+
+def test_a_failed_bulk_insert_keeps_what_was_written_before(database):
+    store = database()
+    fill(store)
+    with pytest.raises(KeyError):
+        store.insert_many("nodes", {"id": [9, 2], "a b": [[], []], "X": [0.0, 0.0]})
+    store.close()
+    again = database()
+    again.create_map("nodes", SCHEMA, "id")
+    assert list(again.query_keys("nodes")) == [2, 1]
+
+
+def test_own_sql_sees_the_map_under_its_name(database):
+    store = database()
+    fill(store)
+    assert store.cursor().execute('SELECT id, "a b" IS NULL FROM nodes ORDER BY id').fetchall() == [
+        (1, 1),
+        (2, 0),
+    ]
+    store.mark_dirty()
+    store.cursor().execute("CREATE TABLE mine (x)")
+    assert store.connection().in_transaction
+    store.flush()
+    assert not store.connection().in_transaction
+
+
+def test_a_closed_store_gives_no_connection(database):
+    store = database()
+    store.close()
+    for call in (store.connection, store.cursor, store.flush, store.mark_dirty):
+        with pytest.raises(ValueError, match="closed"):
+            call()
+
+
+def test_folders_are_made_and_only_the_file_stays(tmp_path):
+    path = tmp_path / "a" / "b" / "store.db"
+    store = SqliteStore("s", PathLike(str(path)))
+    fill(store)
+    store.close()
+    assert [one.name for one in path.parent.iterdir()] == ["store.db"]
+    assert PathLike(str(path)).exists()
+
+
+def test_the_tables_of_another_program_are_left_alone(database):
+    run(database.path, "CREATE TABLE nodes (theirs TEXT)")
+    run(database.path, "INSERT INTO nodes VALUES ('kept')")
+    store = database()
+    fill(store)
+    assert store.connection().execute("SELECT theirs FROM nodes").fetchall() == [("kept",)]
+    assert list(store.query_keys("nodes")) == [2, 1]
+
+
+@pytest.mark.parametrize("content", [b"this is no database, it is text" * 50, b"SQLite format 3\0" + b"\xff" * 500])
+def test_a_foreign_file_is_named(database, content):
+    database.path.write_bytes(content)
+    with pytest.raises(BadFile, match=r"store\.db"):
+        database()
+    assert database.path.read_bytes() == content
+
+
+def test_a_folder_and_a_path_through_a_file_are_named(tmp_path):
+    (tmp_path / "file").write_text("x")
+    for path in (tmp_path, tmp_path / "file" / "store.db"):
+        with pytest.raises(BadFile, match="another path"):
+            SqliteStore("s", PathLike(str(path)))
+
+
+def test_a_truncated_file_is_named(database):
+    store = database()
+    store.create_map("m", {"id": int, "text": str}, "id")
+    store.insert_many("m", {"id": list(range(2000)), "text": ["x" * 50] * 2000})
+    store.close()
+    database.path.write_bytes(database.path.read_bytes()[:20000])
+    with pytest.raises(BadFile, match=r"store\.db"):
+        again = database()
+        again.create_map("m", {"id": int, "text": str}, "id")
+        again.read_columns("m")
+
+
+@pytest.mark.parametrize(
+    "place",
+    [
+        "no json",
+        "[]",
+        "{}",
+        None,
+        json.dumps({"table": "nodes", "key": "id", "types": {"id": "int"}, "columns": {"id": 3}}),
+        json.dumps({"table": ["nodes"], "key": "id", "types": {}, "columns": {}}),
+        json.dumps({"table": "t", "key": "id", "types": [], "columns": 1}),
+        json.dumps({"table": "t", "key": "id", "types": {"id": "int"}, "columns": {}, "more": 1}),
+    ],
+)
+def test_a_damaged_list_of_maps_is_named(database, place):
+    run(database.path, "CREATE TABLE gamms_maps (name TEXT, place TEXT)")
+    run(database.path, "INSERT INTO gamms_maps VALUES ('nodes', ?)", place)
+    with pytest.raises(BadFile, match="damaged"):
+        database()
+
+
+def test_a_list_of_maps_without_its_tables_is_named(database):
+    place = {"table": "gone", "key": "id", "types": {"id": "int"}, "columns": {"id": "id"}}
+    run(database.path, "CREATE TABLE gamms_maps (name TEXT, place TEXT)")
+    run(database.path, "INSERT INTO gamms_maps VALUES ('nodes', ?)", json.dumps(place))
+    store = database()
+    with pytest.raises(BadFile, match="damaged"):
+        store.create_map("nodes", {"id": int}, "id")
+
+
+def test_a_foreign_table_of_our_name_is_named(database):
+    run(database.path, "CREATE TABLE gamms_maps (x)")
+    with pytest.raises(BadFile, match="no such column"):
+        database()
+
+
+@pytest.mark.parametrize(
+    ("column", "value"),
+    [
+        ("X", "text"),
+        ("X", b"short"),
+        ("id", "text"),
+        ("a b", b"\xff\xff"),
+        ("a b", 3),
+        ("a b", b"\x05"),  # CBOR of 5, not of a list
+        ("a b", b"\xa1\xf8\x20\x05"),  # our mark of a tuple around something else
+        ("a b", b"\xa1\xf8\x99\x80"),  # a mark that we never write
+        ("a b", b"\xd8\x1c\x81\xd8\x1d\x00"),  # a list that holds itself
+        ("a b", b"\x81\xc0\x60"),  # a date
+        ("a b", b""),
+    ],
+)
+def test_a_damaged_value_is_named_and_never_run(database, column, value):
+    first = database()
+    fill(first)
+    first.close()
+    run(database.path, f'UPDATE nodes SET "{column}" = ? WHERE id = 2', value)
+    second = database()
+    second.create_map("nodes", SCHEMA, "id")
+    with pytest.raises(BadFile, match="damaged"):
+        second.read_columns("nodes")
+
+
+def test_a_file_that_another_program_is_writing_is_named(database):
+    writer = database()
+    fill(writer)
+    writer.connection().execute("PRAGMA busy_timeout = 0")
+    other = database()
+    other.connection().execute("PRAGMA busy_timeout = 0")
+    with pytest.raises(BadFile, match="locked"):
+        other.create_map("other", {"id": int}, "id")
+    writer.flush()
+    other.create_map("other", {"id": int}, "id")
+
+
+def test_equal_rows_make_equal_bytes(tmp_path):
+    rows = [{"a", "b", "c", "d"}, {"d", "c", "b", "a"}]
+    blobs = []
+    for at, value in enumerate(rows):
+        store = SqliteStore("s", PathLike(str(tmp_path / str(at))))
+        store.create_map("m", {"id": int, "v": set}, "id")
+        store.insert_data("m", {"id": 1, "v": value})
+        blobs += store.cursor().execute("SELECT v FROM m").fetchall()
+        store.close()
+    assert blobs[0] == blobs[1]

@@ -1,0 +1,140 @@
+"""Drawers: what each thing looks like, as commands."""
+
+from itertools import pairwise
+
+import numpy as np
+import pytest
+from hypothesis import given
+from hypothesis import strategies as st
+
+from gamms.errors import BadValue
+from gamms.ir.draw import DrawKind, DrawSpace
+from gamms.ir.palette import OTHER_OBSTACLE
+from gamms.visual import Circle, Color, render_circle, render_rectangle
+from gamms.visual.drawers.graph import one_way_each, polylines
+
+
+def points_of(commands, kind):
+    """The points of every command of one kind."""
+    return [
+        commands.points[commands.offsets[row] : commands.offsets[row + 1]].tolist()
+        for row in np.flatnonzero(commands.kind == kind)
+    ]
+
+
+def test_a_two_way_street_is_drawn_once_and_a_bend_is_followed(ctx):
+    ctx.visual.set_graph_visual()
+    commands = ctx.visual.draw_commands()
+    assert points_of(commands, DrawKind.LINE) == [[[0, 0], [10, 0]], [[10, 0], [12, 5], [10, 10]]]
+    assert points_of(commands, DrawKind.CIRCLE) == [[[0, 0]], [[10, 0]], [[10, 10]]]
+
+
+def test_parallel_streets_of_different_shape_are_all_drawn(columns_of):
+    xy = np.array([(0.0, 0.0), (4.0, 0.0)])
+    bend = np.array([(0.0, 0.0), (2.0, 1.0), (4.0, 0.0)])
+    other = bend * (1.0, -1.0)
+    columns = columns_of(xy, [(0, 1), (0, 1), (1, 0), (0, 1), (1, 0)], {1: bend, 2: bend[::-1], 3: other})
+    assert one_way_each(columns).tolist() == [0, 1, 3]
+
+
+@given(st.lists(st.tuples(st.integers(0, 5), st.integers(0, 5)), max_size=30), st.randoms())
+def test_every_street_is_drawn_exactly_once(columns_of, edges, random):
+    xy = np.arange(12.0).reshape(6, 2)
+    bends = {
+        row: np.array([xy[source], (source + target, 50.0), xy[target]])
+        for row, (source, target) in enumerate(edges)
+        if random.random() < 0.5
+    }
+    columns = columns_of(xy, edges, bends)
+    points, offsets = polylines(columns, one_way_each(columns))
+    drawn = [points[begin:end].tolist() for begin, end in pairwise(offsets)]
+    streets = [
+        bends[row].tolist() if row in bends else [xy[source].tolist(), xy[target].tolist()]
+        for row, (source, target) in enumerate(edges)
+    ]
+    assert {frozenset(map(tuple, line)) for line in drawn} == {frozenset(map(tuple, line)) for line in streets}
+    assert len(drawn) == len({min(str(line), str(line[::-1])) for line in streets})
+
+
+def test_node_ids_are_written_on_demand(ctx):
+    ctx.visual.set_graph_visual(draw_id=True)
+    assert [text for text in ctx.visual.draw_commands().text if text] == ["0", "1", "2"]
+
+
+def test_an_agent_is_an_outlined_disc_at_its_node_that_is_never_too_small(ctx):
+    artist = ctx.visual.set_agent_visual("blue_0", color=(0, 0, 255), size=3)
+    commands = ctx.visual.draw_commands()
+    assert points_of(commands, DrawKind.CIRCLE) == [[[10, 10]]] * 4
+    assert commands.color[:, :3].tolist() == [[255, 255, 255]] * 2 + [[0, 0, 255]] * 2
+    assert commands.space.tolist() == [DrawSpace.WORLD, DrawSpace.SCREEN] * 2
+    assert artist.data["agent_data"].current_position == (10.0, 10.0)
+
+
+def test_an_agent_may_have_a_picture(ctx, tmp_path):
+    image = tmp_path / "robot.png"
+    image.write_bytes(b"not decoded here")
+    ctx.visual.set_agent_visual("blue_0", image_path=str(image), size=3)
+    commands = ctx.visual.draw_commands()
+    assert (commands.kind.tolist(), commands.text) == ([DrawKind.IMAGE], (str(image),))
+
+
+def test_an_obstacle_is_its_top_edge_in_the_color_of_its_type(ctx):
+    ctx.visual.set_obstacle_visual(boundary_thickness=2.0)
+    commands = ctx.visual.draw_commands()
+    assert points_of(commands, DrawKind.LINE) == [[[2, 3], [4, 3]]]
+    assert commands.color.tolist() == [[0x1F, 0x78, 0xB4, 255]]
+    assert (commands.width.tolist(), commands.space.tolist()) == ([2.0], [DrawSpace.WORLD])
+
+
+def test_obstacle_colors_can_be_changed_and_unknown_types_are_grey(ctx):
+    artist = ctx.visual.set_obstacle_visual(color_map={1: (1, 2, 3)})
+    assert ctx.visual.draw_commands().color.tolist() == [[1, 2, 3, 255]]
+    ctx.graph.remove_obstacle_face(0)
+    ctx.graph.add_obstacle_face(1, (4, 3, 9), (2, 3, 9), (4, 3, 0), (2, 3, 0), 77)
+    artist.data = {}
+    assert ctx.visual.draw_commands().color.tolist() == [[*OTHER_OBSTACLE, 255]]
+
+
+def test_sensors_show_what_they_saw_last(ctx):
+    for name in ("near", "map", "spy"):
+        ctx.sensor.get_sensor(name).sense(0)
+        ctx.visual.set_sensor_visual(name, edge_color=Color.Red)
+    commands = ctx.visual.draw_commands()
+    street = [[0, 0], [10, 0]]
+    assert points_of(commands, DrawKind.LINE) == [street, street[::-1], [[10, 0], [12, 5], [10, 10]]]
+    near, world = [[[0, 0]], [[10, 0]]], [[[0, 0]], [[10, 0]], [[10, 10]]]
+    spy = [[[0, 0]], [[10, 10]]]
+    assert points_of(commands, DrawKind.CIRCLE) == near * 2 + world * 2 + spy * 2
+
+
+def test_a_sensor_that_has_not_sensed_yet_draws_nothing(ctx):
+    for name in ("near", "map", "spy"):
+        ctx.visual.set_sensor_visual(name)
+    assert len(ctx.visual.draw_commands()) == 0
+
+
+def test_a_sensor_of_the_users_own_kind_needs_the_users_own_drawer(ctx, caplog):
+    ctx.visual.set_sensor_visual("own")
+    assert len(ctx.visual.draw_commands()) == 0
+    assert "CUSTOM have no drawer here" in caplog.text
+
+
+@pytest.mark.parametrize(
+    "data",
+    [
+        {"x": 1, "y": 2, "radius": 3, "color": (9, 9, 9), "layer": 30},
+        {"x": 1, "y": 2, "scale": 3, "color": (9, 9, 9)},
+        {"anything": Circle(1, 2, 3, (9, 9, 9))},
+    ],
+)
+def test_a_circle_is_described_by_data_or_by_a_circle(ctx, data):
+    with ctx.visual._collecting() as commands:
+        render_circle(ctx, data)
+    circle = commands.freeze()
+    assert (circle.points.tolist(), circle.size.tolist()) == ([[1, 2]], [3])
+    assert circle.color.tolist() == [[9, 9, 9, 255]]
+
+
+def test_a_shape_says_what_its_data_lacks(ctx):
+    with pytest.raises(BadValue, match="lacks width, height; it has"):
+        render_rectangle(ctx, {"x": 1, "y": 2})

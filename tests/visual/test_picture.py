@@ -1,0 +1,124 @@
+"""Pictures of the present state: what is drawn, in which order, where the camera looks, what is written."""
+
+import logging
+from xml.etree import ElementTree as ET
+
+import numpy as np
+import pytest
+
+from gamms.errors import BadType, BadValue, NotYet
+from gamms.visual.camera import fit
+from gamms.visual.color import TEAM_COLORS
+from gamms.visual.commands import Commands
+
+SVG = "{http://www.w3.org/2000/svg}"
+
+
+def dot(layer):
+    """An artist's dict that draws one dot."""
+    return {"drawer": lambda ctx, data: ctx.visual.render_circle(1, 2, 1), "layer": layer}
+
+
+def test_artists_are_painted_by_layer_then_in_the_order_of_their_declaration(ctx):
+    ctx.visual.set_agent_visual("red_0")
+    for name, layer in (("top", 90), ("low", 1), ("high", 50), ("high too", 50)):
+        ctx.visual.add_artist(name, dot(layer))
+    assert ctx.visual.draw_commands().layer.tolist() == [1, 20, 20, 20, 20, 50, 50, 90]
+
+
+def test_an_invisible_artist_is_not_drawn(ctx):
+    ctx.visual.set_graph_visual().set_visible(False)
+    assert len(ctx.visual.draw_commands()) == 0
+
+
+def test_a_drawer_that_fails_is_logged_with_its_name_and_the_others_draw_on(ctx, caplog):
+    ctx.visual.set_agent_visual("nobody")
+    ctx.visual.add_artist("dot", dot(90))
+    assert len(ctx.visual.draw_commands()) == 1
+    assert [record.levelno for record in caplog.records] == [logging.ERROR]
+    assert "'nobody' could not be drawn: UnknownName" in caplog.text
+
+
+def test_a_bad_coordinate_is_an_error_of_the_artist_that_gave_it(ctx, caplog):
+    ctx.visual.set_graph_visual().set_visible(False)
+    ctx.visual.add_artist("lost", {"x": float("nan"), "y": 0, "radius": 1})
+    assert len(ctx.visual.draw_commands()) == 0
+    assert "'lost' could not be drawn: BadValue" in caplog.text
+
+
+def test_where_nothing_was_declared_streets_and_teams_are_drawn_below_the_users_artists(ctx):
+    ctx.visual.add_artist("flag", dot(90))
+    commands = ctx.visual.draw_commands()
+    assert set(commands.layer.tolist()) == {10, 20, 90}
+    colors = {tuple(color) for color in commands.color[commands.layer == 20, :3].tolist()}
+    assert colors == {*TEAM_COLORS[:2], (255, 255, 255)}
+
+
+def test_drawing_twice_gives_the_same_file(ctx, tmp_path):
+    ctx.visual.save(tmp_path / "one.svg")
+    ctx.visual.save(str(tmp_path / "two.svg"))
+    assert (tmp_path / "one.svg").read_bytes() == (tmp_path / "two.svg").read_bytes()
+    assert sorted(path.name for path in tmp_path.iterdir()) == ["one.svg", "two.svg"]
+
+
+def test_the_picture_says_what_it_shows_and_where_the_map_is_from(ctx, tmp_path):
+    ctx.graph.graph.attribution = "© OpenStreetMap contributors"
+    ctx.visual.save(tmp_path / "a.svg", 640, 480, title="Flags & <friends>", note="turn 3")
+    root = ET.parse(tmp_path / "a.svg").getroot()
+    assert (root.get("width"), root.get("height"), root.get("role")) == ("640", "480", "img")
+    assert root.findtext(f"{SVG}title") == "Flags & <friends>"
+    words = [text.text for text in root.findall(f"{SVG}text")]
+    assert words == ["Flags & <friends>", "turn 3 · © OpenStreetMap contributors"]
+
+
+def test_an_empty_scenario_gives_an_empty_picture(ctx, tmp_path):
+    ctx.visual.set_graph_visual().set_visible(False)
+    ctx.visual.save(tmp_path / "a.svg")
+    assert ET.parse(tmp_path / "a.svg").getroot().find(f"{SVG}rect") is not None
+
+
+@pytest.mark.parametrize(
+    ("arguments", "error", "words"),
+    [
+        (("a.svg", 0, 10), BadValue, "positive width and height, not 0 x 10"),
+        (("a.svg", 10, -1), BadValue, "positive"),
+        (("a.svg", 10.5, 10), BadType, "width"),
+        (("a.png",), NotYet, r"as '\.png' \(there is: \.svg\)"),
+        (("picture",), NotYet, "there is: .svg"),
+        (("no/folder/a.svg",), BadValue, "Create it first"),
+    ],
+)
+def test_an_impossible_picture_is_refused_and_nothing_is_written(ctx, tmp_path, arguments, error, words):
+    name, *size = arguments
+    with pytest.raises(error, match=words):
+        ctx.visual.save(tmp_path / name, *size)
+    assert list(tmp_path.iterdir()) == []
+
+
+def test_a_failed_save_keeps_the_old_picture(ctx, tmp_path):
+    path = tmp_path / "a.svg"
+    path.write_text("old")
+    with pytest.raises(BadType):
+        ctx.visual.save(path, background=7)
+    assert path.read_text() == "old"
+
+
+@pytest.mark.parametrize("points", [[(0, 0), (10, 30)], [(5, 5), (5, 9)], [(7, 7), (7, 7)], [(1e9, 0), (1e9 + 1, 0)]])
+def test_the_camera_sees_everything_upright_and_undistorted(points):
+    commands = Commands()
+    commands.add_line(points, "red")
+    camera = fit(commands.freeze(), 200, 100, header=20)
+    screen = camera.to_screen(np.array(points, float))
+    assert ((screen >= (0, 20)) & (screen <= (200, 100))).all()
+    (left, low), (right, high) = points
+    steps = screen[1] - screen[0]
+    np.testing.assert_allclose(steps, ((right - left) * camera.scale, (low - high) * camera.scale), atol=1e-6)
+
+
+def test_the_camera_counts_the_radius_of_a_disc_but_not_sizes_in_pixels():
+    commands = Commands()
+    commands.add_circles([(0, 0)], 10, "red")
+    alone = fit(commands.freeze(), 100, 100)
+    commands.add_rectangle(0, 0, 5000, 5000, "red")
+    assert fit(commands.freeze(), 100, 100) == alone
+    assert alone.scale == pytest.approx(92 / 20)
