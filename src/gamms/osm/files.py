@@ -1,0 +1,83 @@
+"""Look at a map file before anything parses it: which format it has, and whether it is a bomb."""
+
+import bz2
+import gzip
+import os
+import zlib
+from pathlib import Path
+
+from gamms.errors import BadFile, BadType
+
+_CHUNK = 1 << 20
+_MOST_EXPANSION = 200  # map data shrinks 10 to 30 times
+_ALWAYS_ALLOWED = 64 << 20  # bytes: this much is never a bomb
+_GZIP_EXPANSION = 1032  # deflate cannot do better
+_BZIP2_EXPANSION = _ALWAYS_ALLOWED  # bytes per byte: runs of one value shrink without a useful bound
+WAY_OUT = (
+    "Give an .osm, .xml, .osm.gz, .osm.bz2 or .osm.pbf file, "
+    "such as an export from openstreetmap.org, the Overpass API or Geofabrik."
+)
+
+
+def as_file(path: object) -> Path:
+    """`path` as the path of a file that is there.
+
+    Raises:
+        BadType: it is not a path.
+        FileNotFoundError: there is nothing.
+        IsADirectoryError: it is a folder.
+        BadFile: it is a pipe or a device.
+    """
+    if not isinstance(path, (str, os.PathLike)):
+        raise BadType(f"filepath must be a path, not {path!r} ({type(path).__name__}).")
+    file = Path(path)
+    if not file.exists():
+        raise FileNotFoundError(f"There is no file {str(file)!r} in {str(Path.cwd())!r}. {WAY_OUT}")
+    if file.is_dir():
+        raise IsADirectoryError(f"{str(file)!r} is a folder, not a map. {WAY_OUT}")
+    if not file.is_file():
+        raise BadFile(f"{str(file)!r} is not a regular file. {WAY_OUT}")
+    return file
+
+
+def file_format(file: Path) -> str:
+    """The format of a map file in osmium's words, judged by its first bytes.
+
+    Raises:
+        BadFile: it is empty, of another kind, damaged, or expands absurdly.
+    """
+    with file.open("rb") as stream:
+        head = stream.read(64)
+    if not head:
+        raise BadFile(f"{str(file)!r} is empty. {WAY_OUT}")
+    if head.startswith(b"\x1f\x8b"):
+        _refuse_bomb(file, _GZIP_EXPANSION, gzip.GzipFile)
+        return "osm.gz"
+    if head.startswith(b"BZh"):
+        _refuse_bomb(file, _BZIP2_EXPANSION, bz2.BZ2File)
+        return "osm.bz2"
+    if b"OSMHeader" in head[:32]:
+        return "pbf"
+    if head.removeprefix(b"\xef\xbb\xbf").lstrip().startswith(b"<"):
+        return "osm"
+    raise BadFile(f"{str(file)!r} is not an OpenStreetMap file: it starts with {head[:16]!r}. {WAY_OUT}")
+
+
+def _refuse_bomb(file: Path, expansion: int, unpack: type[gzip.GzipFile] | type[bz2.BZ2File]) -> None:
+    packed = file.stat().st_size
+    if packed * expansion <= _ALWAYS_ALLOWED:
+        return
+    allowed, unpacked = max(_ALWAYS_ALLOWED, packed * _MOST_EXPANSION), 0
+    try:
+        with unpack(file) as stream:
+            while chunk := stream.read(_CHUNK):
+                unpacked += len(chunk)
+                if unpacked > allowed:
+                    break
+    except (EOFError, OSError, zlib.error) as error:
+        raise BadFile(f"{str(file)!r} is damaged: {error}. Download it again.") from error
+    if unpacked > allowed:
+        raise BadFile(
+            f"{str(file)!r} has {packed} bytes and unpacks to more than {allowed}: no map shrinks that much. "
+            "Unpack it yourself and give the .osm file if you trust it."
+        )

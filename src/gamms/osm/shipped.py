@@ -1,0 +1,35 @@
+"""The map that comes with the package: central Helsinki, © OpenStreetMap contributors."""
+
+from pathlib import Path
+from typing import TYPE_CHECKING
+
+from gamms.errors import BadValue
+from gamms.osm.load import resample_columns
+from gamms.typing import IContext
+
+if TYPE_CHECKING:
+    import networkx as nx
+
+_FILE = Path(__file__).parent.parent / "data" / "helsinki.gamms"
+
+
+def helsinki(ctx: IContext, resolution: float = 10.0, bidirectional: bool = True) -> "nx.DiGraph[int]":
+    """Put the streets of central Helsinki into the empty graph of a context; returns them as a networkx graph, too.
+
+    Args:
+        ctx: the context.
+        resolution: metres between nodes.
+        bidirectional: let agents go against one-way streets.
+
+    Raises:
+        BadValue: the context has a graph already, or the resolution is impossible.
+    """
+    graph = ctx.graph.graph
+    if next(graph.get_nodes(), None) is not None:
+        raise BadValue("The context has a graph already. Load the map into a new context.")
+    try:
+        streets = resample_columns(ctx.graph.load(_FILE).columns(), resolution, bidirectional)
+    finally:
+        graph.clear()
+    ctx.graph.attach_networkx_graph(streets)
+    return streets

@@ -1,0 +1,106 @@
+"""The ways of a map file as columns, and the pieces of road between their vertices."""
+
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass
+from typing import Any
+
+import numpy as np
+
+from gamms.ir.graph import FloatArray, IntArray
+from gamms.osm.labels import components, first_seen
+
+NO_ROADS = (
+    "abandoned",
+    "construction",
+    "no",
+    "planned",
+    "platform",
+    "proposed",
+    "raceway",
+    "razed",
+    "rest_area",
+    "services",
+)
+KEPT_TAGS = (
+    "highway",
+    "name",
+    "lanes",
+    "maxspeed",
+    "ref",
+    "bridge",
+    "tunnel",
+    "access",
+    "service",
+    "width",
+    "est_width",
+    "junction",
+    "landuse",
+    "area",
+)
+_ONE_WAY = ("yes", "true", "1", "-1", "reverse", "T", "F")
+_AGAINST = ("-1", "reverse", "T")
+
+
+@dataclass(slots=True, frozen=True, eq=False)
+class Ways:
+    """Roads as they are in the file: way `i` visits the positions `offsets[i]:offsets[i + 1]`."""
+
+    offsets: IntArray  # (ways + 1,)
+    refs: IntArray  # (positions,)  OpenStreetMap node ids
+    lonlat: FloatArray  # (positions, 2)  degrees, NaN where the file lacks the node
+    against: "np.ndarray[Any, np.dtype[np.bool_]]"  # (ways,)  one-way against the order of the positions
+    tags: Sequence[Mapping[str, Any]]  # (ways,)  osmid, oneway as a bool, and the kept tags as text
+
+
+@dataclass(slots=True, frozen=True, eq=False)
+class Segments:
+    """Straight pieces of road between consecutive vertices, in the order of the file."""
+
+    lonlat: FloatArray  # (nodes, 2)  degrees, in first-seen order
+    sources: IntArray  # (segments,)  node rows
+    targets: IntArray  # (segments,)  node rows
+    ways: IntArray  # (segments,)  way rows
+
+
+def is_road(highway: str, area: str | None) -> bool:
+    """Whether a way with these tags can be walked, ridden or driven."""
+    return highway not in NO_ROADS and area != "yes"
+
+
+def is_against(oneway: str | None) -> bool:
+    """Whether the traffic of a one-way road runs against the order of its vertices."""
+    return oneway in _AGAINST
+
+
+def kept_tags(osmid: int, tags: Mapping[str, str]) -> dict[str, Any]:
+    """The attributes of a way: its tags under their own names, `oneway` as a bool."""
+    kept: dict[str, Any] = {"osmid": osmid}
+    kept.update((name, tags[name]) for name in KEPT_TAGS if name in tags)
+    oneway = tags.get("oneway")
+    kept["oneway"] = oneway in _ONE_WAY or (oneway is None and tags.get("junction") == "roundabout")
+    return kept
+
+
+def segments_of(ways: Ways) -> Segments:
+    """Cut the ways at every vertex; a vertex that the file lacks leaves a gap, never a line across it."""
+    way = np.repeat(np.arange(len(ways.tags)), np.diff(ways.offsets))
+    there = np.isfinite(ways.lonlat[:, 0])
+    joined = (way[:-1] == way[1:]) & there[:-1] & there[1:] & (ways.refs[:-1] != ways.refs[1:])
+    first = np.flatnonzero(joined)
+    positions = np.column_stack((first, first + 1))
+    way = way[first]
+    positions[ways.against[way]] = positions[ways.against[way], ::-1]
+    rows, firsts = first_seen(ways.refs[positions].ravel())
+    sources, targets = rows[0::2], rows[1::2]
+    return Segments(ways.lonlat[positions.ravel()[firsts]], sources, targets, way)
+
+
+def largest_part(segments: Segments) -> Segments:
+    """The connected part with the most nodes; of equals the one that the file names first."""
+    label = components(segments.sources, segments.targets, len(segments.lonlat))
+    inside = label == np.bincount(label).argmax()
+    kept = inside[segments.sources]
+    row = np.cumsum(inside) - 1
+    return Segments(
+        segments.lonlat[inside], row[segments.sources[kept]], row[segments.targets[kept]], segments.ways[kept]
+    )

@@ -1,0 +1,175 @@
+"""Bad input: what is wrong, where, and the way out; never a hang, never a traceback from a library."""
+
+import bz2
+import gzip
+import math
+import os
+
+import pytest
+
+from gamms.errors import BadFile, BadType, BadValue, MissingExtra
+from gamms.osm import graph_from_xml, osmium, pyproj
+
+ROAD = {"highway": "residential"}
+
+_LOLS = "".join(f'<!ENTITY l{i} "{f"&l{i - 1};" * 10}">' for i in range(1, 10))
+CONTENTS = {
+    "empty": b"",
+    "text": b"hello world\n",
+    "html": b"<!DOCTYPE html><html><body>404</body></html>",
+    "json": b'{"elements": []}',
+    "zip": b"PK\x03\x04" + bytes(100),
+    "noise": bytes(range(256)),
+    "half a pbf": b"\0\0\0\x0e\x0a\x09OSMHeader\x18\xff",
+    "no version": b"<?xml version='1.0'?><osm></osm>",
+    "entity bomb": (
+        f'<?xml version="1.0"?><!DOCTYPE o [<!ENTITY l0 "lol">{_LOLS}]><osm version="0.6"><note>&l9;</note></osm>'
+    ).encode(),
+    "file entity": (
+        b'<?xml version="1.0"?><!DOCTYPE o [<!ENTITY f SYSTEM "file:///etc/passwd">]>'
+        b'<osm version="0.6"><note>&f;</note></osm>'
+    ),
+    "damaged gzip": gzip.compress(b"<osm version='0.6'>" + bytes(1000))[:-30],
+    "gzip of noise": gzip.compress(b"hello world"),
+    "damaged bzip2": bz2.compress(b"<osm version='0.6'>" + os.urandom(1000))[:-30],
+    "bad id": b'<osm version="0.6"><way id="1"><nd ref="x"/><tag k="highway" v="path"/></way></osm>',
+    "no roads": b'<osm version="0.6"><node id="1" lat="1" lon="1"/></osm>',
+    "nothing": b'<osm version="0.6"></osm>',
+    "no nodes": (b'<osm version="0.6"><way id="1"><nd ref="1"/><nd ref="2"/><tag k="highway" v="path"/></way></osm>'),
+    "far away": (
+        b'<osm version="0.6"><node id="1" lat="1" lon="181"/><node id="2" lat="1" lon="182"/>'
+        b'<way id="1"><nd ref="1"/><nd ref="2"/><tag k="highway" v="path"/></way></osm>'
+    ),
+}
+
+
+@pytest.mark.parametrize("content", CONTENTS.values(), ids=CONTENTS.keys())
+@pytest.mark.parametrize("name", ["map.osm", "map"])
+def test_what_is_no_map_is_refused_with_its_name_and_the_way_out(tmp_path, content, name):
+    path = tmp_path / name
+    path.write_bytes(content)
+    with pytest.raises(BadFile) as caught:
+        graph_from_xml(path)
+    assert str(path) in str(caught.value)
+    assert any(word in str(caught.value) for word in ("Give", "Export", "Download"))
+
+
+def test_a_map_that_was_cut_off_is_refused_wherever_it_ends(make_map, cross):
+    path = make_map(cross, ([1, 2, 3], ROAD))
+    whole = path.read_bytes().strip()
+    for end in range(0, len(whole), 7):
+        path.write_bytes(whole[:end])
+        with pytest.raises(BadFile):
+            graph_from_xml(path)
+
+
+@pytest.mark.parametrize("pack", [gzip, bz2], ids=["gzip", "bzip2"])
+def test_a_file_that_unpacks_absurdly_is_refused(tmp_path, pack):
+    path = tmp_path / "bomb.osm.gz"
+    with pack.open(path, "wb") as stream:
+        stream.write(b'<osm version="0.6">')
+        for _ in range(70):
+            stream.write(bytes([32]) * (1 << 20))
+        stream.write(b"</osm>")
+    with pytest.raises(BadFile, match="unpacks to more than"):
+        graph_from_xml(path)
+
+
+@pytest.mark.parametrize("pack", [gzip.compress, bz2.compress], ids=["gzip", "bzip2"])
+def test_packed_maps_are_read_whatever_their_name(make_map, cross, pack):
+    path = make_map(cross, ([1, 2, 3], ROAD))
+    expected = graph_from_xml(path).number_of_nodes()
+    path.write_bytes(pack(path.read_bytes()))
+    assert graph_from_xml(path).number_of_nodes() == expected
+
+
+def test_a_pbf_gives_the_same_graph(make_map, cross, tmp_path):
+    from osmium import FileProcessor, SimpleWriter
+
+    path = make_map(cross, ([1, 2, 3], ROAD), ([2, 4], ROAD))
+    with SimpleWriter(str(tmp_path / "map.osm.pbf")) as writer:
+        for item in FileProcessor(str(path)):
+            writer.add(item)
+    ours, theirs = graph_from_xml(path), graph_from_xml(tmp_path / "map.osm.pbf")
+    assert dict(ours.nodes(data=True)) == dict(theirs.nodes(data=True))
+    assert list(ours.edges(data="length")) == list(theirs.edges(data="length"))
+
+
+def test_deleted_and_repeated_ways_are_passed_over(make_map, cross):
+    path = make_map(cross, ([1, 2], ROAD), ([2, 3], ROAD))
+    text = path.read_text().replace('<way id="101"', '<way id="101" visible="false"')
+    first = text[text.index('<way id="100"') : text.index('<way id="101"')]
+    path.write_text(text.replace("</osm>", first + "</osm>"))
+    assert graph_from_xml(path, 1e6).number_of_nodes() == 2
+
+
+def test_an_absurd_node_id_is_a_missing_node(make_map, cross):
+    path = make_map(cross, ([1, 2, 9_000_000_000_000_000_000], ROAD))
+    assert graph_from_xml(path, 1e6).number_of_nodes() == 2
+
+
+def test_a_missing_file_and_a_folder_are_told_apart(tmp_path):
+    with pytest.raises(FileNotFoundError, match=r"nowhere\.osm"):
+        graph_from_xml(tmp_path / "nowhere.osm")
+    with pytest.raises(IsADirectoryError, match="folder"):
+        graph_from_xml(str(tmp_path))
+    with pytest.raises(BadType, match="path"):
+        graph_from_xml(3)
+
+
+@pytest.mark.skipif(not hasattr(os, "mkfifo"), reason="there are no named pipes here")
+def test_a_pipe_does_not_hang(tmp_path):
+    os.mkfifo(tmp_path / "pipe.osm")
+    with pytest.raises(BadFile, match="regular"):
+        graph_from_xml(tmp_path / "pipe.osm")
+
+
+@pytest.mark.parametrize("resolution", [0, -1, -0.0, math.nan, math.inf])
+def test_an_impossible_resolution_is_refused(make_map, cross, resolution):
+    with pytest.raises(BadValue, match="resolution"):
+        graph_from_xml(make_map(cross, ([1, 2], ROAD)), resolution=resolution)
+
+
+@pytest.mark.parametrize("resolution", ["x", None, True, [10]])
+def test_a_resolution_is_a_number(make_map, cross, resolution):
+    with pytest.raises(BadType, match="resolution"):
+        graph_from_xml(make_map(cross, ([1, 2], ROAD)), resolution=resolution)
+
+
+def test_a_resolution_that_would_fill_the_memory_is_refused(make_map, cross):
+    for resolution in (1e-7, 5e-324):
+        with pytest.raises(BadValue, match="coarser"):
+            graph_from_xml(make_map(cross, ([1, 2], ROAD)), resolution=resolution)
+
+
+@pytest.mark.parametrize("tolerance", [-1.0, math.nan, math.inf])
+def test_an_impossible_tolerance_is_refused(make_map, cross, tolerance):
+    with pytest.raises(BadValue, match="tolerance"):
+        graph_from_xml(make_map(cross, ([1, 2], ROAD)), tolerance=tolerance)
+
+
+def test_a_map_near_the_pole_is_refused(make_map):
+    with pytest.raises(BadValue, match="84"):
+        graph_from_xml(make_map({1: (85.0, 0.0), 2: (85.0, 0.1)}, ([1, 2], ROAD)))
+
+
+def test_a_map_of_half_the_world_is_refused(make_map):
+    nodes = {i: (0.0, lon) for i, lon in enumerate((0.0, 60.0, 120.0, 179.0, -120.0, -60.0), 1)}
+    with pytest.raises(BadValue, match="zone"):
+        graph_from_xml(make_map(nodes, ([*nodes], ROAD)), resolution=1e5)
+
+
+def test_without_the_extra_the_error_prints_the_pip_command(make_map, cross, monkeypatch):
+    path = make_map(cross, ([1, 2], ROAD))
+    monkeypatch.setitem(__import__("sys").modules, "osmium", None)
+    with pytest.raises(MissingExtra, match=r'pip install "gamms\[osm\]"'):
+        graph_from_xml(path)
+    monkeypatch.setitem(__import__("sys").modules, "pyproj", None)
+    with pytest.raises(MissingExtra, match=r'pip install "gamms\[osm\]"'):
+        pyproj.crs_of("EPSG:4326")
+
+
+def test_a_map_with_too_many_points_is_refused(make_map, cross, monkeypatch):
+    monkeypatch.setattr(osmium, "_MOST_POSITIONS", 2)
+    with pytest.raises(BadFile, match="smaller area"):
+        graph_from_xml(make_map(cross, ([1, 2, 3], ROAD)))

@@ -1,0 +1,101 @@
+"""What `gamms.osm` offers: names, tables, the shipped map, a line on the terminal."""
+
+import io
+import subprocess
+import sys
+import time
+from importlib.resources import files
+
+import networkx as nx
+import pytest
+
+import gamms.osm
+from gamms.errors import NotYetImportable
+from gamms.graph.file import load
+from gamms.osm import constants
+from gamms.osm.progress import progress
+
+
+class Terminal(io.StringIO):
+    def isatty(self):
+        return True
+
+
+@pytest.fixture(scope="module")
+def helsinki():
+    return load(str(files("gamms") / "data" / "helsinki.gamms"))
+
+
+def test_ways_of_moving_have_their_numbers():
+    assert [(kind.name, kind.value) for kind in gamms.osm.OSMType] == [("WALK", 0), ("BIKE", 1), ("DRIVE", 2)]
+
+
+def test_what_comes_later_says_so():
+    with pytest.raises(NotYetImportable, match="not part of this version"):
+        from gamms.osm import create_osm_graph  # noqa: F401
+    with pytest.raises(AttributeError, match="nonsense"):
+        _ = gamms.osm.nonsense
+
+
+def test_importing_the_room_loads_no_library():
+    code = (
+        "import gamms.osm, sys; "
+        "assert not {'osmium', 'pyproj', 'networkx', 'shapely'} & set(sys.modules), sorted(sys.modules)"
+    )
+    subprocess.run([sys.executable, "-c", code], check=True)
+
+
+def test_the_tables_of_obstacles():
+    assert constants.HEIGHT_ESTIMATES_TYPES["building", "church"] == (25.0, 10)
+    assert len(constants.HEIGHT_ESTIMATES_TYPES) == 38
+    assert constants.OSM_OBSTACLE_TAGS["building"] is True
+    assert constants.COLOR_TYPES[31] == "#ccebc5"
+
+
+def test_the_shipped_map_is_small_and_names_its_makers(helsinki):
+    folder = files("gamms") / "data"
+    assert len((folder / "helsinki.gamms").read_bytes()) < 1_000_000
+    assert "ODbL" in (folder / "ATTRIBUTION.md").read_text(encoding="utf-8")
+    assert "OpenStreetMap" in helsinki.attribution
+
+
+@pytest.mark.parametrize("bidirectional", [True, False])
+def test_the_shipped_map_is_cut_without_any_optional_library(helsinki, monkeypatch, bidirectional):
+    monkeypatch.setitem(sys.modules, "osmium", None)
+    monkeypatch.setitem(sys.modules, "pyproj", None)
+    graph = gamms.osm.resample_columns(helsinki.columns, bidirectional=bidirectional)
+    assert nx.is_weakly_connected(graph)
+    assert graph.graph["crs"] == "EPSG:32635"
+    roads = sum(way["length"] for u, v, way in graph.edges(data=True) if u < v or (v, u) not in graph.edges)
+    assert roads == pytest.approx(helsinki.columns.lengths.sum(), rel=1e-9)
+    assert {"osmid", "highway", "oneway"} <= set(next(iter(graph.edges(data=True)))[2])
+
+
+def test_lengths_of_the_shipped_map_fit_its_polylines(helsinki):
+    graph = gamms.osm.resample_columns(helsinki.columns, resolution=50.0)
+    for _, _, data in graph.edges(data=True):
+        assert data["length"] == pytest.approx(data["linestring"].length, rel=0.01, abs=0.02)
+
+
+def test_progress_shows_on_a_terminal_after_a_while(monkeypatch):
+    monkeypatch.setattr(sys, "stderr", terminal := Terminal())
+    with progress(0.02) as show:
+        show("soon")
+        time.sleep(0.05)
+        show("late")
+    assert "soon" not in terminal.getvalue()
+    assert "late" in terminal.getvalue()
+    assert terminal.getvalue().endswith("\r\x1b[K")
+
+
+def test_progress_is_silent_elsewhere_and_when_it_is_fast(monkeypatch):
+    monkeypatch.setattr(sys, "stderr", pipe := io.StringIO())
+    with progress(0.0) as show:
+        show("anything")
+    monkeypatch.setattr(sys, "stderr", terminal := Terminal())
+    with progress() as show:
+        show("anything")
+    monkeypatch.setattr(sys, "stderr", None)
+    with progress(0.0) as show:
+        show("anything")
+    assert pipe.getvalue() == terminal.getvalue() == ""

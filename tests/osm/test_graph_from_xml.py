@@ -1,0 +1,260 @@
+"""From a map file to a graph: lengths, directions, connectedness, tags."""
+
+import math
+import subprocess
+import sys
+
+import networkx as nx
+import numpy as np
+import pytest
+
+from gamms.osm import graph_from_xml
+
+ROAD = {"highway": "residential"}
+
+
+def haversine(a, b):
+    (lat1, lon1), (lat2, lon2) = (map(math.radians, p) for p in (a, b))
+    h = math.sin((lat2 - lat1) / 2) ** 2 + math.cos(lat1) * math.cos(lat2) * math.sin((lon2 - lon1) / 2) ** 2
+    return 2 * 6_371_009 * math.asin(math.sqrt(h))
+
+
+def total_length(graph):
+    return sum(data["length"] for _, _, data in graph.edges(data=True))
+
+
+def places(graph):
+    return {(data["x"], data["y"]) for _, data in graph.nodes(data=True)}
+
+
+def test_lengths_are_true_metres(make_map, curve):
+    path = make_map(curve, ([*curve], ROAD))
+    expected = sum(haversine(curve[i], curve[i + 1]) for i in range(1, 8))
+    graph = graph_from_xml(path, resolution=5.0)
+    assert total_length(graph) == pytest.approx(2 * expected, rel=0.006)
+
+
+@pytest.mark.parametrize("resolution", [1.0, 3.0, 10.0, 1e6])
+def test_resampling_keeps_the_total_length(make_map, curve, resolution):
+    path = make_map(curve, ([*curve], ROAD))
+    whole = total_length(graph_from_xml(path, resolution=1e9))
+    assert total_length(graph_from_xml(path, resolution=resolution)) == pytest.approx(whole, rel=1e-9)
+
+
+def test_cut_pieces_have_about_the_resolution(make_map, cross):
+    graph = graph_from_xml(make_map(cross, ([1, 2, 3], ROAD), ([2, 4], ROAD)), resolution=10.0)
+    lengths = [data["length"] for _, _, data in graph.edges(data=True)]
+    assert len(lengths) > 30
+    assert all(7.5 <= length <= 12.5 for length in lengths)
+
+
+def test_a_two_way_road_is_there_and_back_through_the_same_nodes(make_map, curve):
+    graph = graph_from_xml(make_map(curve, ([*curve], ROAD)), resolution=4.0)
+    assert graph.number_of_edges() == 2 * (graph.number_of_nodes() - 1)
+    for u, v, data in graph.edges(data=True):
+        back = graph.edges[v, u]
+        assert back["length"] == data["length"]
+        assert list(back["linestring"].coords) == list(data["linestring"].coords)[::-1]
+        assert abs(back["id"] - data["id"]) == 1
+
+
+def test_a_curved_road_has_no_two_nodes_at_nearly_one_place(make_map, curve):
+    graph = graph_from_xml(make_map(curve, ([*curve], ROAD)), resolution=4.0)
+    xy = np.array(sorted(places(graph)))
+    gaps = np.hypot(*(xy[:, None] - xy[None, :]).transpose(2, 0, 1)) + np.eye(len(xy)) * 1e9
+    assert gaps.min() > 1.0
+
+
+def test_every_linestring_leads_from_node_to_node(make_map, cross):
+    graph = graph_from_xml(make_map(cross, ([1, 2, 3], ROAD), ([2, 4], ROAD)))
+    for u, v, data in graph.edges(data=True):
+        first, last = data["linestring"].coords[0], data["linestring"].coords[-1]
+        assert first == (graph.nodes[u]["x"], graph.nodes[u]["y"])
+        assert last == (graph.nodes[v]["x"], graph.nodes[v]["y"])
+    assert nx.is_weakly_connected(graph)
+
+
+def test_nodes_have_x_and_y_and_ids_count_from_zero(make_map, cross):
+    graph = graph_from_xml(make_map(cross, ([1, 2, 3], ROAD)))
+    assert list(graph.nodes) == list(range(graph.number_of_nodes()))
+    assert all(set(data) == {"x", "y"} for _, data in graph.nodes(data=True))
+    assert [data["id"] for _, _, data in sorted(graph.edges(data=True), key=lambda e: e[2]["id"])] == list(
+        range(graph.number_of_edges())
+    )
+    seen = list(dict.fromkeys(n for u, v, _ in sorted(graph.edges(data="id"), key=lambda e: e[2]) for n in (u, v)))
+    assert seen == list(graph.nodes)
+
+
+def test_the_graph_names_its_crs_and_its_makers(make_map, cross):
+    graph = graph_from_xml(make_map(cross, ([1, 2], ROAD)))
+    assert graph.graph["crs"] == "EPSG:32635"
+    assert "OpenStreetMap" in graph.graph["attribution"]
+    xs = [x for _, x in graph.nodes(data="x")]
+    assert 100_000 < min(xs) < max(xs) < 900_000
+
+
+@pytest.mark.parametrize(
+    ("lat", "lon", "crs"),
+    [(-33.9, 18.4, "EPSG:32734"), (0.0, 0.01, "EPSG:32631"), (10.0, 179.9999, "EPSG:32660")],
+)
+def test_the_zone_follows_from_the_place(make_map, lat, lon, crs):
+    graph = graph_from_xml(make_map({1: (lat, lon), 2: (lat, lon - 0.001)}, ([1, 2], ROAD)))
+    assert graph.graph["crs"] == crs
+
+
+def test_a_map_may_straddle_the_date_line(make_map):
+    graph = graph_from_xml(make_map({1: (10.0, 179.9995), 2: (10.0, -179.9999)}, ([1, 2], ROAD)), resolution=1e4)
+    assert graph.graph["crs"] == "EPSG:32660"
+    assert total_length(graph) == pytest.approx(2 * haversine((10.0, 0.0), (10.0, 0.0006)), rel=0.006)
+
+
+def test_tags_are_kept_as_they_are(make_map, cross):
+    tags = {
+        "highway": "primary",
+        "name": 'Esplanadi "Ä"',
+        "lanes": "2",
+        "maxspeed": "30",
+        "oneway": "yes",
+        "foo": "x",
+    }
+    _, _, data = next(iter(graph_from_xml(make_map(cross, ([1, 2], tags))).edges(data=True)))
+    assert set(data) == {
+        "id",
+        "linestring",
+        "length",
+        "osmid",
+        "highway",
+        "name",
+        "lanes",
+        "maxspeed",
+        "oneway",
+    }
+    assert (data["osmid"], data["highway"], data["name"]) == (100, "primary", 'Esplanadi "Ä"')
+    assert (data["lanes"], data["maxspeed"], data["oneway"]) == ("2", "30", True)
+
+
+@pytest.mark.parametrize("oneway", ["yes", "true", "1"])
+def test_one_way_streets_lead_forward_only(make_map, cross, oneway):
+    path = make_map(cross, ([1, 2, 3], {**ROAD, "oneway": oneway}))
+    graph = graph_from_xml(path, bidirectional=False)
+    assert graph.number_of_edges() == graph.number_of_nodes() - 1
+    assert all(graph.nodes[u]["x"] < graph.nodes[v]["x"] for u, v in graph.edges)
+
+
+@pytest.mark.parametrize("oneway", ["-1", "reverse"])
+def test_reversed_one_way_streets_lead_backward_only(make_map, cross, oneway):
+    path = make_map(cross, ([1, 2, 3], {**ROAD, "oneway": oneway}))
+    graph = graph_from_xml(path, bidirectional=False)
+    assert graph.number_of_edges() == graph.number_of_nodes() - 1
+    assert all(graph.nodes[u]["x"] > graph.nodes[v]["x"] for u, v in graph.edges)
+
+
+def test_roundabouts_lead_one_way(make_map, cross):
+    path = make_map(cross, ([1, 2, 4, 1], {**ROAD, "junction": "roundabout"}), ([3, 2], ROAD))
+    graph = graph_from_xml(path, bidirectional=False)
+    ring = [edge for *edge, data in graph.edges(data=True) if "junction" in data]
+    assert ring
+    assert all((v, u) not in graph.edges for u, v in ring)
+    assert nx.is_strongly_connected(graph)
+
+
+def test_bidirectional_opens_one_way_streets(make_map, cross):
+    path = make_map(cross, ([1, 2, 3], {**ROAD, "oneway": "yes"}))
+    both, one = graph_from_xml(path), graph_from_xml(path, bidirectional=False)
+    assert both.number_of_edges() == 2 * one.number_of_edges()
+    assert places(both) == places(one)
+
+
+def test_two_roads_between_the_same_nodes_are_both_there(make_map, cross):
+    one = graph_from_xml(make_map(cross, ([1, 2], ROAD), name="one.osm"), resolution=1e6)
+    two = graph_from_xml(make_map(cross, ([1, 2], ROAD), ([2, 1], {"highway": "footway"})), resolution=1e6)
+    assert total_length(two) == pytest.approx(2 * total_length(one))
+    assert two.number_of_nodes() == 3
+    assert {data["highway"] for _, _, data in two.edges(data=True)} == {"residential", "footway"}
+
+
+def test_a_node_missing_from_the_file_leaves_a_gap(make_map, cross):
+    path = make_map({**cross, 5: (60.17, 24.943)}, ([1, 4, 99, 3, 5], ROAD))
+    graph = graph_from_xml(path, resolution=1e6, retain_all=True)
+    assert nx.number_weakly_connected_components(graph) == 2
+    assert graph.number_of_edges() == 4
+
+
+def test_the_largest_part_is_kept_unless_all_are_asked_for(make_map, cross):
+    far = {11: (60.18, 24.95), 12: (60.1805, 24.95)}
+    path = make_map({**cross, **far}, ([11, 12], ROAD), ([1, 2, 3], ROAD))
+    assert graph_from_xml(path, resolution=1e6).number_of_nodes() == 3
+    assert graph_from_xml(path, resolution=1e6, retain_all=True).number_of_nodes() == 5
+
+
+def test_only_roads_are_read(make_map, cross):
+    path = make_map(
+        cross,
+        ([1, 2], ROAD),
+        ([2, 3], {"highway": "construction"}),
+        ([2, 3], {"highway": "platform"}),
+        ([2, 3, 4, 2], {"highway": "pedestrian", "area": "yes"}),
+        ([2, 4], {"building": "yes"}),
+    )
+    assert graph_from_xml(path, resolution=1e6).number_of_nodes() == 2
+
+
+def test_nodes_may_follow_their_ways_and_have_negative_ids(make_map):
+    path = make_map({-1: (60.17, 24.94), -2: (60.17, 24.941)}, ([-1, -2], ROAD))
+    text = path.read_text()
+    nodes, ways = (
+        text[text.index("<node") : text.index("<way")],
+        text[text.index("<way") : text.index("</osm>")],
+    )
+    expected = places(graph_from_xml(path))
+    path.write_text(text.replace(nodes, "").replace(ways, ways + nodes))
+    assert places(graph_from_xml(path)) == expected
+
+
+def test_a_closed_way_and_repeated_vertices_lose_nothing(make_map, cross):
+    path = make_map(cross, ([1, 1, 2, 4, 4, 1], ROAD))
+    graph = graph_from_xml(path, resolution=1e6)
+    expected = haversine(cross[1], cross[2]) + haversine(cross[2], cross[4]) + haversine(cross[4], cross[1])
+    assert total_length(graph) == pytest.approx(2 * expected, rel=0.006)
+    assert min(data["length"] for _, _, data in graph.edges(data=True)) > 0.0
+
+
+def test_coincident_nodes_that_a_road_joins_become_one(make_map, cross):
+    cross[5] = cross[2]
+    graph = graph_from_xml(make_map(cross, ([1, 2, 5, 3], ROAD)), resolution=1e6)
+    assert graph.number_of_nodes() == 3
+    assert min(data["length"] for _, _, data in graph.edges(data=True)) > 0.0
+
+
+def test_tolerance_joins_the_vertices_of_a_junction(make_map, cross):
+    cross[5] = (60.17, 24.94102)  # 1.1 m from node 2
+    path = make_map(cross, ([1, 2, 5, 3], ROAD), ([5, 4], ROAD))
+    fine, coarse = graph_from_xml(path, 1e6), graph_from_xml(path, 1e6, tolerance=2.0)
+    assert fine.number_of_nodes() == 5
+    assert coarse.number_of_nodes() == 4
+    assert nx.is_strongly_connected(coarse)
+
+
+_DIGEST = """
+import hashlib, sys
+from gamms.osm import graph_from_xml
+graph = graph_from_xml(sys.argv[1])
+text = repr([list(graph.nodes(data=True)), [(u, v, {**d, "linestring": d["linestring"].wkb}) for u, v, d in
+    graph.edges(data=True)], graph.graph])
+print(hashlib.sha256(text.encode()).hexdigest())
+"""
+
+
+def test_the_hash_seed_changes_nothing(make_map, cross):
+    path = make_map(cross, ([1, 2, 3], {**ROAD, "name": "A", "lanes": "2"}), ([2, 4], {**ROAD, "ref": "1"}))
+    digests = {
+        subprocess.run(
+            [sys.executable, "-c", _DIGEST, str(path)],
+            env={"PYTHONHASHSEED": seed},
+            capture_output=True,
+            text=True,
+            check=True,
+        ).stdout
+        for seed in ("0", "1", "2")
+    }
+    assert len(digests) == 1

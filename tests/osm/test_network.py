@@ -1,0 +1,154 @@
+"""Operations on whole networks: components, consolidation, simplification, directions."""
+
+import math
+from dataclasses import replace
+
+import numpy as np
+import pytest
+from hypothesis import given, settings
+from hypothesis import strategies as st
+
+from gamms.osm.consolidate import close_pairs, consolidate
+from gamms.osm.directions import joined_directions
+from gamms.osm.labels import components, first_seen
+from gamms.osm.network import both_ways, network_of_lines
+from gamms.osm.polylines import along
+from gamms.osm.simplify import simplify
+
+coordinate = st.integers(-40, 40).map(lambda n: n / 4)
+point = st.tuples(coordinate, coordinate)
+
+
+def network(xy, roads, tags=None, bends=None):
+    ends = np.array(roads).reshape(-1, 2)
+    bends = {road: np.array(points, float) for road, points in (bends or {}).items()}
+    lengths = np.array([math.dist(xy[a], xy[b]) for a, b in roads])
+    return network_of_lines(
+        np.array(xy, float), (ends[:, 0], ends[:, 1]), bends, lengths, tags or [{}] * len(roads), "EPSG:32635"
+    )
+
+
+def slow_components(pairs, count):
+    label = list(range(count))
+    for _ in range(count):
+        for a, b in pairs:
+            label[a] = label[b] = min(label[a], label[b])
+    return label
+
+
+@settings(deadline=None)
+@given(st.lists(st.tuples(st.integers(0, 19), st.integers(0, 19)), max_size=25))
+def test_components_are_named_after_their_first_row(pairs):
+    a, b = np.array(pairs, np.int64).reshape(-1, 2).T
+    assert components(a, b, 20).tolist() == slow_components(pairs, 20)
+
+
+def test_components_of_a_long_shuffled_chain_take_few_rounds():
+    rows = np.random.default_rng(1).permutation(100_000)
+    assert not components(rows[:-1], rows[1:], 100_000).any()
+
+
+@settings(deadline=None)
+@given(st.lists(st.integers(-3, 3)))
+def test_numbers_are_given_in_first_seen_order(keys):
+    numbers, firsts = first_seen(np.array(keys, np.int64))
+    order = list(dict.fromkeys(keys))
+    assert numbers.tolist() == [order.index(key) for key in keys]
+    assert firsts.tolist() == [keys.index(key) for key in order]
+
+
+@settings(deadline=None)
+@given(st.lists(point, min_size=1, max_size=30), st.sampled_from([0.0, 0.25, 1.0, 3.0]))
+def test_close_pairs_connect_what_all_pairs_would(points, distance):
+    xy = np.array(points, float)
+    n = len(points)
+    pairs = [(i, j) for i in range(n) for j in range(n) if math.dist(points[i], points[j]) <= distance]
+    assert components(*close_pairs(xy, distance), n).tolist() == slow_components(pairs, n)
+
+
+def test_a_heap_of_points_at_one_place_is_cheap():
+    a, _ = close_pairs(np.zeros((200_000, 2)), 1.0)
+    assert len(a) < 200_000
+
+
+def test_a_junction_of_several_vertices_becomes_one():
+    merged = consolidate(network([(0, 0), (1, 0), (1, 1), (50, 0)], [(0, 1), (1, 2), (1, 3)]), 1.0)
+    assert merged.xy.tolist() == [[2 / 3, 1 / 3], [50, 0]]
+    assert merged.points.tolist() == [[2 / 3, 1 / 3], [1, 0], [50, 0]]
+    assert merged.lengths == pytest.approx([49 + math.hypot(1 / 3, 1 / 3)])
+
+
+def test_near_nodes_without_a_road_between_them_stay_apart():
+    bridge = network([(-9, 0), (0, 0), (0, 0.5), (0, 9)], [(0, 1), (2, 3)])
+    assert consolidate(bridge, 1.0) is bridge
+
+
+def test_nothing_merges_at_the_default_but_coincident_nodes():
+    near = network([(0, 0), (0.001, 0), (0.001, 0), (9, 0)], [(0, 1), (1, 2), (2, 3)])
+    assert len(consolidate(near, 1e-9).xy) == 3
+    assert len(consolidate(near, 0.0).xy) == 3
+
+
+def test_a_chain_becomes_one_road_with_the_same_length():
+    chain = both_ways(network([(0, 0), (3, 4), (6, 0), (6, 5)], [(0, 1), (2, 1), (2, 3)]))
+    simple = simplify(chain)
+    assert simple.lengths.tolist() == [15]
+    assert simple.points.tolist() == [[0, 0], [3, 4], [6, 0], [6, 5]]
+    assert simple.xy.tolist() == [[0, 0], [6, 5]]
+
+
+def test_junctions_other_tags_and_other_directions_end_a_road():
+    tags = [
+        {"osmid": 1, "name": "A"},
+        {"osmid": 2, "name": "A"},
+        {"osmid": 3, "name": "B"},
+        {"osmid": 4, "name": "B"},
+    ]
+    row = network([(i, 0) for i in range(5)], [(0, 1), (1, 2), (2, 3), (4, 3)], tags)
+    assert simplify(row).lengths.tolist() == [2, 1, 1]
+    assert [way["osmid"] for way in simplify(row).tags] == [[1, 2], 3, 4]
+    mixed = replace(row, two_way=np.array([True, False, False, True]))
+    assert len(simplify(mixed).sources) == 4
+    star = both_ways(network([(0, 0), (1, 0), (2, 0), (1, 1)], [(0, 1), (1, 2), (1, 3)]))
+    assert len(simplify(star).sources) == 3
+
+
+def test_one_way_roads_keep_their_direction():
+    row = network([(0, 0), (1, 0), (2, 0)], [(1, 0), (2, 1)])
+    simple = simplify(row)
+    assert simple.xy[simple.sources].tolist() == [[2, 0]]
+    assert simple.points.tolist() == [[2, 0], [1, 0], [0, 0]]
+
+
+def test_a_ring_becomes_a_road_back_to_its_first_node():
+    simple = simplify(network([(0, 0), (1, 0), (1, 1)], [(0, 1), (1, 2), (2, 0)]))
+    assert (simple.sources.tolist(), simple.targets.tolist()) == ([0], [0])
+    assert simple.points.tolist() == [[0, 0], [1, 0], [1, 1], [0, 0]]
+
+
+@settings(deadline=None)
+@given(
+    st.lists(st.tuples(st.integers(0, 9), st.integers(0, 9)), min_size=1, max_size=14),
+    st.lists(point, min_size=10, max_size=10, unique=True),
+    st.booleans(),
+)
+def test_simplifying_keeps_the_total_length_and_needs_one_go(roads, xy, two_way):
+    bends = {road: [xy[a], (50, 50), xy[b]] for road, (a, b) in enumerate(roads) if a == b or road % 3 == 0}
+    full = network(xy, roads, bends=bends)
+    full = both_ways(full) if two_way else full
+    simple = simplify(full)
+    assert simple.lengths.sum() == pytest.approx(full.lengths.sum())
+    drawn = [along(one.offsets, one.points)[one.offsets[1:] - 1].sum() for one in (full, simple)]
+    assert drawn[0] == pytest.approx(drawn[1])
+    assert (simple.points[simple.offsets[:-1]] == simple.xy[simple.sources]).all()
+    assert (simple.points[simple.offsets[1:] - 1] == simple.xy[simple.targets]).all()
+    if two_way:
+        assert len(simplify(simple).sources) == len(simple.sources)
+
+
+def test_a_road_and_its_reverse_become_one():
+    bend = [(0, 0), (1, 1), (2, 0)]
+    there_and_back = network([(0, 0), (2, 0)], [(0, 1), (1, 0), (0, 1)], bends={0: bend, 1: bend[::-1]})
+    joined = joined_directions(there_and_back)
+    assert joined.two_way.tolist() == [True, False]
+    assert len(joined.sources) == 2

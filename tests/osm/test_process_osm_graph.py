@@ -1,0 +1,124 @@
+"""Graphs from elsewhere, such as OSMnx, cut in the same way."""
+
+import networkx as nx
+import pytest
+from shapely import LineString
+
+from gamms.errors import BadType, BadValue
+from gamms.osm import process_osm_graph
+
+
+def street(**about):
+    """A bent street from 0 to 1 as OSMnx has it: an edge there and an edge back."""
+    graph = nx.MultiDiGraph(**about)
+    graph.add_node(0, x=500_000.0, y=6_000_000.0)
+    graph.add_node(1, x=500_060.0, y=6_000_000.0)
+    bend = [(500_000.0, 6_000_000.0), (500_030.0, 6_000_020.0), (500_060.0, 6_000_000.0)]
+    graph.add_edge(0, 1, geometry=LineString(bend), length=72.5, name="A", oneway=False, reversed=False)
+    graph.add_edge(1, 0, geometry=LineString(bend[::-1]), length=72.5, name="A", oneway=False, reversed=True)
+    return graph
+
+
+def total_length(graph):
+    return sum(length for _, _, length in graph.edges(data="length"))
+
+
+@pytest.mark.parametrize("bidirectional", [True, False])
+def test_both_directions_of_a_curved_street_share_nodes(bidirectional):
+    graph = process_osm_graph(street(crs="EPSG:32635"), bidirectional=bidirectional)
+    assert (graph.number_of_nodes(), graph.number_of_edges()) == (8, 14)
+    assert total_length(graph) == pytest.approx(145.0)
+    assert graph.graph["crs"] == "EPSG:32635"
+    assert all(set(data) == {"id", "length", "linestring", "name", "oneway"} for *_, data in graph.edges(data=True))
+
+
+def test_directions_are_honoured_only_if_asked_for():
+    graph = street()
+    graph.remove_edge(1, 0)
+    assert process_osm_graph(graph).number_of_edges() == 14
+    one_way = process_osm_graph(graph, bidirectional=False)
+    assert one_way.number_of_edges() == 7
+    assert list(one_way.edges) == [(i, i + 1) for i in range(7)]
+
+
+def test_a_graph_in_degrees_is_projected_once():
+    graph = nx.MultiDiGraph(crs="epsg:4326")
+    graph.add_node("a", x=24.94, y=60.17)
+    graph.add_node("b", x=24.95, y=60.17)
+    graph.add_edge("a", "b")
+    cut = process_osm_graph(graph)
+    assert cut.graph["crs"] == "EPSG:32635"
+    assert total_length(cut) == pytest.approx(2 * 555.1, rel=0.001)
+    assert process_osm_graph(nx.MultiDiGraph(cut)).graph["crs"] == "EPSG:32635"
+
+
+def test_a_stale_crs_does_not_project_metres():
+    cut = process_osm_graph(street(crs="epsg:4326"))
+    assert cut.nodes[0] == {"x": 500_000.0, "y": 6_000_000.0}
+
+
+def test_a_graph_without_a_crs_is_in_metres():
+    graph = nx.Graph()
+    graph.add_node(0, x=0, y=0)
+    graph.add_node(1, x=30, y=0)
+    graph.add_edge(0, 1)
+    cut = process_osm_graph(graph)
+    assert sorted(x for _, x in cut.nodes(data="x")) == pytest.approx([0, 10, 20, 30])
+    assert "crs" not in cut.graph
+
+
+def test_a_geometry_that_misses_its_nodes_stays_connected():
+    graph = nx.MultiDiGraph()
+    for node, x in enumerate((0.0, 40.0, 80.0)):
+        graph.add_node(node, x=x, y=0.0)
+    graph.add_edge(0, 1, geometry=LineString([(1, 1), (39, 1)]), length=40.0)
+    graph.add_edge(1, 2)
+    cut = process_osm_graph(graph)
+    assert nx.is_weakly_connected(cut)
+    assert total_length(cut) == pytest.approx(160.0)
+
+
+def test_an_undirected_graph_may_store_a_geometry_backwards():
+    graph = nx.MultiGraph()
+    graph.add_node(0, x=0.0, y=0.0)
+    graph.add_node(1, x=9.0, y=0.0)
+    graph.add_edge(0, 1, geometry=LineString([(9, 0), (5, 1), (0, 0)]))
+    line = process_osm_graph(graph).edges[0, 1]["linestring"]
+    assert list(line.coords) == [(0, 0), (5, 1), (9, 0)]
+
+
+def test_isolated_nodes_are_kept():
+    graph = street()
+    graph.add_node("lonely", x=0.0, y=0.0)
+    assert process_osm_graph(graph).nodes[8] == {"x": 0.0, "y": 0.0}
+
+
+def test_the_callers_graph_is_left_alone():
+    graph = street(crs="EPSG:32635")
+    before = repr([list(graph.nodes(data=True)), list(graph.edges(data=True)), graph.graph])
+    process_osm_graph(graph)
+    assert repr([list(graph.nodes(data=True)), list(graph.edges(data=True)), graph.graph]) == before
+
+
+def test_an_empty_graph_stays_empty():
+    assert process_osm_graph(nx.MultiDiGraph()).number_of_nodes() == 0
+    assert process_osm_graph(nx.MultiDiGraph(crs="epsg:4326")).number_of_nodes() == 0
+
+
+def test_bad_graphs_are_refused_with_the_place():
+    with pytest.raises(BadType, match="networkx"):
+        process_osm_graph(None)
+    for bad in ({}, {"x": 0.0}, {"x": "here", "y": 0.0}, {"x": float("nan"), "y": 0.0}):
+        graph = nx.MultiDiGraph()
+        graph.add_node("corner", **bad)
+        with pytest.raises(BadValue, match="corner"):
+            process_osm_graph(graph)
+    for length in (-1.0, float("nan"), "far"):
+        graph = street()
+        graph.edges[0, 1, 0]["length"] = length
+        with pytest.raises(BadValue, match="length"):
+            process_osm_graph(graph)
+    with pytest.raises(BadValue, match="CRS"):
+        process_osm_graph(street(crs="nonsense"))
+    with pytest.raises(BadValue, match="resolution"):
+        process_osm_graph(street(), resolution=0)
