@@ -1,5 +1,122 @@
-"""`gamms`: the command line."""
+"""`gamms`: the command line. The only file that prints, and the one door to typer and rich."""
+
+from pathlib import Path
+from typing import Annotated, Any
+
+import typer
+from rich.console import Console
+from rich.table import Table
+
+import gamms
+from gamms.demo import Match, Team, play, report, show
+from gamms.errors import GammsError
+
+app = typer.Typer(
+    name="gamms",
+    help="Games between teams of agents on graphs and real road networks.",
+    no_args_is_help=True,
+    add_completion=False,
+    pretty_exceptions_enable=False,
+)
+
+_HELSINKI = "Central Helsinki"
+_COLORS = ((213, 94, 0), (0, 114, 178))  # vermilion and blue of Okabe and Ito: told apart by everybody
+_NAMES = ("red", "blue")
+_PICTURE = (1400, 1600)
+_MOST_AGENTS = 1000
+
+
+@app.callback(invoke_without_command=True)
+def about(version: Annotated[bool, typer.Option("--version", help="Show the version and exit.")] = False) -> None:
+    """Games between teams of agents on graphs and real road networks."""
+    if version:
+        typer.echo(f"gamms {gamms.__version__}")
+        raise typer.Exit
+
+
+@app.command()
+def demo(
+    turns: Annotated[int, typer.Option(min=1, help="The game ends after this many turns at the latest.")] = 600,
+    seed: Annotated[int, typer.Option(help="The same seed plays the same game.")] = 1,
+    teams: Annotated[str, typer.Option(help="Agents per team: 5, or 5,3, or with names: cats=5,dogs=3.")] = "5",
+    out: Annotated[Path, typer.Option(help="The folder for result.json and final.svg.")] = Path("gamms-demo"),
+    map: Annotated[Path | None, typer.Option(help="An OpenStreetMap file to play on instead of Helsinki.")] = None,
+) -> None:
+    """Play capture the flag between two teams on the streets of a city."""
+    sides = _parsed_teams(teams)
+    out.mkdir(parents=True, exist_ok=True)
+    with gamms.create_context(seed=seed, logger_config={"level": "WARNING"}) as ctx:
+        map_name = _load_map(ctx, map)
+        match = play(ctx, sides, turns)
+        show.declare(match)
+        (out / "result.json").write_text(report.to_json(report.result(match, map_name)), encoding="utf-8")
+        ctx.visual.save(out / "final.svg", *_PICTURE, title=f"{map_name}: {report.headline(match)}")
+        _tell(match, map_name, seed)
+    typer.echo(
+        f"\nWrote {out / 'result.json'} (every event) and {out / 'final.svg'} (the last turn; open it in a browser)."
+    )
 
 
 def main() -> None:
-    """Run the command line."""
+    """Run the command line; our own errors are sentences, not stack traces."""
+    try:
+        app()
+    except (GammsError, OSError) as error:
+        typer.echo(f"gamms: {error}", err=True)
+        raise SystemExit(1) from None
+
+
+def _load_map(ctx: gamms.Context, path: Path | None) -> str:
+    from gamms import osm
+
+    if path is None:
+        osm.helsinki(ctx)
+        return _HELSINKI
+    ctx.graph.attach_networkx_graph(osm.graph_from_xml(path))
+    return path.name
+
+
+def _parsed_teams(text: str) -> tuple[Team, Team]:
+    """Two teams from `5`, `5,3` or `cats=5,dogs=3`."""
+    parts = [part.strip() for part in text.split(",")]
+    parts = parts * 2 if len(parts) == 1 else parts
+    try:
+        pairs = [part.rpartition("=") for part in parts]
+        names = [name.strip() or standard for (name, _, _), standard in zip(pairs, _NAMES, strict=True)]
+        sizes = [int(size) for _, _, size in pairs]
+    except ValueError:
+        raise typer.BadParameter(f"{text!r}: give 5, or 5,3, or cats=5,dogs=3.", param_hint="--teams") from None
+    if names[0] == names[1] or not all(1 <= size <= _MOST_AGENTS for size in sizes):
+        message = f"{text!r}: two names and 1 to {_MOST_AGENTS} agents each, such as cats=5,dogs=3."
+        raise typer.BadParameter(message, param_hint="--teams")
+    first, second = (Team(*side) for side in zip(names, sizes, _COLORS, strict=True))
+    return first, second
+
+
+def _tell(match: Match, map_name: str, seed: int) -> None:
+    """Print what happened."""
+    console = Console(highlight=False, soft_wrap=True)
+    first, second = match.world.teams
+    graph = match.ctx.graph.columns()
+    streets = float(graph.lengths.sum()) / 2000.0
+    console.print(f"[bold]Capture the flag[/] in {map_name}, seed {seed}")
+    console.print(f"{first.name} ({first.size} agents) against {second.name} ({second.size} agents)")
+    console.print(f"{len(graph.node_ids):,} nodes, {streets:.0f} km of streets; {match.ctx.graph.attribution or ''}\n")
+    for turn, sentence in report.story(match):
+        console.print(f"  turn {turn:>4}  {sentence}")
+    console.print(f"\n[bold]{report.headline(match)}[/]\n")
+    header, *rows = report.table(match)
+    console.print(_rich_table(header, rows))
+
+
+def _rich_table(header: tuple[str, ...], rows: list[tuple[str, ...]]) -> Any:
+    table = Table(box=None, pad_edge=False, padding=(0, 2, 0, 0))
+    for i, title in enumerate(header):
+        table.add_column(title, justify="right" if i else "left")
+    for row in rows:
+        table.add_row(*row)
+    return table
+
+
+if __name__ == "__main__":
+    main()

@@ -10,4 +10,13 @@ from gamms.kernels.paths import distances_to
 from gamms.kernels.sight import in_cone
 from gamms.kernels.streams import stream
 
-__all__ = ["CellIndex", "build_cells", "candidate_rows", "distances_to", "group_rows", "in_cone", "ragged_rows", "stream"]
+__all__ = [
+    "CellIndex",
+    "build_cells",
+    "candidate_rows",
+    "distances_to",
+    "group_rows",
+    "in_cone",
+    "ragged_rows",
+    "stream",
+]

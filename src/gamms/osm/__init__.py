@@ -7,8 +7,8 @@
 
 Read `load.py` first: it names the steps. `osmium.py` reads the file, `ways.py` and `network.py` hold the
 roads as columns, `consolidate.py` joins vertices, `resample.py` cuts them, `networkx.py` makes the graph.
-May import: `gamms.typing`, `gamms.kernels`, `gamms.ir`, `gamms.arguments`, `gamms.errors`. To read another kind of map, make
-a `RoadNetwork` of it; everything after that is the same.
+May import: `gamms.typing` and below, never another room. To read another kind of map, make a `RoadNetwork` of it;
+everything after that is the same.
 """
 
 from enum import Enum

@@ -28,7 +28,8 @@ def helsinki(ctx: IContext, resolution: float = 10.0, bidirectional: bool = True
     if next(graph.get_nodes(), None) is not None:
         raise BadValue("The context has a graph already. Load the map into a new context.")
     try:
-        streets = resample_columns(ctx.graph.load(_FILE).columns(), resolution, bidirectional)
+        ctx.graph.load(_FILE)
+        streets = resample_columns(ctx.graph.columns(), resolution, bidirectional)
     finally:
         graph.clear()
     ctx.graph.attach_networkx_graph(streets)

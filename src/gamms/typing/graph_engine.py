@@ -1,5 +1,6 @@
 """Contract of the graph room, and its values: Node, OSMEdge, ObsFace."""
 
+import os
 from abc import ABC, abstractmethod
 from collections import namedtuple
 from collections.abc import Iterator, Mapping, Sequence
@@ -232,6 +233,11 @@ class IGraph(ABC):
         edges = (self.get_edge(id) for id in self.get_edges(*disc))
         return Surroundings(nodes, [edge for edge in edges if edge.source in nodes and edge.target in nodes])
 
+    def clear(self) -> None:
+        """Remove every node and edge."""
+        for node_id in list(self.get_nodes()):
+            self.remove_node(node_id)
+
     def positions(self, node_ids: Sequence[int] | np.ndarray[Any, Any]) -> FloatArray:
         """Coordinates (nodes, 2) of several nodes (KeyError)."""
         nodes = [self.get_node(int(id)) for id in node_ids]
@@ -263,6 +269,14 @@ class IGraphEngine(ABC):
     @abstractmethod
     def attach_networkx_graph(self, G: "nx.Graph[Any]") -> IGraph:  # noqa: N803 - published name
         """Add any networkx graph to what is there, all or nothing (ValueError)."""
+
+    @abstractmethod
+    def save(self, path: str | os.PathLike[str] | None = None) -> None:
+        """Write graph, obstacles, CRS and attributes into one file, or into the engine's own database."""
+
+    @abstractmethod
+    def load(self, path: str | os.PathLike[str]) -> IGraph:
+        """Replace graph and obstacles by those in a file that `save` wrote (BadFile, a ValueError)."""
 
     @abstractmethod
     def add_obstacle_face(self, face_id: int, tr: Corner, tl: Corner, br: Corner, bl: Corner, type: int) -> None:
