@@ -6,8 +6,20 @@ May import: `gamms.typing` and below; sqlite3 and cbor2 in `sqlite.py` only, whe
 To add a store: one file with a `CheckedStore` and its `Rows`, and one line in `engine.py`.
 """
 
+from typing import TYPE_CHECKING, Any
+
 from gamms.memory.engine import MemoryEngine
-from gamms.memory.sqlite import SqliteStore
 from gamms.memory.store import MemoryStore, PathLike, temporary_path
 
+if TYPE_CHECKING:
+    from gamms.memory.sqlite import SqliteStore
+
 __all__ = ["MemoryEngine", "MemoryStore", "PathLike", "SqliteStore", "temporary_path"]
+
+
+def __getattr__(name: str) -> Any:
+    if name == "SqliteStore":  # most programs never open a database
+        from gamms.memory.sqlite import SqliteStore
+
+        return SqliteStore
+    raise AttributeError(f"module {__name__!r} has no attribute {name!r}")

@@ -5,7 +5,6 @@ from contextlib import ExitStack
 
 from gamms.errors import BadType, BadValue, Duplicate, NotYet, UnknownName
 from gamms.memory.checked import CheckedStore
-from gamms.memory.sqlite import SqliteStore
 from gamms.memory.store import MemoryStore
 from gamms.typing import IMemoryEngine, IPathLike, StoreType
 
@@ -68,6 +67,8 @@ def _database(name: str, path: IPathLike | None) -> CheckedStore:
         raise BadValue(f"The database store {name!r} needs a path, such as PathLike('game.db').")
     if not isinstance(path, IPathLike):
         raise BadType(f"The path of store {name!r} must be a PathLike, not {path!r}. Write PathLike({path!r}).")
+    from gamms.memory.sqlite import SqliteStore
+
     return SqliteStore(name, path)
 
 

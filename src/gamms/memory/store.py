@@ -1,10 +1,8 @@
 """The store that lives in memory, and the path that other stores live at."""
 
 import os
-import shutil
 import weakref
 from collections.abc import Sequence
-from pathlib import Path
 from typing import Any
 
 from gamms.errors import BadType
@@ -34,7 +32,7 @@ class PathLike(IPathLike):
 
     def exists(self) -> bool:
         """Whether something is there."""
-        return Path(self._path).exists()
+        return os.path.exists(self._path)  # noqa: PTH110 - a PathLike is made of text
 
     def __repr__(self) -> str:
         return f"PathLike({self._path!r})"
@@ -142,4 +140,6 @@ def temporary_path(file_name: str) -> PathLike:
 
 def _remove_folder(folder: str, owner: int) -> None:
     if os.getpid() == owner:  # not in a child process that inherited the path
+        import shutil
+
         shutil.rmtree(folder, ignore_errors=True)

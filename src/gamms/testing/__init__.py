@@ -1,1 +1,13 @@
-"""x."""
+"""Checks that an implementer can run over a graph, a sensor or a strategy of their own.
+
+    from gamms.testing import check_graph
+    check_graph(MyGraph)
+
+Each raises `AssertionError` with a sentence that says what was promised and what was seen. A guest: it uses what it
+checks as anybody would. To add a check, write a function here or in a file beside and name it below.
+"""
+
+from gamms.testing.graphs import check_graph
+from gamms.testing.sensors import check_sensor
+
+__all__ = ["check_graph", "check_sensor"]

@@ -28,6 +28,8 @@ class Color:
     Purple = (128, 0, 128)
 
 
+PAPER: Rgb = (252, 252, 250)  # behind every picture
+
 # Okabe and Ito's palette: told apart by colour-blind readers too.
 TEAM_COLORS: tuple[Rgb, ...] = (
     (0, 114, 178),

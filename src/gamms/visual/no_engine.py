@@ -1,15 +1,15 @@
 """The engine without a window: keeps what a scenario should look like, shows nothing, and saves pictures."""
 
-from pathlib import Path
+import os
 from typing import Any
 
 from gamms.arguments import as_name
 from gamms.errors import BadType, ContextTerminated
 from gamms.ir.draw import DrawCommands
 from gamms.typing import ArtistType, ColorType, IArtist, IContext
-from gamms.visual import picture
 from gamms.visual.appearance import AgentData, GraphData
 from gamms.visual.artist import Artist
+from gamms.visual.color import PAPER
 from gamms.visual.constants import Shape
 from gamms.visual.drawers import render_agent, render_graph, render_obstacles, render_sensor
 from gamms.visual.primitives import Primitives
@@ -127,19 +127,21 @@ class NoEngine(Primitives):
         if self.ctx.is_terminated():
             raise ContextTerminated("the state to draw")
         artists = self._artists if self._is_declared else undeclared_artists(self.ctx) | self._artists
+        from gamms.visual import picture
+
         with self._collecting() as commands:
             picture.paint(artists, commands, self.ctx.logger)
         return commands.freeze()
 
     def save(
         self,
-        path: str | Path,
+        path: str | os.PathLike[str],
         width: int = 1280,
         height: int = 720,
         *,
         title: str = "",
         note: str = "",
-        background: ColorType = picture.BACKGROUND,
+        background: ColorType = PAPER,
     ) -> None:
         """Save a picture of the present state; the suffix of `path` names the format (`.svg`).
 
@@ -156,6 +158,8 @@ class NoEngine(Primitives):
             NotYet: a format that cannot be written.
             ContextTerminated: the context has ended.
         """
+        from gamms.visual import picture
+
         sheet = picture.sheet(path, width, height)
         picture.write(
             sheet,

@@ -14,7 +14,6 @@ from gamms.visual.camera import fit
 from gamms.visual.color import rgba
 from gamms.visual.commands import Commands
 
-BACKGROUND = (252, 252, 250)
 _HEADER_PX = 44.0
 
 
@@ -27,7 +26,7 @@ class Sheet(NamedTuple):
     backend: Backend
 
 
-def sheet(path: str | Path, width: int, height: int) -> Sheet:
+def sheet(path: str | os.PathLike[str], width: int, height: int) -> Sheet:
     """Check everything that can be checked before drawing.
 
     Raises:

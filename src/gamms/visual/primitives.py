@@ -1,9 +1,9 @@
 """The drawing primitives: each appends to the open command list, and does nothing while none is open."""
 # ruff: noqa: ARG002 - published signatures; culling and smoothing are the backend's business
 
+import os
 from collections.abc import Iterator, Sequence
 from contextlib import contextmanager
-from pathlib import Path
 from typing import Any, cast
 
 from gamms.errors import BadType, BadValue
@@ -171,8 +171,8 @@ def primitives_of(ctx: IContext) -> Primitives:
 
 
 def _image_path(image: Any) -> str:
-    if not isinstance(image, str | Path):
+    if not isinstance(image, str | os.PathLike):
         raise BadType(f"An image is given by the path of its file here, not by {image!r}.")
-    if not Path(image).is_file():
+    if not os.path.isfile(image):  # noqa: PTH113 - pathlib is not loaded for a game without pictures
         raise BadValue(f"There is no image file {str(image)!r}.")
     return str(image)

@@ -1,0 +1,228 @@
+"""What is measured, and against which floor. `make()` returns two functions that return how many operations they did.
+
+Frequent: one call. Targeted: one behaviour. Scenario: a whole game.
+"""
+
+import random
+import subprocess
+import sys
+from typing import NamedTuple
+
+import gamms
+
+SPACING = 10.0
+ST = gamms.sensor.SensorType
+
+
+class Case(NamedTuple):
+    """One line of the table."""
+
+    name: str
+    unit: str
+    make: object
+
+
+class Spent(float):
+    """Seconds that a child process spent; the harness takes them instead of its own clock."""
+
+
+# -- worlds -----------------------------------------------------------------------------------------------------
+
+
+def grid(n):
+    """Node and edge tuples of an n x n grid with every street in both directions."""
+    nodes = [(i * n + j, i * SPACING, j * SPACING) for i in range(n) for j in range(n)]
+    edges = []
+    for i in range(n):
+        for j in range(n):
+            for k, m in ((i + 1, j), (i, j + 1)):
+                if k < n and m < n:
+                    u, v = i * n + j, k * n + m
+                    edges += [(len(edges), u, v, SPACING), (len(edges) + 1, v, u, SPACING)]
+    return nodes, edges
+
+
+def fill(graph, n):
+    """Build the grid one by one; returns how many items that were."""
+    nodes, edges = grid(n)
+    for id, x, y in nodes:
+        graph.add_node({"id": id, "x": x, "y": y})
+    for id, u, v, length in edges:
+        graph.add_edge({"id": id, "source": u, "target": v, "length": length})
+    return len(nodes) + len(edges)
+
+
+def context():
+    """A quiet context in memory."""
+    return gamms.create_context(graph_engine=gamms.graph.Engine.MEMORY, logger_config={"level": "CRITICAL"})
+
+
+def paper_strategy(choice):
+    """The strategy printed in the paper."""
+
+    def strategy(state):
+        for sensor_type, data in state["sensor"].values():
+            if sensor_type == ST.NEIGHBOR:
+                state["action"] = data[choice(range(len(data)))]
+                break
+
+    return strategy
+
+
+# -- cases ------------------------------------------------------------------------------------------------------
+
+
+def build():
+    """One by one, against inserting the same tuples into plain dicts."""
+
+    def ours():
+        ctx = context()
+        items = fill(ctx.graph.graph, 100)
+        ctx.terminate()
+        return items
+
+    def floor():
+        node, edge, out = {}, {}, {}
+        nodes, edges = grid(100)
+        for id, x, y in nodes:
+            node[id] = (id, x, y)
+            out[id] = []
+        for id, u, v, length in edges:
+            edge[id] = (id, u, v, length)
+            out[u].append(v)
+        return len(node) + len(edge)
+
+    return ours, floor
+
+
+def loop(agents):
+    """The paper's loop, against bare Python that builds the same state dicts from ready-made answers."""
+
+    def make(n=100):
+        ctx = context()
+        fill(ctx.graph.graph, n)
+        rng = random.Random(7)
+        starts = [rng.randrange(n * n) for _ in range(agents)]
+        for i, start in enumerate(starts):
+            ctx.sensor.create_sensor(f"s_{i}", ST.NEIGHBOR)
+            agent = ctx.agent.create_agent(f"a_{i}", start_node_id=start, sensors=[f"s_{i}"])
+            agent.register_strategy(paper_strategy(random.Random(1).choice))
+        turns = max(1, 20000 // agents)
+
+        def ours():
+            for _ in range(turns):
+                for agent in ctx.agent.create_iter():
+                    state = agent.get_state()
+                    agent.strategy(state)
+                    agent.set_state()
+                ctx.visual.simulate()
+            return turns * agents
+
+        near = [(i, *(ctx.graph.graph.get_neighbors(i))) for i in range(n * n)]
+        here, before, names = list(starts), list(starts), [f"s_{i}" for i in range(agents)]
+        strategy = paper_strategy(random.Random(1).choice)
+
+        def floor():
+            for _ in range(turns):
+                for i in range(agents):
+                    node = here[i]
+                    state = {"curr_pos": node, "sensor": {names[i]: (ST.NEIGHBOR, list(near[node]))}}
+                    strategy(state)
+                    before[i] = node
+                    here[i] = state["action"]
+            return turns * agents
+
+        return ours, floor
+
+    return make
+
+
+def sense(kind, n, *, again=False, agents=1):
+    """One sense, against building the same containers from answers that are ready."""
+
+    def make():
+        ctx = context()
+        fill(ctx.graph.graph, n)
+        rng = random.Random(3)
+        for i in range(agents):
+            ctx.agent.create_agent(f"a_{i}", start_node_id=rng.randrange(n * n))
+        sensor = ctx.sensor.create_sensor("x", kind, sensor_range=50.0, fov=2.5)
+        owner = ctx.agent.get_agent("a_0")
+        owner.register_sensor("x", sensor)
+        owner.orientation = (0.6, 0.8)
+        fresh = iter(rng.sample(range(n * n), min(n * n, 400)))
+        node = next(fresh)
+        sensor.sense(node)
+        ready = sensor.data
+
+        def ours():
+            calls = 200 if again else 20
+            for _ in range(calls):
+                sensor.sense(node if again else next(fresh, node))
+            return calls
+
+        def floor():
+            for _ in range(1000):
+                {key: type(value)(value) for key, value in ready.items()} if "nodes" in ready else dict(ready)
+            return 1000
+
+        return ours, floor
+
+    return make
+
+
+def start_up():
+    """Import in a fresh interpreter, against importing NumPy alone."""
+
+    def imported(module):
+        def run():
+            code = f"import time; t = time.process_time(); import {module}; print(time.process_time() - t)"
+            runs = [
+                subprocess.run([sys.executable, "-c", code], capture_output=True, text=True, check=True)
+                for _ in "12345"
+            ]
+            return Spent(sorted(float(run.stdout) for run in runs)[2])
+
+        return run
+
+    return imported("gamms"), imported("numpy")
+
+
+def helsinki():
+    """The shipped map at 10 m into a context, against plain dicts of the same nodes and edges."""
+    import gamms.osm
+
+    def ours():
+        ctx = context()
+        gamms.osm.helsinki(ctx)
+        ctx.terminate()
+        return 1
+
+    ctx = context()
+    gamms.osm.helsinki(ctx)
+    nodes = [ctx.graph.graph.get_node(id) for id in ctx.graph.graph.get_nodes()]
+    edges = [ctx.graph.graph.get_edge(id) for id in ctx.graph.graph.get_edges()]
+
+    def floor():
+        {node.id: tuple(node) for node in nodes}
+        {edge.id: (edge.source, edge.target, edge.length, list(edge.points)) for edge in edges}
+        return 1
+
+    return ours, floor
+
+
+CASES = [
+    Case("frequent: sense RANGE 50 m again", "sense", sense(ST.RANGE, 100, again=True)),
+    Case("frequent: sense ARC 50 m again", "sense", sense(ST.ARC, 100, again=True)),
+    Case("targeted: sense RANGE first, 20x20 grid", "sense", sense(ST.RANGE, 20)),
+    Case("targeted: sense RANGE first, 100x100 grid", "sense", sense(ST.RANGE, 100)),
+    Case("targeted: sense RANGE first, 300x300 grid", "sense", sense(ST.RANGE, 300)),
+    Case("targeted: sense AGENT among 1,000", "sense", sense(ST.AGENT, 100, again=True, agents=1000)),
+    Case("targeted: sense AGENT_RANGE among 1,000", "sense", sense(ST.AGENT_RANGE, 100, again=True, agents=1000)),
+    Case("targeted: build a 100x100 grid one by one", "item", build),
+    Case("targeted: import", "process", start_up),
+    Case("scenario: the paper's loop, 10 agents", "agent-step", loop(10)),
+    Case("scenario: the paper's loop, 1,000 agents", "agent-step", loop(1000)),
+    Case("scenario: the paper's loop, 10,000 agents", "agent-step", loop(10000)),
+    Case("scenario: load Helsinki at 10 m", "map", helsinki),
+]

@@ -1,0 +1,120 @@
+"""Does a graph keep the contract of `gamms.typing.IGraph`?"""
+
+from collections.abc import Callable
+from typing import Any
+
+from gamms.typing import IGraph
+
+_NODES = [(1, 0.0, 0.0), (2, 3.0, 4.0), (7, 10.0, 0.0), (5, 0.0, 5.0)]
+_EDGES = [(10, 1, 2), (11, 2, 1), (12, 1, 7), (13, 1, 2), (14, 5, 5)]
+
+
+def check_graph(make: Callable[[], IGraph]) -> None:
+    """Run every promise over graphs that `make()` makes empty.
+
+    Raises:
+        AssertionError: a promise is broken; the message names it.
+    """
+    for promise in (_answers, _refuses, _edits, _keeps_to_itself, _offers_what_is_free):
+        promise(_filled(make()))
+
+
+def _filled(graph: IGraph) -> IGraph:
+    for id, x, y in _NODES:
+        graph.add_node({"id": id, "x": x, "y": y})
+    for id, source, target in _EDGES:
+        graph.add_edge({"id": id, "source": source, "target": target, "length": 5.0})
+    return graph
+
+
+def _answers(graph: IGraph) -> None:
+    _same("get_nodes() gives all ids in insertion order", list(graph.get_nodes()), [1, 2, 7, 5])
+    _same("get_edges() gives all ids in insertion order", list(graph.get_edges()), [10, 11, 12, 13, 14])
+    _same("get_nodes(d, x, y) is exact, its rim included", list(graph.get_nodes(5.0, 0.0, 0.0)), [1, 2, 5])
+    _same("get_edges(d, x, y) needs one end inside", list(graph.get_edges(1.0, 10.0, 0.0)), [12])
+    _same("get_neighbors gives each target once", list(graph.get_neighbors(1)), [2, 7])
+    _same("get_neighbors knows self-loops", list(graph.get_neighbors(5)), [5])
+    _same("get_node gives the coordinates", tuple(graph.get_node(2)), (2, 3.0, 4.0))
+    edge = graph.get_edge(12)
+    _same("get_edge gives ends and length", (edge.source, edge.target, edge.length), (1, 7, 5.0))
+    _same("a straight edge has its ends as linestring", list(edge.linestring.coords), [(0.0, 0.0), (10.0, 0.0)])
+
+
+def _refuses(graph: IGraph) -> None:
+    edge = {"id": 99, "source": 1, "target": 2, "length": 1.0}
+    _raises("add_node of a taken id", KeyError, graph.add_node, {"id": 1, "x": 0.0, "y": 0.0})
+    _raises("add_node without x", ValueError, graph.add_node, {"id": 99, "y": 0.0})
+    _raises("add_node at NaN", ValueError, graph.add_node, {"id": 99, "x": float("nan"), "y": 0.0})
+    _raises("add_node with a text as id", TypeError, graph.add_node, {"id": "a", "x": 0.0, "y": 0.0})
+    _raises("add_edge of a taken id", KeyError, graph.add_edge, {**edge, "id": 10})
+    _raises("add_edge to a missing node", KeyError, graph.add_edge, {**edge, "target": 99})
+    _raises("add_edge without length", ValueError, graph.add_edge, {"id": 99, "source": 1, "target": 2})
+    _raises("get_node of a missing id", KeyError, graph.get_node, 99)
+    _raises("get_edge of a missing id", KeyError, graph.get_edge, 99)
+    _raises("get_neighbors of a missing node, at the call", KeyError, graph.get_neighbors, 99)
+    _raises("update_node without id", ValueError, graph.update_node, {"x": 1.0})
+    _raises("update_edge to a missing node", KeyError, graph.update_edge, {"id": 10, "length": 9.0, "target": 99})
+    _raises("remove_edge of a missing id", KeyError, graph.remove_edge, 99)
+    _same("a refused call changes nothing", graph.get_edge(10).length, 5.0)
+    _answers(graph)
+
+
+def _edits(graph: IGraph) -> None:
+    graph.update_node({"id": 7, "x": 20.0})
+    _same("update_node keeps what is not given", tuple(graph.get_node(7)), (7, 20.0, 0.0))
+    graph.update_edge({"id": 12, "target": 5})
+    _same("update_edge moves an end", list(graph.get_neighbors(1)), [2, 5])
+    graph.remove_edge(10)
+    _same("a parallel edge keeps the neighbour", list(graph.get_neighbors(1)), [5, 2])
+    graph.remove_node(2)
+    graph.remove_node(2)
+    _same("remove_node takes its edges along", list(graph.get_edges()), [12, 14])
+    _same("remove_node of a missing node is no error", list(graph.get_nodes()), [1, 7, 5])
+
+
+def _keeps_to_itself(graph: IGraph) -> None:
+    node = {"id": 8, "x": 1, "y": 2, "name": "corner"}
+    graph.add_node(node)
+    _same("a caller's dict is not changed", node, {"id": 8, "x": 1, "y": 2, "name": "corner"})
+    node["x"] = 100
+    _same("a caller's dict is not kept", graph.get_node(8).x, 1.0)
+    for id in graph.get_nodes():
+        graph.remove_node(id)
+    _same("a graph may be changed while its ids are read", list(graph.get_nodes()), [])
+
+
+def _offers_what_is_free(graph: IGraph) -> None:
+    _same("has_node", [graph.has_node(1), graph.has_node(99)], [True, False])
+    _same("neighborhoods begin with the node itself", list(graph.neighborhoods[1]), [1, 2, 7])
+    seen = graph.within(1, 5.0)
+    _same("within sees the disc, its rim included", list(seen.nodes), [1, 2, 5])
+    _same("within sees edges with both ends inside", [edge.id for edge in seen.edges], [10, 11, 13, 14])
+    ahead = graph.within(1, 10.0, fov=1.0, heading=(1.0, 0.0))
+    _same("within sees the cone and its own node", list(ahead.nodes), [1, 7])
+    _same("positions", graph.positions([7, 1]).tolist(), [[10.0, 0.0], [0.0, 0.0]])
+    revision = graph.revision
+    graph.update_node({"id": 1, "x": 1.0})
+    if revision is not None:
+        _differ("revision changes with the graph", graph.revision, revision)
+    graph.clear()
+    _same("clear empties", list(graph.get_nodes()), [])
+
+
+def _same(promise: str, seen: Any, promised: Any) -> None:
+    if seen != promised:
+        raise AssertionError(f"{promise}: expected {promised!r}, got {seen!r}.")
+
+
+def _differ(promise: str, seen: Any, before: Any) -> None:
+    if seen == before:
+        raise AssertionError(f"{promise}: it is still {seen!r}.")
+
+
+def _raises(what: str, kind: type[Exception], call: Callable[..., Any], *arguments: Any) -> None:
+    try:
+        call(*arguments)
+    except kind:
+        return
+    except Exception as error:
+        raise AssertionError(f"{what} must raise {kind.__name__}, not {type(error).__name__}: {error}.") from error
+    raise AssertionError(f"{what} must raise {kind.__name__}; nothing was raised.")

@@ -1,0 +1,131 @@
+"""`gamms demo`: what a newcomer runs first, through its command line."""
+
+import json
+import os
+import subprocess
+import sys
+import xml.etree.ElementTree as ET
+
+import pytest
+from typer.testing import CliRunner
+
+from gamms import cli
+
+
+def run(*arguments):
+    return CliRunner().invoke(cli.app, ["demo", *map(str, arguments)], catch_exceptions=False)
+
+
+def test_it_tells_the_story_and_writes_both_files(tmp_path):
+    done = run("--turns", 400, "--out", tmp_path)
+
+    assert done.exit_code == 0
+    assert "Capture the flag in Central Helsinki, seed 1" in done.stdout
+    assert "OpenStreetMap contributors" in done.stdout
+    assert "red_" in done.stdout
+    result = json.loads((tmp_path / "result.json").read_text())
+    assert result["map"]["nodes"] > 5000
+    assert [team["agents"] for team in result["teams"]] == [5, 5]
+    assert result["turns"] <= 400
+    picture = ET.parse(tmp_path / "final.svg")
+    text = "".join(picture.getroot().itertext())
+    assert "OpenStreetMap contributors" in text
+    assert all(agent["name"] in text for agent in result["agents"])
+
+
+def test_the_same_seed_gives_the_same_bytes_in_any_process(tmp_path):
+    outputs = []
+    for hash_seed in ("0", "7"):
+        out = tmp_path / hash_seed
+        out.mkdir()
+        printed = subprocess.run(
+            [sys.executable, "-m", "gamms.cli", "demo", "--turns", "150", "--seed", "5", "--out", "here"],
+            cwd=out,
+            env={**os.environ, "PYTHONHASHSEED": hash_seed},
+            capture_output=True,
+            check=True,
+        ).stdout
+        outputs.append((printed, *((out / "here" / name).read_bytes() for name in ("result.json", "final.svg"))))
+    assert outputs[0] == outputs[1]
+
+
+def test_another_seed_plays_another_game(tmp_path):
+    for seed in (1, 2):
+        run("--turns", 100, "--seed", seed, "--out", tmp_path / str(seed))
+    assert (tmp_path / "1" / "final.svg").read_bytes() != (tmp_path / "2" / "final.svg").read_bytes()
+
+
+def test_teams_may_have_names_and_sizes_of_their_own(tmp_path):
+    run("--turns", 20, "--teams", "cats=3,dogs=2", "--out", tmp_path)
+    result = json.loads((tmp_path / "result.json").read_text())
+    assert [(team["name"], team["agents"]) for team in result["teams"]] == [("cats", 3), ("dogs", 2)]
+    assert sorted(agent["name"] for agent in result["agents"]) == ["cats_0", "cats_1", "cats_2", "dogs_0", "dogs_1"]
+
+
+@pytest.mark.parametrize(
+    ("arguments", "hint"),
+    [
+        (["--turns", "0"], "--turns"),
+        (["--teams", "many"], "cats=5,dogs=3"),
+        (["--teams", "0"], "1 to 1000"),
+        (["--teams", "a=1,a=2"], "two names"),
+        (["--seed", "x"], "--seed"),
+    ],
+)
+def test_a_wrong_argument_is_named_and_nothing_is_written(tmp_path, arguments, hint):
+    done = run(*arguments, "--out", tmp_path / "out")
+    assert done.exit_code == 2
+    assert hint in done.stderr
+    assert not (tmp_path / "out").exists()
+
+
+def squares(side, step=0.0005):
+    """A town of square blocks as an OpenStreetMap file."""
+    nodes = [
+        f'<node id="{1 + i * side + j}" lat="{60 + i * step}" lon="{25 + 2 * j * step}" version="1"/>'
+        for i in range(side)
+        for j in range(side)
+    ]
+    rows = [[1 + i * side + j for j in range(side)] for i in range(side)]
+    ways = [
+        f'<way id="{k}" version="1">{"".join(f"<nd ref={chr(34)}{n}{chr(34)}/>" for n in way)}'
+        '<tag k="highway" v="residential"/></way>'
+        for k, way in enumerate([*rows, *map(list, zip(*rows, strict=True))], 1)
+    ]
+    return f'<?xml version="1.0"?><osm version="0.6">{"".join(nodes + ways)}</osm>'
+
+
+def test_it_plays_on_any_map(tmp_path):
+    town = tmp_path / "town.osm"
+    town.write_text(squares(6))
+    done = run("--turns", 60, "--map", town, "--out", tmp_path)
+    assert done.exit_code == 0
+    assert "town.osm" in done.stdout
+    assert json.loads((tmp_path / "result.json").read_text())["map"]["name"] == "town.osm"
+
+
+@pytest.mark.parametrize(
+    ("content", "hint"),
+    [("this is no map", "bad.osm"), (squares(2, 0.00002), "at least 50"), (None, "bad.osm")],
+    ids=["no map", "too small", "missing"],
+)
+def test_a_bad_map_ends_in_one_sentence(tmp_path, content, hint):
+    path = tmp_path / "bad.osm"
+    if content is not None:
+        path.write_text(content)
+    done = subprocess.run(
+        [sys.executable, "-m", "gamms.cli", "demo", "--map", str(path), "--out", str(tmp_path / "out")],
+        capture_output=True,
+        text=True,
+        check=False,
+    )
+    assert done.returncode == 1
+    assert done.stderr.startswith("gamms: ")
+    assert hint in done.stderr
+    assert "Traceback" not in done.stderr
+
+
+def test_the_version_can_be_asked_for():
+    import gamms
+
+    assert CliRunner().invoke(cli.app, ["--version"]).stdout == f"gamms {gamms.__version__}\n"
