@@ -36,6 +36,7 @@ _legacy.install()
 
 
 def __getattr__(name: str) -> _Any:
-    if name == "osm" or _legacy.is_old_name(name):
-        return _import_module(f"{__name__}.{name}")
+    module = _import_module("gamms.osm") if name == "osm" else _legacy.resolve(name)
+    if module is not None:
+        return module
     raise AttributeError(f"module {__name__!r} has no attribute {name!r}")

@@ -5,14 +5,13 @@ To retire a path, delete its line.
 """
 
 import sys
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from importlib import import_module
-from importlib.abc import Loader, MetaPathFinder
 from importlib.machinery import ModuleSpec
 from types import ModuleType
 from typing import Any
 
-from gamms.errors import NotYetImportable
+from gamms.errors import NotYetAttribute, NotYetImportable
 
 _ROOMS_OF: dict[str, tuple[str, ...]] = {
     "gamms.AgentEngine": ("gamms.agent",),
@@ -21,7 +20,7 @@ _ROOMS_OF: dict[str, tuple[str, ...]] = {
     "gamms.GraphEngine.graph_engine": ("gamms.graph", "gamms.memory"),
     "gamms.MemoryEngine": ("gamms.memory",),
     "gamms.MemoryEngine.memory_engine": ("gamms.memory",),
-    "gamms.MemoryEngine.store": ("gamms.memory",),
+    "gamms.MemoryEngine.store": ("gamms.memory", "gamms.memory.store"),
     "gamms.SensorEngine": ("gamms.sensor",),
     "gamms.SensorEngine.sensor_engine": ("gamms.sensor",),
     "gamms.SensorEngine.sensors_basic": ("gamms.sensor",),
@@ -36,13 +35,13 @@ _ROOMS_OF: dict[str, tuple[str, ...]] = {
 }
 
 _LATER: dict[str, str] = {
-    "gamms.ComputationEngine": "The computation engine",
-    "gamms.MessageEngine": "The message engine",
-    "gamms.Recorder": "Recording",
-    "gamms.SensorEngine.sensors_aerial": "Sensing from the air",
-    "gamms.SensorEngine.sensors_occluded": "Sensing past obstacles",
-    "gamms.VisualizationEngine.pygame_engine": "The pygame window",
-    "gamms.VisualizationEngine.render_manager": "The pygame window",
+    "gamms.ComputationEngine": "the computation engine",
+    "gamms.MessageEngine": "the message engine",
+    "gamms.Recorder": "recording",
+    "gamms.SensorEngine.sensors_aerial": "sensing from the air",
+    "gamms.SensorEngine.sensors_occluded": "sensing past obstacles",
+    "gamms.VisualizationEngine.pygame_engine": "the pygame window",
+    "gamms.VisualizationEngine.render_manager": "the pygame window",
 }
 
 # Names that 1.0.0 also offered in a room that is not theirs: room -> (their room, names).
@@ -58,12 +57,17 @@ class _Alias(ModuleType):
         super().__init__(name, doc=f"Old name of {' and '.join(_ROOMS_OF[name])}.")
 
     def __getattr__(self, name: str) -> Any:
+        rooms = _ROOMS_OF[self.__name__]
+        if name == "__all__":  # what `from … import *` brings
+            return [public for room in rooms for public in getattr(import_module(room), name, ())]
         if name.startswith("__"):
             raise AttributeError(name)
         child = f"{self.__name__}.{name}"
+        if child in _LATER:
+            raise NotYetAttribute(_LATER[child])
         if child in _ROOMS_OF:
             return import_module(child)
-        for room in _ROOMS_OF[self.__name__]:
+        for room in rooms:
             try:
                 return getattr(import_module(room), name)
             except AttributeError:
@@ -71,16 +75,20 @@ class _Alias(ModuleType):
         raise AttributeError(f"module {self.__name__!r} has no attribute {name!r}")
 
 
-class _OldPaths(MetaPathFinder, Loader):
-    """Finds the modules of the tables above, and no others."""
+class _OldPaths:
+    """Finds and loads the modules of the tables above, and no others."""
+
+    # NOTE: not a MetaPathFinder by inheritance: importlib.abc alone costs a tenth of NumPy's import.
 
     def find_spec(
         self, fullname: str, path: Sequence[str] | None, target: ModuleType | None = None
     ) -> ModuleSpec | None:
         del path, target
-        if fullname in _LATER:
-            raise NotYetImportable(_LATER[fullname])
-        return ModuleSpec(fullname, self, is_package=True) if fullname in _ROOMS_OF else None
+        feature = _feature_of(fullname)
+        if feature is not None:
+            raise NotYetImportable(feature)
+        is_old = fullname in _ROOMS_OF
+        return ModuleSpec(fullname, self, is_package=True) if is_old else None  # type: ignore[arg-type]  # see NOTE
 
     def create_module(self, spec: ModuleSpec) -> ModuleType:
         return _Alias(spec.name)
@@ -93,11 +101,31 @@ def install() -> None:
     """Make every old path importable; nothing is loaded until it is used."""
     if not any(isinstance(finder, _OldPaths) for finder in sys.meta_path):
         sys.meta_path.append(_OldPaths())
-    for room, (home, names) in _GUESTS.items():
-        for name in names:
-            setattr(import_module(room), name, getattr(import_module(home), name))
+    for room in _GUESTS:
+        _invite(import_module(room))
 
 
-def is_old_name(name: str) -> bool:
-    """Whether `gamms.<name>` is one of the old paths."""
-    return f"gamms.{name}" in _ROOMS_OF or f"gamms.{name}" in _LATER
+def _invite(room: ModuleType) -> None:
+    """Let a room answer for its guests, too, without loading their homes before they are asked for."""
+    home, names = _GUESTS[room.__name__]
+    own: Callable[[str], Any] = room.__dict__["__getattr__"]
+    room.__dict__["__getattr__"] = lambda name: getattr(import_module(home), name) if name in names else own(name)
+
+
+def _feature_of(path: str) -> str | None:
+    """What is not built yet and would have to be for this import: an old module, or a name in a room."""
+    parent, _, name = path.rpartition(".")
+    names = [getattr(sys.modules.get(room), "LATER", {}) for room in _ROOMS_OF.get(parent, (parent,))]
+    return next((later[name] for later in names if name in later), _LATER.get(path))
+
+
+def resolve(name: str) -> ModuleType | None:
+    """The module `gamms.<name>`, if it is an old path.
+
+    Raises:
+        NotYetAttribute: it belongs to a feature that is not built yet.
+    """
+    path = f"gamms.{name}"
+    if path in _LATER:
+        raise NotYetAttribute(_LATER[path])
+    return import_module(path) if path in _ROOMS_OF else None

@@ -2,12 +2,14 @@
 
 import logging
 import os
+from contextlib import ExitStack
 from types import TracebackType
 from typing import TYPE_CHECKING, Any, Self
 
-from gamms import agent, game, graph, kernels, memory, sensor, visual
+from gamms import agent, graph, kernels, memory, sensor, visual
 from gamms.arguments import as_int
-from gamms.errors import BadType, BadValue, NotYet
+from gamms.errors import BadType, BadValue, NotYet, NotYetAttribute
+from gamms.game import Moves
 from gamms.typing import (
     IAgentEngine,
     IComputeEngine,
@@ -66,6 +68,9 @@ class InternalContext(IInternalContext):
 class RecorderLater:
     """Where the recorder will be: nothing is recorded, and asking for more says so."""
 
+    def __init__(self, ctx: "Context") -> None:
+        self._ctx = ctx
+
     def record(self) -> bool:
         """Whether events are being written now."""
         return False
@@ -73,7 +78,9 @@ class RecorderLater:
     def __getattr__(self, name: str) -> Any:
         if name.startswith("__"):
             raise AttributeError(name)
-        raise NotYet(f"Recording (ctx.record.{name})")
+        if self._ctx.is_terminated():  # a loop that is ending should end quietly
+            return lambda *_, **__: None
+        raise NotYetAttribute(f"recording (ctx.record.{name})")
 
 
 class Context(IContext):
@@ -104,7 +111,7 @@ class Context(IContext):
         self.sensor_engine = sensor_engine
         self.visual_engine = visual_engine
         self.graph_engine = graph_engine
-        self.recorder = recorder or RecorderLater()
+        self.recorder = recorder or RecorderLater(self)
         self._logger: Any = logger or logging.getLogger("gamms")
         self._alive = False
         self._seed = _fresh_seed()
@@ -134,6 +141,11 @@ class Context(IContext):
     def record(self) -> Any:
         """The recorder; until it is built, an object whose `record()` is False."""
         return self.recorder
+
+    @property
+    def game(self) -> Any:
+        """The turn engine, which is not built yet; the paper's own loop is there."""
+        raise NotYetAttribute("the turn engine (ctx.game)")
 
     @property
     def ictx(self) -> IInternalContext:
@@ -168,8 +180,12 @@ class Context(IContext):
         """The random stream of one purpose: same seed and names, same draws, whoever else draws.
 
         For example `ctx.stream("agent", name)` for an agent, `ctx.stream("weather", turn)` for a turn.
+
+        Raises:
+            BadType: a name that is neither a string nor an integer, and may differ from run to run.
         """
-        return kernels.stream(self._seed, *names)
+        plain = (str(name) if isinstance(name, str) else as_int(name, "The name of a stream") for name in names)
+        return kernels.stream(self._seed, *plain)
 
     def set_alive(self) -> None:
         """Begin."""
@@ -183,20 +199,15 @@ class Context(IContext):
         """End the scenario: close every room, in the order in which they depend on each other."""
         if not self._alive:
             return
-        if self.record.record():
-            self.record.stop()
-        try:
-            for room in (
-                "agent_engine",
-                "sensor_engine",
-                "graph_engine",
-                "internal_context",
-                "visual_engine",
-            ):
-                if getattr(self, room) is not None:
-                    getattr(self, room).terminate()
-        finally:
-            self._alive = False
+        with ExitStack() as closing:  # calls the last one first, and all of them even when one raises
+            closing.callback(self._die)
+            for room in ("visual_engine", "internal_context", "graph_engine", "sensor_engine", "agent_engine"):
+                closing.callback(_terminate, getattr(self, room))
+            if self.record.record():
+                closing.callback(self.record.stop)
+
+    def _die(self) -> None:
+        self._alive = False
 
     def __enter__(self) -> Self:
         return self
@@ -215,6 +226,7 @@ def create_context(
     *,
     seed: int | None = None,
     graph_path: str | os.PathLike[str] | None = None,
+    game: dict[str, Any] | None = None,
 ) -> Context:
     """Open a context with every room in it.
 
@@ -225,27 +237,35 @@ def create_context(
         logger_config: arguments of `logging.basicConfig`; `level` defaults to $GAMMS_LOG_LEVEL, then INFO.
         seed: the same seed gives the same random streams; None draws one.
         graph_path: the database file of SQLITE; an existing one is opened. None: a temporary one.
+        game: settings of the turn engine, which is not built yet.
 
     Raises:
         UnknownType (ValueError): an unknown graph engine.
-        NotYet (NotImplementedError): a visual engine that is not built yet, or an unknown one.
+        NotYet (NotImplementedError): the window, or the turn engine.
+        NotImplementedError: an unknown visual engine.
         BadValue, BadType: a bad seed, or a `graph_path` without SQLITE.
         BadFile (ValueError): `graph_path` is something else than a graph's database.
     """
+    if game is not None:
+        raise NotYet("the turn engine (game=)")
     ctx = Context(logger=_configured_logger(logger_config or {}))
     if seed is not None:
         ctx._seed = as_int(seed, "seed")
-    ctx.internal_context = InternalContext(memory_engine=memory.MemoryEngine())
-    try:
+    with ExitStack() as opened:  # closes what is open when a later room cannot be built
+        ctx.internal_context = InternalContext(memory_engine=memory.MemoryEngine())
+        opened.callback(ctx.internal_context.terminate)
         ctx.graph_engine = graph.GraphEngine(ctx, engine=graph_engine, path=_database_path(graph_engine, graph_path))
-    except BaseException:
-        ctx.internal_context.terminate()
-        raise
-    ctx.agent_engine = agent.AgentEngine(ctx, moves=game.Moves(ctx.graph_engine.graph))
-    ctx.sensor_engine = sensor.SensorEngine(ctx)
-    ctx.visual_engine = _visual_engine(ctx, vis_engine, vis_kwargs or {})
+        ctx.agent_engine = agent.AgentEngine(ctx, moves=Moves(ctx.graph_engine.graph))
+        ctx.sensor_engine = sensor.SensorEngine(ctx)
+        ctx.visual_engine = _visual_engine(ctx, vis_engine, vis_kwargs or {})
+        opened.pop_all()
     ctx.set_alive()
     return ctx
+
+
+def _terminate(room: Any) -> None:
+    if room is not None:
+        room.terminate()
 
 
 def _fresh_seed() -> int:
@@ -256,7 +276,7 @@ def _visual_engine(ctx: Context, engine: Any, keywords: dict[str, Any]) -> IVisu
     if engine is visual.Engine.NO_VIS:
         return visual.NoEngine(ctx, **keywords)
     if engine is visual.Engine.PYGAME:
-        raise NotYet("The pygame window (visual.Engine.PYGAME)")
+        raise NotYet("the pygame window (visual.Engine.PYGAME)")
     raise NotImplementedError(f"Unknown visual engine {engine!r}. Use gamms.visual.Engine.NO_VIS.")
 
 

@@ -9,13 +9,15 @@ GammsError
 ├─ BadType (TypeError)             an argument of the wrong type
 ├─ BadFile (ValueError)            a file that is damaged, foreign or too large
 ├─ MissingExtra (ImportError)      an optional library is needed and absent
+├─ MissingKey (KeyError)           a dict or call without something it needs
+├─ MissingFolder (FileNotFoundError) a file is to be written into a folder that is not there
 ├─ NotYet (NotImplementedError)    a feature that is announced and not built yet
-│  └─ NotYetImportable (ImportError)  ... and was asked for by an import
+│  ├─ NotYetImportable (ImportError)   ... and was asked for by an import
+│  └─ NotYetAttribute (AttributeError) ... and was asked for by its name
 └─ ContextTerminated (AttributeError) the context has ended
 """
 
 from collections.abc import Iterable
-from difflib import get_close_matches
 
 
 class GammsError(Exception):
@@ -28,6 +30,8 @@ class GammsError(Exception):
 
 def nearest(name: object, known: Iterable[object]) -> str:
     """The hint of an error message: the known name most like `name`, or nothing."""
+    from difflib import get_close_matches
+
     near = get_close_matches(str(name), [str(one) for one in known], n=1)
     return f" Did you mean {near[0]!r}?" if near else ""
 
@@ -80,11 +84,26 @@ class NotYet(GammsError, NotImplementedError):
     """A feature that is announced and not built yet."""
 
     def __init__(self, feature: str) -> None:
-        super().__init__(f"{feature} is not part of this version of GAMMS yet. See the README for what is there.")
+        super().__init__(f"Not in this version of GAMMS yet: {feature}.")
 
 
 class NotYetImportable(NotYet, ImportError):
     """A name that belongs to a feature that is not built yet."""
+
+
+class NotYetAttribute(NotYet, AttributeError):
+    """A name that belongs to a feature that is not built yet, so that `hasattr` says False."""
+
+
+class MissingKey(GammsError, KeyError):
+    """A dict or call without something it needs."""
+
+
+class MissingFolder(GammsError, FileNotFoundError):
+    """A file is to be written into a folder that is not there."""
+
+    def __init__(self, path: object, folder: object) -> None:
+        super().__init__(f"There is no folder {str(folder)!r} to write {str(path)!r} into. Create it first.")
 
 
 class ContextTerminated(GammsError, AttributeError):

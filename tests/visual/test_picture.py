@@ -85,7 +85,7 @@ def test_an_empty_scenario_gives_an_empty_picture(ctx, tmp_path):
         (("a.svg", 10.5, 10), BadType, "width"),
         (("a.png",), NotYet, r"as '\.png' \(there is: \.svg\)"),
         (("picture",), NotYet, "there is: .svg"),
-        (("no/folder/a.svg",), BadValue, "Create it first"),
+        (("no/folder/a.svg",), FileNotFoundError, "Create it first"),
     ],
 )
 def test_an_impossible_picture_is_refused_and_nothing_is_written(ctx, tmp_path, arguments, error, words):

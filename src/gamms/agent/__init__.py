@@ -8,7 +8,7 @@ from typing import Any
 
 from gamms.agent.agent import Agent
 from gamms.agent.engine import AgentEngine
-from gamms.errors import NotYetImportable
+from gamms.errors import NotYetAttribute
 from gamms.typing.agent_engine import AgentType, IAerialAgent, IAgent, IAgentEngine
 from gamms.typing.opcodes import OpCodes
 
@@ -26,7 +26,10 @@ __all__ = [
 ]
 
 
+LATER = {"AerialAgent": "aerial agents"}
+
+
 def __getattr__(name: str) -> Any:
-    if name == "AerialAgent":
-        raise NotYetImportable("Aerial agents")
+    if name in LATER:
+        raise NotYetAttribute(LATER[name])
     raise AttributeError(f"module {__name__!r} has no attribute {name!r}")

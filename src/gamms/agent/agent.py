@@ -4,10 +4,10 @@ from math import hypot
 from typing import Any
 
 from gamms.arguments import as_name
-from gamms.errors import BadType, GammsError
+from gamms.errors import BadType, ContextTerminated, GammsError, MissingKey, UnknownName
 from gamms.ir.agents import AgentColumns
 from gamms.typing import IContext
-from gamms.typing.agent_engine import AgentType, IAgent, Strategy
+from gamms.typing.agent_engine import AgentType, IAgent, IMoves, Strategy
 from gamms.typing.sensor_engine import ISensor
 
 
@@ -109,8 +109,11 @@ class Agent(IAgent):
         here, before = columns.node[row], columns.previous[row]
         if here == before:
             return (0.0, 0.0)
-        graph = self._ctx.graph.graph
-        (_, x1, y1), (_, x0, y0) = graph.get_node(here), graph.get_node(before)
+        try:
+            graph = self._ctx.graph.graph
+            (_, x1, y1), (_, x0, y0) = graph.get_node(here), graph.get_node(before)
+        except (UnknownName, ContextTerminated):  # where it came from, or the whole graph, is gone
+            return (0.0, 0.0)
         distance = hypot(x1 - x0, y1 - y0)
         return ((x1 - x0) / distance, (y1 - y0) / distance) if distance else (0.0, 0.0)
 
@@ -161,7 +164,9 @@ class Agent(IAgent):
         try:
             action = self._state["action"]
         except KeyError:
-            raise KeyError("action") from None
+            raise MissingKey(
+                f"The state of agent {self.name!r} has no 'action': its strategy must set state['action'] to a node id."
+            ) from None
         self._moves.act(self._columns, self._row, action)
 
     def step(self) -> None:
@@ -190,7 +195,9 @@ class Agent(IAgent):
     def rest(self) -> None:
         """Do nothing from now on: the context has ended, and a loop that is ending should end quietly."""
         # NOTE: set on the instance, so that living agents need not ask at every step (benchmarks/README.md, w2).
-        last = self._state or {"curr_pos": self.current_node_id, "sensor": {}}
+        sensed = {name: (sensor.type, sensor.data) for name, sensor in self._sensor_list.items()}
+        last = self._state or {"curr_pos": self.current_node_id, "sensor": sensed}
+        self._moves = _NoMoves()
         for name, quiet in (("get_state", lambda: last), ("set_state", _do_nothing), ("step", _do_nothing)):
             setattr(self, name, quiet)
 
@@ -199,8 +206,14 @@ class Agent(IAgent):
             sensor.set_owner(None)
 
 
-def _do_nothing() -> None:
+def _do_nothing(*_: Any, **__: Any) -> None:
     return
+
+
+class _NoMoves(IMoves):
+    """Writes nothing: the context has ended, and a rule that puts agents back should end quietly, too."""
+
+    act = place = place_previous = turn = _do_nothing
 
 
 _SETTABLE = {"current_node_id", "prev_node_id", "orientation", "team"}
@@ -213,5 +226,5 @@ def refuse_reserved(names: Any) -> None:
         AttributeError: one of them is the name of a method or of something read-only.
     """
     for name in names:
-        if name not in _SETTABLE and (name.startswith("_") or hasattr(Agent, name)):
+        if name not in _SETTABLE and hasattr(Agent, name):
             raise AttributeError(f"{name!r} cannot be set when an agent is created.")

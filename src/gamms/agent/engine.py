@@ -1,14 +1,16 @@
 """The agent room's front: creates agents and keeps them by name."""
 
-from collections.abc import Iterator
+from collections.abc import Iterable, Iterator, Mapping
 from typing import Any
+from weakref import WeakSet
 
 from gamms.agent.agent import Agent
 from gamms.arguments import as_name, misspelt
-from gamms.errors import BadType, BadValue, ContextTerminated, Duplicate, NotYet, UnknownName, UnknownType
+from gamms.errors import BadType, ContextTerminated, Duplicate, MissingKey, NotYet, UnknownName, nearest
 from gamms.ir.agents import AgentColumns
 from gamms.typing import IContext
 from gamms.typing.agent_engine import AgentType, IAgentEngine, IMoves, Roll
+from gamms.typing.sensor_engine import ISensor
 
 _KEYWORDS = ("start_node_id", "sensors", "team", "strategy", "type", "agent_type", "orientation", "meta")
 
@@ -28,6 +30,7 @@ class AgentEngine(IAgentEngine):
         self.agents: dict[str, Agent] = {}
         self.columns = AgentColumns()
         self._dead = 0  # rows of deleted agents
+        self._gone: WeakSet[Agent] = WeakSet()  # deleted agents that somebody still holds
 
     def create_agent(self, name: str, **kwargs: Any) -> Agent:
         """Create an agent; nothing has changed when this raises."""
@@ -35,20 +38,20 @@ class AgentEngine(IAgentEngine):
             raise ContextTerminated("ctx.agent")
         if as_name(name, "an agent") in self.agents:
             raise Duplicate("an agent", name)
-        _refuse_other_types(kwargs)
+        self._refuse_other_types(name, kwargs)
         sensors = self._found_sensors(name, kwargs.pop("sensors", ()))
         strategy = kwargs.pop("strategy", None)
         hints = misspelt(kwargs, _KEYWORDS)
         if "start_node_id" not in kwargs:
-            raise KeyError(" ".join(["start_node_id", *hints]))
+            raise MissingKey(" ".join([f"Agent {name!r} needs start_node_id=, the node it stands on.", *hints]))
         agent = Agent(self._ctx, name, kwargs.pop("start_node_id"), **kwargs)
         agent.register_strategy(strategy)
         for hint in hints:
             self._ctx.logger.warning(f"Agent {name!r}: {hint} It is kept as an attribute.")
         agent.live_in(self.columns)
         self.agents[name] = agent
-        for sensor_id in sensors:
-            agent.register_sensor(sensor_id, self._ctx.sensor.get_sensor(sensor_id))
+        for key, sensor in sensors.items():
+            agent.register_sensor(key, sensor)
         return agent
 
     def get_agent(self, name: str) -> Agent:
@@ -65,16 +68,14 @@ class AgentEngine(IAgentEngine):
             self._ctx.logger.warning(f"{UnknownName('agent', name, self.agents)} Nothing is deleted.")
             return
         agent.leave()
+        self._gone.add(agent)
         self._dead += 1
         if self._dead > len(self.agents):  # so that deleting costs each agent its share only once
             self._sweep()
 
-    def create_iter(self) -> Iterator[Agent]:
-        """The agents of this moment in the order of their creation, without those deleted meanwhile."""
-        agents = self.agents
-        for agent in list(agents.values()):
-            if agent._columns is self.columns:
-                yield agent
+    def create_iter(self) -> "Living":
+        """The agents in the order of their creation; each loop over it takes those of its beginning that are left."""
+        return Living(self)
 
     def roll(self) -> Roll:
         """Who is where."""
@@ -84,7 +85,7 @@ class AgentEngine(IAgentEngine):
 
     def terminate(self) -> None:
         """Close the room: agents stay readable and do nothing."""
-        for agent in self.agents.values():
+        for agent in (*self.agents.values(), *self._gone):
             agent.rest()
 
     def _sweep(self) -> None:
@@ -95,27 +96,50 @@ class AgentEngine(IAgentEngine):
             agent._row = row
         self._dead = 0
 
-    def _found_sensors(self, name: str, ids: Any) -> list[str]:
-        if isinstance(ids, str) or not hasattr(ids, "__iter__"):
-            raise BadType(f"sensors= of agent {name!r} must be a list of sensor ids, not {ids!r}.")
-        found = []
-        for sensor_id in ids:
+    def _found_sensors(self, name: str, given: Any) -> dict[str, ISensor]:
+        """The sensors an agent is to carry, by the name it knows them by."""
+        if isinstance(given, str) or not isinstance(given, Iterable):
+            raise BadType(f"sensors= of agent {name!r} must be a list of sensor ids or a dict, not {given!r}.")
+        pairs = given.items() if isinstance(given, Mapping) else ((sensor_id, sensor_id) for sensor_id in given)
+        found = {}
+        for key, sensor in pairs:
             try:
-                self._ctx.sensor.get_sensor(sensor_id)
-                found.append(sensor_id)
+                found[key] = sensor if isinstance(sensor, ISensor) else self._ctx.sensor.get_sensor(sensor)
             except KeyError as error:
                 self._ctx.logger.warning(f"Agent {name!r} goes without a sensor: {error}")
         return found
 
+    def _refuse_other_types(self, name: str, kwargs: dict[str, Any]) -> None:
+        """Take `type` and its synonym `agent_type` from the keywords.
 
-def _refuse_other_types(kwargs: dict[str, Any]) -> None:
-    given = [kwargs.pop(key) for key in ("type", "agent_type") if key in kwargs]
-    if len(given) == 2 and given[0] != given[1]:
-        raise BadValue(f"type={given[0]!r} and agent_type={given[1]!r} are synonyms and contradict each other.")
-    for kind in given:
-        try:
-            agent_type = AgentType(kind)
-        except ValueError:
-            raise UnknownType(f"Unknown agent type {kind!r}. Use AgentType.BASIC or AgentType.AERIAL.") from None
-        if agent_type is AgentType.AERIAL:
-            raise NotYet("An agent of type AERIAL")
+        As in 1.0.0, a `type` that is none means BASIC, and an `agent_type` that is none is the caller's attribute.
+        """
+        kind = kwargs.pop("type", AgentType.BASIC)
+        kind = AgentType.__members__.get(kind.upper(), kind) if isinstance(kind, str) else kind
+        if kind not in tuple(AgentType):
+            hint = nearest(str(kind).upper(), AgentType.__members__)
+            self._ctx.logger.warning(f"Agent {name!r}: unknown type {kind!r}, so it is BASIC.{hint}")
+        if AgentType.AERIAL in (kind, kwargs.get("agent_type")):
+            raise NotYet("aerial agents (AgentType.AERIAL)")
+
+
+class Living(Iterator[Agent]):
+    """The agents that live, as often as a program loops over them: 1.0.0 gave a view that could be kept."""
+
+    def __init__(self, engine: AgentEngine) -> None:
+        self._engine = engine
+        self._loop: Iterator[Agent] | None = None
+
+    def __len__(self) -> int:
+        return len(self._engine.agents)
+
+    def __iter__(self) -> Iterator[Agent]:  # noqa: PYI034 - every loop is one of its own
+        columns = self._engine.columns
+        for agent in list(self._engine.agents.values()):
+            if agent._columns is columns:
+                yield agent
+
+    def __next__(self) -> Agent:
+        if self._loop is None:
+            self._loop = iter(self)
+        return next(self._loop)

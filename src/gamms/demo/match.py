@@ -47,14 +47,16 @@ class Match:
     def _add_agent(self, team: int, number: int, node: int) -> None:
         side = self.world.teams[team]
         name = f"{side.name}_{number}"
-        agent = self.ctx.agent.create_agent(name, start_node_id=node, team=team)
-        for key, kind in (("near", SensorType.NEIGHBOR), ("map", SensorType.RANGE), ("seen", SensorType.AGENT_RANGE)):
-            sensor = self.ctx.sensor.create_sensor(f"{name}/{key}", kind, sensor_range=strategies.SIGHT_M)
-            agent.register_sensor(key, sensor)
         self.start_of[name], self.announced.team_of[name] = node, team
+        kinds = {"near": SensorType.NEIGHBOR, "map": SensorType.RANGE, "seen": SensorType.AGENT_RANGE}
+        sensors = {
+            key: self.ctx.sensor.create_sensor(f"{name}/{key}", kind, sensor_range=strategies.SIGHT_M)
+            for key, kind in kinds.items()
+        }
         play_as = strategies.defend if number < side.size * _DEFENDERS // 5 else strategies.attack
-        agent.register_strategy(play_as(name, self.world, self.announced, self.ctx.stream("demo", "agent", name)))
-        self.agents.append(agent)
+        strategy = play_as(name, self.world, self.announced, self.ctx.stream("demo", "agent", name))
+        create = self.ctx.agent.create_agent
+        self.agents.append(create(name, start_node_id=node, team=team, sensors=sensors, strategy=strategy))
 
     def play(self) -> None:
         """Play to the end."""

@@ -56,7 +56,7 @@ class Moves(IMoves):
             self.turn(columns, row, action["orientation"])
 
     def _checked(self, node_id: Any) -> int:
-        node = _as_node(node_id)
+        node = as_int(node_id, "A node id")
         if not self._has_node(node):
             raise UnknownName("node", node)
         return node

@@ -1,7 +1,6 @@
 """All that a saved graph holds, checked: what files and databases are written from and read into."""
 
-from dataclasses import dataclass
-from typing import Any
+from typing import Any, NamedTuple
 
 import numpy as np
 
@@ -12,8 +11,7 @@ from gamms.ir.graph import FloatArray, GraphColumns, IntArray
 from gamms.typing.graph_engine import ObsFace
 
 
-@dataclass(slots=True, frozen=True)
-class Contents:
+class Contents(NamedTuple):
     """A graph, its obstacles, and whom the data is by."""
 
     columns: GraphColumns
@@ -40,7 +38,9 @@ def checked_columns(
     """
     nodes, edges = len(arrays["node_ids"]), len(arrays["edge_ids"])
     for name, shape in (
+        ("node_ids", (nodes,)),
         ("xy", (nodes, 2)),
+        ("edge_ids", (edges,)),
         ("sources", (edges,)),
         ("targets", (edges,)),
         ("lengths", (edges,)),

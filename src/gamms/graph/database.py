@@ -60,10 +60,15 @@ class GraphDatabase:
             BadValue: an attribute is no plain data; the database keeps the graph it had.
         """
         tables = _tables_of(contents)
-        for name, columns in tables.items():
-            self._store.clear_map(name)
-            self._store.insert_many(name, columns)
         self._store.flush()
+        try:
+            for name, columns in tables.items():
+                self._store.clear_map(name)
+                self._store.insert_many(name, columns)
+            self._store.flush()
+        except BaseException:
+            self._store.connection().rollback()
+            raise
 
 
 def _tables_of(contents: Contents) -> dict[str, dict[str, list[Any]]]:
@@ -125,7 +130,12 @@ def _attribute_texts(attributes: Any, rows: int, kind: str) -> list[str | None]:
     texts: list[str | None] = [None] * rows
     for row in sorted({row for values in attributes.values() for row in values}):
         given = {name: values[row] for name, values in attributes.items() if row in values}
-        texts[row] = plain.to_text(given, f"An attribute of {kind} row {row}")
+        try:
+            texts[row] = plain.to_text(given, "A dict of attributes")
+        except BadValue:
+            for name, value in given.items():
+                plain.to_text(value, f"Attribute {name!r} of a {kind}")  # raises for the one that is to blame
+            raise
     return texts
 
 
@@ -133,9 +143,16 @@ def _attributes(texts: list[str | None]) -> dict[str, dict[int, Any]]:
     attributes: dict[str, dict[int, Any]] = {}
     for row, text in enumerate(texts):
         if text is not None:
-            for name, value in plain.from_text(text).items():
+            for name, value in _attribute_dict(text).items():
                 attributes.setdefault(name, {})[row] = value
     return attributes
+
+
+def _attribute_dict(text: str) -> dict[str, Any]:
+    given = plain.from_text(text)
+    if not isinstance(given, dict) or not all(isinstance(name, str) for name in given):
+        raise BadValue(f"attributes must be a dict by name, not {given!r}")
+    return given
 
 
 def _bytes(bend: FloatArray | None) -> bytes | None:
@@ -146,4 +163,5 @@ def _points(data: bytes) -> FloatArray:
     points = np.frombuffer(data, "<f8").astype(np.float64).reshape(-1, 2)
     if len(points) < 2:
         raise BadValue("a polyline has fewer than two points")
+    points.setflags(write=False)
     return points

@@ -5,9 +5,7 @@ from collections.abc import Iterator
 from typing import TYPE_CHECKING, Any
 
 from gamms.errors import BadValue, ContextTerminated, UnknownType
-from gamms.graph import file
 from gamms.graph.contents import Contents
-from gamms.graph.database import STORE, GraphDatabase
 from gamms.graph.graph import Graph
 from gamms.graph.obstacles import Obstacles, checked_face
 from gamms.ir.graph import GraphColumns
@@ -18,6 +16,7 @@ from gamms.typing.memory_engine import StoreType
 if TYPE_CHECKING:
     import networkx as nx
 
+    from gamms.graph.database import GraphDatabase
     from gamms.typing.memory_engine import IPathLike
 
 
@@ -41,7 +40,11 @@ class GraphEngine(IGraphEngine):
         self._obstacles = Obstacles()
         self._database: GraphDatabase | None = None
         if engine is Engine.SQLITE:
-            self._database = GraphDatabase(ctx.ictx.memory.create_store(StoreType.DATABASE, STORE, path))
+            from gamms.graph import database
+
+            self._database = database.GraphDatabase(
+                ctx.ictx.memory.create_store(StoreType.DATABASE, database.STORE, path)
+            )
             self._put(self._database.read())
 
     @property
@@ -103,6 +106,8 @@ class GraphEngine(IGraphEngine):
         if self._database is not None:
             self._database.write(contents)
         if path is not None:
+            from gamms.graph import file
+
             file.save(path, contents)
         elif self._database is None:
             raise BadValue("A graph in memory needs a path to be saved to: ctx.graph.save('map.gamms').")
@@ -114,6 +119,8 @@ class GraphEngine(IGraphEngine):
             BadFile (ValueError): the file is damaged or foreign; nothing has changed.
             OSError: it cannot be read.
         """
+        from gamms.graph import file
+
         graph = self.graph
         self._put(file.load(path))
         return graph
@@ -122,10 +129,12 @@ class GraphEngine(IGraphEngine):
         """Write what a database has to hold, and let go of the graph."""
         if self._graph is None:
             return
-        if self._database is not None:
-            self._database.write(self._contents())
-        self._graph.close()
-        self._graph = None
+        try:
+            if self._database is not None:
+                self._database.write(self._contents())
+        finally:
+            self._graph.close()
+            self._graph = None
 
     # -- the graph's own verbs, for short -----------------------------------------------------------------------
 

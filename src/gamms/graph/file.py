@@ -78,7 +78,7 @@ def encode(contents: Contents) -> bytes:
             for (name, array), blob in zip(columns.items(), stored, strict=True)
         ],
     }
-    text = json.dumps(header, separators=(",", ":"), ensure_ascii=False).encode()
+    text = json.dumps(header, separators=(",", ":"), ensure_ascii=False).encode("utf-8", "surrogatepass")
     return b"".join([_HEAD.pack(MAGIC, VERSION, len(text), zlib.crc32(text)), text, *stored])
 
 
@@ -219,6 +219,7 @@ def _bends_of(columns: dict[str, np.ndarray[Any, Any]]) -> dict[int, FloatArray]
     ends = np.cumsum(sizes)
     if (int(ends[-1]) if len(ends) else 0) != len(points):
         raise BadFile("the polylines are damaged")
+    points.setflags(write=False)
     bends = zip(rows.tolist(), (ends - sizes).tolist(), ends.tolist(), strict=True)
     return {row: points[first:end] for row, first, end in bends}
 

@@ -187,13 +187,15 @@ class Graph(IGraph):
 
     def has_node(self, node_id: int) -> bool:
         """Whether there is a node with that id."""
-        return self._nodes.index.row(node_id) >= 0
+        return self._nodes.index.row(records.as_id(node_id, "a node")) >= 0
 
     def within(
         self, node_id: int, radius: float, fov: float = 2.0 * pi, heading: tuple[float, float] = (0.0, 0.0)
     ) -> Surroundings:
         """What lies within `radius` of a node and inside its field of view."""
         row = self._nodes.find(records.as_id(node_id, "a node"))
+        if not radius >= 0.0:
+            raise BadValue(f"The radius must not be negative, not {radius}.")
         x, y = self._nodes.xy[2 * row], self._nodes.xy[2 * row + 1]
         rows = self._nodes.living() if radius == inf else self._indexes.nodes_within(x, y, radius)
         if fov != 2.0 * pi and heading != (0.0, 0.0):
@@ -263,10 +265,11 @@ class Graph(IGraph):
 
     def columns(self) -> GraphColumns:
         """The graph as read-only arrays that stay as they are now."""
-        if self._columns is None or self._columns.revision != self._revision:
+        known = self._columns
+        if known is None or known.revision != self._revision or known.crs != self.crs:
             self._compact(fully=True)
-            self._columns = _snapshot(self._nodes, self._edges, self._revision, self.crs)
-        return self._columns
+            known = self._columns = _snapshot(self._nodes, self._edges, self._revision, self.crs)
+        return known
 
     def replace(self, columns: GraphColumns) -> None:
         """Become the graph that `columns` describe."""
@@ -352,6 +355,8 @@ def _is_everywhere(d: float, x: float, y: float) -> bool:
 
 def _snapshot(nodes: NodeTable, edges: EdgeTable, revision: int, crs: str | None) -> GraphColumns:
     offsets, out_edges = kernels.group_rows(edges.array("sources"), nodes.count)
+    offsets.setflags(write=False)
+    out_edges.setflags(write=False)
     return GraphColumns(
         node_ids=nodes.frozen("ids"),
         xy=nodes.frozen("xy"),
@@ -362,8 +367,8 @@ def _snapshot(nodes: NodeTable, edges: EdgeTable, revision: int, crs: str | None
         offsets=offsets,
         out_edges=out_edges,
         bends=dict(edges.bends),
-        node_attributes={name: dict(values) for name, values in nodes.attributes.items()},
-        edge_attributes={name: dict(values) for name, values in edges.attributes.items()},
+        node_attributes={name: dict(values) for name, values in nodes.attributes.items() if values},
+        edge_attributes={name: dict(values) for name, values in edges.attributes.items() if values},
         revision=revision,
         crs=crs,
     )

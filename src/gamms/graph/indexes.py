@@ -68,7 +68,7 @@ class Indexes:
         if self._places is None or self._places.is_worn:
             self._places = Places(self._nodes)
             self.is_built = True
-        return self._places.within(x, y, d)
+        return self._places.within(float(x), float(y), float(d))  # a NumPy float32 would round the rim away
 
     def edges_at(self, nodes: IntArray) -> IntArray:
         """Edge rows with at least one end among the node rows, ascending."""

@@ -42,7 +42,7 @@ def export(graph: Graph) -> "nx.MultiDiGraph[int] | nx.DiGraph[int]":
     exported.graph.update({key: value for key in ("crs", "attribution") if (value := getattr(graph, key))})
     for id in graph.get_nodes():
         node = graph.get_node(id)
-        exported.add_node(id, x=node.x, y=node.y, **graph.node_attributes(id))
+        exported.add_nodes_from([(id, {"x": node.x, "y": node.y, **graph.node_attributes(id)})])
     for id in graph.get_edges():
         edge = graph.get_edge(id)
         data = {"id": id, "length": edge.length, "linestring": edge.linestring, **graph.edge_attributes(id)}
@@ -81,8 +81,8 @@ class _Import:
 
         first = nodes.extend(node_ids, xy=xy)
         _add_attributes(nodes.attributes, first, self.node_data)
-        for row, (label, id) in enumerate(self.id_of.items(), first):
-            if label != id:
+        for row, label in enumerate(self.id_of, first):
+            if _as_label_id(label) is None:
                 nodes.set_attributes(row, {LABEL: label})
         ends = np.array([(self.id_of[u], self.id_of[v]) for u, v, _ in self.edges], np.int64).reshape(-1, 2)
         source_rows, target_rows = (nodes.index.rows(end, "node") for end in ends.T)
@@ -158,7 +158,8 @@ def _edge_ids(graph: Graph, given: list[Any]) -> "np.ndarray[Any, np.dtype[np.in
 
 def _polylines(given: list[tuple[Any, Any]]) -> dict[int, FloatArray]:
     """`linestring`, else `geometry`, as points (points, 2) by edge, for the edges that have one."""
-    shapes = {i: pair[0] if pair[0] is not None else pair[1] for i, pair in enumerate(given) if pair != (None, None)}
+    shapes = {i: pair[0] if pair[0] is not None else pair[1] for i, pair in enumerate(given)}
+    shapes = {i: shape for i, shape in shapes.items() if shape is not None}
     lines = {i: shape for i, shape in shapes.items() if hasattr(shape, "coords")}
     points, offsets = geometry.points_of_many(list(lines.values()))
     bounds = offsets.tolist()

@@ -7,6 +7,7 @@ from gamms.graph.tables import NodeTable
 from gamms.ir.graph import IntArray
 
 _LATE = 256
+_LEAST, _MOST = 1e-150, 1e150  # distances whose squares are neither zero nor infinite
 
 
 class Places:
@@ -33,9 +34,10 @@ class Places:
             rows = np.arange(self._nodes.count)
         elif self._late:
             rows = np.union1d(rows, np.fromiter(self._late, np.int64))
-        dx, dy = (self._nodes.array("xy")[rows] - (x, y)).T
         with np.errstate(over="ignore"):  # infinitely far away is far away
-            rows = rows[dx * dx + dy * dy <= d * d]
+            dx, dy = (self._nodes.array("xy")[rows] - (x, y)).T
+            is_near = dx * dx + dy * dy <= d * d if _LEAST < d < _MOST else np.hypot(dx, dy) <= d
+            rows = rows[is_near]
         if self._nodes.dead:
             rows = rows[self._nodes.array("alive")[rows] != 0]
         found: IntArray = np.sort(rows)

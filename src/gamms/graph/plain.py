@@ -4,12 +4,16 @@ JSON knows no tuples, bytes or dicts with other keys than strings; those are wri
 """
 
 import json
+import re
 from base64 import b64decode, b64encode
+from reprlib import repr as shown
 from typing import Any
 
 import numpy as np
 
 from gamms.errors import BadFile, BadValue
+
+_HALF_PAIR = re.compile("[\ud800-\udfff]")  # lone surrogates, which are no Unicode
 
 
 def to_text(value: Any, where: str) -> str:
@@ -19,11 +23,14 @@ def to_text(value: Any, where: str) -> str:
         BadValue: it is no plain value.
     """
     try:
-        return json.dumps(_tagged(value), separators=(",", ":"), ensure_ascii=False)
+        tagged = _tagged(value)
+        text = json.dumps(tagged, separators=(",", ":"), ensure_ascii=False)
+        has_half_pairs = not text.isascii() and _HALF_PAIR.search(text) is not None  # no database takes those
+        return json.dumps(tagged, separators=(",", ":")) if has_half_pairs else text
     except (TypeError, ValueError, RecursionError) as error:
         raise BadValue(
-            f"{where} cannot be saved: {value!r} ({error}). Only None, bool, int, float, str, bytes, list, tuple and "
-            f"dict of these can; convert it, or remove the attribute before saving."
+            f"{where} cannot be saved: {shown(value)} ({error}). Only None, bool, int, float, str, bytes, list, tuple "
+            f"and dict of these can; convert it, or remove the attribute before saving."
         ) from None
 
 

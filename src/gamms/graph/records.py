@@ -100,9 +100,12 @@ def number_array(values: Any, count: int, name: str) -> FloatArray:
         BadValue: their count is another, or one of them is not finite.
     """
     try:
-        array = np.asarray(values, dtype=np.float64)
+        array = np.asarray(values)
     except (TypeError, ValueError) as error:
         raise BadType(f"{name} must be an array of numbers: {error}.") from None
+    if array.dtype.kind not in "iuf":
+        raise BadType(f"{name} must be an array of numbers, not of {array.dtype}.")
+    array = array.astype(np.float64, copy=False)
     if array.shape != (count,):
         raise BadValue(f"{name} must have shape ({count},) like the ids, not {array.shape}.")
     bad = np.flatnonzero(~np.isfinite(array))

@@ -90,7 +90,8 @@ class RowIndex:
 
 
 def _are_consecutive(ids: IntArray) -> bool:
-    return bool((np.diff(ids) == 1).all())
+    # The difference of the outermost ids in Python's integers: NumPy's wrap around at 64 bits.
+    return len(ids) < 2 or (int(ids[-1]) - int(ids[0]) == len(ids) - 1 and bool((np.diff(ids) == 1).all()))
 
 
 def _all_below(rows: IntArray, limit: int) -> bool:

@@ -35,6 +35,9 @@ class Values:
         if not self._is_complete and None in taken:
             self._fill(rows[np.fromiter((value is None for value in taken), np.bool_, len(taken))])
             taken = self._values[rows].tolist()
+            if None in taken:  # making room for the missing ones has dropped the others
+                self._fill(rows)
+                taken = self._values[rows].tolist()
         return taken
 
     def forget(self, rows: IntArray) -> None:

@@ -32,9 +32,12 @@ def points_of(shape: Any, name: str) -> FloatArray:
     Raises:
         BadValue: fewer than two points, or points that are not finite pairs of numbers.
     """
-    coordinates = getattr(shape, "coords", shape)
     try:
-        points = np.array([tuple(point)[:2] for point in coordinates], dtype=np.float64)
+        coordinates = getattr(shape, "coords", shape)  # of a shape with several parts this raises
+        given = np.array([tuple(point)[:2] for point in coordinates])
+        if given.dtype.kind in "USb":
+            raise TypeError("text and bools are no numbers")  # noqa: TRY301 - the except says which shape it was
+        points = given.astype(np.float64)
     except (TypeError, ValueError, NotImplementedError) as error:
         raise BadValue(f"{name} must be a LineString or a list of (x, y) pairs, not {shape!r}: {error}") from error
     if points.ndim != 2 or points.shape[0] < 2 or points.shape[1] != 2:
@@ -57,6 +60,7 @@ def points_of_many(shapes: Sequence[Any]) -> tuple[FloatArray, "np.ndarray[Any, 
         if not isinstance(shape, shapely.LineString) or shape.is_empty:
             raise BadValue(f"A linestring or geometry must be a LineString with points, not {shape!r}.")
     points, lines = shapely.get_coordinates(shapes, return_index=True)
+    points.setflags(write=False)
     offsets = np.searchsorted(lines, np.arange(len(shapes) + 1))
     return points, offsets
 

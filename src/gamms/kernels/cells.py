@@ -1,6 +1,6 @@
 """A cell grid over points: rows near a place, at a cost that does not grow with the number of points."""
 
-from dataclasses import dataclass
+from typing import NamedTuple
 
 import numpy as np
 
@@ -8,11 +8,11 @@ from gamms.ir.graph import FloatArray, IntArray
 
 _POINTS_PER_CELL = 4.0
 _MOST_CELLS = 2**31 - 2  # per axis: two cell numbers share one 64-bit key
+_FAR = 1e150  # coordinates beyond are as far away as this: their squares would overflow
 _MOST_STRIPES = 512  # a disc that spans more rows of cells is answered by a scan
 
 
-@dataclass(slots=True, frozen=True, eq=False)
-class CellIndex:
+class CellIndex(NamedTuple):
     """Rows sorted by cell; cells are numbered row by row from the origin."""
 
     origin: tuple[float, float]
@@ -29,6 +29,7 @@ def build_cells(xy: FloatArray) -> CellIndex:
     if len(xy) == 0:
         empty = np.zeros(0, np.int64)
         return CellIndex((0.0, 0.0), 1.0, empty, empty)
+    xy = np.clip(xy, -_FAR, _FAR)
     low, high = np.quantile(xy, [0.05, 0.95], axis=0)
     span = high - low
     area = float(span[0] * span[1])
@@ -46,12 +47,16 @@ def candidate_rows(cells: CellIndex, x: float, y: float, d: float) -> IntArray |
     reach = d + 1e-9 * (abs(x) + abs(y) + d)  # a point on the rim must not fall out by rounding
     if 2.0 * reach / cells.size > _MOST_STRIPES:
         return None
-    low_x, high_x = _cell(np.array((x - reach, x + reach)), cells.origin[0], cells.size)
-    low_y, high_y = _cell(np.array((y - reach, y + reach)), cells.origin[1], cells.size)
+    low_x, high_x = _cell(_span(x, reach), cells.origin[0], cells.size)
+    low_y, high_y = _cell(_span(y, reach), cells.origin[1], cells.size)
     stripes = np.arange(low_y, high_y + 1)
     first = np.searchsorted(cells.keys, _key(low_x, stripes), side="left")
     last = np.searchsorted(cells.keys, _key(high_x, stripes), side="right")
     return np.concatenate([cells.rows[a:b] for a, b in zip(first.tolist(), last.tolist(), strict=True)])
+
+
+def _span(center: float, reach: float) -> FloatArray:
+    return np.array((min(max(center - reach, -_FAR), _FAR), min(max(center + reach, -_FAR), _FAR)))
 
 
 def _cell(values: FloatArray, origin: float, size: float) -> IntArray:

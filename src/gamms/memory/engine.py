@@ -73,7 +73,7 @@ def _database(name: str, path: IPathLike | None) -> CheckedStore:
 
 
 def _filesystem(_name: str, _path: IPathLike | None) -> CheckedStore:
-    raise NotYet("A store on the file system")
+    raise NotYet("a store on the file system")
 
 
 _OPENERS: dict[StoreType, Callable[[str, IPathLike | None], CheckedStore]] = {

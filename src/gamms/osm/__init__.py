@@ -14,7 +14,7 @@ everything after that is the same.
 from enum import Enum
 from typing import Any
 
-from gamms.errors import NotYetImportable
+from gamms.errors import NotYetAttribute
 from gamms.osm.columns import network_of_columns
 from gamms.osm.constants import HEIGHT_ESTIMATES_TYPES, OSM_OBSTACLE_TAGS
 from gamms.osm.load import graph_from_xml, process_osm_graph, resample_columns
@@ -31,13 +31,13 @@ __all__ = [
     "resample_columns",
 ]
 
-_LATER = (
-    "create_osm_graph",
-    "extract_osm_polygon_faces",
-    "get_network_type",
-    "obstacle_from_osm",
-    "obstacle_from_xml",
-)
+LATER = {
+    "create_osm_graph": "loading places by name",
+    "get_network_type": "loading places by name",
+    "extract_osm_polygon_faces": "buildings as obstacles",
+    "obstacle_from_osm": "buildings as obstacles",
+    "obstacle_from_xml": "buildings as obstacles",
+}
 
 
 class OSMType(Enum):
@@ -49,6 +49,6 @@ class OSMType(Enum):
 
 
 def __getattr__(name: str) -> Any:
-    if name in _LATER:
-        raise NotYetImportable("Loading places and buildings from OpenStreetMap")
+    if name in LATER:
+        raise NotYetAttribute(LATER[name])
     raise AttributeError(f"module {__name__!r} has no attribute {name!r}")

@@ -6,7 +6,7 @@ there. May import: typing, kernels, ir and below, never another room.
 
 from typing import Any
 
-from gamms.errors import NotYetImportable
+from gamms.errors import NotYetAttribute
 from gamms.sensor.agents import AgentSensor
 from gamms.sensor.engine import SensorEngine
 from gamms.sensor.map import MapSensor
@@ -25,11 +25,10 @@ __all__ = [
 
 _AERIAL = ("AerialSensor", "AerialAgentSensor", "multiply_quaternions", "quaternion_to_direction")
 _OCCLUDED = ("OccludedMapSensor", "OccludedAgentSensor", "OccludedAerialSensor", "OccludedAerialAgentSensor")
+LATER = {**dict.fromkeys(_AERIAL, "sensing from the air"), **dict.fromkeys(_OCCLUDED, "sensing past obstacles")}
 
 
 def __getattr__(name: str) -> Any:
-    if name in _AERIAL:
-        raise NotYetImportable("Sensing from the air")
-    if name in _OCCLUDED:
-        raise NotYetImportable("Sensing past obstacles")
+    if name in LATER:
+        raise NotYetAttribute(LATER[name])
     raise AttributeError(f"module {__name__!r} has no attribute {name!r}")

@@ -6,6 +6,7 @@ import numpy as np
 
 from gamms import kernels
 from gamms.arguments import as_range
+from gamms.errors import UnknownName
 from gamms.sensor.crowd import Crowd
 from gamms.sensor.sensor import Sensor
 from gamms.typing import IContext
@@ -55,10 +56,15 @@ class AgentSensor(Sensor):
         """Look around."""
         heading = (0.0, 0.0) if self.fov == 2.0 * pi else self.heading(self.orientation)
         sees_all = self.range == inf and heading == (0.0, 0.0)
-        data = self._crowd.everyone() if sees_all else self._found(node_id, heading)
+        data = self._everyone(node_id) if sees_all else self._found(node_id, heading)
         if self._owner is not None:
             data.pop(self._owner, None)
         self.data = data
+
+    def _everyone(self, node_id: int) -> dict[str, int]:
+        if not self.ctx.graph.graph.has_node(node_id):
+            raise UnknownName("node", node_id)
+        return self._crowd.everyone()
 
     def _found(self, node_id: int, heading: tuple[float, float]) -> dict[str, int]:
         _, x, y = self.ctx.graph.graph.get_node(node_id)

@@ -45,10 +45,10 @@ KINDS: dict[SensorType, Kind] = {
 }
 
 LATER: dict[SensorType, str] = {
-    SensorType.AERIAL: "Sensing from the air",
-    SensorType.AERIAL_AGENT: "Sensing from the air",
-    SensorType.OCCLUDED_MAP: "Sensing past obstacles",
-    SensorType.OCCLUDED_AGENT: "Sensing past obstacles",
-    SensorType.OCCLUDED_AERIAL: "Sensing past obstacles",
-    SensorType.OCCLUDED_AERIAL_AGENT: "Sensing past obstacles",
+    SensorType.AERIAL: "sensing from the air",
+    SensorType.AERIAL_AGENT: "sensing from the air",
+    SensorType.OCCLUDED_MAP: "sensing past obstacles",
+    SensorType.OCCLUDED_AGENT: "sensing past obstacles",
+    SensorType.OCCLUDED_AERIAL: "sensing past obstacles",
+    SensorType.OCCLUDED_AERIAL_AGENT: "sensing past obstacles",
 }

@@ -4,6 +4,7 @@ from typing import NamedTuple
 
 import numpy as np
 
+from gamms.errors import UnknownName
 from gamms.ir.graph import FloatArray, IntArray
 from gamms.typing import IContext
 
@@ -35,7 +36,11 @@ class Crowd:
         roll, graph = self._ctx.agent.roll(), self._ctx.graph.graph
         key = (roll.moves, graph.revision)
         if self._now is None or key != self._key or None in key:
-            xy = graph.positions(roll.nodes)
+            try:
+                xy = graph.positions(roll.nodes)
+            except UnknownName:
+                lost = next(i for i, node in enumerate(roll.nodes.tolist()) if not graph.has_node(node))
+                raise UnknownName(f"node under agent {roll.names[lost]!r}:", int(roll.nodes[lost])) from None
             columns = np.ascontiguousarray(xy.T)
             self._now = Snapshot(list(roll.names), roll.nodes, columns[0], columns[1])
             self._key, self._everyone = key, None

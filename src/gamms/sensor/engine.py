@@ -40,7 +40,8 @@ class SensorEngine(ISensorEngine):
         synonym = kwargs.pop("type", None)
         kind = KINDS.get(_checked_type(synonym if sensor_type is None else sensor_type, sensor_id))
         if kind is None:
-            raise NotYet(LATER[sensor_type or synonym])
+            kind_name = (sensor_type or synonym).name
+            raise NotYet(f"{LATER[sensor_type or synonym]} (SensorType.{kind_name})")
         self._refuse_name(sensor_id)
         given = {**kind.defaults, **{key: value for key, value in kwargs.items() if key in kind.defaults}}
         if "orientation" in given:
@@ -74,7 +75,9 @@ class SensorEngine(ISensorEngine):
         member = _custom_member(name, self.ctx)
 
         def decorate(cls: type) -> type:
-            cls.type = property(lambda _: member)  # type: ignore[attr-defined] # ISensor's property
+            # What a built-in parent says about itself is ignored; duck-typed classes are sensors from now on.
+            cls.type = property(lambda _: member, lambda _, __: None)  # type: ignore[attr-defined] # ISensor's property
+            ISensor.register(cls)
             if "type" in getattr(cls, "__abstractmethods__", ()):
                 cls.__abstractmethods__ = cls.__abstractmethods__ - {"type"}  # type: ignore[attr-defined]
             return cls
@@ -123,7 +126,7 @@ def _custom_member(name: Any, ctx: IContext) -> SensorType:
     if name in SensorType.__members__:
         ctx.logger.warning(f"SensorType.{name} exists already and is used again.")
         return SensorType[name]
-    if not name.isidentifier() or hasattr(SensorType, name):
+    if not name.isidentifier() or hasattr(SensorType, name) or hasattr(SensorType.CUSTOM, name):
         raise BadValue(f"{name!r} cannot be the name of a kind of sensor; use another identifier.")
     member = object.__new__(SensorType)
     member._name_, member._value_ = name, len(SensorType)

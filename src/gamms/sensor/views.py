@@ -8,6 +8,7 @@ from gamms.typing.graph_engine import Surroundings
 
 _MOST_WORDS = 1 << 24  # of 8 bytes: what may be remembered in all
 _WORDS_PER_NODE = 12  # of a dict entry
+_WORDS_PER_VIEW = 100  # of its key and its empty containers
 
 
 class Views:
@@ -46,4 +47,4 @@ class Views:
 
 
 def _words(seen: Surroundings) -> int:
-    return _WORDS_PER_NODE * len(seen.nodes) + len(seen.edges)
+    return _WORDS_PER_VIEW + _WORDS_PER_NODE * len(seen.nodes) + len(seen.edges)

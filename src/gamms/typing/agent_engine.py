@@ -139,8 +139,9 @@ class IAgentEngine(ABC):
     def create_agent(self, name: str, **kwargs: Any) -> IAgent:
         """Create an agent.
 
-        Keywords: `start_node_id` (required), `sensors` (ids; unknown ones are warned about and skipped), `team`,
-        `strategy`, `type` or `agent_type`, `orientation`; any other becomes an attribute of the agent.
+        Keywords: `start_node_id` (required); `sensors`, a list of ids, or a dict from the names in the agent's state
+        to sensors or ids (unknown ids are warned about and skipped); `team`, `strategy`, `type` or `agent_type`,
+        `orientation`; any other becomes an attribute of the agent.
 
         Raises:
             Duplicate (ValueError): the name is taken.

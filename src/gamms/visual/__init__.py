@@ -9,7 +9,7 @@ To extend: something to draw is one function in `drawers/`; a way to show it is 
 one line in its `__init__`. The room only reads the scenario; it never changes it.
 """
 
-from gamms.errors import NotYetImportable
+from gamms.errors import NotYetAttribute
 from gamms.visual.appearance import AgentData, Circle, GraphData, Rectangle
 from gamms.visual.artist import Artist, RenderMode
 from gamms.visual.color import Color, string_to_color
@@ -34,19 +34,19 @@ from gamms.visual.drawers import (
 )
 from gamms.visual.no_engine import NoEngine
 
-_LATER = {
-    "PygameVisualizationEngine": "The pygame window",
-    "RenderManager": "The pygame window",
-    "lazy": "The pygame window",
-    "render_input_overlay": "The pygame window",
-    "render_aerial_agent": "Drawing aerial agents",
-    "render_aerial_agent_sensor": "Drawing aerial agents",
+LATER = {
+    "PygameVisualizationEngine": "the pygame window",
+    "RenderManager": "the pygame window",
+    "lazy": "the pygame window",
+    "render_input_overlay": "the pygame window",
+    "render_aerial_agent": "drawing aerial agents",
+    "render_aerial_agent_sensor": "drawing aerial agents",
 }
 
 
 def __getattr__(name: str) -> object:
-    if name in _LATER:
-        raise NotYetImportable(_LATER[name])
+    if name in LATER:
+        raise NotYetAttribute(LATER[name])
     raise AttributeError(f"module {__name__!r} has no attribute {name!r}")
 
 

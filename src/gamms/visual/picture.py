@@ -6,7 +6,7 @@ from pathlib import Path
 from typing import NamedTuple
 
 from gamms.arguments import as_int
-from gamms.errors import BadValue, NotYet, UnknownName
+from gamms.errors import BadValue, MissingFolder, NotYet, UnknownName
 from gamms.ir.draw import DrawCommands
 from gamms.typing import ArtistType, ColorType, IArtist, ILogger
 from gamms.visual.backends import FORMATS, Backend
@@ -41,7 +41,7 @@ def sheet(path: str | os.PathLike[str], width: int, height: int) -> Sheet:
     if width <= 0 or height <= 0:
         raise BadValue(f"A picture needs a positive width and height, not {width} x {height}.")
     if not path.parent.is_dir():
-        raise BadValue(f"There is no folder {str(path.parent)!r} to save {path.name!r} in. Create it first.")
+        raise MissingFolder(path.name, path.parent)
     return Sheet(path, width, height, _backend(path))
 
 
@@ -50,7 +50,7 @@ def _backend(path: Path) -> Backend:
         return FORMATS[path.suffix.lower()]
     except UnknownName:
         known = ", ".join(FORMATS)
-        raise NotYet(f"Saving a picture as {path.suffix or path.name!r} (there is: {known})") from None
+        raise NotYet(f"saving a picture as {path.suffix or path.name!r} (there is: {known})") from None
 
 
 def paint(artists: Mapping[str, IArtist], commands: Commands, logger: ILogger) -> None:

@@ -1,0 +1,180 @@
+"""Creating agents: which keywords mean what, and that nothing has changed when it fails."""
+
+import numpy as np
+import pytest
+
+import gamms
+from gamms.agent import AgentType
+from gamms.errors import GammsError
+from gamms.sensor import SensorType
+
+
+def test_an_agent_starts_on_its_node_with_nothing_else(ctx):
+    agent = ctx.agent.create_agent("a", start_node_id=np.int64(3))
+    assert (agent.name, agent.type, agent.current_node_id, agent.prev_node_id) == ("a", AgentType.BASIC, 3, 3)
+    assert (agent.state, agent.strategy, agent.team, agent.orientation, agent._sensor_list) == (
+        {},
+        None,
+        None,
+        (0.0, 0.0),
+        {},
+    )
+    assert type(agent.current_node_id) is int
+    assert ctx.agent.get_agent("a") is agent
+    assert isinstance(agent, gamms.typing.IAgent)
+
+
+def test_other_keywords_become_attributes(ctx):
+    meta = {"team": 1}
+    agent = ctx.agent.create_agent("a", start_node_id=0, meta=meta, team=1, color=(255, 0, 0), size=10, goal="exit")
+    assert (agent.meta, agent.team, agent.color, agent.size, agent.goal) == (meta, 1, (255, 0, 0), 10, "exit")
+    assert agent.meta is meta
+    agent.color = "red"
+    agent.fuel = 3
+    assert (agent.color, agent.fuel) == ("red", 3)
+
+
+def test_keywords_that_are_settable_are_set(ctx):
+    agent = ctx.agent.create_agent("a", start_node_id=0, current_node_id=2, prev_node_id=1)
+    assert (agent.current_node_id, agent.prev_node_id) == (2, 1)
+
+
+@pytest.mark.parametrize("kwargs", [{}, {"type": 0}, {"type": AgentType.BASIC}, {"agent_type": AgentType.BASIC}])
+def test_type_and_agent_type_are_synonyms(ctx, kwargs):
+    agent = ctx.agent.create_agent("a", start_node_id=0, **kwargs)
+    assert agent.type is AgentType.BASIC
+
+
+def test_a_type_that_is_none_means_basic_and_is_warned_about(ctx, heard):
+    assert ctx.agent.create_agent("a", start_node_id=0, type="basik").type is AgentType.BASIC
+    assert "unknown type 'basik'" in heard[0]
+    assert "Did you mean 'BASIC'" in heard[0]
+    assert ctx.agent.create_agent("b", start_node_id=0, type="basic").type is AgentType.BASIC
+    assert len(heard) == 1
+
+
+def test_an_agent_type_that_is_none_is_an_attribute_of_the_callers(ctx):
+    agent = ctx.agent.create_agent("a", start_node_id=0, agent_type="defender")
+    assert (agent.type, agent.agent_type) == (AgentType.BASIC, "defender")
+
+
+def test_sensors_may_be_given_by_the_names_in_the_state(ctx):
+    agent = ctx.agent.create_agent("a", start_node_id=0, sensors={"around": ctx.sensor.get_sensor("near"), "too": "near"})
+    assert list(agent.get_state()["sensor"]) == ["around", "too"]
+
+
+@pytest.mark.parametrize(
+    ("kwargs", "error", "words"),
+    [
+        ({}, KeyError, "start_node_id"),
+        ({"start_node": 0}, KeyError, "Did you mean 'start_node_id'"),
+        ({"start_node_id": 99}, KeyError, "Unknown node 99"),
+        ({"start_node_id": "0"}, TypeError, "'0'"),
+        ({"start_node_id": True}, TypeError, "True"),
+        ({"start_node_id": None}, TypeError, "None"),
+        ({"start_node_id": 0, "current_node_id": 99}, KeyError, "99"),
+        ({"start_node_id": 0, "state": {}}, AttributeError, "'state'"),
+        ({"start_node_id": 0, "step": print}, AttributeError, "'step'"),
+        ({"start_node_id": 0, "get_state": print}, AttributeError, "'get_state'"),
+        ({"start_node_id": 0, "register_sensor": 1}, AttributeError, "'register_sensor'"),
+        ({"start_node_id": 0, "_row": 7}, AttributeError, "'_row'"),
+        ({"start_node_id": 0, "__class__": int}, AttributeError, "'__class__'"),
+        ({"start_node_id": 0, "type": "aerial"}, NotImplementedError, "AERIAL"),
+        ({"start_node_id": 0, "type": AgentType.BASIC, "agent_type": AgentType.AERIAL}, NotImplementedError, "AERIAL"),
+        ({"start_node_id": 0, "type": AgentType.AERIAL, "speed": 1.0}, NotImplementedError, "AERIAL"),
+        ({"start_node_id": 0, "agent_type": AgentType.AERIAL, "speed": 1.0}, NotImplementedError, "AERIAL"),
+        ({"start_node_id": 0, "sensors": "near"}, TypeError, "list of sensor ids"),
+        ({"start_node_id": 0, "sensors": None}, TypeError, "list of sensor ids"),
+        ({"start_node_id": 0, "strategy": "north"}, TypeError, "function of the state"),
+    ],
+)
+def test_a_bad_keyword_raises_and_nothing_has_changed(ctx, anna, kwargs, error, words):
+    sensor = ctx.sensor.get_sensor("near")
+    with pytest.raises(error, match=words):
+        ctx.agent.create_agent("new", **{"sensors": ["near"], **kwargs})
+    assert list(ctx.agent.agents) == ["anna"]
+    assert list(ctx.agent.roll().names) == ["anna"]
+    assert sensor._owner == "anna"
+    assert ctx.agent.create_agent("new", start_node_id=0).current_node_id == 0
+
+
+def test_a_duplicate_name_is_a_value_error_and_the_first_agent_stays(ctx, anna):
+    with pytest.raises(ValueError, match="already an agent named 'anna'"):
+        ctx.agent.create_agent("anna", start_node_id=0, sensors=["near"], team=2)
+    assert ctx.agent.get_agent("anna") is anna
+    assert (anna.current_node_id, anna.team) == (4, None)
+
+
+@pytest.mark.parametrize(("name", "error"), [("", ValueError), (7, TypeError), (None, TypeError)])
+def test_a_name_is_a_string(ctx, name, error):
+    with pytest.raises(error):
+        ctx.agent.create_agent(name, start_node_id=0)
+
+
+def test_an_unknown_agent_is_a_key_error_with_the_nearest_name(ctx, anna):
+    with pytest.raises(KeyError, match=r"Unknown agent 'ana'. Did you mean 'anna'\?") as caught:
+        ctx.agent.get_agent("ana")
+    assert isinstance(caught.value, GammsError)
+    with pytest.raises(KeyError):
+        ctx.agent.get_agent(["anna"])
+
+
+def test_unknown_sensors_are_warned_about_and_skipped(ctx, heard):
+    agent = ctx.agent.create_agent("a", start_node_id=0, sensors=iter(["nearr", "near", ["odd"]]))
+    assert list(agent._sensor_list) == ["near"]
+    assert len(heard) == 2
+    assert "'a' goes without a sensor: Unknown sensor 'nearr'. Did you mean 'near'?" in heard[0]
+
+
+def test_a_misspelt_keyword_is_warned_about_and_kept_as_an_attribute(ctx, heard):
+    agent = ctx.agent.create_agent("a", start_node_id=0, sensor=["near"], goal=3)
+    assert agent.sensor == ["near"]
+    assert len(heard) == 1
+    assert "Unknown keyword 'sensor'. Did you mean 'sensors'?" in heard[0]
+
+
+def test_a_strategy_can_be_given_at_once(ctx):
+    agent = ctx.agent.create_agent("a", start_node_id=0, strategy=lambda state: state.update(action=1))
+    agent.step()
+    assert agent.current_node_id == 1
+
+
+def test_a_config_is_not_changed(ctx):
+    config = {"start_node_id": 0, "sensors": ["near"], "type": AgentType.BASIC, "meta": {"team": 1}}
+    kept = {**config, "sensors": list(config["sensors"])}
+    ctx.agent.create_agent("a", **config)
+    assert config == kept
+
+
+def test_an_agent_made_by_hand_is_like_any_other(ctx):
+    agent = gamms.agent.Agent(ctx, "hand", 4, team="red")
+    agent.register_sensor("near", ctx.sensor.get_sensor("near"))
+    agent.register_strategy(lambda state: state.update(action=5))
+    agent.step()
+    assert (agent.current_node_id, agent.team, agent.orientation) == (5, "red", (1.0, 0.0))
+    assert list(ctx.agent.create_iter()) == []
+
+
+def test_an_aerial_agent_comes_later(ctx):
+    with pytest.raises(NotImplementedError, match="aerial agents"):
+        _ = gamms.agent.AerialAgent
+    with pytest.raises(TypeError):
+        gamms.agent.NoOpAgent()
+
+
+def test_a_registered_sensor_belongs_to_the_agent_and_a_displaced_one_keeps_its_owner(ctx, anna, heard):
+    first = ctx.sensor.get_sensor("near")
+    second = ctx.sensor.create_sensor("other", SensorType.NEIGHBOR)
+    anna.register_sensor("near", second)
+    assert (first._owner, second._owner) == ("anna", "anna")
+    anna.deregister_sensor("near")
+    anna.deregister_sensor("near")
+    assert (anna._sensor_list, second._owner) == ({}, None)
+    assert heard == ["Agent 'anna' has no sensor 'near' to deregister."]
+
+
+@pytest.mark.parametrize("thing", [None, "near", object()])
+def test_only_sensors_can_be_registered(anna, thing):
+    with pytest.raises(TypeError, match="ISensor"):
+        anna.register_sensor("x", thing)
+    assert list(anna._sensor_list) == ["near"]

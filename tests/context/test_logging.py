@@ -1,0 +1,88 @@
+"""Where messages go, and from which level on."""
+
+import logging
+import subprocess
+import sys
+
+import pytest
+
+import gamms
+from gamms.sensor import SensorType
+
+
+def level_of(env, config="None"):
+    code = f"import gamms; print(gamms.create_context(logger_config={config}).logger.level)"
+    run = subprocess.run([sys.executable, "-c", code], env=env, capture_output=True, text=True, check=True)
+    return int(run.stdout), run.stderr
+
+
+@pytest.mark.parametrize(
+    ("value", "level"),
+    [(None, 20), ("DEBUG", 10), ("warning", 30), ("Error", 40), ("CRITICAL", 50), ("loud", 20), ("", 20)],
+)
+def test_the_environment_names_the_level(value, level):
+    found, printed = level_of({} if value is None else {"GAMMS_LOG_LEVEL": value})
+    assert found == level
+    assert (str(level) in printed) == (level <= 20)
+
+
+def test_the_config_wins_over_the_environment():
+    assert level_of({"GAMMS_LOG_LEVEL": "DEBUG"}, "{'level': 'ERROR'}") == (40, "")
+    assert level_of({"GAMMS_LOG_LEVEL": "DEBUG"}, "{'level': None}")[0] == 10
+
+
+@pytest.mark.parametrize(("level", "number"), [("ERROR", 40), (35, 35), (gamms.logger.CRITICAL, 50)])
+def test_a_level_is_a_name_or_a_number_and_the_callers_dict_is_left_alone(level, number):
+    config = {"level": level, "format": "%(message)s"}
+    with gamms.create_context(logger_config=config) as ctx:
+        assert ctx.logger.level == number
+        assert isinstance(ctx.logger, logging.Logger)
+        assert isinstance(ctx.logger, gamms.logger.ILogger)
+        assert ctx.logger.name == "gamms"
+    assert config == {"level": level, "format": "%(message)s"}
+
+
+@pytest.mark.parametrize("config", [{}, {"format": "%(message)s"}])
+def test_a_config_without_a_level_stays_without(config):
+    gamms.create_context(logger_config=config).terminate()
+    assert "level" not in config
+
+
+def test_any_key_of_basic_config_works(tmp_path):
+    path = tmp_path / "game.log"
+    config = f"{{'level': 'INFO', 'filename': {str(path)!r}, 'format': '%(name)s: %(message)s'}}"
+    assert level_of({}, config) == (20, "")
+    assert path.read_text().startswith("gamms: ")
+
+
+def test_a_level_that_does_not_exist_is_refused():
+    with pytest.raises(ValueError, match="loud"):
+        gamms.create_context(logger_config={"level": "loud"})
+
+
+def test_the_levels_are_those_of_the_standard_library():
+    for name in ("NOTSET", "DEBUG", "INFO", "WARNING", "ERROR", "CRITICAL"):
+        assert getattr(gamms.logger, name) == getattr(logging, name)
+
+
+def test_a_program_may_set_its_own_logger_on_one_context(open_context, listener):
+    ctx, other = open_context(), open_context()
+    ctx.logger = listener
+    ctx.agent.delete_agent("nobody")
+    ctx.sensor.create_sensor("s", SensorType.RANGE, sensor_rang=3)
+    assert len(listener.heard) == 2
+    assert ctx.logger is listener
+    assert other.logger is logging.getLogger("gamms")
+
+
+def test_a_logger_given_to_the_constructor_is_used(listener):
+    assert gamms.Context(logger=listener).logger is listener
+
+
+@pytest.mark.parametrize("logger", [None, "log", object(), print])
+def test_what_cannot_log_is_refused(open_context, logger):
+    ctx = open_context()
+    before = ctx.logger
+    with pytest.raises(TypeError, match=r"ILogger.*'debug'"):
+        ctx.logger = logger
+    assert ctx.logger is before

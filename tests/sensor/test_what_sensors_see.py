@@ -1,0 +1,152 @@
+"""What each kind of sensor sees, case by case."""
+
+from math import pi, sqrt
+
+import pytest
+
+from gamms.sensor import AgentSensor, MapSensor, SensorType
+from gamms.typing import Node, OSMEdge
+
+ALL = [0, 1, 2, 3, 4, 5]
+CROSS = [0, 1, 2, 3, 4]
+
+
+def test_neighbor_sees_the_node_itself_and_then_its_neighbours_in_edge_order(ctx, sense):
+    assert sense(SensorType.NEIGHBOR) == [0, 1, 2, 3, 4]
+    assert sense(SensorType.NEIGHBOR, node=3) == [3, 0]
+    assert sense(SensorType.NEIGHBOR, node=5) == [5]
+    graph = ctx.graph.graph
+    for id, target in ((20, 5), (21, 1), (22, 1), (23, 0)):
+        graph.add_edge({"id": id, "source": 5, "target": target, "length": 9})
+    assert sense(SensorType.NEIGHBOR, node=5) == [5, 1, 0]
+
+
+def test_map_sees_everything_as_values(sense):
+    seen = sense(SensorType.MAP)
+    assert list(seen) == ["nodes", "edges"]
+    assert list(seen["nodes"]) == ALL
+    assert seen["nodes"][5] == Node(5, 3.0, 4.0)
+    assert [edge.id for edge in seen["edges"]] == [2, 3, 4, 5, 6, 7, 8, 9]
+    assert all(type(edge) is OSMEdge for edge in seen["edges"])
+
+
+@pytest.mark.parametrize(
+    ("radius", "nodes", "edges"),
+    [(0, [0], 0), (0.99, [0], 0), (1, CROSS, 8), (4.99, CROSS, 8), (5, ALL, 8), (float("inf"), ALL, 8)],
+)
+def test_range_sees_the_nodes_at_most_so_far_away(sense, radius, nodes, edges):
+    seen = sense(SensorType.RANGE, sensor_range=radius)
+    assert (list(seen["nodes"]), len(seen["edges"])) == (nodes, edges)
+
+
+def test_an_edge_is_seen_only_if_both_its_ends_are(sense):
+    seen = sense(SensorType.RANGE, node=1, sensor_range=sqrt(2))
+    assert list(seen["nodes"]) == [0, 1, 2, 4]
+    assert [edge.id for edge in seen["edges"]] == [2, 3, 4, 5, 8, 9]
+
+
+def test_a_node_without_streets_is_seen_and_so_is_the_observers_own(sense):
+    assert list(sense(SensorType.RANGE, node=5, sensor_range=1)["nodes"]) == [5]
+    assert sense(SensorType.ARC, node=5, sensor_range=0, fov=0)["edges"] == []
+
+
+@pytest.mark.parametrize(
+    ("fov", "orientation", "nodes"),
+    [
+        (pi, (1, 0), [0, 1, 2, 4, 5]),  # the rim is inside
+        (pi - 0.001, (1, 0), [0, 1, 5]),
+        (pi / 2, (0, 1), [0, 2, 5]),
+        (pi / 2, (-7, 0), [0, 3]),
+        (0, (0, -1), [0, 4]),
+        (pi, (1, 1), [0, 1, 2, 5]),
+        (pi, (-1, 0), [0, 2, 3, 4]),
+        (2 * pi, (1, 0), ALL),
+        (9, (1, 0), ALL),
+    ],
+)
+def test_arc_sees_its_field_of_view(sense, fov, orientation, nodes):
+    assert list(sense(SensorType.ARC, fov=fov, orientation=orientation)["nodes"]) == nodes
+
+
+def test_an_arc_turns_with_its_owner(ctx, sense):
+    owner = ctx.agent.create_agent("a", start_node_id=0)
+    assert list(sense(SensorType.ARC, owner=owner, fov=1)["nodes"]) == ALL  # the owner looks nowhere yet
+    owner.prev_node_id = 4
+    assert list(sense(SensorType.ARC, owner=owner, fov=1)["nodes"]) == [0, 2]
+    assert list(sense(SensorType.ARC, owner=owner, fov=1, orientation=(0, 1))["nodes"]) == [0, 3]
+    owner.orientation = (0, -1)
+    assert list(sense(SensorType.ARC, owner=owner, fov=1, orientation=(0, 1))["nodes"]) == [0, 1]
+
+
+def test_the_heading_is_the_owners_and_the_place_is_where_it_is_told_to_look_from(ctx, sense):
+    owner = ctx.agent.create_agent("a", start_node_id=5, orientation=(1, 0))
+    assert list(sense(SensorType.ARC, node=3, owner=owner, fov=0)["nodes"]) == [0, 1, 3]
+
+
+def test_agent_sees_everybody_but_its_owner(ctx, sense):
+    agents = [ctx.agent.create_agent(f"agent_{i}", start_node_id=node) for i, node in enumerate([5, 0, 3])]
+    assert list(sense(SensorType.AGENT).items()) == [("agent_0", 5), ("agent_1", 0), ("agent_2", 3)]
+    assert sense(SensorType.AGENT, owner=agents[1]) == {"agent_0": 5, "agent_2": 3}
+    assert sense(SensorType.AGENT, owner=agents[0], node=3) == {"agent_1": 0, "agent_2": 3}
+
+
+def test_agent_range_and_agent_arc_see_agents_on_the_nodes_that_range_and_arc_see(ctx, sense):
+    for node in ALL:
+        ctx.agent.create_agent(f"on_{node}", start_node_id=node)
+    for kwargs in ({"sensor_range": 1}, {"sensor_range": 4.9}, {"sensor_range": 0}, {}):
+        assert list(sense(SensorType.AGENT_RANGE, **kwargs).values()) == list(
+            sense(SensorType.RANGE, **kwargs)["nodes"]
+        )
+    for fov in (0, 1, pi, 2 * pi):
+        for orientation in ((1, 0), (0, -1), (1, 1)):
+            kwargs = {"fov": fov, "orientation": orientation, "sensor_range": 3}
+            agents = list(sense(SensorType.AGENT_ARC, **kwargs).values())
+            assert agents == list(sense(SensorType.ARC, **kwargs)["nodes"])
+
+
+def test_what_is_in_the_same_place_counts_as_straight_ahead(ctx, sense):
+    ctx.graph.graph.add_node({"id": 6, "x": 0, "y": 0})
+    ctx.agent.create_agent("a", start_node_id=6)
+    assert list(sense(SensorType.ARC, fov=0, orientation=(0, 1))["nodes"]) == [0, 2, 6]
+    assert sense(SensorType.AGENT_ARC, fov=0, orientation=(0, 1)) == {"a": 6}
+
+
+@pytest.mark.parametrize(
+    "kind", ["NEIGHBOR", "MAP", "RANGE", "ARC", "AGENT", "AGENT_RANGE", "AGENT_ARC"], ids=lambda kind: kind
+)
+def test_looking_from_an_unknown_node_is_a_key_error_and_keeps_the_last_result(ctx, kind):
+    sensor = ctx.sensor.create_sensor("s", SensorType[kind])
+    ctx.agent.create_agent("a", start_node_id=1)
+    sensor.sense(0)
+    before = sensor.data
+    with pytest.raises(KeyError, match="99"):
+        sensor.sense(99)
+    assert sensor.data is before
+
+
+@pytest.mark.parametrize("kind", ["AGENT", "AGENT_RANGE", "AGENT_ARC"])
+def test_an_agent_on_a_removed_node_is_a_key_error(ctx, kind):
+    sensor = ctx.sensor.create_sensor("s", SensorType[kind])
+    ctx.agent.create_agent("a", start_node_id=1)
+    sensor.sense(0)
+    ctx.graph.graph.remove_node(1)
+    with pytest.raises(KeyError, match="1"):
+        sensor.sense(0)
+    ctx.agent.get_agent("a").current_node_id = 2
+    sensor.sense(0)
+    assert sensor.data == {"a": 2}
+
+
+def test_sensors_made_by_hand_sense_like_those_of_the_engine(ctx):
+    arc = MapSensor(ctx, "m", SensorType.ARC, 1.0, pi / 2, orientation=(0.0, 1.0))
+    arc.sense(0)
+    assert list(arc.data["nodes"]) == [0, 2]
+    ctx.agent.create_agent("a", start_node_id=2)
+    ctx.agent.create_agent("b", start_node_id=2)
+    agents = AgentSensor(ctx, "g", SensorType.AGENT_ARC, 1.0, 1.0, (0.0, 1.0), "a")
+    ctx.agent.get_agent("a").orientation = (1, 0)
+    agents.sense(0)
+    assert agents.data == {"b": 2}
+    agents.range = 0.5
+    agents.sense(0)
+    assert agents.data == {}

@@ -1,0 +1,174 @@
+"""The house rules, as tests: a broken rule names the file and the fix."""
+
+import ast
+import re
+import subprocess
+import sys
+from pathlib import Path
+from types import ModuleType
+
+import pytest
+
+import gamms
+
+SRC = Path(gamms.__file__).parent
+MODULES = sorted(SRC.rglob("*.py"))
+PACKAGES = sorted(path for path in MODULES if path.name == "__init__.py")
+MAX_LINES = 400
+
+FORBIDDEN = {"utils", "helpers", "common", "base", "core", "manager", "impl"}
+HEAVY = [
+    "networkx",
+    "shapely",
+    "pygame",
+    "osmnx",
+    "pandas",
+    "matplotlib",
+    "numba",
+    "scipy",
+    "cbor2",
+    "sqlite3",
+    "osmium",
+    "pyproj",
+    "typer",
+    "rich",
+    "msgspec",
+    "yaml",
+]
+
+# Floors from the ground up; what stands on one floor does not see its neighbours.
+FLOORS = [
+    {"errors"},
+    {"plugins", "arguments"},
+    {"ir"},
+    {"kernels"},
+    {"typing"},
+    {"agent", "game", "graph", "memory", "osm", "sensor", "visual"},
+    {"context"},
+    {"demo", "testing"},
+    {"cli"},
+]
+OUTSIDE = {"", "_legacy", "__main__"}  # the front door, and the table of old paths, which knows every room
+GUESTS = {"demo", "testing", "cli"}  # they use a context as any user would
+LEVEL = {room: level for level, rooms in enumerate(FLOORS) for room in rooms}
+
+
+def shown(path):
+    return str(path.relative_to(SRC))
+
+
+def room_of(path):
+    parts = path.relative_to(SRC).with_suffix("").parts
+    return "" if parts == ("__init__",) else parts[0]
+
+
+def rooms_imported_by(tree):
+    """The rooms of gamms that a module imports, but for those that only a type checker sees."""
+    hidden = {
+        id(node)
+        for test in ast.walk(tree)
+        if isinstance(test, ast.If) and ast.unparse(test.test) == "TYPE_CHECKING"
+        for part in test.body
+        for node in ast.walk(part)
+    }
+    for node in ast.walk(tree):
+        if id(node) in hidden:
+            continue
+        if isinstance(node, ast.Import):
+            names = [alias.name for alias in node.names]
+        elif isinstance(node, ast.ImportFrom) and node.module == "gamms":
+            names = [f"gamms.{alias.name}" for alias in node.names]
+        elif isinstance(node, ast.ImportFrom):
+            names = [node.module or ""]
+        else:
+            continue
+        yield from (name.split(".")[1] for name in names if name.startswith("gamms."))
+
+
+@pytest.mark.parametrize("path", MODULES, ids=shown)
+def test_a_file_fits_in_the_head(path):
+    assert len(path.read_text().splitlines()) <= MAX_LINES
+
+
+@pytest.mark.parametrize("path", MODULES, ids=shown)
+def test_a_file_says_what_it_is_for(path):
+    docstring = ast.get_docstring(ast.parse(path.read_text()))
+    assert docstring, f"{shown(path)} has no module docstring"
+    assert docstring.splitlines()[0].rstrip().endswith((".", ":", "!", "?", "─"))
+
+
+@pytest.mark.parametrize("path", MODULES, ids=shown)
+def test_a_file_looks_only_down(path):
+    room = room_of(path)
+    if room in OUTSIDE:
+        return
+    assert room in LEVEL, f"The room {room!r} stands on no floor: give it one here and in pyproject.toml"
+    for other in set(rooms_imported_by(ast.parse(path.read_text()))) - {room}:
+        assert LEVEL.get(other, 99) < LEVEL[room], f"{shown(path)} imports {other}, which is not below {room}"
+
+
+@pytest.mark.parametrize("path", MODULES, ids=shown)
+def test_a_name_says_what_is_inside(path):
+    assert not FORBIDDEN & set(path.relative_to(SRC).with_suffix("").parts), "use a word of the domain"
+
+
+@pytest.mark.parametrize("path", [path for path in PACKAGES if path.parent.parent == SRC], ids=shown)
+def test_a_room_says_what_it_may_import(path):
+    is_empty = len(path.read_text().splitlines()) == 1
+    docstring = ast.get_docstring(ast.parse(path.read_text())) or ""
+    assert is_empty or re.search(r"[Mm]ay import|A guest", docstring), f"{shown(path)}: say 'May import: …'"
+
+
+def test_a_room_that_looks_up_would_be_found():
+    assert set(rooms_imported_by(ast.parse("from gamms import agent\nimport gamms.osm.load"))) == {"agent", "osm"}
+    tree = ast.parse("if TYPE_CHECKING:\n    from gamms.agent.engine import X\nelse:\n    import gamms.ir.draw")
+    assert list(rooms_imported_by(tree)) == ["ir"]
+
+
+def test_the_front_door_lists_exactly_what_is_public():
+    assert gamms.__all__ == sorted(gamms.__all__)
+    assert len(set(gamms.__all__)) == len(gamms.__all__)
+    public = {name for name, value in vars(gamms).items() if not name.startswith("_")}
+    submodules = {name for name in public if isinstance(getattr(gamms, name), ModuleType)}
+    assert public - submodules <= set(gamms.__all__) <= public
+
+
+@pytest.mark.parametrize("path", [path for path in PACKAGES if path.parent != SRC], ids=shown)
+def test_a_room_lists_what_it_offers(path):
+    module = __import__(".".join(("gamms", *path.parent.relative_to(SRC).parts)), fromlist=["x"])
+    offered = getattr(module, "__all__", [])
+    assert len(set(offered)) == len(offered)
+    for name in offered:
+        getattr(module, name)
+
+
+@pytest.mark.parametrize("path", MODULES, ids=shown)
+def test_only_a_guest_comes_through_the_front_door(path):
+    for node in ast.walk(ast.parse(path.read_text())):
+        names = [alias.name for alias in node.names] if isinstance(node, ast.Import) else []
+        assert "gamms" not in names or room_of(path) in GUESTS, f"{shown(path)} imports gamms itself"
+        assert not (isinstance(node, ast.ImportFrom) and node.level), f"{shown(path)} imports relatively"
+
+
+def test_importing_gamms_loads_numpy_and_nothing_else_heavy():
+    code = f"import sys, gamms; print([m for m in {HEAVY} if m in sys.modules], 'numpy' in sys.modules)"
+    assert subprocess.check_output([sys.executable, "-W", "error", "-c", code], text=True).strip() == "[] True"
+
+
+def test_a_game_without_maps_and_files_loads_nothing_heavy_either():
+    code = f"""
+import sys, gamms
+with gamms.create_context(logger_config={{"level": "CRITICAL"}}) as ctx:
+    for id in (0, 1):
+        ctx.graph.graph.add_node({{"id": id, "x": id, "y": 0}})
+    ctx.graph.graph.add_edge({{"id": 0, "source": 0, "target": 1, "length": 1.0}})
+    for kind in ("NEIGHBOR", "MAP", "RANGE", "AGENT_ARC"):
+        ctx.sensor.create_sensor(kind, gamms.sensor.SensorType[kind])
+    ctx.visual.set_graph_visual()
+    agent = ctx.agent.create_agent("a", start_node_id=0, sensors=list(ctx.sensor.sensors))
+    agent.get_state()["action"] = 1
+    agent.set_state()
+    ctx.rng.random()
+print([m for m in {HEAVY} if m in sys.modules])
+"""
+    assert subprocess.check_output([sys.executable, "-W", "error", "-c", code], text=True).strip() == "[]"
