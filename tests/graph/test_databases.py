@@ -1,0 +1,281 @@
+"""The SQLITE engine: the same graph, and a database file that has it; nothing lies about where it was not asked for."""
+
+import gc
+import os
+import sqlite3
+import subprocess
+import sys
+import tempfile
+from pathlib import Path
+
+import pytest
+
+from gamms.errors import BadFile, BadValue, ContextTerminated, UnknownType
+from gamms.graph import Engine
+
+
+@pytest.fixture
+def reopened(open_ctx, tmp_path):
+    """Opens the same database as often as asked."""
+    path, opened = tmp_path / "graph.db", []
+
+    def reopened():
+        opened.append(open_ctx(Engine.SQLITE, graph_path=path))
+        return opened[-1]
+
+    reopened.path = path
+    yield reopened
+    for ctx in opened:
+        ctx.terminate()
+
+
+def rows_in(path, table):
+    connection = sqlite3.connect(path)
+    try:
+        return connection.execute(f"SELECT * FROM {table}").fetchall()
+    finally:
+        connection.close()
+
+
+# -- there and back ---------------------------------------------------------------------------------------------
+
+
+def test_a_database_holds_everything_at_the_end(reopened, fill, everything):
+    ctx = reopened()
+    fill(ctx)
+    ctx.graph.graph.remove_node(40)
+    before = everything(ctx)
+    ctx.terminate()
+    assert everything(reopened()) == before
+
+
+def test_a_database_is_complete_after_save(reopened, fill):
+    ctx = reopened()
+    fill(ctx)
+    ctx.graph.save()
+    assert [row[1] for row in rows_in(reopened.path, "nodes")] == [1, 2, -7, 40]
+    assert [row[1] for row in rows_in(reopened.path, "edges")] == [1, 2, 3, 4]
+    assert len(rows_in(reopened.path, "obstacle_face")) == 1
+
+
+def test_what_was_loaded_is_in_the_database(reopened, fill, everything, ctx, tmp_path):
+    fill(ctx)
+    ctx.graph.save(tmp_path / "map.gamms")
+    first = reopened()
+    first.graph.graph.add_node({"id": 999, "x": 0.0, "y": 0.0})
+    first.graph.load(tmp_path / "map.gamms")
+    first.terminate()
+    assert everything(reopened()) == everything(ctx)
+
+
+def test_a_graph_that_is_emptied_stays_empty(reopened, fill):
+    ctx = reopened()
+    graph = fill(ctx)
+    ctx.graph.save()
+    for id in graph.get_nodes():
+        graph.remove_node(id)
+    ctx.terminate()
+    again = reopened()
+    assert list(again.graph.graph.get_nodes()) == list(again.graph.graph.get_edges()) == []
+    assert list(again.graph.get_obstacle_faces()) == [5]
+
+
+def test_awkward_text_is_kept(reopened):
+    ctx = reopened()
+    names = {"quotes": "'\"`; DROP TABLE nodes", "half a pair": "\ud800", "nul": "a\0b", "\ud800": 1, "": ""}
+    ctx.graph.graph.add_node({"id": 1, "x": 0.0, "y": 0.0, **names})
+    ctx.graph.graph.crs = "'; --"
+    ctx.terminate()
+    again = reopened()
+    assert again.graph.node_attributes(1) == names
+    assert again.graph.crs == "'; --"
+
+
+# -- an attribute that cannot be saved --------------------------------------------------------------------------
+
+
+def test_an_attribute_that_cannot_be_saved_leaves_the_database_as_it_was(reopened, fill, everything):
+    ctx = reopened()
+    graph = fill(ctx)
+    ctx.graph.save()
+    before = everything(ctx)
+    for update in (graph.update_node, graph.update_edge):
+        update({"id": 1, "awkward": {1, 2}})
+        with pytest.raises(BadValue, match="'awkward'"):
+            ctx.graph.save()
+        update({"id": 1, "awkward": None})
+    graph.crs = "\ud800"
+    with pytest.raises(BadValue, match="surrogate"):
+        ctx.graph.save()
+    graph.crs = "EPSG:32635"
+    assert everything(reopened()) == before  # from the file, while the first context lives
+
+
+@pytest.mark.parametrize("awkward", ["attribute", "crs"])  # found before the database is touched, and after
+def test_a_context_ends_even_if_its_graph_cannot_be_saved(reopened, fill, awkward):
+    ctx = reopened()
+    graph = fill(ctx)
+    ctx.graph.save()
+    graph.add_node({"id": 500, "x": 0.0, "y": 0.0} | ({awkward: {1, 2}} if awkward == "attribute" else {}))
+    graph.crs = "\ud800" if awkward == "crs" else None
+    with pytest.raises(BadValue, match="surrogate" if awkward == "crs" else "'attribute'"):
+        ctx.terminate()
+    assert ctx.is_terminated()
+    for gone in (lambda: ctx.graph.graph, lambda: graph.get_node(1)):
+        with pytest.raises(ContextTerminated):
+            gone()
+    assert list(reopened().graph.graph.get_nodes()) == [1, 2, -7, 40]
+
+
+# -- other files ------------------------------------------------------------------------------------------------
+
+
+@pytest.mark.parametrize(
+    "content", [b"no database " * 99, b"GAMMSMAP", b"\x89PNG\r\n\x1a\n", b"SQLite format 3\0" + bytes(90)]
+)
+def test_a_foreign_file_is_refused_and_left_alone(open_ctx, tmp_path, content):
+    path = tmp_path / "foreign.db"
+    path.write_bytes(content)
+    with pytest.raises(BadFile, match="foreign"):
+        open_ctx(Engine.SQLITE, graph_path=path)
+    assert path.read_bytes() == content
+
+
+def test_a_folder_is_no_database(open_ctx, tmp_path):
+    with pytest.raises(BadFile):
+        open_ctx(Engine.SQLITE, graph_path=tmp_path)
+
+
+DAMAGES = {
+    "an edge from nowhere": "UPDATE edges SET source = 999",
+    "a node without a place": "UPDATE nodes SET x = NULL",
+    "a place that is text": "UPDATE nodes SET y = 'far'",
+    "an infinite place": "UPDATE nodes SET y = 9e999",
+    "a negative length": "UPDATE edges SET length = -1",
+    "half a polyline": "UPDATE edges SET linestring = x'0011'",
+    "a polyline of one point": "UPDATE edges SET linestring = zeroblob(16)",
+    "attributes that are no JSON": "UPDATE nodes SET attributes = '{'",
+    "attributes that are a number": "UPDATE nodes SET attributes = '5'",
+    "attributes that are a list": "UPDATE edges SET attributes = '[1]'",
+    "attributes without names": """UPDATE edges SET attributes = '{"dict":[[1,2]]}'""",
+    "an unknown tag": """UPDATE edges SET attributes = '{"code":"__import__"}'""",
+    "a face without a corner": "UPDATE obstacle_face SET trx = NULL",
+    "a face of a kind that is text": "UPDATE obstacle_face SET type = 'wall'",
+    "a missing table": "DROP TABLE edges",
+    "a missing column": "ALTER TABLE nodes DROP COLUMN x",
+}
+
+
+@pytest.mark.parametrize("damage", DAMAGES)
+def test_a_damaged_database_is_refused(reopened, fill, damage):
+    ctx = reopened()
+    fill(ctx)
+    ctx.terminate()
+    connection = sqlite3.connect(reopened.path)
+    connection.execute(DAMAGES[damage])
+    connection.commit()
+    connection.close()
+    with pytest.raises(BadFile, match=str(reopened.path)):
+        reopened()
+
+
+@pytest.mark.parametrize("part", [0.3, 0.7, 0.95])
+def test_a_database_that_was_cut_off_is_refused_or_whole(reopened, fill, everything, part):
+    ctx = reopened()
+    fill(ctx)
+    before = everything(ctx)
+    ctx.terminate()
+    data = reopened.path.read_bytes()
+    reopened.path.write_bytes(data[: int(part * len(data))])
+    try:
+        again = reopened()
+    except BadFile:
+        return
+    assert everything(again) == before
+
+
+def test_a_graph_in_memory_has_no_database(open_ctx, tmp_path):
+    with pytest.raises(BadValue, match="graph_path"):
+        open_ctx(Engine.MEMORY, graph_path=tmp_path / "graph.db")
+    assert list(tmp_path.iterdir()) == []
+
+
+@pytest.mark.parametrize("engine", ["SQLITE", 1, None, "memory"])
+def test_an_unknown_engine_is_named(open_ctx, engine):
+    with pytest.raises(UnknownType, match=repr(engine)):
+        open_ctx(engine)
+
+
+# -- nothing lies about -----------------------------------------------------------------------------------------
+
+
+@pytest.mark.parametrize("engine", Engine)
+def test_nothing_is_written_into_the_working_directory(open_ctx, fill, tmp_path, monkeypatch, engine):
+    monkeypatch.chdir(tmp_path)
+    ctx = open_ctx(engine)
+    fill(ctx)
+    assert list(tmp_path.iterdir()) == []
+    ctx.graph.columns()
+    ctx.terminate()
+    assert list(tmp_path.iterdir()) == []
+
+
+def temporary_folders():
+    return {path.name for path in Path(tempfile.gettempdir()).glob("gamms-*")}
+
+
+def test_a_temporary_database_goes_with_its_context(open_ctx, fill, tmp_path, monkeypatch):
+    monkeypatch.setattr(tempfile, "tempdir", str(tmp_path))
+    ctx = open_ctx(Engine.SQLITE)
+    fill(ctx)
+    ctx.graph.save()
+    assert len(temporary_folders()) == 1
+    ctx.terminate()
+    del ctx
+    gc.collect()
+    assert temporary_folders() == set()
+
+
+@pytest.mark.parametrize("ending", ["ctx.terminate()", "pass", "raise SystemExit", "ctx.terminate(); del ctx"])
+def test_a_temporary_database_is_gone_when_the_program_ends(tmp_path, ending):
+    script = f"""
+import gamms
+ctx = gamms.create_context(graph_engine=gamms.graph.Engine.SQLITE, logger_config={{"level": "CRITICAL"}})
+ctx.graph.graph.add_node({{"id": 1, "x": 0, "y": 0}})
+ctx.graph.save()
+{ending}
+"""
+    folder, cwd = tmp_path / "temporary", tmp_path / "working"
+    folder.mkdir()
+    cwd.mkdir()
+    subprocess.run([sys.executable, "-c", script], env=os.environ | {"TMPDIR": str(folder)}, cwd=cwd, check=True)
+    assert list(folder.iterdir()) == list(cwd.iterdir()) == []
+
+
+# -- after the end ----------------------------------------------------------------------------------------------
+
+
+def test_after_the_end_there_is_no_graph(any_ctx, fill, tmp_path):
+    graph = fill(any_ctx)
+    near = graph.neighborhoods
+    any_ctx.terminate()
+    for ask in (
+        lambda: any_ctx.graph.graph,
+        any_ctx.graph.columns,
+        any_ctx.graph.get_obstacle_faces,
+        lambda: any_ctx.graph.save(tmp_path / "map"),
+        lambda: any_ctx.graph.load(tmp_path / "map"),
+        lambda: graph.get_node(1),
+        lambda: graph.add_node({"id": 9, "x": 0.0, "y": 0.0}),
+        lambda: graph.remove_node(1),
+        lambda: graph.add_nodes([9], [0.0], [0.0]),
+        graph.get_nodes,
+        lambda: graph.within(1, 1.0),
+        lambda: graph.has_node(1),
+        lambda: near[1],
+        lambda: len(graph),
+    ):
+        with pytest.raises(ContextTerminated):
+            ask()
+    any_ctx.terminate()
+    any_ctx.graph.terminate()

@@ -1,0 +1,338 @@
+"""What an edit promises: all or nothing, plain values, nothing of the caller's changed or kept."""
+
+import copy
+import math
+
+import numpy as np
+import pytest
+import shapely
+
+from gamms.errors import DuplicateId, GammsError, UnknownName
+from gamms.graph import Graph
+
+BAD_IDS = ["1", 7.5, 2.0, True, None, np.float64(1), np.bool_(1), (1,)]
+TOO_LARGE = [2**63, -(2**63) - 1, np.uint64(2**64 - 1)]
+BAD_NUMBERS = [("1", TypeError), (None, TypeError), (True, TypeError), (1j, TypeError)]
+BAD_NUMBERS += [(number, ValueError) for number in (math.nan, math.inf, -math.inf, np.float64("nan"))]
+
+
+@pytest.fixture
+def refused(graph, ctx, fill, everything):
+    """Makes a call on a filled graph that must fail, and change nothing."""
+    fill(ctx)
+
+    def refused(error, verb, *arguments):
+        before, revision, given = everything(ctx), graph.revision, repr(arguments)
+        with pytest.raises(error) as caught:
+            getattr(graph, verb)(*arguments)
+        assert isinstance(caught.value, GammsError) or caught.value.args[0] in ("source", "target")
+        assert (everything(ctx), graph.revision, repr(arguments)) == (before, revision, given)
+        return str(caught.value)
+
+    return refused
+
+
+EDGE = {"id": 9, "source": 1, "target": 2, "length": 1.0}
+
+
+@pytest.mark.parametrize("id", BAD_IDS, ids=repr)
+def test_an_id_is_an_integer(refused, id):
+    for verb, *arguments in (
+        ("add_node", {"id": id, "x": 0.0, "y": 0.0, "new": 1}),
+        ("update_node", {"id": id, "x": 9.0}),
+        ("add_edge", EDGE | {"id": id}),
+        ("add_edge", EDGE | {"source": id}),
+        ("add_edge", EDGE | {"target": id}),
+        ("update_edge", {"id": id, "length": 9.0}),
+        ("update_edge", {"id": 1, "length": 9.0, "target": id}),
+        ("get_node", id),
+        ("get_edge", id),
+        ("get_neighbors", id),
+        ("remove_node", id),
+        ("remove_edge", id),
+        ("node_attributes", id),
+        ("edge_attributes", id),
+        ("within", id, 5.0),
+        ("has_node", id),
+    ):
+        assert repr(id) in refused(TypeError, verb, *arguments)
+
+
+@pytest.mark.parametrize("id", TOO_LARGE)
+def test_an_id_fits_into_64_bits(refused, id):
+    refused(ValueError, "add_node", {"id": id, "x": 0.0, "y": 0.0})
+    refused(ValueError, "add_edge", EDGE | {"id": id})
+    refused(ValueError, "get_node", id)
+    refused((ValueError, TypeError), "add_nodes", [id], [0.0], [0.0])
+
+
+@pytest.mark.parametrize(("number", "error"), BAD_NUMBERS, ids=repr)
+def test_a_coordinate_or_length_is_a_finite_number(refused, number, error):
+    refused(error, "add_node", {"id": 9, "x": number, "y": 0.0})
+    refused(error, "add_node", {"id": 9, "x": 0.0, "y": number, "new": 1})
+    refused(error, "update_node", {"id": 2, "x": 9.0, "y": number, "name": "changed"})
+    refused(error, "add_edge", EDGE | {"length": number})
+    refused(error, "update_edge", {"id": 2, "target": 1, "length": number, "lanes": 9})
+    refused(error, "add_nodes", [8, 9], [1.0, 2.0], [number] * 2)
+    refused(error, "add_edges", [8, 9], [1, 1], [2, 2], [number] * 2)
+
+
+def test_a_length_is_not_negative(refused):
+    refused(ValueError, "add_edge", EDGE | {"length": -0.5})
+    refused(ValueError, "update_edge", {"id": 1, "length": -0.5})
+    refused(ValueError, "add_edges", [8, 9], [1, 1], [2, 2], [1.0, -0.5])
+
+
+@pytest.mark.parametrize("key", ["id", "x", "y"])
+def test_a_node_needs_its_keys(refused, key):
+    data = {"id": 9, "x": 0.0, "y": 0.0, "name": "new"}
+    del data[key]
+    assert repr(key) in refused(ValueError, "add_node", data)
+
+
+@pytest.mark.parametrize(
+    ("key", "error"), {"id": ValueError, "length": ValueError, "source": KeyError, "target": KeyError}.items()
+)
+def test_an_edge_needs_its_keys(refused, key, error):
+    data = dict(EDGE)
+    del data[key]
+    assert key in refused(error, "add_edge", data)
+
+
+def test_an_update_needs_an_id_that_is_there(refused):
+    refused(ValueError, "update_node", {"x": 1.0})
+    refused(ValueError, "update_edge", {"length": 1.0})
+    refused(KeyError, "update_node", {"id": 99, "x": 1.0})
+    refused(KeyError, "update_edge", {"id": 99, "length": 1.0})
+
+
+def test_an_id_is_taken_once(refused):
+    refused(DuplicateId, "add_node", {"id": 1, "x": 9.0, "y": 9.0, "name": "other"})
+    refused(DuplicateId, "add_edge", EDGE | {"id": 1, "lanes": 9})
+    refused(DuplicateId, "add_nodes", [8, 1], [0.0] * 2, [0.0] * 2)
+    refused(DuplicateId, "add_nodes", [8, 9, 8], [0.0] * 3, [0.0] * 3)
+    refused(DuplicateId, "add_edges", [8, 1], [1, 1], [2, 2])
+    refused(DuplicateId, "add_edges", [8, 8], [1, 1], [2, 2])
+
+
+def test_an_edge_ends_at_nodes_that_are_there(refused):
+    for end in ("source", "target"):
+        refused(UnknownName, "add_edge", EDGE | {end: 99})
+        refused(UnknownName, "update_edge", {"id": 2, "length": 9.0, end: 99, "lanes": 9, "linestring": None})
+    refused(UnknownName, "add_edges", [8, 9], [1, 99], [2, 2])
+
+
+def test_what_is_not_there_is_not_found(refused):
+    for verb in ("get_node", "get_edge", "get_neighbors", "remove_edge", "node_attributes", "edge_attributes"):
+        refused(UnknownName, verb, 99)
+    refused(UnknownName, "within", 99, 1.0)
+    refused(UnknownName, "positions", [1, 99])
+
+
+@pytest.mark.parametrize(
+    "line", [[], [(0, 0)], [(0, 0), (1,)], [(0, 0), (math.nan, 1)], 7, "ab", ["12", "34"], object()]
+)
+def test_a_linestring_is_a_polyline(refused, line):
+    refused(ValueError, "add_edge", EDGE | {"linestring": line})
+    refused(ValueError, "update_edge", {"id": 2, "length": 9.0, "linestring": line})
+
+
+def test_a_shape_of_another_kind_is_no_linestring(refused):
+    shapes = (
+        shapely.LineString(),
+        shapely.Point(1, 1),
+        shapely.box(0, 0, 1, 1),
+        shapely.MultiLineString([[(0, 0), (1, 1)]]),
+    )
+    for shape in shapes:
+        refused(ValueError, "add_edge", EDGE | {"linestring": shape})
+
+
+@pytest.mark.parametrize("verb", ["add_node", "add_edge", "update_node", "update_edge"])
+def test_a_record_is_a_dict_with_names(refused, verb):
+    for record in (None, 5, [1, 2], "node"):
+        refused(TypeError, verb, record)
+    id = 9 if "add" in verb else 2
+    refused(TypeError, verb, {**EDGE, "id": id, "x": 0.0, "y": 0.0, 5: 1})
+
+
+def test_columns_of_new_rows_are_equally_long(refused):
+    refused(ValueError, "add_nodes", [8, 9], [0.0], [0.0, 1.0])
+    refused(ValueError, "add_nodes", [8, 9], [0.0, 1.0], 5.0)
+    refused(ValueError, "add_nodes", [[8, 9]], [0.0, 1.0], [0.0, 1.0])
+    refused(ValueError, "add_edges", [8, 9], [1], [2, 2])
+    refused(ValueError, "add_edges", [8, 9], [1, 1], [2, 2], [1.0])
+
+
+@pytest.mark.parametrize("ids", [[1.0], ["1"], [True], [None]])
+def test_columns_of_ids_hold_integers(refused, ids):
+    refused(TypeError, "add_nodes", ids, [0.0], [0.0])
+    refused(TypeError, "add_edges", [9], ids, [1])
+    refused(TypeError, "positions", ids)
+
+
+def test_a_missing_node_is_removed_silently(graph):
+    revision = graph.revision
+    graph.remove_node(5)
+    assert graph.revision == revision
+
+
+def test_a_callers_dict_is_neither_changed_nor_kept(any_ctx):
+    graph = any_ctx.graph.graph
+    node, other = {"id": 1, "x": 1, "y": 2, "name": "a"}, {"id": 2, "x": 0.0, "y": 0.0}
+    line = [[1.0, 2.0], [5.0, 5.0], [0.0, 0.0]]
+    edge = {"id": 1, "source": 1, "target": 2, "length": 3, "linestring": line, "lanes": 2}
+    given = [node, other, edge]
+    before = copy.deepcopy(given)
+    graph.add_node(node)
+    graph.add_node(other)
+    graph.add_edge(edge)
+    graph.update_node(node)
+    graph.update_edge(edge)
+    assert given == before
+    seen = (graph.get_node(1), graph.get_edge(1).points, graph.node_attributes(1), graph.edge_attributes(1))
+    node.update(id=7, x=99, name="b")
+    edge.update(length=99, target=1, lanes=0)
+    line[1][0] = 99.0
+    graph.node_attributes(1).clear()
+    assert seen == (graph.get_node(1), graph.get_edge(1).points, graph.node_attributes(1), graph.edge_attributes(1))
+
+
+def test_callers_arrays_are_not_kept(graph):
+    ids, x, y = np.arange(3), np.zeros(3), np.zeros(3)
+    graph.add_nodes(ids, x, y)
+    for array in (ids, x, y):
+        array[:] = 9
+    assert [graph.get_node(id) for id in graph.get_nodes()] == [(0, 0.0, 0.0), (1, 0.0, 0.0), (2, 0.0, 0.0)]
+
+
+@pytest.mark.parametrize("kind", [np.int8, np.int64, np.uint16])
+def test_numpy_numbers_become_plain_ones(any_ctx, kind):
+    graph = any_ctx.graph.graph
+    graph.add_node({"id": kind(1), "x": kind(3), "y": np.float32(0.5)})
+    graph.add_edge({"id": kind(2), "source": kind(1), "target": kind(1), "length": kind(4)})
+    node, edge = graph.get_node(kind(1)), graph.get_edge(kind(2))
+    assert [type(value) for value in node] == [int, float, float]
+    assert [type(value) for value in edge[:4]] == [int, int, int, float]
+    assert all(type(id) is int for id in (*graph.get_nodes(), *graph.get_edges(), *graph.get_neighbors(1)))
+
+
+def test_ids_at_the_ends_of_64_bits_are_ids():
+    least, most = -(2**63), 2**63 - 1
+    graph = Graph()
+    graph.add_nodes([most, least], [0.0, 1.0], [0.0, 1.0])  # consecutive, if integers wrapped around
+    graph.add_nodes([most - 1, least + 1], [2.0, 3.0], [2.0, 3.0])
+    graph.add_edges([most, least], [most, least], [least, most])
+    assert graph.get_node(least).x == 1.0
+    assert graph.get_edge(least).target == most
+    assert graph.positions([least, most, least + 1])[:, 0].tolist() == [1.0, 0.0, 3.0]
+    with pytest.raises(DuplicateId):
+        graph.add_nodes([least], [0.0], [0.0])
+    with pytest.raises(UnknownName):
+        graph.get_node(0)
+
+
+def test_a_removed_id_is_free_again(any_ctx):
+    graph = any_ctx.graph.graph
+    graph.add_nodes([1, 2, 3], [1.0, 2.0, 3.0], [0.0] * 3)
+    graph.update_node({"id": 2, "name": "old"})
+    graph.remove_node(2)
+    graph.add_node({"id": 2, "x": 9.0, "y": 9.0})
+    assert list(graph.get_nodes()) == [1, 3, 2]
+    assert graph.node_attributes(2) == {}
+
+
+def test_removing_a_node_removes_the_edges_at_it(any_ctx, fill):
+    graph = fill(any_ctx)
+    graph.remove_node(2)
+    assert list(graph.get_edges()) == [4]
+    assert list(graph.get_neighbors(1)) == []
+    graph.remove_node(-7)
+    assert list(graph.get_edges()) == []
+
+
+def test_a_graph_may_be_changed_while_it_is_listed(any_ctx, fill):
+    graph = fill(any_ctx)
+    for id in graph.get_edges():
+        graph.remove_edge(id)
+    for id in graph.get_nodes():
+        graph.remove_node(id)
+        graph.add_node({"id": id + 1000, "x": 0.0, "y": 0.0})
+    assert list(graph.get_nodes()) == [1001, 1002, 993, 1040]
+
+
+def test_parallel_edges_are_told_apart(any_ctx, fill):
+    graph = fill(any_ctx)
+    assert list(graph.get_neighbors(1)) == [2]
+    graph.remove_edge(1)
+    assert list(graph.get_neighbors(1)) == [2]
+    graph.remove_edge(2)
+    assert list(graph.get_neighbors(1)) == []
+
+
+def test_a_missing_node_has_no_neighbors_at_the_call(graph):
+    with pytest.raises(KeyError, match="5"):
+        graph.get_neighbors(5)
+    with pytest.raises(KeyError, match="5"):
+        graph.neighborhoods[5]
+
+
+def test_a_removed_node_has_no_neighborhood_any_more(graph):
+    graph.add_nodes(range(9), [0.0] * 9, [0.0] * 9)
+    graph.add_edges([0, 1], [1, 2], [2, 3])
+    assert [list(graph.neighborhoods[id]) for id in (0, 1, 2)] == [[0], [1, 2], [2, 3]]
+    for id in (0, 2):
+        graph.remove_node(id)
+        with pytest.raises(KeyError, match=str(id)):
+            graph.neighborhoods[id]
+    assert list(graph.neighborhoods[1]) == [1]
+
+
+def test_a_loop_makes_a_node_its_own_neighbor(any_ctx, fill):
+    graph = fill(any_ctx)
+    assert list(graph.get_neighbors(-7)) == [-7]
+    assert list(graph.neighborhoods[-7]) == [-7]
+
+
+def test_neighbors_come_in_the_order_of_their_edges(graph):
+    graph.add_nodes(range(5), [0.0] * 5, [0.0] * 5)
+    for id, target in enumerate([3, 1, 4, 1, 2]):
+        graph.add_edge({"id": id, "source": 0, "target": target, "length": 1.0})
+    assert list(graph.get_neighbors(0)) == [3, 1, 4, 2]
+    graph.update_edge({"id": 0, "target": 2})
+    assert list(graph.neighborhoods[0]) == [0, 2, 1, 4]
+    graph.update_edge({"id": 0, "source": 1})
+    assert list(graph.neighborhoods[0]) == [0, 1, 4, 2]
+    assert list(graph.neighborhoods[1]) == [1, 2]
+
+
+def test_only_straight_edges_follow_a_moved_node(any_ctx, fill):
+    graph = fill(any_ctx)
+    graph.within(1, math.inf)
+    bent = graph.get_edge(2)
+    graph.update_node({"id": 2, "x": 30.0})
+    seen = {edge.id: edge for edge in graph.within(1, math.inf).edges}
+    assert seen[1] == graph.get_edge(1)
+    assert seen[1].points == (0.0, 0.0, 30.0, 4.0)
+    assert seen[2] == bent
+    assert [(edge.id, edge.length) for edge in seen.values()][:2] == [(1, 5.0), (2, 6.0)]
+
+
+def test_an_old_polyline_does_not_lead_to_a_new_end(any_ctx, fill):
+    graph = fill(any_ctx)
+    graph.update_edge({"id": 2, "target": -7})
+    assert graph.get_edge(2).points == (0.0, 0.0, 6.0, 0.0)
+    graph.update_edge({"id": 2, "linestring": [(0, 0), (1, 9), (6, 0)]})
+    graph.update_edge({"id": 2, "target": -7, "length": 8})
+    assert graph.get_edge(2).points == (0.0, 0.0, 1.0, 9.0, 6.0, 0.0)
+
+
+def test_extra_keys_are_attributes(any_ctx):
+    graph = any_ctx.graph.graph
+    graph.add_node({"id": 1, "x": 0.0, "y": 0.0, "kind": "stop", "lines": [1, 2]})
+    graph.add_edge({"id": 1, "source": 1, "target": 1, "length": 0.0, "highway": "path", "name": None})
+    graph.update_node({"id": 1, "kind": "station"})
+    graph.update_edge({"id": 1, "oneway": True})
+    assert any_ctx.graph.node_attributes(1) == {"kind": "station", "lines": [1, 2]}
+    assert any_ctx.graph.edge_attributes(1) == {"highway": "path", "name": None, "oneway": True}
+    assert graph.get_node(1) == (1, 0.0, 0.0)

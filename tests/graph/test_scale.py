@@ -1,0 +1,94 @@
+"""Large grids: built from arrays, they answer, and stay small."""
+
+import math
+import subprocess
+import sys
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+from gamms.graph import Graph
+from gamms.graph.tables import RowIndex
+
+GRID = '''
+def grid(graph, columns, rows):
+    """A grid of unit blocks with two-way streets; node `row * columns + column`."""
+    import numpy as np
+
+    ids = np.arange(columns * rows)
+    graph.add_nodes(ids, ids % columns, ids // columns)
+    east, north = ids[ids % columns < columns - 1], ids[ids // columns < rows - 1]
+    sources = np.concatenate([east, east + 1, north, north + columns])
+    targets = np.concatenate([east + 1, east, north + columns, north])
+    graph.add_edges(np.arange(len(sources)), sources, targets)
+    return len(sources)
+'''
+exec(GRID)  # the programs that are measured below build theirs the same way
+
+
+@pytest.fixture(scope="module")
+def large():
+    graph = Graph()
+    grid(graph, 300, 300)  # noqa: F821 - see GRID
+    return graph
+
+
+def test_a_grid_of_90_000_nodes_answers(large):
+    assert (len(large), len(list(large.get_edges()))) == (90_000, 358_800)
+    middle = 150 * 300 + 150
+    assert large.get_node(middle) == (middle, 150.0, 150.0)
+    near = list(large.get_nodes(2.0, 150.0, 150.0))
+    assert near == [middle + 300 * dy + dx for dy in range(-2, 3) for dx in range(-2, 3) if dx * dx + dy * dy <= 4]
+    assert list(large.get_neighbors(middle)) == [middle + 1, middle - 1, middle + 300, middle - 300]
+    assert len(list(large.get_edges(1.0, 150.0, 150.0))) == 32
+    seen = large.within(middle, 30.0, math.pi / 2, (1.0, 0.0))
+    assert len(seen.nodes) == sum(dx * dx + dy * dy <= 900 for dx in range(31) for dy in range(-dx, dx + 1))
+    assert all(edge.source in seen.nodes and edge.target in seen.nodes for edge in seen.edges)
+
+
+def test_everything_is_seen_from_anywhere(large):
+    nodes, edges = large.within(0, math.inf)
+    assert (len(nodes), len(edges)) == (90_000, 358_800)
+    assert large.neighborhoods[89_999] == (89_999, 89_998, 89_699)
+
+
+def test_a_large_grid_goes_through_a_file(large, ctx, tmp_path):
+    from gamms.graph import file
+    from gamms.graph.contents import Contents
+
+    file.save(tmp_path / "grid", Contents(large.columns(), [], None))
+    ctx.graph.load(tmp_path / "grid")
+    for name in ("node_ids", "xy", "sources", "targets", "lengths", "out_edges"):
+        assert np.array_equal(getattr(ctx.graph.columns(), name), getattr(large.columns(), name))
+
+
+def test_ids_in_a_row_take_no_memory():
+    index = RowIndex()
+    index.extend(np.arange(5, 1_000_005), 0, "a node")
+    for row in range(1_000_000, 1_001_000):
+        index.add(row + 5, row)
+    assert not index._others
+    assert (index.row(5), index.row(1_001_004), index.row(4), index.row(1_001_005)) == (0, 1_000_999, -1, -1)
+
+
+@pytest.mark.parametrize(
+    ("use", "most_mib"),
+    [("list(graph.get_nodes(50.0, 100.0, 100.0)), graph.columns()", 170), ("graph.within(0, 100.0)", 200)],
+    ids=["asked for ids", "sensed"],
+)
+@pytest.mark.skipif(not Path("/proc/self/status").exists(), reason="asks Linux for the peak of a process")
+def test_a_grid_of_200_000_nodes_stays_small(use, most_mib):
+    # Not getrusage: what it tells of a child includes the memory of the process that started it.
+    script = f"""{GRID}
+from pathlib import Path
+from gamms.graph import Graph
+
+graph = Graph()
+assert grid(graph, 500, 400) == 798_200
+{use}
+peak = next(line for line in Path("/proc/self/status").read_text().splitlines() if line.startswith("VmHWM"))
+print(int(peak.split()[1]) // 1024)
+"""
+    ran = subprocess.run([sys.executable, "-c", script], capture_output=True, text=True, check=True)
+    assert int(ran.stdout) < most_mib

@@ -1,0 +1,90 @@
+"""Grouping and gathering rows, fields of view and distances equal slow references."""
+
+import math
+from itertools import pairwise
+
+import networkx as nx
+import numpy as np
+import pytest
+from hypothesis import given, settings
+from hypothesis import strategies as st
+
+from gamms import kernels
+from gamms.graph import Graph
+
+LAWS = settings(max_examples=100, deadline=None, derandomize=True)
+
+
+@given(groups=st.integers(1, 6), keys=st.lists(st.integers(0, 5), max_size=30))
+@LAWS
+def test_grouped_rows_are_in_row_order(groups, keys):
+    keys = [key % groups for key in keys]
+    offsets, rows = kernels.group_rows(np.array(keys, np.int64), groups)
+    found = [rows[a:b].tolist() for a, b in pairwise(offsets)]
+    assert found == [[row for row, key in enumerate(keys) if key == group] for group in range(groups)]
+
+
+def test_no_rows_are_grouped_into_empty_groups():
+    offsets, rows = kernels.group_rows(np.zeros(0, np.int64), 3)
+    assert (offsets.tolist(), rows.tolist()) == ([0, 0, 0, 0], [])
+
+
+@given(keys=st.lists(st.integers(0, 4), max_size=30), wanted=st.lists(st.integers(0, 4), max_size=8))
+@LAWS
+def test_ragged_rows_come_in_the_order_of_their_groups(keys, wanted):
+    offsets, rows = kernels.group_rows(np.array(keys, np.int64), 5)
+    found = kernels.ragged_rows(offsets, rows, np.array(wanted, np.int64))
+    assert found.tolist() == [row for group in wanted for row, key in enumerate(keys) if key == group]
+
+
+@given(
+    offsets=st.lists(st.tuples(*[st.floats(-1e6, 1e6)] * 2), max_size=20),
+    angle=st.floats(-10, 10),
+    length=st.sampled_from([1.0, 1e-3, 50.0]),
+    fov=st.floats(0, 7),
+)
+@LAWS
+def test_the_cone_is_where_the_wrapped_angle_is_at_most_half_the_opening(offsets, angle, length, fov):
+    heading = (length * math.cos(angle), length * math.sin(angle))
+    dx, dy = np.array(offsets, float).reshape(-1, 2).T
+    seen = kernels.in_cone(dx, dy, heading, fov)
+    for x, y, is_seen in zip(dx.tolist(), dy.tolist(), seen.tolist(), strict=True):
+        off = abs(math.remainder(math.atan2(y, x) - math.atan2(heading[1], heading[0]), 2 * math.pi))
+        if abs(off - fov / 2) > 1e-9:  # closer to the rim the other tests look
+            assert is_seen == (off < fov / 2 or (x, y) == (0.0, 0.0))
+
+
+@pytest.mark.parametrize("quarter", range(4))
+@pytest.mark.parametrize("eighths", range(9))
+def test_the_rim_of_the_cone_is_inside(quarter, eighths):
+    heading = quarter * math.pi / 2
+    fov = eighths * math.pi / 4
+    rims = [heading - fov / 2, heading + fov / 2]
+    dx, dy = 7.0 * np.cos(rims), 7.0 * np.sin(rims)
+    assert kernels.in_cone(dx, dy, (math.cos(heading), math.sin(heading)), fov).all()
+
+
+def test_just_outside_the_rim_is_outside():
+    angles = np.array([0.5001, -0.5001, 3.0, -3.0])
+    assert not kernels.in_cone(np.cos(angles), np.sin(angles), (1.0, 0.0), 1.0).any()
+
+
+def test_the_observer_sees_its_own_place():
+    assert kernels.in_cone(np.array([0.0, -0.0]), np.array([-0.0, 0.0]), (0.0, -1.0), 0.0).all()
+
+
+@given(
+    edges=st.lists(st.tuples(st.integers(0, 7), st.integers(0, 7), st.integers(0, 9)), max_size=25),
+    rows=st.lists(st.integers(0, 7), max_size=3),
+)
+@LAWS
+def test_distances_equal_those_of_networkx(edges, rows):
+    graph, reference = Graph(), nx.MultiDiGraph()
+    graph.add_nodes(range(8), [0.0] * 8, [0.0] * 8)
+    reference.add_nodes_from(range(8))
+    for id, (u, v, length) in enumerate(edges):
+        graph.add_edge({"id": id, "source": u, "target": v, "length": length})
+        reference.add_edge(v, u, weight=length)
+    found = kernels.distances_to(graph.columns(), np.array(rows, np.int64))
+    known = nx.multi_source_dijkstra_path_length(reference, set(rows)) if rows else {}
+    assert found.tolist() == [known.get(node, math.inf) for node in range(8)]
