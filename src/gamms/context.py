@@ -285,7 +285,7 @@ def _database_path(engine: Any, path: str | os.PathLike[str] | None) -> "memory.
         if path is not None:
             raise BadValue(f"graph_path={path!r} needs graph_engine=gamms.graph.Engine.SQLITE.")
         return None
-    return memory.temporary_path("graph.db") if path is None else memory.PathLike(os.fspath(path))
+    return None if path is None else memory.PathLike(os.fspath(path))
 
 
 def _configured_logger(config: dict[str, Any]) -> logging.Logger:

@@ -59,7 +59,9 @@ def test_an_agent_type_that_is_none_is_an_attribute_of_the_callers(ctx):
 
 
 def test_sensors_may_be_given_by_the_names_in_the_state(ctx):
-    agent = ctx.agent.create_agent("a", start_node_id=0, sensors={"around": ctx.sensor.get_sensor("near"), "too": "near"})
+    agent = ctx.agent.create_agent(
+        "a", start_node_id=0, sensors={"around": ctx.sensor.get_sensor("near"), "too": "near"}
+    )
     assert list(agent.get_state()["sensor"]) == ["around", "too"]
 
 

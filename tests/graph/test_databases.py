@@ -7,6 +7,7 @@ import subprocess
 import sys
 import tempfile
 from pathlib import Path
+from types import SimpleNamespace
 
 import pytest
 
@@ -111,14 +112,31 @@ def test_an_attribute_that_cannot_be_saved_leaves_the_database_as_it_was(reopene
     assert everything(reopened()) == before  # from the file, while the first context lives
 
 
-@pytest.mark.parametrize("awkward", ["attribute", "crs"])  # found before the database is touched, and after
-def test_a_context_ends_even_if_its_graph_cannot_be_saved(reopened, fill, awkward):
+def test_what_cannot_be_saved_at_the_end_is_left_out_and_named(reopened, fill):
+    ctx = reopened()
+    heard = []
+    verbs = ("debug", "info", "warning", "error", "critical", "setLevel")
+    ctx.logger = SimpleNamespace(**dict.fromkeys(verbs, heard.append))
+    fill(ctx).add_node({"id": 500, "x": 0.0, "y": 0.0, "name": "here", "awkward": {1, 2}})
+    ctx.terminate()
+    assert "'awkward'" in heard[-1]
+    assert "left out" in heard[-1]
+    assert reopened().graph.node_attributes(500) == {"name": "here"}
+
+
+def test_a_database_that_goes_with_the_context_is_not_written_at_the_end(open_ctx):
+    with open_ctx(Engine.SQLITE) as ctx:
+        ctx.graph.graph.add_node({"id": 1, "x": 0.0, "y": 0.0, "awkward": object()})
+    assert ctx.is_terminated()
+
+
+def test_a_context_ends_even_if_its_graph_cannot_be_saved(reopened, fill):
     ctx = reopened()
     graph = fill(ctx)
     ctx.graph.save()
-    graph.add_node({"id": 500, "x": 0.0, "y": 0.0} | ({awkward: {1, 2}} if awkward == "attribute" else {}))
-    graph.crs = "\ud800" if awkward == "crs" else None
-    with pytest.raises(BadValue, match="surrogate" if awkward == "crs" else "'attribute'"):
+    graph.add_node({"id": 500, "x": 0.0, "y": 0.0})
+    graph.crs = "\ud800"
+    with pytest.raises(BadValue, match="surrogate"):
         ctx.terminate()
     assert ctx.is_terminated()
     for gone in (lambda: ctx.graph.graph, lambda: graph.get_node(1)):
@@ -128,6 +146,30 @@ def test_a_context_ends_even_if_its_graph_cannot_be_saved(reopened, fill, awkwar
 
 
 # -- other files ------------------------------------------------------------------------------------------------
+
+
+def test_the_database_of_another_program_is_refused_and_left_alone(open_ctx, tmp_path):
+    path = tmp_path / "theirs.db"
+    with sqlite3.connect(path) as theirs:
+        theirs.execute("CREATE TABLE recipes (name TEXT)")
+    theirs.close()
+    before = path.read_bytes()
+    with pytest.raises(BadFile, match="a database of something else"):
+        open_ctx(Engine.SQLITE, graph_path=path)
+    assert path.read_bytes() == before
+
+
+def test_a_database_in_use_is_not_called_foreign(open_ctx, tmp_path):
+    path = tmp_path / "busy.db"
+    with open_ctx(Engine.SQLITE, graph_path=path):
+        pass
+    with sqlite3.connect(path, isolation_level=None) as theirs:
+        theirs.execute("BEGIN EXCLUSIVE")
+        with pytest.raises(BadFile, match="locked") as caught:
+            open_ctx(Engine.SQLITE, graph_path=path)
+        theirs.execute("ROLLBACK")
+    theirs.close()
+    assert "something else" not in str(caught.value)
 
 
 @pytest.mark.parametrize(

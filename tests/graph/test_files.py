@@ -347,7 +347,7 @@ def _file_of(header, body):
 
 
 def _pack(header, columns):
-    blobs = [file._pack(np.ascontiguousarray(column)) for column in columns.values()]
+    blobs = [file._pack(np.ascontiguousarray(column), level=9) for column in columns.values()]
     header["columns"] = [
         [name, column.dtype.name, list(column.shape), len(blob), zlib.crc32(blob)]
         for (name, column), blob in zip(columns.items(), blobs, strict=True)
@@ -368,3 +368,27 @@ def _disturb(header, rng):
         header["columns"].append(rng.choice(header["columns"]))
     else:
         header.pop(rng.choice(list(header)), None) if len(header) > 1 else None
+
+
+def test_a_graph_so_regular_that_it_looks_like_a_bomb_can_be_loaded(ctx, tmp_path, monkeypatch):
+    monkeypatch.setattr(file, "_MOST_BYTES", 1 << 16)
+    ctx.graph.add_nodes(range(50_000), np.zeros(50_000), np.zeros(50_000))
+    ctx.graph.save(tmp_path / "regular.gamms")
+    ctx.graph.load(tmp_path / "regular.gamms")
+    assert len(ctx.graph.graph) == 50_000
+
+
+def test_no_two_rows_share_a_list_after_loading(ctx, tmp_path):
+    graph = ctx.graph.graph
+    for id in (1, 2):
+        graph.add_node({"id": id, "x": 0, "y": 0, "tags": ["a"]})
+    ctx.graph.save(tmp_path / "a.gamms")
+    ctx.graph.load(tmp_path / "a.gamms")
+    graph.node_attributes(1)["tags"].append("b")
+    assert graph.node_attributes(2)["tags"] == ["a"]
+
+
+def test_a_missing_folder_is_named_before_anything_is_written(ctx, tmp_path):
+    with pytest.raises(FileNotFoundError, match=r"no folder .*missing.* Create it first"):
+        ctx.graph.save(tmp_path / "missing" / "a.gamms")
+    assert list(tmp_path.iterdir()) == []

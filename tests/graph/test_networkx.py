@@ -1,6 +1,7 @@
 """The bridge to networkx: any of its graphs in, all or nothing; ours out, and the same again."""
 
 import math
+from types import SimpleNamespace
 
 import networkx as nx
 import pytest
@@ -228,3 +229,21 @@ def test_to_networkx_and_back_is_the_same_graph(graph):
         graph.node_attributes(id) for id in graph.get_nodes()
     ]
     assert all(back.edge_attributes(id) == graph.edge_attributes(id) for id in graph.get_edges())
+
+
+def test_a_graph_in_another_crs_is_refused(ctx):
+    first, second = nx.DiGraph(crs="EPSG:32635"), nx.DiGraph(crs="EPSG:4326")
+    first.add_node(1, x=0.0, y=0.0)
+    second.add_node(2, x=25.0, y=60.0)
+    ctx.graph.attach_networkx_graph(first)
+    with pytest.raises(BadValue, match="its CRS is EPSG:4326, that of the graph is EPSG:32635"):
+        ctx.graph.attach_networkx_graph(second)
+    assert (list(ctx.graph.graph.get_nodes()), ctx.graph.crs) == ([1], "EPSG:32635")
+
+
+def test_a_graph_without_coordinates_is_warned_about(ctx):
+    heard = []
+    verbs = ("debug", "info", "warning", "error", "critical", "setLevel")
+    ctx.logger = SimpleNamespace(**dict.fromkeys(verbs, heard.append))
+    ctx.graph.attach_networkx_graph(nx.grid_2d_graph(3, 3))
+    assert "None of the 9 nodes has an x or y" in heard[0]

@@ -101,3 +101,8 @@ def test_faces_may_be_removed_while_they_are_listed(any_ctx):
     for id in any_ctx.graph.get_obstacle_faces():
         any_ctx.graph.remove_obstacle_face(id)
     assert list(any_ctx.graph.get_obstacle_faces()) == []
+
+
+def test_a_place_that_is_no_number_is_refused(ctx):
+    with pytest.raises(ValueError, match="must be numbers"):
+        ctx.graph.get_obstacle_faces(1.0, float("nan"), 0.0)

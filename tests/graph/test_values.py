@@ -7,10 +7,13 @@ import sys
 
 import numpy as np
 import pytest
+from hypothesis import given, settings
+from hypothesis import strategies as st
 from shapely import LineString
 
 import gamms
 from gamms.graph import Graph
+from gamms.graph.tables import RowIndex
 from gamms.typing.graph_engine import Node, ObsFace, OSMEdge
 
 ARRAYS = ("node_ids", "xy", "edge_ids", "sources", "targets", "lengths", "offsets", "out_edges")
@@ -171,3 +174,27 @@ def test_an_attribute_that_nobody_has_any_more_is_no_column(graph):
     graph.add_node({"id": 1, "x": 0.0, "y": 0.0, "name": "a"})
     graph.remove_node(1)
     assert graph.columns().node_attributes == {}
+
+
+# -- finding rows -----------------------------------------------------------------------------------------------
+
+
+@given(st.integers(0, 99), st.data())
+@settings(max_examples=10)
+def test_many_ascending_ids_are_found_like_any_others(seed, data):
+    ids = np.random.default_rng(seed).choice(40_000, 4300, replace=False) - 20_000
+    index, ascending = RowIndex(), np.sort(ids)
+    index.add(30_000, 0)
+    index.extend(ascending, 1, "a node")
+    index.add(25_000, 1 + len(ascending))
+    rows = {30_000: 0, **{id: row for row, id in enumerate(ascending.tolist(), 1)}, 25_000: 1 + len(ascending)}
+    for id in data.draw(st.lists(st.sampled_from(sorted(rows)), max_size=20, unique=True)):
+        index.remove(id)
+        del rows[id]
+    asked = [*rows, -30_000, 29_999, 40_000, *range(-50, 50)]
+    assert [index.row(id) for id in asked] == [rows.get(id, -1) for id in asked]
+    assert index.rows(np.array(list(rows)), "node").tolist() == list(rows.values())
+
+
+def test_an_empty_graph_is_still_a_graph():
+    assert Graph()

@@ -99,3 +99,24 @@ def test_progress_is_silent_elsewhere_and_when_it_is_fast(monkeypatch):
     with progress(0.0) as show:
         show("anything")
     assert pipe.getvalue() == terminal.getvalue() == ""
+
+
+def test_the_shipped_map_goes_into_an_empty_context_only():
+    with gamms.create_context(logger_config={"level": "CRITICAL"}) as ctx:
+        streets = gamms.osm.helsinki(ctx, resolution=50.0)
+        assert len(streets) == len(ctx.graph.graph) > 2500
+        assert (ctx.graph.crs, ctx.graph.attribution[:15]) == ("EPSG:32635", "© OpenStreetMap")
+        with pytest.raises(ValueError, match="has a graph or obstacles already"):
+            gamms.osm.helsinki(ctx)
+
+
+@pytest.mark.parametrize("bad", [0, -1.0, float("nan")])
+def test_a_bad_resolution_leaves_the_context_as_it_was(bad):
+    with gamms.create_context(logger_config={"level": "CRITICAL"}) as ctx:
+        with pytest.raises(ValueError, match="resolution"):
+            gamms.osm.helsinki(ctx, resolution=bad)
+        assert list(ctx.graph.graph.get_nodes()) == []
+        ctx.graph.add_obstacle_face(1, (0, 0, 1), (1, 0, 1), (0, 0, 0), (1, 0, 0), 0)
+        with pytest.raises(ValueError, match="obstacles"):
+            gamms.osm.helsinki(ctx)
+        assert list(ctx.graph.get_obstacle_faces()) == [1]

@@ -19,6 +19,20 @@ class Contents(NamedTuple):
     attribution: str | None
 
 
+def savable(contents: Contents) -> Contents:
+    """The same without the attributes that are no plain data."""
+    from dataclasses import replace
+
+    from gamms.graph.plain import is_plain
+
+    columns = contents.columns
+    kept = [
+        {name: {row: value for row, value in values.items() if is_plain(value)} for name, values in attributes.items()}
+        for attributes in (columns.node_attributes, columns.edge_attributes)
+    ]
+    return contents._replace(columns=replace(columns, node_attributes=kept[0], edge_attributes=kept[1]))
+
+
 def checked_columns(
     arrays: dict[str, Any],
     bends: dict[int, FloatArray],

@@ -33,11 +33,15 @@ class GraphDatabase:
 
     def __init__(self, store: Any) -> None:  # Any: the bulk methods are the memory room's own, beyond IStore
         self._store = store
+        if store.is_foreign:
+            raise BadFile(f"{store.path().as_str()} is a database of something else, not of a graph.")
         for name, schema in _SCHEMAS.items():
             try:
                 store.create_map(name, schema, next(iter(schema)))
             except GammsError as error:
-                raise BadFile(f"{store.path().as_str()} is a database, but not of a graph: {error}") from error
+                raise BadFile(
+                    f"{store.path().as_str()} cannot be opened as the database of a graph: {error}"
+                ) from error
 
     def read(self) -> Contents:
         """The graph that was written last.

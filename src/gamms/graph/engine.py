@@ -26,7 +26,7 @@ class GraphEngine(IGraphEngine):
     Args:
         ctx: the context.
         engine: MEMORY writes nothing unless asked; SQLITE answers every call alike and keeps a database file.
-        path: of the database; an existing one is opened.
+        path: of the database; an existing one is opened. None: a temporary one that goes with the context.
 
     Raises:
         UnknownType (ValueError): `engine` is no member of `Engine`.
@@ -36,16 +36,12 @@ class GraphEngine(IGraphEngine):
     def __init__(self, ctx: IContext, engine: Engine = Engine.MEMORY, path: "IPathLike | None" = None) -> None:
         if not isinstance(engine, Engine):
             raise UnknownType(f"Unknown graph engine {engine!r}. Use Engine.MEMORY or Engine.SQLITE.")
+        self._ctx = ctx
         self._graph: Graph | None = Graph()
         self._obstacles = Obstacles()
         self._database: GraphDatabase | None = None
         if engine is Engine.SQLITE:
-            from gamms.graph import database
-
-            self._database = database.GraphDatabase(
-                ctx.ictx.memory.create_store(StoreType.DATABASE, database.STORE, path)
-            )
-            self._put(self._database.read())
+            self._open_database(path)
 
     @property
     def graph(self) -> Graph:
@@ -84,7 +80,13 @@ class GraphEngine(IGraphEngine):
         Raises:
             BadValue (ValueError): it cannot be attached; its cause says why, and nothing has changed.
         """
-        return self.graph.attach_networkx_graph(G)
+        graph = self.graph.attach_networkx_graph(G)
+        if len(G) > 1 and not any("x" in data or "y" in data for _, data in G.nodes(data=True)):
+            self._ctx.logger.warning(
+                f"None of the {len(G)} nodes has an x or y: all are at (0, 0), where edges have no length. "
+                "Set G.nodes[n]['x'] and G.nodes[n]['y'] before attaching."
+            )
+        return graph
 
     def networkx_labels(self) -> dict[Any, int]:
         """Label in networkx -> id here, for every node whose label was no integer."""
@@ -130,8 +132,8 @@ class GraphEngine(IGraphEngine):
         if self._graph is None:
             return
         try:
-            if self._database is not None:
-                self._database.write(self._contents())
+            if self._database is not None and self._is_kept:
+                self._write_finally(self._database)
         finally:
             self._graph.close()
             self._graph = None
@@ -178,6 +180,26 @@ class GraphEngine(IGraphEngine):
         if self._graph is None:
             raise ContextTerminated("ctx.graph")
         return self._obstacles
+
+    def _open_database(self, path: "IPathLike | None") -> None:
+        from gamms.graph import database
+
+        stores = self._ctx.ictx.memory
+        self._is_kept = path is not None
+        path = path or stores.temporary_path("graph.db")
+        self._database = database.GraphDatabase(stores.create_store(StoreType.DATABASE, database.STORE, path))
+        self._put(self._database.read())
+
+    def _write_finally(self, database: "GraphDatabase") -> None:
+        """Write what can be written: at the end there is nobody left who could mend the rest."""
+        contents = self._contents()
+        try:
+            database.write(contents)
+        except BadValue as error:
+            from gamms.graph.contents import savable
+
+            self._ctx.logger.error(f"{error} It is left out of the database.")  # noqa: TRY400 - ILogger has no exception()
+            database.write(savable(contents))
 
     def _contents(self) -> Contents:
         return Contents(self.graph.columns(), list(self._obstacles), self.graph.attribution)

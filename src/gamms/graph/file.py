@@ -16,7 +16,7 @@ from typing import Any
 
 import numpy as np
 
-from gamms.errors import BadFile, GammsError
+from gamms.errors import BadFile, GammsError, MissingFolder
 from gamms.graph import plain
 from gamms.graph.contents import Contents, checked_columns
 from gamms.graph.obstacles import checked_face
@@ -40,10 +40,12 @@ def save(path: str | os.PathLike[str], contents: Contents) -> None:
 
     Raises:
         BadValue: an attribute is no plain data.
-        OSError: the file cannot be written.
+        MissingFolder (FileNotFoundError), OSError: the file cannot be written.
     """
     data = encode(contents)
     target = Path(path)
+    if not target.parent.is_dir():
+        raise MissingFolder(target.name, target.parent)
     temporary = target.with_name(f".{target.name}.{os.getpid()}.part")
     try:
         temporary.write_bytes(data)
@@ -69,7 +71,9 @@ def load(path: str | os.PathLike[str]) -> Contents:
 def encode(contents: Contents) -> bytes:
     """A graph as the bytes of a file; the same graph gives the same bytes."""
     columns = _columns_of(contents)
-    stored = [_pack(array) for array in columns.values()]
+    stored = [_pack(array, level=9) for array in columns.values()]
+    if sum(array.nbytes for array in columns.values()) > _most_bytes(sum(map(len, stored))):
+        stored = [_pack(array, level=0) for array in columns.values()]  # so regular that `load` would not believe it
     header = {
         "crs": contents.columns.crs,
         "attribution": contents.attribution,
@@ -125,13 +129,18 @@ def _read_header(data: bytes) -> tuple[dict[str, Any], int]:
     return header, _HEAD.size + size
 
 
-def _pack(array: np.ndarray[Any, Any]) -> bytes:
+def _most_bytes(size: int) -> int:
+    """How much memory the columns of a file of this size may take."""
+    return max(_MOST_BYTES, _MOST_RATIO * size)
+
+
+def _pack(array: np.ndarray[Any, Any], level: int) -> bytes:
     flat = array.reshape(-1)
     if array.dtype.kind == "i":
         flat = np.diff(flat, prepend=flat.dtype.type(0))
     size = array.dtype.itemsize
     flat = np.ascontiguousarray(flat.astype(array.dtype.newbyteorder("<")))
-    return zlib.compress(flat.view(np.uint8).reshape(-1, size).T.tobytes(), 9)
+    return zlib.compress(flat.view(np.uint8).reshape(-1, size).T.tobytes(), level)
 
 
 def _unpack_all(data: bytes, position: int, entries: list[Any]) -> dict[str, np.ndarray[Any, Any]]:
@@ -142,7 +151,7 @@ def _unpack_all(data: bytes, position: int, entries: list[Any]) -> dict[str, np.
             raise BadFile(f"column {name!r} has an impossible size")
         raw = dtype.itemsize * int(np.prod(shape, dtype=object))
         total += raw
-        if total > max(_MOST_BYTES, _MOST_RATIO * len(data)):
+        if total > _most_bytes(len(data)):
             raise BadFile(f"it would take {total} bytes of memory, far more than its size explains")
         blob = data[position : position + size]
         if len(blob) < size or zlib.crc32(blob) != crc:
@@ -240,8 +249,14 @@ def _attributes_of(
     for key in [key for key in columns if key.endswith(":rows")]:
         kind, name = key.removesuffix(":rows").split(":", 1)
         rows, codes, text = (columns[f"{kind}:{name}:{part}"] for part in ("rows", "codes", "values"))
-        values = [plain.from_text(line) for line in text.tobytes().decode("utf-8", "surrogatepass").split("\n")]
+        lines = text.tobytes().decode("utf-8", "surrogatepass").split("\n")
+        values = [plain.from_text(line) for line in lines]
         if len(rows) != len(codes) or (len(codes) and int(codes.min()) < 0):
             raise BadFile(f"attribute {name!r} is damaged")
-        found[kind][name] = {row: values[code] for row, code in zip(rows.tolist(), codes.tolist(), strict=True)}
+        # A list or dict is read again for each row, so that no two rows share one.
+        fresh = [isinstance(value, list | dict | tuple) for value in values]
+        found[kind][name] = {
+            row: plain.from_text(lines[code]) if fresh[code] else values[code]
+            for row, code in zip(rows.tolist(), codes.tolist(), strict=True)
+        }
     return found["node"], found["edge"]

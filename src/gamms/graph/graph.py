@@ -1,7 +1,7 @@
 """The mutable graph: every change and every query of nodes and edges goes through here."""
 
 from collections.abc import Iterator, Sequence
-from math import inf, isnan, pi
+from math import inf, pi
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
@@ -22,11 +22,9 @@ class Graph(IGraph):
     """A graph over columns; see `IGraph` for what each call promises.
 
     Attributes:
-        crs: the coordinate reference system of x and y, such as 'EPSG:32635'; None when unknown.
         attribution: whom the data is by, to be shown where the graph is shown; None when nobody asks for it.
     """
 
-    crs: str | None
     attribution: str | None
 
     def __init__(self) -> None:
@@ -41,16 +39,31 @@ class Graph(IGraph):
         self._indexes = Indexes(self._nodes, self._edges, self._neighborhoods)
         self._columns: GraphColumns | None = None
         self._revision += 1
-        self.crs = self.attribution = None
+        self._crs: str | None = None
+        self.attribution = None
 
     @property
     def revision(self) -> int:
         """A number that changes with every change of the graph."""
         return self._revision
 
+    @property
+    def crs(self) -> str | None:
+        """The coordinate reference system of x and y, such as 'EPSG:32635'; None when unknown."""
+        return self._crs
+
+    @crs.setter
+    def crs(self, crs: str | None) -> None:
+        self._crs = crs
+        self._revision += 1
+
     def __len__(self) -> int:
         """How many nodes there are."""
         return len(self._nodes)
+
+    def __bool__(self) -> bool:
+        """A graph is a graph, empty or not."""
+        return True
 
     # -- one by one ---------------------------------------------------------------------------------------------
 
@@ -166,13 +179,13 @@ class Graph(IGraph):
 
     def get_nodes(self, d: float = -1.0, x: float = 0.0, y: float = 0.0) -> Iterator[int]:
         """Ids of the nodes within d of (x, y), in insertion order; all for `d < 0`."""
-        if _is_everywhere(d, x, y):
+        if records.is_everywhere(d, x, y):
             return self._nodes.iter_ids()
         return self._nodes.iter_ids(self._indexes.nodes_within(x, y, d))
 
     def get_edges(self, d: float = -1.0, x: float = 0.0, y: float = 0.0) -> Iterator[int]:
         """Ids of the edges with at least one end node within d of (x, y), in insertion order; all for `d < 0`."""
-        if _is_everywhere(d, x, y):
+        if records.is_everywhere(d, x, y):
             return self._edges.iter_ids()
         return self._edges.iter_ids(self._indexes.edges_at(self._indexes.nodes_within(x, y, d)))
 
@@ -266,7 +279,7 @@ class Graph(IGraph):
     def columns(self) -> GraphColumns:
         """The graph as read-only arrays that stay as they are now."""
         known = self._columns
-        if known is None or known.revision != self._revision or known.crs != self.crs:
+        if known is None or known.revision != self._revision:
             self._compact(fully=True)
             known = self._columns = _snapshot(self._nodes, self._edges, self._revision, self.crs)
         return known
@@ -283,7 +296,7 @@ class Graph(IGraph):
             (self._edges, columns.edge_attributes),
         ):
             table.attributes = {name: dict(values) for name, values in attributes.items()}
-        self.crs = columns.crs
+        self._crs = columns.crs
 
     def attach_networkx_graph(self, G: "nx.Graph[Any]") -> "Graph":  # noqa: N803 - published name
         """Add any networkx graph to what is there, all or nothing."""
@@ -345,12 +358,6 @@ class _Gone:
 
     def __len__(self) -> int:
         raise ContextTerminated("its graph")
-
-
-def _is_everywhere(d: float, x: float, y: float) -> bool:
-    if isnan(d) or isnan(x) or isnan(y):
-        raise BadValue(f"A place and a distance must be numbers, not d={d}, x={x}, y={y}.")
-    return d < 0 or d == inf
 
 
 def _snapshot(nodes: NodeTable, edges: EdgeTable, revision: int, crs: str | None) -> GraphColumns:

@@ -65,6 +65,9 @@ class _Import:
         if not (hasattr(G, "nodes") and hasattr(G, "edges") and hasattr(G, "is_directed")):
             raise BadType(f"it must be a networkx graph, not {G!r}")
         self.graph, self.about = graph, dict(G.graph)
+        crs = self.about.get("crs")
+        if len(graph) and None not in (crs, graph.crs) and str(crs) != graph.crs:
+            raise BadValue(f"its CRS is {crs}, that of the graph is {graph.crs}; project it first")
         self.node_data = [dict(data) for _, data in G.nodes(data=True)]
         self.id_of = _ids_of_labels(graph, list(G.nodes))
         self.edges = list(_directed(G))

@@ -8,6 +8,7 @@ import numpy as np
 from gamms.arguments import as_float, as_int
 from gamms.errors import BadType, BadValue, DuplicateId, UnknownName
 from gamms.graph import records
+from gamms.graph.records import is_everywhere
 from gamms.ir.graph import FloatArray
 from gamms.typing.graph_engine import Corner, ObsFace
 
@@ -55,7 +56,7 @@ class Obstacles:
 
     def near(self, d: float, x: float, y: float) -> Iterator[int]:
         """Ids of the faces whose bounding box meets the square of half side d around (x, y); all for `d < 0`."""
-        if d < 0 or not self._faces:
+        if is_everywhere(d, x, y) or not self._faces:
             return iter(list(self._faces))
         if self._boxes is None:
             corners = np.array([face[1:5] for face in self._faces.values()])[:, :, :2]

@@ -34,6 +34,15 @@ def to_text(value: Any, where: str) -> str:
         ) from None
 
 
+def is_plain(value: Any) -> bool:
+    """Whether `to_text` can write it."""
+    try:
+        to_text(value, "It")
+    except BadValue:
+        return False
+    return True
+
+
 def from_text(text: str) -> Any:
     """The value that was written.
 

@@ -1,7 +1,7 @@
 """What callers pass as a node or an edge, checked and split into our columns and the caller's attributes."""
 
 from collections.abc import Sequence
-from math import isfinite
+from math import inf, isfinite, isnan
 from typing import Any
 
 import numpy as np
@@ -112,3 +112,14 @@ def number_array(values: Any, count: int, name: str) -> FloatArray:
     if len(bad):
         raise BadValue(f"{name} must be finite; at index {int(bad[0])} it is {array[bad[0]]}.")
     return array
+
+
+def is_everywhere(d: float, x: float, y: float) -> bool:
+    """Whether the disc of radius d around (x, y) is meant to be the whole plane.
+
+    Raises:
+        BadValue: one of them is NaN.
+    """
+    if isnan(d) or isnan(x) or isnan(y):
+        raise BadValue(f"A place and a distance must be numbers, not d={d}, x={x}, y={y}.")
+    return d < 0 or d == inf

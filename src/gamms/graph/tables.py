@@ -1,5 +1,6 @@
 """Growing columns with an id per row: the one home of the nodes and edges of a graph."""
 
+from bisect import bisect_left
 from collections.abc import Iterator
 from typing import Any, ClassVar
 
@@ -9,17 +10,24 @@ from gamms.errors import DuplicateId, UnknownName
 from gamms.ir.graph import FloatArray, IntArray
 
 _START = 16
+_MANY = 4096  # ascending ids from here on take an array instead of a dict
 
 
 class RowIndex:
-    """Finds the row of an id; the usual ids `first, first + 1, …` in row order take no memory."""
+    """Finds the row of an id.
 
-    __slots__ = ("_first", "_gone", "_others", "_run")
+    The usual ids `first, first + 1, …` in row order take no memory, many ascending ones take an array, and only
+    what fits neither takes a dict.
+    """
+
+    __slots__ = ("_ascending", "_ascending_row", "_first", "_gone", "_others", "_run")
 
     def __init__(self) -> None:
         self._first = 0  # rows 0 … _run - 1 have the ids _first, _first + 1, …
         self._run = 0
-        self._gone: set[int] = set()  # removed rows of the run
+        self._ascending: memoryview | None = None  # the ids of the rows from _ascending_row on
+        self._ascending_row = 0
+        self._gone: set[int] = set()  # removed rows of these two
         self._others: dict[int, int] = {}  # id -> row, for every other row
 
     def row(self, id: int) -> int:
@@ -27,7 +35,8 @@ class RowIndex:
         row = id - self._first
         if 0 <= row < self._run and row not in self._gone:
             return row
-        return self._others.get(id, -1)
+        row = self._others.get(id, -1)
+        return row if row >= 0 or self._ascending is None else self._row_of_ascending(id)
 
     def rows(self, ids: IntArray, kind: str) -> IntArray:
         """The rows (ids,) of many ids.
@@ -35,9 +44,7 @@ class RowIndex:
         Raises:
             UnknownName (KeyError): one of them is not there.
         """
-        rows = ids - self._first
-        if self._others or self._gone or not _all_below(rows, self._run):
-            rows = np.fromiter(map(self.row, ids.tolist()), np.int64, len(ids))
+        rows = self._look_up(ids)
         missing = np.flatnonzero(rows < 0)
         if len(missing):
             raise UnknownName(kind, int(ids[missing[0]]))
@@ -61,17 +68,18 @@ class RowIndex:
         if not len(ids):
             return
         self.refuse_duplicates(ids, kind)
-        consecutive = _are_consecutive(ids)
         first = int(ids[0]) if row == 0 else self._first
-        if consecutive and row == self._run and int(ids[0]) == first + row:
+        if _are_consecutive(ids) and row == self._run and int(ids[0]) == first + row:
             self._first, self._run = first, row + len(ids)
+        elif self._ascending is None and len(ids) >= _MANY and bool((ids[1:] > ids[:-1]).all()):
+            self._ascending, self._ascending_row = ids.copy().data, row
         else:
             self._others.update(zip(ids.tolist(), range(row, row + len(ids)), strict=True))
 
     def remove(self, id: int) -> None:
         """Forget an id that is there."""
         if self._others.pop(id, None) is None:
-            self._gone.add(id - self._first)
+            self._gone.add(self.row(id))
 
     def refuse_duplicates(self, ids: IntArray, kind: str) -> None:
         """Check that new ids are neither there already nor twice in `ids`.
@@ -83,19 +91,36 @@ class RowIndex:
             unique, counts = np.unique(ids, return_counts=True)
             if len(unique) < len(ids):
                 raise DuplicateId(kind, int(unique[counts > 1][0]))
-        in_run = ids[(ids >= self._first) & (ids < self._first + self._run)]
-        for id in (ids if self._others else in_run).tolist():
-            if self.row(id) >= 0:
-                raise DuplicateId(kind, id)
+        taken = np.flatnonzero(self._look_up(ids) >= 0)
+        if len(taken):
+            raise DuplicateId(kind, int(ids[taken[0]]))
+
+    def _row_of_ascending(self, id: int) -> int:
+        ids = self._ascending
+        place = bisect_left(ids, id)  # type: ignore[arg-type] # only called where there are some
+        row = self._ascending_row + place
+        is_there = place < len(ids) and ids[place] == id  # type: ignore[arg-type,index] # as above
+        return row if is_there and row not in self._gone else -1
+
+    def _look_up(self, ids: IntArray) -> IntArray:
+        """The rows (ids,) of many ids, -1 for those that are not there."""
+        rows = ids - self._first
+        rows[(rows < 0) | (rows >= self._run)] = -1
+        if self._ascending is not None:
+            known = np.asarray(self._ascending)
+            places = np.searchsorted(known, ids)
+            is_there = known[np.minimum(places, len(known) - 1)] == ids
+            rows[is_there] = places[is_there] + self._ascending_row
+        if self._others or self._gone:
+            gone = np.fromiter(self._gone, np.int64, len(self._gone))
+            unsure = np.flatnonzero((rows < 0) | np.isin(rows, gone))
+            rows[unsure] = np.fromiter(map(self.row, ids[unsure].tolist()), np.int64, len(unsure))
+        return rows
 
 
 def _are_consecutive(ids: IntArray) -> bool:
     # The difference of the outermost ids in Python's integers: NumPy's wrap around at 64 bits.
     return len(ids) < 2 or (int(ids[-1]) - int(ids[0]) == len(ids) - 1 and bool((np.diff(ids) == 1).all()))
-
-
-def _all_below(rows: IntArray, limit: int) -> bool:
-    return len(rows) == 0 or (int(rows.min()) >= 0 and int(rows.max()) < limit)
 
 
 class Table:
@@ -145,7 +170,8 @@ class Table:
     def reserve(self, rows: int) -> None:
         """Make room for `rows` more rows."""
         if self.count + rows > self.capacity:
-            self._resize(max(self.count + rows, 2 * self.capacity if rows == 1 else 0))
+            is_bulk = rows >= self.capacity  # fits exactly; what grows little by little is copied ever more rarely
+            self._resize(self.count + rows if is_bulk else max(self.count + rows, self.capacity + self.capacity // 2))
 
     def find(self, id: int) -> int:
         """The row of `id`.

@@ -9,12 +9,12 @@ To add a store: one file with a `CheckedStore` and its `Rows`, and one line in `
 from typing import TYPE_CHECKING, Any
 
 from gamms.memory.engine import MemoryEngine
-from gamms.memory.store import MemoryStore, PathLike, temporary_path
+from gamms.memory.store import MemoryStore, PathLike
 
 if TYPE_CHECKING:
     from gamms.memory.sqlite import SqliteStore
 
-__all__ = ["MemoryEngine", "MemoryStore", "PathLike", "SqliteStore", "temporary_path"]
+__all__ = ["MemoryEngine", "MemoryStore", "PathLike", "SqliteStore"]
 
 
 def __getattr__(name: str) -> Any:

@@ -72,6 +72,7 @@ class Catalogue:
 
     def __init__(self, sql: Sql) -> None:
         self._sql = sql
+        self.is_foreign = False
         self._places = self._load()
 
     def find_or_add(self, schema: Schema) -> Place:
@@ -124,6 +125,7 @@ class Catalogue:
 
     def _load(self) -> dict[str, Place]:
         if not self._sql.read("SELECT 1 FROM sqlite_master WHERE name = ?", (CATALOGUE,)):
+            self.is_foreign = bool(self._sql.read("SELECT 1 FROM sqlite_master LIMIT 1"))
             return {}
         rows = self._sql.read(f"SELECT name, place FROM {CATALOGUE}")  # noqa: S608 - a constant
         return {name: self._parsed(name, text) for name, text in rows}

@@ -45,6 +45,11 @@ class SqliteStore(CheckedStore):
         """In a database."""
         return StoreType.DATABASE
 
+    @property
+    def is_foreign(self) -> bool:
+        """Whether the file already held tables, and none of ours, when it was opened."""
+        return self._catalogue.is_foreign
+
     def connection(self) -> "sqlite3.Connection":
         """The open connection, for SQL of your own."""
         self._check_open()

@@ -25,8 +25,8 @@ def helsinki(ctx: IContext, resolution: float = 10.0, bidirectional: bool = True
         BadValue: the context has a graph already, or the resolution is impossible.
     """
     graph = ctx.graph.graph
-    if next(graph.get_nodes(), None) is not None:
-        raise BadValue("The context has a graph already. Load the map into a new context.")
+    if [*graph.get_nodes(), *ctx.graph.get_obstacle_faces()]:
+        raise BadValue("The context has a graph or obstacles already. Load the map into a new context.")
     try:
         ctx.graph.load(_FILE)
         streets = resample_columns(ctx.graph.columns(), resolution, bidirectional)

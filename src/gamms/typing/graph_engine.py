@@ -11,6 +11,7 @@ from typing import TYPE_CHECKING, Any, NamedTuple, Self
 import numpy as np
 
 from gamms import kernels
+from gamms.errors import BadValue
 from gamms.ir import geometry
 from gamms.ir.graph import FloatArray, GraphColumns
 
@@ -222,8 +223,11 @@ class IGraph(ABC):
 
         Raises:
             UnknownName (KeyError): there is no such node.
+            BadValue (ValueError): the radius is negative or NaN.
         """
         here = self.get_node(node_id)
+        if not radius >= 0.0:
+            raise BadValue(f"The radius must not be negative, not {radius}.")
         disc = (-1.0,) if radius == inf else (radius, here.x, here.y)
         nodes = {id: self.get_node(id) for id in self.get_nodes(*disc)}
         if fov != 2.0 * pi and heading != (0.0, 0.0):
