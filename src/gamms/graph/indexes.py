@@ -112,7 +112,8 @@ class Indexes:
         nodes, edges = self._nodes.living(), self._edges.living()
         if len(nodes) > most:
             return
-        ids = self._nodes.array("ids")
+        # NOTE: one int object per id, so that looking one up compares no values (benchmarks/README.md, w2).
+        ids = self._nodes.array("ids").astype(object)
         offsets, order = kernels.group_rows(self._edges.array("sources")[edges], self._nodes.count)
         targets = ids[self._edges.array("targets")[edges][order]].tolist()
         starts, ends = offsets[nodes].tolist(), offsets[nodes + 1].tolist()
