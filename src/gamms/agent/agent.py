@@ -30,7 +30,7 @@ class Agent(IAgent):
     """
 
     # NOTE: slots keep its own attributes close together; the caller's are in __dict__ (benchmarks/README.md, w2).
-    __slots__ = ("_columns", "_ctx", "_moves", "_row", "_sensor_list", "_state", "strategy")
+    __slots__ = ("_carried", "_columns", "_ctx", "_moves", "_row", "_sensor_list", "_state", "strategy")
 
     strategy: Strategy | None
 
@@ -39,6 +39,7 @@ class Agent(IAgent):
         self._ctx = ctx
         self._moves = ctx.agent.moves
         self._sensor_list: dict[str, ISensor] = {}
+        self._carried: tuple[tuple[str, ISensor], ...] = ()  # the same, in the form that is read fastest
         self._state: dict[str, Any] = {}
         self.strategy = None
         self._row = 0
@@ -130,10 +131,12 @@ class Agent(IAgent):
             raise BadType(f"A sensor must be an ISensor, such as ctx.sensor.get_sensor returns, not {sensor!r}.")
         sensor.set_owner(self.name)
         self._sensor_list[name] = sensor
+        self._carried = tuple(self._sensor_list.items())
 
     def deregister_sensor(self, name: str) -> None:
         """Carry a sensor no longer; an unknown name is only warned about."""
         sensor = self._sensor_list.pop(name, None)
+        self._carried = tuple(self._sensor_list.items())
         if sensor is None:
             self._ctx.logger.warning(f"Agent {self.name!r} has no sensor {name!r} to deregister.")
         else:
@@ -153,7 +156,7 @@ class Agent(IAgent):
         """Sense; a fresh dict with `curr_pos` and `sensor`."""
         node = self._columns.node[self._row]
         sensed = {}
-        for name, sensor in self._sensor_list.items():
+        for name, sensor in self._carried:
             sensor.sense(node)
             sensed[name] = (sensor.type, sensor.data)
         self._state = state = {"curr_pos": node, "sensor": sensed}
