@@ -23,11 +23,9 @@ import cases
 def measure(case, rounds):
     """Seconds per operation of the case and of its floor, one pair per round."""
     work, floor = case.make()
-    work(), floor()  # noqa: B018 - the first time of each is not counted
-    pairs = []
-    for _ in range(rounds):
-        pairs.append((_timed(work), _timed(floor)))
-    return pairs
+    for once in (work, floor):  # the first time of each is not counted
+        once()
+    return [(_timed(work), _timed(floor)) for _ in range(rounds)]
 
 
 def _timed(fn):
