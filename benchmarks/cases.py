@@ -103,10 +103,11 @@ def loop(agents):
         fill(ctx.graph.graph, n)
         rng = random.Random(7)
         starts = [rng.randrange(n * n) for _ in range(agents)]
+        strategy = paper_strategy(random.Random(1).choice)
         for i, start in enumerate(starts):
             ctx.sensor.create_sensor(f"s_{i}", ST.NEIGHBOR)
             agent = ctx.agent.create_agent(f"a_{i}", start_node_id=start, sensors=[f"s_{i}"])
-            agent.register_strategy(paper_strategy(random.Random(1).choice))
+            agent.register_strategy(strategy)
         turns = max(1, 20000 // agents)
 
         def ours():
@@ -120,7 +121,6 @@ def loop(agents):
 
         near = [(i, *(ctx.graph.graph.get_neighbors(i))) for i in range(n * n)]
         here, before, names = list(starts), list(starts), [f"s_{i}" for i in range(agents)]
-        strategy = paper_strategy(random.Random(1).choice)
 
         def floor():
             for _ in range(turns):
