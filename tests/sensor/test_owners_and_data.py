@@ -53,15 +53,36 @@ def test_update_takes_anything_and_does_nothing(ctx):
     assert sensor.data == {}
 
 
-def test_a_sensor_on_two_agents_belongs_to_the_last_one(ctx, two):
+def test_a_sensor_that_several_agents_carry_looks_for_the_one_that_asks(ctx, two):
     sensor = ctx.sensor.create_sensor("s", SensorType.AGENT)
-    for agent in two:
+    agents = [*two, ctx.agent.create_agent("c", start_node_id=2)]
+    for agent in agents:
         agent.register_sensor("s", sensor)
-    assert two[0].get_state()["sensor"]["s"][1] == {"a": 0}
-    assert two[1].get_state()["sensor"]["s"][1] == {"a": 0}
+    assert sensor._owner == "c"
+    for agent in (*agents, *agents[::-1]):
+        others = {other.name: other.current_node_id for other in agents if other is not agent}
+        assert agent.get_state()["sensor"]["s"] == (SensorType.AGENT, others)
+    agents[2].deregister_sensor("s")
+    ctx.agent.delete_agent("a")
+    assert agents[1].get_state()["sensor"]["s"][1] == {"c": 2}
+
+
+def test_a_shared_arc_looks_where_the_agent_that_asks_is_heading(ctx, two):
+    sensor = ctx.sensor.create_sensor("s", SensorType.ARC, sensor_range=99.0, fov=1.0)
+    for agent, heading in zip(two, [(1.0, 0.0), (-1.0, 0.0)], strict=True):
+        agent.register_sensor("s", sensor)
+        agent.orientation = heading
+    seen = [set(agent.get_state()["sensor"]["s"][1]["nodes"]) for agent in two]
+    for agent, nodes in zip(two, seen, strict=True):
+        alone = ctx.sensor.create_sensor(f"{agent.name}'s own", SensorType.ARC, sensor_range=99.0, fov=1.0)
+        agent.register_sensor("alone", alone)
+        assert set(agent.get_state()["sensor"]["alone"][1]["nodes"]) == nodes
+
+
+def test_a_sensor_nobody_carries_any_more_is_nobodys(ctx, two):
+    sensor = ctx.sensor.create_sensor("s", SensorType.AGENT)
+    two[0].register_sensor("s", sensor)
     two[0].deregister_sensor("s")
-    assert sensor._owner == "b"
-    two[1].deregister_sensor("s")
     sensor.sense(0)
     assert sensor.data == {"a": 0, "b": 1}
 

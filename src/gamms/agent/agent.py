@@ -8,7 +8,7 @@ from gamms.errors import BadType, ContextTerminated, GammsError, MissingKey, Unk
 from gamms.ir.agents import AgentColumns
 from gamms.typing import IContext
 from gamms.typing.agent_engine import AgentType, IAgent, IMoves, Strategy
-from gamms.typing.sensor_engine import ISensor
+from gamms.typing.sensor_engine import ISensor, SensorType
 
 
 class NoStrategy(GammsError, AttributeError):
@@ -30,7 +30,7 @@ class Agent(IAgent):
     """
 
     # NOTE: slots keep its own attributes close together; the caller's are in __dict__ (benchmarks/README.md, w2).
-    __slots__ = ("_carried", "_columns", "_ctx", "_moves", "_row", "_sensor_list", "_state", "strategy")
+    __slots__ = ("_carried", "_columns", "_ctx", "_moves", "_row", "_sensor_list", "_shared", "_state", "strategy")
 
     strategy: Strategy | None
 
@@ -39,7 +39,8 @@ class Agent(IAgent):
         self._ctx = ctx
         self._moves = ctx.agent.moves
         self._sensor_list: dict[str, ISensor] = {}
-        self._carried: tuple[tuple[str, ISensor], ...] = ()  # the same, in the form that is read fastest
+        self._shared: set[int] = set()  # the id() of those that another agent carries, too
+        self._carried: tuple[tuple[str, Any], ...] = ()  # the same as the list, in the form that is read fastest
         self._state: dict[str, Any] = {}
         self.strategy = None
         self._row = 0
@@ -125,18 +126,25 @@ class Agent(IAgent):
     # -- sensing, deciding, acting ------------------------------------------------------------------------------
 
     def register_sensor(self, name: str, sensor: ISensor) -> None:
-        """Carry a sensor; its results appear in the state under `name`."""
+        """Carry a sensor; its results appear in the state under `name`.
+
+        Several agents may carry one sensor: it looks with the heading of the one that asks, and leaves that one out.
+        """
         as_name(name, "a sensor")
         if not isinstance(sensor, ISensor):
             raise BadType(f"A sensor must be an ISensor, such as ctx.sensor.get_sensor returns, not {sensor!r}.")
+        other = self._ctx.agent.agents.get(getattr(sensor, "_owner", None))
         sensor.set_owner(self.name)
         self._sensor_list[name] = sensor
-        self._carried = tuple(self._sensor_list.items())
+        self._carry()
+        if other is not None and other is not self:
+            other.share(sensor)
+            self.share(sensor)
 
     def deregister_sensor(self, name: str) -> None:
         """Carry a sensor no longer; an unknown name is only warned about."""
         sensor = self._sensor_list.pop(name, None)
-        self._carried = tuple(self._sensor_list.items())
+        self._carry()
         if sensor is None:
             self._ctx.logger.warning(f"Agent {self.name!r} has no sensor {name!r} to deregister.")
         else:
@@ -204,9 +212,42 @@ class Agent(IAgent):
         for name, quiet in (("get_state", lambda: last), ("set_state", _do_nothing), ("step", _do_nothing)):
             setattr(self, name, quiet)
 
+    def share(self, sensor: ISensor) -> None:
+        """Tell a sensor whose eyes it is before every look: another agent carries it, too."""
+        self._shared.add(id(sensor))
+        self._carry()
+
+    def _carry(self) -> None:
+        own = self.name
+        self._carried = tuple(
+            (name, _Borrowed(sensor, own) if id(sensor) in self._shared else sensor)
+            for name, sensor in self._sensor_list.items()
+        )
+
     def _disown(self, sensor: ISensor) -> None:
         if getattr(sensor, "_owner", self.name) == self.name:  # unless another agent carries it by now
             sensor.set_owner(None)
+
+
+class _Borrowed:
+    """A sensor that several agents carry, as one of them uses it."""
+
+    __slots__ = ("_name", "_sensor")
+
+    def __init__(self, sensor: ISensor, name: str) -> None:
+        self._sensor, self._name = sensor, name
+
+    def sense(self, node_id: int) -> None:
+        self._sensor.set_owner(self._name)
+        self._sensor.sense(node_id)
+
+    @property
+    def type(self) -> SensorType:
+        return self._sensor.type
+
+    @property
+    def data(self) -> Any:
+        return self._sensor.data
 
 
 def _do_nothing(*_: Any, **__: Any) -> None:
