@@ -134,6 +134,7 @@ class IAgentEngine(ABC):
     """Creates agents and keeps them by name."""
 
     moves: IMoves
+    agents: dict[str, Any]  # name -> agent; Any: an engine's own class of agents
 
     @abstractmethod
     def create_agent(self, name: str, **kwargs: Any) -> IAgent:
