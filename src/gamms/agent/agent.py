@@ -133,7 +133,7 @@ class Agent(IAgent):
         as_name(name, "a sensor")
         if not isinstance(sensor, ISensor):
             raise BadType(f"A sensor must be an ISensor, such as ctx.sensor.get_sensor returns, not {sensor!r}.")
-        other = self._ctx.agent.agents.get(getattr(sensor, "_owner", None))
+        other = self._ctx.agent.agents.get(getattr(sensor, "_owner", None) or "")
         sensor.set_owner(self.name)
         self._sensor_list[name] = sensor
         self._carry()
