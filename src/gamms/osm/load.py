@@ -11,6 +11,7 @@ import numpy as np
 from gamms.arguments import as_float, as_range
 from gamms.errors import BadFile, BadValue
 from gamms.ir.graph import GraphColumns
+from gamms.ir.projection import crs_of
 from gamms.osm.columns import network_of_columns
 from gamms.osm.consolidate import consolidate
 from gamms.osm.directions import joined_directions
@@ -19,7 +20,6 @@ from gamms.osm.network import RoadNetwork, both_ways, connected, network_of_segm
 from gamms.osm.networkx import network_of_graph, to_digraph
 from gamms.osm.osmium import read_ways
 from gamms.osm.progress import progress
-from gamms.osm.pyproj import crs_of
 from gamms.osm.resample import resample
 from gamms.osm.ways import largest_part, segments_of
 

@@ -7,8 +7,8 @@ from typing import Any
 import numpy as np
 
 from gamms.ir.graph import FloatArray, IntArray
+from gamms.ir.projection import WGS84, ellipsoid_lengths, project, utm_crs
 from gamms.osm.polylines import along, chosen_lines, offsets_of, straight_lines, with_ends
-from gamms.osm.pyproj import WGS84, ellipsoid_lengths, project, utm_crs
 from gamms.osm.ways import Segments
 
 BoolArray = np.ndarray[Any, np.dtype[np.bool_]]

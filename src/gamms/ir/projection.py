@@ -1,4 +1,4 @@
-"""The one door to pyproj: from degrees to metres, and true lengths on the ellipsoid."""
+"""The one door to pyproj: between degrees and metres, and true lengths on the ellipsoid."""
 
 from typing import Any
 
@@ -70,5 +70,5 @@ def _pyproj() -> Any:
     try:
         import pyproj
     except ImportError as error:
-        raise MissingExtra("Projecting OpenStreetMap data", "osm") from error
+        raise MissingExtra("Projecting coordinates", "osm") from error
     return pyproj
