@@ -8,7 +8,8 @@ import os
 import pytest
 
 from gamms.errors import BadFile, BadType, BadValue, MissingExtra
-from gamms.osm import graph_from_xml, osmium, pyproj
+from gamms.ir import projection
+from gamms.osm import graph_from_xml, osmium
 
 ROAD = {"highway": "residential"}
 
@@ -166,7 +167,7 @@ def test_without_the_extra_the_error_prints_the_pip_command(make_map, cross, mon
         graph_from_xml(path)
     monkeypatch.setitem(__import__("sys").modules, "pyproj", None)
     with pytest.raises(MissingExtra, match=r'pip install "gamms\[osm\]"'):
-        pyproj.crs_of("EPSG:4326")
+        projection.crs_of("EPSG:4326")
 
 
 def test_a_map_with_too_many_points_is_refused(make_map, cross, monkeypatch):
