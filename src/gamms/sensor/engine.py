@@ -1,6 +1,7 @@
 """The sensor room's front: creates sensors and keeps them by name."""
 
 from collections.abc import Callable
+from math import hypot, inf
 from typing import Any
 
 from gamms.arguments import as_name, misspelt
@@ -38,15 +39,15 @@ class SensorEngine(ISensorEngine):
     def create_sensor(self, sensor_id: str, sensor_type: SensorType | None = None, **kwargs: Any) -> ISensor:
         """Create a built-in sensor and keep it."""
         synonym = kwargs.pop("type", None)
-        kind = KINDS.get(_checked_type(synonym if sensor_type is None else sensor_type, sensor_id))
-        if kind is None:
-            kind_name = (sensor_type or synonym).name
-            raise NotYet(f"{LATER[sensor_type or synonym]} (SensorType.{kind_name})")
+        sensor_type = _checked_type(synonym if sensor_type is None else sensor_type, sensor_id)
+        if sensor_type in LATER:
+            raise NotYet(f"{LATER[sensor_type]} ({sensor_type})")
+        kind = KINDS[sensor_type]
         self._refuse_name(sensor_id)
         given = {**kind.defaults, **{key: value for key, value in kwargs.items() if key in kind.defaults}}
         if "orientation" in given:
             given["orientation"] = _checked_orientation(given["orientation"], sensor_id)
-        sensor = kind.make(self, sensor_id, sensor_type or synonym, given)
+        sensor = kind.make(self, sensor_id, sensor_type, given)
         for hint in misspelt(kwargs, (*kind.defaults, "sensor_range", "fov", "orientation", "type")):
             self.ctx.logger.warning(f"Sensor {sensor_id!r}: {hint}")
         self.sensors[sensor_id] = sensor
@@ -108,14 +109,12 @@ def _checked_type(kind: Any, sensor_id: str) -> SensorType:
 
 
 def _checked_orientation(value: Any, sensor_id: str) -> tuple[float, float]:
-    from math import hypot
-
     try:
         x, y = (float(part) for part in value)
     except (TypeError, ValueError):
         raise BadValue(f"orientation of {sensor_id!r} must be a pair (cos, sin), not {value!r}.") from None
     length = hypot(x, y)
-    if not 0.0 < length < float("inf"):
+    if not 0.0 < length < inf:
         raise BadValue(f"orientation of {sensor_id!r} must be finite and not (0, 0), not {value!r}.")
     return x / length, y / length
 
