@@ -8,9 +8,14 @@ GammsError
 ├─ BadValue (ValueError)           an argument of the right type with an impossible value
 ├─ BadType (TypeError)             an argument of the wrong type
 ├─ BadFile (ValueError)            a file that is damaged, foreign or too large
+├─ NoPath (ValueError)             no way leads from one node to another
+├─ PlaceError (ValueError)         a place that is unknown, or has no map
+├─ NetworkError (ConnectionError)  a map server that cannot be reached, is busy, or answers with nonsense
 ├─ MissingExtra (ImportError)      an optional library is needed and absent
+├─ WrongVersion (ImportError)      an optional library is there in a version that does not work
 ├─ MissingKey (KeyError)           a dict or call without something it needs
 ├─ MissingFolder (FileNotFoundError) a file is to be written into a folder that is not there
+├─ NotOffered (NotImplementedError) a graph of somebody else's that does not override this call
 ├─ NotYet (NotImplementedError)    a feature that is announced and not built yet
 │  ├─ NotYetImportable (ImportError)   ... and was asked for by an import
 │  └─ NotYetAttribute (AttributeError) ... and was asked for by its name
@@ -18,14 +23,26 @@ GammsError
 """
 
 from collections.abc import Iterable
+from typing import Any
 
 
 class GammsError(Exception):
     """Base class: `except GammsError` catches all of ours and nothing else."""
 
+    def __reduce__(self) -> tuple[Any, ...]:
+        # Rebuilt without its constructor, which takes the parts of the message: worker pools send errors home.
+        return _rebuilt, (type(self), self.args, dict(self.__dict__))
+
     def __str__(self) -> str:
         # KeyError shows the repr of its message; a sentence should read like one.
         return str(self.args[0]) if self.args else ""
+
+
+def _rebuilt(kind: type[GammsError], args: tuple[Any, ...], attributes: dict[str, Any]) -> GammsError:
+    error = kind.__new__(kind, *args)
+    error.args = args
+    error.__dict__.update(attributes)
+    return error
 
 
 def nearest(name: object, known: Iterable[object]) -> str:
@@ -73,11 +90,40 @@ class BadFile(GammsError, ValueError):
     """A file that is damaged, foreign or too large."""
 
 
+class NoPath(GammsError, ValueError):
+    """No way leads from one node to another."""
+
+    def __init__(self, source: int, target: int) -> None:
+        super().__init__(
+            f"No path leads from node {source} to node {target}. "
+            "Ask graph.distance(source, target) first: it is infinite where there is none."
+        )
+
+
 class MissingExtra(GammsError, ImportError):
     """An optional library is needed and absent."""
 
     def __init__(self, feature: str, extra: str) -> None:
         super().__init__(f'{feature} needs an optional library: pip install "gamms[{extra}]"')
+
+
+class WrongVersion(GammsError, ImportError):
+    """An optional library is there in a version that does not work."""
+
+
+class PlaceError(GammsError, ValueError):
+    """A place that is unknown, or has no map."""
+
+
+class NetworkError(GammsError, ConnectionError):
+    """A map server that cannot be reached, is busy, or answers with nonsense."""
+
+
+class NotOffered(GammsError, NotImplementedError):
+    """A call that a class of somebody else's may override, and does not."""
+
+    def __init__(self, asked: object, call: str) -> None:
+        super().__init__(f"{type(asked).__name__} does not offer {call}: override it in the class.")
 
 
 class NotYet(GammsError, NotImplementedError):

@@ -392,3 +392,17 @@ def test_a_missing_folder_is_named_before_anything_is_written(ctx, tmp_path):
     with pytest.raises(FileNotFoundError, match=r"no folder .*missing.* Create it first"):
         ctx.graph.save(tmp_path / "missing" / "a.gamms")
     assert list(tmp_path.iterdir()) == []
+
+
+def test_a_shared_list_is_not_copied_into_a_bomb(ctx, tmp_path, monkeypatch):
+    monkeypatch.setattr(file, "_MOST_BYTES", 1 << 20)
+    ctx.graph.add_nodes(range(100), np.zeros(100), np.zeros(100))
+    long = [0] * 10_000
+    for id in range(100):
+        ctx.graph.graph.update_node({"id": id, "long": long})
+    contents = ctx.graph._contents()
+    path = tmp_path / "bomb.gamms"
+    path.write_bytes(file.encode(contents))
+    assert path.stat().st_size < 10_000
+    with pytest.raises(BadFile, match="'long' would take far more memory"):
+        ctx.graph.load(path)

@@ -198,3 +198,15 @@ def test_many_ascending_ids_are_found_like_any_others(seed, data):
 
 def test_an_empty_graph_is_still_a_graph():
     assert Graph()
+
+
+def test_an_edge_shows_its_published_fields_only(graph):
+    graph.add_nodes([1, 2], [0.0, 3.0], [0.0, 4.0])
+    graph.add_edges([7], [1], [2])
+    edge = graph.get_edge(7)
+    id, source, target, length, linestring = edge
+    assert (id, source, target, length, linestring) == (7, 1, 2, 5.0, edge.linestring)
+    assert list(edge._asdict()) == ["id", "source", "target", "length", "linestring"]
+    with pytest.raises(AttributeError, match="update_edge"):
+        edge.length = 3.0
+    assert OSMEdge(1, 2, 3, 4.0, None).linestring is None

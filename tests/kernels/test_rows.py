@@ -1,16 +1,14 @@
-"""Grouping and gathering rows, fields of view and distances equal slow references."""
+"""Grouping and gathering rows and fields of view equal slow references."""
 
 import math
 from itertools import pairwise
 
-import networkx as nx
 import numpy as np
 import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from gamms import kernels
-from gamms.graph import Graph
 
 LAWS = settings(max_examples=100, deadline=None, derandomize=True)
 
@@ -71,20 +69,3 @@ def test_just_outside_the_rim_is_outside():
 
 def test_the_observer_sees_its_own_place():
     assert kernels.in_cone(np.array([0.0, -0.0]), np.array([-0.0, 0.0]), (0.0, -1.0), 0.0).all()
-
-
-@given(
-    edges=st.lists(st.tuples(st.integers(0, 7), st.integers(0, 7), st.integers(0, 9)), max_size=25),
-    rows=st.lists(st.integers(0, 7), max_size=3),
-)
-@LAWS
-def test_distances_equal_those_of_networkx(edges, rows):
-    graph, reference = Graph(), nx.MultiDiGraph()
-    graph.add_nodes(range(8), [0.0] * 8, [0.0] * 8)
-    reference.add_nodes_from(range(8))
-    for id, (u, v, length) in enumerate(edges):
-        graph.add_edge({"id": id, "source": u, "target": v, "length": length})
-        reference.add_edge(v, u, weight=length)
-    found = kernels.distances_to(graph.columns(), np.array(rows, np.int64))
-    known = nx.multi_source_dijkstra_path_length(reference, set(rows)) if rows else {}
-    assert found.tolist() == [known.get(node, math.inf) for node in range(8)]

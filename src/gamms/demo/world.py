@@ -1,12 +1,12 @@
 """Where a game of capture the flag is played: two territories, a flag in each, and how far it is to everywhere."""
 
+from math import inf, isfinite
 from typing import NamedTuple
 
 import numpy as np
 
-from gamms import kernels
 from gamms.errors import BadValue
-from gamms.ir.graph import FloatArray, GraphColumns
+from gamms.ir.graph import FloatArray, GraphColumns, IntArray
 from gamms.typing import IContext
 
 _FLAG_AT = 0.12  # how far into the territory from its far end, as a share of all nodes
@@ -46,17 +46,17 @@ def make_world(ctx: IContext, teams: tuple[Team, Team]) -> World:
         along = -along
     side = (along >= np.median(along)).astype(int)
     flags = [_flag_row(columns, along, share) for share in (_FLAG_AT, 1.0 - _FLAG_AT)]
-    to_flag = [kernels.distances_to(columns, np.array([row])) for row in flags]
-    if not all(np.isfinite(to_flag[team][flags[1 - team]]) for team in (0, 1)):
-        raise BadValue("One flag cannot be reached from the other on this map. Load it with bidirectional=True.")
     ids = columns.node_ids.tolist()
-    borders = [kernels.distances_to(columns, np.flatnonzero(side == team)) for team in (0, 1)]
+    flag = (ids[flags[0]], ids[flags[1]])
+    if not all(isfinite(ctx.graph.graph.distance(flag[1 - team], flag[team])) for team in (0, 1)):
+        raise BadValue("One flag cannot be reached from the other on this map. Load it with bidirectional=True.")
+    territories = [columns.node_ids[side == team] for team in (0, 1)]
     return World(
         teams,
         side=dict(zip(ids, side.tolist(), strict=True)),
-        flag=(ids[flags[0]], ids[flags[1]]),
-        to_flag=(_by_id(ids, to_flag[0]), _by_id(ids, to_flag[1])),
-        to_home=(_by_id(ids, borders[0]), _by_id(ids, borders[1])),
+        flag=flag,
+        to_flag=(_metres_to(ctx, flag[0]), _metres_to(ctx, flag[1])),
+        to_home=(_metres_to(ctx, territories[0]), _metres_to(ctx, territories[1])),
     )
 
 
@@ -78,5 +78,7 @@ def _flag_row(columns: GraphColumns, along: FloatArray, share: float) -> int:
     return int(strip[np.argmin(np.hypot(*(columns.xy[strip] - middle).T))])
 
 
-def _by_id(ids: list[int], distances: FloatArray) -> dict[int, float]:
-    return dict(zip(ids, distances.tolist(), strict=True))
+def _metres_to(ctx: IContext, target: int | IntArray) -> dict[int, float]:
+    """By road from each node to the nearest of some nodes; infinite where there is no way."""
+    known = ctx.graph.graph.distances(target=target)
+    return {node: known.get(node, inf) for node in ctx.graph.graph.get_nodes()}

@@ -1,6 +1,7 @@
 """The graph room: nodes, edges and obstacles over columns; queries by place; files and bridges.
 
-Read `graph.py` first (every call), then `tables.py` (where the data is) and `indexes.py` (what makes it fast).
+Read `graph.py` first (every call), then `tables.py` (where the data is), `indexes.py` (what makes it fast) and
+`routes.py` (ways).
 May import: typing, kernels, ir and below, never another room. To add a file format, write a module that turns
 `contents.Contents` into bytes and back; to add a query, give `IGraph` a slow default and override it in `graph.py`.
 """
@@ -9,6 +10,7 @@ from typing import Any
 
 from gamms.graph.engine import GraphEngine
 from gamms.graph.graph import Graph
+from gamms.graph.grid import grid
 from gamms.typing.graph_engine import Engine, IGraph, IGraphEngine, Node, ObsFace, OSMEdge
 from gamms.typing.memory_engine import StoreType
 
@@ -25,6 +27,7 @@ __all__ = [
     "ObsFace",
     "SqliteGraph",
     "StoreType",
+    "grid",
 ]
 
 

@@ -10,7 +10,7 @@ from gamms.graph.contents import Contents, checked_columns
 from gamms.graph.obstacles import checked_face
 from gamms.ir.graph import FloatArray, GraphColumns
 
-STORE = "graph_store"
+STORE = ".graph"  # the dot: no store of the program's, and not listed among those
 
 _CORNERS = [f"{corner}{axis}" for corner in ("tr", "tl", "br", "bl") for axis in "xyz"]
 _SCHEMAS: dict[str, dict[str, type]] = {

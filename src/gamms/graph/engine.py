@@ -7,14 +7,16 @@ from typing import TYPE_CHECKING, Any
 from gamms.errors import BadValue, ContextTerminated, UnknownType
 from gamms.graph.contents import Contents
 from gamms.graph.graph import Graph
-from gamms.graph.obstacles import Obstacles, checked_face
-from gamms.ir.graph import GraphColumns
+from gamms.graph.obstacles import Obstacles, checked_face, checked_faces
+from gamms.ir.graph import FloatArray, GraphColumns
+from gamms.ir.obstacles import ObstacleColumns
 from gamms.typing import IContext
-from gamms.typing.graph_engine import Corner, Engine, IGraphEngine, ObsFace
+from gamms.typing.graph_engine import Corner, Engine, IGraphEngine, NodeIds, Numbers, ObsFace
 from gamms.typing.memory_engine import StoreType
 
 if TYPE_CHECKING:
     import networkx as nx
+    from numpy.random import Generator
 
     from gamms.graph.database import GraphDatabase
     from gamms.typing.memory_engine import IPathLike
@@ -39,6 +41,7 @@ class GraphEngine(IGraphEngine):
         self._ctx = ctx
         self._graph: Graph | None = Graph()
         self._obstacles = Obstacles()
+        self._place_stream: Generator | None = None
         self._database: GraphDatabase | None = None
         if engine is Engine.SQLITE:
             self._open_database(path)
@@ -56,6 +59,25 @@ class GraphEngine(IGraphEngine):
         """Add a quadrangle."""
         self._present().add(checked_face(face_id, tr, tl, br, bl, type))
 
+    def add_obstacles(self, faces: Any, ids: Any = None, types: Any = 0) -> list[int]:
+        """Add many quadrangles at once, all or none; returns their ids.
+
+        Args:
+            faces: an array (faces, 4, 3), the corners tr, tl, br, bl of each; or dicts with `face_id`, `tr`, `tl`,
+                `br`, `bl` and `type`, as `gamms.osm.obstacle_from_file` gives them.
+            ids: one for each face of an array; None: those after the greatest.
+            types: of the faces of an array, one for all or one for each.
+
+        Raises:
+            DuplicateId (KeyError): an id is taken, or given twice.
+            BadType (TypeError), BadValue (ValueError): a number or a shape is impossible; nothing has changed.
+        """
+        obstacles = self._present()
+        new = checked_faces(faces, ids, types, obstacles)
+        obstacles.add_many(new)
+        added: list[int] = new.ids.tolist()
+        return added
+
     def remove_obstacle_face(self, face_id: int) -> None:
         """Remove a quadrangle."""
         self._present().remove(face_id)
@@ -67,6 +89,10 @@ class GraphEngine(IGraphEngine):
     def get_obstacle_faces(self, d: float = -1.0, x: float = 0.0, y: float = 0.0) -> Iterator[int]:
         """Ids of the faces whose bounding box meets the square of half side d around (x, y); all for `d < 0`."""
         return self._present().near(d, x, y)
+
+    def obstacle_columns(self) -> ObstacleColumns:
+        """All quadrangles as read-only arrays that stay as they are now."""
+        return self._present().columns()
 
     # -- in and out ---------------------------------------------------------------------------------------------
 
@@ -159,6 +185,67 @@ class GraphEngine(IGraphEngine):
     def edge_attributes(self, edge_id: int) -> dict[str, Any]:
         """The attributes of an edge beyond ends, length and linestring; a fresh dict (KeyError)."""
         return self.graph.edge_attributes(edge_id)
+
+    def weights(self, weight: str | None = "length") -> FloatArray:
+        """What each edge costs, (edges,) in insertion order; see `IGraph`."""
+        return self.graph.weights(weight)
+
+    def shortest_path(self, source: int, target: int, weight: str | None = "length") -> list[int]:
+        """Ids of the nodes on the shortest way from one node to another, both included; see `IGraph`."""
+        return self.graph.shortest_path(source, target, weight)
+
+    def distance(self, source: int, target: int, weight: str | None = "length") -> float:
+        """How far it is from one node to another; infinite where there is no way."""
+        return self.graph.distance(source, target, weight)
+
+    def distances(
+        self,
+        source: NodeIds | None = None,
+        target: NodeIds | None = None,
+        weight: str | None = "length",
+        cutoff: float | None = None,
+    ) -> dict[int, float]:
+        """How far it is from a node to every other, or from every other to a node; see `IGraph`."""
+        return self.graph.distances(source, target, weight, cutoff)
+
+    def distance_matrix(self, sources: NodeIds, targets: NodeIds, weight: str | None = "length") -> FloatArray:
+        """How far it is from each of some nodes to each of others, (sources, targets); see `IGraph`."""
+        return self.graph.distance_matrix(sources, targets, weight)
+
+    def to_latlon(self, x: Numbers, y: Numbers) -> tuple[Any, Any]:
+        """Degrees of latitude and longitude of (x, y); see `IGraph`."""
+        return self.graph.to_latlon(x, y)
+
+    def from_latlon(self, *, lat: Numbers, lon: Numbers) -> tuple[Any, Any]:
+        """(x, y) of degrees of latitude and longitude; see `IGraph`."""
+        return self.graph.from_latlon(lat=lat, lon=lon)
+
+    def nearest_node(
+        self,
+        x: Numbers | None = None,
+        y: Numbers | None = None,
+        *,
+        lat: Numbers | None = None,
+        lon: Numbers | None = None,
+    ) -> Any:
+        """The id of the node nearest to a place, or the ids (places,) of those nearest to several; see `IGraph`."""
+        return self.graph.nearest_node(x, y, lat=lat, lon=lon)
+
+    def place(
+        self,
+        n: int,
+        near: int | tuple[float, float] | None = None,
+        radius: float | None = None,
+        apart: float = 0.0,
+        rng: "Generator | int | None" = None,
+    ) -> list[int]:
+        """Ids of `n` different nodes, drawn at random; see `IGraph`.
+
+        Without `rng` they come from a stream of their own, which follows from the seed of the context.
+        """
+        if rng is None:
+            rng = self._place_stream = self._place_stream or self._ctx.stream("graph", "place")
+        return self.graph.place(n, near, radius, apart, rng)
 
     def to_networkx(self) -> "nx.MultiDiGraph[int] | nx.DiGraph[int]":
         """The graph as a networkx graph: a DiGraph, or a MultiDiGraph where edges are parallel."""

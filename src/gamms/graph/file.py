@@ -30,6 +30,7 @@ _HEAD = Struct("<8sIII")
 _MOST_HEADER = 1 << 24
 _MOST_BYTES = 1 << 28  # decompressed, or _MOST_RATIO times the file where that is more
 _MOST_RATIO = 256
+_BYTES_PER_LETTER = 16  # what a list takes in memory for each letter of its text, at most about
 _DTYPES: dict[str, np.dtype[Any]] = {"int64": np.dtype("<i8"), "float64": np.dtype("<f8"), "uint8": np.dtype("u1")}
 _GRAPH = ("node_ids", "xy", "edge_ids", "sources", "targets", "lengths")
 _OTHERS = ("bend_rows", "bend_sizes", "bend_points", "face_ids", "face_types", "face_corners")
@@ -95,7 +96,8 @@ def decode(data: bytes) -> Contents:
     header, position = _read_header(data)
     try:
         columns = _unpack_all(data, position, header["columns"])
-        return _contents_of(columns, _text(header["crs"]), _text(header["attribution"]))
+        attributes = _attributes_of(columns, limit=_most_bytes(len(data)))
+        return _contents_of(columns, attributes, _text(header["crs"]), _text(header["attribution"]))
     except BadFile:
         raise
     except (KeyError, ValueError, TypeError, OverflowError, IndexError, GammsError) as error:
@@ -208,14 +210,19 @@ def _attribute_columns(graph: GraphColumns) -> dict[str, np.ndarray[Any, Any]]:
     return columns
 
 
-def _contents_of(columns: dict[str, np.ndarray[Any, Any]], crs: str | None, attribution: str | None) -> Contents:
+_Attributes = tuple[dict[str, dict[int, Any]], dict[str, dict[int, Any]]]  # of nodes, of edges
+
+
+def _contents_of(
+    columns: dict[str, np.ndarray[Any, Any]], attributes: _Attributes, crs: str | None, attribution: str | None
+) -> Contents:
     arrays = {name: columns.pop(name) for name in _GRAPH}
     others = {name: columns.pop(name) for name in _OTHERS}
     for name, array in {**arrays, **others}.items():
         wanted = "f" if name in ("xy", "lengths", "bend_points", "face_corners") else "i"
         if array.dtype.kind != wanted:
             raise BadFile(f"column {name!r} has the wrong type")
-    graph = checked_columns(arrays, _bends_of(others), _attributes_of(columns), crs)
+    graph = checked_columns(arrays, _bends_of(others), attributes, crs)
     return Contents(graph, list(_faces_of(others)), attribution)
 
 
@@ -242,19 +249,24 @@ def _faces_of(columns: dict[str, np.ndarray[Any, Any]]) -> Iterable[ObsFace]:
         yield checked_face(id, tr, tl, br, bl, type)
 
 
-def _attributes_of(
-    columns: dict[str, np.ndarray[Any, Any]],
-) -> tuple[dict[str, dict[int, Any]], dict[str, dict[int, Any]]]:
+def _attributes_of(columns: dict[str, np.ndarray[Any, Any]], limit: int) -> _Attributes:
+    """The attributes of nodes and of edges, taken out of the columns; lists and dicts share the limit in bytes."""
     found: dict[str, dict[str, dict[int, Any]]] = {"node": {}, "edge": {}}
     for key in [key for key in columns if key.endswith(":rows")]:
         kind, name = key.removesuffix(":rows").split(":", 1)
-        rows, codes, text = (columns[f"{kind}:{name}:{part}"] for part in ("rows", "codes", "values"))
+        rows, codes, text = (columns.pop(f"{kind}:{name}:{part}") for part in ("rows", "codes", "values"))
         lines = text.tobytes().decode("utf-8", "surrogatepass").split("\n")
-        values = [plain.from_text(line) for line in lines]
-        if len(rows) != len(codes) or (len(codes) and int(codes.min()) < 0):
+        if len(rows) != len(codes) or (len(codes) and not 0 <= int(codes.min()) <= int(codes.max()) < len(lines)):
             raise BadFile(f"attribute {name!r} is damaged")
+        values = [plain.from_text(line) for line in lines]
+        uses = np.bincount(codes, minlength=len(lines)).tolist()
         # A list or dict is read again for each row, so that no two rows share one.
         fresh = [isinstance(value, list | dict | tuple) for value in values]
+        limit -= _BYTES_PER_LETTER * sum(
+            n * len(line) for n, line, is_one in zip(uses, lines, fresh, strict=True) if is_one
+        )
+        if limit < 0:
+            raise BadFile(f"attribute {name!r} would take far more memory than the size of the file explains")
         found[kind][name] = {
             row: plain.from_text(lines[code]) if fresh[code] else values[code]
             for row, code in zip(rows.tolist(), codes.tolist(), strict=True)

@@ -7,18 +7,23 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 from gamms import kernels
-from gamms.errors import BadValue, ContextTerminated, DuplicateId, UnknownName
-from gamms.graph import records
+from gamms.errors import BadValue, DuplicateId, UnknownName
+from gamms.graph import coordinates, positions, records
+from gamms.graph.bulk import checked_edges, checked_nodes
 from gamms.graph.indexes import Indexes, Neighborhoods
-from gamms.graph.tables import EdgeTable, NodeTable
+from gamms.graph.routes import Routes
+from gamms.graph.snapshot import Copied, snapshot
+from gamms.graph.tables import Closed, EdgeTable, NodeTable
+from gamms.graph.weights import edge_weights
 from gamms.ir.graph import FloatArray, GraphColumns
-from gamms.typing.graph_engine import IGraph, Node, OSMEdge, Surroundings
+from gamms.typing.graph_engine import IGraph, Node, NodeIds, Numbers, OSMEdge, Surroundings
 
 if TYPE_CHECKING:
     import networkx as nx
+    from numpy.random import Generator
 
 
-class Graph(IGraph):
+class Graph(Copied, IGraph):
     """A graph over columns; see `IGraph` for what each call promises.
 
     Attributes:
@@ -28,7 +33,8 @@ class Graph(IGraph):
     attribution: str | None
 
     def __init__(self) -> None:
-        self._neighborhoods = Neighborhoods(lambda: self._indexes)
+        self._neighborhoods = Neighborhoods(self)
+        self._routes = Routes(self)
         self._revision = -1
         self.clear()
 
@@ -231,6 +237,64 @@ class Graph(IGraph):
         """The attributes of an edge beyond ends, length and linestring; a fresh dict (KeyError)."""
         return self._edges.attributes_of(self._edges.find(records.as_id(edge_id, "an edge")))
 
+    # -- ways and places ----------------------------------------------------------------------------------------
+
+    def shortest_path(self, source: int, target: int, weight: str | None = "length") -> list[int]:
+        """Ids of the nodes on the shortest way from one node to another, both included."""
+        return self._routes.shortest_path(source, target, weight)
+
+    def distance(self, source: int, target: int, weight: str | None = "length") -> float:
+        """How far it is from one node to another; infinite where there is no way."""
+        return self._routes.distance(source, target, weight)
+
+    def distances(
+        self,
+        source: NodeIds | None = None,
+        target: NodeIds | None = None,
+        weight: str | None = "length",
+        cutoff: float | None = None,
+    ) -> dict[int, float]:
+        """How far it is from a node to every other, or from every other to a node."""
+        return self._routes.distances(source, target, weight, cutoff)
+
+    def distance_matrix(self, sources: NodeIds, targets: NodeIds, weight: str | None = "length") -> FloatArray:
+        """How far it is from each of some nodes to each of others, (sources, targets)."""
+        return self._routes.distance_matrix(sources, targets, weight)
+
+    def weights(self, weight: str | None = "length") -> FloatArray:
+        """What each edge costs, (edges,) in insertion order."""
+        return edge_weights(self.columns(), weight)
+
+    def to_latlon(self, x: Numbers, y: Numbers) -> tuple[Any, Any]:
+        """Degrees of latitude and longitude of (x, y)."""
+        return coordinates.to_latlon(self._crs, x, y)
+
+    def from_latlon(self, *, lat: Numbers, lon: Numbers) -> tuple[Any, Any]:
+        """(x, y) of degrees of latitude and longitude."""
+        return coordinates.from_latlon(self._crs, lat, lon)
+
+    def nearest_node(
+        self,
+        x: Numbers | None = None,
+        y: Numbers | None = None,
+        *,
+        lat: Numbers | None = None,
+        lon: Numbers | None = None,
+    ) -> Any:
+        """The id of the node nearest to a place, or the ids (places,) of those nearest to several."""
+        return positions.nearest_node(self, (x, y), (lat, lon))
+
+    def place(
+        self,
+        n: int,
+        near: int | tuple[float, float] | None = None,
+        radius: float | None = None,
+        apart: float = 0.0,
+        rng: "Generator | int | None" = None,
+    ) -> list[int]:
+        """Ids of `n` different nodes, drawn at random."""
+        return positions.place(self, n, near, radius, apart, rng)
+
     # -- as arrays ----------------------------------------------------------------------------------------------
 
     def add_nodes(self, ids: Any, x: Any, y: Any) -> None:
@@ -244,8 +308,7 @@ class Graph(IGraph):
         Raises:
             DuplicateId (KeyError), BadValue (ValueError), BadType (TypeError): nothing has changed then.
         """
-        ids = records.id_array(ids, "ids")
-        xy = np.column_stack([records.number_array(x, len(ids), "x"), records.number_array(y, len(ids), "y")])
+        ids, xy = checked_nodes(ids, x, y)
         self._nodes.extend(ids, xy=xy)
         self._forget_indexes()
 
@@ -261,19 +324,7 @@ class Graph(IGraph):
         Raises:
             UnknownName, DuplicateId (KeyError), BadValue (ValueError), BadType (TypeError): nothing has changed then.
         """
-        ids = records.id_array(ids, "ids")
-        ends = [records.id_array(end, name) for end, name in ((sources, "sources"), (targets, "targets"))]
-        for name, end in zip(("sources", "targets"), ends, strict=True):
-            if len(end) != len(ids):
-                raise BadValue(f"{name} must have shape ({len(ids)},) like the ids, not {end.shape}.")
-        source_rows, target_rows = (self._nodes.index.rows(end, "node") for end in ends)
-        if lengths is None:
-            xy = self._nodes.array("xy")
-            lengths = np.hypot(*(xy[target_rows] - xy[source_rows]).T)
-        lengths = records.number_array(lengths, len(ids), "lengths")
-        if len(lengths) and float(lengths.min()) < 0.0:
-            raise BadValue(f"lengths must not be negative; the least is {float(lengths.min())}.")
-        self._edges.extend(ids, sources=source_rows, targets=target_rows, lengths=lengths)
+        self._edges.extend(**checked_edges(self._nodes, ids, sources, targets, lengths))
         self._forget_indexes()
 
     def columns(self) -> GraphColumns:
@@ -281,7 +332,7 @@ class Graph(IGraph):
         known = self._columns
         if known is None or known.revision != self._revision:
             self._compact(fully=True)
-            known = self._columns = _snapshot(self._nodes, self._edges, self._revision, self.crs)
+            known = self._columns = snapshot(self._nodes, self._edges, self._revision, self.crs)
         return known
 
     def replace(self, columns: GraphColumns) -> None:
@@ -291,11 +342,8 @@ class Graph(IGraph):
         ends = {"sources": columns.sources, "targets": columns.targets}
         self._edges.extend(columns.edge_ids, lengths=columns.lengths, **ends)
         self._edges.bends = dict(columns.bends)
-        for table, attributes in (
-            (self._nodes, columns.node_attributes),
-            (self._edges, columns.edge_attributes),
-        ):
-            table.attributes = {name: dict(values) for name, values in attributes.items()}
+        self._nodes.attributes = {name: dict(values) for name, values in columns.node_attributes.items()}
+        self._edges.attributes = {name: dict(values) for name, values in columns.edge_attributes.items()}
         self._crs = columns.crs
 
     def attach_networkx_graph(self, G: "nx.Graph[Any]") -> "Graph":  # noqa: N803 - published name
@@ -314,7 +362,8 @@ class Graph(IGraph):
     def close(self) -> None:
         """Let go of everything; whatever is asked of the graph from now on raises ContextTerminated."""
         self._neighborhoods.clear()
-        self._nodes = self._edges = self._indexes = self._columns = _Gone()  # type: ignore[assignment] # see _Gone
+        self._routes.clear()
+        self._nodes = self._edges = self._indexes = self._columns = Closed()  # type: ignore[assignment] # see Closed
 
     # -- inside -------------------------------------------------------------------------------------------------
 
@@ -348,34 +397,3 @@ class Graph(IGraph):
         if edges.dead > (0 if fully else len(edges)):
             edges.compact()
             self._indexes = Indexes(nodes, edges, self._neighborhoods)
-
-
-class _Gone:
-    """What a closed graph has instead of tables and indexes."""
-
-    def __getattr__(self, name: str) -> Any:
-        raise ContextTerminated("its graph")
-
-    def __len__(self) -> int:
-        raise ContextTerminated("its graph")
-
-
-def _snapshot(nodes: NodeTable, edges: EdgeTable, revision: int, crs: str | None) -> GraphColumns:
-    offsets, out_edges = kernels.group_rows(edges.array("sources"), nodes.count)
-    offsets.setflags(write=False)
-    out_edges.setflags(write=False)
-    return GraphColumns(
-        node_ids=nodes.frozen("ids"),
-        xy=nodes.frozen("xy"),
-        edge_ids=edges.frozen("ids"),
-        sources=edges.frozen("sources"),
-        targets=edges.frozen("targets"),
-        lengths=edges.frozen("lengths"),
-        offsets=offsets,
-        out_edges=out_edges,
-        bends=dict(edges.bends),
-        node_attributes={name: dict(values) for name, values in nodes.attributes.items() if values},
-        edge_attributes={name: dict(values) for name, values in edges.attributes.items() if values},
-        revision=revision,
-        crs=crs,
-    )

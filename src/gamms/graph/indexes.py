@@ -3,7 +3,9 @@
 Each index is built when first asked for; a change is noted, or forgets what it touches.
 """
 
-from collections.abc import Callable, Iterator
+from collections.abc import Iterator
+from copy import deepcopy
+from typing import Any
 
 import numpy as np
 
@@ -26,9 +28,13 @@ class Neighborhoods(dict[int, tuple[int, ...]]):
 
     # NOTE: a dict with __missing__ answers a known node without a Python call (benchmarks/README.md, w2).
 
-    def __init__(self, indexes: Callable[[], "Indexes"]) -> None:
-        self._indexes = indexes
+    def __init__(self, graph: Any) -> None:  # Any: the graph, whose module needs this one
+        self._graph = graph
         self._misses = 0
+
+    def __deepcopy__(self, memo: dict[int, Any]) -> "Neighborhoods":
+        copied: Neighborhoods = deepcopy(self._graph, memo).neighborhoods
+        return copied
 
     def clear(self) -> None:
         """Forget everything."""
@@ -37,12 +43,12 @@ class Neighborhoods(dict[int, tuple[int, ...]]):
 
     def __missing__(self, id: int) -> tuple[int, ...]:
         id = records.as_id(id, "a node")
-        made = (id, *(other for other in self._indexes().neighbors(id) if other != id))
+        made = (id, *(other for other in self._graph._indexes.neighbors(id) if other != id))
         self._misses += 1
         if len(self) >= _MOST_NEIGHBORHOODS:
             self.clear()
         elif self._misses == _FEW:
-            self.update(self._indexes().all_neighborhoods(_MOST_NEIGHBORHOODS))
+            self.update(self._graph._indexes.all_neighborhoods(_MOST_NEIGHBORHOODS))
         self[id] = made
         return made
 
@@ -65,10 +71,11 @@ class Indexes:
 
     def nodes_within(self, x: float, y: float, d: float) -> IntArray:
         """Node rows whose distance to (x, y) is <= d, ascending."""
-        if self._places is None or self._places.is_worn:
-            self._places = Places(self._nodes)
-            self.is_built = True
-        return self._places.within(float(x), float(y), float(d))  # a NumPy float32 would round the rim away
+        return self._by_place().within(float(x), float(y), float(d))  # a NumPy float32 would round the rim away
+
+    def nearest(self, x: float, y: float) -> int:
+        """The node row nearest to (x, y), the first of several; there must be a node."""
+        return self._by_place().nearest(x, y)
 
     def edges_at(self, nodes: IntArray) -> IntArray:
         """Edge rows with at least one end among the node rows, ascending."""
@@ -161,6 +168,12 @@ class Indexes:
         for adjacency in self._by_end.values():
             adjacency.note_changed()
         self.neighborhoods.pop(self._nodes.ids[ends[0]], None)
+
+    def _by_place(self) -> Places:
+        if self._places is None or self._places.is_worn:
+            self._places = Places(self._nodes)
+            self.is_built = True
+        return self._places
 
     def _adjacency(self, end: str) -> Adjacency:
         adjacency = self._by_end.get(end)

@@ -11,7 +11,7 @@ from gamms.errors import BadType, BadValue
 from gamms.graph import records
 from gamms.graph.graph import Graph
 from gamms.ir import geometry
-from gamms.ir.graph import FloatArray
+from gamms.ir.graph import FloatArray, IntArray
 
 if TYPE_CHECKING:
     import networkx as nx
@@ -56,6 +56,25 @@ def labels(graph: Graph) -> dict[Hashable, int]:
     """Label in networkx -> id here, for every node whose label could not be its id."""
     columns = graph.columns()
     return {label: int(columns.node_ids[row]) for row, label in columns.node_attributes.get(LABEL, {}).items()}
+
+
+def digraph(x: FloatArray, y: FloatArray, ends: IntArray, length: float) -> "nx.DiGraph[int]":
+    """A DiGraph of nodes 0, 1, … and of edges of one length.
+
+    Args:
+        x: (nodes,)
+        y: (nodes,)
+        ends: (edges, 2) nodes.
+        length: of each edge.
+    """
+    import networkx as nx
+
+    made: nx.DiGraph[int] = nx.DiGraph()
+    made.add_nodes_from(
+        (node, {"x": a, "y": b}) for node, (a, b) in enumerate(zip(x.tolist(), y.tolist(), strict=True))
+    )
+    made.add_edges_from(ends.tolist(), length=length)
+    return made
 
 
 class _Import:

@@ -1,6 +1,8 @@
-"""Obstacle faces: quadrangles in space by id."""
+"""Obstacle faces: quadrangles in space by id, kept as columns."""
 
-from collections.abc import Iterable, Iterator
+from collections.abc import Iterable, Iterator, Mapping
+from itertools import chain, islice
+from math import isfinite
 from typing import Any
 
 import numpy as np
@@ -9,22 +11,41 @@ from gamms.arguments import as_float, as_int
 from gamms.errors import BadType, BadValue, DuplicateId, UnknownName
 from gamms.graph import records
 from gamms.graph.records import is_everywhere
-from gamms.ir.graph import FloatArray
+from gamms.ir.graph import FloatArray, IntArray
+from gamms.ir.obstacles import ObstacleColumns
 from gamms.typing.graph_engine import Corner, ObsFace
+
+_ROOM = 16  # faces
+_AT_ONCE = 4096  # faces
+_KEYS = ("face_id", "tr", "tl", "br", "bl", "type")
+_MOST = 2**63 - 1
 
 
 class Obstacles:
-    """The faces of one graph, in insertion order."""
+    """The faces of one graph, in insertion order.
+
+    A removed face leaves its row, which is dropped when as many rows are dead as alive; so a long loop of adding
+    and removing single faces takes time in proportion to its length.
+    """
 
     def __init__(self) -> None:
-        self._faces: dict[int, ObsFace] = {}
-        self._boxes: FloatArray | None = None  # (faces, 4)  least x, least y, greatest x, greatest y
+        self._reset()
 
     def __len__(self) -> int:
-        return len(self._faces)
+        return len(self._row_of)
 
     def __iter__(self) -> Iterator[ObsFace]:
-        return iter(list(self._faces.values()))
+        columns = self.columns()
+        listed = zip(columns.ids.tolist(), columns.corners.tolist(), columns.types.tolist(), strict=True)
+        return iter([_face(id, corners, type) for id, corners, type in listed])
+
+    def columns(self) -> ObstacleColumns:
+        """All faces as read-only arrays that stay as they are now."""
+        rows = self._rows()
+        arrays = self._ids[rows], self._corners[rows], self._types[rows]
+        for array in arrays:
+            array.setflags(write=False)
+        return ObstacleColumns(*arrays)
 
     def add(self, face: ObsFace) -> None:
         """Add a face.
@@ -32,39 +53,110 @@ class Obstacles:
         Raises:
             DuplicateId (KeyError): its id is taken.
         """
-        if face.id in self._faces:
+        if face.id in self._row_of:
             raise DuplicateId("an obstacle face", face.id)
-        self._faces[face.id] = face
-        self._boxes = None
+        self._reserve(1)
+        row = self._used
+        self._ids[row], self._types[row], self._corners[row] = face.id, face.type, face[1:5]
+        xs, ys, _ = zip(*face[1:5], strict=True)
+        self._boxes[row] = min(xs), min(ys), max(xs), max(ys)
+        self._row_of[face.id] = row
+        self._used += 1
+
+    def add_many(self, new: ObstacleColumns) -> None:
+        """Add many faces, all or none.
+
+        Raises:
+            DuplicateId (KeyError): an id is taken, or twice among the new ones.
+        """
+        ids = new.ids.tolist()
+        row_of = dict(zip(ids, range(self._used, self._used + len(ids)), strict=True))
+        if len(row_of) < len(ids) or not self._row_of.keys().isdisjoint(row_of):
+            raise DuplicateId("an obstacle face", _first_taken(ids, self._row_of))
+        self._reserve(len(ids))
+        rows = slice(self._used, self._used + len(ids))
+        self._ids[rows], self._types[rows], self._corners[rows] = new.ids, new.types, new.corners
+        plan = new.corners[:, :, :2]
+        self._boxes[rows] = np.hstack((plan.min(axis=1), plan.max(axis=1)))
+        self._row_of.update(row_of)
+        self._used += len(ids)
 
     def get(self, face_id: int) -> ObsFace:
         """A face by id (KeyError)."""
-        try:
-            return self._faces[records.as_id(face_id, "an obstacle face")]
-        except KeyError:
-            raise UnknownName("obstacle face", face_id) from None
+        row = self._row(face_id)
+        return _face(int(self._ids[row]), self._corners[row].tolist(), int(self._types[row]))
 
     def remove(self, face_id: int) -> None:
         """Remove a face (KeyError)."""
-        del self._faces[self.get(face_id).id]
-        self._boxes = None
+        row = self._row(face_id)
+        del self._row_of[int(self._ids[row])]
+        self._boxes[row] = np.nan  # which meets no square
+        if self._used > 2 * len(self._row_of) + _ROOM:
+            self._compact()
 
     def replace(self, faces: Iterable[ObsFace]) -> None:
         """Hold `faces` and no others."""
-        self._faces = {face.id: face for face in faces}
-        self._boxes = None
+        faces = list(faces)
+        self._reset()
+        if faces:
+            ids, types = (np.array([face[i] for face in faces], np.int64) for i in (0, 5))
+            self.add_many(ObstacleColumns(ids, np.array([face[1:5] for face in faces], np.float64), types))
 
     def near(self, d: float, x: float, y: float) -> Iterator[int]:
         """Ids of the faces whose bounding box meets the square of half side d around (x, y); all for `d < 0`."""
-        if is_everywhere(d, x, y) or not self._faces:
-            return iter(list(self._faces))
-        if self._boxes is None:
-            corners = np.array([face[1:5] for face in self._faces.values()])[:, :, :2]
-            self._boxes = np.hstack([corners.min(axis=1), corners.max(axis=1)])
-        low_x, low_y, high_x, high_y = self._boxes.T
+        if is_everywhere(d, x, y):
+            return iter(list(self._row_of))
+        low_x, low_y, high_x, high_y = self._boxes[: self._used].T
         hit = (low_x <= x + d) & (high_x >= x - d) & (low_y <= y + d) & (high_y >= y - d)
-        ids = list(self._faces)
-        return iter([ids[row] for row in np.flatnonzero(hit).tolist()])
+        return iter(self._ids[: self._used][hit].tolist())
+
+    def free_ids(self, count: int) -> IntArray:
+        """So many ids after the greatest.
+
+        Raises:
+            BadValue: there are not so many.
+        """
+        first = max(self._row_of, default=-1) + 1
+        if first + count - 1 > _MOST:
+            raise BadValue(f"There are no {count} ids after the greatest, {first - 1}. Give ids yourself.")
+        return np.arange(first, first + count, dtype=np.int64) if count else np.zeros(0, np.int64)
+
+    # -- rows ---------------------------------------------------------------------------------------------------
+
+    def _reset(self) -> None:
+        self._row_of: dict[int, int] = {}  # in insertion order, and so are the rows
+        self._used = 0
+        self._ids = np.zeros(0, np.int64)
+        self._types = np.zeros(0, np.int64)
+        self._corners = np.zeros((0, 4, 3))
+        self._boxes = np.zeros((0, 4))  # least x, least y, greatest x, greatest y
+
+    def _row(self, face_id: int) -> int:
+        try:
+            return self._row_of[records.as_id(face_id, "an obstacle face")]
+        except KeyError:
+            raise UnknownName("obstacle face", face_id) from None
+
+    def _rows(self) -> IntArray:
+        return np.fromiter(self._row_of.values(), np.int64, len(self._row_of))
+
+    def _reserve(self, count: int) -> None:
+        if self._used + count > len(self._ids):
+            self._take(np.arange(self._used), max(2 * self._used, self._used + count, _ROOM))
+
+    def _compact(self) -> None:
+        rows = self._rows()
+        self._take(rows, len(rows))
+        self._row_of = dict(zip(self._row_of, range(len(rows)), strict=True))
+        self._used = len(rows)
+
+    def _take(self, rows: IntArray, room: int) -> None:
+        """Keep these rows, in arrays with room for so many."""
+        for name in ("_ids", "_types", "_corners", "_boxes"):
+            old = getattr(self, name)
+            new = np.empty((room, *old.shape[1:]), old.dtype)
+            new[: len(rows)] = old[rows]
+            setattr(self, name, new)
 
 
 def checked_face(face_id: Any, tr: Any, tl: Any, br: Any, bl: Any, type: Any) -> ObsFace:
@@ -85,7 +177,94 @@ def checked_face(face_id: Any, tr: Any, tl: Any, br: Any, bl: Any, type: Any) ->
     )
 
 
+def checked_faces(faces: Any, ids: Any, types: Any, obstacles: Obstacles) -> ObstacleColumns:
+    """Faces from what a caller of `add_obstacles` passed; without ids they get those after the greatest.
+
+    Raises:
+        BadType, BadValue: see `checked_face`; or arrays whose shapes do not fit.
+    """
+    if not isinstance(faces, np.ndarray):
+        given = _iterator(faces)
+        first = list(islice(given, 1))
+        if first and isinstance(first[0], Mapping):
+            return _columns_of_records(chain(first, given), ids, types)
+        faces = [*first, *given]
+    corners = _corner_array(faces)
+    count = len(corners)
+    checked_ids = obstacles.free_ids(count) if ids is None else records.id_array(ids, "ids")
+    if len(checked_ids) != count:
+        raise BadValue(f"ids must have shape ({count},) like the faces, not ({len(checked_ids)},).")
+    return ObstacleColumns(checked_ids, corners, _type_array(types, count))
+
+
+def _columns_of_records(given: Iterator[Any], ids: Any, types: Any) -> ObstacleColumns:
+    if ids is not None or not (isinstance(types, int) and types == 0):
+        raise BadValue("Records of faces have their own face_id and type: leave out ids and types.")
+    parts = []
+    while batch := list(islice(given, _AT_ONCE)):  # a generator may make more dicts than there is memory for
+        faces = [_face_of_record(record) for record in batch]
+        numbers, kinds = (np.array([face[i] for face in faces], np.int64) for i in (0, 5))
+        parts.append((numbers, np.array([face[1:5] for face in faces], np.float64), kinds))
+    return ObstacleColumns(*map(np.concatenate, zip(*parts, strict=True)))
+
+
+def _face_of_record(record: Any) -> ObsFace:
+    face = [records.required(record, key, "An obstacle face") for key in _KEYS]
+    for key in record if len(record) > len(_KEYS) else ():
+        if key not in _KEYS:
+            raise BadValue(f"An obstacle face has no {key!r}, only {', '.join(_KEYS)}.")
+    return checked_face(*face)
+
+
+def _iterator(faces: Any) -> Iterator[Any]:
+    try:
+        return iter(faces)
+    except TypeError:
+        raise BadType(
+            f"faces must be an array (faces, 4, 3) or dicts with {', '.join(_KEYS)}, not {faces!r}."
+        ) from None
+
+
+def _corner_array(faces: Any) -> FloatArray:
+    wanted = "faces must be an array (faces, 4, 3): the corners tr, tl, br, bl of each, as x, y, z"
+    try:
+        array = np.asarray(faces) if len(faces) else np.zeros((0, 4, 3))
+    except (TypeError, ValueError) as error:
+        raise BadValue(f"{wanted}; {error}.") from None
+    if array.dtype.kind not in "iuf":
+        raise BadType(f"{wanted}; not of {array.dtype}.")
+    if array.ndim != 3 or array.shape[1:] != (4, 3):
+        raise BadValue(f"{wanted}; not of shape {array.shape}.")
+    bad = np.argwhere(~np.isfinite(array))
+    if len(bad):
+        face, corner, axis = bad[0].tolist()
+        where = f"{'xyz'[axis]} of corner {_KEYS[1 + corner]} of face {face}"
+        raise BadValue(f"The corners of faces must be finite; {where} is {array[face, corner, axis]}.")
+    return array.astype(np.float64)
+
+
+def _type_array(types: Any, count: int) -> IntArray:
+    if np.ndim(types) == 0:
+        return np.full(count, as_int(types, "types"), np.int64)
+    array = records.id_array(types, "types")
+    if len(array) != count:
+        raise BadValue(f"types must have shape ({count},) like the faces, not ({len(array)},).")
+    return array
+
+
+def _face(id: int, corners: list[list[float]], type: int) -> ObsFace:
+    tr, tl, br, bl = corners
+    return ObsFace(id, (*tr,), (*tl,), (*br,), (*bl,), type)  # type: ignore[arg-type] # three numbers each
+
+
+def _first_taken(ids: list[int], taken: Mapping[int, int]) -> int:
+    seen = set(taken)
+    return next(id for id in ids if id in seen or seen.add(id))  # type: ignore[func-returns-value]
+
+
 def _corner(value: Any, name: str, id: int) -> Corner:
+    if type(value) is tuple and len(value) == 3 and set(map(type, value)) == {float} and all(map(isfinite, value)):
+        return value  # the usual case
     where = f"Corner {name} of obstacle face {id}"
     try:
         numbers = tuple(value)

@@ -1,12 +1,16 @@
 """Nodes by place: a cell grid that is built when first asked for and kept up to date by notes."""
 
+from math import isqrt
+
 import numpy as np
 
 from gamms import kernels
 from gamms.graph.tables import NodeTable
-from gamms.ir.graph import IntArray
+from gamms.ir.graph import FloatArray, IntArray
 
 _LATE = 256
+_WIDER = 8  # how often a search grows before it looks through all nodes
+_RIM = 1.0 + 1e-9  # what is as near must not be lost by rounding
 _LEAST, _MOST = 1e-150, 1e150  # distances whose squares are neither zero nor infinite
 
 
@@ -25,7 +29,7 @@ class Places:
     @property
     def is_worn(self) -> bool:
         """Whether so much was noted that a new grid is cheaper."""
-        return len(self._late) > _LATE + len(self._cells.rows) // 4
+        return len(self._late) > _LATE + 2 * isqrt(len(self._cells.rows))
 
     def within(self, x: float, y: float, d: float) -> IntArray:
         """Living node rows whose distance to (x, y) is <= d, ascending."""
@@ -42,3 +46,21 @@ class Places:
             rows = rows[self._nodes.array("alive")[rows] != 0]
         found: IntArray = np.sort(rows)
         return found
+
+    def nearest(self, x: float, y: float) -> int:
+        """The living node row nearest to (x, y), the first of several; there must be one."""
+        d = self._cells.size
+        rows = self.within(x, y, d)
+        for _ in range(_WIDER):
+            if len(rows):
+                break
+            d *= 2.0
+            rows = self.within(x, y, d)
+        # What is found may lie anywhere in the disc; its nearest one tells how large a disc has to be looked through.
+        rows = self.within(x, y, self._distances(rows, x, y).min() * _RIM) if len(rows) else self._nodes.living()
+        return int(rows[np.argmin(self._distances(rows, x, y))])
+
+    def _distances(self, rows: IntArray, x: float, y: float) -> FloatArray:
+        with np.errstate(over="ignore"):  # infinitely far away is far away
+            distances: FloatArray = np.hypot(*(self._nodes.array("xy")[rows] - (x, y)).T)
+        return distances

@@ -2,14 +2,16 @@
 
 from bisect import bisect_left
 from collections.abc import Iterator
+from itertools import chain
 from typing import Any, ClassVar
 
 import numpy as np
 
-from gamms.errors import DuplicateId, UnknownName
+from gamms.errors import ContextTerminated, DuplicateId, UnknownName
 from gamms.ir.graph import FloatArray, IntArray
 
 _START = 16
+_CHUNK = 4096  # ids that are made Python ints at a time, for callers who want only the first
 _MANY = 4096  # ascending ids from here on take an array instead of a dict
 
 
@@ -218,7 +220,8 @@ class Table:
         ids = self.array("ids")
         if rows is None:
             rows = None if not self.dead else self.living()
-        return iter((ids if rows is None else ids[rows]).tolist())
+        ids = ids if rows is None else ids[rows]  # what is in a row never changes, so this is a snapshot
+        return chain.from_iterable(ids[i : i + _CHUNK].tolist() for i in range(0, len(ids), _CHUNK))
 
     def attributes_of(self, row: int) -> dict[str, Any]:
         """The attributes of one row, a fresh dict."""
@@ -328,3 +331,13 @@ class EdgeTable(Table):
             column = self.array(name)
             # A dead edge may end at a dead node; any row will do for it.
             column[:] = np.maximum(moved[column], 0)
+
+
+class Closed:
+    """What a closed graph has instead of tables and indexes."""
+
+    def __getattr__(self, name: str) -> Any:
+        raise ContextTerminated("its graph")
+
+    def __len__(self) -> int:
+        raise ContextTerminated("its graph")

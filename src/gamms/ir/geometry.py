@@ -9,7 +9,7 @@ from gamms.errors import BadValue
 from gamms.ir.graph import FloatArray
 
 if TYPE_CHECKING:
-    from shapely import LineString
+    from shapely import LineString, Polygon
 
 
 def line_string(points: FloatArray | Sequence[Sequence[float]]) -> "LineString":
@@ -17,6 +17,13 @@ def line_string(points: FloatArray | Sequence[Sequence[float]]) -> "LineString":
     import shapely
 
     return shapely.LineString(points)
+
+
+def polygon(points: FloatArray | Sequence[Sequence[float]]) -> "Polygon":
+    """A shapely Polygon with the outline `points` of shape (points, 2)."""
+    import shapely
+
+    return shapely.Polygon(points)
 
 
 def line_strings(points: FloatArray, lines: "np.ndarray[Any, np.dtype[np.int64]]") -> "list[LineString]":
@@ -63,6 +70,13 @@ def points_of_many(shapes: Sequence[Any]) -> tuple[FloatArray, "np.ndarray[Any, 
     points.setflags(write=False)
     offsets = np.searchsorted(lines, np.arange(len(shapes) + 1))
     return points, offsets
+
+
+def shape_error() -> type[Exception]:
+    """The class of everything that shapely raises on its own."""
+    import shapely
+
+    return shapely.errors.ShapelyError  # type: ignore[no-any-return] # shapely has no types
 
 
 def line_string_class() -> "type[LineString]":

@@ -1,5 +1,6 @@
 """The one door to pyproj: between degrees and metres, and true lengths on the ellipsoid."""
 
+from functools import lru_cache
 from typing import Any
 
 import numpy as np
@@ -9,6 +10,8 @@ from gamms.ir.graph import FloatArray
 
 WGS84 = "EPSG:4326"
 _UTM_REACH = 84.0  # degrees of latitude
+_CENTIMETRE = 0.01
+_BEYOND = 10.0  # degrees: a map may reach beyond its zone, a swapped latitude and longitude reaches farther
 
 
 def utm_crs(lonlat: FloatArray) -> str:
@@ -34,9 +37,7 @@ def project(points: FloatArray, source: Any, target: str) -> FloatArray:
     Raises:
         BadValue: a position has no place in the target.
     """
-    pyproj = _pyproj()
-    transform = pyproj.Transformer.from_crs(source, target, always_xy=True).transform
-    xy = np.column_stack(transform(points[:, 0], points[:, 1]))
+    xy = _transformed(points, source, target)
     lost = np.flatnonzero(~np.isfinite(xy).all(axis=1))
     if len(lost):
         raise BadValue(
@@ -44,6 +45,29 @@ def project(points: FloatArray, source: Any, target: str) -> FloatArray:
             "for one zone. Cut a smaller area out of it."
         )
     return xy
+
+
+def project_back_and_forth(points: FloatArray, source: str, target: str) -> FloatArray:
+    """Positions (points, 2) of one CRS in another, each of which leads back to a centimetre from where it came.
+
+    Far from the zone of a projection its formulas give numbers that mean another place, or none, or that nobody wants.
+
+    Raises:
+        BadValue: a position lies outside the projection, or one of the two names no CRS.
+    """
+    there = _transformed(points, source, target)
+    lonlat, again = _transformed(points, source, WGS84), _transformed(there, target, WGS84)
+    astray = np.full(len(points), np.inf)  # metres
+    sound = np.flatnonzero(np.isfinite(np.column_stack([there, lonlat, again])).all(axis=1))
+    sound = sound[_is_in_zone(lonlat[sound], source) & _is_in_zone(lonlat[sound], target)]
+    astray[sound] = ellipsoid_lengths(lonlat[sound], again[sound])
+    lost = np.flatnonzero(astray > _CENTIMETRE)
+    if len(lost):
+        raise BadValue(
+            f"The position {points[lost[0]].tolist()} of {source} has no place in {target}: it lies outside the area "
+            "of the projection. Check the order of the coordinates, and graph.crs."
+        )
+    return there
 
 
 def ellipsoid_lengths(start: FloatArray, end: FloatArray) -> FloatArray:
@@ -64,6 +88,36 @@ def crs_of(crs: Any) -> tuple[str, bool]:
     except pyproj.exceptions.CRSError as error:
         raise BadValue(f"graph['crs'] is {crs!r}, which names no CRS. Give one such as 'EPSG:32635'.") from error
     return str(known.to_string()), bool(known.is_geographic)
+
+
+def _is_in_zone(lonlat: FloatArray, crs: str) -> "np.ndarray[Any, np.dtype[np.bool_]]":
+    """Whether positions (points, 2) lie in the zone where a CRS is in use, or not far beside it.
+
+    Longitude decides: a northern zone is good south of the equator, too.
+    """
+    area = _transformer(crs, WGS84).source_crs.area_of_use
+    if area is None:
+        return np.ones(len(lonlat), np.bool_)
+    width = (area.east - area.west) % 360.0 or 360.0  # an area may straddle the date line
+    off_middle = np.abs((lonlat[:, 0] - area.west - width / 2.0 + 180.0) % 360.0 - 180.0)
+    is_in: np.ndarray[Any, np.dtype[np.bool_]] = off_middle <= width / 2.0 + _BEYOND
+    return is_in
+
+
+def _transformed(points: FloatArray, source: Any, target: Any) -> FloatArray:
+    """Positions (points, 2) of one CRS in another; infinite where there is none."""
+    return np.column_stack(_transformer(source, target).transform(points[:, 0], points[:, 1]))
+
+
+@lru_cache(maxsize=32)
+def _transformer(source: Any, target: Any) -> Any:
+    pyproj = _pyproj()
+    try:
+        return pyproj.Transformer.from_crs(source, target, always_xy=True)
+    except pyproj.exceptions.ProjError as error:
+        raise BadValue(
+            f"There is no way from {source!r} to {target!r}: {error}. Give a CRS such as 'EPSG:32635'."
+        ) from error
 
 
 def _pyproj() -> Any:

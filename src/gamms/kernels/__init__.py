@@ -6,17 +6,22 @@ Call them as `kernels.name(...)`. May import: numpy, `gamms.ir`.
 
 from gamms.kernels.cells import CellIndex, build_cells, candidate_rows
 from gamms.kernels.csr import group_rows, ragged_rows
-from gamms.kernels.paths import distances_to
+from gamms.kernels.paths import Arcs, first_steps, make_arcs, tight_arcs
+from gamms.kernels.scipy import shortest_distances
 from gamms.kernels.sight import in_cone
 from gamms.kernels.streams import stream
 
 __all__ = [
+    "Arcs",
     "CellIndex",
     "build_cells",
     "candidate_rows",
-    "distances_to",
+    "first_steps",
     "group_rows",
     "in_cone",
+    "make_arcs",
     "ragged_rows",
+    "shortest_distances",
     "stream",
+    "tight_arcs",
 ]

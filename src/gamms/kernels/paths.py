@@ -1,38 +1,107 @@
-"""Distances along edges."""
+"""Shortest paths: distances along edges, and the next step on the way."""
 
-from heapq import heappop, heappush
+from heapq import heapify, heappop, heappush
+from math import inf
+from typing import NamedTuple
 
 import numpy as np
 
-from gamms.ir.graph import FloatArray, GraphColumns, IntArray
-from gamms.kernels.csr import group_rows
+from gamms.ir.graph import FloatArray, IntArray
 
 
-def distances_to(graph: GraphColumns, rows: IntArray) -> FloatArray:
-    """The length of the shortest way from every node to the nearest of some nodes.
+class Arcs(NamedTuple):
+    """A weighted directed graph as compressed sparse rows: what leaves row `i` is at `offsets[i]:offsets[i + 1]`."""
 
-    Dijkstra's algorithm (1959) with a binary heap, on the reversed edges.
+    offsets: IntArray  # (nodes + 1,)
+    ends: IntArray  # (arcs,)  rows, ascending for each start
+    weights: FloatArray  # (arcs,)  not negative, finite
+
+
+def make_arcs(starts: IntArray, ends: IntArray, weights: FloatArray, nodes: int) -> Arcs:
+    """Group edges by their start; of parallel ones the cheapest stays.
 
     Args:
-        graph: the columns of a graph; its lengths are not negative.
-        rows: of the nodes to go to.
+        starts: (edges,) rows.
+        ends: (edges,) rows.
+        weights: (edges,) not negative; an infinite one closes its edge.
+        nodes: how many rows there are.
+    """
+    order = np.lexsort((weights, ends, starts))
+    order = order[np.isfinite(weights[order])]
+    starts, ends, weights = starts[order], ends[order], weights[order]
+    is_first = np.ones(len(order), np.bool_)
+    is_first[1:] = (starts[1:] != starts[:-1]) | (ends[1:] != ends[:-1])
+    offsets = np.zeros(nodes + 1, np.int64)
+    np.cumsum(np.bincount(starts[is_first], minlength=nodes), out=offsets[1:])
+    return Arcs(offsets, ends[is_first], weights[is_first])
+
+
+def shortest_distances(arcs: Arcs, rows: IntArray, cutoff: float = inf) -> FloatArray:
+    """The distance of every node from the nearest of some nodes.
+
+    Dijkstra's algorithm (1959) with a binary heap. The weights of a path are added one by one, from its start: rounding
+    never turns a longer sum into a smaller one, so that the result does not depend on the order of the heap, and
+    every implementation that adds so finds the same bits.
+
+    Args:
+        arcs: the ways; reversed ones give the distances *to* `rows`.
+        rows: where to start.
+        cutoff: what is farther away than this counts as out of reach.
 
     Returns:
-        (nodes,) map units; infinite where there is no way.
+        (nodes,) infinite where there is no way.
     """
-    offsets, edges = (column.tolist() for column in group_rows(graph.targets, len(graph.node_ids)))
-    sources, lengths = graph.sources.tolist(), graph.lengths.tolist()
-    distances = [float("inf")] * len(graph.node_ids)
-    heap = [(0.0, row) for row in sorted(rows.tolist())]
+    offsets, ends, weights = (column.tolist() for column in arcs)
+    distances = [inf] * (len(offsets) - 1)
+    heap = [(0.0, row) for row in rows.tolist()]
+    heapify(heap)
     for _, row in heap:
         distances[row] = 0.0
     while heap:
         distance, node = heappop(heap)
         if distance > distances[node]:
             continue
-        for edge in edges[offsets[node] : offsets[node + 1]]:
-            source, far = sources[edge], distance + lengths[edge]
-            if far < distances[source]:
-                distances[source] = far
-                heappush(heap, (far, source))
+        for arc in range(offsets[node], offsets[node + 1]):
+            end, far = ends[arc], distance + weights[arc]
+            if far < distances[end] and far <= cutoff:
+                distances[end] = far
+                heappush(heap, (far, end))
     return np.array(distances)
+
+
+def tight_arcs(arcs: Arcs, distances: FloatArray) -> Arcs:
+    """The arcs that shortest paths may use, each of weight 1.
+
+    Args:
+        arcs: the ways.
+        distances: (nodes,) what `shortest_distances` found along them.
+    """
+    starts = np.repeat(np.arange(len(arcs.offsets) - 1), np.diff(arcs.offsets))
+    reached = distances[starts] + arcs.weights
+    is_tight = (reached == distances[arcs.ends]) & np.isfinite(reached)
+    ones = np.ones(int(is_tight.sum()))
+    return make_arcs(starts[is_tight], arcs.ends[is_tight], ones, len(arcs.offsets) - 1)
+
+
+def first_steps(tight: Arcs, hops: FloatArray, ids: IntArray) -> IntArray:
+    """For every node, the one before it on its shortest path from the start.
+
+    Of equally long paths the one with the fewest edges counts; of these, the one whose ids, read from the node
+    back to the start, are least at the first difference. On reversed arcs that is the next node on the way *to* the
+    start.
+
+    Args:
+        tight: the arcs that shortest paths may use.
+        hops: (nodes,) the least number of tight arcs to each node.
+        ids: (nodes,) different numbers.
+
+    Returns:
+        (nodes,) rows; -1 for the start itself and where there is no way.
+    """
+    starts = np.repeat(np.arange(len(tight.offsets) - 1), np.diff(tight.offsets))
+    is_step = hops[starts] + 1.0 == hops[tight.ends]
+    starts, ends = starts[is_step], tight.ends[is_step]
+    order = np.lexsort((-ids[starts], ends))  # of several, the last one written stays: the least id
+    steps = np.full(len(ids), -1, np.int64)
+    steps[ends[order]] = starts[order]
+    return steps

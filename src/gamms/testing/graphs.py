@@ -37,7 +37,7 @@ def _answers(graph: IGraph) -> None:
     _same("get_node gives the coordinates", tuple(graph.get_node(2)), (2, 3.0, 4.0))
     edge = graph.get_edge(12)
     _same("get_edge gives ends and length", (edge.source, edge.target, edge.length), (1, 7, 5.0))
-    _same("a straight edge has its ends as linestring", list(edge.linestring.coords), [(0.0, 0.0), (10.0, 0.0)])
+    _same("a straight edge leads from end to end", list(edge.points), [0.0, 0.0, 10.0, 0.0])
 
 
 def _refuses(graph: IGraph) -> None:

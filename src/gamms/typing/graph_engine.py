@@ -1,125 +1,40 @@
-"""Contract of the graph room, and its values: Node, OSMEdge, ObsFace."""
+"""Contract of the graph room; its values are in `graph_values.py` and offered here, too."""
+# ruff: noqa: ARG002 - a default that refuses reads no arguments
 
 import os
 from abc import ABC, abstractmethod
-from collections import namedtuple
-from collections.abc import Iterator, Mapping, Sequence
-from enum import Enum
+from collections.abc import Iterable, Iterator, Mapping, Sequence
 from math import inf, pi
-from typing import TYPE_CHECKING, Any, NamedTuple, Self
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
 from gamms import kernels
-from gamms.errors import BadValue
-from gamms.ir import geometry
+from gamms.errors import BadValue, NotOffered
 from gamms.ir.graph import FloatArray, GraphColumns
+from gamms.ir.obstacles import ObstacleColumns
+from gamms.typing.graph_routes import Routes, one_end
+from gamms.typing.graph_values import Corner, Engine, Node, ObsFace, OSMEdge, Surroundings
 
 if TYPE_CHECKING:
     import networkx as nx
-    from shapely import LineString
+    from numpy.random import Generator
 
-Corner = tuple[float, float, float]
+NodeIds = int | Iterable[int]  # one id or several; a NumPy array will do
+Numbers = float | Sequence[float] | FloatArray  # one number or several
 
-
-class Engine(Enum):
-    """Where a graph lives besides memory: nowhere, or in a database file."""
-
-    MEMORY = 0
-    SQLITE = 1
-
-
-class Node(NamedTuple):
-    """A node: an immutable value."""
-
-    id: int
-    x: float
-    y: float
-
-
-if TYPE_CHECKING:
-
-    class _EdgeFields(NamedTuple):
-        id: int
-        source: int
-        target: int
-        length: float
-        first: Any
-        last: Any
-
-else:  # a plain namedtuple may be subclassed with a `__new__` of its own
-    _EdgeFields = namedtuple("_EdgeFields", "id source target length first last")  # noqa: PYI024
-
-
-class OSMEdge(_EdgeFields):
-    """A directed edge: an immutable value with `id`, `source`, `target`, `length` and `linestring`.
-
-    A straight edge keeps its end nodes in `first` and `last`; any other keeps its polyline, flat, in `first`, and
-    None in `last`. Use `points` or `linestring`, which hide the difference.
-    """
-
-    # NOTE: a tuple of what is there already, because sensing makes hundreds of them (benchmarks/README.md, w3).
-
-    def __new__(cls, id: int, source: int, target: int, length: float, linestring: Any) -> Self:
-        """Take the polyline as a LineString or as a sequence of (x, y) pairs."""
-        points = geometry.points_of(linestring, f"The linestring of edge {id}")
-        return tuple.__new__(cls, (id, source, target, length, tuple(points.ravel().tolist()), None))
-
-    @property
-    def points(self) -> tuple[float, ...]:
-        """The polyline, flat: `(x0, y0, x1, y1, …)`."""
-        if self.last is None:
-            flat: tuple[float, ...] = self.first
-            return flat
-        return (self.first.x, self.first.y, self.last.x, self.last.y)
-
-    @property
-    def linestring(self) -> "LineString":
-        """The polyline as a shapely LineString, made on first access."""
-        made = self.__dict__.get("linestring")
-        if made is None:
-            made = self.__dict__["linestring"] = geometry.line_string(np.reshape(self.points, (-1, 2)))
-        return made
-
-    def __eq__(self, other: object) -> bool:
-        """Compare by value."""
-        return isinstance(other, OSMEdge) and self[:4] == other[:4] and self.points == other.points
-
-    def __ne__(self, other: object) -> bool:
-        """Compare by value."""
-        return not self == other
-
-    def __hash__(self) -> int:
-        return hash(self[:4])
-
-    def __repr__(self) -> str:
-        """Show the fields under their published names."""
-        return (
-            f"OSMEdge(id={self.id!r}, source={self.source!r}, target={self.target!r}, "
-            f"length={self.length!r}, linestring={self.linestring!r})"
-        )
-
-    def __getnewargs__(self) -> tuple[Any, ...]:
-        """Pickle and copy through the constructor."""
-        return (self.id, self.source, self.target, self.length, np.reshape(self.points, (-1, 2)))
-
-
-class ObsFace(NamedTuple):
-    """An obstacle: a quadrangle in space, an immutable value."""
-
-    id: int
-    tr: Corner
-    tl: Corner
-    br: Corner
-    bl: Corner
-    type: int
-
-
-class Surroundings(NamedTuple):
-    """Nodes in a disc by id, and the edges that have both ends among them; both in insertion order."""
-
-    nodes: dict[int, Node]
-    edges: list[OSMEdge]
+__all__ = [
+    "Corner",
+    "Engine",
+    "IGraph",
+    "IGraphEngine",
+    "Node",
+    "NodeIds",
+    "Numbers",
+    "OSMEdge",
+    "ObsFace",
+    "Surroundings",
+]
 
 
 class IGraph(ABC):
@@ -247,6 +162,135 @@ class IGraph(ABC):
         nodes = [self.get_node(int(id)) for id in node_ids]
         return np.array([(node.x, node.y) for node in nodes], np.float64).reshape(-1, 2)
 
+    # -- ways: may override for speed ---------------------------------------------------------------------------
+    #
+    # A `weight` is "length", the name of an edge attribute (an edge without it counts 1), or None (every edge counts
+    # 1), as networkx says it. An infinite one closes its edge; of parallel edges the cheapest counts. One that is
+    # negative or NaN is a BadValue (ValueError), one that is no number a BadType (TypeError): both name the edge.
+
+    def weights(self, weight: str | None = "length") -> FloatArray:
+        """What each edge costs, (edges,) in insertion order."""
+        if weight not in ("length", None):
+            raise BadValue(f"{type(self).__name__} reads no attribute {weight!r} of its edges: override `weights`.")
+        edges = [self.get_edge(id) for id in self.get_edges()]
+        return np.array([edge.length if weight else 1.0 for edge in edges], np.float64)
+
+    def shortest_path(self, source: int, target: int, weight: str | None = "length") -> list[int]:
+        """Ids of the nodes on the shortest way from one node to another, both included; `[source]` for itself.
+
+        Of equally long ways, by the numbers that `distance` gives for each node on them, the one with the fewest
+        edges counts; of these, the one whose node ids, read from the source, are least at the first difference.
+
+        Raises:
+            UnknownName (KeyError): there is no such node.
+            NoPath (ValueError): there is no way.
+        """
+        return Routes(self, weight).shortest_path(source, target)
+
+    def distance(self, source: int, target: int, weight: str | None = "length") -> float:
+        """How far it is from one node to another, added up from the target; infinite where there is no way.
+
+        Raises:
+            UnknownName (KeyError): there is no such node.
+        """
+        routes = Routes(self, weight)
+        return float(routes.distances(target, reverse=True)[routes.rows(source)[0]])
+
+    def distances(
+        self,
+        source: NodeIds | None = None,
+        target: NodeIds | None = None,
+        weight: str | None = "length",
+        cutoff: float | None = None,
+    ) -> dict[int, float]:
+        """How far it is from a node to every other, or from every other to a node.
+
+        Args:
+            source: from here, or from the nearest of several nodes.
+            target: to here, or to the nearest of several nodes; give either source or target.
+            weight: see above.
+            cutoff: leave out what is farther away than this.
+
+        Returns:
+            Node id -> distance, added up from the end that was given, for every node with a way; a fresh dict in
+            insertion order.
+
+        Raises:
+            UnknownName (KeyError): there is no such node.
+            BadValue (ValueError): both or neither of source and target, or a negative cutoff.
+        """
+        nodes, routes = one_end(source, target), Routes(self, weight)
+        return routes.by_id(routes.distances(nodes, cutoff, reverse=source is None))
+
+    def distance_matrix(self, sources: NodeIds, targets: NodeIds, weight: str | None = "length") -> FloatArray:
+        """How far it is from each of some nodes to each of others.
+
+        Returns:
+            (sources, targets) infinite where there is no way; added up from the targets, or from the sources where
+            fewer different ones are given.
+
+        Raises:
+            UnknownName (KeyError): there is no such node.
+        """
+        return Routes(self, weight).matrix(sources, targets)
+
+    # -- places: may override -----------------------------------------------------------------------------------
+
+    def to_latlon(self, x: Numbers, y: Numbers) -> tuple[Any, Any]:
+        """Degrees of latitude and longitude (WGS84) of map units: floats for numbers, arrays for arrays.
+
+        Raises:
+            BadValue (ValueError): the graph has no CRS, or a place lies outside its projection.
+            MissingExtra (ImportError): the extra `osm` is not installed.
+        """
+        raise NotOffered(self, "to_latlon")
+
+    def from_latlon(self, *, lat: Numbers, lon: Numbers) -> tuple[Any, Any]:
+        """(x, y) in map units of degrees of latitude and longitude (WGS84); as exact and as picky as `to_latlon`."""
+        raise NotOffered(self, "from_latlon")
+
+    def nearest_node(
+        self,
+        x: Numbers | None = None,
+        y: Numbers | None = None,
+        *,
+        lat: Numbers | None = None,
+        lon: Numbers | None = None,
+    ) -> Any:
+        """The id of the node nearest to (x, y), or to degrees; for arrays of places, an array (places,) of ids.
+
+        The straight line counts. Of several equally near nodes, the first in insertion order is meant.
+
+        Raises:
+            BadValue (ValueError): the graph has no nodes, or the place is none.
+            BadType (TypeError): not exactly one of (x, y) and (lat, lon) is given.
+        """
+        raise NotOffered(self, "nearest_node")
+
+    def place(
+        self,
+        n: int,
+        near: int | tuple[float, float] | None = None,
+        radius: float | None = None,
+        apart: float = 0.0,
+        rng: "Generator | int | None" = None,
+    ) -> list[int]:
+        """Ids of `n` different nodes, drawn at random.
+
+        Args:
+            n: how many.
+            near: a node id or (x, y); None draws from the whole graph.
+            radius: map units around `near`, the rim included.
+            apart: the least straight distance between two of them, map units.
+            rng: where chance comes from: a generator, such as `ctx.rng`, or a seed. `ctx.graph.place` may go without.
+
+        Raises:
+            BadValue (ValueError): so many do not fit; the message says how many did.
+            BadType (TypeError): there is no `rng`, or an argument is of the wrong type.
+            UnknownName (KeyError): `near` is no node.
+        """
+        raise NotOffered(self, "place")
+
 
 class _Neighborhoods(dict[int, Sequence[int]]):
     """The slow default: asks the graph every time."""
@@ -287,6 +331,18 @@ class IGraphEngine(ABC):
         """Add a quadrangle (KeyError for a taken id, ValueError for a bad corner)."""
 
     @abstractmethod
+    def add_obstacles(self, faces: Any, ids: Any = None, types: Any = 0) -> list[int]:
+        """Add many quadrangles at once, all or none; returns their ids.
+
+        `faces` is an array (faces, 4, 3) of the corners tr, tl, br, bl, with `ids` (None: those after the greatest)
+        and `types` (one for all or one for each); or an iterable of the arguments of `add_obstacle_face`, as dicts.
+
+        Raises:
+            KeyError: an id is taken, or given twice.
+            TypeError, ValueError: a number or a shape is impossible.
+        """
+
+    @abstractmethod
     def remove_obstacle_face(self, face_id: int) -> None:
         """Remove a quadrangle (KeyError)."""
 
@@ -297,6 +353,12 @@ class IGraphEngine(ABC):
     @abstractmethod
     def get_obstacle_faces(self, d: float = -1.0, x: float = 0.0, y: float = 0.0) -> Iterator[int]:
         """Ids of the faces whose bounding box meets the square of half side d around (x, y); all for `d < 0`."""
+
+    def obstacle_columns(self) -> ObstacleColumns:
+        """All quadrangles as read-only arrays, in insertion order; may be overridden for speed."""
+        faces = [self.get_obstacle_face(id) for id in self.get_obstacle_faces()]
+        ids, types = (np.array([face[i] for face in faces], np.int64) for i in (0, 5))
+        return ObstacleColumns(ids, np.array([face[1:5] for face in faces], np.float64).reshape(-1, 4, 3), types)
 
     @abstractmethod
     def terminate(self) -> None:

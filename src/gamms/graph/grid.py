@@ -1,0 +1,50 @@
+"""Street grids to play on, as networkx graphs that can be attached."""
+
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
+
+from gamms.arguments import as_float, as_int
+from gamms.errors import BadValue
+from gamms.graph.networkx import digraph
+
+if TYPE_CHECKING:
+    import networkx as nx
+
+_MOST_NODES = 10_000_000  # a node and its edges take about 3 kB in networkx
+
+
+def grid(n: int, m: int, spacing: float = 10.0) -> "nx.DiGraph[int]":
+    """Make a grid of `n` rows of `m` nodes; neighbours in a row or column are joined both ways.
+
+    Args:
+        n: rows.
+        m: nodes in each row.
+        spacing: map units between neighbours.
+
+    Returns:
+        A networkx DiGraph: node `i * m + j` is at `x = j * spacing, y = i * spacing`; every edge has its `length`.
+
+    Raises:
+        BadValue (ValueError), BadType (TypeError): an impossible number.
+    """
+    rows, columns, step = _side(n, "n"), _side(m, "m"), as_float(spacing, "spacing")
+    if step <= 0.0:
+        raise BadValue(f"spacing must be positive, not {step}.")
+    if rows * columns > _MOST_NODES:
+        raise BadValue(f"A grid of {rows} x {columns} nodes is too large; at most {_MOST_NODES} nodes are possible.")
+    ids = np.arange(rows * columns).reshape(rows, columns)
+    y, x = np.indices(ids.shape).astype(np.float64) * step
+    starts = np.concatenate([ids[:, :-1].ravel(), ids[:-1].ravel()])
+    ends = np.concatenate([ids[:, 1:].ravel(), ids[1:].ravel()])
+    order = np.argsort(starts, kind="stable")  # node by node: the one to the right, then the one above
+    pairs = np.column_stack([starts, ends])[order]
+    both_ways = np.column_stack([pairs, pairs[:, ::-1]]).reshape(-1, 2)
+    return digraph(x.ravel(), y.ravel(), both_ways, step)
+
+
+def _side(value: Any, name: str) -> int:
+    side = as_int(value, name)
+    if side < 1:
+        raise BadValue(f"{name} must be at least 1, not {side}.")
+    return side

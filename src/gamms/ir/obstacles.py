@@ -1,0 +1,14 @@
+"""Obstacles as columns: what is drawn, and what sight is checked against."""
+
+from dataclasses import dataclass
+
+from gamms.ir.graph import FloatArray, IntArray
+
+
+@dataclass(slots=True, frozen=True, eq=False)
+class ObstacleColumns:
+    """Quadrangles in space as read-only arrays, in insertion order."""
+
+    ids: IntArray  # (faces,)
+    corners: FloatArray  # (faces, 4, 3)  top right, top left, bottom right, bottom left; x, y, z
+    types: IntArray  # (faces,)

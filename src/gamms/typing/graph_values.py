@@ -1,0 +1,134 @@
+"""The values of the graph room: Node, OSMEdge, ObsFace, and what a query of the surroundings gives."""
+
+from collections import namedtuple
+from collections.abc import Iterator
+from enum import Enum
+from typing import TYPE_CHECKING, Any, NamedTuple, Self
+
+import numpy as np
+
+from gamms.ir import geometry
+
+if TYPE_CHECKING:
+    from shapely import LineString
+
+Corner = tuple[float, float, float]
+
+
+class Engine(Enum):
+    """Where a graph lives besides memory: nowhere, or in a database file."""
+
+    MEMORY = 0
+    SQLITE = 1
+
+
+class Node(NamedTuple):
+    """A node: an immutable value."""
+
+    id: int
+    x: float
+    y: float
+
+
+if TYPE_CHECKING:
+
+    class _EdgeFields(NamedTuple):
+        id: int
+        source: int
+        target: int
+        length: float
+        first: Any
+        last: Any
+
+else:  # a plain namedtuple may be subclassed with a `__new__` of its own
+    _EdgeFields = namedtuple("_EdgeFields", "id source target length first last")  # noqa: PYI024
+
+
+class OSMEdge(_EdgeFields):
+    """A directed edge: an immutable value with `id`, `source`, `target`, `length` and `linestring`.
+
+    A straight edge keeps its end nodes in `first` and `last`; any other keeps its polyline, flat, in `first`, and
+    None in `last`. Use `points` or `linestring`, which hide the difference.
+    """
+
+    # NOTE: a tuple of what is there already, because sensing makes hundreds of them (benchmarks/README.md, w3).
+
+    __match_args__ = ("id", "source", "target", "length", "linestring")
+
+    def __new__(cls, id: int, source: int, target: int, length: float, linestring: Any = None) -> Self:
+        """Take the polyline as a LineString or as a sequence of (x, y) pairs; None for an edge without one."""
+        if linestring is None:
+            return tuple.__new__(cls, (id, source, target, length, (), None))
+        points = geometry.points_of(linestring, f"The linestring of edge {id}")
+        return tuple.__new__(cls, (id, source, target, length, tuple(points.ravel().tolist()), None))
+
+    @property
+    def points(self) -> tuple[float, ...]:
+        """The polyline, flat: `(x0, y0, x1, y1, …)`."""
+        if self.last is None:
+            flat: tuple[float, ...] = self.first
+            return flat
+        return (self.first.x, self.first.y, self.last.x, self.last.y)
+
+    @property
+    def linestring(self) -> "LineString | None":
+        """The polyline as a shapely LineString, made on first access; None for an edge without one."""
+        if not self.points:
+            return None
+        made = self.__dict__.get("linestring")
+        if made is None:
+            made = self.__dict__["linestring"] = geometry.line_string(np.reshape(self.points, (-1, 2)))
+        return made
+
+    def __setattr__(self, name: str, value: Any) -> None:
+        """Refuse: values are shared."""
+        raise AttributeError(f"An edge is a value and cannot be changed; use graph.update_edge to set {name!r}.")
+
+    def __iter__(self) -> Iterator[Any]:
+        """Go through the published fields."""
+        return iter((*self[:4], self.linestring))
+
+    def _asdict(self) -> dict[str, Any]:
+        """The published fields by name."""
+        return dict(zip(self.__match_args__, self, strict=True))
+
+    def __eq__(self, other: object) -> bool:
+        """Compare by value."""
+        return isinstance(other, OSMEdge) and self[:4] == other[:4] and self.points == other.points
+
+    def __ne__(self, other: object) -> bool:
+        """Compare by value."""
+        return not self == other
+
+    def __hash__(self) -> int:
+        return hash(self[:4])
+
+    def __repr__(self) -> str:
+        """Show the fields under their published names."""
+        return (
+            f"OSMEdge(id={self.id!r}, source={self.source!r}, target={self.target!r}, "
+            f"length={self.length!r}, linestring={self.linestring!r})"
+        )
+
+    def __getnewargs__(self) -> tuple[Any, ...]:
+        """Pickle and copy through the constructor."""
+        points = np.reshape(self.points, (-1, 2)) if self.points else None
+        return (self.id, self.source, self.target, self.length, points)
+
+
+class ObsFace(NamedTuple):
+    """An obstacle: a quadrangle in space, an immutable value."""
+
+    id: int
+    tr: Corner
+    tl: Corner
+    br: Corner
+    bl: Corner
+    type: int
+
+
+class Surroundings(NamedTuple):
+    """Nodes in a disc by id, and the edges that have both ends among them; both in insertion order."""
+
+    nodes: dict[int, Node]
+    edges: list[OSMEdge]

@@ -1,0 +1,303 @@
+"""Places on the globe and on the map: degrees and back, the nearest node, and nodes drawn at random."""
+
+import math
+import sys
+
+import numpy as np
+import pytest
+from hypothesis import given, settings
+from hypothesis import strategies as st
+
+from gamms.errors import BadType, BadValue, MissingExtra
+from gamms.graph import Graph
+from gamms.ir import projection
+
+LAWS = settings(max_examples=60, deadline=None, derandomize=True)
+ZONES = {
+    "EPSG:32635": (60.17, 24.94),  # Helsinki
+    "EPSG:32632": (43.73, 7.42),  # Monaco
+    "EPSG:32734": (-33.92, 18.42),  # Cape Town
+    "EPSG:32719": (-33.45, -70.66),  # Santiago
+    "EPSG:32601": (52.0, -179.9),  # beside the date line
+    "EPSG:32660": (-16.5, 179.99),  # and a northern zone used south of the equator
+    "EPSG:3067": (65.0, 26.0),  # Finland
+    "EPSG:3857": (40.7, -74.0),  # the web's Mercator
+    "EPSG:4326": (10.0, 20.0),  # degrees: x is the longitude
+}
+
+
+def cloud(xy, crs=None):
+    graph = Graph()
+    graph.add_nodes(range(100, 100 + len(xy)), *np.asarray(xy, float).reshape(-1, 2).T)
+    graph.crs = crs
+    return graph
+
+
+@pytest.fixture
+def helsinki():
+    return cloud([(385_000, 6_672_000), (386_000, 6_672_000), (386_000, 6_673_000)], "EPSG:32635")
+
+
+# -- degrees ----------------------------------------------------------------------------------------------------
+
+
+@given(crs=st.sampled_from(sorted(ZONES)), north=st.floats(-2.0, 2.0), east=st.floats(-2.0, 2.0))
+@LAWS
+def test_degrees_lead_back_to_a_centimetre(crs, north, east):
+    lat, lon = ZONES[crs][0] + north, ZONES[crs][1] + east
+    graph = cloud([], crs)
+    again = graph.to_latlon(*graph.from_latlon(lat=lat, lon=lon))
+    assert projection.ellipsoid_lengths(np.array([[lon, lat]]), np.array([again[::-1]]))[0] < 0.01
+
+
+@given(crs=st.sampled_from(sorted(set(ZONES) - {"EPSG:4326"})), right=st.floats(-5e4, 5e4), up=st.floats(-5e4, 5e4))
+@LAWS
+def test_map_units_lead_back_to_a_centimetre(crs, right, up):
+    graph = cloud([], crs)
+    x, y = graph.from_latlon(lat=ZONES[crs][0], lon=ZONES[crs][1])
+    lat, lon = graph.to_latlon(x + right, y + up)
+    assert math.dist(graph.from_latlon(lat=lat, lon=lon), (x + right, y + up)) < 0.01
+
+
+def test_degrees_are_those_of_the_map(helsinki):
+    x, y = helsinki.from_latlon(lat=60.17, lon=24.94)
+    assert (x, y) == pytest.approx((385700.42, 6672126.74), abs=0.01)
+    assert (type(x), type(y)) == (float, float)
+
+
+@pytest.mark.parametrize("kind", [list, tuple, np.array])
+def test_arrays_give_arrays(helsinki, kind):
+    x, y = helsinki.from_latlon(lat=kind([60.17, 60.18]), lon=kind([24.94, 24.95]))
+    assert (x.shape, y.shape) == ((2,), (2,))
+    assert (x[0], y[0]) == helsinki.from_latlon(lat=60.17, lon=24.94)
+    lat, lon = helsinki.to_latlon(x, y)
+    assert np.allclose((lat, lon), ([60.17, 60.18], [24.94, 24.95]), atol=1e-9, rtol=0)
+    assert [one.shape for one in helsinki.to_latlon(kind([]), kind([]))] == [(0,), (0,)]
+
+
+def test_without_a_crs_degrees_mean_nothing():
+    graph = cloud([(0, 0)])
+    calls = [
+        lambda: graph.to_latlon(0, 0),
+        lambda: graph.from_latlon(lat=0, lon=0),
+        lambda: graph.nearest_node(lat=0, lon=0),
+    ]
+    for call in calls:
+        with pytest.raises(BadValue, match=r"set graph\.crs"):
+            call()
+
+
+@pytest.mark.parametrize(
+    ("lat", "lon", "hint"),
+    [
+        (24.94, 60.17, "order of the coordinates"),  # swapped
+        (60.0, -100.0, "outside the area"),
+        (0.0, 117.0, "outside the area"),
+        (91.0, 25.0, "lat must lie between -90 and 90"),
+        (60.0, 400.0, "lon must lie between -360 and 360"),
+        (math.nan, 25.0, "lat must be finite"),
+        ([60.0, 61.0], 25.0, "two arrays of one length"),
+        ([[60.0]], [[25.0]], "two arrays of one length"),
+    ],
+)
+def test_degrees_outside_the_projection_are_refused(helsinki, lat, lon, hint):
+    with pytest.raises(BadValue, match=hint):
+        helsinki.from_latlon(lat=lat, lon=lon)
+    with pytest.raises(BadValue, match=hint):
+        helsinki.nearest_node(lat=lat, lon=lon)
+
+
+@pytest.mark.parametrize(("x", "y"), [(1e9, 1e9), (1e300, 0.0), (-3e6, 6e6), (math.inf, 0.0), (0.0, math.nan)])
+def test_map_units_outside_the_projection_are_refused(helsinki, x, y):
+    with pytest.raises(BadValue):
+        helsinki.to_latlon(x, y)
+
+
+@pytest.mark.parametrize("value", ["60", None, True, [1, "a"], [[1], [1, 2]]])
+def test_what_is_no_number_is_refused(helsinki, value):
+    with pytest.raises(BadType):
+        helsinki.to_latlon(value, 0.0)
+
+
+@pytest.mark.parametrize("crs", ["nonsense", "EPSG:0"])
+def test_a_crs_that_is_none_is_named(crs):
+    with pytest.raises(BadValue, match=crs):
+        cloud([], crs).to_latlon(0.0, 0.0)
+
+
+def test_without_pyproj_the_error_prints_the_command(monkeypatch):
+    monkeypatch.setitem(sys.modules, "pyproj", None)
+    with pytest.raises(MissingExtra, match=r"gamms\[osm\]"):
+        cloud([], "EPSG:32699").to_latlon(0.0, 0.0)
+
+
+# -- the nearest node -------------------------------------------------------------------------------------------
+
+NUMBER = st.integers(-9, 9).map(float) | st.floats(-1e3, 1e3) | st.sampled_from([1e15, -1e200, 1e-200])
+POINT = st.tuples(NUMBER, NUMBER)
+
+
+@given(points=st.lists(POINT, min_size=1, max_size=30), place=POINT, gone=st.sets(st.integers(0, 29), max_size=5))
+@settings(max_examples=300, deadline=None, derandomize=True)
+def test_the_nearest_node_equals_brute_force(points, place, gone):
+    graph = cloud(points)
+    graph.nearest_node(0.0, 0.0)  # an index is there before the edits
+    for row in sorted(gone & set(range(1, len(points)))):
+        graph.remove_node(100 + row)
+    graph.update_node({"id": 100, "x": points[0][1]})
+    graph.add_node({"id": 5, "x": points[0][0], "y": points[-1][1]})
+    ids = list(graph.get_nodes())
+    distances = np.hypot(*(graph.positions(ids) - place).T)
+    assert graph.nearest_node(*place) == ids[int(np.argmin(distances))]
+
+
+def test_many_places_are_answered_at_once():
+    rng = np.random.default_rng(3)
+    xy, places = rng.uniform(0, 100, (500, 2)), rng.uniform(-50, 150, (200, 2))
+    graph = cloud(xy)
+    found = graph.nearest_node(places[:, 0], places[:, 1])
+    known = np.argmin(np.hypot(*(xy[None] - places[:, None]).transpose(2, 0, 1)), axis=1)
+    assert found.dtype == np.int64
+    assert found.tolist() == (known + 100).tolist()
+    assert graph.nearest_node(x=[], y=[]).shape == (0,)
+
+
+def test_of_equally_near_nodes_the_first_one_counts():
+    graph = cloud([(1, 0), (-1, 0), (1, 0), (0, 1)])
+    assert graph.nearest_node(0, 0) == 100
+    graph.remove_node(100)
+    assert graph.nearest_node(0, 0) == 101
+
+
+def test_a_search_looks_at_the_neighbourhood_only():
+    rng = np.random.default_rng(0)
+    looked = []
+    for count in (1_000, 100_000):
+        graph = cloud(rng.uniform(0, count**0.5, (count, 2)))
+        graph.nearest_node(0, 0)
+        places, seen = graph._indexes._by_place(), []
+        within = places.within
+        places.within = lambda x, y, d, within=within, seen=seen: seen.append(len(found := within(x, y, d))) or found
+        graph.nearest_node(*rng.uniform(5, 25, (2, 100)))
+        looked.append(sum(seen))
+    assert looked[1] < 2 * looked[0]
+
+
+def test_the_nearest_node_may_be_asked_for_in_degrees(helsinki):
+    lat, lon = helsinki.to_latlon([385_100, 385_900], [6_672_000, 6_673_100])
+    assert helsinki.nearest_node(lat=lat, lon=lon).tolist() == [100, 102]
+    nearest = helsinki.nearest_node(lat=lat[0], lon=lon[0])
+    assert (nearest, type(nearest)) == (100, int)
+
+
+@pytest.mark.parametrize("given", [{}, {"x": 1}, {"lat": 1}, {"x": 1, "y": 1, "lat": 1}, {"x": 1, "lon": 1}])
+def test_a_place_is_one_complete_pair(helsinki, given):
+    with pytest.raises(BadType, match="nearest_node"):
+        helsinki.nearest_node(**given)
+
+
+def test_in_an_empty_graph_nothing_is_nearest():
+    with pytest.raises(BadValue, match="no nodes"):
+        Graph().nearest_node(0, 0)
+
+
+# -- drawing nodes ----------------------------------------------------------------------------------------------
+
+
+@given(
+    n=st.integers(0, 12),
+    radius=st.none() | st.floats(0, 9) | st.just(math.inf),
+    apart=st.floats(0, 4) | st.just(1.0),
+    seed=st.integers(0, 9),
+)
+@LAWS
+def test_placed_nodes_keep_what_was_asked_for(n, radius, apart, seed):
+    graph = cloud([(i % 7, i // 7) for i in range(49)])
+    graph.remove_node(124)
+    near = None if radius is None else (2.5, 3)
+    try:
+        ids = graph.place(n, near=near, radius=radius, apart=apart, rng=seed)
+    except BadValue:
+        return  # too many; the next tests say when
+    assert len(set(ids)) == n
+    assert ids == graph.place(n, near=near, radius=radius, apart=apart, rng=seed)
+    places = [tuple(graph.get_node(id))[1:] for id in ids]
+    assert all(math.dist(one, near) <= radius for one in places if near)
+    assert all(math.dist(one, other) >= apart for one in places for other in places if one is not other)
+
+
+def test_every_node_may_be_placed_and_the_rims_count():
+    graph = cloud([(i, 0) for i in range(10)])
+    assert sorted(graph.place(10, rng=1)) == list(range(100, 110))
+    assert sorted(graph.place(10, apart=1.0, rng=1)) == list(range(100, 110))
+    assert sorted(graph.place(3, near=104, radius=1.0, rng=1)) == [103, 104, 105]
+    assert graph.place(1, near=(0, 0), radius=0, apart=math.inf, rng=1) == [100]
+    assert graph.place(0, rng=1) == []
+    seen = {id for seed in range(60) for id in graph.place(2, rng=seed)}
+    assert seen == set(range(100, 110))
+
+
+@pytest.mark.parametrize(
+    ("demand", "hint"),
+    [
+        ({"n": 11}, "Only 10 of 11 nodes could be placed; ask for fewer"),
+        ({"n": 3, "apart": 9}, "Only 2 of 3 nodes could be placed at least 9 apart; ask for fewer or a smaller apart"),
+        ({"n": 4, "near": 100, "radius": 2}, "Only 3 of 4 .* within 2 of .0, 0.; ask for fewer or a larger radius"),
+        ({"n": 1, "near": (0, 50), "radius": 2}, "Only 0 of 1"),
+        ({"n": -1}, "n must not be negative"),
+        ({"n": 1, "apart": -1}, "apart must not be negative"),
+        ({"n": 1, "near": 100, "radius": -1}, "radius must not be negative"),
+        ({"n": 1, "near": 100, "radius": math.nan}, "radius must be finite"),
+        ({"n": 1, "near": 100}, "near= without radius="),
+        ({"n": 1, "radius": 5}, "radius= without near="),
+    ],
+)
+def test_an_impossible_demand_says_what_is_possible(demand, hint):
+    graph = cloud([(i, 0) for i in range(10)])
+    with pytest.raises(BadValue, match=hint):
+        graph.place(**demand, rng=4)
+
+
+@pytest.mark.parametrize(
+    "demand",
+    [{"n": 1.5}, {"n": "2"}, {"near": "a", "radius": 1}, {"near": (1,), "radius": 1}, {"rng": "x"}, {"rng": 0.5}],
+)
+def test_an_argument_of_the_wrong_type_is_refused(demand):
+    graph = cloud([(i, 0) for i in range(10)])
+    with pytest.raises(TypeError):
+        graph.place(**{"n": 1, "rng": 1, **demand})
+
+
+def test_an_unknown_node_to_be_near_to_is_named():
+    with pytest.raises(KeyError, match="7"):
+        cloud([(0, 0)]).place(1, near=7, radius=1, rng=1)
+
+
+def test_chance_must_come_from_somewhere():
+    with pytest.raises(BadType, match="rng="):
+        cloud([(0, 0)]).place(1)
+
+
+def test_a_generator_is_used_on():
+    graph, rng = cloud([(i, 0) for i in range(50)]), np.random.default_rng(1)
+    assert graph.place(20, rng=rng) != graph.place(20, rng=rng)
+
+
+def test_a_seeded_context_places_the_same_nodes_again(open_ctx):
+    drawn = []
+    for seed in (1, 1, 2):
+        with open_ctx(seed=seed) as ctx:
+            ctx.graph.add_nodes(range(99), range(99), [0] * 99)
+            drawn.append([ctx.graph.place(9), ctx.graph.place(9)])
+    assert drawn[0] == drawn[1]
+    assert drawn[0] != drawn[2]
+    assert drawn[0][0] != drawn[0][1]
+
+
+def test_the_room_forwards(ctx):
+    ctx.graph.add_nodes([1, 2], [385_000, 386_000], [6_672_000, 6_672_000])
+    ctx.graph.graph.crs = "EPSG:32635"
+    lat, lon = ctx.graph.to_latlon(386_000, 6_672_000)
+    assert ctx.graph.from_latlon(lat=lat, lon=lon) == pytest.approx((386_000, 6_672_000), abs=0.01)
+    assert ctx.graph.nearest_node(lat=lat, lon=lon) == ctx.graph.nearest_node(385_999, 0) == 2
+    assert ctx.graph.place(1, near=2, radius=1, rng=ctx.rng) == [2]

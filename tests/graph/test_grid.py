@@ -1,0 +1,59 @@
+"""Grids: nodes row by row, neighbours joined both ways, ready to be attached."""
+
+import networkx as nx
+import pytest
+
+import gamms
+from gamms.errors import BadType, BadValue
+
+
+def test_a_grid_has_its_nodes_row_by_row(ctx):
+    G = gamms.graph.grid(2, 3, spacing=5)
+    assert [(id, data["x"], data["y"]) for id, data in G.nodes(data=True)] == [
+        (0, 0.0, 0.0),
+        (1, 5.0, 0.0),
+        (2, 10.0, 0.0),
+        (3, 0.0, 5.0),
+        (4, 5.0, 5.0),
+        (5, 10.0, 5.0),
+    ]
+    assert list(G.edges(4, data="length")) == [(4, 1, 5.0), (4, 3, 5.0), (4, 5, 5.0)]
+
+    graph = ctx.graph.attach_networkx_graph(G)
+    assert graph.shortest_path(0, 5) == [0, 1, 2, 5]
+    assert graph.distance(0, 5) == 15.0
+    edge = graph.get_edge(0)
+    assert (edge.source, edge.target, edge.points) == (0, 1, (0.0, 0.0, 5.0, 0.0))
+
+
+@pytest.mark.parametrize(("n", "m"), [(1, 1), (1, 7), (6, 1), (4, 5)])
+def test_a_grid_is_that_of_networkx(n, m):
+    reference = nx.convert_node_labels_to_integers(nx.grid_2d_graph(n, m)).to_directed()
+    G = gamms.graph.grid(n, m)
+    assert list(G) == list(reference)
+    assert set(G.edges) == set(reference.edges)
+    assert {data["length"] for _, _, data in G.edges(data=True)} <= {10.0}
+
+
+def test_the_edges_of_a_grid_have_attributes_of_their_own():
+    G = gamms.graph.grid(2, 2)
+    G.edges[0, 1]["length"] = 99.0
+    assert G.edges[1, 0]["length"] == 10.0
+
+
+@pytest.mark.parametrize(
+    ("arguments", "kind", "hint"),
+    [
+        ((0, 3), BadValue, "n must be at least 1, not 0"),
+        ((3, -1), BadValue, "m must be at least 1, not -1"),
+        ((2.0, 3), BadType, "n must be an integer"),
+        ((2, True), BadType, "m must be an integer"),
+        ((2, 2, 0), BadValue, "spacing must be positive, not 0"),
+        ((2, 2, float("inf")), BadValue, "spacing must be finite"),
+        ((2, 2, "a"), BadType, "spacing must be a number"),
+        ((10**6, 10**6), BadValue, "too large"),
+    ],
+)
+def test_an_impossible_grid_is_refused(arguments, kind, hint):
+    with pytest.raises(kind, match=hint):
+        gamms.graph.grid(*arguments)

@@ -1,0 +1,333 @@
+"""Ways through a graph: the shortest ones, by networkx's measure, however often and after whatever edits."""
+
+import math
+
+import networkx as nx
+import numpy as np
+import pytest
+from hypothesis import given, settings
+from hypothesis import strategies as st
+
+from gamms.errors import BadType, BadValue, ContextTerminated, NoPath, NotOffered, UnknownName
+from gamms.graph import Graph, cache, routes
+from gamms.graph.cache import Cache
+from gamms.typing import IGraph
+
+LAWS = settings(max_examples=100, deadline=None, derandomize=True)
+IDS = (4, -2, 9, 0, 31, 7)
+EDGES = st.lists(
+    st.tuples(st.sampled_from(IDS), st.sampled_from(IDS), st.integers(0, 9), st.none() | st.integers(0, 5)), max_size=20
+)
+WEIGHTS = ("length", "toll", None)
+
+
+class Slow(Graph):
+    """A graph of somebody else's, with the defaults of the contract."""
+
+    weights = IGraph.weights
+    shortest_path = IGraph.shortest_path
+    distance = IGraph.distance
+    distances = IGraph.distances
+    distance_matrix = IGraph.distance_matrix
+    to_latlon = IGraph.to_latlon
+    from_latlon = IGraph.from_latlon
+    nearest_node = IGraph.nearest_node
+    place = IGraph.place
+
+
+def build(edges, kind=Graph):
+    graph, reference = kind(), nx.MultiDiGraph()
+    graph.add_nodes(IDS, [0.0] * len(IDS), [0.0] * len(IDS))
+    reference.add_nodes_from(IDS)
+    for id, (source, target, length, toll) in enumerate(edges):
+        given = {} if toll is None else {"toll": toll}
+        graph.add_edge({"id": id, "source": source, "target": target, "length": length, **given})
+        reference.add_edge(source, target, length=length, **given)
+    return graph, reference
+
+
+@pytest.fixture
+def square():
+    """1 - 2 - 4 and 1 - 3 - 4 are equally long; 4 - 5 is one-way; 6 is alone."""
+    graph = Graph()
+    graph.add_nodes([1, 3, 2, 4, 5, 6], [0, 1, 0, 1, 2, 9], [0, 0, 1, 1, 1, 9])
+    both = [(1, 2), (1, 3), (2, 4), (3, 4)]
+    ends = [*both, *((v, u) for u, v in both), (4, 5)]
+    graph.add_edges(range(9), *zip(*ends, strict=True))
+    return graph
+
+
+# -- laws -------------------------------------------------------------------------------------------------------
+
+
+@given(edges=EDGES, weight=st.sampled_from(WEIGHTS))
+@LAWS
+def test_distances_equal_those_of_networkx(edges, weight):
+    graph, reference = build(edges)
+    for node in IDS:
+        known = nx.single_source_dijkstra_path_length(reference, node, weight=weight or (lambda *_: 1))
+        assert graph.distances(source=node, weight=weight) == known
+        assert list(graph.distances(source=node, weight=weight)) == [id for id in IDS if id in known]
+        known = nx.single_source_dijkstra_path_length(reference.reverse(), node, weight=weight or (lambda *_: 1))
+        assert graph.distances(target=node, weight=weight) == known
+        assert [graph.distance(id, node, weight) for id in IDS] == [known.get(id, math.inf) for id in IDS]
+
+
+@given(edges=EDGES, weight=st.sampled_from(WEIGHTS))
+@LAWS
+def test_a_path_is_shortest_and_the_first_of_the_equally_short_ones(edges, weight):
+    graph, reference = build(edges)
+    for source in IDS:
+        for target in IDS:
+            way = weight or (lambda *_: 1)
+            if not nx.has_path(reference, source, target):
+                with pytest.raises(NoPath, match=f"from node {source} to node {target}"):
+                    graph.shortest_path(source, target, weight)
+                continue
+            known = (
+                list(nx.all_shortest_paths(reference, source, target, weight=way)) if source != target else [[source]]
+            )
+            assert graph.shortest_path(source, target, weight) == min(known, key=lambda path: (len(path), path))
+
+
+@given(edges=EDGES, weight=st.sampled_from(["length", None]), cutoff=st.sampled_from([None, 0, 4.0]))
+@LAWS
+def test_the_defaults_of_the_contract_answer_alike(edges, weight, cutoff):
+    (graph, _), (slow, _) = build(edges), build(edges, Slow)
+    assert graph.weights(weight).tolist() == slow.weights(weight).tolist()
+    matrices = [one.distance_matrix(IDS[:4], IDS[2:], weight).tobytes() for one in (graph, slow)]
+    assert matrices[0] == matrices[1]
+    some = list(IDS[:2])
+    for ends in ({"source": IDS[0]}, {"target": IDS[1]}, {"source": some}, {"target": some}):
+        assert graph.distances(**ends, weight=weight, cutoff=cutoff) == slow.distances(
+            **ends, weight=weight, cutoff=cutoff
+        )
+    for target in IDS:
+        assert graph.distance(IDS[0], target, weight) == slow.distance(IDS[0], target, weight)
+        try:
+            path = graph.shortest_path(IDS[0], target, weight)
+        except NoPath:
+            with pytest.raises(NoPath):
+                slow.shortest_path(IDS[0], target, weight)
+        else:
+            assert slow.shortest_path(IDS[0], target, weight) == path
+
+
+@given(edges=EDGES)
+@LAWS
+def test_a_matrix_holds_every_distance(edges):
+    graph, _ = build(edges)
+    sources, targets = [4, 9, 4], np.array([0, 7, -2, 31])
+    for rows, columns in ((sources, targets), (targets, sources)):
+        matrix = graph.distance_matrix(rows, columns)
+        assert matrix.shape == (len(rows), len(columns))
+        assert matrix.tolist() == [[graph.distance(int(u), int(v)) for v in columns] for u in rows]
+
+
+@given(edges=EDGES, edits=st.lists(st.integers(0, 19), min_size=1, max_size=4))
+@LAWS
+def test_an_edit_is_never_answered_from_memory(edges, edits):
+    graph, _ = build(edges)
+    left = dict(enumerate(edges))
+    for edit in edits:
+        for node in IDS:
+            graph.distances(target=node)
+        if edit in left:
+            graph.remove_edge(edit)
+            del left[edit]
+        for id, edge in left.items():
+            graph.update_edge({"id": id, "length": edge[2] + edit})
+            left[id] = (*edge[:2], edge[2] + edit, edge[3])
+        fresh, _ = build(left.values())
+        assert [graph.distances(target=node) for node in IDS] == [fresh.distances(target=node) for node in IDS]
+
+
+# -- examples ---------------------------------------------------------------------------------------------------
+
+
+def test_of_equally_long_ways_the_least_ids_count(square):
+    assert square.shortest_path(1, 5) == [1, 2, 4, 5]
+    assert square.shortest_path(4, 1) == [4, 2, 1]
+    assert square.shortest_path(6, 6) == [6]
+
+
+def test_of_equally_long_ways_the_one_with_fewest_edges_counts():
+    graph = Graph()
+    graph.add_nodes([1, 2, 3, 9], [0, 1, 2, 3], [0] * 4)
+    graph.add_edges(range(5), [1, 2, 2, 3, 1], [2, 1, 3, 9, 9], [0, 0, 0, 4, 4])
+    assert graph.shortest_path(1, 9) == [1, 9]
+    assert graph.shortest_path(2, 9) == [2, 1, 9]
+
+
+def test_answers_are_plain_and_fresh(square):
+    path = square.shortest_path(np.int64(1), 5)
+    assert {type(id) for id in path} == {int}
+    path.clear()
+    square.distances(source=1).clear()
+    square.distance_matrix([1], [5])[:] = 7
+    assert square.shortest_path(1, 5) == [1, 2, 4, 5]
+    assert square.distances(source=1) == {1: 0, 3: 1, 2: 1, 4: 2, 5: 3}
+    assert type(square.distance(1, 5)) is float
+
+
+def test_several_sources_or_targets_are_answered_by_the_nearest(square):
+    assert square.distances(source=[2, 5]) == {1: 1, 3: 2, 2: 0, 4: 1, 5: 0}
+    assert square.distances(target=np.array([3, 5])) == {1: 1, 3: 0, 2: 2, 4: 1, 5: 0}
+    assert square.distances(target={3}) == square.distances(target=3)
+    assert square.distances(source=[]) == {}
+    assert square.distance_matrix([], [1]).shape == (0, 1)
+
+
+def test_a_cutoff_leaves_out_what_is_farther(square):
+    assert square.distances(source=1, cutoff=1) == {1: 0, 3: 1, 2: 1}
+    assert square.distances(source=1, cutoff=np.inf) == square.distances(source=1)
+    with pytest.raises(BadValue, match="cutoff"):
+        square.distances(source=1, cutoff=-1)
+
+
+def test_an_edge_without_the_attribute_counts_one_and_an_infinite_one_is_closed(square):
+    square.update_edge({"id": 0, "travel_time": 0.5})
+    square.update_edge({"id": 8, "travel_time": math.inf})
+    assert square.weights("travel_time").tolist() == [0.5, *[1.0] * 7, math.inf]
+    assert square.distance(1, 4, "travel_time") == 1.5
+    assert square.distance(1, 5, "travel_time") == math.inf
+    with pytest.raises(NoPath):
+        square.shortest_path(1, 5, "travel_time")
+
+
+@pytest.mark.parametrize("value", [-1, -1e-9, math.nan, "30", None, True, [1]])
+def test_a_weight_that_is_none_names_its_edge(square, value):
+    square.update_edge({"id": 3, "toll": value})
+    kind = BadType if isinstance(value, str | bool | list | None) else BadValue
+    with pytest.raises(kind, match="'toll' of edge 3"):
+        square.shortest_path(1, 5, "toll")
+    assert square.shortest_path(1, 5) == [1, 2, 4, 5]
+
+
+@pytest.mark.parametrize("weight", [lambda u, v, data: 1, 3, ("a",)])
+def test_a_weight_is_a_name(square, weight):
+    with pytest.raises(BadType, match="name of an edge attribute"):
+        square.distance(1, 5, weight)
+
+
+@pytest.mark.parametrize("kind", [Graph, Slow])
+def test_unknown_nodes_are_named(kind):
+    graph, _ = build([(4, 9, 1, None)], kind)
+    for call in (
+        lambda: graph.shortest_path(4, 99),
+        lambda: graph.shortest_path(99, 4),
+        lambda: graph.shortest_path(99, 99),
+        lambda: graph.distance(4, 99),
+        lambda: graph.distances(source=99),
+        lambda: graph.distances(target=[4, 99]),
+        lambda: graph.distance_matrix([4], [99]),
+    ):
+        with pytest.raises(UnknownName, match="99"):
+            call()
+    for bad in ("4", 4.0, True):
+        with pytest.raises(TypeError):
+            graph.shortest_path(4, bad)
+        with pytest.raises(TypeError):
+            graph.distances(source=bad)
+    for ends in ({}, {"source": 4, "target": 9}):
+        with pytest.raises(BadValue, match="source= or target="):
+            graph.distances(**ends)
+
+
+def test_a_default_that_knows_no_attributes_or_places_says_so():
+    graph, _ = build([(4, 9, 1, None)], Slow)
+    with pytest.raises(BadValue, match="override `weights`"):
+        graph.shortest_path(4, 9, "toll")
+    for call in (
+        lambda: graph.nearest_node(0, 0),
+        lambda: graph.place(1),
+        lambda: graph.to_latlon(0, 0),
+        lambda: graph.from_latlon(lat=0, lon=0),
+    ):
+        with pytest.raises(NotOffered, match="Slow does not offer"):
+            call()
+
+
+def test_no_path_is_ours_and_a_value_error(square):
+    with pytest.raises(ValueError, match="from node 5 to node 1"):
+        square.shortest_path(5, 1)
+
+
+def test_the_room_forwards(any_ctx, fill):
+    graph = fill(any_ctx)
+    room = any_ctx.graph
+    assert room.shortest_path(1, -7) == graph.shortest_path(1, -7) == [1, 2, -7]
+    assert room.distance(1, -7) == 10.0
+    assert room.distances(source=1, weight=None, cutoff=1) == {1: 0.0, 2: 1.0}
+    assert room.distance_matrix([1, 40], -7).tolist() == [[10.0], [math.inf]]
+    assert room.weights("lanes").tolist() == [2.0, 1.0, 1.0, 1.0]
+
+
+def test_after_the_end_there_are_no_ways(open_ctx, fill):
+    ctx = open_ctx()
+    graph = fill(ctx)
+    graph.shortest_path(1, 2)
+    ctx.terminate()
+    with pytest.raises(ContextTerminated):
+        graph.shortest_path(1, 2)
+
+
+def test_paths_are_the_same_after_nodes_were_removed(square):
+    before = square.shortest_path(1, 5)
+    square.remove_node(6)
+    square.remove_node(3)
+    assert square.shortest_path(1, 5) == before
+    square.remove_node(2)
+    with pytest.raises(NoPath):
+        square.shortest_path(1, 5)
+
+
+# -- what is remembered -----------------------------------------------------------------------------------------
+
+
+def test_a_known_target_is_not_worked_out_again(square, monkeypatch):
+    square.shortest_path(1, 5)
+    monkeypatch.setattr(routes.kernels, "shortest_distances", None)
+    assert square.shortest_path(3, 5) == [3, 4, 5]
+    assert square.distance(2, 5) == 2.0
+    square.update_node({"id": 6, "x": 3.0})
+    with pytest.raises(TypeError):
+        square.distance(2, 5)
+
+
+def table(size):
+    return (np.zeros(size, np.uint8),)
+
+
+def test_memory_is_bounded_and_the_oldest_goes_first():
+    kept, made = Cache(100), []
+
+    def ask(key, revision=1, size=40):
+        def make():
+            made.append(key)
+            return table(size)
+
+        return kept.get(revision, key, make)
+
+    for key in ("a", "b", "a", "c", "a", "b"):
+        ask(key)
+        assert kept.bytes <= 100
+    assert made == ["a", "b", "c", "b"]
+    ask("too large", size=101)
+    ask("too large", size=101)
+    ask("a", revision=2)
+    assert made[4:] == ["too large", "too large", "a"]
+    assert kept.bytes == 40
+    assert cache._bytes(table(7)) == 7
+
+
+def test_many_targets_stay_within_the_bound(monkeypatch):
+    monkeypatch.setattr(routes, "_MOST_BYTES", 4096)
+    graph = Graph()
+    graph.add_nodes(range(50), range(50), [0] * 50)
+    graph.add_edges(range(98), [*range(49), *range(1, 50)], [*range(1, 50), *range(49)])
+    for _ in range(2):
+        for target in range(50):
+            assert graph.distance(0, target) == target
+            assert len(graph.shortest_path(49, target)) == 50 - target
+            assert graph._routes._cache.bytes <= 4096

@@ -1,0 +1,139 @@
+"""Distances equal those of networkx; SciPy's equal those of the heap bit for bit; steps keep the rule for ties."""
+
+import math
+
+import networkx as nx
+import numpy as np
+import pytest
+from hypothesis import given, settings
+from hypothesis import strategies as st
+
+from gamms import kernels
+from gamms.kernels import paths
+from gamms.kernels import scipy as twin
+
+LAWS = settings(max_examples=200, deadline=None, derandomize=True)
+NODES = 8
+ROW = st.integers(0, NODES - 1)
+CUTOFFS = st.sampled_from([math.inf, 0.0, 0.3, 4.0])
+WEIGHTS = st.one_of(
+    st.integers(0, 4).map(float),
+    st.sampled_from([0.1, 0.2, 0.3, 1 / 3, 1e-300, 1e16, 1e308, math.inf]),
+    st.floats(0.0, 10.0),
+)
+
+
+def edges_of(weights):
+    return st.lists(st.tuples(ROW, ROW, weights), max_size=30)
+
+
+def arcs_of(edges, *, nodes=NODES):
+    starts, ends = (np.array([edge[i] for edge in edges], np.int64) for i in (0, 1))
+    return kernels.make_arcs(starts, ends, np.array([edge[2] for edge in edges], np.float64), nodes)
+
+
+@given(edges=edges_of(st.integers(0, 9).map(float)), rows=st.lists(ROW, min_size=1, max_size=3), cutoff=CUTOFFS)
+@LAWS
+def test_distances_equal_those_of_networkx(edges, rows, cutoff):
+    reference = nx.MultiDiGraph()
+    reference.add_nodes_from(range(NODES))
+    reference.add_weighted_edges_from(edges)
+    known = nx.multi_source_dijkstra_path_length(reference, set(rows), cutoff=cutoff)
+    found = paths.shortest_distances(arcs_of(edges), np.array(rows), cutoff)
+    assert found.tolist() == [known.get(node, math.inf) for node in range(NODES)]
+
+
+@given(edges=edges_of(WEIGHTS), rows=st.lists(ROW, min_size=1, max_size=3), cutoff=CUTOFFS)
+@LAWS
+def test_scipy_finds_the_same_bits(edges, rows, cutoff):
+    arcs, rows = arcs_of(edges), np.array(rows)
+    heap = paths.shortest_distances(arcs, rows, cutoff)
+    assert twin.scipy_distances(arcs, rows, cutoff).tobytes() == heap.tobytes()
+
+
+@pytest.mark.parametrize("seed", range(3))
+def test_scipy_finds_the_same_bits_on_large_graphs(seed):
+    rng = np.random.default_rng(seed)
+    weights = rng.choice([0.0, 0.1, 0.2, 0.7, 1.1], 4000) * rng.choice([1.0, 1e-9, 1e9], 4000)
+    arcs = kernels.make_arcs(*rng.integers(0, 1000, (2, 4000)), weights, 1000)
+    rows = rng.integers(0, 1000, 2)
+    heap = paths.shortest_distances(arcs, rows)
+    assert twin.scipy_distances(arcs, rows).tobytes() == heap.tobytes()
+    assert kernels.shortest_distances(arcs, rows).tobytes() == heap.tobytes()
+
+
+def test_scipy_keeps_edges_of_weight_zero():
+    arcs = arcs_of([(0, 1, 0.0), (1, 2, 0.0), (2, 3, -0.0)], nodes=4)
+    assert twin.scipy_distances(arcs, np.array([0])).tolist() == [0.0] * 4
+
+
+def test_without_scipy_the_heap_is_used(monkeypatch):
+    rng = np.random.default_rng(5)
+    arcs = kernels.make_arcs(*rng.integers(0, 500, (2, 2000)), rng.random(2000), 500)
+    known = kernels.shortest_distances(arcs, np.array([3]))
+    monkeypatch.setattr(twin, "is_installed", lambda: False)
+    monkeypatch.setattr(twin, "scipy_distances", None)
+    assert kernels.shortest_distances(arcs, np.array([3])).tobytes() == known.tobytes()
+
+
+def test_nothing_is_reached_from_nowhere():
+    arcs = arcs_of([(0, 1, 1.0)], nodes=3)
+    assert kernels.shortest_distances(arcs, np.zeros(0, np.int64)).tolist() == [math.inf] * 3
+    empty = kernels.make_arcs(*np.zeros((2, 0), np.int64), np.zeros(0), 0)
+    assert kernels.shortest_distances(empty, np.zeros(0, np.int64)).tolist() == []
+
+
+def test_of_parallel_edges_the_cheapest_stays_and_a_closed_one_goes():
+    arcs = arcs_of([(0, 1, 5.0), (0, 1, 2.0), (1, 2, math.inf), (0, 0, 0.0)], nodes=3)
+    assert [column.tolist() for column in arcs] == [[0, 2, 2, 2], [0, 1], [0.0, 2.0]]
+
+
+def best_path(edges, source, target, ids):
+    """By trying every simple path: the rest from every node on it is shortest; then fewest edges, then least ids."""
+    cheapest = {}
+    for u, v, weight in edges:
+        cheapest[u, v] = min(weight, cheapest.get((u, v), math.inf))
+
+    def ways(path):
+        """Every simple path that ends like this one."""
+        yield path
+        for (u, v), weight in cheapest.items():
+            if v == path[0] and u not in path and weight < math.inf:
+                yield from ways([u, *path])
+
+    def length(path):
+        total = 0.0
+        for u, v in zip(path[-2::-1], path[:0:-1], strict=True):
+            total += cheapest[u, v]
+        return total
+
+    known = [(path, length(path)) for path in ways([target])]
+    least = {node: min(far for path, far in known if path[0] == node) for node in {path[0] for path, _ in known}}
+    best = {tuple(path) for path, far in known if far == least[path[0]]}
+    whole = [path for path, _ in known if path[0] == source and all(tuple(path[i:]) in best for i in range(len(path)))]
+    return min(whole, key=lambda path: (len(path), [ids[row] for row in path]), default=None)
+
+
+@given(
+    edges=st.lists(st.tuples(st.integers(0, 5), st.integers(0, 5), WEIGHTS.filter(lambda w: w < 1e300)), max_size=16),
+    ids=st.permutations([-5, 0, 7, 11, 2**40, 2**62]),
+    target=st.integers(0, 5),
+)
+@LAWS
+def test_steps_lead_along_the_best_path(edges, ids, target):
+    arcs, goal = arcs_of([(v, u, weight) for u, v, weight in edges], nodes=6), np.array([target])
+    tight = kernels.tight_arcs(arcs, kernels.shortest_distances(arcs, goal))
+    steps = kernels.first_steps(tight, kernels.shortest_distances(tight, goal), np.array(ids)).tolist()
+    for source in range(6):
+        path = [source]
+        while steps[path[-1]] >= 0:
+            path.append(steps[path[-1]])
+        assert (path if path[-1] == target else None) == best_path(edges, source, target, ids)
+
+
+def test_rounding_makes_no_detour_out_of_a_rest_that_could_be_shorter():
+    """From 0 both ways are 1e16 long once rounded; from 1 the one with more edges is shorter."""
+    arcs = arcs_of([(1, 0, 1e16), (3, 1, 0.2), (2, 1, 0.05), (3, 2, 0.05)], nodes=4)
+    tight = kernels.tight_arcs(arcs, kernels.shortest_distances(arcs, np.array([3])))
+    steps = kernels.first_steps(tight, kernels.shortest_distances(tight, np.array([3])), np.arange(4))
+    assert steps.tolist() == [1, 2, 3, -1]
