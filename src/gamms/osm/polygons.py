@@ -1,0 +1,132 @@
+"""The one door to shapely's polygons: assemble, repair and simplify footprints in bulk, and stand walls on them."""
+
+from collections.abc import Callable, Sequence
+from dataclasses import dataclass
+from typing import Any
+
+import numpy as np
+
+from gamms.ir.graph import FloatArray, IntArray
+from gamms.osm.heights import Wall
+
+_POLYGON = 3  # shapely's number of the type
+
+BoolArray = np.ndarray[Any, np.dtype[np.bool_]]
+Shapes = np.ndarray[Any, np.dtype[np.object_]]
+
+
+@dataclass(slots=True, frozen=True, eq=False)
+class Outlines:
+    """Lines that enclose footprints: line `i` visits the positions `offsets[i]:offsets[i + 1]`, two at least."""
+
+    offsets: IntArray  # (lines + 1,)
+    lonlat: FloatArray  # (positions, 2)  degrees
+    owners: IntArray  # (lines,)  rows of `walls`, ascending
+    walls: Sequence[Wall]  # (footprints,)
+
+
+@dataclass(slots=True, frozen=True, eq=False)
+class Faces:
+    """Walls as quadrangles."""
+
+    corners: FloatArray  # (faces, 4, 3)  top right, top left, bottom right, bottom left
+    types: IntArray  # (faces,)
+
+
+def footprints_of(outlines: Outlines) -> Shapes:
+    """One polygonal shape per footprint, in degrees; empty where its lines enclose nothing.
+
+    What lies inside another ring is a courtyard, and what lies in a courtyard is built upon, whatever the order and
+    the direction of the lines. A line that crosses itself encloses what is left and right of the crossing.
+    """
+    import shapely
+
+    shapes: Shapes = np.full(len(outlines.walls), shapely.Polygon(), object)
+    is_alone = np.bincount(outlines.owners, minlength=len(shapes))[outlines.owners] == 1
+    is_ring = is_alone & _is_ring(outlines)
+    # A closed way keeps its points and their order; everything else is assembled.
+    points, row = _chosen(outlines, is_ring)
+    shapes[outlines.owners[is_ring]] = shapely.polygons(shapely.linearrings(points, indices=row))
+    points, row = _chosen(outlines, ~is_ring)
+    lines = shapely.linestrings(points, indices=row)
+    owners, bundle = np.unique(outlines.owners[~is_ring], return_inverse=True)
+    shapes[owners] = _enclosed(shapely.multilinestrings(lines, indices=bundle))
+    return shapes
+
+
+def _is_ring(outlines: Outlines) -> BoolArray:
+    first, last = outlines.lonlat[outlines.offsets[:-1]], outlines.lonlat[outlines.offsets[1:] - 1]
+    return np.asarray((first == last).all(axis=1) & (np.diff(outlines.offsets) > 3))
+
+
+def _chosen(outlines: Outlines, is_chosen: BoolArray) -> tuple[FloatArray, IntArray]:
+    """The points (points, 2) of some lines, and to which of them each belongs."""
+    sizes = np.diff(outlines.offsets)
+    points = outlines.lonlat[np.repeat(is_chosen, sizes)]
+    return points, np.repeat(np.arange(int(is_chosen.sum())), sizes[is_chosen])
+
+
+def shapes_of(shapes: Sequence[Any]) -> Shapes:
+    """Shapes of a caller as an array; what is no polygon or multipolygon becomes an empty one."""
+    import shapely
+
+    kinds = (shapely.Polygon, shapely.MultiPolygon)
+    made: Shapes = np.empty(len(shapes), object)
+    made[:] = [shape if isinstance(shape, kinds) else shapely.Polygon() for shape in shapes]
+    return made
+
+
+def coordinates_of(shapes: Shapes) -> FloatArray:
+    """All points (points, 2) of some shapes."""
+    import shapely
+
+    points: FloatArray = shapely.get_coordinates(shapes)
+    return points
+
+
+def faces_of(
+    shapes: Shapes,
+    walls: Sequence[Wall],
+    to_metres: Callable[[FloatArray], FloatArray],
+    min_tolerance: float,
+    relative_tolerance: float,
+) -> Faces:
+    """Walls along the edges of polygons, around courtyards too; `to_metres` projects points (points, 2)."""
+    import shapely
+
+    polygons, owner = shapely.get_parts(_repaired(shapely.transform(shapes, to_metres)), return_index=True)
+    is_area = shapely.get_type_id(polygons) == _POLYGON
+    polygons, owner = polygons[is_area], owner[is_area]
+    perimeters = shapely.length(shapely.get_exterior_ring(polygons))
+    tolerances = np.maximum(min_tolerance, relative_tolerance * perimeters)
+    rings, polygon = shapely.get_rings(shapely.simplify(polygons, tolerances), return_index=True)
+    points, ring = shapely.get_coordinates(rings, return_index=True)
+    start = np.flatnonzero((ring[:-1] == ring[1:]) & (points[:-1] != points[1:]).any(axis=1))
+    return _standing(points[start], points[start + 1], owner[polygon[ring[start]]], walls)
+
+
+def _standing(start: FloatArray, end: FloatArray, owners: IntArray, walls: Sequence[Wall]) -> Faces:
+    base, top = (np.array([wall[i] for wall in walls], np.float64)[owners] for i in (0, 1))
+    corners = [np.column_stack((points, heights)) for heights in (top, base) for points in (start, end)]
+    types = np.array([wall.type for wall in walls], np.int64)[owners]
+    return Faces(np.stack(corners, axis=1).reshape(-1, 4, 3), types)
+
+
+def _repaired(shapes: Shapes) -> Shapes:
+    """The shapes, with what crosses itself assembled anew from its lines."""
+    import shapely
+
+    broken = ~shapely.is_valid(shapes)
+    if broken.any():
+        shapes = shapes.copy()
+        shapes[broken] = _enclosed(shapely.boundary(shapes[broken]))
+    return shapes
+
+
+def _enclosed(lines: Shapes) -> Shapes:
+    """What bundles of lines enclose."""
+    import shapely
+
+    # A union cuts lines where they meet, as `shapely.node` does, but gets to the end with any lines.
+    enclosed: Shapes = shapely.build_area(shapely.union_all(lines.reshape(-1, 1), axis=1))
+    return enclosed

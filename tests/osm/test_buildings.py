@@ -1,0 +1,356 @@
+"""Buildings as obstacles: which things are walls, where the walls stand and how high they are."""
+
+import math
+from itertools import pairwise
+
+import numpy as np
+import pytest
+import shapely
+
+import gamms
+from gamms.errors import BadType, BadValue
+from gamms.ir.projection import WGS84, project
+from gamms.osm import (
+    HEIGHT_ESTIMATES_TYPES,
+    extract_osm_polygon_faces,
+    faces_of_features,
+    graph_from_xml,
+    obstacle_from_file,
+    obstacle_from_xml,
+    wall_estimates,
+)
+
+# A block of about 111 m by 111 m at 60 degrees north, in it a court, in it a kiosk; beside it a road.
+LAT, LON = 60.17, 24.94
+CRS = "EPSG:32635"
+NODES = {
+    **{i: (LAT + y * 1e-5, LON + 2 * x * 1e-5) for i, (x, y) in enumerate([(0, 0), (100, 0), (100, 100), (0, 100)], 1)},
+    **{
+        i: (LAT + y * 1e-5, LON + 2 * x * 1e-5) for i, (x, y) in enumerate([(20, 20), (80, 20), (80, 80), (20, 80)], 11)
+    },
+    **{
+        i: (LAT + y * 1e-5, LON + 2 * x * 1e-5) for i, (x, y) in enumerate([(45, 45), (55, 45), (55, 55), (45, 55)], 21)
+    },
+}
+BLOCK, COURT, KIOSK = [1, 2, 3, 4, 1], [11, 12, 13, 14, 11], [21, 22, 23, 24, 21]
+BUILDING = {"building": "yes"}
+
+
+def tags_of(tags):
+    return "".join(f'<tag k="{k}" v="{v}"/>' for k, v in tags.items())
+
+
+def text_of(ways=(), relations=(), nodes=NODES):
+    """`ways`: (refs, tags), ids from 100; `relations`: (members as (way id, role), tags)."""
+    lines = [f'<node id="{id}" lat="{lat:.7f}" lon="{lon:.7f}"/>' for id, (lat, lon) in nodes.items()]
+    for id, (refs, tags) in enumerate(ways, 100):
+        lines.append(
+            f'<way id="{id}">{"".join(f"<nd ref={chr(34)}{ref}{chr(34)}/>" for ref in refs)}{tags_of(tags)}</way>'
+        )
+    for id, (members, tags) in enumerate(relations, 900):
+        inside = "".join(f'<member type="way" ref="{ref}" role="{role}"/>' for ref, role in members)
+        lines.append(f'<relation id="{id}">{inside}{tags_of({"type": "multipolygon", **tags})}</relation>')
+    return "\n".join(['<?xml version="1.0"?><osm version="0.6">', *lines, "</osm>\n"])
+
+
+@pytest.fixture
+def walls(tmp_path):
+    """The walls of a map as a list of dicts."""
+
+    def walls(ways=(), relations=(), nodes=NODES, **options):
+        path = tmp_path / "map.osm"
+        path.write_text(text_of(ways, relations, nodes), encoding="utf-8")
+        return list(obstacle_from_file(path, **options))
+
+    return walls
+
+
+def xy_of(*node_ids, nodes=NODES):
+    return project(np.array([nodes[id][::-1] for id in node_ids]), WGS84, CRS)
+
+
+def edges_of(faces):
+    """Pairs of corners on the ground, in centimetres, whatever their direction."""
+    return {frozenset((round(x, 2), round(y, 2)) for x, y, _ in (face["br"], face["bl"])) for face in faces}
+
+
+def edges_between(*rings):
+    points = [[tuple(np.round(point, 2).tolist()) for point in xy_of(*ring)] for ring in rings]
+    return {frozenset(pair) for ring in points for pair in pairwise(ring)}
+
+
+def test_a_closed_way_stands_as_a_wall_over_each_of_its_edges(walls):
+    faces = walls([(BLOCK, {"building": "house", "height": "7"})])
+    corners = xy_of(*BLOCK)
+    assert [face["face_id"] for face in faces] == [0, 1, 2, 3]
+    for face, start, end in zip(faces, corners, corners[1:], strict=False):
+        assert face["tr"] == pytest.approx((*start, 7.0))
+        assert face["tl"] == pytest.approx((*end, 7.0))
+        assert face["br"] == pytest.approx((*start, 0.0))
+        assert face["bl"] == pytest.approx((*end, 0.0))
+        assert face["type"] == 0
+        assert all(type(number) is float for name in ("tr", "tl", "br", "bl") for number in face[name])
+
+
+def test_a_courtyard_has_walls_and_what_stands_in_it_too(walls):
+    ways = [(BLOCK, {}), (COURT, {}), (KIOSK, {})]
+    faces = walls(ways, [([(100, "outer"), (101, "inner"), (102, "outer")], BUILDING)])
+    assert edges_of(faces) == edges_between(BLOCK, COURT, KIOSK)
+
+
+def test_rings_are_joined_from_pieces_in_any_order_and_direction(walls):
+    ways = [([3, 4, 1], {}), ([3, 2, 1], {}), ([11, 12], {}), ([14, 13, 12], {}), ([14, 11], {})]
+    members = [(104, "inner"), (100, "outer"), (102, "inner"), (101, ""), (103, "inner")]
+    assert edges_of(walls(ways, [(members, BUILDING)])) == edges_between(BLOCK, COURT)
+
+
+def test_what_encloses_nothing_is_no_wall(walls):
+    ways = [([1, 2, 3, 4], BUILDING), ([1, 2, 1], BUILDING), ([1, 2, 999, 1], BUILDING), ([1, 1, 1, 1], BUILDING)]
+    relations = [
+        ([(100, "outer")], BUILDING),
+        ([(12345, "outer")], BUILDING),
+        ([], BUILDING),
+        ([(101, "label")], BUILDING),
+    ]
+    assert walls(ways, relations) == []
+
+
+def test_of_a_relation_that_the_file_holds_in_part_the_closed_rings_are_walls(walls):
+    ways = [([1, 2, 3], {}), (COURT, {})]
+    relations = [([(100, "outer"), (555, "outer"), (101, "inner")], BUILDING)]
+    assert edges_of(walls(ways, relations)) == edges_between(COURT)
+
+
+def test_a_footprint_that_crosses_itself_encloses_both_of_its_sides(walls):
+    faces = walls([([1, 2, 4, 3, 1], BUILDING)])
+    center = xy_of(1, 2, 3, 4).mean(axis=0)
+    assert len(faces) == 6
+    meeting = [corner for face in faces for corner in (face["br"], face["bl"]) if math.dist(corner[:2], center) < 0.1]
+    assert len(meeting) == 4
+
+
+def test_a_way_is_read_though_its_nodes_follow_it_or_have_negative_ids(tmp_path):
+    nodes = {-id: place for id, place in NODES.items()}
+    text = text_of([([-1, -2, -3, -4, -1], BUILDING)], nodes=nodes)
+    head, *middle, way, tail = text.splitlines()
+    path = tmp_path / "map.osm"
+    path.write_text("\n".join([head, way, *middle, tail]))
+    assert edges_of(obstacle_from_file(path)) == edges_between(BLOCK)
+
+
+def test_repeated_and_deleted_things_are_passed_over(walls, tmp_path):
+    text = text_of([(BLOCK, BUILDING), (COURT, {})], [([(101, "outer")], BUILDING)])
+    *lines, way, other, relation, tail = text.splitlines()
+    path = tmp_path / "map.osm"
+    gone = way.replace('id="100"', 'id="777" visible="false"')
+    path.write_text("\n".join([*lines, way, way, gone, other, relation, relation, tail]))
+    assert len(list(obstacle_from_file(path))) == 8
+
+
+# -- what is a wall ---------------------------------------------------------------------------------------------
+
+
+def test_land_use_is_no_wall_unless_it_is_asked_for(walls):
+    ways = [(BLOCK, {"landuse": "residential"}), (COURT, {"landuse": "forest"}), (KIOSK, BUILDING)]
+    assert [face["type"] for face in walls(ways)] == [14] * 4
+    everything = walls(ways, height_estimates=HEIGHT_ESTIMATES_TYPES)
+    assert sorted(face["type"] for face in everything) == [14] * 4 + [16] * 4 + [35] * 4
+
+
+def test_a_wood_is_a_wall(walls):
+    assert [(face["type"], face["tr"][2]) for face in walls([(BLOCK, {"natural": "wood"})])] == [(15, 15.0)] * 4
+
+
+@pytest.mark.parametrize(
+    ("tags", "type"),
+    [
+        ({"building": "cathedral"}, 14),
+        ({"building": "church"}, 10),
+        ({"building": "cathedral", "man_made": "tower"}, 19),
+        ({"building": "house", "power": "substation"}, 27),  # the later row counts
+        ({"building": "no"}, None),
+        ({"building": "roof"}, None),
+        ({"building": "carport"}, None),
+        ({"building": "yes", "location": "underground"}, None),
+        ({"building": "yes", "area": "no"}, None),
+        ({"building:part": "yes"}, None),
+        ({"amenity": "school"}, None),
+        ({"highway": "pedestrian"}, None),
+    ],
+)
+def test_which_things_are_walls(walls, tags, type):
+    assert {face["type"] for face in walls([(BLOCK, tags)])} == (set() if type is None else {type})
+
+
+def test_the_tables_of_a_caller_decide(walls):
+    ways = [(BLOCK, {"building": "cathedral"}), (COURT, {"building:part": "yes"}), (KIOSK, {"amenity": "fountain"})]
+    assert walls(ways, height_estimates=HEIGHT_ESTIMATES_TYPES) == []
+    table = {("building:part", "*"): (5, 3), ("amenity", "fountain"): (2, 77)}
+    assert {face["type"] for face in walls(ways, height_estimates=table)} == {3}  # tags do not ask for fountains
+    assert {face["type"] for face in walls(ways, tags={"amenity": "fountain"}, height_estimates=table)} == {77}
+    assert {face["type"] for face in walls(ways, tags={"amenity": ["x", "fountain"]}, height_estimates=table)} == {77}
+    assert walls(ways, tags={"amenity": False}, height_estimates=table) == []
+    assert walls(ways, height_estimates={}) == []
+
+
+def test_a_table_that_a_program_changes_counts(walls, monkeypatch):
+    monkeypatch.setitem(HEIGHT_ESTIMATES_TYPES, ("building", "yes"), (99.0, 14))
+    assert {face["tr"][2] for face in walls([(BLOCK, BUILDING)])} == {99.0}
+    assert not [row for row in wall_estimates() if row[0] == "landuse"]
+
+
+# -- heights ----------------------------------------------------------------------------------------------------
+
+
+@pytest.mark.parametrize(
+    ("tags", "height"),
+    [
+        ({"height": "12"}, 12.0),
+        ({"height": "12.5 m"}, 12.5),
+        ({"height": "12,5"}, 12.5),
+        ({"height": "about 20 metres, 2 floors"}, 20.0),
+        ({"height": "40 ft"}, 12.192),
+        ({"height": "40 Feet"}, 12.192),
+        ({"height": "40'"}, 12.192),
+        ({"height": "12", "building:levels": "9"}, 12.0),
+        ({"building:levels": "4"}, 12.0),
+        ({"building:levels": "2.5"}, 7.5),
+        ({"building:levels": "3;4"}, 9.0),
+        ({"height": "tall", "building:levels": "4"}, 12.0),
+        ({"height": "-5", "building:levels": "4"}, 12.0),
+        ({"height": "0", "building:levels": "4"}, 12.0),
+        ({"height": "12000", "building:levels": "4"}, 12.0),
+        ({"height": "nan", "building:levels": "0"}, 10.0),
+        ({"height": "9" * 400, "building:levels": "-1"}, 10.0),
+        ({"building:levels": "many"}, 10.0),
+        ({}, 10.0),
+    ],
+)
+def test_the_height_comes_from_the_first_tag_that_can_be_true(walls, tags, height):
+    assert [face["tr"][2] for face in walls([(BLOCK, BUILDING | tags)])] == pytest.approx([height] * 4)
+
+
+@pytest.mark.parametrize(
+    ("tags", "base"),
+    [
+        ({"min_height": "4"}, 4.0),
+        ({"building:min_level": "2"}, 6.0),
+        ({"min_height": "1.5", "building:min_level": "2"}, 1.5),
+        ({"min_height": "-3"}, 0.0),
+        ({"min_height": "10"}, 0.0),  # not below the top
+        ({"min_height": "low"}, 0.0),
+    ],
+)
+def test_a_wall_may_begin_above_the_ground(walls, tags, base):
+    faces = walls([(BLOCK, BUILDING | tags)])
+    assert {face[corner][2] for face in faces for corner in ("br", "bl")} == {base}
+    assert {face[corner][2] for face in faces for corner in ("tr", "tl")} == {10.0}
+
+
+# -- where ------------------------------------------------------------------------------------------------------
+
+
+def test_walls_and_streets_of_a_file_have_one_crs(tmp_path):
+    """The buildings alone would lie in zone 34."""
+    nodes = NODES | {31: (LAT, 23.9), 32: (LAT, 24.5), 33: (LAT, 24.1)}
+    nodes = {id: (lat, lon - 0.945 if id < 30 else lon) for id, (lat, lon) in nodes.items()}
+    path = tmp_path / "map.osm"
+    path.write_text(text_of([(BLOCK, BUILDING), ([1, 31, 33, 32], {"highway": "path"})], nodes=nodes))
+    streets = graph_from_xml(path, resolution=1e6)
+    (first, *_), (x, y) = obstacle_from_xml(path), project(np.array([nodes[1][::-1]]), WGS84, CRS)[0]
+    assert streets.graph["crs"] == CRS
+    assert math.dist(first["tr"][:2], (x, y)) < 0.01
+    assert min(math.dist((node["x"], node["y"]), first["tr"][:2]) for _, node in streets.nodes(data=True)) < 0.01
+    alone = tmp_path / "alone.osm"
+    alone.write_text(text_of([(BLOCK, BUILDING)], nodes=nodes))
+    ((x, y),) = project(np.array([nodes[1][::-1]]), WGS84, "EPSG:32634")
+    assert next(obstacle_from_xml(alone))["tr"][:2] == pytest.approx((x, y))
+    assert list(obstacle_from_xml(alone, crs=CRS)) == list(obstacle_from_xml(path))
+
+
+def test_a_crs_in_degrees_or_none_at_all_is_refused(walls):
+    with pytest.raises(BadValue, match="degrees"):
+        walls([(BLOCK, BUILDING)], crs=WGS84)
+    with pytest.raises(BadValue, match="names no CRS"):
+        walls([(BLOCK, BUILDING)], crs="moon")
+
+
+def test_footprints_are_simplified_within_the_tolerance(walls):
+    steps = {50 + i: (LAT + (i % 2) * 3e-6, LON + 2 * i * 1e-5) for i in range(1, 100)}  # 0.3 m to and fro
+    way = [([1, *steps, 2, 3, 4, 1], BUILDING)]
+    nodes = NODES | steps
+    assert len(walls(way, nodes=nodes, min_tolerance=0.0, relative_tolerance=0.0)) == 103
+    assert len(walls(way, nodes=nodes, relative_tolerance=0.0)) == 4
+    assert len(walls(way, nodes=nodes, min_tolerance=0.0)) == 4
+    exact = shapely.Polygon(xy_of(1, *steps, 2, 3, 4, nodes=nodes))
+    for face in walls(way, nodes=nodes, relative_tolerance=0.0):
+        assert exact.exterior.hausdorff_distance(shapely.Polygon(xy_of(1, 2, 3, 4)).exterior) < 0.5
+        assert exact.exterior.distance(shapely.Point(face["br"])) < 0.01
+
+
+def test_the_same_file_gives_the_same_walls_and_they_go_into_a_graph(tmp_path):
+    path = tmp_path / "map.osm"
+    path.write_text(text_of([(COURT, {}), (BLOCK, {}), (KIOSK, BUILDING)], [([(100, ""), (101, "")], BUILDING)]))
+    assert list(obstacle_from_file(path)) == list(obstacle_from_xml(str(path)))
+    with gamms.create_context(logger_config={"level": "CRITICAL"}) as ctx:
+        assert ctx.graph.add_obstacles(obstacle_from_file(path)) == list(range(12))
+        one_by_one = [ctx.graph.get_obstacle_face(id) for id in range(12)]
+        for id, wall in enumerate(obstacle_from_file(path)):
+            ctx.graph.remove_obstacle_face(id)
+            ctx.graph.add_obstacle_face(**wall)
+        assert [ctx.graph.get_obstacle_face(id) for id in range(12)] == one_by_one
+
+
+def test_walls_are_made_as_they_are_asked_for(walls, tmp_path):
+    path = tmp_path / "map.osm"
+    path.write_text(text_of([(BLOCK, BUILDING)]))
+    faces = obstacle_from_file(path)
+    path.unlink()  # read at the call
+    assert next(faces)["face_id"] == 0
+    assert iter(faces) is faces
+
+
+# -- features ---------------------------------------------------------------------------------------------------
+
+
+def test_features_give_the_walls_that_a_file_gives(walls):
+    ring = [NODES[id][::-1] for id in BLOCK]
+    court = [NODES[id][::-1] for id in COURT]
+    features = [
+        (shapely.Polygon(ring, [court]), BUILDING | {"height": math.nan, "levels": None}),
+        (shapely.MultiPolygon([shapely.Polygon([NODES[id][::-1] for id in KIOSK])]), {"building": "house"}),
+        (shapely.Point(LON, LAT), BUILDING),
+        (shapely.Polygon(), BUILDING),
+        (None, BUILDING),
+        (shapely.Polygon(ring), {"shop": "yes"}),
+        (shapely.Polygon(ring), {"building": math.nan}),
+    ]
+    faces = list(faces_of_features(features, CRS))
+    assert edges_of(faces) == edges_between(BLOCK, COURT, KIOSK)
+    assert {face["type"] for face in faces} == {0, 14}
+    assert list(faces_of_features(features)) == faces
+    assert list(faces_of_features([])) == []
+    bow = shapely.Polygon([NODES[id][::-1] for id in [1, 2, 4, 3, 1]])
+    assert len(list(faces_of_features([(bow, BUILDING)]))) == 6
+
+
+class Frame:
+    """What is used of a GeoDataFrame."""
+
+    def __init__(self, rows, crs):
+        self.rows, self.crs = rows, crs
+        self.geometry = type("Series", (), {"name": "shape"})
+
+    def to_dict(self, orient):
+        assert orient == "records"
+        return self.rows
+
+
+def test_the_rows_of_a_geodataframe_are_walls():
+    rows = [{"shape": shapely.box(0, 0, 30, 20), "building": "house", "height": math.nan}]
+    assert len(list(extract_osm_polygon_faces(Frame(rows, CRS)))) == 4
+    assert next(extract_osm_polygon_faces(Frame(rows, None)))["tr"][2] == 8.0
+    degrees = [{"shape": shapely.Polygon([NODES[id][::-1] for id in BLOCK]), "building": "house"}]
+    assert edges_of(extract_osm_polygon_faces(Frame(degrees, WGS84))) == edges_between(BLOCK)
+    with pytest.raises(BadType, match="GeoDataFrame"):
+        extract_osm_polygon_faces(rows)
