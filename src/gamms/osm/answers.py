@@ -1,0 +1,136 @@
+"""What is wrong with the answer of a map server: looked at before anything is made of it or kept of it.
+
+The functions return the fault in words, and nothing where there is none.
+"""
+
+import math
+from collections.abc import Iterable, Iterator
+from itertools import chain
+from typing import Any
+
+_FARTHEST = (180.0, 90.0)  # degrees of longitude and latitude
+_POLYGONS = ("Polygon", "MultiPolygon")
+
+
+def fault_of_places(answer: Any) -> str:
+    """The fault of Nominatim's answer to the question where a place is; an empty one has none."""
+    if not isinstance(answer, list) or not all(isinstance(place, dict) for place in answer):
+        return "it is no list of places"
+    return next((fault for place in answer if (fault := _fault_of_place(place))), "")
+
+
+def fault_of_streets(answer: Any) -> str:
+    """The fault of Overpass's answer to the question for streets; an empty one has none."""
+    fault = fault_of_features(answer)
+    if fault:
+        return fault
+    nodes = {element["id"] for element in answer["elements"] if element["type"] == "node"}
+    ways = (element for element in answer["elements"] if element["type"] == "way")
+    cut = next((way["id"] for way in ways if not nodes.issuperset(way["nodes"])), None)
+    return "" if cut is None else f"it lacks nodes of the way {cut}"
+
+
+def fault_of_features(answer: Any) -> str:
+    """The fault of Overpass's answer to the question for buildings and the like; an empty one has none."""
+    if not isinstance(answer, dict) or not isinstance(answer.get("elements"), list):
+        return "it has no list of elements"
+    if answer.get("remark"):
+        return f"it is incomplete, for the server remarks {str(answer['remark'])[:200]!r}"
+    return next((f"{str(one)[:100]} is no element" for one in answer["elements"] if not _is_element(one)), "")
+
+
+def has_shapes(answer: Any) -> bool:
+    """Whether an answer holds a street, an area or the like, not only nodes."""
+    return isinstance(answer, dict) and any(element["type"] != "node" for element in answer["elements"])
+
+
+def without_cut_ways(answer: dict[str, Any]) -> dict[str, Any]:
+    """The answer without ways that lack nodes: where a server has a cut map, OSMnx cannot make shapes of them."""
+    nodes = {element["id"] for element in answer["elements"] if element["type"] == "node"}
+    whole = [one for one in answer["elements"] if one["type"] != "way" or _is_whole(one["nodes"], nodes)]
+    return {**answer, "elements": whole}
+
+
+def _is_whole(refs: list[int], nodes: set[int]) -> bool:
+    return len(refs) >= 2 and nodes.issuperset(refs)
+
+
+def _fault_of_place(place: dict[str, Any]) -> str:
+    if "importance" not in place:
+        return "a place has no importance"
+    shape = place.get("geojson")
+    if shape is None:
+        return ""
+    if not isinstance(shape, dict) or not isinstance(shape.get("type"), str):
+        return "a place has a geometry without a type"
+    if shape["type"] not in _POLYGONS:
+        return ""
+    box = place.get("boundingbox")
+    if not isinstance(box, list) or len(box) != 4 or not _are_numbers((*box, place.get("lat"), place.get("lon"))):
+        return "a place has no position or no bounding box"
+    return "" if _is_outline(shape.get("coordinates"), shape["type"]) else "a place has a boundary that is no polygon"
+
+
+def _is_outline(coordinates: Any, kind: str) -> bool:
+    try:
+        rings = coordinates if kind == "Polygon" else list(chain.from_iterable(coordinates))
+        return bool(rings) and all(len(ring) >= 4 and all(map(_is_position, ring)) for ring in rings)
+    except TypeError:
+        return False
+
+
+def _is_position(place: Any) -> bool:
+    return (
+        isinstance(place, list)
+        and len(place) >= 2
+        and all(_is_number(x) and abs(x) <= most for x, most in zip(place, _FARTHEST, strict=False))
+    )
+
+
+def _is_element(element: Any) -> bool:
+    if not isinstance(element, dict) or not isinstance(element.get("type"), str):
+        return False
+    tags = element.get("tags", {})
+    if not isinstance(tags, dict) or not all(isinstance(text, str) for text in _texts(tags)):
+        return False
+    check = _ELEMENTS.get(element["type"])
+    return check is None or (_is_id(element.get("id")) and check(element))
+
+
+def _texts(tags: dict[Any, Any]) -> Iterator[Any]:
+    return chain(tags.keys(), tags.values())
+
+
+def _is_node(node: dict[str, Any]) -> bool:
+    return _is_position([node.get("lon"), node.get("lat")])
+
+
+def _is_way(way: dict[str, Any]) -> bool:
+    nodes = way.get("nodes")
+    return isinstance(nodes, list) and all(map(_is_id, nodes))
+
+
+def _is_relation(relation: dict[str, Any]) -> bool:
+    members = relation.get("members")
+    return isinstance(members, list) and all(
+        isinstance(member, dict) and {"type", "ref", "role"} <= member.keys() for member in members
+    )
+
+
+_ELEMENTS = {"node": _is_node, "way": _is_way, "relation": _is_relation}
+
+
+def _is_id(value: Any) -> bool:
+    return isinstance(value, int) and not isinstance(value, bool)
+
+
+def _is_number(value: Any) -> bool:
+    return isinstance(value, (int, float)) and not isinstance(value, bool) and math.isfinite(value)
+
+
+def _are_numbers(values: Iterable[Any]) -> bool:
+    """Nominatim writes numbers as text."""
+    try:
+        return all(math.isfinite(float(value)) for value in values)
+    except (TypeError, ValueError):
+        return False

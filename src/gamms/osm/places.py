@@ -1,0 +1,256 @@
+"""Road networks of places, by name or by area, from OpenStreetMap's servers or from what they answered before.
+
+`osmnx.py` has the streets downloaded; the rest is what is done to the streets of a file, too.
+"""
+
+from collections.abc import Callable
+from dataclasses import replace
+from typing import TYPE_CHECKING, Any, NamedTuple
+
+import numpy as np
+
+from gamms.arguments import as_float
+from gamms.errors import BadType, BadValue, PlaceError
+from gamms.ir.geometry import polygon as polygon_of
+from gamms.ir.projection import WGS84, project, utm_crs
+from gamms.osm.directions import joined_directions
+from gamms.osm.junctions import consolidate
+from gamms.osm.load import Recipe, cut, recipe_of
+from gamms.osm.network import RoadNetwork, connected, projected
+from gamms.osm.networkx import network_of_graph
+from gamms.osm.osmnx import Location, StreetOptions, streets_of_place, streets_of_polygon
+from gamms.osm.progress import progress
+from gamms.osm.travel import OSMType
+
+if TYPE_CHECKING:
+    import networkx as nx
+
+_MOST_RADIUS_M = 75_000.0
+_CORNERS = 64  # of a circle
+
+
+class _Wishes(NamedTuple):
+    """What the caller wants of the streets, checked."""
+
+    recipe: Recipe
+    streets: StreetOptions
+    offline: bool
+
+
+def create_osm_graph(
+    location: Location,
+    osm_type: OSMType = OSMType.WALK,
+    resolution: float = 10.0,
+    simplify: bool = True,
+    retain_all: bool = False,
+    truncate_by_edge: bool = True,
+    custom_filter: str | list[str] | None = None,
+    tolerance: float = 10.0,
+    bidirectional: bool | None = None,
+    offline: bool = False,
+) -> "nx.DiGraph[int]":
+    """Make a graph of the streets of a place.
+
+    Args:
+        location: a name such as "Kluuvi, Helsinki", a dict such as `{"city": "Turku"}`, or a list of these.
+        osm_type: streets and paths for WALK, BIKE or DRIVE.
+        resolution: metres between nodes, as for `graph_from_xml`.
+        simplify: let nodes that merely continue a street become vertices of its polyline before it is cut.
+        retain_all: keep every part of the map, not only the largest connected one.
+        truncate_by_edge: keep streets whole that cross the boundary.
+        custom_filter: Overpass filters in place of those of `osm_type`, such as '["highway"~"primary|secondary"]';
+            a list is the union of its items.
+        tolerance: metres; junctions joined by streets and within twice this distance become one node.
+        bidirectional: let agents go against one-way streets; False honours them, None does so for BIKE and DRIVE.
+        offline: never touch the network: use only what was downloaded before.
+
+    Returns:
+        A directed graph as `graph_from_xml` makes it: UTM metres, its CRS in `G.graph["crs"]`.
+
+    Raises:
+        PlaceError: the place is unknown, has no streets of this type, or offline was never downloaded.
+        NetworkError: a server cannot be reached, is busy, or answers with nonsense.
+        BadValue, BadType: an argument is impossible.
+        MissingExtra, WrongVersion: OSMnx is not installed, or in a release that does not work.
+    """
+    wishes = _wishes(
+        osm_type, resolution, simplify, retain_all, truncate_by_edge, custom_filter, tolerance, bidirectional, offline
+    )
+    return _graph(
+        lambda show: streets_of_place(location, wishes.streets, show, offline=wishes.offline), wishes, repr(location)
+    )
+
+
+def graph_from_bbox(
+    left: float,
+    bottom: float,
+    right: float,
+    top: float,
+    *,
+    osm_type: OSMType = OSMType.WALK,
+    resolution: float = 10.0,
+    simplify: bool = True,
+    retain_all: bool = False,
+    truncate_by_edge: bool = True,
+    custom_filter: str | list[str] | None = None,
+    tolerance: float = 10.0,
+    bidirectional: bool | None = None,
+    offline: bool = False,
+) -> "nx.DiGraph[int]":
+    """Make a graph of the streets between two longitudes, `left` and `right`, and two latitudes, `bottom` and `top`.
+
+    The other arguments, the result and the errors are those of `create_osm_graph`.
+    """
+    wishes = _wishes(
+        osm_type, resolution, simplify, retain_all, truncate_by_edge, custom_filter, tolerance, bidirectional, offline
+    )
+    box = _box(left, bottom, right, top)
+    return _graph_of_area(polygon_of(box), f"the box {(left, bottom, right, top)}", wishes)
+
+
+def graph_from_point(
+    lat: float,
+    lon: float,
+    radius_m: float,
+    *,
+    osm_type: OSMType = OSMType.WALK,
+    resolution: float = 10.0,
+    simplify: bool = True,
+    retain_all: bool = False,
+    truncate_by_edge: bool = True,
+    custom_filter: str | list[str] | None = None,
+    tolerance: float = 10.0,
+    bidirectional: bool | None = None,
+    offline: bool = False,
+) -> "nx.DiGraph[int]":
+    """Make a graph of the streets within `radius_m` metres of a position in degrees, as the crow flies.
+
+    The other arguments, the result and the errors are those of `create_osm_graph`.
+    """
+    wishes = _wishes(
+        osm_type, resolution, simplify, retain_all, truncate_by_edge, custom_filter, tolerance, bidirectional, offline
+    )
+    circle = _circle(lat, lon, radius_m)
+    return _graph_of_area(polygon_of(circle), f"the circle of {radius_m} m around lat={lat}, lon={lon}", wishes)
+
+
+def graph_from_polygon(
+    polygon: Any,  # a shapely Polygon or MultiPolygon
+    *,
+    osm_type: OSMType = OSMType.WALK,
+    resolution: float = 10.0,
+    simplify: bool = True,
+    retain_all: bool = False,
+    truncate_by_edge: bool = True,
+    custom_filter: str | list[str] | None = None,
+    tolerance: float = 10.0,
+    bidirectional: bool | None = None,
+    offline: bool = False,
+) -> "nx.DiGraph[int]":
+    """Make a graph of the streets inside a shapely Polygon or MultiPolygon of degrees (longitude, latitude).
+
+    The other arguments, the result and the errors are those of `create_osm_graph`.
+    """
+    wishes = _wishes(
+        osm_type, resolution, simplify, retain_all, truncate_by_edge, custom_filter, tolerance, bidirectional, offline
+    )
+    return _graph_of_area(polygon, f"the polygon {str(polygon)[:60]}", wishes)
+
+
+def get_network_type(osm_type: OSMType) -> str:
+    """The word of OSMnx for a way of moving: walk, bike or drive.
+
+    Raises:
+        BadType: it is no OSMType.
+    """
+    if not isinstance(osm_type, OSMType):
+        raise BadType(f"osm_type must be OSMType.WALK, BIKE or DRIVE, not {osm_type!r} ({type(osm_type).__name__}).")
+    return osm_type.name.lower()
+
+
+def _graph_of_area(polygon: Any, name: str, wishes: _Wishes) -> "nx.DiGraph[int]":
+    return _graph(
+        lambda show: streets_of_polygon(polygon, name, wishes.streets, show, offline=wishes.offline), wishes, name
+    )
+
+
+def _graph(download: Callable[[Callable[[str], None]], Any], wishes: _Wishes, name: str) -> "nx.DiGraph[int]":
+    # Servers take their time before they say a first word: show at once what is asked.
+    with progress(1.0 if wishes.offline else 0.0) as show:
+        network = network_of_streets(download(show))
+        show(f"Joining {len(network.sources)} streets")
+        joined = consolidate(network, wishes.recipe.tolerance)
+        if not len(joined.sources):
+            raise PlaceError(f"All of {name} is within the tolerance of {wishes.recipe.tolerance} m. Lower it.")
+        return cut(joined, wishes.recipe, show)
+
+
+def network_of_streets(streets: Any) -> RoadNetwork:
+    """The roads of OSMnx's graph in degrees, in UTM; the two edges of a two-way street are one road.
+
+    Lengths are measured on the ellipsoid: those of OSMnx are on a sphere, and wrong by up to half a percent.
+    """
+    network = network_of_graph(streets)
+    tags = [{name: _ordered(value) for name, value in of_way.items()} for of_way in network.tags]
+    unmeasured = replace(network, lengths=np.full(len(network.sources), np.nan), tags=tags)
+    return joined_directions(connected(projected(unmeasured, WGS84)))
+
+
+def _ordered(value: Any) -> Any:
+    """The values of a street that several ways make up come out of a set, in any order."""
+    return sorted(value, key=lambda one: (type(one).__name__, one)) if isinstance(value, list) else value
+
+
+def _wishes(
+    osm_type: OSMType,
+    resolution: float,
+    simplify: bool,
+    retain_all: bool,
+    truncate_by_edge: bool,
+    custom_filter: str | list[str] | None,
+    tolerance: float,
+    bidirectional: bool | None,
+    offline: bool,
+) -> _Wishes:
+    network_type = get_network_type(osm_type)
+    _check_filter(custom_filter)
+    both = osm_type is OSMType.WALK if bidirectional is None else bidirectional
+    recipe = recipe_of(
+        resolution, tolerance, bidirectional=both, retain_all=retain_all, simplify=simplify, osm_type=osm_type
+    )
+    streets = StreetOptions(network_type, recipe.simplify, recipe.retain_all, bool(truncate_by_edge), custom_filter)
+    return _Wishes(recipe, streets, bool(offline))
+
+
+def _check_filter(custom_filter: object) -> None:
+    filters: list[Any] = custom_filter if isinstance(custom_filter, list) else [custom_filter]
+    if custom_filter is None:
+        return
+    if not all(isinstance(one, str) for one in filters):
+        raise BadType(f"custom_filter must be text or a list of texts, not {custom_filter!r}.")
+    if not filters or not all(one.strip().startswith("[") and one.strip().endswith("]") for one in filters):
+        raise BadValue(f"""custom_filter must look like '["highway"~"primary|secondary"]', not {custom_filter!r}.""")
+
+
+def _box(left: float, bottom: float, right: float, top: float) -> list[tuple[float, float]]:
+    west, east = as_float(left, "left"), as_float(right, "right")
+    south, north = as_float(bottom, "bottom"), as_float(top, "top")
+    if not (-180.0 <= west < east <= 180.0 and -90.0 <= south < north <= 90.0):
+        raise BadValue(
+            f"left={west}, bottom={south}, right={east}, top={north} is no area: it takes degrees with "
+            "-180 <= left < right <= 180 (longitudes) and -90 <= bottom < top <= 90 (latitudes)."
+        )
+    return [(west, south), (east, south), (east, north), (west, north)]
+
+
+def _circle(lat: float, lon: float, radius_m: float) -> Any:
+    latitude, longitude, radius = as_float(lat, "lat"), as_float(lon, "lon"), as_float(radius_m, "radius_m")
+    if not (abs(latitude) <= 90.0 and abs(longitude) <= 180.0):
+        raise BadValue(f"lat={latitude}, lon={longitude} is no position: they are degrees up to 90 and 180.")
+    if not 0.0 < radius <= _MOST_RADIUS_M:
+        raise BadValue(f"radius_m must be more than 0 and at most {_MOST_RADIUS_M:.0f} metres, not {radius}.")
+    centre = np.array([[longitude, latitude]])
+    crs = utm_crs(centre)
+    turn = np.linspace(0.0, 2.0 * np.pi, _CORNERS, endpoint=False)
+    rim = project(centre, WGS84, crs) + radius * np.column_stack((np.cos(turn), np.sin(turn)))
+    return project(rim, crs, WGS84)

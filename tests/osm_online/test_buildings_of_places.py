@@ -1,0 +1,49 @@
+"""Buildings of a place by its name: the walls that a file of the same area gives, where the streets are."""
+
+from pathlib import Path
+
+import pytest
+
+import gamms
+from gamms.errors import BadType, BadValue
+from gamms.osm import create_osm_graph, obstacle_from_file, obstacle_from_osm
+
+DATA = Path(__file__).parent / "data" / "kluuvi.osm.gz"
+PLACE = "Kluuvi, Helsinki"
+
+
+def edges_of(faces):
+    """Ends and height of each wall, to the centimetre and whatever its direction."""
+    ends = [(frozenset(tuple(round(c, 2) for c in face[k][:2]) for k in ("tr", "tl")), face["tr"][2]) for face in faces]
+    return set(ends)
+
+
+@pytest.mark.usefixtures("server")
+def test_the_buildings_of_a_place_are_those_of_a_file_of_it():
+    named, in_file = (edges_of(faces) for faces in (obstacle_from_osm(PLACE), obstacle_from_file(DATA)))
+    assert len(named) > 100
+    # Where both start a ring at another point, simplification keeps other corners.
+    assert len(named & in_file) > 0.9 * len(named)
+
+
+@pytest.mark.usefixtures("server")
+def test_buildings_and_streets_of_a_place_fit():
+    with gamms.create_context(logger_config={"level": "CRITICAL"}) as ctx:
+        ctx.graph.attach_networkx_graph(create_osm_graph(PLACE))
+        ids = ctx.graph.add_obstacles(obstacle_from_osm(PLACE, crs=ctx.graph.crs))
+        x, y = ctx.graph.columns().xy.mean(axis=0)
+        assert 0 < len(list(ctx.graph.get_obstacle_faces(100.0, x, y))) < len(ids)
+
+
+def test_what_was_answered_before_is_there_without_a_network(server):
+    before = list(obstacle_from_osm(PLACE))
+    asked = len(server.asked)
+    assert list(obstacle_from_osm(PLACE, offline=True)) == before
+    assert len(server.asked) == asked
+
+
+def test_a_bad_argument_is_refused_before_any_server_is_asked(server):
+    for options, error in (({"tags": ["building"]}, BadType), ({"crs": "EPSG:4326"}, BadValue)):
+        with pytest.raises(error):
+            obstacle_from_osm(PLACE, **options)
+    assert len(server.asked) == 0

@@ -1,0 +1,307 @@
+"""What was downloaded once is there offline; OSMnx's settings are the user's, and stay as they were."""
+
+import json
+import socket
+import sys
+import threading
+import time
+import warnings
+from pathlib import Path
+
+import networkx as nx
+import pytest
+from server import SOUTH, WEST, changes, is_busy, says
+
+import gamms.osm.osmnx as door
+from gamms.errors import GammsError, MissingExtra, NetworkError, PlaceError, WrongVersion
+from gamms.osm import OSM_OBSTACLE_TAGS, OSMType, create_osm_graph, graph_from_bbox, graph_from_point
+from gamms.osm.cache import cache_folder
+from gamms.osm.osmnx import features_of_place
+
+PLACE = "Kluuvi, Helsinki"
+DRIVE = OSMType.DRIVE  # the fewest streets
+
+
+def settings_of(osmnx):
+    return {name: value for name, value in vars(osmnx.settings).items() if not name.startswith("__")}
+
+
+def files_in(folder):
+    return sorted(Path(folder).rglob("*.json"))
+
+
+@pytest.fixture
+def no_network(monkeypatch):
+    """Whatever would open a socket, or look for a server, is an error."""
+
+    def refuse(*_, **__):
+        raise AssertionError("somebody touched the network")
+
+    for name in ("socket", "create_connection", "getaddrinfo", "gethostbyname"):
+        monkeypatch.setattr(socket, name, refuse)
+
+
+def test_a_second_call_asks_nobody(server):
+    first = create_osm_graph(PLACE, DRIVE)
+    assert server.asked == ["search", "interpreter"]
+    server.asked.clear()
+    assert nx.utils.graphs_equal(create_osm_graph(PLACE, DRIVE), first)
+    assert server.asked == []
+
+
+def test_answers_are_kept_in_the_users_cache_folder(server, tmp_path, monkeypatch):
+    monkeypatch.chdir(tmp_path)
+    create_osm_graph(PLACE, DRIVE)
+    assert len(files_in(tmp_path / "caches" / "gamms" / "osmnx")) == 2
+    assert not (tmp_path / "cache").exists()
+
+
+@pytest.mark.parametrize(
+    ("platform", "environment", "folder"),
+    [
+        ("linux", {}, "home/.cache/gamms/osmnx"),
+        ("linux", {"XDG_CACHE_HOME": "there"}, "there/gamms/osmnx"),
+        ("darwin", {}, "home/Library/Caches/gamms/osmnx"),
+        ("win32", {"LOCALAPPDATA": "local"}, "local/gamms/osmnx"),
+        ("win32", {}, "home/AppData/Local/gamms/osmnx"),
+    ],
+)
+def test_every_system_has_its_own_cache_folder(monkeypatch, platform, environment, folder):
+    monkeypatch.setattr(sys, "platform", platform)
+    monkeypatch.setattr(Path, "home", lambda: Path("home"))
+    for name in ("XDG_CACHE_HOME", "LOCALAPPDATA"):
+        monkeypatch.delenv(name, raising=False)
+    for name, value in environment.items():
+        monkeypatch.setenv(name, value)
+    assert cache_folder() == Path(folder)
+
+
+def test_offline_what_was_downloaded_is_enough(server, no_network_later):
+    online = create_osm_graph(PLACE, OSMType.BIKE)
+    around = graph_from_point(60.169, 24.946, 150.0)
+    features = features_of_place(PLACE, OSM_OBSTACLE_TAGS)
+    no_network_later()
+    assert nx.utils.graphs_equal(create_osm_graph(PLACE, OSMType.BIKE, offline=True), online)
+    assert nx.utils.graphs_equal(graph_from_point(60.169, 24.946, 150.0, offline=True), around)
+    assert features_of_place(PLACE, OSM_OBSTACLE_TAGS, offline=True) == features
+
+
+@pytest.fixture
+def no_network_later(request):
+    return lambda: request.getfixturevalue("no_network")
+
+
+@pytest.mark.parametrize(
+    ("call", "name"),
+    [
+        (lambda: create_osm_graph(PLACE, DRIVE, offline=True), "'Kluuvi, Helsinki'"),
+        (lambda: create_osm_graph({"city": "Turku"}, offline=True), "{'city': 'Turku'}"),
+        (lambda: graph_from_bbox(24.9, 60.1, 24.95, 60.15, offline=True), r"the box \(24.9, 60.1, 24.95, 60.15\)"),
+        (lambda: graph_from_point(60.1, 24.9, 99.0, offline=True), "the circle of 99.0 m around lat=60.1, lon=24.9"),
+        (lambda: features_of_place(PLACE, {"building": True}, offline=True), "'Kluuvi, Helsinki'"),
+    ],
+)
+def test_offline_an_unknown_place_is_named_and_nothing_is_asked(server, no_network, osmnx, call, name):
+    before = settings_of(osmnx)
+    with pytest.raises(PlaceError, match=f"no map of {name} on this computer.*Run this once without offline=True"):
+        call()
+    assert settings_of(osmnx) == before
+    assert server.asked == []
+
+
+def test_offline_a_place_without_its_streets_is_not_enough(server, no_network_later):
+    create_osm_graph(PLACE, OSMType.WALK)
+    no_network_later()
+    with pytest.raises(PlaceError, match="never downloaded"):
+        create_osm_graph(PLACE, DRIVE, offline=True)
+
+
+def test_offline_the_cache_is_used_even_where_it_is_switched_off(server, osmnx, monkeypatch):
+    create_osm_graph(PLACE, DRIVE)
+    monkeypatch.setattr(osmnx.settings, "use_cache", False)
+    server.asked.clear()
+    create_osm_graph(PLACE, DRIVE, offline=True)
+    assert server.asked == []
+    assert osmnx.settings.use_cache is False
+
+
+def test_a_cache_that_is_switched_off_keeps_nothing(server, osmnx, monkeypatch, tmp_path):
+    monkeypatch.setattr(osmnx.settings, "use_cache", False)
+    create_osm_graph(PLACE, DRIVE)
+    create_osm_graph(PLACE, DRIVE)
+    assert server.asked == ["search", "interpreter"] * 2
+    assert files_in(tmp_path) == []
+
+
+def test_the_users_settings_are_respected(server, osmnx, monkeypatch, tmp_path):
+    monkeypatch.setattr(osmnx.settings, "cache_folder", tmp_path / "mine")
+    monkeypatch.setattr(osmnx.settings, "useful_tags_way", ["highway"])
+    monkeypatch.setattr(osmnx.settings, "http_user_agent", "my game")
+    graph = create_osm_graph(PLACE, DRIVE)
+    assert len(files_in(tmp_path / "mine")) == 2
+    assert files_in(tmp_path / "caches") == []
+    assert not any("name" in data for _, _, data in graph.edges(data=True))
+
+
+@pytest.mark.parametrize("fails", [False, True])
+def test_settings_modules_and_warnings_are_as_before(server, osmnx, fails):
+    modules = (osmnx._http, osmnx._nominatim, osmnx._overpass)
+    before = settings_of(osmnx), [dict(vars(module)) for module in modules], socket.getaddrinfo, warnings.filters[:]
+    if fails:
+        server.misbehaviour["interpreter"] = says(b"<html>")
+        with pytest.raises(NetworkError):
+            create_osm_graph(PLACE, DRIVE)
+    else:
+        create_osm_graph(PLACE, DRIVE)
+    after = settings_of(osmnx), [dict(vars(module)) for module in modules], socket.getaddrinfo, warnings.filters[:]
+    assert after == before
+
+
+def test_a_damaged_answer_in_the_cache_is_asked_for_again(server, tmp_path):
+    first = create_osm_graph(PLACE, DRIVE)
+    for file in files_in(tmp_path):
+        file.write_text(file.read_text(encoding="utf-8")[:100], encoding="utf-8")
+    with pytest.raises(PlaceError, match="is damaged"):
+        create_osm_graph(PLACE, DRIVE, offline=True)
+    server.asked.clear()
+    assert nx.utils.graphs_equal(create_osm_graph(PLACE, DRIVE), first)
+    assert server.asked == ["search", "interpreter"]
+    assert nx.utils.graphs_equal(create_osm_graph(PLACE, DRIVE, offline=True), first)
+
+
+def test_a_foreign_answer_in_the_cache_is_asked_for_again(server, tmp_path):
+    first = create_osm_graph(PLACE, DRIVE)
+    for file in files_in(tmp_path):
+        file.write_text(
+            json.dumps({"elements": [{"type": "node", "id": 1, "lat": 999.0, "lon": 1.0}]}), encoding="utf-8"
+        )
+    assert nx.utils.graphs_equal(create_osm_graph(PLACE, DRIVE), first)
+
+
+def test_an_empty_answer_is_not_kept_where_it_ends_in_an_error(server, tmp_path):
+    server.misbehaviour["interpreter"] = says(b'{"elements": []}')
+    with pytest.raises(PlaceError):
+        create_osm_graph(PLACE, DRIVE)
+    assert files_in(tmp_path) == []
+    server.misbehaviour.clear()
+    create_osm_graph(PLACE, DRIVE)
+    assert len(files_in(tmp_path)) == 2
+
+
+def test_an_empty_corner_of_a_large_area_is_kept(server, osmnx, monkeypatch, no_network_later):
+    monkeypatch.setattr(osmnx.settings, "max_query_area_size", 1.5e6)
+    area = (WEST - 0.03, SOUTH, WEST + 0.005, SOUTH + 0.002)
+    online = graph_from_bbox(*area)
+    assert server.asked.count("interpreter") > 1
+    no_network_later()
+    assert nx.utils.graphs_equal(graph_from_bbox(*area, offline=True), online)
+
+
+def test_a_folder_that_cannot_be_written_costs_a_warning_not_the_map(server, osmnx, monkeypatch, tmp_path):
+    (tmp_path / "file").write_text("")
+    monkeypatch.setattr(osmnx.settings, "cache_folder", tmp_path / "file")
+    with pytest.warns(RuntimeWarning, match="cannot be kept in .*file' for later") as caught:
+        assert len(create_osm_graph(PLACE, DRIVE)) > 100
+    assert {warning.category for warning in caught} == {RuntimeWarning}
+
+
+def test_two_threads_take_turns(server, osmnx):
+    before, found = settings_of(osmnx), []
+
+    def load(kind):
+        found.append(create_osm_graph(PLACE, kind))
+
+    threads = [threading.Thread(target=load, args=(kind,)) for kind in OSMType]
+    for thread in threads:
+        thread.start()
+    for thread in threads:
+        thread.join()
+    assert len(found) == 3
+    assert settings_of(osmnx) == before
+
+
+def test_without_osmnx_the_error_says_what_to_install(monkeypatch):
+    monkeypatch.setitem(sys.modules, "osmnx", None)
+    with pytest.raises(MissingExtra, match=r'Loading places by name .* pip install "gamms\[osm-online\]"'):
+        create_osm_graph(PLACE, DRIVE)
+
+
+@pytest.mark.parametrize("release", ["1.9.4", "2.0.5", "2.0.6", "2.0.7", "2.1.0"])
+def test_releases_of_osmnx_that_corrupt_maps_are_refused(osmnx, monkeypatch, release):
+    monkeypatch.setattr(door, "version", lambda _: release)
+    with pytest.raises(WrongVersion, match=rf'OSMnx {release} .* pip install --upgrade "gamms\[osm-online\]"'):
+        create_osm_graph(PLACE, DRIVE)
+
+
+def test_a_release_of_osmnx_that_is_built_differently_is_refused(osmnx, monkeypatch):
+    monkeypatch.delattr(osmnx._http, "_save_to_cache")
+    with pytest.raises(WrongVersion, match="is built differently"):
+        create_osm_graph(PLACE)
+
+
+def test_on_a_terminal_one_sees_what_is_going_on(server, monkeypatch):
+    import io
+
+    terminal = io.StringIO()
+    terminal.isatty = lambda: True
+    monkeypatch.setattr(sys, "stderr", terminal)
+    create_osm_graph(PLACE, DRIVE)
+    said = terminal.getvalue()
+    for words in ("Asking http://127.0.0.1", "'Kluuvi, Helsinki'", "Downloading the streets of", "Joining", "Cutting"):
+        assert words in said
+    assert said.endswith("\r\x1b[K")
+
+
+def test_a_server_that_wants_a_long_pause_is_not_waited_for(server, osmnx, monkeypatch):
+    import gamms.osm.requests as transport
+
+    monkeypatch.setattr(transport, "is_local", lambda url: False)
+    monkeypatch.setattr(transport.time, "sleep", lambda seconds: None)
+    monkeypatch.setattr(osmnx.settings, "overpass_rate_limit", True)
+    server.misbehaviour["status"] = says(b"a\nb\nc\nd\nCurrently running queries", kind="text/plain")
+    with pytest.raises(NetworkError, match="is busy, and would have us wait for"):
+        create_osm_graph(PLACE, DRIVE)
+    server.misbehaviour = {"search": is_busy(429, **{"Retry-After": "86400"})}
+    with pytest.raises(NetworkError, match="would have us wait for 86401 s"):
+        create_osm_graph("Helsinki-Kluuvi")
+
+
+def test_the_status_of_a_server_with_slots_is_asked_for(server, osmnx, monkeypatch):
+    monkeypatch.setattr(osmnx.settings, "overpass_rate_limit", True)
+    server.misbehaviour["status"] = says(b"a\nb\nc\nd\n2 slots available now.", kind="text/plain")
+    create_osm_graph(PLACE, DRIVE)
+    assert server.asked == ["search", "status", "interpreter"]
+    server.misbehaviour["status"] = says(b"nothing of use")
+    begin = time.monotonic()
+    create_osm_graph(PLACE, OSMType.BIKE)
+    assert time.monotonic() - begin < 5.0
+
+
+def test_features_come_with_their_tags_as_text(server):
+    features = features_of_place(PLACE, {"building": True, "building:part": True})
+    assert len(features) > 50
+    assert {shape.geom_type for shape, _ in features} <= {"Polygon", "MultiPolygon"}
+    assert any(shape.interiors for shape, _ in features if shape.geom_type == "Polygon")
+    assert all(tags and all(type(text) is str for text in (*tags, *tags.values())) for _, tags in features)
+    assert all({"building", "building:part"} & tags.keys() for _, tags in features)
+    lon, lat = zip(*(shape.centroid.coords[0] for shape, _ in features), strict=True)
+    assert 24.93 < min(lon) < max(lon) < 24.96
+    assert 60.16 < min(lat) < max(lat) < 60.18
+
+
+@pytest.mark.parametrize(
+    ("tags", "error"),
+    [("building", TypeError), ({}, ValueError), ({"building": 7}, TypeError), ({7: True}, TypeError)],
+)
+def test_impossible_tags_are_refused_before_anything_is_asked(server, tags, error):
+    with pytest.raises(error, match="tags"):
+        features_of_place(PLACE, tags)
+    assert server.asked == []
+
+
+def test_a_place_without_such_features_is_an_error(server):
+    with pytest.raises(PlaceError, match="nothing tagged aeroway in 'Kluuvi, Helsinki'"):
+        features_of_place(PLACE, {"aeroway": True})
+    with pytest.raises(GammsError, match="of no use"):
+        server.misbehaviour["interpreter"] = changes(lambda data: data["elements"][0].pop("lat"))
+        features_of_place(PLACE, {"building": True})

@@ -1,0 +1,325 @@
+"""Streets by the name of a place or by an area, from a server that answers from a real extract."""
+
+import math
+from itertools import pairwise
+
+import networkx as nx
+import numpy as np
+import pytest
+import shapely
+from server import EAST, EXTRACT, NORTH, SOUTH, WEST, elements
+
+import gamms
+from gamms.ir.projection import WGS84, project
+from gamms.osm import (
+    OSMType,
+    create_osm_graph,
+    get_network_type,
+    graph_from_bbox,
+    graph_from_point,
+    graph_from_polygon,
+    graph_from_xml,
+)
+
+PLACE = "Kluuvi, Helsinki"
+KINDS = ["WALK", "BIKE", "DRIVE"]
+
+
+def lonlat_of(graph):
+    xy = np.array([(data["x"], data["y"]) for _, data in graph.nodes(data=True)])
+    return project(xy, graph.graph["crs"], WGS84)
+
+
+def osmids(graph):
+    found = {one for _, _, data in graph.edges(data=True) for one in np.atleast_1d(data["osmid"]).tolist()}
+    assert found
+    return found
+
+
+def road_length(graph):
+    return sum(data["length"] for u, v, data in graph.edges(data=True) if u < v or (v, u) not in graph.edges)
+
+
+def one_way_edges(graph):
+    return [(u, v, data) for u, v, data in graph.edges(data=True) if (v, u) not in graph.edges]
+
+
+def test_walkers_riders_and_drivers_get_different_streets(streets):
+    highways = {
+        kind: {one for _, _, data in graph.edges(data=True) for one in np.atleast_1d(data["highway"]).tolist()}
+        for kind, graph in streets.items()
+    }
+    assert {"footway", "steps"} <= highways["WALK"]
+    assert "steps" not in highways["BIKE"]
+    assert "cycleway" in highways["BIKE"]
+    assert not {"footway", "steps", "cycleway", "service"} & highways["DRIVE"]
+    assert osmids(streets["DRIVE"]) != osmids(streets["BIKE"]) != osmids(streets["WALK"])
+
+
+@pytest.mark.parametrize("kind", KINDS)
+def test_every_network_is_connected_and_says_where_it_is_and_whose(streets, kind):
+    graph = streets[kind]
+    assert isinstance(graph, nx.DiGraph)
+    assert nx.is_weakly_connected(graph)
+    assert sorted(graph) == list(range(len(graph)))
+    assert graph.graph["crs"] == "EPSG:32635"
+    assert "OpenStreetMap" in graph.graph["attribution"]
+    lon, lat = lonlat_of(graph).T
+    assert 24.93 < lon.min() < WEST + 0.001
+    assert EAST - 0.001 < lon.max() < 24.96
+    assert 60.16 < lat.min() < SOUTH + 0.001
+    assert NORTH - 0.001 < lat.max() < 60.18
+
+
+@pytest.mark.parametrize("kind", KINDS)
+def test_pieces_keep_the_spacing_and_their_true_length(streets, kind):
+    graph = streets[kind]
+    lengths = np.array([data["length"] for _, _, data in graph.edges(data=True)])
+    assert lengths.max() < 15.0
+    assert lengths.min() > 0.0
+    positions = dict(zip(graph, lonlat_of(graph), strict=True))
+    geod = pytest.importorskip("pyproj").Geod(ellps="WGS84")
+    for u, v, data in graph.edges(data=True):
+        line = shapely.get_coordinates(data["linestring"])
+        assert tuple(line[0]) == (graph.nodes[u]["x"], graph.nodes[u]["y"])
+        assert tuple(line[-1]) == (graph.nodes[v]["x"], graph.nodes[v]["y"])
+        points = project(line, graph.graph["crs"], WGS84)
+        assert data["length"] == pytest.approx(geod.line_length(*points.T), rel=1e-3, abs=0.01)
+        assert np.hypot(*(points[0] - positions[u])) < 1e-7
+
+
+def segments_of_extract(osmids):
+    """The metres of the ways with these ids that lie inside the place, straight from the extract."""
+    geod = pytest.importorskip("pyproj").Geod(ellps="WGS84")
+    inside = shapely.box(WEST, SOUTH, EAST, NORTH)
+    nodes, metres = elements()["node"], 0.0
+    for id in osmids:
+        line = [(nodes[ref]["lon"], nodes[ref]["lat"]) for ref in elements()["way"][id]["nodes"]]
+        for a, b in pairwise(line):
+            if inside.contains(shapely.Point(a)) and inside.contains(shapely.Point(b)):
+                metres += geod.line_length(*zip(a, b, strict=True))
+    return metres
+
+
+@pytest.mark.parametrize("kind", KINDS)
+def test_uncut_at_the_boundary_the_network_has_the_length_of_its_ways(server, kind):
+    options = {"tolerance": 0.0, "simplify": False, "truncate_by_edge": False, "retain_all": True}
+    graph = create_osm_graph(PLACE, OSMType[kind], **options)
+    assert road_length(graph) == pytest.approx(segments_of_extract(osmids(graph)), rel=1e-6)
+
+
+def test_a_place_and_a_file_of_it_agree_on_the_streets_they_share(server):
+    of_file = graph_from_xml(EXTRACT, tolerance=0.0, retain_all=True)
+    area = shapely.box(24.93, 60.16, 24.96, 60.18)  # all of the extract
+    of_place = graph_from_polygon(area, osm_type=OSMType.DRIVE, tolerance=0.0, simplify=False, retain_all=True)
+    shared = osmids(of_place)
+    metres = sum(
+        data["length"]
+        for u, v, data in of_file.edges(data=True)
+        if data["osmid"] in shared and (u < v or (v, u) not in of_file.edges)
+    )
+    of_both_ways = graph_from_polygon(
+        area, osm_type=OSMType.DRIVE, tolerance=0.0, simplify=False, retain_all=True, bidirectional=True
+    )
+    assert road_length(of_both_ways) == pytest.approx(metres, rel=1e-6)
+
+
+def test_riders_and_drivers_honour_one_way_streets_and_walkers_need_not(streets):
+    assert one_way_edges(streets["WALK"]) == []
+    for kind in ("BIKE", "DRIVE"):
+        against = one_way_edges(streets[kind])
+        assert len(against) > 20
+        assert all(data["oneway"] is True for _, _, data in against)
+        assert any(data["oneway"] is False for _, _, data in streets[kind].edges(data=True))
+
+
+def test_one_way_streets_lead_as_their_way_is_drawn(server):
+    graph = create_osm_graph(PLACE, OSMType.DRIVE, tolerance=0.0, resolution=1e4, simplify=False)
+    nodes, checked = elements()["node"], 0
+    for u, v, data in one_way_edges(graph):
+        way = elements()["way"][data["osmid"]]
+        assert way["tags"].get("oneway") == "yes" or way["tags"].get("junction") == "roundabout"
+        line = shapely.LineString([(nodes[ref]["lon"], nodes[ref]["lat"]) for ref in way["nodes"]])
+        if way["nodes"][0] == way["nodes"][-1]:
+            continue
+        ends = [(graph.nodes[end]["x"], graph.nodes[end]["y"]) for end in (u, v)]
+        start, end = (line.project(shapely.Point(p)) for p in project(np.array(ends), graph.graph["crs"], WGS84))
+        assert start < end
+        checked += 1
+    assert checked > 20
+
+
+@pytest.mark.parametrize("kind", KINDS)
+def test_both_ways_can_be_asked_for(server, streets, kind):
+    graph = create_osm_graph(PLACE, OSMType[kind], tolerance=0.01, bidirectional=True)
+    assert one_way_edges(graph) == []
+    assert len(graph) == len(streets[kind])
+    assert road_length(graph) == pytest.approx(road_length(streets[kind]), rel=1e-9)
+
+
+def test_streets_for_drivers_can_be_made_to_honour_nothing_else(server, streets):
+    graph = create_osm_graph(PLACE, OSMType.DRIVE, tolerance=0.01, bidirectional=False)
+    assert nx.utils.graphs_equal(graph, streets["DRIVE"])
+
+
+def test_the_default_tolerance_merges_junctions(server, streets):
+    graph = create_osm_graph(PLACE)
+    assert len(graph) < len(streets["WALK"])
+    assert nx.is_weakly_connected(graph)
+    assert road_length(graph) < road_length(streets["WALK"])
+
+
+def test_edges_keep_the_tags_of_their_street_in_a_settled_order(streets):
+    edges = [data for _, _, data in streets["DRIVE"].edges(data=True)]
+    assert {"Mannerheimintie", "Mikonkatu"} <= {data.get("name") for data in edges if isinstance(data.get("name"), str)}
+    assert all({"osmid", "highway", "oneway", "length", "linestring", "id"} <= data.keys() for data in edges)
+    assert not any("reversed" in data or "geometry" in data for data in edges)
+    lists = [value for data in edges for value in data.values() if isinstance(value, list)]
+    assert lists
+    assert all(value == sorted(value) for value in lists)
+
+
+def test_the_streets_go_into_a_context(streets, tmp_path):
+    with gamms.create_context(logger_config={"level": "CRITICAL"}) as ctx:
+        ctx.graph.attach_networkx_graph(streets["DRIVE"])
+        assert ctx.graph.crs == "EPSG:32635"
+        assert len(ctx.graph.graph) == len(streets["DRIVE"])
+        ctx.graph.save(str(tmp_path / "kluuvi.gamms"))
+        ctx.graph.load(str(tmp_path / "kluuvi.gamms"))
+
+
+def test_places_can_be_dicts_and_lists(server):
+    one = create_osm_graph({"city": PLACE}, OSMType.DRIVE, tolerance=0.01)
+    assert nx.utils.graphs_equal(
+        one, create_osm_graph([PLACE, {"city": "Helsinki-Kluuvi"}], OSMType.DRIVE, tolerance=0.01)
+    )
+
+
+def test_a_custom_filter_replaces_that_of_the_type(server):
+    steps = create_osm_graph(PLACE, custom_filter='["highway"~"steps"]', retain_all=True)
+    assert {data["highway"] for _, _, data in steps.edges(data=True)} == {"steps"}
+    both = create_osm_graph(PLACE, custom_filter=['["highway"="steps"]', "[highway=cycleway]"], retain_all=True)
+    assert {data["highway"] for _, _, data in both.edges(data=True)} == {"steps", "cycleway"}
+
+
+def test_only_the_largest_part_is_kept_unless_all_are_asked_for(server, streets):
+    largest = streets["WALK"]
+    everything = create_osm_graph(PLACE, tolerance=0.01, retain_all=True)
+    assert nx.number_weakly_connected_components(largest) == 1
+    assert nx.number_weakly_connected_components(everything) > 1
+    assert min(degree for _, degree in everything.degree()) > 0
+    assert osmids(largest) < osmids(everything)
+
+
+def test_streets_that_cross_the_boundary_are_kept_whole_or_left_out(server, streets):
+    whole = streets["WALK"]
+    cut = create_osm_graph(PLACE, tolerance=0.01, truncate_by_edge=False)
+    lon, lat = lonlat_of(cut).T
+    assert len(cut) < len(whole)
+    curve = 1e-4  # degrees: a street between two nodes inside may bend outside
+    assert lon.min() > WEST - curve
+    assert lon.max() < EAST + curve
+    assert lat.min() > SOUTH - curve
+    assert lat.max() < NORTH + curve
+
+
+def test_a_box_a_polygon_and_the_place_with_the_same_outline_are_the_same(server, streets):
+    options = {"osm_type": OSMType.DRIVE, "tolerance": 0.01}
+    of_box = graph_from_bbox(WEST, SOUTH, EAST, NORTH, **options)
+    of_polygon = graph_from_polygon(shapely.box(WEST, SOUTH, EAST, NORTH), **options)
+    assert nx.utils.graphs_equal(of_box, of_polygon)
+    assert nx.utils.graphs_equal(of_box, streets["DRIVE"])
+    assert "search" not in server.asked
+
+
+def test_the_streets_around_a_point_lie_in_a_circle(server):
+    graph = graph_from_point(60.1690, 24.9460, 150.0, truncate_by_edge=False, tolerance=0.0, simplify=False)
+    geod = pytest.importorskip("pyproj").Geod(ellps="WGS84")
+    lon, lat = lonlat_of(graph).T
+    count = len(graph)
+    _, _, far = geod.inv(np.full(count, 24.9460), np.full(count, 60.1690), lon, lat)
+    assert 120.0 < far.max() < 150.2
+
+
+def test_a_multipolygon_has_the_streets_of_all_its_parts(server):
+    parts = [shapely.box(24.9420, 60.1680, 24.9440, 60.1690), shapely.box(24.9470, 60.1680, 24.9490, 60.1690)]
+    options = {"retain_all": True, "tolerance": 0.0, "truncate_by_edge": False, "simplify": False}
+    ids = [osmids(graph_from_polygon(part, **options)) for part in parts]
+    assert osmids(graph_from_polygon(shapely.MultiPolygon(parts), **options)) == ids[0] | ids[1]
+
+
+def test_the_extract_is_small_and_names_its_makers():
+    assert len(EXTRACT.read_bytes()) < 150_000
+    assert "OpenStreetMap contributors" in (EXTRACT.parent / "README.md").read_text(encoding="utf-8")
+
+
+def test_the_graph_says_how_it_was_made(streets):
+    made = streets["DRIVE"].graph
+    assert (made["resolution"], made["tolerance"], made["bidirectional"], made["osm_type"]) == (
+        10.0,
+        0.01,
+        False,
+        "DRIVE",
+    )
+
+
+def test_the_network_types_have_the_names_that_osmnx_gives_them():
+    assert [get_network_type(kind) for kind in OSMType] == ["walk", "bike", "drive"]
+
+
+@pytest.mark.parametrize(
+    ("change", "error", "words"),
+    [
+        ({"location": 7}, TypeError, "location must be the name of a place"),
+        ({"location": {"city": 7}}, TypeError, "location must be the name of a place"),
+        ({"location": " "}, ValueError, "location must name a place"),
+        ({"location": []}, ValueError, "location must name a place"),
+        ({"osm_type": "walk"}, TypeError, r"osm_type must be OSMType\.WALK"),
+        ({"osm_type": 0}, TypeError, r"osm_type must be OSMType\.WALK"),
+        ({"resolution": 0}, ValueError, "resolution must be more than 0"),
+        ({"resolution": math.nan}, ValueError, "resolution must be finite"),
+        ({"resolution": "ten"}, TypeError, "resolution must be a number"),
+        ({"tolerance": -1.0}, ValueError, "tolerance must not be negative"),
+        ({"tolerance": math.inf}, ValueError, "tolerance must be finite"),
+        ({"custom_filter": 7}, TypeError, "custom_filter must be text"),
+        ({"custom_filter": []}, ValueError, "custom_filter must look like"),
+        ({"custom_filter": "highway"}, ValueError, "custom_filter must look like"),
+    ],
+)
+def test_an_impossible_argument_is_refused_before_anything_is_asked(server, change, error, words):
+    with pytest.raises(error, match=words) as caught:
+        create_osm_graph(**({"location": PLACE} | change))
+    assert isinstance(caught.value, gamms.errors.GammsError)
+    assert server.asked == []
+
+
+@pytest.mark.parametrize(
+    ("call", "error", "words"),
+    [
+        (lambda: graph_from_bbox(EAST, SOUTH, WEST, NORTH), ValueError, "left < right"),
+        (lambda: graph_from_bbox(WEST, NORTH, EAST, SOUTH), ValueError, "bottom < top"),
+        (lambda: graph_from_bbox(24.0, 60.0, 200.0, 61.0), ValueError, "degrees"),
+        (lambda: graph_from_bbox(24.0, math.nan, 25.0, 61.0), ValueError, "bottom must be finite"),
+        (lambda: graph_from_bbox("24", 60.0, 25.0, 61.0), TypeError, "left must be a number"),
+        (lambda: graph_from_bbox(20.0, 60.0, 30.0, 70.0), ValueError, "km², and 20000 km² are the most"),
+        (lambda: graph_from_point(60.0, 24.0, 0.0), ValueError, "radius_m must be more than 0"),
+        (lambda: graph_from_point(60.0, 24.0, 1e6), ValueError, "radius_m .* at most 75000 metres"),
+        (lambda: graph_from_point(91.0, 24.0, 10.0), ValueError, "no position"),
+        (lambda: graph_from_point(88.0, 24.0, 10.0), ValueError, "UTM"),
+        (lambda: graph_from_point(None, 24.0, 10.0), TypeError, "lat must be a number"),
+        (lambda: graph_from_polygon("POLYGON ((0 0, 1 0, 0 1, 0 0))"), TypeError, "polygon must be a shapely"),
+        (lambda: graph_from_polygon(shapely.Point(24, 60)), TypeError, "polygon must be a shapely"),
+        (lambda: graph_from_polygon(shapely.Polygon()), ValueError, "outline is empty"),
+        (lambda: graph_from_polygon(shapely.box(3.8e5, 6.6e6, 3.9e5, 6.7e6)), ValueError, "not degrees"),
+        (
+            lambda: graph_from_polygon(shapely.Polygon([(24, 60), (25, 61), (25, 60), (24, 61)])),
+            ValueError,
+            "crosses itself",
+        ),
+    ],
+)
+def test_an_impossible_area_is_refused_before_anything_is_asked(server, call, error, words):
+    with pytest.raises(error, match=words) as caught:
+        call()
+    assert isinstance(caught.value, gamms.errors.GammsError)
+    assert server.asked == []
