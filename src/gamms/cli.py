@@ -1,5 +1,8 @@
 """`gamms`: the command line. The only file that prints, and the one door to typer and rich."""
 
+import json
+from collections.abc import Iterable
+from enum import StrEnum
 from pathlib import Path
 from typing import Annotated, Any
 
@@ -19,11 +22,21 @@ app = typer.Typer(
     pretty_exceptions_enable=False,
 )
 
+maps = typer.Typer(help="Look at maps.", no_args_is_help=True)
+app.add_typer(maps, name="osm")
+
 _HELSINKI = "Central Helsinki"
 _COLORS = ((213, 94, 0), (0, 114, 178))  # vermilion and blue of Okabe and Ito: told apart by everybody
 _NAMES = ("red", "blue")
 _PICTURE = (1400, 1600)
 _MOST_AGENTS = 1000
+
+
+class _Network(StrEnum):
+    ALL = "all"
+    WALK = "walk"
+    BIKE = "bike"
+    DRIVE = "drive"
 
 
 @app.callback(invoke_without_command=True)
@@ -44,17 +57,38 @@ def demo(
 ) -> None:
     """Play capture the flag between two teams on the streets of a city."""
     sides = _parsed_teams(teams)
-    out.mkdir(parents=True, exist_ok=True)
     with gamms.create_context(seed=seed, logger_config={"level": "WARNING"}) as ctx:
         map_name = _load_map(ctx, map)
         match = play(ctx, sides, turns)
         show.declare(match)
+        out.mkdir(parents=True, exist_ok=True)
         (out / "result.json").write_text(report.to_json(report.result(match, map_name)), encoding="utf-8")
         ctx.visual.save(out / "final.svg", *_PICTURE, title=f"{map_name}: {report.headline(match)}")
         _tell(match, map_name, seed)
     typer.echo(
         f"\nWrote {out / 'result.json'} (every event) and {out / 'final.svg'} (the last turn; open it in a browser)."
     )
+
+
+@maps.command("report")
+def map_report(
+    file: Annotated[Path, typer.Argument(help="An OpenStreetMap or GeoJSON file.", show_default=False)],
+    resolution: Annotated[float, typer.Option(help="Metres between nodes.")] = 10.0,
+    tolerance: Annotated[float, typer.Option(help="Metres; junctions within twice this become one.")] = 0.0,
+    network: Annotated[_Network, typer.Option(help="Leave out the roads that are closed to these.")] = _Network.ALL,
+    retain_all: Annotated[bool, typer.Option("--retain-all", help="Take all parts, not only the largest.")] = False,
+    as_json: Annotated[bool, typer.Option("--json", help="Print JSON.")] = False,
+) -> None:
+    """Compare the graph that a map becomes with the map: lengths, places, connections, spacing."""
+    try:
+        found = _fidelity(file, network, resolution=resolution, tolerance=tolerance, retain_all=retain_all)
+    except (GammsError, OSError) as error:
+        typer.echo(f"gamms: {error}", err=True)
+        raise typer.Exit(1) from None
+    if as_json:
+        typer.echo(json.dumps(found.to_dict(), indent=2))
+        return
+    Console(highlight=False, soft_wrap=True).print(_rich_table(("fidelity", ""), found.rows(), right=False))
 
 
 def main() -> None:
@@ -64,6 +98,17 @@ def main() -> None:
     except (GammsError, OSError) as error:
         typer.echo(f"gamms: {error}", err=True)
         raise SystemExit(1) from None
+
+
+def _fidelity(file: Path, network: _Network, **wishes: Any) -> Any:
+    from gamms import osm
+
+    kind = None if network is _Network.ALL else osm.OSMType[network.name]
+    if osm.is_geojson(file):
+        graph = osm.graph_from_geojson(file, **wishes)
+    else:
+        graph = osm.graph_from_file(file, osm_type=kind, **wishes)
+    return osm.report(graph, file)
 
 
 def _load_map(ctx: gamms.Context, path: Path | None) -> str:
@@ -109,10 +154,10 @@ def _tell(match: Match, map_name: str, seed: int) -> None:
     console.print(_rich_table(header, rows))
 
 
-def _rich_table(header: tuple[str, ...], rows: list[tuple[str, ...]]) -> Any:
+def _rich_table(header: tuple[str, ...], rows: Iterable[tuple[str, ...]], *, right: bool = True) -> Any:
     table = Table(box=None, pad_edge=False, padding=(0, 2, 0, 0))
     for i, title in enumerate(header):
-        table.add_column(title, justify="right" if i else "left")
+        table.add_column(title, justify="right" if i and right else "left")
     for row in rows:
         table.add_row(*row)
     return table

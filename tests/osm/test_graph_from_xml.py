@@ -128,6 +128,8 @@ def test_tags_are_kept_as_they_are(make_map, cross):
         "lanes",
         "maxspeed",
         "oneway",
+        "speed_kph",
+        "travel_time",
     }
     assert (data["osmid"], data["highway"], data["name"]) == (100, "primary", 'Esplanadi "Ä"')
     assert (data["lanes"], data["maxspeed"], data["oneway"]) == ("2", "30", True)
@@ -227,11 +229,11 @@ def test_coincident_nodes_that_a_road_joins_become_one(make_map, cross):
 
 
 def test_tolerance_joins_the_vertices_of_a_junction(make_map, cross):
-    cross[5] = (60.17, 24.94102)  # 1.1 m from node 2
-    path = make_map(cross, ([1, 2, 5, 3], ROAD), ([5, 4], ROAD))
+    cross |= {5: (60.17, 24.94102), 6: (60.1695, 24.94102)}  # 5 is 1.1 m from node 2
+    path = make_map(cross, ([1, 2, 5, 3], ROAD), ([2, 4], ROAD), ([5, 6], ROAD))
     fine, coarse = graph_from_xml(path, 1e6), graph_from_xml(path, 1e6, tolerance=2.0)
-    assert fine.number_of_nodes() == 5
-    assert coarse.number_of_nodes() == 4
+    assert fine.number_of_nodes() == 6
+    assert coarse.number_of_nodes() == 5
     assert nx.is_strongly_connected(coarse)
 
 

@@ -1,4 +1,4 @@
-"""Operations on whole networks: components, consolidation, simplification, directions."""
+"""Operations on whole networks: components, simplification, directions."""
 
 import math
 from dataclasses import replace
@@ -8,7 +8,6 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from gamms.osm.consolidate import close_pairs, consolidate
 from gamms.osm.directions import joined_directions
 from gamms.osm.labels import components, first_seen
 from gamms.osm.network import both_ways, network_of_lines
@@ -55,38 +54,6 @@ def test_numbers_are_given_in_first_seen_order(keys):
     order = list(dict.fromkeys(keys))
     assert numbers.tolist() == [order.index(key) for key in keys]
     assert firsts.tolist() == [keys.index(key) for key in order]
-
-
-@settings(deadline=None)
-@given(st.lists(point, min_size=1, max_size=30), st.sampled_from([0.0, 0.25, 1.0, 3.0]))
-def test_close_pairs_connect_what_all_pairs_would(points, distance):
-    xy = np.array(points, float)
-    n = len(points)
-    pairs = [(i, j) for i in range(n) for j in range(n) if math.dist(points[i], points[j]) <= distance]
-    assert components(*close_pairs(xy, distance), n).tolist() == slow_components(pairs, n)
-
-
-def test_a_heap_of_points_at_one_place_is_cheap():
-    a, _ = close_pairs(np.zeros((200_000, 2)), 1.0)
-    assert len(a) < 200_000
-
-
-def test_a_junction_of_several_vertices_becomes_one():
-    merged = consolidate(network([(0, 0), (1, 0), (1, 1), (50, 0)], [(0, 1), (1, 2), (1, 3)]), 1.0)
-    assert merged.xy.tolist() == [[2 / 3, 1 / 3], [50, 0]]
-    assert merged.points.tolist() == [[2 / 3, 1 / 3], [1, 0], [50, 0]]
-    assert merged.lengths == pytest.approx([49 + math.hypot(1 / 3, 1 / 3)])
-
-
-def test_near_nodes_without_a_road_between_them_stay_apart():
-    bridge = network([(-9, 0), (0, 0), (0, 0.5), (0, 9)], [(0, 1), (2, 3)])
-    assert consolidate(bridge, 1.0) is bridge
-
-
-def test_nothing_merges_at_the_default_but_coincident_nodes():
-    near = network([(0, 0), (0.001, 0), (0.001, 0), (9, 0)], [(0, 1), (1, 2), (2, 3)])
-    assert len(consolidate(near, 1e-9).xy) == 3
-    assert len(consolidate(near, 0.0).xy) == 3
 
 
 def test_a_chain_becomes_one_road_with_the_same_length():

@@ -29,7 +29,8 @@ def test_both_directions_of_a_curved_street_share_nodes(bidirectional):
     assert (graph.number_of_nodes(), graph.number_of_edges()) == (8, 14)
     assert total_length(graph) == pytest.approx(145.0)
     assert graph.graph["crs"] == "EPSG:32635"
-    assert all(set(data) == {"id", "length", "linestring", "name", "oneway"} for *_, data in graph.edges(data=True))
+    attributes = {"id", "length", "linestring", "name", "oneway", "speed_kph", "travel_time"}
+    assert all(set(data) == attributes for *_, data in graph.edges(data=True))
 
 
 def test_directions_are_honoured_only_if_asked_for():

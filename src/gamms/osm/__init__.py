@@ -3,52 +3,63 @@
     G = gamms.osm.graph_from_xml("city.osm", resolution=10.0)
     ctx.graph.attach_networkx_graph(G)
 
+`create_osm_graph("Kluuvi, Helsinki")` asks OpenStreetMap's servers: `places.py`, with `osmnx.py` as the door to them.
 `gamms.osm.helsinki(ctx)` does the same with the map that comes with the package, and needs no optional library.
 
 Read `load.py` first: it names the steps. `osmium.py` reads the file, `ways.py` and `network.py` hold the
-roads as columns, `consolidate.py` joins vertices, `resample.py` cuts them, `networkx.py` makes the graph.
+roads as columns, `junctions.py` merges junctions, `resample.py` cuts them, `networkx.py` makes the graph,
+`fidelity.py` compares it with the map. `buildings.py` makes obstacles of the same maps.
 May import: `gamms.typing` and below, never another room. To read another kind of map, make a `RoadNetwork` of it;
 everything after that is the same.
 """
 
-from enum import Enum
-from typing import Any
-
-from gamms.errors import NotYetAttribute
+from gamms.osm.buildings import (
+    extract_osm_polygon_faces,
+    faces_of_features,
+    obstacle_from_file,
+    obstacle_from_osm,
+    obstacle_from_xml,
+)
 from gamms.osm.columns import network_of_columns
-from gamms.osm.constants import HEIGHT_ESTIMATES_TYPES, OSM_OBSTACLE_TAGS
-from gamms.osm.load import graph_from_xml, process_osm_graph, resample_columns
+from gamms.osm.constants import HEIGHT_ESTIMATES_TYPES, OSM_OBSTACLE_TAGS, wall_estimates
+from gamms.osm.fidelity import Report, report
+from gamms.osm.geojson import is_geojson
+from gamms.osm.load import consolidated_graph as consolidate
+from gamms.osm.load import graph_from_file, graph_from_geojson, graph_from_xml, process_osm_graph, resample_columns
+from gamms.osm.places import (
+    create_osm_graph,
+    get_network_type,
+    graph_from_bbox,
+    graph_from_point,
+    graph_from_polygon,
+)
 from gamms.osm.shipped import helsinki
+from gamms.osm.travel import OSMType
 
 __all__ = [
     "HEIGHT_ESTIMATES_TYPES",
     "OSM_OBSTACLE_TAGS",
     "OSMType",
+    "Report",
+    "consolidate",
+    "create_osm_graph",
+    "extract_osm_polygon_faces",
+    "faces_of_features",
+    "get_network_type",
+    "graph_from_bbox",
+    "graph_from_file",
+    "graph_from_geojson",
+    "graph_from_point",
+    "graph_from_polygon",
     "graph_from_xml",
     "helsinki",
+    "is_geojson",
     "network_of_columns",
+    "obstacle_from_file",
+    "obstacle_from_osm",
+    "obstacle_from_xml",
     "process_osm_graph",
+    "report",
     "resample_columns",
+    "wall_estimates",
 ]
-
-LATER = {
-    "create_osm_graph": "loading places by name",
-    "get_network_type": "loading places by name",
-    "extract_osm_polygon_faces": "buildings as obstacles",
-    "obstacle_from_osm": "buildings as obstacles",
-    "obstacle_from_xml": "buildings as obstacles",
-}
-
-
-class OSMType(Enum):
-    """Which ways of moving a network is for."""
-
-    WALK = 0
-    BIKE = 1
-    DRIVE = 2
-
-
-def __getattr__(name: str) -> Any:
-    if name in LATER:
-        raise NotYetAttribute(LATER[name])
-    raise AttributeError(f"module {__name__!r} has no attribute {name!r}")

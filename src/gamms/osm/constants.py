@@ -5,7 +5,7 @@ Tables that programs read and change by name; the loaders of buildings take them
 
 from gamms.ir.palette import COLOR_TYPES
 
-__all__ = ["COLOR_TYPES", "HEIGHT_ESTIMATES_TYPES", "OSM_OBSTACLE_TAGS"]
+__all__ = ["COLOR_TYPES", "HEIGHT_ESTIMATES_TYPES", "OSM_OBSTACLE_TAGS", "wall_estimates"]
 
 OSM_OBSTACLE_TAGS: dict[str, bool | list[str]] = {
     "building": True,
@@ -77,3 +77,15 @@ HEIGHT_ESTIMATES_TYPES: dict[tuple[str, str], tuple[float, int]] = {  # (key, va
     ("landuse", "residential"): (10.0, 35),
     ("landuse", "military"): (12.0, 36),
 }
+
+
+def wall_estimates() -> dict[tuple[str, str], tuple[float, int]]:
+    """The heights that loaders of buildings take by default: HEIGHT_ESTIMATES_TYPES as it is now, with two changes.
+
+    Land use is left out, because a neighbourhood is no wall around itself. And a building of a kind that has no row
+    counts as `building=yes`, unless it is none (`no`, `proposed`, `razed`, `demolished`) or has no walls (`roof`,
+    `carport`).
+    """
+    bodies = {row: estimate for row, estimate in HEIGHT_ESTIMATES_TYPES.items() if row[0] != "landuse"}
+    usual = bodies.get(("building", "yes"))
+    return bodies if usual is None else {("building", "*"): usual, **bodies}

@@ -7,12 +7,14 @@ import zlib
 from pathlib import Path
 
 from gamms.errors import BadFile, BadType
+from gamms.osm.pbf import unpacked_size
 
 _CHUNK = 1 << 20
 _MOST_EXPANSION = 200  # map data shrinks 10 to 30 times
 _ALWAYS_ALLOWED = 64 << 20  # bytes: this much is never a bomb
 _GZIP_EXPANSION = 1032  # deflate cannot do better
 _BZIP2_EXPANSION = _ALWAYS_ALLOWED  # bytes per byte: runs of one value shrink without a useful bound
+_PBF_EXPANSION = 50  # real extracts shrink 2 to 5 times
 WAY_OUT = (
     "Give an .osm, .xml, .osm.gz, .osm.bz2 or .osm.pbf file, "
     "such as an export from openstreetmap.org, the Overpass API or Geofabrik."
@@ -57,10 +59,20 @@ def file_format(file: Path) -> str:
         _refuse_bomb(file, _BZIP2_EXPANSION, bz2.BZ2File)
         return "osm.bz2"
     if b"OSMHeader" in head[:32]:
+        _refuse_pbf_bomb(file)
         return "pbf"
     if head.removeprefix(b"\xef\xbb\xbf").lstrip().startswith(b"<"):
         return "osm"
     raise BadFile(f"{str(file)!r} is not an OpenStreetMap file: it starts with {head[:16]!r}. {WAY_OUT}")
+
+
+def _refuse_pbf_bomb(file: Path) -> None:
+    # osmium unpacks a block to no more than it says it has, and none to more than 32 MiB: their sum is a bound.
+    packed, unpacked = file.stat().st_size, unpacked_size(file)
+    if unpacked > max(_ALWAYS_ALLOWED, packed * _PBF_EXPANSION):
+        raise BadFile(
+            f"{str(file)!r} has {packed} bytes and unpacks to {unpacked}: no map shrinks that much. Download it again."
+        )
 
 
 def _refuse_bomb(file: Path, expansion: int, unpack: type[gzip.GzipFile] | type[bz2.BZ2File]) -> None:

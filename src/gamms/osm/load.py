@@ -2,56 +2,71 @@
 
 import math
 import os
+from collections.abc import Callable
 from dataclasses import replace
-from pathlib import Path
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING, Any, NamedTuple
 
 import numpy as np
 
 from gamms.arguments import as_float, as_range
-from gamms.errors import BadFile, BadValue
+from gamms.errors import BadType, BadValue
 from gamms.ir.graph import GraphColumns
 from gamms.ir.projection import crs_of
 from gamms.osm.columns import network_of_columns
-from gamms.osm.consolidate import consolidate
 from gamms.osm.directions import joined_directions
 from gamms.osm.files import as_file
-from gamms.osm.network import RoadNetwork, both_ways, connected, network_of_segments, projected
-from gamms.osm.networkx import network_of_graph, to_digraph
-from gamms.osm.osmium import read_ways
+from gamms.osm.junctions import consolidate
+from gamms.osm.network import RoadNetwork, both_ways, connected, projected
+from gamms.osm.networkx import network_of_graph, to_digraph, to_multidigraph
 from gamms.osm.progress import progress
 from gamms.osm.resample import resample
-from gamms.osm.ways import largest_part, segments_of
+from gamms.osm.simplify import simplify as simplified
+from gamms.osm.source import read_line_network, read_network
+from gamms.osm.travel import OSMType
 
 if TYPE_CHECKING:
-    from collections.abc import Callable
-
     import networkx as nx
 
+Path = str | os.PathLike[str]
+_Reader = Callable[[Callable[[str], None]], RoadNetwork]
 
 _SLOW_BYTES = 32 << 20
 
 
+class Recipe(NamedTuple):
+    """How a graph was made of a map; `G.graph` carries it, so that a report can be made of it."""
+
+    resolution: float
+    tolerance: float
+    bidirectional: bool
+    retain_all: bool
+    simplify: bool
+    osm_type: OSMType | None = None
+
+
 def graph_from_xml(
-    filepath: str | os.PathLike[str],
+    filepath: Path,
     resolution: float = 10.0,
     bidirectional: bool = True,
     retain_all: bool = False,
     tolerance: float = 1e-9,
 ) -> "nx.DiGraph[int]":
-    """Make a graph of the roads in an OpenStreetMap file (.osm, .xml, .osm.gz, .osm.bz2, .osm.pbf).
+    """Make a graph of the roads in an OpenStreetMap file, with a node at every vertex of the file.
+
+    `graph_from_file` reads the same files, spaces the nodes of winding roads evenly, and knows ways of moving.
 
     Args:
-        filepath: the map file.
+        filepath: the map file (.osm, .xml, .osm.gz, .osm.bz2, .osm.pbf).
         resolution: metres between nodes; a road of length L becomes round(L / resolution) equal pieces,
             and a road shorter than 1.5 times the resolution stays whole.
         bidirectional: let agents go against one-way streets; False honours the directions.
         retain_all: keep every part of the map, not only the largest connected one.
-        tolerance: metres; vertices joined by roads and within twice this distance become one node.
+        tolerance: metres; junctions that a road of at most twice this length joins become one node.
 
     Returns:
         A directed graph in UTM metres, its CRS in `G.graph["crs"]`. Nodes are 0, 1, … with `x` and `y`;
-        edges have `id`, `linestring`, `length` (true metres, on the ellipsoid) and the tags of their street.
+        edges have `id`, `linestring`, `length` (true metres, on the ellipsoid), `speed_kph`, `travel_time` and
+        the tags of their street.
 
     Raises:
         FileNotFoundError, IsADirectoryError: there is no such file.
@@ -59,15 +74,72 @@ def graph_from_xml(
         BadValue, BadType: an argument is impossible.
         MissingExtra: osmium or pyproj is not installed.
     """
-    resolution, tolerance = _resolution(resolution), as_range(tolerance, "tolerance")
-    if math.isinf(tolerance):
-        raise BadValue("tolerance must be finite, in metres: with an infinite one the whole map would be one node.")
+    recipe = recipe_of(resolution, tolerance, bidirectional=bidirectional, retain_all=retain_all, simplify=False)
     file = as_file(filepath)
-    # Nothing can be shown while osmium reads its first nodes: say so before, where that takes a second.
-    with progress(0.0 if file.stat().st_size > _SLOW_BYTES else 1.0) as show:
-        network = read_network(file, retain_all=retain_all, show=show)
-        show(f"Joining {len(network.sources)} roads")
-        return _cut(consolidate(network, tolerance), resolution, bidirectional=bidirectional, show=show)
+    return _graph(filepath, recipe, lambda show: read_network(file, retain_all=retain_all, show=show))
+
+
+def graph_from_file(
+    filepath: Path,
+    resolution: float = 10.0,
+    bidirectional: bool | None = None,
+    retain_all: bool = False,
+    tolerance: float = 0.5,
+    osm_type: OSMType | None = None,
+    simplify: bool = True,
+) -> "nx.DiGraph[int]":
+    """Make a graph of the roads in an OpenStreetMap file for one way of moving, or for any.
+
+    Args:
+        filepath: the map file (.osm, .xml, .osm.gz, .osm.bz2, .osm.pbf).
+        resolution: metres between nodes, as for `graph_from_xml`; roads are cut from junction to junction.
+        bidirectional: let agents go against one-way streets; by default walkers may, and who rides or drives
+            may not.
+        retain_all: keep every part of the map, not only the largest connected one.
+        tolerance: metres; junctions that a road of at most twice this length joins become one node.
+            0 merges nothing but vertices at one place.
+        osm_type: leave out the roads that are closed to this way of moving; None takes all.
+        simplify: cut roads from junction to junction; False makes a node at every vertex of the file.
+
+    Returns, Raises: as `graph_from_xml`.
+    """
+    if osm_type is not None and not isinstance(osm_type, OSMType):
+        raise BadType(f"osm_type must be an OSMType such as OSMType.DRIVE, or None for all roads, not {osm_type!r}.")
+    both = osm_type in (None, OSMType.WALK) if bidirectional is None else bidirectional
+    recipe = recipe_of(
+        resolution, tolerance, bidirectional=both, retain_all=retain_all, simplify=simplify, osm_type=osm_type
+    )
+    file = as_file(filepath)
+    return _graph(
+        filepath, recipe, lambda show: read_network(file, retain_all=retain_all, show=show, osm_type=osm_type)
+    )
+
+
+def graph_from_geojson(
+    filepath: Path,
+    resolution: float = 10.0,
+    bidirectional: bool = True,
+    retain_all: bool = False,
+    tolerance: float = 0.0,
+    simplify: bool = True,
+) -> "nx.DiGraph[int]":
+    """Make a graph of the lines in a GeoJSON file; they join where they have equal coordinates.
+
+    LineString and MultiLineString are roads, whatever their properties, which become the tags of the edges;
+    `oneway`, `maxspeed` and `highway` mean what they do in OpenStreetMap. Other geometries are passed over.
+    It needs pyproj, and not osmium.
+
+    Args, Returns: as for `graph_from_file`.
+
+    Raises:
+        FileNotFoundError, IsADirectoryError: there is no such file.
+        BadFile: it is damaged, not GeoJSON, too large, not in degrees, or has no lines.
+        BadValue, BadType: an argument is impossible, or the lines lie too far apart or north for one projection.
+        MissingExtra: pyproj is not installed.
+    """
+    recipe = recipe_of(resolution, tolerance, bidirectional=bidirectional, retain_all=retain_all, simplify=simplify)
+    file = as_file(filepath)
+    return _graph(filepath, recipe, lambda show: read_line_network(file, retain_all=retain_all, show=show))
 
 
 def process_osm_graph(
@@ -86,12 +158,29 @@ def process_osm_graph(
         BadValue: a node lacks a position, or the CRS, a length or the resolution is impossible.
         MissingExtra: the graph has a CRS and pyproj is not installed.
     """
-    resolution = _resolution(resolution)
+    recipe = recipe_of(resolution, 0.0, bidirectional=bidirectional, retain_all=True, simplify=False)
     with progress() as show:
         show("Reading the graph")
-        network = connected(_in_metres(network_of_graph(osmg), osmg.graph.get("crs")))
-        network = joined_directions(network) if osmg.is_directed() else both_ways(network)
-        return _cut(network, resolution, bidirectional=bidirectional, show=show)
+        return cut(network_in_metres(osmg), recipe, show)
+
+
+def consolidated_graph(osmg: Any, tolerance: float) -> "nx.MultiDiGraph[int]":
+    """Merge the nodes of a networkx graph that make up one junction; the result can be cut by `process_osm_graph`.
+
+    Junctions, where three roads or more end, that a road of at most twice the tolerance joins become one
+    node, unless it would be wider than four tolerances. What is near and not joined stays apart.
+
+    Args:
+        osmg: as for `process_osm_graph`.
+        tolerance: metres.
+
+    Raises: as `process_osm_graph`.
+    """
+    tolerance = _tolerance(tolerance)
+    with progress() as show:
+        show("Joining roads")
+        network = consolidate(network_in_metres(osmg), tolerance)
+        return to_multidigraph(network)
 
 
 def resample_columns(
@@ -106,31 +195,37 @@ def resample_columns(
     Raises:
         BadType, BadValue: the resolution is impossible.
     """
-    resolution = _resolution(resolution)
+    recipe = recipe_of(resolution, 0.0, bidirectional=bidirectional, retain_all=True, simplify=False)
     with progress() as show:
-        return _cut(network_of_columns(columns), resolution, bidirectional=bidirectional, show=show)
+        return cut(network_of_columns(columns), recipe, show)
 
 
-def read_network(file: Path, *, retain_all: bool, show: "Callable[[str], None]") -> RoadNetwork:
-    """The roads of a map file, one per pair of consecutive vertices, in UTM metres."""
-    ways = read_ways(file, show)
-    segments = segments_of(ways)
-    if not len(segments.sources):
-        raise BadFile(
-            f"{str(file)!r} has roads, but not the nodes that they lead through. "
-            "Export it with all nodes (in Overpass: (._;>;); out;)."
-        )
-    show(f"Projecting {len(segments.lonlat)} nodes")
-    return network_of_segments(segments if retain_all else largest_part(segments), ways.tags)
+def _graph(filepath: Path, recipe: Recipe, read: _Reader) -> "nx.DiGraph[int]":
+    # Nothing can be shown while osmium reads its first nodes: say so before, where that takes a second.
+    with progress(0.0 if as_file(filepath).stat().st_size > _SLOW_BYTES else 1.0) as show:
+        network = read(show)
+        show(f"Joining {len(network.sources)} roads")
+        if recipe.simplify:
+            network = simplified(network)
+        return cut(consolidate(network, recipe.tolerance), recipe, show)
 
 
-def _cut(
-    network: RoadNetwork, resolution: float, *, bidirectional: bool, show: "Callable[[str], None]"
-) -> "nx.DiGraph[int]":
+def cut(network: RoadNetwork, recipe: Recipe, show: Callable[[str], None]) -> "nx.DiGraph[int]":
     show(f"Cutting {len(network.sources)} roads")
-    pieces = resample(both_ways(network) if bidirectional else network, resolution)
+    pieces = resample(both_ways(network) if recipe.bidirectional else network, recipe.resolution)
     show(f"Making a graph of {len(pieces.sources)} pieces")
-    return to_digraph(pieces)
+    graph = to_digraph(pieces)
+    kind = "" if recipe.osm_type is None else recipe.osm_type.name
+    merged = {"merged_nodes": network.merged.nodes, "merged_length": network.merged.length_m}
+    graph.graph.update({**recipe._asdict(), "osm_type": kind, **merged})
+    return graph
+
+
+def network_in_metres(osmg: Any) -> RoadNetwork:
+    """The roads of a networkx graph, projected if it counts in degrees; a street there and back is one road."""
+    network = network_of_graph(osmg)
+    network = connected(_in_metres(network, osmg.graph.get("crs")))
+    return joined_directions(network) if osmg.is_directed() else both_ways(network)
 
 
 def _in_metres(network: RoadNetwork, crs: Any) -> RoadNetwork:
@@ -144,8 +239,19 @@ def _in_metres(network: RoadNetwork, crs: Any) -> RoadNetwork:
     return projected(network, name)
 
 
-def _resolution(resolution: float) -> float:
+def recipe_of(resolution: float, tolerance: float, **wishes: Any) -> Recipe:
     number = as_float(resolution, "resolution")
     if number <= 0.0:
         raise BadValue(f"resolution must be more than 0 metres, not {number}. The default is 10.")
+    return Recipe(number, _tolerance(tolerance), **{name: _plain(value) for name, value in wishes.items()})
+
+
+def _plain(wish: Any) -> Any:
+    return wish if isinstance(wish, OSMType) or wish is None else bool(wish)
+
+
+def _tolerance(tolerance: float) -> float:
+    number = as_range(tolerance, "tolerance")
+    if math.isinf(number):
+        raise BadValue("tolerance must be finite, in metres: with an infinite one the whole map would be one node.")
     return number

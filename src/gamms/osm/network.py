@@ -2,16 +2,26 @@
 
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
-from typing import Any
+from typing import Any, NamedTuple
 
 import numpy as np
 
 from gamms.ir.graph import FloatArray, IntArray
 from gamms.ir.projection import WGS84, ellipsoid_lengths, project, utm_crs
 from gamms.osm.polylines import along, chosen_lines, offsets_of, straight_lines, with_ends
-from gamms.osm.ways import Segments
+from gamms.osm.ways import ATTRIBUTION, Segments
 
 BoolArray = np.ndarray[Any, np.dtype[np.bool_]]
+
+
+class Merged(NamedTuple):
+    """What merging junctions has taken away so far."""
+
+    nodes: int = 0
+    length_m: float = 0.0  # of the roads inside junctions
+
+
+_NOTHING = Merged()
 
 
 @dataclass(slots=True, frozen=True, eq=False)
@@ -28,6 +38,8 @@ class RoadNetwork:
     ways: IntArray  # (roads,)  rows of `tags`
     tags: Sequence[Mapping[str, Any]]  # (ways,)  attributes that the roads of a way share
     crs: str | None
+    merged: Merged = _NOTHING
+    attribution: str | None = ATTRIBUTION
 
 
 def network_of_segments(segments: Segments, tags: Sequence[Mapping[str, Any]]) -> RoadNetwork:

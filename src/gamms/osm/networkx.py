@@ -1,53 +1,79 @@
 """The one door to networkx: road networks from its graphs and into them."""
 
 import math
-from collections.abc import Mapping
+from collections.abc import Iterator, Mapping
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
 from gamms.errors import BadType, BadValue
-from gamms.ir.geometry import line_strings, points_of
+from gamms.ir.geometry import line_strings, points_of, points_of_many
 from gamms.ir.graph import FloatArray, IntArray
 from gamms.osm.labels import first_seen
 from gamms.osm.network import RoadNetwork, network_of_lines
 from gamms.osm.polylines import reversed_points
+from gamms.osm.speeds import speed_kph, travel_times
 
 if TYPE_CHECKING:
     import networkx as nx
 
-ATTRIBUTION = "© OpenStreetMap contributors, ODbL 1.0"
 _OWN = frozenset(("id", "linestring", "geometry", "length", "reversed"))  # not tags: we write or replace them
 
 
 def to_digraph(network: RoadNetwork) -> "nx.DiGraph[int]":
     """One node per node and one edge per direction of each road, numbered in first-seen order.
 
-    Nodes have `x` and `y`; edges have `id`, `linestring`, `length` and their tags.
-    The way back has the next id.
+    Nodes have `x` and `y`; edges have `id`, `linestring`, `length`, their tags, `speed_kph` and `travel_time`.
+    The way back has the next id. Of roads from one node to another the last is kept.
     """
-    graph = _empty_digraph(network.crs)
+    import networkx as nx
+
+    graph: nx.DiGraph[int] = nx.DiGraph()
+    _fill(graph, network)
+    return graph
+
+
+def to_multidigraph(network: RoadNetwork) -> "nx.MultiDiGraph[int]":
+    """The same with every road kept, also between the same two nodes."""
+    import networkx as nx
+
+    graph: nx.MultiDiGraph[int] = nx.MultiDiGraph()
+    _fill(graph, network)
+    return graph
+
+
+def _fill(graph: Any, network: RoadNetwork) -> None:
+    about = {"attribution": network.attribution, "crs": network.crs}
+    graph.graph.update({name: text for name, text in about.items() if text is not None})
     numbers, firsts = _numbers(network)
     xy = network.xy[firsts].tolist()
     graph.add_nodes_from((node, {"x": x, "y": y}) for node, (x, y) in enumerate(xy))
-    ids = np.cumsum(1 + network.two_way) - (1 + network.two_way)
+    graph.add_edges_from(_edges(network, numbers))
+
+
+def _edges(network: RoadNetwork, numbers: IntArray) -> Iterator[tuple[int, int, dict[str, Any]]]:
+    """Every road there and, where traffic runs both ways, back: as networkx takes them."""
+    ids = (np.cumsum(1 + network.two_way) - (1 + network.two_way)).tolist()
     there = line_strings(network.points, _lines(network.offsets))
     back = line_strings(network.points[reversed_points(network.offsets)], _lines(network.offsets))
+    tags = [{**of_way, "speed_kph": speed_kph(of_way)} for of_way in network.tags]
+    times = travel_times(network, np.array([of_way["speed_kph"] for of_way in tags], np.float64)).tolist()
     sources, targets = numbers[network.sources].tolist(), numbers[network.targets].tolist()
     lengths, two_way, ways = network.lengths.tolist(), network.two_way.tolist(), network.ways.tolist()
-    for road, id in enumerate(ids.tolist()):
-        u, v, length, tags = sources[road], targets[road], lengths[road], network.tags[ways[road]]
-        graph.add_edge(u, v, id=id, linestring=there[road], length=length, **tags)
+    for road, id in enumerate(ids):
+        u, v, length, time, of_way = sources[road], targets[road], lengths[road], times[road], tags[ways[road]]
+        own = {"linestring": there[road], "length": length}
+        yield u, v, {"id": id, **own, **of_way, "travel_time": time}
         if two_way[road]:
-            graph.add_edge(v, u, id=id + 1, linestring=back[road], length=length, **tags)
-    return graph
+            own = {"linestring": back[road], "length": length}
+            yield v, u, {"id": id + 1, **own, **of_way, "travel_time": time}
 
 
 def to_road_graph(network: RoadNetwork) -> "nx.MultiDiGraph[int]":
     """One edge per road, with its tags and `oneway`; for saving a map that is to be cut later."""
     import networkx as nx
 
-    graph: nx.MultiDiGraph[int] = nx.MultiDiGraph(attribution=ATTRIBUTION, crs=network.crs)
+    graph: nx.MultiDiGraph[int] = nx.MultiDiGraph(attribution=network.attribution, crs=network.crs)
     graph.add_nodes_from((node, {"x": x, "y": y}) for node, (x, y) in enumerate(network.xy.tolist()))
     lines = line_strings(network.points, _lines(network.offsets))
     ends = zip(network.sources.tolist(), network.targets.tolist(), strict=True)
@@ -55,6 +81,25 @@ def to_road_graph(network: RoadNetwork) -> "nx.MultiDiGraph[int]":
         tags = {**network.tags[network.ways[road]], "oneway": not network.two_way[road]}
         graph.add_edge(u, v, id=road, linestring=lines[road], length=float(network.lengths[road]), **tags)
     return graph
+
+
+def network_of_edges(graph: Any) -> RoadNetwork:
+    """The edges of a graph that `to_digraph` made, each as a one-way road with the data of its edge as tags."""
+    rows = {node: row for row, node in enumerate(graph)}
+    edges = list(graph.edges(data=True))
+    points, offsets = points_of_many([data["linestring"] for _, _, data in edges])
+    return RoadNetwork(
+        xy=np.array([(data["x"], data["y"]) for _, data in graph.nodes(data=True)], np.float64).reshape(-1, 2),
+        sources=np.array([rows[u] for u, _, _ in edges], np.int64),
+        targets=np.array([rows[v] for _, v, _ in edges], np.int64),
+        offsets=offsets,
+        points=points,
+        lengths=np.array([data["length"] for _, _, data in edges], np.float64),
+        two_way=np.zeros(len(edges), np.bool_),
+        ways=np.arange(len(edges)),
+        tags=[data for _, _, data in edges],
+        crs=graph.graph.get("crs"),
+    )
 
 
 def network_of_graph(graph: Any) -> RoadNetwork:
@@ -78,20 +123,11 @@ def network_of_graph(graph: Any) -> RoadNetwork:
     lengths = np.array([_length(u, v, data) for u, v, data in edges], np.float64)
     tags = [{name: value for name, value in data.items() if name not in _OWN} for _, _, data in edges]
     bends = {
-        road: _oriented(points_of(data["geometry"], f"The geometry of edge ({u!r}, {v!r})"), xy[rows[u]], xy[rows[v]])
+        road: _oriented(points_of(shape, f"The geometry of edge ({u!r}, {v!r})"), xy[rows[u]], xy[rows[v]])
         for road, (u, v, data) in enumerate(edges)
-        if data.get("geometry") is not None
+        if (shape := data.get("geometry", data.get("linestring"))) is not None
     }
     return network_of_lines(xy, (sources, targets), bends, lengths, tags, None)
-
-
-def _empty_digraph(crs: str | None) -> "nx.DiGraph[int]":
-    import networkx as nx
-
-    graph: nx.DiGraph[int] = nx.DiGraph(attribution=ATTRIBUTION)
-    if crs is not None:
-        graph.graph["crs"] = crs
-    return graph
 
 
 def _numbers(network: RoadNetwork) -> tuple[IntArray, IntArray]:

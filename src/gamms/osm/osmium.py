@@ -10,7 +10,8 @@ import numpy as np
 
 from gamms.errors import BadFile, MissingExtra
 from gamms.osm.files import WAY_OUT, file_format
-from gamms.osm.ways import Ways, is_against, is_road, kept_tags
+from gamms.osm.travel import OSMType
+from gamms.osm.ways import Ways, is_against, is_open_to, kept_tags, traffic_rule
 
 if TYPE_CHECKING:
     from collections.abc import Callable
@@ -24,7 +25,8 @@ _SHOW_EVERY = 4096  # ways
 class _Columns:
     """Ways while they are being read."""
 
-    def __init__(self) -> None:
+    def __init__(self, osm_type: OSMType | None) -> None:
+        self.osm_type = osm_type
         self.offsets, self.refs = array("q", (0,)), array("q")
         self.x, self.y = array("q"), array("q")
         self.against = array("b")
@@ -33,7 +35,7 @@ class _Columns:
 
     def add(self, way: Any) -> None:
         tags = {tag.k: tag.v for tag in way.tags}
-        if way.deleted or way.id in self.osmids or not is_road(tags["highway"], tags.get("area")):
+        if way.deleted or way.id in self.osmids or not is_open_to(self.osm_type, tags):
             return
         for node in way.nodes:
             place = node.location
@@ -41,8 +43,8 @@ class _Columns:
             self.x.append(place.x)
             self.y.append(place.y)
         self.offsets.append(len(self.refs))
-        self.against.append(is_against(tags.get("oneway")))
-        self.tags.append(kept_tags(way.id, tags))
+        self.against.append(is_against(traffic_rule(self.osm_type, tags)))
+        self.tags.append(kept_tags(way.id, tags, self.osm_type))
         self.osmids.add(way.id)
 
     def ways(self) -> Ways:
@@ -54,17 +56,17 @@ class _Columns:
         return Ways(offsets, refs, lonlat, np.array(self.against, np.bool_), self.tags)
 
 
-def read_ways(file: Path, show: "Callable[[str], None]") -> Ways:
-    """The roads of a map file, in its order.
+def read_ways(file: Path, show: "Callable[[str], None]", osm_type: OSMType | None = None) -> Ways:
+    """The roads of a map file for one way of moving, or for any, in its order.
 
     Raises:
         BadFile: it is not OpenStreetMap data, damaged, too large, or has no roads.
         MissingExtra: osmium is not installed.
     """
-    source = _source(file)
-    columns = _Columns()
+    source = source_of(file)
+    columns = _Columns(osm_type)
     show(f"Reading {file.name}")
-    with _errors_of(file):
+    with errors_of(file):
         for count, way in enumerate(_road_ways(source)):
             columns.add(way)
             if len(columns.refs) > _MOST_POSITIONS:
@@ -74,15 +76,24 @@ def read_ways(file: Path, show: "Callable[[str], None]") -> Ways:
         missing = _missing(columns)
         if missing:
             show(f"Reading {file.name}: looking for {len(missing)} nodes")
-            _find(columns, _places_of(source, missing))
+            _find(columns, places_of(source, missing))
     if len(columns.refs) > _MOST_POSITIONS:
         _refuse(file, f"its roads have more than {_MOST_POSITIONS} points. Cut a smaller area out of it.")
     if not columns.tags:
-        _refuse(file, "it has no roads, that is no ways with a highway tag. Export the area with its roads.")
+        whose = "" if osm_type is None else f" for {osm_type}"
+        _refuse(
+            file, f"it has no roads{whose}, that is no such ways with a highway tag. Export the area with its roads."
+        )
     return columns.ways()
 
 
-def _source(file: Path) -> Any:
+def source_of(file: Path) -> Any:
+    """A map file for osmium to open.
+
+    Raises:
+        BadFile: it is empty, of another kind, damaged, or expands absurdly.
+        MissingExtra: osmium is not installed.
+    """
     try:
         import osmium
     except ImportError as error:
@@ -102,7 +113,7 @@ def _missing(columns: _Columns) -> set[int]:
     return {ref for ref, x in zip(columns.refs, columns.x, strict=True) if x == _NOWHERE}
 
 
-def _places_of(source: Any, wanted: set[int]) -> dict[int, tuple[int, int]]:
+def places_of(source: Any, wanted: set[int]) -> dict[int, tuple[int, int]]:
     """Where these nodes are: osmium itself finds neither nodes that follow their way nor negative ids."""
     from osmium import FileProcessor, osm
 
@@ -117,11 +128,13 @@ def _find(columns: _Columns, places: dict[int, tuple[int, int]]) -> None:
 
 
 @contextmanager
-def _errors_of(file: Path) -> Iterator[None]:
+def errors_of(file: Path) -> Iterator[None]:
     """Whatever osmium says about a file, say it with the name of the file and the way out."""
+    from osmium import InvalidLocationError
+
     try:
         yield
-    except (RuntimeError, ValueError, MemoryError, OverflowError) as error:
+    except (RuntimeError, ValueError, MemoryError, OverflowError, InvalidLocationError) as error:
         raise BadFile(f"{str(file)!r} cannot be read as OpenStreetMap data: {error}. {WAY_OUT}") from error
 
 

@@ -9,7 +9,7 @@ from gamms.ir.graph import FloatArray, IntArray
 from gamms.osm.network import BoolArray, RoadNetwork
 from gamms.osm.polylines import along, offsets_of
 
-_MOST_PIECES = 50_000_000
+_MOST_PIECES = 5_000_000  # about 10 GB as a networkx graph
 _SAME = 1e-9  # of a piece: a vertex this near to a cut is the cut
 
 

@@ -8,6 +8,7 @@ import numpy as np
 
 from gamms.ir.graph import FloatArray, IntArray
 from gamms.osm.labels import components, first_seen
+from gamms.osm.travel import CLOSED_TO, OSMType
 
 NO_ROADS = (
     "abandoned",
@@ -37,6 +38,7 @@ KEPT_TAGS = (
     "landuse",
     "area",
 )
+ATTRIBUTION = "© OpenStreetMap contributors, ODbL 1.0"
 _ONE_WAY = ("yes", "true", "1", "-1", "reverse", "T", "F")
 _AGAINST = ("-1", "reverse", "T")
 
@@ -50,6 +52,7 @@ class Ways:
     lonlat: FloatArray  # (positions, 2)  degrees, NaN where the file lacks the node
     against: "np.ndarray[Any, np.dtype[np.bool_]]"  # (ways,)  one-way against the order of the positions
     tags: Sequence[Mapping[str, Any]]  # (ways,)  osmid, oneway as a bool, and the kept tags as text
+    attribution: str | None = ATTRIBUTION
 
 
 @dataclass(slots=True, frozen=True, eq=False)
@@ -67,17 +70,35 @@ def is_road(highway: str, area: str | None) -> bool:
     return highway not in NO_ROADS and area != "yes"
 
 
-def is_against(oneway: str | None) -> bool:
+def is_open_to(osm_type: OSMType | None, tags: Mapping[str, str]) -> bool:
+    """Whether a way is a road for this way of moving; for None, for any."""
+    if not is_road(tags["highway"], tags.get("area")):
+        return False
+    closed = CLOSED_TO[osm_type] if osm_type is not None else {}
+    return not any(tags.get(name) in values for name, values in closed.items())
+
+
+def traffic_rule(osm_type: OSMType | None, tags: Mapping[str, Any]) -> Any:
+    """The value of `oneway` that holds for this way of moving: bicycles may have one of their own."""
+    rule = tags.get("oneway")
+    return tags.get("oneway:bicycle", rule) if osm_type is OSMType.BIKE else rule
+
+
+def is_against(oneway: Any) -> bool:
     """Whether the traffic of a one-way road runs against the order of its vertices."""
     return oneway in _AGAINST
 
 
-def kept_tags(osmid: int, tags: Mapping[str, str]) -> dict[str, Any]:
+def is_one_way(oneway: Any, junction: Any) -> bool:
+    """Whether traffic runs one way: where nothing is said it does so in a roundabout only."""
+    return oneway is True or oneway in _ONE_WAY or (oneway is None and junction == "roundabout")
+
+
+def kept_tags(osmid: int, tags: Mapping[str, str], osm_type: OSMType | None = None) -> dict[str, Any]:
     """The attributes of a way: its tags under their own names, `oneway` as a bool."""
     kept: dict[str, Any] = {"osmid": osmid}
     kept.update((name, tags[name]) for name in KEPT_TAGS if name in tags)
-    oneway = tags.get("oneway")
-    kept["oneway"] = oneway in _ONE_WAY or (oneway is None and tags.get("junction") == "roundabout")
+    kept["oneway"] = is_one_way(traffic_rule(osm_type, tags), tags.get("junction"))
     return kept
 
 

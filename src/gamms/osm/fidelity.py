@@ -1,0 +1,233 @@
+"""The fidelity report: how far a graph is from the map that it was made of, and whether it keeps its promises."""
+
+import os
+from itertools import pairwise
+from pathlib import Path
+from typing import Any, NamedTuple
+
+import numpy as np
+
+from gamms.arguments import as_float
+from gamms.errors import BadType, BadValue
+from gamms.ir.graph import GraphColumns
+from gamms.osm import measures
+from gamms.osm.columns import network_of_columns
+from gamms.osm.files import as_file
+from gamms.osm.junctions import chains_of, degrees
+from gamms.osm.labels import components
+from gamms.osm.load import network_in_metres
+from gamms.osm.network import RoadNetwork
+from gamms.osm.networkx import network_of_edges
+from gamms.osm.progress import progress
+from gamms.osm.source import read_any_network
+from gamms.osm.travel import OSMType
+
+_LENGTH_ERROR = 0.001
+_SLACK = 1e-9
+_SHARES = (0.25, 0.5, 0.75, 1.0, 1.25, 1.5)
+
+
+class Report(NamedTuple):
+    """What `report` found. Lengths are metres; a two-way road counts once."""
+
+    source: str
+    crs: str | None
+    resolution: float
+    nodes: int
+    edges: int
+    length_before: float  # of the source
+    length_after: float  # of the graph
+    length_merged: float  # of roads inside merged junctions, which are gone
+    deviation_max: float  # of a vertex of the source from the nearest road of the graph
+    deviation_mean: float  # over all vertices of the source
+    surplus_max: float  # deviation of a vertex of the graph from the nearest road of the source
+    nodes_merged: int
+    dead_ends: int
+    components: int
+    parallel_roads: int  # beyond the first between the same two junctions
+    one_way_share: float  # of the length, as the streets are tagged
+    roads_uncut: int  # edges that are whole roads, shorter than 1.5 times the resolution
+    roads_uncut_untrue: int  # of them, those with another length than in the source
+    pieces: int  # edges that are pieces of longer roads
+    pieces_parted: int  # of them, those of short roads that were cut only so that none is lost
+    piece_min: float  # of the others, and NaN where there are none
+    piece_max: float
+    spacing: dict[str, int]  # how many edges have which share of the resolution
+    length_kept: bool  # before = after + merged, within 0.1 %
+    spacing_kept: bool  # pieces have 0.75 to 1.25 times the resolution, uncut roads less than 1.5 times
+    uncut_kept: bool  # uncut roads have their true length
+
+    @property
+    def is_faithful(self) -> bool:
+        """Whether all promises are kept."""
+        return self.length_kept and self.spacing_kept and self.uncut_kept
+
+    @property
+    def length_error(self) -> float:
+        """The share of the source's length that is neither in the graph nor merged away; negative for a surplus."""
+        missing = self.length_before - self.length_after - self.length_merged
+        return missing / self.length_before if self.length_before else 0.0
+
+    def to_dict(self) -> dict[str, Any]:
+        """All of it, as JSON takes it; what is not finite becomes None."""
+        fields = {**self._asdict(), "length_error": self.length_error, "is_faithful": self.is_faithful}
+        return {name: None if _is_strange(value) else value for name, value in fields.items()}
+
+    def rows(self) -> list[tuple[str, str]]:
+        """What it says, as pairs of a title and a text."""
+        return _rows(self)
+
+    def __str__(self) -> str:
+        rows = self.rows()
+        width = max(len(title) for title, _ in rows)
+        return "\n".join(f"{title:<{width}}  {text}" for title, text in rows)
+
+
+def report(
+    graph: Any,  # a networkx graph of ours, ctx.graph or its columns
+    source: Any,  # a path, a networkx graph, or columns or a RoadNetwork
+    *,
+    resolution: float | None = None,
+    retain_all: bool | None = None,
+    osm_type: OSMType | None = None,
+) -> Report:
+    """Compare a graph with the map that it was made of.
+
+    Args:
+        graph: a graph that this room made, or a context's graph that it was attached to.
+        source: the map file, or the uncut network: any graph that `process_osm_graph` takes, or columns.
+        resolution: as it was asked for; needed where the graph does not say so itself.
+        retain_all: whether all parts of a file are compared, or the largest one; by default as the graph says.
+        osm_type: whose roads of a file are compared; by default as the graph says.
+
+    Raises:
+        BadValue: the resolution is not known, or the two have different CRS.
+        BadType: one of the two is something else.
+        FileNotFoundError, BadFile, MissingExtra: as for `graph_from_file`.
+    """
+    edges, about = _edges_of(graph)
+    length = as_float(resolution if resolution is not None else about.get("resolution", np.nan), "resolution")
+    if not length > 0.0:
+        raise BadValue("The graph does not say how it was cut. Give report(…, resolution=10.0), or what it was.")
+    everything = bool(about.get("retain_all", False)) if retain_all is None else retain_all
+    kind = osm_type if osm_type is not None or not about.get("osm_type") else OSMType[about["osm_type"]]
+    before = _source_network(source, everything, kind)
+    if None not in (before.crs, edges.crs) and before.crs != edges.crs:
+        raise BadValue(f"The source is in {before.crs} and the graph in {edges.crs}: they cannot be compared.")
+    name = Path(source).name if isinstance(source, (str, os.PathLike)) else type(source).__name__
+    return _compared(edges, before, {**about, "resolution": length, "source": name})
+
+
+def _compared(edges: RoadNetwork, source: RoadNetwork, about: dict[str, Any]) -> Report:
+    resolution = about["resolution"]
+    roads = measures.roads_once(edges)
+    one_way = np.fromiter((bool(roads.tags[way].get("oneway")) for way in roads.ways), np.bool_, len(roads.ways))
+    pieces = measures.pieces_of(roads, source, resolution)
+    away = measures.deviations(source, roads)
+    uncut = np.flatnonzero(~pieces.cut)
+    regular = roads.lengths[pieces.cut & ~pieces.parted] / resolution
+    untrue = measures.untrue_lengths(roads, uncut, source)
+    before, after, merged = source.lengths.sum(), roads.lengths.sum(), about.get("merged_length", 0.0)
+    least, most = measures.LEAST_PIECE - _SLACK, measures.MOST_PIECE + _SLACK
+    in_bounds = ((regular >= least) & (regular <= most)).all()
+    return Report(
+        source=about["source"],
+        crs=edges.crs,
+        resolution=resolution,
+        nodes=len(edges.xy),
+        edges=len(edges.sources),
+        length_before=float(before),
+        length_after=float(after),
+        length_merged=float(merged),
+        deviation_max=float(away.max(initial=0.0)),
+        deviation_mean=float(away.mean()) if len(away) else 0.0,
+        surplus_max=float(measures.deviations(roads, source).max(initial=0.0)),
+        nodes_merged=int(about.get("merged_nodes", 0)),
+        dead_ends=int((degrees(roads) == 1).sum()),
+        components=len(np.unique(components(roads.sources, roads.targets, len(roads.xy)))),
+        parallel_roads=_parallel_roads(roads),
+        one_way_share=float(roads.lengths[one_way].sum() / after) if after else 0.0,
+        roads_uncut=len(uncut),
+        roads_uncut_untrue=untrue,
+        pieces=int(pieces.cut.sum()),
+        pieces_parted=int(pieces.parted.sum()),
+        piece_min=float(regular.min() * resolution) if len(regular) else np.nan,
+        piece_max=float(regular.max() * resolution) if len(regular) else np.nan,
+        spacing=_histogram(edges.lengths / resolution),
+        length_kept=bool(abs(before - after - merged) <= _LENGTH_ERROR * before),
+        spacing_kept=bool(in_bounds and (roads.lengths[uncut] < measures.MOST_UNCUT * resolution + _SLACK).all()),
+        uncut_kept=untrue == 0,
+    )
+
+
+def _edges_of(graph: Any) -> tuple[RoadNetwork, dict[str, Any]]:
+    columns = graph.columns() if callable(getattr(graph, "columns", None)) else graph
+    if isinstance(columns, GraphColumns):
+        return network_of_columns(columns), {}
+    if not hasattr(graph, "is_directed"):
+        raise BadType(f"graph must be a networkx graph, ctx.graph or its columns, not {graph!r}.")
+    drawn = all("linestring" in data and "length" in data for _, _, data in graph.edges(data=True))
+    return (network_of_edges(graph) if drawn else network_in_metres(graph)), dict(graph.graph)
+
+
+def _source_network(source: Any, retain_all: bool, osm_type: OSMType | None) -> RoadNetwork:
+    if isinstance(source, RoadNetwork):
+        return source
+    if isinstance(source, GraphColumns):
+        return network_of_columns(source)
+    if not isinstance(source, (str, os.PathLike)):
+        return network_in_metres(source)
+    file = as_file(source)
+    with progress() as show:
+        return read_any_network(file, retain_all=retain_all, show=show, osm_type=osm_type)
+
+
+def _parallel_roads(roads: RoadNetwork) -> int:
+    ends = np.sort(chains_of(roads).ends, axis=1)
+    ends = ends[ends[:, 0] != ends[:, 1]]
+    return len(ends) - len(np.unique(ends, axis=0))
+
+
+def _histogram(shares: np.ndarray[Any, Any]) -> dict[str, int]:
+    counts = np.bincount(np.searchsorted(_SHARES, shares, side="right"), minlength=len(_SHARES) + 1).tolist()
+    starts = ("0", *(f"{share:g}" for share in _SHARES))
+    names = [f"{low}-{high}" for low, high in pairwise(starts)]
+    return dict(zip([*names, f"{starts[-1]} and more"], counts, strict=True))
+
+
+def _is_strange(value: object) -> bool:
+    return isinstance(value, float) and not np.isfinite(value)
+
+
+def _rows(found: Report) -> list[tuple[str, str]]:
+    share = found.length_merged / found.length_before if found.length_before else 0.0
+    rows = [
+        ("map", f"{found.source}, {found.crs or 'no CRS'}, cut every {found.resolution:g} m"),
+        ("graph", f"{found.nodes:,} nodes, {found.edges:,} edges"),
+        ("length before", f"{found.length_before:,.1f} m"),
+        ("length after", f"{found.length_after:,.1f} m"),
+        ("merged away", f"{found.length_merged:,.1f} m ({share:.3%}), {found.nodes_merged:,} nodes"),
+        ("deviation", f"{found.deviation_max:.2f} m at most, {found.deviation_mean:.4f} m on average"),
+        ("off the map", f"{found.surplus_max:.2f} m at most"),
+        ("components", f"{found.components:,}"),
+        ("dead ends", f"{found.dead_ends:,}"),
+        ("parallel roads", f"{found.parallel_roads:,}"),
+        ("one-way", f"{found.one_way_share:.1%} of the length"),
+        ("whole roads", f"{found.roads_uncut:,}"),
+        ("pieces", f"{found.pieces:,}, {found.piece_min:.2f} to {found.piece_max:.2f} m"),
+        ("cut to lose none", f"{found.pieces_parted:,} of them"),
+    ]
+    rows += [(f"edges of {name}", f"{count:,}") for name, count in found.spacing.items()]
+    return [
+        *rows,
+        ("length kept", _verdict(found.length_kept, f"{abs(found.length_error):.4%} off, at most 0.1%")),
+        ("spacing kept", _verdict(found.spacing_kept, "pieces 0.75 to 1.25, whole roads below 1.5 resolutions")),
+        (
+            "true lengths",
+            _verdict(found.uncut_kept, f"{found.roads_uncut_untrue:,} whole roads differ from the source"),
+        ),
+    ]
+
+
+def _verdict(kept: bool, why: str) -> str:
+    return f"{'yes' if kept else 'NO'}: {why}"

@@ -1,0 +1,239 @@
+"""GeoJSON lines: what joins, what is kept, and what hostile files get."""
+
+import json
+import sys
+
+import networkx as nx
+import pytest
+
+from gamms.errors import BadFile, BadType, BadValue
+from gamms.osm import geojson, graph_from_file, graph_from_geojson, is_geojson
+
+NO_CUT = 1e6
+A, B, C, D = [24.94, 60.17], [24.941, 60.17], [24.942, 60.17], [24.941, 60.1705]
+
+
+def line(*places, **properties):
+    return {"type": "Feature", "properties": properties, "geometry": {"type": "LineString", "coordinates": [*places]}}
+
+
+@pytest.fixture
+def write(tmp_path):
+    def write(content, name="map.geojson"):
+        path = tmp_path / name
+        if isinstance(content, bytes):
+            path.write_bytes(content)
+        else:
+            path.write_text(content if isinstance(content, str) else json.dumps(content), encoding="utf-8")
+        return path
+
+    return write
+
+
+def collection(*features, **members):
+    return {"type": "FeatureCollection", "features": [*features], **members}
+
+
+def load(path, **wishes):
+    return graph_from_geojson(path, NO_CUT, **wishes)
+
+
+def test_lines_join_at_equal_coordinates(write):
+    graph = load(write(collection(line(A, B, C, name="x"), line(B, D, name="y"))))
+    assert (graph.number_of_nodes(), graph.number_of_edges()) == (4, 6)
+    assert nx.is_strongly_connected(graph)
+    assert graph.graph["crs"] == "EPSG:32635"
+
+
+def test_it_is_the_graph_of_the_same_map_in_osm(write, make_map, cross):
+    path = make_map(cross, ([1, 2, 3], {"highway": "residential"}), ([2, 4], {"highway": "steps"}))
+    ours = graph_from_geojson(write(collection(line(A, B, C, highway="residential"), line(B, D, highway="steps"))))
+    osm = graph_from_file(path)
+    assert dict(ours.nodes(data=True)) == dict(osm.nodes(data=True))
+    for name in ("length", "highway", "speed_kph", "travel_time", "oneway"):
+        assert list(ours.edges(data=name)) == list(osm.edges(data=name))
+
+
+@pytest.mark.parametrize(
+    "content",
+    [
+        line(A, B),
+        line(A, B)["geometry"],
+        collection(line(A, B)),
+        {"type": "MultiLineString", "coordinates": [[A, B]]},
+        {"type": "GeometryCollection", "geometries": [line(A, B)["geometry"], {"type": "Point", "coordinates": A}]},
+        collection({"type": "Feature", "properties": None, "geometry": None}, line(A, B)),
+        collection(line([*A, 17.5], [*B, 18.5])),
+        collection(line(A, B), {"type": "Feature", "geometry": {"type": "Polygon", "coordinates": [[A, B, D, A]]}}),
+        collection(line(A, B), crs={"type": "name", "properties": {"name": "urn:ogc:def:crs:OGC:1.3:CRS84"}}),
+    ],
+)
+def test_every_form_of_a_line_is_read(write, content):
+    assert load(write(content)).number_of_nodes() == 2
+
+
+def test_a_byte_order_mark_is_passed_over(write):
+    assert load(write(b"\xef\xbb\xbf" + json.dumps(line(A, B)).encode())).number_of_nodes() == 2
+
+
+def test_properties_are_the_tags(write):
+    properties = {"name": "Bulevardi", "lanes": 2, "lit": True, "kinds": ["a", "b"], "nothing": None, "maxspeed": "36"}
+    data = load(write(line(A, B, **properties))).edges[0, 1]
+    assert {name: data[name] for name in properties if name != "nothing"} == {
+        name: value for name, value in properties.items() if name != "nothing"
+    }
+    assert "nothing" not in data
+    assert data["speed_kph"] == 36.0
+    assert data["travel_time"] == pytest.approx(data["length"] / 10.0)
+
+
+def test_properties_never_replace_what_is_ours(write):
+    data = load(write(line(A, B, id="x", length=3, linestring="y", geometry=1, u_of_edge=1, self=2))).edges[0, 1]
+    assert (data["id"], data["u_of_edge"], data["self"]) == (0, 1, 2)
+    assert data["length"] == pytest.approx(55.5, rel=0.01)
+    assert "geometry" not in data
+
+
+@pytest.mark.parametrize(
+    ("properties", "id", "osmid"),
+    [
+        ({"osmid": 5}, None, 5),
+        ({"@id": "way/77"}, None, 77),
+        ({}, "way/8", 8),
+        ({}, 9, 9),
+        ({}, "a", 1),
+        ({}, None, 1),
+        ({"osmid": [1, 2]}, None, 1),
+    ],
+)
+def test_the_id_of_a_way_is_found_where_it_usually_is(write, properties, id, osmid):
+    assert load(write({**line(A, B, **properties), "id": id})).edges[0, 1]["osmid"] == osmid
+
+
+@pytest.mark.parametrize(
+    ("properties", "expected"),
+    [
+        ({}, [(0, 1), (1, 0)]),
+        ({"oneway": "no"}, [(0, 1), (1, 0)]),
+        ({"oneway": False}, [(0, 1), (1, 0)]),
+        ({"oneway": ["yes"]}, [(0, 1), (1, 0)]),
+        ({"oneway": True}, [(0, 1)]),
+        ({"oneway": "yes"}, [(0, 1)]),
+        ({"junction": "roundabout"}, [(0, 1)]),
+    ],
+)
+def test_one_way_streets_are_honoured_on_request(write, properties, expected):
+    path = write(line(A, B, **properties))
+    assert list(load(path, bidirectional=False).edges) == expected
+    assert load(path).number_of_edges() == 2
+
+
+def test_a_street_against_its_drawing_is_turned(write):
+    graph = load(write(line(A, B, oneway="-1")), bidirectional=False)
+    assert graph.nodes[0]["x"] > graph.nodes[1]["x"]
+
+
+def test_the_largest_part_is_kept_unless_all_are_asked_for(write):
+    path = write(collection(line([25.0, 60.0], [25.001, 60.0]), line(A, B, C), line(B, D)))
+    assert load(path).number_of_nodes() == 4
+    assert load(path, retain_all=True).number_of_nodes() == 6
+
+
+def test_the_credit_is_that_of_the_file(write):
+    assert "attribution" not in load(write(line(A, B))).graph
+    assert load(write(collection(line(A, B), copyright="© me"))).graph["attribution"] == "© me"
+
+
+def test_a_geojson_file_is_told_from_a_map_of_osm(write, make_map, cross):
+    assert is_geojson(write(line(A, B)))
+    assert not is_geojson(make_map(cross, ([1, 2], {"highway": "steps"})))
+
+
+BAD = {
+    "empty": b"",
+    "text": b"hello",
+    "list": b"[]",
+    "number": b"3",
+    "binary": bytes(range(256)),
+    "utf-16": json.dumps(line(A, B)).encode("utf-16"),
+    "cut off": json.dumps(collection(line(A, B))).encode()[:-5],
+    "no type": b"{}",
+    "no lines": json.dumps(collection()).encode(),
+    "points only": b'{"type": "Point", "coordinates": [1, 2]}',
+    "features no list": b'{"type": "FeatureCollection", "features": 3}',
+    "feature no object": b'{"type": "FeatureCollection", "features": [3]}',
+    "geometry no object": b'{"type": "Feature", "geometry": 3}',
+    "geometry without type": b'{"type": "Feature", "geometry": {}}',
+    "coordinates no list": b'{"type": "LineString", "coordinates": "abc"}',
+    "coordinates missing": b'{"type": "LineString"}',
+    "multi no list": b'{"type": "MultiLineString", "coordinates": 1}',
+    "collection no list": b'{"type": "GeometryCollection"}',
+    "position no list": b'{"type": "LineString", "coordinates": [1, 2]}',
+    "position an object": b'{"type": "LineString", "coordinates": [{"a": 1}, {"a": 2}]}',
+    "position short": b'{"type": "LineString", "coordinates": [[1], [2]]}',
+    "position text": b'{"type": "LineString", "coordinates": [["1", "2"], ["1", "3"]]}',
+    "position bool": b'{"type": "LineString", "coordinates": [[true, false], [1, 2]]}',
+    "nan": b'{"type": "LineString", "coordinates": [[NaN, 1], [1, 2]]}',
+    "infinity": b'{"type": "LineString", "coordinates": [[1e999, 1], [1, 2]]}',
+    "huge": b'{"type": "LineString", "coordinates": [[' + b"9" * 400 + b", 1], [1, 2]]}",
+    "endless digits": b'{"type": "LineString", "coordinates": [[' + b"9" * 5000 + b", 1], [1, 2]]}",
+    "metres": b'{"type": "LineString", "coordinates": [[385000, 6672000], [385100, 6672000]]}',
+    "other crs": json.dumps({**line(A, B), "crs": {"properties": {"name": "EPSG:3857"}}}).encode(),
+    "strange crs": json.dumps({**line(A, B), "crs": "EPSG:3857"}).encode(),
+    "properties a list": json.dumps({**line(A, B), "properties": [1]}).encode(),
+    "deep list": b"[" * 200_000,
+    "deep object": b'{"a":' * 200_000,
+    "deep position": b'{"type": "LineString", "coordinates": ' + b"[" * 900 + b"]" * 900 + b"}",
+    "one point": json.dumps(line(A, A)).encode(),
+    "one position": json.dumps(line(A)).encode(),
+    "no position": json.dumps(line()).encode(),
+}
+
+
+@pytest.mark.parametrize("content", BAD.values(), ids=BAD.keys())
+def test_what_is_no_map_is_refused_with_its_name(write, content):
+    path = write(content)
+    with pytest.raises(BadFile) as caught:
+        graph_from_geojson(path)
+    assert str(path) in str(caught.value)
+    assert len(str(caught.value)) < 600
+
+
+def test_collections_inside_collections_end_somewhere(write):
+    nested = line(A, B)["geometry"]
+    for _ in range(100):
+        nested = {"type": "GeometryCollection", "geometries": [nested]}
+    with pytest.raises(BadFile, match="deep"):
+        graph_from_geojson(write(nested))
+
+
+def test_a_file_of_absurd_size_is_not_even_opened(write, monkeypatch):
+    monkeypatch.setattr(geojson, "_MOST_BYTES", 20)
+    with pytest.raises(BadFile, match="smaller area"):
+        graph_from_geojson(write(line(A, B)))
+
+
+def test_lines_at_the_pole_are_refused(write):
+    with pytest.raises(BadValue, match="84"):
+        graph_from_geojson(write(line([0.0, 89.0], [1.0, 89.0])))
+
+
+def test_a_path_is_a_path(tmp_path):
+    with pytest.raises(BadType):
+        graph_from_geojson(3)
+    with pytest.raises(FileNotFoundError):
+        graph_from_geojson(tmp_path / "nowhere.geojson")
+    with pytest.raises(IsADirectoryError):
+        graph_from_geojson(tmp_path)
+
+
+def test_it_needs_no_osmium(write, monkeypatch):
+    monkeypatch.setitem(sys.modules, "osmium", None)
+    assert load(write(line(A, B))).number_of_nodes() == 2
+
+
+def test_osm_and_geojson_are_not_mixed_up(write, make_map, cross):
+    with pytest.raises(BadFile):
+        graph_from_file(write(line(A, B)))
+    with pytest.raises(BadFile):
+        graph_from_geojson(make_map(cross, ([1, 2], {"highway": "steps"})))

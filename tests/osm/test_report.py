@@ -1,0 +1,303 @@
+"""The fidelity report against a slow independent computation, and on the command line."""
+
+import json
+import math
+
+import networkx as nx
+import numpy as np
+import pytest
+from hypothesis import given, settings
+from hypothesis import strategies as st
+from shapely import LineString, Point, unary_union
+from typer.testing import CliRunner
+
+import gamms
+from gamms.cli import app
+from gamms.errors import BadFile, BadType, BadValue
+from gamms.osm import Report, graph_from_file, graph_from_geojson, graph_from_xml, network_of_columns, report
+from gamms.osm.junctions import consolidate
+from gamms.osm.measures import deviations
+from gamms.osm.networkx import to_digraph
+from gamms.osm.resample import resample
+
+ROAD = {"highway": "residential"}
+
+
+@pytest.fixture
+def town(make_map):
+    """A wavy street of two ways, a one-way street, a dead end, a crossing of four near junctions, a far part."""
+    nodes = {i: (60.17 + 0.0002 * math.sin(i), 24.94 + 0.0004 * i) for i in range(30)}
+    nodes |= {100 + i: (60.171, 24.94 + 0.0012 * i) for i in range(10)}
+    lat, lon = nodes[10]
+    nodes |= {200: (lat, lon + 0.00005), 201: (lat + 0.00004, lon), 202: (lat + 0.001, lon)}
+    nodes |= {203: (lat + 0.00004, lon + 0.001), 204: (lat - 0.001, lon + 0.00005)}
+    nodes |= {300: (60.2, 24.9), 301: (60.201, 24.9)}
+    return make_map(
+        nodes,
+        ([*range(15)], {**ROAD, "name": "Wave"}),
+        ([*range(14, 30)], {**ROAD, "name": "More"}),
+        ([0, *range(100, 110), 29], {**ROAD, "oneway": "yes"}),
+        ([10, 200], ROAD),
+        ([10, 201, 202], ROAD),
+        ([201, 203], ROAD),
+        ([200, 204], ROAD),
+        ([300, 301], ROAD),
+    )
+
+
+def once(graph):
+    """Each road once: of an edge and its mirror image only the first."""
+    seen = set()
+    for u, v, data in graph.edges(data=True):
+        if (v, u, data["length"]) not in seen:
+            seen.add((u, v, data["length"]))
+            yield u, v, data
+
+
+@pytest.mark.parametrize("tolerance", [0.0, 4.0])
+@pytest.mark.parametrize("resolution", [7.0, 10.0, 60.0])
+@pytest.mark.parametrize("wishes", [{}, {"retain_all": True}, {"simplify": False}, {"bidirectional": False}])
+def test_the_report_says_what_a_slow_look_says(town, tolerance, resolution, wishes):
+    graph = graph_from_file(town, resolution, tolerance=tolerance, **wishes)
+    found = report(graph, town)
+    source = graph_from_xml(town, 1e9, retain_all=wishes.get("retain_all", False), tolerance=0.0)
+    roads = list(once(graph))
+    before = sum(data["length"] for *_, data in once(source))
+    after = sum(data["length"] for *_, data in roads)
+    assert (found.nodes, found.edges) == (graph.number_of_nodes(), graph.number_of_edges())
+    assert found.length_before == pytest.approx(before)
+    assert found.length_after == pytest.approx(after)
+    assert found.length_merged == pytest.approx(before - after, abs=1e-6)
+    network = unary_union([data["linestring"] for *_, data in roads])
+    away = [network.distance(Point(data["x"], data["y"])) for _, data in source.nodes(data=True)]
+    assert found.deviation_max == pytest.approx(max(away), abs=1e-6)
+    assert found.deviation_mean == pytest.approx(sum(away) / len(away), abs=1e-6)
+    roads_before = unary_union([data["linestring"] for *_, data in once(source)])
+    assert found.surplus_max == pytest.approx(
+        max(roads_before.distance(Point(*place)) for *_, data in roads for place in data["linestring"].coords), abs=1e-6
+    )
+    simple = nx.MultiGraph([(u, v) for u, v, _ in roads])
+    assert found.components == nx.number_connected_components(simple)
+    assert found.dead_ends == sum(degree == 1 for _, degree in simple.degree)
+    one_way = sum(data["length"] for *_, data in roads if data["oneway"])
+    assert found.one_way_share == pytest.approx(one_way / after)
+    shares = [data["length"] / resolution for *_, data in graph.edges(data=True)]
+    assert sum(found.spacing.values()) == len(shares)
+    assert found.spacing["0.75-1"] == sum(0.75 <= share < 1.0 for share in shares)
+    assert found.pieces + found.roads_uncut == len(roads)
+    assert found.is_faithful, str(found)
+
+
+def test_nothing_deviates_where_nothing_was_merged(town):
+    found = report(graph_from_file(town, tolerance=0.0), town)
+    assert (found.deviation_max, found.deviation_mean, found.nodes_merged, found.length_merged) == (0, 0, 0, 0)
+    assert found.surplus_max < 1e-6
+    assert found.source == town.name
+    assert found.crs == "EPSG:32635"
+
+
+def test_merged_junctions_are_reported(town):
+    found = report(graph_from_file(town, tolerance=4.0), town)
+    assert found.nodes_merged == 1
+    assert 4.0 < found.length_merged < 5.0
+    assert found.deviation_max < 16.0
+    assert found.surplus_max < 16.0
+    assert found.length_error == pytest.approx(0.0, abs=1e-12)
+
+
+def test_pieces_are_within_their_bounds(town):
+    found = report(graph_from_file(town, 10.0, tolerance=0.0), town)
+    assert 7.5 <= found.piece_min <= found.piece_max <= 12.5
+
+
+def test_parallel_roads_are_counted(make_map, cross):
+    path = make_map(cross, ([1, 2], ROAD), ([1, 4, 2], ROAD), ([2, 3], ROAD), ([1, 3], ROAD), ([2, 4], ROAD))
+    assert report(graph_from_file(path), path).parallel_roads >= 1
+    short = make_map(cross, ([1, 2], ROAD), ([2, 1], ROAD))
+    found = report(graph_from_file(short, 1e3, simplify=False), short)
+    assert (found.pieces_parted, found.spacing_kept) == (2, True)
+
+
+@pytest.mark.parametrize(
+    ("spoil", "broken"),
+    [
+        (lambda data: data.update(length=0.0), {"length_kept", "uncut_kept"}),
+        (lambda data: data.update(length=data["length"] * 3), {"length_kept", "uncut_kept", "spacing_kept"}),
+    ],
+)
+def test_a_broken_promise_is_found(town, spoil, broken):
+    graph = graph_from_file(town, 60.0, tolerance=0.0)
+    assert report(graph, town).roads_uncut >= 2
+    for *_, data in graph.edges(data=True):
+        spoil(data)
+    found = report(graph, town)
+    assert {name for name in ("length_kept", "spacing_kept", "uncut_kept") if not getattr(found, name)} >= broken
+    assert not found.is_faithful
+    assert "NO" in str(found)
+
+
+def test_a_missing_street_and_a_moved_one_are_found(town):
+    graph = graph_from_file(town, tolerance=0.0)
+    wave = [(u, v) for u, v, name in graph.edges(data="name") if name == "More"]
+    graph.remove_edges_from(wave)
+    found = report(graph, town)
+    assert not found.length_kept
+    assert found.deviation_max > 20.0
+    assert found.components > 1
+
+
+def test_a_context_says_the_same_as_the_graph_it_was_given(town):
+    graph = graph_from_file(town, tolerance=0.0)
+    with gamms.create_context(logger_config={"level": "CRITICAL"}) as ctx:
+        ctx.graph.attach_networkx_graph(graph)
+        assert report(ctx.graph, town, resolution=10.0).to_dict() == report(graph, town).to_dict()
+        with pytest.raises(BadValue, match="resolution"):
+            report(ctx.graph, town)
+
+
+def test_the_shipped_map_keeps_its_promises():
+    with gamms.create_context(logger_config={"level": "CRITICAL"}) as ctx:
+        ctx.graph.load(gamms.osm.shipped._FILE)
+        columns = ctx.graph.columns()
+    found = report(gamms.osm.resample_columns(columns), columns)
+    assert found.is_faithful, str(found)
+    assert found.deviation_max == 0.0
+    assert found.components == 1
+    assert found.length_before == pytest.approx(columns.lengths.sum())
+
+
+def test_the_source_may_be_a_graph(town):
+    graph = nx.MultiDiGraph(crs="EPSG:32635")
+    for node, x in enumerate((0.0, 30.0, 33.0)):
+        graph.add_node(node, x=5e5 + x, y=6e6)
+    bend = LineString([(5e5, 6e6), (5e5 + 15, 6e6 + 9), (5e5 + 30, 6e6)])
+    graph.add_edge(0, 1, geometry=bend, length=35.5)
+    graph.add_edge(1, 2, length=3.2)
+    cut = gamms.osm.process_osm_graph(graph)
+    assert report(cut, graph).is_faithful
+    with pytest.raises(BadValue, match="EPSG"):
+        report(graph_from_file(town), nx.MultiDiGraph(graph, crs="EPSG:32634"))
+
+
+def test_a_geojson_source_is_read(tmp_path):
+    path = tmp_path / "map.geojson"
+    path.write_text('{"type": "LineString", "coordinates": [[24.94, 60.17], [24.941, 60.17], [24.942, 60.1705]]}')
+    found = report(graph_from_geojson(path), path)
+    assert found.is_faithful
+    assert found.dead_ends == 2
+
+
+def test_an_empty_graph_has_a_report(town):
+    found = report(nx.DiGraph(resolution=10.0), nx.Graph())
+    assert (found.nodes, found.components, found.length_error) == (0, 0, 0.0)
+    assert found.to_dict()["piece_min"] is None
+    assert str(found)
+
+
+def test_what_is_no_graph_and_no_map_is_refused(town, tmp_path):
+    with pytest.raises(BadType):
+        report(3, town, resolution=10.0)
+    with pytest.raises(BadType):
+        report(graph_from_file(town), 3)
+    bad = tmp_path / "bad.osm"
+    bad.write_text("hello")
+    with pytest.raises(BadFile):
+        report(graph_from_file(town), bad)
+
+
+def test_a_report_is_a_plain_value(town):
+    found = report(graph_from_file(town), town)
+    assert isinstance(found, Report)
+    assert found == report(graph_from_file(town), town)
+    assert json.loads(json.dumps(found.to_dict()))["is_faithful"] is True
+
+
+place = st.integers(-900, 900).map(lambda n: n / 16 + n * n / 1e5)
+
+
+@settings(deadline=None, max_examples=60)
+@given(
+    st.lists(st.tuples(place, place), min_size=2, max_size=10, unique=True),
+    st.data(),
+    st.sampled_from([0.0, 2.0]),
+    st.sampled_from([3.0, 10.0, 40.0]),
+)
+def test_every_network_keeps_its_promises(xy, data, tolerance, resolution):
+    node = st.integers(0, len(xy) - 1)
+    roads = data.draw(st.lists(st.tuples(node, node).filter(lambda ends: ends[0] != ends[1]), min_size=1, max_size=12))
+    graph = nx.MultiGraph()
+    graph.add_nodes_from((i, {"x": x, "y": y}) for i, (x, y) in enumerate(xy))
+    graph.add_edges_from(roads)
+    source = gamms.osm.load.network_in_metres(graph)
+    merged = consolidate(source, tolerance)
+    cut = to_digraph(resample(merged, resolution))
+    cut.graph.update(resolution=resolution, merged_length=merged.merged.length_m, merged_nodes=merged.merged.nodes)
+    found = report(cut, source)
+    assert found.length_kept
+    assert found.uncut_kept
+    assert found.spacing_kept
+
+
+def test_the_command_prints_a_table(town):
+    result = CliRunner().invoke(app, ["osm", "report", str(town), "--tolerance", "4"])
+    assert result.exit_code == 0, result.output
+    assert "length kept" in result.output
+    assert "EPSG:32635" in result.output
+
+
+def test_the_command_prints_json(town):
+    arguments = ["osm", "report", str(town), "--json", "--resolution", "20", "--network", "drive"]
+    result = CliRunner().invoke(app, arguments)
+    assert result.exit_code == 0, result.output
+    found = json.loads(result.output)
+    assert (found["resolution"], found["is_faithful"]) == (20.0, True)
+
+
+def test_the_command_reads_geojson(tmp_path):
+    path = tmp_path / "map.geojson"
+    path.write_text('{"type": "LineString", "coordinates": [[24.94, 60.17], [24.941, 60.17]]}')
+    assert CliRunner().invoke(app, ["osm", "report", str(path)]).exit_code == 0
+
+
+@pytest.mark.parametrize("content", [None, b"", b"hello", b'{"type": "Point"}', b"\x1f\x8b\x00"])
+def test_a_bad_file_gives_one_sentence_and_exit_code_1(tmp_path, content):
+    path = tmp_path / "bad.osm"
+    if content is not None:
+        path.write_bytes(content)
+    result = CliRunner().invoke(app, ["osm", "report", str(path)])
+    assert result.exit_code == 1
+    assert result.output.startswith("gamms: ")
+    assert "Traceback" not in result.output
+    assert str(path) in result.output
+
+
+def test_a_bad_number_gives_one_sentence_too(town):
+    result = CliRunner().invoke(app, ["osm", "report", str(town), "--resolution", "0"])
+    assert result.exit_code == 1
+    assert "resolution" in result.output
+
+
+def test_columns_of_a_network_are_a_source(town):
+    with gamms.create_context(logger_config={"level": "CRITICAL"}) as ctx:
+        ctx.graph.attach_networkx_graph(graph_from_file(town, 1e6))
+        network = network_of_columns(ctx.graph.columns())
+    assert np.isfinite(network.lengths).all()
+
+
+@settings(deadline=None)
+@given(
+    st.lists(st.tuples(place, place), min_size=4, max_size=12, unique=True),
+    st.sampled_from([0.01, 1.0, 30.0, 1000.0]),
+)
+def test_deviations_are_exact_at_every_scale(xy, scale):
+    xy = [(x * scale, y * scale) for x, y in xy]
+    graph = nx.Graph()
+    graph.add_nodes_from((i, {"x": x, "y": y}) for i, (x, y) in enumerate(xy))
+    half = len(xy) // 2
+    one, other = graph.copy(), graph.copy()
+    nx.add_path(one, range(half))
+    nx.add_path(other, range(half, len(xy)))
+    found = deviations(*(gamms.osm.load.network_in_metres(part) for part in (one, other)))
+    line = LineString(xy[half:])
+    expected = [line.distance(Point(node)) for node in xy[:half]]
+    assert sorted(found) == pytest.approx(sorted(expected), rel=1e-9, abs=1e-9)

@@ -1,0 +1,97 @@
+"""Speeds and times under OSMnx's names, on every edge of every loader."""
+
+import math
+
+import networkx as nx
+import numpy as np
+import pytest
+
+import gamms
+from gamms.osm import graph_from_file, graph_from_xml, process_osm_graph
+from gamms.osm.speeds import speed_kph
+from gamms.osm.travel import SPEED_OF_HIGHWAY_KPH, UNKNOWN_SPEED_KPH
+
+
+@pytest.mark.parametrize(
+    ("maxspeed", "kph"),
+    [
+        ("50", 50.0),
+        (" 50 km/h", 50.0),
+        ("50kmh", 50.0),
+        ("30 mph", 48.28032),
+        ("30mph", 48.28032),
+        ("7.5", 7.5),
+        ("10 knots", 18.52),
+        ("FI:urban", 50.0),
+        ("DE:rural", 80.0),
+        ("DE:zone:30", 30.0),
+        ("DE:zone30", 30.0),
+        ("walk", 5.0),
+        ("none", 130.0),
+        ("50;30", 40.0),
+        ("50|30", 40.0),
+        (["50", "30 mph"], (50.0 + 48.28032) / 2),
+        ("50;signals", 50.0),
+        (60, 60.0),
+        (60.5, 60.5),
+    ],
+)
+def test_a_sign_is_read(maxspeed, kph):
+    assert speed_kph({"highway": "service", "maxspeed": maxspeed}) == pytest.approx(kph)
+
+
+@pytest.mark.parametrize(
+    "maxspeed", [None, "", "signals", "variable", "fast", "0", "-50", "999", "1e9", "٣٠", math.nan, True, [], {}, [[]]]
+)
+def test_what_is_no_speed_gives_way_to_the_class_of_the_road(maxspeed):
+    assert speed_kph({"highway": "residential", "maxspeed": maxspeed}) == SPEED_OF_HIGHWAY_KPH["residential"]
+
+
+def test_the_class_may_be_unknown_or_several():
+    assert speed_kph({}) == speed_kph({"highway": "dreamway"}) == speed_kph({"highway": 3}) == UNKNOWN_SPEED_KPH
+    assert speed_kph({"highway": ["dreamway", "steps", "primary"]}) == SPEED_OF_HIGHWAY_KPH["steps"]
+
+
+@pytest.mark.parametrize(
+    ("given", "kph"), [(12.5, 12.5), (np.int64(12), 12.0), (0, 50.0), (-1, 50.0), ("12", 50.0), (math.inf, 50.0)]
+)
+def test_a_given_speed_is_kept_if_it_is_one(given, kph):
+    assert speed_kph({"speed_kph": given, "maxspeed": "50"}) == kph
+
+
+def test_every_speed_in_the_table_is_positive():
+    assert all(0.0 < speed <= 130.0 for speed in SPEED_OF_HIGHWAY_KPH.values())
+
+
+@pytest.mark.parametrize("load", [graph_from_xml, graph_from_file])
+def test_edges_of_a_file_have_a_speed_and_a_time(make_map, cross, load):
+    path = make_map(cross, ([1, 2, 3], {"highway": "primary", "maxspeed": "36"}), ([2, 4], {"highway": "steps"}))
+    for _, _, data in load(path).edges(data=True):
+        assert data["speed_kph"] == (36.0 if data["highway"] == "primary" else 2.0)
+        assert data["travel_time"] == pytest.approx(data["length"] / data["speed_kph"] * 3.6)
+
+
+def test_a_time_that_a_graph_brings_is_shared_by_the_pieces():
+    graph = nx.MultiDiGraph()
+    graph.add_node(0, x=0.0, y=0.0)
+    graph.add_node(1, x=40.0, y=0.0)
+    graph.add_edge(0, 1, travel_time=100.0, speed_kph=18.0)
+    cut = process_osm_graph(graph, bidirectional=False)
+    assert [data["travel_time"] for *_, data in cut.edges(data=True)] == [25.0] * 4
+    assert {data["speed_kph"] for *_, data in cut.edges(data=True)} == {18.0}
+
+
+def test_a_time_that_is_none_is_replaced():
+    graph = nx.MultiDiGraph()
+    graph.add_node(0, x=0.0, y=0.0)
+    graph.add_node(1, x=10.0, y=0.0)
+    graph.add_edge(0, 1, travel_time="soon", speed_kph=36.0)
+    assert process_osm_graph(graph).edges[0, 1]["travel_time"] == 1.0
+
+
+def test_the_shipped_map_has_them_too():
+    with gamms.create_context(logger_config={"level": "CRITICAL"}) as ctx:
+        gamms.osm.helsinki(ctx)
+        attributes = ctx.graph.edge_attributes(0)
+        assert attributes["speed_kph"] == float(attributes["maxspeed"])
+        assert len(ctx.graph.columns().edge_attributes["travel_time"]) == len(ctx.graph.columns().edge_ids)
