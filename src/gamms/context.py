@@ -27,6 +27,7 @@ if TYPE_CHECKING:
     from numpy.random import Generator
 
 _LEVELS = ("DEBUG", "INFO", "WARNING", "ERROR", "CRITICAL")
+_announced: dict[str, int] = {}  # the level that was announced last
 _LOGGER_VERBS = ("debug", "info", "warning", "error", "critical", "setLevel")
 
 
@@ -296,5 +297,7 @@ def _configured_logger(config: dict[str, Any]) -> logging.Logger:
     logging.basicConfig(**{**config, "level": level})
     logger = logging.getLogger("gamms")
     logger.setLevel(level)
-    logger.info("GAMMS logs from level %d on.", logger.level)
+    if _announced.get("level") != logger.level:  # once, not in each of ten thousand games
+        _announced["level"] = logger.level
+        logger.info(f"GAMMS logs from level {logger.level} ({logging.getLevelName(logger.level)}) on.")
     return logger

@@ -3,7 +3,7 @@
 import pytest
 
 from gamms.errors import ContextTerminated
-from gamms.sensor import SensorType
+from gamms.sensor import ISensor, SensorType
 
 
 def test_a_loop_in_which_the_context_ends_is_played_to_its_end_quietly(ctx):
@@ -84,3 +84,28 @@ def test_creating_an_agent_raises(ctx):
         ctx.agent.create_agent("a", start_node_id=0)
     with pytest.raises(AttributeError):
         ctx.agent.create_agent("a", start_node_id=0)
+
+
+def test_a_sensor_with_nothing_to_show_does_not_keep_a_context_from_ending(ctx):
+    class Shy(ISensor):
+        sensor_id, type = "shy", SensorType.CUSTOM
+
+        @property
+        def data(self):
+            return self._seen
+
+        def sense(self, node_id):
+            self._seen = node_id
+
+        def update(self, data):
+            pass
+
+        def set_owner(self, owner):
+            pass
+
+    ctx.sensor.add_sensor(Shy())
+    agents = [ctx.agent.create_agent(name, start_node_id=0, sensors=["shy"]) for name in "xyz"]
+    ctx.terminate()
+    for agent in agents:
+        assert agent.get_state()["sensor"] == {"shy": (SensorType.CUSTOM, None)}
+        agent.set_state()

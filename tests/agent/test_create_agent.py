@@ -180,3 +180,21 @@ def test_only_sensors_can_be_registered(anna, thing):
     with pytest.raises(TypeError, match="ISensor"):
         anna.register_sensor("x", thing)
     assert list(anna._sensor_list) == ["near"]
+
+
+@pytest.mark.parametrize("name", ["rest", "leave", "share", "live_in", "_color"])
+def test_the_names_of_our_own_steps_are_free_for_attributes(ctx, name):
+    agent = ctx.agent.create_agent("a", start_node_id=0, sensors=["near"], **{name: 3})
+    setattr(agent, name, 4)
+    ctx.agent.create_agent("b", start_node_id=0, sensors=["near"])
+    ctx.agent.delete_agent("a")
+    assert getattr(agent, name) == 4
+    ctx.terminate()
+
+
+def test_an_agent_that_cannot_carry_its_sensors_is_not_created(ctx):
+    with pytest.raises(TypeError):
+        ctx.agent.create_agent("a", start_node_id=0, sensors={5: "near"})
+    assert "a" not in ctx.agent.agents
+    assert ctx.sensor.get_sensor("near")._owner is None
+    ctx.agent.create_agent("a", start_node_id=0)

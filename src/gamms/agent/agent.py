@@ -39,7 +39,7 @@ class Agent(IAgent):
         self._ctx = ctx
         self._moves = ctx.agent.moves
         self._sensor_list: dict[str, ISensor] = {}
-        self._shared: set[int] = set()  # the id() of those that another agent carries, too
+        self._shared: dict[int, ISensor] = {}  # by id(): those that another agent carries, too
         self._carried: tuple[tuple[str, Any], ...] = ()  # the same as the list, in the form that is read fastest
         self._state: dict[str, Any] = {}
         self.strategy = None
@@ -138,12 +138,14 @@ class Agent(IAgent):
         self._sensor_list[name] = sensor
         self._carry()
         if other is not None and other is not self:
-            other.share(sensor)
-            self.share(sensor)
+            other._share(sensor)
+            self._share(sensor)
 
     def deregister_sensor(self, name: str) -> None:
         """Carry a sensor no longer; an unknown name is only warned about."""
         sensor = self._sensor_list.pop(name, None)
+        if not any(sensor is other for other in self._sensor_list.values()):
+            self._shared.pop(id(sensor), None)
         self._carry()
         if sensor is None:
             self._ctx.logger.warning(f"Agent {self.name!r} has no sensor {name!r} to deregister.")
@@ -193,28 +195,32 @@ class Agent(IAgent):
 
     # -- coming and going ---------------------------------------------------------------------------------------
 
-    def live_in(self, columns: AgentColumns) -> None:
+    def _live_in(self, columns: AgentColumns) -> None:
         """Move into a row of other columns: those of the world, or new ones to leave it; sensors stay."""
         self._row, self._columns = columns.copy_row(self._columns, self._row), columns
 
-    def leave(self) -> None:
+    def _leave(self) -> None:
         """Leave the world with columns of its own; its sensors are nobody's."""
-        self.live_in(AgentColumns())
+        self._live_in(AgentColumns())
         for sensor in self._sensor_list.values():
             self._disown(sensor)
 
-    def rest(self) -> None:
+    def _rest(self) -> None:
         """Do nothing from now on: the context has ended, and a loop that is ending should end quietly."""
         # NOTE: set on the instance, so that living agents need not ask at every step (benchmarks/README.md, w2).
-        sensed = {name: (sensor.type, sensor.data) for name, sensor in self._sensor_list.items()}
-        last = self._state or {"curr_pos": self.current_node_id, "sensor": sensed}
+        last = self._state or {"curr_pos": self.current_node_id, "sensor": self._unasked()}
         self._moves = _NoMoves()
         for name, quiet in (("get_state", lambda: last), ("set_state", _do_nothing), ("step", _do_nothing)):
             setattr(self, name, quiet)
 
-    def share(self, sensor: ISensor) -> None:
+    def _unasked(self) -> dict[str, Any]:
+        """What the sensors hold without having been asked; a sensor of the caller's may have nothing to show yet."""
+        held = ((name, sensor.type, getattr(sensor, "data", None)) for name, sensor in self._sensor_list.items())
+        return {name: (kind, data) for name, kind, data in held}
+
+    def _share(self, sensor: ISensor) -> None:
         """Tell a sensor whose eyes it is before every look: another agent carries it, too."""
-        self._shared.add(id(sensor))
+        self._shared[id(sensor)] = sensor
         self._carry()
 
     def _carry(self) -> None:

@@ -48,10 +48,14 @@ class AgentEngine(IAgentEngine):
         agent.register_strategy(strategy)
         for hint in hints:
             self._ctx.logger.warning(f"Agent {name!r}: {hint} It is kept as an attribute.")
-        agent.live_in(self.columns)
+        try:
+            for key, sensor in sensors.items():
+                agent.register_sensor(key, sensor)
+        except BaseException:
+            agent._leave()
+            raise
+        agent._live_in(self.columns)
         self.agents[name] = agent
-        for key, sensor in sensors.items():
-            agent.register_sensor(key, sensor)
         return agent
 
     def get_agent(self, name: str) -> Agent:
@@ -67,7 +71,7 @@ class AgentEngine(IAgentEngine):
         if agent is None:
             self._ctx.logger.warning(f"{UnknownName('agent', name, self.agents)} Nothing is deleted.")
             return
-        agent.leave()
+        agent._leave()
         self._gone.add(agent)
         self._dead += 1
         if self._dead > len(self.agents):  # so that deleting costs each agent its share only once
@@ -86,7 +90,7 @@ class AgentEngine(IAgentEngine):
     def terminate(self) -> None:
         """Close the room: agents stay readable and do nothing."""
         for agent in (*self.agents.values(), *self._gone):
-            agent.rest()
+            agent._rest()
 
     def _sweep(self) -> None:
         """Drop the rows of deleted agents."""

@@ -77,7 +77,9 @@ def _unit(heading: Any) -> tuple[float, float]:
     except (TypeError, ValueError):
         raise BadValue(f"An orientation must be a pair (cos, sin), not {heading!r}.") from None
     x, y = as_float(x, "An orientation"), as_float(y, "An orientation")
-    length = hypot(x, y)
-    if length == 0.0:
+    scale = max(abs(x), abs(y))  # first, so that no square overflows or vanishes
+    if scale == 0.0:
         raise BadValue("An orientation must not be (0, 0). Use None to follow the moves again.")
+    x, y = x / scale, y / scale
+    length = hypot(x, y)
     return x / length, y / length

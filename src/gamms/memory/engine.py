@@ -38,8 +38,8 @@ class MemoryEngine(IMemoryEngine):
         return stores[name]
 
     def list_stores(self) -> Iterator[str]:
-        """Names of the open stores, in the order of their creation."""
-        return iter(list(self._open()))
+        """Names of the open stores, in the order of their creation, but for those of other rooms (`.name`)."""
+        return iter([name for name in self._open() if not name.startswith(".")])
 
     def temporary_path(self, file_name: str) -> IPathLike:
         """A path in a new folder outside the working directory, which goes with the path, at the latest at exit."""

@@ -1,4 +1,4 @@
-"""What a scenario looks like when nobody said so: grey streets, and agents in the colours of their teams."""
+"""What a scenario looks like when nobody said so: grey streets, agents in the colours of their teams or their own."""
 
 from typing import Any
 
@@ -11,7 +11,7 @@ from gamms.visual.artist import Artist
 from gamms.visual.color import TEAM_COLORS, Rgb
 from gamms.visual.drawers import render_agent, render_graph
 
-_STREETS, _NODES = (200, 200, 200), (150, 150, 150)
+_STREETS, _NODES = (165, 168, 172), (140, 143, 148)
 
 
 def undeclared_artists(ctx: IContext) -> dict[str, IArtist]:
@@ -23,7 +23,7 @@ def undeclared_artists(ctx: IContext) -> dict[str, IArtist]:
     colors = _TeamColors()
     for agent in ctx.agent.create_iter():
         artists[agent.name] = disc = Artist(ctx, render_agent, 20)
-        look = AgentData(agent.name, colors.of(getattr(agent, "team", None)), unit)
+        look = AgentData(agent.name, colors.of(getattr(agent, "team", None) or agent.name), unit)
         disc.data = {"agent_data": look, "_alpha": 1.0}
     return artists
 

@@ -17,10 +17,12 @@ from gamms.errors import BadValue
 from gamms.ir.draw import DrawCommands, DrawKind, DrawSpace
 from gamms.ir.graph import FloatArray, IntArray
 from gamms.visual.camera import Camera
-from gamms.visual.color import Rgba
+from gamms.visual.color import PAPER, Rgba
 
 _SMALLEST_RADIUS_PX = 0.5
 _THINNEST_PX = 1.0  # of lines whose width is in world units
+_MID_GREY = 128
+_HALO = ' stroke="#{:02x}{:02x}{:02x}" stroke-width="3" paint-order="stroke"'.format(*PAPER)
 _ASCENT = 0.8  # of the font height: from the top of a line of text to its baseline
 _INK, _FAINT = "#333333", "#777777"
 _FONT = "system-ui, 'Helvetica Neue', Arial, sans-serif"
@@ -213,8 +215,14 @@ def _polygon(sheet: _Sheet, row: int) -> str:
 def _text(sheet: _Sheet, row: int) -> str:
     ((x, y),), size = sheet.points_of(row), int(sheet.size[row])
     baseline = _number(y + round(_ASCENT * size))
-    place = f'x="{_number(x)}" y="{baseline}" font-size="{_number(size)}"'
+    place = f'x="{_number(x)}" y="{baseline}" font-size="{_number(size)}"{_halo(sheet, row)}'
     return f"<text {place}>{_escaped(sheet.text[row])}</text>"
+
+
+def _halo(sheet: _Sheet, row: int) -> str:
+    """An edge around dark text, so that it can be read over a map."""
+    is_dark = sheet.color[row, :3].mean() < _MID_GREY
+    return _HALO if is_dark else ""
 
 
 def _image(sheet: _Sheet, row: int) -> str:

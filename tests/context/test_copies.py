@@ -1,0 +1,66 @@
+"""A context, its graph and its agents can be copied, for a look ahead into the game."""
+
+import copy
+import pickle
+
+import gamms
+
+
+def world():
+    ctx = gamms.create_context(seed=3, logger_config={"level": "CRITICAL"})
+    ctx.graph.add_nodes(range(4), [0.0, 1.0, 2.0, 3.0], [0.0] * 4)
+    ctx.graph.add_edges(range(6), [0, 1, 2, 1, 2, 3], [1, 2, 3, 0, 1, 2])
+    ctx.graph.graph.update_node({"id": 1, "tags": ["a"]})
+    for kind in ("NEIGHBOR", "RANGE", "AGENT"):
+        ctx.sensor.create_sensor(kind, gamms.sensor.SensorType[kind])
+    for name, node in (("anna", 0), ("ben", 2)):
+        ctx.agent.create_agent(name, start_node_id=node, sensors=["NEIGHBOR", "RANGE", "AGENT"])
+    return ctx
+
+
+def move(ctx, name, node):
+    agent = ctx.agent.get_agent(name)
+    agent.get_state()["action"] = node
+    agent.set_state()
+
+
+def states(ctx):
+    return [agent.get_state() for agent in ctx.agent.create_iter()]
+
+
+def test_a_copied_context_goes_its_own_way():
+    ctx = world()
+    before = states(ctx)
+    ahead = copy.deepcopy(ctx)
+    assert states(ahead) == before
+    move(ahead, "anna", 1)
+    ahead.graph.graph.remove_node(3)
+    ahead.graph.graph.node_attributes(1)["tags"].append("b")
+    assert states(ctx) == before
+    assert ctx.graph.graph.node_attributes(1) == {"tags": ["a"]}
+    move(ctx, "ben", 3)
+    assert ctx.agent.get_agent("ben").current_node_id == 3
+    assert ahead.agent.get_agent("ben").current_node_id == 2
+    assert [state["sensor"]["NEIGHBOR"][1] for state in states(ahead)] == [[1, 2, 0], [2, 1]]
+    ctx.terminate()
+    assert states(ahead)[0]["curr_pos"] == 1
+    ahead.terminate()
+
+
+def test_a_graph_is_pickled_by_what_it_holds():
+    with world() as ctx:
+        graph = pickle.loads(pickle.dumps(ctx.graph.graph))
+        assert [graph.get_edge(id) for id in graph.get_edges()] == [
+            ctx.graph.graph.get_edge(id) for id in ctx.graph.graph.get_edges()
+        ]
+        assert graph.node_attributes(1) == {"tags": ["a"]}
+        assert list(graph.neighborhoods[1]) == [1, 2, 0]
+
+
+def test_both_engines_list_the_same_stores():
+    listed = []
+    for engine in gamms.graph.Engine:
+        with gamms.create_context(graph_engine=engine, logger_config={"level": "CRITICAL"}) as ctx:
+            ctx.ictx.memory.create_store(gamms.typing.StoreType.MEMORY, "graph_store")
+            listed.append(list(ctx.ictx.memory.list_stores()))
+    assert listed == [["graph_store"]] * 2

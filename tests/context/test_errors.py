@@ -1,0 +1,48 @@
+"""Our exceptions: sentences, builtins, and fit to be sent home by a worker."""
+
+import copy
+import pickle
+from concurrent.futures import ProcessPoolExecutor
+from multiprocessing import get_context
+
+import pytest
+
+import gamms
+from gamms import errors
+
+ERRORS = [
+    errors.UnknownName("sensor", "nier", ["near"]),
+    errors.UnknownType("kind"),
+    errors.Duplicate("an agent", "anna"),
+    errors.DuplicateId("a node", 3),
+    errors.BadValue("value"),
+    errors.BadType("type"),
+    errors.BadFile("file"),
+    errors.MissingExtra("Reading maps", "osm"),
+    errors.MissingKey("key"),
+    errors.MissingFolder("a.svg", "there"),
+    errors.NotYet("it"),
+    errors.NotYetImportable("it"),
+    errors.NotYetAttribute("it"),
+    errors.ContextTerminated("ctx.graph"),
+]
+
+
+@pytest.mark.parametrize("error", ERRORS, ids=lambda error: type(error).__name__)
+def test_an_error_survives_the_way_home(error):
+    for again in (pickle.loads(pickle.dumps(error)), copy.copy(error), copy.deepcopy(error)):
+        assert type(again) is type(error)
+        assert (str(again), again.args) == (str(error), error.args)
+
+
+def ask_for_a_missing_node(_):
+    with gamms.create_context(logger_config={"level": "CRITICAL"}) as ctx:
+        return ctx.graph.graph.get_node(99)
+
+
+def test_a_worker_pool_delivers_our_errors():
+    with (
+        ProcessPoolExecutor(1, mp_context=get_context("spawn")) as pool,
+        pytest.raises(KeyError, match="Unknown node 99"),
+    ):
+        list(pool.map(ask_for_a_missing_node, [0]))
