@@ -6,7 +6,6 @@ the way to it, are worked out once; then a path from anywhere is a walk.
 
 from collections.abc import Iterable
 from functools import partial
-from hashlib import blake2b
 from math import inf
 from typing import TYPE_CHECKING, Any
 
@@ -95,7 +94,7 @@ class Routes:
         def make() -> tuple[FloatArray]:
             return (kernels.shortest_distances(self._arcs(columns, weight, reverse=reverse), rows, cutoff),)
 
-        key = ("distances", weight, reverse, cutoff, blake2b(np.unique(rows).tobytes()).digest())
+        key = ("distances", weight, reverse, cutoff, np.unique(rows).tobytes())
         return self._cache.get(columns.revision, key, make)
 
     def _arcs(self, columns: GraphColumns, weight: str | None, *, reverse: bool) -> kernels.Arcs:

@@ -1,12 +1,11 @@
 """Obstacles as columns: what is drawn, and what sight is checked against."""
 
-from dataclasses import dataclass
+from typing import NamedTuple
 
 from gamms.ir.graph import FloatArray, IntArray
 
 
-@dataclass(slots=True, frozen=True, eq=False)
-class ObstacleColumns:
+class ObstacleColumns(NamedTuple):
     """Quadrangles in space as read-only arrays, in insertion order."""
 
     ids: IntArray  # (faces,)

@@ -211,6 +211,7 @@ def _graph(filepath: Path, recipe: Recipe, read: _Reader) -> "nx.DiGraph[int]":
 
 
 def cut(network: RoadNetwork, recipe: Recipe, show: Callable[[str], None]) -> "nx.DiGraph[int]":
+    """Cut joined roads as the recipe says, and make the graph."""
     show(f"Cutting {len(network.sources)} roads")
     pieces = resample(both_ways(network) if recipe.bidirectional else network, recipe.resolution)
     show(f"Making a graph of {len(pieces.sources)} pieces")
@@ -240,6 +241,11 @@ def _in_metres(network: RoadNetwork, crs: Any) -> RoadNetwork:
 
 
 def recipe_of(resolution: float, tolerance: float, **wishes: Any) -> Recipe:
+    """What a caller asked for, checked.
+
+    Raises:
+        BadType, BadValue: a resolution or tolerance is impossible.
+    """
     number = as_float(resolution, "resolution")
     if number <= 0.0:
         raise BadValue(f"resolution must be more than 0 metres, not {number}. The default is 10.")
