@@ -5,7 +5,7 @@ from typing import Any
 import numpy as np
 
 from gamms.arguments import as_range
-from gamms.errors import BadType
+from gamms.errors import BadType, UnknownName, nearest
 from gamms.ir.graph import FloatArray, GraphColumns
 
 
@@ -22,11 +22,15 @@ def edge_weights(columns: GraphColumns, weight: str | None) -> FloatArray:
     Raises:
         BadType: `weight` is no name, or the attribute of an edge no number.
         BadValue: it is negative or NaN.
+        UnknownName (KeyError): no edge has such an attribute, and the name looks like a misspelt one.
     """
     if weight == "length":
         return columns.lengths
     if weight is not None and not isinstance(weight, str):
         raise BadType(f"weight must be 'length', the name of an edge attribute, or None for steps, not {weight!r}.")
+    known = ("length", *columns.edge_attributes)
+    if weight is not None and weight not in known and nearest(weight, known):
+        raise UnknownName("weight", weight, known)
     weights = np.ones(len(columns.edge_ids))
     given = {} if weight is None else columns.edge_attributes.get(weight, {})
     numbers = [_number(value, columns, row, weight) for row, value in given.items()]
