@@ -338,6 +338,6 @@ def test_a_misspelt_weight_is_named_and_a_foreign_one_counts_steps(ctx):
     ctx.graph.add_edges([7], [1], [2])
     ctx.graph.graph.update_edge({"id": 7, "travel_time": 3.0})
     for misspelt in ("lenght", "travel_tme"):
-        with pytest.raises(KeyError, match="Unknown weight .* Did you mean"):
+        with pytest.raises(KeyError, match=r"Unknown weight .* Did you mean"):
             ctx.graph.shortest_path(1, 2, weight=misspelt)
     assert ctx.graph.distance(1, 2, weight="beauty") == 1.0
