@@ -125,21 +125,28 @@ class _Import:
 
     def _take_shapes(self, places: dict[int, list[float]]) -> tuple[dict[int, FloatArray], FloatArray]:
         """The polylines of the edges that are not straight, by edge; and every edge's length."""
-        bends: dict[int, FloatArray] = {}
+        ends = np.array([(*places[self.id_of[u]], *places[self.id_of[v]]) for u, v, _ in self.edges]).reshape(-1, 2, 2)
+        given = [(data.pop("linestring", None), data.pop("geometry", None)) for _, _, data in self.edges]
+        bends = _bends(_polylines(given), ends)
+        straight = np.hypot(*(ends[:, 1] - ends[:, 0]).T).tolist()
         lengths = np.empty(len(self.edges))
-        shapes = _polylines([(data.pop("linestring", None), data.pop("geometry", None)) for _, _, data in self.edges])
-        for i, (u, v, data) in enumerate(self.edges):
-            id = int(self.edge_ids[i])
-            ends = np.array((places[self.id_of[u]], places[self.id_of[v]]))
-            shape = shapes.get(i)
-            if shape is not None and not (len(shape) == 2 and (shape == ends).all()):
-                bends[i] = shape
+        for i, ((_, _, data), id) in enumerate(zip(self.edges, self.edge_ids.tolist(), strict=True)):
             length = data.pop("length", None)
             if length is None:
-                length = float(np.hypot(*np.diff(ends if shape is None else shape, axis=0).T).sum())
+                length = float(np.hypot(*np.diff(bends[i], axis=0).T).sum()) if i in bends else straight[i]
             lengths[i] = records.as_length(length, id)
             data.pop("id", None)
         return bends, lengths
+
+
+def _bends(shapes: dict[int, FloatArray], ends: FloatArray) -> dict[int, FloatArray]:
+    """The polylines that are more than the straight line between the ends (edges, 2, 2) of their edge."""
+    pairs = [i for i, shape in shapes.items() if len(shape) == 2]
+    if pairs:
+        is_straight = (np.stack([shapes[i] for i in pairs]) == ends[pairs]).all(axis=(1, 2))
+        straight = {i for i, is_one in zip(pairs, is_straight.tolist(), strict=True) if is_one}
+        shapes = {i: shape for i, shape in shapes.items() if i not in straight}
+    return shapes
 
 
 def _ids_of_labels(graph: Graph, labels: list[Hashable]) -> dict[Hashable, int]:
@@ -182,7 +189,7 @@ def _polylines(given: list[tuple[Any, Any]]) -> dict[int, FloatArray]:
     """`linestring`, else `geometry`, as points (points, 2) by edge, for the edges that have one."""
     shapes = {i: pair[0] if pair[0] is not None else pair[1] for i, pair in enumerate(given)}
     shapes = {i: shape for i, shape in shapes.items() if shape is not None}
-    lines = {i: shape for i, shape in shapes.items() if hasattr(shape, "coords")}
+    lines = {i: shape for i, shape in shapes.items() if hasattr(type(shape), "coords")}
     points, offsets = geometry.points_of_many(list(lines.values()))
     bounds = offsets.tolist()
     found = {i: points[a:b] for i, a, b in zip(lines, bounds[:-1], bounds[1:], strict=True)}
