@@ -52,8 +52,8 @@ def test_a_crossing_of_dual_carriageways_becomes_one_node():
     assert len(merged.xy) == 9
     assert [4.0, 4.0] in merged.xy.tolist()
     assert sorted(degrees(merged).tolist()) == [1] * 8 + [8]
-    assert merged.lengths.tolist() == [92.0] * 8
-    assert merged.merged == (3, 32.0)
+    assert merged.lengths.tolist() == pytest.approx([math.hypot(96, 4)] * 8)
+    assert merged.merged == (3, pytest.approx(32.0 + 8 * (92.0 - math.hypot(96, 4))))
 
 
 def test_it_stays_four_junctions_when_the_tolerance_is_smaller():
@@ -61,11 +61,20 @@ def test_it_stays_four_junctions_when_the_tolerance_is_smaller():
     assert consolidate(crossing, 3.9) is crossing
 
 
-def test_roads_are_led_on_to_the_new_node_and_keep_their_length():
+def test_roads_end_at_the_new_node_and_are_as_long_as_they_are_drawn():
     merged = consolidate(dual_carriageway_crossing(), 4.0)
     assert (merged.points[merged.offsets[:-1]] == merged.xy[merged.sources]).all()
     assert (merged.points[merged.offsets[1:] - 1] == merged.xy[merged.targets]).all()
-    assert [0.0, 0.0] in merged.points.tolist()
+    assert [0.0, 0.0] not in merged.points.tolist()
+    drawn = np.hypot(*(merged.xy[merged.targets] - merged.xy[merged.sources]).T)
+    assert merged.lengths.tolist() == pytest.approx(drawn.tolist())
+
+
+def test_a_road_keeps_the_ratio_of_its_true_length_to_its_drawn_one():
+    xy = [(0, 0), (2, 0), (0, 50), (2, -50), (-50, 0), (52, 0)]
+    net = network(xy, [(0, 1), (0, 2), (1, 3), (0, 4), (1, 5)], lengths=[2.0, 100.0, 100.0, 50.0, 50.0])
+    merged = consolidate(net, 1.0)
+    assert merged.lengths.tolist() == pytest.approx([2 * math.hypot(1, 50)] * 2 + [51.0] * 2)
 
 
 def test_near_roads_that_do_not_join_stay_apart():
@@ -84,14 +93,15 @@ def test_a_bend_between_two_merged_junctions_goes_with_them():
     merged = consolidate(network(xy, [(0, 1), (1, 2), (0, 3), (0, 4), (2, 5), (2, 6)]), 2.0)
     assert len(merged.xy) == 5
     assert [1.0, 0.0] in merged.xy.tolist()
-    assert merged.merged == (2, pytest.approx(2 * math.sqrt(2)))
+    assert merged.merged.nodes == 2
+    assert merged.lengths.tolist() == pytest.approx([51.0, math.hypot(1, 50)] * 2)
 
 
 def test_a_long_way_round_between_near_junctions_is_kept_as_a_loop():
     xy = [(0, 0), (2, 0), (1, 90), (-50, 0), (52, 0)]
     merged = consolidate(network(xy, [(0, 1), (0, 2), (2, 1), (0, 3), (1, 4)]), 2.0)
-    assert merged.merged.length_m == 2.0
-    assert merged.lengths.sum() == pytest.approx(2 * 50 + 2 * math.hypot(1, 90))
+    assert merged.merged.nodes == 1
+    assert merged.lengths.sum() == pytest.approx(2 * 51 + 2 * 90)
 
 
 def test_a_row_of_junctions_does_not_become_one_as_a_whole():
@@ -200,7 +210,7 @@ def test_a_networkx_graph_can_be_consolidated_and_then_cut():
     assert merged.graph["crs"] == "EPSG:32635"
     cut = gamms.osm.process_osm_graph(merged, resolution=10.0)
     assert cut.number_of_edges() == 2 * 4 * 4
-    assert sum(length for *_, length in cut.edges(data="length")) == pytest.approx(320.0)
+    assert sum(length for *_, length in cut.edges(data="length")) == pytest.approx(4 * (41.5 + math.hypot(1.5, 40)))
 
 
 @pytest.mark.parametrize("tolerance", [-1.0, math.inf, math.nan])

@@ -196,6 +196,24 @@ def drips(handler, answer):
             return
 
 
+def drips_slowly(handler, answer):
+    handler.wfile.write(b"HTTP/1.1 200 OK\r\nContent-Type: application/json\r\nContent-Length: 900000\r\n\r\n")
+    while not handler.server.over.wait(0.05):
+        try:
+            handler.wfile.write(b" ")
+        except OSError:
+            return
+
+
+def drips_its_head(handler, answer):
+    handler.wfile.write(b"HTTP/1.1 200 OK\r\n")
+    while not handler.server.over.wait(0.05):
+        try:
+            handler.wfile.write(b"X-Wait: a little\r\n")
+        except OSError:
+            return
+
+
 def hangs_up(handler, answer):
     handler.connection.close()
 

@@ -6,10 +6,23 @@ from pathlib import Path
 
 import pytest
 import server as map_server
-from server import breaks_off, changes, cuts_its_json, drips, hangs, hangs_up, is_busy, is_busy_once, says
+from server import (
+    breaks_off,
+    changes,
+    cuts_its_json,
+    drips,
+    drips_its_head,
+    drips_slowly,
+    hangs,
+    hangs_up,
+    is_busy,
+    is_busy_once,
+    says,
+)
 
 from gamms.errors import BadValue, GammsError, NetworkError, PlaceError
 from gamms.osm import OSMType, create_osm_graph
+from gamms.osm.answers import fault_of_areas
 from gamms.osm.osmnx import features_of_place
 
 PLACE = "Kluuvi, Helsinki"
@@ -70,7 +83,7 @@ def test_a_server_that_misbehaves_is_one_clear_error(server, tmp_path, where, wh
 
 
 @pytest.mark.parametrize("where", ["search", "interpreter"])
-@pytest.mark.parametrize("how", [hangs, drips], ids=["silent", "dripping"])
+@pytest.mark.parametrize("how", [hangs, drips, drips_slowly, drips_its_head], ids=lambda how: how.__name__)
 def test_a_server_that_takes_too_long_is_left(server, osmnx, monkeypatch, tmp_path, where, how):
     monkeypatch.setattr(osmnx.settings, "requests_timeout", 0.3)
     server.misbehaviour[where] = how
@@ -234,3 +247,11 @@ def test_features_end_in_the_same_errors(server, tmp_path, what):
     with pytest.raises(NetworkError, match=words):
         features_of_place(PLACE, {"building": True})
     assert nothing_is_kept(tmp_path)
+
+
+def test_a_map_with_many_cut_areas_is_damaged_and_one_with_few_was_cut():
+    corners = [{"type": "node", "id": n, "lat": 60.0, "lon": 25.0} for n in range(1, 5)]
+    areas = [{"type": "way", "id": n, "nodes": [1, 2, 3, 4, 1]} for n in range(6)]
+    cut = [{"type": "way", "id": 10 + n, "nodes": [1, 2, 99, 1]} for n in range(4)]
+    assert fault_of_areas({"elements": [*corners, *areas, *cut[:2]]}) == ""
+    assert fault_of_areas({"elements": [*corners, *areas, *cut]}) == "it lacks nodes of 4 of its 10 ways"

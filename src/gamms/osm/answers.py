@@ -9,6 +9,7 @@ from itertools import chain
 from typing import Any
 
 _FARTHEST = (180.0, 90.0)  # degrees of longitude and latitude
+_MOST_CUT = 1 / 3  # share of ways that may lack nodes: where a map was cut, some do; where it is damaged, most do
 _POLYGONS = ("Polygon", "MultiPolygon")
 
 
@@ -30,8 +31,19 @@ def fault_of_streets(answer: Any) -> str:
     return "" if cut is None else f"it lacks nodes of the way {cut}"
 
 
-def fault_of_features(answer: Any) -> str:
+def fault_of_areas(answer: Any) -> str:
     """The fault of Overpass's answer to the question for buildings and the like; an empty one has none."""
+    fault = fault_of_features(answer)
+    if fault:
+        return fault
+    nodes = {element["id"] for element in answer["elements"] if element["type"] == "node"}
+    ways = [element for element in answer["elements"] if element["type"] == "way"]
+    cut = sum(not nodes.issuperset(way["nodes"]) for way in ways)
+    return f"it lacks nodes of {cut} of its {len(ways)} ways" if cut > _MOST_CUT * len(ways) else ""
+
+
+def fault_of_features(answer: Any) -> str:
+    """The fault of any answer of Overpass; an empty one has none."""
     if not isinstance(answer, dict) or not isinstance(answer.get("elements"), list):
         return "it has no list of elements"
     if answer.get("remark"):

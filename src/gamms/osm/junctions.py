@@ -9,10 +9,10 @@ from gamms import kernels
 from gamms.ir.graph import FloatArray, IntArray
 from gamms.osm.labels import components
 from gamms.osm.network import BoolArray, Merged, RoadNetwork, chosen_roads
-from gamms.osm.polylines import with_ends
+from gamms.osm.polylines import moved_ends
 
 _REACH = 2.0  # tolerances: two circles of this radius around two nodes touch, which is how OSMnx says it
-_ACROSS = 4.0  # tolerances: no junction is wider, however many nodes follow each other
+_ACROSS = 3.0  # tolerances: wide enough for the four corners where two dual carriageways cross, and no wider
 
 
 class Chains(NamedTuple):
@@ -24,13 +24,13 @@ class Chains(NamedTuple):
 
 
 def consolidate(network: RoadNetwork, tolerance: float) -> RoadNetwork:
-    """Merge junctions that a road of at most twice the tolerance joins; no junction grows wider than four.
+    """Merge junctions that a road of at most twice the tolerance joins; no junction grows wider than three.
 
     A junction is where three or more roads end: bends and dead ends stay where they are. The new node is the
-    mean of the old junctions. Roads inside it disappear, and `merged` of the result says how long they were;
-    the other roads are drawn straight on to the new node and keep the length that they have in the source. A
-    bridge and the road below it are near each other and not joined: they stay apart. Vertices at one place
-    with a road of no length between them always become one.
+    mean of the old junctions. Roads inside it disappear; the others end at the new node instead of the old one,
+    and are as long as they are drawn. `merged` of the result says how many metres are gone in all. A bridge and
+    the road below it are near each other and not joined: they stay apart. Vertices at one place with a road of
+    no length between them always become one.
     """
     network = _without_empty_roads(network)
     chains = chains_of(network)
@@ -134,15 +134,16 @@ def _contracted(network: RoadNetwork, label: IntArray, inner: BoolArray, weighty
     xy = network.xy[names] + np.column_stack(sums) / np.bincount(row, weights=weight)[:, None]
     rest = chosen_roads(network, np.flatnonzero(~inner))
     sources, targets = row[rest.sources], row[rest.targets]
-    offsets, points, _ = with_ends(rest.offsets, rest.points, xy[sources], xy[targets])
-    before = network.merged
-    merged = Merged(before.nodes + len(network.xy) - len(xy), before.length_m + float(network.lengths[inner].sum()))
+    points, growth = moved_ends(rest.offsets, rest.points, xy[sources], xy[targets])
+    lengths = rest.lengths * growth
+    gone = float(network.lengths.sum() - lengths.sum())
+    merged = Merged(network.merged.nodes + len(network.xy) - len(xy), network.merged.length_m + gone)
     return replace(
         rest,
         xy=xy,
         sources=sources,
         targets=targets,
-        offsets=offsets,
         points=points,
+        lengths=lengths,
         merged=merged,
     )

@@ -18,7 +18,7 @@ from urllib.parse import urlsplit
 
 from gamms.errors import BadType, BadValue, GammsError, MissingExtra, PlaceError, WrongVersion
 from gamms.ir.geometry import shape_error
-from gamms.osm.answers import fault_of_features, fault_of_places, fault_of_streets, without_cut_ways
+from gamms.osm.answers import fault_of_areas, fault_of_places, fault_of_streets, without_cut_ways
 from gamms.osm.cache import AnswerCache, cache_folder
 from gamms.osm.progress import progress
 from gamms.osm.requests import MapServer
@@ -92,12 +92,15 @@ def features_of_place(location: Location, tags: Tags, *, offline: bool = False) 
     _check_location(location)
     _check_tags(tags)
     name = repr(location)
-    with progress(1.0 if offline else 0.0) as show, _door(name, fault_of_features, show, offline=offline) as osmnx:
+    with progress(1.0 if offline else 0.0) as show, _door(name, fault_of_areas, show, offline=offline) as osmnx:
         boundary = _boundary(osmnx, location, show)
         show(f"Downloading the features of {name}")
         whole = [(osmnx._overpass, "_download_overpass_features", _whole_features(osmnx._overpass))]
         with _explained(f"There is nothing tagged {', '.join(tags)} in {name}", _OTHER_TAGS), _changed(whole):
-            return _areas(osmnx.features.features_from_polygon(boundary, dict(tags)))
+            areas = _areas(osmnx.features.features_from_polygon(boundary, dict(tags)))
+            if not areas:
+                raise ValueError("the answer has no areas")
+            return areas
 
 
 def _boundary(osmnx: Any, location: Location, show: Show) -> Any:

@@ -55,6 +55,27 @@ def with_ends(
     return grown, result, np.hypot(*(head - start).T) + np.hypot(*(end - tail).T)
 
 
+def moved_ends(
+    offsets: IntArray, points: FloatArray, start: FloatArray, end: FloatArray
+) -> tuple[FloatArray, FloatArray]:
+    """Move the first point of every line to `start` and its last to `end`.
+
+    Returns:
+        the new points, and how many times longer each line is drawn than before.
+    """
+    moved = points.copy()
+    moved[offsets[:-1]], moved[offsets[1:] - 1] = start, end
+    before, after = lengths_of(offsets, points), lengths_of(offsets, moved)
+    return moved, np.divide(after, before, out=np.ones_like(after), where=before > 0.0)
+
+
+def lengths_of(offsets: IntArray, points: FloatArray) -> FloatArray:
+    """How long each line is drawn."""
+    steps = np.hypot(*np.diff(points, axis=0, append=points[-1:]).T)
+    steps[offsets[1:] - 1] = 0.0  # from the end of a line to the begin of the next
+    return np.add.reduceat(steps, offsets[:-1]) if len(offsets) > 1 else np.zeros(0)
+
+
 def offsets_of(counts: IntArray) -> IntArray:
     """Where groups of these sizes begin and end when they follow each other."""
     offsets = np.zeros(len(counts) + 1, np.int64)
