@@ -156,7 +156,7 @@ def test_a_map_near_the_pole_is_refused(make_map):
 
 def test_a_map_of_half_the_world_is_refused(make_map):
     nodes = {i: (0.0, lon) for i, lon in enumerate((0.0, 60.0, 120.0, 179.0, -120.0, -60.0), 1)}
-    with pytest.raises(BadValue, match="zone"):
+    with pytest.raises(BadValue, match="too wide for one projection"):
         graph_from_xml(make_map(nodes, ([*nodes], ROAD)), resolution=1e5)
 
 
@@ -174,3 +174,10 @@ def test_a_map_with_too_many_points_is_refused(make_map, cross, monkeypatch):
     monkeypatch.setattr(osmium, "_MOST_POSITIONS", 2)
     with pytest.raises(BadFile, match="smaller area"):
         graph_from_xml(make_map(cross, ([1, 2, 3], ROAD)))
+
+
+def test_no_junction_is_a_mile_wide(tmp_path):
+    path = tmp_path / "any.osm"
+    path.write_text("<osm/>")
+    with pytest.raises(ValueError, match="no junction is that wide"):
+        graph_from_xml(path, tolerance=1609.0)

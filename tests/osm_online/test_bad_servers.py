@@ -255,3 +255,10 @@ def test_a_map_with_many_cut_areas_is_damaged_and_one_with_few_was_cut():
     cut = [{"type": "way", "id": 10 + n, "nodes": [1, 2, 99, 1]} for n in range(4)]
     assert fault_of_areas({"elements": [*corners, *areas, *cut[:2]]}) == ""
     assert fault_of_areas({"elements": [*corners, *areas, *cut]}) == "it lacks nodes of 4 of its 10 ways"
+
+
+@pytest.mark.parametrize("seconds", [None, 0, -1, "soon"])
+def test_an_impossible_timeout_is_named(server, osmnx, monkeypatch, seconds):
+    monkeypatch.setattr(osmnx.settings, "requests_timeout", seconds)
+    with pytest.raises((TypeError, ValueError), match="requests_timeout"):
+        create_osm_graph(PLACE)

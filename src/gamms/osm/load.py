@@ -30,6 +30,7 @@ if TYPE_CHECKING:
 Path = str | os.PathLike[str]
 _Reader = Callable[[Callable[[str], None]], RoadNetwork]
 
+_WIDEST_JUNCTION_M = 1000.0
 _SLOW_BYTES = 32 << 20
 
 
@@ -260,4 +261,8 @@ def _tolerance(tolerance: float) -> float:
     number = as_range(tolerance, "tolerance")
     if math.isinf(number):
         raise BadValue("tolerance must be finite, in metres: with an infinite one the whole map would be one node.")
+    if number > _WIDEST_JUNCTION_M:
+        raise BadValue(
+            f"tolerance is {number} metres, and no junction is that wide; use at most {_WIDEST_JUNCTION_M:g}."
+        )
     return number

@@ -16,6 +16,7 @@ from types import ModuleType
 from typing import Any, NamedTuple, NoReturn
 from urllib.parse import urlsplit
 
+from gamms.arguments import as_float
 from gamms.errors import BadType, BadValue, GammsError, MissingExtra, PlaceError, WrongVersion
 from gamms.ir.geometry import shape_error
 from gamms.osm.answers import fault_of_areas, fault_of_places, fault_of_streets, without_cut_ways
@@ -262,6 +263,8 @@ class _StandIn:
 
 
 def _check_addresses(settings: Any) -> None:
+    if as_float(settings.requests_timeout, "osmnx.settings.requests_timeout") <= 0.0:
+        raise BadValue(f"osmnx.settings.requests_timeout must be more than 0 seconds, not {settings.requests_timeout}.")
     for name in ("nominatim_url", "overpass_url"):
         parts = urlsplit(str(getattr(settings, name)))
         if parts.scheme not in ("http", "https") or not parts.hostname:
