@@ -1,9 +1,11 @@
 """Checks at the door: turn what a caller passed into the plain value we store, or say what is wrong."""
 
 import math
+import os
 from collections.abc import Iterable
 from numbers import Real
 from operator import index
+from pathlib import Path
 from typing import Any
 
 from gamms.errors import BadType, BadValue, nearest
@@ -74,6 +76,17 @@ def as_name(value: Any, kind: str) -> str:
     if not value:
         raise BadValue(f"The name of {kind} must not be empty.")
     return value
+
+
+def as_path(value: Any, name: str) -> Path:
+    """`value` as a path.
+
+    Raises:
+        BadType: `value` is neither a string nor a path.
+    """
+    if not isinstance(value, (str, os.PathLike)):
+        raise BadType(f"{name} must be a path, not {value!r} ({type(value).__name__}).")
+    return Path(value)
 
 
 def misspelt(given: Iterable[str], known: Iterable[str]) -> list[str]:

@@ -7,7 +7,7 @@ from types import TracebackType
 from typing import TYPE_CHECKING, Any, Self
 
 from gamms import agent, graph, kernels, memory, sensor, visual
-from gamms.arguments import as_int
+from gamms.arguments import as_int, as_path
 from gamms.errors import BadType, BadValue, NotYet, NotYetAttribute
 from gamms.game import Moves
 from gamms.typing import (
@@ -286,7 +286,7 @@ def _database_path(engine: Any, path: str | os.PathLike[str] | None) -> "memory.
         if path is not None:
             raise BadValue(f"graph_path={path!r} needs graph_engine=gamms.graph.Engine.SQLITE.")
         return None
-    return None if path is None else memory.PathLike(os.fspath(path))
+    return None if path is None else memory.PathLike(str(as_path(path, "graph_path")))
 
 
 def _configured_logger(config: dict[str, Any]) -> logging.Logger:

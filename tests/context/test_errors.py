@@ -46,3 +46,23 @@ def test_a_worker_pool_delivers_our_errors():
         pytest.raises(KeyError, match="Unknown node 99"),
     ):
         list(pool.map(ask_for_a_missing_node, [0]))
+
+
+@pytest.mark.parametrize("wrong", [3, b"city.gamms", ["city.gamms"]])
+def test_what_is_no_path_is_named(wrong):
+    calls = [
+        lambda ctx: ctx.graph.save(wrong),
+        lambda ctx: ctx.graph.load(wrong),
+        lambda ctx: ctx.visual.save(wrong),
+        lambda _: gamms.create_context(graph_engine=gamms.graph.Engine.SQLITE, graph_path=wrong),
+        lambda _: gamms.osm.graph_from_file(wrong),
+    ]
+    with gamms.create_context() as ctx:
+        for call in calls:
+            with pytest.raises(errors.BadType, match="path must be a path, not"):
+                call(ctx)
+
+
+def test_a_map_wants_a_context():
+    with pytest.raises(errors.BadType, match="the context to load the map into, not None"):
+        gamms.osm.helsinki(None)

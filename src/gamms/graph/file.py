@@ -10,12 +10,12 @@ import json
 import os
 import zlib
 from collections.abc import Iterable
-from pathlib import Path
 from struct import Struct
 from typing import Any
 
 import numpy as np
 
+from gamms.arguments import as_path
 from gamms.errors import BadFile, GammsError, MissingFolder
 from gamms.graph import plain
 from gamms.graph.contents import Contents, checked_columns
@@ -44,7 +44,7 @@ def save(path: str | os.PathLike[str], contents: Contents) -> None:
         MissingFolder (FileNotFoundError), OSError: the file cannot be written.
     """
     data = encode(contents)
-    target = Path(path)
+    target = as_path(path, "path")
     if not target.parent.is_dir():
         raise MissingFolder(target.name, target.parent)
     temporary = target.with_name(f".{target.name}.{os.getpid()}.part")
@@ -62,7 +62,7 @@ def load(path: str | os.PathLike[str]) -> Contents:
         BadFile (ValueError): the file is damaged, foreign, too new or absurdly large.
         OSError: it cannot be read.
     """
-    data = Path(path).read_bytes()
+    data = as_path(path, "path").read_bytes()
     try:
         return decode(data)
     except BadFile as error:

@@ -2,11 +2,11 @@
 
 import bz2
 import gzip
-import os
 import zlib
 from pathlib import Path
 
-from gamms.errors import BadFile, BadType
+from gamms.arguments import as_path
+from gamms.errors import BadFile
 from gamms.osm.pbf import unpacked_size
 
 _CHUNK = 1 << 20
@@ -30,9 +30,7 @@ def as_file(path: object) -> Path:
         IsADirectoryError: it is a folder.
         BadFile: it is a pipe or a device.
     """
-    if not isinstance(path, (str, os.PathLike)):
-        raise BadType(f"filepath must be a path, not {path!r} ({type(path).__name__}).")
-    file = Path(path)
+    file = as_path(path, "filepath")
     if not file.exists():
         raise FileNotFoundError(f"There is no file {str(file)!r} in {str(Path.cwd())!r}. {WAY_OUT}")
     if file.is_dir():

@@ -3,7 +3,7 @@
 from pathlib import Path
 from typing import TYPE_CHECKING
 
-from gamms.errors import BadValue
+from gamms.errors import BadType, BadValue
 from gamms.osm.load import resample_columns
 from gamms.typing import IContext
 
@@ -25,8 +25,11 @@ def helsinki(
         buildings: put the walls of the buildings among the obstacles.
 
     Raises:
+        BadType: `ctx` is no context.
         BadValue: the context has a graph or obstacles already, or the resolution is impossible.
     """
+    if not isinstance(ctx, IContext):
+        raise BadType(f"helsinki takes the context to load the map into, not {ctx!r}.")
     graph = ctx.graph.graph
     if [*graph.get_nodes(), *ctx.graph.get_obstacle_faces()]:
         raise BadValue("The context has a graph or obstacles already. Load the map into a new context.")

@@ -5,7 +5,7 @@ from collections.abc import Mapping
 from pathlib import Path
 from typing import NamedTuple
 
-from gamms.arguments import as_int
+from gamms.arguments import as_int, as_path
 from gamms.errors import BadValue, MissingFolder, NotYet, UnknownName
 from gamms.ir.draw import DrawCommands
 from gamms.typing import ArtistType, ColorType, IArtist, ILogger
@@ -34,7 +34,7 @@ def sheet(path: str | os.PathLike[str], width: int, height: int) -> Sheet:
         NotYet: a format that cannot be written.
     """
     path, width, height = (
-        Path(path),
+        as_path(path, "path"),
         as_int(width, "The width of a picture"),
         as_int(height, "The height of a picture"),
     )
