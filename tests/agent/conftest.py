@@ -7,21 +7,6 @@ import gamms
 STEPS = [(1, 0), (-1, 0), (0, 1), (0, -1)]
 
 
-class Listener:
-    """A logger that keeps the warnings."""
-
-    def __init__(self):
-        self.warnings = []
-
-    def warning(self, message):
-        self.warnings.append(message)
-
-    def debug(self, message):
-        """Keep nothing."""
-
-    info = error = critical = setLevel = debug
-
-
 @pytest.fixture
 def ctx():
     with gamms.create_context(logger_config={"level": "CRITICAL"}, seed=1) as ctx:
@@ -35,13 +20,6 @@ def ctx():
                     graph.add_edge(edge)
         ctx.sensor.create_sensor("near", gamms.sensor.SensorType.NEIGHBOR)
         yield ctx
-
-
-@pytest.fixture
-def heard(ctx):
-    """The warnings that the context utters."""
-    ctx.logger = Listener()
-    return ctx.logger.warnings
 
 
 @pytest.fixture

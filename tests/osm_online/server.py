@@ -9,7 +9,7 @@ import json
 import re
 import threading
 from collections.abc import Callable
-from contextlib import contextmanager
+from contextlib import contextmanager, suppress
 from functools import cache
 from http.server import BaseHTTPRequestHandler, ThreadingHTTPServer
 from pathlib import Path
@@ -185,33 +185,28 @@ def hangs(handler, answer):
     handler.server.over.wait(20)
 
 
+def _repeat(handler, drop, seconds):
+    """One drop after the other, until the client hangs up or the test is over."""
+    with suppress(OSError):
+        while not handler.server.over.wait(seconds):
+            handler.wfile.write(drop)
+
+
 def drips(handler, answer):
     handler.send_response(200)
     handler.send_header("Content-Type", "application/json")
     handler.end_headers()
-    while not handler.server.over.wait(0.02):
-        try:
-            handler.wfile.write(b" " * 2048)
-        except OSError:
-            return
+    _repeat(handler, b" " * 2048, 0.02)
 
 
 def drips_slowly(handler, answer):
     handler.wfile.write(b"HTTP/1.1 200 OK\r\nContent-Type: application/json\r\nContent-Length: 900000\r\n\r\n")
-    while not handler.server.over.wait(0.05):
-        try:
-            handler.wfile.write(b" ")
-        except OSError:
-            return
+    _repeat(handler, b" ", 0.05)
 
 
 def drips_its_head(handler, answer):
     handler.wfile.write(b"HTTP/1.1 200 OK\r\n")
-    while not handler.server.over.wait(0.05):
-        try:
-            handler.wfile.write(b"X-Wait: a little\r\n")
-        except OSError:
-            return
+    _repeat(handler, b"X-Wait: a little\r\n", 0.05)
 
 
 def hangs_up(handler, answer):

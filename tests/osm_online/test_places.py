@@ -1,5 +1,6 @@
 """Streets by the name of a place or by an area, from a server that answers from a real extract."""
 
+import inspect
 import math
 from itertools import pairwise
 
@@ -323,3 +324,12 @@ def test_an_impossible_area_is_refused_before_anything_is_asked(server, call, er
         call()
     assert isinstance(caught.value, gamms.errors.GammsError)
     assert server.asked == []
+
+
+@pytest.mark.parametrize("by_area", [graph_from_bbox, graph_from_point, graph_from_polygon])
+def test_every_area_has_the_options_and_defaults_of_a_place(by_area):
+    def options(maker):
+        parameters = inspect.signature(maker).parameters.values()
+        return {one.name: (one.default, one.annotation) for one in parameters if one.default is not one.empty}
+
+    assert options(by_area) == options(create_osm_graph)

@@ -12,21 +12,6 @@ from gamms.graph import Engine
 PLACES = [(0, 0), (1, 0), (0, 1), (-1, 0), (0, -1), (3, 4)]
 
 
-class Listener:
-    """A logger that keeps the warnings."""
-
-    def __init__(self):
-        self.warnings = []
-
-    def warning(self, message):
-        self.warnings.append(message)
-
-    def debug(self, message):
-        """Keep nothing."""
-
-    info = error = critical = setLevel = debug
-
-
 @pytest.fixture(params=list(Engine), ids=lambda engine: engine.name)
 def ctx(request):
     with gamms.create_context(graph_engine=request.param, logger_config={"level": "CRITICAL"}) as ctx:
@@ -37,13 +22,6 @@ def ctx(request):
             graph.add_edge({"id": 2 * end, "source": 0, "target": end, "length": 1})
             graph.add_edge({"id": 2 * end + 1, "source": end, "target": 0, "length": 1})
         yield ctx
-
-
-@pytest.fixture
-def heard(ctx):
-    """The warnings that the context utters."""
-    ctx.logger = Listener()
-    return ctx.logger.warnings
 
 
 @pytest.fixture
