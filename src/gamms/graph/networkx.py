@@ -28,6 +28,7 @@ def attach(graph: Graph, G: "nx.Graph[Any]") -> None:  # noqa: N803 - published 
     try:
         _Import(graph, G).commit()
     except Exception as error:
+        # Labels and attributes are of any class, and so are the errors of looking at them.
         raise BadValue(f"Failed to attach NetworkX graph: {error}") from error
 
 

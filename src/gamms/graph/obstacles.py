@@ -259,7 +259,7 @@ def _face(id: int, corners: list[list[float]], type: int) -> ObsFace:
 
 def _first_taken(ids: list[int], taken: Mapping[int, int]) -> int:
     seen = set(taken)
-    return next(id for id in ids if id in seen or seen.add(id))  # type: ignore[func-returns-value]
+    return next(id for id in ids if id in seen or seen.add(id))  # type: ignore[func-returns-value] # add is None, so false
 
 
 def _corner(value: Any, name: str, id: int) -> Corner:

@@ -11,7 +11,6 @@ from gamms.ir.graph import FloatArray
 WGS84 = "EPSG:4326"
 _UTM_REACH = 84.0  # degrees of latitude
 _CENTIMETRE = 0.01
-_WIDEST = 12.0  # degrees of longitude from the middle of a map
 _BEYOND = 10.0  # degrees: a map may reach beyond its zone, a swapped latitude and longitude reaches farther
 
 
@@ -19,7 +18,7 @@ def utm_crs(lonlat: FloatArray) -> str:
     """The UTM zone of the mean position, as `EPSG:326xx` (north) or `EPSG:327xx` (south).
 
     Raises:
-        BadValue: a position lies beyond 84 degrees north or south, where UTM ends, or far east or west of the rest.
+        BadValue: a position lies beyond 84 degrees north or south, where UTM ends, or far beside the zone.
     """
     farthest = float(np.abs(lonlat[:, 1]).max())
     if farthest > _UTM_REACH:
@@ -28,14 +27,14 @@ def utm_crs(lonlat: FloatArray) -> str:
             f"{_UTM_REACH} degrees. Project the network yourself and give it to process_osm_graph."
         )
     turn = np.exp(1j * np.radians(lonlat[:, 0])).mean()  # on the circle: a map may straddle the date line
-    aside = float(np.degrees(np.abs(np.angle(np.exp(1j * np.radians(lonlat[:, 0])) / turn))).max()) if turn else 180.0
-    if aside > _WIDEST:
-        raise BadValue(
-            f"The map reaches {aside:.0f} degrees of longitude from its middle: too wide for one projection to metres, "
-            f"which serves {_WIDEST:.0f}. Cut a smaller area out of it."
-        )
     zone = int((np.degrees(np.angle(turn)) + 180.0) // 6.0) % 60 + 1
-    return f"EPSG:{(32600 if lonlat[:, 1].mean() >= 0.0 else 32700) + zone}"
+    crs = f"EPSG:{(32600 if lonlat[:, 1].mean() >= 0.0 else 32700) + zone}"
+    if not _is_in_zone(lonlat, crs).all():
+        raise BadValue(
+            f"The map is too wide for one projection to metres: it reaches more than {_BEYOND:.0f} degrees of "
+            f"longitude beyond {crs}, the zone of its middle. Cut a smaller area out of it."
+        )
+    return crs
 
 
 def project(points: FloatArray, source: Any, target: str) -> FloatArray:

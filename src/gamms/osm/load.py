@@ -1,6 +1,5 @@
 """Maps in, graphs out: what `gamms.osm` offers, step by step from the file to the networkx graph."""
 
-import math
 import os
 from collections.abc import Callable
 from dataclasses import replace
@@ -259,10 +258,9 @@ def _plain(wish: Any) -> Any:
 
 def _tolerance(tolerance: float) -> float:
     number = as_range(tolerance, "tolerance")
-    if math.isinf(number):
-        raise BadValue("tolerance must be finite, in metres: with an infinite one the whole map would be one node.")
     if number > _WIDEST_JUNCTION_M:
         raise BadValue(
-            f"tolerance is {number} metres, and no junction is that wide; use at most {_WIDEST_JUNCTION_M:g}."
+            f"tolerance must be finite and at most {_WIDEST_JUNCTION_M:g} metres, not {number}: "
+            "no junction is that wide."
         )
     return number

@@ -80,7 +80,7 @@ class SensorEngine(ISensorEngine):
             cls.type = property(lambda _: member, lambda _, __: None)  # type: ignore[attr-defined] # ISensor's property
             ISensor.register(cls)
             if "type" in getattr(cls, "__abstractmethods__", ()):
-                cls.__abstractmethods__ = cls.__abstractmethods__ - {"type"}  # type: ignore[attr-defined]
+                cls.__abstractmethods__ = cls.__abstractmethods__ - {"type"}  # type: ignore[attr-defined] # an ABC has it
             return cls
 
         return decorate

@@ -115,6 +115,6 @@ def _raises(what: str, kind: type[Exception], call: Callable[..., Any], *argumen
         call(*arguments)
     except kind:
         return
-    except Exception as error:
+    except Exception as error:  # the graph under test is somebody else's: any other error is a broken promise
         raise AssertionError(f"{what} must raise {kind.__name__}, not {type(error).__name__}: {error}.") from error
     raise AssertionError(f"{what} must raise {kind.__name__}; nothing was raised.")

@@ -41,7 +41,7 @@ if TYPE_CHECKING:
         last: Any
 
 else:  # a plain namedtuple may be subclassed with a `__new__` of its own
-    _EdgeFields = namedtuple("_EdgeFields", "id source target length first last")  # noqa: PYI024
+    _EdgeFields = namedtuple("_EdgeFields", "id source target length first last")  # noqa: PYI024 - the typed one is above
 
 
 class OSMEdge(_EdgeFields):

@@ -101,7 +101,7 @@ class NoEngine(Primitives):
     def update(self) -> None:
         """Do nothing: there is no frame to draw."""
 
-    def human_input(self, agent_name: str, state: dict[str, Any]) -> int | tuple[float, float, float]:  # noqa: ARG002
+    def human_input(self, agent_name: str, state: dict[str, Any]) -> int | tuple[float, float, float]:  # noqa: ARG002 - nobody to ask
         """Stay: the agent's own node, or no movement for an agent that flies."""
         position: int | tuple[float, ...] = state["curr_pos"]
         return (0.0, 0.0, 0.0) if isinstance(position, tuple) else position
