@@ -1,9 +1,14 @@
 """Contract of the sensor room."""
 
 from abc import ABC, abstractmethod
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 from enum import Enum
 from typing import Any
+
+import numpy as np
+
+from gamms.errors import NotOffered
+from gamms.ir.sensed import Sensed, SensorView
 
 
 class SensorType(Enum):
@@ -28,8 +33,10 @@ class SensorType(Enum):
 class ISensor(ABC):
     """Looks at the world from a node and keeps what it saw.
 
-    Must write: everything below. `data` after `sense` is a fresh object: no later call changes an earlier result.
+    `data` after `sense` is a fresh object: no later call changes an earlier result.
     """
+
+    # -- must write ---------------------------------------------------------------------------------------------
 
     @property
     @abstractmethod
@@ -61,6 +68,30 @@ class ISensor(ABC):
     @abstractmethod
     def set_owner(self, owner: str | None) -> None:
         """Name the agent that carries the sensor, or nobody."""
+
+    # -- may override -------------------------------------------------------------------------------------------
+
+    def sense_many(self, node_ids: Sequence[int] | np.ndarray[Any, Any]) -> Sensed:
+        """Look from many nodes: exactly what `sense` would see from each of them.
+
+        This default looks one by one: `values` are the `data` of each look, and `data` is that of the last.
+
+        Raises:
+            UnknownName (KeyError): there is no such node.
+        """
+        values = np.empty(len(node_ids), object)
+        for look, node_id in enumerate(node_ids):
+            self.sense(int(node_id))
+            values[look] = self.data
+        return Sensed(np.arange(len(values) + 1), values)
+
+    def last_view(self) -> SensorView:
+        """What was seen last, for whoever draws it; empty before the first time.
+
+        Raises:
+            NotOffered: this sensor cannot be drawn.
+        """
+        raise NotOffered(self, "last_view, so it cannot be drawn")
 
 
 class ISensorEngine(ABC):

@@ -1,0 +1,46 @@
+"""What sensors saw, as columns: of many looks at once, and of the last look as a drawer needs it."""
+
+from dataclasses import dataclass, field
+from typing import Any
+
+import numpy as np
+
+from gamms.ir.graph import FloatArray, IntArray
+
+
+@dataclass(slots=True, frozen=True, eq=False)
+class Sensed:
+    """The results of many looks: look `i` saw `values[offsets[i]:offsets[i + 1]]`.
+
+    What the values are depends on the kind of sensor: ids of nodes (and `edges`, ids of edges, likewise ragged); or
+    positions in `names`, of agents; or, for a sensor that looks one by one, the `data` of each look, one per look.
+    """
+
+    offsets: IntArray  # (looks + 1,)
+    values: "np.ndarray[Any, Any]"  # (values,)
+    edges: "Sensed | None" = None
+    names: tuple[str, ...] = ()  # of agents
+
+    def __len__(self) -> int:
+        """How many looks there were."""
+        return len(self.offsets) - 1
+
+    def __getitem__(self, look: int) -> "np.ndarray[Any, Any]":
+        """What one look saw."""
+        look = range(len(self))[look]
+        return self.values[self.offsets[look] : self.offsets[look + 1]]
+
+
+def _no_points() -> FloatArray:
+    return np.zeros((0, 2))
+
+
+@dataclass(slots=True, frozen=True, eq=False)
+class SensorView:
+    """What a sensor saw last, in map units: all that a drawer needs to know of it."""
+
+    nodes: FloatArray = field(default_factory=_no_points)  # (nodes, 2)
+    lines: FloatArray = field(default_factory=_no_points)  # (points, 2)  polylines of edges
+    offsets: IntArray = field(default_factory=lambda: np.zeros(1, np.int64))  # (lines + 1,)  into `lines`
+    agents: FloatArray = field(default_factory=_no_points)  # (agents, 2)
+    outline: FloatArray = field(default_factory=_no_points)  # (corners, 2)  of the field of view; none: no bounds
