@@ -7,23 +7,24 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 from gamms import kernels
+from gamms.arguments import as_float
 from gamms.errors import BadValue, DuplicateId, UnknownName
-from gamms.graph import coordinates, positions, records
+from gamms.graph import records
 from gamms.graph.bulk import checked_edges, checked_nodes
 from gamms.graph.indexes import Indexes, Neighborhoods
 from gamms.graph.routes import Routes
 from gamms.graph.snapshot import Copied, snapshot
 from gamms.graph.tables import Closed, EdgeTable, NodeTable
+from gamms.graph.ways import Ways
 from gamms.graph.weights import edge_weights
-from gamms.ir.graph import FloatArray, GraphColumns
-from gamms.typing.graph_engine import IGraph, Node, NodeIds, Numbers, OSMEdge, Surroundings
+from gamms.ir.graph import FloatArray, GraphColumns, IntArray
+from gamms.typing.graph_engine import Node, NodeColumns, OSMEdge, Surroundings
 
 if TYPE_CHECKING:
     import networkx as nx
-    from numpy.random import Generator
 
 
-class Graph(Copied, IGraph):
+class Graph(Copied, Ways):
     """A graph over columns; see `IGraph` for what each call promises.
 
     Attributes:
@@ -213,15 +214,21 @@ class Graph(Copied, IGraph):
     ) -> Surroundings:
         """What lies within `radius` of a node and inside its field of view."""
         row = self._nodes.find(records.as_id(node_id, "a node"))
-        if not radius >= 0.0:
-            raise BadValue(f"The radius must not be negative, not {radius}.")
         x, y = self._nodes.xy[2 * row], self._nodes.xy[2 * row + 1]
-        rows = self._nodes.living() if radius == inf else self._indexes.nodes_within(x, y, radius)
+        rows = self._rows_near(x, y, radius)
         if fov != 2.0 * pi and heading != (0.0, 0.0):
             dx, dy = (self._nodes.array("xy")[rows] - (x, y)).T
             rows = rows[kernels.in_cone(dx, dy, heading, fov)]
-        nodes = self._indexes.node_values(rows)
-        return Surroundings({node[0]: node for node in nodes}, self._indexes.edges_among(rows))
+        return self._among(rows)
+
+    def nodes_near(self, x: float, y: float, radius: float) -> NodeColumns:
+        """The nodes within `radius` of (x, y), as arrays."""
+        rows = self._rows_near(as_float(x, "x"), as_float(y, "y"), radius)
+        return NodeColumns(self._nodes.array("ids")[rows], self._nodes.array("xy")[rows])
+
+    def among(self, node_ids: Sequence[int] | np.ndarray[Any, Any]) -> Surroundings:
+        """Some nodes, and the edges with both ends among them, in insertion order."""
+        return self._among(np.unique(self._nodes.index.rows(records.id_array(node_ids, "node_ids"), "node")))
 
     def positions(self, node_ids: Sequence[int] | np.ndarray[Any, Any]) -> FloatArray:
         """Coordinates (nodes, 2) of several nodes."""
@@ -236,64 +243,6 @@ class Graph(Copied, IGraph):
     def edge_attributes(self, edge_id: int) -> dict[str, Any]:
         """The attributes of an edge beyond ends, length and linestring; a fresh dict (KeyError)."""
         return self._edges.attributes_of(self._edges.find(records.as_id(edge_id, "an edge")))
-
-    # -- ways and places ----------------------------------------------------------------------------------------
-
-    def shortest_path(self, source: int, target: int, weight: str | None = "length") -> list[int]:
-        """Ids of the nodes on the shortest way from one node to another, both included."""
-        return self._routes.shortest_path(source, target, weight)
-
-    def distance(self, source: int, target: int, weight: str | None = "length") -> float:
-        """How far it is from one node to another; infinite where there is no way."""
-        return self._routes.distance(source, target, weight)
-
-    def distances(
-        self,
-        source: NodeIds | None = None,
-        target: NodeIds | None = None,
-        weight: str | None = "length",
-        cutoff: float | None = None,
-    ) -> dict[int, float]:
-        """How far it is from a node to every other, or from every other to a node."""
-        return self._routes.distances(source, target, weight, cutoff)
-
-    def distance_matrix(self, sources: NodeIds, targets: NodeIds, weight: str | None = "length") -> FloatArray:
-        """How far it is from each of some nodes to each of others, (sources, targets)."""
-        return self._routes.distance_matrix(sources, targets, weight)
-
-    def weights(self, weight: str | None = "length") -> FloatArray:
-        """What each edge costs, (edges,) in insertion order."""
-        return edge_weights(self.columns(), weight)
-
-    def to_latlon(self, x: Numbers, y: Numbers) -> tuple[Any, Any]:
-        """Degrees of latitude and longitude of (x, y)."""
-        return coordinates.to_latlon(self._crs, x, y)
-
-    def from_latlon(self, *, lat: Numbers, lon: Numbers) -> tuple[Any, Any]:
-        """(x, y) of degrees of latitude and longitude."""
-        return coordinates.from_latlon(self._crs, lat, lon)
-
-    def nearest_node(
-        self,
-        x: Numbers | None = None,
-        y: Numbers | None = None,
-        *,
-        lat: Numbers | None = None,
-        lon: Numbers | None = None,
-    ) -> Any:
-        """The id of the node nearest to a place, or the ids (places,) of those nearest to several."""
-        return positions.nearest_node(self, (x, y), (lat, lon))
-
-    def place(
-        self,
-        n: int,
-        near: int | tuple[float, float] | None = None,
-        radius: float | None = None,
-        apart: float = 0.0,
-        rng: "Generator | int | None" = None,
-    ) -> list[int]:
-        """Ids of `n` different nodes, drawn at random."""
-        return positions.place(self, n, near, radius, apart, rng)
 
     # -- as arrays ----------------------------------------------------------------------------------------------
 
@@ -326,6 +275,10 @@ class Graph(Copied, IGraph):
         """
         self._edges.extend(**checked_edges(self._nodes, ids, sources, targets, lengths))
         self._forget_indexes()
+
+    def weights(self, weight: str | None = "length") -> FloatArray:
+        """What each edge costs, (edges,) in insertion order."""
+        return edge_weights(self.columns(), weight)
 
     def columns(self) -> GraphColumns:
         """The graph as read-only arrays that stay as they are now."""
@@ -366,6 +319,15 @@ class Graph(Copied, IGraph):
         self._nodes = self._edges = self._indexes = self._columns = Closed()  # type: ignore[assignment] # see Closed
 
     # -- inside -------------------------------------------------------------------------------------------------
+
+    def _rows_near(self, x: float, y: float, radius: float) -> IntArray:
+        if not radius >= 0.0:
+            raise BadValue(f"The radius must not be negative, not {radius}.")
+        return self._nodes.living() if radius == inf else self._indexes.nodes_within(x, y, radius)
+
+    def _among(self, rows: IntArray) -> Surroundings:
+        nodes = self._indexes.node_values(rows)
+        return Surroundings({node[0]: node for node in nodes}, self._indexes.edges_among(rows))
 
     def _end_rows(self, edge: dict[str, Any], id: int) -> tuple[int, int]:
         row_of = self._nodes.index.row

@@ -91,6 +91,12 @@ def _offers_what_is_free(graph: IGraph) -> None:
     _same("within sees edges with both ends inside", [edge.id for edge in seen.edges], [10, 11, 13, 14])
     ahead = graph.within(1, 10.0, fov=1.0, heading=(1.0, 0.0))
     _same("within sees the cone and its own node", list(ahead.nodes), [1, 7])
+    ids, xy = graph.nodes_near(10.0, 4.0, 4.0)
+    _same("nodes_near needs no node at its centre", [ids.tolist(), xy.tolist()], [[7], [[10.0, 0.0]]])
+    few = graph.among([5, 2, 1])
+    _same("among gives nodes in insertion order", list(few.nodes), [1, 2, 5])
+    _same("among gives the edges inside", [edge.id for edge in few.edges], [10, 11, 13, 14])
+    _raises("among of a missing node", KeyError, graph.among, [1, 99])
     _same("positions", graph.positions([7, 1]).tolist(), [[10.0, 0.0], [0.0, 0.0]])
     revision = graph.revision
     graph.update_node({"id": 1, "x": 1.0})

@@ -14,7 +14,7 @@ from gamms.errors import BadValue, NotOffered
 from gamms.ir.graph import FloatArray, GraphColumns
 from gamms.ir.obstacles import ObstacleColumns
 from gamms.typing.graph_routes import Routes, one_end
-from gamms.typing.graph_values import Corner, Engine, Node, ObsFace, OSMEdge, Surroundings
+from gamms.typing.graph_values import Corner, Engine, Node, NodeColumns, ObsFace, OSMEdge, Surroundings
 
 if TYPE_CHECKING:
     import networkx as nx
@@ -29,6 +29,7 @@ __all__ = [
     "IGraph",
     "IGraphEngine",
     "Node",
+    "NodeColumns",
     "NodeIds",
     "Numbers",
     "OSMEdge",
@@ -141,15 +142,28 @@ class IGraph(ABC):
             BadValue (ValueError): the radius is negative or NaN.
         """
         here = self.get_node(node_id)
+        ids, xy = self.nodes_near(here.x, here.y, radius)
+        if fov != 2.0 * pi and heading != (0.0, 0.0):
+            ids = ids[kernels.in_cone(xy[:, 0] - here.x, xy[:, 1] - here.y, heading, fov)]
+        return self.among(ids)
+
+    def nodes_near(self, x: float, y: float, radius: float) -> NodeColumns:
+        """The nodes within `radius` (may be infinite) of (x, y), the rim included, as arrays in insertion order.
+
+        Raises:
+            BadValue (ValueError): the radius is negative or NaN.
+        """
         if not radius >= 0.0:
             raise BadValue(f"The radius must not be negative, not {radius}.")
-        disc = (-1.0,) if radius == inf else (radius, here.x, here.y)
-        nodes = {id: self.get_node(id) for id in self.get_nodes(*disc)}
-        if fov != 2.0 * pi and heading != (0.0, 0.0):
-            offsets = np.array([(node.x - here.x, node.y - here.y) for node in nodes.values()])
-            seen = kernels.in_cone(offsets[:, 0], offsets[:, 1], heading, fov)
-            nodes = {node.id: node for node, is_seen in zip(nodes.values(), seen.tolist(), strict=True) if is_seen}
-        edges = (self.get_edge(id) for id in self.get_edges(*disc))
+        ids = np.fromiter(self.get_nodes() if radius == inf else self.get_nodes(radius, x, y), np.int64)
+        return NodeColumns(ids, self.positions(ids))
+
+    def among(self, node_ids: Sequence[int] | np.ndarray[Any, Any]) -> Surroundings:
+        """Some nodes, and the edges with both ends among them, both in insertion order (KeyError)."""
+        wanted = {int(id) for id in node_ids}
+        found = {id: self.get_node(id) for id in wanted}  # KeyError for those that are not there
+        nodes = {id: found[id] for id in self.get_nodes() if id in wanted}
+        edges = (self.get_edge(id) for id in self.get_edges())
         return Surroundings(nodes, [edge for edge in edges if edge.source in nodes and edge.target in nodes])
 
     def clear(self) -> None:

@@ -8,6 +8,7 @@ from typing import TYPE_CHECKING, Any, NamedTuple, Self
 import numpy as np
 
 from gamms.ir import geometry
+from gamms.ir.graph import FloatArray, IntArray
 
 if TYPE_CHECKING:
     from shapely import LineString
@@ -125,6 +126,13 @@ class ObsFace(NamedTuple):
     br: Corner
     bl: Corner
     type: int
+
+
+class NodeColumns(NamedTuple):
+    """Some nodes as arrays, in insertion order."""
+
+    ids: IntArray  # (nodes,)
+    xy: FloatArray  # (nodes, 2)
 
 
 class Surroundings(NamedTuple):
