@@ -75,6 +75,7 @@ class Agent(IAgent):
     @team.setter
     def team(self, team: Any) -> None:
         self._columns.teams[self._row] = team
+        self._columns.touched.add(self._row)  # those who look for a team should see it
 
     @property
     def state(self) -> dict[str, Any]:

@@ -1,14 +1,14 @@
 """Contract of the agent room."""
 
 from abc import ABC, abstractmethod
-from collections.abc import Callable, Iterator
+from collections.abc import Callable, Iterator, Mapping, Sequence
 from enum import IntEnum
 from typing import Any, NamedTuple
 
 import numpy as np
 
 from gamms.ir.agents import AgentColumns
-from gamms.ir.graph import IntArray
+from gamms.ir.graph import FloatArray, IntArray
 from gamms.typing.sensor_engine import ISensor
 
 Strategy = Callable[[dict[str, Any]], None]
@@ -103,11 +103,22 @@ class IAerialAgent(IAgent):
 
 
 class Roll(NamedTuple):
-    """Who is in the world, in the order of creation."""
+    """Who is in the world, in the order of creation; valid until something in it changes."""
 
     names: list[str]
-    nodes: IntArray  # (agents,)  ids
-    moves: int | None  # changes whenever anything above may have; None means: never remember anything
+    nodes: IntArray  # (agents,)  ids; of a flyer the nearest node
+    moves: int | None  # changes whenever anything here may have; None means: never remember anything
+    teams: list[Any]
+    flying: IntArray  # (flying,)  rows of the aerial agents, ascending
+    places: FloatArray  # (flying, 3)  where these are, map units
+
+
+class Standing(NamedTuple):
+    """Who stands on which node; valid until something in it changes."""
+
+    names: list[str]
+    rows_at: Mapping[int, Sequence[int]]  # node id -> rows of the agents there, in any order; flyers: the nearest node
+    moves: int | None  # as in Roll
 
 
 class IMoves(ABC):
@@ -163,10 +174,26 @@ class IAgentEngine(ABC):
         """The agents in the order of their creation; agents may be created and deleted meanwhile."""
 
     def roll(self) -> Roll:
-        """Who is where, as an array; override for speed."""
+        """Who is where, as arrays; override for speed."""
         agents = list(self.create_iter())
-        nodes = np.array([agent.current_node_id for agent in agents], np.int64)
-        return Roll([agent.name for agent in agents], nodes, None)
+        flying = [row for row, agent in enumerate(agents) if agent.type == AgentType.AERIAL]
+        return Roll(
+            [agent.name for agent in agents],
+            np.array([agent.current_node_id for agent in agents], np.int64),
+            None,
+            [getattr(agent, "team", None) for agent in agents],
+            np.array(flying, np.int64),
+            np.array([getattr(agents[row], "position") for row in flying], np.float64).reshape(-1, 3),  # noqa: B009
+        )
+
+    def standing(self) -> Standing:
+        """Who stands on which node; override for speed."""
+        names: list[str] = []
+        rows_at: dict[int, list[int]] = {}
+        for row, agent in enumerate(self.create_iter()):
+            names.append(agent.name)
+            rows_at.setdefault(agent.current_node_id, []).append(row)
+        return Standing(names, rows_at, None)
 
     @abstractmethod
     def terminate(self) -> None:
