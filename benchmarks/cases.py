@@ -171,6 +171,67 @@ def sense(kind, n, *, again=False, agents=1):
     return make
 
 
+def crowded_city():
+    """A game of 1,000 agents that look around in Helsinki, against building the same dicts from ready answers."""
+    import gamms.osm
+
+    ctx = context()
+    gamms.osm.helsinki(ctx)
+    nodes = list(ctx.graph.graph.get_nodes())
+    rng = random.Random(7)
+    starts, turns = [rng.choice(nodes) for _ in range(1000)], 5
+    for i, start in enumerate(starts):
+        agent = ctx.agent.create_agent(f"a_{i}", start_node_id=start)
+        for name, kind in CITY_SENSORS.items():
+            agent.register_sensor(name, ctx.sensor.create_sensor(f"{name}_{i}", kind, sensor_range=50.0))
+
+    def play(keep=None):
+        strategy = paper_strategy(random.Random(1).choice)
+        for agent, start in zip(ctx.agent.create_iter(), starts, strict=True):
+            agent.current_node_id = agent.prev_node_id = start
+        for _ in range(turns):
+            for agent in ctx.agent.create_iter():
+                state = agent.get_state()
+                strategy(state)
+                agent.set_state()
+                if keep is not None:
+                    keep.append((state["curr_pos"], {name: data for name, (_, data) in state["sensor"].items()}))
+        return turns * len(starts)
+
+    seen = []
+    play(seen)
+    return play, ready_city(seen, starts)
+
+
+CITY_SENSORS = {"near": ST.NEIGHBOR, "around": ST.RANGE, "others": ST.AGENT_RANGE}
+
+
+def ready_city(seen, starts):
+    """The same game where the answers are ready: what is near a node by node, who is near an agent by step."""
+    near = {node: data["near"] for node, data in seen}
+    around = {node: data["around"] for node, data in seen}
+    others = [data["others"] for _, data in seen]
+
+    def floor():
+        strategy = paper_strategy(random.Random(1).choice)
+        here, before, last = list(starts), list(starts), [None] * len(starts)
+        for step, seen_there in enumerate(others):
+            i = step % len(starts)
+            node = here[i]
+            sensed = {
+                "near": (ST.NEIGHBOR, list(near[node])),
+                "around": (ST.RANGE, {key: value.copy() for key, value in around[node].items()}),
+                "others": (ST.AGENT_RANGE, seen_there.copy()),
+            }
+            state = {"curr_pos": node, "sensor": sensed}
+            strategy(state)
+            before[i], here[i] = node, state["action"]
+            last[i] = state
+        return len(others)
+
+    return floor
+
+
 def start_up():
     """Import in a fresh interpreter, against importing NumPy alone."""
 
@@ -224,5 +285,6 @@ CASES = [
     Case("scenario: the paper's loop, 10 agents", "agent-step", loop(10)),
     Case("scenario: the paper's loop, 1,000 agents", "agent-step", loop(1000)),
     Case("scenario: the paper's loop, 10,000 agents", "agent-step", loop(10000)),
+    Case("scenario: 1,000 agents look around in Helsinki", "agent-step", crowded_city),
     Case("scenario: load Helsinki at 10 m", "map", helsinki),
 ]

@@ -23,7 +23,9 @@ _ROOMS_OF: dict[str, tuple[str, ...]] = {
     "gamms.MemoryEngine.store": ("gamms.memory", "gamms.memory.store"),
     "gamms.SensorEngine": ("gamms.sensor",),
     "gamms.SensorEngine.sensor_engine": ("gamms.sensor",),
+    "gamms.SensorEngine.sensors_aerial": ("gamms.sensor",),
     "gamms.SensorEngine.sensors_basic": ("gamms.sensor",),
+    "gamms.SensorEngine.sensors_occluded": ("gamms.sensor",),
     "gamms.VisualizationEngine": ("gamms.visual",),
     "gamms.VisualizationEngine.artist": ("gamms.visual",),
     "gamms.VisualizationEngine.builtin_artists": ("gamms.visual",),
@@ -38,8 +40,6 @@ _LATER: dict[str, str] = {
     "gamms.ComputationEngine": "the computation engine",
     "gamms.MessageEngine": "the message engine",
     "gamms.Recorder": "recording",
-    "gamms.SensorEngine.sensors_aerial": "sensing from the air",
-    "gamms.SensorEngine.sensors_occluded": "sensing past obstacles",
     "gamms.VisualizationEngine.pygame_engine": "the pygame window",
     "gamms.VisualizationEngine.render_manager": "the pygame window",
 }

@@ -79,8 +79,9 @@ def test_a_row_can_be_copied_into_other_columns(columns):
 
 
 def where(columns):
-    """Node -> names, as `rows_at` has it."""
-    rows_at = columns.rows_at()
+    """Node -> names, as the crowds have it."""
+    rows_at = columns.crowds().at
+    assert columns.crowds().taken == set(rows_at)
     assert all(rows_at.values())
     return {node: sorted(columns.names[row] for row in rows) for node, rows in rows_at.items()}
 
@@ -99,7 +100,7 @@ def test_rows_are_found_by_the_node_they_stand_on(columns):
 
 
 def test_arrays_and_rows_by_node_do_not_take_changes_away_from_each_other(columns):
-    columns.nodes(), columns.rows_at()
+    columns.nodes(), columns.crowds()
     columns.node[3] = 7
     columns.touched.add(3)
     assert where(columns)[7] == ["a3"]
@@ -111,18 +112,18 @@ def test_arrays_and_rows_by_node_do_not_take_changes_away_from_each_other(column
 
 
 def test_keeping_some_rows_keeps_them_findable(columns):
-    columns.rows_at()
+    columns.crowds()
     columns.keep([5, 2])
     assert where(columns) == {105: ["a5"], 102: ["a2"]}
 
 
 def test_the_number_of_moves_changes_whoever_asks(columns):
-    columns.rows_at()
+    columns.crowds()
     moves = columns.moves
-    columns.rows_at()
+    columns.crowds()
     assert columns.nodes()[1] == columns.moves == moves
     columns.touched.add(0)
-    columns.rows_at()
+    columns.crowds()
     assert columns.moves != moves
     assert columns.nodes()[1] == columns.moves
 

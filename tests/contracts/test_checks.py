@@ -7,6 +7,7 @@ from hypothesis import strategies as st
 
 import gamms
 from gamms.graph import Graph
+from gamms.sensor.catalog import KINDS
 from gamms.testing import check_graph, check_sensor
 from gamms.typing import IGraph, ISensor, Node, OSMEdge, SensorType
 
@@ -115,7 +116,7 @@ def test_the_fast_ways_agree_with_the_slow_defaults_of_the_contract(points, pair
     assert fast.positions([node]).tolist() == slow.positions([node]).tolist()
 
 
-@pytest.mark.parametrize("kind", ["NEIGHBOR", "MAP", "RANGE", "ARC", "AGENT", "AGENT_RANGE", "AGENT_ARC"])
+@pytest.mark.parametrize("kind", [kind.name for kind in KINDS])
 def test_a_built_in_sensor_keeps_its_contract(kind):
     with gamms.create_context(logger_config={"level": "CRITICAL"}) as ctx:
         ctx.graph.add_nodes([0, 1], [0.0, 5.0], [0.0, 0.0])

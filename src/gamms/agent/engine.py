@@ -95,7 +95,9 @@ class AgentEngine(IAgentEngine):
         if self._dead:
             self._sweep()
         columns = self.columns
-        return tuple.__new__(Standing, (columns.names, columns.rows_at(), columns.moves))
+        crowds = columns.crowds()
+        rest = columns.node, columns.teams, crowds.at, crowds.taken
+        return tuple.__new__(Standing, (columns.names, *rest, columns.moves))
 
     def terminate(self) -> None:
         """Close the room: agents stay readable and do nothing."""

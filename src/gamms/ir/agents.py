@@ -61,7 +61,7 @@ class AgentColumns:
         "touched",
     )
 
-    _crowds: "_Crowds | None"
+    _crowds: "Crowds | None"
     _nodes: IntArray  # (agents,)
     _flyers: IntArray  # (flying,)
     _places: FloatArray  # (flying, 3)
@@ -136,18 +136,18 @@ class AgentColumns:
         self._catch_up()
         return self._flyers, self._places
 
-    def rows_at(self) -> dict[int, list[int]]:
-        """Node id -> rows of the agents that stand there, in any order.
+    def crowds(self) -> "Crowds":
+        """Who stands on which node.
 
-        The dict is brought up to date by the next call, which also sets `moves`; it is not to be written to.
+        It is brought up to date by the next call, which also sets `moves`, and is not to be written to.
         """
         # NOTE: asked after every single move of the paper's loop, so it follows what was touched and makes nothing
         # anew (benchmarks/README.md, w3).
         if self._crowds is None:
-            self._crowds = _Crowds(self.node)
+            self._crowds = Crowds(self.node)
         if self.touched:
             self._note()
-        return self._crowds.at
+        return self._crowds
 
     def _note(self) -> None:
         """Hand on what was touched: to the crowds at once, to the arrays when they are asked for."""
@@ -193,17 +193,19 @@ class AgentColumns:
         self.surveyed: int | None = None
 
 
-class _Crowds:
+class Crowds:
     """Who stands on which node, kept up to date row by row.
 
     Attributes:
-        at: node id -> rows of the agents there.
+        at: node id -> rows of the agents there, in any order.
+        taken: the ids of these nodes.
     """
 
-    __slots__ = ("_home", "_seat", "at")
+    __slots__ = ("_home", "_seat", "at", "taken")
 
     def __init__(self, node: list[int]) -> None:
         self.at: dict[int, list[int]] = {}
+        self.taken: set[int] = set()
         self._home: list[int | None] = []  # row -> the node whose list it is in
         self._seat: list[int] = []  # row -> where in that list
         self.follow(range(len(node)), node)
@@ -227,12 +229,14 @@ class _Crowds:
                     there[free] = last
                 elif not there:
                     del at[before]
+                    self.taken.discard(before)
             if here in at:
                 there = at[here]
                 seat[row] = len(there)
                 there.append(row)
             else:
                 at[here] = [row]
+                self.taken.add(here)
                 seat[row] = 0
             home[row] = here
 

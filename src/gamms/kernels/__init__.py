@@ -6,7 +6,9 @@ Call them as `kernels.name(...)`. May import: numpy, `gamms.ir`.
 
 from gamms.kernels.cells import CellIndex, build_cells, candidate_rows
 from gamms.kernels.csr import group_rows, ragged_rows
+from gamms.kernels.draws import draws_by_name
 from gamms.kernels.paths import Arcs, first_steps, make_arcs, tight_arcs
+from gamms.kernels.rotations import Quaternion, in_view, multiply_quaternions, quaternion_to_direction, unit_quaternion
 from gamms.kernels.scipy import shortest_distances
 from gamms.kernels.sight import in_cone
 from gamms.kernels.streams import stream
@@ -14,14 +16,20 @@ from gamms.kernels.streams import stream
 __all__ = [
     "Arcs",
     "CellIndex",
+    "Quaternion",
     "build_cells",
     "candidate_rows",
+    "draws_by_name",
     "first_steps",
     "group_rows",
     "in_cone",
+    "in_view",
     "make_arcs",
+    "multiply_quaternions",
+    "quaternion_to_direction",
     "ragged_rows",
     "shortest_distances",
     "stream",
     "tight_arcs",
+    "unit_quaternion",
 ]

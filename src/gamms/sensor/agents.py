@@ -1,23 +1,33 @@
-"""AGENT, AGENT_RANGE, AGENT_ARC: who is around."""
+"""AGENT, AGENT_RANGE, AGENT_ARC, OCCLUDED_AGENT: who is around."""
 
-from math import inf, pi
+from collections.abc import Sequence
+from math import inf
+from typing import Any
 
 import numpy as np
 
 from gamms import kernels
-from gamms.arguments import as_range
+from gamms.arguments import as_float, as_range
 from gamms.errors import UnknownName
+from gamms.ir.graph import FloatArray
+from gamms.ir.sensed import Sensed
 from gamms.sensor.crowd import Crowd
-from gamms.sensor.sensor import Sensor
+from gamms.sensor.map import ragged
+from gamms.sensor.memory import memory_of
+from gamms.sensor.notice import Notice
+from gamms.sensor.sensor import ALL_AROUND, FULL_CIRCLE, GroundSensor, Heading
+from gamms.sensor.views import Place, coordinates, in_sight
 from gamms.typing import IContext
+from gamms.typing.agent_engine import Standing
+from gamms.typing.graph_engine import NodeColumns
 from gamms.typing.sensor_engine import SensorType
 
 
-class AgentSensor(Sensor):
+class AgentSensor(GroundSensor):
     """`data`: fresh `{agent name: id of its node}` of the other agents around, in the order of their creation.
 
-    Without an owner, every agent counts as another. The geometry is that of `MapSensor`, applied to the nodes the
-    agents stand on.
+    Without an owner, or at a fixed place, every agent counts as another. The geometry is that of `MapSensor`, applied
+    to the nodes the agents stand on, or fly nearest to.
 
     Args:
         ctx: the context.
@@ -27,11 +37,14 @@ class AgentSensor(Sensor):
         fov: full opening angle in radians; exactly 2 pi sees all around.
         orientation: `(cos, sin)` relative to the owner's heading; absolute without an owner.
         owner: name of the agent that carries the sensor.
-        crowd: where all agents are; None asks for this sensor alone.
 
     Raises:
         BadValue, BadType: a range or fov that is negative, NaN or no number.
     """
+
+    __slots__ = ("_crowd", "_notice")
+
+    _is_occluded = False
 
     def __init__(
         self,
@@ -39,39 +52,116 @@ class AgentSensor(Sensor):
         sensor_id: str,
         sensor_type: SensorType,
         sensor_range: float,
-        fov: float = 2.0 * pi,
+        fov: float = FULL_CIRCLE,
         orientation: tuple[float, float] = (1.0, 0.0),
         owner: str | None = None,
-        crowd: Crowd | None = None,
     ) -> None:
         super().__init__(ctx, sensor_id, sensor_type)
         self.range = as_range(sensor_range, f"sensor_range of {sensor_id!r}")
         self.fov = as_range(fov, f"fov of {sensor_id!r}")
         self.orientation = orientation
         self.data: dict[str, int] = {}
+        self._notice: Notice | None = None
         self._owner = owner
-        self._crowd = crowd or Crowd(ctx)
+        self._crowd: Crowd = memory_of(ctx).crowd
 
-    def sense(self, node_id: int) -> None:
+    @property
+    def notice(self) -> Notice:
+        """Whom of those in view it reports: by team, and by chance."""
+        if self._notice is None:  # NOTE: made when asked for, so that a look touches less memory (see `Crowd._disc`)
+            self._notice = Notice(self.sensor_id)
+        return self._notice
+
+    def sense(self, node_id: int | None = None) -> None:
         """Look around."""
-        heading = (0.0, 0.0) if self.fov == 2.0 * pi else self.heading(self.orientation)
-        sees_all = self.range == inf and heading == (0.0, 0.0)
-        data = self._everyone(node_id) if sees_all else self._found(node_id, heading)
-        if self._owner is not None:
+        place = self.place(node_id)
+        heading = ALL_AROUND if self.fov == FULL_CIRCLE else self.heading()
+        if self.range == inf and heading == ALL_AROUND and not self._is_occluded and self._notice is None:
+            data = self._everyone(place)
+        else:
+            standing, rows = self._found(place, heading)
+            names, nodes = standing.names, standing.nodes
+            data = {names[row]: nodes[row] for row in rows}
+        if self._owner is not None and self._at is None:
             data.pop(self._owner, None)
+        self._place, self._heading = place, heading
         self.data = data
 
-    def _everyone(self, node_id: int) -> dict[str, int]:
-        if not self.ctx.graph.graph.has_node(node_id):
-            raise UnknownName("node", node_id)
+    def sense_many(self, node_ids: Sequence[int] | np.ndarray[Any, Any]) -> Sensed:
+        """Look from many nodes; values are positions in `names`. `data` stays as it is."""
+        heading = ALL_AROUND if self.fov == FULL_CIRCLE else self.heading()
+        names = tuple(self.ctx.agent.standing().names)
+        own = self._owner if self._at is None else None
+        looks = [self._found(self.place(int(node_id)), heading)[1] for node_id in node_ids]
+        return Sensed(*ragged([[row for row in look if names[row] != own] for look in looks]), names=names)
+
+    def _everyone(self, place: Place) -> dict[str, int]:
+        if not isinstance(place, tuple) and not self.ctx.graph.graph.has_node(place):
+            raise UnknownName("node", place)
         return self._crowd.everyone()
 
-    def _found(self, node_id: int, heading: tuple[float, float]) -> dict[str, int]:
-        _, x, y = self.ctx.graph.graph.get_node(node_id)
-        names, nodes, xs, ys = self._crowd.now()
-        dx, dy = xs - x, ys - y
-        with np.errstate(over="ignore"):  # infinitely far away is far away
-            rows = np.flatnonzero(dx * dx + dy * dy <= self.range * self.range)
-        if heading != (0.0, 0.0):
-            rows = rows[kernels.in_cone(dx[rows], dy[rows], heading, self.fov)]
-        return {names[row]: node for row, node in zip(rows.tolist(), nodes[rows].tolist(), strict=True)}
+    def _found(self, place: Place, heading: Heading) -> tuple[Standing, list[int]]:
+        """Who is where, and the rows of those who are seen, ascending."""
+        standing, rows = self._crowd.within(place, self.range)
+        if heading != ALL_AROUND:
+            dx, dy = self._offsets(place, rows).T
+            rows = _kept(rows, kernels.in_cone(dx, dy, heading, self.fov))
+        notice = self._notice
+        if notice is not None:
+            rows = notice.wanted(rows, standing.teams)
+        if self._is_occluded:
+            rows = self._in_sight(place, rows)
+        if notice is not None and notice.needs_chance:
+            owner = self._owner if self._at is None else None
+            distances = np.hypot(*self._offsets(place, rows).T)
+            names = [standing.names[row] for row in rows]
+            rows = _kept(rows, notice.is_noticed(self.ctx, owner, names, distances))
+        return standing, rows
+
+    def _offsets(self, place: Place, rows: list[int]) -> FloatArray:
+        offsets: FloatArray = self._crowd.now().xy[rows] - coordinates(self.ctx, place)
+        return offsets
+
+    def _in_sight(self, place: Place, rows: list[int]) -> list[int]:
+        """Those rows whom no obstacle hides; asked where `_is_occluded`."""
+        raise NotImplementedError
+
+
+class OccludedAgentSensor(AgentSensor):
+    """The same, without whom obstacles hide; for the sight lines see `OccludedMapSensor`.
+
+    Args:
+        ctx: the context.
+        sensor_id: the sensor's name.
+        sensor_type: OCCLUDED_AGENT.
+        sensor_range: map units; may be infinite.
+        fov: full opening angle in radians; exactly 2 pi sees all around.
+        orientation: `(cos, sin)` relative to the owner's heading; absolute without an owner.
+        owner: name of the agent that carries the sensor.
+        observer_height: of the sight lines above the ground, map units.
+    """
+
+    _is_occluded = True
+
+    def __init__(
+        self,
+        ctx: IContext,
+        sensor_id: str,
+        sensor_type: SensorType,
+        sensor_range: float,
+        fov: float = FULL_CIRCLE,
+        orientation: tuple[float, float] = (1.0, 0.0),
+        owner: str | None = None,
+        observer_height: float = 1.6,
+    ) -> None:
+        super().__init__(ctx, sensor_id, sensor_type, sensor_range, fov, orientation, owner)
+        self.observer_height = as_float(observer_height, f"observer_height of {sensor_id!r}")
+
+    def _in_sight(self, place: Place, rows: list[int]) -> list[int]:
+        now = self._crowd.now()
+        nodes = NodeColumns(now.nodes[rows], now.xy[rows])
+        return _kept(rows, in_sight(self.ctx, place, nodes, self.range, self.observer_height))
+
+
+def _kept(rows: list[int], is_kept: "np.ndarray[Any, np.dtype[np.bool_]]") -> list[int]:
+    return [row for row, is_in in zip(rows, is_kept.tolist(), strict=True) if is_in]

@@ -2,15 +2,22 @@
 
 from collections.abc import Callable
 from math import inf, pi
-from typing import TYPE_CHECKING, Any, NamedTuple
+from typing import Any, NamedTuple
 
-from gamms.sensor.agents import AgentSensor
-from gamms.sensor.map import MapSensor
+from gamms.sensor.aerial import (
+    AHEAD,
+    DOWN,
+    AerialAgentSensor,
+    AerialSensor,
+    OccludedAerialAgentSensor,
+    OccludedAerialSensor,
+)
+from gamms.sensor.agents import AgentSensor, OccludedAgentSensor
+from gamms.sensor.map import MapSensor, OccludedMapSensor
 from gamms.sensor.neighbor import NeighborSensor
-from gamms.typing.sensor_engine import ISensor, SensorType
-
-if TYPE_CHECKING:
-    from gamms.sensor.engine import SensorEngine
+from gamms.sensor.sensor import Sensor
+from gamms.typing import IContext
+from gamms.typing.sensor_engine import SensorType
 
 FORWARD = (1.0, 0.0)
 
@@ -18,37 +25,58 @@ FORWARD = (1.0, 0.0)
 class Kind(NamedTuple):
     """How to make a sensor of one type."""
 
-    make: Callable[["SensorEngine", str, SensorType, dict[str, Any]], ISensor]
-    defaults: dict[str, Any]  # the keywords it honours
+    make: Callable[..., Sensor]
+    keywords: dict[str, Any]  # those of its constructor that it honours, with their defaults
+    settings: tuple[str, ...] = ()  # attributes that may be given as keywords, too: `name` or `part.name`
+    tells_type: bool = True  # whether its constructor takes the type
+
+    def create(self, ctx: IContext, sensor_id: str, type: SensorType, given: dict[str, Any]) -> Sensor:
+        """A sensor with the keywords that this kind honours; it ignores the others."""
+        keywords = {**self.keywords, **{key: value for key, value in given.items() if key in self.keywords}}
+        who = (ctx, sensor_id, type) if self.tells_type else (ctx, sensor_id)
+        sensor = self.make(*who, **keywords)
+        for setting in self.settings:
+            part, _, name = setting.rpartition(".")
+            if name in given:
+                setattr(getattr(sensor, part) if part else sensor, name, given[name])
+        return sensor
+
+    def names(self) -> set[str]:
+        """All keywords it honours."""
+        return {*self.keywords, *(setting.rpartition(".")[2] for setting in self.settings)}
 
 
-def _neighbor(engine: "SensorEngine", sensor_id: str, kind: SensorType, _: dict[str, Any]) -> ISensor:
-    return NeighborSensor(engine.ctx, sensor_id, kind)
+_PLACE = ("at",)
+_WHOM = ("at", "notice.team", "notice.exclude", "notice.detection")
+
+_RANGE = {"sensor_range": 30.0}
+_FIELD = {"fov": 2.0 * pi, "orientation": FORWARD}
+_FAR = {"sensor_range": inf}
+_PAST = {"observer_height": 1.6}
+_CONE = {"sensor_range": 100.0, "fov": pi / 3.0, "quat": DOWN}
+_SPHERE = {"sensor_range": 100.0, "fov": 2.0 * pi, "quat": AHEAD}
 
 
-def _map(engine: "SensorEngine", sensor_id: str, kind: SensorType, given: dict[str, Any]) -> ISensor:
-    return MapSensor(engine.ctx, sensor_id, kind, **{"sensor_range": inf, **given}, views=engine.views)
-
-
-def _agent(engine: "SensorEngine", sensor_id: str, kind: SensorType, given: dict[str, Any]) -> ISensor:
-    return AgentSensor(engine.ctx, sensor_id, kind, **{"sensor_range": inf, **given}, crowd=engine.crowd)
+def _unlimited(make: Callable[..., Sensor]) -> Callable[..., Sensor]:
+    """MAP and AGENT have no range, whatever a caller gives them."""
+    return lambda *who, **given: make(*who, sensor_range=inf, **given)
 
 
 KINDS: dict[SensorType, Kind] = {
-    SensorType.NEIGHBOR: Kind(_neighbor, {}),
-    SensorType.MAP: Kind(_map, {}),
-    SensorType.RANGE: Kind(_map, {"sensor_range": 30.0}),
-    SensorType.ARC: Kind(_map, {"sensor_range": 30.0, "fov": 2.0 * pi, "orientation": FORWARD}),
-    SensorType.AGENT: Kind(_agent, {"fov": 2.0 * pi, "orientation": FORWARD}),
-    SensorType.AGENT_RANGE: Kind(_agent, {"sensor_range": 30.0}),
-    SensorType.AGENT_ARC: Kind(_agent, {"sensor_range": 30.0, "fov": 2.0 * pi, "orientation": FORWARD}),
+    SensorType.NEIGHBOR: Kind(NeighborSensor, {}),
+    SensorType.MAP: Kind(_unlimited(MapSensor), {}, _PLACE),
+    SensorType.RANGE: Kind(MapSensor, _RANGE, _PLACE),
+    SensorType.ARC: Kind(MapSensor, _RANGE | _FIELD, _PLACE),
+    SensorType.AGENT: Kind(_unlimited(AgentSensor), _FIELD, _WHOM),
+    SensorType.AGENT_RANGE: Kind(AgentSensor, _RANGE, _WHOM),
+    SensorType.AGENT_ARC: Kind(AgentSensor, _RANGE | _FIELD, _WHOM),
+    SensorType.AERIAL: Kind(AerialSensor, _CONE, _PLACE, tells_type=False),
+    SensorType.AERIAL_AGENT: Kind(AerialAgentSensor, _SPHERE, _WHOM, tells_type=False),
+    SensorType.OCCLUDED_MAP: Kind(OccludedMapSensor, _FAR | _FIELD | _PAST, _PLACE),
+    SensorType.OCCLUDED_AGENT: Kind(OccludedAgentSensor, _FAR | _FIELD | _PAST, _WHOM),
+    SensorType.OCCLUDED_AERIAL: Kind(OccludedAerialSensor, _CONE, _PLACE, tells_type=False),
+    SensorType.OCCLUDED_AERIAL_AGENT: Kind(OccludedAerialAgentSensor, _SPHERE, _WHOM, tells_type=False),
 }
 
-LATER: dict[SensorType, str] = {
-    SensorType.AERIAL: "sensing from the air",
-    SensorType.AERIAL_AGENT: "sensing from the air",
-    SensorType.OCCLUDED_MAP: "sensing past obstacles",
-    SensorType.OCCLUDED_AGENT: "sensing past obstacles",
-    SensorType.OCCLUDED_AERIAL: "sensing past obstacles",
-    SensorType.OCCLUDED_AERIAL_AGENT: "sensing past obstacles",
-}
+KEYWORDS = {"type"}.union(*(kind.names() for kind in KINDS.values()))
+NEVER_IGNORED = {"at", "team", "exclude", "detection"}  # new here: no program for 1.0.0 passes them to every kind

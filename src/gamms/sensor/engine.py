@@ -10,14 +10,13 @@ from gamms.errors import (
     BadValue,
     ContextTerminated,
     Duplicate,
-    NotYet,
     UnknownName,
     UnknownType,
     nearest,
 )
-from gamms.sensor.catalog import KINDS, LATER
-from gamms.sensor.crowd import Crowd
-from gamms.sensor.views import Views
+from gamms.sensor.catalog import KEYWORDS, KINDS, NEVER_IGNORED, Kind
+from gamms.sensor.function import FunctionSensor
+from gamms.sensor.memory import Memory
 from gamms.typing import IContext
 from gamms.typing.sensor_engine import ISensor, ISensorEngine, SensorType
 
@@ -27,30 +26,32 @@ class SensorEngine(ISensorEngine):
 
     Attributes:
         sensors: the sensors by name.
-        views, crowd: what the built-in sensors share.
+        memory: what the built-in sensors share.
     """
 
     def __init__(self, ctx: IContext) -> None:
         self.ctx = ctx
         self.sensors: dict[str, ISensor] = {}
-        self.views = Views(ctx)
-        self.crowd = Crowd(ctx)
+        self.memory = Memory(ctx)
 
     def create_sensor(self, sensor_id: str, sensor_type: SensorType | None = None, **kwargs: Any) -> ISensor:
         """Create a built-in sensor and keep it."""
         synonym = kwargs.pop("type", None)
         sensor_type = _checked_type(synonym if sensor_type is None else sensor_type, sensor_id)
-        if sensor_type in LATER:
-            raise NotYet(f"{LATER[sensor_type]} ({sensor_type})")
         kind = KINDS[sensor_type]
         self._refuse_name(sensor_id)
-        given = {**kind.defaults, **{key: value for key, value in kwargs.items() if key in kind.defaults}}
-        if "orientation" in given:
-            given["orientation"] = _checked_orientation(given["orientation"], sensor_id)
-        sensor = kind.make(self, sensor_id, sensor_type, given)
-        for hint in misspelt(kwargs, (*kind.defaults, "sensor_range", "fov", "orientation", "type")):
+        if "orientation" in kind.keywords and "orientation" in kwargs:
+            kwargs["orientation"] = _checked_orientation(kwargs["orientation"], sensor_id)
+        sensor = kind.create(self.ctx, sensor_id, sensor_type, kwargs)
+        for hint in _hints(sensor_type, kind, kwargs):
             self.ctx.logger.warning(f"Sensor {sensor_id!r}: {hint}")
         self.sensors[sensor_id] = sensor
+        return sensor
+
+    def from_function(self, sensor_id: str, fn: Callable[..., Any]) -> FunctionSensor:
+        """Create a sensor whose `data` is what a function returns, and keep it."""
+        self._refuse_name(sensor_id)
+        sensor = self.sensors[sensor_id] = FunctionSensor(self.ctx, sensor_id, fn)
         return sensor
 
     def add_sensor(self, sensor: ISensor) -> None:
@@ -96,7 +97,7 @@ class SensorEngine(ISensorEngine):
 
 
 def _checked_type(kind: Any, sensor_id: str) -> SensorType:
-    if isinstance(kind, SensorType) and (kind in KINDS or kind in LATER):
+    if isinstance(kind, SensorType) and kind in KINDS:
         return kind
     known = [one.name for one in KINDS]
     if isinstance(kind, SensorType):
@@ -106,6 +107,12 @@ def _checked_type(kind: Any, sensor_id: str) -> SensorType:
         hint = hint.replace("Did you mean ", "Did you mean SensorType.") or f" Use a SensorType: {', '.join(known)}."
     shown = kind if isinstance(kind, SensorType) else repr(kind)
     raise UnknownType(f"Unknown sensor type {shown} for sensor {sensor_id!r}.{hint}")
+
+
+def _hints(type: SensorType, kind: Kind, given: dict[str, Any]) -> list[str]:
+    """What to warn about: words that look misspelt, and those that another kind would know."""
+    unheeded = sorted(NEVER_IGNORED.intersection(given) - kind.names())
+    return [*misspelt(given, KEYWORDS), *(f"{type.name} knows no {name}= and ignores it." for name in unheeded)]
 
 
 def _checked_orientation(value: Any, sensor_id: str) -> tuple[float, float]:

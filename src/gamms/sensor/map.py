@@ -1,16 +1,22 @@
-"""MAP, RANGE, ARC: the nodes and edges around."""
+"""MAP, RANGE, ARC, OCCLUDED_MAP: the nodes and edges around."""
 
-from math import pi
+from collections.abc import Sequence
 from typing import Any
 
-from gamms.arguments import as_range
-from gamms.sensor.sensor import Sensor
-from gamms.sensor.views import Views
+import numpy as np
+
+from gamms.arguments import as_float, as_range
+from gamms.ir.graph import IntArray
+from gamms.ir.sensed import Sensed
+from gamms.sensor.memory import memory_of
+from gamms.sensor.sensor import ALL_AROUND, FULL_CIRCLE, GroundSensor, Heading
+from gamms.sensor.views import Place
 from gamms.typing import IContext
+from gamms.typing.graph_engine import Surroundings
 from gamms.typing.sensor_engine import SensorType
 
 
-class MapSensor(Sensor):
+class MapSensor(GroundSensor):
     """`data`: fresh `{'nodes': {id: Node}, 'edges': [OSMEdge, …]}`, in insertion order.
 
     A node is seen if it is at most `range` away from where the sensor looks and inside its field of view, both rims
@@ -23,10 +29,61 @@ class MapSensor(Sensor):
         sensor_range: map units; may be infinite.
         fov: full opening angle in radians; exactly 2 pi sees all around.
         orientation: `(cos, sin)` relative to the owner's heading; absolute without an owner.
-        views: remembers what was seen; None remembers for this sensor alone.
 
     Raises:
         BadValue, BadType: a range or fov that is negative, NaN or no number.
+    """
+
+    __slots__ = ("_memory",)
+
+    def __init__(
+        self,
+        ctx: IContext,
+        sensor_id: str,
+        sensor_type: SensorType,
+        sensor_range: float,
+        fov: float = FULL_CIRCLE,
+        orientation: tuple[float, float] = (1.0, 0.0),
+    ) -> None:
+        super().__init__(ctx, sensor_id, sensor_type)
+        self.range = as_range(sensor_range, f"sensor_range of {sensor_id!r}")
+        self.fov = as_range(fov, f"fov of {sensor_id!r}")
+        self.orientation = orientation
+        self.data: dict[str, Any] = {}
+        self._memory = memory_of(ctx)
+
+    def sense(self, node_id: int | None = None) -> None:
+        """Look around."""
+        self._place = place = self.place(node_id)
+        self._heading = heading = ALL_AROUND if self.fov == FULL_CIRCLE else self.heading()
+        nodes, edges = self._look(place, heading)
+        self.data = {"nodes": nodes.copy(), "edges": edges.copy()}
+
+    def sense_many(self, node_ids: Sequence[int] | np.ndarray[Any, Any]) -> Sensed:
+        """Look from many nodes; values are ids of nodes, and `edges` has ids of edges. `data` stays as it is."""
+        heading = ALL_AROUND if self.fov == FULL_CIRCLE else self.heading()
+        looks = [self._look(self.place(int(node_id)), heading) for node_id in node_ids]
+        nodes = ragged([[*look.nodes] for look in looks])
+        return Sensed(*nodes, Sensed(*ragged([[edge.id for edge in look.edges] for look in looks])))
+
+    def _look(self, place: Place, heading: Heading) -> Surroundings:
+        return self._memory.views.look(place, self.range, self.fov, heading)
+
+
+class OccludedMapSensor(MapSensor):
+    """The same, without what obstacles hide.
+
+    A sight line runs from where the sensor looks to each node, both ends `observer_height` above the ground. A node
+    whose line touches an obstacle is not seen; the node it stands on always is.
+
+    Args:
+        ctx: the context.
+        sensor_id: the sensor's name.
+        sensor_type: OCCLUDED_MAP.
+        sensor_range: map units; may be infinite.
+        fov: full opening angle in radians; exactly 2 pi sees all around.
+        orientation: `(cos, sin)` relative to the owner's heading; absolute without an owner.
+        observer_height: of the sight lines above the ground, map units.
     """
 
     def __init__(
@@ -35,18 +92,20 @@ class MapSensor(Sensor):
         sensor_id: str,
         sensor_type: SensorType,
         sensor_range: float,
-        fov: float = 2.0 * pi,
+        fov: float = FULL_CIRCLE,
         orientation: tuple[float, float] = (1.0, 0.0),
-        views: Views | None = None,
+        observer_height: float = 1.6,
     ) -> None:
-        super().__init__(ctx, sensor_id, sensor_type)
-        self.range = as_range(sensor_range, f"sensor_range of {sensor_id!r}")
-        self.fov = as_range(fov, f"fov of {sensor_id!r}")
-        self.orientation = orientation
-        self.data: dict[str, Any] = {}
-        self._views = views or Views(ctx)
+        super().__init__(ctx, sensor_id, sensor_type, sensor_range, fov, orientation)
+        self.observer_height = as_float(observer_height, f"observer_height of {sensor_id!r}")
 
-    def sense(self, node_id: int) -> None:
-        """Look around."""
-        heading = (0.0, 0.0) if self.fov == 2.0 * pi else self.heading(self.orientation)
-        self.data = self._views.look(node_id, self.range, self.fov, heading)
+    def _look(self, place: Place, heading: Heading) -> Surroundings:
+        views = self._memory.views_past_obstacles
+        return views.look_past(place, self.range, self.fov, heading, self.observer_height)
+
+
+def ragged(rows: list[list[int]]) -> tuple[IntArray, IntArray]:
+    """Offsets (rows + 1,) and values of lists of different lengths."""
+    offsets = np.zeros(len(rows) + 1, np.int64)
+    np.cumsum([len(row) for row in rows], out=offsets[1:])
+    return offsets, np.fromiter((value for row in rows for value in row), np.int64, int(offsets[-1]))

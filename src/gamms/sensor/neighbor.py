@@ -1,5 +1,12 @@
 """NEIGHBOR: where one may go from here."""
 
+from collections.abc import Sequence
+from typing import Any
+
+import numpy as np
+
+from gamms.ir.sensed import Sensed
+from gamms.sensor.map import ragged
 from gamms.sensor.sensor import Sensor
 from gamms.typing import IContext
 from gamms.typing.sensor_engine import SensorType
@@ -14,6 +21,11 @@ class NeighborSensor(Sensor):
         super().__init__(ctx, sensor_id, sensor_type)
         self.data: list[int] = []
         self._neighborhoods = ctx.graph.graph.neighborhoods
+
+    def sense_many(self, node_ids: Sequence[int] | np.ndarray[Any, Any]) -> Sensed:
+        """Look from many nodes; values are ids of nodes. `data` stays as it is."""
+        near = self._neighborhoods
+        return Sensed(*ragged([[*near[int(node_id)]] for node_id in node_ids]))
 
     def sense(self, node_id: int) -> None:
         """Look around."""

@@ -1,9 +1,19 @@
-"""What every built-in sensor has: a name, a kind, an owner, the last result."""
+"""What every built-in sensor has: a name, a kind, an owner, the last result, perhaps a fixed place."""
 
 from typing import Any
 
+from gamms.arguments import as_float, as_int
+from gamms.errors import BadType, BadValue
+from gamms.ir.sensed import SensorView
+from gamms.sensor.views import FULL_CIRCLE, Place
 from gamms.typing import IContext
 from gamms.typing.sensor_engine import ISensor, SensorType
+
+__all__ = ["ALL_AROUND", "FULL_CIRCLE", "GroundSensor", "Heading", "Sensor", "checked_place"]
+
+Heading = tuple[float, float]  # (cos, sin); (0.0, 0.0) sees all around
+
+ALL_AROUND: Heading = (0.0, 0.0)
 
 
 class Sensor(ISensor):
@@ -33,10 +43,70 @@ class Sensor(ISensor):
         """Name the agent that carries the sensor, or nobody."""
         self._owner = owner
 
-    def heading(self, orientation: tuple[float, float]) -> tuple[float, float]:
-        """`orientation` of the sensor, turned by the heading of its owner; (0.0, 0.0) while that has none."""
-        if self._owner is None:
-            return orientation
+
+class GroundSensor(Sensor):
+    """Looks over the ground, from the node it is asked about or from a fixed place.
+
+    Attributes:
+        range: map units; may be infinite.
+        fov: full opening angle in radians; exactly 2 pi sees all around.
+        orientation: `(cos, sin)` relative to the owner's heading; absolute without an owner or at a fixed place.
+        at: a node id or (x, y) to look from, whatever node is asked about; None looks from that node.
+    """
+
+    __slots__ = ("_at", "_heading", "_place", "fov", "orientation", "range")
+
+    range: float
+    fov: float
+    orientation: Heading
+
+    def __init__(self, ctx: IContext, sensor_id: str, sensor_type: SensorType) -> None:
+        super().__init__(ctx, sensor_id, sensor_type)
+        self._at: Place | None = None
+        self._place: Place | None = None  # from where it looked last
+        self._heading = ALL_AROUND  # and whither
+
+    @property
+    def at(self) -> Place | None:
+        """The fixed place it looks from; settable."""
+        return self._at
+
+    @at.setter
+    def at(self, at: Any) -> None:
+        self._at = None if at is None else checked_place(self.ctx, at, f"at of {self.sensor_id!r}")
+
+    def place(self, node_id: Any) -> Place:
+        """Where it looks from when asked about a node."""
+        if self._at is not None:
+            return self._at
+        if node_id is None:
+            raise BadType(f"Sensor {self.sensor_id!r} has no place of its own: sense(node_id), or give it at=.")
+        return node_id  # type: ignore[no-any-return] # the graph checks it
+
+    def heading(self) -> Heading:
+        """Whither it looks, turned by the heading of its owner; (0.0, 0.0) while that has none."""
+        if self._owner is None or self._at is not None:
+            return self.orientation
         cos, sin = self.ctx.agent.get_agent(self._owner).orientation
-        x, y = orientation
+        x, y = self.orientation
         return (x * cos - y * sin, x * sin + y * cos)
+
+    def last_view(self) -> SensorView:
+        """What was seen last."""
+        return SensorView()
+
+
+def checked_place(ctx: IContext, at: Any, name: str) -> Place:
+    """A node id or (x, y) from what a caller passed.
+
+    Raises:
+        UnknownName (KeyError): there is no such node.
+        BadType, BadValue: neither an integer nor a pair of finite numbers.
+    """
+    if isinstance(at, str) or not hasattr(at, "__len__"):
+        node = as_int(at, name)
+        ctx.graph.graph.get_node(node)
+        return node
+    if len(at) != 2:
+        raise BadValue(f"{name} must be the id of a node or a pair (x, y), not {at!r}.")
+    return as_float(at[0], name), as_float(at[1], name)

@@ -1,10 +1,18 @@
-"""What was seen from a place: remembered as long as the graph stays as it is, and shared by all sensors."""
+"""What was seen from a place: remembered as long as the world stays as it is, and shared by all sensors."""
 
 from math import inf, pi
 from typing import Any
 
+import numpy as np
+
+from gamms import kernels
+from gamms.ir.graph import FloatArray
 from gamms.typing import IContext
-from gamms.typing.graph_engine import Surroundings
+from gamms.typing.graph_engine import NodeColumns, Surroundings
+
+FULL_CIRCLE = 2.0 * pi
+
+Place = int | tuple[float, ...]  # the id of a node, or (x, y)
 
 _MOST_WORDS = 1 << 24  # of 8 bytes: what may be remembered in all
 _WORDS_PER_NODE = 12  # of a dict entry
@@ -12,39 +20,108 @@ _WORDS_PER_VIEW = 100  # of its key and its empty containers
 
 
 class Views:
-    """Surroundings by place, radius and field of view."""
+    """Surroundings by radius and field of view, and by place."""
 
     def __init__(self, ctx: IContext) -> None:
         self._ctx = ctx
-        self._revision: int | None = None
-        self._seen: dict[Any, Surroundings] = {}
+        self._revision: Any = None
+        self._seen: dict[Any, dict[Any, Surroundings]] = {}
         self._words = 0
 
-    def look(self, node_id: int, radius: float, fov: float, heading: tuple[float, float]) -> dict[str, Any]:
-        """What a map sensor sees: fresh `{'nodes': {id: Node}, 'edges': [OSMEdge, …]}`."""
+    def look(self, place: Place, radius: float, fov: float, heading: tuple[float, float]) -> Surroundings:
+        """What a map sensor sees; shared, and therefore not to be changed."""
         graph = self._ctx.graph.graph
-        is_cone = fov != 2.0 * pi and heading != (0.0, 0.0)
         if graph.revision != self._revision or self._revision is None:
             self._forget(graph.revision)
-        key = (node_id if is_cone or radius != inf else None, radius, fov, heading if is_cone else None)
-        seen = self._seen.get(key)
-        if seen is None or (key[0] is None and not graph.has_node(node_id)):
-            seen = graph.within(node_id, radius, fov, heading)
-            if self._revision is not None:
-                self._keep(key, seen)
-        return {"nodes": seen.nodes.copy(), "edges": seen.edges.copy()}
+        kind = radius if fov == FULL_CIRCLE or heading == (0.0, 0.0) else (radius, fov, heading)
+        key = place
+        if kind == inf:  # the whole graph looks alike from everywhere
+            coordinates(self._ctx, place)
+            key = -1
+        try:
+            return self._seen[kind][key]
+        except KeyError:
+            return self._keep(kind, key, self._ahead(place, radius, fov, heading))
 
-    def _forget(self, revision: int | None) -> None:
+    def _ahead(self, place: Place, radius: float, fov: float, heading: tuple[float, float]) -> Surroundings:
+        graph = self._ctx.graph.graph
+        if isinstance(place, tuple):
+            return graph.among(nodes_ahead(self._ctx, place, radius, fov, heading).ids)
+        return graph.within(place, radius, fov, heading)
+
+    def _forget(self, revision: Any) -> None:
         self._revision = revision
         self._seen.clear()
         self._words = 0
 
-    def _keep(self, key: Any, seen: Surroundings) -> None:
-        self._words += _words(seen)
-        self._seen[key] = seen
-        while self._words > _MOST_WORDS:  # the oldest goes first
-            self._words -= _words(self._seen.pop(next(iter(self._seen))))
+    def _keep(self, kind: Any, place: Place, seen: Surroundings) -> Surroundings:
+        """Remember a view, as long as it fits in; when the room is full, all others are forgotten."""
+        words = _WORDS_PER_VIEW + _WORDS_PER_NODE * len(seen.nodes) + len(seen.edges)
+        if self._revision is None or words > _MOST_WORDS:
+            return seen
+        if self._words + words > _MOST_WORDS:
+            self._forget(self._revision)
+        self._words += words
+        self._seen.setdefault(kind, {})[place] = seen
+        return seen
 
 
-def _words(seen: Surroundings) -> int:
-    return _WORDS_PER_VIEW + _WORDS_PER_NODE * len(seen.nodes) + len(seen.edges)
+class ViewsPastObstacles(Views):
+    """The same, without what is behind an obstacle."""
+
+    def look_past(
+        self, place: Place, radius: float, fov: float, heading: tuple[float, float], height: float
+    ) -> Surroundings:
+        """What a map sensor sees whose sight lines run `height` above the ground."""
+        room = self._ctx.graph
+        revision = (room.graph.revision, room.obstacle_revision)
+        if revision != self._revision or None in revision:
+            self._forget(None if None in revision else revision)
+        kind = (radius, fov, heading, height)
+        try:
+            return self._seen[kind][place]
+        except KeyError:
+            ahead = nodes_ahead(self._ctx, place, radius, fov, heading)
+            ids = ahead.ids[in_sight(self._ctx, place, ahead, radius, height)]
+            return self._keep(kind, place, room.graph.among(ids))
+
+
+def coordinates(ctx: IContext, place: Place) -> tuple[float, float]:
+    """(x, y) of a place.
+
+    Raises:
+        UnknownName (KeyError): there is no such node.
+    """
+    if isinstance(place, tuple):
+        return place[0], place[1]
+    _, x, y = ctx.graph.graph.get_node(place)
+    return x, y
+
+
+def nodes_ahead(ctx: IContext, place: Place, radius: float, fov: float, heading: tuple[float, float]) -> NodeColumns:
+    """The nodes in range and inside the field of view, as arrays."""
+    x, y = coordinates(ctx, place)
+    ids, xy = ctx.graph.graph.nodes_near(x, y, radius)
+    if fov != FULL_CIRCLE and heading != (0.0, 0.0):
+        is_ahead = kernels.in_cone(xy[:, 0] - x, xy[:, 1] - y, heading, fov)
+        ids, xy = ids[is_ahead], xy[is_ahead]
+    return NodeColumns(ids, xy)
+
+
+def in_sight(
+    ctx: IContext, place: Place, nodes: NodeColumns, radius: float, height: float
+) -> "np.ndarray[tuple[int, ...], np.dtype[np.bool_]]":
+    """Whether no obstacle hides each node; all sight lines run `height` above the ground.
+
+    A visibility table answers if there is one; it was made of the same sight lines.
+    """
+    table = None if isinstance(place, tuple) else ctx.graph.visibility_table(height, radius)
+    if table is not None:
+        return table.mask(place, nodes.ids)
+    origin = np.array([*coordinates(ctx, place), height])
+    return ctx.graph.visible(origin, at_height(nodes.xy, height))
+
+
+def at_height(xy: FloatArray, height: float) -> FloatArray:
+    """Points (points, 3) above places (points, 2)."""
+    return np.column_stack([xy, np.full(len(xy), height)])

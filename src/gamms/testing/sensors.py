@@ -26,12 +26,24 @@ def check_sensor(sensor: ISensor, node_id: int) -> None:
     _expect("data is fresh after every sense", _is_fresh(sensor.data, first), first)
     _expect("a later sense changes no earlier result", first == kept, first)
     _expect("update accepts a dict", _returned(sensor.update({})) is None, "something")
-    for owner in ("nobody-yet", None):
-        _expect("set_owner accepts a name and None", _returned(sensor.set_owner(owner)) is None, "something")
+    many = sensor.sense_many([node_id, node_id])
+    _expect("sense_many looks once for each node", len(many) == 2, len(many))
+    _expect("sense_many sees the same from the same node", _plain(many[0]) == _plain(many[1]), many[1])
+    if many.values.dtype == object:
+        _expect("sense_many sees what sense sees", _plain(many[0]) == [kept], many[0])
+    try:
+        sensor.set_owner("nobody-yet")
+    except KeyError:
+        sensor.set_owner(None)  # a sensor may insist on an agent that is there
+    _expect("set_owner accepts None", _returned(sensor.set_owner(None)) is None, "something")
 
 
 def _returned(value: Any) -> Any:
     return value
+
+
+def _plain(values: Any) -> list[Any]:
+    return list(values.tolist())
 
 
 def _is_fresh(data: Any, before: Any) -> bool:

@@ -117,7 +117,10 @@ class Standing(NamedTuple):
     """Who stands on which node; valid until something in it changes."""
 
     names: list[str]
-    rows_at: Mapping[int, Sequence[int]]  # node id -> rows of the agents there, in any order; flyers: the nearest node
+    nodes: Sequence[int]  # (agents,)  ids; of a flyer the nearest node
+    teams: list[Any]
+    rows_at: Mapping[int, Sequence[int]]  # node id -> rows of the agents there, in any order
+    taken: set[int]  # the ids of these nodes; not to be written to
     moves: int | None  # as in Roll
 
 
@@ -188,12 +191,13 @@ class IAgentEngine(ABC):
 
     def standing(self) -> Standing:
         """Who stands on which node; override for speed."""
-        names: list[str] = []
+        agents = list(self.create_iter())
+        nodes = [agent.current_node_id for agent in agents]
         rows_at: dict[int, list[int]] = {}
-        for row, agent in enumerate(self.create_iter()):
-            names.append(agent.name)
-            rows_at.setdefault(agent.current_node_id, []).append(row)
-        return Standing(names, rows_at, None)
+        for row, node in enumerate(nodes):
+            rows_at.setdefault(node, []).append(row)
+        teams = [getattr(agent, "team", None) for agent in agents]
+        return Standing([agent.name for agent in agents], nodes, teams, rows_at, set(rows_at), None)
 
     @abstractmethod
     def terminate(self) -> None:

@@ -54,6 +54,11 @@ class IContext(ABC):
 
     @property
     @abstractmethod
+    def seed(self) -> int:
+        """What every random stream of this context follows from."""
+
+    @property
+    @abstractmethod
     def rng(self) -> "Generator":
         """The scenario's own random stream."""
 

@@ -106,7 +106,19 @@ class ISensorEngine(ABC):
 
         Raises:
             UnknownType (ValueError): not a built-in kind.
-            NotYet: a kind that is announced and not built yet.
+            Duplicate (ValueError): the name is taken.
+            ContextTerminated: the context has ended.
+        """
+
+    @abstractmethod
+    def from_function(self, sensor_id: str, fn: Callable[..., Any]) -> ISensor:
+        """Create a sensor whose `data` is what a function returns, and keep it.
+
+        The function is called as `fn()`, `fn(node_id)` or `fn(node_id, agent)`, by how many parameters it has; `agent`
+        is the one that carries the sensor, or None.
+
+        Raises:
+            BadType (TypeError): it is no such function.
             Duplicate (ValueError): the name is taken.
             ContextTerminated: the context has ended.
         """

@@ -1,0 +1,34 @@
+"""One random number per name: who else is there never changes anybody's draw."""
+
+from functools import lru_cache
+from hashlib import blake2b
+
+import numpy as np
+
+from gamms.ir.graph import FloatArray
+
+
+def draws_by_name(seed: int, purpose: tuple[str | int, ...], names: list[str]) -> FloatArray:
+    """Uniform numbers in [0, 1) that follow from the seed, the purpose and each name alone.
+
+    The hashes of purpose and name are mixed by the finalizer of SplitMix64 (Steele, Lea and Flood, "Fast splittable
+    pseudorandom number generators", OOPSLA 2014); the same arguments give the same draws on every machine.
+
+    Returns:
+        (names,)
+    """
+    mixed = np.array([_hash_of_name(name) for name in names], np.uint64) ^ np.uint64(_hash(repr((seed, *purpose))))
+    for shift, factor in ((30, 0xBF58476D1CE4E5B9), (27, 0x94D049BB133111EB)):
+        mixed = (mixed ^ (mixed >> np.uint64(shift))) * np.uint64(factor)
+    mixed ^= mixed >> np.uint64(31)
+    found: FloatArray = (mixed >> np.uint64(11)).astype(np.float64) * 2.0**-53
+    return found
+
+
+@lru_cache(maxsize=1 << 16)
+def _hash_of_name(name: str) -> int:
+    return _hash(name)
+
+
+def _hash(text: str) -> int:
+    return int.from_bytes(blake2b(text.encode(), digest_size=8).digest(), "little")

@@ -1,0 +1,272 @@
+"""AERIAL, AERIAL_AGENT and what obstacles leave of them: looking from the air along an axis."""
+
+from collections.abc import Sequence
+from math import pi, sqrt
+from typing import Any, NamedTuple, cast
+
+import numpy as np
+
+from gamms import kernels
+from gamms.arguments import as_float, as_range
+from gamms.errors import BadType, BadValue
+from gamms.ir.graph import FloatArray, IntArray
+from gamms.ir.sensed import Sensed, SensorView
+from gamms.kernels import Quaternion
+from gamms.sensor.map import ragged
+from gamms.sensor.memory import memory_of
+from gamms.sensor.notice import Notice
+from gamms.sensor.sensor import Sensor
+from gamms.sensor.views import at_height
+from gamms.typing import AgentType, IAerialAgent, IContext
+from gamms.typing.graph_engine import Surroundings
+from gamms.typing.sensor_engine import SensorType
+
+DOWN: Quaternion = (sqrt(0.5), 0.0, sqrt(0.5), 0.0)
+AHEAD: Quaternion = (1.0, 0.0, 0.0, 0.0)
+_WIDEST = 0.9 * pi  # of a cone that looks at the ground, as in 1.0.0
+
+Axis = tuple[float, float, float]
+
+
+class Pose(NamedTuple):
+    """From where and whither a sensor looks."""
+
+    position: FloatArray  # (3,)
+    axis: Axis
+
+
+class FlyingSensor(Sensor):
+    """Looks from an aerial agent, or from a fixed place in the air.
+
+    Attributes:
+        range: map units, in space; may be infinite.
+        fov: full opening angle of the cone in radians.
+        quat: how the sensor is turned relative to its owner (absolute at a fixed place): it looks along its x axis.
+        at: (x, y, z) to look from; None looks from the owner.
+    """
+
+    range: float
+    fov: float
+
+    def __init__(self, ctx: IContext, sensor_id: str, sensor_type: SensorType, quat: Quaternion) -> None:
+        super().__init__(ctx, sensor_id, sensor_type)
+        self.quat = quat
+        self._at: Axis | None = None
+        self._looked: Pose | None = None  # from where and whither it looked last
+
+    @property
+    def quat(self) -> Quaternion:
+        """(w, x, y, z) of length 1; settable to any length but zero."""
+        return self._quat
+
+    @quat.setter
+    def quat(self, quat: Any) -> None:
+        self._quat = _checked_quat(quat, f"quat of {self.sensor_id!r}")
+
+    @property
+    def at(self) -> Axis | None:
+        """The fixed place it looks from; settable."""
+        return self._at
+
+    @at.setter
+    def at(self, at: Any) -> None:
+        self._at = None if at is None else _checked_point(at, f"at of {self.sensor_id!r}")
+
+    def set_owner(self, owner: str | None) -> None:
+        """Name the aerial agent that carries the sensor, or nobody.
+
+        Raises:
+            UnknownName (KeyError): there is no such agent.
+            BadValue (ValueError): it does not fly.
+        """
+        if owner is not None and self.ctx.agent.get_agent(owner).type is not AgentType.AERIAL:
+            raise BadValue(
+                f"Sensor {self.sensor_id!r} ({self.type}) needs an agent that flies; {owner!r} does not. "
+                "Create it with type=AgentType.AERIAL, or fix the sensor with at=(x, y, z)."
+            )
+        super().set_owner(owner)
+
+    def pose(self) -> Pose | None:
+        """From where and whither it looks; None while nobody carries it and no place is fixed."""
+        if self._at is not None:
+            return Pose(np.array(self._at), kernels.quaternion_to_direction(self._quat))
+        if self._owner is None:
+            return None
+        owner = cast("IAerialAgent", self.ctx.agent.get_agent(self._owner))
+        turned = kernels.multiply_quaternions(owner.quat, self._quat)
+        return Pose(np.array(owner.position), kernels.quaternion_to_direction(turned))
+
+    def last_view(self) -> SensorView:
+        """What was seen last."""
+        return SensorView()
+
+    def _reaches(self, offsets: FloatArray, axis: Axis) -> IntArray:
+        """Which offsets (points, 3) lie in range and in the cone: their positions."""
+        with np.errstate(over="ignore"):  # infinitely far away is far away
+            near = np.flatnonzero(np.einsum("ij,ij->i", offsets, offsets) <= self.range * self.range)
+        if self.fov >= 2.0 * pi:
+            return near
+        found: IntArray = near[kernels.in_view(offsets[near], axis, self.fov)]
+        return found
+
+
+class AerialSensor(FlyingSensor):
+    """`data`: fresh `{'nodes': {id: Node}, 'edges': [OSMEdge, …]}` of the ground below, in insertion order.
+
+    A node is seen if it is at most `range` away in space and inside the cone, both rims included. An edge is seen if
+    both its ends are. Without an owner and a fixed place nothing is seen.
+
+    Args:
+        ctx: the context.
+        sensor_id: the sensor's name.
+        sensor_range: map units.
+        fov: full opening angle of the cone in radians, at most 0.9 pi: a wider one is narrowed.
+        quat: how it is turned relative to its owner; by default it looks straight down.
+
+    Raises:
+        BadValue, BadType: a range or fov that is negative, NaN or no number; a quaternion that is zero or none.
+    """
+
+    _type = SensorType.AERIAL
+    _is_occluded = False
+
+    def __init__(
+        self, ctx: IContext, sensor_id: str, sensor_range: float, fov: float = pi / 3.0, quat: Quaternion = DOWN
+    ) -> None:
+        super().__init__(ctx, sensor_id, self._type, quat)
+        self.range = as_range(sensor_range, f"sensor_range of {sensor_id!r}")
+        self.fov = min(as_range(fov, f"fov of {sensor_id!r}"), _WIDEST)
+        self.data: dict[str, Any] = {}
+
+    def sense(self, node_id: int | None = None) -> None:  # noqa: ARG002 - it looks from the air
+        """Look at the ground."""
+        nodes, edges = self._seen()
+        self.data = {"nodes": nodes, "edges": edges}
+
+    def sense_many(self, node_ids: Sequence[int] | np.ndarray[Any, Any]) -> Sensed:
+        """Look once for each node asked about, always from where the sensor is. `data` stays as it is."""
+        last, (nodes, edges) = self._looked, self._seen()
+        self._looked = last
+        looks = len(node_ids)
+        return Sensed(*ragged([[*nodes]] * looks), Sensed(*ragged([[edge.id for edge in edges]] * looks)))
+
+    def _seen(self) -> Surroundings:
+        self._looked = pose = self.pose()
+        if pose is None:
+            return Surroundings({}, [])
+        x, y, _ = pose.position.tolist()
+        ids, xy = self.ctx.graph.graph.nodes_near(x, y, self.range)
+        ground = at_height(xy, 0.0)
+        rows = self._reaches(ground - pose.position, pose.axis)
+        if self._is_occluded:
+            rows = rows[self.ctx.graph.visible(pose.position, ground[rows])]
+        return self.ctx.graph.graph.among(ids[rows])
+
+
+class OccludedAerialSensor(AerialSensor):
+    """The same, without what obstacles hide: sight lines run from the sensor to the nodes on the ground."""
+
+    _type = SensorType.OCCLUDED_AERIAL
+    _is_occluded = True
+
+
+class AerialAgentSensor(FlyingSensor):
+    """`data`: fresh `{agent name: (AgentType, (x, y, z))}` of the other agents, in the order of their creation.
+
+    Agents on the ground are at height 0 of their node. Whoever is at most `range` away in space and inside the cone is
+    seen, both rims included, but for an agent at the very point of the sensor, as in 1.0.0. Without an owner and a
+    fixed place nobody is seen.
+
+    Args:
+        ctx: the context.
+        sensor_id: the sensor's name.
+        sensor_range: map units.
+        fov: full opening angle of the cone in radians; 2 pi sees all around.
+        quat: how it is turned relative to its owner; by default it looks straight ahead.
+
+    Attributes:
+        notice: whom of those in view it reports: by team, and by chance.
+
+    Raises:
+        BadValue, BadType: a range or fov that is negative, NaN or no number; a quaternion that is zero or none.
+    """
+
+    _type = SensorType.AERIAL_AGENT
+    _is_occluded = False
+
+    def __init__(
+        self, ctx: IContext, sensor_id: str, sensor_range: float, fov: float = 2.0 * pi, quat: Quaternion = AHEAD
+    ) -> None:
+        super().__init__(ctx, sensor_id, self._type, quat)
+        self.range = as_range(sensor_range, f"sensor_range of {sensor_id!r}")
+        self.fov = as_range(fov, f"fov of {sensor_id!r}")
+        self.data: dict[str, tuple[AgentType, Axis]] = {}
+        self.notice = Notice(sensor_id)
+        self._crowd = memory_of(ctx).crowd
+
+    def sense(self, node_id: int | None = None) -> None:  # noqa: ARG002 - it looks from the air
+        """Look for agents."""
+        rows, now = self._found(), self._crowd.now()
+        kinds = (AgentType.BASIC, AgentType.AERIAL)
+        self.data = {
+            now.names[row]: (kinds[is_flying], (x, y, z))
+            for row, is_flying, (x, y, z) in zip(
+                rows.tolist(), now.is_flying[rows].tolist(), now.xyz[rows].tolist(), strict=True
+            )
+        }
+
+    def sense_many(self, node_ids: Sequence[int] | np.ndarray[Any, Any]) -> Sensed:
+        """Look once for each node asked about, always from where the sensor is; values are positions in `names`.
+
+        `data` stays as it is.
+        """
+        last, looks = self._looked, [self._found().tolist() for _ in node_ids]
+        self._looked = last
+        return Sensed(*ragged(looks), names=tuple(self._crowd.now().names))
+
+    def _found(self) -> IntArray:
+        """The rows (agents,) of those who are seen."""
+        self._looked = pose = self.pose()
+        if pose is None:
+            return np.zeros(0, np.int64)
+        now, own = self._crowd.now(), self._owner if self._at is None else None
+        offsets = now.xyz - pose.position
+        rows = self._reaches(offsets, pose.axis)
+        rows = rows[offsets[rows].any(axis=1)]
+        wanted = self.notice.wanted([row for row in rows.tolist() if now.names[row] != own], now.teams)
+        rows = np.array(wanted, np.int64)
+        if self._is_occluded:
+            rows = rows[self.ctx.graph.visible(pose.position, now.xyz[rows])]
+        if self.notice.needs_chance:
+            distances = np.linalg.norm(offsets[rows], axis=1)
+            names = [now.names[row] for row in rows.tolist()]
+            rows = rows[self.notice.is_noticed(self.ctx, own, names, distances)]
+        return rows
+
+
+class OccludedAerialAgentSensor(AerialAgentSensor):
+    """The same, without whom obstacles hide."""
+
+    _type = SensorType.OCCLUDED_AERIAL_AGENT
+    _is_occluded = True
+
+
+def _checked_quat(quat: Any, name: str) -> Quaternion:
+    w, x, y, z = _numbers(quat, 4, name, "(w, x, y, z)")
+    unit = kernels.unit_quaternion((w, x, y, z))
+    if unit is None:
+        raise BadValue(f"{name} must not be zero: it has no direction. (1, 0, 0, 0) turns nothing.")
+    return unit
+
+
+def _checked_point(at: Any, name: str) -> Axis:
+    x, y, z = _numbers(at, 3, name, "(x, y, z)")
+    return x, y, z
+
+
+def _numbers(given: Any, count: int, name: str, shape: str) -> list[float]:
+    if isinstance(given, str) or not hasattr(given, "__len__"):
+        raise BadType(f"{name} must be {shape}, not {given!r}.")
+    if len(given) != count:
+        raise BadValue(f"{name} must be {shape}, not {given!r}.")
+    return [as_float(number, name) for number in given]

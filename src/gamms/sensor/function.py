@@ -1,0 +1,62 @@
+"""A sensor made of a plain function."""
+
+import copy
+from collections.abc import Callable
+from inspect import Parameter, signature
+from typing import Any
+
+import numpy as np
+
+from gamms.errors import BadType
+from gamms.sensor.sensor import Sensor
+from gamms.typing import IContext
+from gamms.typing.sensor_engine import SensorType
+
+_CONTAINERS = (list, dict, set, bytearray, np.ndarray)
+
+
+class FunctionSensor(Sensor):
+    """`data`: what a function returns.
+
+    The function is called as `fn()`, `fn(node_id)` or `fn(node_id, agent)`, by how many parameters it has; `agent` is
+    the owner, or None. A list, dict, set or array that it returns is copied, so that it may return one that it
+    goes on writing to.
+
+    Args:
+        ctx: the context.
+        sensor_id: the sensor's name.
+        fn: the function.
+
+    Raises:
+        BadType: `fn` cannot be called so.
+    """
+
+    def __init__(self, ctx: IContext, sensor_id: str, fn: Callable[..., Any]) -> None:
+        super().__init__(ctx, sensor_id, SensorType.CUSTOM)
+        self.data: Any = None
+        self._function = fn
+        self._takes = _parameters(fn, sensor_id)
+
+    def sense(self, node_id: int | None = None) -> None:
+        """Call the function."""
+        agent = None if self._owner is None or self._takes < 2 else self.ctx.agent.get_agent(self._owner)
+        sensed = self._function(*(node_id, agent)[: self._takes])
+        self.data = copy.copy(sensed) if isinstance(sensed, _CONTAINERS) else sensed
+
+
+def _parameters(fn: Any, sensor_id: str) -> int:
+    """How many arguments, at most two, a function is to be called with."""
+    wanted = f"The function of sensor {sensor_id!r} must take (), (node_id) or (node_id, agent)"
+    if not callable(fn):
+        raise BadType(f"{wanted}; {fn!r} is no function.")
+    try:
+        parameters = list(signature(fn).parameters.values())
+    except (TypeError, ValueError):  # some builtins do not tell
+        return 1
+    positional = [one for one in parameters if one.kind in (Parameter.POSITIONAL_ONLY, Parameter.POSITIONAL_OR_KEYWORD)]
+    needed = [one for one in positional if one.default is Parameter.empty]
+    keywords = [one for one in parameters if one.kind is Parameter.KEYWORD_ONLY and one.default is Parameter.empty]
+    if len(needed) > 2 or keywords:
+        raise BadType(f"{wanted}; {fn!r} takes {signature(fn)}.")
+    is_open = any(one.kind is Parameter.VAR_POSITIONAL for one in parameters)
+    return 2 if is_open else len(needed) or min(len(positional), 1)

@@ -1,0 +1,115 @@
+"""Whom of those in view a sensor reports: by team, and by chance."""
+
+from collections.abc import Callable
+from numbers import Real
+from typing import Any
+
+import numpy as np
+
+from gamms import kernels
+from gamms.errors import BadType, BadValue
+from gamms.ir.graph import FloatArray
+from gamms.typing import IContext
+
+Chance = Callable[[FloatArray], FloatArray]  # distances -> probabilities
+
+
+class Notice:
+    """Settings of one sensor that looks for agents; as they are at first, everybody in view is reported.
+
+    Attributes:
+        team: a team, or several in a list, tuple or set: only their agents are reported; None: of all teams.
+        exclude: likewise, of agents that are not reported; None: nobody.
+        detection: how probable it is that an agent in view is noticed: a number, pairs `(distance, probability)` with
+            straight lines between them, or a function from distances (agents,) to probabilities (agents,). None:
+            always. What is drawn follows from the seed of the context, the sensor, its owner, how many looks there were
+            before, and the agent's name.
+    """
+
+    def __init__(self, sensor_id: str) -> None:
+        self._sensor_id = sensor_id
+        self.team: Any = None
+        self.exclude: Any = None
+        self._detection: Any = None
+        self._chance: Chance | None = None
+        self._looks: dict[str | None, int] = {}
+
+    @property
+    def is_everybody(self) -> bool:
+        """Whether nobody is left out."""
+        return self.team is None and self.exclude is None and self._chance is None
+
+    @property
+    def needs_chance(self) -> bool:
+        """Whether distances matter."""
+        return self._chance is not None
+
+    @property
+    def detection(self) -> Any:
+        """See above; settable."""
+        return self._detection
+
+    @detection.setter
+    def detection(self, detection: Any) -> None:
+        self._chance = _chance_of(detection, f"detection of {self._sensor_id!r}")
+        self._detection = detection
+
+    def wanted(self, rows: list[int], teams: list[Any]) -> list[int]:
+        """Those rows whose agents are of a team that is reported; `teams` by row."""
+        if self.team is None and self.exclude is None:
+            return rows
+        return [row for row in rows if self._is_wanted(teams[row])]
+
+    def _is_wanted(self, team: Any) -> bool:
+        if self.team is not None and team not in _teams(self.team):
+            return False
+        return self.exclude is None or team not in _teams(self.exclude)
+
+    def is_noticed(
+        self, ctx: IContext, owner: str | None, names: list[str], distances: FloatArray
+    ) -> "np.ndarray[tuple[int, ...], np.dtype[np.bool_]]":
+        """Draw who is noticed (agents,): one more look of this owner's."""
+        look = self._looks[owner] = self._looks.get(owner, 0) + 1
+        assert self._chance is not None  # noqa: S101 - asked only where `needs_chance`
+        chances = np.asarray(self._chance(distances), np.float64)
+        if chances.shape != distances.shape or not ((chances >= 0.0) & (chances <= 1.0)).all():
+            raise BadValue(
+                f"detection of {self._sensor_id!r} must give a probability from 0 to 1 for each of "
+                f"{len(distances)} distances, not {chances!r}."
+            )
+        purpose = ("detection", self._sensor_id, "" if owner is None else owner, look)
+        noticed: np.ndarray[tuple[int, ...], np.dtype[np.bool_]] = (
+            kernels.draws_by_name(ctx.seed, purpose, names) < chances
+        )
+        return noticed
+
+
+def _teams(given: Any) -> Any:
+    return given if isinstance(given, list | tuple | set | frozenset) else (given,)
+
+
+def _chance_of(detection: Any, name: str) -> Chance | None:
+    if detection is None or callable(detection):
+        return detection  # type: ignore[no-any-return] # None or a function
+    if isinstance(detection, Real):
+        points = np.array([[0.0, float(detection)]])
+    else:
+        points = _points_of(detection, name)
+    if not np.isfinite(points).all() or (points[:, 1] < 0.0).any() or (points[:, 1] > 1.0).any():
+        raise BadValue(f"{name} must be made of probabilities from 0 to 1, not {detection!r}.")
+    if (np.diff(points[:, 0]) <= 0.0).any():
+        raise BadValue(f"The distances of {name} must ascend, not {detection!r}.")
+    return lambda distances: np.interp(distances, points[:, 0], points[:, 1])
+
+
+def _points_of(detection: Any, name: str) -> FloatArray:
+    try:
+        points = np.array([(float(distance), float(chance)) for distance, chance in detection])
+    except (TypeError, ValueError):
+        raise BadType(
+            f"{name} must be a probability, pairs (distance, probability) or a function of distances, "
+            f"not {detection!r}."
+        ) from None
+    if not len(points):
+        raise BadValue(f"{name} needs at least one pair (distance, probability).")
+    return points
