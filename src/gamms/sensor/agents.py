@@ -7,6 +7,8 @@ import numpy as np
 from gamms import kernels
 from gamms.arguments import as_range
 from gamms.errors import UnknownName
+from gamms.ir.sensed import SensorView
+from gamms.sensor import looks
 from gamms.sensor.crowd import Crowd
 from gamms.sensor.sensor import Sensor
 from gamms.typing import IContext
@@ -51,6 +53,7 @@ class AgentSensor(Sensor):
         self.data: dict[str, int] = {}
         self._owner = owner
         self._crowd = crowd or Crowd(ctx)
+        self._looked: tuple[float, float, float, float, tuple[float, float]] | None = None  # None: without bounds
 
     def sense(self, node_id: int) -> None:
         """Look around."""
@@ -61,10 +64,20 @@ class AgentSensor(Sensor):
             data.pop(self._owner, None)
         self.data = data
 
+    def last_view(self) -> SensorView:
+        """The agents seen last, at their nodes of then, and the field of view from where they were seen."""
+        outline = np.zeros((0, 2))
+        if self._looked is not None:
+            x, y, radius, fov, heading = self._looked
+            outline = looks.sector(x, y, radius, heading, fov)
+        return SensorView(agents=self.places_of(self.data.values()), outline=outline)
+
     def _everyone(self, node_id: int) -> dict[str, int]:
         if not self.ctx.graph.graph.has_node(node_id):
             raise UnknownName("node", node_id)
-        return self._crowd.everyone()
+        everyone = self._crowd.everyone()
+        self._looked = None
+        return everyone
 
     def _found(self, node_id: int, heading: tuple[float, float]) -> dict[str, int]:
         _, x, y = self.ctx.graph.graph.get_node(node_id)
@@ -74,4 +87,5 @@ class AgentSensor(Sensor):
             rows = np.flatnonzero(dx * dx + dy * dy <= self.range * self.range)
         if heading != (0.0, 0.0):
             rows = rows[kernels.in_cone(dx[rows], dy[rows], heading, self.fov)]
+        self._looked = (x, y, self.range, self.fov, heading)
         return {names[row]: node for row, node in zip(rows.tolist(), nodes[rows].tolist(), strict=True)}

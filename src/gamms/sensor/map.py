@@ -3,7 +3,11 @@
 from math import pi
 from typing import Any
 
+import numpy as np
+
 from gamms.arguments import as_range
+from gamms.ir.sensed import SensorView
+from gamms.sensor import looks
 from gamms.sensor.sensor import Sensor
 from gamms.sensor.views import Views
 from gamms.typing import IContext
@@ -45,8 +49,25 @@ class MapSensor(Sensor):
         self.orientation = orientation
         self.data: dict[str, Any] = {}
         self._views = views or Views(ctx)
+        self._looked: tuple[int, float, float, tuple[float, float]] | None = None  # whence, how far, how wide, whither
 
     def sense(self, node_id: int) -> None:
         """Look around."""
         heading = (0.0, 0.0) if self.fov == 2.0 * pi else self.heading(self.orientation)
         self.data = self._views.look(node_id, self.range, self.fov, heading)
+        self._looked = (node_id, self.range, self.fov, heading)
+
+    def last_view(self) -> SensorView:
+        """The nodes and edges seen last, and the field of view from where they were seen."""
+        if self._looked is None:
+            return SensorView()
+        node_id, radius, fov, heading = self._looked
+        nodes = self.data["nodes"]
+        here = nodes.get(node_id)  # whoever was handed the data may have emptied it
+        lines, offsets = looks.polylines(self.data["edges"])
+        return SensorView(
+            nodes=np.array([(x, y) for _, x, y in nodes.values()], np.float64).reshape(-1, 2),
+            lines=lines,
+            offsets=offsets,
+            outline=np.zeros((0, 2)) if here is None else looks.sector(here.x, here.y, radius, heading, fov),
+        )

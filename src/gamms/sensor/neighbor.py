@@ -1,5 +1,6 @@
 """NEIGHBOR: where one may go from here."""
 
+from gamms.ir.sensed import SensorView
 from gamms.sensor.sensor import Sensor
 from gamms.typing import IContext
 from gamms.typing.sensor_engine import SensorType
@@ -18,3 +19,7 @@ class NeighborSensor(Sensor):
     def sense(self, node_id: int) -> None:
         """Look around."""
         self.data = list(self._neighborhoods[node_id])
+
+    def last_view(self) -> SensorView:
+        """The nodes seen last."""
+        return SensorView(nodes=self.places_of(self.data))

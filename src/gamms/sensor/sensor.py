@@ -1,7 +1,9 @@
 """What every built-in sensor has: a name, a kind, an owner, the last result."""
 
+from collections.abc import Iterable
 from typing import Any
 
+from gamms.ir.graph import FloatArray
 from gamms.typing import IContext
 from gamms.typing.sensor_engine import ISensor, SensorType
 
@@ -40,3 +42,8 @@ class Sensor(ISensor):
         cos, sin = self.ctx.agent.get_agent(self._owner).orientation
         x, y = orientation
         return (x * cos - y * sin, x * sin + y * cos)
+
+    def places_of(self, node_ids: Iterable[int]) -> FloatArray:
+        """Where the nodes of a look are (nodes, 2); those that were removed since then are left out."""
+        graph = self.ctx.graph.graph
+        return graph.positions([id for id in node_ids if graph.has_node(id)])
