@@ -100,7 +100,9 @@ class _Cone:
 
     def rays(self, turns: FloatArray) -> FloatArray:
         """Unit rays (turns, 3), by how far around the axis each is."""
-        return self._ahead + np.outer(np.cos(turns), self._aside) + np.outer(np.sin(turns), self._across)
+        around = np.outer(np.cos(turns), self._aside) + np.outer(np.sin(turns), self._across)
+        rays: FloatArray = self._ahead + around
+        return rays
 
     def turns_that_fall(self, slope: float) -> FloatArray:
         """Where around the axis (0 or 2,) the rays have `slope` as their z."""
