@@ -76,3 +76,93 @@ def test_a_row_can_be_copied_into_other_columns(columns):
         [1],
     )
     assert other.nodes()[0].tolist() == [103]
+
+
+def where(columns):
+    """Node -> names, as `rows_at` has it."""
+    rows_at = columns.rows_at()
+    assert all(rows_at.values())
+    return {node: sorted(columns.names[row] for row in rows) for node, rows in rows_at.items()}
+
+
+def test_rows_are_found_by_the_node_they_stand_on(columns):
+    columns.keep([0, 1, 2])
+    assert where(columns) == {100: ["a0"], 101: ["a1"], 102: ["a2"]}
+    for row in (0, 2):
+        columns.node[row] = 101
+        columns.touched.add(row)
+    assert where(columns) == {101: ["a0", "a1", "a2"]}
+    columns.node[1] = 7
+    columns.touched.add(1)
+    columns.append("new", 7, None)
+    assert where(columns) == {101: ["a0", "a2"], 7: ["a1", "new"]}
+
+
+def test_arrays_and_rows_by_node_do_not_take_changes_away_from_each_other(columns):
+    columns.nodes(), columns.rows_at()
+    columns.node[3] = 7
+    columns.touched.add(3)
+    assert where(columns)[7] == ["a3"]
+    assert columns.nodes()[0][3] == 7
+    columns.node[3] = 8
+    columns.touched.add(3)
+    assert columns.nodes()[0][3] == 8
+    assert where(columns)[8] == ["a3"]
+
+
+def test_keeping_some_rows_keeps_them_findable(columns):
+    columns.rows_at()
+    columns.keep([5, 2])
+    assert where(columns) == {105: ["a5"], 102: ["a2"]}
+
+
+def test_the_number_of_moves_changes_whoever_asks(columns):
+    columns.rows_at()
+    moves = columns.moves
+    columns.rows_at()
+    assert columns.nodes()[1] == columns.moves == moves
+    columns.touched.add(0)
+    columns.rows_at()
+    assert columns.moves != moves
+    assert columns.nodes()[1] == columns.moves
+
+
+def test_flyers_have_places_and_those_on_the_ground_have_none(columns):
+    assert columns.places()[0].tolist() == []
+    assert columns.places()[1].shape == (0, 3)
+    row = columns.append("kite", 100, None, position=(1.0, 2.0, 3.0), speed=2.0)
+    assert (columns.kind[row], columns.previous_position[row], columns.quat[row], columns.speed[row]) == (
+        1,
+        (1.0, 2.0, 3.0),
+        (1.0, 0.0, 0.0, 0.0),
+        2.0,
+    )
+    assert (columns.kind[0], columns.position[0], columns.quat[0], columns.speed[0]) == (0, None, None, None)
+    rows, places = columns.places()
+    assert (rows.tolist(), places.tolist()) == ([20], [[1.0, 2.0, 3.0]])
+    with pytest.raises(ValueError, match="read-only"):
+        places[0] = 0.0
+    columns.position[row] = (4.0, 5.0, 6.0)
+    columns.touched.add(row)
+    assert columns.places()[1].tolist() == [[4.0, 5.0, 6.0]]
+    assert places.tolist() == [[1.0, 2.0, 3.0]]
+
+
+def test_the_rows_of_flyers_follow_them(columns):
+    for i in range(3):
+        columns.append(f"kite{i}", 100, None, position=(float(i), 0.0, 0.0), speed=1.0)
+    columns.places()
+    columns.keep([0, 22, 3, 20])
+    rows, places = columns.places()
+    assert (rows.tolist(), places[:, 0].tolist()) == ([1, 3], [2.0, 0.0])
+    other = AgentColumns()
+    columns.quat[1], columns.previous_position[1] = (0.0, 1.0, 0.0, 0.0), (9.0, 9.0, 9.0)
+    other.copy_row(columns, 1)
+    assert (other.position, other.quat, other.previous_position, other.speed, other.kind) == (
+        [(2.0, 0.0, 0.0)],
+        [(0.0, 1.0, 0.0, 0.0)],
+        [(9.0, 9.0, 9.0)],
+        [1.0],
+        [1],
+    )
+    assert other.places()[0].tolist() == [0]

@@ -131,3 +131,23 @@ def test_agents_keep_their_places_when_many_others_are_deleted(ctx):
     assert [(a.name, a.current_node_id, a.team) for a in agents] == [(f"agent_{i}", i % 9, i) for i in range(40)]
     assert ctx.agent.roll().nodes.tolist() == [i % 9 for i in range(0, 40, 7)]
     assert len(ctx.agent.columns) == 6
+
+
+def test_who_stands_where_is_right_after_agents_were_deleted(ctx, team):
+    assert ctx.agent.standing().rows_at == {0: [0], 1: [1], 2: [2], 3: [3]}
+    ctx.agent.delete_agent("a")
+    ctx.agent.get_agent("d").current_node_id = 1
+    standing = ctx.agent.standing()
+    rows_at = {node: sorted(standing.names[row] for row in rows) for node, rows in standing.rows_at.items()}
+    assert rows_at == {1: ["b", "d"], 2: ["c"]}
+    assert ctx.agent.create_agent("e", start_node_id=2).name == "e"
+    assert sorted(ctx.agent.standing().rows_at[2]) == [1, 3]
+
+
+def test_a_change_of_team_is_a_change_of_the_roll(ctx, team):
+    before = ctx.agent.roll()
+    team[1].team = "red"
+    after = ctx.agent.roll()
+    assert after.teams == [None, "red", None, None]
+    assert after.moves != before.moves
+    assert ctx.agent.standing().moves == after.moves

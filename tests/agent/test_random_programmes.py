@@ -76,12 +76,29 @@ class AgentEngineMachine(RuleBasedStateMachine):
     @rule()
     def ask_for_the_roll(self):
         roll = self.ctx.agent.roll()
-        now = (list(roll.names), roll.nodes.tolist())
-        assert now == (list(self.model), [record[0] for record in self.model.values()])
+        now = (list(roll.names), roll.nodes.tolist(), list(roll.teams))
+        nodes, teams = ([record[i] for record in self.model.values()] for i in (0, 2))
+        assert now == (list(self.model), nodes, teams)
+        assert (roll.flying.tolist(), roll.places.shape) == ([], (0, 3))
         assert len(self.ctx.agent.columns) == len(self.model)
         if self.last is not None and self.last[0] == roll.moves:
             assert self.last[1] == now
         self.last = (roll.moves, now)
+
+    @precondition(lambda self: self.model)
+    @rule(data=st.data(), team=st.integers(0, 2))
+    def change_sides(self, data, team):
+        name = data.draw(st.sampled_from(list(self.model)))
+        self.held[name].team = self.model[name][2] = team
+
+    @rule()
+    def ask_who_stands_where(self):
+        standing = self.ctx.agent.standing()
+        assert standing.names == list(self.model)
+        rows = {row: node for node, there in standing.rows_at.items() for row in there}
+        assert [rows[row] for row in sorted(rows)] == [record[0] for record in self.model.values()]
+        assert sum(map(len, standing.rows_at.values())) == len(rows)
+        assert standing.moves == self.ctx.agent.roll().moves
 
     @rule()
     def sense(self):

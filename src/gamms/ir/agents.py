@@ -1,10 +1,29 @@
 """All agents of a context, one row each, in the order of their creation."""
 
+from collections.abc import Iterable, Sequence
 from typing import Any
 
 import numpy as np
 
-from gamms.ir.graph import IntArray
+from gamms.ir.graph import FloatArray, IntArray
+
+Position = tuple[float, float, float]  # x, y, z; map units
+Quat = tuple[float, float, float, float]  # w, x, y, z; of length 1
+
+UNTURNED: Quat = (1.0, 0.0, 0.0, 0.0)
+
+_BY_ROW = (
+    "names",
+    "teams",
+    "kind",
+    "node",
+    "previous",
+    "heading",
+    "position",
+    "previous_position",
+    "quat",
+    "speed",
+)
 
 
 class AgentColumns:
@@ -15,63 +34,222 @@ class AgentColumns:
 
     Attributes:
         names, teams: of each agent; a team is whatever the caller calls one.
-        node, previous: ids of nodes.
-        heading: `(cos, sin)` where it was set; None where it follows from the last move.
-        touched: rows whose node may have changed since `nodes` was asked last; whoever writes `node` adds to it.
+        kind: 0 on the ground, 1 in the air: the values of `AgentType`.
+        node, previous: ids of nodes; of a flyer those below it, the nearest ones.
+        heading: `(cos, sin)` where it was set; None where it follows from the last move, and for flyers.
+        position, previous_position: `(x, y, z)` of flyers, map units; None on the ground.
+        quat: `(w, x, y, z)` of flyers, of length 1; None on the ground.
+        speed: of flyers, map units per step; None on the ground.
+        touched: rows whose node, position or team may have changed; whoever writes one of these adds to it.
+        flying: row of a flyer -> how many flyers stand before it, ascending.
+        adrift: rows of flyers that have moved since their node was worked out.
+        moves: a number that has changed, after `nodes` or `rows_at`, whenever a node, position or team may have.
+        surveyed: the revision of the graph in which the nodes of the other flyers were.
     """
 
-    __slots__ = ("_moves", "_nodes", "heading", "names", "node", "previous", "teams", "touched")
+    __slots__ = (
+        *_BY_ROW,
+        "_crowds",
+        "_flyers",
+        "_nodes",
+        "_places",
+        "_stale",
+        "adrift",
+        "flying",
+        "moves",
+        "surveyed",
+        "touched",
+    )
+
+    _crowds: "_Crowds | None"
+    _nodes: IntArray  # (agents,)
+    _flyers: IntArray  # (flying,)
+    _places: FloatArray  # (flying, 3)
 
     def __init__(self) -> None:
         self.names: list[str] = []
         self.teams: list[Any] = []
+        self.kind: list[int] = []
         self.node: list[int] = []
         self.previous: list[int] = []
         self.heading: list[tuple[float, float] | None] = []
+        self.position: list[Position | None] = []
+        self.previous_position: list[Position | None] = []
+        self.quat: list[Quat | None] = []
+        self.speed: list[float | None] = []
         self.touched: set[int] = set()
-        self._nodes: IntArray = np.zeros(0, np.int64)
-        self._moves = 0
+        self.adrift: set[int] = set()
+        self.surveyed: int | None = None
+        self.moves = 0
+        self._forget()
 
     def __len__(self) -> int:
         return len(self.names)
 
-    def append(self, name: str, node: int, team: Any) -> int:
-        """Add an agent that stands on `node`; returns its row."""
+    def append(
+        self, name: str, node: int, team: Any, position: Position | None = None, speed: float | None = None
+    ) -> int:
+        """Add an agent that stands on `node`, or one that flies at `position`; returns its row."""
         row = len(self.names)
+        flies = position is not None
         self.names.append(name)
         self.teams.append(team)
+        self.kind.append(int(flies))
         self.node.append(node)
         self.previous.append(node)
         self.heading.append(None)
+        self.position.append(position)
+        self.previous_position.append(position)
+        self.quat.append(UNTURNED if flies else None)
+        self.speed.append(speed)
         self.touched.add(row)
+        if flies:
+            self.flying[row] = len(self.flying)
+            self.adrift.add(row)
         return row
 
     def copy_row(self, source: "AgentColumns", row: int) -> int:
         """Add the agent in a row of other columns; returns its row here."""
-        new = self.append(source.names[row], source.node[row], source.teams[row])
-        self.previous[new], self.heading[new] = source.previous[row], source.heading[row]
+        new = self.append(*(getattr(source, name)[row] for name in ("names", "node", "teams", "position", "speed")))
+        for name in ("previous", "heading", "previous_position", "quat"):
+            getattr(self, name)[new] = getattr(source, name)[row]
         return new
 
     def keep(self, rows: list[int]) -> None:
         """Forget every row but `rows`, which become rows 0, 1, … in the order given."""
-        for name in ("names", "teams", "node", "previous", "heading"):
+        for name in _BY_ROW:
             column = getattr(self, name)
             setattr(self, name, [column[row] for row in rows])
-        self._nodes = np.zeros(0, np.int64)
-        self.touched = set(range(len(rows)))
-        self._moves += 1
+        self.moves += 1
+        adrift = {i for i, row in enumerate(rows) if row in self.adrift}
+        self._forget()
+        self.adrift = adrift
+
+    # -- who is where -------------------------------------------------------------------------------------------
 
     def nodes(self) -> tuple[IntArray, int]:
-        """The node ids (agents,) as an array not to be written to, and a number that changes whenever it does."""
-        touched, node = self.touched, self.node
-        if touched:
-            if len(self._nodes) == len(node) and len(touched) < len(node) // 8:
-                self._nodes = self._nodes.copy()
-                for row in touched:
-                    self._nodes[row] = node[row]
+        """The node ids (agents,) as an array not to be written to, and a number that changes whenever it does.
+
+        The number changes with positions and teams, too.
+        """
+        self._catch_up()
+        return self._nodes, self.moves
+
+    def places(self) -> tuple[IntArray, FloatArray]:
+        """The rows (flying,) of the flyers, ascending, and where they are (flying, 3); not to be written to."""
+        self._catch_up()
+        return self._flyers, self._places
+
+    def rows_at(self) -> dict[int, list[int]]:
+        """Node id -> rows of the agents that stand there, in any order.
+
+        The dict is brought up to date by the next call, which also sets `moves`; it is not to be written to.
+        """
+        # NOTE: asked after every single move of the paper's loop, so it follows what was touched and makes nothing
+        # anew (benchmarks/README.md, w3).
+        if self._crowds is None:
+            self._crowds = _Crowds(self.node)
+        if self.touched:
+            self._note()
+        return self._crowds.at
+
+    def _note(self) -> None:
+        """Hand on what was touched: to the crowds at once, to the arrays when they are asked for."""
+        touched = self.touched
+        self.moves += 1
+        self._stale |= touched
+        if self._crowds is not None:
+            self._crowds.follow(touched, self.node)
+        touched.clear()
+
+    def _catch_up(self) -> None:
+        """Bring the arrays up to date; those that were handed out stay as they are."""
+        if self.touched:
+            self._note()
+        stale = self._stale
+        if not stale:
+            return
+        is_few = len(self._nodes) == len(self.node) and len(stale) < len(self.node) // 8
+        flown = stale & self.flying.keys()
+        if is_few:
+            self._nodes = _changed(self._nodes, stale, [self.node[row] for row in stale])
+        else:
+            self._nodes = _frozen(self.node, np.int64)
+        if flown and is_few:
+            at = [self.flying[row] for row in flown]
+            self._places = _changed(self._places, at, [self.position[row] for row in flown])
+        elif flown:
+            self._flyers = _frozen(self.flying, np.int64)
+            self._places = _frozen([self.position[row] for row in self.flying], np.float64)
+        stale.clear()
+
+    def _forget(self) -> None:
+        """Forget what was worked out from the columns."""
+        self._crowds = None
+        self._nodes = _frozen([], np.int64)
+        self._flyers = self._nodes
+        self._places = _frozen(np.zeros((0, 3)), np.float64)
+        self._stale: set[int] = set()
+        self.touched = set(range(len(self.names)))
+        rows = [row for row, kind in enumerate(self.kind) if kind]
+        self.flying: dict[int, int] = {row: i for i, row in enumerate(rows)}
+
+
+class _Crowds:
+    """Who stands on which node, kept up to date row by row.
+
+    Attributes:
+        at: node id -> rows of the agents there.
+    """
+
+    __slots__ = ("_home", "_seat", "at")
+
+    def __init__(self, node: list[int]) -> None:
+        self.at: dict[int, list[int]] = {}
+        self._home: list[int | None] = []  # row -> the node whose list it is in
+        self._seat: list[int] = []  # row -> where in that list
+        self.follow(range(len(node)), node)
+
+    def follow(self, rows: Iterable[int], node: list[int]) -> None:
+        """Move some rows, new ones among them, to their nodes."""
+        at, home, seat = self.at, self._home, self._seat
+        if len(home) != len(node):
+            new = len(node) - len(home)
+            home += [None] * new
+            seat += [0] * new
+        for row in rows:
+            here, before = node[row], home[row]
+            if here == before:
+                continue
+            if before is not None:
+                there = at[before]
+                last = there.pop()
+                if last != row:  # the last one takes the seat that becomes free, so that a crowd costs nothing
+                    free = seat[last] = seat[row]
+                    there[free] = last
+                elif not there:
+                    del at[before]
+            if here in at:
+                there = at[here]
+                seat[row] = len(there)
+                there.append(row)
             else:
-                self._nodes = np.array(node, np.int64)
-            self._nodes.setflags(write=False)
-            touched.clear()
-            self._moves += 1
-        return self._nodes, self._moves
+                at[here] = [row]
+                seat[row] = 0
+            home[row] = here
+
+
+def _frozen(values: Iterable[Any], kind: type) -> Any:
+    """A read-only array of what a column holds."""
+    array: np.ndarray[Any, Any] = np.array(values if isinstance(values, (Sequence, np.ndarray)) else list(values), kind)
+    array.setflags(write=False)
+    return array
+
+
+def _changed(array: np.ndarray[Any, Any], rows: Iterable[int], values: list[Any]) -> Any:
+    """A read-only copy with other values in some rows."""
+    array = array.copy()
+    for row, value in zip(rows, values, strict=True):
+        array[row] = value
+    array.setflags(write=False)
+    return array

@@ -10,10 +10,12 @@ from gamms.kernels.paths import Arcs, first_steps, make_arcs, tight_arcs
 from gamms.kernels.scipy import shortest_distances
 from gamms.kernels.sight import in_cone
 from gamms.kernels.streams import stream
+from gamms.kernels.yaw import about_z, yaw
 
 __all__ = [
     "Arcs",
     "CellIndex",
+    "about_z",
     "build_cells",
     "candidate_rows",
     "first_steps",
@@ -24,4 +26,5 @@ __all__ = [
     "shortest_distances",
     "stream",
     "tight_arcs",
+    "yaw",
 ]
