@@ -81,10 +81,21 @@ def test_sensors_may_be_given_by_the_names_in_the_state(ctx):
         ({"start_node_id": 0, "register_sensor": 1}, AttributeError, "'register_sensor'"),
         ({"start_node_id": 0, "_row": 7}, AttributeError, "'_row'"),
         ({"start_node_id": 0, "__class__": int}, AttributeError, "'__class__'"),
-        ({"start_node_id": 0, "type": "aerial"}, NotImplementedError, "AERIAL"),
-        ({"start_node_id": 0, "type": AgentType.BASIC, "agent_type": AgentType.AERIAL}, NotImplementedError, "AERIAL"),
-        ({"start_node_id": 0, "type": AgentType.AERIAL, "speed": 1.0}, NotImplementedError, "AERIAL"),
-        ({"start_node_id": 0, "agent_type": AgentType.AERIAL, "speed": 1.0}, NotImplementedError, "AERIAL"),
+        ({"start_node_id": 0, "type": "aerial"}, KeyError, "'new' needs speed="),
+        ({"start_node_id": 0, "type": AgentType.BASIC, "agent_type": AgentType.AERIAL}, KeyError, "speed"),
+        ({"start_node_id": 0, "type": 1, "sped": 1.0}, KeyError, "Did you mean 'speed'"),
+        ({"type": 1, "speed": 1.0}, KeyError, "start_node_id"),
+        ({"start_node_id": 99, "type": 1, "speed": 1.0}, KeyError, "Unknown node 99"),
+        ({"start_node_id": "0", "type": 1, "speed": 1.0}, TypeError, "'0'"),
+        ({"start_node_id": 0, "type": 1, "speed": -1.0}, ValueError, "speed of agent 'new' must not be negative"),
+        ({"start_node_id": 0, "type": 1, "speed": float("nan")}, ValueError, "speed of agent 'new'"),
+        ({"start_node_id": 0, "type": 1, "speed": float("inf")}, ValueError, "speed of agent 'new'"),
+        ({"start_node_id": 0, "type": 1, "speed": None}, TypeError, "speed of agent 'new'"),
+        ({"start_node_id": 0, "type": 1, "speed": "fast"}, TypeError, "'fast'"),
+        ({"start_node_id": 0, "type": 1, "speed": 1, "position": (1, 2)}, ValueError, "position"),
+        ({"start_node_id": 0, "type": 1, "speed": 1, "quat": "wxyz"}, TypeError, "quat"),
+        ({"start_node_id": 0, "type": 1, "speed": 1, "orientation": (0, 0)}, ValueError, "orientation"),
+        ({"start_node_id": 0, "type": 1, "speed": 1, "prev_position": (0, 0, 0)}, AttributeError, "'prev_position'"),
         ({"start_node_id": 0, "sensors": "near"}, TypeError, "list of sensor ids"),
         ({"start_node_id": 0, "sensors": None}, TypeError, "list of sensor ids"),
         ({"start_node_id": 0, "strategy": "north"}, TypeError, "function of the state"),
@@ -157,9 +168,7 @@ def test_an_agent_made_by_hand_is_like_any_other(ctx):
     assert list(ctx.agent.create_iter()) == []
 
 
-def test_an_aerial_agent_comes_later(ctx):
-    with pytest.raises(NotImplementedError, match="aerial agents"):
-        _ = gamms.agent.AerialAgent
+def test_an_agent_of_no_kind_cannot_be_made():
     with pytest.raises(TypeError):
         gamms.agent.NoOpAgent()
 

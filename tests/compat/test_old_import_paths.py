@@ -15,7 +15,7 @@ PATHS = {
     "gamms.AgentEngine": ("gamms.agent", "Agent AgentEngine"),
     "gamms.AgentEngine.agent_engine": (
         "gamms.agent",
-        "Agent NoOpAgent AgentEngine AgentType IAgent IAerialAgent IAgentEngine OpCodes",
+        "Agent AerialAgent NoOpAgent AgentEngine AgentType IAgent IAerialAgent IAgentEngine OpCodes",
     ),
     "gamms.GraphEngine": ("gamms.graph", "GraphEngine"),
     "gamms.GraphEngine.graph_engine": (
@@ -89,8 +89,6 @@ LATER = {
     "import gamms.ComputationEngine": "the computation engine",
     "from gamms.MessageEngine.message_engine import IMessageEngine": "the message engine",
     "import gamms.MessageEngine.redis_message": "the message engine",
-    "from gamms.AgentEngine.agent_engine import AerialAgent": "aerial agents",
-    "gamms.agent.AerialAgent": "aerial agents",
     "from gamms.VisualizationEngine.pygame_engine import PygameVisualizationEngine": "the pygame window",
     "from gamms.VisualizationEngine import PygameVisualizationEngine": "the pygame window",
     "from gamms.VisualizationEngine.render_manager import RenderManager": "the pygame window",
@@ -195,4 +193,3 @@ def test_a_program_can_ask_whether_a_feature_is_there():
     assert not hasattr(gamms, "Recorder")
     assert not hasattr(gamms.visual, "PygameVisualizationEngine")
     assert hasattr(gamms.osm, "create_osm_graph")
-    assert getattr(gamms.agent, "AerialAgent", None) is None

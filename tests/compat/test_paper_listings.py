@@ -1,6 +1,6 @@
 """The listings of the paper run as printed; the misprints that were mended are marked `# mended`.
 
-Left out: loading a place or an aerial agent, which come later and say so.
+Left out: loading a place.
 """
 
 # ruff: noqa: Q000 - single quotes, as printed
@@ -86,13 +86,14 @@ def test_an_agent_is_one_line_and_so_is_its_look(ctx):
     assert ctx.agent.get_agent("agent_0").current_node_id == 0
 
 
-def test_an_aerial_agent_says_that_it_comes_later(ctx):
+def test_an_aerial_agent_is_one_line_too(ctx):
     create_grid(ctx.graph.graph, 2)
-    with pytest.raises(NotImplementedError, match="AERIAL"):
-        ctx.agent.create_agent(
-          'aerial', agent_type=gamms.agent.AgentType.AERIAL,
-          start_node_id=0, speed=1.0
-        ) # Creates an aerial agent that starts on the ground
+    ctx.agent.create_agent(
+      'aerial', agent_type=gamms.agent.AgentType.AERIAL,
+      start_node_id=0, speed=1.0
+    ) # Creates an aerial agent that starts on the ground
+    aerial = ctx.agent.get_agent('aerial')
+    assert (aerial.type, aerial.position) == (gamms.agent.AgentType.AERIAL, (0.0, 0.0, 0.0))
 
 
 def test_teams_are_given_their_strategies(ctx, red_strategy):

@@ -113,10 +113,10 @@ def test_a_sensor_that_has_not_sensed_yet_draws_nothing(ctx):
     assert len(ctx.visual.draw_commands()) == 0
 
 
-def test_a_sensor_of_the_users_own_kind_needs_the_users_own_drawer(ctx, caplog):
+def test_a_sensor_of_the_users_own_kind_without_a_view_is_an_error_of_its_artist(ctx, caplog):
     ctx.visual.set_sensor_visual("own")
     assert len(ctx.visual.draw_commands()) == 0
-    assert "CUSTOM have no drawer here" in caplog.text
+    assert "Own does not offer last_view, so it cannot be drawn: override it" in caplog.text
 
 
 @pytest.mark.parametrize(

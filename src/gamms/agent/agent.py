@@ -1,21 +1,14 @@
-"""A ground agent: a view of one row of the agents' columns, its sensors and its strategy."""
+"""A ground agent: it stands on nodes."""
 
 from math import hypot
 from typing import Any
 
-from gamms.arguments import as_name
-from gamms.errors import BadType, ContextTerminated, GammsError, MissingKey, UnknownName
-from gamms.ir.agents import AgentColumns
+from gamms.agent.member import Member
+from gamms.errors import ContextTerminated, UnknownName
 from gamms.typing import IContext
-from gamms.typing.agent_engine import AgentType, IAgent, IMoves, Strategy
-from gamms.typing.sensor_engine import ISensor, SensorType
 
 
-class NoStrategy(GammsError, AttributeError):
-    """An agent was told to decide and has no strategy."""
-
-
-class Agent(IAgent):
+class Agent(Member):
     """An agent on the ground; see `IAgent` for what each call promises. Any other attribute is the caller's own.
 
     Args:
@@ -29,60 +22,16 @@ class Agent(IAgent):
         AttributeError: a keyword that is the name of a method or of something read-only.
     """
 
-    # NOTE: slots keep its own attributes close together; the caller's are in __dict__ (benchmarks/README.md, w2).
-    __slots__ = ("_carried", "_columns", "_ctx", "_moves", "_row", "_sensor_list", "_shared", "_state", "strategy")
+    __slots__ = ()
 
-    strategy: Strategy | None
+    _ACTION = "a node id"
 
     def __init__(self, ctx: IContext, name: str, start_node_id: Any, **kwargs: Any) -> None:
-        refuse_reserved(kwargs)
-        self._ctx = ctx
-        self._moves = ctx.agent.moves
-        self._sensor_list: dict[str, ISensor] = {}
-        self._shared: dict[int, ISensor] = {}  # by id(): those that another agent carries, too
-        self._carried: tuple[tuple[str, Any], ...] = ()  # the same as the list, in the form that is read fastest
-        self._state: dict[str, Any] = {}
-        self.strategy = None
-        self._row = 0
-        self._columns = AgentColumns()  # of its own, until the engine takes it in
-        self._columns.append(as_name(name, "an agent"), 0, None)
+        super().__init__(ctx, name, kwargs)
+        self._act = self._moves.act
         self._moves.place(self._columns, 0, start_node_id)
         self._moves.place_previous(self._columns, 0, start_node_id)
-        for key, value in kwargs.items():
-            setattr(self, key, value)
-
-    def __repr__(self) -> str:
-        """Name the agent and where it stands."""
-        return f"Agent({self.name!r}, current_node_id={self.current_node_id})"
-
-    # -- what it is ---------------------------------------------------------------------------------------------
-
-    @property
-    def name(self) -> str:
-        """The agent's name."""
-        return self._columns.names[self._row]
-
-    @property
-    def type(self) -> AgentType:
-        """BASIC."""
-        return AgentType.BASIC
-
-    @property
-    def team(self) -> Any:
-        """The team it plays for; None for nobody's. Any value that can be compared will do."""
-        return self._columns.teams[self._row]
-
-    @team.setter
-    def team(self, team: Any) -> None:
-        self._columns.teams[self._row] = team
-        self._columns.touched.add(self._row)  # those who look for a team should see it
-
-    @property
-    def state(self) -> dict[str, Any]:
-        """What `get_state` returned last; `{}` before the first time."""
-        return self._state
-
-    # -- where it is --------------------------------------------------------------------------------------------
+        self._adopt(kwargs)
 
     @property
     def current_node_id(self) -> int:
@@ -92,15 +41,6 @@ class Agent(IAgent):
     @current_node_id.setter
     def current_node_id(self, node_id: int) -> None:
         self._moves.place(self._columns, self._row, node_id)
-
-    @property
-    def prev_node_id(self) -> int:
-        """The node it came from; settable. At first the node it started on."""
-        return self._columns.previous[self._row]
-
-    @prev_node_id.setter
-    def prev_node_id(self, node_id: int) -> None:
-        self._moves.place_previous(self._columns, self._row, node_id)
 
     @property
     def orientation(self) -> tuple[float, float]:
@@ -123,159 +63,3 @@ class Agent(IAgent):
     @orientation.setter
     def orientation(self, heading: tuple[float, float] | None) -> None:
         self._moves.turn(self._columns, self._row, heading)
-
-    # -- sensing, deciding, acting ------------------------------------------------------------------------------
-
-    def register_sensor(self, name: str, sensor: ISensor) -> None:
-        """Carry a sensor; its results appear in the state under `name`.
-
-        Several agents may carry one sensor: it looks with the heading of the one that asks, and leaves that one out.
-        """
-        as_name(name, "a sensor")
-        if not isinstance(sensor, ISensor):
-            raise BadType(f"A sensor must be an ISensor, such as ctx.sensor.get_sensor returns, not {sensor!r}.")
-        other = self._ctx.agent.agents.get(getattr(sensor, "_owner", None) or "")
-        sensor.set_owner(self.name)
-        self._sensor_list[name] = sensor
-        self._carry()
-        if other is not None and other is not self:
-            other._share(sensor)
-            self._share(sensor)
-
-    def deregister_sensor(self, name: str) -> None:
-        """Carry a sensor no longer; an unknown name is only warned about."""
-        sensor = self._sensor_list.pop(name, None)
-        if not any(sensor is other for other in self._sensor_list.values()):
-            self._shared.pop(id(sensor), None)
-        self._carry()
-        if sensor is None:
-            self._ctx.logger.warning(f"Agent {self.name!r} has no sensor {name!r} to deregister.")
-        else:
-            self._disown(sensor)
-
-    def register_strategy(self, strategy: Strategy | None) -> None:
-        """Decide with `strategy` from now on.
-
-        Raises:
-            BadType: it is neither callable nor None.
-        """
-        if strategy is not None and not callable(strategy):
-            raise BadType(f"A strategy must be a function of the state, not {strategy!r}.")
-        self.strategy = strategy
-
-    def get_state(self) -> dict[str, Any]:
-        """Sense; a fresh dict with `curr_pos` and `sensor`."""
-        node = self._columns.node[self._row]
-        sensed = {}
-        for name, sensor in self._carried:
-            sensor.sense(node)
-            sensed[name] = (sensor.type, sensor.data)
-        self._state = state = {"curr_pos": node, "sensor": sensed}
-        return state
-
-    def set_state(self) -> None:
-        """Do what `state['action']` says."""
-        try:
-            action = self._state["action"]
-        except KeyError:
-            raise MissingKey(
-                f"The state of agent {self.name!r} has no 'action': its strategy must set state['action'] to a node id."
-            ) from None
-        self._moves.act(self._columns, self._row, action)
-
-    def step(self) -> None:
-        """`get_state`, decide, `set_state`.
-
-        Raises:
-            NoStrategy (AttributeError): there is no strategy.
-        """
-        if self.strategy is None:
-            raise NoStrategy(f"Agent {self.name!r} has no strategy. Give it one with register_strategy.")
-        self.strategy(self.get_state())
-        self.set_state()
-
-    # -- coming and going ---------------------------------------------------------------------------------------
-
-    def _live_in(self, columns: AgentColumns) -> None:
-        """Move into a row of other columns: those of the world, or new ones to leave it; sensors stay."""
-        self._row, self._columns = columns.copy_row(self._columns, self._row), columns
-
-    def _leave(self) -> None:
-        """Leave the world with columns of its own; its sensors are nobody's."""
-        self._live_in(AgentColumns())
-        for sensor in self._sensor_list.values():
-            self._disown(sensor)
-
-    def _rest(self) -> None:
-        """Do nothing from now on: the context has ended, and a loop that is ending should end quietly."""
-        # NOTE: set on the instance, so that living agents need not ask at every step (benchmarks/README.md, w2).
-        last = self._state or {"curr_pos": self.current_node_id, "sensor": self._unasked()}
-        self._moves = _NoMoves()
-        for name, quiet in (("get_state", lambda: last), ("set_state", _do_nothing), ("step", _do_nothing)):
-            setattr(self, name, quiet)
-
-    def _unasked(self) -> dict[str, Any]:
-        """What the sensors hold without having been asked; a sensor of the caller's may have nothing to show yet."""
-        held = ((name, sensor.type, getattr(sensor, "data", None)) for name, sensor in self._sensor_list.items())
-        return {name: (kind, data) for name, kind, data in held}
-
-    def _share(self, sensor: ISensor) -> None:
-        """Tell a sensor whose eyes it is before every look: another agent carries it, too."""
-        self._shared[id(sensor)] = sensor
-        self._carry()
-
-    def _carry(self) -> None:
-        own = self.name
-        self._carried = tuple(
-            (name, _Borrowed(sensor, own) if id(sensor) in self._shared else sensor)
-            for name, sensor in self._sensor_list.items()
-        )
-
-    def _disown(self, sensor: ISensor) -> None:
-        if getattr(sensor, "_owner", self.name) == self.name:  # unless another agent carries it by now
-            sensor.set_owner(None)
-
-
-class _Borrowed:
-    """A sensor that several agents carry, as one of them uses it."""
-
-    __slots__ = ("_name", "_sensor")
-
-    def __init__(self, sensor: ISensor, name: str) -> None:
-        self._sensor, self._name = sensor, name
-
-    def sense(self, node_id: int) -> None:
-        self._sensor.set_owner(self._name)
-        self._sensor.sense(node_id)
-
-    @property
-    def type(self) -> SensorType:
-        return self._sensor.type
-
-    @property
-    def data(self) -> Any:
-        return self._sensor.data
-
-
-def _do_nothing(*_: Any, **__: Any) -> None:
-    return
-
-
-class _NoMoves(IMoves):
-    """Writes nothing: the context has ended, and a rule that puts agents back should end quietly, too."""
-
-    act = place = place_previous = turn = _do_nothing
-
-
-_SETTABLE = {"current_node_id", "prev_node_id", "orientation", "team"}
-
-
-def refuse_reserved(names: Any) -> None:
-    """Check keywords that are to become attributes.
-
-    Raises:
-        AttributeError: one of them is the name of a method or of something read-only.
-    """
-    for name in names:
-        if name not in _SETTABLE and hasattr(Agent, name):
-            raise AttributeError(f"{name!r} cannot be set when an agent is created.")

@@ -1,18 +1,33 @@
 """The agent room's front: creates agents and keeps them by name."""
 
 from collections.abc import Iterable, Iterator, Mapping
+from numbers import Integral
 from typing import Any
 from weakref import WeakSet
 
+from gamms.agent.aerial import AerialAgent
 from gamms.agent.agent import Agent
+from gamms.agent.member import Member
 from gamms.arguments import as_name, misspelt
-from gamms.errors import BadType, ContextTerminated, Duplicate, MissingKey, NotYet, UnknownName, nearest
+from gamms.errors import BadType, ContextTerminated, Duplicate, MissingKey, UnknownName, nearest
 from gamms.ir.agents import AgentColumns
 from gamms.typing import IContext
 from gamms.typing.agent_engine import AgentType, IAgentEngine, IMoves, Roll, Standing
 from gamms.typing.sensor_engine import ISensor
 
-_KEYWORDS = ("start_node_id", "sensors", "team", "strategy", "type", "agent_type", "orientation", "meta")
+_KEYWORDS = (
+    "start_node_id",
+    "sensors",
+    "team",
+    "strategy",
+    "type",
+    "agent_type",
+    "orientation",
+    "meta",
+    "speed",
+    "position",
+    "quat",
+)
 
 
 class AgentEngine(IAgentEngine):
@@ -27,38 +42,34 @@ class AgentEngine(IAgentEngine):
     def __init__(self, ctx: IContext, moves: IMoves) -> None:
         self._ctx = ctx
         self.moves = moves
-        self.agents: dict[str, Agent] = {}
+        self.agents: dict[str, Member] = {}
         self.columns = AgentColumns()
         self._dead = 0  # rows of deleted agents
-        self._gone: WeakSet[Agent] = WeakSet()  # deleted agents that somebody still holds
+        self._gone: WeakSet[Member] = WeakSet()  # deleted agents that somebody still holds
 
-    def create_agent(self, name: str, **kwargs: Any) -> Agent:
+    def create_agent(self, name: str, **kwargs: Any) -> Member:
         """Create an agent; nothing has changed when this raises."""
         if self._ctx.is_terminated():
             raise ContextTerminated("ctx.agent")
         if as_name(name, "an agent") in self.agents:
             raise Duplicate("an agent", name)
-        self._refuse_other_types(name, kwargs)
+        kind = self._kind_of(name, kwargs)
         sensors = self._found_sensors(name, kwargs.pop("sensors", ()))
         strategy = kwargs.pop("strategy", None)
         hints = misspelt(kwargs, _KEYWORDS)
-        if "start_node_id" not in kwargs:
-            raise MissingKey(" ".join([f"Agent {name!r} needs start_node_id=, the node it stands on.", *hints]))
-        agent = Agent(self._ctx, name, kwargs.pop("start_node_id"), **kwargs)
+        for needed, what in _NEEDED[kind].items():
+            if needed not in kwargs:
+                raise MissingKey(" ".join([f"Agent {name!r} needs {needed}=, {what}.", *hints]))
+        agent = _CLASSES[kind](self._ctx, name, **kwargs)
         agent.register_strategy(strategy)
         for hint in hints:
             self._ctx.logger.warning(f"Agent {name!r}: {hint} It is kept as an attribute.")
-        try:
-            for key, sensor in sensors.items():
-                agent.register_sensor(key, sensor)
-        except BaseException:
-            agent._leave()
-            raise
         agent._live_in(self.columns)
-        self.agents[name] = agent
+        self.agents[name] = agent  # before its sensors: one may ask who its owner is
+        self._equip(agent, sensors)
         return agent
 
-    def get_agent(self, name: str) -> Agent:
+    def get_agent(self, name: str) -> Member:
         """An agent by name (KeyError)."""
         try:
             return self.agents[name]
@@ -67,15 +78,11 @@ class AgentEngine(IAgentEngine):
 
     def delete_agent(self, name: str) -> None:
         """Take an agent out of the world; an unknown name is only warned about."""
-        agent = self.agents.pop(name, None)
+        agent = self.agents.get(name)
         if agent is None:
             self._ctx.logger.warning(f"{UnknownName('agent', name, self.agents)} Nothing is deleted.")
             return
-        agent._leave()
-        self._gone.add(agent)
-        self._dead += 1
-        if self._dead > len(self.agents):  # so that deleting costs each agent its share only once
-            self._sweep()
+        self._take_out(agent)
 
     def create_iter(self) -> "Living":
         """The agents in the order of their creation; each loop over it takes those of its beginning that are left."""
@@ -86,6 +93,8 @@ class AgentEngine(IAgentEngine):
         if self._dead:
             self._sweep()
         columns = self.columns
+        if columns.flying:
+            self.moves.locate(columns)
         nodes, moves = columns.nodes()
         return Roll(columns.names, nodes, moves, columns.teams, *columns.places())
 
@@ -95,6 +104,8 @@ class AgentEngine(IAgentEngine):
         if self._dead:
             self._sweep()
         columns = self.columns
+        if columns.flying:
+            self.moves.locate(columns)
         crowds = columns.crowds()
         rest = columns.node, columns.teams, crowds.at, crowds.taken
         return tuple.__new__(Standing, (columns.names, *rest, columns.moves))
@@ -103,6 +114,28 @@ class AgentEngine(IAgentEngine):
         """Close the room: agents stay readable and do nothing."""
         for agent in (*self.agents.values(), *self._gone):
             agent._rest()
+
+    def _equip(self, agent: Member, sensors: dict[str, ISensor]) -> None:
+        """Give a new agent its sensors, or take it out again."""
+        owners = [(sensor, getattr(sensor, "_owner", None)) for sensor in sensors.values()]
+        try:
+            for key, sensor in sensors.items():
+                agent.register_sensor(key, sensor)
+        except BaseException:
+            equipped = list(agent._sensor_list.values())
+            self._take_out(agent)
+            for sensor, owner in owners:
+                if owner is not None and any(sensor is one for one in equipped):
+                    sensor.set_owner(owner)
+            raise
+
+    def _take_out(self, agent: Member) -> None:
+        del self.agents[agent.name]
+        agent._leave()
+        self._gone.add(agent)
+        self._dead += 1
+        if self._dead > len(self.agents):  # so that deleting costs each agent its share only once
+            self._sweep()
 
     def _sweep(self) -> None:
         """Drop the rows of deleted agents."""
@@ -125,37 +158,53 @@ class AgentEngine(IAgentEngine):
                 self._ctx.logger.warning(f"Agent {name!r} goes without a sensor: {error}")
         return found
 
-    def _refuse_other_types(self, name: str, kwargs: dict[str, Any]) -> None:
-        """Take `type` and its synonym `agent_type` from the keywords.
+    def _kind_of(self, name: str, kwargs: dict[str, Any]) -> AgentType:
+        """What `type` and its synonym `agent_type` ask for.
 
-        As in 1.0.0, a `type` that is none means BASIC, and an `agent_type` that is none is the caller's attribute.
+        As in 1.0.0, a `type` that is none means BASIC, and `agent_type` is an attribute, too, whatever it is.
         """
-        kind = kwargs.pop("type", AgentType.BASIC)
-        kind = AgentType.__members__.get(kind.upper(), kind) if isinstance(kind, str) else kind
-        if kind not in tuple(AgentType):
-            hint = nearest(str(kind).upper(), AgentType.__members__)
-            self._ctx.logger.warning(f"Agent {name!r}: unknown type {kind!r}, so it is BASIC.{hint}")
-        if AgentType.AERIAL in (kind, kwargs.get("agent_type")):
-            raise NotYet("aerial agents (AgentType.AERIAL)")
+        given = kwargs.pop("type", AgentType.BASIC)
+        kind = _as_type(given)
+        if kind is None:
+            hint = nearest(str(given).upper(), AgentType.__members__)
+            self._ctx.logger.warning(f"Agent {name!r}: unknown type {given!r}, so it is BASIC.{hint}")
+        return AgentType.AERIAL if AgentType.AERIAL in (kind, _as_type(kwargs.get("agent_type"))) else AgentType.BASIC
 
 
-class Living(Iterator[Agent]):
+_CLASSES: dict[AgentType, type[Agent] | type[AerialAgent]] = {
+    AgentType.BASIC: Agent,
+    AgentType.AERIAL: AerialAgent,
+}
+_NEEDED = {
+    AgentType.BASIC: {"start_node_id": "the node it stands on"},
+    AgentType.AERIAL: {"start_node_id": "the node it starts from", "speed": "map units per step"},
+}
+
+
+def _as_type(given: Any) -> AgentType | None:
+    """A type given as a member, by name or by number; None if it is none."""
+    if isinstance(given, str):
+        return AgentType.__members__.get(given.upper())
+    return AgentType(int(given)) if isinstance(given, Integral) and given in _CLASSES else None
+
+
+class Living(Iterator[Member]):
     """The agents that live, as often as a program loops over them: 1.0.0 gave a view that could be kept."""
 
     def __init__(self, engine: AgentEngine) -> None:
         self._engine = engine
-        self._loop: Iterator[Agent] | None = None
+        self._loop: Iterator[Member] | None = None
 
     def __len__(self) -> int:
         return len(self._engine.agents)
 
-    def __iter__(self) -> Iterator[Agent]:  # noqa: PYI034 - every loop is one of its own
+    def __iter__(self) -> Iterator[Member]:  # noqa: PYI034 - every loop is one of its own
         columns = self._engine.columns
         for agent in list(self._engine.agents.values()):
             if agent._columns is columns:
                 yield agent
 
-    def __next__(self) -> Agent:
+    def __next__(self) -> Member:
         if self._loop is None:
             self._loop = iter(self)
         return next(self._loop)

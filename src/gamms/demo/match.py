@@ -3,7 +3,7 @@
 from typing import Any
 
 import gamms.typing as contracts
-from gamms.agent import Agent
+from gamms.agent import Member
 from gamms.context import Context
 from gamms.demo import strategies
 from gamms.demo.rules import RULES
@@ -37,7 +37,7 @@ class Match:
         self.scores = [0, 0]
         self.events: list[dict[str, Any]] = []
         self.reason = ""
-        self.agents: list[Agent] = []
+        self.agents: list[Member] = []
         places = [starts(self.world, team, ctx.stream("demo", "start", team)) for team in (0, 1)]
         for number in range(max(team.size for team in teams)):  # by turns, so that no team always moves first
             for team in (0, 1):
@@ -68,7 +68,7 @@ class Match:
                 rule(self)
             self.ctx.visual.simulate()
 
-    def note(self, kind: str, agent: Agent, other: Agent | None = None) -> None:
+    def note(self, kind: str, agent: Member, other: Member | None = None) -> None:
         """Remember that something happened."""
         event = {"turn": self.turn, "kind": kind, "agent": agent.name, "team": self.world.teams[agent.team].name}
         self.events.append(event if other is None else {**event, "other": other.name})

@@ -4,7 +4,7 @@ from math import hypot
 from typing import TYPE_CHECKING
 
 if TYPE_CHECKING:
-    from gamms.agent import Agent
+    from gamms.agent import Member
     from gamms.demo.match import Match
 
 TAG_M = 8.0  # an intruder this close to a defender is tagged
@@ -51,7 +51,7 @@ def end_rule(match: "Match") -> None:
         match.end("time is up")
 
 
-def _send_home(match: "Match", intruder: "Agent", by: "Agent") -> None:
+def _send_home(match: "Match", intruder: "Member", by: "Member") -> None:
     intruder.prev_node_id = intruder.current_node_id = match.start_of[intruder.name]
     match.note("tag", by, intruder)
     if match.announced.carriers.get(by.team) == intruder.name:

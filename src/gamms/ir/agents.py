@@ -78,6 +78,8 @@ class AgentColumns:
         self.quat: list[Quat | None] = []
         self.speed: list[float | None] = []
         self.touched: set[int] = set()
+        self.adrift: set[int] = set()
+        self.surveyed: int | None = None
         self.moves = 0
         self._forget()
 
@@ -119,7 +121,9 @@ class AgentColumns:
             column = getattr(self, name)
             setattr(self, name, [column[row] for row in rows])
         self.moves += 1
+        adrift = {i for i, row in enumerate(rows) if row in self.adrift}
         self._forget()
+        self.adrift = adrift
 
     # -- who is where -------------------------------------------------------------------------------------------
 
@@ -189,8 +193,6 @@ class AgentColumns:
         self.touched = set(range(len(self.names)))
         rows = [row for row, kind in enumerate(self.kind) if kind]
         self.flying: dict[int, int] = {row: i for i, row in enumerate(rows)}
-        self.adrift: set[int] = set(rows)
-        self.surveyed: int | None = None
 
 
 class Crowds:

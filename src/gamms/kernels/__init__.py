@@ -12,11 +12,13 @@ from gamms.kernels.rotations import Quaternion, in_view, multiply_quaternions, q
 from gamms.kernels.scipy import shortest_distances
 from gamms.kernels.sight import in_cone
 from gamms.kernels.streams import stream
+from gamms.kernels.yaw import about_z, yaw
 
 __all__ = [
     "Arcs",
     "CellIndex",
     "Quaternion",
+    "about_z",
     "build_cells",
     "candidate_rows",
     "draws_by_name",
@@ -32,4 +34,5 @@ __all__ = [
     "stream",
     "tight_arcs",
     "unit_quaternion",
+    "yaw",
 ]

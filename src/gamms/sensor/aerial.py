@@ -12,7 +12,8 @@ from gamms.errors import BadType, BadValue
 from gamms.ir.graph import FloatArray, IntArray
 from gamms.ir.sensed import Sensed, SensorView
 from gamms.kernels import Quaternion
-from gamms.sensor.map import ragged
+from gamms.sensor import looks
+from gamms.sensor.map import map_view, ragged
 from gamms.sensor.memory import memory_of
 from gamms.sensor.notice import Notice
 from gamms.sensor.sensor import Sensor
@@ -96,10 +97,6 @@ class FlyingSensor(Sensor):
         turned = kernels.multiply_quaternions(owner.quat, self._quat)
         return Pose(np.array(owner.position), kernels.quaternion_to_direction(turned))
 
-    def last_view(self) -> SensorView:
-        """What was seen last."""
-        return SensorView()
-
     def _reaches(self, offsets: FloatArray, axis: Axis) -> IntArray:
         """Which offsets (points, 3) lie in range and in the cone: their positions."""
         with np.errstate(over="ignore"):  # infinitely far away is far away
@@ -149,6 +146,12 @@ class AerialSensor(FlyingSensor):
         self._looked = last
         looks = len(node_ids)
         return Sensed(*ragged([[*nodes]] * looks), Sensed(*ragged([[edge.id for edge in edges]] * looks)))
+
+    def last_view(self) -> SensorView:
+        """The nodes and edges seen last, and the ground inside the cone they were seen in."""
+        pose = self._looked
+        outline = np.zeros((0, 2)) if pose is None else looks.footprint(*pose, self.range, self.fov)
+        return map_view(self.data, outline)
 
     def _seen(self) -> Surroundings:
         self._looked = pose = self.pose()
@@ -223,6 +226,13 @@ class AerialAgentSensor(FlyingSensor):
         last, looks = self._looked, [self._found().tolist() for _ in node_ids]
         self._looked = last
         return Sensed(*ragged(looks), names=tuple(self._crowd.now().names))
+
+    def last_view(self) -> SensorView:
+        """The agents seen last, where they were then, and the shadow of the cone they were seen in."""
+        pose = self._looked
+        agents = np.array([place[:2] for _, place in self.data.values()], np.float64).reshape(-1, 2)
+        outline = np.zeros((0, 2)) if pose is None else looks.shadow(*pose, self.range, self.fov)
+        return SensorView(agents=agents, outline=outline)
 
     def _found(self) -> IntArray:
         """The rows (agents,) of those who are seen."""

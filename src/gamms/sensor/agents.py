@@ -10,7 +10,7 @@ from gamms import kernels
 from gamms.arguments import as_float, as_range
 from gamms.errors import UnknownName
 from gamms.ir.graph import FloatArray
-from gamms.ir.sensed import Sensed
+from gamms.ir.sensed import Sensed, SensorView
 from gamms.sensor.crowd import Crowd
 from gamms.sensor.map import ragged
 from gamms.sensor.memory import memory_of
@@ -84,7 +84,7 @@ class AgentSensor(GroundSensor):
             data = {names[row]: nodes[row] for row in rows}
         if self._owner is not None and self._at is None:
             data.pop(self._owner, None)
-        self._place, self._heading = place, heading
+        self._looked = place, self.range, self.fov, heading
         self.data = data
 
     def sense_many(self, node_ids: Sequence[int] | np.ndarray[Any, Any]) -> Sensed:
@@ -94,6 +94,10 @@ class AgentSensor(GroundSensor):
         own = self._owner if self._at is None else None
         looks = [self._found(self.place(int(node_id)), heading)[1] for node_id in node_ids]
         return Sensed(*ragged([[row for row in look if names[row] != own] for look in looks]), names=names)
+
+    def last_view(self) -> SensorView:
+        """The agents seen last, at their nodes of then, and the field of view from where they were seen."""
+        return SensorView(agents=self.places_of(self.data.values()), outline=self.outline())
 
     def _everyone(self, place: Place) -> dict[str, int]:
         if not isinstance(place, tuple) and not self.ctx.graph.graph.has_node(place):

@@ -6,8 +6,9 @@ from typing import Any
 import numpy as np
 
 from gamms.arguments import as_float, as_range
-from gamms.ir.graph import IntArray
-from gamms.ir.sensed import Sensed
+from gamms.ir.graph import FloatArray, IntArray
+from gamms.ir.sensed import Sensed, SensorView
+from gamms.sensor import looks
 from gamms.sensor.memory import memory_of
 from gamms.sensor.sensor import ALL_AROUND, FULL_CIRCLE, GroundSensor, Heading
 from gamms.sensor.views import Place
@@ -54,10 +55,11 @@ class MapSensor(GroundSensor):
 
     def sense(self, node_id: int | None = None) -> None:
         """Look around."""
-        self._place = place = self.place(node_id)
-        self._heading = heading = ALL_AROUND if self.fov == FULL_CIRCLE else self.heading()
+        place = self.place(node_id)
+        heading = ALL_AROUND if self.fov == FULL_CIRCLE else self.heading()
         nodes, edges = self._look(place, heading)
         self.data = {"nodes": nodes.copy(), "edges": edges.copy()}
+        self._looked = place, self.range, self.fov, heading
 
     def sense_many(self, node_ids: Sequence[int] | np.ndarray[Any, Any]) -> Sensed:
         """Look from many nodes; values are ids of nodes, and `edges` has ids of edges. `data` stays as it is."""
@@ -65,6 +67,14 @@ class MapSensor(GroundSensor):
         looks = [self._look(self.place(int(node_id)), heading) for node_id in node_ids]
         nodes = ragged([[*look.nodes] for look in looks])
         return Sensed(*nodes, Sensed(*ragged([[edge.id for edge in look.edges] for look in looks])))
+
+    def last_view(self) -> SensorView:
+        """The nodes and edges seen last, and the field of view from where they were seen."""
+        return map_view(self.data, self.outline())
+
+    def _where(self, place: Place) -> tuple[float, float]:
+        node = self.data["nodes"].get(place)  # where it was then, unless whoever was handed the data has emptied it
+        return super()._where(place) if node is None else (node.x, node.y)
 
     def _look(self, place: Place, heading: Heading) -> Surroundings:
         return self._memory.views.look(place, self.range, self.fov, heading)
@@ -109,3 +119,9 @@ def ragged(rows: list[list[int]]) -> tuple[IntArray, IntArray]:
     offsets = np.zeros(len(rows) + 1, np.int64)
     np.cumsum([len(row) for row in rows], out=offsets[1:])
     return offsets, np.fromiter((value for row in rows for value in row), np.int64, int(offsets[-1]))
+
+
+def map_view(data: dict[str, Any], outline: FloatArray) -> SensorView:
+    """What a sensor of nodes and edges shows of its `data`."""
+    nodes = np.array([(node.x, node.y) for node in data.get("nodes", {}).values()], np.float64).reshape(-1, 2)
+    return SensorView(nodes, *looks.polylines(data.get("edges", ())), outline=outline)

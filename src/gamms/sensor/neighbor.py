@@ -5,7 +5,7 @@ from typing import Any
 
 import numpy as np
 
-from gamms.ir.sensed import Sensed
+from gamms.ir.sensed import Sensed, SensorView
 from gamms.sensor.map import ragged
 from gamms.sensor.sensor import Sensor
 from gamms.typing import IContext
@@ -30,3 +30,7 @@ class NeighborSensor(Sensor):
     def sense(self, node_id: int) -> None:
         """Look around."""
         self.data = list(self._neighborhoods[node_id])
+
+    def last_view(self) -> SensorView:
+        """The nodes seen last."""
+        return SensorView(nodes=self.places_of(self.data))

@@ -91,10 +91,7 @@ def _teams(given: Any) -> Any:
 def _chance_of(detection: Any, name: str) -> Chance | None:
     if detection is None or callable(detection):
         return detection  # type: ignore[no-any-return] # None or a function
-    if isinstance(detection, Real):
-        points = np.array([[0.0, float(detection)]])
-    else:
-        points = _points_of(detection, name)
+    points = _points_of([(0.0, detection)] if isinstance(detection, Real) else detection, name)
     if not np.isfinite(points).all() or (points[:, 1] < 0.0).any() or (points[:, 1] > 1.0).any():
         raise BadValue(f"{name} must be made of probabilities from 0 to 1, not {detection!r}.")
     if (np.diff(points[:, 0]) <= 0.0).any():

@@ -1,11 +1,15 @@
 """What every built-in sensor has: a name, a kind, an owner, the last result, perhaps a fixed place."""
 
+from collections.abc import Iterable
 from typing import Any
 
+import numpy as np
+
 from gamms.arguments import as_float, as_int
-from gamms.errors import BadType, BadValue
-from gamms.ir.sensed import SensorView
-from gamms.sensor.views import FULL_CIRCLE, Place
+from gamms.errors import BadType, BadValue, UnknownName
+from gamms.ir.graph import FloatArray
+from gamms.sensor import looks
+from gamms.sensor.views import FULL_CIRCLE, Place, coordinates
 from gamms.typing import IContext
 from gamms.typing.sensor_engine import ISensor, SensorType
 
@@ -43,6 +47,11 @@ class Sensor(ISensor):
         """Name the agent that carries the sensor, or nobody."""
         self._owner = owner
 
+    def places_of(self, node_ids: Iterable[int]) -> FloatArray:
+        """Where the nodes of a look are (nodes, 2); those that were removed since then are left out."""
+        graph = self.ctx.graph.graph
+        return graph.positions([id for id in node_ids if graph.has_node(id)])
+
 
 class GroundSensor(Sensor):
     """Looks over the ground, from the node it is asked about or from a fixed place.
@@ -54,7 +63,7 @@ class GroundSensor(Sensor):
         at: a node id or (x, y) to look from, whatever node is asked about; None looks from that node.
     """
 
-    __slots__ = ("_at", "_heading", "_place", "fov", "orientation", "range")
+    __slots__ = ("_at", "_looked", "fov", "orientation", "range")
 
     range: float
     fov: float
@@ -63,8 +72,7 @@ class GroundSensor(Sensor):
     def __init__(self, ctx: IContext, sensor_id: str, sensor_type: SensorType) -> None:
         super().__init__(ctx, sensor_id, sensor_type)
         self._at: Place | None = None
-        self._place: Place | None = None  # from where it looked last
-        self._heading = ALL_AROUND  # and whither
+        self._looked: tuple[Place, float, float, Heading] | None = None  # whence, how far, how wide, whither
 
     @property
     def at(self) -> Place | None:
@@ -91,9 +99,19 @@ class GroundSensor(Sensor):
         x, y = self.orientation
         return (x * cos - y * sin, x * sin + y * cos)
 
-    def last_view(self) -> SensorView:
-        """What was seen last."""
-        return SensorView()
+    def outline(self) -> FloatArray:
+        """Corners (corners, 2) of the field of view of the last look; none where it had no end."""
+        if self._looked is None:
+            return np.zeros((0, 2))
+        place, radius, fov, heading = self._looked
+        try:
+            x, y = self._where(place)
+        except UnknownName:  # its node is gone
+            return np.zeros((0, 2))
+        return looks.sector(x, y, radius, heading, fov)
+
+    def _where(self, place: Place) -> tuple[float, float]:
+        return coordinates(self.ctx, place)
 
 
 def checked_place(ctx: IContext, at: Any, name: str) -> Place:

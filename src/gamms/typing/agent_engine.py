@@ -7,7 +7,7 @@ from typing import Any, NamedTuple
 
 import numpy as np
 
-from gamms.ir.agents import AgentColumns
+from gamms.ir.agents import AgentColumns, Position, Quat
 from gamms.ir.graph import FloatArray, IntArray
 from gamms.typing.sensor_engine import ISensor
 
@@ -22,7 +22,7 @@ class AgentType(IntEnum):
 
 
 class IAgent(ABC):
-    """Senses, decides and moves. Its position is a node of the graph."""
+    """Senses, decides and moves. On the ground, its position is a node of the graph."""
 
     current_node_id: int
     prev_node_id: int
@@ -89,17 +89,37 @@ class IAgent(ABC):
 
 
 class IAerialAgent(IAgent):
-    """An agent that flies; not built yet."""
+    """An agent that flies: anywhere in space, `speed` map units at each step, and turned anyhow.
+
+    `current_node_id` is the node nearest to its x and y, also after the graph has changed; while the graph has no
+    nodes, it stays what it was. Setting it is like setting `position` to the node's x and y and the present z.
+    `orientation` is the yaw of `quat`; setting it turns the agent about the vertical, to None not at all.
+
+    `get_state` gives `curr_pos`, `quat` and `sensor`. The action is a direction `(dx, dy, dz)` of any length, a tuple
+    or a NumPy array: the agent moves by `speed` map units, or stays if all of it is 0. A dict may have `direction`,
+    any sequence, and `quat`; without both, nothing happens at all. A KeyError tells of no action, a ValueError of a
+    wrong count of numbers or of NaN and infinity, a TypeError of anything else; nothing has changed then.
+    """
 
     @property
     @abstractmethod
-    def position(self) -> tuple[float, float, float]:
-        """Where it is, map units."""
+    def position(self) -> Position:
+        """`(x, y, z)`, map units. Setting it also sets `prev_position` and `prev_node_id` to what was before."""
 
     @property
     @abstractmethod
-    def quat(self) -> tuple[float, float, float, float]:
-        """How it is turned: `(w, x, y, z)`."""
+    def prev_position(self) -> Position:
+        """Where it was before the last move; at first where it began."""
+
+    @property
+    @abstractmethod
+    def quat(self) -> Quat:
+        """How it is turned: `(w, x, y, z)` of length 1; settable, of any length. All zeros mean unturned."""
+
+    @property
+    @abstractmethod
+    def speed(self) -> float:
+        """How far it moves at each step, map units."""
 
 
 class Roll(NamedTuple):
@@ -143,6 +163,43 @@ class IMoves(ABC):
     def turn(self, columns: AgentColumns, row: int, heading: Any) -> None:
         """Face `(cos, sin)`, of any length but zero, until told otherwise; None follows the moves again."""
 
+    # -- in the air ---------------------------------------------------------------------------------------------
+
+    @abstractmethod
+    def launch(self, columns: AgentColumns, row: int, node_id: Any, speed: Any, position: Any) -> None:
+        """Begin on a node (KeyError), or at a position near it, as if it had always been there."""
+
+    @abstractmethod
+    def fly(self, columns: AgentColumns, row: int, action: Any) -> None:
+        """Do what a flyer's action says; see `IAerialAgent`."""
+
+    @abstractmethod
+    def place_at(self, columns: AgentColumns, row: int, position: Any) -> None:
+        """Put a flyer at `(x, y, z)`; where it was is where it was before."""
+
+    @abstractmethod
+    def place_above(self, columns: AgentColumns, row: int, node_id: Any) -> None:
+        """Put a flyer above a node (KeyError), as high as it is; where it was is where it was before."""
+
+    @abstractmethod
+    def face(self, columns: AgentColumns, row: int, heading: Any) -> None:
+        """Turn a flyer about the vertical to `(cos, sin)`, of any length but zero, and level; None: unturned."""
+
+    @abstractmethod
+    def turn_in_space(self, columns: AgentColumns, row: int, quat: Any) -> None:
+        """Turn a flyer to `(w, x, y, z)`, of any length; all zeros: unturned."""
+
+    @abstractmethod
+    def nearest(self, columns: AgentColumns, row: int) -> int:
+        """The node nearest to a flyer, worked out unless neither it nor the graph has changed; the first of several.
+
+        In a graph without nodes it is the one of before.
+        """
+
+    @abstractmethod
+    def locate(self, columns: AgentColumns) -> None:
+        """Bring the nodes of all flyers up to date."""
+
 
 class IAgentEngine(ABC):
     """Creates agents and keeps them by name."""
@@ -156,11 +213,12 @@ class IAgentEngine(ABC):
 
         Keywords: `start_node_id` (required); `sensors`, a list of ids, or a dict from the names in the agent's state
         to sensors or ids (unknown ids are warned about and skipped); `team`, `strategy`, `type` or `agent_type`,
-        `orientation`; any other becomes an attribute of the agent.
+        `orientation`; of aerial agents also `speed` (required), `position` and `quat`; any other becomes an
+        attribute of the agent.
 
         Raises:
             Duplicate (ValueError): the name is taken.
-            KeyError: no `start_node_id`, or an unknown node.
+            KeyError: no `start_node_id`, an unknown node, or an aerial agent without `speed`.
             ContextTerminated: the context has ended.
         """
 

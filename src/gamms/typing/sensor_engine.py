@@ -97,6 +97,8 @@ class ISensor(ABC):
 class ISensorEngine(ABC):
     """Creates sensors and keeps them by name."""
 
+    sensors: dict[str, ISensor]
+
     @abstractmethod
     def create_sensor(self, sensor_id: str, sensor_type: SensorType | None = None, **kwargs: Any) -> ISensor:
         """Create a built-in sensor and keep it.

@@ -23,6 +23,7 @@ from gamms.visual.constants import (
     Space,
 )
 from gamms.visual.drawers import (
+    render_aerial_agent_sensor,
     render_agent,
     render_agent_sensor,
     render_circle,
@@ -31,6 +32,7 @@ from gamms.visual.drawers import (
     render_neighbor_sensor,
     render_obstacles,
     render_rectangle,
+    render_sensor,
 )
 from gamms.visual.no_engine import NoEngine
 
@@ -40,7 +42,6 @@ LATER = {
     "lazy": "the pygame window",
     "render_input_overlay": "the pygame window",
     "render_aerial_agent": "drawing aerial agents",
-    "render_aerial_agent_sensor": "drawing aerial agents",
 }
 
 
@@ -66,6 +67,7 @@ __all__ = [
     "RenderMode",
     "Shape",
     "Space",
+    "render_aerial_agent_sensor",
     "render_agent",
     "render_agent_sensor",
     "render_circle",
@@ -74,5 +76,6 @@ __all__ = [
     "render_neighbor_sensor",
     "render_obstacles",
     "render_rectangle",
+    "render_sensor",
     "string_to_color",
 ]

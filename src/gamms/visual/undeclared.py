@@ -1,31 +1,70 @@
-"""What a scenario looks like when nobody said so: grey streets, agents in the colours of their teams or their own."""
+"""What a scenario looks like when nobody said so: grey streets, and agents in the colours of their teams or their own.
 
+What few sensors saw is drawn in the colours of those who carry them, below the agents.
+"""
+
+from collections.abc import Iterator
+from itertools import islice
 from typing import Any
 
 import numpy as np
 
+from gamms.errors import NotOffered
 from gamms.ir.graph import GraphColumns
-from gamms.typing import IArtist, IContext
+from gamms.ir.sensed import SensorView
+from gamms.typing import IArtist, IContext, ISensor, SensorType
 from gamms.visual.appearance import AgentData, GraphData
 from gamms.visual.artist import Artist
 from gamms.visual.color import TEAM_COLORS, Rgb
-from gamms.visual.drawers import render_agent, render_graph
+from gamms.visual.drawers import render_agent, render_graph, render_sensor
+from gamms.visual.drawers.sensors import view_of
 
-_STREETS, _NODES = (165, 168, 172), (140, 143, 148)
+MOST_SENSORS = 20  # more of them would hide what happens
+_STREETS, _NODES, _NOBODYS = (165, 168, 172), (140, 143, 148), (110, 114, 120)
+_GRAPH, _SENSORS, _AGENTS = 10, 15, 20  # layers
+_RING = 1.7  # of a sensed agent, in radii of its disc
 
 
 def undeclared_artists(ctx: IContext) -> dict[str, IArtist]:
-    """Artists of the graph and of every agent, by name."""
-    unit = _sight(ctx.graph.columns())
-    streets = Artist(ctx, render_graph, 10)
+    """Artists of the graph, of every agent, and of the sensors while they are few, by name."""
+    columns = ctx.graph.columns()
+    unit = _sight(columns)
+    streets = Artist(ctx, render_graph, _GRAPH)
     streets.data = {"graph_data": GraphData(_NODES, 0.35 * unit, _STREETS)}
     artists: dict[str, IArtist] = {"graph": streets}
-    colors = _TeamColors()
+    colors, carriers = _TeamColors(), dict[int, Rgb]()
     for agent in ctx.agent.create_iter():
-        artists[agent.name] = disc = Artist(ctx, render_agent, 20)
-        look = AgentData(agent.name, colors.of(getattr(agent, "team", None) or agent.name), unit)
-        disc.data = {"agent_data": look, "_alpha": 1.0}
+        team = getattr(agent, "team", None)
+        color = colors.of(agent.name if team is None else team)
+        artists[agent.name] = disc = Artist(ctx, render_agent, _AGENTS)
+        disc.data = {"agent_data": AgentData(agent.name, color, unit), "_alpha": 1.0}
+        carriers |= {id(sensor): color for sensor in getattr(agent, "_sensor_list", {}).values()}
+    sensors = list(islice(_telling_sensors(ctx, len(columns.node_ids)), MOST_SENSORS + 1))
+    for sensor in sensors if len(sensors) <= MOST_SENSORS else ():
+        artists[f"sensor_{sensor.sensor_id}"] = artist = Artist(ctx, render_sensor, _SENSORS)
+        color = carriers.get(id(sensor), _NOBODYS)
+        artist.data = {"name": sensor.sensor_id, "color": color, "size": _RING * unit, "node_size": 0.5 * unit}
     return artists
+
+
+def _telling_sensors(ctx: IContext, nodes: int) -> Iterator[ISensor]:
+    """The sensors whose last view says something: not where one may go, not the whole map, not nothing."""
+    for sensor in ctx.sensor.sensors.values():
+        if sensor.type is SensorType.NEIGHBOR:
+            continue
+        try:
+            tells = _tells(view_of(sensor), nodes)
+        except NotOffered:
+            tells = False
+        except Exception:  # noqa: BLE001 - a sensor is user code; its artist will fail likewise, which is logged
+            tells = True
+        if tells:
+            yield sensor
+
+
+def _tells(view: SensorView, nodes: int) -> bool:
+    is_all = len(view.nodes) >= nodes and len(view.outline) == 0
+    return not is_all and any(len(part) for part in (view.nodes, view.lines, view.agents, view.outline))
 
 
 class _TeamColors:

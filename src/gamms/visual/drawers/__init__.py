@@ -8,6 +8,7 @@ from gamms.visual.drawers.agents import render_agent
 from gamms.visual.drawers.graph import render_graph
 from gamms.visual.drawers.obstacles import render_obstacles
 from gamms.visual.drawers.sensors import (
+    render_aerial_agent_sensor,
     render_agent_sensor,
     render_map_sensor,
     render_neighbor_sensor,
@@ -16,6 +17,7 @@ from gamms.visual.drawers.sensors import (
 from gamms.visual.drawers.shapes import render_circle, render_rectangle
 
 __all__ = [
+    "render_aerial_agent_sensor",
     "render_agent",
     "render_agent_sensor",
     "render_circle",

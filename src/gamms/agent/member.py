@@ -1,0 +1,262 @@
+"""What agents on the ground and in the air share: a view of one row of the columns, sensors, a strategy."""
+
+from collections.abc import Callable, Iterable
+from typing import Any, ClassVar
+
+from gamms.arguments import as_name
+from gamms.errors import BadType, GammsError, MissingKey
+from gamms.ir.agents import AgentColumns, Position
+from gamms.typing import IContext
+from gamms.typing.agent_engine import AgentType, IAgent, IMoves, Strategy
+from gamms.typing.sensor_engine import ISensor, SensorType
+
+_KINDS = tuple(AgentType)
+
+
+class NoStrategy(GammsError, AttributeError):
+    """An agent was told to decide and has no strategy."""
+
+
+class Member(IAgent):
+    """An agent of any kind; a subclass says where it begins, where it is and how it acts.
+
+    Args:
+        ctx: the context.
+        name: the agent's name.
+        attributes: the names of what is to become attributes, only checked here.
+        position: where it is, if it flies.
+
+    Raises:
+        AttributeError: a keyword that is the name of a method or of something read-only.
+    """
+
+    # NOTE: slots keep its own attributes close together; the caller's are in __dict__ (benchmarks/README.md, w2).
+    __slots__ = (
+        "_act",
+        "_carried",
+        "_columns",
+        "_ctx",
+        "_moves",
+        "_row",
+        "_sensor_list",
+        "_shared",
+        "_state",
+        "strategy",
+    )
+
+    _SETTABLE: ClassVar = frozenset({"current_node_id", "prev_node_id", "orientation", "team"})
+    _ACTION: ClassVar[str]  # what a strategy is to choose
+
+    strategy: Strategy | None
+    _act: Callable[[AgentColumns, int, Any], None]  # the writer's way to do its actions
+
+    def __init__(self, ctx: IContext, name: str, attributes: Iterable[str], position: Position | None = None) -> None:
+        for key in attributes:
+            if key not in self._SETTABLE and hasattr(type(self), key):
+                raise AttributeError(f"{key!r} cannot be set when an agent is created.")
+        self._ctx = ctx
+        self._moves = ctx.agent.moves
+        self._sensor_list: dict[str, ISensor] = {}
+        self._shared: dict[int, ISensor] = {}  # by id(): those that another agent carries, too
+        self._carried: tuple[tuple[str, Any], ...] = ()  # the same as the list, in the form that is read fastest
+        self._state: dict[str, Any] = {}
+        self.strategy = None
+        self._row = 0
+        self._columns = AgentColumns()  # of its own, until the engine takes it in
+        self._columns.append(as_name(name, "an agent"), 0, None, position)
+
+    def __repr__(self) -> str:
+        """Name the agent and where it stands."""
+        return f"{type(self).__name__}({self.name!r}, current_node_id={self.current_node_id})"
+
+    # -- what it is ---------------------------------------------------------------------------------------------
+
+    @property
+    def name(self) -> str:
+        """The agent's name."""
+        return self._columns.names[self._row]
+
+    @property
+    def type(self) -> AgentType:
+        """What kind of agent this is."""
+        return _KINDS[self._columns.kind[self._row]]
+
+    @property
+    def team(self) -> Any:
+        """The team it plays for; None for nobody's. Any value that can be compared will do."""
+        return self._columns.teams[self._row]
+
+    @team.setter
+    def team(self, team: Any) -> None:
+        self._columns.teams[self._row] = team
+        self._columns.touched.add(self._row)  # those who look for a team should see it
+
+    @property
+    def state(self) -> dict[str, Any]:
+        """What `get_state` returned last; `{}` before the first time."""
+        return self._state
+
+    @property
+    def prev_node_id(self) -> int:
+        """The node it came from; settable. At first the node it started on."""
+        return self._columns.previous[self._row]
+
+    @prev_node_id.setter
+    def prev_node_id(self, node_id: int) -> None:
+        self._moves.place_previous(self._columns, self._row, node_id)
+
+    # -- sensing, deciding, acting ------------------------------------------------------------------------------
+
+    def register_sensor(self, name: str, sensor: ISensor) -> None:
+        """Carry a sensor; its results appear in the state under `name`.
+
+        Several agents may carry one sensor: it looks with the heading of the one that asks, and leaves that one out.
+        """
+        as_name(name, "a sensor")
+        if not isinstance(sensor, ISensor):
+            raise BadType(f"A sensor must be an ISensor, such as ctx.sensor.get_sensor returns, not {sensor!r}.")
+        other = self._ctx.agent.agents.get(getattr(sensor, "_owner", None) or "")
+        sensor.set_owner(self.name)
+        self._sensor_list[name] = sensor
+        self._carry()
+        if other is not None and other is not self:
+            other._share(sensor)
+            self._share(sensor)
+
+    def deregister_sensor(self, name: str) -> None:
+        """Carry a sensor no longer; an unknown name is only warned about."""
+        sensor = self._sensor_list.pop(name, None)
+        if not any(sensor is other for other in self._sensor_list.values()):
+            self._shared.pop(id(sensor), None)
+        self._carry()
+        if sensor is None:
+            self._ctx.logger.warning(f"Agent {self.name!r} has no sensor {name!r} to deregister.")
+        else:
+            self._disown(sensor)
+
+    def register_strategy(self, strategy: Strategy | None) -> None:
+        """Decide with `strategy` from now on.
+
+        Raises:
+            BadType: it is neither callable nor None.
+        """
+        if strategy is not None and not callable(strategy):
+            raise BadType(f"A strategy must be a function of the state, not {strategy!r}.")
+        self.strategy = strategy
+
+    def get_state(self) -> dict[str, Any]:
+        """Sense; a fresh dict with `curr_pos` and `sensor`."""
+        node = self._columns.node[self._row]
+        sensed = {}
+        for name, sensor in self._carried:
+            sensor.sense(node)
+            sensed[name] = (sensor.type, sensor.data)
+        self._state = state = {"curr_pos": node, "sensor": sensed}
+        return state
+
+    def set_state(self) -> None:
+        """Do what `state['action']` says."""
+        try:
+            action = self._state["action"]
+        except KeyError:
+            raise MissingKey(
+                f"The state of agent {self.name!r} has no 'action': its strategy must set state['action'] to "
+                f"{self._ACTION}."
+            ) from None
+        self._act(self._columns, self._row, action)
+
+    def step(self) -> None:
+        """`get_state`, decide, `set_state`.
+
+        Raises:
+            NoStrategy (AttributeError): there is no strategy.
+        """
+        if self.strategy is None:
+            raise NoStrategy(f"Agent {self.name!r} has no strategy. Give it one with register_strategy.")
+        self.strategy(self.get_state())
+        self.set_state()
+
+    # -- coming and going ---------------------------------------------------------------------------------------
+
+    def _adopt(self, attributes: dict[str, Any]) -> None:
+        """Take on what the caller gave to be attributes."""
+        for key, value in attributes.items():
+            setattr(self, key, value)
+
+    def _live_in(self, columns: AgentColumns) -> None:
+        """Move into a row of other columns: those of the world, or new ones to leave it; sensors stay."""
+        self._row, self._columns = columns.copy_row(self._columns, self._row), columns
+
+    def _leave(self) -> None:
+        """Leave the world with columns of its own; its sensors are nobody's."""
+        self._live_in(AgentColumns())
+        for sensor in self._sensor_list.values():
+            self._disown(sensor)
+
+    def _rest(self) -> None:
+        """Do nothing from now on: the context has ended, and a loop that is ending should end quietly."""
+        # NOTE: set on the instance, so that living agents need not ask at every step (benchmarks/README.md, w2).
+        last = self._state or self._state_of(self._unasked())
+        self._moves = _NoMoves()
+        for name, quiet in (("get_state", lambda: last), ("set_state", _do_nothing), ("step", _do_nothing)):
+            setattr(self, name, quiet)
+
+    def _state_of(self, sensed: dict[str, Any]) -> dict[str, Any]:
+        """A state with these results of sensors."""
+        return {"curr_pos": self.current_node_id, "sensor": sensed}
+
+    def _unasked(self) -> dict[str, Any]:
+        """What the sensors hold without having been asked; a sensor of the caller's may have nothing to show yet."""
+        held = ((name, sensor.type, getattr(sensor, "data", None)) for name, sensor in self._sensor_list.items())
+        return {name: (kind, data) for name, kind, data in held}
+
+    def _share(self, sensor: ISensor) -> None:
+        """Tell a sensor whose eyes it is before every look: another agent carries it, too."""
+        self._shared[id(sensor)] = sensor
+        self._carry()
+
+    def _carry(self) -> None:
+        own = self.name
+        self._carried = tuple(
+            (name, _Borrowed(sensor, own) if id(sensor) in self._shared else sensor)
+            for name, sensor in self._sensor_list.items()
+        )
+
+    def _disown(self, sensor: ISensor) -> None:
+        if getattr(sensor, "_owner", self.name) == self.name:  # unless another agent carries it by now
+            sensor.set_owner(None)
+
+
+class _Borrowed:
+    """A sensor that several agents carry, as one of them uses it."""
+
+    __slots__ = ("_name", "_sensor")
+
+    def __init__(self, sensor: ISensor, name: str) -> None:
+        self._sensor, self._name = sensor, name
+
+    def sense(self, node_id: int) -> None:
+        self._sensor.set_owner(self._name)
+        self._sensor.sense(node_id)
+
+    @property
+    def type(self) -> SensorType:
+        return self._sensor.type
+
+    @property
+    def data(self) -> Any:
+        return self._sensor.data
+
+
+def _do_nothing(*_: Any, **__: Any) -> None:
+    return
+
+
+class _NoMoves(IMoves):
+    """Writes nothing: the context has ended, and a rule that puts agents back should end quietly, too."""
+
+    act = place = place_previous = turn = _do_nothing
+    launch = fly = place_at = place_above = face = turn_in_space = locate = _do_nothing
+
+    def nearest(self, columns: AgentColumns, row: int) -> int:
+        return columns.node[row]

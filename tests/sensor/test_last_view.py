@@ -1,0 +1,93 @@
+"""What a sensor offers to whoever draws it: the last look, from where it was taken."""
+
+from math import inf, pi
+
+import pytest
+
+from gamms.errors import UnknownName
+from gamms.sensor import SensorType, looks
+
+DRAWN = [SensorType.NEIGHBOR, *(SensorType[name] for name in ("MAP", "RANGE", "ARC", "AGENT", "AGENT_RANGE"))]
+
+
+def is_empty(view):
+    return not any(len(part) for part in (view.nodes, view.lines, view.agents, view.outline))
+
+
+@pytest.mark.parametrize("kind", DRAWN, ids=lambda kind: kind.name)
+def test_before_the_first_look_nothing_was_seen(ctx, kind):
+    assert is_empty(ctx.sensor.create_sensor("eye", kind).last_view())
+
+
+@pytest.mark.parametrize("kind", DRAWN[:-2], ids=lambda kind: kind.name)
+def test_a_look_that_fails_leaves_the_last_view_as_it_was(ctx, kind):
+    eye = ctx.sensor.create_sensor("eye", kind)
+    eye.sense(1)
+    before = eye.last_view()
+    with pytest.raises(UnknownName):
+        eye.sense(99)
+    assert eye.last_view().nodes.tolist() == before.nodes.tolist()
+    assert eye.last_view().outline.tolist() == before.outline.tolist()
+
+
+def test_a_neighbor_sensor_shows_the_nodes_that_are_still_there(ctx):
+    eye = ctx.sensor.create_sensor("eye", SensorType.NEIGHBOR)
+    eye.sense(0)
+    ctx.graph.graph.remove_node(2)
+    assert eye.last_view().nodes.tolist() == [[0, 0], [1, 0], [-1, 0], [0, -1]]
+
+
+def test_a_range_sensor_shows_nodes_edges_and_its_disc(ctx):
+    eye = ctx.sensor.create_sensor("eye", SensorType.RANGE, sensor_range=1.2)
+    eye.sense(1)
+    view = eye.last_view()
+    assert view.nodes.tolist() == [[0, 0], [1, 0]]
+    assert view.lines.tolist() == [[0, 0], [1, 0], [1, 0], [0, 0]]
+    assert view.offsets.tolist() == [0, 2, 4]
+    assert view.outline.tolist() == looks.disc(1, 0, 1.2).tolist()
+    assert len(view.agents) == 0
+
+
+def test_a_view_is_that_of_the_last_look_whatever_happens_afterwards(ctx):
+    eye = ctx.sensor.create_sensor("eye", SensorType.ARC, sensor_range=2.0, fov=pi / 2)
+    scout = ctx.agent.create_agent("scout", start_node_id=0, sensors=["eye"], orientation=(0.0, 1.0))
+    scout.get_state()
+    before = eye.last_view()
+    assert before.outline.tolist() == looks.sector(0, 0, 2.0, (0.0, 1.0), pi / 2).tolist()
+    scout.orientation = (1.0, 0.0)
+    scout.current_node_id = 3
+    eye.range, eye.fov = 9.0, 1.0
+    ctx.graph.graph.update_node({"id": 0, "x": 50.0})
+    assert eye.last_view().outline.tolist() == before.outline.tolist()
+    assert eye.last_view().nodes.tolist() == before.nodes.tolist() == [[0, 0], [0, 1]]
+
+
+def test_a_sensor_of_agents_shows_their_nodes_and_its_disc(ctx):
+    for name, node in (("anna", 0), ("ben", 1), ("far", 5)):
+        ctx.agent.create_agent(name, start_node_id=node)
+    eye = ctx.sensor.create_sensor("eye", SensorType.AGENT_RANGE, sensor_range=2.0)
+    ctx.agent.get_agent("anna").register_sensor("eye", eye)
+    eye.sense(0)
+    assert eye.last_view().agents.tolist() == [[1, 0]]
+    assert eye.last_view().outline.tolist() == looks.disc(0, 0, 2.0).tolist()
+
+
+def test_a_view_without_bounds_has_no_outline(ctx):
+    ctx.agent.create_agent("anna", start_node_id=0)
+    eye = ctx.sensor.create_sensor("eye", SensorType.AGENT_RANGE, sensor_range=1.0)
+    eye.sense(0)
+    eye.range = inf
+    eye.sense(0)
+    assert eye.last_view().agents.tolist() == [[0, 0]]
+    assert eye.last_view().outline.shape == (0, 2)
+    world = ctx.sensor.create_sensor("world", SensorType.MAP)
+    world.sense(0)
+    assert (len(world.last_view().nodes), len(world.last_view().outline)) == (6, 0)
+
+
+def test_a_view_is_there_even_if_the_data_was_emptied_by_its_reader(ctx):
+    eye = ctx.sensor.create_sensor("eye", SensorType.RANGE, sensor_range=1.2)
+    eye.sense(0)
+    eye.data["nodes"].clear()
+    assert eye.last_view().nodes.tolist() == []
+    assert eye.last_view().outline.tolist() == looks.disc(0, 0, 1.2).tolist()
