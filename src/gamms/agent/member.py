@@ -198,6 +198,7 @@ class Member(IAgent):
         # NOTE: set on the instance, so that living agents need not ask at every step (benchmarks/README.md, w2).
         last = self._state or self._state_of(self._unasked())
         self._moves = _NoMoves()
+        self._act = self._moves.act
         for name, quiet in (("get_state", lambda: last), ("set_state", _do_nothing), ("step", _do_nothing)):
             setattr(self, name, quiet)
 

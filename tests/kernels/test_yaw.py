@@ -1,0 +1,80 @@
+"""The yaw of a turn in space, and the turn about the vertical that has it."""
+
+from math import cos, hypot, pi, sin, sqrt
+
+import pytest
+from hypothesis import assume, given
+from hypothesis import strategies as st
+
+from gamms import kernels
+
+HALF = sqrt(0.5)
+ANGLES = st.floats(-pi, pi)
+PARTS = st.floats(-1.0, 1.0)
+
+
+def times(one, other):
+    """The turn `other`, followed by `one`."""
+    w, x, y, z = one
+    a, b, c, d = other
+    return (
+        w * a - x * b - y * c - z * d,
+        w * b + x * a + y * d - z * c,
+        w * c - x * d + y * a + z * b,
+        w * d + x * c - y * b + z * a,
+    )
+
+
+@pytest.mark.parametrize(
+    ("quat", "heading"),
+    [
+        ((1.0, 0.0, 0.0, 0.0), (1.0, 0.0)),
+        ((HALF, 0.0, 0.0, HALF), (0.0, 1.0)),
+        ((0.0, 0.0, 0.0, 1.0), (-1.0, 0.0)),
+        ((HALF, 0.0, 0.0, -HALF), (0.0, -1.0)),
+        ((HALF, 0.0, HALF, 0.0), (0.0, 0.0)),
+        ((HALF, 0.0, -HALF, 0.0), (0.0, 0.0)),
+        ((HALF, HALF, 0.0, 0.0), (1.0, 0.0)),
+        ((0.0, 0.0, 1.0, 0.0), (-1.0, 0.0)),
+    ],
+    ids=["unturned", "left", "about", "right", "nose down", "nose up", "on its side", "over its head"],
+)
+def test_the_heading_is_that_of_the_turned_x_axis(quat, heading):
+    assert kernels.yaw(quat) == heading
+
+
+@given(angle=ANGLES)
+def test_a_turn_about_the_vertical_has_the_yaw_it_was_made_for(angle):
+    heading = (cos(angle), sin(angle))
+    assert kernels.yaw(kernels.about_z(heading)) == pytest.approx(heading, abs=1e-12)
+    assert hypot(*kernels.about_z(heading)) == pytest.approx(1.0)
+
+
+@given(angle=ANGLES, pitch=st.floats(-1.5, 1.5), roll=ANGLES)
+def test_pitch_and_roll_leave_the_yaw_alone(angle, pitch, roll):
+    heading = (cos(angle), sin(angle))
+    down = (cos(pitch / 2), 0.0, sin(pitch / 2), 0.0)
+    over = (cos(roll / 2), sin(roll / 2), 0.0, 0.0)
+    turned = times(kernels.about_z(heading), times(down, over))
+    assert kernels.yaw(turned) == pytest.approx(heading, abs=1e-9)
+
+
+@given(quat=st.tuples(PARTS, PARTS, PARTS, PARTS), angle=ANGLES)
+def test_turning_about_the_vertical_adds_to_the_yaw(quat, angle):
+    length = hypot(*quat)
+    assume(length > 1e-3)
+    quat = tuple(part / length for part in quat)
+    x, y = kernels.yaw(quat)
+    w, a, b, z = quat
+    assume(hypot(w * w + a * a - b * b - z * z, 2 * (a * b + w * z)) > 1e-3)  # nearly vertical: hardly any yaw
+    turned = kernels.yaw(times(kernels.about_z((cos(angle), sin(angle))), quat))
+    assert turned == pytest.approx((x * cos(angle) - y * sin(angle), x * sin(angle) + y * cos(angle)), abs=1e-9)
+
+
+@given(quat=st.tuples(PARTS, PARTS, PARTS, PARTS).filter(lambda quat: hypot(*quat) > 1e-3))
+def test_a_heading_has_length_one_or_none_and_a_turn_and_its_opposite_are_the_same(quat):
+    length = hypot(*quat)
+    quat = tuple(part / length for part in quat)
+    heading = kernels.yaw(quat)
+    assert heading == (0.0, 0.0) or hypot(*heading) == pytest.approx(1.0)
+    assert kernels.yaw(tuple(-part for part in quat)) == heading
