@@ -1,0 +1,167 @@
+"""AERIAL and AERIAL_AGENT: what is seen along an axis from an agent that flies, or from a fixed place in the air."""
+
+from math import inf, pi, sqrt
+
+import pytest
+
+from gamms.agent import AgentType
+from gamms.sensor import SensorType, multiply_quaternions, quaternion_to_direction
+
+HALF = sqrt(0.5)
+LEVEL, DOWN, LEFT = (1.0, 0.0, 0.0, 0.0), (HALF, 0.0, HALF, 0.0), (HALF, 0.0, 0.0, HALF)
+
+
+@pytest.fixture
+def drone(ctx):
+    drone = ctx.agent.create_agent("drone", type=AgentType.AERIAL, start_node_id=0, speed=1.0)
+    drone.position = (0.0, 0.0, 2.0)
+    return drone
+
+
+@pytest.fixture
+def look(ctx, drone):
+    def look(kind, **given):
+        name = f"sensor_{len(ctx.sensor.sensors)}"
+        drone.register_sensor(name, ctx.sensor.create_sensor(name, kind, **given))
+        return drone.get_state()["sensor"][name][1]
+
+    return look
+
+
+def test_by_default_the_ground_straight_below_is_seen(look):
+    seen = look(SensorType.AERIAL)
+    assert list(seen["nodes"]) == [0, 1, 2, 3, 4]  # at most 1.15 aside of a point 2 below
+    assert len(seen["edges"]) == 8
+
+
+def test_a_node_at_the_rim_of_the_cone_or_of_the_range_is_seen(look, drone):
+    drone.position = (0.0, 0.0, 1.0)
+    assert list(look(SensorType.AERIAL, fov=pi / 2)["nodes"]) == [0, 1, 2, 3, 4]
+    assert list(look(SensorType.AERIAL, fov=pi / 2 - 1e-6)["nodes"]) == [0]
+    assert list(look(SensorType.AERIAL, fov=pi / 2, sensor_range=sqrt(2))["nodes"]) == [0, 1, 2, 3, 4]
+    assert list(look(SensorType.AERIAL, fov=pi / 2, sensor_range=1.4)["nodes"]) == [0]
+
+
+def test_the_range_counts_in_space(look, drone):
+    drone.position = (0.0, 0.0, 60.0)
+    assert look(SensorType.AERIAL, sensor_range=50.0) == {"nodes": {}, "edges": []}
+    assert len(look(SensorType.AERIAL, sensor_range=inf)["nodes"]) == 6
+
+
+def test_a_node_without_streets_and_one_at_the_drone_itself_are_seen(look, drone):
+    drone.position = (3.0, 4.0, 0.0)
+    assert list(look(SensorType.AERIAL, sensor_range=0.0)["nodes"]) == [5]
+
+
+def test_a_cone_that_looks_at_the_ground_is_at_most_nine_tenths_of_a_half_circle_wide(ctx, look, drone):
+    drone.position = (0.0, 0.0, 0.1)
+    assert list(look(SensorType.AERIAL, fov=2 * pi)["nodes"]) == [0]
+    assert ctx.sensor.get_sensor("sensor_0").fov == 0.9 * pi
+
+
+def test_the_axis_turns_with_the_drone_and_with_the_sensor(look, drone):
+    drone.position = (0.0, 0.0, 0.01)
+    ahead = {"fov": 1.0, "quat": LEVEL, "sensor_range": 2.0}
+    assert list(look(SensorType.AERIAL, **ahead)["nodes"]) == [1]  # east
+    drone.quat = LEFT
+    assert list(look(SensorType.AERIAL, **ahead)["nodes"]) == [2]  # north
+    assert list(look(SensorType.AERIAL, **{**ahead, "quat": LEFT})["nodes"]) == [3]  # west
+    assert list(look(SensorType.AERIAL, **{**ahead, "quat": DOWN})["nodes"]) == [0]
+
+
+def test_without_an_owner_and_a_place_nothing_is_seen(ctx):
+    for kind, nothing in ((SensorType.AERIAL, {"nodes": {}, "edges": []}), (SensorType.AERIAL_AGENT, {})):
+        sensor = ctx.sensor.create_sensor(kind.name, kind)
+        assert sensor.data == {}
+        sensor.sense(0)
+        assert sensor.data == nothing
+
+
+def test_agents_are_seen_in_space_whether_they_walk_or_fly(ctx, look):
+    ctx.agent.create_agent("walker", start_node_id=1)
+    other = ctx.agent.create_agent("other", type=AgentType.AERIAL, start_node_id=5, speed=1.0)
+    other.position = (3.0, 4.0, 2.0)
+    seen = {"walker": (AgentType.BASIC, (1.0, 0.0, 0.0)), "other": (AgentType.AERIAL, (3.0, 4.0, 2.0))}
+    assert look(SensorType.AERIAL_AGENT) == seen
+    assert list(look(SensorType.AERIAL_AGENT, sensor_range=5.0)) == ["walker", "other"]
+    assert list(look(SensorType.AERIAL_AGENT, sensor_range=4.99)) == ["walker"]
+    assert list(look(SensorType.AERIAL_AGENT, fov=pi / 2, quat=DOWN)) == ["walker"]
+
+
+def test_an_agent_at_the_very_point_of_the_drone_is_not_seen_as_in_the_original(ctx, look, drone):
+    twin = ctx.agent.create_agent("twin", type=AgentType.AERIAL, start_node_id=0, speed=1.0)
+    twin.position = drone.position
+    assert look(SensorType.AERIAL_AGENT) == {}
+    twin.position = (0.0, 0.0, 2.001)
+    assert list(look(SensorType.AERIAL_AGENT)) == ["twin"]
+
+
+def test_sensors_on_the_ground_find_drones_at_the_nearest_node(sense, ctx, drone):
+    drone.position = (2.9, 4.2, 40.0)
+    assert sense(SensorType.AGENT_RANGE, node=5, sensor_range=0.0) == {"drone": 5}
+
+
+@pytest.mark.parametrize("kind", ["AERIAL", "AERIAL_AGENT", "OCCLUDED_AERIAL", "OCCLUDED_AERIAL_AGENT"])
+def test_the_owner_must_be_there_and_fly(ctx, drone, kind):
+    sensor = ctx.sensor.create_sensor("eye", SensorType[kind])
+    walker = ctx.agent.create_agent("walker", start_node_id=1)
+    with pytest.raises(ValueError, match=r"'eye' .* needs an agent that flies; 'walker' does not"):
+        walker.register_sensor("eye", sensor)
+    assert walker.get_state()["sensor"] == {}
+    with pytest.raises(KeyError, match=r"Unknown agent 'dron'. Did you mean 'drone'"):
+        sensor.set_owner("dron")
+    assert sensor._owner is None
+    with pytest.raises(ValueError, match="needs an agent that flies"):
+        ctx.agent.create_agent("other", start_node_id=1, sensors=["eye"])
+    assert "other" not in ctx.agent.agents
+    ctx.agent.create_agent("flyer", type=AgentType.AERIAL, start_node_id=1, speed=1, sensors=["eye"])
+    assert sensor._owner == "flyer"
+    ctx.agent.delete_agent("flyer")
+    sensor.sense(0)
+    assert sensor._owner is None
+    assert sensor.type is SensorType[kind]
+
+
+def test_two_drones_may_share_a_sensor(ctx, drone):
+    eye = ctx.sensor.create_sensor("eye", SensorType.AERIAL, sensor_range=1.0)
+    far = ctx.agent.create_agent("far", type=AgentType.AERIAL, start_node_id=5, speed=1, sensors=["eye"])
+    drone.register_sensor("eye", eye)
+    drone.position = (1.0, 0.0, 0.5)
+    assert list(far.get_state()["sensor"]["eye"][1]["nodes"]) == [5]
+    assert list(drone.get_state()["sensor"]["eye"][1]["nodes"]) == [1]
+
+
+@pytest.mark.parametrize(
+    ("given", "error", "words"),
+    [
+        ({"quat": (0, 0, 0, 0)}, ValueError, "quat of 'eye' must not be zero"),
+        ({"quat": (1, 0, 0)}, ValueError, r"quat of 'eye' must be \(w, x, y, z\)"),
+        ({"quat": (1, 0, 0, float("nan"))}, ValueError, "quat of 'eye' must be finite"),
+        ({"quat": "down"}, TypeError, "quat of 'eye' must be"),
+        ({"quat": 1}, TypeError, "quat of 'eye' must be"),
+        ({"sensor_range": -1}, ValueError, "sensor_range of 'eye' must not be negative"),
+        ({"fov": float("nan")}, ValueError, "fov of 'eye' must be finite"),
+        ({"at": (0, 0)}, ValueError, r"at of 'eye' must be \(x, y, z\)"),
+        ({"at": 0}, TypeError, r"at of 'eye' must be \(x, y, z\)"),
+    ],
+)
+@pytest.mark.parametrize("kind", ["AERIAL", "OCCLUDED_AERIAL_AGENT"])
+def test_an_impossible_keyword_is_refused(ctx, kind, given, error, words):
+    with pytest.raises(error, match=words):
+        ctx.sensor.create_sensor("eye", SensorType[kind], **given)
+    assert ctx.sensor.sensors == {}
+
+
+def test_a_quaternion_is_kept_at_length_one(ctx):
+    sensor = ctx.sensor.create_sensor("eye", SensorType.AERIAL, quat=(2, 0, 2, 0))
+    assert sensor.quat == pytest.approx(DOWN)
+    with pytest.raises(ValueError, match="must not be zero"):
+        sensor.quat = (0, 0, 0, 0)
+    assert sensor.quat == pytest.approx(DOWN)
+
+
+def test_the_published_helpers_multiply_and_point():
+    assert quaternion_to_direction(LEVEL) == (1.0, 0.0, 0.0)
+    assert quaternion_to_direction(DOWN) == pytest.approx((0.0, 0.0, -1.0))
+    assert multiply_quaternions(LEVEL, (0, 1, 0, 0)) == (0.0, 1.0, 0.0, 0.0)
+    assert quaternion_to_direction(multiply_quaternions(LEFT, LEFT)) == pytest.approx((-1.0, 0.0, 0.0))
