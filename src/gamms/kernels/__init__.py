@@ -4,8 +4,9 @@ The NumPy versions are the specification; faster twins must match them exactly.
 Call them as `kernels.name(...)`. May import: numpy, `gamms.ir`.
 """
 
-from gamms.kernels.cells import CellIndex, build_cells, candidate_rows
-from gamms.kernels.csr import group_rows, ragged_rows
+from gamms.kernels.cells import CellIndex, build_cells, candidate_rows, rows_between
+from gamms.kernels.csr import expand_ranges, group_rows, ragged_rows
+from gamms.kernels.occlusion import blocks, visible
 from gamms.kernels.paths import Arcs, first_steps, make_arcs, tight_arcs
 from gamms.kernels.scipy import shortest_distances
 from gamms.kernels.sight import in_cone
@@ -14,14 +15,18 @@ from gamms.kernels.streams import stream
 __all__ = [
     "Arcs",
     "CellIndex",
+    "blocks",
     "build_cells",
     "candidate_rows",
+    "expand_ranges",
     "first_steps",
     "group_rows",
     "in_cone",
     "make_arcs",
     "ragged_rows",
+    "rows_between",
     "shortest_distances",
     "stream",
     "tight_arcs",
+    "visible",
 ]
