@@ -9,10 +9,11 @@ from gamms.graph.contents import Contents
 from gamms.graph.graph import Graph
 from gamms.graph.obstacles import Obstacles, checked_face, checked_faces
 from gamms.ir.graph import FloatArray, GraphColumns
-from gamms.ir.obstacles import ObstacleColumns
+from gamms.ir.obstacles import BoolArray, ObstacleColumns
 from gamms.typing import IContext
 from gamms.typing.graph_engine import Corner, Engine, IGraphEngine, NodeIds, Numbers, ObsFace
 from gamms.typing.memory_engine import StoreType
+from gamms.typing.obstacles import line_ends
 
 if TYPE_CHECKING:
     import networkx as nx
@@ -93,6 +94,15 @@ class GraphEngine(IGraphEngine):
     def obstacle_columns(self) -> ObstacleColumns:
         """All quadrangles as read-only arrays that stay as they are now."""
         return self._present().columns()
+
+    @property
+    def obstacle_revision(self) -> int:
+        """A number that changes with every change of the obstacles."""
+        return self._present().revision
+
+    def visible(self, origin: Any, targets: Any) -> BoolArray:
+        """Whether no face blocks the straight line from origin (3,) to each of the targets (targets, 3)."""
+        return self._present().visible(*line_ends(origin, targets))
 
     # -- in and out ---------------------------------------------------------------------------------------------
 

@@ -7,16 +7,19 @@ from typing import Any
 
 import numpy as np
 
+from gamms import kernels
 from gamms.arguments import as_float, as_int
 from gamms.errors import BadType, BadValue, DuplicateId, UnknownName
 from gamms.graph import records
 from gamms.graph.records import is_everywhere
+from gamms.graph.walls import Walls, surroundings
 from gamms.ir.graph import FloatArray, IntArray
-from gamms.ir.obstacles import ObstacleColumns
+from gamms.ir.obstacles import BoolArray, ObstacleColumns
 from gamms.typing.graph_engine import Corner, ObsFace
 
 _ROOM = 16  # faces
 _AT_ONCE = 4096  # faces
+_FEW = 256  # faces that are looked through one by one
 _KEYS = ("face_id", "tr", "tl", "br", "bl", "type")
 _MOST = 2**63 - 1
 
@@ -29,6 +32,7 @@ class Obstacles:
     """
 
     def __init__(self) -> None:
+        self.revision = 0  # changes with every change
         self._reset()
 
     def __len__(self) -> int:
@@ -58,10 +62,11 @@ class Obstacles:
         self._reserve(1)
         row = self._used
         self._ids[row], self._types[row], self._corners[row] = face.id, face.type, face[1:5]
-        xs, ys, _ = zip(*face[1:5], strict=True)
-        self._boxes[row] = min(xs), min(ys), max(xs), max(ys)
+        axes = list(zip(*face[1:5], strict=True))
+        self._boxes[row] = (*map(min, axes), *map(max, axes))
         self._row_of[face.id] = row
         self._used += 1
+        self.revision += 1
 
     def add_many(self, new: ObstacleColumns) -> None:
         """Add many faces, all or none.
@@ -76,10 +81,10 @@ class Obstacles:
         self._reserve(len(ids))
         rows = slice(self._used, self._used + len(ids))
         self._ids[rows], self._types[rows], self._corners[rows] = new.ids, new.types, new.corners
-        plan = new.corners[:, :, :2]
-        self._boxes[rows] = np.hstack((plan.min(axis=1), plan.max(axis=1)))
+        self._boxes[rows] = np.hstack((new.corners.min(axis=1), new.corners.max(axis=1)))
         self._row_of.update(row_of)
         self._used += len(ids)
+        self.revision += 1
 
     def get(self, face_id: int) -> ObsFace:
         """A face by id (KeyError)."""
@@ -91,6 +96,7 @@ class Obstacles:
         row = self._row(face_id)
         del self._row_of[int(self._ids[row])]
         self._boxes[row] = np.nan  # which meets no square
+        self.revision += 1
         if self._used > 2 * len(self._row_of) + _ROOM:
             self._compact()
 
@@ -98,6 +104,7 @@ class Obstacles:
         """Hold `faces` and no others."""
         faces = list(faces)
         self._reset()
+        self.revision += 1
         if faces:
             ids, types = (np.array([face[i] for face in faces], np.int64) for i in (0, 5))
             self.add_many(ObstacleColumns(ids, np.array([face[1:5] for face in faces], np.float64), types))
@@ -106,9 +113,20 @@ class Obstacles:
         """Ids of the faces whose bounding box meets the square of half side d around (x, y); all for `d < 0`."""
         if is_everywhere(d, x, y):
             return iter(list(self._row_of))
-        low_x, low_y, high_x, high_y = self._boxes[: self._used].T
+        rows = self._between((x - d, y - d), (x + d, y + d))
+        rows.sort()
+        low_x, low_y, _, high_x, high_y, _ = self._boxes[rows].T
         hit = (low_x <= x + d) & (high_x >= x - d) & (low_y <= y + d) & (high_y >= y - d)
-        return iter(self._ids[: self._used][hit].tolist())
+        return iter(self._ids[rows[hit]].tolist())
+
+    def visible(self, origin: FloatArray, targets: FloatArray) -> BoolArray:
+        """Whether no face blocks the line from origin (3,) to each target (targets, 3)."""
+        if not len(targets) or not self._row_of:
+            return np.ones(len(targets), np.bool_)
+        rows = self._between(*surroundings(origin, targets))
+        if self._used > len(self._row_of):
+            rows = rows[~np.isnan(self._boxes[rows, 0])]
+        return kernels.visible(self._corners.take(rows, axis=0), origin, targets)
 
     def free_ids(self, count: int) -> IntArray:
         """So many ids after the greatest.
@@ -129,13 +147,24 @@ class Obstacles:
         self._ids = np.zeros(0, np.int64)
         self._types = np.zeros(0, np.int64)
         self._corners = np.zeros((0, 4, 3))
-        self._boxes = np.zeros((0, 4))  # least x, least y, greatest x, greatest y
+        self._boxes = np.zeros((0, 6))  # least x, y, z, greatest x, y, z
+        self._walls: Walls | None = None
 
     def _row(self, face_id: int) -> int:
         try:
             return self._row_of[records.as_id(face_id, "an obstacle face")]
         except KeyError:
             raise UnknownName("obstacle face", face_id) from None
+
+    def _between(self, low: tuple[float, float], high: tuple[float, float]) -> IntArray:
+        """Rows, in any order, of a superset of the faces whose box meets a rectangle; dead ones may be among them."""
+        if self._used > _FEW:
+            if self._walls is None or self._walls.is_worn(self._used):
+                self._walls = Walls(self._boxes[: self._used])
+            rows = self._walls.between(low, high, self._used)
+            if rows is not None:
+                return rows
+        return np.arange(self._used)
 
     def _rows(self) -> IntArray:
         return np.fromiter(self._row_of.values(), np.int64, len(self._row_of))
@@ -152,6 +181,8 @@ class Obstacles:
 
     def _take(self, rows: IntArray, room: int) -> None:
         """Keep these rows, in arrays with room for so many."""
+        if len(rows) < self._used:
+            self._walls = None
         for name in ("_ids", "_types", "_corners", "_boxes"):
             old = getattr(self, name)
             new = np.empty((room, *old.shape[1:]), old.dtype)

@@ -4,9 +4,10 @@ The NumPy versions are the specification; faster twins must match them exactly.
 Call them as `kernels.name(...)`. May import: numpy, `gamms.ir`.
 """
 
-from gamms.kernels.cells import CellIndex, build_cells, candidate_rows
-from gamms.kernels.csr import group_rows, ragged_rows
+from gamms.kernels.cells import CellIndex, build_cells, candidate_rows, rows_between
+from gamms.kernels.csr import expand_ranges, group_rows, ragged_rows
 from gamms.kernels.draws import draws_by_name
+from gamms.kernels.occlusion import blocks, visible
 from gamms.kernels.paths import Arcs, first_steps, make_arcs, tight_arcs
 from gamms.kernels.rotations import Quaternion, in_view, multiply_quaternions, quaternion_to_direction, unit_quaternion
 from gamms.kernels.scipy import shortest_distances
@@ -19,9 +20,11 @@ __all__ = [
     "CellIndex",
     "Quaternion",
     "about_z",
+    "blocks",
     "build_cells",
     "candidate_rows",
     "draws_by_name",
+    "expand_ranges",
     "first_steps",
     "group_rows",
     "in_cone",
@@ -30,9 +33,11 @@ __all__ = [
     "multiply_quaternions",
     "quaternion_to_direction",
     "ragged_rows",
+    "rows_between",
     "shortest_distances",
     "stream",
     "tight_arcs",
     "unit_quaternion",
+    "visible",
     "yaw",
 ]

@@ -1,5 +1,6 @@
 """A cell grid over points: rows near a place, at a cost that does not grow with the number of points."""
 
+from math import floor
 from typing import NamedTuple
 
 import numpy as np
@@ -44,24 +45,33 @@ def build_cells(xy: FloatArray) -> CellIndex:
 
 def candidate_rows(cells: CellIndex, x: float, y: float, d: float) -> IntArray | None:
     """Rows of a superset of the points within `d` of (x, y); None when a scan of all points is cheaper."""
-    reach = d + 1e-9 * (abs(x) + abs(y) + d)  # a point on the rim must not fall out by rounding
-    if 2.0 * reach / cells.size > _MOST_STRIPES:
+    return rows_between(cells, (x - d, y - d), (x + d, y + d))
+
+
+def rows_between(cells: CellIndex, low: tuple[float, float], high: tuple[float, float]) -> IntArray | None:
+    """Rows of a superset of the points in a rectangle, its rim included; None when a scan of all is cheaper."""
+    # A point on the rim must not fall out by rounding.
+    rim = 1e-9 * (abs(low[0]) + abs(low[1]) + abs(high[0]) + abs(high[1]))
+    if (max(high[0] - low[0], high[1] - low[1]) + 2.0 * rim) / cells.size > _MOST_STRIPES:
         return None
-    low_x, high_x = _cell(_span(x, reach), cells.origin[0], cells.size)
-    low_y, high_y = _cell(_span(y, reach), cells.origin[1], cells.size)
+    low_x, low_y = (_cell_of(value - rim, start, cells.size) for value, start in zip(low, cells.origin, strict=True))
+    high_x, high_y = (_cell_of(value + rim, start, cells.size) for value, start in zip(high, cells.origin, strict=True))
     stripes = np.arange(low_y, high_y + 1)
     first = np.searchsorted(cells.keys, _key(low_x, stripes), side="left")
     last = np.searchsorted(cells.keys, _key(high_x, stripes), side="right")
     return np.concatenate([cells.rows[a:b] for a, b in zip(first.tolist(), last.tolist(), strict=True)])
 
 
-def _span(center: float, reach: float) -> FloatArray:
-    return np.array((min(max(center - reach, -_FAR), _FAR), min(max(center + reach, -_FAR), _FAR)))
+def _cell_of(value: float, origin: float, size: float) -> int:
+    """As `_cell`, of one number, which may be anything but NaN."""
+    # NOTE: twenty times faster than NumPy is for one number; sight lines ask for few faces each.
+    place = (min(max(value, -_FAR), _FAR) - origin) / size
+    return floor(min(max(place, -1.0), _MOST_CELLS)) + 1
 
 
 def _cell(values: FloatArray, origin: float, size: float) -> IntArray:
     return np.clip(np.floor((values - origin) / size), -1, _MOST_CELLS).astype(np.int64) + 1
 
 
-def _key(column: IntArray, stripe: IntArray) -> IntArray:
+def _key(column: IntArray | int, stripe: IntArray) -> IntArray:
     return (stripe << 32) | column

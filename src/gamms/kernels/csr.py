@@ -29,3 +29,16 @@ def ragged_rows(offsets: IntArray, rows: IntArray, groups: IntArray) -> IntArray
     shift = np.repeat(first - ends + counts, counts)
     found: IntArray = rows[np.arange(total) + shift]
     return found
+
+
+def expand_ranges(first: IntArray, last: IntArray) -> tuple[IntArray, IntArray]:
+    """The places in several ranges, concatenated, and which range each is in.
+
+    Args:
+        first: (ranges,)
+        last: (ranges,) one behind the last place; a range that ends before it begins is empty.
+    """
+    counts = np.maximum(last - first, 0)
+    groups = np.repeat(np.arange(len(counts)), counts)
+    ends = np.cumsum(counts)
+    return groups, np.arange(len(groups)) + (first - ends + counts)[groups]

@@ -12,9 +12,9 @@ import numpy as np
 from gamms import kernels
 from gamms.errors import BadValue, NotOffered
 from gamms.ir.graph import FloatArray, GraphColumns
-from gamms.ir.obstacles import ObstacleColumns
 from gamms.typing.graph_routes import Routes, one_end
 from gamms.typing.graph_values import Corner, Engine, Node, NodeColumns, ObsFace, OSMEdge, Surroundings
+from gamms.typing.obstacles import IObstacles
 
 if TYPE_CHECKING:
     import networkx as nx
@@ -28,6 +28,7 @@ __all__ = [
     "Engine",
     "IGraph",
     "IGraphEngine",
+    "IObstacles",
     "Node",
     "NodeColumns",
     "NodeIds",
@@ -316,7 +317,7 @@ class _Neighborhoods(dict[int, Sequence[int]]):
         return [node_id, *(other for other in self._graph.get_neighbors(node_id) if other != node_id)]
 
 
-class IGraphEngine(ABC):
+class IGraphEngine(IObstacles):
     """Owns the graph and its obstacles."""
 
     @property
@@ -339,40 +340,6 @@ class IGraphEngine(ABC):
     @abstractmethod
     def load(self, path: str | os.PathLike[str]) -> IGraph:
         """Replace graph and obstacles by those in a file that `save` wrote (BadFile, a ValueError)."""
-
-    @abstractmethod
-    def add_obstacle_face(self, face_id: int, tr: Corner, tl: Corner, br: Corner, bl: Corner, type: int) -> None:
-        """Add a quadrangle (KeyError for a taken id, ValueError for a bad corner)."""
-
-    @abstractmethod
-    def add_obstacles(self, faces: Any, ids: Any = None, types: Any = 0) -> list[int]:
-        """Add many quadrangles at once, all or none; returns their ids.
-
-        `faces` is an array (faces, 4, 3) of the corners tr, tl, br, bl, with `ids` (None: those after the greatest)
-        and `types` (one for all or one for each); or an iterable of the arguments of `add_obstacle_face`, as dicts.
-
-        Raises:
-            KeyError: an id is taken, or given twice.
-            TypeError, ValueError: a number or a shape is impossible.
-        """
-
-    @abstractmethod
-    def remove_obstacle_face(self, face_id: int) -> None:
-        """Remove a quadrangle (KeyError)."""
-
-    @abstractmethod
-    def get_obstacle_face(self, face_id: int) -> ObsFace:
-        """A quadrangle by id (KeyError)."""
-
-    @abstractmethod
-    def get_obstacle_faces(self, d: float = -1.0, x: float = 0.0, y: float = 0.0) -> Iterator[int]:
-        """Ids of the faces whose bounding box meets the square of half side d around (x, y); all for `d < 0`."""
-
-    def obstacle_columns(self) -> ObstacleColumns:
-        """All quadrangles as read-only arrays, in insertion order; may be overridden for speed."""
-        faces = [self.get_obstacle_face(id) for id in self.get_obstacle_faces()]
-        ids, types = (np.array([face[i] for face in faces], np.int64) for i in (0, 5))
-        return ObstacleColumns(ids, np.array([face[1:5] for face in faces], np.float64).reshape(-1, 4, 3), types)
 
     @abstractmethod
     def terminate(self) -> None:

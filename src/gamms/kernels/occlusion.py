@@ -1,0 +1,163 @@
+"""Which sight lines are blocked by quadrangles in space: the exact test, and a fast form that leaves out what is far.
+
+The corners of a quadrangle are in the order of `ir.obstacles`: top right, top left, bottom right, bottom left. It is
+the triangles (top left, top right, bottom right) and (top left, bottom right, bottom left), each tested as Möller and
+Trumbore do ("Fast, minimum storage ray/triangle intersection", 1997), all rims included. A sight line that runs along
+a triangle passes it; so does one of no length.
+"""
+
+import numpy as np
+
+from gamms.ir.graph import FloatArray, IntArray
+from gamms.ir.obstacles import BoolArray
+from gamms.kernels.csr import expand_ranges
+
+_LEAST = 1e-9  # determinants below are of lines along the triangle
+_GRAIN = 1e-11  # and so are those below this share of |line| * size ** 2: they are rounding
+# With determinants above `_GRAIN`, rounding moves the point of intersection by less than this share of the distance
+# between observer and face plus twice the size of the face (docs/decisions/0009); the fast form widens faces by it.
+_BLUR = 1e-3
+_TURN = 2.0 * np.pi
+_SHARE = 3  # one in so many pairs of face and target is tested at a time,
+_FEW = 512  # but not fewer than these
+
+
+def blocks(origins: FloatArray, targets: FloatArray, corners: FloatArray) -> BoolArray:
+    """Whether each quadrangle blocks its own sight line.
+
+    Args:
+        origins: (lines, 3) where the observers are; or (3,), the same for all.
+        targets: (lines, 3) what they look at.
+        corners: (lines, 4, 3) of the quadrangle in question.
+
+    Returns:
+        (lines,) False where numbers are too large to multiply three of them.
+    """
+    with np.errstate(over="ignore", invalid="ignore", divide="ignore", under="ignore"):
+        return _blocks(_axes(np.atleast_2d(origins)), _axes(targets), _axes(corners))
+
+
+def visible(corners: FloatArray, origin: FloatArray, targets: FloatArray) -> BoolArray:
+    """Whether no quadrangle blocks the line from one observer to each target: `blocks` for all pairs, but faster.
+
+    Args:
+        corners: (faces, 4, 3)
+        origin: (3,)
+        targets: (targets, 3)
+    """
+    seen = np.ones(len(targets), np.bool_)
+    if not len(targets) or not len(corners):
+        return seen
+    observer, ends, quads = _axes(origin[None]), _axes(targets), _axes(corners)
+    with np.errstate(over="ignore", invalid="ignore", divide="ignore", under="ignore"):
+        faces, rows = _candidates(quads[:3] - observer[:3, None], ends[:3] - observer[:3])
+        while len(faces):  # the nearest faces hide most targets, which spares testing the others
+            some = slice(max(len(faces) // _SHARE, _FEW))
+            blocked = _blocks(observer, ends.take(rows[some], axis=1), quads.take(faces[some], axis=2))
+            seen[rows[some][blocked]] = False
+            faces, rows = faces[some.stop :], rows[some.stop :]
+            is_open = seen[rows]
+            faces, rows = faces[is_open], rows[is_open]
+    return seen
+
+
+def _axes(vectors: FloatArray) -> FloatArray:
+    """Vectors (lines, …, 3) as (5, …, lines): x, y, z, and x, y once more, which makes cross products short."""
+    axes: FloatArray = vectors.T.take(_WRAPPED, axis=0)
+    return axes
+
+
+_WRAPPED = np.array([0, 1, 2, 0, 1])
+
+
+def _blocks(origins: FloatArray, targets: FloatArray, corners: FloatArray) -> BoolArray:
+    """As `blocks`, with `_axes` of everything."""
+    line = (targets - origins)[:, None]
+    to_observer = origins[:, None] - corners[:, 1:2]
+    first = corners[:, 0:4:2] - corners[:, 1:2]  # (5, triangles, lines)
+    second = corners[:, 2:4] - corners[:, 1:2]
+    across = _cross(line, second)
+    det = _dot(first, across)
+    scale = 1.0 / det
+    u = scale * _dot(to_observer, across)
+    turned = _cross(to_observer, first)
+    v = scale * _dot(line, turned)
+    t = scale * _dot(second, turned)
+    inside = (np.minimum(np.minimum(u, v), t) >= 0.0) & (np.maximum(np.maximum(u, u + v), t) <= 1.0)
+    det = np.abs(det)
+    inside &= (det >= _least_determinant(line, corners)) & (det < np.inf)
+    blocked: BoolArray = inside[0] | inside[1]
+    return blocked
+
+
+def _least_determinant(line: FloatArray, corners: FloatArray) -> FloatArray:
+    size = corners[:3].max(axis=1) - corners[:3].min(axis=1)
+    size = size[0] + size[1] + size[2]
+    length = np.abs(line[:3, 0])
+    least: FloatArray = np.maximum(_GRAIN * (length[0] + length[1] + length[2]) * size * size, _LEAST)
+    return least
+
+
+def _cross(a: FloatArray, b: FloatArray) -> FloatArray:
+    """Cross products (3, …)."""
+    product: FloatArray = a[1:4] * b[2:5] - a[2:5] * b[1:4]
+    return product
+
+
+def _dot(a: FloatArray, b: FloatArray) -> FloatArray:
+    """Dot products, added up from x to z."""
+    parts = a[:3] * b[:3]
+    product: FloatArray = parts[0] + parts[1] + parts[2]
+    return product
+
+
+def _candidates(corners: FloatArray, targets: FloatArray) -> tuple[IntArray, IntArray]:
+    """Pairs of face and target, nearest faces first: all that may block, as seen from an observer at zero.
+
+    A pair is dropped only by a comparison that is false for NaN.
+
+    Args:
+        corners: (3, 4, faces)
+        targets: (3, targets)
+    """
+    low, high = corners.min(axis=1), corners.max(axis=1)
+    gap = np.maximum(np.maximum(low, -high), 0.0)  # (3, faces) between the observer and the box of the face
+    size = high - low
+    blur = 2.0 * _BLUR * (gap + 2.0 * size).sum(axis=0)
+    least, most = np.minimum(targets.min(axis=1), 0.0)[:, None], np.maximum(targets.max(axis=1), 0.0)[:, None]
+    near = np.flatnonzero(~((low - blur > most) | (high + blur < least)).any(axis=0))
+    distance = np.hypot(gap[0, near], gap[1, near])
+    order = np.argsort(distance)
+    near, distance, blur = near[order], distance[order], blur[near[order]]
+    ways, order = _sorted_directions(targets)
+    first, last = _sectors(corners.take(near, axis=2), distance, blur, ways)
+    groups, places = expand_ranges(first, last)
+    rows = order[places]
+    reach = np.hypot(targets[0], targets[1])
+    is_near = ~(reach[rows] < (distance - blur)[groups])
+    return near[groups[is_near]], rows[is_near]
+
+
+def _sorted_directions(targets: FloatArray) -> tuple[FloatArray, IntArray]:
+    """Azimuths from -pi to 3 pi, ascending, and the row of the target in each; so each target is there twice."""
+    ways = np.arctan2(targets[1], targets[0])
+    order = np.argsort(ways)
+    ways = ways[order]
+    return np.concatenate((ways, ways + _TURN)), np.concatenate((order, order))
+
+
+def _sectors(
+    corners: FloatArray, distance: FloatArray, blur: FloatArray, ways: FloatArray
+) -> tuple[IntArray, IntArray]:
+    """Where in `ways` the targets are that lie in the direction of each face, widened by its blur."""
+    azimuths = np.arctan2(corners[1], corners[0])
+    turns = azimuths - azimuths[0]
+    turns -= _TURN * np.rint(turns / _TURN)
+    slack = 1.6 * blur / distance + 1e-9
+    start = azimuths[0] + turns.min(axis=0) - slack
+    end = azimuths[0] + turns.max(axis=0) + slack
+    shift = _TURN * np.floor((start + np.pi) / _TURN)
+    first, last = ways.searchsorted(start - shift), ways.searchsorted(end - shift, side="right")
+    is_around = ~(distance > blur)
+    first[is_around], last[is_around] = 0, len(ways) // 2
+    return first, last
