@@ -46,8 +46,8 @@ PATHS = {
     "gamms.VisualizationEngine.default_drawers": (
         "gamms.visual",
         (
-            "render_agent render_agent_sensor render_circle render_graph render_map_sensor render_neighbor_sensor "
-            "render_obstacles render_rectangle"
+            "render_aerial_agent render_aerial_agent_sensor render_agent render_agent_sensor render_circle "
+            "render_graph render_map_sensor render_neighbor_sensor render_obstacles render_rectangle"
         ),
     ),
     "gamms.VisualizationEngine.no_engine": ("gamms.visual", "NoEngine"),
@@ -93,7 +93,6 @@ LATER = {
     "from gamms.VisualizationEngine import PygameVisualizationEngine": "the pygame window",
     "from gamms.VisualizationEngine.render_manager import RenderManager": "the pygame window",
     "gamms.visual.lazy": "the pygame window",
-    "from gamms.VisualizationEngine.default_drawers import render_aerial_agent": "drawing aerial agents",
 }
 
 

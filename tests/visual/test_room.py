@@ -19,7 +19,7 @@ def test_enum_values_are_those_programs_know():
     assert visual.CACHE_ZOOM_MAX == 1.2
 
 
-@pytest.mark.parametrize("name", ["PygameVisualizationEngine", "RenderManager", "lazy", "render_aerial_agent"])
+@pytest.mark.parametrize("name", ["PygameVisualizationEngine", "RenderManager", "lazy", "render_input_overlay"])
 def test_a_name_of_the_window_says_that_it_is_not_built_yet(name):
     with pytest.raises(NotYetAttribute, match="Not in this version of GAMMS yet"):
         getattr(gamms.visual, name)

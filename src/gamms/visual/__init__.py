@@ -23,6 +23,7 @@ from gamms.visual.constants import (
     Space,
 )
 from gamms.visual.drawers import (
+    render_aerial_agent,
     render_aerial_agent_sensor,
     render_agent,
     render_agent_sensor,
@@ -41,7 +42,6 @@ LATER = {
     "RenderManager": "the pygame window",
     "lazy": "the pygame window",
     "render_input_overlay": "the pygame window",
-    "render_aerial_agent": "drawing aerial agents",
 }
 
 
@@ -67,6 +67,7 @@ __all__ = [
     "RenderMode",
     "Shape",
     "Space",
+    "render_aerial_agent",
     "render_aerial_agent_sensor",
     "render_agent",
     "render_agent_sensor",

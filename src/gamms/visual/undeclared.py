@@ -39,32 +39,35 @@ def undeclared_artists(ctx: IContext) -> dict[str, IArtist]:
         artists[agent.name] = disc = Artist(ctx, render_agent, _AGENTS)
         disc.data = {"agent_data": AgentData(agent.name, color, unit), "_alpha": 1.0}
         carriers |= {id(sensor): color for sensor in getattr(agent, "_sensor_list", {}).values()}
-    sensors = list(islice(_telling_sensors(ctx, len(columns.node_ids)), MOST_SENSORS + 1))
-    for sensor in sensors if len(sensors) <= MOST_SENSORS else ():
+    for sensor in _telling_sensors(ctx, len(columns.node_ids)):
         artists[f"sensor_{sensor.sensor_id}"] = artist = Artist(ctx, render_sensor, _SENSORS)
         color = carriers.get(id(sensor), _NOBODYS)
         artist.data = {"name": sensor.sensor_id, "color": color, "size": _RING * unit, "node_size": 0.5 * unit}
     return artists
 
 
-def _telling_sensors(ctx: IContext, nodes: int) -> Iterator[ISensor]:
-    """The sensors whose last view says something: not where one may go, not the whole map, not nothing."""
+def _telling_sensors(ctx: IContext, nodes: int) -> list[ISensor]:
+    """The sensors whose last view says something; none where too many have looked."""
+    looked = list(islice(_views(ctx), MOST_SENSORS + 1))
+    if len(looked) > MOST_SENSORS:
+        return []
+    return [sensor for sensor, view in looked if len(view.nodes) < nodes or len(view.outline)]  # not the whole map
+
+
+def _views(ctx: IContext) -> Iterator[tuple[ISensor, SensorView]]:
+    """Sensors that have looked, with what they saw; where one may go is no news."""
     for sensor in ctx.sensor.sensors.values():
         if sensor.type is SensorType.NEIGHBOR:
             continue
         try:
-            tells = _tells(view_of(sensor), nodes)
+            view = view_of(sensor)
         except NotOffered:
-            tells = False
+            continue
         except Exception:  # noqa: BLE001 - a sensor is user code; its artist will fail likewise, which is logged
-            tells = True
-        if tells:
-            yield sensor
-
-
-def _tells(view: SensorView, nodes: int) -> bool:
-    is_all = len(view.nodes) >= nodes and len(view.outline) == 0
-    return not is_all and any(len(part) for part in (view.nodes, view.lines, view.agents, view.outline))
+            yield sensor, SensorView()
+            continue
+        if any(len(part) for part in (view.nodes, view.lines, view.agents, view.outline)):
+            yield sensor, view
 
 
 class _TeamColors:

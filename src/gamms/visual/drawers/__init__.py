@@ -4,7 +4,7 @@ One file per topic. A new thing to draw is one function here; every backend can 
 is drawn many times, use the bulk primitives `render_lines` and `render_circles` (see `primitives.py`).
 """
 
-from gamms.visual.drawers.agents import render_agent
+from gamms.visual.drawers.agents import render_aerial_agent, render_agent
 from gamms.visual.drawers.graph import render_graph
 from gamms.visual.drawers.obstacles import render_obstacles
 from gamms.visual.drawers.sensors import (
@@ -17,6 +17,7 @@ from gamms.visual.drawers.sensors import (
 from gamms.visual.drawers.shapes import render_circle, render_rectangle
 
 __all__ = [
+    "render_aerial_agent",
     "render_aerial_agent_sensor",
     "render_agent",
     "render_agent_sensor",

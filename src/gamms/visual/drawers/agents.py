@@ -1,26 +1,61 @@
-"""Drawer of an agent: an outlined disc, or a picture, at its node."""
+"""Drawers of agents: on the ground an outlined disc, or a picture; in the air also a ring, a nose and the height."""
 
-from typing import Any
+from typing import Any, cast
 
-from gamms.typing import IContext
+from gamms.typing import IAerialAgent, IContext
+from gamms.typing.agent_engine import AgentType
 from gamms.visual.appearance import AgentData
 from gamms.visual.color import Rgb, rgba
-from gamms.visual.drawers.marks import discs
+from gamms.visual.drawers.marks import discs, rings
+from gamms.visual.primitives import primitives_of
 
 _LEAST_PX = 6.0
 _BRIGHT = 170.0
 _WHITE, _DARK = (255, 255, 255), (60, 60, 60)
 
+_RING, _RING_PX = 1.8, 11.0  # of an agent in the air: in radii of its disc, and at least
+_NOSE = 2.6  # how far it reaches, in radii of the disc
+_HEIGHT_PX = 12
+_ASIDE = "\u00a0" * 4  # as wide as the smallest ring, for text is placed in world units only
+
 
 def render_agent(ctx: IContext, data: dict[str, Any]) -> None:
     """Draw the agent that `data['agent_data']`, an AgentData, names and describes."""
     look: AgentData = data["agent_data"]
-    node = ctx.graph.graph.get_node(ctx.agent.get_agent(look.name).current_node_id)
+    agent = ctx.agent.get_agent(look.name)
+    if agent.type == AgentType.AERIAL:
+        render_aerial_agent(ctx, data)
+        return
+    node = ctx.graph.graph.get_node(agent.current_node_id)
     look.current_position = (node.x, node.y)
+    _body(ctx, look, node.x, node.y)
+
+
+def render_aerial_agent(ctx: IContext, data: dict[str, Any]) -> None:
+    """Draw the agent in the air that `data['agent_data']` names: from above, with its height written beside it."""
+    look: AgentData = data["agent_data"]
+    agent = cast("IAerialAgent", ctx.agent.get_agent(look.name))
+    (x, y, z), (cos, sin) = agent.position, agent.orientation
+    look.current_position = (x, y)
+    for color, edge_px in ((_outline(look.color), 2.0), (look.color, 0.0)):  # an edge lifts it off the map
+        rings(ctx, [(x, y)], _RING * look.size, color, _RING_PX, 2.0 + edge_px)
+        if (cos, sin) != (0.0, 0.0):  # it does not point straight up or down
+            nose = (x + _NOSE * look.size * cos, y + _NOSE * look.size * sin)
+            primitives_of(ctx).render_lines([(x, y), nose], [0, 2], color, 3.0 + edge_px)
+    _body(ctx, look, x, y)
+    if z > 0.0:
+        ctx.visual.render_text(_ASIDE + _height(z), x + _RING * look.size, y, _DARK, font_size=_HEIGHT_PX)
+
+
+def _body(ctx: IContext, look: AgentData, x: float, y: float) -> None:
     if look.image is not None:
-        ctx.visual.render_image(node.x, node.y, look.image, look.size)
+        ctx.visual.render_image(x, y, look.image, look.size)
     else:
-        discs(ctx, [(node.x, node.y)], look.size, look.color, _outline(look.color), _LEAST_PX)
+        discs(ctx, [(x, y)], look.size, look.color, _outline(look.color), _LEAST_PX)
+
+
+def _height(z: float) -> str:
+    return f"{z:.0f} m" if z >= 10.0 else f"{z:.2g} m"
 
 
 def _outline(color: Any) -> Rgb:

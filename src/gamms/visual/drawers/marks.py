@@ -8,11 +8,13 @@ from gamms.visual.primitives import primitives_of
 # A drawer does not know the scale, so each mark is drawn twice, in world units and in pixels.
 
 
-def rings(ctx: IContext, centers: Any, radius: float, color: ColorType, at_least_px: float) -> None:
+def rings(
+    ctx: IContext, centers: Any, radius: float, color: ColorType, at_least_px: float, width_px: float = 2.0
+) -> None:
     """Draw a ring around each of `centers` (rings, 2); a large one keeps the small one inside it."""
     visual = primitives_of(ctx)
-    visual.render_circles(centers, radius, color, 2.0)
-    visual.render_circles(centers, at_least_px, color, 2.0, in_pixels=True)
+    visual.render_circles(centers, radius, color, width_px)
+    visual.render_circles(centers, at_least_px, color, width_px, in_pixels=True)
 
 
 def discs(ctx: IContext, centers: Any, radius: float, color: ColorType, outline: ColorType, at_least_px: float) -> None:

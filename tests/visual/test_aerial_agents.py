@@ -1,0 +1,79 @@
+"""Agents in the air: seen from above, and not to be mistaken for agents on the ground."""
+
+from math import sqrt
+
+import numpy as np
+import pytest
+
+from gamms.agent import AgentType
+from gamms.ir.draw import DrawKind, DrawSpace
+
+WEST = (0.0, 0.0, 0.0, 1.0)
+DOWN = (sqrt(0.5), 0.0, sqrt(0.5), 0.0)
+
+
+@pytest.fixture
+def drone(ctx):
+    """A drone above the middle of nowhere that looks west."""
+    drone = ctx.agent.create_agent("drone", start_node_id=0, type=AgentType.AERIAL, speed=1.0, team="red")
+    drone.position, drone.quat = (5.0, 6.0, 12.0), WEST
+    return drone
+
+
+def points_of(commands, kind):
+    """The points of every command of one kind."""
+    rows = np.flatnonzero(commands.kind == kind)
+    return [commands.points[commands.offsets[row] : commands.offsets[row + 1]].tolist() for row in rows]
+
+
+def test_it_is_where_it_flies_with_a_ring_around_and_its_nose_ahead(ctx, drone):
+    artist = ctx.visual.set_agent_visual("drone", color="blue", size=2)
+    commands = ctx.visual.draw_commands()
+    circles = commands.kind == DrawKind.CIRCLE
+    assert points_of(commands, DrawKind.CIRCLE) == [[[5, 6]]] * 8
+    (edge, nose) = points_of(commands, DrawKind.LINE)
+    assert nose == edge == [[5, 6], [pytest.approx(5 - 2.6 * 2), pytest.approx(6)]]
+    in_world = circles & (commands.space == DrawSpace.WORLD)
+    assert set(commands.size[in_world].tolist()) == {2.0, 1.8 * 2}
+    assert artist.data["agent_data"].current_position == (5.0, 6.0)
+
+
+def test_its_ring_is_wider_than_any_disc_on_the_ground_from_afar(ctx, drone):
+    ctx.visual.set_agent_visual("drone", size=0.001)
+    ctx.visual.set_agent_visual("red_0", size=0.001)
+    commands = ctx.visual.draw_commands()
+    on_screen = (commands.kind == DrawKind.CIRCLE) & (commands.space == DrawSpace.SCREEN)
+    in_the_air = (commands.points[commands.offsets[:-1]] == (5, 6)).all(axis=1)
+    assert commands.size[on_screen & in_the_air].max() > commands.size[on_screen & ~in_the_air].max()
+
+
+@pytest.mark.parametrize(
+    ("z", "words"), [(12.0, ["12 m"]), (1234.5, ["1234 m"]), (2.34, ["2.3 m"]), (0.0, []), (-3.0, [])]
+)
+def test_its_height_is_written_beside_it_while_it_is_above_the_ground(ctx, drone, z, words):
+    drone.position = (5.0, 6.0, z)
+    ctx.visual.set_agent_visual("drone")
+    assert [text.strip() for text in ctx.visual.draw_commands().text if text] == words
+
+
+def test_looking_straight_down_it_has_no_nose(ctx, drone):
+    drone.quat = DOWN
+    ctx.visual.set_agent_visual("drone")
+    assert points_of(ctx.visual.draw_commands(), DrawKind.LINE) == []
+
+
+def test_with_a_picture_it_keeps_its_ring_and_its_height(ctx, drone, tmp_path):
+    image = tmp_path / "drone.png"
+    image.write_bytes(b"not decoded here")
+    ctx.visual.set_agent_visual("drone", image_path=str(image), size=3)
+    commands = ctx.visual.draw_commands()
+    assert points_of(commands, DrawKind.IMAGE) == [[[5, 6]]]
+    assert len(points_of(commands, DrawKind.CIRCLE)) == 4
+    assert len(points_of(commands, DrawKind.TEXT)) == 1
+
+
+def test_it_is_drawn_in_the_air_where_nothing_is_declared_too(ctx, drone):
+    commands = ctx.visual.draw_commands()
+    assert [text.strip() for text in commands.text if text] == ["12 m"]
+    agents = commands.layer == 20
+    assert [5.0, 6.0] in commands.points[commands.offsets[:-1][agents]].tolist()
