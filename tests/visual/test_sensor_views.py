@@ -141,7 +141,7 @@ def test_a_view_that_cannot_be_drawn_is_an_error_of_its_artist(ctx, sonar, caplo
 
 
 def test_a_class_that_is_a_sensor_by_its_decorator_alone_is_told_what_is_missing(ctx, caplog):
-    @ctx.sensor.custom(name="DUCK")
+    @ctx.sensor.custom(name="DUCK_TO_DRAW")
     class Duck:
         sensor_id = "duck"
 

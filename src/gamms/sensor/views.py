@@ -115,9 +115,10 @@ def in_sight(
 
     A visibility table answers if there is one; it was made of the same sight lines.
     """
-    table = None if isinstance(place, tuple) else ctx.graph.visibility_table(height, radius)
-    if table is not None:
-        return table.mask(place, nodes.ids)
+    if not isinstance(place, tuple):
+        table = ctx.graph.visibility_table(height, radius)
+        if table is not None:
+            return table.mask(place, nodes.ids)
     origin = np.array([*coordinates(ctx, place), height])
     return ctx.graph.visible(origin, at_height(nodes.xy, height))
 
