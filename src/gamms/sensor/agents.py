@@ -74,7 +74,7 @@ class AgentSensor(GroundSensor):
 
     def sense(self, node_id: int | None = None) -> None:
         """Look around."""
-        place = self.place(node_id)
+        place = self.place(node_id) if node_id is None or self._at is not None else node_id
         heading = ALL_AROUND if self.fov == FULL_CIRCLE else self.heading()
         if self.range == inf and heading == ALL_AROUND and not self._is_occluded and self._notice is None:
             data = self._everyone(place)

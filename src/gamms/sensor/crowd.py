@@ -7,9 +7,10 @@ import numpy as np
 
 from gamms.errors import UnknownName
 from gamms.ir.graph import FloatArray, IntArray
-from gamms.sensor.views import Place, coordinates
+from gamms.sensor.views import Place, Views, coordinates
 from gamms.typing import IContext
 from gamms.typing.agent_engine import Standing
+from gamms.typing.graph_engine import IGraph
 
 _MOST_IDS = 1 << 22  # of nodes: what may be remembered in all
 _WIDE = 4096  # nodes: a disc with more is compared with the places of all agents instead
@@ -29,8 +30,10 @@ class Snapshot(NamedTuple):
 class Crowd:
     """The agents of one context."""
 
-    def __init__(self, ctx: IContext) -> None:
+    def __init__(self, ctx: IContext, views: Views) -> None:
         self._ctx = ctx
+        self._views = views
+        self._graph: IGraph | None = None
         self._key: tuple[int | None, int | None] = (None, None)
         self._now: Snapshot | None = None
         self._everyone: dict[str, int] | None = None
@@ -68,7 +71,8 @@ class Crowd:
         Raises:
             UnknownName (KeyError): there is no such node, or an agent stands on one that was removed.
         """
-        revision = self._ctx.graph.graph.revision
+        graph = self._graph = self._graph or self._ctx.graph.graph
+        revision = graph.revision
         if revision != self._revision or revision is None:
             self._forget(revision)
         try:
@@ -89,21 +93,20 @@ class Crowd:
 
     def _disc(self, place: Place, radius: float) -> tuple[int, ...] | None:
         """The ids of the nodes in a disc; None where there are too many to remember."""
-        disc = None
-        if radius == inf:
-            coordinates(self._ctx, place)
-        else:
-            ids = self._ctx.graph.graph.nodes_near(*coordinates(self._ctx, place), radius).ids
-            if len(ids) <= _WIDE:
-                # NOTE: a tuple of shared ints is a sixth of a set, and what counts is how much memory a look touches
-                # (benchmarks/README.md, 1,000 agents in Helsinki).
-                disc = tuple([self._ids.setdefault(id, id) for id in ids.tolist()])
+        ids = None if radius == inf else self._views.known_ids(place, radius)
+        if ids is None:
+            x, y = coordinates(self._ctx, place)
+            ids = [] if radius == inf else self._ctx.graph.graph.nodes_near(x, y, radius).ids.tolist()
+        # NOTE: a tuple of shared ints is a sixth of a set, and what counts is how much memory a look touches
+        # (benchmarks/README.md, 1,000 agents in Helsinki).
+        disc = tuple([self._ids.setdefault(id, id) for id in ids])
+        kept = disc if radius != inf and len(disc) <= _WIDE else None
         if self._kept > _MOST_IDS:
             self._discs.clear()
             self._kept = 0
-        self._discs.setdefault(radius, {})[place] = disc
-        self._kept += 16 + len(disc or ())
-        return disc
+        self._discs.setdefault(radius, {})[place] = kept
+        self._kept += 16 + len(kept or ())
+        return kept
 
     def _compared(self, place: Place, radius: float) -> list[int]:
         dx, dy = (self.now().xy - coordinates(self._ctx, place)).T

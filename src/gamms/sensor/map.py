@@ -55,7 +55,7 @@ class MapSensor(GroundSensor):
 
     def sense(self, node_id: int | None = None) -> None:
         """Look around."""
-        place = self.place(node_id)
+        place = self.place(node_id) if node_id is None or self._at is not None else node_id
         heading = ALL_AROUND if self.fov == FULL_CIRCLE else self.heading()
         nodes, edges = self._look(place, heading)
         self.data = {"nodes": nodes.copy(), "edges": edges.copy()}

@@ -16,7 +16,7 @@ class Memory:
     def __init__(self, ctx: IContext) -> None:
         self.views = Views(ctx)
         self.views_past_obstacles = ViewsPastObstacles(ctx)
-        self.crowd = Crowd(ctx)
+        self.crowd = Crowd(ctx, self.views)
 
 
 def memory_of(ctx: IContext) -> Memory:
