@@ -10,7 +10,7 @@ from gamms.ir.graph import FloatArray, IntArray
 
 _LATE = 256
 _WIDER = 8  # how often a search grows before it looks through all nodes
-_RIM = 1.0 + 1e-9  # what is as near must not be lost by rounding
+_SURE = 1.0 - 1e-9  # of a radius: on the rim, rounding may have lost a node that is as near
 _LEAST, _MOST = 1e-150, 1e150  # distances whose squares are neither zero nor infinite
 
 
@@ -50,14 +50,13 @@ class Places:
     def nearest(self, x: float, y: float) -> int:
         """The living node row nearest to (x, y), the first of several; there must be one."""
         d = self._cells.size
-        rows = self.within(x, y, d)
         for _ in range(_WIDER):
-            if len(rows):
-                break
-            d *= 2.0
             rows = self.within(x, y, d)
-        # What is found may lie anywhere in the disc; its nearest one tells how large a disc has to be looked through.
-        rows = self.within(x, y, self._distances(rows, x, y).min() * _RIM) if len(rows) else self._nodes.living()
+            distances = self._distances(rows, x, y)
+            if len(rows) and distances.min() < d * _SURE:
+                return int(rows[np.argmin(distances)])
+            d *= 2.0
+        rows = self._nodes.living()
         return int(rows[np.argmin(self._distances(rows, x, y))])
 
     def _distances(self, rows: IntArray, x: float, y: float) -> FloatArray:
