@@ -11,7 +11,7 @@ from gamms.kernels.occlusion import blocks, visible
 from gamms.kernels.paths import Arcs, first_steps, make_arcs, tight_arcs
 from gamms.kernels.rotations import Quaternion, in_view, multiply_quaternions, quaternion_to_direction, unit_quaternion
 from gamms.kernels.scipy import shortest_distances
-from gamms.kernels.sight import in_cone
+from gamms.kernels.sight import in_cone, is_in_cone
 from gamms.kernels.streams import stream
 from gamms.kernels.yaw import about_z, yaw
 
@@ -29,6 +29,7 @@ __all__ = [
     "group_rows",
     "in_cone",
     "in_view",
+    "is_in_cone",
     "make_arcs",
     "multiply_quaternions",
     "quaternion_to_direction",

@@ -22,6 +22,8 @@ from gamms.typing.agent_engine import Standing
 from gamms.typing.graph_engine import NodeColumns
 from gamms.typing.sensor_engine import SensorType
 
+_FEW = 8  # agents: more are compared as arrays
+
 
 class AgentSensor(GroundSensor):
     """`data`: fresh `{agent name: id of its node}` of the other agents around, in the order of their creation.
@@ -108,8 +110,7 @@ class AgentSensor(GroundSensor):
         """Who is where, and the rows of those who are seen, ascending."""
         standing, rows = self._crowd.within(place, self.range)
         if heading != ALL_AROUND:
-            dx, dy = self._offsets(place, rows).T
-            rows = _kept(rows, kernels.in_cone(dx, dy, heading, self.fov))
+            rows = self._ahead(place, rows, standing.nodes, heading)
         notice = self._notice
         if notice is not None:
             rows = notice.wanted(rows, standing.teams)
@@ -121,6 +122,16 @@ class AgentSensor(GroundSensor):
             names = [standing.names[row] for row in rows]
             rows = _kept(rows, notice.is_noticed(self.ctx, owner, names, distances))
         return standing, rows
+
+    def _ahead(self, place: Place, rows: list[int], nodes: Sequence[int], heading: Heading) -> list[int]:
+        """Those rows whose agents are in the field of view."""
+        if len(rows) > _FEW:
+            dx, dy = self._offsets(place, rows).T
+            return _kept(rows, kernels.in_cone(dx, dy, heading, self.fov))
+        x0, y0 = coordinates(self.ctx, place)
+        places = [self.ctx.graph.graph.get_node(nodes[row]) for row in rows]
+        ahead = [kernels.is_in_cone(x - x0, y - y0, heading, self.fov) for _, x, y in places]
+        return [row for row, is_in in zip(rows, ahead, strict=True) if is_in]
 
     def _offsets(self, place: Place, rows: list[int]) -> FloatArray:
         offsets: FloatArray = self._crowd.now().xy[rows] - coordinates(self.ctx, place)
