@@ -39,7 +39,7 @@ HEAVY = [
 # Floors from the ground up; what stands on one floor does not see its neighbours.
 FLOORS = [
     {"errors"},
-    {"plugins", "arguments"},
+    {"plugins", "arguments", "folders", "progress"},
     {"ir"},
     {"kernels"},
     {"typing"},

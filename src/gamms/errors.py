@@ -19,6 +19,7 @@ GammsError
 ├─ NotYet (NotImplementedError)    a feature that is announced and not built yet
 │  ├─ NotYetImportable (ImportError)   ... and was asked for by an import
 │  └─ NotYetAttribute (AttributeError) ... and was asked for by its name
+├─ Outdated (RuntimeError)         an answer that was worked out before things changed
 └─ ContextTerminated (AttributeError) the context has ended
 """
 
@@ -150,6 +151,13 @@ class MissingFolder(GammsError, FileNotFoundError):
 
     def __init__(self, path: object, folder: object) -> None:
         super().__init__(f"There is no folder {str(folder)!r} to write {str(path)!r} into. Create it first.")
+
+
+class Outdated(GammsError, RuntimeError):
+    """An answer that was worked out before things changed."""
+
+    def __init__(self, change: str, way_out: str) -> None:
+        super().__init__(f"This no longer holds: {change}. Call {way_out} again.")
 
 
 class ContextTerminated(GammsError, AttributeError):

@@ -196,3 +196,13 @@ def test_ranges_are_expanded_in_order():
     groups, places = kernels.expand_ranges(np.array([3, 9, 5, 0]), np.array([5, 2, 6, 0]))
     assert (groups.tolist(), places.tolist()) == ([0, 0, 2], [3, 4, 5])
     assert kernels.expand_ranges(np.zeros(0, np.int64), np.zeros(0, np.int64))[1].tolist() == []
+
+
+def test_more_pairs_than_are_held_at_a_time_are_answered_alike():
+    rng = np.random.default_rng(2)
+    corners = np.array([wall(a, -a, 0.0, rng.uniform(0, 3)) for a in rng.normal(0, 9, (500, 2))])
+    targets = np.column_stack((rng.uniform(-99, 99, (700, 2)), rng.uniform(0, 9, 700)))
+    origin = np.array([0.0, 0.1, 2.9])  # inside the box of every wall
+    fast = kernels.visible(corners, origin, targets)
+    assert np.array_equal(fast, by_brute_force(corners, origin, targets))
+    assert 0 < fast.sum() < 700

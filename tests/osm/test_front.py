@@ -12,7 +12,7 @@ import pytest
 import gamms.osm
 from gamms.graph.file import load
 from gamms.osm import constants
-from gamms.osm.progress import progress
+from gamms.progress import progress
 
 
 class Terminal(io.StringIO):

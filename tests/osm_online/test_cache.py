@@ -14,8 +14,8 @@ from server import SOUTH, WEST, changes, is_busy, says
 
 import gamms.osm.osmnx as door
 from gamms.errors import GammsError, MissingExtra, NetworkError, PlaceError, WrongVersion
+from gamms.folders import cache_folder
 from gamms.osm import OSM_OBSTACLE_TAGS, OSMType, create_osm_graph, graph_from_bbox, graph_from_point
-from gamms.osm.cache import cache_folder
 from gamms.osm.osmnx import features_of_place
 
 PLACE = "Kluuvi, Helsinki"
@@ -73,7 +73,7 @@ def test_every_system_has_its_own_cache_folder(monkeypatch, platform, environmen
         monkeypatch.delenv(name, raising=False)
     for name, value in environment.items():
         monkeypatch.setenv(name, value)
-    assert cache_folder() == Path(folder)
+    assert cache_folder("osmnx") == Path(folder)
 
 
 def test_offline_what_was_downloaded_is_enough(server, no_network_later):

@@ -20,6 +20,8 @@ if TYPE_CHECKING:
     from numpy.random import Generator
 
     from gamms.graph.database import GraphDatabase
+    from gamms.graph.visibility import Visibility
+    from gamms.graph.visibility_tables import TablePath, VisibilityTables
     from gamms.typing.memory_engine import IPathLike
 
 
@@ -42,6 +44,7 @@ class GraphEngine(IGraphEngine):
         self._ctx = ctx
         self._graph: Graph | None = Graph()
         self._obstacles = Obstacles()
+        self._tables: VisibilityTables | None = None
         self._place_stream: Generator | None = None
         self._database: GraphDatabase | None = None
         if engine is Engine.SQLITE:
@@ -103,6 +106,26 @@ class GraphEngine(IGraphEngine):
     def visible(self, origin: Any, targets: Any) -> BoolArray:
         """Whether no face blocks the straight line from origin (3,) to each of the targets (targets, 3)."""
         return self._present().visible(*line_ends(origin, targets))
+
+    def visibility(
+        self,
+        radius: float,
+        observer_height: float = 1.6,
+        *,
+        path: "TablePath" = None,
+        progress: bool = False,
+        workers: int | None = None,
+    ) -> "Visibility":
+        """Which nodes within `radius` of each node no wall hides; see `IGraphEngine`."""
+        if self._tables is None:
+            from gamms.graph.visibility_tables import VisibilityTables
+
+            self._tables = VisibilityTables(self.graph, self._present(), self._ctx)
+        return self._tables.get(radius, observer_height, path, progress=progress, workers=workers)
+
+    def visibility_table(self, observer_height: float, radius: float) -> "Visibility | None":
+        """A table that `visibility` made, holds, is of that height and reaches so far; None where there is none."""
+        return None if self._tables is None else self._tables.find(observer_height, radius)
 
     # -- in and out ---------------------------------------------------------------------------------------------
 
@@ -172,7 +195,7 @@ class GraphEngine(IGraphEngine):
                 self._write_finally(self._database)
         finally:
             self._graph.close()
-            self._graph = None
+            self._graph = self._tables = None
 
     # -- the graph's own verbs, for short -----------------------------------------------------------------------
 

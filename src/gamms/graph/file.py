@@ -17,6 +17,7 @@ import numpy as np
 
 from gamms.arguments import as_path
 from gamms.errors import BadFile, GammsError, MissingFolder
+from gamms.folders import write_whole
 from gamms.graph import plain
 from gamms.graph.contents import Contents, checked_columns
 from gamms.graph.obstacles import checked_face
@@ -47,12 +48,7 @@ def save(path: str | os.PathLike[str], contents: Contents) -> None:
     target = as_path(path, "path")
     if not target.parent.is_dir():
         raise MissingFolder(target.name, target.parent)
-    temporary = target.with_name(f".{target.name}.{os.getpid()}.part")
-    try:
-        temporary.write_bytes(data)
-        temporary.replace(target)
-    finally:
-        temporary.unlink(missing_ok=True)
+    write_whole(target, data)
 
 
 def load(path: str | os.PathLike[str]) -> Contents:

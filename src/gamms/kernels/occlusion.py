@@ -6,6 +6,8 @@ Trumbore do ("Fast, minimum storage ray/triangle intersection", 1997), all rims 
 a triangle passes it; so does one of no length.
 """
 
+from typing import NamedTuple
+
 import numpy as np
 
 from gamms.ir.graph import FloatArray, IntArray
@@ -18,8 +20,9 @@ _GRAIN = 1e-11  # and so are those below this share of |line| * size ** 2: they 
 # between observer and face plus twice the size of the face (docs/decisions/0009); the fast form widens faces by it.
 _BLUR = 1e-3
 _TURN = 2.0 * np.pi
-_SHARE = 3  # one in so many pairs of face and target is tested at a time,
+_SHARE = 4  # one in so many pairs of face and target is tested at a time,
 _FEW = 512  # but not fewer than these
+_MANY = 1 << 18  # pairs that are held in memory at a time
 
 
 def blocks(origins: FloatArray, targets: FloatArray, corners: FloatArray) -> BoolArray:
@@ -50,14 +53,19 @@ def visible(corners: FloatArray, origin: FloatArray, targets: FloatArray) -> Boo
         return seen
     observer, ends, quads = _axes(origin[None]), _axes(targets), _axes(corners)
     with np.errstate(over="ignore", invalid="ignore", divide="ignore", under="ignore"):
-        faces, rows = _candidates(quads[:3] - observer[:3, None], ends[:3] - observer[:3])
-        while len(faces):  # the nearest faces hide most targets, which spares testing the others
-            some = slice(max(len(faces) // _SHARE, _FEW))
-            blocked = _blocks(observer, ends.take(rows[some], axis=1), quads.take(faces[some], axis=2))
-            seen[rows[some][blocked]] = False
-            faces, rows = faces[some.stop :], rows[some.stop :]
-            is_open = seen[rows]
-            faces, rows = faces[is_open], rows[is_open]
+        near = _faces_and_targets(quads[:3] - observer[:3, None], ends[:3] - observer[:3])
+        done, first = 0, 0
+        while first < len(near.faces):
+            last = max(int(near.ends.searchsorted(done + _MANY, side="right")), first + 1)
+            faces, rows = _pairs(near, slice(first, last), seen)
+            while len(faces):  # the nearest faces hide most targets, which spares testing the others
+                some = slice(max(len(faces) // _SHARE, _FEW))
+                blocked = _blocks(observer, ends.take(rows[some], axis=1), quads.take(faces[some], axis=2))
+                seen[rows[some][blocked]] = False
+                faces, rows = faces[some.stop :], rows[some.stop :]
+                is_open = seen[rows]
+                faces, rows = faces[is_open], rows[is_open]
+            done, first = int(near.ends[last - 1]), last
     return seen
 
 
@@ -111,10 +119,30 @@ def _dot(a: FloatArray, b: FloatArray) -> FloatArray:
     return product
 
 
-def _candidates(corners: FloatArray, targets: FloatArray) -> tuple[IntArray, IntArray]:
-    """Pairs of face and target, nearest faces first: all that may block, as seen from an observer at zero.
+class _Near(NamedTuple):
+    """The faces that may block, nearest first, and which targets each of them may hide."""
 
-    A pair is dropped only by a comparison that is false for NaN.
+    faces: IntArray  # (faces,)
+    distance: FloatArray  # (faces,) in the plan; no target that is nearer is hidden
+    first: IntArray  # (faces,) in `order`
+    last: IntArray  # (faces,)
+    ends: IntArray  # (faces,) how many pairs of face and target there are, up to and including this face
+    order: IntArray  # target rows
+    reach: FloatArray  # (targets,) their distance in the plan
+
+
+def _pairs(near: _Near, some: slice, seen: BoolArray) -> tuple[IntArray, IntArray]:
+    """Faces, and targets that each of them may hide, without those that are hidden already."""
+    groups, places = expand_ranges(near.first[some], near.last[some])
+    rows = near.order[places]
+    is_open = seen[rows] & ~(near.reach[rows] < near.distance[some][groups])
+    return near.faces[some][groups[is_open]], rows[is_open]
+
+
+def _faces_and_targets(corners: FloatArray, targets: FloatArray) -> _Near:
+    """What may hide what, as seen from an observer at zero.
+
+    Nothing is left out but by a comparison that is false for NaN.
 
     Args:
         corners: (3, 4, faces)
@@ -122,20 +150,19 @@ def _candidates(corners: FloatArray, targets: FloatArray) -> tuple[IntArray, Int
     """
     low, high = corners.min(axis=1), corners.max(axis=1)
     gap = np.maximum(np.maximum(low, -high), 0.0)  # (3, faces) between the observer and the box of the face
-    size = high - low
-    blur = 2.0 * _BLUR * (gap + 2.0 * size).sum(axis=0)
+    spread = gap + 2.0 * (high - low)
+    blur = 2.0 * _BLUR * (spread[0] + spread[1] + spread[2])
     least, most = np.minimum(targets.min(axis=1), 0.0)[:, None], np.maximum(targets.max(axis=1), 0.0)[:, None]
-    near = np.flatnonzero(~((low - blur > most) | (high + blur < least)).any(axis=0))
-    distance = np.hypot(gap[0, near], gap[1, near])
-    order = np.argsort(distance)
-    near, distance, blur = near[order], distance[order], blur[near[order]]
+    is_out = (low - blur > most) | (high + blur < least)
+    faces = (~(is_out[0] | is_out[1] | is_out[2])).nonzero()[0]
+    distance = np.hypot(gap[0, faces], gap[1, faces])
+    by_distance = np.argsort(distance)
+    faces, distance = faces[by_distance], distance[by_distance]
+    blur = blur[faces]
     ways, order = _sorted_directions(targets)
-    first, last = _sectors(corners.take(near, axis=2), distance, blur, ways)
-    groups, places = expand_ranges(first, last)
-    rows = order[places]
+    first, last = _sectors(corners.take(faces, axis=2), distance, blur, ways)
     reach = np.hypot(targets[0], targets[1])
-    is_near = ~(reach[rows] < (distance - blur)[groups])
-    return near[groups[is_near]], rows[is_near]
+    return _Near(faces, distance - blur, first, last, np.cumsum(last - first), order, reach)
 
 
 def _sorted_directions(targets: FloatArray) -> tuple[FloatArray, IntArray]:

@@ -1,27 +1,12 @@
 """The answers of map servers that are kept on disk: only good ones go in, and only good ones come out."""
 
-import os
-import sys
 import warnings
 from collections.abc import Callable
 from dataclasses import dataclass, field
-from pathlib import Path
 from typing import Any, NoReturn
 
 from gamms.errors import PlaceError
 from gamms.osm.answers import fault_of_places, has_shapes
-
-
-def cache_folder() -> Path:
-    """Where answers are kept unless `osmnx.settings.cache_folder` says otherwise: in the user's own cache folder."""
-    home = Path.home()
-    if sys.platform == "win32":
-        caches = Path(os.environ.get("LOCALAPPDATA") or home / "AppData" / "Local")
-    elif sys.platform == "darwin":
-        caches = home / "Library" / "Caches"
-    else:
-        caches = Path(os.environ.get("XDG_CACHE_HOME") or home / ".cache")
-    return caches / "gamms" / "osmnx"
 
 
 @dataclass(slots=True)

@@ -18,9 +18,9 @@ from gamms.osm.labels import components
 from gamms.osm.load import network_in_metres
 from gamms.osm.network import RoadNetwork
 from gamms.osm.networkx import network_of_edges
-from gamms.osm.progress import progress
 from gamms.osm.source import read_any_network
 from gamms.osm.travel import OSMType
+from gamms.progress import progress
 
 _LENGTH_ERROR = 0.001
 _SLACK = 1e-9

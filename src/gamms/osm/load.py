@@ -17,11 +17,11 @@ from gamms.osm.files import as_file
 from gamms.osm.junctions import consolidate
 from gamms.osm.network import RoadNetwork, both_ways, connected, projected
 from gamms.osm.networkx import network_of_graph, to_digraph, to_multidigraph
-from gamms.osm.progress import progress
 from gamms.osm.resample import resample
 from gamms.osm.simplify import simplify as simplified
 from gamms.osm.source import read_line_network, read_network
 from gamms.osm.travel import OSMType
+from gamms.progress import progress
 
 if TYPE_CHECKING:
     import networkx as nx

@@ -18,11 +18,12 @@ from urllib.parse import urlsplit
 
 from gamms.arguments import as_float
 from gamms.errors import BadType, BadValue, GammsError, MissingExtra, PlaceError, WrongVersion
+from gamms.folders import cache_folder
 from gamms.ir.geometry import shape_error
 from gamms.osm.answers import fault_of_areas, fault_of_places, fault_of_streets, without_cut_ways
-from gamms.osm.cache import AnswerCache, cache_folder
-from gamms.osm.progress import progress
+from gamms.osm.cache import AnswerCache
 from gamms.osm.requests import MapServer
+from gamms.progress import progress
 
 _EXTRA = ("Loading places by name", "osm-online")
 _BROKEN = ("2.0.0", "2.0.5", "2.0.6", "2.0.7", "2.1.0")  # the last four project one graph to two projections
@@ -206,7 +207,7 @@ def _settings(settings: Any, *, offline: bool) -> list[Change]:
     """Ours, but only where the user has not chosen otherwise."""
     changes: list[Change] = []
     if str(settings.cache_folder) == _DEFAULT_FOLDER:
-        changes.append((settings, "cache_folder", cache_folder()))
+        changes.append((settings, "cache_folder", cache_folder("osmnx")))
     if settings.doh_url_template == _DEFAULT_DOH:
         changes.append((settings, "doh_url_template", None))  # nobody else is asked where the servers are
     if offline:

@@ -19,8 +19,8 @@ from gamms.osm.load import Recipe, cut, recipe_of
 from gamms.osm.network import RoadNetwork, connected, projected
 from gamms.osm.networkx import network_of_graph
 from gamms.osm.osmnx import Location, StreetOptions, streets_of_place, streets_of_polygon
-from gamms.osm.progress import progress
 from gamms.osm.travel import OSMType
+from gamms.progress import progress
 
 if TYPE_CHECKING:
     import networkx as nx

@@ -5,7 +5,7 @@ import os
 from abc import ABC, abstractmethod
 from collections.abc import Iterable, Iterator, Mapping, Sequence
 from math import inf, pi
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING, Any, Literal
 
 import numpy as np
 
@@ -15,6 +15,7 @@ from gamms.ir.graph import FloatArray, GraphColumns
 from gamms.typing.graph_routes import Routes, one_end
 from gamms.typing.graph_values import Corner, Engine, Node, NodeColumns, ObsFace, OSMEdge, Surroundings
 from gamms.typing.obstacles import IObstacles
+from gamms.typing.visibility import IVisibility
 
 if TYPE_CHECKING:
     import networkx as nx
@@ -29,6 +30,7 @@ __all__ = [
     "IGraph",
     "IGraphEngine",
     "IObstacles",
+    "IVisibility",
     "Node",
     "NodeColumns",
     "NodeIds",
@@ -340,6 +342,37 @@ class IGraphEngine(IObstacles):
     @abstractmethod
     def load(self, path: str | os.PathLike[str]) -> IGraph:
         """Replace graph and obstacles by those in a file that `save` wrote (BadFile, a ValueError)."""
+
+    def visibility(
+        self,
+        radius: float,
+        observer_height: float = 1.6,
+        *,
+        path: str | os.PathLike[str] | Literal[False] | None = None,
+        progress: bool = False,
+        workers: int | None = None,
+    ) -> IVisibility:
+        """Which nodes within `radius` of each node no wall hides, worked out once and looked up from then on.
+
+        Args:
+            radius: map units on the plan, the rim included; may be infinite.
+            observer_height: z of both ends of every sight line.
+            path: the file or folder where the table is kept. None: in the user's cache folder; False: nowhere.
+            progress: say on the terminal how far it is.
+            workers: how many processes share the work, which changes nothing but the time; None: as many as pay.
+
+        Returns:
+            The table, which holds until nodes or obstacles change; then call this again.
+
+        Raises:
+            BadValue (ValueError), BadType (TypeError): an impossible argument.
+            OSError: `path` cannot be written.
+        """
+        raise NotOffered(self, "visibility")
+
+    def visibility_table(self, observer_height: float, radius: float) -> IVisibility | None:
+        """A table that `visibility` made, holds, is of that height and reaches so far; None where there is none."""
+        return None
 
     @abstractmethod
     def terminate(self) -> None:

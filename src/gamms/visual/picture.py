@@ -7,6 +7,7 @@ from typing import NamedTuple
 
 from gamms.arguments import as_int, as_path
 from gamms.errors import BadValue, MissingFolder, NotYet, UnknownName
+from gamms.folders import write_whole
 from gamms.ir.draw import DrawCommands
 from gamms.typing import ArtistType, ColorType, IArtist, ILogger
 from gamms.visual.backends import FORMATS, Backend
@@ -84,9 +85,4 @@ def write(sheet: Sheet, commands: DrawCommands, *, title: str, note: str, backgr
     """Paint the columns and replace the file in one step."""
     camera = fit(commands, sheet.width, sheet.height, header=_HEADER_PX if title else 0.0)
     content = sheet.backend(commands, camera, title=title, note=note, background=rgba(background))
-    beside = sheet.path.with_name(f".{sheet.path.name}.{os.getpid()}.tmp")
-    try:
-        beside.write_bytes(content)
-        beside.replace(sheet.path)
-    finally:
-        beside.unlink(missing_ok=True)
+    write_whole(sheet.path, content)

@@ -1,0 +1,31 @@
+"""Where files go that nobody gave a place, and how a file is written: completely or not at all."""
+
+import os
+import sys
+from pathlib import Path
+
+
+def cache_folder(name: str) -> Path:
+    """The folder of that name in the user's own cache folder; it may have to be made."""
+    home = Path.home()
+    if sys.platform == "win32":
+        caches = Path(os.environ.get("LOCALAPPDATA") or home / "AppData" / "Local")
+    elif sys.platform == "darwin":
+        caches = home / "Library" / "Caches"
+    else:
+        caches = Path(os.environ.get("XDG_CACHE_HOME") or home / ".cache")
+    return caches / "gamms" / name
+
+
+def write_whole(path: Path, data: bytes) -> None:
+    """Put a file in its place in one step.
+
+    Raises:
+        OSError: it cannot be written; nothing has changed then.
+    """
+    beside = path.with_name(f".{path.name}.{os.getpid()}.part")
+    try:
+        beside.write_bytes(data)
+        beside.replace(path)
+    finally:
+        beside.unlink(missing_ok=True)
