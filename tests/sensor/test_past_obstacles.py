@@ -103,6 +103,25 @@ def test_what_was_seen_is_forgotten_when_a_wall_comes_or_goes(ctx):
             assert len(sensor.data["nodes"]) == count
 
 
+def test_a_visibility_table_answers_until_the_world_changes(ctx):
+    wall(ctx, (0.5, -0.5), (0.5, 0.5))
+    ctx.agent.create_agent("hidden", start_node_id=1)
+    ctx.agent.create_agent("seen", start_node_id=2)
+    table = ctx.graph.visibility(5.0, 1.6, path=False)
+    assert ctx.graph.visibility_table(1.6, 5.0) is table
+    ground = ctx.sensor.create_sensor("m", SensorType.OCCLUDED_MAP, sensor_range=5.0)
+    agents = ctx.sensor.create_sensor("a", SensorType.OCCLUDED_AGENT, sensor_range=5.0)
+    for sensor in (ground, agents):
+        sensor.sense(0)
+    assert list(ground.data["nodes"]) == table.from_node(0).tolist() == [0, 2, 3, 4, 5]
+    assert agents.data == {"seen": 2}
+    ctx.graph.remove_obstacle_face(1)
+    for sensor in (ground, agents):
+        sensor.sense(0)
+    assert 1 in ground.data["nodes"]
+    assert "hidden" in agents.data
+
+
 # -- brute force ------------------------------------------------------------------------------------------------
 
 
@@ -198,6 +217,8 @@ def test_on_random_worlds_the_ground_looks_like_a_scan_of_all_faces(world, radiu
         )
 
     with built(places, faces, edges, walkers, ()) as ctx:
+        if data.draw(st.booleans()):
+            ctx.graph.visibility(data.draw(st.sampled_from([radius, inf])), height, path=False)
         given = {"sensor_range": radius, "fov": fov, "orientation": heading, "observer_height": height}
         ground = ctx.sensor.create_sensor("m", SensorType.OCCLUDED_MAP, **given)
         agents = ctx.sensor.create_sensor("a", SensorType.OCCLUDED_AGENT, **given)

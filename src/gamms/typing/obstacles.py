@@ -8,17 +8,9 @@ import numpy as np
 
 from gamms import kernels
 from gamms.errors import BadType, BadValue
-from gamms.ir.graph import FloatArray, IntArray
+from gamms.ir.graph import FloatArray
 from gamms.ir.obstacles import BoolArray, ObstacleColumns
 from gamms.typing.graph_values import Corner, ObsFace
-
-
-class ISightTable(ABC):
-    """Which nodes are visible from which, worked out beforehand."""
-
-    @abstractmethod
-    def mask(self, node_id: int, others: IntArray) -> BoolArray:
-        """Which of some nodes (others,), all in its radius, are visible from a node: what `visible` says of them."""
 
 
 class IObstacles(ABC):
@@ -84,13 +76,6 @@ class IObstacles(ABC):
             BadValue (ValueError), BadType (TypeError): another shape, or a number that is not finite.
         """
         return kernels.visible(self.obstacle_columns().corners, *line_ends(origin, targets))
-
-    def visibility_table(self, observer_height: float, radius: float) -> ISightTable | None:  # noqa: ARG002 - none here
-        """A table of the present nodes and obstacles, for at least this radius; None where none was made.
-
-        Both ends of its sight lines are `observer_height` above the ground.
-        """
-        return None
 
 
 def line_ends(origin: Any, targets: Any) -> tuple[FloatArray, FloatArray]:
