@@ -1,7 +1,7 @@
 """The graph room: nodes, edges and obstacles over columns; queries by place; files and bridges.
 
 Read `graph.py` first (every call), then `tables.py` (where the data is), `indexes.py` (what makes it fast) and
-`routes.py` (ways).
+`routes.py` (ways); for walls `obstacles.py`, then `visibility.py`.
 May import: typing, kernels, ir and below, never another room. To add a file format, write a module that turns
 `contents.Contents` into bytes and back; to add a query, give `IGraph` a slow default and override it in `graph.py`.
 """

@@ -1,4 +1,4 @@
-"""The file that a visibility table is kept in: small, bounded, and never evaluated; see docs/sight-format.md.
+"""The file that a visibility table is kept in: small, bounded, and never evaluated; see docs/save-format.md.
 
 Layout, little-endian: 8 bytes `GAMMSEYE`; uint32 version; uint32 CRC-32 of all that follows; 32 bytes key of the
 world; float64 radius and observer height; uint64 nodes, seen, size of the stored counts, size of the stored rows; the
