@@ -7,7 +7,7 @@ from typing import Any
 import numpy as np
 
 from gamms import kernels
-from gamms.ir.graph import FloatArray
+from gamms.ir.graph import FloatArray, IntArray
 from gamms.typing import IContext
 from gamms.typing.graph_engine import IGraph, NodeColumns, Surroundings
 
@@ -92,9 +92,19 @@ class ViewsPastObstacles(Views):
         try:
             return self._seen[kind][place]
         except KeyError:
-            ahead = nodes_ahead(self._ctx, place, radius, fov, heading)
-            ids = ahead.ids[in_sight(self._ctx, place, ahead, radius, height)]
+            ids = self._ids_in_sight(place, radius, fov, heading, height)
             return self._keep(kind, place, room.graph.among(ids))
+
+    def _ids_in_sight(
+        self, place: Place, radius: float, fov: float, heading: tuple[float, float], height: float
+    ) -> IntArray:
+        table = None if isinstance(place, tuple) else self._ctx.graph.visibility_table(height, radius)
+        if table is not None and table.radius == radius:  # it has looked at what is in range already
+            ids = table.from_node(place)  # type: ignore[arg-type] # a pair has no table
+            nodes = NodeColumns(ids, self._ctx.graph.graph.positions(ids))
+            return ahead_of(nodes, *coordinates(self._ctx, place), fov, heading).ids
+        nodes = nodes_ahead(self._ctx, place, radius, fov, heading)
+        return nodes.ids[in_sight(self._ctx, place, nodes, radius, height)]
 
 
 def coordinates(ctx: IContext, place: Place) -> tuple[float, float]:
@@ -112,11 +122,16 @@ def coordinates(ctx: IContext, place: Place) -> tuple[float, float]:
 def nodes_ahead(ctx: IContext, place: Place, radius: float, fov: float, heading: tuple[float, float]) -> NodeColumns:
     """The nodes in range and inside the field of view, as arrays."""
     x, y = coordinates(ctx, place)
-    ids, xy = ctx.graph.graph.nodes_near(x, y, radius)
-    if fov != FULL_CIRCLE and heading != (0.0, 0.0):
-        is_ahead = kernels.in_cone(xy[:, 0] - x, xy[:, 1] - y, heading, fov)
-        ids, xy = ids[is_ahead], xy[is_ahead]
-    return NodeColumns(ids, xy)
+    return ahead_of(ctx.graph.graph.nodes_near(x, y, radius), x, y, fov, heading)
+
+
+def ahead_of(nodes: NodeColumns, x: float, y: float, fov: float, heading: tuple[float, float]) -> NodeColumns:
+    """Those nodes that are inside the field of view of who looks from (x, y)."""
+    if fov == FULL_CIRCLE or heading == (0.0, 0.0):
+        return nodes
+    ids, xy = nodes
+    is_ahead = kernels.in_cone(xy[:, 0] - x, xy[:, 1] - y, heading, fov)
+    return NodeColumns(ids[is_ahead], xy[is_ahead])
 
 
 def in_sight(
