@@ -2,7 +2,7 @@
 
 import math
 import os
-from collections.abc import Iterable
+from collections.abc import Iterable, Mapping
 from numbers import Real
 from operator import index
 from pathlib import Path
@@ -62,6 +62,20 @@ def as_range(value: Any, name: str) -> float:
     if number < 0.0:
         raise BadValue(f"{name} must not be negative, not {number}.")
     return number
+
+
+def as_numbers(value: Any, name: str, form: str) -> list[float]:
+    """`value` as so many finite numbers as `form`, such as "(x, y, z)", names.
+
+    Raises:
+        BadType: `value` is no sequence of numbers.
+        BadValue: there are more or fewer, or one is NaN or infinite.
+    """
+    if not hasattr(value, "__getitem__") or isinstance(value, (str, bytes, Mapping)):
+        raise BadType(f"{name} must be {form}, not {value!r} ({type(value).__name__}).")
+    if getattr(value, "ndim", 1) != 1 or len(value) != form.count(",") + 1:
+        raise BadValue(f"{name} must be {form}, not {value!r}.")
+    return [as_float(part, f"Every part of {name[:1].lower() + name[1:]} {form}") for part in value]
 
 
 def as_name(value: Any, kind: str) -> str:

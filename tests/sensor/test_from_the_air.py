@@ -136,7 +136,7 @@ def test_two_drones_may_share_a_sensor(ctx, drone):
     [
         ({"quat": (0, 0, 0, 0)}, ValueError, "quat of 'eye' must not be zero"),
         ({"quat": (1, 0, 0)}, ValueError, r"quat of 'eye' must be \(w, x, y, z\)"),
-        ({"quat": (1, 0, 0, float("nan"))}, ValueError, "quat of 'eye' must be finite"),
+        ({"quat": (1, 0, 0, float("nan"))}, ValueError, r"quat of 'eye' \(w, x, y, z\) must be finite"),
         ({"quat": "down"}, TypeError, "quat of 'eye' must be"),
         ({"quat": 1}, TypeError, "quat of 'eye' must be"),
         ({"sensor_range": -1}, ValueError, "sensor_range of 'eye' must not be negative"),

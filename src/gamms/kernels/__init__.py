@@ -9,11 +9,18 @@ from gamms.kernels.csr import expand_ranges, group_rows, ragged_rows
 from gamms.kernels.draws import draws_by_name
 from gamms.kernels.occlusion import blocks, visible
 from gamms.kernels.paths import Arcs, first_steps, make_arcs, tight_arcs
-from gamms.kernels.rotations import Quaternion, in_view, multiply_quaternions, quaternion_to_direction, unit_quaternion
+from gamms.kernels.rotations import (
+    Quaternion,
+    about_z,
+    in_view,
+    multiply_quaternions,
+    quaternion_to_direction,
+    unit_quaternion,
+    yaw,
+)
 from gamms.kernels.scipy import shortest_distances
 from gamms.kernels.sight import in_cone, is_in_cone
 from gamms.kernels.streams import stream
-from gamms.kernels.yaw import about_z, yaw
 
 __all__ = [
     "Arcs",

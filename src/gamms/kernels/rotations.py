@@ -1,6 +1,6 @@
-"""Rotations in space as unit quaternions `(w, x, y, z)`, and cones around an axis."""
+"""Rotations in space as unit quaternions `(w, x, y, z)`: products, axes, headings; and cones around an axis."""
 
-from math import hypot
+from math import atan2, cos, hypot, sin
 
 import numpy as np
 
@@ -8,6 +8,8 @@ from gamms.ir.graph import FloatArray
 
 Quaternion = tuple[float, float, float, float]
 
+_ROUNDING = 2e-15  # how far the square of a length of 1 is off at most
+_VERTICAL = 1e-9  # of a length of 1: what points less sideways than this has no heading
 _RIM = 1e-12  # radians: what lies on the rim is inside, however the angles were rounded
 
 
@@ -30,13 +32,34 @@ def quaternion_to_direction(quat: Quaternion) -> tuple[float, float, float]:
 
 
 def unit_quaternion(quat: Quaternion) -> Quaternion | None:
-    """`quat` at length 1; None if it is zero or not finite."""
+    """`quat`, finite, at length 1; None if it is zero."""
+    w, x, y, z = quat
+    if abs(w * w + x * x + y * y + z * z - 1.0) < _ROUNDING:  # so that setting what was read changes nothing
+        return quat
     scale = max(map(abs, quat))  # first, so that no square overflows or vanishes
-    if not 0.0 < scale < np.inf:
+    if scale == 0.0:
         return None
     w, x, y, z = (part / scale for part in quat)
     length = hypot(w, x, y, z)
     return w / length, x / length, y / length, z / length
+
+
+def yaw(quat: Quaternion) -> tuple[float, float]:
+    """`(cos, sin)` of the heading of what is turned by `(w, x, y, z)`; (0.0, 0.0) if it points straight up or down.
+
+    Unturned it heads east: the heading is that of the turned x axis, seen from above.
+    """
+    w, x, y, z = quat
+    # The same as (1 - 2(yy + zz), 2(xy + wz)) where the length is 1, and exact for a quarter of a turn.
+    east, north = w * w + x * x - y * y - z * z, 2.0 * (x * y + w * z)
+    level = hypot(east, north)
+    return (0.0, 0.0) if level < _VERTICAL else (east / level, north / level)
+
+
+def about_z(heading: tuple[float, float]) -> Quaternion:
+    """The turn `(w, x, y, z)` about the vertical to a heading `(cos, sin)`."""
+    half = atan2(heading[1], heading[0]) / 2.0
+    return (cos(half), 0.0, 0.0, sin(half))
 
 
 def in_view(

@@ -7,8 +7,8 @@ from typing import Any, NamedTuple, cast
 import numpy as np
 
 from gamms import kernels
-from gamms.arguments import as_float, as_range
-from gamms.errors import BadType, BadValue
+from gamms.arguments import as_numbers, as_range
+from gamms.errors import BadValue
 from gamms.ir.graph import FloatArray, IntArray
 from gamms.ir.sensed import Sensed, SensorView
 from gamms.kernels import Quaternion
@@ -262,7 +262,7 @@ class OccludedAerialAgentSensor(AerialAgentSensor):
 
 
 def _checked_quat(quat: Any, name: str) -> Quaternion:
-    w, x, y, z = _numbers(quat, 4, name, "(w, x, y, z)")
+    w, x, y, z = as_numbers(quat, name, "(w, x, y, z)")
     unit = kernels.unit_quaternion((w, x, y, z))
     if unit is None:
         raise BadValue(f"{name} must not be zero: it has no direction. (1, 0, 0, 0) turns nothing.")
@@ -270,13 +270,5 @@ def _checked_quat(quat: Any, name: str) -> Quaternion:
 
 
 def _checked_point(at: Any, name: str) -> Axis:
-    x, y, z = _numbers(at, 3, name, "(x, y, z)")
+    x, y, z = as_numbers(at, name, "(x, y, z)")
     return x, y, z
-
-
-def _numbers(given: Any, count: int, name: str, shape: str) -> list[float]:
-    if isinstance(given, str) or not hasattr(given, "__len__"):
-        raise BadType(f"{name} must be {shape}, not {given!r}.")
-    if len(given) != count:
-        raise BadValue(f"{name} must be {shape}, not {given!r}.")
-    return [as_float(number, name) for number in given]
