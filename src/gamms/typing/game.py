@@ -1,0 +1,30 @@
+"""Contract of the game room: what the turn engine hands to rules and resolvers of conflicts."""
+
+from collections.abc import Callable, Mapping
+from typing import TYPE_CHECKING, Any, NamedTuple, Protocol
+
+if TYPE_CHECKING:
+    from gamms.typing.context import IContext
+
+Rule = Callable[[Any], Any]  # called with the context; what it returns is ignored
+
+
+class Move(NamedTuple):
+    """What one agent on the ground is about to do, or has done, in a turn."""
+
+    agent: str
+    team: Any
+    start: int  # node id
+    end: int  # node id; the start for who stays
+    path: tuple[int, ...]  # node ids from start to end; only the start for who stays
+
+
+class IConflicts(Protocol):
+    """Decides who has to stay where moves get in each other's way."""
+
+    def resolve(self, moves: Mapping[str, Move], ctx: "IContext") -> set[str]:
+        """The names of the agents that must stay where they are.
+
+        `moves` are all moves of this turn by name, in the order of the names, stayers included. The answer must not
+        depend on that order, nor on anything but the moves and the context.
+        """
