@@ -97,6 +97,14 @@ class AgentEngine(IAgentEngine):
             teams.setdefault(agent.team, []).append(agent)
         return dict(sorted(teams.items(), key=lambda item: str(item[0])))
 
+    def settle(self) -> None:
+        """Bring everything that is kept about the agents up to date."""
+        if self._dead:
+            self._sweep()
+        if self.columns.flying:
+            self.moves.locate(self.columns)
+        self.columns.settle()
+
     def roll(self) -> Roll:
         """Who is where, as arrays."""
         if self._dead:
@@ -121,12 +129,12 @@ class AgentEngine(IAgentEngine):
 
     def kept(self) -> KeptAgents:
         """All agents as they are now, for `restore`."""
-        self.standing()
+        self.settle()
         return kept(self)
 
     def restore(self, before: KeptAgents) -> None:
         """Let all agents be as they were, those that came or went since then included."""
-        self.standing()
+        self.settle()
         restore(self, before)
 
     def terminate(self) -> None:

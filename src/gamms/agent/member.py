@@ -237,6 +237,7 @@ class Member(IAgent):
 
     def _carry(self) -> None:
         own = self.name
+        self._columns.roster += 1
         self._carried = tuple(
             (name, _Borrowed(sensor, own) if id(sensor) in self._shared else sensor)
             for name, sensor in self._sensor_list.items()

@@ -22,7 +22,7 @@ if TYPE_CHECKING:
 
     from gamms.game.turn import TurnMoves
 
-_PHASES = ("observe", "decide", "resolve", "apply", "rules", "draw")
+_PHASES = ("decide", "resolve", "apply", "rules", "draw")
 
 
 class Scores(dict[Any, float]):
@@ -71,7 +71,7 @@ class Game(Settings):
         self.turn_moves: TurnMoves | None = None
         self._over: dict[str, Any] | None = None
         self._seats: list[Seat] = []
-        self._seated = -1
+        self._seated: tuple[int, str] | None = None
         self._lengths: tuple[int | None, dict[tuple[int, int], float]] = (None, {})
 
     # -- what it is played by -----------------------------------------------------------------------------------
@@ -264,9 +264,9 @@ class Game(Settings):
 
     def seats(self) -> list[Seat]:
         """A seat for everybody who is alive, in the order of the names."""
-        self.ctx.agent.standing()  # which drops the rows of deleted agents
-        if self._seated != self.columns.roster:
-            self._seats, self._seated = seats(self), self.columns.roster
+        self.ctx.agent.settle()
+        if self._seated != (self.columns.roster, self.legal):
+            self._seats, self._seated = seats(self), (self.columns.roster, self.legal)
         return self._seats
 
     def rng_of(self, name: str) -> "Generator":

@@ -54,13 +54,13 @@ def judged(game: "Game", seat: Seat, here: int, action: Any) -> Plan:
 
 
 def reach(game: "Game", seat: Seat, here: int) -> tuple[int, ...]:
-    """Where an agent with a speed may be after this turn, its own node first."""
+    """Where an agent may go: its own node, the next ones, and those that its speed takes it to in this turn."""
     graph, budget = game.ctx.graph.graph, _budget(game, seat)
     if game.legal == "any":
         return (here, *(id for id in graph.get_nodes() if id != here))
     weight = "length" if game.speed_unit == "metres" else None
     near = graph.distances(source=here, weight=weight, cutoff=budget if budget < inf else None)
-    return (here, *(id for id in near if id != here))
+    return tuple(dict.fromkeys((*graph.neighborhoods[here], *near)))
 
 
 def _node(game: "Game", action: Any) -> int:

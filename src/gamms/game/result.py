@@ -29,7 +29,7 @@ class Result:
         agents: name -> what became of it: team, alive, node (where it is), moves (turns in which it went on), blocked
             (by conflicts), illegal, errors, overruns (how often each).
         errors: what strategies did wrong, in order: turn, agent, kind ("illegal", "error", "overrun"), message.
-        timings: seconds by phase: observe, decide, resolve, apply, rules, draw.
+        timings: seconds by phase: decide (sensing included), resolve, apply, rules, draw.
         seed: of the context.
         collected: name -> columns of what was collected.
     """

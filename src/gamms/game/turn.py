@@ -5,35 +5,29 @@ from typing import TYPE_CHECKING, Any
 
 from gamms.errors import GammsError
 from gamms.game import memory
-from gamms.game.errors import IllegalAction, Meddling
+from gamms.game.errors import IllegalAction
 from gamms.game.judge import Plan, judged, reach, why_not
 from gamms.game.seats import Seat
+from gamms.game.watch import Watch
 from gamms.typing.game import Move
 
 if TYPE_CHECKING:
     from gamms.game.game import Game
 
-States = list[dict[str, Any]]
-
 
 def play_turn(game: "Game") -> None:
     """Observe, decide, resolve, apply."""
-    seats = game.seats()
     began = perf_counter()
-    starts, states = _observe(game, seats)
-    observed = perf_counter()
-    ends, plans = _decide(game, seats, starts, states)
+    seats = game.seats()
+    turn = game.turn_moves = _ask(game, seats)
     decided = perf_counter()
-    turn = TurnMoves(seats, starts, ends, plans)
-    game.turn_moves = turn
     if game.conflicts is not None:
         _resolve(game, turn)
     resolved = perf_counter()
     _apply(game, turn)
     applied = perf_counter()
     spent = game.timings
-    spent["observe"] += observed - began
-    spent["decide"] += decided - observed
+    spent["decide"] += decided - began
     spent["resolve"] += resolved - decided
     spent["apply"] += applied - resolved
 
@@ -68,92 +62,166 @@ class TurnMoves:
         self._by_name = None
 
 
-def _observe(game: "Game", seats: list[Seat]) -> tuple[list[int], States]:
-    node, position, quat = game.columns.node, game.columns.position, game.columns.quat
-    near, turn, shared = game.ctx.graph.graph.neighborhoods, game.turn, game.team_memories
-    starts, states = [], []
-    for seat in seats:
-        state = seat.template.copy()
-        state["sensor"] = seat.agent.sense()
-        row = seat.row
-        here = node[row]
-        if seat.flies:
-            state["curr_pos"], state["quat"] = position[row], quat[row]
-        else:
-            state["curr_pos"] = here
-            state["legal"] = near[here] if seat.speed is None and game.legal == "edges" else reach(game, seat, here)
-        state["turn"] = turn
-        known = shared.get(seat.team) if shared else None
-        state["team_memory"] = memory.copied(known) if known else {}
-        starts.append(here)
-        states.append(state)
-    return starts, states
+def _ask(game: "Game", seats: list[Seat]) -> TurnMoves:
+    """Let everybody observe and decide.
 
-
-def _decide(game: "Game", seats: list[Seat], starts: list[int], states: States) -> tuple[list[int], dict[int, Plan]]:
-    """Where everybody wants to go: node ids, and more of it for those whose action says more than that."""
-    ends, plans = list(starts), {}
-    touched = _Watch(game)
+    Nobody sees what others decide: strategies cannot change the world, so what is seen right before an agent decides
+    is what all see. Where a sensor may look at more than the world, all observe first.
+    """
+    asked = _Asked(game)
+    seen = None if all(seat.sees_world_only for seat in seats) else [_observe(game, seat) for seat in seats]
+    usual = seen is None and game.time_budget is None and not game.team_memories
+    node, near, turn, facts = game.columns.node, game.ctx.graph.graph.neighborhoods, game.turn, game.facts
+    starts, ends, touched = asked.starts, asked.ends, asked.watch.rows
     game.is_deciding = True
     try:
         for i, seat in enumerate(seats):
-            agent, state = seat.agent, states[i]
-            agent._state = state
+            agent, row, name, team, rng, mind, is_plain = seat.usual
+            here = node[row]
+            starts.append(here)
             strategy = agent.strategy
-            if strategy is None:
+            if strategy is None or not (is_plain and usual):
+                asked.ask(i, seat, here, seen)
                 continue
-            begun = perf_counter() if game.time_budget else 0.0
+            # NOTE: the usual agent is served in line (benchmarks/README.md, turns); `_Asked.ask` does the same.
+            sensed = {}
+            for key, sensor in agent._carried:
+                sensor.sense(here)
+                sensed[key] = (sensor.type, sensor.data)
+            legal = near[here]
+            noted: dict[Any, Any] = {}
+            agent._state = state = {
+                "curr_pos": here,
+                "sensor": sensed,
+                "name": name,
+                "team": team,
+                "turn": turn,
+                "legal": legal,
+                "rng": rng,
+                "memory": mind,
+                "team_memory": noted,
+                "facts": facts,
+            }
             try:
                 strategy(state)
-                if touched.rows:
-                    touched.undo(seat.name)
-            except Exception as error:  # a strategy is anybody's code
-                if game.on_error == "raise":
-                    error.add_note(f"In the strategy of agent {seat.name!r}, in turn {game.turn}.")
-                    raise
-                _note(game, seat, "error", f"{type(error).__name__}: {error}")
+                action = state["action"]
+            except Exception as error:  # noqa: BLE001 - a strategy is anybody's code
+                ends.append(asked.failed(i, seat, here, state, error))
                 continue
-            if game.time_budget and perf_counter() - begun > game.time_budget:
-                _note(game, seat, "overrun", f"took longer than {game.time_budget} s")
-                continue
-            # NOTE: a legal node id comes first and in line: it is every move of most games (benchmarks/README.md).
-            action = state.get("action")
-            if type(action) is int and action in state["legal"] and seat.speed is None:
-                ends[i] = action
-            elif (plan := _planned(game, seat, starts[i], state)) is not None:
-                ends[i], plans[i] = plan.end, plan
+            if type(action) is not int or action not in legal or touched:
+                action = asked.judge(i, seat, here, state)
+            if noted:
+                asked.written.append((seat, noted))
+            ends.append(action)
     finally:
         game.is_deciding = False
-        touched.restore()
-    touched.check_world()
-    _share(game, seats, states)
-    return ends, plans
+        asked.watch.restore()
+    asked.watch.check_world()
+    if asked.written:
+        _share(game, asked.written)
+    return TurnMoves(seats, starts, ends, asked.plans)
 
 
-def _planned(game: "Game", seat: Seat, here: int, state: dict[str, Any]) -> Plan | None:
-    """What an action that is not a plain legal node leads to; None where the agent stays for its fault."""
-    try:
-        if "action" not in state:
-            raise IllegalAction(f"its strategy set no state['action']; legal are {list(state['legal'])}")
-        return judged(game, seat, here, state["action"])
-    except GammsError as error:
-        if game.on_illegal == "raise":
-            raise IllegalAction(f"Agent {seat.name!r} in turn {game.turn}: {error}") from error
-        _note(game, seat, "illegal", why_not(error))
-        return None
+class _Asked:
+    """What has been asked and answered in a turn so far."""
+
+    def __init__(self, game: "Game") -> None:
+        self.game = game
+        self.watch = Watch(game)
+        self.starts: list[int] = []
+        self.ends: list[int] = []
+        self.plans: dict[int, Plan] = {}
+        self.written: list[tuple[Seat, Any]] = []
+
+    def ask(self, i: int, seat: Seat, here: int, seen: list[dict[str, Any]] | None) -> None:
+        """Let one agent of any kind decide."""
+        game, agent = self.game, seat.agent
+        agent._state = state = _observe(game, seat) if seen is None else seen[i]
+        if agent.strategy is None:
+            self.ends.append(here)
+            return
+        begun = perf_counter()
+        try:
+            agent.strategy(state)
+        except Exception as error:  # noqa: BLE001 - a strategy is anybody's code
+            self.ends.append(self.failed(i, seat, here, state, error))
+            return
+        if game.time_budget is not None and perf_counter() - begun > game.time_budget:
+            _note(game, seat, "overrun", f"took longer than {game.time_budget} s")
+            self.ends.append(here)
+        else:
+            self.ends.append(self.judge(i, seat, here, state))
+        if state.get("team_memory") or seat.team in game.team_memories:
+            self.written.append((seat, state.get("team_memory")))
+
+    def judge(self, i: int, seat: Seat, here: int, state: dict[str, Any]) -> int:
+        """Where an agent goes by what its strategy has set."""
+        game = self.game
+        if self.watch.rows:
+            return self.failed(i, seat, here, state, self.watch.undone(seat.name))
+        try:
+            if "action" not in state:
+                raise IllegalAction(f"its strategy set no state['action']; legal are {list(state['legal'])}")
+            plan = judged(game, seat, here, state["action"])
+        except GammsError as error:
+            if game.on_illegal == "raise":
+                raise IllegalAction(f"Agent {seat.name!r} in turn {game.turn}: {error}") from error
+            _note(game, seat, "illegal", why_not(error))
+            return here
+        self.plans[i] = plan
+        return plan.end
+
+    def failed(self, i: int, seat: Seat, here: int, state: dict[str, Any], error: Exception) -> int:
+        """Stay, because a strategy raised; or raise, because the game is set so."""
+        game = self.game
+        if isinstance(error, KeyError) and "action" not in state and error.args == ("action",):
+            return self.judge(i, seat, here, state)  # not the strategy's error: it has set no action
+        if self.watch.rows:
+            self.watch.undone(seat.name)
+        if game.on_error == "raise":
+            error.add_note(f"In the strategy of agent {seat.name!r}, in turn {game.turn}.")
+            raise error
+        _note(game, seat, "error", f"{type(error).__name__}: {error}")
+        return here
 
 
-def _share(game: "Game", seats: list[Seat], states: States) -> None:
+def _observe(game: "Game", seat: Seat) -> dict[str, Any]:
+    """The state of an agent of any kind."""
+    columns, row = game.columns, seat.row
+    sensed = seat.agent.sense()
+    here = columns.node[row]
+    if seat.flies:
+        place: dict[str, Any] = {"curr_pos": columns.position[row], "quat": columns.quat[row]}
+    else:
+        place = {"curr_pos": here}
+    known = game.team_memories.get(seat.team)
+    return {
+        **place,
+        "sensor": sensed,
+        "name": seat.name,
+        "team": seat.team,
+        "turn": game.turn,
+        "legal": ()
+        if seat.flies
+        else game.ctx.graph.graph.neighborhoods[here]
+        if seat.is_plain
+        else reach(game, seat, here),
+        "rng": seat.rng,
+        "memory": seat.memory,
+        "team_memory": memory.copied(known) if known else {},
+        "facts": game.facts,
+    }
+
+
+def _share(game: "Game", written: list[tuple[Seat, Any]]) -> None:
     """Make one memory of what the members of each team have written."""
     writes: dict[Any, memory.Writes] = {}
-    for seat, state in zip(seats, states, strict=True):
-        written = state.get("team_memory")
-        if written or seat.team in game.team_memories:
-            writes.setdefault(seat.team, []).append((seat.name, written if isinstance(written, dict) else {}))
-    for team, written_by in writes.items():
+    for seat, copy in written:
+        writes.setdefault(seat.team, []).append((seat.name, copy if isinstance(copy, dict) else {}))
+    for team, copies in writes.items():
         before = game.team_memories.get(team, {})
-        if any(memory.differs(written, before) for _, written in written_by):
-            game.team_memories[team] = memory.copied(memory.merged(before, written_by))
+        if any(memory.differs(copy, before) for _, copy in copies):
+            game.team_memories[team] = memory.copied(memory.merged(before, copies))
 
 
 def _resolve(game: "Game", turn: TurnMoves) -> None:
@@ -178,48 +246,10 @@ def _apply(game: "Game", turn: TurnMoves) -> None:
         if plan.heading != ():
             writer.turn(columns, seat.row, plan.heading)
         if seat.flies:
-            seat.counts["moves"] += plan.position != columns.position[seat.row] and plan.position is not None
+            seat.counts["moves"] += plan.position not in (None, columns.position[seat.row])
             writer.land(columns, seat.row, plan.position, plan.quat)
 
 
 def _note(game: "Game", seat: Seat, kind: str, message: str) -> None:
     seat.counts[{"error": "errors", "overrun": "overruns"}.get(kind, kind)] += 1
     game.errors.append({"turn": game.turn, "agent": seat.name, "kind": kind, "message": message})
-
-
-class _Watch:
-    """Sees to it that nobody changes the world while strategies decide."""
-
-    def __init__(self, game: "Game") -> None:
-        columns = game.columns
-        game.ctx.agent.standing()  # which settles what was touched before
-        self._game, self._columns = game, columns
-        self._own, self.rows = columns.touched, set[int]()
-        columns.touched = self.rows
-        self._before = {name: list(getattr(columns, name)) for name in ("node", "position", "quat", "teams", "alive")}
-        self._world = self._seen()
-
-    def undo(self, name: str) -> None:
-        """Put everything back that a strategy has moved.
-
-        Raises:
-            Meddling: always: it was not for the strategy to do.
-        """
-        for column, values in self._before.items():
-            getattr(self._columns, column)[:] = values
-        self.rows.clear()
-        raise Meddling(f"The strategy of agent {name!r} changed the agents; it may only set state['action'].")
-
-    def restore(self) -> None:
-        """Let changes be noted by the columns again."""
-        self._columns.touched = self._own
-        self._own |= self.rows
-
-    def check_world(self) -> None:
-        """Raise Meddling if the graph, the obstacles or who is there have changed."""
-        if self._seen() != self._world:
-            raise Meddling("A strategy changed the graph, the obstacles or the agents while others were deciding.")
-
-    def _seen(self) -> tuple[Any, ...]:
-        room = self._game.ctx.graph
-        return room.graph.revision, room.obstacle_revision, tuple(self._game.ctx.agent.agents)

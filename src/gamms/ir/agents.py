@@ -45,7 +45,8 @@ class AgentColumns:
         alive: whether it takes part.
         carry: metres that were left of its last move on the ground.
         out: the rows of those that are not alive.
-        roster: a number that changes whenever an agent comes, goes, dies, returns, or has another team or speed.
+        roster: a number that changes whenever an agent comes, goes, dies, returns, or has another team, speed or
+            sensor.
         touched: rows whose node, position or team may have changed; whoever writes one of these adds to it.
         flying: row of a flyer -> how many flyers stand before it, ascending.
         adrift: rows of flyers that have moved since their node was worked out.
@@ -184,6 +185,11 @@ class AgentColumns:
         if self.touched:
             self._note()
         return self._crowds
+
+    def settle(self) -> None:
+        """Hand on what was touched, so that nothing is."""
+        if self.touched:
+            self._note()
 
     def _note(self) -> None:
         """Hand on what was touched: to the crowds at once, to the arrays when they are asked for."""
