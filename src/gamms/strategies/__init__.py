@@ -29,5 +29,6 @@ below.
 """
 
 from gamms.strategies.walks import random_walk, stay
+from gamms.strategies.ways import follow_path, goto, patrol
 
-__all__ = ["random_walk", "stay"]
+__all__ = ["follow_path", "goto", "patrol", "random_walk", "stay"]
