@@ -28,8 +28,9 @@ Read `walks.py` first, then `ways.py` (along roads), `encounters.py` (with enemi
 below.
 """
 
+from gamms.strategies.choices import first, human, mix
 from gamms.strategies.encounters import chase, flee, guard
 from gamms.strategies.walks import random_walk, stay
 from gamms.strategies.ways import follow_path, goto, patrol
 
-__all__ = ["chase", "flee", "follow_path", "goto", "guard", "patrol", "random_walk", "stay"]
+__all__ = ["chase", "first", "flee", "follow_path", "goto", "guard", "human", "mix", "patrol", "random_walk", "stay"]
