@@ -88,6 +88,14 @@ class AgentEngine(IAgentEngine):
         """The agents in the order of their creation; each loop over it takes those of its beginning that are left."""
         return Living(self)
 
+    @property
+    def teams(self) -> dict[Any, list[Member]]:
+        """Team -> its agents in the order of their creation, dead ones too; the teams in the order of their text."""
+        teams: dict[Any, list[Member]] = {}
+        for agent in self.agents.values():
+            teams.setdefault(agent.team, []).append(agent)
+        return dict(sorted(teams.items(), key=lambda item: str(item[0])))
+
     def roll(self) -> Roll:
         """Who is where, as arrays."""
         if self._dead:
@@ -96,7 +104,7 @@ class AgentEngine(IAgentEngine):
         if columns.flying:
             self.moves.locate(columns)
         nodes, moves = columns.nodes()
-        return Roll(columns.names, nodes, moves, columns.teams, *columns.places())
+        return Roll(columns.names, nodes, moves, columns.teams, *columns.places(), columns.out)
 
     def standing(self) -> Standing:
         """Who stands on which node."""

@@ -241,7 +241,7 @@ class AerialAgentSensor(FlyingSensor):
             return np.zeros(0, np.int64)
         now, own = self._crowd.now(), self._owner if self._at is None else None
         offsets = now.xyz - pose.position
-        rows = self._reaches(offsets, pose.axis)
+        rows = now.living[self._reaches(offsets[now.living], pose.axis)]
         rows = rows[offsets[rows].any(axis=1)]
         wanted = self.notice.wanted([row for row in rows.tolist() if now.names[row] != own], now.teams)
         rows = np.array(wanted, np.int64)
