@@ -70,6 +70,13 @@ def legal_on_map(ctx: IContext, state: State) -> Sequence[int]:
     return ctx.graph.graph.neighborhoods[state["curr_pos"]] if legal is None else legal
 
 
+def has_speed(ctx: IContext, state: State) -> bool:
+    """Whether an agent on the ground goes along more than one edge, or part of one, in a turn of `ctx.game`."""
+    if "legal" not in state or "name" not in state:
+        return False  # in a loop of one's own a speed means whatever it means there
+    return getattr(ctx.agent.get_agent(state["name"]), "speed", None) is not None
+
+
 def enemies_in_sight(ctx: IContext, state: State, asker: str) -> dict[str, int]:
     """The nodes of the enemies that the agent's sensors show, by name and in the order of the names."""
     team = told(state, "team", asker)

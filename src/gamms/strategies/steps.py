@@ -1,10 +1,11 @@
 """What strategies decide at last: a step along a shortest path, or to ask another one."""
 
 from collections.abc import Callable
+from itertools import takewhile
 from typing import Any
 
 from gamms.errors import NoPath
-from gamms.strategies.knowledge import State, as_strategy, legal_on_map, place_of
+from gamms.strategies.knowledge import State, as_strategy, has_speed, legal_on_map, place_of
 from gamms.typing import IContext
 from gamms.typing.agent_engine import Strategy
 
@@ -20,8 +21,8 @@ def move_to(ctx: IContext, state: State, target: int | None, fallback: Strategy,
 
 def step_towards(
     ctx: IContext, state: State, target: int, asker: str, is_allowed: Callable[[int], bool] | None = None
-) -> int | None:
-    """Where to move on the way to a node: there, if that is legal, else as far along the shortest path as is legal.
+) -> int | list[int] | None:
+    """What to do to get to a node: go there, if that is legal, else as far along the shortest path as is legal.
 
     Args:
         ctx: the context.
@@ -31,7 +32,8 @@ def step_towards(
         is_allowed: whether it may enter a node; every node by default.
 
     Returns:
-        A node id, perhaps the agent's own; None where there is no way.
+        A node id, perhaps the agent's own; of an agent with a speed the nodes on the way, the first one out of reach
+        included, so that what is left of its metres counts next turn; None where there is no way.
 
     Raises:
         BadType: the agent flies.
@@ -40,15 +42,14 @@ def step_towards(
     if target in legal and (is_allowed is None or is_allowed(target)):
         return target
     try:
-        path = ctx.graph.graph.shortest_path(here, target)
+        path = ctx.graph.graph.shortest_path(here, target)[1:]
     except NoPath:
         return None
-    step = here
-    for node in path[1:]:
-        if node not in legal or not (is_allowed is None or is_allowed(node)):
-            break
-        step = node
-    return step
+    way = list(path if is_allowed is None else takewhile(is_allowed, path))
+    reached = sum(1 for _ in takewhile(legal.__contains__, way))
+    if has_speed(ctx, state):
+        return way[: reached + 1] or here
+    return way[reached - 1] if reached else here
 
 
 def as_otherwise(otherwise: Any, asker: str) -> Strategy:
