@@ -7,6 +7,7 @@ from weakref import WeakSet
 
 from gamms.agent.aerial import AerialAgent
 from gamms.agent.agent import Agent
+from gamms.agent.kept import KeptAgents, kept, restore
 from gamms.agent.member import Member
 from gamms.arguments import as_name, misspelt
 from gamms.errors import BadType, ContextTerminated, Duplicate, MissingKey, UnknownName, nearest
@@ -117,6 +118,16 @@ class AgentEngine(IAgentEngine):
         crowds = columns.crowds()
         rest = columns.node, columns.teams, crowds.at, crowds.taken
         return tuple.__new__(Standing, (columns.names, *rest, columns.moves))
+
+    def kept(self) -> KeptAgents:
+        """All agents as they are now, for `restore`."""
+        self.standing()
+        return kept(self)
+
+    def restore(self, before: KeptAgents) -> None:
+        """Let all agents be as they were, those that came or went since then included."""
+        self.standing()
+        restore(self, before)
 
     def terminate(self) -> None:
         """Close the room: agents stay readable and do nothing."""

@@ -12,7 +12,7 @@ Quat = tuple[float, float, float, float]  # w, x, y, z; of length 1
 
 UNTURNED: Quat = (1.0, 0.0, 0.0, 0.0)
 
-_BY_ROW = (
+BY_ROW = (
     "names",
     "teams",
     "kind",
@@ -54,7 +54,7 @@ class AgentColumns:
     """
 
     __slots__ = (
-        *_BY_ROW,
+        *BY_ROW,
         "_crowds",
         "_flyers",
         "_nodes",
@@ -139,13 +139,23 @@ class AgentColumns:
 
     def keep(self, rows: list[int]) -> None:
         """Forget every row but `rows`, which become rows 0, 1, … in the order given."""
-        for name in _BY_ROW:
+        for name in BY_ROW:
             column = getattr(self, name)
             setattr(self, name, [column[row] for row in rows])
         self.moves += 1
         adrift = {i for i, row in enumerate(rows) if row in self.adrift}
         self._forget()
         self.adrift = adrift
+
+    def write_back(self, values: dict[str, list[Any]]) -> None:
+        """Give as many rows as there are the values that they had, by the names of the columns."""
+        for name, column in values.items():
+            getattr(self, name)[:] = column
+        self.touched.update(range(len(self.names)))
+        self.adrift.update(self.flying)
+        self.out.clear()
+        self.out.update(row for row, alive in enumerate(self.alive) if not alive)
+        self.roster += 1
 
     # -- who is where -------------------------------------------------------------------------------------------
 

@@ -97,6 +97,14 @@ class FlyingSensor(Sensor):
         turned = kernels.multiply_quaternions(owner.quat, self._quat)
         return Pose(np.array(owner.position), kernels.quaternion_to_direction(turned))
 
+    def reset(self) -> None:
+        """Forget what was sensed, and how often."""
+        super().reset()
+        self._looked = None
+        notice = getattr(self, "notice", None)
+        if notice is not None:
+            notice.reset()
+
     def _reaches(self, offsets: FloatArray, axis: Axis) -> IntArray:
         """Which offsets (points, 3) lie in range and in the cone: their positions."""
         with np.errstate(over="ignore"):  # infinitely far away is far away
