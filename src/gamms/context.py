@@ -9,7 +9,7 @@ from typing import TYPE_CHECKING, Any, Self
 from gamms import agent, graph, kernels, memory, sensor, visual
 from gamms.arguments import as_int, as_path
 from gamms.errors import BadType, BadValue, NotYet, NotYetAttribute
-from gamms.game import Moves
+from gamms.game import Game, Moves
 from gamms.typing import (
     IAgentEngine,
     IComputeEngine,
@@ -116,7 +116,9 @@ class Context(IContext):
         self._logger: Any = logger or logging.getLogger("gamms")
         self._alive = False
         self._seed = _fresh_seed()
+        self.is_seeded = False  # whether the caller has said by what
         self._rng: Generator | None = None
+        self._game: Game | None = None
 
     @property
     def agent(self) -> "agent.AgentEngine":
@@ -144,9 +146,11 @@ class Context(IContext):
         return self.recorder
 
     @property
-    def game(self) -> Any:
-        """The turn engine, which is not built yet; the paper's own loop is there."""
-        raise NotYetAttribute("the turn engine (ctx.game)")
+    def game(self) -> Game:
+        """The turn engine; the paper's own loop works beside it."""
+        if self._game is None:
+            self._game = Game(self)
+        return self._game
 
     @property
     def ictx(self) -> IInternalContext:
@@ -176,6 +180,17 @@ class Context(IContext):
         if self._rng is None:
             self._rng = self.stream("context")
         return self._rng
+
+    def reseed(self, seed: int, chance: Any = None) -> None:
+        """Let every stream follow from another seed; `chance` is where `rng` goes on, as `chance()` told it."""
+        self._seed, self.is_seeded, self._rng = as_int(seed, "seed"), True, None
+        self.graph.forget_chance()
+        if chance is not None:
+            self.rng.bit_generator.state = chance
+
+    def chance(self) -> Any:
+        """Where `rng` stands; None while nobody has asked for it."""
+        return None if self._rng is None else self._rng.bit_generator.state
 
     def stream(self, *names: str | int) -> "Generator":
         """The random stream of one purpose: same seed and names, same draws, whoever else draws.
@@ -238,20 +253,21 @@ def create_context(
         logger_config: arguments of `logging.basicConfig`; `level` defaults to $GAMMS_LOG_LEVEL, then INFO.
         seed: the same seed gives the same random streams; None draws one.
         graph_path: the database file of SQLITE; an existing one is opened. None: a temporary one.
-        game: settings of the turn engine, which is not built yet.
+        game: settings of the turn engine, such as `{"on_error": "stay"}`; see `gamms.game.Settings`.
 
     Raises:
         UnknownType (ValueError): an unknown graph engine.
-        NotYet (NotImplementedError): the window, or the turn engine.
+        NotYet (NotImplementedError): the window.
+        UnknownName (KeyError): there is no such setting of the turn engine.
         NotImplementedError: an unknown visual engine.
         BadValue, BadType: a bad seed, or a `graph_path` without SQLITE.
         BadFile (ValueError): `graph_path` is something else than a graph's database.
     """
-    if game is not None:
-        raise NotYet("the turn engine (game=)")
     ctx = Context(logger=_configured_logger(logger_config or {}))
     if seed is not None:
-        ctx._seed = as_int(seed, "seed")
+        ctx._seed, ctx.is_seeded = as_int(seed, "seed"), True
+    if game is not None:
+        ctx.game.configure(game)
     with ExitStack() as opened:  # closes what is open when a later room cannot be built
         ctx.internal_context = InternalContext(memory_engine=memory.MemoryEngine())
         opened.callback(ctx.internal_context.terminate)

@@ -9,6 +9,7 @@ from gamms.errors import GammsError
 from gamms.ir.agents import Position, Quat
 from gamms.typing import IContext
 from gamms.typing.agent_engine import IAerialAgent
+from gamms.typing.sensor_engine import SensorType
 
 
 class AerialAgent(Member, IAerialAgent):
@@ -30,7 +31,7 @@ class AerialAgent(Member, IAerialAgent):
 
     __slots__ = ()
 
-    _SETTABLE = Member._SETTABLE | {"quat"}
+    _SETTABLE = (Member._SETTABLE | {"quat"}) - {"speed"}
     _ACTION = "a direction (dx, dy, dz)"
 
     def __init__(
@@ -94,11 +95,15 @@ class AerialAgent(Member, IAerialAgent):
         """How far it moves at each step, map units."""
         return self._columns.speed[self._row]  # type: ignore[return-value] # as above
 
-    def get_state(self) -> dict[str, Any]:
-        """Sense; a fresh dict with `curr_pos`, `quat` and `sensor`."""
+    def sense(self) -> dict[str, tuple[SensorType, Any]]:
+        """Ask all sensors: name -> (kind, data)."""
         if self._carried:
             self._moves.nearest(self._columns, self._row)  # where the sensors look from
-        self._state = state = self._state_of(super().get_state()["sensor"])
+        return super().sense()
+
+    def get_state(self) -> dict[str, Any]:
+        """Sense; a fresh dict with `curr_pos`, `quat` and `sensor`."""
+        self._state = state = self._state_of(self.sense())
         return state
 
     def _state_of(self, sensed: dict[str, Any]) -> dict[str, Any]:

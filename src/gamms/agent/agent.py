@@ -43,6 +43,16 @@ class Agent(Member):
         self._moves.place(self._columns, self._row, node_id)
 
     @property
+    def speed(self) -> Any:
+        """How far it may move in a turn of `ctx.game`, in edges or metres; None for one edge. Settable."""
+        return self._columns.speed[self._row]
+
+    @speed.setter
+    def speed(self, speed: Any) -> None:
+        self._columns.speed[self._row] = speed
+        self._columns.roster += 1
+
+    @property
     def orientation(self) -> tuple[float, float]:
         """`(cos, sin)` of the heading; (0.0, 0.0) while there is none. Settable: a pair, or None to follow moves."""
         columns, row = self._columns, self._row

@@ -7,6 +7,7 @@ from weakref import WeakSet
 
 from gamms.agent.aerial import AerialAgent
 from gamms.agent.agent import Agent
+from gamms.agent.kept import KeptAgents, kept, restore
 from gamms.agent.member import Member
 from gamms.arguments import as_name, misspelt
 from gamms.errors import BadType, ContextTerminated, Duplicate, MissingKey, UnknownName, nearest
@@ -88,6 +89,14 @@ class AgentEngine(IAgentEngine):
         """The agents in the order of their creation; each loop over it takes those of its beginning that are left."""
         return Living(self)
 
+    @property
+    def teams(self) -> dict[Any, list[Member]]:
+        """Team -> its agents in the order of their creation, dead ones too; the teams in the order of their text."""
+        teams: dict[Any, list[Member]] = {}
+        for agent in self.agents.values():
+            teams.setdefault(agent.team, []).append(agent)
+        return dict(sorted(teams.items(), key=lambda item: str(item[0])))
+
     def roll(self) -> Roll:
         """Who is where, as arrays."""
         if self._dead:
@@ -96,7 +105,7 @@ class AgentEngine(IAgentEngine):
         if columns.flying:
             self.moves.locate(columns)
         nodes, moves = columns.nodes()
-        return Roll(columns.names, nodes, moves, columns.teams, *columns.places())
+        return Roll(columns.names, nodes, moves, columns.teams, *columns.places(), columns.out)
 
     def standing(self) -> Standing:
         """Who stands on which node."""
@@ -109,6 +118,16 @@ class AgentEngine(IAgentEngine):
         crowds = columns.crowds()
         rest = columns.node, columns.teams, crowds.at, crowds.taken
         return tuple.__new__(Standing, (columns.names, *rest, columns.moves))
+
+    def kept(self) -> KeptAgents:
+        """All agents as they are now, for `restore`."""
+        self.standing()
+        return kept(self)
+
+    def restore(self, before: KeptAgents) -> None:
+        """Let all agents be as they were, those that came or went since then included."""
+        self.standing()
+        restore(self, before)
 
     def terminate(self) -> None:
         """Close the room: agents stay readable and do nothing."""

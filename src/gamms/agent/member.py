@@ -44,7 +44,7 @@ class Member(IAgent):
         "strategy",
     )
 
-    _SETTABLE: ClassVar = frozenset({"current_node_id", "prev_node_id", "orientation", "team"})
+    _SETTABLE: ClassVar = frozenset({"alive", "current_node_id", "prev_node_id", "orientation", "speed", "team"})
     _ACTION: ClassVar[str]  # what a strategy is to choose
 
     strategy: Strategy | None
@@ -89,7 +89,17 @@ class Member(IAgent):
     @team.setter
     def team(self, team: Any) -> None:
         self._columns.teams[self._row] = team
+        self._columns.roster += 1
         self._columns.touched.add(self._row)  # those who look for a team should see it
+
+    @property
+    def alive(self) -> bool:
+        """Whether it takes part: who does not is neither sensed nor asked nor moved by `ctx.game`. Settable."""
+        return self._columns.alive[self._row]
+
+    @alive.setter
+    def alive(self, alive: bool) -> None:
+        self._columns.set_alive(self._row, alive=bool(alive))
 
     @property
     def state(self) -> dict[str, Any]:
@@ -153,6 +163,15 @@ class Member(IAgent):
             sensed[name] = (sensor.type, sensor.data)
         self._state = state = {"curr_pos": node, "sensor": sensed}
         return state
+
+    def sense(self) -> dict[str, tuple[SensorType, Any]]:
+        """Ask all sensors: name -> (kind, data); what `get_state` has under `sensor`."""
+        node = self._columns.node[self._row]
+        sensed = {}
+        for name, sensor in self._carried:
+            sensor.sense(node)
+            sensed[name] = (sensor.type, sensor.data)
+        return sensed
 
     def set_state(self) -> None:
         """Do what `state['action']` says."""

@@ -3,10 +3,12 @@
 from math import hypot, isfinite
 from typing import Any
 
+import numpy as np
+
 from gamms import kernels
 from gamms.arguments import as_float, as_int, as_numbers
 from gamms.errors import BadType, BadValue
-from gamms.ir.agents import UNTURNED, Position, Quat
+from gamms.ir.agents import UNTURNED, AgentColumns, Position, Quat
 
 
 def as_node(value: Any) -> int:
@@ -58,3 +60,32 @@ def one_step(position: Position, direction: Any, speed: float) -> Position:
     if not (isfinite(x) and isfinite(y) and isfinite(z)):
         raise BadValue(f"A step of {speed} from {position} leads beyond all numbers. Use a smaller speed.")
     return (x, y, z)
+
+
+def flight(columns: AgentColumns, row: int, action: Any) -> tuple[Position | None, Quat | None]:
+    """Where a flyer's action leads, and how it turns; None for what stays as it is.
+
+    Raises:
+        BadType, BadValue: it is no action of a flyer.
+    """
+    if isinstance(action, dict):
+        quat = as_quat(action["quat"]) if "quat" in action else None
+        return (_ahead(columns, row, action["direction"]) if "direction" in action else None), quat
+    if isinstance(action, (tuple, np.ndarray)):
+        return _ahead(columns, row, action), None
+    raise BadType(
+        "The action of an aerial agent must be a tuple (dx, dy, dz) or a dict with 'direction' or 'quat', "
+        f"not {action!r} ({type(action).__name__})."
+    )
+
+
+def position_of(columns: AgentColumns, row: int) -> Position:
+    """Where a flyer is."""
+    position = columns.position[row]
+    if position is None:
+        raise BadType(f"Agent {columns.names[row]!r} does not fly.")
+    return position
+
+
+def _ahead(columns: AgentColumns, row: int, direction: Any) -> Position:
+    return one_step(position_of(columns, row), direction, columns.speed[row] or 0.0)

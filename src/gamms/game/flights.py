@@ -2,13 +2,11 @@
 
 from typing import Any
 
-import numpy as np
-
 from gamms import kernels
 from gamms.arguments import as_float, as_int
-from gamms.errors import BadType, BadValue, UnknownName
-from gamms.game.checks import as_heading, as_position, as_quat, one_step
-from gamms.ir.agents import UNTURNED, AgentColumns, Position
+from gamms.errors import BadValue, UnknownName
+from gamms.game.checks import as_heading, as_position, as_quat, flight, position_of
+from gamms.ir.agents import UNTURNED, AgentColumns, Position, Quat
 from gamms.typing.agent_engine import IMoves
 from gamms.typing.graph_engine import IGraph
 
@@ -35,19 +33,14 @@ class Flights(IMoves):
 
     def fly(self, columns: AgentColumns, row: int, action: Any) -> None:
         """Do what a flyer's action says: a direction, or `{'direction': …, 'quat': …}`."""
-        if isinstance(action, dict):
-            quat = as_quat(action["quat"]) if "quat" in action else None
-            if "direction" in action:
-                self._step(columns, row, action["direction"])
-            if quat is not None:
-                columns.quat[row] = quat
-        elif isinstance(action, (tuple, np.ndarray)):
-            self._step(columns, row, action)
-        else:
-            raise BadType(
-                "The action of an aerial agent must be a tuple (dx, dy, dz) or a dict with 'direction' or 'quat', "
-                f"not {action!r} ({type(action).__name__})."
-            )
+        self.land(columns, row, *flight(columns, row, action))
+
+    def land(self, columns: AgentColumns, row: int, position: Position | None, quat: Quat | None) -> None:
+        """Write what `flight` worked out: a new position and a new turn, where there are any."""
+        if position is not None:
+            self._put(columns, row, position)
+        if quat is not None:
+            columns.quat[row] = quat
 
     def place_at(self, columns: AgentColumns, row: int, position: Any) -> None:
         """Put a flyer somewhere."""
@@ -55,7 +48,7 @@ class Flights(IMoves):
 
     def place_above(self, columns: AgentColumns, row: int, node_id: Any) -> None:
         """Put a flyer above a node, as high as it is."""
-        self._put(columns, row, self._above(self._checked(node_id), _position(columns, row)[2]))
+        self._put(columns, row, self._above(self._checked(node_id), position_of(columns, row)[2]))
 
     def face(self, columns: AgentColumns, row: int, heading: Any) -> None:
         """Turn a flyer about the vertical, and level."""
@@ -86,7 +79,7 @@ class Flights(IMoves):
             columns.surveyed = revision
 
     def _find_node(self, columns: AgentColumns, row: int) -> None:
-        x, y, _ = _position(columns, row)
+        x, y, _ = position_of(columns, row)
         try:
             node = self._graph.nearest_node(x, y)
         except BadValue:
@@ -98,11 +91,8 @@ class Flights(IMoves):
             columns.node[row] = node
             columns.touched.add(row)
 
-    def _step(self, columns: AgentColumns, row: int, direction: Any) -> None:
-        self._put(columns, row, one_step(_position(columns, row), direction, columns.speed[row] or 0.0))
-
     def _put(self, columns: AgentColumns, row: int, position: Position) -> None:
-        node, before = self.nearest(columns, row), _position(columns, row)
+        node, before = self.nearest(columns, row), position_of(columns, row)
         columns.previous[row] = node
         columns.previous_position[row] = before
         columns.position[row] = position
@@ -119,10 +109,3 @@ class Flights(IMoves):
         if not self._has_node(node):
             raise UnknownName("node", node)
         return node
-
-
-def _position(columns: AgentColumns, row: int) -> Position:
-    position = columns.position[row]
-    if position is None:
-        raise BadType(f"Agent {columns.names[row]!r} does not fly.")
-    return position

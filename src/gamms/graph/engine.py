@@ -2,7 +2,7 @@
 
 import os
 from collections.abc import Iterator
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING, Any, NamedTuple
 
 from gamms.errors import BadValue, ContextTerminated, UnknownType
 from gamms.graph.contents import Contents
@@ -23,6 +23,16 @@ if TYPE_CHECKING:
     from gamms.graph.visibility import Visibility
     from gamms.graph.visibility_tables import TablePath, VisibilityTables
     from gamms.typing.memory_engine import IPathLike
+
+
+class KeptWorld(NamedTuple):
+    """Graph and obstacles at one moment."""
+
+    columns: GraphColumns
+    obstacles: ObstacleColumns
+    attribution: str | None
+    revision: int
+    obstacle_revision: int
 
 
 class GraphEngine(IGraphEngine):
@@ -186,6 +196,22 @@ class GraphEngine(IGraphEngine):
         self._put(file.load(path))
         return graph
 
+    def kept(self) -> "KeptWorld":
+        """Graph and obstacles as they are now, for `restore`."""
+        attribution = self.graph.attribution
+        return KeptWorld(
+            self.columns(), self.obstacle_columns(), attribution, self.graph.revision, self.obstacle_revision
+        )
+
+    def restore(self, before: "KeptWorld") -> None:
+        """Let graph and obstacles be as they were; what has not changed is left alone, its indexes too."""
+        if self.graph.revision != before.revision:
+            self.graph.replace(before.columns)
+            self.graph.attribution = before.attribution
+        if self.obstacle_revision != before.obstacle_revision:
+            self._obstacles.replace(())
+            self._obstacles.add_many(before.obstacles)
+
     def terminate(self) -> None:
         """Write what a database has to hold, and let go of the graph."""
         if self._graph is None:
@@ -279,6 +305,10 @@ class GraphEngine(IGraphEngine):
         if rng is None:
             rng = self._place_stream = self._place_stream or self._ctx.stream("graph", "place")
         return self.graph.place(n, near, radius, apart, rng)
+
+    def forget_chance(self) -> None:
+        """Let the stream that `place` draws from begin anew."""
+        self._place_stream = None
 
     def to_networkx(self) -> "nx.MultiDiGraph[int] | nx.DiGraph[int]":
         """The graph as a networkx graph: a DiGraph, or a MultiDiGraph where edges are parallel."""

@@ -12,7 +12,7 @@ Quat = tuple[float, float, float, float]  # w, x, y, z; of length 1
 
 UNTURNED: Quat = (1.0, 0.0, 0.0, 0.0)
 
-_BY_ROW = (
+BY_ROW = (
     "names",
     "teams",
     "kind",
@@ -23,6 +23,8 @@ _BY_ROW = (
     "previous_position",
     "quat",
     "speed",
+    "alive",
+    "carry",
 )
 
 
@@ -39,7 +41,11 @@ class AgentColumns:
         heading: `(cos, sin)` where it was set; None where it follows from the last move, and for flyers.
         position, previous_position: `(x, y, z)` of flyers, map units; None on the ground.
         quat: `(w, x, y, z)` of flyers, of length 1; None on the ground.
-        speed: of flyers, map units per step; None on the ground.
+        speed: of flyers, map units per step; on the ground what the turn engine lets it move, None for one edge.
+        alive: whether it takes part.
+        carry: metres that were left of its last move on the ground.
+        out: the rows of those that are not alive.
+        roster: a number that changes whenever an agent comes, goes, dies, returns, or has another team or speed.
         touched: rows whose node, position or team may have changed; whoever writes one of these adds to it.
         flying: row of a flyer -> how many flyers stand before it, ascending.
         adrift: rows of flyers that have moved since their node was worked out.
@@ -48,7 +54,7 @@ class AgentColumns:
     """
 
     __slots__ = (
-        *_BY_ROW,
+        *BY_ROW,
         "_crowds",
         "_flyers",
         "_nodes",
@@ -57,6 +63,8 @@ class AgentColumns:
         "adrift",
         "flying",
         "moves",
+        "out",
+        "roster",
         "surveyed",
         "touched",
     )
@@ -77,6 +85,9 @@ class AgentColumns:
         self.previous_position: list[Position | None] = []
         self.quat: list[Quat | None] = []
         self.speed: list[float | None] = []
+        self.alive: list[bool] = []
+        self.carry: list[float] = []
+        self.roster = 0
         self.touched: set[int] = set()
         self.adrift: set[int] = set()
         self.surveyed: int | None = None
@@ -102,6 +113,9 @@ class AgentColumns:
         self.previous_position.append(position)
         self.quat.append(UNTURNED if flies else None)
         self.speed.append(speed)
+        self.alive.append(True)
+        self.carry.append(0.0)
+        self.roster += 1
         self.touched.add(row)
         if flies:
             self.flying[row] = len(self.flying)
@@ -111,19 +125,37 @@ class AgentColumns:
     def copy_row(self, source: "AgentColumns", row: int) -> int:
         """Add the agent in a row of other columns; returns its row here."""
         new = self.append(*(getattr(source, name)[row] for name in ("names", "node", "teams", "position", "speed")))
-        for name in ("previous", "heading", "previous_position", "quat"):
+        for name in ("previous", "heading", "previous_position", "quat", "carry"):
             getattr(self, name)[new] = getattr(source, name)[row]
+        self.set_alive(new, alive=source.alive[row])
         return new
+
+    def set_alive(self, row: int, *, alive: bool) -> None:
+        """Let an agent take part, or no longer."""
+        self.alive[row] = alive
+        (self.out.discard if alive else self.out.add)(row)
+        self.roster += 1
+        self.touched.add(row)
 
     def keep(self, rows: list[int]) -> None:
         """Forget every row but `rows`, which become rows 0, 1, … in the order given."""
-        for name in _BY_ROW:
+        for name in BY_ROW:
             column = getattr(self, name)
             setattr(self, name, [column[row] for row in rows])
         self.moves += 1
         adrift = {i for i, row in enumerate(rows) if row in self.adrift}
         self._forget()
         self.adrift = adrift
+
+    def write_back(self, values: dict[str, list[Any]]) -> None:
+        """Give as many rows as there are the values that they had, by the names of the columns."""
+        for name, column in values.items():
+            getattr(self, name)[:] = column
+        self.touched.update(range(len(self.names)))
+        self.adrift.update(self.flying)
+        self.out.clear()
+        self.out.update(row for row, alive in enumerate(self.alive) if not alive)
+        self.roster += 1
 
     # -- who is where -------------------------------------------------------------------------------------------
 
@@ -148,7 +180,7 @@ class AgentColumns:
         # NOTE: asked after every single move of the paper's loop, so it follows what was touched and makes nothing
         # anew (benchmarks/README.md, w3).
         if self._crowds is None:
-            self._crowds = Crowds(self.node)
+            self._crowds = Crowds(self.node, self.out)
         if self.touched:
             self._note()
         return self._crowds
@@ -159,7 +191,7 @@ class AgentColumns:
         self.moves += 1
         self._stale |= touched
         if self._crowds is not None:
-            self._crowds.follow(touched, self.node)
+            self._crowds.follow(touched, self.node, self.out)
         touched.clear()
 
     def _catch_up(self) -> None:
@@ -185,6 +217,7 @@ class AgentColumns:
 
     def _forget(self) -> None:
         """Forget what was worked out from the columns."""
+        self.out: set[int] = {row for row, alive in enumerate(self.alive) if not alive}
         self._crowds = None
         self._nodes = _frozen([], np.int64)
         self._flyers = self._nodes
@@ -196,7 +229,7 @@ class AgentColumns:
 
 
 class Crowds:
-    """Who stands on which node, kept up to date row by row.
+    """Who stands on which node, kept up to date row by row; those who are not alive stand nowhere.
 
     Attributes:
         at: node id -> rows of the agents there, in any order.
@@ -205,14 +238,14 @@ class Crowds:
 
     __slots__ = ("_home", "_seat", "at", "taken")
 
-    def __init__(self, node: list[int]) -> None:
+    def __init__(self, node: list[int], out: set[int]) -> None:
         self.at: dict[int, list[int]] = {}
         self.taken: set[int] = set()
         self._home: list[int | None] = []  # row -> the node whose list it is in
         self._seat: list[int] = []  # row -> where in that list
-        self.follow(range(len(node)), node)
+        self.follow(range(len(node)), node, out)
 
-    def follow(self, rows: Iterable[int], node: list[int]) -> None:
+    def follow(self, rows: Iterable[int], node: list[int], out: set[int]) -> None:
         """Move some rows, new ones among them, to their nodes."""
         at, home, seat = self.at, self._home, self._seat
         if len(home) != len(node):
@@ -220,7 +253,7 @@ class Crowds:
             home += [None] * new
             seat += [0] * new
         for row in rows:
-            here, before = node[row], home[row]
+            here, before = None if row in out else node[row], home[row]
             if here == before:
                 continue
             if before is not None:
@@ -232,6 +265,9 @@ class Crowds:
                 elif not there:
                     del at[before]
                     self.taken.discard(before)
+            home[row] = here
+            if here is None:
+                continue
             if here in at:
                 there = at[here]
                 seat[row] = len(there)
@@ -240,7 +276,6 @@ class Crowds:
                 at[here] = [row]
                 self.taken.add(here)
                 seat[row] = 0
-            home[row] = here
 
 
 def _frozen(values: Iterable[Any], kind: type) -> Any:

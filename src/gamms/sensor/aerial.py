@@ -97,6 +97,14 @@ class FlyingSensor(Sensor):
         turned = kernels.multiply_quaternions(owner.quat, self._quat)
         return Pose(np.array(owner.position), kernels.quaternion_to_direction(turned))
 
+    def reset(self) -> None:
+        """Forget what was sensed, and how often."""
+        super().reset()
+        self._looked = None
+        notice = getattr(self, "notice", None)
+        if notice is not None:
+            notice.reset()
+
     def _reaches(self, offsets: FloatArray, axis: Axis) -> IntArray:
         """Which offsets (points, 3) lie in range and in the cone: their positions."""
         with np.errstate(over="ignore"):  # infinitely far away is far away
@@ -241,7 +249,7 @@ class AerialAgentSensor(FlyingSensor):
             return np.zeros(0, np.int64)
         now, own = self._crowd.now(), self._owner if self._at is None else None
         offsets = now.xyz - pose.position
-        rows = self._reaches(offsets, pose.axis)
+        rows = now.living[self._reaches(offsets[now.living], pose.axis)]
         rows = rows[offsets[rows].any(axis=1)]
         wanted = self.notice.wanted([row for row in rows.tolist() if now.names[row] != own], now.teams)
         rows = np.array(wanted, np.int64)

@@ -74,6 +74,12 @@ class AgentSensor(GroundSensor):
             self._notice = Notice(self.sensor_id)
         return self._notice
 
+    def reset(self) -> None:
+        """Forget what was sensed, and how often."""
+        super().reset()
+        if self._notice is not None:
+            self._notice.reset()
+
     def sense(self, node_id: int | None = None) -> None:
         """Look around."""
         place = self.place(node_id) if node_id is None or self._at is not None else node_id

@@ -9,7 +9,7 @@ from gamms.errors import UnknownName
 from gamms.ir.graph import FloatArray, IntArray
 from gamms.sensor.views import Place, Views, coordinates
 from gamms.typing import IContext
-from gamms.typing.agent_engine import Standing
+from gamms.typing.agent_engine import Roll, Standing
 from gamms.typing.graph_engine import IGraph
 
 _MOST_IDS = 1 << 22  # of nodes: what may be remembered in all
@@ -25,6 +25,7 @@ class Snapshot(NamedTuple):
     xyz: FloatArray  # (agents, 3)  of the node, at height 0, or of an agent that flies
     xy: FloatArray  # (agents, 2)  of the node
     is_flying: "np.ndarray[tuple[int, ...], np.dtype[np.bool_]]"  # (agents,)
+    living: IntArray  # rows of those who are alive
 
 
 class Crowd:
@@ -54,7 +55,7 @@ class Crowd:
             xy = self._positions(roll.names, roll.nodes)
             xyz, is_flying = np.column_stack([xy, np.zeros(len(xy))]), np.zeros(len(xy), np.bool_)
             xyz[roll.flying], is_flying[roll.flying] = roll.places, True
-            self._now = Snapshot(list(roll.names), list(roll.teams), roll.nodes, xyz, xy, is_flying)
+            self._now = Snapshot(list(roll.names), list(roll.teams), roll.nodes, xyz, xy, is_flying, _living(roll))
             self._key, self._everyone = key, None
         return self._now
 
@@ -62,7 +63,10 @@ class Crowd:
         """A fresh dict of all agents: name -> id of the node."""
         now = self.now()
         if self._everyone is None:
-            self._everyone = dict(zip(now.names, now.nodes.tolist(), strict=True))
+            rows = now.living.tolist()
+            self._everyone = {
+                now.names[row]: node for row, node in zip(rows, now.nodes[now.living].tolist(), strict=True)
+            }
         return self._everyone.copy()
 
     def within(self, place: Place, radius: float) -> tuple[Standing, list[int]]:
@@ -109,9 +113,10 @@ class Crowd:
         return kept
 
     def _compared(self, place: Place, radius: float) -> list[int]:
-        dx, dy = (self.now().xy - coordinates(self._ctx, place)).T
+        now = self.now()
+        dx, dy = (now.xy[now.living] - coordinates(self._ctx, place)).T
         with np.errstate(over="ignore"):  # infinitely far away is far away
-            rows: list[int] = np.flatnonzero(dx * dx + dy * dy <= radius * radius).tolist()
+            rows: list[int] = now.living[dx * dx + dy * dy <= radius * radius].tolist()
         return rows
 
     def _positions(self, names: list[str], nodes: IntArray) -> FloatArray:
@@ -121,3 +126,8 @@ class Crowd:
         except UnknownName:
             lost = next(i for i, node in enumerate(nodes.tolist()) if not graph.has_node(node))
             raise UnknownName(f"node under agent {names[lost]!r}:", int(nodes[lost])) from None
+
+
+def _living(roll: Roll) -> IntArray:
+    rows = np.arange(len(roll.names))
+    return np.delete(rows, list(roll.out)) if roll.out else rows

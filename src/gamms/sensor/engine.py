@@ -86,6 +86,13 @@ class SensorEngine(ISensorEngine):
 
         return decorate
 
+    def reset(self) -> None:
+        """Let every sensor forget what it has sensed, as if it had just been made."""
+        for sensor in self.sensors.values():
+            forget = getattr(sensor, "reset", None)
+            if forget is not None:
+                forget()
+
     def terminate(self) -> None:
         """Close the room; sensors stay readable."""
 

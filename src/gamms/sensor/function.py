@@ -37,6 +37,10 @@ class FunctionSensor(Sensor):
         self._function = fn
         self._takes = _parameters(fn, sensor_id)
 
+    def reset(self) -> None:
+        """Forget what was sensed."""
+        self.data = None
+
     def sense(self, node_id: int | None = None) -> None:
         """Call the function."""
         agent = None if self._owner is None or self._takes < 2 else self.ctx.agent.get_agent(self._owner)

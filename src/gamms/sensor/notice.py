@@ -54,6 +54,10 @@ class Notice:
         self._chance = _chance_of(detection, f"detection of {self._sensor_id!r}")
         self._detection = detection
 
+    def reset(self) -> None:
+        """Forget how many looks there were."""
+        self._looks.clear()
+
     def wanted(self, rows: list[int], teams: list[Any]) -> list[int]:
         """Those rows whose agents are of a team that is reported; `teams` by row."""
         if self.team is None and self.exclude is None:

@@ -47,6 +47,10 @@ class Sensor(ISensor):
         """Name the agent that carries the sensor, or nobody."""
         self._owner = owner
 
+    def reset(self) -> None:
+        """Forget what was sensed."""
+        self.data = [] if isinstance(self.data, list) else {}
+
     def places_of(self, node_ids: Iterable[int]) -> FloatArray:
         """Where the nodes of a look are (nodes, 2); those that were removed since then are left out."""
         graph = self.ctx.graph.graph
@@ -98,6 +102,11 @@ class GroundSensor(Sensor):
         cos, sin = self.ctx.agent.get_agent(self._owner).orientation
         x, y = self.orientation
         return (x * cos - y * sin, x * sin + y * cos)
+
+    def reset(self) -> None:
+        """Forget what was sensed."""
+        super().reset()
+        self._looked = None
 
     def outline(self) -> FloatArray:
         """Corners (corners, 2) of the field of view of the last look; none where it had no end."""

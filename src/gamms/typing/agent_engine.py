@@ -1,7 +1,7 @@
 """Contract of the agent room."""
 
 from abc import ABC, abstractmethod
-from collections.abc import Callable, Iterator, Mapping, Sequence
+from collections.abc import Callable, Collection, Iterator, Mapping, Sequence
 from enum import IntEnum
 from typing import Any, NamedTuple
 
@@ -131,6 +131,7 @@ class Roll(NamedTuple):
     teams: list[Any]
     flying: IntArray  # (flying,)  rows of the aerial agents, ascending
     places: FloatArray  # (flying, 3)  where these are, map units
+    out: Collection[int]  # rows of the agents that are not alive, and stand nowhere
 
 
 class Standing(NamedTuple):
@@ -245,6 +246,7 @@ class IAgentEngine(ABC):
             [getattr(agent, "team", None) for agent in agents],
             np.array(flying, np.int64),
             np.array([getattr(agents[row], "position") for row in flying], np.float64).reshape(-1, 3),  # noqa: B009
+            {row for row, agent in enumerate(agents) if not getattr(agent, "alive", True)},
         )
 
     def standing(self) -> Standing:
@@ -253,7 +255,8 @@ class IAgentEngine(ABC):
         nodes = [agent.current_node_id for agent in agents]
         rows_at: dict[int, list[int]] = {}
         for row, node in enumerate(nodes):
-            rows_at.setdefault(node, []).append(row)
+            if getattr(agents[row], "alive", True):
+                rows_at.setdefault(node, []).append(row)
         teams = [getattr(agent, "team", None) for agent in agents]
         return Standing([agent.name for agent in agents], nodes, teams, rows_at, set(rows_at), None)
 

@@ -85,6 +85,9 @@ class ISensor(ABC):
             values[look] = self.data
         return Sensed(np.arange(len(values) + 1), values)
 
+    def reset(self) -> None:  # noqa: B027 - most sensors of a user's own have nothing to forget
+        """Forget what was sensed and drawn, as if it had just been made; called when a game begins anew."""
+
     def last_view(self) -> SensorView:
         """What was seen last, for whoever draws it; empty before the first time.
 

@@ -1,0 +1,71 @@
+"""All agents as they are at one moment, and how to let them be so again."""
+
+from copy import deepcopy
+from typing import TYPE_CHECKING, Any, NamedTuple
+
+from gamms.ir.agents import BY_ROW, AgentColumns
+
+if TYPE_CHECKING:
+    from gamms.agent.engine import AgentEngine
+    from gamms.agent.member import Member
+
+
+class KeptAgents(NamedTuple):
+    """The columns, and of each agent what is not in them."""
+
+    columns: dict[str, list[Any]]
+    agents: "list[tuple[Member, dict[str, Any], Any, dict[str, Any]]]"  # agent, attributes, strategy, sensors
+
+    def place_of(self, agent: Any) -> Any:
+        """The node an agent was on, or (x, y, z) of one that flew; where it is now if it was not there."""
+        for row, (one, *_) in enumerate(self.agents):
+            if one is agent:
+                position = self.columns["position"][row]
+                return self.columns["node"][row] if position is None else position
+        return getattr(agent, "position", agent.current_node_id)
+
+
+def kept(engine: "AgentEngine") -> KeptAgents:
+    """The agents as they are now."""
+    columns = {name: list(getattr(engine.columns, name)) for name in BY_ROW}
+    agents = [
+        (agent, _copied(agent.__dict__), agent.strategy, dict(agent._sensor_list)) for agent in engine.agents.values()
+    ]
+    return KeptAgents(columns, agents)
+
+
+def restore(engine: "AgentEngine", before: KeptAgents) -> None:
+    """Let the agents be as they were: those that came are gone, those that went are back."""
+    there = {id(agent) for agent, *_ in before.agents}
+    for agent in [agent for agent in engine.agents.values() if id(agent) not in there]:
+        engine.delete_agent(agent.name)
+    if [agent for agent, *_ in before.agents] != list(engine.agents.values()):
+        engine.columns = AgentColumns()
+        engine.agents = {}
+        for agent, *_ in before.agents:
+            agent._live_in(engine.columns)
+            engine.agents[agent.name] = agent
+    engine.columns.write_back(before.columns)
+    for agent, attributes, strategy, sensors in before.agents:
+        if attributes or agent.__dict__:
+            agent.__dict__.clear()
+            agent.__dict__.update(_copied(attributes))
+        agent.strategy, agent._state = strategy, {}
+        if agent._sensor_list != sensors:
+            for name in [name for name in agent._sensor_list if name not in sensors]:
+                agent.deregister_sensor(name)
+            for name, sensor in sensors.items():
+                agent.register_sensor(name, sensor)
+
+
+def _copied(attributes: dict[str, Any]) -> dict[str, Any]:
+    """The caller's attributes: plain values are copied, and what cannot be is shared."""
+    if not attributes:
+        return {}
+    copied = {}
+    for name, value in attributes.items():
+        try:
+            copied[name] = deepcopy(value)
+        except Exception:  # noqa: BLE001 - whatever a caller's object raises when it is copied
+            copied[name] = value
+    return copied

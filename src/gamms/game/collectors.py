@@ -1,0 +1,58 @@
+"""Values that are collected while a game is played."""
+
+from collections.abc import Callable
+from copy import deepcopy
+from typing import TYPE_CHECKING, Any, NamedTuple
+
+from gamms.errors import BadType, BadValue, Duplicate
+
+if TYPE_CHECKING:
+    from gamms.game.game import Game
+
+
+class _Collector(NamedTuple):
+    fn: Callable[[Any], Any]
+    every: int
+    per: str
+    columns: dict[str, list[Any]]
+
+
+class Collectors:
+    """All collectors of one game, by name."""
+
+    def __init__(self) -> None:
+        self._all: dict[str, _Collector] = {}
+
+    def add(self, name: str, fn: Callable[[Any], Any], every: int, per: str) -> None:
+        """Add one; see `Game.collect`."""
+        if name in self._all:
+            raise Duplicate("a collector", name)
+        if not callable(fn):
+            raise BadType(f"Collector {name!r} needs a function, not {fn!r}.")
+        if every < 1:
+            raise BadValue(f"every must be at least 1, not {every}.")
+        if per not in ("game", "agent"):
+            raise BadValue(f"per must be 'game' or 'agent', not {per!r}.")
+        names = ("turn", "value") if per == "game" else ("turn", "agent", "value")
+        self._all[name] = _Collector(fn, every, per, {column: [] for column in names})
+
+    def collect(self, game: "Game") -> None:
+        """Take the values of this turn."""
+        for fn, every, per, columns in self._all.values():
+            if game.turn % every:
+                continue
+            for agent in game.agents if per == "agent" else (None,):
+                columns["turn"].append(game.turn)
+                if agent is not None:
+                    columns["agent"].append(agent.name)
+                columns["value"].append(deepcopy(fn(game.ctx if agent is None else agent)))
+
+    def tables(self) -> dict[str, dict[str, list[Any]]]:
+        """What was collected so far, by name."""
+        return {name: {key: list(values) for key, values in one.columns.items()} for name, one in self._all.items()}
+
+    def clear(self) -> None:
+        """Forget the values; the collectors stay."""
+        for one in self._all.values():
+            for values in one.columns.values():
+                values.clear()

@@ -1,0 +1,312 @@
+"""The game room's front: `ctx.game`, which plays turns in which everybody moves at once."""
+
+from collections.abc import Callable, Mapping
+from time import perf_counter
+from types import MappingProxyType
+from typing import TYPE_CHECKING, Any, overload
+
+from gamms.arguments import as_float, as_int, as_name
+from gamms.errors import BadType, BadValue, ContextTerminated
+from gamms.game import chance, start, turn
+from gamms.game.collectors import Collectors
+from gamms.game.errors import Meddling
+from gamms.game.memory import frozen
+from gamms.game.result import Result
+from gamms.game.seats import COUNTED, Seat, seats
+from gamms.game.settings import Settings, as_turns
+from gamms.ir.agents import AgentColumns
+from gamms.typing.game import Move, Rule
+
+if TYPE_CHECKING:
+    from numpy.random import Generator
+
+    from gamms.game.turn import TurnMoves
+
+_PHASES = ("observe", "decide", "resolve", "apply", "rules", "draw")
+
+
+class Scores(dict[Any, float]):
+    """Scores by whatever the rules keep them for; one that was not set is 0."""
+
+    def __missing__(self, key: Any) -> float:
+        return 0
+
+
+class Game(Settings):
+    """The turn engine of one context; see `Settings` for what can be set.
+
+    Attributes:
+        ctx: the context; Any: the hall's own class, whose rooms meet here.
+        turn: how many times everybody has moved.
+        scores: numbers by team, agent or whatever the rules like; one that was not set is 0.
+        data: what rules remember, as plain values; `reset` restores it.
+        events: what was emitted, in order: dicts with `turn` and `kind`.
+        errors: what strategies did wrong, in order.
+    """
+
+    def __init__(self, ctx: Any) -> None:
+        super().__init__()
+        self.ctx = ctx
+        self._rules: dict[str, list[Rule]] = {"before": [], "after": []}
+        self._facts: dict[str, Any] = {}
+        self.facts: Mapping[str, Any] = MappingProxyType(self._facts)
+        self.data: dict[str, Any] = {}
+        self.scores = Scores()
+        self.collectors = Collectors()
+        self.memories: dict[str, dict[Any, Any]] = {}
+        self._streams: dict[str, Generator] = {}
+        self._start: start.Start | None = None
+        self._chance = chance.GlobalChance()
+        self.is_deciding = False
+        self.begin_anew()
+
+    def begin_anew(self) -> None:
+        """Forget everything that has happened."""
+        self.turn = 0
+        self.events: list[dict[str, Any]] = []
+        self.errors: list[dict[str, Any]] = []
+        self.counts: dict[str, dict[str, int]] = {}
+        self.timings = dict.fromkeys(_PHASES, 0.0)
+        self.team_memories: dict[Any, dict[Any, Any]] = {}
+        self.turn_moves: TurnMoves | None = None
+        self._over: dict[str, Any] | None = None
+        self._seats: list[Seat] = []
+        self._seated = -1
+        self._lengths: tuple[int | None, dict[tuple[int, int], float]] = (None, {})
+
+    # -- what it is played by -----------------------------------------------------------------------------------
+
+    @overload
+    def add(self, rule: Rule, *, phase: str = "after") -> Rule: ...
+    @overload
+    def add(self, rule: None = None, *, phase: str = "after") -> Callable[[Rule], Rule]: ...
+    def add(self, rule: Rule | None = None, *, phase: str = "after") -> Any:
+        """Let a rule be applied in every turn; also a decorator, with or without `phase`.
+
+        Args:
+            rule: called with the context; rules are called in the order in which they were added.
+            phase: "after" everybody has moved, or "before" anybody observes.
+
+        Raises:
+            BadType: it cannot be called.
+            BadValue: there is no such phase.
+        """
+        if phase not in self._rules:
+            raise BadValue(f"phase must be 'before' or 'after', not {phase!r}.")
+        if rule is None:
+            return lambda one: self.add(one, phase=phase)
+        if not callable(rule):
+            raise BadType(f"A rule must be a function of the context, not {rule!r}.")
+        self._rules[phase].append(rule)
+        drawer = getattr(rule, "drawer", None)
+        if drawer is not None:
+            number = sum(map(len, self._rules.values()))
+            self.ctx.visual.add_artist(f"rule_{number}", {"drawer": drawer, "layer": 12})
+        return rule
+
+    def publish(self, **facts: Any) -> None:
+        """Tell every strategy something: it is in `state["facts"]`, read-only all the way down."""
+        self._facts.update((name, frozen(value)) for name, value in facts.items())
+
+    def collect(self, name: str, fn: Callable[[Any], Any], every: int = 1, per: str = "game") -> None:
+        """Collect a value after the rules of every turn, or of every few; the result has it as a table.
+
+        Args:
+            name: of the table, whose columns are `turn`, `agent` (where it is per agent) and `value`.
+            fn: called with the context, or with each living agent; what it returns is copied.
+            every: how many turns lie between two values.
+            per: "game" or "agent".
+
+        Raises:
+            BadValue, BadType: an argument is impossible.
+            Duplicate: the name is taken.
+        """
+        self.collectors.add(as_name(name, "a collector"), fn, as_int(every, "every"), per)
+
+    # -- playing ------------------------------------------------------------------------------------------------
+
+    @property
+    def is_over(self) -> bool:
+        """Whether a rule has ended the game."""
+        return self._over is not None
+
+    def step(self) -> bool:
+        """Play one turn; False, and nothing happens, once the game is over."""
+        if self.ctx.is_terminated() or self.is_over:
+            return False
+        self._refuse_while_deciding("step")
+        if self._start is None:
+            self._start = start.taken(self)
+        self._apply_rules("before")
+        turn.play_turn(self)
+        self.turn += 1
+        self._apply_rules("after")
+        self.collectors.collect(self)
+        began = perf_counter()
+        self.ctx.visual.simulate()
+        self.timings["draw"] += perf_counter() - began
+        return not self.is_over
+
+    def run(self, max_turns: int | None = None, progress: bool = False) -> Result:
+        """Play until a rule ends the game, or for so many turns.
+
+        With a seed given to the context or to `reset`, the global `random` and `numpy.random` are seeded for the game,
+        too, and afterwards as they were before.
+
+        Args:
+            max_turns: None takes that of the settings.
+            progress: show how far it is on a line of stderr, where that is a terminal.
+
+        Raises:
+            BadValue: nothing could ever end this game.
+            IllegalAction, Meddling, or whatever a strategy or rule raises: see the settings.
+        """
+        if self.ctx.is_terminated():
+            raise ContextTerminated("ctx.game")
+        turns = as_turns("max_turns", self.max_turns if max_turns is None else max_turns)
+        if turns is None and not any(self._rules.values()):
+            raise BadValue("This game has no rule that could end it: give run(max_turns=…) or add a rule.")
+        last = None if turns is None else self.turn + turns
+        with self._chance.of(self.ctx), chance.shown(self, last, is_shown=progress) as show:
+            while (last is None or self.turn < last) and self.step():
+                show()
+        return self.result()
+
+    def result(self) -> Result:
+        """What has come of the game so far."""
+        over = self._over or {"reason": "max_turns", "winner": None, "truncated": True}
+        agents = self.ctx.agent.agents
+        return Result(
+            turns=self.turn,
+            scores=dict(self.scores),
+            events=[dict(event) for event in self.events],
+            agents={name: self._summary(agents[name]) for name in sorted(agents)},
+            errors=[dict(error) for error in self.errors],
+            timings=dict(self.timings),
+            seed=self.ctx.seed,
+            collected=self.collectors.tables(),
+            **over,
+        )
+
+    def reset(self, seed: int | None = None) -> None:
+        """Begin the game anew, as it was before its first turn: agents, data, scores, events, streams, graph.
+
+        What strategies and rules keep elsewhere than in `state["memory"]` and `ctx.game.data` stays as it is.
+
+        Args:
+            seed: all random streams follow from it; None repeats the game.
+        """
+        self._refuse_while_deciding("reset")
+        if self._start is not None:
+            self._start.restore(self, None if seed is None else as_int(seed, "seed"))
+        elif seed is not None:
+            self.ctx.reseed(as_int(seed, "seed"))
+            self._streams.clear()
+            self._chance.forget()
+
+    # -- for rules ----------------------------------------------------------------------------------------------
+
+    @property
+    def agents(self) -> list[Any]:
+        """The living agents, in the order of their names."""
+        return [seat.agent for seat in self.seats()]
+
+    @property
+    def moves(self) -> dict[str, Move]:
+        """How the agents on the ground moved in this turn, by name; rules must not change it."""
+        return {} if self.turn_moves is None else self.turn_moves.by_name()
+
+    def emit(self, kind: str, **data: Any) -> None:
+        """Note that something happened; it is in `events` and in the result. Values should be plain."""
+        self._refuse_while_deciding("emit")
+        self.events.append({"turn": self.turn, "kind": as_name(kind, "a kind of event"), **data})
+
+    def end(self, reason: str, winner: Any = None, truncated: bool = False) -> None:
+        """End the game after this turn; of several calls the first counts."""
+        self._refuse_while_deciding("end")
+        if self._over is None:
+            self._over = {"reason": str(reason), "winner": winner, "truncated": bool(truncated)}
+
+    def eliminate(self, agent: Any) -> None:
+        """Take an agent, or the one of that name, out of the game; who is out already stays so."""
+        one = self._agent(agent, "eliminate")
+        if one.alive:
+            one.alive = False
+            self.emit("eliminated", agent=one.name, node=one.current_node_id)
+
+    def respawn(self, agent: Any, node: int | None = None) -> None:
+        """Put an agent, dead or alive, on a node, as if it had always been there; None: where it began."""
+        one = self._agent(agent, "respawn")
+        where = self.start_node(one) if node is None else node
+        if isinstance(where, tuple):
+            one.position = where
+        else:
+            one.current_node_id = where
+            one.prev_node_id = where
+        if not one.alive:
+            one.alive = True
+        self.emit("respawned", agent=one.name, node=one.current_node_id)
+
+    def start_node(self, agent: Any) -> Any:
+        """The node an agent began on, or (x, y, z) of one that flies."""
+        one = self._agent(agent, "start_node")
+        if self._start is None:
+            self._start = start.taken(self)
+        return self._start.place_of(one)
+
+    # -- for the parts of the engine ----------------------------------------------------------------------------
+
+    @property
+    def columns(self) -> AgentColumns:
+        """The columns of all agents."""
+        columns: AgentColumns = self.ctx.agent.columns
+        return columns
+
+    def seats(self) -> list[Seat]:
+        """A seat for everybody who is alive, in the order of the names."""
+        self.ctx.agent.standing()  # which drops the rows of deleted agents
+        if self._seated != self.columns.roster:
+            self._seats, self._seated = seats(self), self.columns.roster
+        return self._seats
+
+    def rng_of(self, name: str) -> "Generator":
+        """The random stream of an agent, which goes on from turn to turn."""
+        if name not in self._streams:
+            self._streams[name] = self.ctx.stream("agent", name)
+        return self._streams[name]
+
+    def length_of(self, source: int, target: int) -> float:
+        """How long the shortest edge from one node to another is, map units."""
+        revision, lengths = self._lengths
+        graph = self.ctx.graph.graph
+        if revision is None or revision != graph.revision:
+            columns, lengths = graph.columns(), {}
+            ends = columns.node_ids[columns.sources].tolist(), columns.node_ids[columns.targets].tolist()
+            for start_id, end_id, length in zip(*ends, columns.lengths.tolist(), strict=True):
+                known = lengths.get((start_id, end_id))
+                lengths[start_id, end_id] = length if known is None else min(known, length)
+            self._lengths = graph.revision, lengths
+        return as_float(lengths[source, target], "length")
+
+    def forget_streams(self) -> None:
+        """Let every agent's stream, and the global ones, begin anew."""
+        self._streams.clear()
+        self._chance.forget()
+
+    def _apply_rules(self, phase: str) -> None:
+        began = perf_counter()
+        for rule in self._rules[phase]:
+            rule(self.ctx)
+        self.timings["rules"] += perf_counter() - began
+
+    def _summary(self, agent: Any) -> dict[str, Any]:
+        counts = self.counts.get(agent.name) or dict.fromkeys(COUNTED, 0)
+        return {"team": agent.team, "alive": agent.alive, "node": agent.current_node_id, **counts}
+
+    def _agent(self, agent: Any, verb: str) -> Any:
+        self._refuse_while_deciding(verb)
+        return self.ctx.agent.get_agent(agent if isinstance(agent, str) else agent.name)
+
+    def _refuse_while_deciding(self, verb: str) -> None:
+        if self.is_deciding:
+            raise Meddling(f"A strategy may not call ctx.game.{verb}: it may only set state['action'].")

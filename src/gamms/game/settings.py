@@ -1,0 +1,111 @@
+"""What a game is played by: settings that are checked when they are set."""
+
+from collections.abc import Callable
+from typing import Any, Literal
+
+from gamms.arguments import as_float, as_int
+from gamms.errors import BadType, BadValue, UnknownName, nearest
+from gamms.typing.game import IConflicts
+
+_CHOICES = {
+    "legal": ("edges", "any"),
+    "on_illegal": ("stay", "raise"),
+    "on_error": ("raise", "stay"),
+    "speed_unit": ("edges", "metres"),
+}
+
+
+class Settings:
+    """The settings of one game.
+
+    Attributes:
+        legal: "edges": a move follows edges out of the node, or stays; "any": it may lead to any node.
+        on_illegal: what an action that is not legal, or nonsense, leads to: "stay", counted in the result, or "raise".
+        on_error: what a strategy that raises leads to: "raise", or "stay", counted in the result.
+        speed_unit: what `agent.speed` of an agent on the ground counts per turn: "edges" or "metres".
+        conflicts: who decides where moves get in each other's way, such as `gamms.rules.Conflicts`; None: nobody.
+        time_budget: seconds that a strategy may take; who takes longer stays, and is counted. None: no bound.
+        max_turns: `run` ends a game after so many turns; None: when a rule says so.
+    """
+
+    legal: Literal["edges", "any"]
+    on_illegal: Literal["stay", "raise"]
+    on_error: Literal["raise", "stay"]
+    speed_unit: Literal["edges", "metres"]
+    conflicts: IConflicts | None
+    time_budget: float | None
+    max_turns: int | None
+
+    def __init__(self) -> None:
+        self.legal, self.on_illegal, self.on_error, self.speed_unit = "edges", "stay", "raise", "edges"
+        self.conflicts = None
+        self.time_budget = None
+        self.max_turns = None
+
+    def __setattr__(self, name: str, value: Any) -> None:
+        """Set a setting after a look at it.
+
+        Raises:
+            BadValue, BadType: it cannot be set to that.
+        """
+        check = _CHECKS.get(name)
+        object.__setattr__(self, name, value if check is None else check(name, value))
+
+    def configure(self, given: Any) -> None:
+        """Set several settings from a dict.
+
+        Raises:
+            UnknownName (KeyError): there is no such setting.
+            BadValue, BadType: as for one setting.
+        """
+        if not isinstance(given, dict):
+            raise BadType(f"game= must be a dict of settings, not {given!r}.")
+        for name in given:
+            if name not in _CHECKS:
+                raise UnknownName("setting of a game", name, _CHECKS)
+        checked = {name: _CHECKS[name](name, value) for name, value in given.items()}
+        for name, value in checked.items():
+            object.__setattr__(self, name, value)
+
+
+def _choice(name: str, value: Any) -> str:
+    known = _CHOICES[name]
+    if value not in known:
+        hint = nearest(value, known) or f" Use one of: {', '.join(map(repr, known))}."
+        raise BadValue(f"ctx.game.{name} cannot be {value!r}.{hint}")
+    return str(value)
+
+
+def _conflicts(name: str, value: Any) -> Any:
+    if value is not None and not callable(getattr(value, "resolve", None)):
+        raise BadType(
+            f"ctx.game.{name} must have a method resolve(moves, ctx), such as gamms.rules.Conflicts; {value!r}."
+        )
+    return value
+
+
+def _seconds(name: str, value: Any) -> float | None:
+    if value is None:
+        return None
+    seconds = as_float(value, f"ctx.game.{name}")
+    if seconds <= 0.0:
+        raise BadValue(f"ctx.game.{name} must be positive, not {seconds}; None means no bound.")
+    return seconds
+
+
+def as_turns(name: str, value: Any) -> int | None:
+    """A number of turns, or None."""
+    if value is None:
+        return None
+    turns = as_int(value, name)
+    if turns < 0:
+        raise BadValue(f"{name} must not be negative, not {turns}.")
+    return turns
+
+
+_CHECKS: dict[str, Callable[[str, Any], Any]] = {
+    **dict.fromkeys(_CHOICES, _choice),
+    "conflicts": _conflicts,
+    "time_budget": _seconds,
+    "max_turns": lambda name, value: as_turns(f"ctx.game.{name}", value),
+}
