@@ -1,12 +1,12 @@
 """Who has to stay where moves get in each other's way: too many on a node, or two that exchange nodes."""
 
 from collections import Counter, defaultdict
-from collections.abc import Callable, Iterable, Mapping
+from collections.abc import Callable, Iterable, Mapping, Sequence
 from operator import attrgetter
 from typing import Any
 
 from gamms.errors import BadType, BadValue, nearest
-from gamms.rules.capacity import Capacity, ILimits, as_limits
+from gamms.rules.capacity import UNLIMITED, Capacity, ILimits, as_limits
 from gamms.rules.resolvers import Contest, Resolver, as_resolver, at_random, winners_of
 from gamms.typing.game import IConflicts, Move
 
@@ -28,7 +28,8 @@ class Conflicts(IConflicts):
         among: "all" agents on the ground count, or only those of one "team", each by itself (None is a team, too).
         allow_swaps: whether two agents may exchange nodes. If not, the winner of the contest decides: those who go
             its way may, those who come towards it stay (and may then be in the way). Only start and end matter, not
-            where paths of several edges cross. With `among="team"`, members of different teams may exchange nodes.
+            where paths of several edges cross; a path that ends where it began counts as staying. With `among="team"`,
+            members of different teams may exchange nodes.
         resolve: who wins: `by_priority(…)`, `at_random()`, `nobody()`, or a function `(contest, ctx) -> winners` that
             gives names or moves of at most `contest.places` of `contest.movers`.
 
@@ -72,20 +73,37 @@ class Conflicts(IConflicts):
             BadType, BadValue: what the resolver gave, or the capacity a node attribute says, is wrong.
             UnknownName (KeyError): no node has the attribute with the capacities.
         """
-        stopped = set() if self._allow_swaps else self._stop_swaps(moves.values(), ctx)
-        if self._limits is not None:
-            self._stop_crowds(moves.values(), stopped, self._limits, ctx)
+        listed = list(moves.values())
+        involved = [listed[i] for i in self.involved([move[2] for move in listed], [move[3] for move in listed])]
+        stopped = set() if self._allow_swaps else self._stop_swaps(involved, ctx)
+        if involved and self._limits is not None:
+            self._stop_crowds(involved, stopped, self._limits, ctx)
         return stopped
+
+    def involved(self, starts: Sequence[int], ends: Sequence[int]) -> list[int]:
+        """Which of the moves, by their number, can decide who has to stay; `resolve` answers the same for these alone.
+
+        They are those to a node that too many end on, or that somebody leaves and may have to stay on after all; none
+        if nobody is in anybody's way. Whoever has starts and ends as lists need not make the other moves at all.
+        """
+        # NOTE: whole lists at once and fields by number: most turns of 1,000 agents cost no more than this.
+        least = UNLIMITED if self._limits is None else self._limits.least
+        full = set()
+        if least < 1 or len(set(ends)) < len(ends):
+            full = {node for node, number in Counter(ends).items() if number > least}
+        if not full and self._allow_swaps:
+            return []
+        left = {start for start, end in zip(starts, ends, strict=True) if start != end}
+        if not full and not _some_exchange(starts, ends, left):
+            return []
+        nodes = full | left
+        return [number for number, end in enumerate(ends) if end in nodes]
 
     def _stop_swaps(self, moves: Iterable[Move], ctx: Any) -> set[str]:
         """Who has to stay so that no two exchange nodes."""
-        # NOTE: fields are read by number: it halves what 1,000 agents that are in nobody's way cost.
-        movers = [move for move in moves if move[2] != move[3]]
-        left = {move[2] for move in movers}
         by_way: dict[Any, list[Move]] = defaultdict(list)
-        for move in movers:
-            if move[3] in left:
-                by_way[self._way_of(move)].append(move)
+        for move in moves:
+            by_way[self._way_of(move)].append(move)
         contests = []
         for way, ahead in by_way.items():
             start, end, *team = way
@@ -101,19 +119,9 @@ class Conflicts(IConflicts):
 
     def _stop_crowds(self, moves: Iterable[Move], stopped: set[str], limits: ILimits, ctx: Any) -> None:
         """Add to `stopped` who has to stay so that no node takes in more than it has places for."""
-        least = limits.least
-        ends = (
-            [move[2] if move[0] in stopped else move[3] for move in moves] if stopped else [move[3] for move in moves]
-        )
-        if least >= 1 and len(set(ends)) == len(ends):
-            return  # everybody is alone at the end
-        full = {node for node, number in Counter(ends).items() if number > least}
-        if not full:
-            return
-        crowd = _Crowd(self._place_of, self._home_of)
-        crowd.gather(moves, stopped, full.union(move[2] for move in moves))  # others only lose who comes
+        crowd = _Crowd(moves, stopped, self._place_of, self._home_of)
         limit_of = limits.on(ctx.graph.graph)
-        places = [place for place, movers in crowd.coming.items() if movers[0].end in full]
+        places = crowd.wanted_by_more_than(limits.least)
         while places:
             contests = crowd.contests(places, limit_of)
             losers = [loser for place, contest in contests for loser in self._shut_out(crowd, place, contest, ctx)]
@@ -130,20 +138,26 @@ class Conflicts(IConflicts):
 class _Crowd:
     """Who comes to each place, and how many stay there; a place is a node, or a node and a team."""
 
-    def __init__(self, place_of: Callable[[Move], Any], home_of: Callable[[Move], Any]) -> None:
-        self._place_of, self._home_of = place_of, home_of
+    def __init__(
+        self,
+        moves: Iterable[Move],
+        stopped: set[str],
+        place_of: Callable[[Move], Any],
+        home_of: Callable[[Move], Any],
+    ) -> None:
+        self._home_of = home_of
         self.coming: dict[Any, list[Move]] = defaultdict(list)
         self.staying: Counter[Any] = Counter()
-
-    def gather(self, moves: Iterable[Move], stopped: set[str], nodes: set[int]) -> None:
-        """Count all who stay, and those who come to one of `nodes`."""
-        stay = []
         for move in moves:
-            if move[2] == move[3] or move[0] in stopped:
-                stay.append(move)
-            elif move[3] in nodes:
-                self.coming[self._place_of(move)].append(move)
-        self.staying.update(map(self._home_of, stay))
+            if move.start == move.end or move.agent in stopped:
+                self.staying[home_of(move)] += 1
+            else:
+                self.coming[place_of(move)].append(move)
+
+    def wanted_by_more_than(self, number: int) -> list[Any]:
+        """The places that somebody comes to and that more than `number` agents would end on."""
+        staying = self.staying
+        return [place for place, movers in self.coming.items() if len(movers) + staying.get(place, 0) > number]
 
     def contests(self, places: Iterable[Any], limit_of: Callable[[int], int]) -> list[tuple[Any, Contest]]:
         """The contests at those of the places that more come to than they have room for, in the order of the nodes."""
@@ -162,6 +176,12 @@ class _Crowd:
         homes = list(map(self._home_of, losers))
         self.staying.update(homes)
         return list(dict.fromkeys(homes))
+
+
+def _some_exchange(starts: Sequence[int], ends: Sequence[int], left: set[int]) -> bool:
+    """Whether two exchange nodes; only who goes where somebody left can."""
+    ways = {(start, end) for start, end in zip(starts, ends, strict=True) if end in left and start != end}
+    return any((end, start) in ways for start, end in ways)
 
 
 _name_of = attrgetter("agent")
