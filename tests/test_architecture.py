@@ -45,11 +45,7 @@ FLOORS = [
     {"typing"},
     {"agent", "game", "graph", "memory", "osm", "sensor", "visual"},
     {"context"},
-    {"demo", "strategies", "testing"},
-    {"cli"},
-]
-OUTSIDE = {"", "_legacy", "__main__"}  # the front door, and the table of old paths, which knows every room
-GUESTS = {"demo", "strategies", "testing", "cli"}  # they use a context as any user would
+    {"demo", "rules", "strategies", "testing"},
 LEVEL = {room: level for level, rooms in enumerate(FLOORS) for room in rooms}
 
 

@@ -39,17 +39,24 @@ class TurnMoves:
         self.seats, self.starts, self.ends, self.plans = seats, starts, ends, plans
         self._by_name: dict[str, Move] | None = None
 
+    def on_ground(self) -> list[int]:
+        """Which seats are those of agents on the ground."""
+        return [i for i, seat in enumerate(self.seats) if not seat.flies]
+
     def by_name(self) -> dict[str, Move]:
         """Agent -> its move, of all on the ground, in the order of the names."""
         if self._by_name is None:
-            moves = {}
-            for i, seat in enumerate(self.seats):
-                if not seat.flies:
-                    start, end, plan = self.starts[i], self.ends[i], self.plans.get(i)
-                    path = plan.path if plan else (start,) if start == end else (start, end)
-                    moves[seat.name] = Move(seat.name, seat.team, start, end, path)
-            self._by_name = moves
+            self._by_name = self.named(self.on_ground())
         return self._by_name
+
+    def named(self, places: list[int]) -> dict[str, Move]:
+        """Agent -> its move, of these seats."""
+        moves = {}
+        for i in places:
+            seat, start, end, plan = self.seats[i], self.starts[i], self.ends[i], self.plans.get(i)
+            path = plan.path if plan else (start,) if start == end else (start, end)
+            moves[seat.name] = Move(seat.name, seat.team, start, end, path)
+        return moves
 
     def stop(self, names: set[str]) -> None:
         """Let these agents stay."""
@@ -225,7 +232,15 @@ def _share(game: "Game", written: list[tuple[Seat, Any]]) -> None:
 
 
 def _resolve(game: "Game", turn: TurnMoves) -> None:
-    stopped = game.conflicts.resolve(turn.by_name(), game.ctx)  # type: ignore[union-attr] # asked where there is one
+    conflicts = game.conflicts
+    involved = getattr(conflicts, "involved", None)
+    if involved is None:
+        stopped = conflicts.resolve(turn.by_name(), game.ctx)  # type: ignore[union-attr] # asked where there is one
+    else:
+        on_ground = turn.on_ground()
+        starts, ends = ([places[i] for i in on_ground] for places in (turn.starts, turn.ends))
+        few = [on_ground[i] for i in involved(starts, ends)]
+        stopped = conflicts.resolve(turn.named(few), game.ctx) if few else set()  # type: ignore[union-attr] # as above
     if stopped:
         turn.stop(stopped)
 
