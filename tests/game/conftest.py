@@ -17,6 +17,24 @@ def grid(seed=1, engine=Engine.MEMORY, side=4, **settings):
     return ctx
 
 
+@pytest.fixture(name="grid")
+def make_grid():
+    """The function that makes a context with the grid."""
+    return grid
+
+
+@pytest.fixture(name="everything")
+def give_everything():
+    """Sensors for an agent that looks at all there is."""
+
+    def give(ctx, agent):
+        for kind in (SensorType.NEIGHBOR, SensorType.AGENT):
+            agent.register_sensor(kind.name, ctx.sensor.create_sensor(f"{agent.name} {kind.name}", kind))
+        return agent
+
+    return give
+
+
 @pytest.fixture(params=list(Engine), ids=lambda engine: engine.name)
 def ctx(request):
     with grid(engine=request.param) as ctx:
@@ -40,10 +58,3 @@ def play(ctx):
         return agent
 
     return play
-
-
-def everything(ctx, agent):
-    """Sensors for an agent that looks at all there is."""
-    for kind in (SensorType.NEIGHBOR, SensorType.AGENT):
-        agent.register_sensor(kind.name, ctx.sensor.create_sensor(f"{agent.name} {kind.name}", kind))
-    return agent

@@ -10,8 +10,6 @@ from gamms.errors import GammsError
 from gamms.game import IllegalAction, Meddling, Move
 from gamms.sensor import SensorType
 
-from .conftest import everything, grid
-
 
 def test_two_agents_change_places_because_both_move_at_once(ctx, play):
     a, b = play("a", 0, 1), play("b", 1, 0)
@@ -21,7 +19,7 @@ def test_two_agents_change_places_because_both_move_at_once(ctx, play):
     assert ctx.game.turn == 1
 
 
-def test_everybody_sees_the_world_as_it_was_before_anybody_moved(ctx, play):
+def test_everybody_sees_the_world_as_it_was_before_anybody_moved(ctx, play, everything):
     a, b = everything(ctx, play("a", 0, 1)), everything(ctx, play("b", 1, 5))
     ctx.game.step()
     assert a.seen[0]["sensor"]["AGENT"][1] == {"b": 1}
@@ -30,7 +28,7 @@ def test_everybody_sees_the_world_as_it_was_before_anybody_moved(ctx, play):
     assert b.seen[1]["sensor"]["AGENT"][1] == {"a": 1}
 
 
-def test_a_strategy_is_told_who_it_is_and_what_it_may_do(ctx, play):
+def test_a_strategy_is_told_who_it_is_and_what_it_may_do(ctx, play, everything):
     ctx.game.publish(flags={"red": [1, 2]})
     agent = everything(ctx, play("a", 0, 1, team="red"))
     ctx.game.run(2)
@@ -279,7 +277,7 @@ def test_scores_begin_at_zero_and_events_carry_their_turn(ctx, play):
     assert result.events == [{"turn": turn, "kind": "found", "agent": "a", "where": 7} for turn in (1, 2)]
 
 
-def test_who_is_eliminated_is_neither_asked_nor_moved_nor_sensed(ctx, play):
+def test_who_is_eliminated_is_neither_asked_nor_moved_nor_sensed(ctx, play, everything):
     gone, watcher = play("gone", 1, 2, 3), everything(ctx, play("watcher", 0))
     ctx.game.add(lambda ctx: ctx.game.turn == 1 and ctx.game.eliminate("gone"))
     result = ctx.game.run(3)
@@ -344,7 +342,7 @@ def test_after_the_end_of_the_context_a_step_does_nothing(ctx, play):
         ctx.game.run(1)
 
 
-def test_the_order_of_creation_changes_nothing():
+def test_the_order_of_creation_changes_nothing(grid):
     def play(order):
         def wander(state):
             state["action"] = int(state["rng"].choice(state["legal"]))
@@ -358,7 +356,7 @@ def test_the_order_of_creation_changes_nothing():
     assert play(1) == play(-1)
 
 
-def test_with_a_seed_the_global_generators_are_lent_to_the_game_and_given_back():
+def test_with_a_seed_the_global_generators_are_lent_to_the_game_and_given_back(grid):
     def play(seed):
         random.seed(3)
         np.random.seed(3)  # noqa: NPY002 - what programs for 1.0.0 draw from
