@@ -45,11 +45,11 @@ FLOORS = [
     {"typing"},
     {"agent", "game", "graph", "memory", "osm", "sensor", "visual"},
     {"context"},
-    {"demo", "strategies", "testing"},
+    {"demo", "rules", "strategies", "testing"},
     {"cli"},
 ]
 OUTSIDE = {"", "_legacy", "__main__"}  # the front door, and the table of old paths, which knows every room
-GUESTS = {"demo", "strategies", "testing", "cli"}  # they use a context as any user would
+GUESTS = {"demo", "rules", "strategies", "testing", "cli"}  # they use a context as any user would
 LEVEL = {room: level for level, rooms in enumerate(FLOORS) for room in rooms}
 
 

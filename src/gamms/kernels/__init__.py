@@ -6,7 +6,7 @@ Call them as `kernels.name(...)`. May import: numpy, `gamms.ir`.
 
 from gamms.kernels.cells import CellIndex, build_cells, candidate_rows, rows_between
 from gamms.kernels.csr import expand_ranges, group_rows, ragged_rows
-from gamms.kernels.draws import draws_by_name
+from gamms.kernels.draws import draws_by_name, lots_by_name
 from gamms.kernels.occlusion import blocks, visible
 from gamms.kernels.paths import Arcs, first_steps, make_arcs, tight_arcs
 from gamms.kernels.rotations import (
@@ -37,6 +37,7 @@ __all__ = [
     "in_cone",
     "in_view",
     "is_in_cone",
+    "lots_by_name",
     "make_arcs",
     "multiply_quaternions",
     "quaternion_to_direction",

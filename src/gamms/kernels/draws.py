@@ -25,6 +25,15 @@ def draws_by_name(seed: int, purpose: tuple[str | int, ...], names: list[str]) -
     return found
 
 
+def lots_by_name(seed: int, purpose: tuple[str | int, ...], names: list[str]) -> list[int]:
+    """64 random bits for each name, which follow from the seed, the purpose and that name alone.
+
+    A hash each: for the few names of one contest that is ten times as fast as arrays.
+    """
+    prefix = repr((seed, *purpose))
+    return [_hash(prefix + name) for name in names]
+
+
 @lru_cache(maxsize=1 << 16)
 def _hash_of_name(name: str) -> int:
     return _hash(name)

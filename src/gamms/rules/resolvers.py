@@ -1,0 +1,159 @@
+"""Who wins a contest: by priority, at random, nobody, or whoever a function of the caller's names."""
+
+from collections.abc import Callable, Iterable, Mapping, Sequence
+from typing import Any, NamedTuple
+
+from gamms import kernels
+from gamms.errors import BadType, BadValue, MissingKey, nearest
+from gamms.typing.game import Move
+
+
+class Contest(NamedTuple):
+    """More agents than may: what a resolver decides."""
+
+    node: int | tuple[int, int]  # the node they all want to end on; for an exchange its two nodes, the smaller first
+    places: int  # how many of them may win, at least 1 and fewer than there are
+    movers: tuple[Move, ...]  # by name
+
+
+Resolver = Callable[[Contest, Any], Iterable[str | Move]]  # called with the contest and the context
+
+
+def by_priority(teams_or_key: Sequence[Any] | Callable[[Any], Any]) -> Resolver:
+    """Let those who come first win; the names decide between equals.
+
+    Args:
+        teams_or_key: the teams, the first to win first. Or a function that is called with an agent: those for whom
+            it gives the smallest values win.
+
+    Raises:
+        BadType: neither a list of teams nor a function. While resolving: values that cannot be compared.
+        BadValue: no team at all, or one twice.
+        MissingKey (KeyError): while resolving, an agent of a team that is not in the list.
+    """
+    if callable(teams_or_key):
+        return _by_key(teams_or_key)
+    if isinstance(teams_or_key, (str, bytes)) or not isinstance(teams_or_key, Sequence):
+        raise BadType(
+            "by_priority needs a list of teams, the first to win first, or a function of an agent, "
+            f"not {teams_or_key!r} ({type(teams_or_key).__name__})."
+        )
+    return _by_team(tuple(teams_or_key))
+
+
+def at_random() -> Resolver:
+    """Let chance decide: in every turn, all agents draw lots anew.
+
+    A lot follows from the seed of the context, the turn and the agent's name alone. So who else is there, what else
+    is drawn, or which contest comes first never changes it, and who is short of a place twice in a turn keeps its lot.
+    """
+
+    def at_random(contest: Contest, ctx: Any) -> list[Move]:
+        movers = contest.movers
+        lots = kernels.lots_by_name(ctx.seed, ("conflicts", ctx.game.turn), [mover.agent for mover in movers])
+        order = sorted(range(len(movers)), key=lots.__getitem__)
+        return [movers[number] for number in order[: contest.places]]
+
+    return at_random
+
+
+def nobody() -> Resolver:
+    """Let nobody win: where too many want to go, all stay."""
+
+    def nobody(_contest: Contest, _ctx: Any) -> tuple[Move, ...]:
+        return ()
+
+    return nobody
+
+
+FACTORIES = (by_priority, at_random, nobody)
+
+
+def as_resolver(resolve: Any) -> Resolver:
+    """What a caller gave as resolver, checked.
+
+    Raises:
+        BadType: it cannot be called, or is a maker of resolvers that has not been called yet.
+    """
+    for factory in FACTORIES:
+        if resolve is factory:
+            raise BadType(f"resolve={factory.__name__} only makes a resolver: call it, as in {factory.__name__}(…).")
+    if not callable(resolve):
+        raise BadType(f"resolve must be a function (contest, ctx) -> winners, not {resolve!r}.")
+    return resolve  # type: ignore[no-any-return] # what it takes and gives shows when it is called
+
+
+def winners_of(contest: Contest, resolve: Resolver, ctx: Any) -> set[str]:
+    """The names of those a resolver lets win, checked.
+
+    Raises:
+        BadType: it gave something else than names or moves.
+        BadValue: it named somebody who takes no part, or too many.
+    """
+    answer: Any = resolve(contest, ctx)
+    if isinstance(answer, (str, Move)) or not isinstance(answer, Iterable):
+        raise BadType(f"{_told(resolve, contest)} must give a list of the winners, names or moves, not {answer!r}.")
+    winners = {winner.agent if isinstance(winner, Move) else _as_name(winner, resolve, contest) for winner in answer}
+    names = [mover.agent for mover in contest.movers]
+    for winner in sorted(winners.difference(names)):
+        raise BadValue(f"{_told(resolve, contest)} let {winner!r} win, not one of {names}.{nearest(winner, names)}")
+    if len(winners) > contest.places:
+        few = f"contest.places is {contest.places}"
+        raise BadValue(f"{_told(resolve, contest)} let {len(winners)} win, {sorted(winners)}, but {few}.")
+    return winners
+
+
+def _as_name(winner: Any, resolve: Resolver, contest: Contest) -> str:
+    if isinstance(winner, str):
+        return winner
+    raise BadType(f"{_told(resolve, contest)} must name winners or give their moves, not {winner!r}.")
+
+
+def _told(resolve: Resolver, contest: Contest) -> str:
+    what = "the exchange of nodes" if isinstance(contest.node, tuple) else "node"
+    return f"The resolver {getattr(resolve, '__name__', repr(resolve))!r}, asked about {what} {contest.node},"
+
+
+def _by_key(key: Callable[[Any], Any]) -> Resolver:
+    def by_priority(contest: Contest, ctx: Any) -> list[Move]:
+        agent_of = ctx.agent.get_agent
+        ranks = [key(agent_of(mover.agent)) for mover in contest.movers]
+        return _first(contest, ranks)
+
+    return by_priority
+
+
+def _by_team(teams: tuple[Any, ...]) -> Resolver:
+    rank_of = _ranks(teams)
+
+    def by_priority(contest: Contest, _ctx: Any) -> list[Move]:
+        for mover in contest.movers:
+            if mover.team not in rank_of:
+                raise MissingKey(
+                    f"by_priority has no place for team {mover.team!r} of agent {mover.agent!r}. "
+                    f"Put it into the list {list(teams)!r}."
+                )
+        return _first(contest, [rank_of[mover.team] for mover in contest.movers])
+
+    return by_priority
+
+
+def _ranks(teams: tuple[Any, ...]) -> Mapping[Any, int]:
+    ranks: dict[Any, int] = {}
+    for rank, team in enumerate(teams):
+        if team in ranks:
+            raise BadValue(f"by_priority lists team {team!r} twice: {list(teams)!r}.")
+        ranks[team] = rank
+    if not ranks:
+        raise BadValue("by_priority needs at least one team.")
+    return ranks
+
+
+def _first(contest: Contest, ranks: list[Any]) -> list[Move]:
+    """Those with the smallest ranks; of equals those that come first, which is by name."""
+    try:
+        order = sorted(range(len(ranks)), key=ranks.__getitem__)
+    except TypeError:
+        shown = ", ".join(f"{mover.agent}: {rank!r}" for mover, rank in zip(contest.movers, ranks, strict=True))
+        raise BadType(f"by_priority cannot compare what its key gave for {shown}.") from None
+    return [contest.movers[number] for number in order[: contest.places]]

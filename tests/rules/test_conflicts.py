@@ -1,0 +1,213 @@
+"""Who has to stay where too many want to go, or where two want to exchange nodes."""
+
+import pytest
+
+from gamms.rules import Conflicts, by_priority, nobody
+
+
+def by_name(contest, _ctx):
+    return contest.movers[: contest.places]
+
+
+def last(contest, _ctx):
+    return [mover.agent for mover in contest.movers[-contest.places :]]
+
+
+class Heard:
+    """Lets the first win, and keeps what it was asked."""
+
+    def __init__(self):
+        self.contests = []
+
+    def __call__(self, contest, ctx):
+        self.contests.append(contest)
+        return by_name(contest, ctx)
+
+
+def test_nobody_has_to_stay_where_everybody_ends_alone(stay):
+    assert stay(Conflicts(resolve=nobody()), (0, 1), (2, 3), (4, 4)) == ""
+    assert stay(Conflicts(resolve=nobody())) == ""
+
+
+def test_only_those_in_the_way_of_somebody_are_involved():
+    """Two that want node 1, one that wants to where the first of them stands."""
+    starts, ends = [0, 2, 4, 7, 8], [1, 1, 0, 6, 8]
+    assert Conflicts().involved(starts, ends) == [0, 1, 2]
+    assert Conflicts(2).involved(starts, ends) == []
+    assert Conflicts(None, allow_swaps=False).involved(starts, ends) == []
+    assert Conflicts(None, allow_swaps=False).involved([0, 1, 2], [1, 0, 3]) == [0, 1]
+
+
+def test_one_of_two_that_want_the_same_node_stays(stay):
+    assert stay(Conflicts(resolve=by_name), (0, 1), (2, 1)) == "b"
+    assert stay(Conflicts(resolve=last), (0, 1), (2, 1)) == "a"
+
+
+def test_who_stays_put_keeps_its_node(stay):
+    assert stay(Conflicts(resolve=by_name), (0, 1), (1, 1)) == "a"
+    assert stay(Conflicts(resolve=by_name), (1, 1), (0, 1), (2, 1)) == "bc"
+
+
+def test_a_chain_moves_up(stay):
+    assert stay(Conflicts(resolve=nobody()), (0, 1), (1, 2), (2, 3)) == ""
+
+
+def test_a_chain_whose_head_stays_stays(stay):
+    assert stay(Conflicts(resolve=by_name), (0, 1), (1, 2), (2, 3), (3, 3)) == "abc"
+
+
+def test_a_full_circle_turns(stay):
+    assert stay(Conflicts(resolve=nobody()), (0, 1), (1, 2), (2, 0)) == ""
+    assert stay(Conflicts(resolve=nobody(), allow_swaps=False), (0, 1), (1, 2), (2, 0)) == ""
+
+
+def test_losing_stops_those_who_follow(stay):
+    """c loses node 3 to d, so that b finds node 2 taken, and a node 1."""
+    assert stay(Conflicts(resolve=last), (0, 1), (1, 2), (2, 3), (4, 3)) == "abc"
+
+
+def test_a_circle_in_which_one_loses_to_an_outsider_stands(stay):
+    """d wins node 0 over c; c keeps node 2 from b, b node 1 from a, and a node 0 from d."""
+    assert stay(Conflicts(resolve=last), (0, 1), (1, 2), (2, 0), (5, 0)) == "abcd"
+    assert stay(Conflicts(resolve=by_name), (0, 1), (1, 2), (2, 0), (5, 0)) == "d"
+
+
+def test_two_may_exchange_nodes_unless_that_is_forbidden(stay):
+    assert stay(Conflicts(resolve=nobody()), (0, 1), (1, 0)) == ""
+    assert stay(Conflicts(resolve=nobody(), allow_swaps=False), (0, 1), (1, 0)) == "ab"
+
+
+def test_who_wins_an_exchange_finds_the_loser_in_the_way(stay):
+    assert stay(Conflicts(resolve=by_name, allow_swaps=False), (0, 1), (1, 0)) == "ab"
+    assert stay(Conflicts(2, resolve=by_name, allow_swaps=False), (0, 1), (1, 0)) == "b"
+    assert stay(Conflicts(None, resolve=last, allow_swaps=False), (0, 1), (1, 0)) == "a"
+
+
+def test_those_who_go_the_way_of_the_winner_may(stay):
+    heard = Heard()
+    conflicts = Conflicts(None, resolve=heard, allow_swaps=False)
+    assert stay(conflicts, (0, 1), (0, 1), (1, 0), (1, 0), (1, 2), (0, 0)) == "cd"
+    assert [(contest.node, contest.places, len(contest.movers)) for contest in heard.contests] == [((0, 1), 1, 4)]
+    assert stay(Conflicts(None, resolve=last, allow_swaps=False), (0, 1), (0, 1), (1, 0), (1, 0)) == "ab"
+
+
+def test_a_contest_names_the_node_its_places_and_those_who_come(stay):
+    heard = Heard()
+    assert stay(Conflicts(3, resolve=heard), (0, 5), (5, 5), (1, 5), (2, 5), (4, 4)) == "d"
+    ((node, places, movers),) = heard.contests
+    assert (node, places, [mover.agent for mover in movers]) == (5, 2, ["a", "c", "d"])
+
+
+def test_nobody_is_asked_where_no_place_is_free(stay):
+    heard = Heard()
+    assert stay(Conflicts(resolve=heard), (0, 1), (1, 1), (2, 1)) == "ac"
+    assert heard.contests == []
+
+
+def test_contests_of_a_round_are_decided_in_the_order_of_the_nodes(stay):
+    heard = Heard()
+    stay(Conflicts(resolve=heard), (0, 7), (1, 7), (2, 3), (4, 3), (5, 6), (8, 6))
+    assert [contest.node for contest in heard.contests] == [3, 6, 7]
+
+
+def test_a_node_that_loses_a_place_is_contested_again(stay):
+    """Node 1 takes two: a and b. Then c, who wanted to leave it, finds node 9 taken, and one place is left for them."""
+    heard = Heard()
+    conflicts = Conflicts({1: 2, 9: 1}, resolve=heard)
+    assert stay(conflicts, (0, 1), (2, 1), (1, 9), (3, 1), (9, 9)) == "bcd"
+    assert [(contest.node, contest.places) for contest in heard.contests] == [(1, 2), (1, 1)]
+
+
+def test_who_starts_above_capacity_may_stay_and_nobody_comes(stay):
+    ways = [(0, 0), (0, 0), (0, 0), (1, 0)]
+    assert stay(Conflicts(2, resolve=by_name), *ways) == "d"
+
+
+def test_nobody_comes_until_fewer_stay_than_a_node_takes(stay):
+    crowded = Conflicts(2, resolve=by_name)
+    assert stay(crowded, (0, 1), (0, 0), (0, 0), (1, 0)) == "d"
+    assert stay(crowded, (0, 1), (0, 2), (0, 0), (1, 0)) == ""
+
+
+def test_capacity_none_lets_everybody_everywhere(stay):
+    assert stay(Conflicts(None, resolve=nobody()), (0, 1), (2, 1), (1, 1)) == ""
+
+
+def test_nodes_that_a_mapping_leaves_out_take_any_number(stay):
+    rooms = {1: 1, 3: None, 5: 0}
+    conflicts = Conflicts(rooms, resolve=by_name)
+    assert stay(conflicts, (0, 1), (2, 1), (0, 3), (2, 3), (0, 4), (2, 4)) == "b"
+    assert stay(conflicts, (4, 5), (5, 5), (5, 6)) == "a"
+    rooms[1] = 2
+    assert stay(conflicts, (0, 1), (2, 1)) == "b"
+    assert stay(Conflicts({}, resolve=nobody()), (0, 1), (2, 1)) == ""
+
+
+def test_an_attribute_is_read_in_every_turn(ctx, stay):
+    conflicts = Conflicts("doors", resolve=by_name)
+    ctx.graph.graph.update_node({"id": 1, "doors": 1})
+    assert stay(conflicts, (0, 1), (2, 1), (0, 4), (2, 4)) == "b"
+    ctx.graph.graph.update_node({"id": 1, "doors": 0})
+    assert stay(conflicts, (0, 1), (1, 1)) == "a"
+    ctx.graph.graph.update_node({"id": 1, "doors": None})
+    assert stay(conflicts, (0, 1), (2, 1)) == ""
+
+
+def test_an_attribute_no_node_has_is_an_error_with_a_hint(ctx, stay):
+    ctx.graph.graph.update_node({"id": 2, "rooms": 1})
+    with pytest.raises(KeyError, match=r"Unknown node attribute 'room'\. Did you mean 'rooms'\?"):
+        stay(Conflicts("room"), (0, 1))
+
+
+@pytest.mark.parametrize(
+    ("value", "error"), [(-1, ValueError), (1.5, TypeError), ("two", TypeError), (True, TypeError)]
+)
+def test_an_attribute_that_is_no_capacity_names_the_node(ctx, stay, value, error):
+    ctx.graph.graph.update_node({"id": 7, "beds": value})
+    with pytest.raises(error, match="Attribute 'beds' of node 7 must"):
+        stay(Conflicts("beds"), (6, 7))
+
+
+def test_among_a_team_only_its_own_members_count(stay):
+    teams = {"a": "red", "b": "blue", "c": "red"}
+    conflicts = Conflicts(among="team", resolve=by_name)
+    assert stay(conflicts, (0, 1), (2, 1), (3, 1), teams=teams) == "c"
+    assert stay(conflicts, (0, 1), (1, 1), (3, 3), teams=teams) == ""
+    assert stay(conflicts, (0, 1), (2, 1), (1, 1), teams=teams) == "a"
+
+
+def test_no_team_is_a_team_too(stay):
+    assert stay(Conflicts(among="team", resolve=by_name), (0, 1), (2, 1), (3, 1), teams={"b": "red"}) == "c"
+
+
+def test_among_a_team_only_its_own_members_may_not_exchange(stay):
+    conflicts = Conflicts(None, among="team", allow_swaps=False, resolve=by_name)
+    assert stay(conflicts, (0, 1), (1, 0), teams={"a": "red", "b": "blue"}) == ""
+    assert stay(conflicts, (0, 1), (1, 0), teams={"a": "red", "b": "red"}) == "b"
+
+
+def test_priority_decides_between_teams_too(stay):
+    conflicts = Conflicts(resolve=by_priority(["blue", "red"]))
+    assert stay(conflicts, (0, 1), (2, 1), teams={"a": "red", "b": "blue"}) == "a"
+
+
+@pytest.mark.parametrize("capacity", [1.0, True, [1], b"room", {1: "two"}, {"1": 1}, {1: True}])
+def test_a_capacity_of_the_wrong_type_is_refused(capacity):
+    with pytest.raises(TypeError, match="must be an integer"):
+        Conflicts(capacity)
+
+
+@pytest.mark.parametrize("capacity", [0, -1, "", {1: -1}])
+def test_an_impossible_capacity_is_refused(capacity):
+    with pytest.raises(ValueError, match="capacity"):
+        Conflicts(capacity)
+
+
+def test_among_must_be_all_or_team():
+    with pytest.raises(ValueError, match=r"among must be 'all' or 'team', not 'teams'\. Did you mean 'team'\?"):
+        Conflicts(among="teams")
+
+
+def test_allow_swaps_must_be_true_or_false():
+    with pytest.raises(TypeError, match="allow_swaps must be True or False, not 'no'"):
+        Conflicts(allow_swaps="no")

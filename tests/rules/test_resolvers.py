@@ -1,0 +1,110 @@
+"""Who wins a contest, and what becomes of a resolver's answer that makes no sense."""
+
+import pytest
+
+from gamms.rules import Conflicts, Contest, at_random, by_priority, nobody
+from gamms.typing.game import Move
+
+MOVERS = tuple(
+    Move(name, team, start, 9, (start, 9)) for start, (name, team) in enumerate(zip("abc", "xyx", strict=True))
+)
+CONTEST = Contest(9, 2, MOVERS)
+
+
+def names(winners):
+    return "".join(winner.agent for winner in winners)
+
+
+def test_teams_win_in_their_order_and_names_decide_within_one():
+    assert names(by_priority(["x", "y"])(CONTEST, None)) == "ac"
+    assert names(by_priority(("y", "x"))(CONTEST, None)) == "ba"
+    assert names(by_priority(["y", "x"])(CONTEST._replace(places=1), None)) == "b"
+
+
+def test_a_team_without_priority_is_an_error():
+    with pytest.raises(KeyError, match=r"no place for team 'y' of agent 'b'.*\['x'\]"):
+        by_priority(["x"])(CONTEST, None)
+
+
+def test_a_key_is_called_with_the_agents_and_the_smallest_wins(ctx):
+    for name, age in zip("abc", (7, 3, 3), strict=True):
+        ctx.agent.create_agent(name, start_node_id=0, age=age)
+    assert names(by_priority(lambda agent: agent.age)(CONTEST, ctx)) == "bc"
+    assert names(by_priority(lambda agent: -agent.age)(CONTEST, ctx)) == "ab"
+    assert names(by_priority(lambda _: 0)(CONTEST, ctx)) == "ab"
+    with pytest.raises(TypeError, match="cannot compare what its key gave for a: 7, b: 'b', c: 'c'"):
+        by_priority(lambda agent: agent.age if agent.name == "a" else agent.name)(CONTEST, ctx)
+
+
+@pytest.mark.parametrize("teams", ["red", {"red", "blue"}, 3, None])
+def test_priorities_must_be_a_list_or_a_function(teams):
+    with pytest.raises(TypeError, match="by_priority needs a list of teams"):
+        by_priority(teams)
+
+
+@pytest.mark.parametrize(("teams", "said"), [([], "at least one team"), (["red", "blue", "red"], "'red' twice")])
+def test_priorities_name_every_team_once(teams, said):
+    with pytest.raises(ValueError, match=said):
+        by_priority(teams)
+
+
+def test_nobody_wins():
+    assert names(nobody()(CONTEST, None)) == ""
+
+
+@pytest.mark.parametrize("factory", [nobody, at_random, by_priority])
+def test_a_maker_of_resolvers_that_was_not_called_is_refused(factory):
+    with pytest.raises(TypeError, match=rf"call it, as in {factory.__name__}\("):
+        Conflicts(resolve=factory)
+
+
+def test_a_resolver_must_be_a_function():
+    with pytest.raises(TypeError, match=r"must be a function .* not 'nobody'"):
+        Conflicts(resolve="nobody")
+
+
+@pytest.mark.parametrize(
+    "answer",
+    [
+        ["a", "c"],
+        ("c", "a"),
+        {"a", "c"},
+        [MOVERS[0], "c"],
+        (mover for mover in MOVERS if mover.team == "x"),
+        ["a", "a", "c"],
+    ],
+)
+def test_winners_are_named_or_given_as_moves(ctx, answer):
+    moves = {mover.agent: mover for mover in MOVERS}
+    assert Conflicts(2, resolve=lambda _contest, _ctx: answer).resolve(moves, ctx) == {"b"}
+
+
+@pytest.mark.parametrize(
+    ("answer", "error", "said"),
+    [
+        (None, TypeError, r"must give a list of the winners, names or moves, not None"),
+        ("a", TypeError, r"must give a list .* not 'a'"),
+        (MOVERS[0], TypeError, r"must give a list"),
+        ([None], TypeError, r"must name winners or give their moves, not None"),
+        (["z"], ValueError, r"let 'z' win, not one of \['a', 'b', 'c'\]"),
+        (["a", "b", "c"], ValueError, r"let 3 win, \['a', 'b', 'c'\], but contest.places is 2"),
+    ],
+)
+def test_an_answer_that_makes_no_sense_names_the_resolver_and_the_node(ctx, answer, error, said):
+    def generous(_contest, _ctx):
+        return answer
+
+    moves = {mover.agent: mover for mover in MOVERS}
+    with pytest.raises(error, match=rf"^The resolver 'generous', asked about node 9, {said}"):
+        Conflicts(2, resolve=generous).resolve(moves, ctx)
+
+
+def test_an_answer_about_an_exchange_names_both_nodes(ctx):
+    moves = {"a": Move("a", None, 3, 1, (3, 1)), "b": Move("b", None, 1, 3, (1, 3))}
+    with pytest.raises(ValueError, match=r"asked about the exchange of nodes \(1, 3\), let 2 win"):
+        Conflicts(allow_swaps=False, resolve=lambda contest, _ctx: contest.movers).resolve(moves, ctx)
+
+
+def test_an_error_inside_a_resolver_is_not_hidden(ctx):
+    with pytest.raises(ZeroDivisionError):
+        Conflicts(resolve=lambda _contest, _ctx: 1 // 0).resolve({mover.agent: mover for mover in MOVERS}, ctx)
