@@ -20,7 +20,11 @@ class Move(NamedTuple):
 
 
 class IConflicts(Protocol):
-    """Decides who has to stay where moves get in each other's way."""
+    """Decides who has to stay where moves get in each other's way.
+
+    May offer `involved(starts, ends) -> list[int]`: which of some moves, given by where they start and end, can decide
+    who has to stay; `resolve` is then asked about these alone, and not at all where there are none.
+    """
 
     def resolve(self, moves: Mapping[str, Move], ctx: "IContext") -> set[str]:
         """The names of the agents that must stay where they are.
