@@ -4,7 +4,9 @@ from typing import Any
 
 Log = list[Any]  # (row id, node id) of each move of an agent on the ground as two ints; else (kind, data) as a tuple
 
+TERMINATE = 0x00000000
 SIMULATE = 0x00000001
+SNAPSHOT = 0x00000010  # not in 1.0.0, like all that are marked so
 AGENT_CREATE = 0x01000000
 AGENT_DELETE = 0x01000001
 AGENT_CURRENT_NODE = 0x01100000
@@ -14,10 +16,16 @@ AGENT_SENSOR_DEREGISTER = 0x01100003
 AGENT_ORIENTATION = 0x01100004
 AERIAL_AGENT_POSITION = 0x01100005
 AERIAL_AGENT_QUATERNION = 0x01100006
-AGENT_TEAM = 0x01100010  # from here on not in 1.0.0
-AGENT_ALIVE = 0x01100011
-AGENT_SPEED = 0x01100012
-AGENT_STRATEGY = 0x01100013
+AGENT_TEAM = 0x01100010  # not in 1.0.0
+AGENT_ALIVE = 0x01100011  # not in 1.0.0
+AGENT_SPEED = 0x01100012  # not in 1.0.0
+AGENT_STRATEGY = 0x01100013  # not in 1.0.0
+WORLD = 0x03000000  # not in 1.0.0: graph and obstacles
+GAME_SCORES = 0x04000000  # not in 1.0.0
+GAME_DATA = 0x04000001  # not in 1.0.0
+GAME_EVENT = 0x04000002  # not in 1.0.0
+GAME_OVER = 0x04000003  # not in 1.0.0
+USER_EVENT = 0x05000000  # not in 1.0.0
 
 
 class Journal:
