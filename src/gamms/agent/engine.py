@@ -76,7 +76,7 @@ class AgentEngine(IAgentEngine):
             self._equip(agent, sensors)
         finally:
             self.columns.journal = log
-        log.note(journal.AGENT_CREATE, {"name": name, "kwargs": given})
+        log.note(journal.AGENT_CREATE, {"name": name, "kwargs": given, "state": self._more_of(agent._row)})
         return agent
 
     def get_agent(self, name: str) -> Member:
@@ -153,6 +153,15 @@ class AgentEngine(IAgentEngine):
         self.settle()
         restore(self, before)
 
+    def put(self, agent: Member, values: dict[str, Any]) -> None:
+        """Let the columns say of an agent what they said once, unchecked; for who plays a recording."""
+        columns, row = self.columns, agent._row
+        for name, value in values.items():
+            getattr(columns, name)[row] = value
+        columns.touched.add(row)
+        if columns.kind[row]:
+            columns.adrift.add(row)
+
     def terminate(self) -> None:
         """Close the room: agents stay readable and do nothing."""
         for agent in (*self.agents.values(), *self._gone):
@@ -171,6 +180,12 @@ class AgentEngine(IAgentEngine):
                 if owner is not None and any(sensor is one for one in equipped):
                     sensor.set_owner(owner)
             raise
+
+    def _more_of(self, row: int) -> dict[str, Any]:
+        """What does not follow from the keywords of a new agent alone: how it is turned, where it flies."""
+        columns = self.columns
+        more = {name: getattr(columns, name)[row] for name in ("heading", "position", "previous_position", "quat")}
+        return {name: value for name, value in more.items() if value is not None}
 
     def _take_out(self, agent: Member) -> None:
         del self.agents[agent.name]

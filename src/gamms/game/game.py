@@ -136,6 +136,11 @@ class Game(Settings):
         """Whether a rule has ended the game."""
         return self._over is not None
 
+    @property
+    def over(self) -> dict[str, Any] | None:
+        """Why the game is over, who has won, and whether time was up; None while it goes on."""
+        return None if self._over is None else dict(self._over)
+
     def step(self) -> bool:
         """Play one turn; False, and nothing happens, once the game is over."""
         if self.ctx.is_terminated() or self.is_over:

@@ -71,7 +71,9 @@ class JournaledMoves(Moves):
 
     def _put(self, columns: AgentColumns, row: int, position: Position) -> None:
         super()._put(columns, row, position)
-        self._note(columns, row, journal.AERIAL_AGENT_POSITION, position=list(position))
+        if columns is self._world:
+            node = self.nearest(columns, row)
+            self._note(columns, row, journal.AERIAL_AGENT_POSITION, position=list(position), node=node)
 
     def _note(self, columns: AgentColumns, row: int, kind: int, **data: Any) -> None:
         columns.journal.note(kind, {"agent_name": columns.names[row], **data})

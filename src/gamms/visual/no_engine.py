@@ -1,6 +1,7 @@
 """The engine without a window: keeps what a scenario should look like, shows nothing, and saves pictures."""
 
 import os
+from collections.abc import Callable
 from typing import Any
 
 from gamms.arguments import as_name
@@ -19,13 +20,18 @@ _OBSTACLES, _GRAPH, _AGENTS, _ARTISTS, _SENSORS = 5, 10, 20, 30, 40  # layers
 
 
 class NoEngine(Primitives):
-    """Takes every call of a windowed engine, and draws when a picture is asked for."""
+    """Takes every call of a windowed engine, and draws when a picture is asked for.
+
+    Attributes:
+        after_turn: called by `simulate`, in order.
+    """
 
     def __init__(self, ctx: IContext, **kwargs: Any) -> None:  # noqa: ARG002 - options of other engines are no error
         super().__init__()
         self.ctx = ctx
         self._artists: dict[str, IArtist] = {}
         self._is_declared = False
+        self.after_turn: list[Callable[[], None]] = []
 
     # -- what it looks like ----------------------------------------------------------------------------------
 
@@ -96,7 +102,9 @@ class NoEngine(Primitives):
     # -- what a window would do ------------------------------------------------------------------------------
 
     def simulate(self) -> None:
-        """Do nothing: there is nobody to show the turn to."""
+        """Tell those who count turns that one is over; there is nobody to show it to."""
+        for tell in self.after_turn:
+            tell()
 
     def update(self) -> None:
         """Do nothing: there is no frame to draw."""

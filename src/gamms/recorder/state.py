@@ -1,0 +1,103 @@
+"""The whole state of a context as plain values and arrays, and back again."""
+
+from copy import deepcopy
+from math import isnan
+from typing import Any
+
+import numpy as np
+
+from gamms.ir.graph import FloatArray
+from gamms.recorder.plain import is_plain, plain
+
+State = dict[str, Any]
+
+_NOT = float("nan")  # stands for None in a column of floats
+
+
+def captured(ctx: Any) -> State:
+    """Agents, scores and data of a context, as a keyframe holds them."""
+    ctx.agent.settle()
+    columns, agents = ctx.agent.columns, list(ctx.agent.agents.values())
+    return {
+        "names": list(columns.names),
+        "numbers": np.array(columns.journal.ids[: len(agents)], np.int64),
+        "kind": np.array(columns.kind, np.int64),
+        "node": np.array(columns.node, np.int64),
+        "previous": np.array(columns.previous, np.int64),
+        "heading": _floats(columns.heading, 2),
+        "position": _floats(columns.position, 3),
+        "previous_position": _floats(columns.previous_position, 3),
+        "quat": _floats(columns.quat, 4),
+        "alive": np.array(columns.alive, np.int64),
+        "carry": np.array(columns.carry, np.float64),
+        "teams": [plain(team) for team in columns.teams],
+        "speed": [plain(speed) for speed in columns.speed],
+        "sensors": [{name: sensor.sensor_id for name, sensor in agent._sensor_list.items()} for agent in agents],
+        "attributes": [{key: value for key, value in vars(agent).items() if is_plain(value)} for agent in agents],
+        "strategies": [name_of(agent.strategy) for agent in agents],
+        **captured_game(ctx.game),
+    }
+
+
+def captured_game(game: Any) -> State:
+    """What `ctx.game` has come to."""
+    return {
+        "scores": [(plain(key), plain(value)) for key, value in game.scores.items()],
+        "data": {str(key): deepcopy(value) for key, value in game.data.items() if is_plain(value)},
+        "over": game.over,
+    }
+
+
+def put(ctx: Any, state: State) -> None:
+    """Set what a snapshot says: agents of the same name and kind are moved, missing ones made, others left alone."""
+    for row, name in enumerate(state["names"]):
+        flies, node = bool(state["kind"][row]), int(state["node"][row])
+        agent = ctx.agent.agents.get(name)
+        if agent is None or bool(agent.type) != flies:
+            if agent is not None:
+                ctx.agent.delete_agent(name)
+            given: dict[str, Any] = {"start_node_id": node, "sensors": state["sensors"][row]}
+            if flies:
+                given |= {"type": 1, "speed": state["speed"][row]}
+            agent = ctx.agent.create_agent(name, **given)
+        for key, value in state["attributes"][row].items():
+            agent.__dict__[key] = deepcopy(value)
+        agent.team, agent.alive = state["teams"][row], bool(state["alive"][row])
+        if not flies:
+            agent.speed = state["speed"][row]
+        ctx.agent.put(agent, _row_of(state, row))
+    game = ctx.game
+    game.scores.clear()
+    game.scores.update((key, value) for key, value in state["scores"])
+    game.data.clear()
+    game.data.update(deepcopy(state["data"]))
+
+
+def _row_of(state: State, row: int) -> dict[str, Any]:
+    """The columns that say where an agent is, of one row, as the agents' columns hold them."""
+    return {
+        "node": int(state["node"][row]),
+        "previous": int(state["previous"][row]),
+        "heading": _tuple(state["heading"][row]),
+        "position": _tuple(state["position"][row]),
+        "previous_position": _tuple(state["previous_position"][row]),
+        "quat": _tuple(state["quat"][row]),
+        "carry": float(state["carry"][row]),
+    }
+
+
+def name_of(strategy: Any) -> str | None:
+    """What a strategy is called: the module and the name in it."""
+    if strategy is None:
+        return None
+    return f"{getattr(strategy, '__module__', '?')}:{getattr(strategy, '__qualname__', type(strategy).__qualname__)}"
+
+
+def _floats(values: list[Any], width: int) -> FloatArray:
+    rows = [(_NOT,) * width if value is None else value for value in values]
+    return np.array(rows, np.float64).reshape(-1, width)
+
+
+def _tuple(row: FloatArray) -> tuple[float, ...] | None:
+    values = tuple(row.tolist())
+    return None if isnan(values[0]) else values
