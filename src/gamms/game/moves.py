@@ -6,6 +6,7 @@ from gamms.errors import BadValue, UnknownName
 from gamms.game.checks import as_heading, as_node
 from gamms.game.flights import Flights
 from gamms.ir.agents import AgentColumns
+from gamms.typing.agent_engine import IMoves
 from gamms.typing.graph_engine import IGraph
 
 
@@ -15,6 +16,16 @@ class Moves(Flights):
     def __init__(self, graph: IGraph) -> None:
         super().__init__(graph)
         self._near = graph.neighborhoods
+
+    def journaled(self, columns: AgentColumns) -> IMoves:
+        """The same, noting in the journal of `columns` what happens to the agents in it."""
+        from gamms.game.journaled import JournaledMoves
+
+        return JournaledMoves(self._graph, columns)
+
+    def plain(self) -> IMoves:
+        """The same, noting nothing."""
+        return Moves(self._graph)
 
     def act(self, columns: AgentColumns, row: int, action: Any) -> None:
         """Do what an action says: a node id, or `{'node_id': …, 'orientation': …}`."""

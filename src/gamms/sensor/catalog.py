@@ -41,10 +41,22 @@ class Kind(NamedTuple):
                 setattr(getattr(sensor, part) if part else sensor, name, given[name])
         return sensor
 
+    def keywords_of(self, sensor: Any) -> dict[str, Any]:
+        """The keywords that make such a sensor again."""
+        given = {name: getattr(sensor, _ATTRIBUTES.get(name, name)) for name in self.keywords}
+        for setting in self.settings:
+            part, _, name = setting.rpartition(".")
+            value = getattr(getattr(sensor, part) if part else sensor, name)
+            if value is not None:
+                given[name] = value
+        return given
+
     def names(self) -> set[str]:
         """All keywords it honours."""
         return {*self.keywords, *(setting.rpartition(".")[2] for setting in self.settings)}
 
+
+_ATTRIBUTES = {"sensor_range": "range"}  # keyword -> attribute, where they differ
 
 _PLACE = ("at",)
 _WHOM = ("at", "notice.team", "notice.exclude", "notice.detection")

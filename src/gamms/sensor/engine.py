@@ -86,6 +86,15 @@ class SensorEngine(ISensorEngine):
 
         return decorate
 
+    def described(self) -> list[dict[str, Any]]:
+        """Every sensor in words: `id`, `type`, and for built-in kinds the `keywords` to make it again."""
+        described: list[dict[str, Any]] = []
+        for sensor_id, sensor in self.sensors.items():
+            kind = KINDS.get(sensor.type)
+            keywords = {} if kind is None else kind.keywords_of(sensor)
+            described.append({"id": sensor_id, "type": sensor.type.name, "keywords": keywords})
+        return described
+
     def reset(self) -> None:
         """Let every sensor forget what it has sensed, as if it had just been made."""
         for sensor in self.sensors.values():

@@ -1,0 +1,181 @@
+"""Play a recording: apply what it says to a context, event by event, and yield it in the form of 1.0.0."""
+
+from collections.abc import Callable, Iterator
+from typing import Any
+
+from gamms.errors import GammsError
+from gamms.ir import journal as kinds
+from gamms.ir.journal import NOBODY
+from gamms.recorder import state
+from gamms.recorder.errors import RecordingError
+from gamms.recorder.formats.reader import Reader
+from gamms.recorder.records import TURN_NS, Record, record_of, records_of_move, steps_of
+
+Tell = Callable[[int], None]  # told the time stamp of what comes next
+
+
+class Player:
+    """Applies events to a context, and copies them where the context is being recorded.
+
+    Args:
+        recorder: the context's own.
+    """
+
+    def __init__(self, recorder: Any) -> None:
+        self._recorder = recorder
+        self._ctx = recorder.ctx
+        self._numbers: dict[int, str] = {}
+        self._next = 0
+
+    def play(self, reader: Reader) -> Iterator[Record]:
+        """Everything in a recording of version 3."""
+        self._attach(reader.header)
+        begin = reader.keyframe(0)
+        if begin is None or begin[0] != 0:
+            raise RecordingError("This recording does not say how it begins.")
+        self._silently(lambda: self._put(begin[1]))
+        for turn in range(reader.turns):
+            yield from self._turn(turn, reader.log(turn))
+        yield {"timestamp": max(0, reader.turns - 1) * TURN_NS, "opCode": kinds.TERMINATE}
+
+    def _turn(self, turn: int, log: kinds.Log) -> Iterator[Record]:
+        timestamp = turn * TURN_NS
+        columns, writer = self._ctx.agent.columns, self._ctx.agent.moves.plain()
+        for number, step in steps_of(log):
+            self._recorder.clock = timestamp
+            if number is None:
+                self.happen(*step)
+                columns, writer = self._ctx.agent.columns, self._ctx.agent.moves.plain()
+                yield record_of(*step, timestamp)
+                continue
+            try:
+                name = self._numbers[number]
+                row = self._ctx.agent.agents[name]._row
+                before = columns.node[row]
+                writer.act(columns, row, step)
+            except KeyError as error:
+                raise RecordingError(f"Turn {turn} moves agent number {number}: {error}") from error
+            self._copy(number, step)
+            yield from records_of_move(name, before, step, timestamp)
+
+    def happen(self, kind: int, data: Any) -> None:
+        """Let an event other than a move happen; one that is not known does nothing.
+
+        Raises:
+            RecordingError: it cannot happen here; the context is as it was.
+        """
+        if kind == kinds.SIMULATE:
+            self._ctx.visual.simulate()  # which ends the turn of a recording that is being written, too
+            return
+        apply = _EVENTS.get(kind)
+        if apply is not None:
+            try:
+                self._silently(lambda: apply(self, data))
+            except (GammsError, KeyError, TypeError, ValueError, AttributeError) as error:
+                raise RecordingError(f"An event of kind {kind:#010x} cannot happen here: {error}") from error
+        elif kind in self._recorder.components.KINDS:
+            self._recorder.components.apply(kind, data)
+        self._copy((kind, data))
+
+    # -- what events do -----------------------------------------------------------------------------------------
+
+    def _put(self, data: Any) -> None:
+        state.put(self._ctx, data)
+        numbers = data["numbers"].tolist()
+        self._numbers = dict(zip(numbers, data["names"], strict=True))
+        self._next = max([*numbers, self._next - 1], default=-1) + 1
+        self._recorder.renumber(data["names"], numbers)
+
+    def _create(self, data: Any) -> None:
+        agent = self._ctx.agent.create_agent(data["name"], **data["kwargs"])
+        more = {name: value for name, value in data.get("state", {}).items() if name in _PLACES}
+        self._ctx.agent.put(agent, {name: tuple(value) for name, value in more.items()})
+        self._numbers[self._next] = data["name"]
+        self._recorder.renumber([data["name"]], [self._next])
+        self._next += 1
+
+    def _delete(self, data: Any) -> None:
+        self._ctx.agent.delete_agent(data["name"])
+
+    def _register(self, data: Any) -> None:
+        agent = self._ctx.agent.get_agent(data["agent_name"])
+        try:
+            agent.register_sensor(data["name"], self._ctx.sensor.get_sensor(data["sensor_id"]))
+        except GammsError as error:
+            self._ctx.logger.error(f"{error} The sensor is left out of the replay.")  # noqa: TRY400 - ILogger has none
+
+    def _deregister(self, data: Any) -> None:
+        self._ctx.agent.get_agent(data["agent_name"]).deregister_sensor(data["name"])
+
+    def _world(self, data: Any) -> None:
+        self._ctx.graph.unpack(data["world"])
+
+    def _scores(self, data: Any) -> None:
+        self._ctx.game.scores.clear()
+        self._ctx.game.scores.update(data["scores"])
+
+    def _data(self, data: Any) -> None:
+        self._ctx.game.data.update(data["set"])
+        for key in data["removed"]:
+            self._ctx.game.data.pop(key, None)
+
+    # -- around them --------------------------------------------------------------------------------------------
+
+    def _attach(self, header: dict[str, Any]) -> None:
+        """Take the map of the recording where there is none yet; else it must be the same.
+
+        Raises:
+            RecordingError: it is another.
+        """
+        graph, world = self._ctx.graph.graph, header["world"]
+        if next(iter(graph.get_nodes()), None) is None:
+            self._ctx.graph.unpack(world)
+        elif self._ctx.graph.packed() != world:
+            raise RecordingError(
+                "The graph or the obstacles of this context are not those of the recording. Replay it into a context "
+                "without a graph: the recording brings its own."
+            )
+        for sensor in header.get("sensors", ()):
+            if sensor["id"] not in self._ctx.sensor.sensors:
+                self._ctx.sensor.make(sensor)
+
+    def _silently(self, happen: Callable[[], None]) -> None:
+        """Let something happen without a note in the journal: what is noted is copied from the recording."""
+        columns = self._ctx.agent.columns
+        journal, columns.journal = columns.journal, NOBODY
+        try:
+            happen()
+        finally:
+            columns.journal = journal
+
+    def _copy(self, *entries: Any) -> None:
+        log = self._recorder.copies_to()
+        if log is not None:
+            log.extend(entries)
+
+
+_PLACES = ("heading", "position", "previous_position", "quat")
+
+
+def _set(attribute: str, key: str) -> Callable[[Player, Any], None]:
+    return lambda player, data: setattr(player._ctx.agent.get_agent(data["agent_name"]), attribute, data[key])
+
+
+_EVENTS: dict[int, Callable[[Player, Any], None]] = {
+    kinds.SNAPSHOT: Player._put,
+    kinds.AGENT_CREATE: Player._create,
+    kinds.AGENT_DELETE: Player._delete,
+    kinds.AGENT_CURRENT_NODE: _set("current_node_id", "node_id"),
+    kinds.AGENT_PREV_NODE: _set("prev_node_id", "node_id"),
+    kinds.AGENT_SENSOR_REGISTER: Player._register,
+    kinds.AGENT_SENSOR_DEREGISTER: Player._deregister,
+    kinds.AGENT_ORIENTATION: _set("orientation", "orientation"),
+    kinds.AERIAL_AGENT_POSITION: _set("position", "position"),
+    kinds.AERIAL_AGENT_QUATERNION: _set("quat", "quat"),
+    kinds.AGENT_TEAM: _set("team", "team"),
+    kinds.AGENT_ALIVE: _set("alive", "alive"),
+    kinds.AGENT_SPEED: _set("speed", "speed"),
+    kinds.WORLD: Player._world,
+    kinds.GAME_SCORES: Player._scores,
+    kinds.GAME_DATA: Player._data,
+}

@@ -1,0 +1,229 @@
+"""One recording while it is being written: what the journal holds becomes the log of each turn."""
+
+import time
+from collections.abc import Callable
+from copy import deepcopy
+from typing import Any
+
+from gamms.ir import journal as kinds
+from gamms.ir.journal import NOBODY, Journal, Log
+from gamms.recorder import state
+from gamms.recorder.plain import is_plain, plain
+
+_TURNS_AT_ONCE = 64
+_ENTRIES_AT_ONCE = 1 << 20  # of logs: what may wait to be written
+_KEYFRAME_ENTRIES = 1 << 17
+_PATIENCE_S = 0.5
+
+Sink = Any  # what writes logs in some format: `add(log)`, `keyframe(state)`, `flush()`, `close()`
+
+
+class Session:
+    """Listens to a context and hands what happens to a sink.
+
+    Args:
+        ctx: the context.
+        make_sink: makes the sink when the first turn is over, so that a map may be loaded until then.
+
+    Attributes:
+        is_paused: whether nothing is written for now.
+        copied: while a recording is being replayed, whose events are copied as they are: its keyframe after a turn.
+        turn: how many turns were recorded.
+    """
+
+    def __init__(self, ctx: Any, make_sink: Callable[["Session"], Sink]) -> None:
+        self.ctx = ctx
+        self._make_sink = make_sink
+        self._sink: Sink | None = None
+        self._logs: list[Log] = []
+        self._turns_here = self._entries_here = 0  # since the last point of rest
+        self._since_keyframe = 0  # entries
+        self._handed_at = time.monotonic()
+        self.turn = 0
+        self.is_paused = False
+        self.copied: Callable[[int], state.State | None] | None = None
+        self._listen()
+        self.begin = state.captured(ctx)
+        self._world = self._revisions()
+        self._game = _GameWatch(ctx)
+
+    @property
+    def log(self) -> Log:
+        """The events of this turn so far."""
+        return self._journal.log
+
+    def pause(self) -> None:
+        """Write nothing until `play`."""
+        self._hush()
+        self.is_paused = True
+
+    def play(self) -> None:
+        """Write again, beginning with how things are now."""
+        waiting = self._journal.log
+        self._listen()
+        self.is_paused = False
+        self._journal.log = [*waiting, (kinds.SNAPSHOT, state.captured(self.ctx))]
+        self._game = _GameWatch(self.ctx)
+
+    def close(self) -> None:
+        """Write what is left, and listen no longer."""
+        self._hush()
+        if not self.is_paused and self.copied is None:
+            self._journal.log += self._game.changes()
+        if self._journal.log:
+            self._keep(self._journal.log)
+        self._hand_over()
+        self.sink.close()
+
+    @property
+    def sink(self) -> Sink:
+        """What writes; made when it is first needed."""
+        if self._sink is None:
+            self._sink = self._make_sink(self)
+        return self._sink
+
+    def abandon(self) -> None:
+        """Listen no longer, and write nothing more."""
+        self._hush()
+
+    def renumber(self, names: list[str], numbers: list[int]) -> None:
+        """Let agents have the numbers that a replayed recording gives them."""
+        rows = {name: row for row, name in enumerate(self.ctx.agent.columns.names)}
+        journal = self._journal
+        free = max([*numbers, len(journal.names) - 1], default=-1) + 1
+        journal.names += [""] * (free - len(journal.names))
+        journal.ids += [-1] * (len(rows) - len(journal.ids))
+        for name, number in zip(names, numbers, strict=True):
+            journal.ids[rows[name]] = number
+            journal.names[number] = name
+
+    # -- listening ----------------------------------------------------------------------------------------------
+
+    def _listen(self) -> None:
+        agents = self.ctx.agent
+        agents.settle()
+        self._journal = agents.columns.journal = Journal(agents.columns.names)
+        agents.write_by(agents.moves.plain().journaled(agents.columns))
+        self.ctx.visual.after_turn.append(self._turn_over)
+
+    def _hush(self) -> None:
+        agents = self.ctx.agent
+        if agents.columns.journal is self._journal:
+            agents.columns.journal = NOBODY
+            agents.write_by(agents.moves.plain())
+        if self._turn_over in self.ctx.visual.after_turn:
+            self.ctx.visual.after_turn.remove(self._turn_over)
+
+    def _turn_over(self) -> None:
+        journal = self._journal
+        log, journal.log = journal.log, []
+        if self.copied is None:
+            log[:0] = self._world_changes()
+            log += self._game.changes()
+        log.append((kinds.SIMULATE, {}))
+        self.turn += 1
+        self._keep(log)
+
+    def _keep(self, log: Log) -> None:
+        self._logs.append(log)
+        self._turns_here += 1
+        self._entries_here += len(log)
+        if self._turns_here >= _TURNS_AT_ONCE or self._entries_here >= _ENTRIES_AT_ONCE:
+            self._hand_over()
+            self._point_of_rest()
+        elif time.monotonic() - self._handed_at > _PATIENCE_S:
+            self._hand_over()
+            self.sink.flush()
+
+    def _point_of_rest(self) -> None:
+        """Where a keyframe may be: by what was recorded, never by the clock."""
+        self._since_keyframe += self._entries_here
+        self._turns_here = self._entries_here = 0
+        if self.copied is not None:
+            keyframe = self.copied(self.turn)
+        else:
+            keyframe = state.captured(self.ctx) if self._since_keyframe >= _KEYFRAME_ENTRIES else None
+        if keyframe is not None:
+            self.sink.keyframe(keyframe)
+            self._since_keyframe = 0
+
+    def _hand_over(self) -> None:
+        for log in self._logs:
+            self.sink.add(log)
+        self._logs, self._handed_at = [], time.monotonic()
+
+    def _revisions(self) -> tuple[Any, Any]:
+        return self.ctx.graph.graph.revision, self.ctx.graph.obstacle_revision
+
+    def _world_changes(self) -> Log:
+        now = self._revisions()
+        if now == self._world:
+            return []
+        self._world = now
+        if self._sink is None:
+            return []  # it will be in the header
+        return [(kinds.WORLD, {"world": self.ctx.graph.packed()})]
+
+
+class _GameWatch:
+    """What has changed in `ctx.game`, and in who plays by which strategy, since it was asked last."""
+
+    def __init__(self, ctx: Any) -> None:
+        self._ctx = ctx
+        self._events = len(ctx.game.events)
+        self._scores = dict(ctx.game.scores)
+        self._data = _kept(ctx.game.data)
+        self._over = ctx.game.over
+        self._strategies = [agent.strategy for agent in ctx.agent.agents.values()]
+        self._named = {name: agent.strategy for name, agent in ctx.agent.agents.items()}
+
+    def changes(self) -> Log:
+        """Events that say it."""
+        game = self._ctx.game
+        log: Log = self._new_strategies()
+        if len(game.events) != self._events:
+            log += [
+                (kinds.GAME_EVENT, {key: plain(value) for key, value in event.items()})
+                for event in game.events[self._events :]
+            ]
+            self._events = len(game.events)
+        if game.scores != self._scores:
+            self._scores = dict(game.scores)
+            log.append(
+                (kinds.GAME_SCORES, {"scores": [(plain(key), plain(value)) for key, value in self._scores.items()]})
+            )
+        if game.data or self._data:
+            log += self._new_data(game.data)
+        if game.over != self._over:
+            self._over = game.over
+            log.append((kinds.GAME_OVER, {key: plain(value) for key, value in (self._over or {}).items()}))
+        return log
+
+    def _new_strategies(self) -> Log:
+        agents = self._ctx.agent.agents
+        now = [agent.strategy for agent in agents.values()]
+        if now == self._strategies:
+            return []
+        before, self._strategies, self._named = (
+            self._named,
+            now,
+            {name: agent.strategy for name, agent in agents.items()},
+        )
+        return [
+            (kinds.AGENT_STRATEGY, {"agent_name": agent.name, "strategy": state.name_of(agent.strategy)})
+            for agent in agents.values()
+            if agent.strategy is not before.get(agent.name)
+        ]
+
+    def _new_data(self, data: dict[str, Any]) -> Log:
+        now = _kept(data)
+        if now == self._data:
+            return []
+        changed = {key: value for key, value in now.items() if key not in self._data or self._data[key] != value}
+        removed = [key for key in self._data if key not in now]
+        self._data = now
+        return [(kinds.GAME_DATA, {"set": deepcopy(changed), "removed": removed})]
+
+
+def _kept(data: dict[str, Any]) -> dict[str, Any]:
+    return {str(key): deepcopy(value) for key, value in data.items() if is_plain(value)}

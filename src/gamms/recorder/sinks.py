@@ -1,0 +1,143 @@
+"""What writes the logs of a session, one class per format version."""
+
+import os
+from importlib.metadata import version
+from typing import Any, BinaryIO
+
+from gamms.ir import journal as kinds
+from gamms.ir.journal import Log
+from gamms.recorder import state
+from gamms.recorder.formats.version2 import Version2Writer
+from gamms.recorder.formats.writer import Writer
+from gamms.recorder.plain import is_plain, plain
+from gamms.recorder.records import TURN_NS, record_of, records_of_move, steps_of
+from gamms.recorder.session import Session
+
+
+class Version3Sink:
+    """Writes the container of docs/recording-format.md."""
+
+    def __init__(self, stream: BinaryIO, session: Session, header: dict[str, Any]) -> None:
+        self._writer = Writer(stream, header)
+        self._writer.keyframe(session.begin)
+
+    def add(self, log: Log) -> None:
+        """Write the log of a turn; what in it cannot be written is left out."""
+        self._writer.add_turn([entry if type(entry) is int else _writable(*entry) for entry in log])
+
+    def keyframe(self, keyframe: state.State) -> None:
+        """Write the whole state."""
+        self._writer.keyframe(keyframe)
+
+    def flush(self) -> None:
+        """Let what was written be readable if the program dies."""
+        self._writer.flush()
+
+    def close(self) -> None:
+        """Write the end."""
+        self._writer.close()
+
+
+class Version2Sink:
+    """Writes what gamms 1.0.0 reads; what that does not know is left out."""
+
+    def __init__(self, stream: BinaryIO, session: Session) -> None:
+        self._writer = Version2Writer(stream)
+        self._stream = stream
+        self._turn = 0
+        self._names: list[str] = list(session.begin["names"])
+        self._nodes: dict[str, int] = dict(zip(self._names, session.begin["node"].tolist(), strict=True))
+
+    def add(self, log: Log) -> None:
+        """Write the log of a turn."""
+        timestamp = self._turn * TURN_NS
+        for number, step in steps_of(log):
+            if number is not None:
+                name = self._names[number]
+                for record in records_of_move(name, self._nodes.get(name, step), step, timestamp):
+                    self._write(record)
+                self._nodes[name] = step
+            else:
+                self._happen(*step, timestamp)
+        self._turn += 1
+
+    def _happen(self, kind: int, data: Any, timestamp: int) -> None:
+        if kind == kinds.AGENT_CREATE:
+            self._names.append(data["name"])
+            self._nodes[data["name"]] = int(data["kwargs"]["start_node_id"])
+        elif kind == kinds.AGENT_CURRENT_NODE:
+            self._nodes[data["agent_name"]] = data["node_id"]
+        elif kind == kinds.SNAPSHOT:
+            self._names = list(data["names"])
+            self._nodes = dict(zip(self._names, data["node"].tolist(), strict=True))
+        if kind in _OF_VERSION_2:
+            self._write(record_of(*_writable(kind, data), timestamp))
+
+    def _write(self, record: dict[str, Any]) -> None:
+        self._writer.write(record["timestamp"], record["opCode"], record["data"])
+
+    def keyframe(self, keyframe: state.State) -> None:
+        """There is no place for it."""
+
+    def flush(self) -> None:
+        """Hand over what was written to the system."""
+        self._stream.flush()
+
+    def close(self) -> None:
+        """Write the end."""
+        self._writer.write(max(0, self._turn - 1) * TURN_NS, kinds.TERMINATE)
+        self._stream.flush()
+
+
+_OF_VERSION_2 = {
+    kinds.SIMULATE,
+    kinds.AGENT_CREATE,
+    kinds.AGENT_DELETE,
+    kinds.AGENT_CURRENT_NODE,
+    kinds.AGENT_PREV_NODE,
+    kinds.AGENT_SENSOR_REGISTER,
+    kinds.AGENT_SENSOR_DEREGISTER,
+    kinds.AGENT_ORIENTATION,
+    kinds.AERIAL_AGENT_POSITION,
+    kinds.AERIAL_AGENT_QUATERNION,
+    *range(0x02000000, 0x02000005),
+}
+
+
+def _writable(kind: int, data: Any) -> tuple[int, Any]:
+    """An event with plain values only: of a new agent's keywords, those that are none are left out."""
+    if kind == kinds.AGENT_CREATE:
+        given = {key: _sensors(value) if key == "sensors" else value for key, value in data["kwargs"].items()}
+        strategy = {"strategy": state.name_of(given.pop("strategy"))} if given.get("strategy") is not None else {}
+        plain_ones = {key: plain(value) for key, value in given.items() if is_plain(value) or _is_number(value)}
+        return kind, {**data, "kwargs": plain_ones, **strategy}
+    if isinstance(data, dict) and not is_plain(data):
+        return kind, {key: plain(value) for key, value in data.items()}
+    return kind, data
+
+
+def _is_number(value: Any) -> bool:
+    return hasattr(value, "item") and getattr(value, "ndim", 1) == 0
+
+
+def _sensors(given: Any) -> Any:
+    """The ids of the sensors that an agent was created with, by the names it knows them by."""
+    if isinstance(given, dict):
+        return {str(name): one if isinstance(one, str) else one.sensor_id for name, one in given.items()}
+    return [one if isinstance(one, str) else one.sensor_id for one in given]
+
+
+def header_of(ctx: Any, options: dict[str, Any]) -> dict[str, Any]:
+    """What a recording says of the context it was made in: no host, no user, no path, and no time unless asked."""
+    created = options.get("created")
+    if created is None and (epoch := os.environ.get("SOURCE_DATE_EPOCH")):
+        created = int(epoch)
+    return {
+        "format": 3,
+        "package": version("gamms"),
+        "seed": ctx.seed,
+        "created": created,
+        "provenance": options.get("provenance"),
+        "world": ctx.graph.packed(),
+        "sensors": [entry for entry in ctx.sensor.described() if is_plain(entry)],
+    }
