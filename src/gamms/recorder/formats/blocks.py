@@ -1,0 +1,147 @@
+"""Blocks: what a recording is a list of. Each has a head with sizes and checksums, and a body.
+
+All numbers are little-endian. A file: `MAGIC`, a header block, other blocks, an index block, `FOOTER`.
+"""
+
+import zlib
+from struct import Struct
+from typing import Any, NamedTuple
+
+from gamms.errors import BadFile, BadValue
+from gamms.recorder.formats import columns, values
+
+MAGIC = b"MMGR\0\0\0\3"  # the last four bytes are the format version, which is big-endian as in older versions
+SYNC = b"\xd3GB"
+HEADER, KEYFRAME, TURNS, INDEX = b"HKTI"
+
+MOST_BODY = (1 << 32) - 1
+MOST_MOVES = 1 << 23  # in one block
+MOST_EVENTS = 1 << 20
+MOST_TURNS = 1 << 16
+MOST_BYTES = 1 << 26  # of one value or of the events of a block, or `MOST_RATIO` times what is stored
+MOST_RATIO = 256
+
+_HEAD = Struct("<3sBIIIIIIII")
+_FOOTER = Struct("<QI4s")
+HEAD_SIZE = _HEAD.size
+FOOTER_SIZE = _FOOTER.size
+_END = b"MMGE"
+
+
+class Head(NamedTuple):
+    """What the head of a block says."""
+
+    type: int
+    size: int  # of the body in bytes
+    crc: int  # CRC-32 of the body
+    key: int  # CRC-32 of the body of the header of the file; 0 in its own head
+    first: int  # turns before this block
+    turns: int
+    moves: int
+    events: int
+
+    @property
+    def total(self) -> int:
+        """Size of the block in bytes."""
+        return HEAD_SIZE + self.size
+
+
+class Counts(NamedTuple):
+    """How much a block of turns holds."""
+
+    first: int = 0
+    turns: int = 0
+    moves: int = 0
+    events: int = 0
+
+
+def block(type: int, body: bytes, key: int, counts: Counts) -> bytes:
+    """The bytes of a block."""
+    if len(body) > MOST_BODY:
+        raise BadValue(f"{len(body)} bytes cannot be recorded at once; at most {MOST_BODY} can.")
+    front = _HEAD.pack(SYNC, type, len(body), zlib.crc32(body), key, *counts, 0)[:-4]
+    return b"".join((front, zlib.crc32(front).to_bytes(4, "little"), body))
+
+
+def head_of(data: bytes) -> Head:
+    """What the first `HEAD_SIZE` bytes of a block say.
+
+    Raises:
+        BadFile: this is no head.
+    """
+    if len(data) < HEAD_SIZE or not data.startswith(SYNC):
+        raise BadFile("no block begins here")
+    _, *parts, crc = _HEAD.unpack_from(data)
+    if zlib.crc32(data[: HEAD_SIZE - 4]) != crc:
+        raise BadFile("the head of this block is damaged")
+    head = Head(*parts)
+    if head.turns > MOST_TURNS or head.moves > MOST_MOVES or head.events > MOST_EVENTS:
+        raise BadFile(f"this block has {head.turns} turns, {head.moves} moves and {head.events} events: too many")
+    return head
+
+
+def check_body(head: Head, body: bytes) -> None:
+    """Refuse a body that is not the one which the head speaks of."""
+    if len(body) != head.size:
+        raise BadFile("this block is cut off")
+    if zlib.crc32(body) != head.crc:
+        raise BadFile("this block is damaged")
+
+
+def footer(index_at: int) -> bytes:
+    """The last bytes of a finished file."""
+    crc = zlib.crc32(index_at.to_bytes(8, "little"))
+    return _FOOTER.pack(index_at, crc, _END)
+
+
+def index_at(data: bytes) -> int | None:
+    """Where the index begins, if these are the last bytes of a finished file."""
+    if len(data) != FOOTER_SIZE:
+        return None
+    at, crc, end = _FOOTER.unpack(data)
+    return int(at) if end == _END and zlib.crc32(data[:8]) == crc else None
+
+
+# -- long stretches of bytes, and values ------------------------------------------------------------------------
+
+
+def put_bytes(data: bytes) -> bytes:
+    """Bytes, packed; those that are so regular that nobody would believe it are stored as they are."""
+    packed = columns.packed(data)
+    if len(data) > most_bytes(len(packed)):
+        packed = columns.stored(data)
+    return columns.varint(len(data)) + packed
+
+
+def take_bytes(cursor: columns.Cursor) -> bytes:
+    """The next packed bytes.
+
+    Raises:
+        BadFile: they are damaged, or would take far more memory than their size explains.
+    """
+    size = cursor.varint()
+    if size > most_bytes(len(cursor.data)):
+        raise BadFile(f"{size} bytes of memory are far more than the size of the block explains")
+    return columns.unpacked(cursor, size)
+
+
+def most_bytes(size: int) -> int:
+    """How much memory stored bytes may take."""
+    return max(MOST_BYTES, MOST_RATIO * size)
+
+
+def put_value(value: Any, where: str) -> bytes:
+    """A plain value as the body of a block."""
+    return put_bytes(values.to_bytes(value, where))
+
+
+def take_value(body: bytes) -> Any:
+    """The plain value in the body of a block.
+
+    Raises:
+        BadFile: it is damaged.
+    """
+    cursor = columns.Cursor(body)
+    data = take_bytes(cursor)
+    cursor.finish()
+    return values.from_bytes(data)

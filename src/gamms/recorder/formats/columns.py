@@ -1,0 +1,163 @@
+"""Columns of integers as bytes, and back: zigzag, byte planes, deflate. Reading takes no more than it was promised.
+
+A column is one byte, how many planes it has; then the planes, lowest byte of all items first. A plane is a varint,
+twice its stored size, plus one if it is deflated; then its bytes. Varints are LEB128: seven bits a byte, lowest first.
+"""
+
+import zlib
+from typing import Any
+
+import numpy as np
+import numpy.typing as npt
+
+from gamms.errors import BadFile
+
+IntArray = npt.NDArray[np.int64]
+"""Integers of a column, (items,)."""
+
+_SAMPLE = 4096  # bytes that show which way of deflating a plane fits
+_STRATEGIES = ((1, zlib.Z_RLE), (6, zlib.Z_DEFAULT_STRATEGY))  # numbers without a pattern; patterns
+
+
+class Cursor:
+    """A place in bytes that moves on as they are read, never past their end."""
+
+    def __init__(self, data: bytes) -> None:
+        self.data = data
+        self.at = 0
+
+    def take(self, size: int) -> bytes:
+        """The next `size` bytes."""
+        if size > len(self.data) - self.at:
+            raise BadFile(f"{size} bytes are promised and {len(self.data) - self.at} are there")
+        self.at += size
+        return self.data[self.at - size : self.at]
+
+    def varint(self) -> int:
+        """The next number."""
+        value = 0
+        for shift in range(0, 63, 7):
+            (byte,) = self.take(1)
+            value |= (byte & 127) << shift
+            if byte < 128:
+                return value
+        raise BadFile("a number is too long")
+
+    def finish(self) -> None:
+        """Refuse bytes that nobody read."""
+        if self.at != len(self.data):
+            raise BadFile(f"{len(self.data) - self.at} bytes are left over")
+
+
+def varint(value: int) -> bytes:
+    """A number that is not negative, as bytes."""
+    out = bytearray()
+    while value > 127:
+        out.append(value & 127 | 128)
+        value >>= 7
+    out.append(value)
+    return bytes(out)
+
+
+# -- one stretch of bytes ---------------------------------------------------------------------------------------
+
+
+def packed(data: bytes) -> bytes:
+    """Bytes, deflated if that is shorter."""
+    best = min(_attempts(data), key=len)
+    if len(best) < len(data):
+        return varint(2 * len(best) + 1) + best
+    return varint(2 * len(data)) + data
+
+
+def stored(data: bytes) -> bytes:
+    """The same, never deflated."""
+    return varint(2 * len(data)) + data
+
+
+def unpacked(cursor: Cursor, size: int) -> bytes:
+    """The next packed bytes, which must be `size`.
+
+    Raises:
+        BadFile: they are not.
+    """
+    mark = cursor.varint()
+    data = cursor.take(mark >> 1)
+    if mark & 1:
+        data = _inflated(data, size)
+    if len(data) != size:
+        raise BadFile(f"{len(data)} bytes came out where {size} are promised")
+    return data
+
+
+def _attempts(data: bytes) -> list[bytes]:
+    if len(data) <= 2 * _SAMPLE:
+        return [_deflated(data, *strategy) for strategy in _STRATEGIES]
+    best = min(_STRATEGIES, key=lambda strategy: len(_deflated(data[:_SAMPLE], *strategy)))
+    return [_deflated(data, *best)]
+
+
+def _deflated(data: bytes, level: int, strategy: int) -> bytes:
+    deflate = zlib.compressobj(level, zlib.DEFLATED, -15, 9, strategy)
+    return deflate.compress(data) + deflate.flush()
+
+
+def _inflated(data: bytes, size: int) -> bytes:
+    inflate = zlib.decompressobj(-15)
+    try:
+        raw = inflate.decompress(data, size + 1)
+    except zlib.error as error:
+        raise BadFile(f"it cannot be decompressed ({error})") from error
+    if not inflate.eof or inflate.unused_data:
+        raise BadFile(f"it does not decompress to the {size} bytes that are promised")
+    return raw
+
+
+# -- planes -----------------------------------------------------------------------------------------------------
+
+
+def planes_of(array: np.ndarray[Any, Any]) -> bytes:
+    """The first bytes of all items, then all second bytes, and so on; little-endian."""
+    flat = np.ascontiguousarray(array.reshape(-1).astype(array.dtype.newbyteorder("<"), copy=False))
+    return flat.view(np.uint8).reshape(-1, array.dtype.itemsize).T.tobytes()
+
+
+def from_planes(planes: bytes, dtype: np.dtype[Any]) -> np.ndarray[Any, Any]:
+    """The items again, (items,)."""
+    items = np.frombuffer(planes, np.uint8).reshape(dtype.itemsize, -1).T.copy()
+    return items.view(dtype.newbyteorder("<")).reshape(-1).astype(dtype, copy=False)
+
+
+# -- columns ----------------------------------------------------------------------------------------------------
+
+
+def put(column: IntArray) -> bytes:
+    """A column as bytes."""
+    if not len(column):
+        return b"\0"
+    zigzag = ((column << 1) ^ (column >> 63)).view(np.uint64)
+    count = max(1, (int(zigzag.max()).bit_length() + 7) // 8)
+    if count == 1:
+        return b"\1" + packed(zigzag.astype(np.uint8).tobytes())
+    planes = zigzag.astype("<u8", copy=False).view(np.uint8).reshape(-1, 8)
+    return bytes([count]) + b"".join(packed(planes[:, i].tobytes()) for i in range(count))
+
+
+def take(cursor: Cursor, size: int) -> IntArray:
+    """The next column, which must have `size` items.
+
+    Raises:
+        BadFile: it has not.
+    """
+    (count,) = cursor.take(1)
+    if count > 8 or (count == 0) != (size == 0):
+        raise BadFile(f"a column of {size} numbers cannot have {count} planes")
+    planes = [np.frombuffer(unpacked(cursor, size), np.uint8) for _ in range(count)]
+    if count == 1:
+        zigzag = planes[0].astype(np.int64)
+        return (zigzag >> 1) ^ -(zigzag & 1)
+    wide = np.zeros((size, 8), np.uint8)
+    for i, plane in enumerate(planes):
+        wide[:, i] = plane
+    whole = wide.view("<u8").reshape(-1).astype(np.uint64, copy=False)
+    return (whole >> np.uint64(1)).view(np.int64) ^ -(whole & np.uint64(1)).view(np.int64)

@@ -1,0 +1,260 @@
+"""What is where in a recording: by its index, or, where that is missing, by the heads of its blocks.
+
+A finished file has an index whose sizes add up to it, so blocks cannot loop or overlap. An unfinished one is read from
+head to head, as far as they are whole; its last block may have a longer copy behind it, which then counts.
+"""
+
+import os
+from collections.abc import Iterator
+from itertools import accumulate
+from typing import Any, BinaryIO, NamedTuple
+
+import numpy as np
+
+from gamms.errors import BadFile
+from gamms.recorder.errors import RecordingError
+from gamms.recorder.formats import blocks
+
+INDEX_COLUMNS = ("type", "size", "turns", "moves", "events")
+
+_PIECE = 1 << 20
+_MOST_COPIES = 8  # heads of copies that are looked into; an honest file has one
+_DAMAGES = (ValueError, TypeError, KeyError, IndexError, OverflowError, MemoryError, RecursionError)
+
+
+class Block(NamedTuple):
+    """Where a block is, and what it says of itself."""
+
+    at: int
+    type: int
+    size: int  # with its head
+    first: int  # turns before it
+    turns: int
+    moves: int
+    events: int
+
+
+class Contents(NamedTuple):
+    """A recording that has been looked over."""
+
+    header: dict[str, Any]
+    key: int
+    found: list[Block]
+    warning: str | None  # None of a finished one
+
+
+class at_byte:  # noqa: N801  # it reads as a word in `with at_byte(at):`
+    """Say where the damage is."""
+
+    __slots__ = ("_at",)
+
+    def __init__(self, at: int) -> None:
+        self._at = at
+
+    def __enter__(self) -> None:
+        """Nothing to prepare."""
+
+    def __exit__(self, kind: object, error: BaseException | None, trace: object) -> None:
+        if isinstance(error, _DAMAGES) and not isinstance(error, RecordingError):
+            reason = str(error) or type(error).__name__
+            raise RecordingError(f"This recording is damaged at byte {self._at}: {reason}.") from error
+
+
+class Input:
+    """Bytes of a stream by their place, counted from where it stands at first."""
+
+    def __init__(self, stream: BinaryIO) -> None:
+        try:
+            self._begin = stream.tell()
+            self.size = stream.seek(0, os.SEEK_END) - self._begin
+        except (OSError, AttributeError) as error:
+            raise RecordingError(
+                f"A recording is read from a path, or from a binary stream that can seek ({error}). Copy this one "
+                f"into an io.BytesIO."
+            ) from error
+        self._stream = stream
+
+    def read(self, at: int, size: int) -> bytes:
+        """So many bytes.
+
+        Raises:
+            BadFile: they are not there.
+        """
+        if not 0 <= at <= at + size <= self.size:
+            raise BadFile(f"{size} bytes are promised and {max(self.size - at, 0)} are there")
+        self._stream.seek(self._begin + at)
+        data = self._stream.read(size)
+        if len(data) != size:
+            raise BadFile("the file became shorter while it was read")
+        return data
+
+    def body(self, block: Block, key: int) -> tuple[blocks.Head, bytes]:
+        """The head and the body of a block.
+
+        Raises:
+            BadFile: they are damaged, or others than it says.
+        """
+        head = blocks.head_of(self.read(block.at, blocks.HEAD_SIZE))
+        if head.key != key or _block(block.at, head) != block:
+            raise BadFile("this block and what is known of it do not fit")
+        body = self.read(block.at + blocks.HEAD_SIZE, head.size)
+        blocks.check_body(head, body)
+        return head, body
+
+
+def contents_of(source: Input) -> Contents:
+    """Look a recording over.
+
+    Raises:
+        RecordingError: it is none, or its header is damaged or cut off.
+    """
+    _check_magic(source.read(0, min(len(blocks.MAGIC), source.size)))
+    at = len(blocks.MAGIC)
+    with at_byte(at):
+        head = blocks.head_of(source.read(at, min(blocks.HEAD_SIZE, source.size - at)))
+        _, body = source.body(_block(at, head), 0)
+        header = blocks.take_value(body)
+        if head.type != blocks.HEADER or not isinstance(header, dict):
+            raise BadFile("the header is not here")
+    begin, end = at + head.total, source.size - blocks.FOOTER_SIZE
+    index_at = blocks.index_at(source.read(end, blocks.FOOTER_SIZE)) if end >= begin else None
+    if index_at is None:
+        return Contents(header, head.crc, *_by_heads(source, begin, head.crc, "was not finished"))
+    try:
+        with at_byte(index_at):
+            return Contents(header, head.crc, _by_index(source, begin, index_at, head.crc), None)
+    except RecordingError:
+        return Contents(header, head.crc, *_by_heads(source, begin, head.crc, "has a damaged index"))
+
+
+def _check_magic(data: bytes) -> None:
+    if data == blocks.MAGIC:
+        return
+    if data.startswith(blocks.MAGIC[:4]) and len(data) == len(blocks.MAGIC):
+        version = int.from_bytes(data[4:], "big")
+        raise RecordingError(f"This recording has format version {version} at byte 4; only version 3 is read here.")
+    raise RecordingError(f"This is no recording: at byte 0 it begins with {data!r}, and not with {blocks.MAGIC!r}.")
+
+
+def _block(at: int, head: blocks.Head) -> Block:
+    return Block(at, head.type, head.total, head.first, head.turns, head.moves, head.events)
+
+
+# -- by the index -----------------------------------------------------------------------------------------------
+
+
+def _by_index(source: Input, begin: int, at: int, key: int) -> list[Block]:
+    head = blocks.head_of(source.read(at, blocks.HEAD_SIZE))
+    if head.type != blocks.INDEX or at + head.total + blocks.FOOTER_SIZE != source.size:
+        raise BadFile("no index is here")
+    _, body = source.body(_block(at, head), key)
+    index = blocks.take_value(body)
+    columns = [index[name] for name in INDEX_COLUMNS]
+    if any(not isinstance(column, np.ndarray) or column.dtype != np.int64 or column.ndim != 1 for column in columns):
+        raise BadFile("the index is damaged")
+    rows = list(zip(*(column.tolist() for column in columns), strict=True))
+    if any(min(row) < 0 or row[1] < blocks.HEAD_SIZE for row in rows):
+        raise BadFile("the index has a number below what can be")
+    places = list(accumulate((row[1] for row in rows), initial=begin))
+    firsts = list(accumulate((row[2] for row in rows), initial=0))
+    if places.pop() != at or firsts.pop() != head.first:
+        raise BadFile("the index does not add up to the file")
+    return [
+        Block(place, type, size, first, turns, moves, events)
+        for place, first, (type, size, turns, moves, events) in zip(places, firsts, rows, strict=True)
+    ]
+
+
+# -- by the heads -----------------------------------------------------------------------------------------------
+
+
+def _by_heads(source: Input, begin: int, key: int, why: str) -> tuple[list[Block], str]:
+    found: list[Block] = []
+    at = begin
+    while (block := _block_at(source, at, key)) is not None and _joins(source, found, block, key):
+        at += block.size
+    if found and not _is_sound(source, found[-1], key):
+        at = found.pop().at
+    turns = turns_of(found)
+    copy = _copy_behind(source, at, key, found)
+    if copy is not None:
+        _join(found, copy)
+        at, turns = copy.at + copy.size, turns_of(found)
+    rest = f" {source.size - at} bytes behind them are lost." if source.size > at else ""
+    return found, f"This recording {why}: its first {turns} turns, up to byte {at}, are there.{rest}"
+
+
+def turns_of(found: list[Block]) -> int:
+    """How many turns are in blocks that follow each other."""
+    return found[-1].first + found[-1].turns if found else 0
+
+
+def _block_at(source: Input, at: int, key: int) -> Block | None:
+    try:
+        head = blocks.head_of(source.read(at, blocks.HEAD_SIZE))
+    except BadFile:
+        return None
+    is_ours = head.key == key and head.type != blocks.INDEX and at + head.total <= source.size
+    return _block(at, head) if is_ours else None
+
+
+def _joins(source: Input, found: list[Block], block: Block, key: int) -> bool:
+    """Whether a block continues what was found; if so, it is added."""
+    if block.type not in (blocks.TURNS, blocks.KEYFRAME):
+        return True  # of a later version
+    if block.first == turns_of(found) and (block.type == blocks.TURNS) == (block.turns > 0):
+        found.append(block)
+        return True
+    if _replaces(found, block) and _is_sound(source, block, key):
+        _join(found, block)
+        return True
+    return False
+
+
+def _join(found: list[Block], block: Block) -> None:
+    if _replaces(found, block):
+        found.pop()
+    found.append(block)
+
+
+def _replaces(found: list[Block], block: Block) -> bool:
+    last = found[-1] if found else None
+    return (
+        last is not None
+        and last.type == block.type == blocks.TURNS
+        and last.first == block.first
+        and last.turns <= block.turns
+    )
+
+
+def _is_sound(source: Input, block: Block, key: int) -> bool:
+    try:
+        source.body(block, key)
+    except BadFile:
+        return False
+    return True
+
+
+def _copy_behind(source: Input, at: int, key: int, found: list[Block]) -> Block | None:
+    """The first sound block of turns behind a damaged place that takes the place of the last one or continues it."""
+    tries = 0
+    for place in _places_of(source, blocks.SYNC + bytes([blocks.TURNS]), at + 1):
+        block = _block_at(source, place, key)
+        if block is not None and (_replaces(found, block) or block.first == turns_of(found)) and block.turns:
+            if _is_sound(source, block, key):
+                return block
+            tries += 1
+        if tries == _MOST_COPIES:
+            return None
+    return None
+
+
+def _places_of(source: Input, mark: bytes, at: int) -> Iterator[int]:
+    """Where these bytes are, from a place on."""
+    while at < source.size:
+        piece = source.read(at, min(_PIECE, source.size - at))
+        place = piece.find(mark)
+        while place >= 0:
+            yield at + place
+            place = piece.find(mark, place + 1)
+        at += max(len(piece) - len(mark) + 1, 1)

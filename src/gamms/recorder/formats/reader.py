@@ -1,0 +1,166 @@
+"""Read a recording: any turn without the others, of a file that is whole, cut off, or made by an enemy."""
+
+import os
+from bisect import bisect_right
+from collections import OrderedDict
+from collections.abc import Collection, Iterator
+from typing import Any, BinaryIO, Self
+
+import numpy as np
+
+from gamms.arguments import as_path
+from gamms.errors import BadFile, BadValue
+from gamms.recorder.formats import blocks, chunks
+from gamms.recorder.formats.columns import IntArray
+from gamms.recorder.formats.contents import Block, Contents, Input, at_byte, contents_of, turns_of
+
+_KEPT = 4  # blocks of turns that are kept as arrays
+
+
+class Reader:
+    """A recording that is open for reading; of its turns only a few blocks are in memory.
+
+    Every call raises RecordingError (a ValueError), which names the byte, where the file is damaged, and BadValue for a
+    turn that is not there.
+    """
+
+    header: dict[str, Any]  # what the writer was given
+    turns: int  # that are whole
+    is_complete: bool  # whether the recording was finished
+    warning: str | None  # what is missing of an unfinished one
+
+    def __init__(self, source: str | os.PathLike[str] | BinaryIO) -> None:
+        """Open a recording by its path, or the one that begins where a stream stands and goes on to its end.
+
+        Raises:
+            RecordingError (ValueError): there is no recording, or none with a whole header.
+            OSError: it cannot be read.
+        """
+        self._owned: BinaryIO | None = None
+        if isinstance(source, str | os.PathLike):
+            self._owned = as_path(source, "path").open("rb")
+        try:
+            self._input = Input(self._owned or source)  # type: ignore[arg-type]  # a path would have been opened
+            contents = contents_of(self._input)
+        except BaseException:
+            self.close()
+            raise
+        self._take(contents)
+
+    def _take(self, contents: Contents) -> None:
+        self.header, self.warning, self._key = contents.header, contents.warning, contents.key
+        self.is_complete, self.turns = contents.warning is None, turns_of(contents.found)
+        self._chunks = [block for block in contents.found if block.type == blocks.TURNS]
+        self._keyframes = [block for block in contents.found if block.type == blocks.KEYFRAME]
+        self._firsts = [block.first for block in self._chunks]
+        self._keyframe_turns = [block.first for block in self._keyframes]
+        self._kept: OrderedDict[int, chunks.Chunk] = OrderedDict()
+
+    def __enter__(self) -> Self:
+        return self
+
+    def __exit__(self, *_: object) -> None:
+        self.close()
+
+    def close(self) -> None:
+        """Close the file, if it was opened here."""
+        if self._owned is not None:
+            self._owned.close()
+
+    def log(self, turn: int) -> chunks.Log:
+        """What was added as this turn, from 0: `row, node` of a move two by two, and tuples `(kind, data)`."""
+        self._check_range(turn, turn + 1)
+        number = bisect_right(self._firsts, turn) - 1
+        chunk = self._kept.get(number) or self._chunk(number)
+        with at_byte(self._chunks[number].at):
+            return chunk.log(turn)
+
+    def moves(self, start: int = 0, stop: int | None = None) -> tuple[IntArray, IntArray, IntArray]:
+        """All moves of turns `start` to `stop - 1`, in their order: turns, rows, nodes, (moves,) each."""
+        parts: list[tuple[IntArray, ...]] = [(np.zeros(0, np.int64),) * 3]
+        for chunk, first, last in self._parts(start, stop):
+            begin, end = chunk.move_ends[first], chunk.move_ends[last]
+            sizes = np.diff(chunk.move_ends[first : last + 1])
+            turns = np.repeat(np.arange(chunk.first + first, chunk.first + last), sizes)
+            parts.append((turns, chunk.moves[begin:end, 0], chunk.moves[begin:end, 1]))
+        turns, rows, nodes = (np.concatenate(column) for column in zip(*parts, strict=True))
+        return turns, rows, nodes
+
+    def events(
+        self, start: int = 0, stop: int | None = None, kinds: Collection[int] | None = None
+    ) -> Iterator[tuple[int, int, int, Any]]:
+        """All other events of these turns, or those of some kinds, in their order.
+
+        Yields:
+            The turn; how many moves of this turn come before the event; its kind; its data.
+        """
+        for chunk, first, last in self._parts(start, stop):
+            begin, end = int(chunk.event_ends[first]), int(chunk.event_ends[last])
+            numbers = np.arange(begin, end)
+            if kinds is not None:
+                numbers = numbers[np.isin(chunk.kinds[begin:end], list(kinds))]
+            turns = chunk.event_ends.searchsorted(numbers, side="right") - 1
+            places = chunk.after[numbers] - chunk.move_ends[turns]
+            columns = (column.tolist() for column in (numbers, turns + chunk.first, places, chunk.kinds[numbers]))
+            for number, turn, place, kind in zip(*columns, strict=True):
+                with at_byte(self._at(turn)):
+                    data = chunk.event(number)
+                yield turn, place, kind, data
+
+    def keyframe(self, turn: int) -> tuple[int, dict[str, Any]] | None:
+        """The last keyframe that knows no more than the first `turn` turns.
+
+        Returns:
+            How many turns it knows, and the state after them; None if there is none so early.
+        """
+        if not 0 <= turn <= self.turns:
+            raise BadValue(f"There is no state after {turn} turns: this recording has {self.turns} turns.")
+        number = bisect_right(self._keyframe_turns, turn) - 1
+        if number < 0:
+            return None
+        block = self._keyframes[number]
+        with at_byte(block.at):
+            state = blocks.take_value(self._body(block)[1])
+            if not isinstance(state, dict):
+                raise BadFile("this is no keyframe")
+        return block.first, state
+
+    def verify(self) -> None:
+        """Read everything.
+
+        Raises:
+            RecordingError (ValueError): something is damaged.
+        """
+        for _ in self.events():
+            pass
+        for turn in self._keyframe_turns:
+            self.keyframe(turn)
+
+    def _parts(self, start: int, stop: int | None) -> Iterator[tuple[chunks.Chunk, int, int]]:
+        """The chunks that have these turns, and which of their turns these are: from, to."""
+        stop = self.turns if stop is None else stop
+        self._check_range(start, stop)
+        number = max(bisect_right(self._firsts, start) - 1, 0)
+        while start < stop:
+            chunk = self._chunk(number)
+            end = min(stop, chunk.first + len(chunk.move_ends) - 1)
+            yield chunk, start - chunk.first, end - chunk.first
+            number, start = number + 1, end
+
+    def _check_range(self, start: int, stop: int) -> None:
+        if not 0 <= start <= stop <= self.turns:
+            raise BadValue(f"There are no turns {start} to {stop - 1}: this recording has turns 0 to {self.turns - 1}.")
+
+    def _at(self, turn: int) -> int:
+        return self._chunks[bisect_right(self._firsts, turn) - 1].at
+
+    def _chunk(self, number: int) -> chunks.Chunk:
+        with at_byte(self._chunks[number].at):
+            chunk = self._kept.pop(number, None) or chunks.chunk_of(*self._body(self._chunks[number]))
+        self._kept[number] = chunk
+        if len(self._kept) > _KEPT:
+            self._kept.popitem(last=False)
+        return chunk
+
+    def _body(self, block: Block) -> tuple[blocks.Head, bytes]:
+        return self._input.body(block, self._key)

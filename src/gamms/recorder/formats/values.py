@@ -1,0 +1,267 @@
+"""Plain values as CBOR, and back: the only file of the recorder that knows cbor2, which is loaded when it is needed.
+
+CBOR has no tuples, arrays of numbers, integers beyond 64 bits or text that is not Unicode, or only as tags, of which
+some run code. Those are arrays here that begin with a simple value, 0 to 3; tags are refused. What comes from a file is
+checked before cbor2 sees it: well-formed, nothing longer than the bytes that are there, at most `MOST_DEPTH` deep.
+"""
+
+from collections.abc import Callable
+from reprlib import repr as shown
+from typing import Any
+
+import numpy as np
+
+from gamms.errors import BadFile, BadType, BadValue
+from gamms.recorder.formats import columns
+
+MOST_DEPTH = 32  # containers in each other
+MOST_ITEMS = 1 << 22  # in one value, containers included
+_MOST_DIMENSIONS = 8
+_SAMPLE = 1 << 14  # bytes that show whether differences fit an array
+
+_TUPLE, _ARRAY, _BIG, _TEXT = range(4)
+_DTYPES = {
+    name: np.dtype(name)
+    for name in (
+        *("bool", "int8", "int16", "int32", "int64", "uint8", "uint16", "uint32", "uint64"),
+        *("float16", "float32", "float64"),
+    )
+}
+
+
+def to_bytes(value: Any, where: str) -> bytes:
+    """A plain value as bytes, the same bytes for the same value.
+
+    Raises:
+        BadType: something in it is not plain.
+        BadValue: it is too deep or has too many items.
+    """
+    from cbor2 import dumps
+
+    try:
+        data = dumps(_marked(value, MOST_DEPTH))
+    except TypeError as error:
+        raise BadType(
+            f"{where} cannot be recorded: {error}. Only None, bool, int, float, str, bytes, list, tuple, dict and "
+            f"NumPy arrays of numbers can; convert it first."
+        ) from None
+    except RecursionError:
+        raise BadValue(f"{where} cannot be recorded: more than {MOST_DEPTH} containers are in each other.") from None
+    if len(data) > MOST_ITEMS:
+        try:
+            _check(data)
+        except BadFile as error:
+            raise BadValue(f"{where} cannot be recorded: {error}. Use NumPy arrays for long lists.") from None
+    return data
+
+
+def from_bytes(data: bytes) -> Any:
+    """The value that was written.
+
+    Raises:
+        BadFile: nobody wrote this.
+    """
+    from cbor2 import loads
+
+    has_marks = _check(data)
+    try:
+        value = loads(data)
+        return _unmarked(value) if has_marks else value
+    except (ValueError, TypeError, OverflowError, KeyError) as error:
+        raise BadFile(f"a value is damaged ({error})") from error
+
+
+# -- to CBOR ----------------------------------------------------------------------------------------------------
+
+
+def _mark(number: int) -> Any:
+    from cbor2 import CBORSimpleValue
+
+    return CBORSimpleValue(number)
+
+
+def _marked(value: Any, depth: int) -> Any:
+    if value is None or isinstance(value, bool):
+        return value
+    if depth < 0:
+        raise RecursionError
+    way = _WAYS.get(type(value)) or next((way for kind, way in _WAYS.items() if isinstance(value, kind)), None)
+    if way is None:
+        raise TypeError(f"{shown(value)} is of type {type(value).__name__}")
+    return way(value, depth)
+
+
+def _of_int(value: int, depth: int) -> Any:
+    value = int(value)
+    if -(1 << 64) <= value < 1 << 64:
+        return value
+    return _deeper([_mark(_BIG), value.to_bytes(value.bit_length() // 8 + 1, "big", signed=True)], depth)
+
+
+def _of_text(value: str, depth: int) -> Any:
+    value = str.__str__(value)  # of an enum, too
+    try:
+        value.encode()
+    except UnicodeEncodeError:
+        return _deeper([_mark(_TEXT), value.encode("utf-8", "surrogatepass")], depth)
+    return value
+
+
+def _of_tuple(value: tuple[Any, ...], depth: int) -> Any:
+    return _deeper([_mark(_TUPLE), *(_marked(one, depth - 1) for one in value)], depth)
+
+
+def _of_list(value: list[Any], depth: int) -> Any:
+    return _deeper([_marked(one, depth - 1) for one in value], depth)
+
+
+def _of_dict(value: dict[Any, Any], depth: int) -> Any:
+    return _deeper({_key(_marked(key, depth - 1)): _marked(one, depth - 1) for key, one in value.items()}, depth)
+
+
+def _of_array(value: np.ndarray[Any, Any], depth: int) -> Any:
+    dtype = value.dtype.newbyteorder("=")
+    if dtype.name not in _DTYPES or value.ndim > _MOST_DIMENSIONS:
+        raise TypeError(f"an array of dtype {value.dtype} and shape {value.shape}")
+    flat = np.ascontiguousarray(value).reshape(-1).astype(dtype, copy=False)
+    planes, is_stepped = columns.planes_of(flat), False
+    if dtype.kind in "iu" and len(flat) > 1:
+        steps = columns.planes_of(np.diff(flat, prepend=dtype.type(0)))
+        is_stepped = len(columns.packed(steps[:_SAMPLE])) < len(columns.packed(planes[:_SAMPLE]))
+        planes = steps if is_stepped else planes
+    return _deeper([_mark(_ARRAY), dtype.name, is_stepped, planes, *value.shape], depth)
+
+
+def _deeper(value: Any, depth: int) -> Any:
+    if depth < 1:
+        raise RecursionError
+    return value
+
+
+def _key(value: Any) -> Any:
+    return tuple(_key(one) for one in value) if isinstance(value, list) else value
+
+
+def _of_number(value: Any, depth: int) -> Any:
+    return _marked(value.item(), depth)
+
+
+_WAYS: dict[type, Callable[[Any, int], Any]] = {
+    str: _of_text,
+    int: _of_int,
+    float: lambda value, _: float(value),
+    dict: _of_dict,
+    list: _of_list,
+    tuple: _of_tuple,
+    bytes: lambda value, _: bytes(value),
+    np.ndarray: _of_array,
+    np.bool_: _of_number,
+    np.integer: _of_number,
+    np.float16: _of_number,
+    np.float32: _of_number,
+}
+
+
+# -- from CBOR --------------------------------------------------------------------------------------------------
+
+
+def _check(data: bytes) -> bool:  # noqa: C901, PLR0912, PLR0915  NOTE: one loop, because calls would double its time
+    """Refuse what cbor2 should not see; whether there are marks in it."""
+    at, end, items, has_marks = 0, len(data), 0, False
+    left, is_map, is_in_key = 1, False, False  # of the container that we are in
+    outer: list[tuple[int, bool, bool]] = []
+    while True:
+        while not left:
+            if not outer:
+                if at != end:
+                    raise BadFile(f"{end - at} bytes are left over behind a value")
+                return has_marks
+            left, is_map, is_in_key = outer.pop()
+        if at >= end:
+            raise BadFile("a value is cut off")
+        start, major, size = at, data[at] >> 5, data[at] & 31
+        at, items, left = at + 1, items + 1, left - 1
+        if items > MOST_ITEMS:
+            raise BadFile(f"a value has more than {MOST_ITEMS} items")
+        if size > 23:
+            if size > 27:
+                raise BadFile(f"a value has a length without end or meaning, {at - 1} bytes from its start")
+            width = 1 << (size - 24)
+            size = int.from_bytes(data[at : at + width], "big")
+            at += width
+        if major in {2, 3}:
+            at += size
+        elif major in {4, 5}:
+            if size > end - at or len(outer) >= MOST_DEPTH:
+                raise BadFile(f"a container has {size} items or is too deep, {start} bytes from the start of its value")
+            outer.append((left, is_map, is_in_key))
+            is_in_key = is_in_key or (is_map and left & 1 == 1)
+            if major == 5 and is_in_key:
+                raise BadFile("a dict is in the key of a dict")
+            left, is_map = size << (major == 5), major == 5
+        elif major == 6:
+            raise BadFile(f"a value has the tag {size}, and tags are not read, {start} bytes from its start")
+        elif major == 7:
+            head = data[start]
+            if head <= 0xE3:
+                has_marks = True
+            elif not (0xF4 <= head <= 0xF6 or 0xF9 <= head <= 0xFB):
+                raise BadFile(f"a value has the unknown byte {head}, {start} bytes from its start")
+        if at > end:
+            raise BadFile(f"a value is cut off, {start} bytes from its start")
+
+
+def _unmarked(value: Any) -> Any:
+    kind = type(value)
+    if kind is list or kind is tuple:
+        if value and type(value[0]) not in _PLAIN:
+            return _MEANINGS[value[0].value](value[1:])
+        return kind(_unmarked(one) for one in value)
+    if kind is dict:
+        return {_unmarked(key): _unmarked(one) for key, one in value.items()}
+    if kind not in _PLAIN:
+        raise BadFile("a mark stands where none may stand")
+    return value
+
+
+_PLAIN = {type(None), bool, int, float, str, bytes, list, tuple, dict}  # what else comes out of cbor2 is a mark
+
+
+def _tuple(items: Any) -> Any:
+    return tuple(_unmarked(one) for one in items)
+
+
+def _big(items: Any) -> int:
+    (data,) = items
+    return int.from_bytes(_is(bytes, data), "big", signed=True)
+
+
+def _text(items: Any) -> str:
+    (data,) = items
+    text: str = _is(bytes, data).decode("utf-8", "surrogatepass")
+    return text
+
+
+def _array(items: Any) -> np.ndarray[Any, Any]:
+    name, is_stepped, planes, *shape = items
+    dtype, size = _DTYPES[_is(str, name)], 1
+    for length in shape:
+        size *= _is(int, length)
+    if len(shape) > _MOST_DIMENSIONS or not all(0 <= length < 1 << 40 for length in shape):
+        raise BadFile(f"an array has the impossible shape {shown(shape)}")
+    if len(_is(bytes, planes)) != size * dtype.itemsize:
+        raise BadFile(f"an array has {len(planes)} bytes, which do not fit its shape {shown(shape)}")
+    flat = np.frombuffer(planes, np.uint8) != 0 if dtype.kind == "b" else columns.from_planes(planes, dtype)
+    if _is(bool, is_stepped):
+        flat = np.cumsum(flat, dtype=dtype)
+    array: np.ndarray[Any, Any] = flat.reshape(shape)
+    return array
+
+
+def _is(kind: type, value: Any) -> Any:
+    if type(value) is not kind:
+        raise BadFile(f"a value is damaged: {shown(value)} is not of type {kind.__name__}")
+    return value
+
+
+_MEANINGS: dict[int, Callable[[Any], Any]] = {_TUPLE: _tuple, _ARRAY: _array, _BIG: _big, _TEXT: _text}

@@ -1,0 +1,168 @@
+"""Write a recording, so that it can be read up to the last second whenever the program dies.
+
+Blocks close by what is in them, never by the clock. What the clock forces out early is a shorter block at the end of
+the file, which the next, longer one replaces: that one is first written behind it, then over it, and then the file is
+cut. So at every moment one of them is whole, and a finished file does not know how long anything took.
+"""
+
+import time
+from collections.abc import Callable, Sequence
+from typing import Any, BinaryIO
+
+import numpy as np
+
+from gamms.errors import BadType, BadValue
+from gamms.recorder.formats import blocks, chunks
+from gamms.recorder.formats.contents import INDEX_COLUMNS
+from gamms.recorder.formats.output import Output
+
+_KEYFRAME_ENTRIES = 1 << 15  # moves and events between two keyframes at least, which take about 3 ms to read …
+_KEYFRAME_SHARE = 4  # … and so many times the bytes of a keyframe, so that keyframes are a fifth of a file at most
+
+
+class Writer:
+    """Writes a recording into a binary stream, which stays open.
+
+    Requires: nobody else writes into the stream.
+    Ensures: the same header, logs and keyframes give the same bytes. Whenever the program is killed, the turns of at
+        most `seconds` are lost, `size` bytes or `turns` turns, whichever is least. Streams that cannot seek, cut and
+        overwrite, and files opened for appending, get whole blocks only: there the seconds do not count.
+    """
+
+    def __init__(
+        self,
+        stream: BinaryIO,
+        header: dict[str, Any],
+        *,
+        turns: int = 64,
+        seconds: float | None = 1.0,
+        size: int = 256 * 1024,
+        clock: Callable[[], float] = time.monotonic,
+    ) -> None:
+        """Begin a recording.
+
+        Args:
+            stream: open for writing; the recording begins where it stands.
+            header: plain values and NumPy arrays, whatever describes the recording.
+            turns: a block closes after so many turns, 1 to 65,536.
+            seconds: how often open blocks are written too; None for never.
+            size: a block closes after so many bytes, counting 4 for each move.
+            clock: where the seconds come from.
+
+        Raises:
+            BadType, BadValue: the header is not plain.
+            RecordingError: the stream cannot be written.
+        """
+        if not 1 <= turns <= blocks.MOST_TURNS or size < 1:
+            raise BadValue(
+                f"Blocks of {turns} turns or {size} bytes cannot be; at least 1 of both, at most 65,536 turns."
+            )
+        body = blocks.put_value(_is_dict(header, "header"), "The header")
+        head = blocks.block(blocks.HEADER, body, 0, blocks.Counts())
+        self._turns, self._seconds, self._size, self._clock = turns, seconds, size, clock
+        self._key = blocks.head_of(head[: blocks.HEAD_SIZE]).crc
+        self._file = Output(stream)
+        self._index: list[tuple[int, ...]] = []
+        self._open = chunks.Collected(0)
+        self._since: tuple[int, int] | None = None  # entries and bytes since the last keyframe
+        self._keyframe_size = 0
+        self._file.append(blocks.MAGIC + head)
+        self._saved_at = clock()  # and so many turns of the open block
+        self._saved = 0
+
+    @property
+    def turns(self) -> int:
+        """How many turns were added."""
+        return self._open.first + len(self._open)
+
+    @property
+    def wants_keyframe(self) -> bool:
+        """Whether now is a good moment for one: at the start, then so often that states are found in milliseconds."""
+        if len(self._open):
+            return False
+        if self._since is None:
+            return True
+        entries, size = self._since
+        return entries >= _KEYFRAME_ENTRIES and size >= _KEYFRAME_SHARE * self._keyframe_size
+
+    def add_turn(self, log: Sequence[Any]) -> None:
+        """Add the log of the next turn; it may be changed afterwards.
+
+        Raises:
+            BadType, BadValue: it is no log, or has an event that is not plain; nothing was added then.
+            RecordingError: the stream cannot be written. What was written before stays readable.
+        """
+        self._file.check()
+        turn = chunks.turn_of(log)
+        if not self._open.fits(turn):
+            self._close_block()
+        self._open.add(turn)
+        if len(self._open) >= self._turns or self._open.size >= self._size:
+            self._close_block()
+        elif self._seconds is not None and self._clock() - self._saved_at >= self._seconds:
+            self.flush()
+
+    def keyframe(self, state: dict[str, Any]) -> None:
+        """Write down the whole state after the turns that were added so far; best when `wants_keyframe`.
+
+        Raises:
+            BadType, BadValue: it is not plain; nothing was written then.
+            RecordingError: see `add_turn`.
+        """
+        self._file.check()
+        body = blocks.put_value(_is_dict(state, "keyframe"), "A keyframe")
+        if len(self._open):
+            self._close_block()
+        self._put(blocks.KEYFRAME, body, blocks.Counts(self.turns))
+        self._since, self._keyframe_size = (0, 0), len(body)
+
+    def flush(self) -> None:
+        """Write all turns that were added, if the stream can take back the last block of a file.
+
+        Raises:
+            RecordingError: see `add_turn`.
+        """
+        self._file.check()
+        if self._file.can_overwrite and len(self._open) > self._saved:
+            self._file.replace(self._block(blocks.TURNS, self._open.body(), self._open.counts))
+        self._saved, self._saved_at = len(self._open), self._clock()
+
+    def close(self) -> None:
+        """Write all turns, the index and the footer; calls after the first do nothing, nor do those after an error.
+
+        Raises:
+            RecordingError: see `add_turn`.
+        """
+        if self._file.is_closed:
+            return
+        if len(self._open):
+            self._close_block()
+        begin = self._file.end
+        columns = np.array(self._index, np.int64).reshape(-1, len(INDEX_COLUMNS)).T
+        body = blocks.put_value(dict(zip(INDEX_COLUMNS, columns, strict=True)), "The index")
+        index = self._block(blocks.INDEX, body, blocks.Counts(self.turns))
+        self._file.append(index + blocks.footer(begin))
+        self._file.close()
+
+    def _close_block(self) -> None:
+        counts = self._open.counts
+        size = self._put(blocks.TURNS, self._open.body(), counts)
+        if self._since is not None:
+            self._since = self._since[0] + counts.moves + counts.events, self._since[1] + size
+        self._open = chunks.Collected(self.turns)
+        self._saved, self._saved_at = 0, self._clock()
+
+    def _put(self, type: int, body: bytes, counts: blocks.Counts) -> int:
+        data = self._block(type, body, counts)
+        self._file.append(data)
+        self._index.append((type, len(data), *counts[1:]))
+        return len(data)
+
+    def _block(self, type: int, body: bytes, counts: blocks.Counts) -> bytes:
+        return blocks.block(type, body, self._key, counts)
+
+
+def _is_dict(value: Any, what: str) -> dict[str, Any]:
+    if not isinstance(value, dict):
+        raise BadType(f"A {what} is a dict, not {type(value).__name__}.")
+    return value
