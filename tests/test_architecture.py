@@ -43,7 +43,7 @@ FLOORS = [
     {"ir"},
     {"kernels"},
     {"typing"},
-    {"agent", "game", "graph", "memory", "osm", "sensor", "visual"},
+    {"agent", "game", "graph", "memory", "osm", "recorder", "sensor", "visual"},
     {"context"},
     {"demo", "rules", "strategies", "testing"},
     {"cli"},
