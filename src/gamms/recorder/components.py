@@ -1,0 +1,351 @@
+"""The components of a context: the user's own named objects, their classes, and what a recording does to them."""
+
+from collections.abc import Callable, Iterator, KeysView
+from typing import Any
+
+from gamms.errors import BadType, Duplicate, UnknownName
+from gamms.recorder import struct_types
+from gamms.recorder.component_class import (
+    STORE,
+    Key,
+    Kind,
+    check_class,
+    checked_name,
+    declared_fields,
+    key_of,
+    kind_of,
+    make_component,
+    takes_nothing,
+)
+from gamms.recorder.errors import RecordingError
+from gamms.recorder.struct_types import FieldType
+
+OnEvent = Callable[[str, dict[str, Any]], None]  # the name of an operation code, and its data
+
+_MOST_CLASSES = 10_000  # that recordings may declare
+_MOST_FIELDS = 1_000
+
+
+class Components:
+    """Components by name and component classes by module and qualified name.
+
+    Whatever happens is checked first, then reported to `on_event`, then done: when the report fails, nothing changed.
+    """
+
+    def __init__(self, on_event: OnEvent) -> None:
+        self._on_event = on_event
+        self._component_registry: dict[Key, type] = {}
+        self._components: dict[Any, Any] = {}
+        self._classes: dict[Key, tuple[type, Kind]] = {}  # of the registry, and those unregistered since
+        self._built = 0
+        self._is_silent = False  # while a recording makes a component: the file says what follows
+
+    # -- what 1.0.0 offers ----------------------------------------------------------------------------------------
+
+    def component(self, struct: Any) -> Callable[[Any], Any]:
+        """Decorate a class: each field of the struct, a dict of names to types, is recorded whenever it is set.
+
+        A field is None until it is set; what it is set to is not checked. Types: int, float, str, bool, None, Optional,
+        Union, tuple[...] and list[...] of those.
+
+        Raises:
+            BadType (TypeError): the struct or the class does not do; raised when the class is decorated.
+        """
+
+        def decorate(cls: Any) -> Any:
+            if struct is None:
+                print("The struct is None: nothing of this class is recorded.")  # noqa: T201 - published behaviour
+                return cls
+            fields = declared_fields(struct)
+            check_class(cls, fields)
+            self._register(cls, fields, {name: str(field) for name, field in fields.items()})
+            return cls
+
+        return decorate
+
+    def get_component(self, name: Any) -> Any:
+        """The component of that name.
+
+        Raises:
+            UnknownName (KeyError): there is none.
+        """
+        if name not in self._components:
+            raise UnknownName("component", name, self._components)
+        return self._components[name]
+
+    def delete_component(self, name: Any) -> None:
+        """Forget a component; the object lives on, unrecorded.
+
+        Raises:
+            UnknownName (KeyError): there is none of that name.
+        """
+        if self._is_recorded(self.get_component(name), name):
+            self._on_event("COMPONENT_DELETE", {"name": name})
+        del self._components[name]
+
+    def component_iter(self) -> KeysView[Any]:
+        """The names of all components."""
+        return self._components.keys()
+
+    def add_component(self, name: Any, obj: Any) -> None:
+        """Keep any object under a name. A deleted component that comes back is recorded again.
+
+        Raises:
+            Duplicate (ValueError): the name is taken.
+        """
+        if name in self._components:
+            raise Duplicate("a component", name)
+        if self._is_recorded(obj, name):
+            for opcode_name, data in _events_of(obj):
+                self._on_event(opcode_name, data)
+        self._components[name] = obj
+
+    def is_component_registered(self, key: Key) -> bool:
+        """Whether a class is registered, by module and qualified name."""
+        return tuple(key) in self._component_registry
+
+    def unregister_component(self, key: Key) -> None:
+        """Forget a class; its components stay.
+
+        Raises:
+            UnknownName (KeyError): it is not registered.
+        """
+        key = (key[0], key[1])
+        if key not in self._component_registry:
+            raise UnknownName("component class", key)
+        self._on_event("COMPONENT_UNREGISTER", {"key": list(key)})
+        del self._component_registry[key]
+
+    def snapshot(self) -> Iterator[tuple[str, dict[str, Any]]]:
+        """The events that make all this anew: the classes, the components, their values."""
+        needed = {kind.key for name, one in self._components.items() if (kind := self._kind(one, name))}
+        for key, (_, kind) in self._classes.items():
+            if key in self._component_registry or key in needed:
+                yield "COMPONENT_REGISTER", _registration(key, {name: str(one) for name, one in kind.fields.items()})
+        for name, component in self._components.items():
+            if self._is_recorded(component, name):
+                yield from _events_of(component)
+        for key in self._classes:
+            if key in needed and key not in self._component_registry:
+                yield "COMPONENT_UNREGISTER", {"key": list(key)}
+
+    # -- what components report -----------------------------------------------------------------------------------
+
+    def begin(self, component: Any, name: Any) -> None:
+        """Keep a new component.
+
+        Raises:
+            Duplicate (ValueError): the name is taken; nothing was reported.
+        """
+        if self._is_silent:
+            return
+        if name in self._components:
+            raise Duplicate("a component", name)
+        self._on_event(*_creation(component))
+        self._components[name] = component
+
+    def abandon(self, component: Any) -> None:
+        """Forget a component whose `__init__` failed."""
+        name = getattr(component, STORE)["name"]
+        if self._components.get(name) is component:
+            self.delete_component(name)
+
+    def assign(self, component: Any, field: str, value: Any) -> None:
+        """Set a field, and say so."""
+        store = getattr(component, STORE)
+        kind = kind_of(component)
+        if kind is not None:
+            value = kind.fields[field].shaped(value)
+        if not self._is_silent and self._components.get(store["name"]) is component:
+            self._on_event("COMPONENT_UPDATE", _update(store["name"], field, value))
+        store[field] = value
+
+    # -- what a recording says ------------------------------------------------------------------------------------
+
+    def apply(self, opcode_name: str, data: dict[str, Any], *, lenient: bool = False) -> None:
+        """Do what a record of the five operation codes says. Nothing is imported or evaluated.
+
+        Args:
+            opcode_name: such as "COMPONENT_CREATE".
+            data: what the record holds.
+            lenient: as recordings of 1.0.0 need, which wrote before it checked: skip what it refused to do then (a
+                second component of a name, anything about an unknown one), and take values of undeclared types.
+
+        Raises:
+            RecordingError: the record cannot be applied; nothing changed.
+        """
+        doing = _APPLIED.get(opcode_name)
+        if doing is None:
+            raise RecordingError(f"{opcode_name!r} is no operation on components.")
+        if not isinstance(data, dict):
+            raise RecordingError(f"The data of {opcode_name} is no map.")
+        doing(self, data, lenient)
+
+    def _apply_register(self, data: dict[str, Any], lenient: bool) -> None:
+        key, struct = _key_in(data, "key"), data.get("struct", {})
+        fields = _fields_in(struct)
+        cls, kind = self._classes.get(key, (None, None))
+        if cls is None or (kind is not None and kind.fields != fields and key not in self._component_registry):
+            self._build(key, fields, struct)
+            return
+        if kind is not None and kind.fields != fields and not lenient:
+            raise RecordingError(f"The component class {key} has other fields here than in the recording.")
+        self._on_event("COMPONENT_REGISTER", _registration(key, struct))
+        self._component_registry.setdefault(key, cls)
+
+    def _build(self, key: Key, fields: dict[str, FieldType], texts: dict[str, str]) -> None:
+        if self._built >= _MOST_CLASSES:
+            raise RecordingError(f"The recording declares more than {_MOST_CLASSES} component classes.")
+        module, qualname = key
+        cls = type(qualname.rpartition(".")[2] or qualname, (), {"__module__": module, "__qualname__": qualname})
+        try:
+            check_class(cls, fields)
+        except BadType as error:
+            raise RecordingError(f"The recording declares an impossible component class: {error}") from error
+        self._built += 1
+        self._register(cls, fields, texts)
+
+    def _apply_create(self, data: dict[str, Any], lenient: bool) -> None:
+        name, key = _name_in(data), _key_in(data, "type")
+        if key not in self._classes:
+            raise RecordingError(f"The recording makes a component of the unknown class {key}.")
+        if name in self._components:
+            if lenient:
+                return
+            raise RecordingError(f"The recording makes a second component named {name!r}.")
+        cls, kind = self._classes[key]
+        component = self._made(cls, kind, name)
+        self._on_event(*_creation(component))
+        self._components[name] = component
+
+    def _made(self, cls: Any, kind: Kind, name: Any) -> Any:
+        """A component with its fields None; its author's `__init__` runs where it needs no arguments."""
+        self._is_silent = True
+        try:
+            component = cls.__new__(cls)
+            kind.begin(component, name)
+            if takes_nothing(kind.original_init):
+                kind.original_init(component)
+            kind.begin(component, name)
+        except Exception as error:
+            raise RecordingError(f"The component {name!r} of class {kind.key} cannot be made: {error}.") from error
+        finally:
+            self._is_silent = False
+        return component
+
+    def _apply_update(self, data: dict[str, Any], lenient: bool) -> None:
+        name, field = _name_in(data), data.get("key")
+        if name not in self._components and lenient:
+            return
+        kind = self._kind(self._components.get(name), name)
+        if kind is None:
+            raise RecordingError(f"The recording changes {name!r}, which is no recorded component.")
+        if not isinstance(field, str) or field not in kind.fields:
+            raise RecordingError(f"The recording sets {field!r} of {name!r}, which is no field of {kind.key}.")
+        value = kind.fields[field].shaped(data.get("value"))
+        if not lenient and not kind.fields[field].fits(value):
+            raise RecordingError(f"The recording sets {field!r} of {name!r}, {kind.fields[field]}, to {value!r:.100}.")
+        self.assign(self._components[name], field, value)
+
+    def _apply_delete(self, data: dict[str, Any], lenient: bool) -> None:
+        name = _name_in(data)
+        if name in self._components:
+            self.delete_component(name)
+        elif not lenient:
+            raise RecordingError(f"The recording deletes the unknown component {name!r}.")
+
+    def _apply_unregister(self, data: dict[str, Any], lenient: bool) -> None:
+        key = _key_in(data, "key")
+        if key in self._component_registry:
+            self.unregister_component(key)
+        elif not lenient:
+            raise RecordingError(f"The recording unregisters the unknown component class {key}.")
+
+    # -- within ---------------------------------------------------------------------------------------------------
+
+    def _register(self, cls: type, fields: dict[str, FieldType], texts: dict[str, str]) -> None:
+        """Make a checked class a component; of two classes with one key and the same fields the first is kept."""
+        key = key_of(cls)
+        is_known = key in self._component_registry
+        is_same = is_known and self._classes[key][1].fields == fields
+        if is_known and not is_same:
+            self._on_event("COMPONENT_UNREGISTER", {"key": list(key)})
+            del self._component_registry[key]
+        if not is_same:
+            self._on_event("COMPONENT_REGISTER", _registration(key, texts))
+        kind = make_component(cls, fields, self)
+        if not is_same:
+            self._component_registry[key] = cls
+            self._classes[key] = (cls, kind)
+
+    def _kind(self, component: Any, name: Any) -> Kind | None:
+        """The kind of an object that is recorded under this name, else None."""
+        kind = kind_of(component)
+        return kind if kind is not None and getattr(component, STORE)["name"] == name else None
+
+    def _is_recorded(self, component: Any, name: Any) -> bool:
+        return self._kind(component, name) is not None
+
+
+_APPLIED: dict[str, Callable[[Components, dict[str, Any], bool], None]] = {
+    "COMPONENT_REGISTER": Components._apply_register,
+    "COMPONENT_CREATE": Components._apply_create,
+    "COMPONENT_UPDATE": Components._apply_update,
+    "COMPONENT_DELETE": Components._apply_delete,
+    "COMPONENT_UNREGISTER": Components._apply_unregister,
+}
+
+
+# -- events -------------------------------------------------------------------------------------------------------
+
+
+def _registration(key: Key, texts: dict[str, str]) -> dict[str, Any]:
+    return {"key": list(key), "struct": dict(texts)}
+
+
+def _creation(component: Any) -> tuple[str, dict[str, Any]]:
+    kind = kind_of(component)
+    assert kind is not None  # noqa: S101 - only components come here
+    return "COMPONENT_CREATE", {"name": getattr(component, STORE)["name"], "type": list(kind.key)}
+
+
+def _update(name: Any, field: str, value: Any) -> dict[str, Any]:
+    return {"name": name, "key": field, "value": list(value) if isinstance(value, list) else value}
+
+
+def _events_of(component: Any) -> Iterator[tuple[str, dict[str, Any]]]:
+    """What makes this component anew."""
+    yield _creation(component)
+    store = getattr(component, STORE)
+    for field, value in store.items():
+        if field != "name" and value is not None:
+            yield "COMPONENT_UPDATE", _update(store["name"], field, value)
+
+
+# -- what lies in a file ------------------------------------------------------------------------------------------
+
+
+def _name_in(data: dict[str, Any]) -> Any:
+    name = data.get("name")
+    if "name" not in data or not (name is None or isinstance(name, str | int | float)):
+        raise RecordingError("A record names no component.")
+    return name
+
+
+def _key_in(data: dict[str, Any], part: str) -> Key:
+    key = data.get(part)
+    if not isinstance(key, list | tuple) or len(key) != 2 or not all(isinstance(one, str) for one in key):
+        raise RecordingError("A record names no component class by module and qualified name.")
+    module, qualname = key
+    if not (module + qualname).isprintable() or not qualname or len(module + qualname) > 1000:
+        raise RecordingError("A record names a component class that cannot be.")
+    return module, qualname
+
+
+def _fields_in(struct: Any) -> dict[str, FieldType]:
+    if not isinstance(struct, dict) or len(struct) > _MOST_FIELDS:
+        raise RecordingError(f"A component class is declared without a map of at most {_MOST_FIELDS} fields.")
+    try:
+        return {checked_name(name): struct_types.parse(text) for name, text in struct.items()}
+    except BadType as error:
+        raise RecordingError(f"The recording declares an impossible component class: {error}") from error

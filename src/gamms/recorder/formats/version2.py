@@ -1,0 +1,222 @@
+"""Format version 2, the recordings of gamms 1.0.0: reads every one of them, and writes the same bytes.
+
+Layout: 4 bytes `MMGR`; the version, a big-endian uint32; then one CBOR map per event, one after the other, with the
+keys `timestamp` (int, nanoseconds), `opCode` (int) and, but for the last record of all, `data` (a map). There is no
+index and no checksum. The last record says TERMINATE; what may follow it is not read.
+
+The only file of this format that knows cbor2, and only to write: reading is up to `plain_cbor.py`, which opens no tags.
+"""
+
+from collections.abc import Callable, Iterator, Mapping
+from struct import Struct
+from typing import Any, BinaryIO
+
+import numpy as np
+
+from gamms.errors import BadType, BadValue
+from gamms.recorder.errors import RecordingError
+from gamms.recorder.formats import plain_cbor
+from gamms.recorder.formats.plain_cbor import Damaged, Incomplete, PlainReader, Tagged
+from gamms.typing.opcodes import MAGIC_NUMBER, OpCodes
+
+Record = dict[str, Any]  # timestamp, opCode, data
+
+VERSION = 2
+ENDED = "Recording ended unexpectedly."  # the words of 1.0.0, which programs look for
+
+# What lifts a record of the version to the next one. Version 1 has the layout of version 2.
+TRANSLATIONS: dict[int, Callable[[Record], Record]] = {1: lambda record: record}
+
+# What the data of a record says at least.
+FIELDS: dict[int, frozenset[str]] = {
+    code.value: frozenset(fields.split())
+    for code, fields in {
+        OpCodes.TERMINATE: "",
+        OpCodes.SIMULATE: "",
+        OpCodes.AGENT_CREATE: "name kwargs",
+        OpCodes.AGENT_DELETE: "name",
+        OpCodes.AGENT_CURRENT_NODE: "agent_name node_id",
+        OpCodes.AGENT_PREV_NODE: "agent_name node_id",
+        OpCodes.AGENT_SENSOR_REGISTER: "agent_name name sensor_id",
+        OpCodes.AGENT_SENSOR_DEREGISTER: "agent_name name sensor_id",
+        OpCodes.AGENT_ORIENTATION: "agent_name orientation",
+        OpCodes.AERIAL_AGENT_POSITION: "agent_name position",
+        OpCodes.AERIAL_AGENT_QUATERNION: "agent_name quat",
+        OpCodes.COMPONENT_REGISTER: "key struct",
+        OpCodes.COMPONENT_CREATE: "name type",
+        OpCodes.COMPONENT_UPDATE: "name key value",
+        OpCodes.COMPONENT_DELETE: "name",
+        OpCodes.COMPONENT_UNREGISTER: "key",
+    }.items()
+}
+
+_HEADER = Struct(">4sI")
+_BLOCK = 1 << 16
+_TERMINATE = OpCodes.TERMINATE.value
+# How every record of 1.0.0 begins; read in one go, the rest by `PlainReader`.
+_FRONT = Struct(">11sxQ7sxI5s")
+_FRONT_TEXTS = (b"\xa3\x69timestamp", b"\x66opCode", b"\x64data")
+_MARKS = (0x1B, 0x1A)
+_MARKS_AT = (11, 27)
+
+
+# -- reading ----------------------------------------------------------------------------------------------------
+
+
+def read(stream: BinaryIO) -> Iterator[Record]:
+    """The records of a recording, one by one, TERMINATE last; memory stays bounded whatever the file holds.
+
+    Raises:
+        RecordingError: at the first `next`, when this is no recording of version 1 or 2; later, when a record is
+            damaged or the file ends before a record says TERMINATE. All records before that one were yielded.
+    """
+    window = _Window(stream)
+    lifts = [TRANSLATIONS[version] for version in range(_read_version(window), VERSION)]
+    while True:
+        offset = window.offset
+        record = _read_record(window)
+        for lift in lifts:
+            record = lift(record)
+        _check(record, offset)
+        yield record
+        if record["opCode"] == _TERMINATE:
+            return
+
+
+class _Window:
+    """The part of the stream that is being looked at: `data` from `position` on; `offset` bytes lie before that."""
+
+    def __init__(self, stream: BinaryIO) -> None:
+        self._stream = stream
+        self._behind = 0  # bytes of the stream that `data` no longer holds
+        self.data = b""
+        self.position = 0
+
+    @property
+    def offset(self) -> int:
+        return self._behind + self.position
+
+    def grow(self) -> bool:
+        """Look further: at least twice as far as now, so that a long record is not begun too often."""
+        left = self.data[self.position :]
+        more = self._stream.read(max(_BLOCK, len(left)))
+        if not isinstance(more, bytes):
+            raise BadType(f"A recording is read from a binary stream, not one that gives {type(more).__name__}.")
+        self._behind += self.position
+        self.data, self.position = left + more, 0
+        return bool(more)
+
+
+def _read_version(window: _Window) -> int:
+    while len(window.data) < _HEADER.size and window.grow():
+        pass
+    if len(window.data) < _HEADER.size or not window.data.startswith(MAGIC_NUMBER):
+        raise RecordingError("This is no recording: it does not begin with 'MMGR' and a version (byte 0).")
+    version = int(_HEADER.unpack_from(window.data)[1])
+    if not 0 < version <= VERSION:
+        raise RecordingError(f"The recording has format version {version} (byte 4); this reads 1 to {VERSION}.")
+    window.position = _HEADER.size
+    return version
+
+
+def _read_record(window: _Window) -> Record:
+    while True:
+        try:
+            return _next_record(window)
+        except Incomplete:
+            if window.grow():
+                continue
+        except Damaged as error:
+            raise _damaged(window.offset, str(error)) from error
+        if window.position == len(window.data):
+            raise RecordingError(f"{ENDED} There is no closing record at byte {window.offset}.")
+        raise RecordingError(f"{ENDED} The record at byte {window.offset} is cut off.")
+
+
+def _next_record(window: _Window) -> Record:
+    data, position = window.data, window.position
+    if len(data) - position > _FRONT.size:
+        begin, time, code, opcode, rest = _FRONT.unpack_from(data, position)
+        marks = (data[position + _MARKS_AT[0]], data[position + _MARKS_AT[1]])
+        if (begin, code, rest) == _FRONT_TEXTS and marks == _MARKS:
+            reader = PlainReader(data, position + _FRONT.size)
+            record: Record = {"timestamp": time, "opCode": opcode, "data": reader.item(1)}
+            window.position = reader.position
+            return record
+    reader = PlainReader(data, position)
+    found = reader.item()
+    if type(found) is not dict:
+        raise Damaged("it is no map")
+    window.position = reader.position
+    return found
+
+
+def _check(record: Record, offset: int) -> None:
+    opcode = record.get("opCode")
+    if type(opcode) is not int or type(record.get("timestamp")) is not int:
+        raise _damaged(offset, "it has no whole 'timestamp' and 'opCode'")
+    if opcode not in FIELDS:
+        raise _damaged(offset, f"there is no operation {opcode:#x}")
+    data = record.get("data")
+    if len(record) != (3 if "data" in record else 2) or not (type(data) is dict or opcode == _TERMINATE):
+        raise _damaged(offset, "it has other parts than 'timestamp', 'opCode' and a map 'data'")
+    if data is not None and not FIELDS[opcode] <= data.keys():
+        missing = ", ".join(sorted(FIELDS[opcode] - data.keys()))
+        raise _damaged(offset, f"{OpCodes(opcode).name} needs {missing}")
+
+
+def _damaged(offset: int, reason: str) -> RecordingError:
+    return RecordingError(f"{ENDED} The record at byte {offset} is damaged: {reason}.")
+
+
+# -- writing ----------------------------------------------------------------------------------------------------
+
+# The records whose data holds what a user passed.
+_USERS = {OpCodes.AGENT_CREATE.value, OpCodes.COMPONENT_UPDATE.value}
+
+
+class Version2Writer:
+    """Writes records to a binary stream; each is written whole or not at all."""
+
+    def __init__(self, stream: BinaryIO) -> None:
+        import cbor2
+
+        self._dumps = cbor2.dumps
+        self._tag = cbor2.CBORTag
+        self._errors = (cbor2.CBOREncodeError, UnicodeEncodeError)
+        self._stream = stream
+        stream.write(_HEADER.pack(MAGIC_NUMBER, VERSION))
+
+    def write(self, timestamp: int, opcode: int, data: Mapping[str, Any] | None = None) -> None:
+        """Write one record; None leaves `data` out, as in TERMINATE.
+
+        Raises:
+            BadType (TypeError): the data holds something that is no plain data; nothing was written.
+            BadValue (ValueError): it is too large or nested too deep to be read again; nothing was written.
+        """
+        record: Record = {"timestamp": timestamp, "opCode": opcode}
+        try:
+            if data is not None:
+                record["data"] = self._plain(data) if opcode in _USERS else data
+            encoded = self._dumps(record)
+            if opcode in _USERS:
+                PlainReader(encoded).item()
+        except self._errors as error:
+            raise BadType(f"{OpCodes(opcode).name} cannot be recorded: {error}. Use plain data.") from error
+        except (Damaged, RecursionError) as error:
+            raise BadValue(f"{OpCodes(opcode).name} cannot be recorded: {error}.") from error
+        self._stream.write(encoded)
+
+    def _plain(self, value: Any) -> Any:
+        """The value as cbor2 takes it, with an order for sets, so that equal games give equal bytes."""
+        if isinstance(value, Mapping):
+            return {self._plain(key): self._plain(one) for key, one in value.items()}
+        if isinstance(value, list | tuple):
+            return tuple(self._plain(one) for one in value)
+        if isinstance(value, set | frozenset):
+            return self._tag(plain_cbor.SET, tuple(sorted(map(self._plain, value), key=self._dumps)))
+        if isinstance(value, Tagged):
+            return self._tag(value.number, self._plain(value.value))
+        if isinstance(value, np.generic | np.ndarray):
+            return self._plain(value.tolist())
+        return value
