@@ -45,11 +45,11 @@ FLOORS = [
     {"typing"},
     {"agent", "game", "graph", "memory", "osm", "sensor", "visual"},
     {"context"},
-    {"demo", "rules", "strategies", "testing"},
+    {"demo", "rules", "scenario", "strategies", "testing"},
     {"cli"},
 ]
 OUTSIDE = {"", "_legacy", "__main__"}  # the front door, and the table of old paths, which knows every room
-GUESTS = {"demo", "rules", "strategies", "testing", "cli"}  # they use a context as any user would
+GUESTS = {"demo", "rules", "scenario", "strategies", "testing", "cli"}  # they use a context as any user would
 LEVEL = {room: level for level, rooms in enumerate(FLOORS) for room in rooms}
 
 
