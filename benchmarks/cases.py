@@ -203,6 +203,45 @@ def crowded_city():
     return play, ready_city(seen, starts)
 
 
+def turns(capacity=None):
+    """The turn engine, against the paper's hand-written loop over the same agents, placed apart."""
+
+    def make(n=100, agents=1000):
+        def world():
+            ctx = context()
+            fill(ctx.graph.graph, n)
+            rng, strategy = random.Random(7), paper_strategy(random.Random(1).choice)
+            for i, start in enumerate(rng.sample(range(n * n), agents)):
+                ctx.sensor.create_sensor(f"s_{i}", ST.NEIGHBOR)
+                agent = ctx.agent.create_agent(f"a_{i}", start_node_id=start, sensors=[f"s_{i}"])
+                agent.register_strategy(strategy)
+            return ctx
+
+        engine, by_hand = world(), world()
+        if capacity is not None:
+            from gamms.rules import Conflicts
+
+            engine.game.conflicts = Conflicts(capacity)
+
+        def ours():
+            for _ in range(20):
+                engine.game.step()
+            return 20 * agents
+
+        def floor():
+            for _ in range(20):
+                for agent in by_hand.agent.create_iter():
+                    state = agent.get_state()
+                    agent.strategy(state)
+                    agent.set_state()
+                by_hand.visual.simulate()
+            return 20 * agents
+
+        return ours, floor
+
+    return make
+
+
 CITY_SENSORS = {"near": ST.NEIGHBOR, "around": ST.RANGE, "others": ST.AGENT_RANGE}
 
 
@@ -286,5 +325,7 @@ CASES = [
     Case("scenario: the paper's loop, 1,000 agents", "agent-step", loop(1000)),
     Case("scenario: the paper's loop, 10,000 agents", "agent-step", loop(10000)),
     Case("scenario: 1,000 agents look around in Helsinki", "agent-step", crowded_city),
+    Case("scenario: turns of 1,000 agents", "agent-step", turns()),
+    Case("scenario: turns of 1,000 agents, capacity 1", "agent-step", turns(capacity=1)),
     Case("scenario: load Helsinki at 10 m", "map", helsinki),
 ]

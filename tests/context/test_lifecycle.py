@@ -176,12 +176,3 @@ def test_several_contexts_live_side_by_side(open_context):
     assert second.agent.get_agent("a").get_state()["curr_pos"] == 1
     assert list(second.graph.graph.get_nodes()) == [1]
     assert first.agent.get_agent("a").current_node_id == 0
-
-
-def test_the_turn_engine_comes_later_and_says_so(open_context):
-    ctx = open_context()
-    with pytest.raises(NotYet, match=r"the turn engine \(ctx\.game\)"):
-        _ = ctx.game
-    assert not hasattr(ctx, "game")
-    with pytest.raises(NotYet, match=r"the turn engine \(game=\)"):
-        open_context(game={"legal": "edges"})

@@ -102,6 +102,15 @@ def test_one_sensor_may_be_carried_under_two_names(ctx, two):
     assert two[1].get_state()["sensor"] == {name: (SensorType.NEIGHBOR, [1, 0]) for name in ("x", "y")}
 
 
+def test_a_shared_sensor_that_is_asked_itself_looks_for_whom_it_was_registered_last(ctx, two):
+    sensor = ctx.sensor.create_sensor("s", SensorType.AGENT)
+    for agent in two:
+        agent.register_sensor("s", sensor)
+    assert "a" not in two[0].get_state()["sensor"]["s"][1]
+    sensor.sense(0)
+    assert list(sensor.data) == ["a"]
+
+
 def test_a_sensor_of_the_users_own_class_needs_no_owner_attribute(ctx, two):
     class Own(ISensor):
         sensor_id, type, data = "own", SensorType.CUSTOM, None

@@ -257,8 +257,14 @@ class _Borrowed:
         self._sensor, self._name = sensor, name
 
     def sense(self, node_id: int) -> None:
-        self._sensor.set_owner(self._name)
-        self._sensor.sense(node_id)
+        sensor = self._sensor
+        owner = getattr(sensor, "_owner", self._name)
+        sensor.set_owner(self._name)
+        try:
+            sensor.sense(node_id)
+        finally:
+            if owner != self._name:  # whoever asks the sensor itself gets the view of the one that registered it last
+                sensor.set_owner(owner)
 
     @property
     def type(self) -> SensorType:

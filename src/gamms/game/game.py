@@ -12,7 +12,7 @@ from gamms.game.collectors import Collectors
 from gamms.game.errors import Meddling
 from gamms.game.memory import frozen
 from gamms.game.result import Result
-from gamms.game.seats import COUNTED, Seat, seats
+from gamms.game.seats import COUNTED, Seating
 from gamms.game.settings import Settings, as_turns
 from gamms.ir.agents import AgentColumns
 from gamms.typing.game import Move, Rule
@@ -70,8 +70,8 @@ class Game(Settings):
         self.team_memories: dict[Any, dict[Any, Any]] = {}
         self.turn_moves: TurnMoves | None = None
         self._over: dict[str, Any] | None = None
-        self._seats: list[Seat] = []
-        self._seated: tuple[int, str] | None = None
+        self._seating: Seating | None = None
+        self._seated = (-1, "")
         self._lengths: tuple[int | None, dict[tuple[int, int], float]] = (None, {})
 
     # -- what it is played by -----------------------------------------------------------------------------------
@@ -174,6 +174,7 @@ class Game(Settings):
 
     def result(self) -> Result:
         """What has come of the game so far."""
+        self._tell_moves()
         over = self._over or {"reason": "max_turns", "winner": None, "truncated": True}
         agents = self.ctx.agent.agents
         return Result(
@@ -209,7 +210,7 @@ class Game(Settings):
     @property
     def agents(self) -> list[Any]:
         """The living agents, in the order of their names."""
-        return [seat.agent for seat in self.seats()]
+        return [seat.agent for seat in self.seating().seats]
 
     @property
     def moves(self) -> dict[str, Move]:
@@ -262,12 +263,14 @@ class Game(Settings):
         columns: AgentColumns = self.ctx.agent.columns
         return columns
 
-    def seats(self) -> list[Seat]:
-        """A seat for everybody who is alive, in the order of the names."""
+    def seating(self) -> Seating:
+        """Who is asked in a turn."""
         self.ctx.agent.settle()
-        if self._seated != (self.columns.roster, self.legal):
-            self._seats, self._seated = seats(self), (self.columns.roster, self.legal)
-        return self._seats
+        key = (self.columns.roster, self.legal)
+        if self._seating is None or self._seated != key:
+            self._tell_moves()
+            self._seating, self._seated = Seating(self), key
+        return self._seating
 
     def rng_of(self, name: str) -> "Generator":
         """The random stream of an agent, which goes on from turn to turn."""
@@ -298,6 +301,10 @@ class Game(Settings):
         for rule in self._rules[phase]:
             rule(self.ctx)
         self.timings["rules"] += perf_counter() - began
+
+    def _tell_moves(self) -> None:
+        if self._seating is not None:
+            self._seating.tell()
 
     def _summary(self, agent: Any) -> dict[str, Any]:
         counts = self.counts.get(agent.name) or dict.fromkeys(COUNTED, 0)

@@ -34,9 +34,14 @@ class Moves(Flights):
     def act_together(self, columns: AgentColumns, rows: list[int], ends: list[int]) -> None:
         """Move many agents on the ground at once, to nodes that are there; who stays has come from where it is."""
         node, previous = columns.node, columns.previous
-        for row, end in zip(rows, ends, strict=True):
-            previous[row] = node[row]
-            node[row] = end
+        if len(rows) == len(node):  # which saves a third where nobody flies
+            previous[:] = node
+            for row, end in zip(rows, ends, strict=True):
+                node[row] = end
+        else:
+            for row, end in zip(rows, ends, strict=True):
+                previous[row] = node[row]
+                node[row] = end
         columns.touched.update(rows)
 
     def place(self, columns: AgentColumns, row: int, node_id: Any) -> None:

@@ -1,5 +1,6 @@
 """Who plays: one seat for each living agent, in the order of the names."""
 
+from operator import add, ne
 from typing import TYPE_CHECKING, Any
 
 from gamms.arguments import as_range
@@ -21,10 +22,9 @@ class Seat:
         flies: whether it is in the air.
         speed: how far it may go in a turn, in the unit of the game; None for one edge.
         is_plain: whether it moves along one edge, on the ground.
-        rng, memory: its own, as it finds them in its state.
+        template: its state, but for what changes from turn to turn.
         sees_world_only: whether all its sensors are built-in ones, which look at nothing but the graph and the agents.
         counts: how often what happened to it; see `COUNTED`.
-        usual: what a usual turn needs of all this, in the form that is read fastest.
     """
 
     __slots__ = (
@@ -32,14 +32,12 @@ class Seat:
         "counts",
         "flies",
         "is_plain",
-        "memory",
         "name",
-        "rng",
         "row",
         "sees_world_only",
         "speed",
         "team",
-        "usual",
+        "template",
     )
 
     def __init__(self, game: "Game", agent: Any) -> None:
@@ -48,10 +46,20 @@ class Seat:
         self.flies = agent.type is AgentType.AERIAL
         self.speed = None if self.flies else _speed(agent)
         self.is_plain = not self.flies and self.speed is None and game.legal == "edges"
-        self.rng = game.rng_of(self.name)
-        self.memory = game.memories.setdefault(self.name, {})
+        self.template: dict[str, Any] = {
+            "curr_pos": None,
+            **({"quat": None} if self.flies else {}),
+            "sensor": None,
+            "name": self.name,
+            "team": self.team,
+            "turn": 0,
+            "legal": (),
+            "rng": game.rng_of(self.name),
+            "memory": game.memories.setdefault(self.name, {}),
+            "team_memory": None,
+            "facts": game.facts,
+        }
         self.sees_world_only = all(_is_built_in(type(sensor)) for sensor in agent._sensor_list.values())
-        self.usual = (agent, self.row, self.name, self.team, self.rng, self.memory, self.is_plain)
         self.counts = game.counts.setdefault(self.name, dict.fromkeys(COUNTED, 0))
 
 
@@ -59,10 +67,41 @@ def _is_built_in(kind: type) -> bool:
     return kind.__module__.startswith("gamms.sensor.") and kind.__module__ != "gamms.sensor.function"
 
 
-def seats(game: "Game") -> list[Seat]:
-    """A seat for everybody who is alive."""
-    living = [agent for agent in game.ctx.agent.agents.values() if agent.alive]
-    return [Seat(game, agent) for agent in sorted(living, key=lambda agent: agent.name)]
+class Seating:
+    """A seat for everybody who is alive, in the order of the names, and what of it is asked for in every turn.
+
+    Attributes:
+        seats: the seats.
+        usual: of each seat, what a usual turn needs, in the form that is read fastest.
+        see_world_only: whether nobody has a sensor that may look at more than the graph and the agents.
+        on_ground: which seats are those of agents on the ground; None: all.
+        rows: the rows of these.
+    """
+
+    def __init__(self, game: "Game") -> None:
+        living = [agent for agent in game.ctx.agent.agents.values() if agent.alive]
+        self.seats = [Seat(game, agent) for agent in sorted(living, key=lambda agent: agent.name)]
+        self.usual = [(seat.agent, seat.row, seat.template, seat.is_plain) for seat in self.seats]
+        self.see_world_only = all(seat.sees_world_only for seat in self.seats)
+        ground = [i for i, seat in enumerate(self.seats) if not seat.flies]
+        self.on_ground = None if len(ground) == len(self.seats) else ground
+        self.rows = [self.seats[i].row for i in ground]
+        self._moved = [0] * len(self.seats)
+
+    def of_ground(self, values: list[Any]) -> list[Any]:
+        """Those values, one per seat, that are of agents on the ground."""
+        return values if self.on_ground is None else [values[i] for i in self.on_ground]
+
+    def count_moves(self, starts: list[int], ends: list[int]) -> None:
+        """Count who went on."""
+        # NOTE: in C, because everybody is counted in every turn (benchmarks/README.md, turns).
+        self._moved = list(map(add, self._moved, map(ne, starts, ends)))
+
+    def tell(self) -> None:
+        """Hand the counted moves on to the seats."""
+        for seat, moved in zip(self.seats, self._moved, strict=True):
+            seat.counts["moves"] += moved
+        self._moved = [0] * len(self.seats)
 
 
 def _speed(agent: Any) -> float | None:

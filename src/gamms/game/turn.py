@@ -7,7 +7,7 @@ from gamms.errors import GammsError
 from gamms.game import memory
 from gamms.game.errors import IllegalAction
 from gamms.game.judge import Plan, judged, reach, why_not
-from gamms.game.seats import Seat
+from gamms.game.seats import Seat, Seating
 from gamms.game.watch import Watch
 from gamms.typing.game import Move
 
@@ -18,8 +18,7 @@ if TYPE_CHECKING:
 def play_turn(game: "Game") -> None:
     """Observe, decide, resolve, apply."""
     began = perf_counter()
-    seats = game.seats()
-    turn = game.turn_moves = _ask(game, seats)
+    turn = game.turn_moves = _ask(game, game.seating())
     decided = perf_counter()
     if game.conflicts is not None:
         _resolve(game, turn)
@@ -35,18 +34,15 @@ def play_turn(game: "Game") -> None:
 class TurnMoves:
     """The moves of one turn by seat: as lists for the engine, by name for rules and resolvers that ask."""
 
-    def __init__(self, seats: list[Seat], starts: list[int], ends: list[int], plans: dict[int, Plan]) -> None:
-        self.seats, self.starts, self.ends, self.plans = seats, starts, ends, plans
+    def __init__(self, seating: Seating, starts: list[int], ends: list[int], plans: dict[int, Plan]) -> None:
+        self.seating, self.starts, self.ends, self.plans = seating, starts, ends, plans
+        self.seats = seating.seats
         self._by_name: dict[str, Move] | None = None
-
-    def on_ground(self) -> list[int]:
-        """Which seats are those of agents on the ground."""
-        return [i for i, seat in enumerate(self.seats) if not seat.flies]
 
     def by_name(self) -> dict[str, Move]:
         """Agent -> its move, of all on the ground, in the order of the names."""
         if self._by_name is None:
-            self._by_name = self.named(self.on_ground())
+            self._by_name = self.named(self.seating.of_ground(list(range(len(self.seats)))))
         return self._by_name
 
     def named(self, places: list[int]) -> dict[str, Move]:
@@ -69,64 +65,54 @@ class TurnMoves:
         self._by_name = None
 
 
-def _ask(game: "Game", seats: list[Seat]) -> TurnMoves:
+def _ask(game: "Game", seating: Seating) -> TurnMoves:
     """Let everybody observe and decide.
 
     Nobody sees what others decide: strategies cannot change the world, so what is seen right before an agent decides
     is what all see. Where a sensor may look at more than the world, all observe first.
     """
-    asked = _Asked(game)
-    seen = None if all(seat.sees_world_only for seat in seats) else [_observe(game, seat) for seat in seats]
-    usual = seen is None and game.time_budget is None and not game.team_memories
-    node, near, turn, facts = game.columns.node, game.ctx.graph.graph.neighborhoods, game.turn, game.facts
-    starts, ends, touched = asked.starts, asked.ends, asked.watch.rows
+    asked, seats = _Asked(game), seating.seats
+    seen = None if seating.see_world_only else [_observe(game, seat) for seat in seats]
+    is_usual = seen is None and game.time_budget is None and not game.team_memories
+    node, near, turn = game.columns.node, game.ctx.graph.graph.neighborhoods, game.turn
+    start, end, touched = asked.starts.append, asked.ends.append, asked.watch.rows
     game.is_deciding = True
     try:
-        for i, seat in enumerate(seats):
-            agent, row, name, team, rng, mind, is_plain = seat.usual
+        for i, (agent, row, template, is_plain) in enumerate(seating.usual):
             here = node[row]
-            starts.append(here)
+            start(here)
             strategy = agent.strategy
-            if strategy is None or not (is_plain and usual):
-                asked.ask(i, seat, here, seen)
+            if strategy is None or not (is_plain and is_usual):
+                asked.ask(i, seats[i], here, seen)
                 continue
             # NOTE: the usual agent is served in line (benchmarks/README.md, turns); `_Asked.ask` does the same.
             sensed = {}
             for key, sensor in agent._carried:
                 sensor.sense(here)
                 sensed[key] = (sensor.type, sensor.data)
-            legal = near[here]
+            agent._state = state = template.copy()
+            state["curr_pos"], state["sensor"], state["turn"] = here, sensed, turn
+            state["legal"] = legal = near[here]
             noted: dict[Any, Any] = {}
-            agent._state = state = {
-                "curr_pos": here,
-                "sensor": sensed,
-                "name": name,
-                "team": team,
-                "turn": turn,
-                "legal": legal,
-                "rng": rng,
-                "memory": mind,
-                "team_memory": noted,
-                "facts": facts,
-            }
+            state["team_memory"] = noted
             try:
                 strategy(state)
                 action = state["action"]
             except Exception as error:  # noqa: BLE001 - a strategy is anybody's code
-                ends.append(asked.failed(i, seat, here, state, error))
+                end(asked.failed(i, seats[i], here, state, error))
                 continue
             if type(action) is not int or action not in legal or touched:
-                action = asked.judge(i, seat, here, state)
+                action = asked.judge(i, seats[i], here, state)
             if noted:
-                asked.written.append((seat, noted))
-            ends.append(action)
+                asked.written.append((seats[i], noted))
+            end(action)
     finally:
         game.is_deciding = False
         asked.watch.restore()
     asked.watch.check_world()
     if asked.written:
         _share(game, asked.written)
-    return TurnMoves(seats, starts, ends, asked.plans)
+    return TurnMoves(seating, asked.starts, asked.ends, asked.plans)
 
 
 class _Asked:
@@ -195,29 +181,18 @@ class _Asked:
 def _observe(game: "Game", seat: Seat) -> dict[str, Any]:
     """The state of an agent of any kind."""
     columns, row = game.columns, seat.row
-    sensed = seat.agent.sense()
+    state = seat.template.copy()
+    state["sensor"] = seat.agent.sense()
     here = columns.node[row]
     if seat.flies:
-        place: dict[str, Any] = {"curr_pos": columns.position[row], "quat": columns.quat[row]}
+        state["curr_pos"], state["quat"] = columns.position[row], columns.quat[row]
     else:
-        place = {"curr_pos": here}
+        state["curr_pos"] = here
+        state["legal"] = game.ctx.graph.graph.neighborhoods[here] if seat.is_plain else reach(game, seat, here)
+    state["turn"] = game.turn
     known = game.team_memories.get(seat.team)
-    return {
-        **place,
-        "sensor": sensed,
-        "name": seat.name,
-        "team": seat.team,
-        "turn": game.turn,
-        "legal": ()
-        if seat.flies
-        else game.ctx.graph.graph.neighborhoods[here]
-        if seat.is_plain
-        else reach(game, seat, here),
-        "rng": seat.rng,
-        "memory": seat.memory,
-        "team_memory": memory.copied(known) if known else {},
-        "facts": game.facts,
-    }
+    state["team_memory"] = memory.copied(known) if known else {}
+    return state
 
 
 def _share(game: "Game", written: list[tuple[Seat, Any]]) -> None:
@@ -237,24 +212,18 @@ def _resolve(game: "Game", turn: TurnMoves) -> None:
     if involved is None:
         stopped = conflicts.resolve(turn.by_name(), game.ctx)  # type: ignore[union-attr] # asked where there is one
     else:
-        on_ground = turn.on_ground()
-        starts, ends = ([places[i] for i in on_ground] for places in (turn.starts, turn.ends))
-        few = [on_ground[i] for i in involved(starts, ends)]
+        seating = turn.seating
+        few = involved(seating.of_ground(turn.starts), seating.of_ground(turn.ends))
+        few = few if seating.on_ground is None else [seating.on_ground[i] for i in few]
         stopped = conflicts.resolve(turn.named(few), game.ctx) if few else set()  # type: ignore[union-attr] # as above
     if stopped:
         turn.stop(stopped)
 
 
 def _apply(game: "Game", turn: TurnMoves) -> None:
-    columns, writer = game.columns, game.ctx.agent.moves
-    rows, ends = [], []
-    for seat, start, end in zip(turn.seats, turn.starts, turn.ends, strict=True):
-        if not seat.flies:
-            rows.append(seat.row)
-            ends.append(end)
-            if end != start:
-                seat.counts["moves"] += 1
-    writer.act_together(columns, rows, ends)
+    columns, writer, seating = game.columns, game.ctx.agent.moves, turn.seating
+    writer.act_together(columns, seating.rows, seating.of_ground(turn.ends))
+    seating.count_moves(turn.starts, turn.ends)
     for i, plan in turn.plans.items():
         seat = turn.seats[i]
         columns.carry[seat.row] = plan.carry

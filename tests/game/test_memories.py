@@ -1,0 +1,99 @@
+"""What agents remember, alone and together."""
+
+import pytest
+from hypothesis import given
+from hypothesis import strategies as st
+
+from gamms.game.memory import merged
+
+
+def test_a_memory_is_an_agents_own_and_lasts(ctx):
+    def count(state):
+        state["memory"]["turns"] = state["memory"].get("turns", 0) + 1
+        state["action"] = state["curr_pos"]
+
+    for name in "ab":
+        ctx.agent.create_agent(name, start_node_id=0, strategy=count)
+    ctx.game.run(3)
+    assert ctx.game.memories == {"a": {"turns": 3}, "b": {"turns": 3}}
+
+
+def test_what_a_team_is_told_is_known_in_the_next_turn_to_the_team_alone(ctx):
+    heard = []
+
+    def tell(state):
+        heard.append((state["turn"], state["name"], dict(state["team_memory"])))
+        state["team_memory"][state["name"]] = state["turn"]
+        state["action"] = state["curr_pos"]
+
+    for name, team in (("a", "red"), ("b", "red"), ("c", "blue")):
+        ctx.agent.create_agent(name, start_node_id=0, team=team, strategy=tell)
+    ctx.game.run(2)
+    assert heard == [
+        (0, "a", {}),
+        (0, "b", {}),
+        (0, "c", {}),
+        (1, "a", {"a": 0, "b": 0}),
+        (1, "b", {"a": 0, "b": 0}),
+        (1, "c", {"c": 0}),
+    ]
+
+
+def test_what_is_nested_in_a_teams_memory_is_a_copy_too(ctx):
+    def tell(state):
+        state["team_memory"].setdefault("seen", {"nodes": []})["nodes"].append(state["name"])
+        state["action"] = state["curr_pos"]
+        seen.append(state["team_memory"]["seen"]["nodes"])
+
+    seen = []
+    for name in "ab":
+        ctx.agent.create_agent(name, start_node_id=0, team="red", strategy=tell)
+    ctx.game.run(2)
+    assert seen == [["a"], ["b"], ["a", "b", "a"], ["a", "b", "b"]]
+
+
+@pytest.mark.parametrize(
+    ("before", "copies", "after"),
+    [
+        ({"x": 1}, [{"x": 1}, {"x": 1}], {"x": 1}),
+        ({"x": 1}, [{"x": 2}, {"x": 1}], {"x": 2}),
+        ({"x": 1}, [{"x": 2}, {"x": 3}], {"x": 3}),
+        ({"x": 1}, [{}, {"x": 1}], {}),
+        ({"x": 1}, [{}, {"x": 4}], {"x": 4}),
+        ({}, [{"x": {1}}, {"x": {2}}], {"x": {1, 2}}),
+        ({"x": [0]}, [{"x": [0, 1]}, {"x": [0, 2]}, {"x": [0]}], {"x": [0, 1, 2]}),
+        ({"x": [0]}, [{"x": [1]}, {"x": [0, 2]}], {"x": [0, 2]}),
+        ({"x": {"a": 1}}, [{"x": {"a": 1, "b": 2}}, {"x": {"a": 1, "c": [3]}}], {"x": {"a": 1, "b": 2, "c": [3]}}),
+        ({"x": {"a": {1}}}, [{"x": {"a": {1, 2}}}, {"x": {"a": {1, 3}}}], {"x": {"a": {1, 2, 3}}}),
+    ],
+)
+def test_how_copies_become_one(before, copies, after):
+    assert merged(before, [(str(i), copy) for i, copy in enumerate(copies)]) == after
+
+
+VALUES = st.integers(0, 2) | st.sets(st.integers(0, 3)) | st.lists(st.integers(0, 3), max_size=3)
+MEMORIES = st.dictionaries(st.sampled_from("xyz"), VALUES | st.dictionaries(st.sampled_from("ab"), VALUES))
+
+
+@given(MEMORIES, MEMORIES)
+def test_one_writer_alone_has_its_way(before, copy):
+    assert merged(before, [("a", copy)]) == copy
+
+
+@given(MEMORIES, MEMORIES)
+def test_who_writes_nothing_changes_nothing(before, copy):
+    assert merged(before, [("a", before), ("b", copy), ("c", before)]) == copy
+
+
+def test_facts_cannot_be_written_to_however_deep(ctx):
+    ctx.game.publish(flags={"red": {"at": [1, 2]}}, teams={"red"})
+    facts = ctx.game.facts
+    for write in (
+        lambda: facts.__setitem__("x", 1),
+        lambda: facts["flags"].__setitem__("x", 1),
+        lambda: facts["flags"]["red"].__setitem__("at", 1),
+        lambda: facts["flags"]["red"]["at"].append(3),
+        lambda: facts["teams"].add("blue"),
+    ):
+        with pytest.raises((TypeError, AttributeError)):
+            write()

@@ -1,0 +1,166 @@
+"""Beginning anew: as before the first turn, and equal to a fresh build."""
+
+import numpy as np
+
+from gamms.agent import AgentType
+from gamms.sensor import SensorType
+
+
+def build(grid, seed=3):
+    """A game with everything in it that can change."""
+    ctx = grid(seed=seed)
+
+    def wander(state):
+        state["memory"]["turns"] = state["memory"].get("turns", 0) + 1
+        state["team_memory"].setdefault("seen", []).append((state["name"], state["curr_pos"]))
+        state["action"] = int(state["rng"].choice(state["legal"]))
+
+    for i in range(4):
+        agent = ctx.agent.create_agent(f"a{i}", start_node_id=4 * i, team=i % 2, strategy=wander, meta={"fuel": [9]})
+        agent.register_sensor("seen", ctx.sensor.create_sensor(f"s{i}", SensorType.AGENT, detection=0.5, exclude=i % 2))
+    drone = ctx.agent.create_agent("drone", type=AgentType.AERIAL, start_node_id=5, speed=3.0)
+    drone.register_strategy(lambda state: state.update(action=tuple(state["rng"].normal(size=3))))
+
+    @ctx.game.add
+    def rule(ctx):
+        turn = ctx.game.turn
+        ctx.game.data.setdefault("seen", []).append([agent.current_node_id for agent in ctx.game.agents])
+        ctx.game.scores["noise"] += float(ctx.rng.random())
+        ctx.agent.get_agent("a0").meta["fuel"].append(turn)
+        if turn == 2:
+            ctx.game.eliminate("a1")
+            ctx.agent.get_agent("a2").strategy = None
+            ctx.agent.get_agent("a3").team = "third"
+        if turn == 3:
+            ctx.agent.create_agent("late", start_node_id=0)
+            ctx.agent.delete_agent("a3")
+            ctx.graph.graph.remove_node(15)
+            ctx.graph.add_obstacle_face(1, (1, 1, 1), (1, 2, 1), (2, 1, 0), (2, 2, 0), 1)
+            ctx.game.publish(closed=[15])
+        if turn == 6:
+            ctx.game.end("enough", winner="nobody")
+
+    ctx.game.data["limit"] = {"fuel": 9}
+    ctx.game.publish(home=3)
+    ctx.game.collect("where", lambda agent: agent.current_node_id, per="agent")
+    return ctx
+
+
+def test_the_same_seed_plays_the_same_game_again(grid):
+    with build(grid) as ctx:
+        first = ctx.game.run()
+        ctx.game.reset()
+        assert ctx.game.turn == 0
+        assert ctx.game.run() == first
+        with build(grid) as fresh:
+            assert fresh.game.run() == first
+
+
+def test_after_a_reset_everything_is_as_before_the_first_turn(grid):
+    with build(grid) as ctx, build(grid) as fresh:
+        ctx.game.run()
+        ctx.game.reset()
+        for one in (ctx, fresh):
+            assert list(one.agent.agents) == ["a0", "a1", "a2", "a3", "drone"]
+            assert [agent.current_node_id for agent in one.agent.create_iter()] == [0, 4, 8, 12, 5]
+            assert [agent.team for agent in one.agent.create_iter()] == [0, 1, 0, 1, None]
+            assert all(agent.alive and agent.state == {} and agent.strategy for agent in one.agent.create_iter())
+            assert one.agent.get_agent("a0").meta == {"fuel": [9]}
+            assert one.agent.get_agent("drone").position == (10.0, 10.0, 0.0)
+            assert (one.game.data, dict(one.game.scores), one.game.events) == ({"limit": {"fuel": 9}}, {}, [])
+            assert dict(one.game.facts) == {"home": 3}
+            assert one.graph.graph.has_node(15)
+            assert list(one.graph.get_obstacle_faces()) == []
+            assert one.sensor.get_sensor("s1").data == {}
+            assert not one.game.is_over
+
+
+def test_another_seed_is_another_game_that_equals_a_fresh_one(grid):
+    with build(grid) as ctx, build(grid, seed=8) as fresh:
+        first = ctx.game.run()
+        ctx.game.reset(8)
+        second = ctx.game.run()
+        assert second != first
+        assert second.seed == 8
+        assert second == fresh.game.run()
+        ctx.game.reset(3)
+        assert ctx.game.run() == first
+
+
+def test_the_start_is_that_before_the_first_turn_not_that_of_the_creation(ctx, play):
+    agent = play("a", 0, 1)
+    agent.current_node_id = 5
+    ctx.game.data["n"] = 1
+    ctx.game.step()
+    ctx.game.data["n"] = 2
+    ctx.game.reset()
+    assert (agent.current_node_id, ctx.game.data) == (5, {"n": 1})
+
+
+def test_a_graph_that_did_not_change_keeps_its_indexes(ctx, play):
+    play("a", 0, 1)
+    ctx.game.run(2)
+    revision, columns = ctx.graph.graph.revision, ctx.graph.columns()
+    ctx.game.reset()
+    assert ctx.graph.graph.revision == revision
+    assert ctx.graph.columns() is columns
+
+
+def test_a_reset_before_the_first_turn_sets_the_seed(grid):
+    with grid(seed=1) as ctx, grid(seed=9) as other:
+        ctx.game.reset(9)
+        assert ctx.seed == 9
+        assert ctx.rng.random() == other.rng.random()
+
+
+def test_a_sensor_of_the_users_own_is_told_to_begin_anew(ctx, play):
+    class Counter:
+        sensor_id, type, data = "counter", SensorType.CUSTOM, 0
+
+        def sense(self, node_id):
+            self.data += 1
+
+        def update(self, data):
+            pass
+
+        def set_owner(self, owner):
+            pass
+
+        def reset(self):
+            self.data = 0
+
+    counter = ctx.sensor.custom("COUNTER_TEST")(Counter)()
+    ctx.sensor.add_sensor(counter)
+    agent = play("a", 0)
+    agent.register_sensor("counter", counter)
+    ctx.game.run(3)
+    assert counter.data == 3
+    ctx.game.reset()
+    assert counter.data == 0
+
+
+def test_attributes_that_cannot_be_copied_are_kept(ctx, play):
+    class Radio:
+        def __deepcopy__(self, memo):
+            raise TypeError("there is only one")
+
+    agent = play("a", 0, 1)
+    agent.radio, agent.array = radio, array = Radio(), np.arange(3)
+    ctx.game.step()
+    array[0] = 7
+    ctx.game.reset()
+    assert agent.radio is radio
+    assert agent.array.tolist() == [0, 1, 2]
+
+
+def test_a_thousand_games_leave_nothing_behind(grid):
+    with grid(seed=1) as ctx:
+        ctx.agent.create_agent("a", start_node_id=0, strategy=lambda state: state.update(action=state["legal"][-1]))
+        ctx.game.add(lambda ctx: ctx.game.emit("step", agent="a"))
+        results = []
+        for seed in range(1000):
+            ctx.game.reset(seed)
+            results.append(ctx.game.run(2))
+        assert len(ctx.game.events) == 2
+        assert len(ctx.game.memories) == 1
+        assert {result.turns for result in results} == {2}

@@ -1,0 +1,192 @@
+"""Results, tables, collectors and settings."""
+
+import json
+
+import numpy as np
+import pytest
+
+import gamms
+from gamms.errors import GammsError
+
+
+def played(ctx, play):
+    play("a", 0, 1, 5, team="red")
+    play("b", 5, 99, team="blue")
+
+    @ctx.game.add
+    def rule(ctx):
+        ctx.game.scores["red"] += 1.5
+        ctx.game.emit("seen", agent="a", at=(1, 2), by=None if ctx.game.turn == 1 else "b")
+        if ctx.game.turn == 2:
+            ctx.game.emit("end", ok=True)
+            ctx.game.end("done", winner="red")
+
+    ctx.game.collect("node", lambda agent: agent.current_node_id, per="agent")
+    ctx.game.collect("late", lambda ctx: {"turn": ctx.game.turn}, every=2)
+    return ctx.game.run()
+
+
+def test_a_result_says_what_came_of_the_game(ctx, play):
+    result = played(ctx, play)
+    assert (result.turns, result.scores, result.winner, result.reason, result.truncated) == (
+        2,
+        {"red": 3.0},
+        "red",
+        "done",
+        False,
+    )
+    assert result.seed == ctx.seed
+    assert result.agents["a"] == {
+        "team": "red",
+        "alive": True,
+        "node": 5,
+        "moves": 2,
+        "blocked": 0,
+        "illegal": 0,
+        "errors": 0,
+        "overruns": 0,
+    }
+    assert set(result.timings) == {"decide", "resolve", "apply", "rules", "draw"}
+    assert min(result.timings.values()) >= 0.0
+
+
+def test_tables_have_columns_of_plain_types(ctx, play):
+    result = played(ctx, play)
+    agents = result.table("agents")
+    assert list(agents) == ["agent", "team", "alive", "node", "moves", "blocked", "illegal", "errors", "overruns"]
+    assert agents["agent"].tolist() == ["a", "b"]
+    assert [agents[name].dtype.kind for name in ("agent", "alive", "node")] == ["U", "b", "i"]
+    seen = result.table("seen")
+    assert {name: column.tolist() for name, column in seen.items()} == {
+        "turn": [1, 2],
+        "agent": ["a", "a"],
+        "at": [(1, 2), (1, 2)],
+        "by": [None, "b"],
+    }
+    assert result.table("node")["value"].tolist() == [1, 5, 5, 5]
+    assert result.table("node")["agent"].tolist() == ["a", "b", "a", "b"]
+    assert result.table("late")["value"].tolist() == [{"turn": 2}]
+    assert result.table("events")["kind"].tolist() == ["seen", "seen", "end"]
+    assert result.table("scores")["score"].tolist() == [3.0]
+    assert result.table("errors")["agent"].tolist() == ["b"]
+    assert {len(column) for column in result.table("errors").values()} == {1}
+    with pytest.raises(KeyError, match=r"Unknown table 'agent'. Did you mean 'agents'\?"):
+        result.table("agent")
+
+
+def test_tables_of_a_game_in_which_nothing_happened_are_empty(ctx, play):
+    play("a", 0)
+    result = ctx.game.run(1)
+    for name, columns in (
+        ("events", ["turn", "kind"]),
+        ("errors", ["turn", "agent", "kind", "message"]),
+        ("scores", ["of", "score"]),
+    ):
+        assert list(result.table(name)) == columns
+        assert all(len(column) == 0 for column in result.table(name).values())
+
+
+def test_a_result_is_saved_as_json(ctx, play, tmp_path):
+    result = played(ctx, play)
+    result.save(tmp_path / "r.json")
+    kept = json.loads((tmp_path / "r.json").read_text())
+    assert kept == result.to_dict()
+    assert kept["events"][0]["at"] == [1, 2]
+    with pytest.raises(FileNotFoundError, match="no folder"):
+        result.save(tmp_path / "missing" / "r.json")
+
+
+def test_results_are_equal_whatever_time_they_took(ctx, play):
+    result = played(ctx, play)
+    ctx.game.reset()
+    again = ctx.game.run()
+    assert again == result
+    assert again.timings != result.timings
+    again.scores["red"] += 1
+    assert again != result
+    assert result != "result"
+
+
+def test_what_is_collected_is_a_copy(ctx, play):
+    play("a", 0)
+    log = []
+    ctx.game.add(lambda ctx: log.append(ctx.game.turn))
+    ctx.game.collect("log", lambda ctx: log)
+    assert ctx.game.run(2).table("log")["value"].tolist() == [[1], [1, 2]]
+
+
+@pytest.mark.parametrize(
+    ("arguments", "error"),
+    [
+        (("x", None), TypeError),
+        (("", len), ValueError),
+        (("x", len, 0), ValueError),
+        (("x", len, 1.5), TypeError),
+        (("x", len, 1, "team"), ValueError),
+        (("taken", len), ValueError),
+    ],
+)
+def test_an_impossible_collector_is_refused(ctx, arguments, error):
+    ctx.game.collect("taken", len)
+    with pytest.raises(error) as caught:
+        ctx.game.collect(*arguments)
+    assert isinstance(caught.value, GammsError)
+
+
+@pytest.mark.parametrize(
+    ("setting", "value", "words"),
+    [
+        ("legal", "edge", "ctx.game.legal cannot be 'edge'. Did you mean 'edges'?"),
+        ("on_illegal", "ignore", "Use one of: 'stay', 'raise'."),
+        ("on_error", True, "Use one of: 'raise', 'stay'."),
+        ("speed_unit", "meters", "Did you mean 'metres'?"),
+        ("conflicts", "none", "must have a method resolve"),
+        ("time_budget", 0, "must be positive"),
+        ("time_budget", "1 s", "must be a number"),
+        ("max_turns", -1, "must not be negative"),
+        ("max_turns", 1.5, "must be an integer"),
+    ],
+)
+def test_a_setting_is_checked_when_it_is_set(ctx, setting, value, words):
+    before = getattr(ctx.game, setting)
+    with pytest.raises((ValueError, TypeError)) as caught:
+        setattr(ctx.game, setting, value)
+    assert words in str(caught.value)
+    assert getattr(ctx.game, setting) == before
+    with pytest.raises((ValueError, TypeError)):
+        gamms.create_context(game={setting: value}, logger_config={"level": "CRITICAL"})
+
+
+def test_settings_may_be_given_to_the_context():
+    with gamms.create_context(game={"legal": "any", "max_turns": 3}, logger_config={"level": "CRITICAL"}) as ctx:
+        assert (ctx.game.legal, ctx.game.max_turns, ctx.game.on_error) == ("any", 3, "raise")
+    with pytest.raises(KeyError, match=r"Unknown setting of a game 'leagl'. Did you mean 'legal'\?"):
+        gamms.create_context(game={"leagl": "any"}, logger_config={"level": "CRITICAL"})
+    with pytest.raises(TypeError, match="must be a dict of settings"):
+        gamms.create_context(game="fast", logger_config={"level": "CRITICAL"})
+
+
+@pytest.mark.parametrize(
+    ("rule", "phase", "error"), [(None, "during", ValueError), ("rule", "after", TypeError), (3, "before", TypeError)]
+)
+def test_what_is_no_rule_is_refused(ctx, rule, phase, error):
+    with pytest.raises(error):
+        ctx.game.add(rule, phase=phase)
+
+
+def test_numbers_beyond_64_bits_make_a_column_of_objects(ctx, play):
+    play("a", 0)
+    ctx.game.collect("big", lambda ctx: 2**80)
+    column = ctx.game.run(1).table("big")["value"]
+    assert (column.dtype, column.tolist()) == (np.dtype(object), [2**80])
+
+
+def test_teams_are_listed_with_their_agents(ctx):
+    for name, team in (("c", "red"), ("a", "blue"), ("b", "red"), ("n", None)):
+        ctx.agent.create_agent(name, start_node_id=0, team=team)
+    teams = ctx.agent.teams
+    assert [(team, [agent.name for agent in agents]) for team, agents in teams.items()] == [
+        (None, ["n"]),
+        ("blue", ["a"]),
+        ("red", ["c", "b"]),
+    ]
