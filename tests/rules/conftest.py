@@ -1,5 +1,7 @@
 """A context on a road of ten nodes, and moves on it."""
 
+from contextlib import ExitStack
+
 import pytest
 
 import gamms
@@ -31,3 +33,33 @@ def stay(ctx):
         return "".join(sorted(conflicts.resolve(moves_of(*ways, teams=teams), ctx)))
 
     return who
+
+
+def walk(*nodes):
+    """A strategy: the first node in the first turn, the second in the second, …; then stay."""
+
+    def strategy(state):
+        state["action"] = nodes[state["turn"]] if state["turn"] < len(nodes) else state["curr_pos"]
+
+    return strategy
+
+
+@pytest.fixture
+def road():
+    """Opens games on a road of ten nodes, ten metres apart, with edges both ways.
+
+    `road(anna=("red", 3, 4, 5))`: anna plays for red, begins on node 3 and goes to 4, then 5.
+    """
+    with ExitStack() as open_games:
+
+        def open_one(*, seed=5, order=sorted, **agents):
+            ctx = open_games.enter_context(gamms.create_context(seed=seed, logger_config={"level": "CRITICAL"}))
+            ctx.graph.add_nodes(range(10), range(0, 100, 10), [0] * 10)
+            ways = [(i, i + 1) for i in range(9)] + [(i + 1, i) for i in range(9)]
+            ctx.graph.add_edges(range(18), *zip(*ways, strict=True))
+            for name in order(agents):
+                team, start, *nodes = agents[name]
+                ctx.agent.create_agent(name, start_node_id=start, team=team, strategy=walk(*nodes))
+            return ctx
+
+        yield open_one

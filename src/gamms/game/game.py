@@ -83,6 +83,9 @@ class Game(Settings):
     def add(self, rule: Rule | None = None, *, phase: str = "after") -> Any:
         """Let a rule be applied in every turn; also a decorator, with or without `phase`.
 
+        A rule may have two attributes: `prepare(ctx)` is called at once, to look at the map and to publish facts;
+        `drawer(ctx, data)` draws it.
+
         Args:
             rule: called with the context; rules are called in the order in which they were added.
             phase: "after" everybody has moved, or "before" anybody observes.
@@ -97,6 +100,9 @@ class Game(Settings):
             return lambda one: self.add(one, phase=phase)
         if not callable(rule):
             raise BadType(f"A rule must be a function of the context, not {rule!r}.")
+        prepare = getattr(rule, "prepare", None)
+        if prepare is not None:
+            prepare(self.ctx)
         self._rules[phase].append(rule)
         drawer = getattr(rule, "drawer", None)
         if drawer is not None:

@@ -1,0 +1,61 @@
+"""How rules are drawn: flags, territories, in the colours of the teams. A drawer only reads."""
+
+from collections.abc import Mapping
+from typing import Any
+
+import numpy as np
+
+from gamms.typing.game import Rule
+from gamms.visual.color import TEAM_COLORS, rgba
+from gamms.visual.primitives import primitives_of
+
+_TINT, _DOT_PX = 60, 5.0
+_FLAG = 0.03  # the height of a flag, in widths of the map
+
+
+def equipped(rule: Rule, **extras: Any) -> Rule:
+    """A rule with what `ctx.game.add` looks for: `prepare(ctx)`, called at once, and `drawer(ctx, data)`."""
+    rule.__dict__.update(extras)
+    return rule
+
+
+def draw_flags(ctx: Any, flags: Mapping[Any, int], colors: Mapping[Any, Any] | None) -> None:
+    """A pennant in the colour of each team on the node where its flag is."""
+    height, visual = _FLAG * _extent(ctx), primitives_of(ctx)
+    for team, color in _colors(ctx, flags, colors).items():
+        node = ctx.graph.graph.get_node(flags[team])
+        x, y, top = node.x, node.y, node.y + height
+        visual.render_circles([(x, y)], _DOT_PX, color, in_pixels=True)
+        visual.render_lines([(x, y), (x, top)], [0, 2], color, 2.0)
+        visual.render_polygon([(x, top), (x + 0.7 * height, top - 0.25 * height), (x, top - 0.5 * height)], color)
+
+
+def draw_territory(ctx: Any, territory: Mapping[int, Any], colors: Mapping[Any, Any] | None) -> None:
+    """A faint disc in the colour of its team on every node, as large as its streets are long."""
+    graph, visual = ctx.graph.graph, primitives_of(ctx)
+    nodes: dict[Any, list[int]] = {}
+    for node, team in territory.items():
+        if team is not None and graph.has_node(node):
+            nodes.setdefault(team, []).append(node)
+    for team, color in _colors(ctx, nodes, colors).items():
+        visual.render_circles(graph.positions(nodes[team]), 0.5 * _street(ctx), (*rgba(color)[:3], _TINT))
+
+
+def _colors(ctx: Any, teams: Mapping[Any, Any], given: Mapping[Any, Any] | None) -> dict[Any, Any]:
+    """A colour for each team: the given one, or what its agents have where nothing is declared."""
+    met = (agent.name if agent.team is None else agent.team for agent in ctx.agent.create_iter())
+    order = list(dict.fromkeys([*met, *sorted(teams, key=str)]))
+    usual = {team: TEAM_COLORS[order.index(team) % len(TEAM_COLORS)] for team in teams}
+    return {team: (given or {}).get(team, usual[team]) for team in sorted(teams, key=str)}
+
+
+def _extent(ctx: Any) -> float:
+    xy = ctx.graph.columns().xy
+    return float(np.ptp(xy, axis=0).max()) if len(xy) else 0.0
+
+
+def _street(ctx: Any) -> float:
+    """The usual length of an edge, map units; of a map without any, of the map."""
+    columns = ctx.graph.columns()
+    ways = columns.xy[columns.targets] - columns.xy[columns.sources]
+    return float(np.median(np.hypot(ways[:, 0], ways[:, 1]))) if len(ways) else _extent(ctx)

@@ -1,0 +1,140 @@
+"""How games end: somebody is where it wanted to be, time is up, or nobody else is left."""
+
+from collections.abc import Iterable, Mapping
+from typing import Any
+
+from gamms.arguments import as_float, as_int
+from gamms.errors import BadValue, UnknownName
+from gamms.rules.drawing import equipped
+from gamms.typing import AgentType
+from gamms.typing.game import Rule
+
+_STARTS = "starts of "
+
+
+class _ItsTeam:
+    """Stands for the team that got there."""
+
+    def __repr__(self) -> str:
+        return "ITS_TEAM"
+
+
+ITS_TEAM = _ItsTeam()
+
+
+def reach(team: Any, nodes: Any = None, *, winner: Any = ITS_TEAM, score: float = 0) -> Rule:
+    """A rule: the game ends when an agent on the ground is at the end of a turn where its team wanted to be.
+
+    Each that is there is an event `reach` with `agent` and `node`. Teams that get there in the same turn draw: there
+    is no winner.
+
+    Args:
+        team: whose agents; or a mapping from teams to what else would be `nodes`, where several compete.
+        nodes: a node, several, or the text "starts of X": where the agents of team X began.
+        winner: who wins if it is not the team that got there.
+        score: what each team that got there gets.
+
+    Raises:
+        BadType, BadValue: an argument is none of these, or a winner is given for several teams.
+        UnknownName (KeyError): when it is added to a game, a node is none of the map.
+    """
+    given = team if isinstance(team, Mapping) else {team: nodes}
+    if isinstance(team, Mapping) and nodes is not None:
+        raise BadValue(f"nodes={nodes!r} is too much: {team!r} says already who is to reach what.")
+    if winner is not ITS_TEAM and len(given) > 1:
+        raise BadValue(f"winner={winner!r} is for one team, and {list(given)} compete: the first to arrive wins.")
+    goals = {one: _as_goal(goal, one) for one, goal in sorted(given.items(), key=lambda item: str(item[0]))}
+    as_float(score, "score")
+
+    def prepare(ctx: Any) -> None:
+        refuse_unknown(ctx, {node for goal in goals.values() if not isinstance(goal, str) for node in goal})
+
+    def reach(ctx: Any) -> None:
+        there = [one for one, goal in goals.items() if _arrive(ctx, one, goal)]
+        for one in there if score else ():
+            ctx.game.scores[one] += score
+        if there:
+            won = (there[0] if winner is ITS_TEAM else winner) if len(there) == 1 else None
+            ctx.game.end(f"{' and '.join(map(str, there))} reached the goal", winner=won)
+
+    return equipped(reach, prepare=prepare)
+
+
+def time_limit(turns: int) -> Rule:
+    """A rule: time is up after so many turns; the team with the highest score wins, if it is one alone.
+
+    Teams are those that agents play for, dead ones included; where there is only one, there is no winner.
+
+    Raises:
+        BadType, BadValue: the number is none, or less than 1.
+    """
+    last = as_int(turns, "turns")
+    if last < 1:
+        raise BadValue(f"turns must be at least 1, not {last}.")
+
+    def time_limit(ctx: Any) -> None:
+        if ctx.game.turn >= last:
+            ctx.game.end("time limit", winner=_leader(ctx), truncated=True)
+
+    return time_limit
+
+
+def last_team() -> Rule:
+    """A rule: the game ends when the living agents are of one team, which wins, or of none.
+
+    Agents of no team (`team=None`) do not count; those in the air do.
+    """
+
+    def last_team(ctx: Any) -> None:
+        left = {agent.team for agent in ctx.game.agents if agent.team is not None}
+        if len(left) <= 1:
+            ctx.game.end("last team", winner=next(iter(left), None))
+
+    return last_team
+
+
+def on_the_ground(ctx: Any, team: Any) -> list[Any]:
+    """The living agents of a team on the ground, in the order of the names."""
+    return [agent for agent in ctx.game.agents if agent.team == team and agent.type is not AgentType.AERIAL]
+
+
+def refuse_unknown(ctx: Any, nodes: Iterable[int]) -> None:
+    """Raise UnknownName for the first node that the map does not have."""
+    for node in sorted(nodes):
+        if not ctx.graph.graph.has_node(node):
+            raise UnknownName("node", node)
+
+
+def _arrive(ctx: Any, team: Any, goal: frozenset[int] | str) -> bool:
+    """Whether agents of a team are where it wanted to be; each is an event."""
+    ends = _starts(ctx, goal) if isinstance(goal, str) else goal
+    arrived = [agent for agent in on_the_ground(ctx, team) if agent.current_node_id in ends]
+    for agent in arrived:
+        ctx.game.emit("reach", agent=agent.name, node=agent.current_node_id)
+    return bool(arrived)
+
+
+def _leader(ctx: Any) -> Any:
+    """The team with the highest score; None if there are several, or no other team."""
+    scores = {team: ctx.game.scores[team] for team in ctx.agent.teams if team is not None}
+    best = [team for team, score in scores.items() if score == max(scores.values())]
+    return best[0] if len(best) == 1 < len(scores) else None
+
+
+def _as_goal(goal: Any, team: Any) -> frozenset[int] | str:
+    """Nodes, or the text of the team at whose starts the goal is."""
+    if isinstance(goal, str):
+        if not goal.startswith(_STARTS) or goal == _STARTS:
+            raise BadValue(f"Team {team!r} is to reach {goal!r}: give nodes, or a text such as 'starts of blue'.")
+        return goal.removeprefix(_STARTS)
+    several = isinstance(goal, Iterable)
+    nodes = frozenset(as_int(node, f"A node for team {team!r} to reach") for node in (goal if several else [goal]))
+    if not nodes:
+        raise BadValue(f"Team {team!r} needs a node to reach.")
+    return nodes
+
+
+def _starts(ctx: Any, team: str) -> set[int]:
+    """Where the agents on the ground of the team of that text began."""
+    agents = [agent for one, agents in ctx.agent.teams.items() if str(one) == team for agent in agents]
+    return {ctx.game.start_node(agent) for agent in agents if agent.type is not AgentType.AERIAL}

@@ -1,0 +1,152 @@
+"""Capture the flag: who stands on a flag of others takes it, and brings it home."""
+
+from collections.abc import Mapping
+from typing import Any
+
+from gamms import kernels
+from gamms.arguments import as_float, as_int, as_name
+from gamms.errors import BadType, BadValue
+from gamms.rules.drawing import draw_flags, equipped
+from gamms.rules.endings import on_the_ground, refuse_unknown
+from gamms.rules.territory import as_territory
+from gamms.typing import AgentType
+from gamms.typing.game import Rule
+
+
+def capture_flag(
+    flags: Mapping[Any, int],
+    *,
+    territory: Mapping[int, Any] | str | None = None,
+    goal: int | None = 1,
+    score: float = 1,
+    announce: bool = True,
+    key: str = "flags",
+    colors: Mapping[Any, Any] | None = None,
+) -> Rule:
+    """A rule: agents on the ground take the flags of other teams and bring them home.
+
+    In each turn, in this order: (1) a carrier that is dead, or that was tagged, respawned or eliminated since, drops
+    its flag, which is back on its base at once; (2) a carrier that is home has captured its flag, which is back, too;
+    (3) whoever stands on the base of another team's flag that is there takes it, one flag an agent. Of several one is
+    chosen by lot. Whom no team has (`team=None`) takes none. Rules that tag should be added before this one.
+
+    Events: `take`, `drop` and `capture`, each with `agent`, `flag` (whose it is) and `node`.
+
+    Args:
+        flags: team -> the node that is the base of its flag. Teams without one may take those of others.
+        territory: node -> team, or the name of the fact that has this: home is every node of the carrier's team. None:
+            the base of its own flag; where its team has none, any node on which one of its agents began.
+        goal: so many captures end the game, and that team wins; two in one turn draw. None: they never end it.
+        score: what the carrier's team gets for a capture.
+        announce: whether strategies are told: `state["facts"][key]` is team -> {"node": base, "carrier": name or
+            None}, as of the end of the last turn.
+        key: under which name the rule keeps in `ctx.game.data` what it remembers: `carriers` and `captures` by team.
+        colors: team -> colour of its flag; None: those of the agents where nothing else is declared.
+
+    Raises:
+        BadType, BadValue: an argument is none of these.
+        UnknownName (KeyError): when it is added to a game, a base is no node of the map.
+    """
+    game = _Flags(flags, territory, goal, score, announce=announce, key=key)
+
+    def capture_flag(ctx: Any) -> None:
+        game.play(ctx)
+
+    def drawer(ctx: Any, _: Any) -> None:
+        draw_flags(ctx, game.places(ctx), colors)
+
+    return equipped(capture_flag, prepare=game.prepare, drawer=drawer)
+
+
+class _Flags:
+    """The rule itself: what it was made with. What happens in a game is in `ctx.game.data`."""
+
+    def __init__(self, flags: Any, territory: Any, goal: Any, score: Any, *, announce: Any, key: Any) -> None:
+        if not isinstance(flags, Mapping) or not flags:
+            raise BadType(f"flags must be a mapping from teams to nodes, not {flags!r}.")
+        bases = ((team, as_int(flags[team], f"The base of the flag of {team!r}")) for team in sorted(flags, key=str))
+        self.bases: dict[Any, int] = dict(bases)
+        self.ground = as_territory(territory)
+        self.goal = None if goal is None else as_int(goal, "goal")
+        if self.goal is not None and self.goal < 1:
+            raise BadValue(f"goal must be at least 1, not {goal}. None never ends the game.")
+        as_float(score, "score")
+        if not isinstance(announce, bool):
+            raise BadType(f"announce must be True or False, not {announce!r}.")
+        self.score, self.announce, self.key = score, announce, as_name(key, "what the rule remembers")
+
+    def prepare(self, ctx: Any) -> None:
+        """Look at the map, and tell where the flags are."""
+        refuse_unknown(ctx, self.bases.values())
+        self._tell(ctx, dict.fromkeys(self.bases))
+
+    def places(self, ctx: Any) -> dict[Any, int]:
+        """Where the flags are now."""
+        carriers = ctx.game.data.get(self.key, {}).get("carriers", {})
+        agents = ctx.agent.agents
+        carried = {team: agents[name].current_node_id for team, name in carriers.items() if name in agents}
+        return self.bases | carried
+
+    def play(self, ctx: Any) -> None:
+        """One turn."""
+        data = ctx.game.data.setdefault(self.key, {"carriers": dict.fromkeys(self.bases), "captures": {}, "seen": 0})
+        carriers: dict[Any, str | None] = data["carriers"]
+        self._drop(ctx, carriers, _stopped(ctx.game.events[data["seen"] :]))
+        self._capture(ctx, carriers, data["captures"])
+        self._take(ctx, carriers)
+        data["seen"] = len(ctx.game.events)
+        self._tell(ctx, carriers)
+
+    def _drop(self, ctx: Any, carriers: dict[Any, str | None], stopped: set[str]) -> None:
+        for flag, name in carriers.items():
+            carrier = ctx.agent.agents.get(name)
+            if name is not None and (carrier is None or not carrier.alive or name in stopped):
+                node = self.bases[flag] if carrier is None else carrier.current_node_id
+                ctx.game.emit("drop", agent=name, flag=flag, node=node)
+                carriers[flag] = None
+
+    def _capture(self, ctx: Any, carriers: dict[Any, str | None], captures: dict[Any, int]) -> None:
+        for flag, name in carriers.items():
+            carrier = None if name is None else ctx.agent.get_agent(name)
+            if carrier is not None and self._is_home(ctx, carrier):
+                ctx.game.emit("capture", agent=name, flag=flag, node=carrier.current_node_id)
+                ctx.game.scores[carrier.team] += self.score
+                captures[carrier.team] = captures.get(carrier.team, 0) + 1
+                carriers[flag] = None
+        won = [team for team, number in captures.items() if self.goal is not None and number >= self.goal]
+        if won:
+            ctx.game.end("flags captured", winner=won[0] if len(won) == 1 else None)
+
+    def _is_home(self, ctx: Any, carrier: Any) -> bool:
+        node, team = carrier.current_node_id, carrier.team
+        if self.ground is not None:
+            whose = self.ground(ctx)
+            return node in whose and bool(whose[node] == team)
+        if team in self.bases:
+            return bool(node == self.bases[team])
+        own = (agent for agent in ctx.agent.teams[team] if agent.type is not AgentType.AERIAL)
+        return any(ctx.game.start_node(agent) == node for agent in own)
+
+    def _take(self, ctx: Any, carriers: dict[Any, str | None]) -> None:
+        teams = [team for team in ctx.agent.teams if team is not None]
+        for flag, base in self.bases.items():
+            busy = set(carriers.values())
+            enemies = (agent for team in teams if team != flag for agent in on_the_ground(ctx, team))
+            there = [agent.name for agent in enemies if agent.current_node_id == base and agent.name not in busy]
+            if carriers[flag] is None and there:
+                lots = kernels.lots_by_name(ctx.seed, ("capture_flag", self.key, str(flag), ctx.game.turn), there)
+                carriers[flag] = taker = min(zip(lots, there, strict=True))[1]
+                ctx.game.emit("take", agent=taker, flag=flag, node=base)
+
+    def _tell(self, ctx: Any, carriers: Mapping[Any, str | None]) -> None:
+        if self.announce:
+            flags = {team: {"node": base, "carrier": carriers[team]} for team, base in self.bases.items()}
+            if ctx.game.facts.get(self.key) != flags:
+                ctx.game.publish(**{self.key: flags})
+
+
+def _stopped(events: list[dict[str, Any]]) -> set[str]:
+    """Who has been tagged, respawned or eliminated."""
+    tagged = {event["other"] for event in events if event["kind"] == "tag" and "other" in event}
+    back = {event["agent"] for event in events if event["kind"] in ("respawned", "eliminated")}
+    return tagged | back

@@ -1,0 +1,106 @@
+"""Tagging: who meets a tagger goes back to its start, is out, or whatever the game says."""
+
+from collections.abc import Callable, Mapping
+from typing import Any
+
+from gamms.arguments import as_float
+from gamms.errors import BadType, BadValue, nearest
+from gamms.rules.contacts import Contact, Side, as_nearness, as_side, found, one_to_one
+from gamms.rules.territory import as_territory
+from gamms.typing.game import Rule
+
+Then = Callable[[Any, Any, Any], Any]  # called with the context, the tagger and who was tagged
+_Tag = tuple[Any, Any]  # tagger, tagged
+
+
+def _respawn(ctx: Any, _: Any, tagged: Any) -> None:
+    ctx.game.respawn(tagged)
+
+
+def _eliminate(ctx: Any, _: Any, tagged: Any) -> None:
+    ctx.game.eliminate(tagged)
+
+
+_THEN: dict[str, Then] = {"respawn": _respawn, "eliminate": _eliminate}
+
+
+def tag(  # noqa: PLR0913 - all that a rule is, in one call
+    taggers: Any,
+    tagged: Any,
+    *,
+    hops: float | None = None,
+    metres: float | None = None,
+    euclid: float | None = None,
+    crossing: bool | None = None,
+    air: bool = False,
+    then: str | Then = "respawn",
+    score: float = 1,
+    territory: Mapping[int, Any] | str | None = None,
+    mutual: bool = False,
+) -> Rule:
+    """A rule: taggers tag whom they meet, one each, the nearest first.
+
+    Everybody is in one pair at most, and pairs equally near are chosen by lot. All are found where the agents are when
+    the rule is called; then the tags are counted; then those who were tagged are moved. Each tag is an event `tag`
+    with `agent` (the tagger), `other` and `node` (where the other was).
+
+    Args:
+        taggers: a team, or a function of an agent that says whether it is meant.
+        tagged: likewise.
+        hops: tag from so many edges away, as for `contacts`. Without any of these three, on one node, or past each
+            other on an edge.
+        metres: the same by the lengths of the edges.
+        euclid: the same in a straight line, map units.
+        crossing: whether those who passed each other on an edge have met, too; None: where no distance is given.
+        air: whether aerial agents take part.
+        then: "respawn" where it began, "eliminate", or a function `(ctx, tagger, tagged)`.
+        score: what the tagger's team gets.
+        territory: node -> team, or the name of the fact that has this: only who is on the ground of the tagger's team
+            can be tagged.
+        mutual: the other side tags, too: both agents of a pair are tagged; with a territory whoever is on the other's.
+
+    Raises:
+        BadType, BadValue: an argument is none of these.
+    """
+    nearness = as_nearness(hops, metres, euclid, crossing=crossing, air=air)
+    sides: tuple[Side, Side] = as_side(taggers), as_side(tagged)
+    follow, points, ground = _as_then(then), as_float(score, "score"), as_territory(territory)
+    if not isinstance(mutual, bool):
+        raise BadType(f"mutual must be True or False, not {mutual!r}.")
+
+    def tag(ctx: Any) -> None:
+        whose = None if ground is None else ground(ctx)
+
+        def tags_of(contact: Contact) -> list[_Tag]:
+            pair = ctx.agent.get_agent(contact.a), ctx.agent.get_agent(contact.b)
+            return [both for both in ((pair, pair[::-1]) if mutual else (pair,)) if _is_possible(whose, *both)]
+
+        tags = {contact: some for contact in found(ctx, *sides, nearness) if (some := tags_of(contact))}
+        made = [one for contact in one_to_one(tags) for one in tags[contact]]
+        for tagger, other in made:
+            ctx.game.emit("tag", agent=tagger.name, other=other.name, node=other.current_node_id)
+            if points:
+                ctx.game.scores[tagger.team] += score
+        for tagger, other in made:
+            follow(ctx, tagger, other)
+
+    return tag
+
+
+def _is_possible(whose: Mapping[int, Any] | None, tagger: Any, tagged: Any) -> bool:
+    """Whether the ground is the tagger's."""
+    if whose is None:
+        return True
+    node = tagged.current_node_id
+    return node in whose and bool(whose[node] == tagger.team)
+
+
+def _as_then(then: Any) -> Then:
+    if isinstance(then, str):
+        if then not in _THEN:
+            raise BadValue(f"then must be 'respawn', 'eliminate' or a function, not {then!r}.{nearest(then, _THEN)}")
+        return _THEN[then]
+    if not callable(then):
+        raise BadType(f"then must be 'respawn', 'eliminate' or a function (ctx, tagger, tagged), not {then!r}.")
+    follow: Then = then
+    return follow

@@ -1,0 +1,176 @@
+"""Who meets whom: on one node, past each other, by edges, by road, in a straight line; matched nearest first."""
+
+from math import inf
+
+import pytest
+from hypothesis import given, settings
+from hypothesis import strategies as st
+
+import gamms
+from gamms.agent import AgentType
+from gamms.rules import Contact, contacts, one_to_one
+
+LAWS = settings(max_examples=60, deadline=None, derandomize=True)
+
+
+def pairs(ctx, **nearness):
+    return {(contact.a, contact.b): contact.distance for contact in contacts(ctx, "red", "blue", **nearness)}
+
+
+def test_agents_on_one_node_meet(road):
+    ctx = road(r=("red", 3), b=("blue", 3), far=("blue", 4), own=("red", 4))
+    assert pairs(ctx) == {("r", "b"): 0.0, ("own", "far"): 0.0}
+
+
+def test_agents_that_pass_each_other_on_an_edge_meet(road):
+    ctx = road(r=("red", 3, 4), b=("blue", 4, 3), behind=("blue", 5, 4), same_way=("blue", 3, 4))
+    ctx.game.step()
+    assert pairs(ctx) == {("r", "b"): 0.0, ("r", "behind"): 0.0, ("r", "same_way"): 0.0}
+    assert pairs(ctx, crossing=False) == {("r", "behind"): 0.0, ("r", "same_way"): 0.0}
+
+
+def test_agents_with_a_speed_meet_anywhere_on_their_way(road):
+    ctx = road(r=("red", 0, 5), b=("blue", 6, 1), other=("blue", 9))
+    for name in "rb":
+        ctx.agent.get_agent(name).speed = 5
+    ctx.game.step()
+    assert pairs(ctx) == {("r", "b"): 0.0}
+
+
+def test_who_was_put_back_has_met_nobody_on_its_way(road):
+    ctx = road(r=("red", 3, 4), b=("blue", 4, 3))
+    ctx.game.step()
+    ctx.game.respawn("b", 9)
+    assert pairs(ctx) == {}
+
+
+def test_with_a_distance_passing_each_other_counts_only_where_asked_for(road):
+    ctx = road(r=("red", 3, 4), b=("blue", 4, 3))
+    ctx.game.step()
+    assert pairs(ctx, metres=5) == {}
+    assert pairs(ctx, metres=5, crossing=True) == {("r", "b"): 0.0}
+
+
+def test_distances_are_edges_metres_and_map_units(road):
+    ctx = road(r=("red", 3), near=("blue", 4), far=("blue", 1))
+    assert pairs(ctx, hops=1) == {("r", "near"): 1.0}
+    assert pairs(ctx, hops=2) == {("r", "near"): 1.0, ("r", "far"): 2.0}
+    assert pairs(ctx, hops=0) == {}
+    assert pairs(ctx, metres=19.9) == {("r", "near"): 10.0}
+    assert pairs(ctx, metres=20) == {("r", "near"): 10.0, ("r", "far"): 20.0}
+    assert pairs(ctx, euclid=20) == {("r", "near"): 10.0, ("r", "far"): 20.0}
+    for unit in ("hops", "metres", "euclid"):
+        assert len(pairs(ctx, **{unit: inf})) == 2
+
+
+@pytest.mark.parametrize("a_is_upstream", [True, False])
+def test_by_road_the_shorter_way_counts_whichever_direction_it_leads(a_is_upstream):
+    with gamms.create_context(seed=1, logger_config={"level": "CRITICAL"}) as ctx:
+        ctx.graph.add_nodes([1, 2, 3], [0, 3, 0], [0, 4, 9])
+        ctx.graph.add_edges(range(3), [1, 2, 3], [2, 3, 1], [5.0, 50.0, 500.0])  # a one-way circle
+        ctx.agent.create_agent("r", start_node_id=1 if a_is_upstream else 2, team="red")
+        ctx.agent.create_agent("b", start_node_id=2 if a_is_upstream else 1, team="blue")
+        assert pairs(ctx, hops=2) == {("r", "b"): 1.0}
+        assert pairs(ctx, metres=600) == {("r", "b"): 5.0}
+        assert pairs(ctx, euclid=5) == {("r", "b"): 5.0}
+
+
+def test_flyers_meet_only_where_asked_for_and_in_space_only_straight(road):
+    ctx = road(r=("red", 3))
+    ctx.agent.create_agent(
+        "b", type=AgentType.AERIAL, team="blue", start_node_id=3, position=(31.0, 0.0, 9.0), speed=1.0
+    )
+    assert pairs(ctx, euclid=50) == pairs(ctx) == {}
+    assert pairs(ctx, air=True) == pairs(ctx, metres=5, air=True) == {("r", "b"): 0.0}
+    assert pairs(ctx, euclid=9, air=True) == {}
+    assert list(pairs(ctx, euclid=10, air=True).values()) == pytest.approx([82**0.5])
+
+
+def test_the_dead_meet_nobody_and_nobody_meets_itself(road):
+    ctx = road(r=("red", 3), b=("blue", 3))
+    assert contacts(ctx, "red", "red", hops=3) == []
+    assert {contact[:2] for contact in contacts(ctx, lambda _: True, lambda _: True)} == {("r", "b"), ("b", "r")}
+    ctx.game.eliminate("b")
+    assert pairs(ctx, hops=9) == {}
+
+
+def test_sides_are_teams_or_functions_of_an_agent(road):
+    ctx = road(a=("red", 3), b=("blue", 3), c=(None, 3))
+    assert contacts(ctx, lambda agent: agent.name == "a", None) == [Contact("a", "c", 0.0)]
+
+
+def test_the_nearest_comes_first_and_everybody_is_in_one_pair_at_most(road):
+    ctx = road(r0=("red", 0), r4=("red", 4), b3=("blue", 3), b6=("blue", 6))
+    found = contacts(ctx, "red", "blue", hops=9)
+    assert [contact.distance for contact in found] == [1.0, 2.0, 3.0, 6.0]
+    assert one_to_one(found) == [Contact("r4", "b3", 1.0), Contact("r0", "b6", 6.0)]
+
+
+def test_lots_decide_between_equals_anew_in_every_turn_and_favour_nobody(road):
+    ctx = road(a=("red", 3), b=("red", 3), z=("blue", 3))
+    winners = ""
+    for turn in range(400):
+        ctx.game.turn = turn
+        ((winner, _, _),) = one_to_one(contacts(ctx, "red", "blue"))
+        winners += winner
+    assert 160 < winners.count("a") < 240
+
+
+def test_the_order_of_two_pairs_does_not_depend_on_who_else_is_there(road):
+    def order(**others):
+        ctx = road(a=("red", 3), b=("red", 3), c=("red", 3), z=("blue", 3), **others)
+        return [contact.a for contact in contacts(ctx, "red", "blue") if contact.a in "abc" and contact.b == "z"]
+
+    assert order() == order(aa=("red", 3), y=("blue", 3)) != sorted(order())
+
+
+@pytest.mark.parametrize("given", [{"hops": -1}, {"metres": float("nan")}, {"hops": 1, "euclid": 2.0}])
+def test_impossible_distances_are_refused(road, given):
+    with pytest.raises(ValueError, match=r"negative|finite|Give one distance"):
+        contacts(road(), "red", "blue", **given)
+
+
+def test_what_is_no_distance_is_refused(road):
+    with pytest.raises(TypeError, match="metres must be a number"):
+        contacts(road(), "red", "blue", metres="far")
+    with pytest.raises(TypeError, match="crossing must be True or False"):
+        contacts(road(), "red", "blue", crossing=1)
+
+
+places = st.lists(st.integers(0, 9), min_size=1, max_size=5)
+
+
+@LAWS
+@given(reds=places, blues=places, unit=st.sampled_from(["hops", "metres", "euclid"]), limit=st.integers(0, 4))
+def test_contacts_are_what_the_distance_of_two_nodes_says(reds, blues, unit, limit):
+    with gamms.create_context(seed=1, logger_config={"level": "CRITICAL"}) as ctx:
+        ctx.graph.add_nodes(range(10), [10 * (i % 5) for i in range(10)], [10 * (i // 5) for i in range(10)])
+        ways = [(i, (i * 3 + 1) % 10) for i in range(10)] + [(i, (i + 1) % 10) for i in range(10)]
+        ctx.graph.add_edges(range(20), *zip(*ways, strict=True), [10.0] * 20)
+        for team, nodes in (("red", reds), ("blue", blues)):
+            for number, node in enumerate(nodes):
+                ctx.agent.create_agent(f"{team}{number}", start_node_id=node, team=team)
+        graph = ctx.graph.graph
+        bound = limit if unit == "hops" else 10.0 * limit
+
+        def apart(one, other):
+            if unit == "euclid":
+                x, y = graph.get_node(one)[1:], graph.get_node(other)[1:]
+                return ((x[0] - y[0]) ** 2 + (x[1] - y[1]) ** 2) ** 0.5
+            weight = None if unit == "hops" else "length"
+            return min(graph.distance(one, other, weight), graph.distance(other, one, weight))
+
+        expected = {
+            (f"red{i}", f"blue{k}"): apart(one, other)
+            for i, one in enumerate(reds)
+            for k, other in enumerate(blues)
+            if apart(one, other) <= bound
+        }
+        found = pairs(ctx, **{unit: bound})
+        assert found == pytest.approx(expected)
+        matched = one_to_one(contacts(ctx, "red", "blue", **{unit: bound}))
+        names = [name for contact in matched for name in contact[:2]]
+        assert len(set(names)) == len(names)
+        assert all(
+            contact.a in names or contact.b in names for contact in contacts(ctx, "red", "blue", **{unit: bound})
+        )

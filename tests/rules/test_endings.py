@@ -1,0 +1,100 @@
+"""How games end: reaching a place, time, the last team."""
+
+import pytest
+
+from gamms.agent import AgentType
+from gamms.rules import last_team, reach, tag, time_limit
+
+
+def test_the_first_team_to_reach_a_node_wins(road):
+    ctx = road(r=("red", 2, 3, 4), b=("blue", 9))
+    ctx.game.add(reach("red", 4, score=3))
+    result = ctx.game.run(9)
+    assert (result.turns, result.winner, result.reason) == (2, "red", "red reached the goal")
+    assert result.scores == {"red": 3}
+    assert result.events == [{"turn": 2, "kind": "reach", "agent": "r", "node": 4}]
+
+
+def test_a_goal_may_be_one_of_several_nodes_and_somebody_else_may_win(road):
+    ctx = road(r=("red", 2, 3, 4))
+    ctx.game.add(reach("red", [9, 3], winner="the house"))
+    assert ctx.game.run(9).winner == "the house"
+
+
+def test_teams_may_race_to_each_others_starts(road):
+    ctx = road(r=("red", 2, 3, 4), b=("blue", 4), b2=("blue", 9))
+    ctx.game.add(reach({"red": "starts of blue", "blue": "starts of red"}))
+    assert ctx.game.run(9).winner == "red"
+
+
+def test_who_arrive_at_once_draw(road):
+    ctx = road(r=("red", 2, 3), b=("blue", 7, 6))
+    ctx.game.add(reach({"red": 3, "blue": 6}, score=1))
+    result = ctx.game.run(9)
+    assert (result.turns, result.winner, result.reason) == (1, None, "blue and red reached the goal")
+    assert result.scores == {"blue": 1, "red": 1}
+
+
+def test_the_dead_the_tagged_and_flyers_reach_nothing(road):
+    ctx = road(r=("red", 2, 3), b=("blue", 4, 3))
+    ctx.agent.create_agent("drone", type=AgentType.AERIAL, team="red", start_node_id=3, speed=1.0)
+    ctx.game.add(tag("blue", "red"))
+    ctx.game.add(reach("red", 3))
+    assert ctx.game.run(3).reason == "max_turns"
+
+
+def test_time_is_up_and_the_highest_score_wins(road):
+    for scores, winner in (
+        ({"red": 2, "blue": 1}, "red"),
+        ({"red": -1}, "blue"),
+        ({"red": 2, "blue": 2}, None),
+        ({}, None),
+    ):
+        ctx = road(r=("red", 2), b=("blue", 4), nobodys=(None, 5))
+        ctx.game.scores.update(scores)
+        ctx.game.add(time_limit(4))
+        result = ctx.game.run()
+        assert (result.turns, result.truncated, result.reason, result.winner) == (4, True, "time limit", winner)
+
+
+def test_alone_nobody_wins_by_time(road):
+    ctx = road(r=("red", 2))
+    ctx.game.scores["red"] = 5
+    ctx.game.add(time_limit(1))
+    assert ctx.game.run().winner is None
+
+
+def test_the_last_team_wins(road):
+    ctx = road(r=("red", 2, 3), r2=("red", 0), b=("blue", 4, 3), nobodys=(None, 5))
+    ctx.game.add(tag("red", "blue", then="eliminate"))
+    ctx.game.add(last_team())
+    result = ctx.game.run(9)
+    assert (result.turns, result.winner, result.reason, result.truncated) == (1, "red", "last team", False)
+
+
+def test_if_nobody_is_left_nobody_wins(road):
+    ctx = road(r=("red", 2, 3), b=("blue", 4, 3))
+    ctx.game.add(tag("red", "blue", then="eliminate", mutual=True))
+    ctx.game.add(last_team())
+    result = ctx.game.run(9)
+    assert (result.turns, result.winner) == (1, None)
+
+
+def test_impossible_arguments_are_refused_at_once(road):
+    for make, message in (
+        (lambda: reach("red"), "must be an integer, not None"),
+        (lambda: reach("red", []), "needs a node to reach"),
+        (lambda: reach("red", "the start of blue"), "'starts of blue'"),
+        (lambda: reach({"red": 1}, 2), "says already"),
+        (lambda: reach({"red": 1, "blue": 2}, winner="red"), "is for one team"),
+        (lambda: reach("red", 1, score="much"), "score must be a number"),
+        (lambda: time_limit(0), "at least 1"),
+        (lambda: time_limit(2.5), "must be an integer"),
+    ):
+        with pytest.raises((ValueError, TypeError), match=message):
+            make()
+    ctx = road(r=("red", 2))
+    with pytest.raises(KeyError, match="Unknown node 77"):
+        ctx.game.add(reach("red", [3, 77]))
+    with pytest.raises(ValueError, match="no rule that could end it"):
+        ctx.game.run()

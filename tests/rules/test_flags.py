@@ -1,0 +1,173 @@
+"""Capture the flag, sentence by sentence."""
+
+import pytest
+
+from gamms.agent import AgentType
+from gamms.rules import capture_flag, tag, territory
+
+WEST = {node: "red" if node < 5 else "blue" for node in range(10)}
+FLAGS = {"red": 1, "blue": 8}
+
+
+def told(ctx):
+    return [(event["turn"], event["kind"], event["agent"]) for event in ctx.game.events if "flag" in event]
+
+
+def carriers(ctx):
+    return ctx.game.data["flags"]["carriers"]
+
+
+def test_a_flag_is_taken_by_standing_on_it_and_captured_at_home(road):
+    ctx = road(r=("red", 7, 8, 7, 6, 5, 4))
+    ctx.game.add(capture_flag(FLAGS, territory=WEST))
+    result = ctx.game.run(9)
+    assert told(ctx) == [(1, "take", "r"), (5, "capture", "r")]
+    assert result.events[0] == {"turn": 1, "kind": "take", "agent": "r", "flag": "blue", "node": 8}
+    assert (result.winner, result.reason, result.scores) == ("red", "flags captured", {"red": 1})
+
+
+def test_without_a_territory_home_is_where_the_own_flag_stands(road):
+    ctx = road(r=("red", 7, 8, 7, 6, 5, 4, 3, 2, 1))
+    ctx.game.add(capture_flag(FLAGS))
+    assert ctx.game.run(12).turns == 8
+
+
+def test_a_team_without_a_flag_brings_others_to_where_it_began(road):
+    ctx = road(r=("red", 7, 8, 7, 6), r2=("red", 6))
+    ctx.game.add(capture_flag({"blue": 8}))
+    assert (ctx.game.run(9).turns, ctx.game.result().winner) == (2, "red")
+    ctx = road(r=("red", 7, 8, 9, 8, 7, 6))
+    ctx.game.add(capture_flag({"blue": 8}))
+    assert ctx.game.run(9).turns == 4
+
+
+def test_captures_count_up_to_the_goal_and_the_flag_is_back_at_once(road):
+    ctx = road(r=("red", 4, 5, 4, 5, 4, 5, 4, 5), second=("red", 4, 4, 5, 4))
+    ctx.game.add(capture_flag({"blue": 5}, territory=WEST, goal=2, score=10))
+    result = ctx.game.run(9)
+    assert result.turns == 3
+    assert told(ctx)[:3] == [(1, "take", "r"), (2, "capture", "r"), (2, "take", "second")]
+    assert result.scores == {"red": 20}
+    assert ctx.game.data["flags"]["captures"] == {"red": 2}
+
+
+def test_without_a_goal_captures_never_end_a_game(road):
+    ctx = road(r=("red", 4, 5, 4, 5, 4))
+    ctx.game.add(capture_flag({"blue": 5}, territory=WEST, goal=None))
+    assert (ctx.game.run(9).turns, ctx.game.scores["red"]) == (9, 2)
+
+
+def test_two_that_reach_the_goal_at_once_draw(road):
+    ctx = road(r=("red", 4, 5, 4), b=("blue", 5, 4, 5))
+    ctx.game.add(capture_flag({"red": 4, "blue": 5}, territory=WEST))
+    result = ctx.game.run(9)
+    assert (result.turns, result.winner, result.scores) == (2, None, {"red": 1, "blue": 1})
+
+
+@pytest.mark.parametrize("then", ["respawn", "eliminate", lambda *_: None])
+@pytest.mark.parametrize("tag_comes_first", [True, False])
+def test_a_tagged_carrier_drops_its_flag(road, then, tag_comes_first):
+    ctx = road(r=("red", 7, 8, 7), b=("blue", 6, 6, 7))
+    rules = [tag("blue", "red", then=then, crossing=False), capture_flag(FLAGS, territory=WEST)]
+    for rule in rules if tag_comes_first else reversed(rules):
+        ctx.game.add(rule)
+    ctx.game.run(3)
+    assert told(ctx) == [(1, "take", "r"), (2 if tag_comes_first else 3, "drop", "r")]
+    assert carriers(ctx) == {"red": None, "blue": None}
+
+
+def test_who_is_tagged_before_it_is_home_captures_nothing(road):
+    ctx = road(r=("red", 4, 5, 4), b=("blue", 3, 3, 4))
+    ctx.game.add(tag("blue", "red"))
+    ctx.game.add(capture_flag({"blue": 5}, territory=WEST))
+    ctx.game.run(4)
+    assert told(ctx) == [(1, "take", "r"), (2, "drop", "r")]
+
+
+def test_a_carrier_that_is_deleted_drops_its_flag(road):
+    ctx = road(r=("red", 7, 8))
+    ctx.game.add(capture_flag(FLAGS))
+    ctx.game.step()
+    ctx.agent.delete_agent("r")
+    ctx.game.step()
+    assert told(ctx) == [(1, "take", "r"), (2, "drop", "r")]
+
+
+def test_nobody_takes_its_own_flag_or_one_that_is_away_or_any_from_the_air_or_for_no_team(road):
+    ctx = road(b=("blue", 8), r=("red", 7, 7, 8), late=("red", 7, 7, 7, 8), nobodys=(None, 8))
+    ctx.agent.create_agent("drone", type=AgentType.AERIAL, team="red", start_node_id=8, speed=1.0)
+    ctx.game.add(capture_flag(FLAGS))
+    ctx.game.run(4)
+    assert told(ctx) == [(2, "take", "r")]
+
+
+def test_nobody_carries_two_flags(road):
+    ctx = road(r=("red", 8), r2=("red", 7, 7, 8))
+    ctx.game.add(capture_flag({"red": 0, "blue": 8, "green": 8}))
+    ctx.game.run(3)
+    assert told(ctx) == [(1, "take", "r"), (2, "take", "r2")]
+    assert carriers(ctx) == {"blue": "r", "green": "r2", "red": None}
+
+
+def test_chance_decides_who_takes_a_flag(road):
+    takers = set()
+    for seed in range(12):
+        ctx = road(seed=seed, r=("red", 7, 8), r2=("red", 7, 8), g=("green", 9, 8))
+        ctx.game.add(capture_flag(FLAGS))
+        ctx.game.step()
+        takers.add(carriers(ctx)["blue"])
+    assert takers == {"r", "r2", "g"}
+
+
+def test_strategies_are_told_from_the_first_turn_on(road):
+    seen = []
+    ctx = road(r=("red", 7))
+    ctx.agent.get_agent("r").register_strategy(
+        lambda state: (seen.append(state["facts"]["flags"]["blue"]), state.update(action=8))
+    )
+    ctx.game.add(capture_flag(FLAGS))
+    ctx.game.run(2)
+    assert [dict(one) for one in seen] == [{"node": 8, "carrier": None}, {"node": 8, "carrier": "r"}]
+    ctx = road(r=("red", 7, 8))
+    ctx.game.add(capture_flag(FLAGS, announce=False))
+    ctx.game.run(2)
+    assert "flags" not in ctx.game.facts
+
+
+def test_two_such_rules_keep_apart_what_they_remember(road):
+    ctx = road(r=("red", 7, 8, 7))
+    ctx.game.add(capture_flag({"blue": 8}, goal=None))
+    ctx.game.add(capture_flag({"blue": 7}, key="decoys", score=-1, goal=None))
+    ctx.game.run(3)
+    assert set(ctx.game.data) == set(ctx.game.facts) == {"flags", "decoys"}
+
+
+def test_what_is_drawn_are_flags_where_they_are_and_territories(road, tmp_path):
+    ctx = road(r=("red", 7, 8, 7), b=("blue", 0))
+    ctx.game.add(territory.published(WEST | {77: "red"}))
+    bare = len(ctx.visual.draw_commands())
+    ctx.game.add(capture_flag(FLAGS))
+    before = ctx.visual.draw_commands()
+    ctx.game.run(2)
+    after = ctx.visual.draw_commands()
+    assert len(after) == len(before) == bare + 6
+    xs = [[80.0 in one.points[:, 0].tolist() and list(one.points[one.kind.size :, 0])] for one in (before, after)]
+    assert xs[0] != xs[1]
+    ctx.visual.save(tmp_path / "flags.svg")
+
+
+def test_impossible_arguments_are_refused(road):
+    for given, message in (
+        ({"flags": {}}, "flags must be a mapping"),
+        ({"flags": 3}, "flags must be a mapping"),
+        ({"flags": {"red": "1"}}, "The base of the flag of 'red' must be an integer"),
+        ({"flags": FLAGS, "goal": 0}, "goal must be at least 1"),
+        ({"flags": FLAGS, "score": None}, "score must be a number"),
+        ({"flags": FLAGS, "territory": [1]}, "territory must be a mapping"),
+        ({"flags": FLAGS, "announce": 1}, "announce must be True or False"),
+        ({"flags": FLAGS, "key": ""}, "must not be empty"),
+    ):
+        with pytest.raises((ValueError, TypeError), match=message):
+            capture_flag(**given)
+    with pytest.raises(KeyError, match="Unknown node 77"):
+        road().game.add(capture_flag({"red": 77}))
