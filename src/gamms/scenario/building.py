@@ -2,16 +2,14 @@
 
 from collections.abc import Callable, Mapping
 from importlib import import_module
-from pathlib import Path
 from typing import Any
 
 from gamms.context import Context
 from gamms.scenario.checks import RULES, is_call, sensor_type
-from gamms.scenario.code import called, first_of, function_of, needs, rule_of, strategy_of
+from gamms.scenario.code import Library, called, first_of, needs, rule_of, strategy_of
 from gamms.scenario.errors import ScenarioError, at, joined, shown
 from gamms.scenario.explain import checked
 from gamms.scenario.placing import Member, members, node_at, place
-from gamms.scenario.references import find
 from gamms.scenario.shape import ByPriority, Code, Conflicts, LatLon, Sensor, Spec, said
 
 Strategies = Mapping[str, Callable[..., Any]]  # by team or agent
@@ -23,12 +21,12 @@ class Building:
     Args:
         ctx: the context.
         spec: what it is to become.
-        folder: where code is looked for; None: only in installed packages.
+        library: where its functions are.
         strategies: by team or agent, in place of those of the scenario.
     """
 
-    def __init__(self, ctx: Context, spec: Spec, folder: Path | None, strategies: Strategies) -> None:
-        self.ctx, self.spec, self.folder, self.given = ctx, spec, folder, strategies
+    def __init__(self, ctx: Context, spec: Spec, library: Library, strategies: Strategies) -> None:
+        self.ctx, self.spec, self.library, self.given = ctx, spec, library, strategies
         self.members = members(spec)
 
     def build(self) -> None:
@@ -97,7 +95,7 @@ class Building:
 
     def _function_sensor(self, sensor: Sensor, id: str, path: str) -> Any:
         """A sensor whose data is what a function returns, or what one that is made with parameters does."""
-        function = function_of(find(sensor.function or "", self.folder, path), self.folder)
+        function = self.library.get(sensor.function or "", path)
         given = self.values(sensor.with_ or {}, f"{path}.with")
         if given or first_of(function) == "ctx":
             function = called(function, given, (self.ctx,) if first_of(function) == "ctx" else (), path)
@@ -121,11 +119,11 @@ class Building:
         code = _as_code(self.spec.teams[member.team].strategy if own is None else own)
         if code is None:
             return None
-        found = find(code.function, self.folder, path)
-        if not found.function:
+        if ":" not in code.function:
             return self._mapped(member, code, path, mapped)
-        function = function_of(found, self.folder)
-        return strategy_of(function, self.values(code.with_, f"{path}.with"), self.ctx, path)
+        return strategy_of(
+            self.library.get(code.function, path), self.values(code.with_, f"{path}.with"), self.ctx, path
+        )
 
     def _mapped(self, member: Member, code: Code, path: str, mapped: dict[str, Mapping[str, Any]]) -> Any:
         """What a module's `map_strategy` says for an agent: it is asked once for all that name the module there."""
@@ -135,7 +133,7 @@ class Building:
                 one.name: {"start_node_id": self.ctx.agent.get_agent(one.name).current_node_id, **self.config(one)}
                 for one in listed
             }
-            function = function_of(find(code.function, self.folder, path), self.folder)
+            function = self.library.get(code.function, path)
             answer = called(function, self.values(code.with_, f"{path}.with"), (config,), path)
             if not isinstance(answer, Mapping):
                 raise ScenarioError(
@@ -155,8 +153,7 @@ class Building:
         name, parameters, phase = (
             (given, {}, "after") if isinstance(given, str) else (given.rule, given.with_, given.phase)
         )
-        found = find(name, self.folder, path, short=RULES)
-        rule = rule_of(function_of(found, self.folder), self.values(parameters, f"{path}.with"), path)
+        rule = rule_of(self.library.get(name, path, RULES), self.values(parameters, f"{path}.with"), path)
         with at(path):
             self.ctx.game.add(rule, phase=phase)
 
@@ -170,7 +167,7 @@ class Building:
         elif given.resolve in ("at_random", "nobody"):
             resolve = getattr(rules, given.resolve)()
         else:
-            resolve = function_of(find(given.resolve, self.folder, path), self.folder)
+            resolve = self.library.get(given.resolve, path)
         return rules.Conflicts(capacity, given.among, allow_swaps=given.allow_swaps, resolve=resolve)
 
     def values(self, value: Any, path: str) -> Any:
@@ -180,7 +177,7 @@ class Building:
         if not isinstance(value, Mapping):
             return value
         if is_call(value):
-            function = function_of(find(value["function"], self.folder, path), self.folder)
+            function = self.library.get(value["function"], path)
             given = self.values(value.get("with") or {}, f"{path}.with")
             first = (self.ctx,) if first_of(function) == "ctx" else ()
             if first_of(function) == "state":

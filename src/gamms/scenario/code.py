@@ -12,9 +12,32 @@ from typing import Any
 
 from gamms.errors import nearest
 from gamms.scenario.errors import ScenarioError, joined, shown
-from gamms.scenario.references import Found
+from gamms.scenario.references import Found, find
 
 _stamps: dict[str, dict[Path, tuple[int, int]]] = {}  # private package -> when its files were written, and how long
+
+
+class Library:
+    """The functions that a scenario has asked for; each is looked for once.
+
+    Args:
+        folder: of the scenario; None: only installed packages.
+    """
+
+    def __init__(self, folder: Path | None) -> None:
+        self._folder = folder
+        self._known: dict[str, Callable[..., Any]] = {}
+
+    def get(self, text: str, path: str, short: str | None = None) -> Callable[..., Any]:
+        """The function of a reference; see `find`.
+
+        Raises:
+            ScenarioError: there is none; it names the path.
+        """
+        key = f"{short}:{text}" if short and ":" not in text else text
+        if key not in self._known:
+            self._known[key] = function_of(find(text, self._folder, path, short=short), self._folder)
+        return self._known[key]
 
 
 def function_of(found: Found, folder: Path | None) -> Callable[..., Any]:
@@ -93,6 +116,10 @@ def rule_of(function: Callable[..., Any], given: Mapping[str, Any] | None, path:
     Raises:
         ScenarioError: the parameters do not fit, or what it makes is no function.
     """
+    if first_of(function) == "state":
+        raise ScenarioError(
+            path, f"{getattr(function, '__name__', function)} takes a state: it is no rule, but a strategy."
+        )
     if first_of(function) == "ctx" or (not given and needs(function)):
         return _bound(function, (None,), given, path)
     return made(function, given, (), path, "rule")

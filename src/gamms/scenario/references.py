@@ -22,7 +22,8 @@ class Found(NamedTuple):
 
     def __str__(self) -> str:
         """What `gamms run` says about it."""
-        return f"{self.text} from {'an installed package' if self.file is None else self.file}"
+        name = f"{self.module}:{self.function or 'map_strategy'}"
+        return f"{name}, installed" if self.file is None else f"{name}, from {self.file}"
 
 
 def inside(text: str, folder: Path | None, path: str, what: str) -> Path:
@@ -75,6 +76,21 @@ def find(text: str, folder: Path | None, path: str, *, short: str | None = None)
     if file_or_none is None:
         _check_installed(left, text, folder, path)
     return _known(Found(path, text, left, function, file_or_none))
+
+
+def chosen(text: str, path: str) -> tuple[Found, Path]:
+    """Where the code is that a person asks for, and the folder it is in: a file may be anywhere.
+
+    Raises:
+        ScenarioError: there is no such file, module or function.
+    """
+    left, colon, function = text.rpartition(":")
+    if not colon:
+        raise ScenarioError(path, f"{text!r} is no reference to code; write mine.py:strategy or module:function.")
+    if not left.endswith(".py"):
+        return find(text, Path.cwd(), path), Path.cwd()
+    file = Path(left).absolute()
+    return find(f"{file.name}:{function}", file.parent, path), file.parent
 
 
 def _in_folder(dotted: str, folder: Path, path: str) -> Path | None:
@@ -152,9 +168,11 @@ def offered(module: str) -> list[str]:
     from importlib import import_module
 
     try:
-        return list(getattr(import_module(module), "__all__", ()))
+        found = import_module(module)
     except ImportError:
         return []
+    public = [name for name, value in vars(found).items() if callable(value) and not name.startswith("_")]
+    return list(getattr(found, "__all__", public))
 
 
 def _names_in(file: Path, path: str) -> set[str] | None:

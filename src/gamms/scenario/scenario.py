@@ -10,6 +10,7 @@ from gamms.game.result import Result
 from gamms.scenario import files, plain, worlds
 from gamms.scenario.building import Building, Strategies
 from gamms.scenario.checks import check_code, check_sense, unknown_strategies
+from gamms.scenario.code import Library
 from gamms.scenario.errors import ScenarioError, named
 from gamms.scenario.explain import checked
 from gamms.scenario.placing import members, place
@@ -41,6 +42,7 @@ class Scenario:
         self.folder = None if folder is None else as_path(folder, "folder").absolute()
         self.file = None if file is None else as_path(file, "file")
         self._world: Any = None
+        self._library = Library(self.folder)
         with named(self.file):
             self._raw: dict[str, Any] = plain.copied(given)
             self.spec: Spec = checked(self._raw, Spec)
@@ -64,6 +66,7 @@ class Scenario:
         new = Scenario(folder=self.folder, file=self.file, **raw)
         if raw.get("map") == self._raw.get("map"):
             new._world = self._world
+        new._library = self._library
         return new
 
     def code(self) -> list[Found]:
@@ -130,7 +133,7 @@ class Scenario:
         try:
             with named(self.file):
                 ctx.graph.restore(world)
-                Building(ctx, self.spec, self.folder, given).build()
+                Building(ctx, self.spec, self._library, given).build()
         except BaseException:
             ctx.terminate()
             raise
@@ -161,7 +164,7 @@ class Scenario:
 
     def _loaded(self) -> Any:
         if self._world is None:
-            self._world = worlds.load(self.spec.map, self.folder)
+            self._world = worlds.load(self.spec.map, self.folder, self._library)
         return self._world
 
 

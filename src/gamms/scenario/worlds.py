@@ -6,9 +6,9 @@ from typing import Any
 
 from gamms.context import Context, create_context
 from gamms.graph import grid
-from gamms.scenario.code import called, function_of
+from gamms.scenario.code import Library, called
 from gamms.scenario.errors import ScenarioError, at, shown
-from gamms.scenario.references import find, inside
+from gamms.scenario.references import inside
 from gamms.scenario.shape import Code, Grid, Helsinki, Map, MapFile, MapPlace, said
 
 KINDS = ("grid", "helsinki", "file", "place", "generator")
@@ -55,7 +55,7 @@ def map_file(map: Map, folder: Path | None) -> Path | None:
     return file
 
 
-def load(map: Map, folder: Path | None) -> Any:
+def load(map: Map, folder: Path | None, library: Library) -> Any:
     """Graph and obstacles, as `ctx.graph.restore` takes them.
 
     Raises:
@@ -73,7 +73,7 @@ def load(map: Map, folder: Path | None) -> Any:
         elif kind == "place":
             _load_place(ctx, MapPlace(location=given) if isinstance(given, str) else given)
         else:
-            _generate(ctx, Code(function=given) if isinstance(given, str) else given, folder)
+            _generate(ctx, Code(function=given) if isinstance(given, str) else given, library)
         if not len(ctx.graph.graph):
             raise ScenarioError(f"map.{kind}", "this map has no nodes.")
         return ctx.graph.kept()
@@ -125,9 +125,9 @@ def _load_place(ctx: Context, given: MapPlace) -> None:
         ctx.graph.add_obstacles(osm.obstacle_from_osm(location, crs=ctx.graph.crs, offline=given.offline))
 
 
-def _generate(ctx: Context, given: Code, folder: Path | None) -> None:
+def _generate(ctx: Context, given: Code, library: Library) -> None:
     """Attach the networkx graph that a function makes."""
-    made = called(function_of(find(given.function, folder, "map.generator"), folder), given.with_, (), "map.generator")
+    made = called(library.get(given.function, "map.generator"), given.with_, (), "map.generator")
     if not callable(getattr(made, "is_directed", None)):
         raise ScenarioError("map.generator", f"{given.function} gives {shown(made)}, which is no networkx graph.")
     ctx.graph.attach_networkx_graph(made)
