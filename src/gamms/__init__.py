@@ -32,11 +32,13 @@ __all__ = [
     "visual",
 ]
 
+_WHEN_ASKED = {"game", "osm", "rules", "scenario", "strategies", "testing"}  # loaded when they are first named
+
 _legacy.install()
 
 
 def __getattr__(name: str) -> _Any:
-    module = _import_module("gamms.osm") if name == "osm" else _legacy.resolve(name)
+    module = _import_module(f"gamms.{name}") if name in _WHEN_ASKED else _legacy.resolve(name)
     if module is not None:
         return module
     raise AttributeError(f"module {__name__!r} has no attribute {name!r}")

@@ -236,6 +236,22 @@ def test_rules_see_how_everybody_moved(ctx, play):
     ]
 
 
+def test_a_rule_may_prepare_when_it_is_added_and_is_not_if_that_fails(ctx):
+    def prepare(ctx):
+        ctx.game.publish(flag=ctx.graph.graph.get_node(99 if "flag" in ctx.game.facts else 3).id)
+
+    def rule(ctx):
+        ctx.game.emit("called")
+
+    rule.prepare = prepare
+    ctx.game.add(rule)
+    assert ctx.game.facts["flag"] == 3
+    with pytest.raises(KeyError):
+        ctx.game.add(rule)
+    ctx.game.step()
+    assert len(ctx.game.events) == 1
+
+
 def test_a_game_ends_after_the_turn_in_which_a_rule_says_so_and_the_first_call_counts(ctx, play):
     play("a", 0, 1, 2, 3)
     log = []
@@ -286,6 +302,15 @@ def test_who_is_eliminated_is_neither_asked_nor_moved_nor_sensed(ctx, play, ever
     assert result.events == [{"turn": 1, "kind": "eliminated", "agent": "gone", "node": 2}]
     assert result.agents["gone"]["alive"] is False
     assert [agent.name for agent in ctx.game.agents] == ["watcher"]
+
+
+def test_who_is_deleted_between_two_turns_is_asked_no_longer(ctx, play):
+    gone, left = play("a", 0, 1), play("b", 1, 2, 3)
+    ctx.game.step()
+    ctx.agent.delete_agent("a")
+    ctx.game.step()
+    assert (left.current_node_id, len(gone.seen)) == (3, 1)
+    assert ctx.game.agents == [left]
 
 
 def test_who_respawns_stands_where_it_began_as_if_it_had_always_been_there(ctx, play):

@@ -15,13 +15,14 @@ class KeptAgents(NamedTuple):
 
     columns: dict[str, list[Any]]
     agents: "list[tuple[Member, dict[str, Any], Any, dict[str, Any]]]"  # agent, attributes, strategy, sensors
+    rows: dict[int, int]  # id() of an agent -> its row
 
     def place_of(self, agent: Any) -> Any:
         """The node an agent was on, or (x, y, z) of one that flew; where it is now if it was not there."""
-        for row, (one, *_) in enumerate(self.agents):
-            if one is agent:
-                position = self.columns["position"][row]
-                return self.columns["node"][row] if position is None else position
+        row = self.rows.get(id(agent))
+        if row is not None:
+            position = self.columns["position"][row]
+            return self.columns["node"][row] if position is None else position
         return getattr(agent, "position", agent.current_node_id)
 
 
@@ -31,7 +32,7 @@ def kept(engine: "AgentEngine") -> KeptAgents:
     agents = [
         (agent, _copied(agent.__dict__), agent.strategy, dict(agent._sensor_list)) for agent in engine.agents.values()
     ]
-    return KeptAgents(columns, agents)
+    return KeptAgents(columns, agents, {id(agent): row for row, (agent, *_) in enumerate(agents)})
 
 
 def restore(engine: "AgentEngine", before: KeptAgents) -> None:

@@ -144,6 +144,7 @@ class AgentColumns:
             column = getattr(self, name)
             setattr(self, name, [column[row] for row in rows])
         self.moves += 1
+        self.roster += 1
         adrift = {i for i, row in enumerate(rows) if row in self.adrift}
         self._forget()
         self.adrift = adrift

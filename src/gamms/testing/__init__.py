@@ -1,4 +1,4 @@
-"""Checks that an implementer can run over a graph, a sensor or a strategy of their own.
+"""Checks that an implementer can run over a graph, a sensor, a rule or a strategy of their own.
 
     from gamms.testing import check_graph
     check_graph(MyGraph)
@@ -8,6 +8,8 @@ checks as anybody would. To add a check, write a function here or in a file besi
 """
 
 from gamms.testing.graphs import check_graph
+from gamms.testing.rules import check_rule
 from gamms.testing.sensors import check_sensor
+from gamms.testing.strategies import check_strategy
 
-__all__ = ["check_graph", "check_sensor"]
+__all__ = ["check_graph", "check_rule", "check_sensor", "check_strategy"]

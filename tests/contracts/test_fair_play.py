@@ -1,0 +1,270 @@
+"""The checks of rules and strategies: they pass what plays fair and say what does not."""
+
+import itertools
+import random
+
+import numpy as np
+import pytest
+
+import gamms
+from gamms.rules import capture_flag, contacts, last_team, reach, tag, territory, time_limit
+from gamms.sensor import SensorType
+from gamms.strategies import chase, first, flee, follow_path, goto, guard, mix, patrol, random_walk, stay
+from gamms.testing import check_rule, check_strategy
+
+AGENTS = {
+    f"{team}{i}": (team, node)
+    for team, nodes in (("red", (0, 1, 2)), ("blue", (6, 7, 8)))
+    for i, node in enumerate(nodes)
+}
+
+
+def make_ctx(shuffled=None, strategy=random_walk):
+    ctx = gamms.create_context(seed=2, logger_config={"level": "CRITICAL"})
+    ctx.graph.attach_networkx_graph(gamms.graph.grid(3, 3))
+    names = list(AGENTS)
+    if shuffled is not None:
+        random.Random(shuffled).shuffle(names)
+    for name in names:
+        team, node = AGENTS[name]
+        eyes = ctx.sensor.create_sensor(f"eyes of {name}", SensorType.AGENT_RANGE, sensor_range=15.0)
+        ctx.agent.create_agent(name, start_node_id=node, team=team, sensors={"eyes": eyes}, strategy=strategy)
+    ctx.game.publish(post=4, posts=[0, 4])
+    return ctx
+
+
+WEST = {node: "red" if node < 4 else "blue" for node in range(9)}
+
+
+@pytest.mark.parametrize(
+    "rule",
+    [
+        tag("red", "blue", mutual=True),
+        tag("red", "blue", hops=1, then="eliminate"),
+        tag("red", "blue", metres=10, territory=WEST, mutual=True),
+        reach({"red": "starts of blue", "blue": "starts of red"}),
+        capture_flag({"red": 0, "blue": 8}, territory=WEST, goal=3),
+        capture_flag({"red": 0, "blue": 8}),
+        time_limit(5),
+        last_team(),
+        territory.published(WEST),
+    ],
+)
+def test_shipped_rules_play_fair(rule):
+    check_rule(rule, make_ctx)
+
+
+def count(ctx):
+    """A rule that respawns one agent in every third turn, and remembers where it should."""
+    data = ctx.game.data.setdefault("count", {"turns": 0})
+    data["turns"] += 1
+    if data["turns"] % 3 == 0:
+        ctx.game.respawn("red0")
+
+
+def test_a_rule_of_ones_own_may_play_fair():
+    check_rule(count, make_ctx)
+    check_rule(count, lambda: make_ctx())  # noqa: PLW0108 - without `shuffled`, its order is not looked at
+
+
+def counting(counter, every):
+    def rule(ctx):
+        if next(counter) % every == 0:
+            ctx.game.respawn("red0")
+
+    return rule
+
+
+def test_a_rule_that_remembers_elsewhere_is_found():
+    with pytest.raises(
+        AssertionError, match=r"reset and played again went differently: after turn \d+.*ctx\.game\.data"
+    ):
+        check_rule(counting(itertools.count(), 7), make_ctx)
+
+
+def test_a_rule_that_forgets_with_the_turns_but_not_with_the_game_is_found():
+    seen = set()
+
+    def once_per_context(ctx):
+        if id(ctx.game) not in seen and len(seen) < 2 and ctx.game.turn == 3:
+            ctx.game.emit("welcome")
+        if ctx.game.turn == 30:
+            seen.add(id(ctx.game))
+
+    with pytest.raises(AssertionError, match="went differently: its events"):
+        check_rule(once_per_context, make_ctx)
+
+
+def test_a_rule_that_mixes_games_up_is_found():
+    last = {}
+
+    def rule(ctx):
+        if ctx.game.turn == 1:
+            last.clear()
+        before = last.get("node")
+        last["node"] = ctx.agent.get_agent("blue0").current_node_id
+        if before == last["node"]:
+            ctx.game.respawn("red0")
+        ctx.game.scores["calls"] = last["calls"] = last.get("calls", 0) + 1
+
+    with pytest.raises(AssertionError, match="takes turns with another one"):
+        check_rule(rule, make_ctx)
+
+
+def test_a_rule_with_a_dice_of_its_own_is_found():
+    dice = np.random.default_rng()
+
+    def rule(ctx):
+        ctx.game.emit("dice", value=float(dice.random()))
+
+    with pytest.raises(AssertionError, match=r"draw from ctx\.stream"):
+        check_rule(rule, make_ctx)
+
+
+def test_a_rule_that_prefers_who_was_created_first_is_found():
+    def rule(ctx):
+        for agent in ctx.agent.create_iter():
+            if agent.team == "red":
+                ctx.game.respawn(agent)
+                return
+
+    with pytest.raises(AssertionError, match=r"created in another order \(shuffled=1\).*ctx\.game\.agents"):
+        check_rule(rule, make_ctx)
+    check_rule(rule, lambda: make_ctx())  # noqa: PLW0108 - as above
+
+
+def test_a_rule_that_remembers_agents_is_found():
+    def rule(ctx):
+        for contact in contacts(ctx, "red", "blue"):
+            ctx.game.data.setdefault("met", []).append(ctx.agent.get_agent(contact.a))
+
+    with pytest.raises(AssertionError, match=r"plain values only; \['met'\]"):
+        check_rule(rule, make_ctx)
+
+
+def test_a_game_that_is_not_the_same_itself_is_named():
+    dice = random.Random()
+
+    def whim(state):
+        state["action"] = dice.choice(state["legal"])
+
+    with pytest.raises(AssertionError, match="make_ctx must always make the same game"):
+        check_rule(count, lambda: make_ctx(strategy=whim))
+    with pytest.raises(AssertionError, match="give its context a seed"):
+        check_rule(count, gamms.create_context)
+
+
+# -- strategies -------------------------------------------------------------------------------------------------------
+
+SHIPPED = {
+    "stay": lambda _: stay,
+    "random_walk": lambda _: random_walk,
+    "goto": lambda ctx: goto(ctx, 8),
+    "follow_path": lambda ctx: follow_path(ctx, [4, 8, 0], repeat=True),
+    "patrol": lambda ctx: patrol(ctx, [0, 8]),
+    "chase": chase,
+    "flee": flee,
+    "guard": lambda ctx: guard(ctx, 4, 10.0),
+    "mixed": lambda ctx: first(chase(ctx, otherwise=None), mix(0.5, patrol(ctx, [0, 8]), random_walk)),
+}
+
+
+@pytest.mark.parametrize("name", SHIPPED)
+def test_shipped_strategies_play_fair(name):
+    def make():
+        ctx = make_ctx()
+        ctx.agent.get_agent("red0").register_strategy(SHIPPED[name](ctx))
+        return ctx
+
+    check_strategy(None, make, "red0")
+
+
+def test_a_strategy_may_draw_from_what_the_game_seeds_and_use_up_what_it_saw():
+    def strategy(state):
+        state["sensor"]["eyes"][1].clear()
+        state["memory"]["turns"] = state["memory"].get("turns", 0) + 1
+        state["team_memory"].setdefault("been", set()).add(state["curr_pos"])
+        state["action"] = random.choice(state["legal"])
+
+    check_strategy(strategy, make_ctx, "red0")
+
+
+DICE = random.Random()  # seeded by nothing
+
+
+def goes(node_of):
+    def strategy(state):
+        state["action"] = node_of(state)
+
+    return strategy
+
+
+def restless(counter):
+    return goes(lambda state: state["legal"][next(counter) % len(state["legal"])])
+
+
+@pytest.mark.parametrize(
+    ("strategy", "message"),
+    [
+        (restless(itertools.count()), r"reset and played again, the strategy chose \d in turn \d+.*state\['memory'\]"),
+        (goes(lambda state: DICE.choice(state["legal"])), r"Draw from state\['rng'\]"),
+        (
+            goes(lambda state: 8 if state["turn"] == 3 else state["curr_pos"]),
+            r"in turn 3 .*not legal.*state\['legal'\]",
+        ),
+        (lambda state: None, "not legal.*set no state"),
+        (lambda state: state.update(action=state["curr_pos"], turn=0), r"in turn 1 .*changed state\['turn'\] to 0"),
+        (lambda state: state.update(action=state["curr_pos"], legal=[1]), r"changed state\['legal'\]"),
+        (
+            lambda state: state.update(action=state["curr_pos"], plan=[1]),
+            r"put 'plan' into its state.*state\['memory'\]",
+        ),
+        (
+            lambda state: state.update(action=state["curr_pos"], memory={"x": 1}),
+            r"replaced or removed state\['memory'\]",
+        ),
+        (lambda state: state.update(action=state["curr_pos"], team_memory={}), r"removed state\['team_memory'\]"),
+        (lambda state: state.update(action=state.pop("curr_pos")), r"replaced or removed state\['curr_pos'\]"),
+        (lambda state: state["facts"].update(post=3), "AttributeError: 'mappingproxy'.*is read-only"),
+        (lambda state: state["facts"]["posts"].append(3), "in turn 0 .* raised AttributeError"),
+    ],
+)
+def test_a_strategy_that_does_not_play_fair_is_found(strategy, message):
+    with pytest.raises(AssertionError, match=message):
+        check_strategy(strategy, make_ctx, "red0")
+
+
+def test_a_strategy_that_remembers_earlier_games_is_found():
+    games = []
+
+    def strategy(state):
+        if state["turn"] == 0 and state["memory"] is not None:
+            games.append(state["rng"])
+        state["action"] = state["legal"][min(len(games), 3) - 1] if len(games) > 2 else state["curr_pos"]
+
+    with pytest.raises(AssertionError, match="in a new game of the same seed"):
+        check_strategy(strategy, make_ctx, "red0")
+
+
+def test_a_strategy_that_changes_the_world_is_found():
+    worlds = []
+
+    def make():
+        worlds.append(make_ctx())
+        return worlds[-1]
+
+    def strategy(state):
+        worlds[-1].agent.get_agent("blue1").current_node_id = 4
+        state["action"] = state["curr_pos"]
+
+    with pytest.raises(AssertionError, match=r"'red0' changed the agents"):
+        check_strategy(strategy, make, "red0")
+    with make_ctx() as world, pytest.raises(AssertionError, match="a new context at every call"):
+        check_strategy(stay, lambda: world, "red0")
+
+
+def test_an_agent_without_a_strategy_has_none_to_check():
+    with pytest.raises(AssertionError, match="has no strategy to check"):
+        check_strategy(None, lambda: make_ctx(strategy=None), "red0")
+    with pytest.raises(KeyError, match="Did you mean 'red0'"):
+        check_strategy(stay, make_ctx, "red00")

@@ -1,0 +1,126 @@
+"""Laws that all rules keep: the order of creation never counts, and what they remember is in one place."""
+
+import json
+import random
+
+import pytest
+from hypothesis import HealthCheck, given, settings
+from hypothesis import strategies as st
+
+import gamms
+from gamms.agent import AgentType
+from gamms.rules import Conflicts, capture_flag, contacts, last_team, one_to_one, reach, tag, territory, time_limit
+from gamms.strategies import random_walk
+
+LAWS = settings(max_examples=60, deadline=None, derandomize=True, suppress_health_check=[HealthCheck.too_slow])
+SIDE = 4
+
+
+def freeze(ctx, tagger, tagged):
+    ctx.game.data.setdefault("frozen", {})[tagged.name] = ctx.game.turn
+    ctx.game.scores[tagger.name] += 1
+
+
+def meet(ctx):
+    """A rule of a caller's own."""
+    for contact in one_to_one(contacts(ctx, lambda agent: agent.team != "red", "red", hops=1)):
+        ctx.game.emit("met", who=list(contact[:2]), apart=contact.distance)
+
+
+GAMES = {
+    "tag": lambda: [tag("red", "blue", mutual=True), time_limit(12)],
+    "tag from afar": lambda: [tag("red", "blue", metres=20, then=freeze), tag("blue", "red", euclid=10.0)],
+    "elimination": lambda: [tag("red", "blue", hops=1, then="eliminate", air=True), last_team(), meet],
+    "race": lambda: [tag("red", "blue"), reach({"red": "starts of blue", "blue": [15, 11]}, score=2)],
+    "flags": lambda: [
+        territory.published({node: "red" if node < 8 else "blue" for node in range(SIDE**2)}),
+        tag("red", "blue", territory="territory", mutual=True),
+        capture_flag({"red": 1, "blue": 14}, territory="territory", goal=3),
+    ],
+    "flags at home": lambda: [capture_flag({"red": 5, "blue": 10}, goal=None), tag("red", "blue", then="eliminate")],
+}
+
+
+def open_game(rules, agents, seed=3):
+    """Agents `(team, node)` by name; all walk about at random."""
+    ctx = gamms.create_context(seed=seed, logger_config={"level": "CRITICAL"})
+    ctx.graph.attach_networkx_graph(gamms.graph.grid(SIDE, SIDE))
+    for name, (team, node) in agents.items():
+        kind = {"type": AgentType.AERIAL, "speed": 8.0} if name.startswith("drone") else {}
+        ctx.agent.create_agent(name, start_node_id=node, team=team, strategy=random_walk, **kind)
+    for rule in rules:
+        ctx.game.add(rule)
+    return ctx
+
+
+def played(rules, agents, conflicts=None, **keywords):
+    with open_game(rules, agents, **keywords) as ctx:
+        ctx.game.conflicts = conflicts
+        return ctx.game.run(12)
+
+
+places = st.lists(
+    st.tuples(st.sampled_from(["red", "blue", "green", None]), st.integers(0, SIDE**2 - 1)), min_size=2, max_size=9
+)
+
+
+@pytest.mark.parametrize("game", GAMES)
+@LAWS
+@given(places=places, shuffled=st.randoms(use_true_random=False), drones=st.integers(0, 2))
+def test_any_order_of_creation_gives_the_same_result(game, places, shuffled, drones):
+    agents = {f"drone{i}" if i < drones else f"agent{i}": place for i, place in enumerate(places)}
+    order = list(agents)
+    shuffled.shuffle(order)
+    expected = played(GAMES[game](), agents)
+    assert played(GAMES[game](), {name: agents[name] for name in order}) == expected
+
+
+@pytest.mark.parametrize("game", GAMES)
+@LAWS
+@given(places=places)
+def test_a_game_that_is_played_again_is_the_same_and_so_is_one_with_the_same_rules(game, places):
+    agents = {f"agent{i}": place for i, place in enumerate(places)}
+    rules = GAMES[game]()
+    with open_game(rules, agents) as ctx:
+        first = ctx.game.run(12)
+        ctx.game.reset()
+        assert ctx.game.data == {}
+        assert ctx.game.run(12) == first
+        ctx.game.reset(seed=8)
+        other = ctx.game.run(12)
+    assert played(rules, agents) == first  # they were used before, in another context
+    assert played(GAMES[game](), agents, seed=8) == other
+
+
+@pytest.mark.parametrize("game", GAMES)
+def test_two_games_that_take_turns_with_the_same_rules_do_not_notice_each_other(game):
+    agents = {f"agent{i}": (["red", "blue"][i % 2], 3 * i) for i in range(6)}
+    rules = GAMES[game]()
+    expected = [played(rules, agents, seed=seed) for seed in (1, 2)]
+    with open_game(rules, agents, seed=1) as one, open_game(rules, agents, seed=2) as two:
+        for _ in range(12):
+            one.game.step()
+            two.game.step()
+        assert [one.game.result(), two.game.result()] == expected
+
+
+@pytest.mark.parametrize("game", GAMES)
+def test_what_rules_remember_and_emit_is_plain(game):
+    agents = {f"agent{i}": (["red", "blue"][i % 2], 3 * i) for i in range(6)}
+    with open_game(GAMES[game](), agents) as ctx:
+        result = ctx.game.run(12)
+        assert result.events
+        for values in (ctx.game.data, result.events, result.scores):
+            assert json.loads(json.dumps(values)) == values
+
+
+def test_rules_and_conflicts_play_together_whoever_was_created_first():
+    agents = {f"agent{i}": (["red", "blue"][i % 2], i) for i in range(10)}
+    order = list(agents)
+    random.Random(4).shuffle(order)
+    results = [
+        played(GAMES["flags"](), {name: agents[name] for name in names}, Conflicts(allow_swaps=False))
+        for names in (agents, order)
+    ]
+    assert results[0] == results[1]
+    assert sum(one["blocked"] for one in results[0].agents.values()) > 0
