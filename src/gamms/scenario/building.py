@@ -40,8 +40,8 @@ class Building:
             self._add_agent(member, nodes[member.name])
         game = self.ctx.game
         with at("facts"):
-            game.publish(**self.values(self.spec.facts, "facts"))
-        game.data.update(self.values(self.spec.data, "data"))
+            game.publish(**self.parameters(self.spec.facts, "facts"))
+        game.data.update(self.parameters(self.spec.data, "data"))
         self._add_strategies()
         for number, rule in enumerate(self.spec.rules):
             self._add_rule(rule, f"rules.{number}")
@@ -79,7 +79,7 @@ class Building:
             "team": member.team,
             "type": self.kind_of(member),
             "sensors": list(self.sensors_of(member)),
-            "meta": {"team": member.team, **self.values(meta, joined(member.path, "meta"))},
+            "meta": {"team": member.team, **self.parameters(meta, joined(member.path, "meta"))},
         }
 
     def _sensor(self, name: str, member: Member) -> Any:
@@ -96,7 +96,7 @@ class Building:
     def _function_sensor(self, sensor: Sensor, id: str, path: str) -> Any:
         """A sensor whose data is what a function returns, or what one that is made with parameters does."""
         function = self.library.get(sensor.function or "", path)
-        given = self.values(sensor.with_ or {}, f"{path}.with")
+        given = self.parameters(sensor.with_ or {}, f"{path}.with")
         if given or first_of(function) == "ctx":
             function = called(function, given, (self.ctx,) if first_of(function) == "ctx" else (), path)
         return self.ctx.sensor.from_function(id, function)
@@ -122,7 +122,7 @@ class Building:
         if ":" not in code.function:
             return self._mapped(member, code, path, mapped)
         return strategy_of(
-            self.library.get(code.function, path), self.values(code.with_, f"{path}.with"), self.ctx, path
+            self.library.get(code.function, path), self.parameters(code.with_, f"{path}.with"), self.ctx, path
         )
 
     def _mapped(self, member: Member, code: Code, path: str, mapped: dict[str, Mapping[str, Any]]) -> Any:
@@ -134,7 +134,7 @@ class Building:
                 for one in listed
             }
             function = self.library.get(code.function, path)
-            answer = called(function, self.values(code.with_, f"{path}.with"), (config,), path)
+            answer = called(function, self.parameters(code.with_, f"{path}.with"), (config,), path)
             if not isinstance(answer, Mapping):
                 raise ScenarioError(
                     path, f"map_strategy gives {shown(answer)}, and not a dict of agents and strategies."
@@ -153,7 +153,7 @@ class Building:
         name, parameters, phase = (
             (given, {}, "after") if isinstance(given, str) else (given.rule, given.with_, given.phase)
         )
-        rule = rule_of(self.library.get(name, path, RULES), self.values(parameters, f"{path}.with"), path)
+        rule = rule_of(self.library.get(name, path, RULES), self.parameters(parameters, f"{path}.with"), path)
         with at(path):
             self.ctx.game.add(rule, phase=phase)
 
@@ -170,23 +170,31 @@ class Building:
             resolve = self.library.get(given.resolve, path)
         return rules.Conflicts(capacity, given.among, allow_swaps=given.allow_swaps, resolve=resolve)
 
-    def values(self, value: Any, path: str) -> Any:
-        """Parameters and facts, copied: `{node: [x, y]}` becomes a node, `{function: …, with: …}` what it gives."""
+    def parameters(self, given: Mapping[str, Any], path: str) -> dict[str, Any]:
+        """Parameters or facts by name, each as `value` makes it."""
+        return {name: self.value(one, joined(path, name)) for name, one in given.items()}
+
+    def value(self, value: Any, path: str) -> Any:
+        """A copy, in which `{node_at: [x, y]}` is a node, and `{function: …, with: …}` what that gives."""
         if isinstance(value, list):
-            return [self.values(one, joined(path, number)) for number, one in enumerate(value)]
+            return [self.value(one, joined(path, number)) for number, one in enumerate(value)]
         if not isinstance(value, Mapping):
             return value
         if is_call(value):
-            function = self.library.get(value["function"], path)
-            given = self.values(value.get("with") or {}, f"{path}.with")
-            first = (self.ctx,) if first_of(function) == "ctx" else ()
-            if first_of(function) == "state":
-                return strategy_of(function, given, self.ctx, path)
-            return called(function, given, first, path) if given or not needs(function, first) else function
-        if set(value) == {"node"} and isinstance(value["node"], (list, Mapping)):
-            place_of = checked(value["node"], LatLon | tuple[float, float], joined(path, "node"))
-            return node_at(self.ctx, place_of, joined(path, "node"))
-        return {key: self.values(one, joined(path, key)) for key, one in value.items()}
+            return self._call(value, path)
+        if set(value) == {"node_at"}:
+            where = joined(path, "node_at")
+            return node_at(self.ctx, checked(value["node_at"], LatLon | tuple[float, float], where), where)
+        return {key: self.value(one, joined(path, key)) for key, one in value.items()}
+
+    def _call(self, value: Mapping[str, Any], path: str) -> Any:
+        """What a function among the parameters gives, or itself if it is one that is called later."""
+        function = self.library.get(value["function"], path)
+        given = self.parameters(value.get("with") or {}, joined(path, "with"))
+        first = (self.ctx,) if first_of(function) == "ctx" else ()
+        if first_of(function) == "state":
+            return strategy_of(function, given, self.ctx, path)
+        return called(function, given, first, path) if given or not needs(function, first) else function
 
 
 def _first_given(*values: Any) -> Any:

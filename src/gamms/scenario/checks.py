@@ -6,7 +6,7 @@ from typing import Any
 
 from gamms.errors import UnknownName, nearest
 from gamms.scenario import worlds
-from gamms.scenario.code import check_parameters, function_of
+from gamms.scenario.code import check_parameters, first_of, function_of
 from gamms.scenario.errors import ScenarioError, shown
 from gamms.scenario.explain import unknown_key
 from gamms.scenario.placing import members
@@ -129,13 +129,9 @@ def references(spec: Spec, folder: Path | None) -> Iterator[Found]:
     for name, sensor in spec.sensors.items():
         if sensor.function is not None:
             yield from _code(Code(function=sensor.function, with_=sensor.with_ or {}), folder, f"sensors.{name}")
-    for name, team in spec.teams.items():
-        for path, one in [
-            (f"teams.{name}", team),
-            *((f"teams.{name}.agents.{i}", agent) for i, agent in enumerate(team.agents)),
-        ]:
-            if one.strategy is not None:
-                yield from _code(one.strategy, folder, f"{path}.strategy")
+    for path, one in _equipped(spec):
+        if one.strategy is not None:
+            yield from _code(one.strategy, folder, f"{path}.strategy")
     for number, rule in enumerate(spec.rules):
         path = f"rules.{number}"
         yield find(rule if isinstance(rule, str) else rule.rule, folder, path, short=RULES)
@@ -185,14 +181,30 @@ def check_code(spec: Spec, folder: Path | None) -> list[Found]:
         ScenarioError: some is not there, or takes no such parameters.
     """
     found = list(references(spec, folder))
-    given: dict[str, Mapping[str, Any]] = {}
-    for number, rule in enumerate(spec.rules):
-        given[f"rules.{number}"] = rule.with_ if isinstance(rule, Rule) else {}
+    given = dict(_given(spec))
     for one in found:
-        if one.module == RULES and one.path in given:
-            check_parameters(function_of(one, None), given[one.path], (), one.path)
+        if one.module.partition(".")[0] == "gamms" and one.path in given:
+            function = function_of(one, None)
+            first = ("ctx",) if first_of(function) in ("ctx", "state") else ()
+            check_parameters(function, given[one.path], first, one.path)
     worlds.map_file(spec.map, folder)
     return found
+
+
+def _given(spec: Spec) -> Iterator[tuple[str, Mapping[str, Any]]]:
+    """Where a rule or a strategy stands, and its parameters."""
+    for number, rule in enumerate(spec.rules):
+        yield f"rules.{number}", rule.with_ if isinstance(rule, Rule) else {}
+    for path, one in _equipped(spec):
+        if one.strategy is not None:
+            yield f"{path}.strategy", one.strategy.with_ if isinstance(one.strategy, Code) else {}
+
+
+def _equipped(spec: Spec) -> Iterator[tuple[str, Any]]:
+    """Teams and the agents they list, each with its path."""
+    for name, team in spec.teams.items():
+        yield f"teams.{name}", team
+        yield from ((f"teams.{name}.agents.{number}", agent) for number, agent in enumerate(team.agents))
 
 
 def unknown_strategies(given: Mapping[str, Any], spec: Spec) -> None:

@@ -169,7 +169,7 @@ class _Team:
     def _refusal(self, placed: int, wanted: int, taken: list[int]) -> str:
         words, ways_out = [f"only {placed} of {wanted} agents could be placed"], ["count"]
         if self.said.within is not None:
-            words.append(f"within {self.said.within:g} of {self.said.near!r}")
+            words.append(f"within {self.said.within:g} of {_in_words(self.said.near)}")
             ways_out.append("within")
         if self.said.apart:
             words.append(f"at least {self.said.apart:g} apart")
@@ -179,3 +179,10 @@ class _Team:
             ways_out.append("from")
         others = f", beside {len(taken)} on nodes of their own" if taken else ""
         return f"{', '.join(words)}{others}. Change {' or '.join(dict.fromkeys(ways_out))}."
+
+
+def _in_words(near: Any) -> str:
+    """A place as a file says it."""
+    if isinstance(near, LatLon):
+        return f"latitude {near.lat:g}, longitude {near.lon:g}"
+    return f"[{near[0]:g}, {near[1]:g}]" if isinstance(near, tuple) else f"node {near}"

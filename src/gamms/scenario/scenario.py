@@ -89,7 +89,7 @@ class Scenario:
         done = ["keys, types and names", f"{len(found)} references to code (found, not run)"]
         if worlds.is_data(self.spec.map):
             with named(self.file), create_context(seed=self.spec.seed, logger_config=worlds.quiet()) as ctx:
-                ctx.graph.restore(self._loaded())
+                worlds.put(ctx, self._loaded())
                 place(ctx, self.spec, everybody)
                 done += [f"the map ({len(ctx.graph.graph)} nodes)", f"the places of {len(everybody)} agents"]
         return done
@@ -132,7 +132,7 @@ class Scenario:
         )
         try:
             with named(self.file):
-                ctx.graph.restore(world)
+                worlds.put(ctx, world)
                 Building(ctx, self.spec, self._library, given).build()
         except BaseException:
             ctx.terminate()

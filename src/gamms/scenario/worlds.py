@@ -56,7 +56,7 @@ def map_file(map: Map, folder: Path | None) -> Path | None:
 
 
 def load(map: Map, folder: Path | None, library: Library) -> Any:
-    """Graph and obstacles, as `ctx.graph.restore` takes them.
+    """Graph and obstacles, for `put`.
 
     Raises:
         ScenarioError: the map cannot be loaded.
@@ -77,6 +77,14 @@ def load(map: Map, folder: Path | None, library: Library) -> Any:
         if not len(ctx.graph.graph):
             raise ScenarioError(f"map.{kind}", "this map has no nodes.")
         return ctx.graph.kept()
+
+
+def put(ctx: Context, world: Any) -> None:
+    """Let the graph room of a new context have a loaded map; it may change it as it likes."""
+    ctx.graph.graph.replace(world.columns)
+    ctx.graph.graph.attribution = world.attribution
+    if len(world.obstacles.ids):
+        ctx.graph.add_obstacles(world.obstacles.corners, world.obstacles.ids, world.obstacles.types)
 
 
 def _load_grid(ctx: Context, given: Grid) -> None:
