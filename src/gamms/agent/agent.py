@@ -5,6 +5,7 @@ from typing import Any
 
 from gamms.agent.member import Member
 from gamms.errors import ContextTerminated, UnknownName
+from gamms.ir import journal
 from gamms.typing import IContext
 
 
@@ -50,6 +51,7 @@ class Agent(Member):
     @speed.setter
     def speed(self, speed: Any) -> None:
         self._columns.speed[self._row] = speed
+        self._note(journal.AGENT_SPEED, speed=speed)
         self._columns.roster += 1
 
     @property

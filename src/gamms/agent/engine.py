@@ -11,6 +11,7 @@ from gamms.agent.kept import KeptAgents, kept, restore
 from gamms.agent.member import Member
 from gamms.arguments import as_name, misspelt
 from gamms.errors import BadType, ContextTerminated, Duplicate, MissingKey, UnknownName, nearest
+from gamms.ir import journal
 from gamms.ir.agents import AgentColumns
 from gamms.typing import IContext
 from gamms.typing.agent_engine import AgentType, IAgentEngine, IMoves, Roll, Standing
@@ -54,6 +55,7 @@ class AgentEngine(IAgentEngine):
             raise ContextTerminated("ctx.agent")
         if as_name(name, "an agent") in self.agents:
             raise Duplicate("an agent", name)
+        given = dict(kwargs)
         kind = self._kind_of(name, kwargs)
         sensors = self._found_sensors(name, kwargs.pop("sensors", ()))
         strategy = kwargs.pop("strategy", None)
@@ -67,7 +69,14 @@ class AgentEngine(IAgentEngine):
             self._ctx.logger.warning(f"Agent {name!r}: {hint} It is kept as an attribute.")
         agent._live_in(self.columns)
         self.agents[name] = agent  # before its sensors: one may ask who its owner is
-        self._equip(agent, sensors)
+        log = self.columns.journal
+        log.entered(agent._row, name)
+        self.columns.journal = journal.NOBODY  # what follows is a part of the creation
+        try:
+            self._equip(agent, sensors)
+        finally:
+            self.columns.journal = log
+        log.note(journal.AGENT_CREATE, {"name": name, "kwargs": given})
         return agent
 
     def get_agent(self, name: str) -> Member:
@@ -84,6 +93,7 @@ class AgentEngine(IAgentEngine):
             self._ctx.logger.warning(f"{UnknownName('agent', name, self.agents)} Nothing is deleted.")
             return
         self._take_out(agent)
+        self.columns.journal.note(journal.AGENT_DELETE, {"name": name})
 
     def create_iter(self) -> "Living":
         """The agents in the order of their creation; each loop over it takes those of its beginning that are left."""
@@ -126,6 +136,12 @@ class AgentEngine(IAgentEngine):
         crowds = columns.crowds()
         rest = columns.node, columns.teams, crowds.at, crowds.taken
         return tuple.__new__(Standing, (columns.names, *rest, columns.moves))
+
+    def write_by(self, moves: IMoves) -> None:
+        """Let all agents be moved by another writer, those that come later, too."""
+        self.moves = moves
+        for agent in (*self.agents.values(), *self._gone):
+            agent._write_by(moves)
 
     def kept(self) -> KeptAgents:
         """All agents as they are now, for `restore`."""

@@ -5,6 +5,7 @@ from typing import Any, ClassVar
 
 from gamms.arguments import as_name
 from gamms.errors import BadType, GammsError, MissingKey
+from gamms.ir import journal
 from gamms.ir.agents import AgentColumns, Position
 from gamms.typing import IContext
 from gamms.typing.agent_engine import AgentType, IAgent, IMoves, Strategy
@@ -89,6 +90,7 @@ class Member(IAgent):
     @team.setter
     def team(self, team: Any) -> None:
         self._columns.teams[self._row] = team
+        self._note(journal.AGENT_TEAM, team=team)
         self._columns.roster += 1
         self._columns.touched.add(self._row)  # those who look for a team should see it
 
@@ -100,6 +102,7 @@ class Member(IAgent):
     @alive.setter
     def alive(self, alive: bool) -> None:
         self._columns.set_alive(self._row, alive=bool(alive))
+        self._note(journal.AGENT_ALIVE, alive=bool(alive))
 
     @property
     def state(self) -> dict[str, Any]:
@@ -128,6 +131,7 @@ class Member(IAgent):
         other = self._ctx.agent.agents.get(getattr(sensor, "_owner", None) or "")
         sensor.set_owner(self.name)
         self._sensor_list[name] = sensor
+        self._note(journal.AGENT_SENSOR_REGISTER, name=name, sensor_id=sensor.sensor_id)
         self._carry()
         if other is not None and other is not self:
             other._share(sensor)
@@ -142,6 +146,7 @@ class Member(IAgent):
         if sensor is None:
             self._ctx.logger.warning(f"Agent {self.name!r} has no sensor {name!r} to deregister.")
         else:
+            self._note(journal.AGENT_SENSOR_DEREGISTER, name=name, sensor_id=sensor.sensor_id)
             self._disown(sensor)
 
     def register_strategy(self, strategy: Strategy | None) -> None:
@@ -197,6 +202,10 @@ class Member(IAgent):
 
     # -- coming and going ---------------------------------------------------------------------------------------
 
+    def _note(self, kind: int, **data: Any) -> None:
+        """Tell the journal what has happened to the agent."""
+        self._columns.journal.note(kind, {"agent_name": self.name, **data})
+
     def _adopt(self, attributes: dict[str, Any]) -> None:
         """Take on what the caller gave to be attributes."""
         for key, value in attributes.items():
@@ -211,6 +220,11 @@ class Member(IAgent):
         self._live_in(AgentColumns())
         for sensor in self._sensor_list.values():
             self._disown(sensor)
+
+    def _write_by(self, moves: IMoves) -> None:
+        """Be moved by another writer from now on."""
+        self._moves = moves
+        self._act = moves.fly if self.type is AgentType.AERIAL else moves.act
 
     def _rest(self) -> None:
         """Do nothing from now on: the context has ended, and a loop that is ending should end quietly."""

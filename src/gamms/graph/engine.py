@@ -196,6 +196,26 @@ class GraphEngine(IGraphEngine):
         self._put(file.load(path))
         return graph
 
+    def packed(self) -> bytes:
+        """Graph, obstacles, CRS and attributes as the bytes that `save` writes.
+
+        Raises:
+            BadValue: an attribute is no plain data.
+        """
+        from gamms.graph import file
+
+        return file.encode(self._contents())
+
+    def unpack(self, data: bytes) -> None:
+        """Replace graph and obstacles by what `packed` gave.
+
+        Raises:
+            BadFile (ValueError): the bytes are damaged or foreign; nothing has changed.
+        """
+        from gamms.graph import file
+
+        self._put(file.decode(data))
+
     def kept(self) -> "KeptWorld":
         """Graph and obstacles as they are now, for `restore`."""
         attribution = self.graph.attribution

@@ -6,6 +6,7 @@ from typing import Any
 import numpy as np
 
 from gamms.ir.graph import FloatArray, IntArray
+from gamms.ir.journal import NOBODY, Journal
 
 Position = tuple[float, float, float]  # x, y, z; map units
 Quat = tuple[float, float, float, float]  # w, x, y, z; of length 1
@@ -45,6 +46,7 @@ class AgentColumns:
         alive: whether it takes part.
         carry: metres that were left of its last move on the ground.
         out: the rows of those that are not alive.
+        journal: where what happens to agents is noted.
         roster: a number that changes whenever an agent comes, goes, dies, returns, or has another team, speed or
             sensor.
         touched: rows whose node, position or team may have changed; whoever writes one of these adds to it.
@@ -63,6 +65,7 @@ class AgentColumns:
         "_stale",
         "adrift",
         "flying",
+        "journal",
         "moves",
         "out",
         "roster",
@@ -89,6 +92,7 @@ class AgentColumns:
         self.alive: list[bool] = []
         self.carry: list[float] = []
         self.roster = 0
+        self.journal: Journal = NOBODY
         self.touched: set[int] = set()
         self.adrift: set[int] = set()
         self.surveyed: int | None = None

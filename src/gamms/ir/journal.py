@@ -1,0 +1,73 @@
+"""What happens, in order: written by the columns and the one writer of moves, read by whoever records."""
+
+from typing import Any
+
+Log = list[Any]  # (row id, node id) of each move of an agent on the ground as two ints; else (kind, data) as a tuple
+
+TERMINATE = 0x00000000
+SIMULATE = 0x00000001
+SNAPSHOT = 0x00000010  # not in 1.0.0, like all that are marked so
+AGENT_CREATE = 0x01000000
+AGENT_DELETE = 0x01000001
+AGENT_CURRENT_NODE = 0x01100000
+AGENT_PREV_NODE = 0x01100001
+AGENT_SENSOR_REGISTER = 0x01100002
+AGENT_SENSOR_DEREGISTER = 0x01100003
+AGENT_ORIENTATION = 0x01100004
+AERIAL_AGENT_POSITION = 0x01100005
+AERIAL_AGENT_QUATERNION = 0x01100006
+AGENT_TEAM = 0x01100010  # not in 1.0.0
+AGENT_ALIVE = 0x01100011  # not in 1.0.0
+AGENT_SPEED = 0x01100012  # not in 1.0.0
+AGENT_STRATEGY = 0x01100013  # not in 1.0.0
+WORLD = 0x03000000  # not in 1.0.0: graph and obstacles
+GAME_SCORES = 0x04000000  # not in 1.0.0
+GAME_DATA = 0x04000001  # not in 1.0.0
+GAME_EVENT = 0x04000002  # not in 1.0.0
+GAME_OVER = 0x04000003  # not in 1.0.0
+USER_EVENT = 0x05000000  # not in 1.0.0
+
+
+class Journal:
+    """The events of one context since somebody began to read.
+
+    Attributes:
+        log: what has happened; the reader empties it.
+        ids: row of an agent -> the number by which moves name it, which stays when rows are closed up.
+        names: that number -> the agent's name.
+    """
+
+    def __init__(self, names: list[str]) -> None:
+        self.log: Log = []
+        self.names = list(names)
+        self.ids = list(range(len(names)))
+
+    def note(self, kind: int, data: Any) -> None:
+        """Something other than a move has happened; `data` are plain values."""
+        self.log.append((kind, data))
+
+    def entered(self, row: int, name: str) -> None:
+        """An agent has come, in the last row."""
+        del self.ids[row:]
+        self.ids.append(len(self.names))
+        self.names.append(name)
+
+    def kept(self, rows: list[int]) -> None:
+        """Only these rows are left, in this order."""
+        self.ids = [self.ids[row] for row in rows]
+
+
+class _Nobody(Journal):
+    """Nobody reads."""
+
+    def note(self, kind: int, data: Any) -> None:
+        pass
+
+    def entered(self, row: int, name: str) -> None:
+        pass
+
+    def kept(self, rows: list[int]) -> None:
+        pass
+
+
+NOBODY = _Nobody([])
