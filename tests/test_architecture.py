@@ -45,7 +45,8 @@ FLOORS = [
     {"typing"},
     {"agent", "game", "graph", "memory", "osm", "sensor", "visual"},
     {"context"},
-    {"demo", "rules", "scenario", "strategies", "testing"},
+    {"rules", "scenario", "strategies", "testing"},
+    {"demo"},
     {"cli"},
 ]
 OUTSIDE = {"", "_legacy", "__main__"}  # the front door, and the table of old paths, which knows every room

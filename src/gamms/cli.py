@@ -13,7 +13,7 @@ from rich.markup import escape
 from rich.table import Table
 
 import gamms
-from gamms.demo import Match, Team, play, report, show
+from gamms.demo import Team
 from gamms.errors import GammsError
 
 app = typer.Typer(
@@ -30,7 +30,6 @@ scenarios = typer.Typer(help="Look at scenario files.", no_args_is_help=True)
 app.add_typer(scenarios, name="scenario")
 
 _HELSINKI = "Central Helsinki"
-_COLORS = ((213, 94, 0), (0, 114, 178))  # vermilion and blue of Okabe and Ito: told apart by everybody
 _NAMES = ("red", "blue")
 _PICTURE = (1400, 1600)
 _MOST_AGENTS = 1000
@@ -60,15 +59,21 @@ def demo(
     map: Annotated[Path | None, typer.Option(help="An OpenStreetMap file to play on instead of Helsinki.")] = None,
 ) -> None:
     """Play capture the flag between two teams on the streets of a city."""
+    from gamms.demo import capture_the_flag, check_ways, report, show
+
     sides = _parsed_teams(teams)
-    with gamms.create_context(seed=seed, logger_config={"level": "WARNING"}) as ctx:
-        map_name = _load_map(ctx, map)
-        match = play(ctx, sides, turns)
-        show.declare(match)
-        out.mkdir(parents=True, exist_ok=True)
-        (out / "result.json").write_text(report.to_json(report.result(match, map_name)), encoding="utf-8")
-        ctx.visual.save(out / "final.svg", *_PICTURE, title=f"{map_name}: {report.headline(match)}")
-        _tell(match, map_name, seed)
+    with _one_sentence():
+        game = capture_the_flag(sides, turns, map)
+        map_name = _HELSINKI if map is None else map.name
+        with game.build(seed) as ctx:
+            check_ways(ctx)
+            show.declare(ctx)
+            played = ctx.game.run(progress=True)
+            out.mkdir(parents=True, exist_ok=True)
+            data = report.to_json(report.result(ctx, played, map_name, turns))
+            (out / "result.json").write_text(data, encoding="utf-8")
+            ctx.visual.save(out / "final.svg", *_PICTURE, title=f"{map_name}: {report.headline(ctx, played)}")
+            _tell(ctx, played, sides, map_name)
     typer.echo(
         f"\nWrote {out / 'result.json'} (every event) and {out / 'final.svg'} (the last turn; open it in a browser)."
     )
@@ -240,16 +245,6 @@ def _fidelity(file: Path, network: _Network, **wishes: Any) -> Any:
     return osm.report(graph, file)
 
 
-def _load_map(ctx: gamms.Context, path: Path | None) -> str:
-    from gamms import osm
-
-    if path is None:
-        osm.helsinki(ctx)
-        return _HELSINKI
-    ctx.graph.attach_networkx_graph(osm.graph_from_xml(path))
-    return path.name
-
-
 def _parsed_teams(text: str) -> tuple[Team, Team]:
     """Two teams from `5`, `5,3` or `cats=5,dogs=3`."""
     parts = [part.strip() for part in text.split(",")]
@@ -263,23 +258,25 @@ def _parsed_teams(text: str) -> tuple[Team, Team]:
     if names[0] == names[1] or not all(1 <= size <= _MOST_AGENTS for size in sizes):
         message = f"{text!r}: two names and 1 to {_MOST_AGENTS} agents each, such as cats=5,dogs=3."
         raise typer.BadParameter(message, param_hint="--teams")
-    first, second = (Team(*side) for side in zip(names, sizes, _COLORS, strict=True))
+    first, second = (Team(*side) for side in zip(names, sizes, strict=True))
     return first, second
 
 
-def _tell(match: Match, map_name: str, seed: int) -> None:
+def _tell(ctx: gamms.Context, played: Any, sides: tuple[Team, Team], map_name: str) -> None:
     """Print what happened."""
+    from gamms.demo import report
+
     console = Console(highlight=False, soft_wrap=True)
-    first, second = match.world.teams
-    graph = match.ctx.graph.columns()
+    first, second = sides
+    graph = ctx.graph.columns()
     streets = float(graph.lengths.sum()) / 2000.0
-    console.print(f"[bold]Capture the flag[/] in {map_name}, seed {seed}")
+    console.print(f"[bold]Capture the flag[/] in {map_name}, seed {played.seed}")
     console.print(f"{first.name} ({first.size} agents) against {second.name} ({second.size} agents)")
-    console.print(f"{len(graph.node_ids):,} nodes, {streets:.0f} km of streets; {match.ctx.graph.attribution or ''}\n")
-    for turn, sentence in report.story(match):
+    console.print(f"{len(graph.node_ids):,} nodes, {streets:.0f} km of streets; {ctx.graph.attribution or ''}\n")
+    for turn, sentence in report.story(ctx, played):
         console.print(f"  turn {turn:>4}  {sentence}")
-    console.print(f"\n[bold]{report.headline(match)}[/]\n")
-    header, *rows = report.table(match)
+    console.print(f"\n[bold]{report.headline(ctx, played)}[/]\n")
+    header, *rows = report.table(ctx, played)
     console.print(_rich_table(header, rows))
 
 

@@ -7,15 +7,16 @@ from typing import Any
 from gamms.arguments import as_path
 from gamms.context import Context, create_context
 from gamms.game.result import Result
+from gamms.ir.graph import GraphColumns
 from gamms.scenario import files, plain, worlds
 from gamms.scenario.building import Building, Strategies
 from gamms.scenario.checks import check_code, check_sense, unknown_strategies
 from gamms.scenario.code import Library
 from gamms.scenario.errors import ScenarioError, named
 from gamms.scenario.explain import checked
-from gamms.scenario.placing import members, place
+from gamms.scenario.placing import members, node_at, place
 from gamms.scenario.references import Found
-from gamms.scenario.shape import Spec
+from gamms.scenario.shape import LatLon, Place, Spec
 from gamms.typing.graph_engine import Engine as GraphEngine
 
 
@@ -68,6 +69,26 @@ class Scenario:
             new._world = self._world
         new._library = self._library
         return new
+
+    def columns(self) -> GraphColumns:
+        """The map as read-only arrays, for looking up nodes; loads it if need be.
+
+        Raises:
+            ScenarioError: it cannot be loaded.
+        """
+        with named(self.file):
+            columns: GraphColumns = self._loaded().columns
+            return columns
+
+    def node_at(self, place: Any) -> int:
+        """The node of the map that `[x, y]` or `{"lat": …, "lon": …}` means, or that has this id.
+
+        Raises:
+            ScenarioError: there is no such node, or it is no place.
+        """
+        with named(self.file), create_context(logger_config=worlds.quiet()) as ctx:
+            worlds.put(ctx, self._loaded())
+            return node_at(ctx, place if isinstance(place, LatLon) else checked(place, Place, "place"), "place")
 
     def code(self) -> list[Found]:
         """The code that `build` would import, found without running any of it.

@@ -33,6 +33,9 @@ class LatLon(_Mapping, frozen=True, kw_only=True):
     lon: float
 
 
+Place = NodeId | Xy | LatLon
+
+
 class Code(_Mapping, frozen=True, kw_only=True):
     """A function with parameters."""
 
@@ -134,7 +137,7 @@ class Agent(_Equipment, frozen=True, kw_only=True):
     """One agent; without a node it is placed as its team says."""
 
     name: Name
-    node: NodeId | Xy | LatLon | None = None
+    node: Place | None = None
 
 
 class Team(_Equipment, frozen=True, kw_only=True):
@@ -142,7 +145,7 @@ class Team(_Equipment, frozen=True, kw_only=True):
 
     count: Count = 0
     agents: list[Agent] = []
-    near: NodeId | Xy | LatLon | None = None
+    near: Place | None = None
     within: Metres | None = None
     apart: Metres = 0.0
     from_: From | list[From] = []
