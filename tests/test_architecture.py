@@ -45,11 +45,12 @@ FLOORS = [
     {"typing"},
     {"agent", "game", "graph", "memory", "osm", "recorder", "sensor", "visual"},
     {"context"},
-    {"demo", "rules", "strategies", "testing"},
+    {"rules", "scenario", "strategies", "testing"},
+    {"demo"},
     {"cli"},
 ]
 OUTSIDE = {"", "_legacy", "__main__"}  # the front door, and the table of old paths, which knows every room
-GUESTS = {"demo", "rules", "strategies", "testing", "cli"}  # they use a context as any user would
+GUESTS = {"demo", "rules", "scenario", "strategies", "testing", "cli"}  # they use a context as any user would
 LEVEL = {room: level for level, rooms in enumerate(FLOORS) for room in rooms}
 
 

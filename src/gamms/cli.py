@@ -1,17 +1,19 @@
 """`gamms`: the command line. The only file that prints, and the one door to typer and rich."""
 
 import json
-from collections.abc import Iterable
+from collections.abc import Iterable, Iterator
+from contextlib import contextmanager
 from enum import StrEnum
 from pathlib import Path
 from typing import Annotated, Any
 
 import typer
 from rich.console import Console
+from rich.markup import escape
 from rich.table import Table
 
 import gamms
-from gamms.demo import Match, Team, play, report, show
+from gamms.demo import Team
 from gamms.errors import GammsError
 
 app = typer.Typer(
@@ -24,9 +26,10 @@ app = typer.Typer(
 
 maps = typer.Typer(help="Look at maps.", no_args_is_help=True)
 app.add_typer(maps, name="osm")
+scenarios = typer.Typer(help="Look at scenario files.", no_args_is_help=True)
+app.add_typer(scenarios, name="scenario")
 
 _HELSINKI = "Central Helsinki"
-_COLORS = ((213, 94, 0), (0, 114, 178))  # vermilion and blue of Okabe and Ito: told apart by everybody
 _NAMES = ("red", "blue")
 _PICTURE = (1400, 1600)
 _MOST_AGENTS = 1000
@@ -56,18 +59,85 @@ def demo(
     map: Annotated[Path | None, typer.Option(help="An OpenStreetMap file to play on instead of Helsinki.")] = None,
 ) -> None:
     """Play capture the flag between two teams on the streets of a city."""
+    from gamms.demo import capture_the_flag, check_ways, report, show
+
     sides = _parsed_teams(teams)
-    with gamms.create_context(seed=seed, logger_config={"level": "WARNING"}) as ctx:
-        map_name = _load_map(ctx, map)
-        match = play(ctx, sides, turns)
-        show.declare(match)
-        out.mkdir(parents=True, exist_ok=True)
-        (out / "result.json").write_text(report.to_json(report.result(match, map_name)), encoding="utf-8")
-        ctx.visual.save(out / "final.svg", *_PICTURE, title=f"{map_name}: {report.headline(match)}")
-        _tell(match, map_name, seed)
+    with _one_sentence():
+        game = capture_the_flag(sides, turns, map)
+        map_name = _HELSINKI if map is None else map.name
+        with game.build(seed) as ctx:
+            check_ways(ctx)
+            show.declare(ctx)
+            played = ctx.game.run(progress=True)
+            out.mkdir(parents=True, exist_ok=True)
+            data = report.to_json(report.result(ctx, played, map_name, turns))
+            (out / "result.json").write_text(data, encoding="utf-8")
+            ctx.visual.save(out / "final.svg", *_PICTURE, title=f"{map_name}: {report.headline(ctx, played)}")
+            _tell(ctx, played, sides, map_name)
     typer.echo(
         f"\nWrote {out / 'result.json'} (every event) and {out / 'final.svg'} (the last turn; open it in a browser)."
     )
+
+
+@app.command("run")
+def play_scenario(
+    file: Annotated[Path, typer.Argument(help="A scenario file, YAML or JSON.", show_default=False)],
+    seed: Annotated[
+        int | None, typer.Option(help="The same seed plays the same game; by default that of the file.")
+    ] = None,
+    turns: Annotated[int | None, typer.Option(min=0, help="The game ends after this many turns at the latest.")] = None,
+    changes: Annotated[list[str] | None, typer.Option("--set", help="Change the scenario: teams.red.count=8.")] = None,
+    strategies: Annotated[
+        list[str] | None, typer.Option("--strategy", help="Play a team by a strategy of yours: red=mine.py:strategy.")
+    ] = None,
+    out: Annotated[Path, typer.Option(help="The folder for result.json and final.svg.")] = Path("gamms-run"),
+) -> None:
+    """Play the game in a scenario file."""
+    from gamms import scenario
+
+    with _one_sentence():
+        game = scenario.load(file).replace(**_changes(changes or []))
+        if turns is not None:
+            game = game.replace(turns=turns)
+        found = _found_strategies(strategies or [])
+        console = Console(highlight=False, soft_wrap=True)
+        for line in _code_of(game, found):
+            typer.echo(f"imports {line}")
+        with game.build(seed, {team: _imported(*one) for team, one in found.items()}) as ctx:
+            result = ctx.game.run(progress=True)
+            out.mkdir(parents=True, exist_ok=True)
+            result.save(out / "result.json")
+            title = f"{game.spec.name or file.stem}: {result.reason} after {result.turns} turns"
+            ctx.visual.save(out / "final.svg", *_PICTURE, title=title)
+            _tell_result(console, game, result)
+    typer.echo(f"\nWrote {out / 'result.json'} (everything) and {out / 'final.svg'} (the last turn).")
+
+
+@scenarios.command("check")
+def check_scenario(
+    file: Annotated[Path, typer.Argument(help="A scenario file, YAML or JSON.", show_default=False)],
+    build: Annotated[bool, typer.Option("--build", help="Also import the code it names, and build the game.")] = False,
+) -> None:
+    """Say whether a scenario file can be played, or what is wrong with it; runs none of its code."""
+    from gamms import scenario
+
+    with _one_sentence():
+        game = scenario.load(file)
+        done = game.check()
+        for one in game.code() if build else []:
+            typer.echo(f"imports {one.path}: {one}")
+        if build:
+            game.build().terminate()
+            done.append("the whole game, built once")
+    typer.echo(f"{file}: all is well. Checked: {'; '.join(done)}.")
+
+
+@scenarios.command("schema")
+def scenario_schema() -> None:
+    """Print the JSON Schema of scenario files, for editors."""
+    from gamms import scenario
+
+    typer.echo(json.dumps(scenario.schema(), indent=2))
 
 
 @maps.command("report")
@@ -80,11 +150,8 @@ def map_report(
     as_json: Annotated[bool, typer.Option("--json", help="Print JSON.")] = False,
 ) -> None:
     """Compare the graph that a map becomes with the map: lengths, places, connections, spacing."""
-    try:
+    with _one_sentence():
         found = _fidelity(file, network, resolution=resolution, tolerance=tolerance, retain_all=retain_all)
-    except (GammsError, OSError) as error:
-        typer.echo(f"gamms: {error}", err=True)
-        raise typer.Exit(1) from None
     if as_json:
         typer.echo(json.dumps(found.to_dict(), indent=2))
         return
@@ -100,6 +167,73 @@ def main() -> None:
         raise SystemExit(1) from None
 
 
+@contextmanager
+def _one_sentence() -> Iterator[None]:
+    """Our own errors are sentences, also where the command is called by another program."""
+    try:
+        yield
+    except (GammsError, OSError) as error:
+        typer.echo(f"gamms: {error}", err=True)
+        raise typer.Exit(1) from None
+
+
+def _changes(texts: list[str]) -> dict[str, Any]:
+    """Dotted paths and values of `--set`."""
+    from gamms.scenario.files import from_yaml
+
+    changes = {}
+    for text in texts:
+        path, sign, value = text.partition("=")
+        if not sign or not path:
+            raise typer.BadParameter(f"{text!r}: give a path and a value, teams.red.count=8.", param_hint="--set")
+        changes[path] = from_yaml(value)
+    return changes
+
+
+def _found_strategies(texts: list[str]) -> dict[str, Any]:
+    """Team or agent -> where its strategy is, for `--strategy`."""
+    from gamms.scenario.references import chosen
+
+    found = {}
+    for text in texts:
+        team, sign, reference = text.partition("=")
+        if not sign or not team:
+            raise typer.BadParameter(f"{text!r}: give red=mine.py:strategy.", param_hint="--strategy")
+        found[team] = chosen(reference, f"--strategy {team}")
+    return found
+
+
+def _imported(found: Any, folder: Path) -> Any:
+    from gamms.scenario.code import function_of
+
+    return function_of(found, folder)
+
+
+def _code_of(game: Any, chosen: dict[str, Any]) -> Iterator[str]:
+    """What is about to be imported: where it is named, and where it is."""
+    replaced = [f"teams.{team}.strategy" for team in chosen]
+    for found in game.code():
+        if found.path not in replaced:
+            yield f"{found.path}: {found}"
+    for team, (found, _) in chosen.items():
+        yield f"--strategy {team}: {found}"
+
+
+def _tell_result(console: Console, game: Any, result: Any) -> None:
+    """Print what came of a scenario."""
+    console.print(f"\n[bold]{escape(game.spec.name or 'A game')}[/], seed {result.seed}")
+    end = f"{result.winner} wins" if result.winner is not None else "nobody wins"
+    console.print(f"[bold]{escape(f'{end} after {result.turns} turns: {result.reason}')}[/]\n")
+    rows = []
+    for team in game.spec.teams:
+        agents = [agent for agent in result.agents.values() if agent["team"] == team]
+        alive, moves = sum(agent["alive"] for agent in agents), sum(agent["moves"] for agent in agents)
+        rows.append((team, str(len(agents)), str(alive), str(moves), f"{result.scores.get(team, 0):g}"))
+    console.print(_rich_table(("team", "agents", "alive", "moves", "score"), rows))
+    if result.errors:
+        console.print(f"\n{len(result.errors)} actions were replaced by staying; errors in result.json says which.")
+
+
 def _fidelity(file: Path, network: _Network, **wishes: Any) -> Any:
     from gamms import osm
 
@@ -109,16 +243,6 @@ def _fidelity(file: Path, network: _Network, **wishes: Any) -> Any:
     else:
         graph = osm.graph_from_file(file, osm_type=kind, **wishes)
     return osm.report(graph, file)
-
-
-def _load_map(ctx: gamms.Context, path: Path | None) -> str:
-    from gamms import osm
-
-    if path is None:
-        osm.helsinki(ctx)
-        return _HELSINKI
-    ctx.graph.attach_networkx_graph(osm.graph_from_xml(path))
-    return path.name
 
 
 def _parsed_teams(text: str) -> tuple[Team, Team]:
@@ -134,23 +258,25 @@ def _parsed_teams(text: str) -> tuple[Team, Team]:
     if names[0] == names[1] or not all(1 <= size <= _MOST_AGENTS for size in sizes):
         message = f"{text!r}: two names and 1 to {_MOST_AGENTS} agents each, such as cats=5,dogs=3."
         raise typer.BadParameter(message, param_hint="--teams")
-    first, second = (Team(*side) for side in zip(names, sizes, _COLORS, strict=True))
+    first, second = (Team(*side) for side in zip(names, sizes, strict=True))
     return first, second
 
 
-def _tell(match: Match, map_name: str, seed: int) -> None:
+def _tell(ctx: gamms.Context, played: Any, sides: tuple[Team, Team], map_name: str) -> None:
     """Print what happened."""
+    from gamms.demo import report
+
     console = Console(highlight=False, soft_wrap=True)
-    first, second = match.world.teams
-    graph = match.ctx.graph.columns()
+    first, second = sides
+    graph = ctx.graph.columns()
     streets = float(graph.lengths.sum()) / 2000.0
-    console.print(f"[bold]Capture the flag[/] in {map_name}, seed {seed}")
+    console.print(f"[bold]Capture the flag[/] in {map_name}, seed {played.seed}")
     console.print(f"{first.name} ({first.size} agents) against {second.name} ({second.size} agents)")
-    console.print(f"{len(graph.node_ids):,} nodes, {streets:.0f} km of streets; {match.ctx.graph.attribution or ''}\n")
-    for turn, sentence in report.story(match):
+    console.print(f"{len(graph.node_ids):,} nodes, {streets:.0f} km of streets; {ctx.graph.attribution or ''}\n")
+    for turn, sentence in report.story(ctx, played):
         console.print(f"  turn {turn:>4}  {sentence}")
-    console.print(f"\n[bold]{report.headline(match)}[/]\n")
-    header, *rows = report.table(match)
+    console.print(f"\n[bold]{report.headline(ctx, played)}[/]\n")
+    header, *rows = report.table(ctx, played)
     console.print(_rich_table(header, rows))
 
 

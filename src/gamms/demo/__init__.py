@@ -1,10 +1,9 @@
-"""The demo: capture the flag between two teams on the streets of a city. A guest: it uses a context as you would.
+"""The demo: capture the flag between two teams on the streets of a city. A guest of guests: it plays a scenario.
 
-Read `match.py` first (one game from start to end, in the paper's own loop), then `strategies.py`. `world.py` places
-flags and teams, `rules.py` tags and scores, `show.py` draws, `report.py` tells what happened.
+The game is a file, `data/capture_the_flag.yaml`. Read `match.py` first, which changes it to what was asked for, then
+`strategies.py`. `show.py` draws, `report.py` tells what happened.
 """
 
-from gamms.demo.match import Match, play
-from gamms.demo.world import Team, World
+from gamms.demo.match import FILE, Team, capture_the_flag, check_ways
 
-__all__ = ["Match", "Team", "World", "play"]
+__all__ = ["FILE", "Team", "capture_the_flag", "check_ways"]

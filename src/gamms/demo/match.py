@@ -1,91 +1,97 @@
-"""One game of capture the flag, from start to end, in the paper's own loop."""
+"""The scenario of the demo: the file that comes with GAMMS, with other teams or on another map if that is asked for."""
 
-from typing import Any
+from math import isfinite
+from pathlib import Path
+from typing import Any, NamedTuple
 
-import gamms.typing as contracts
-from gamms.agent import Member
+import numpy as np
+
 from gamms.context import Context
-from gamms.demo import strategies
-from gamms.demo.rules import RULES
-from gamms.demo.world import Team, make_world, starts
+from gamms.errors import BadValue
+from gamms.ir.graph import GraphColumns
+from gamms.scenario import Scenario, load
 
-SensorType = contracts.SensorType
+FILE = Path(__file__).parent.parent / "data" / "capture_the_flag.yaml"
 
-_DEFENDERS = 2  # of five; at least one of a team of two
-_GOAL = 3
+_DEFENDERS = 2  # of five
+_FLAG_AT = 0.12  # how far from either end of the map, as a share of all nodes
+_LEAST_NODES = 50
+_ROOM = 10  # nodes for each agent to start on, if the map has so many
 
 
-class Match:
-    """A game in the context whose graph is the map.
+class Team(NamedTuple):
+    """A side of the game."""
 
-    Args:
-        ctx: a context with a graph; its seed decides the game.
-        teams: the two sides.
-        max_turns: the game ends then at the latest.
-        goal: it ends earlier when a team has captured the flag that often.
+    name: str
+    size: int
+
+
+def capture_the_flag(teams: tuple[Team, Team], turns: int, map: Path | None = None) -> Scenario:
+    """The game between two teams, on the streets of Helsinki or of a map file.
 
     Raises:
-        BadValue: the map is too small or in two pieces.
+        BadValue: the map is too small.
+        ScenarioError: it cannot be read.
     """
-
-    def __init__(self, ctx: Context, teams: tuple[Team, Team], max_turns: int, goal: int = _GOAL) -> None:
-        self.ctx, self.max_turns, self.goal = ctx, max_turns, goal
-        self.world = make_world(ctx, teams)
-        self.announced = strategies.Announced({}, {})
-        self.start_of: dict[str, int] = {}
-        self.turn = 0
-        self.scores = [0, 0]
-        self.events: list[dict[str, Any]] = []
-        self.reason = ""
-        self.agents: list[Member] = []
-        places = [starts(self.world, team, ctx.stream("demo", "start", team)) for team in (0, 1)]
-        for number in range(max(team.size for team in teams)):  # by turns, so that no team always moves first
-            for team in (0, 1):
-                if number < teams[team].size:
-                    self._add_agent(team, number, places[team][number])
-
-    def _add_agent(self, team: int, number: int, node: int) -> None:
-        side = self.world.teams[team]
-        name = f"{side.name}_{number}"
-        self.start_of[name], self.announced.team_of[name] = node, team
-        kinds = {"near": SensorType.NEIGHBOR, "map": SensorType.RANGE, "seen": SensorType.AGENT_RANGE}
-        sensors = {
-            key: self.ctx.sensor.create_sensor(f"{name}/{key}", kind, sensor_range=strategies.SIGHT_M)
-            for key, kind in kinds.items()
-        }
-        play_as = strategies.defend if number < side.size * _DEFENDERS // 5 else strategies.attack
-        strategy = play_as(name, self.world, self.announced, self.ctx.stream("demo", "agent", name))
-        create = self.ctx.agent.create_agent
-        self.agents.append(create(name, start_node_id=node, team=team, sensors=sensors, strategy=strategy))
-
-    def play(self) -> None:
-        """Play to the end."""
-        while not self.reason:
-            self.turn += 1
-            for agent in self.ctx.agent.create_iter():
-                agent.step()
-            for rule in RULES:
-                rule(self)
-            self.ctx.visual.simulate()
-
-    def note(self, kind: str, agent: Member, other: Member | None = None) -> None:
-        """Remember that something happened."""
-        event = {"turn": self.turn, "kind": kind, "agent": agent.name, "team": self.world.teams[agent.team].name}
-        self.events.append(event if other is None else {**event, "other": other.name})
-
-    def end(self, reason: str) -> None:
-        """Let this turn be the last."""
-        self.reason = reason
-
-    @property
-    def winner(self) -> str | None:
-        """The team with more captures; None for a draw."""
-        first, second = self.scores
-        return None if first == second else self.world.teams[int(second > first)].name
+    raw = load(FILE).to_dict()
+    if map is not None:
+        raw |= {"map": {"file": map.name}, "name": f"{raw['name']} in {map.name}"}
+    raw["rules"][3]["with"]["turns"] = turns
+    sides = dict(zip(raw["teams"], teams, strict=True))
+    raw["teams"] = {side.name: {**raw["teams"][of], **_sized(side)} for of, side in sides.items()}
+    _, tag, flags, _ = (rule["with"] for rule in raw["rules"])
+    nodes = raw["rules"][0]["with"]["nodes"]["with"]
+    tag["taggers"], tag["tagged"] = teams[0].name, teams[1].name
+    for places, key in ((flags, "flags"), (nodes, "bases")):
+        places[key] = {side.name: places[key][of] for of, side in sides.items()}
+    game = Scenario(folder=None if map is None else map.absolute().parent, **raw)
+    if map is not None:
+        game = _on_other_ground(game, teams)
+    return _with_room(game, teams)
 
 
-def play(ctx: Context, teams: tuple[Team, Team], max_turns: int) -> Match:
-    """Play one game on the map that is the graph of `ctx`."""
-    match = Match(ctx, teams, max_turns)
-    match.play()
-    return match
+def check_ways(ctx: Context) -> None:
+    """Look whether the game can be won on this map.
+
+    Raises:
+        BadValue: one flag cannot be reached from the other.
+    """
+    red, blue = (flag["node"] for flag in ctx.game.facts["flags"].values())
+    if not (isfinite(ctx.graph.distance(red, blue)) and isfinite(ctx.graph.distance(blue, red))):
+        raise BadValue("One flag cannot be reached from the other on this map.")
+
+
+def _sized(side: Team) -> dict[str, Any]:
+    strategy = {"function": "gamms.demo.strategies:player", "with": {"defenders": side.size * _DEFENDERS // 5}}
+    return {"count": side.size, "strategy": strategy}
+
+
+def _on_other_ground(game: Scenario, teams: tuple[Team, Team]) -> Scenario:
+    """The flags near the two ends of the map."""
+    columns = game.columns()
+    if len(columns.node_ids) < _LEAST_NODES:
+        raise BadValue(f"The map has {len(columns.node_ids)} nodes; the game needs at least {_LEAST_NODES}.")
+    flags = {side.name: _flag(columns, share) for side, share in zip(teams, (_FLAG_AT, 1.0 - _FLAG_AT), strict=True)}
+    near = {f"teams.{team}.near": node for team, node in flags.items()}
+    bases = {"rules.2.with.flags": flags, "rules.0.with.nodes.with.bases": flags}
+    return game.replace(**near, **bases)
+
+
+def _flag(columns: GraphColumns, share: float) -> int:
+    """The node nearest to the middle of the strip that lies `share` of the way along the longer side of the map."""
+    along = columns.xy[:, int(np.argmax(np.ptp(columns.xy, axis=0)))]
+    low, high = np.quantile(along, (max(share - 0.05, 0.0), min(share + 0.05, 1.0)))
+    strip = np.flatnonzero((along >= low) & (along <= high))
+    middle = np.median(columns.xy[strip], axis=0)
+    return int(columns.node_ids[strip[np.argmin(np.hypot(*(columns.xy[strip] - middle).T))]])
+
+
+def _with_room(game: Scenario, teams: tuple[Team, Team]) -> Scenario:
+    """Wider circles to start in, where teams are large or nodes are few."""
+    xy, changes = game.columns().xy, {}
+    for side in teams:
+        flag = xy[game.columns().node_ids == game.node_at(game.spec.teams[side.name].near)]
+        wanted = np.sort(np.hypot(*(xy - flag).T))[: side.size * _ROOM][-1]
+        if wanted > (game.spec.teams[side.name].within or 0.0):
+            changes[f"teams.{side.name}.within"] = float(wanted)
+    return game.replace(**changes) if changes else game

@@ -5,19 +5,19 @@ from collections import Counter
 from collections.abc import Iterator
 from typing import Any
 
-from gamms.demo.match import Match
+from gamms.context import Context
+from gamms.game.result import Result
 
 _TOLD = {
-    "take": "{agent} takes the {enemy} flag",
+    "take": "{agent} takes the {flag} flag",
     "capture": "{agent} brings it home: {score}",
-    "save": "{agent} tags {other} and saves the {team} flag",
+    "drop": "{agent} is tagged, and the {flag} flag is saved",
 }
-_COUNTED = ("capture", "take", "tag", "save")
 
 
-def result(match: Match, map_name: str) -> dict[str, Any]:
+def result(ctx: Context, played: Result, map_name: str, turns: int) -> dict[str, Any]:
     """The whole game as plain data, for `result.json`."""
-    columns = match.ctx.graph.columns()
+    columns, flags = ctx.graph.columns(), ctx.game.facts["flags"]
     return {
         "game": "capture the flag",
         "map": {
@@ -25,22 +25,19 @@ def result(match: Match, map_name: str) -> dict[str, Any]:
             "nodes": len(columns.node_ids),
             "edges": len(columns.edge_ids),
             "crs": columns.crs,
-            "attribution": match.ctx.graph.attribution,
+            "attribution": ctx.graph.attribution,
         },
-        "seed": match.ctx.seed,
-        "max_turns": match.max_turns,
-        "turns": match.turn,
-        "reason": match.reason,
-        "winner": match.winner,
+        "seed": played.seed,
+        "max_turns": turns,
+        "turns": played.turns,
+        "reason": played.reason,
+        "winner": played.winner,
         "teams": [
-            {"name": team.name, "agents": team.size, "flag_node": match.world.flag[number], **_counts(match, team.name)}
-            for number, team in enumerate(match.world.teams)
+            {"name": team, "agents": len(agents), "flag_node": flags[team]["node"], **_counts(ctx, played, team)}
+            for team, agents in sides(ctx).items()
         ],
-        "agents": [
-            {"name": agent.name, "team": match.world.teams[agent.team].name, "node": agent.current_node_id}
-            for agent in match.agents
-        ],
-        "events": match.events,
+        "agents": [{"name": name, "team": one["team"], "node": one["node"]} for name, one in played.agents.items()],
+        "events": played.events,
     }
 
 
@@ -49,34 +46,41 @@ def to_json(data: dict[str, Any]) -> str:
     return json.dumps(data, indent=2, ensure_ascii=False) + "\n"
 
 
-def headline(match: Match) -> str:
+def headline(ctx: Context, played: Result) -> str:
     """The score in one line."""
-    (first, second), (a, b) = match.world.teams, match.scores
-    end = f"{match.winner} wins" if match.winner else "a draw"
-    return f"{first.name} {a} : {b} {second.name} after {match.turn} turns ({match.reason}): {end}"
+    end = f"{played.winner} wins" if played.winner else "a draw"
+    return f"{_score(list(sides(ctx)), Counter(played.scores))} after {played.turns} turns ({played.reason}): {end}"
 
 
-def story(match: Match) -> Iterator[tuple[int, str]]:
+def story(ctx: Context, played: Result) -> Iterator[tuple[int, str]]:
     """Turn and sentence of everything that moved a flag."""
-    names = [team.name for team in match.world.teams]
-    score = [0, 0]
-    for event in match.events:
+    score: Counter[str] = Counter()
+    for event in played.events:
         if event["kind"] in _TOLD:
-            number = names.index(event["team"])
-            score[number] += event["kind"] == "capture"
-            words = {"enemy": names[1 - number], "score": f"{names[0]} {score[0]} : {score[1]} {names[1]}", **event}
-            yield event["turn"], _TOLD[event["kind"]].format(**words)
+            score[ctx.agent.get_agent(event["agent"]).team] += event["kind"] == "capture"
+            yield event["turn"], _TOLD[event["kind"]].format(score=_score(list(sides(ctx)), score), **event)
 
 
-def table(match: Match) -> list[tuple[str, ...]]:
+def table(ctx: Context, played: Result) -> list[tuple[str, ...]]:
     """One row per team: name, agents, then how often what happened."""
     rows: list[tuple[str, ...]] = [("team", "agents", "captures", "flags taken", "tags", "flags saved")]
-    for team in match.world.teams:
-        counts = _counts(match, team.name)
-        rows.append((team.name, str(team.size), *(str(count) for count in counts.values())))
+    for team, agents in sides(ctx).items():
+        rows.append((team, str(len(agents)), *map(str, _counts(ctx, played, team).values())))
     return rows
 
 
-def _counts(match: Match, team: str) -> dict[str, int]:
-    seen = Counter(event["kind"] for event in match.events if event["team"] == team)
-    return dict(zip(("captures", "flags_taken", "tags", "flags_saved"), (seen[kind] for kind in _COUNTED), strict=True))
+def sides(ctx: Context) -> dict[str, list[Any]]:
+    """The teams in the order of the scenario, with their agents."""
+    order = dict.fromkeys(agent.team for agent in ctx.agent.create_iter())
+    return {team: ctx.agent.teams[team] for team in order}
+
+
+def _score(teams: list[str], captures: Counter[str]) -> str:
+    first, second = teams
+    return f"{first} {captures[first]} : {captures[second]} {second}"
+
+
+def _counts(ctx: Context, played: Result, team: str) -> dict[str, int]:
+    own = Counter(event["kind"] for event in played.events if ctx.agent.get_agent(event["agent"]).team == team)
+    saved = sum(event["kind"] == "drop" and event["flag"] == team for event in played.events)
+    return {"captures": own["capture"], "flags_taken": own["take"], "tags": own["tag"], "flags_saved": saved}

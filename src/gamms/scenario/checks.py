@@ -1,0 +1,219 @@
+"""Whether a scenario makes sense beyond the types of its values: everything that can be told without running code."""
+
+from collections.abc import Iterator, Mapping
+from pathlib import Path
+from typing import Any
+
+from gamms.errors import UnknownName, nearest
+from gamms.scenario import worlds
+from gamms.scenario.code import check_parameters, first_of, function_of
+from gamms.scenario.errors import ScenarioError, shown
+from gamms.scenario.explain import unknown_key
+from gamms.scenario.placing import members
+from gamms.scenario.references import Found, find
+from gamms.scenario.shape import ByPriority, Code, From, Rule, Sensor, Spec, Team, said
+from gamms.sensor.catalog import KINDS
+from gamms.typing.sensor_engine import SensorType
+
+RULES = "gamms.rules"
+_RESOLVERS = ("by_priority", "at_random", "nobody")
+_NAMING_TEAMS = {"tag": ("taggers", "tagged"), "reach": ("team", "winner"), "capture_flag": ("flags",)}
+
+
+def check_sense(spec: Spec) -> None:
+    """Look at names and numbers that have to fit each other.
+
+    Raises:
+        ScenarioError: some do not.
+    """
+    worlds.kind_of(spec.map)
+    members(spec)
+    for name, sensor in spec.sensors.items():
+        _check_sensor(f"sensors.{name}", sensor, spec)
+    earlier: list[str] = []
+    for name, team in spec.teams.items():
+        _check_team(f"teams.{name}", team, earlier, spec)
+        earlier.append(name)
+    if spec.conflicts is not None and isinstance(spec.conflicts.resolve, ByPriority):
+        for number, team_name in enumerate(spec.conflicts.resolve.by_priority):
+            _known_team(team_name, spec, f"conflicts.resolve.by_priority.{number}")
+    for number, rule in enumerate(spec.rules):
+        if isinstance(rule, Rule):
+            _check_teams_of(rule, spec, f"rules.{number}.with")
+
+
+def sensor_type(given: str) -> SensorType | None:
+    """The type of that name, in any case; None if there is none that is built in."""
+    kind = SensorType.__members__.get(given.upper().removeprefix("SENSORTYPE."))
+    return kind if kind in KINDS else None
+
+
+def _check_sensor(path: str, sensor: Sensor, spec: Spec) -> None:
+    given = said(sensor)
+    if (sensor.type is None) == (sensor.function is None):
+        raise ScenarioError(path, "give exactly one of type and function.")
+    if sensor.function is not None:
+        known = ["function", "with"]
+    else:
+        kind = sensor_type(sensor.type or "")
+        if kind is None:
+            names = [one.name for one in KINDS]
+            hint = nearest((sensor.type or "").upper(), names) or f" Use one of {', '.join(names)}."
+            raise ScenarioError(f"{path}.type", f"unknown sensor type {sensor.type!r}.{hint}")
+        known = ["type", *sorted(KINDS[kind].names())]
+    for key, value in given.items():
+        if key.rstrip("_") not in known:
+            whose = f"a {sensor.type} sensor has none. " if sensor.type else "a function has none. "
+            error = unknown_key(path, key.rstrip("_"), value, known)
+            raise ScenarioError(error.path, f"{whose}It has: {', '.join(known)}.")
+    for key in ("team", "exclude"):
+        teams = given.get(key, [])
+        for team in [teams] if isinstance(teams, str) else teams:
+            _known_team(team, spec, f"{path}.{key}")
+
+
+def _check_team(path: str, team: Team, earlier: list[str], spec: Spec) -> None:
+    if not team.count and not team.agents:
+        raise ScenarioError(path, "this team has nobody. Give it count or agents.")
+    if (team.near is None) != (team.within is None):
+        missing, given = ("within", "near") if team.within is None else ("near", "within")
+        raise ScenarioError(f"{path}.{missing}", f"is missing: {given} needs it.")
+    for number, away in enumerate([team.from_] if isinstance(team.from_, From) else team.from_):
+        if away.team not in earlier:
+            where = f"{path}.from.team" if isinstance(team.from_, From) else f"{path}.from.{number}.team"
+            _known_team(away.team, spec, where)
+            raise ScenarioError(where, f"{away.team!r} must stand before this team in the file: it is placed first.")
+    for where, one in [(path, team), *((f"{path}.agents.{i}", agent) for i, agent in enumerate(team.agents))]:
+        for number, sensor in enumerate(one.sensors or []):
+            if sensor not in spec.sensors:
+                hint = nearest(sensor, spec.sensors)
+                raise ScenarioError(f"{where}.sensors.{number}", f"there is no sensor {sensor!r} in sensors.{hint}")
+        is_aerial = (one.type or team.type) == "aerial"
+        if is_aerial and one.speed is None and team.speed is None and (one is not team or team.count):
+            raise ScenarioError(f"{where}.speed", "is missing: an aerial agent needs it, in map units per turn.")
+        if one.altitude is not None and not is_aerial and (one is not team or team.type != "aerial"):
+            raise ScenarioError(f"{where}.altitude", "is for agents of type aerial.")
+
+
+def _check_teams_of(rule: Rule, spec: Spec, path: str) -> None:
+    """Look at the parameters of our own rules that name teams."""
+    name = rule.rule.removeprefix(f"{RULES}:")
+    for parameter in _NAMING_TEAMS.get(name, ()):
+        given = rule.with_.get(parameter)
+        where = f"{path}.{parameter}"
+        if name == "capture_flag" and isinstance(given, dict):  # a flag may be nobody's
+            without = [team for team in spec.teams if team not in given]
+            for team in given:
+                if team not in spec.teams and nearest(team, without):
+                    _known_team(team, spec, where)
+            continue
+        for team in given if isinstance(given, dict) else [given]:
+            if isinstance(team, str):
+                _known_team(team, spec, where)
+
+
+def _known_team(team: Any, spec: Spec, path: str) -> None:
+    if team not in spec.teams:
+        hint = nearest(team, spec.teams) or f" Teams are: {', '.join(spec.teams)}."
+        raise ScenarioError(path, f"unknown team {shown(team)}.{hint}")
+
+
+def references(spec: Spec, folder: Path | None) -> Iterator[Found]:
+    """All code that building the scenario would import, in the order of the file.
+
+    Raises:
+        ScenarioError: some of it is not there.
+    """
+    if spec.map.generator is not None:
+        yield from _code(spec.map.generator, folder, "map.generator")
+    for name, sensor in spec.sensors.items():
+        if sensor.function is not None:
+            yield from _code(Code(function=sensor.function, with_=sensor.with_ or {}), folder, f"sensors.{name}")
+    for path, one in _equipped(spec):
+        if one.strategy is not None:
+            yield from _code(one.strategy, folder, f"{path}.strategy")
+    for number, rule in enumerate(spec.rules):
+        path = f"rules.{number}"
+        yield find(rule if isinstance(rule, str) else rule.rule, folder, path, short=RULES)
+        yield from nested(rule.with_ if isinstance(rule, Rule) else {}, folder, f"{path}.with")
+    resolve = spec.conflicts.resolve if spec.conflicts else None
+    if isinstance(resolve, str) and resolve not in _RESOLVERS:
+        if ":" not in resolve:
+            hint = nearest(resolve, _RESOLVERS)
+            raise ScenarioError("conflicts.resolve", f"there is no resolver {resolve!r}.{hint}")
+        yield find(resolve, folder, "conflicts.resolve")
+    yield from nested(spec.facts, folder, "facts")
+    yield from nested(spec.data, folder, "data")
+
+
+def nested(value: Any, folder: Path | None, path: str) -> Iterator[Found]:
+    """The code that is named inside parameters and facts: `{function: …, with: {…}}`."""
+    if is_call(value):
+        yield from _code(Code(function=value["function"], with_=value.get("with") or {}), folder, path)
+    elif isinstance(value, Mapping):
+        for key, one in value.items():
+            yield from nested(one, folder, f"{path}.{key}")
+    elif isinstance(value, list):
+        for number, one in enumerate(value):
+            yield from nested(one, folder, f"{path}.{number}")
+
+
+def is_call(value: Any) -> bool:
+    """Whether a value among parameters is `{function: module:function, with: {…}}`."""
+    return (
+        isinstance(value, Mapping)
+        and isinstance(value.get("function"), str)
+        and ":" in value["function"]
+        and set(value) <= {"function", "with"}
+    )
+
+
+def _code(given: str | Code, folder: Path | None, path: str) -> Iterator[Found]:
+    yield find(given if isinstance(given, str) else given.function, folder, path)
+    if isinstance(given, Code):
+        yield from nested(given.with_, folder, f"{path}.with")
+
+
+def check_code(spec: Spec, folder: Path | None) -> list[Found]:
+    """Find all code, and compare parameters with what our own functions take; nobody else's code is run.
+
+    Raises:
+        ScenarioError: some is not there, or takes no such parameters.
+    """
+    found = list(references(spec, folder))
+    given = dict(_given(spec))
+    for one in found:
+        if one.module.partition(".")[0] == "gamms" and one.path in given:
+            function = function_of(one, None)
+            first = ("ctx",) if first_of(function) in ("ctx", "state") else ()
+            check_parameters(function, given[one.path], first, one.path)
+    worlds.map_file(spec.map, folder)
+    return found
+
+
+def _given(spec: Spec) -> Iterator[tuple[str, Mapping[str, Any]]]:
+    """Where a rule or a strategy stands, and its parameters."""
+    for number, rule in enumerate(spec.rules):
+        yield f"rules.{number}", rule.with_ if isinstance(rule, Rule) else {}
+    for path, one in _equipped(spec):
+        if one.strategy is not None:
+            yield f"{path}.strategy", one.strategy.with_ if isinstance(one.strategy, Code) else {}
+
+
+def _equipped(spec: Spec) -> Iterator[tuple[str, Any]]:
+    """Teams and the agents they list, each with its path."""
+    for name, team in spec.teams.items():
+        yield f"teams.{name}", team
+        yield from ((f"teams.{name}.agents.{number}", agent) for number, agent in enumerate(team.agents))
+
+
+def unknown_strategies(given: Mapping[str, Any], spec: Spec) -> None:
+    """Refuse strategies for teams and agents that are not there.
+
+    Raises:
+        UnknownName (KeyError): there is no such team or agent.
+    """
+    known = [*spec.teams, *(member.name for member in members(spec))]
+    for name in given:
+        if name not in known:
+            raise UnknownName("team or agent", name, known)

@@ -1,0 +1,188 @@
+"""Where agents start: on the node that is given for them, or on one drawn by the rules of their team."""
+
+from collections.abc import Iterable, Mapping
+from typing import Any, NamedTuple
+
+import numpy as np
+
+from gamms.context import Context
+from gamms.errors import UnknownName
+from gamms.ir.graph import FloatArray, IntArray
+from gamms.scenario.errors import ScenarioError, at, joined
+from gamms.scenario.shape import Agent, From, LatLon, Spec, Team
+
+_TRIES = 20  # as `ctx.graph.place`: when agents have to keep apart, an unlucky beginning may leave no room
+
+
+class Member(NamedTuple):
+    """One agent of a team."""
+
+    name: str
+    team: str
+    path: str  # where in the scenario it stands
+    told: Agent | None  # what is said about itself; None for one of the counted
+
+
+def members(spec: Spec) -> list[Member]:
+    """All agents of a scenario, in its order: of each team the listed ones, then the counted.
+
+    Raises:
+        ScenarioError: a name is there twice, or a team has no agent.
+    """
+    found: list[Member] = []
+    for team, said in spec.teams.items():
+        path = f"teams.{team}"
+        listed = [
+            Member(agent.name, team, f"{path}.agents.{number}", agent) for number, agent in enumerate(said.agents)
+        ]
+        counted = [Member(f"{team}_{number}", team, path, None) for number in range(said.count)]
+        found += [*listed, *counted]
+    seen: dict[str, Member] = {}
+    for member in found:
+        if member.name in seen:
+            where = joined(member.path, "name" if member.told else "count")
+            raise ScenarioError(
+                where, f"there is already an agent named {member.name!r}, in {seen[member.name].path}. Choose another."
+            )
+        seen[member.name] = member
+    return found
+
+
+def place(ctx: Context, spec: Spec, everybody: Iterable[Member]) -> dict[str, int]:
+    """Agent -> the node it starts on.
+
+    An agent that is placed by chance draws from a stream of its team's and its own name: how many there are in other
+    teams moves nobody, unless a team keeps away `from` them, and more agents of a team leave those before alone.
+
+    Raises:
+        ScenarioError: a node is unknown, or so many do not fit; it says how many did.
+    """
+    map = _Places(ctx)
+    nodes: dict[str, int] = {}
+    by_team: dict[str, list[Member]] = {team: [] for team in spec.teams}
+    for member in everybody:
+        by_team[member.team].append(member)
+    rows: dict[str, IntArray] = {}
+    for name, team in spec.teams.items():
+        placed = _Team(map, name, team, rows).place(by_team[name])
+        rows[name] = np.array(list(placed.values()), np.int64)
+        nodes.update((agent, map.ids[row]) for agent, row in placed.items())
+    return nodes
+
+
+def node_at(ctx: Context, given: Any, path: str) -> int:
+    """The node that an id, [x, y] or a latitude and longitude means.
+
+    Raises:
+        ScenarioError: there is no such node, or the map knows no degrees.
+    """
+    with at(path):
+        if isinstance(given, LatLon):
+            return int(ctx.graph.nearest_node(lat=given.lat, lon=given.lon))
+        if isinstance(given, (tuple, list)):
+            return int(ctx.graph.nearest_node(*given))
+        if not ctx.graph.graph.has_node(given):
+            raise UnknownName("node", given)
+        return int(given)
+
+
+class _Places:
+    """The nodes of the map by row."""
+
+    def __init__(self, ctx: Context) -> None:
+        self.ctx, columns = ctx, ctx.graph.columns()
+        self.ids: list[int] = columns.node_ids.tolist()
+        self.xy: FloatArray = columns.xy
+        self._row_of: dict[int, int] | None = None
+
+    def row_of(self, node: int) -> int:
+        if self._row_of is None:
+            self._row_of = {id: row for row, id in enumerate(self.ids)}
+        return self._row_of[node]
+
+    def metres(self, x: float, y: float) -> FloatArray:
+        """How far all nodes are from a place, as the crow flies."""
+        return np.hypot(self.xy[:, 0] - x, self.xy[:, 1] - y)
+
+
+class _Team:
+    """How the agents of one team are placed."""
+
+    def __init__(self, map: _Places, name: str, said: Team, others: Mapping[str, IntArray]) -> None:
+        self.map, self.name, self.said, self.path = map, name, said, f"teams.{name}"
+        self.away = [said.from_] if isinstance(said.from_, From) else said.from_
+        self.others = others
+
+    def place(self, team: list[Member]) -> dict[str, int]:
+        """Agent -> row of its node."""
+        fixed = {member.name: self._fixed(member) for member in team if member.told and member.told.node is not None}
+        free = [member.name for member in team if member.name not in fixed]
+        drawn = self._drawn(free, list(fixed.values())) if free else {}
+        return {member.name: (fixed | drawn)[member.name] for member in team}
+
+    def _fixed(self, member: Member) -> int:
+        given = member.told.node if member.told else None
+        return self.map.row_of(node_at(self.map.ctx, given, f"{member.path}.node"))
+
+    def _drawn(self, names: list[str], taken: list[int]) -> dict[str, int]:
+        allowed = self._allowed()
+        best: dict[str, int] = {}
+        for attempt in range(_TRIES if self.said.apart else 1):
+            drawn = self._try(names, allowed.copy(), taken, attempt)
+            if len(drawn) == len(names):
+                return drawn
+            best = max(best, drawn, key=len)
+        raise ScenarioError(self.path, self._refusal(len(best), len(names), taken))
+
+    def _try(self, names: list[str], allowed: Any, taken: list[int], attempt: int) -> dict[str, int]:
+        """Give one after the other any node that is left to it."""
+        for row in taken:
+            self._close(allowed, row)
+        drawn: dict[str, int] = {}
+        for name in names:
+            rows = np.flatnonzero(allowed)
+            if not len(rows):
+                break
+            stream = self.map.ctx.stream("scenario", "place", self.name, name, attempt)
+            drawn[name] = row = int(rows[stream.integers(len(rows))])
+            self._close(allowed, row)
+        return drawn
+
+    def _close(self, allowed: Any, row: int) -> None:
+        """Let nobody else start on this node, or too near to it."""
+        allowed[row] = False
+        if self.said.apart:
+            allowed[self.map.metres(*self.map.xy[row]) < self.said.apart] = False
+
+    def _allowed(self) -> Any:
+        """Which nodes are where the team may start (nodes,)."""
+        allowed = np.ones(len(self.map.ids), np.bool_)
+        if self.said.near is not None and self.said.within is not None:
+            centre = self.map.row_of(node_at(self.map.ctx, self.said.near, f"{self.path}.near"))
+            x, y = self.said.near if isinstance(self.said.near, tuple) else self.map.xy[centre]
+            allowed &= self.map.metres(x, y) <= self.said.within
+        for one in self.away:
+            for row in self.others[one.team].tolist():
+                allowed &= self.map.metres(*self.map.xy[row]) >= one.at_least
+        return allowed
+
+    def _refusal(self, placed: int, wanted: int, taken: list[int]) -> str:
+        words, ways_out = [f"only {placed} of {wanted} agents could be placed"], ["count"]
+        if self.said.within is not None:
+            words.append(f"within {self.said.within:g} of {_in_words(self.said.near)}")
+            ways_out.append("within")
+        if self.said.apart:
+            words.append(f"at least {self.said.apart:g} apart")
+            ways_out.append("apart")
+        for one in self.away:
+            words.append(f"at least {one.at_least:g} from {one.team}")
+            ways_out.append("from")
+        others = f", beside {len(taken)} on nodes of their own" if taken else ""
+        return f"{', '.join(words)}{others}. Change {' or '.join(dict.fromkeys(ways_out))}."
+
+
+def _in_words(near: Any) -> str:
+    """A place as a file says it."""
+    if isinstance(near, LatLon):
+        return f"latitude {near.lat:g}, longitude {near.lon:g}"
+    return f"[{near[0]:g}, {near[1]:g}]" if isinstance(near, tuple) else f"node {near}"

@@ -1,0 +1,211 @@
+"""A game as data: read from a file or made in Python, changed, built and played."""
+
+import os
+from collections.abc import Mapping
+from typing import Any
+
+from gamms.arguments import as_path
+from gamms.context import Context, create_context
+from gamms.game.result import Result
+from gamms.ir.graph import GraphColumns
+from gamms.scenario import files, plain, worlds
+from gamms.scenario.building import Building, Strategies
+from gamms.scenario.checks import check_code, check_sense, unknown_strategies
+from gamms.scenario.code import Library
+from gamms.scenario.errors import ScenarioError, named
+from gamms.scenario.explain import checked
+from gamms.scenario.placing import members, node_at, place
+from gamms.scenario.references import Found
+from gamms.scenario.shape import LatLon, Place, Spec
+from gamms.typing.graph_engine import Engine as GraphEngine
+
+
+class Scenario:
+    """A game, described completely; it does not change.
+
+    Args:
+        folder: where code and maps are looked for, besides installed packages; None: nowhere.
+        file: what errors are told to be about.
+        given: the keys of a scenario file, as plain values.
+
+    Attributes:
+        spec: what it says, typed; see `Spec`.
+        folder: see above.
+        file: see above.
+
+    Raises:
+        ScenarioError: it makes no sense; the message names the place and the nearest valid key.
+    """
+
+    def __init__(
+        self, *, folder: str | os.PathLike[str] | None = None, file: str | os.PathLike[str] | None = None, **given: Any
+    ) -> None:
+        self.folder = None if folder is None else as_path(folder, "folder").absolute()
+        self.file = None if file is None else as_path(file, "file")
+        self._world: Any = None
+        self._library = Library(self.folder)
+        with named(self.file):
+            self._raw: dict[str, Any] = plain.copied(given)
+            self.spec: Spec = checked(self._raw, Spec)
+            check_sense(self.spec)
+
+    def to_dict(self) -> dict[str, Any]:
+        """What it says as plain values: `Scenario(**scenario.to_dict())` says the same."""
+        copy: dict[str, Any] = plain.copied(self._raw)
+        return copy
+
+    def replace(self, **changes: Any) -> "Scenario":
+        """The same scenario with other values: `replace(**{"turns": 50, "teams.red.count": 8})`.
+
+        A part of a path is a key, or the number or the name of an item of a list. The loaded map is shared.
+
+        Raises:
+            ScenarioError: a path leads nowhere, or the value cannot be there.
+        """
+        with named(self.file):
+            raw = plain.changed(self._raw, changes)
+        new = Scenario(folder=self.folder, file=self.file, **raw)
+        if raw.get("map") == self._raw.get("map"):
+            new._world = self._world
+        new._library = self._library
+        return new
+
+    def columns(self) -> GraphColumns:
+        """The map as read-only arrays, for looking up nodes; loads it if need be.
+
+        Raises:
+            ScenarioError: it cannot be loaded.
+        """
+        with named(self.file):
+            columns: GraphColumns = self._loaded().columns
+            return columns
+
+    def node_at(self, place: Any) -> int:
+        """The node of the map that `[x, y]` or `{"lat": …, "lon": …}` means, or that has this id.
+
+        Raises:
+            ScenarioError: there is no such node, or it is no place.
+        """
+        with named(self.file), create_context(logger_config=worlds.quiet()) as ctx:
+            worlds.put(ctx, self._loaded())
+            return node_at(ctx, place if isinstance(place, LatLon) else checked(place, Place, "place"), "place")
+
+    def code(self) -> list[Found]:
+        """The code that `build` would import, found without running any of it.
+
+        Raises:
+            ScenarioError: some of it is not there.
+        """
+        with named(self.file):
+            return check_code(self.spec, self.folder)
+
+    def check(self) -> list[str]:
+        """Do everything that can be done without running code or asking a server; say what was done.
+
+        Raises:
+            ScenarioError: something is wrong.
+        """
+        found = self.code()
+        everybody = members(self.spec)
+        done = ["keys, types and names", f"{len(found)} references to code (found, not run)"]
+        if worlds.is_data(self.spec.map):
+            with named(self.file), create_context(seed=self.spec.seed, logger_config=worlds.quiet()) as ctx:
+                worlds.put(ctx, self._loaded())
+                place(ctx, self.spec, everybody)
+                done += [f"the map ({len(ctx.graph.graph)} nodes)", f"the places of {len(everybody)} agents"]
+        return done
+
+    def build(
+        self,
+        seed: int | None = None,
+        strategies: Strategies | None = None,
+        vis_engine: Any = None,
+        *,
+        graph_engine: GraphEngine = GraphEngine.MEMORY,
+    ) -> Context:
+        """A context with the game in it, ready to play; the caller terminates it.
+
+        The code that the scenario names is imported now. The map is loaded by the first call only.
+
+        Args:
+            seed: all random streams follow from it; None: that of the scenario, or a fresh one.
+            strategies: by team or agent, in place of those of the scenario: `state -> None`, or `ctx -> strategy`.
+            vis_engine: see `create_context`.
+            graph_engine: see `create_context`.
+
+        Raises:
+            ScenarioError: something cannot be done as it is written.
+            UnknownName (KeyError): a strategy is for a team or agent that is not there.
+        """
+        given = dict(strategies or {})
+        unknown_strategies(given, self.spec)
+        with named(self.file):
+            if self._world is None:
+                self.code()
+            world = self._loaded()
+        keywords = {} if vis_engine is None else {"vis_engine": vis_engine}
+        ctx = create_context(
+            graph_engine,
+            logger_config=worlds.quiet(),
+            seed=self.spec.seed if seed is None else seed,
+            game={**self._settings(), "max_turns": self.spec.turns},
+            **keywords,
+        )
+        try:
+            with named(self.file):
+                worlds.put(ctx, world)
+                Building(ctx, self.spec, self._library, given).build()
+        except BaseException:
+            ctx.terminate()
+            raise
+        return ctx
+
+    def play(self, seed: int | None = None, strategies: Strategies | None = None) -> Result:
+        """Build it, play it to its end, terminate the context; see `build`."""
+        with self.build(seed, strategies) as ctx:
+            return ctx.game.run()
+
+    def __eq__(self, other: object) -> bool:
+        return self._raw == other._raw if isinstance(other, Scenario) else NotImplemented
+
+    __hash__ = None  # type: ignore[assignment] # what holds dicts has no hash
+
+    def __repr__(self) -> str:
+        """Name it, and who plays."""
+        teams = ", ".join(f"{name}: {team.count + len(team.agents)}" for name, team in self.spec.teams.items())
+        return f"Scenario({self.spec.name!r}, {teams})"
+
+    def __reduce__(self) -> tuple[Any, ...]:
+        # The map is left behind: worker pools load it once each.
+        return _rebuilt, (self.folder, self.file, self._raw)
+
+    def _settings(self) -> dict[str, Any]:
+        settings = self.spec.settings
+        return {name: getattr(settings, name) for name in settings.__struct_fields__}
+
+    def _loaded(self) -> Any:
+        if self._world is None:
+            self._world = worlds.load(self.spec.map, self.folder, self._library)
+        return self._world
+
+
+def _rebuilt(folder: Any, file: Any, raw: Mapping[str, Any]) -> Scenario:
+    return Scenario(folder=folder, file=file, **raw)
+
+
+def load(path: str | os.PathLike[str]) -> Scenario:
+    """Read a scenario from a YAML or JSON file. Its shape is checked; nothing it names is imported or opened.
+
+    Raises:
+        ScenarioError: it is no scenario; the message names the place in the file and the nearest valid key.
+        OSError: it cannot be read.
+    """
+    file = as_path(path, "path")
+    with named(file):
+        raw = files.read(file)
+        if not isinstance(raw, dict):
+            raise ScenarioError("", f"a scenario is a mapping with the keys map and teams, not {type(raw).__name__}.")
+        for key in raw:
+            if key in ("folder", "file") or not isinstance(key, str):
+                raise ScenarioError(str(key), "unknown key.")
+    return Scenario(folder=file.absolute().parent, file=file, **raw)

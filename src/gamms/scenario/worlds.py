@@ -1,0 +1,141 @@
+"""The map of a scenario: loaded once, and put into every game from arrays."""
+
+import logging
+from pathlib import Path
+from typing import Any
+
+from gamms.context import Context, create_context
+from gamms.graph import grid
+from gamms.scenario.code import Library, called
+from gamms.scenario.errors import ScenarioError, at, shown
+from gamms.scenario.references import inside
+from gamms.scenario.shape import Code, Grid, Helsinki, Map, MapFile, MapPlace, said
+
+KINDS = ("grid", "helsinki", "file", "place", "generator")
+
+
+def quiet() -> dict[str, Any]:
+    """How the contexts of scenarios log: as the program has said, or from warnings on."""
+    level = logging.getLogger("gamms").level
+    return {"level": logging.getLevelName(level) if level else "WARNING"}
+
+
+def kind_of(map: Map) -> str:
+    """Which of the maps it is.
+
+    Raises:
+        ScenarioError: none, or several.
+    """
+    given = [kind for kind in KINDS if getattr(map, kind) is not None]
+    if len(given) != 1:
+        said_so = f"{' and '.join(given)} are given" if given else "nothing is given"
+        raise ScenarioError("map", f"give exactly one of {', '.join(KINDS)}; {said_so}.")
+    return given[0]
+
+
+def is_data(map: Map) -> bool:
+    """Whether it can be loaded without running code of others or asking a server."""
+    place = map.place
+    return map.generator is None and (place is None or (isinstance(place, MapPlace) and place.offline))
+
+
+def map_file(map: Map, folder: Path | None) -> Path | None:
+    """The map file, if it is one.
+
+    Raises:
+        ScenarioError: it is not there, or not in the folder of the scenario.
+    """
+    if map.file is None:
+        return None
+    text = map.file if isinstance(map.file, str) else map.file.path
+    path = "map.file" if isinstance(map.file, str) else "map.file.path"
+    file = inside(text, folder, path, "map")
+    if not file.is_file():
+        raise ScenarioError(path, f"there is no file {text!r} in {folder}.")
+    return file
+
+
+def load(map: Map, folder: Path | None, library: Library) -> Any:
+    """Graph and obstacles, for `put`.
+
+    Raises:
+        ScenarioError: the map cannot be loaded.
+    """
+    kind = kind_of(map)
+    with create_context(logger_config=quiet()) as ctx, at(f"map.{kind}"):
+        given = getattr(map, kind)
+        if kind == "grid":
+            _load_grid(ctx, given)
+        elif kind == "helsinki":
+            _load_helsinki(ctx, given)
+        elif kind == "file":
+            _load_file(ctx, MapFile(path=given) if isinstance(given, str) else given, map_file(map, folder))
+        elif kind == "place":
+            _load_place(ctx, MapPlace(location=given) if isinstance(given, str) else given)
+        else:
+            _generate(ctx, Code(function=given) if isinstance(given, str) else given, library)
+        if not len(ctx.graph.graph):
+            raise ScenarioError(f"map.{kind}", "this map has no nodes.")
+        return ctx.graph.kept()
+
+
+def put(ctx: Context, world: Any) -> None:
+    """Let the graph room of a new context have a loaded map; it may change it as it likes."""
+    ctx.graph.graph.replace(world.columns)
+    ctx.graph.graph.attribution = world.attribution
+    if len(world.obstacles.ids):
+        ctx.graph.add_obstacles(world.obstacles.corners, world.obstacles.ids, world.obstacles.types)
+
+
+def _load_grid(ctx: Context, given: Grid) -> None:
+    ctx.graph.attach_networkx_graph(grid(given.height, given.width, given.spacing))
+
+
+def _load_helsinki(ctx: Context, given: Helsinki) -> None:
+    from gamms import osm
+
+    osm.helsinki(ctx, **said(given))
+
+
+def _load_file(ctx: Context, given: MapFile, file: Path | None) -> None:
+    from gamms import osm
+
+    wishes = said(given)
+    del wishes["path"]
+    has_buildings = wishes.pop("buildings")
+    if "osm_type" in wishes:
+        wishes["osm_type"] = osm.OSMType[wishes["osm_type"].upper()]
+    assert file is not None  # noqa: S101 - asked only of map files
+    if file.suffix == ".gamms" or osm.is_geojson(file):
+        for wish in [*wishes] if file.suffix == ".gamms" else {"osm_type"}.intersection(wishes):
+            raise ScenarioError(f"map.file.{wish}", f"{file.name} is no OpenStreetMap file, which this is for.")
+        if has_buildings:
+            raise ScenarioError("map.file.buildings", f"{file.name} is no OpenStreetMap file, which this is for.")
+    if file.suffix == ".gamms":
+        ctx.graph.load(file)
+    elif osm.is_geojson(file):
+        ctx.graph.attach_networkx_graph(osm.graph_from_geojson(file, **wishes))
+    else:
+        ctx.graph.attach_networkx_graph(osm.graph_from_file(file, **wishes))
+    if has_buildings:
+        ctx.graph.add_obstacles(osm.obstacle_from_file(file, crs=ctx.graph.crs))
+
+
+def _load_place(ctx: Context, given: MapPlace) -> None:
+    from gamms import osm
+
+    wishes = said(given)
+    location, has_buildings = wishes.pop("location"), wishes.pop("buildings")
+    if "osm_type" in wishes:
+        wishes["osm_type"] = osm.OSMType[wishes["osm_type"].upper()]
+    ctx.graph.attach_networkx_graph(osm.create_osm_graph(location, **wishes))
+    if has_buildings:
+        ctx.graph.add_obstacles(osm.obstacle_from_osm(location, crs=ctx.graph.crs, offline=given.offline))
+
+
+def _generate(ctx: Context, given: Code, library: Library) -> None:
+    """Attach the networkx graph that a function makes."""
+    made = called(library.get(given.function, "map.generator"), given.with_, (), "map.generator")
+    if not callable(getattr(made, "is_directed", None)):
+        raise ScenarioError("map.generator", f"{given.function} gives {shown(made)}, which is no networkx graph.")
+    ctx.graph.attach_networkx_graph(made)

@@ -1,0 +1,101 @@
+"""`gamms run` and `gamms scenario`, through the command line."""
+
+import json
+
+import pytest
+from typer.testing import CliRunner
+
+from gamms import cli
+
+
+@pytest.fixture(autouse=True)
+def in_folder(folder, monkeypatch):
+    """The commands are given in the folder of the scenario."""
+    monkeypatch.chdir(folder)
+
+
+def run(*arguments):
+    return CliRunner().invoke(cli.app, list(map(str, arguments)), catch_exceptions=False)
+
+
+def test_a_game_is_played_and_written(folder):
+    done = run("run", "little.yaml", "--seed", 7, "--turns", 4, "--set", "teams.red.count=2", "--out", "out")
+    assert done.exit_code == 0
+    assert "little, seed 7" in done.stdout
+    result = json.loads((folder / "out" / "result.json").read_text())
+    assert (result["turns"], result["seed"]) == (4, 7)
+    assert sorted(result["agents"]) == ["anna", "bert", "red_0", "red_1"]
+    assert (folder / "out" / "final.svg").read_text().startswith("<svg") or (folder / "out" / "final.svg").stat()
+
+
+def test_code_is_named_before_it_is_imported(folder):
+    (folder / "players.py").write_text("def wander(state):\n    pass\nraise RuntimeError('this was run')\n")
+    done = run("run", "little.yaml")
+    assert done.exit_code == 1
+    assert f"imports teams.red.strategy: players:wander, from {folder / 'players.py'}" in done.stdout
+    assert "imports rules.0: gamms.rules:tag, installed" in done.stdout
+    assert "importing 'players:wander' failed: RuntimeError: this was run" in done.stderr
+    assert not (folder / "gamms-run").exists()
+
+
+def test_a_strategy_of_the_caller_may_be_anywhere(folder, tmp_path):
+    (tmp_path / "mine.py").write_text("def strategy(state):\n    state['action'] = state['curr_pos']\n")
+    for reference in ("../mine.py:strategy", f"{tmp_path / 'mine.py'}:strategy"):
+        done = run("run", "little.yaml", "--strategy", f"red={reference}", "--out", "out")
+        assert done.exit_code == 0
+        assert f"imports --strategy red: mine:strategy, from {tmp_path}" in done.stdout.replace("games/../", "")
+        assert "players:wander" not in done.stdout
+        result = json.loads((folder / "out" / "result.json").read_text())
+        assert result["agents"]["red_0"]["moves"] == 0
+
+
+@pytest.mark.parametrize(
+    ("arguments", "code", "hint"),
+    [
+        (["--set", "teams.red.cuont=8"], 1, "Did you mean 'count'?"),
+        (["--set", "teams.rde.count=8"], 1, "Did you mean 'red'?"),
+        (["--set", "turns"], 2, "teams.red.count=8"),
+        (["--strategy", "mine.py:strategy"], 2, "red=mine.py:strategy"),
+        (["--strategy", "red=mine.py"], 1, "module:function"),
+        (["--strategy", "red=mine.py:strategy"], 1, "no file 'mine.py'"),
+        (["--strategy", "rde=players.py:wander"], 1, "Did you mean 'red'?"),
+        (["--turns", "-1"], 2, "--turns"),
+    ],
+)
+def test_a_wrong_argument_ends_in_one_sentence(folder, arguments, code, hint):
+    done = run("run", "little.yaml", *arguments)
+    assert done.exit_code == code
+    assert hint in done.stderr
+    assert not (folder / "gamms-run").exists()
+
+
+def test_a_check_says_that_all_is_well(folder):
+    done = run("scenario", "check", "little.yaml")
+    assert done.exit_code == 0
+    assert "all is well" in done.stdout
+    assert "48 nodes" in done.stdout
+    done = run("scenario", "check", "little.yaml", "--build")
+    assert "built once" in done.stdout
+    assert sorted(path.suffix for path in folder.iterdir()) == [".py", ".py", ".py", ".yaml"]
+
+
+@pytest.mark.parametrize(
+    ("old", "new", "hint"),
+    [
+        ("count:", "cuont:", "teams.red.cuont: unknown key, with the value 3. Did you mean 'count'?"),
+        ("players:wander", "player:wander", "teams.red.strategy: there is no module 'player'"),
+        ("within: 30", "within: 5", "teams.red: only 1 of 3 agents could be placed, within 5 of node 0."),
+    ],
+)
+def test_a_check_names_what_is_wrong(folder, old, new, hint):
+    file = folder / "little.yaml"
+    file.write_text(file.read_text().replace(old, new))
+    done = run("scenario", "check", "little.yaml")
+    assert done.exit_code == 1
+    assert done.stderr.startswith("gamms: little.yaml: ")
+    assert hint in done.stderr
+
+
+def test_the_schema_is_printed():
+    schema = json.loads(run("scenario", "schema").stdout)
+    assert schema["$ref"] == "#/$defs/Spec"

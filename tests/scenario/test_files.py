@@ -1,0 +1,203 @@
+"""Files are read as plain data, with bounds; what they name is in their folder, or installed."""
+
+import json
+import os
+import sys
+from pathlib import Path
+
+import pytest
+
+from gamms import scenario
+from gamms.scenario import ScenarioError
+from gamms.scenario.files import from_json, from_yaml
+
+
+def test_yaml_means_what_json_means():
+    text = "a: yes\nb: on\nc: 1e3\nd: 2024-01-01\ne: 12:30\nf: ~\ng:\nh: true\ni: [1, -2.5]\nno: .inf\n3: x\n"
+    assert from_yaml(text) == {
+        "a": "yes",
+        "b": "on",
+        "c": 1000.0,
+        "d": "2024-01-01",
+        "e": "12:30",
+        "f": None,
+        "g": None,
+        "h": True,
+        "i": [1, -2.5],
+        "no": float("inf"),
+        3: "x",
+    }
+    values = {"a": [1, 2.5, None, True, "x"], "b": {"c": {}}, "d": []}
+    assert from_yaml(json.dumps(values)) == from_json(json.dumps(values)) == values
+
+
+@pytest.mark.parametrize(
+    ("text", "hint"),
+    [
+        ("a: &x [1]\nb: *x", "line 2: aliases"),
+        ("a: &a [x]\nb: &b [*a,*a]\nc: [*b,*b]", "aliases"),
+        ("a: 1\nb: {c: 1, c: 2}", "b.c: this key is there twice"),
+        ("!!python/object/apply:os.system ['true']", "tag"),
+        ("a: !!python/name:os.system", "tag"),
+        ("a: !!set {x}", "a: line 1: the tag"),
+        ("a: !!binary aGk=", "tag"),
+        ("a: !own 3", "tag"),
+        ("[" * 3000, "nested"),
+        ("a: [1", "no YAML"),
+        ("a: 1\n---\nb: 2", "single document"),
+        ("a: !!int foo", "invalid literal"),
+        ("a: " + "9" * 6000, "a: line 1"),
+        ("? [1]\n: 2", "a key must be"),
+        ("true: 2", "a key must be"),
+        ("a: 1e999", "too large"),
+        ("a: \x07", "no YAML"),
+    ],
+)
+def test_yaml_that_is_more_than_data_is_refused(text, hint):
+    with pytest.raises(ScenarioError, match=r"^") as raised:
+        from_yaml(text)
+    assert hint in str(raised.value)
+
+
+@pytest.mark.parametrize("text", ['{"a": 1, "a": 2}', '{"a": NaN}', "[" * 100_000, "{", '{"a": Infinity}'])
+def test_json_that_is_no_json_is_refused(text):
+    with pytest.raises(ScenarioError):
+        from_json(text)
+
+
+@pytest.mark.parametrize(
+    ("name", "content", "hint"),
+    [
+        ("big.yaml", b"# " + b"x" * 1_000_000, "1,000,000 bytes"),
+        ("odd.yaml", b"\xff\xfe\xfa", "UTF-8"),
+        ("list.yaml", b"- 1", "mapping"),
+        ("empty.json", b"", "no JSON"),
+        ("empty.yaml", b"", "mapping"),
+        ("game.txt", b"a: 1", "ends in .yaml, .yml, .json"),
+        ("own.yaml", b"folder: /\nmap: {}\nteams: {}", "folder: unknown key"),
+        ("numbers.yaml", b"1: 2", "1: unknown key"),
+    ],
+)
+def test_a_file_that_is_no_scenario_is_refused(tmp_path, name, content, hint):
+    (tmp_path / name).write_bytes(content)
+    with pytest.raises(ScenarioError) as raised:
+        scenario.load(tmp_path / name)
+    assert hint in str(raised.value)
+    assert name in str(raised.value)
+
+
+def test_a_missing_file_is_a_missing_file(tmp_path):
+    with pytest.raises(FileNotFoundError):
+        scenario.load(tmp_path / "none.yaml")
+
+
+# -- what a file may name ------------------------------------------------------------------------------------------
+
+OUTSIDE = [
+    "../outside:run",
+    "../outside.py:run",
+    "..outside:run",
+    "{outside}:run",
+    "sub/../../outside.py:run",
+    "sub\\..\\..\\outside.py:run",
+    "C:\\outside.py:run",
+    "link.py:run",
+    "link:run",
+    "linked/outside.py:run",
+    "linked.outside:run",
+    "~/outside.py:run",
+    "os:system",
+    "subprocess:run",
+    "__main__:run",
+    "builtins:exec",
+    ":run",
+    "players:",
+    "players:a.b",
+    "play\0ers.py:run",
+]
+
+
+@pytest.fixture
+def outside(folder):
+    """A file beside the folder, and ways to it through links."""
+    file = folder.parent / "outside.py"
+    file.write_text("raise RuntimeError('this was run')\ndef run(state): pass\n")
+    (folder / "link.py").symlink_to(file)
+    (folder / "linked").symlink_to(folder.parent)
+    return file
+
+
+@pytest.mark.parametrize("reference", OUTSIDE)
+def test_code_is_never_taken_from_elsewhere(made, outside, reference):
+    text = reference.replace("{outside}", str(outside))
+    changes = [{"teams.red.strategy": text}, {"rules.1.rule": text}, {"facts": {"a": [{"function": text}]}}]
+    for change in changes if text.count(":") == 1 and text.endswith(":run") else changes[:1]:
+        with pytest.raises(ScenarioError):
+            made(change).build()
+
+
+@pytest.mark.parametrize("path", ["../town.osm", "/etc/hostname", "linked/town.osm", "town.osm", "C:/town.osm"])
+def test_a_map_is_never_taken_from_elsewhere(made, folder, path):
+    (folder.parent / "town.osm").write_text("<osm/>")
+    (folder / "linked").symlink_to(folder.parent)
+    (folder / "town.osm").symlink_to(folder.parent / "town.osm")
+    with pytest.raises(ScenarioError, match=r"^map\.file: .*(leads out|no file)"):
+        made(map={"file": path}).check()
+
+
+def test_a_module_of_the_current_folder_is_not_installed(made, tmp_path, monkeypatch):
+    (tmp_path / "stray_module.py").write_text("raise RuntimeError('this was run')\ndef run(state): pass\n")
+    monkeypatch.chdir(tmp_path)
+    monkeypatch.syspath_prepend(tmp_path)
+    with pytest.raises(ScenarioError, match="neither the folder of the scenario nor installed"):
+        made({"teams.red.strategy": "stray_module:run"}).build()
+    assert "stray_module" not in sys.modules
+
+
+def test_loading_and_checking_run_nothing(folder):
+    for file in folder.glob("*.py"):
+        file.write_text(file.read_text() + "\nraise RuntimeError('this was run')\n")
+    one = scenario.load(folder / "little.yaml")
+    one.check()
+    with pytest.raises(ScenarioError, match=r"teams\.red\.strategy: importing 'players:wander' failed: RuntimeError"):
+        one.build()
+
+
+def test_code_of_two_scenarios_does_not_meet_and_leaves_no_trace(folder, tmp_path):
+    other = tmp_path / "others"
+    other.mkdir()
+    (other / "players.py").write_text("def wander(state):\n    state['action'] = state['curr_pos']\n")
+    (other / "referee.py").write_text((folder / "referee.py").read_text())
+    (other / "little.yaml").write_text((folder / "little.yaml").read_text())
+    before = list(sys.path)
+    first, second = (scenario.load(one / "little.yaml").play() for one in (folder, other))
+    assert first != second
+    assert second.agents["red_0"]["moves"] == 0 < first.agents["red_0"]["moves"]
+    assert sys.path == before
+    assert not {"players", "referee", "paces"} & set(sys.modules)
+    assert sorted(path.name for path in tmp_path.rglob("*") if path.is_dir()) == ["games", "others"]
+
+
+def test_code_that_was_edited_is_imported_anew(folder):
+    before = scenario.load(folder / "little.yaml").play()
+    (folder / "players.py").write_text("def wander(state):\n    state['action'] = state['curr_pos']  # stay\n")
+    assert scenario.load(folder / "little.yaml").play() != before
+
+
+def test_a_scenario_without_a_folder_has_only_installed_code(little):
+    with pytest.raises(ScenarioError, match="there is no module 'players' installed"):
+        scenario.Scenario(**little).build()
+    with pytest.raises(ScenarioError, match="needs folder="):
+        scenario.Scenario(map={"file": "a.osm"}, teams={"red": {"count": 1}}).check()
+
+
+def test_a_folder_may_be_a_link_itself(folder, tmp_path):
+    (tmp_path / "shortcut").symlink_to(folder)
+    assert scenario.load(tmp_path / "shortcut" / "little.yaml").play().turns == 15
+
+
+def test_relative_paths_hold_after_a_change_of_folder(folder, monkeypatch):
+    monkeypatch.chdir(folder)
+    one = scenario.load("little.yaml")
+    monkeypatch.chdir(Path(os.sep))
+    assert one.play().turns == 15

@@ -1,0 +1,217 @@
+"""The same scenario and seed play the same game, wherever it comes from."""
+
+import gc
+import json
+import os
+import subprocess
+import sys
+import tempfile
+from pathlib import Path
+
+import networkx as nx
+import pytest
+import yaml
+
+import gamms
+from gamms import scenario
+from gamms.errors import UnknownName
+from gamms.scenario import Scenario, ScenarioError
+
+CODE = """
+import json, sys
+from gamms import scenario
+data = scenario.load(sys.argv[1]).play(seed=11).to_dict()
+del data["timings"]
+print(json.dumps(data, sort_keys=True))
+"""
+
+
+def told(result):
+    data = result.to_dict()
+    del data["timings"]
+    return json.loads(json.dumps(data, sort_keys=True))
+
+
+@pytest.mark.parametrize("strategy", ["players:wander", "players:by_global_chance", "players"])
+def test_file_python_engines_and_processes_agree(folder, made, strategy):
+    file = folder / "same.json"
+    one = made({"teams.red.strategy": strategy})
+    file.write_text(json.dumps(one.to_dict()))
+    (folder / "same.yaml").write_text(yaml.safe_dump(one.to_dict(), sort_keys=False))
+    result = told(one.play(seed=11))
+    assert told(scenario.load(file).play(seed=11)) == result
+    assert told(scenario.load(folder / "same.yaml").play(seed=11)) == result
+    with one.build(seed=11, graph_engine=gamms.graph.Engine.SQLITE) as ctx:
+        assert told(ctx.game.run()) == result
+    for hash_seed in ("0", "4"):
+        printed = subprocess.check_output(
+            [sys.executable, "-W", "error", "-c", CODE, str(file)],
+            env={**os.environ, "PYTHONHASHSEED": hash_seed},
+            text=True,
+        )
+        assert json.loads(printed) == result
+    assert told(one.play(seed=12)) != result
+
+
+def test_the_seed_of_the_file_is_the_usual_one(made):
+    one = made()
+    assert one.play() == one.play(seed=3)
+    assert one.play().seed == 3
+
+
+def test_everything_it_says_is_in_the_context(made):
+    one = made(settings={"on_error": "stay", "time_budget": 2.5}, data={"rounds": [1, 2]})
+    with one.build() as ctx:
+        assert (ctx.game.on_error, ctx.game.time_budget, ctx.game.max_turns) == ("stay", 2.5, 15)
+        assert ctx.game.data == {"rounds": [1, 2]}
+        assert ctx.game.facts["bases"] == {"red": 0, "blue": 47}
+        assert {team: [agent.name for agent in agents] for team, agents in ctx.agent.teams.items()} == {
+            "blue": ["anna", "bert"],
+            "red": ["red_0", "red_1", "red_2"],
+        }
+        red, anna = ctx.agent.get_agent("red_0"), ctx.agent.get_agent("anna")
+        assert red.meta == {"team": "red", "speedy": True}
+        assert list(red._sensor_list) == ["near", "eyes"]
+        assert list(anna._sensor_list) == ["eyes"]
+        result = ctx.game.run()
+    assert result.scores["turns"] == 2 * result.turns == 30
+
+
+def test_strategies_of_the_caller_take_the_place_of_the_file_s(made):
+    def stay(state):
+        state["action"] = state["curr_pos"]
+
+    result = made().play(strategies={"red": stay, "anna": gamms.strategies.flee})
+    assert {result.agents[f"red_{i}"]["moves"] for i in range(3)} == {0}
+    with pytest.raises(UnknownName, match="Did you mean 'red'"):
+        made().play(strategies={"reds": stay})
+
+
+def test_parameters_may_be_nodes_by_place_and_what_functions_give(made):
+    one = made(
+        {
+            "teams.red.strategy": {"function": "players:make", "with": {"node": {"node_at": [71, 52]}}},
+            "teams.blue.strategy": {
+                "function": "gamms.strategies:chase",
+                "with": {"otherwise": {"function": "gamms.strategies:stay"}},
+            },
+        },
+        facts={"land": {"function": "gamms.rules.territory:by_distance", "with": {"bases": {"red": 0, "blue": 47}}}},
+        settings={"legal": "any"},
+        rules=[],
+    )
+    with one.build() as ctx:
+        assert set(ctx.game.facts["land"].values()) == {"red", "blue"}
+        ctx.game.step()
+        assert all(agent.current_node_id == 47 or agent.name != "red_0" for agent in ctx.game.agents)
+        assert not ctx.game.errors
+
+
+def test_own_functions_make_maps_sensors_and_resolvers(made, folder):
+    (folder / "extras.py").write_text("""
+import networkx as nx
+
+def ring(n):
+    G = nx.cycle_graph(n)
+    for i in G:
+        G.nodes[i].update(x=float(i), y=0.0)
+    return G
+
+def clock(ctx):
+    return lambda: ctx.game.turn
+
+def last(contest, ctx):
+    return [mover.agent for mover in contest.movers[-contest.places:]]
+""")
+    one = made(
+        {"sensors.near": {"function": "extras:clock"}, "conflicts.resolve": "extras:last"},
+        map={"generator": {"function": "extras:ring", "with": {"n": 60}}},
+    ).replace(**{"teams.red.within": 10.0})
+    with one.build() as ctx:
+        assert len(ctx.graph.graph) == 60
+        ctx.game.step()
+        ctx.game.step()
+        assert ctx.agent.get_agent("red_0").get_state()["sensor"]["near"][1] == 2
+
+
+@pytest.mark.parametrize(
+    ("code", "hint"),
+    [
+        ("def f(config): return 3", "not a dict"),
+        ("def f(config): return dict.fromkeys(config, 3)", "no strategy"),
+        ("def f(config): return config['nobody']", "KeyError"),
+        ("f = 3", "no function"),
+    ],
+)
+def test_a_map_strategy_that_gives_something_else_is_an_error(made, folder, code, hint):
+    (folder / "mapping.py").write_text(code.replace("def f", "def map_strategy").replace("f = ", "map_strategy = "))
+    with pytest.raises(ScenarioError, match=hint) as raised:
+        made({"teams.red.strategy": "mapping"}).build()
+    assert raised.value.path == "teams.red.strategy"
+
+
+def test_a_saved_map_is_a_map(made, folder):
+    with made().build() as ctx:
+        ctx.graph.save(folder / "town.gamms")
+    assert made(map={"file": "town.gamms"}).play() == made().play()
+    with pytest.raises(ScenarioError, match=r"^map\.file\.resolution: town\.gamms is no OpenStreetMap file"):
+        made(map={"file": {"path": "town.gamms", "resolution": 5.0}}).build()
+
+
+def test_the_map_is_loaded_once_and_no_game_changes_it(made, folder):
+    (folder / "worlds.py").write_text("""
+import networkx as nx
+calls = []
+
+def make():
+    assert not calls, "loaded twice"
+    calls.append(1)
+    G = nx.path_graph(60)
+    for i in G:
+        G.nodes[i].update(x=float(i), y=0.0, names=["a"])
+    return G
+""")
+    one = made(map={"generator": "worlds:make"}).replace(**{"teams.red.within": 10.0, "teams.blue.agents.bert.node": 5})
+    first = one.play()
+    with one.build() as ctx:
+        ctx.graph.graph.remove_node(40)
+        ctx.graph.graph.node_attributes(1)["names"].append("b")
+    assert one.play() == first
+    assert one.replace(turns=3).play().turns == 3
+    with one.build() as ctx:
+        assert ctx.graph.graph.has_node(40)
+
+
+def test_many_games_leave_nothing_behind(made):
+    one = made(turns=2)
+    one.play()
+    gc.collect()
+    files, modules, objects = set(Path(tempfile.gettempdir()).iterdir()), set(sys.modules), len(gc.get_objects())
+    for seed in range(150):
+        one.play(seed=seed)
+    gc.collect()
+    assert set(sys.modules) == modules
+    assert len(gc.get_objects()) < objects + 2000
+    left = {path for path in Path(tempfile.gettempdir()).iterdir() if "gamms" in path.name} - files
+    assert not left
+
+
+def test_a_context_is_terminated_when_building_fails(made, monkeypatch):
+    opened = []
+    create = gamms.scenario.scenario.create_context
+    monkeypatch.setattr(
+        gamms.scenario.scenario, "create_context", lambda *a, **k: opened.append(create(*a, **k)) or opened[-1]
+    )
+    with pytest.raises(ScenarioError):
+        made({"rules.1": "referee:explode"}).build()
+    assert [ctx.is_terminated() for ctx in opened] == [True]
+
+
+def test_a_generator_that_gives_no_graph_is_an_error():
+    given = {"map": {"generator": "networkx:number_of_nodes"}, "teams": {"red": {"count": 1}}}
+    assert nx.number_of_nodes(nx.path_graph(3)) == 3
+    with pytest.raises(ScenarioError, match=r"^map\.generator\.with\.G: is missing"):
+        Scenario(**given).build()
+    given["map"] = {"generator": {"function": "networkx:density", "with": {"G": 3}}}
+    with pytest.raises(ScenarioError, match=r"^map\.generator: density raised AttributeError"):
+        Scenario(**given).build()

@@ -1,0 +1,197 @@
+"""What is wrong with a scenario is told by its place in the file and the nearest valid key."""
+
+import json
+import pickle
+
+import pytest
+
+from gamms import scenario
+from gamms.errors import GammsError
+from gamms.scenario import ScenarioError
+from gamms.sensor import SensorType
+
+WRONG = [
+    ({"teams.red.cuont": 8}, "teams.red.cuont", "8. Did you mean 'count'?"),
+    ({"teams.red.count": "many"}, "teams.red.count", "'many': expected int"),
+    ({"teams.red.count": -1}, "teams.red.count", ">= 0"),
+    ({"teams.red.count": True}, "teams.red.count", "bool"),
+    ({"teams.red.count": 0}, "teams.red", "nobody"),
+    ({"mpa": {}}, "mpa", "Did you mean 'map'?"),
+    ({"map": {}}, "map", "nothing is given"),
+    ({"map": {"gird": {}}}, "map.gird", "Did you mean 'grid'?"),
+    ({"map": {"grid": {"width": 3}}}, "map.grid.height", "missing"),
+    ({"map": {"grid": {"width": 3, "height": 3, "spacing": 0}}}, "map.grid.spacing", "> 0"),
+    ({"map.helsinki": {}}, "map", "grid and helsinki are given"),
+    ({"map": {"place": {"location": "Turku", "osm_type": "wlak"}}}, "map.place.osm_type", "Did you mean 'walk'?"),
+    ({"sensors.near.type": "NEIGHBOUR"}, "sensors.near.type", "Did you mean 'NEIGHBOR'?"),
+    ({"sensors.near": {}}, "sensors.near", "exactly one of type and function"),
+    ({"sensors.near.fov": 1.0}, "sensors.near.fov", "a NEIGHBOR sensor has none"),
+    ({"sensors.eyes.sensor_rnge": 1.0}, "sensors.eyes.sensor_rnge", "Did you mean 'sensor_range'?"),
+    ({"sensors.eyes.team": "bleu"}, "sensors.eyes.team", "Did you mean 'blue'?"),
+    ({"teams.red.sensors.0": "neer"}, "teams.red.sensors.0", "Did you mean 'near'?"),
+    ({"teams.red.within": None}, "teams.red.within", "near needs it"),
+    ({"teams.red.near": None}, "teams.red.near", "within needs it"),
+    ({"teams.red.near": [1, 2, 3]}, "teams.red.near", "length 2"),
+    ({"teams.red.near": {"lat": 60.2, "lno": 25.0}}, "teams.red.near.lno", "Did you mean 'lon'?"),
+    ({"teams.red.from": {"team": "blue", "at_least": 5}}, "teams.red.from.team", "before this team"),
+    ({"teams.blue.from": [{"team": "rd", "at_least": 5}]}, "teams.blue.from.0.team", "Did you mean 'red'?"),
+    ({"teams.red.type": "aerial"}, "teams.red.speed", "aerial agent needs it"),
+    ({"teams.red.altitude": 5}, "teams.red.altitude", "aerial"),
+    ({"teams.blue.agents.1.name": "anna"}, "teams.blue.agents.1.name", "already an agent named 'anna'"),
+    ({"teams.blue.agents.1.name": "red_2"}, "teams.blue.agents.1.name", "in teams.red"),
+    ({"teams.blue.agents.1.nod": 3}, "teams.blue.agents.1.nod", "Did you mean 'node'?"),
+    ({"conflicts.resolve.by_priority.1": "bleu"}, "conflicts.resolve.by_priority.1", "Did you mean 'blue'?"),
+    ({"conflicts.among": "teams"}, "conflicts.among", "Did you mean 'team'?"),
+    ({"conflicts.capacity": -1}, "conflicts.capacity", ">= 0"),
+    ({"settings": {"legal": "edge"}}, "settings.legal", "Did you mean 'edges'?"),
+    ({"rules.0.with.taggers": "rad"}, "rules.0.with.taggers", "Did you mean 'red'?"),
+    ({"rules.0.wiht": {}}, "rules.0.wiht", "Did you mean 'with'?"),
+    ({"rules.0": {"rule": "capture_flag", "with": {"flags": {"bleu": 3}}}}, "rules.0.with.flags", "'blue'"),
+    ({"seed": "x"}, "seed", "expected int"),
+    ({"turns": 1.5}, "turns", "expected int"),
+    ({"teams": {}}, "teams", "length >= 1"),
+    ({"facts": {"a": 1j}}, "facts.a", "no plain value"),
+    ({"facts": {"a": float("nan")}}, "facts.a", "NaN"),
+]
+
+
+@pytest.mark.parametrize(("changes", "path", "hint"), WRONG, ids=[str(changes) for changes, _, _ in WRONG])
+def test_an_error_names_the_place_and_the_way_out(made, changes, path, hint):
+    with pytest.raises(ScenarioError) as raised:
+        made(changes)
+    assert raised.value.path == path
+    assert str(raised.value).startswith(f"{path}: ")
+    assert hint in str(raised.value)
+    assert isinstance(raised.value, (GammsError, ValueError))
+
+
+def test_an_error_of_a_file_begins_with_its_name(folder):
+    file = folder / "little.yaml"
+    file.write_text(file.read_text().replace("count:", "cuont:"))
+    with pytest.raises(ScenarioError, match=r"little\.yaml: teams\.red\.cuont: .* Did you mean 'count'\?") as raised:
+        scenario.load(file)
+    assert raised.value.file == str(file)
+
+
+MISSING = [
+    ({"teams.red.strategy": "plyers:wander"}, "teams.red.strategy", "Did you mean 'players'?"),
+    ({"teams.red.strategy": "plyers.py:wander"}, "teams.red.strategy", "Did you mean 'players.py'?"),
+    ({"teams.red.strategy": "players:wandr"}, "teams.red.strategy", "Did you mean 'wander'?"),
+    ({"teams.red.strategy": "referee"}, "teams.red.strategy", "'map_strategy'"),
+    ({"teams.red.strategy": "chase"}, "teams.red.strategy", "Did you mean 'gamms.strategies:chase'?"),
+    ({"teams.red.strategy": "gamms.strategies:chse"}, "teams.red.strategy", "Did you mean 'chase'?"),
+    ({"teams.blue.strategy.with": {"node": []}}, "teams.blue.strategy.with.node", "Did you mean 'nodes'?"),
+    ({"teams.blue.strategy.with": {"nodes": [99]}}, "teams.blue.strategy", "99"),
+    ({"rules.0.rule": "tagg"}, "rules.0", "Did you mean 'tag'?"),
+    ({"rules.0.with": {"taggers": "red", "hop": 1}}, "rules.0.with.hop", "Did you mean 'hops'?"),
+    ({"rules.0": "time_limit"}, "rules.0.with.turns", "missing"),
+    ({"rules.0": "players:wander"}, "rules.0", "a strategy"),
+    ({"rules.1": "referee:explode"}, "rules.1", "RuntimeError: boom"),
+    ({"conflicts.resolve": "at_randm"}, "conflicts.resolve", "Did you mean 'at_random'?"),
+    ({"facts": {"land": {"function": "nowhere:x"}}}, "facts.land", "no module 'nowhere'"),
+    ({"map": {"file": "town.osm"}}, "map.file", "no file 'town.osm'"),
+    ({"teams.blue.agents.0.node": 48}, "teams.blue.agents.0.node", "Unknown node 48"),
+    (
+        {"teams.red.count": 99},
+        "teams.red",
+        "only 11 of 99 agents could be placed, within 30 of node 0. Change count or",
+    ),
+    ({"teams.red.apart": 31}, "teams.red", "of 3 agents could be placed, within 30 of node 0, at least 31 apart."),
+    ({"teams.blue.count": 2, "teams.blue.from": {"team": "red", "at_least": 200}}, "teams.blue", "only 0 of 2"),
+]
+
+
+@pytest.mark.parametrize(("changes", "path", "hint"), MISSING, ids=[str(changes) for changes, _, _ in MISSING])
+def test_what_is_not_there_is_told_when_the_game_is_built(made, changes, path, hint):
+    little = made(changes)
+    with pytest.raises(ScenarioError) as raised:
+        little.build()
+    assert raised.value.path == path
+    assert hint in str(raised.value)
+
+
+FOUND_BY_CHECK = [case for case in MISSING if not any(word in case[2] for word in ("boom", "a strategy", "99"))]
+
+
+@pytest.mark.parametrize("case", FOUND_BY_CHECK, ids=[str(changes) for changes, _, _ in FOUND_BY_CHECK])
+def test_most_of_it_is_found_without_running_any_code(made, folder, case):
+    changes, path, _ = case
+    for file in folder.glob("*.py"):
+        file.write_text(file.read_text() + "\nraise RuntimeError('this was run')\n")
+    with pytest.raises(ScenarioError) as raised:
+        made(changes).check()
+    assert raised.value.path == path
+
+
+def test_a_check_says_what_it_has_looked_at(folder):
+    assert scenario.load(folder / "little.yaml").check() == [
+        "keys, types and names",
+        "5 references to code (found, not run)",
+        "the map (48 nodes)",
+        "the places of 5 agents",
+    ]
+
+
+def test_a_scenario_says_what_it_was_given(made, little):
+    one = made()
+    assert one.to_dict() == little
+    assert scenario.Scenario(**one.to_dict()) == one
+    assert pickle.loads(pickle.dumps(one)) == one
+    assert json.loads(json.dumps(one.to_dict())) == little
+    assert repr(one) == "Scenario('little', red: 3, blue: 2)"
+
+
+def test_what_is_given_is_copied(made, little):
+    one = made()
+    one.to_dict()["teams"]["red"]["count"] = 99
+    little["teams"]["red"]["count"] = 99
+    assert one.spec.teams["red"].count == 3
+
+
+def test_values_of_python_are_taken_as_a_file_would_say_them(made):
+    one = made({"sensors.eyes.type": SensorType.AGENT_RANGE, "teams.red.near": (0.0, 0.0)})
+    assert one.to_dict()["sensors"]["eyes"]["type"] == "AGENT_RANGE"
+    assert one.to_dict()["teams"]["red"]["near"] == [0.0, 0.0]
+
+
+def test_values_are_replaced_by_dotted_paths(made):
+    one = made()
+    new = one.replace(
+        **{
+            "turns": 5,
+            "teams.red.count": 2,
+            "teams.blue.agents.bert.node": 3,
+            "teams.blue.agents.0.node": 4,
+            "rules.tag.with.hops": 2,
+            "settings.legal": "any",
+        }
+    )
+    assert (new.spec.turns, new.spec.teams["red"].count, new.spec.settings.legal) == (5, 2, "any")
+    assert [agent.node for agent in new.spec.teams["blue"].agents] == [4, 3]
+    assert new.spec.rules[0].with_["hops"] == 2
+    assert one == made()
+
+
+@pytest.mark.parametrize(
+    ("path", "hint"),
+    [
+        ("teams.rde.count", "Did you mean 'red'?"),
+        ("teams.red.cuont", "Did you mean 'count'?"),
+        ("trns", "Did you mean 'turns'?"),
+        ("teams.blue.agents.brt.node", "Did you mean 'bert'?"),
+        ("rules.7", "no '7' to change"),
+        ("turns.x.y", "no 'x' to change"),
+        ("sttings.legal", "Did you mean 'settings'?"),
+    ],
+)
+def test_a_path_that_leads_nowhere_is_an_error(made, path, hint):
+    with pytest.raises(ScenarioError, match=r"Did you mean|to change") as raised:
+        made().replace(**{path: 1})
+    assert hint in str(raised.value)
+
+
+def test_the_schema_is_one_that_editors_take():
+    schema = scenario.schema()
+    assert json.loads(json.dumps(schema)) == schema
+    assert schema["$defs"]["Team"]["additionalProperties"] is False
+    assert "from" in schema["$defs"]["Team"]["properties"]
