@@ -13,7 +13,7 @@ from gamms.scenario import Scenario, load
 
 FILE = Path(__file__).parent.parent / "data" / "capture_the_flag.yaml"
 
-_DEFENDERS = 2  # of five
+_DEFENDERS = 1  # of five
 _FLAG_AT = 0.12  # how far from either end of the map, as a share of all nodes
 _LEAST_NODES = 50
 _ROOM = 10  # nodes for each agent to start on, if the map has so many

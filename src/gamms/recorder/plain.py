@@ -9,7 +9,7 @@ _DEEPEST = 24
 
 
 def is_plain(value: Any, depth: int = 0) -> bool:
-    """Whether a value is made of texts, numbers, bytes, None, arrays of numbers, and lists, tuples and dicts of them."""
+    """Whether a value is a text, number, bytes, None, an array of numbers, or a list, tuple or dict of such."""
     kind = type(value)
     if kind in _SCALARS:
         return True

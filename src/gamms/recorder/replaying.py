@@ -46,7 +46,7 @@ class Player:
             if number is None:
                 self.happen(*step)
                 columns, writer = self._ctx.agent.columns, self._ctx.agent.moves.plain()
-                yield record_of(*step, timestamp)
+                yield record_of(step[0], step[1], timestamp)
                 continue
             try:
                 name = self._numbers[number]

@@ -58,7 +58,7 @@ class Version2Sink:
                     self._write(record)
                 self._nodes[name] = step
             else:
-                self._happen(*step, timestamp)
+                self._happen(step[0], step[1], timestamp)
         self._turn += 1
 
     def _happen(self, kind: int, data: Any, timestamp: int) -> None:
@@ -71,7 +71,8 @@ class Version2Sink:
             self._names = list(data["names"])
             self._nodes = dict(zip(self._names, data["node"].tolist(), strict=True))
         if kind in _OF_VERSION_2:
-            self._write(record_of(*_writable(kind, data), timestamp))
+            kind, data = _writable(kind, data)
+            self._write(record_of(kind, data, timestamp))
 
     def _write(self, record: dict[str, Any]) -> None:
         self._writer.write(record["timestamp"], record["opCode"], record["data"])
