@@ -6,7 +6,7 @@ from typing import Any
 from gamms.context import Context
 from gamms.demo.report import sides
 from gamms.visual import Artist
-from gamms.visual.color import TEAM_COLORS
+from gamms.visual.color import team_colors
 
 _LABEL_PX = 13
 
@@ -14,9 +14,11 @@ _LABEL_PX = 13
 def declare(ctx: Context) -> None:
     """Declare streets, agents and their names to the visual room; territory and flags are drawn by their rules."""
     ctx.visual.set_graph_visual(node_size=0.0, edge_color=(120, 124, 130))
-    for color, agents in zip(TEAM_COLORS, sides(ctx).values(), strict=False):
+    teams = sides(ctx)
+    colors = team_colors(teams)
+    for team, agents in teams.items():
         for agent in agents:
-            ctx.visual.set_agent_visual(agent.name, color=color, size=12)
+            ctx.visual.set_agent_visual(agent.name, color=colors[str(team)], size=12)
     artist = Artist(ctx, draw_names, 45)
     artist.data = {"names": list(ctx.agent.agents)}
     ctx.visual.add_artist("names", artist)

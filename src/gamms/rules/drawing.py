@@ -6,7 +6,7 @@ from typing import Any
 import numpy as np
 
 from gamms.typing.game import Rule
-from gamms.visual.color import TEAM_COLORS, rgba
+from gamms.visual.color import rgba, team_colors
 from gamms.visual.primitives import primitives_of
 
 _TINT, _DOT_PX = 60, 5.0
@@ -44,9 +44,8 @@ def draw_territory(ctx: Any, territory: Mapping[int, Any], colors: Mapping[Any, 
 def _colors(ctx: Any, teams: Mapping[Any, Any], given: Mapping[Any, Any] | None) -> dict[Any, Any]:
     """A colour for each team: the given one, or what its agents have where nothing is declared."""
     met = (agent.name if agent.team is None else agent.team for agent in ctx.agent.create_iter())
-    order = list(dict.fromkeys([*met, *sorted(teams, key=str)]))
-    usual = {team: TEAM_COLORS[order.index(team) % len(TEAM_COLORS)] for team in teams}
-    return {team: (given or {}).get(team, usual[team]) for team in sorted(teams, key=str)}
+    usual = team_colors([*met, *sorted(teams, key=str)])
+    return {team: (given or {}).get(team, usual[str(team)]) for team in sorted(teams, key=str)}
 
 
 def _extent(ctx: Any) -> float:

@@ -1,5 +1,6 @@
 """Colours: by name, as values, and one per team."""
 
+from collections.abc import Iterable
 from typing import Any
 
 from gamms.arguments import as_float
@@ -39,6 +40,23 @@ TEAM_COLORS: tuple[Rgb, ...] = (
     (230, 159, 0),
     (86, 180, 233),
 )
+
+_NAMED_TEAMS = {"blue": 0, "red": 1, "green": 2, "pink": 3, "purple": 3, "orange": 4, "yellow": 4, "cyan": 5}
+
+
+def team_colors(teams: Iterable[Any]) -> dict[str, Rgb]:
+    """A colour for each team, by its text: its own where it is named after one, else the next that is left.
+
+    Args:
+        teams: in the order in which they choose; a team may be anything.
+    """
+    names = dict.fromkeys(map(str, teams))
+    own = {name: _NAMED_TEAMS[name.lower()] for name in names if name.lower() in _NAMED_TEAMS}
+    left = [place for place in range(len(TEAM_COLORS)) if place not in own.values()] or list(range(len(TEAM_COLORS)))
+    others = [name for name in names if name not in own]
+    places = own | {name: left[i % len(left)] for i, name in enumerate(others)}
+    return {name: TEAM_COLORS[places[name]] for name in names}
+
 
 _NAMES: dict[str, Rgb] = {
     "orange": (255, 165, 0),

@@ -15,7 +15,7 @@ from gamms.ir.sensed import SensorView
 from gamms.typing import IArtist, IContext, ISensor, SensorType
 from gamms.visual.appearance import AgentData, GraphData
 from gamms.visual.artist import Artist
-from gamms.visual.color import TEAM_COLORS, Rgb
+from gamms.visual.color import Rgb, team_colors
 from gamms.visual.drawers import render_agent, render_graph, render_sensor
 from gamms.visual.drawers.sensors import view_of
 
@@ -32,10 +32,10 @@ def undeclared_artists(ctx: IContext) -> dict[str, IArtist]:
     streets = Artist(ctx, render_graph, _GRAPH)
     streets.data = {"graph_data": GraphData(_NODES, 0.35 * unit, _STREETS)}
     artists: dict[str, IArtist] = {"graph": streets}
-    colors, carriers = _TeamColors(), dict[int, Rgb]()
+    sides = {agent.name: _side(agent) for agent in ctx.agent.create_iter()}
+    colors, carriers = team_colors(sides.values()), dict[int, Rgb]()
     for agent in ctx.agent.create_iter():
-        team = getattr(agent, "team", None)
-        color = colors.of(agent.name if team is None else team)
+        color = colors[str(sides[agent.name])]
         artists[agent.name] = disc = Artist(ctx, render_agent, _AGENTS)
         disc.data = {"agent_data": AgentData(agent.name, color, unit), "_alpha": 1.0}
         carriers |= {id(sensor): color for sensor in getattr(agent, "_sensor_list", {}).values()}
@@ -44,6 +44,12 @@ def undeclared_artists(ctx: IContext) -> dict[str, IArtist]:
         color = carriers.get(id(sensor), _NOBODYS)
         artist.data = {"name": sensor.sensor_id, "color": color, "size": _RING * unit, "node_size": 0.5 * unit}
     return artists
+
+
+def _side(agent: Any) -> Any:
+    """Whose colour an agent has: its team's, or its own."""
+    team = getattr(agent, "team", None)
+    return agent.name if team is None else team
 
 
 def _telling_sensors(ctx: IContext, nodes: int) -> list[ISensor]:
@@ -68,18 +74,6 @@ def _views(ctx: IContext) -> Iterator[tuple[ISensor, SensorView]]:
             continue
         if any(len(part) for part in (view.nodes, view.lines, view.agents, view.outline)):
             yield sensor, view
-
-
-class _TeamColors:
-    """Colours in the order in which teams are met; a team may be anything that can be compared."""
-
-    def __init__(self) -> None:
-        self._teams: list[Any] = []
-
-    def of(self, team: Any) -> Rgb:
-        if team not in self._teams:
-            self._teams.append(team)
-        return TEAM_COLORS[self._teams.index(team) % len(TEAM_COLORS)]
 
 
 def _sight(columns: GraphColumns) -> float:
