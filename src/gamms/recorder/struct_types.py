@@ -117,8 +117,9 @@ class FieldType:
 
 
 def union(parts: Iterable[FieldType]) -> FieldType:
-    """The types together, each once, in order."""
-    return FieldType(tuple(dict.fromkeys(member for part in parts for member in part.members)))
+    """The types together, each once, in order; None comes last where there is one other, as Optional has no order."""
+    members = tuple(dict.fromkeys(member for part in parts for member in part.members))
+    return FieldType(members[::-1] if len(members) == 2 and members[0] == _NONE else members)
 
 
 # -- from Python ------------------------------------------------------------------------------------------------
@@ -165,7 +166,7 @@ def parse(text: Any) -> FieldType:
         RecordingError: the text says anything else.
     """
     if not isinstance(text, str) or len(text) > _MOST_LETTERS:
-        raise RecordingError(f"The type of a field is no text of at most {_MOST_LETTERS} letters.")
+        raise RecordingError(f"The type of a field is a text of at most {_MOST_LETTERS} letters. Use {_ALLOWED}.")
     parser = _Parser(text)
     found = parser.type()
     if parser.next():
