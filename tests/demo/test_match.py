@@ -1,5 +1,7 @@
 """The game of the demo is a scenario file like any other."""
 
+import subprocess
+import sys
 from math import dist
 
 import pytest
@@ -44,3 +46,12 @@ def test_a_team_of_any_size_finds_room_around_its_flag(size):
         places = [ctx.graph.graph.get_node(agent.current_node_id) for agent in ctx.agent.teams["cats"]]
         assert len({place.id for place in places}) == size
         assert all(dist((place.x, place.y), (flag.x, flag.y)) <= within for place in places)
+
+
+def test_the_demo_needs_no_extra(tmp_path):
+    code = (
+        "import sys; sys.modules |= dict.fromkeys(['pyproj', 'osmium', 'osmnx', 'scipy', 'numba'])\n"
+        "from gamms.cli import main; sys.argv = ['gamms', 'demo', '--turns', '3', '--out', 'out']; main()"
+    )
+    done = subprocess.run([sys.executable, "-c", code], cwd=tmp_path, capture_output=True, text=True, check=False)
+    assert "Wrote out" in done.stdout, done.stderr
