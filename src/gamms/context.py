@@ -8,8 +8,9 @@ from typing import TYPE_CHECKING, Any, Self
 
 from gamms import agent, graph, kernels, memory, sensor, visual
 from gamms.arguments import as_int, as_path
-from gamms.errors import BadType, BadValue, NotYet, NotYetAttribute
+from gamms.errors import BadType, BadValue, NotYet
 from gamms.game import Game, Moves
+from gamms.recorder import Recorder
 from gamms.typing import (
     IAgentEngine,
     IComputeEngine,
@@ -66,24 +67,6 @@ class InternalContext(IInternalContext):
                 engine.terminate()
 
 
-class RecorderLater:
-    """Where the recorder will be: nothing is recorded, and asking for more says so."""
-
-    def __init__(self, ctx: "Context") -> None:
-        self._ctx = ctx
-
-    def record(self) -> bool:
-        """Whether events are being written now."""
-        return False
-
-    def __getattr__(self, name: str) -> Any:
-        if name.startswith("__"):
-            raise AttributeError(name)
-        if self._ctx.is_terminated():  # a loop that is ending should end quietly
-            return lambda *_, **__: None
-        raise NotYetAttribute(f"recording (ctx.record.{name})")
-
-
 class Context(IContext):
     """One running scenario. Usable in a `with` statement, which terminates it.
 
@@ -112,7 +95,7 @@ class Context(IContext):
         self.sensor_engine = sensor_engine
         self.visual_engine = visual_engine
         self.graph_engine = graph_engine
-        self.recorder = recorder or RecorderLater(self)
+        self.recorder = recorder or Recorder(self)
         self._logger: Any = logger or logging.getLogger("gamms")
         self._alive = False
         self._seed = _fresh_seed()
@@ -142,7 +125,7 @@ class Context(IContext):
 
     @property
     def record(self) -> Any:
-        """The recorder; until it is built, an object whose `record()` is False."""
+        """The recorder."""
         return self.recorder
 
     @property

@@ -1,11 +1,15 @@
-"""The recorder room: recordings that are compact, seekable, whole after a crash, and safe to open.
+"""The recorder room: `ctx.record`, and recordings that are compact, seekable, whole after a crash, and safe to open.
 
-Read `formats/__init__.py` first: it says how a recording is made up. This room knows plain values only, no context.
-May import: typing, kernels, ir and below, never another room. To add a file format, write one file in `formats/`.
+Read `recorder.py` first, then `session.py` (what is written), `replaying.py` (what is read into a context) and
+`fold.py` (states without a context). `formats/` knows plain values only: version 3 in `formats/__init__.py`, version 2,
+that of gamms 1.0.0, in `formats/version2.py`. `components.py` holds the user's own recorded objects. Nothing in a file
+is ever evaluated or imported. May import: typing, kernels, ir and below, never another room. To record something new,
+note it in `ir.journal` and say in `fold.py` and `replaying.py` what it does; a new format is one file in `formats/`.
 """
 
 from gamms.recorder.errors import RecordingError
 from gamms.recorder.formats.reader import Reader
 from gamms.recorder.formats.writer import Writer
+from gamms.recorder.recorder import Recorder, RecorderBusy
 
-__all__ = ["Reader", "RecordingError", "Writer"]
+__all__ = ["Reader", "Recorder", "RecorderBusy", "RecordingError", "Writer"]

@@ -10,6 +10,7 @@ from gamms.recorder import state
 from gamms.recorder.errors import RecordingError
 from gamms.recorder.formats.reader import Reader
 from gamms.recorder.records import TURN_NS, Record, record_of, records_of_move, steps_of
+from gamms.typing.opcodes import OpCodes
 
 Tell = Callable[[int], None]  # told the time stamp of what comes next
 
@@ -19,10 +20,12 @@ class Player:
 
     Args:
         recorder: the context's own.
+        is_version_2: whether the events are those of 1.0.0, which writes more than it accepts.
     """
 
-    def __init__(self, recorder: Any) -> None:
+    def __init__(self, recorder: Any, *, is_version_2: bool = False) -> None:
         self._recorder = recorder
+        self._is_version_2 = is_version_2
         self._ctx = recorder.ctx
         self._numbers: dict[int, str] = {}
         self._next = 0
@@ -73,8 +76,11 @@ class Player:
                 self._silently(lambda: apply(self, data))
             except (GammsError, KeyError, TypeError, ValueError, AttributeError) as error:
                 raise RecordingError(f"An event of kind {kind:#010x} cannot happen here: {error}") from error
-        elif kind in self._recorder.components.KINDS:
-            self._recorder.components.apply(kind, data)
+        elif kind in _COMPONENTS:
+            self._recorder.components.apply(_COMPONENTS[kind], data, lenient=self._is_version_2)
+            return  # the components have reported it
+        elif self._is_version_2:
+            raise RecordingError(f"Operation code {kind:#010x} is none of gamms 1.0.0.")
         self._copy((kind, data))
 
     # -- what events do -----------------------------------------------------------------------------------------
@@ -154,6 +160,7 @@ class Player:
             log.extend(entries)
 
 
+_COMPONENTS = {code.value: code.name for code in OpCodes if code.name.startswith("COMPONENT")}
 _PLACES = ("heading", "position", "previous_position", "quat")
 
 

@@ -95,6 +95,14 @@ class SensorEngine(ISensorEngine):
             described.append({"id": sensor_id, "type": sensor.type.name, "keywords": keywords})
         return described
 
+    def make(self, described: dict[str, Any]) -> ISensor | None:
+        """A sensor as `described` told it; None, and a warning, for one of a kind that is not built in."""
+        kind = SensorType.__members__.get(str(described["type"]))
+        if kind not in KINDS:
+            self.ctx.logger.warning(f"Sensor {described['id']!r} is of the kind {described['type']}: add it yourself.")
+            return None
+        return self.create_sensor(described["id"], kind, **described["keywords"])
+
     def reset(self) -> None:
         """Let every sensor forget what it has sensed, as if it had just been made."""
         for sensor in self.sensors.values():

@@ -1,7 +1,7 @@
-"""Contract of the recorder; the room itself is not built yet."""
+"""Contract of the recorder."""
 
 from abc import ABC, abstractmethod
-from collections.abc import Callable, Iterator
+from collections.abc import Callable, Iterable, Iterator
 from typing import Any, BinaryIO
 
 from gamms.typing.opcodes import OpCodes
@@ -55,7 +55,7 @@ class IRecorder(ABC):
         """Forget a component."""
 
     @abstractmethod
-    def component_iter(self) -> Iterator[str]:
+    def component_iter(self) -> Iterable[str]:
         """Names of the components."""
 
     @abstractmethod

@@ -1,0 +1,292 @@
+"""The recorder room's front: `ctx.record`, which writes what happens and plays it again."""
+
+import io
+import os
+import time
+from collections.abc import Callable, Iterator, KeysView
+from pathlib import Path
+from typing import Any, BinaryIO
+
+from gamms.errors import BadType, BadValue, GammsError
+from gamms.ir import journal as kinds
+from gamms.recorder.components import Components
+from gamms.recorder.errors import RecordingError
+from gamms.recorder.formats import version2
+from gamms.recorder.formats.reader import Reader
+from gamms.recorder.plain import is_plain
+from gamms.recorder.records import TURN_NS, Record
+from gamms.recorder.replaying import Player
+from gamms.recorder.session import Session
+from gamms.recorder.sinks import Version2Sink, Version3Sink, header_of
+from gamms.typing.opcodes import MAGIC_NUMBER, OpCodes
+from gamms.typing.recorder import IRecorder
+
+_SUFFIX = ".ggr"
+_VERSIONS = (2, 3)
+
+
+class RecorderBusy(GammsError, RuntimeError):
+    """What was asked for does not go with what the recorder is doing."""
+
+
+class Recorder(IRecorder):
+    """The recorder of one context.
+
+    Attributes:
+        ctx: the context; Any: the hall's own class, whose rooms meet here.
+        components: the user's recorded objects.
+        is_replaying: whether a recording is being played.
+        clock: the time stamp of what is being replayed.
+    """
+
+    def __init__(self, ctx: Any) -> None:
+        self.ctx = ctx
+        self.components = Components(self._component_event)
+        self.is_replaying = False
+        self.clock = 0
+        self._session: Session | None = None
+        self._stream: BinaryIO | None = None
+        self._is_owned = False
+        self._source: Reader | None = None
+        self._is_copying = True
+
+    # -- writing ------------------------------------------------------------------------------------------------
+
+    def record(self) -> bool:
+        """Whether events are being written now."""
+        return self._session is not None and not self._session.is_paused and not self.ctx.is_terminated()
+
+    def start(
+        self,
+        path: str | os.PathLike[str] | BinaryIO,
+        *,
+        version: int = 3,
+        created: int | None = None,
+        provenance: Any = None,
+    ) -> None:
+        """Begin a recording; it begins with how things are now.
+
+        Args:
+            path: of a new file, which gets the suffix `.ggr` if it has none; or a binary stream.
+            version: 3, or 2 for what gamms 1.0.0 reads (agents and components only).
+            created: seconds since 1970 to be kept in the header; None: $SOURCE_DATE_EPOCH, or nothing.
+            provenance: plain values to be kept in the header.
+
+        Raises:
+            FileExistsError: there is such a file.
+            RecorderBusy (RuntimeError): a recording is being written already.
+            BadType (TypeError), BadValue (ValueError): an argument is impossible.
+        """
+        if self.ctx.is_terminated():
+            return
+        if self._session is not None:
+            raise RecorderBusy("A recording is being written already. Call ctx.record.stop() first.")
+        if version not in _VERSIONS:
+            raise BadValue(f"version must be 2 or 3, not {version!r}.")
+        if not is_plain(provenance):
+            raise BadType(f"provenance must be plain values, not {provenance!r}.")
+        options = {"created": created, "provenance": provenance}
+        stream, self._is_owned = _opened(path)
+        self._stream = stream
+
+        def make_sink(session: Session) -> Any:
+            if version == 2:
+                return Version2Sink(stream, session)
+            header = self._source.header if self._source is not None else header_of(self.ctx, options)
+            return Version3Sink(stream, session, header)
+
+        self._session = Session(self.ctx, make_sink)
+        self._session.copied = self._copied_keyframe if self._source is not None else None
+        for name, data in self.components.snapshot():
+            self._component_event(name, data)
+
+    def stop(self) -> None:
+        """End the recording and close its file.
+
+        Raises:
+            RecorderBusy (RuntimeError): none is being written.
+            RecordingError: it cannot be written to its end; what was written stays readable.
+        """
+        session = self._session
+        if session is None:
+            if self.ctx.is_terminated():
+                return
+            raise RecorderBusy("No recording is being written. Call ctx.record.start(path) first.")
+        self._session = None
+        try:
+            session.close()
+        finally:
+            session.abandon()
+            stream, self._stream = self._stream, None
+            if stream is not None and (self._is_owned or not isinstance(stream, io.BytesIO)):
+                stream.close()
+
+    def pause(self) -> None:
+        """Write nothing until `play`."""
+        if self._session is None or self._session.is_paused:
+            self.ctx.logger.warning("There is nothing to pause: no recording is being written.")
+            return
+        self._session.pause()
+
+    def play(self) -> None:
+        """Write again, beginning with how things are now."""
+        if self._session is None or not self._session.is_paused:
+            self.ctx.logger.warning("There is nothing to play: no recording is paused.")
+            return
+        self._session.play()
+
+    def write(self, opCode: OpCodes, data: dict[str, Any]) -> None:  # noqa: N803 - published name
+        """Write one record, just so.
+
+        Raises:
+            RecorderBusy (RuntimeError): no recording is being written.
+        """
+        if not self.record():
+            raise RecorderBusy("No recording is being written, or it is paused.")
+        self._log().append((opCode.value, data))
+
+    def event(self, kind: str, **data: Any) -> None:
+        """Write something of the program's own, as plain values; nothing while no recording is being written.
+
+        Raises:
+            BadType: a value is not plain.
+        """
+        if not is_plain(data):
+            raise BadType(f"What is recorded must be plain values, not {data!r}.")
+        if self.record():
+            self._log().append((kinds.USER_EVENT, {"kind": str(kind), **data}))
+
+    def time(self) -> int:
+        """Nanoseconds: of the recording while one is replayed or written, where a turn counts as a second."""
+        if self.is_replaying:
+            return self.clock
+        return time.monotonic_ns() if self._session is None else self._session.turn * TURN_NS
+
+    # -- playing ------------------------------------------------------------------------------------------------
+
+    def replay(self, path: str | os.PathLike[str] | BinaryIO) -> Iterator[Record]:
+        """Apply a recording to this context, and yield what it says, record by record, as 1.0.0 did.
+
+        Raises (at the first `next`):
+            FileNotFoundError: there is no such file.
+            RecorderBusy (RuntimeError): a recording is being replayed already.
+            RecordingError (ValueError): it is none, or damaged; what was whole has been applied. Or it does not fit
+                this context.
+        """
+        if self.is_replaying:
+            raise RecorderBusy("A recording is being replayed already.")
+        stream, is_owned = _readable(path)
+        self.is_replaying = True
+        try:
+            magic = stream.read(8)
+            stream.seek(-len(magic), os.SEEK_CUR)
+            if magic[:4] == MAGIC_NUMBER and int.from_bytes(magic[4:], "big") < 3:
+                yield from self._replay_version_2(stream)
+            else:
+                yield from self._replay_version_3(stream)
+        finally:
+            self.is_replaying, self._source = False, None
+            if self._session is not None:
+                self._session.copied = None
+            if is_owned:
+                stream.close()
+
+    def _replay_version_3(self, stream: BinaryIO) -> Iterator[Record]:
+        reader = Reader(stream)
+        if reader.warning:
+            self.ctx.logger.warning(reader.warning)
+        self._source = reader
+        if self._session is not None:
+            self._session.copied = self._copied_keyframe
+        yield from Player(self).play(reader)
+
+    def _replay_version_2(self, stream: BinaryIO) -> Iterator[Record]:
+        player = Player(self, is_version_2=True)
+        for record in version2.read(stream):
+            self.clock = record["timestamp"]
+            if record["opCode"] != kinds.TERMINATE:
+                player.happen(record["opCode"], record["data"])
+            yield record
+
+    # -- for the player -----------------------------------------------------------------------------------------
+
+    def copies_to(self) -> list[Any] | None:
+        """The log that replayed events are copied to; None while nothing is being written."""
+        return self._log() if self.record() else None
+
+    def renumber(self, names: list[str], numbers: list[int]) -> None:
+        """Let agents have the numbers that a replayed recording gives them."""
+        if self.record() and self._session is not None:
+            self._session.renumber(names, numbers)
+
+    def _copied_keyframe(self, turn: int) -> Any:
+        if self._source is None or turn > self._source.turns:
+            return None
+        found = self._source.keyframe(turn)
+        return found[1] if found is not None and found[0] == turn else None
+
+    def _log(self) -> list[Any]:
+        assert self._session is not None  # noqa: S101 - asked only while there is one
+        return self._session.log
+
+    # -- components ---------------------------------------------------------------------------------------------
+
+    def component(self, struct: dict[str, type]) -> Callable[[type], type]:
+        """Decorator: a class whose declared fields are recorded; see `Components.component`."""
+        return self.components.component(struct)
+
+    def get_component(self, name: str) -> object:
+        """A component by name (KeyError)."""
+        found: object = self.components.get_component(name)
+        return found
+
+    def delete_component(self, name: str) -> None:
+        """Forget a component (KeyError)."""
+        self.components.delete_component(name)
+
+    def component_iter(self) -> KeysView[Any]:
+        """Names of the components."""
+        return self.components.component_iter()
+
+    def add_component(self, name: str, obj: Any) -> None:
+        """Keep a component under a name (ValueError if it is taken)."""
+        self.components.add_component(name, obj)
+
+    def is_component_registered(self, key: tuple[str, str]) -> bool:
+        """Whether a component class is known, by module and qualified name."""
+        return self.components.is_component_registered(key)
+
+    def unregister_component(self, key: tuple[str, str]) -> None:
+        """Forget a component class (KeyError)."""
+        self.components.unregister_component(key)
+
+    def _component_event(self, opcode_name: str, data: dict[str, Any]) -> None:
+        if self.record():
+            self._log().append((OpCodes[opcode_name].value, data))
+
+
+def _opened(path: Any) -> tuple[BinaryIO, bool]:
+    if isinstance(path, (str, os.PathLike)):
+        file = Path(path)
+        file = file if file.suffix == _SUFFIX else Path(f"{file}{_SUFFIX}")
+        if file.exists():
+            raise FileExistsError(f"There is a file {str(file)!r} already; choose another name or delete it first.")
+        return file.open("xb"), True
+    if hasattr(path, "write") and not isinstance(path, io.TextIOBase):
+        return path, False
+    raise BadType(f"A recording is written to a path or a binary stream, not to {path!r}.")
+
+
+def _readable(path: Any) -> tuple[BinaryIO, bool]:
+    if isinstance(path, (str, os.PathLike)):
+        file = Path(path)
+        if not file.exists() and file.suffix != _SUFFIX:
+            file = Path(f"{file}{_SUFFIX}")
+        return file.open("rb"), True
+    if hasattr(path, "read") and not isinstance(path, io.TextIOBase):
+        stream: BinaryIO = path if path.seekable() else io.BytesIO(path.read())
+        return stream, False
+    raise BadType(f"A recording is read from a path or a binary stream, not from {path!r}.")
+
+
+__all__ = ["Recorder", "RecorderBusy", "RecordingError"]
