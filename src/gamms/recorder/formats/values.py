@@ -61,13 +61,13 @@ def from_bytes(data: bytes) -> Any:
     Raises:
         BadFile: nobody wrote this.
     """
-    from cbor2 import loads
+    from cbor2 import CBORDecodeError, loads
 
     has_marks = _check(data)
     try:
         value = loads(data)
         return _unmarked(value) if has_marks else value
-    except (ValueError, TypeError, OverflowError, KeyError) as error:
+    except (CBORDecodeError, ValueError, TypeError, OverflowError, KeyError) as error:
         raise BadFile(f"a value is damaged ({error})") from error
 
 
@@ -192,8 +192,8 @@ def _check(data: bytes) -> bool:  # noqa: C901, PLR0912, PLR0915  NOTE: one loop
         if major in {2, 3}:
             at += size
         elif major in {4, 5}:
-            if size > end - at or len(outer) >= MOST_DEPTH:
-                raise BadFile(f"a container has {size} items or is too deep, {start} bytes from the start of its value")
+            if size > min(end - at, MOST_ITEMS) or len(outer) >= MOST_DEPTH:
+                raise BadFile(f"a container of {size} items is too long or too deep, {start} bytes into its value")
             outer.append((left, is_map, is_in_key))
             is_in_key = is_in_key or (is_map and left & 1 == 1)
             if major == 5 and is_in_key:
