@@ -6,7 +6,9 @@ checked before cbor2 sees it: well-formed, nothing longer than the bytes that ar
 """
 
 from collections.abc import Callable
+from functools import cache
 from reprlib import repr as shown
+from types import ModuleType
 from typing import Any
 
 import numpy as np
@@ -36,10 +38,8 @@ def to_bytes(value: Any, where: str) -> bytes:
         BadType: something in it is not plain.
         BadValue: it is too deep or has too many items.
     """
-    from cbor2 import dumps
-
     try:
-        data = dumps(_marked(value, MOST_DEPTH))
+        data: bytes = _cbor2().dumps(_marked(value, MOST_DEPTH))
     except TypeError as error:
         raise BadType(
             f"{where} cannot be recorded: {error}. Only None, bool, int, float, str, bytes, list, tuple, dict and "
@@ -61,23 +61,26 @@ def from_bytes(data: bytes) -> Any:
     Raises:
         BadFile: nobody wrote this.
     """
-    from cbor2 import CBORDecodeError, loads
-
-    has_marks = _check(data)
+    has_marks, cbor2 = _check(data), _cbor2()
     try:
-        value = loads(data)
+        value = cbor2.loads(data)
         return _unmarked(value) if has_marks else value
-    except (CBORDecodeError, ValueError, TypeError, OverflowError, KeyError) as error:
+    except (cbor2.CBORDecodeError, ValueError, TypeError, OverflowError, KeyError) as error:
         raise BadFile(f"a value is damaged ({error})") from error
 
 
 # -- to CBOR ----------------------------------------------------------------------------------------------------
 
 
-def _mark(number: int) -> Any:
-    from cbor2 import CBORSimpleValue
+@cache
+def _cbor2() -> ModuleType:
+    import cbor2
 
-    return CBORSimpleValue(number)
+    return cbor2
+
+
+def _mark(number: int) -> Any:
+    return _cbor2().CBORSimpleValue(number)
 
 
 def _marked(value: Any, depth: int) -> Any:
@@ -101,7 +104,7 @@ def _of_int(value: int, depth: int) -> Any:
 def _of_text(value: str, depth: int) -> Any:
     value = str.__str__(value)  # of an enum, too
     try:
-        value.encode()
+        value.isascii() or value.encode()
     except UnicodeEncodeError:
         return _deeper([_mark(_TEXT), value.encode("utf-8", "surrogatepass")], depth)
     return value
