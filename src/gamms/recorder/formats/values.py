@@ -22,6 +22,8 @@ _MOST_DIMENSIONS = 8
 _SAMPLE = 1 << 14  # bytes that show whether differences fit an array
 
 _TUPLE, _ARRAY, _BIG, _TEXT = range(4)
+_BIGGEST = 1 << 64
+_AS_IS = {type(None), bool, float, bytes}
 _DTYPES = {
     name: np.dtype(name)
     for name in (
@@ -84,45 +86,61 @@ def _mark(number: int) -> Any:
 
 
 def _marked(value: Any, depth: int) -> Any:
-    if value is None or isinstance(value, bool):
+    """What cbor2 is given for a value, in which as many containers may be in each other as `depth` says."""
+    kind = type(value)
+    if kind in _AS_IS or (kind is str and value.isascii()) or (kind is int and -_BIGGEST <= value < _BIGGEST):
         return value
-    if depth < 0:
-        raise RecursionError
-    way = _WAYS.get(type(value)) or next((way for kind, way in _WAYS.items() if isinstance(value, kind)), None)
+    way = _WAYS.get(kind) or next((way for kind, way in _WAYS.items() if isinstance(value, kind)), None)
     if way is None:
-        raise TypeError(f"{shown(value)} is of type {type(value).__name__}")
+        raise TypeError(f"{shown(value)} is of type {kind.__name__}")
     return way(value, depth)
+
+
+def _inside(depth: int) -> int:
+    if depth < 1:
+        raise RecursionError
+    return depth - 1
 
 
 def _of_int(value: int, depth: int) -> Any:
     value = int(value)
-    if -(1 << 64) <= value < 1 << 64:
+    if -_BIGGEST <= value < _BIGGEST:
         return value
-    return _deeper([_mark(_BIG), value.to_bytes(value.bit_length() // 8 + 1, "big", signed=True)], depth)
+    _inside(depth)
+    return [_mark(_BIG), value.to_bytes(value.bit_length() // 8 + 1, "big", signed=True)]
 
 
 def _of_text(value: str, depth: int) -> Any:
     value = str.__str__(value)  # of an enum, too
     try:
-        value.isascii() or value.encode()
+        value.encode()
     except UnicodeEncodeError:
-        return _deeper([_mark(_TEXT), value.encode("utf-8", "surrogatepass")], depth)
+        _inside(depth)
+        return [_mark(_TEXT), value.encode("utf-8", "surrogatepass")]
     return value
 
 
 def _of_tuple(value: tuple[Any, ...], depth: int) -> Any:
-    return _deeper([_mark(_TUPLE), *(_marked(one, depth - 1) for one in value)], depth)
+    depth = _inside(depth)
+    return [_mark(_TUPLE), *(_marked(one, depth) for one in value)]
 
 
 def _of_list(value: list[Any], depth: int) -> Any:
-    return _deeper([_marked(one, depth - 1) for one in value], depth)
+    depth = _inside(depth)
+    return [_marked(one, depth) for one in value]
 
 
 def _of_dict(value: dict[Any, Any], depth: int) -> Any:
-    return _deeper({_key(_marked(key, depth - 1)): _marked(one, depth - 1) for key, one in value.items()}, depth)
+    depth = _inside(depth)
+    return {_key(_marked(key, depth)): _marked(one, depth) for key, one in value.items()}
+
+
+def _key(value: Any) -> Any:
+    return tuple(_key(one) for one in value) if isinstance(value, list) else value
 
 
 def _of_array(value: np.ndarray[Any, Any], depth: int) -> Any:
+    _inside(depth)
     dtype = value.dtype.newbyteorder("=")
     if dtype.name not in _DTYPES or value.ndim > _MOST_DIMENSIONS:
         raise TypeError(f"an array of dtype {value.dtype} and shape {value.shape}")
@@ -132,17 +150,7 @@ def _of_array(value: np.ndarray[Any, Any], depth: int) -> Any:
         steps = columns.planes_of(np.diff(flat, prepend=dtype.type(0)))
         is_stepped = len(columns.packed(steps[:_SAMPLE])) < len(columns.packed(planes[:_SAMPLE]))
         planes = steps if is_stepped else planes
-    return _deeper([_mark(_ARRAY), dtype.name, is_stepped, planes, *value.shape], depth)
-
-
-def _deeper(value: Any, depth: int) -> Any:
-    if depth < 1:
-        raise RecursionError
-    return value
-
-
-def _key(value: Any) -> Any:
-    return tuple(_key(one) for one in value) if isinstance(value, list) else value
+    return [_mark(_ARRAY), dtype.name, is_stepped, planes, *value.shape]
 
 
 def _of_number(value: Any, depth: int) -> Any:
