@@ -15,11 +15,11 @@ SYNC = b"\xd3GB"
 HEADER, KEYFRAME, TURNS, INDEX = b"HKTI"
 
 MOST_BODY = (1 << 32) - 1
-MOST_MOVES = 1 << 23  # in one block
+MOST_MOVES = 1 << 22  # in one block
 MOST_EVENTS = 1 << 20
 MOST_TURNS = 1 << 16
-MOST_BYTES = 1 << 26  # of one value or of the events of a block, or `MOST_RATIO` times what is stored
-MOST_RATIO = 256
+MOST_BYTES = 1 << 23  # of one value or of the events of a block, or `MOST_RATIO` times what is stored
+MOST_RATIO = 64
 
 _HEAD = Struct("<3sBIIIIIIII")
 _FOOTER = Struct("<QI4s")
@@ -106,10 +106,10 @@ def index_at(data: bytes) -> int | None:
 
 
 def put_bytes(data: bytes) -> bytes:
-    """Bytes, packed; those that are so regular that nobody would believe it are stored as they are."""
+    """Bytes, packed; those that are so regular that nobody would believe it are packed less."""
     packed = columns.packed(data)
     if len(data) > most_bytes(len(packed)):
-        packed = columns.stored(data)
+        packed = columns.loosely_packed(data)
     return columns.varint(len(data)) + packed
 
 

@@ -65,9 +65,10 @@ class Input:
 
     def __init__(self, stream: BinaryIO) -> None:
         try:
+            stream.read(0) + b""  # text would not do
             self._begin = stream.tell()
             self.size = stream.seek(0, os.SEEK_END) - self._begin
-        except (OSError, AttributeError) as error:
+        except (OSError, AttributeError, TypeError) as error:
             raise RecordingError(
                 f"A recording is read from a path, or from a binary stream that can seek ({error}). Copy this one "
                 f"into an io.BytesIO."
@@ -155,6 +156,8 @@ def _by_index(source: Input, begin: int, at: int, key: int) -> list[Block]:
     rows = list(zip(*(column.tolist() for column in columns), strict=True))
     if any(min(row) < 0 or row[1] < blocks.HEAD_SIZE for row in rows):
         raise BadFile("the index has a number below what can be")
+    if any((row[0] == blocks.TURNS) != (row[2] > 0) for row in rows):
+        raise BadFile("the index has turns where there are none, or none where there must be some")
     places = list(accumulate((row[1] for row in rows), initial=begin))
     firsts = list(accumulate((row[2] for row in rows), initial=0))
     if places.pop() != at or firsts.pop() != head.first:
@@ -202,7 +205,9 @@ def _joins(source: Input, found: list[Block], block: Block, key: int) -> bool:
     """Whether a block continues what was found; if so, it is added."""
     if block.type not in (blocks.TURNS, blocks.KEYFRAME):
         return True  # of a later version
-    if block.first == turns_of(found) and (block.type == blocks.TURNS) == (block.turns > 0):
+    if (block.type == blocks.TURNS) != (block.turns > 0):
+        return False
+    if block.first == turns_of(found):
         found.append(block)
         return True
     if _replaces(found, block) and _is_sound(source, block, key):

@@ -6,7 +6,9 @@ checked before cbor2 sees it: well-formed, nothing longer than the bytes that ar
 """
 
 from collections.abc import Callable
+from functools import cache
 from reprlib import repr as shown
+from types import ModuleType
 from typing import Any
 
 import numpy as np
@@ -20,6 +22,8 @@ _MOST_DIMENSIONS = 8
 _SAMPLE = 1 << 14  # bytes that show whether differences fit an array
 
 _TUPLE, _ARRAY, _BIG, _TEXT = range(4)
+_BIGGEST = 1 << 64
+_AS_IS = {type(None), bool, float, bytes}
 _DTYPES = {
     name: np.dtype(name)
     for name in (
@@ -36,10 +40,8 @@ def to_bytes(value: Any, where: str) -> bytes:
         BadType: something in it is not plain.
         BadValue: it is too deep or has too many items.
     """
-    from cbor2 import dumps
-
     try:
-        data = dumps(_marked(value, MOST_DEPTH))
+        data: bytes = _cbor2().dumps(_marked(value, MOST_DEPTH))
     except TypeError as error:
         raise BadType(
             f"{where} cannot be recorded: {error}. Only None, bool, int, float, str, bytes, list, tuple, dict and "
@@ -61,41 +63,51 @@ def from_bytes(data: bytes) -> Any:
     Raises:
         BadFile: nobody wrote this.
     """
-    from cbor2 import loads
-
-    has_marks = _check(data)
+    has_marks, cbor2 = _check(data), _cbor2()
     try:
-        value = loads(data)
+        value = cbor2.loads(data)
         return _unmarked(value) if has_marks else value
-    except (ValueError, TypeError, OverflowError, KeyError) as error:
+    except (cbor2.CBORDecodeError, ValueError, TypeError, OverflowError, KeyError) as error:
         raise BadFile(f"a value is damaged ({error})") from error
 
 
 # -- to CBOR ----------------------------------------------------------------------------------------------------
 
 
-def _mark(number: int) -> Any:
-    from cbor2 import CBORSimpleValue
+@cache
+def _cbor2() -> ModuleType:
+    import cbor2
 
-    return CBORSimpleValue(number)
+    return cbor2
+
+
+def _mark(number: int) -> Any:
+    return _cbor2().CBORSimpleValue(number)
 
 
 def _marked(value: Any, depth: int) -> Any:
-    if value is None or isinstance(value, bool):
+    """What cbor2 is given for a value, in which as many containers may be in each other as `depth` says."""
+    kind = type(value)
+    if kind in _AS_IS or (kind is str and value.isascii()) or (kind is int and -_BIGGEST <= value < _BIGGEST):
         return value
-    if depth < 0:
-        raise RecursionError
-    way = _WAYS.get(type(value)) or next((way for kind, way in _WAYS.items() if isinstance(value, kind)), None)
+    way = _WAYS.get(kind) or next((way for kind, way in _WAYS.items() if isinstance(value, kind)), None)
     if way is None:
-        raise TypeError(f"{shown(value)} is of type {type(value).__name__}")
+        raise TypeError(f"{shown(value)} is of type {kind.__name__}")
     return way(value, depth)
+
+
+def _inside(depth: int) -> int:
+    if depth < 1:
+        raise RecursionError
+    return depth - 1
 
 
 def _of_int(value: int, depth: int) -> Any:
     value = int(value)
-    if -(1 << 64) <= value < 1 << 64:
+    if -_BIGGEST <= value < _BIGGEST:
         return value
-    return _deeper([_mark(_BIG), value.to_bytes(value.bit_length() // 8 + 1, "big", signed=True)], depth)
+    _inside(depth)
+    return [_mark(_BIG), value.to_bytes(value.bit_length() // 8 + 1, "big", signed=True)]
 
 
 def _of_text(value: str, depth: int) -> Any:
@@ -103,23 +115,32 @@ def _of_text(value: str, depth: int) -> Any:
     try:
         value.encode()
     except UnicodeEncodeError:
-        return _deeper([_mark(_TEXT), value.encode("utf-8", "surrogatepass")], depth)
+        _inside(depth)
+        return [_mark(_TEXT), value.encode("utf-8", "surrogatepass")]
     return value
 
 
 def _of_tuple(value: tuple[Any, ...], depth: int) -> Any:
-    return _deeper([_mark(_TUPLE), *(_marked(one, depth - 1) for one in value)], depth)
+    depth = _inside(depth)
+    return [_mark(_TUPLE), *(_marked(one, depth) for one in value)]
 
 
 def _of_list(value: list[Any], depth: int) -> Any:
-    return _deeper([_marked(one, depth - 1) for one in value], depth)
+    depth = _inside(depth)
+    return [_marked(one, depth) for one in value]
 
 
 def _of_dict(value: dict[Any, Any], depth: int) -> Any:
-    return _deeper({_key(_marked(key, depth - 1)): _marked(one, depth - 1) for key, one in value.items()}, depth)
+    depth = _inside(depth)
+    return {_key(_marked(key, depth)): _marked(one, depth) for key, one in value.items()}
+
+
+def _key(value: Any) -> Any:
+    return tuple(_key(one) for one in value) if isinstance(value, list) else value
 
 
 def _of_array(value: np.ndarray[Any, Any], depth: int) -> Any:
+    _inside(depth)
     dtype = value.dtype.newbyteorder("=")
     if dtype.name not in _DTYPES or value.ndim > _MOST_DIMENSIONS:
         raise TypeError(f"an array of dtype {value.dtype} and shape {value.shape}")
@@ -129,17 +150,7 @@ def _of_array(value: np.ndarray[Any, Any], depth: int) -> Any:
         steps = columns.planes_of(np.diff(flat, prepend=dtype.type(0)))
         is_stepped = len(columns.packed(steps[:_SAMPLE])) < len(columns.packed(planes[:_SAMPLE]))
         planes = steps if is_stepped else planes
-    return _deeper([_mark(_ARRAY), dtype.name, is_stepped, planes, *value.shape], depth)
-
-
-def _deeper(value: Any, depth: int) -> Any:
-    if depth < 1:
-        raise RecursionError
-    return value
-
-
-def _key(value: Any) -> Any:
-    return tuple(_key(one) for one in value) if isinstance(value, list) else value
+    return [_mark(_ARRAY), dtype.name, is_stepped, planes, *value.shape]
 
 
 def _of_number(value: Any, depth: int) -> Any:
@@ -192,8 +203,8 @@ def _check(data: bytes) -> bool:  # noqa: C901, PLR0912, PLR0915  NOTE: one loop
         if major in {2, 3}:
             at += size
         elif major in {4, 5}:
-            if size > end - at or len(outer) >= MOST_DEPTH:
-                raise BadFile(f"a container has {size} items or is too deep, {start} bytes from the start of its value")
+            if size > min(end - at, MOST_ITEMS) or len(outer) >= MOST_DEPTH:
+                raise BadFile(f"a container of {size} items is too long or too deep, {start} bytes into its value")
             outer.append((left, is_map, is_in_key))
             is_in_key = is_in_key or (is_map and left & 1 == 1)
             if major == 5 and is_in_key:

@@ -1,0 +1,32 @@
+"""Read mutated recordings, which must end in `RecordingError` or in a prefix of what was written.
+
+    python scripts/fuzz_recordings.py [--count 100000] [--seed SEED]
+
+A failure names its mutant, `SEED/NUMBER`; keep it as a test in tests/recorder/test_fuzz.py.
+"""
+
+import argparse
+import secrets
+import sys
+import time
+from pathlib import Path
+
+sys.path.insert(0, str(Path(__file__).parents[1] / "tests" / "recorder"))
+
+from fuzzing import fuzz
+
+
+def main() -> None:
+    """Run from the command line."""
+    parser = argparse.ArgumentParser(description="Read mutated recordings.")
+    parser.add_argument("--count", type=int, default=100_000)
+    parser.add_argument("--seed", default=secrets.token_hex(4))
+    options = parser.parse_args()
+    print(f"{options.count} mutants with seed {options.seed}")
+    start = time.perf_counter()
+    fuzz(options.seed, options.count)
+    print(f"all were refused or read, in {time.perf_counter() - start:.0f} s")
+
+
+if __name__ == "__main__":
+    main()

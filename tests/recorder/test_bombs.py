@@ -1,0 +1,120 @@
+"""Files that promise more than they hold, or hold far more than they weigh: refused before memory is taken for it."""
+
+import tracemalloc
+import zlib
+from contextlib import suppress
+
+import numpy as np
+import pytest
+from fuzzing import _block as sealed
+from recordings import HEADER, opened, read_all, walk, written
+
+from gamms.recorder import RecordingError
+from gamms.recorder.formats import blocks, columns
+
+LIMIT = 200 << 20  # bytes of memory
+
+
+def deflated(data):
+    deflate = zlib.compressobj(9, zlib.DEFLATED, -15)
+    packed = deflate.compress(data) + deflate.flush()
+    return columns.varint(2 * len(packed) + 1) + packed
+
+
+def file_of(*parts, header=None):
+    """A file with correct checksums: a header, and blocks of type, body and counts."""
+    body = blocks.put_value(HEADER, "header") if header is None else header
+    data = blocks.MAGIC + sealed(blocks.HEADER, body, 0, [0, 0, 0, 0])
+    return data + b"".join(sealed(type, body_, zlib.crc32(body), counts) for type, body_, counts in parts)
+
+
+def turns_of(counts, *table, data=b"\0\0"):
+    return blocks.TURNS, b"".join(table) + data, counts
+
+
+def zeros(size, promised=None):
+    return b"\1" + deflated(bytes(size))
+
+
+BOMBS = {
+    "a header that promises much": file_of(header=columns.varint(2**62) + columns.varint(1) + b"\3\0"),
+    "a header that inflates to much": file_of(header=columns.varint(2**25) + deflated(bytes(2**28))),
+    "a header of lists": file_of(header=columns.varint(2**20) + deflated(b"\x81" * 2**20)),
+    "a header of many items": file_of(
+        header=columns.varint(2**23) + deflated(b"\x9a\x00\x60\0\0" + b"\xf6" * (2**23 - 5))
+    ),
+    "more moves than can be": file_of(turns_of([0, 1, 2**32 - 1, 0])),
+    "more turns than can be": file_of(turns_of([0, 2**32 - 1, 0, 0])),
+    "moves that are not there": file_of(turns_of([0, 1, 2**22, 0], b"\1\2\0")),
+    "moves that inflate to more": file_of(
+        turns_of([0, 1, 2**22, 0], columns.put(np.array([2**22])), columns.put(np.zeros(1, np.int64)), zeros(2**28))
+    ),
+    "events that promise much": file_of(
+        turns_of([0, 1, 0, 0], columns.put(np.zeros(1, np.int64)), *[b"\1\2\0", b"\0" * 6], data=b"\xff" * 8 + b"\1\0")
+    ),
+    "a keyframe that promises much": file_of((blocks.KEYFRAME, columns.varint(2**40) + b"\3\0", [0, 0, 0, 0])),
+}
+
+
+@pytest.mark.parametrize("data", BOMBS.values(), ids=BOMBS.keys())
+def test_a_bomb_is_refused_without_much_memory(data):
+    tracemalloc.start()
+    try:
+        with suppress(RecordingError):
+            reader, _ = read_all(data)
+            assert reader.turns == 0  # the block was not taken for one
+        assert tracemalloc.get_traced_memory()[1] < LIMIT
+    finally:
+        tracemalloc.stop()
+
+
+def test_what_is_so_regular_that_it_looks_like_a_bomb_is_read_again():
+    header = {"a": bytes(2**25), "b": np.zeros(2**22)}
+    data = written([[1, 2, (3, bytes(2**25))]], header)
+    reader = opened(data)
+    assert reader.header["a"] == header["a"]
+    assert reader.log(0)[2] == (3, bytes(2**25))
+
+
+def test_a_million_moves_in_a_turn_are_read_again():
+    log = np.stack((np.arange(10**6)[::-1], np.zeros(10**6, np.int64)), axis=1).reshape(-1).tolist()
+    assert opened(written([log])).log(0) == log
+
+
+@pytest.mark.parametrize(
+    ("data", "words"),
+    [
+        (b"", "no recording"),
+        (b"PK\3\4", "no recording: at byte 0"),
+        (b"MMGR\0\0\0\2\xa3", "format version 2 at byte 4"),
+        (b"MMGR\0\0\0\4", "format version 4 at byte 4"),
+        (b"MMGR\0\0\0\3", "damaged at byte 8"),
+        (written(walk(2, 2))[:30], "damaged at byte 8"),
+    ],
+    ids=["empty", "foreign", "older", "newer", "only a magic", "cut header"],
+)
+def test_what_is_no_recording_says_why(data, words):
+    with pytest.raises(RecordingError, match=words):
+        opened(data)
+
+
+def test_an_index_that_does_not_fit_is_not_believed():
+    data = written(walk(2, 9), turns=2)
+    end = len(data) - blocks.FOOTER_SIZE
+    for place in (0, 8, end, 2**60, blocks.index_at(data[end:]) - 1):
+        reader = opened(data[:end] + blocks.footer(place))
+        assert reader.turns == 9
+        assert "has a damaged index" in reader.warning
+
+
+def test_damage_in_the_middle_is_named_when_it_is_met():
+    game = walk(3, 8)
+    data = bytearray(written(game, turns=2))
+    whole = opened(bytes(data))
+    place = whole._chunks[2].at
+    data[place + blocks.HEAD_SIZE + 3] ^= 1
+    reader = opened(bytes(data))
+    assert [reader.log(turn) for turn in (0, 1, 2, 3, 6, 7)] == [game[turn] for turn in (0, 1, 2, 3, 6, 7)]
+    for call in (lambda: reader.log(4), reader.moves, lambda: list(reader.events()), reader.verify):
+        with pytest.raises(RecordingError, match=f"damaged at byte {place}: this block is damaged"):
+            call()

@@ -1,0 +1,241 @@
+"""What is written is read: logs, header, keyframes; by turn, as arrays, by kind of event; the same bytes each time."""
+
+import gc
+import io
+import random
+
+import numpy as np
+import pytest
+from hypothesis import given
+from hypothesis import strategies as st
+from recordings import HEADER, logs_of, opened, read_all, walk, written
+
+from gamms.errors import BadType, BadValue
+from gamms.recorder import Reader, RecordingError, Writer
+from gamms.recorder.formats import blocks
+
+numbers = st.integers(-(2**63), 2**63 - 1) | st.integers(0, 5)
+plain = st.recursive(
+    st.none() | st.booleans() | st.integers() | st.floats(allow_nan=False) | st.text(st.characters()) | st.binary(),
+    lambda inner: (
+        st.lists(inner, max_size=3)
+        | st.lists(inner, max_size=3).map(tuple)
+        | st.dictionaries(st.text() | st.integers() | st.tuples(st.integers(), st.text()), inner, max_size=3)
+    ),
+    max_leaves=5,
+)
+entries = st.tuples(numbers, numbers).map(list) | st.tuples(numbers, plain).map(lambda event: [event])
+logs = st.lists(entries, max_size=8).map(lambda parts: [one for part in parts for one in part])
+games = st.lists(logs, max_size=8)
+
+
+def entries_of(log):
+    """The moves and events of a log, each a tuple, with the number of moves before it."""
+    moves, found, at = 0, [], 0
+    while at < len(log):
+        if type(log[at]) is tuple:
+            found.append((moves, *log[at]))
+            at += 1
+        else:
+            moves, at = moves + 1, at + 2
+    return found
+
+
+# -- there and back ---------------------------------------------------------------------------------------------
+
+
+@given(games, st.integers(1, 5), st.integers(1, 200), st.booleans())
+def test_every_log_is_read_as_it_was_added(game, turns, size, keyframes):
+    reader, found = read_all(written(game, turns=turns, size=size, keyframes=keyframes))
+    assert repr(found) == repr(game)  # which tells True from 1, and a tuple from a list
+    assert (reader.turns, reader.is_complete, reader.warning) == (len(game), True, None)
+
+
+@given(games, st.integers(1, 4), st.data())
+def test_arrays_and_events_say_what_the_logs_say(game, turns, data):
+    reader = opened(written(game, turns=turns))
+    start = data.draw(st.integers(0, len(game)))
+    stop = data.draw(st.integers(start, len(game)))
+    found = zip(*(column.tolist() for column in reader.moves(start, stop)), strict=True)
+    flat = [(turn, [one for one in game[turn] if type(one) is not tuple]) for turn in range(start, stop)]
+    assert list(found) == [(turn, *moves[i : i + 2]) for turn, moves in flat for i in range(0, len(moves), 2)]
+    events = [(turn, *event) for turn in range(start, stop) for event in entries_of(game[turn])]
+    assert repr(list(reader.events(start, stop))) == repr(events)
+    kinds = {kind for _, _, kind, _ in events[::2]}
+    assert repr(list(reader.events(start, stop, kinds))) == repr([event for event in events if event[2] in kinds])
+
+
+def test_the_header_is_read_as_it_was_given():
+    header = opened(written([])).header
+    assert list(header) == list(HEADER)
+    assert header["seed"] == 7
+    assert header["graph"]["ids"].tolist() == [0, 1, 2, 3, 4]
+    assert header["graph"]["xy"].dtype == np.float64
+
+
+def test_the_last_keyframe_that_is_early_enough_is_found():
+    stream = io.BytesIO()
+    writer = Writer(stream, {})
+    for turn, log in enumerate(walk(3, 7)):
+        if turn in (2, 5):
+            writer.keyframe({"after": turn})
+        writer.add_turn(log)
+    writer.close()
+    reader = opened(stream.getvalue())
+    assert [reader.keyframe(turn) for turn in range(2)] == [None, None]
+    assert [reader.keyframe(turn)[0] for turn in range(2, 8)] == [2, 2, 2, 5, 5, 5]
+    assert reader.keyframe(7) == (5, {"after": 5})
+    assert logs_of(reader) == walk(3, 7)
+
+
+def test_a_keyframe_is_wanted_at_first_and_then_every_so_many_moves():
+    writer = Writer(io.BytesIO(), {})
+    wanted = []
+    for turn, log in enumerate(walk(100, 1500)):
+        if writer.wants_keyframe:
+            wanted.append(turn)
+            writer.keyframe({"nodes": np.array(log[1::2])})
+        writer.add_turn(log)
+    assert wanted[0] == 0
+    assert set(np.diff(wanted).tolist()) == {384}  # the first block of 64 turns after 32,768 moves
+
+
+def test_turns_are_read_in_any_order_from_a_few_blocks_in_memory():
+    game = walk(4, 300)
+    reader = opened(written(game, turns=7))
+    order = list(range(300))
+    random.Random(1).shuffle(order)
+    assert all(reader.log(turn) == game[turn] for turn in order)
+    assert len(reader._kept) <= 4
+
+
+def test_a_path_is_opened_and_closed(tmp_path):
+    path = tmp_path / "game.ggr"
+    path.write_bytes(written(walk(2, 3)))
+    for source in (path, str(path)):
+        with Reader(source) as reader:
+            assert reader.log(2) == walk(2, 3)[2]
+    gc.collect()  # a file left open would warn now
+    with pytest.raises(FileNotFoundError):
+        Reader(tmp_path / "none.ggr")
+
+
+def test_a_recording_begins_where_the_stream_stands():
+    stream = io.BytesIO(b"before")
+    stream.seek(6)
+    writer = Writer(stream, {}, turns=2, seconds=0)
+    for log in walk(2, 7):
+        writer.add_turn(log)
+    writer.close()
+    assert stream.getvalue() == b"before" + written(walk(2, 7), {}, turns=2)
+    stream.seek(6)
+    assert logs_of(Reader(stream)) == walk(2, 7)
+
+
+def test_turns_that_are_not_there_are_refused():
+    reader = opened(written(walk(1, 3)))
+    for call in (lambda: reader.log(3), lambda: reader.log(-1), lambda: reader.keyframe(4), lambda: reader.moves(2, 1)):
+        with pytest.raises(BadValue, match="this recording has"):
+            call()
+
+
+def test_unknown_blocks_are_skipped():
+    game = walk(2, 4)
+    data = written(game, turns=2, close=False)
+    key = blocks.head_of(data[8 : 8 + blocks.HEAD_SIZE]).crc
+    stranger = blocks.block(ord("Z"), b"of a later version", key, blocks.Counts(2))
+    first = blocks.head_of(data[8 : 8 + blocks.HEAD_SIZE]).total + 8
+    assert logs_of(opened(data[:first] + stranger + data[first:])) == game
+
+
+# -- the same bytes ---------------------------------------------------------------------------------------------
+
+
+@given(games, st.lists(st.booleans(), min_size=8, max_size=8), st.booleans())
+def test_neither_time_nor_flushing_leaves_a_trace(game, flushes, is_slow):
+    stream, ticks = io.BytesIO(), iter(range(10**6))
+    clock = lambda: next(ticks) * (0.6 if is_slow else 0.01)
+    writer = Writer(stream, HEADER, turns=3, clock=clock)
+    for log, is_flushed in zip(game, flushes, strict=False):
+        writer.add_turn(log)
+        if is_flushed:
+            writer.flush()
+    writer.close()
+    assert stream.getvalue() == written(game, turns=3)
+
+
+@given(games, st.integers(1, 4))
+def test_recording_what_was_read_gives_the_same_bytes(game, turns):
+    first = written(game, turns=turns)
+    reader = opened(first)
+    assert written(logs_of(reader), reader.header, turns=turns) == first
+
+
+def test_a_log_may_be_changed_once_it_was_added():
+    stream, data = io.BytesIO(), {"a": [1]}
+    log = [0, 1, (5, data)]
+    writer = Writer(stream, {})
+    writer.add_turn(log)
+    log.clear()
+    data["a"].append(2)
+    writer.close()
+    assert opened(stream.getvalue()).log(0) == [0, 1, (5, {"a": [1]})]
+
+
+# -- refusals ---------------------------------------------------------------------------------------------------
+
+BAD_LOGS = [[1], [1, 2, 3], [1.5, 2], ["a", "b"], [1, 2**63], [(1, 2, 3)], [("a", 1)], [(2**63, 1)], [1, (1, 2), 3]]
+BAD_LOGS += [[(1, {1, 2})], [(1, object())], [(1, np.array(["a"]))], [None, None], [(1, [1j])]]
+
+
+@pytest.mark.parametrize("log", BAD_LOGS, ids=range(len(BAD_LOGS)))
+def test_a_bad_log_is_refused_and_changes_nothing(log):
+    stream = io.BytesIO()
+    writer = Writer(stream, HEADER, seconds=None)
+    writer.add_turn([1, 2])
+    with pytest.raises((BadType, BadValue)):
+        writer.add_turn([0, 7, *log])
+    writer.add_turn([3, 4])
+    writer.close()
+    assert stream.getvalue() == written([[1, 2], [3, 4]])
+
+
+def test_a_header_and_keyframes_must_be_plain_dicts():
+    for header in ([], {"a": object()}):
+        with pytest.raises(BadType):
+            Writer(io.BytesIO(), header)
+    stream = io.BytesIO()
+    writer = Writer(stream, HEADER, seconds=None)
+    writer.add_turn([1, 2])
+    with pytest.raises(BadType, match="type object"):
+        writer.keyframe({"a": object()})
+    writer.add_turn([3, 4])
+    writer.close()
+    assert stream.getvalue() == written([[1, 2], [3, 4]])
+
+
+@pytest.mark.parametrize("options", [{"turns": 0}, {"turns": 2**17}, {"size": 0}], ids=repr)
+def test_impossible_blocks_are_refused(options):
+    with pytest.raises(BadValue, match="cannot be"):
+        Writer(io.BytesIO(), {}, **options)
+
+
+def test_a_closed_recording_takes_nothing_more():
+    writer = Writer(io.BytesIO(), {})
+    writer.close()
+    writer.close()
+    for call in (lambda: writer.add_turn([]), lambda: writer.keyframe({}), writer.flush):
+        with pytest.raises(RecordingError, match="Nothing more"):
+            call()
+
+
+# -- size -------------------------------------------------------------------------------------------------------
+
+
+def test_a_random_walk_takes_less_than_half_a_byte_for_each_move():
+    game = walk(1000, 128)
+    assert len(written(game, {}, keyframes=True)) < 0.5 * 128_000
+
+
+def test_agents_that_stand_still_take_next_to_nothing():
+    assert len(written([[n for row in range(1000) for n in (row, 3 * row)]] * 64, {})) < 3000
