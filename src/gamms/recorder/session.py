@@ -28,6 +28,7 @@ class Session:
     Attributes:
         is_paused: whether nothing is written for now.
         copied: while a recording is being replayed, whose events are copied as they are: its keyframe after a turn.
+        header: of the recording that was replayed first of all; None: this one has its own.
         turn: how many turns were recorded.
     """
 
@@ -42,6 +43,7 @@ class Session:
         self.turn = 0
         self.is_paused = False
         self.copied: Callable[[int], state.State | None] | None = None
+        self.header: dict[str, Any] | None = None
         self._listen()
         self.begin = state.captured(ctx)
         self._world = self._revisions()
@@ -68,10 +70,12 @@ class Session:
     def close(self) -> None:
         """Write what is left, and listen no longer."""
         self._hush()
+        log = self._journal.log
         if not self.is_paused and self.copied is None:
-            self._journal.log += self._game.changes()
-        if self._journal.log:
-            self._keep(self._journal.log)
+            log += self._game.changes()
+        if log:
+            log.append((kinds.UNFINISHED, {}))
+            self._logs.append(log)
         self._hand_over()
         self.sink.close()
 
@@ -81,6 +85,19 @@ class Session:
         if self._sink is None:
             self._sink = self._make_sink(self)
         return self._sink
+
+    def copy(self, header: dict[str, Any], keyframe: Callable[[int], state.State | None]) -> None:
+        """Copy what happens from a recording that is being replayed, rather than work it out."""
+        self.copied = keyframe
+        if self._sink is None:
+            self.header = header
+            begin = keyframe(0)
+            self.begin = self.begin if begin is None else begin
+
+    def end_copying(self) -> None:
+        """Go on by what the context says."""
+        self.copied = None
+        self._world, self._game = self._revisions(), _GameWatch(self.ctx)
 
     def abandon(self) -> None:
         """Listen no longer, and write nothing more."""
@@ -120,7 +137,6 @@ class Session:
         if self.copied is None:
             log[:0] = self._world_changes()
             log += self._game.changes()
-        log.append((kinds.SIMULATE, {}))
         self.turn += 1
         self._keep(log)
 
