@@ -34,6 +34,7 @@ class Session:
 
     def __init__(self, ctx: Any, make_sink: Callable[["Session"], Sink]) -> None:
         self.ctx = ctx
+        self._room = ctx.graph
         self._make_sink = make_sink
         self._sink: Sink | None = None
         self._logs: list[Log] = []
@@ -169,7 +170,8 @@ class Session:
         self._logs, self._handed_at = [], time.monotonic()
 
     def _revisions(self) -> tuple[Any, Any]:
-        return self.ctx.graph.graph.revision, self.ctx.graph.obstacle_revision
+        room = self._room
+        return room.graph.revision, room.obstacle_revision
 
     def _world_changes(self) -> Log:
         now = self._revisions()
@@ -185,7 +187,7 @@ class _GameWatch:
     """What has changed in `ctx.game`, and in who plays by which strategy, since it was asked last."""
 
     def __init__(self, ctx: Any) -> None:
-        self._ctx = ctx
+        self._game, self._agents = ctx.game, ctx.agent
         self._events = len(ctx.game.events)
         self._scores = dict(ctx.game.scores)
         self._data = _kept(ctx.game.data)
@@ -195,7 +197,7 @@ class _GameWatch:
 
     def changes(self) -> Log:
         """Events that say it."""
-        game = self._ctx.game
+        game = self._game
         log: Log = self._new_strategies()
         if len(game.events) != self._events:
             log += [
@@ -216,7 +218,7 @@ class _GameWatch:
         return log
 
     def _new_strategies(self) -> Log:
-        agents = self._ctx.agent.agents
+        agents = self._agents.agents
         now = [agent.strategy for agent in agents.values()]
         if now == self._strategies:
             return []

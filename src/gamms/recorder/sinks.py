@@ -23,9 +23,10 @@ class Version3Sink:
 
     def add(self, log: Log) -> None:
         """Write the log of a turn; what in it cannot be written is left out."""
-        if tuple in set(map(type, log)):
-            log = [entry if type(entry) is int else _writable(*entry) for entry in log]
-        self._writer.add_turn(log)
+        try:
+            self._writer.add_moves(log)
+        except TypeError:  # there are events between the moves
+            self._writer.add_turn([entry if type(entry) is int else _writable(*entry) for entry in log])
 
     def keyframe(self, keyframe: state.State) -> None:
         """Write the whole state."""
