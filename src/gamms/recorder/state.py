@@ -70,7 +70,7 @@ def sensors_of(state: State) -> list[dict[str, Any]]:
 
 
 def _folded(numbers: IntArray) -> IntArray:
-    """Small numbers of either sign as small numbers: 0, -1, 1, -2, … as 0, 1, 2, 3, …"""
+    """Small numbers of either sign as small ones without: 0, -1, 1, -2 as 0, 1, 2, 3."""
     folded: IntArray = (numbers << 1) ^ (numbers >> 63)
     return folded
 
