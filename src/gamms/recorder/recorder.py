@@ -56,6 +56,11 @@ class Recorder(IRecorder):
         """Whether events are being written now."""
         return self._session is not None and not self._session.is_paused and not self.ctx.is_terminated()
 
+    @property
+    def is_open(self) -> bool:
+        """Whether a recording was started and not stopped yet, paused or not."""
+        return self._session is not None
+
     def start(
         self,
         path: str | os.PathLike[str] | BinaryIO,
