@@ -15,6 +15,7 @@ from typing import Any as _Any
 
 from gamms import _legacy, agent, graph, memory, sensor, typing, visual
 from gamms.context import Context, InternalContext, create_context
+from gamms.recorder import Recorder
 from gamms.typing import logger
 
 __version__ = "2.0.0.dev0"
@@ -22,6 +23,7 @@ __version__ = "2.0.0.dev0"
 __all__ = [
     "Context",
     "InternalContext",
+    "Recorder",
     "agent",
     "create_context",
     "graph",

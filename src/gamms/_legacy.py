@@ -21,6 +21,9 @@ _ROOMS_OF: dict[str, tuple[str, ...]] = {
     "gamms.MemoryEngine": ("gamms.memory",),
     "gamms.MemoryEngine.memory_engine": ("gamms.memory",),
     "gamms.MemoryEngine.store": ("gamms.memory", "gamms.memory.store"),
+    "gamms.Recorder": ("gamms.recorder",),
+    "gamms.Recorder.component": ("gamms.recorder.published",),
+    "gamms.Recorder.recorder": ("gamms.recorder",),
     "gamms.SensorEngine": ("gamms.sensor",),
     "gamms.SensorEngine.sensor_engine": ("gamms.sensor",),
     "gamms.SensorEngine.sensors_aerial": ("gamms.sensor",),
@@ -39,10 +42,13 @@ _ROOMS_OF: dict[str, tuple[str, ...]] = {
 _LATER: dict[str, str] = {
     "gamms.ComputationEngine": "the computation engine",
     "gamms.MessageEngine": "the message engine",
-    "gamms.Recorder": "recording",
     "gamms.VisualizationEngine.pygame_engine": "the pygame window",
     "gamms.VisualizationEngine.render_manager": "the pygame window",
 }
+
+# Old modules whose name says a class once `gamms` is imported, as in 1.0.0; they are there before anybody asks, because
+# an import that loads a module would also put it in the place of the class.
+_SHADOWED = ("gamms.Recorder",)
 
 # Names that 1.0.0 also offered in a room that is not theirs: room -> (their room, names).
 _GUESTS: dict[str, tuple[str, tuple[str, ...]]] = {
@@ -101,6 +107,9 @@ def install() -> None:
     """Make every old path importable; nothing is loaded until it is used."""
     if not any(isinstance(finder, _OldPaths) for finder in sys.meta_path):
         sys.meta_path.append(_OldPaths())
+    for path in _SHADOWED:
+        module = sys.modules.setdefault(path, _Alias(path))
+        module.__spec__, module.__path__ = ModuleSpec(path, None, is_package=True), []
     for room in _GUESTS:
         _invite(import_module(room))
 

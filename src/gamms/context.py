@@ -202,7 +202,7 @@ class Context(IContext):
             closing.callback(self._die)
             for room in ("visual_engine", "internal_context", "graph_engine", "sensor_engine", "agent_engine"):
                 closing.callback(_terminate, getattr(self, room))
-            if self.record.record():
+            if self.record.record() or getattr(self.record, "is_open", False):  # a recorder of the user's may have none
                 closing.callback(self.record.stop)
 
     def _die(self) -> None:
