@@ -8,7 +8,7 @@ import numpy as np
 
 from gamms.errors import GammsError
 from gamms.ir import journal
-from gamms.recorder.state import State
+from gamms.recorder.state import State, opened
 
 _LISTS = ("names", "teams", "speed", "sensors", "attributes", "strategies")
 _ARRAYS = {
@@ -40,7 +40,7 @@ class Fold:
     """
 
     def __init__(self, state: State) -> None:
-        self.state = deepcopy(state)
+        self.state = deepcopy(opened(state))
         self.world: bytes | None = None
         self._row_of = {number: row for row, number in enumerate(self.state["numbers"].tolist())}
         self._next = max(self._row_of, default=-1) + 1

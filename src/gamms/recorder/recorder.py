@@ -97,11 +97,12 @@ class Recorder(IRecorder):
         def make_sink(session: Session) -> Any:
             if version == 2:
                 return Version2Sink(stream, session)
-            header = self._source.header if self._source is not None else header_of(self.ctx, options)
+            header = header_of(self.ctx, options) if session.header is None else session.header
             return Version3Sink(stream, session, header)
 
         self._session = Session(self.ctx, make_sink)
-        self._session.copied = self._copied_keyframe if self._source is not None else None
+        if self._source is not None:
+            self._session.copy(self._source.header, self._copied_keyframe)
         for name, data in self.components.snapshot():
             self._component_event(name, data)
 
@@ -192,7 +193,7 @@ class Recorder(IRecorder):
         finally:
             self.is_replaying, self._source = False, None
             if self._session is not None:
-                self._session.copied = None
+                self._session.end_copying()
             if is_owned:
                 stream.close()
 
@@ -202,7 +203,7 @@ class Recorder(IRecorder):
             self.ctx.logger.warning(reader.warning)
         self._source = reader
         if self._session is not None:
-            self._session.copied = self._copied_keyframe
+            self._session.copy(reader.header, self._copied_keyframe)
         yield from Player(self).play(reader)
 
     def _replay_version_2(self, stream: BinaryIO) -> Iterator[Record]:

@@ -42,11 +42,14 @@ class Player:
         yield {"timestamp": max(0, reader.turns - 1) * TURN_NS, "opCode": kinds.TERMINATE}
 
     def _turn(self, turn: int, log: kinds.Log) -> Iterator[Record]:
-        timestamp = turn * TURN_NS
+        timestamp, is_over = turn * TURN_NS, True
         columns, writer = self._ctx.agent.columns, self._ctx.agent.moves.plain()
         for number, step in steps_of(log):
             self._recorder.clock = timestamp
             if number is None:
+                if step[0] == kinds.UNFINISHED:
+                    is_over = False
+                    continue
                 self.happen(*step)
                 columns, writer = self._ctx.agent.columns, self._ctx.agent.moves.plain()
                 yield record_of(step[0], step[1], timestamp)
@@ -60,6 +63,9 @@ class Player:
                 raise RecordingError(f"Turn {turn} moves agent number {number}: {error}") from error
             self._copy(number, step)
             yield from records_of_move(name, before, step, timestamp)
+        if is_over:
+            self.happen(kinds.SIMULATE, {})
+            yield record_of(kinds.SIMULATE, {}, timestamp)
 
     def happen(self, kind: int, data: Any) -> None:
         """Let an event other than a move happen; one that is not known does nothing.
@@ -141,9 +147,6 @@ class Player:
                 "The graph or the obstacles of this context are not those of the recording. Replay it into a context "
                 "without a graph: the recording brings its own."
             )
-        for sensor in header.get("sensors", ()):
-            if sensor["id"] not in self._ctx.sensor.sensors:
-                self._ctx.sensor.make(sensor)
 
     def _silently(self, happen: Callable[[], None]) -> None:
         """Let something happen without a note in the journal: what is noted is copied from the recording."""

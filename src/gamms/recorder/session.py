@@ -28,11 +28,13 @@ class Session:
     Attributes:
         is_paused: whether nothing is written for now.
         copied: while a recording is being replayed, whose events are copied as they are: its keyframe after a turn.
+        header: of the recording that was replayed first of all; None: this one has its own.
         turn: how many turns were recorded.
     """
 
     def __init__(self, ctx: Any, make_sink: Callable[["Session"], Sink]) -> None:
         self.ctx = ctx
+        self._room = ctx.graph
         self._make_sink = make_sink
         self._sink: Sink | None = None
         self._logs: list[Log] = []
@@ -42,6 +44,7 @@ class Session:
         self.turn = 0
         self.is_paused = False
         self.copied: Callable[[int], state.State | None] | None = None
+        self.header: dict[str, Any] | None = None
         self._listen()
         self.begin = state.captured(ctx)
         self._world = self._revisions()
@@ -68,10 +71,12 @@ class Session:
     def close(self) -> None:
         """Write what is left, and listen no longer."""
         self._hush()
+        log = self._journal.log
         if not self.is_paused and self.copied is None:
-            self._journal.log += self._game.changes()
-        if self._journal.log:
-            self._keep(self._journal.log)
+            log += self._game.changes()
+        if log:
+            log.append((kinds.UNFINISHED, {}))
+            self._logs.append(log)
         self._hand_over()
         self.sink.close()
 
@@ -81,6 +86,19 @@ class Session:
         if self._sink is None:
             self._sink = self._make_sink(self)
         return self._sink
+
+    def copy(self, header: dict[str, Any], keyframe: Callable[[int], state.State | None]) -> None:
+        """Copy what happens from a recording that is being replayed, rather than work it out."""
+        self.copied = keyframe
+        if self._sink is None:
+            self.header = header
+            begin = keyframe(0)
+            self.begin = self.begin if begin is None else begin
+
+    def end_copying(self) -> None:
+        """Go on by what the context says."""
+        self.copied = None
+        self._world, self._game = self._revisions(), _GameWatch(self.ctx)
 
     def abandon(self) -> None:
         """Listen no longer, and write nothing more."""
@@ -120,7 +138,6 @@ class Session:
         if self.copied is None:
             log[:0] = self._world_changes()
             log += self._game.changes()
-        log.append((kinds.SIMULATE, {}))
         self.turn += 1
         self._keep(log)
 
@@ -153,7 +170,8 @@ class Session:
         self._logs, self._handed_at = [], time.monotonic()
 
     def _revisions(self) -> tuple[Any, Any]:
-        return self.ctx.graph.graph.revision, self.ctx.graph.obstacle_revision
+        room = self._room
+        return room.graph.revision, room.obstacle_revision
 
     def _world_changes(self) -> Log:
         now = self._revisions()
@@ -169,7 +187,7 @@ class _GameWatch:
     """What has changed in `ctx.game`, and in who plays by which strategy, since it was asked last."""
 
     def __init__(self, ctx: Any) -> None:
-        self._ctx = ctx
+        self._game, self._agents = ctx.game, ctx.agent
         self._events = len(ctx.game.events)
         self._scores = dict(ctx.game.scores)
         self._data = _kept(ctx.game.data)
@@ -179,7 +197,7 @@ class _GameWatch:
 
     def changes(self) -> Log:
         """Events that say it."""
-        game = self._ctx.game
+        game = self._game
         log: Log = self._new_strategies()
         if len(game.events) != self._events:
             log += [
@@ -200,7 +218,7 @@ class _GameWatch:
         return log
 
     def _new_strategies(self) -> Log:
-        agents = self._ctx.agent.agents
+        agents = self._agents.agents
         now = [agent.strategy for agent in agents.values()]
         if now == self._strategies:
             return []

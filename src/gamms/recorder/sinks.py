@@ -23,7 +23,10 @@ class Version3Sink:
 
     def add(self, log: Log) -> None:
         """Write the log of a turn; what in it cannot be written is left out."""
-        self._writer.add_turn([entry if type(entry) is int else _writable(*entry) for entry in log])
+        try:
+            self._writer.add_moves(log)
+        except TypeError:  # there are events between the moves
+            self._writer.add_turn([entry if type(entry) is int else _writable(*entry) for entry in log])
 
     def keyframe(self, keyframe: state.State) -> None:
         """Write the whole state."""
@@ -50,7 +53,7 @@ class Version2Sink:
 
     def add(self, log: Log) -> None:
         """Write the log of a turn."""
-        timestamp = self._turn * TURN_NS
+        timestamp, is_over = self._turn * TURN_NS, True
         for number, step in steps_of(log):
             if number is not None:
                 name = self._names[number]
@@ -59,6 +62,9 @@ class Version2Sink:
                 self._nodes[name] = step
             else:
                 self._happen(step[0], step[1], timestamp)
+                is_over = is_over and step[0] != kinds.UNFINISHED
+        if is_over:
+            self._write(record_of(kinds.SIMULATE, {}, timestamp))
         self._turn += 1
 
     def _happen(self, kind: int, data: Any, timestamp: int) -> None:
@@ -140,5 +146,4 @@ def header_of(ctx: Any, options: dict[str, Any]) -> dict[str, Any]:
         "created": created,
         "provenance": options.get("provenance"),
         "world": ctx.graph.packed(),
-        "sensors": [entry for entry in ctx.sensor.described() if is_plain(entry)],
     }

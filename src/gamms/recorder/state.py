@@ -23,7 +23,7 @@ def captured(ctx: Any) -> State:
         "numbers": np.array(columns.journal.ids[: len(agents)], np.int64),
         "kind": np.array(columns.kind, np.int64),
         "node": np.array(columns.node, np.int64),
-        "previous": np.array(columns.previous, np.int64),
+        "came": np.array(columns.previous, np.int64) - np.array(columns.node, np.int64),
         "heading": _floats(columns.heading, 2),
         "position": _floats(columns.position, 3),
         "previous_position": _floats(columns.previous_position, 3),
@@ -32,11 +32,56 @@ def captured(ctx: Any) -> State:
         "carry": np.array(columns.carry, np.float64),
         "teams": [plain(team) for team in columns.teams],
         "speed": [plain(speed) for speed in columns.speed],
-        "sensors": [{name: sensor.sensor_id for name, sensor in agent._sensor_list.items()} for agent in agents],
+        "carried": _carried(agents),
+        "sensor_kinds": _grouped(ctx.sensor.described()),
         "attributes": [{key: value for key, value in vars(agent).items() if is_plain(value)} for agent in agents],
         "strategies": [name_of(agent.strategy) for agent in agents],
         **captured_game(ctx.game),
     }
+
+
+def opened(state: State) -> State:
+    """A state with columns that are easy to use, whether or not it was `captured` in a form that is short to write.
+
+    It then has `previous` instead of `came`, and `sensors` of each agent (name -> id) instead of `carried`.
+    """
+    if "came" not in state:
+        return state
+    whole = {key: value for key, value in state.items() if key not in ("came", "carried")}
+    whole["previous"] = state["node"] + state["came"]
+    names, ids = state["carried"]["names"], state["carried"]["ids"]
+    ends = np.cumsum(state["carried"]["counts"]).tolist()
+    pairs = list(zip(ids if names is None else names, ids, strict=True))
+    whole["sensors"] = [dict(pairs[start:end]) for start, end in zip([0, *ends], ends, strict=False)]
+    return whole
+
+
+def sensors_of(state: State) -> list[dict[str, Any]]:
+    """What `ctx.sensor.described` told."""
+    return [
+        {"id": sensor_id, "type": group["type"], "keywords": group["keywords"]}
+        for group in state.get("sensor_kinds", ())
+        for sensor_id in group["ids"]
+    ]
+
+
+def _carried(agents: list[Any]) -> dict[str, Any]:
+    """Which sensors agents carry, under which names; names that are the ids are left out."""
+    names = [name for agent in agents for name in agent._sensor_list]
+    ids = [sensor.sensor_id for agent in agents for sensor in agent._sensor_list.values()]
+    counts = np.array([len(agent._sensor_list) for agent in agents], np.int64)
+    return {"names": None if names == ids else names, "ids": ids, "counts": counts}
+
+
+def _grouped(described: list[dict[str, Any]]) -> list[dict[str, Any]]:
+    """Sensors that differ by their ids alone, together."""
+    groups: dict[str, dict[str, Any]] = {}
+    for one in described:
+        if is_plain(one):
+            key = repr((one["type"], one["keywords"]))
+            group = groups.setdefault(key, {"type": one["type"], "keywords": one["keywords"], "ids": []})
+            group["ids"].append(one["id"])
+    return list(groups.values())
 
 
 def captured_game(game: Any) -> State:
@@ -50,6 +95,10 @@ def captured_game(game: Any) -> State:
 
 def put(ctx: Any, state: State) -> None:
     """Set what a snapshot says: agents of the same name and kind are moved, missing ones made, others left alone."""
+    for sensor in sensors_of(state):
+        if sensor["id"] not in ctx.sensor.sensors:
+            ctx.sensor.make(sensor)
+    state = opened(state)
     for row, name in enumerate(state["names"]):
         flies, node = bool(state["kind"][row]), int(state["node"][row])
         agent = ctx.agent.agents.get(name)

@@ -134,6 +134,16 @@ class Collected:
             self._data.extend(turn.data)
             self.size += _BYTES_PER_EVENT * len(turn.kinds) + sum(map(len, turn.data))
 
+    def add_moves(self, moves: "array[int]", count: int) -> bool:
+        """Let a turn of so many moves and nothing else join; False, and nothing happens, if it cannot."""
+        if len(self._moves) + len(moves) > 2 * blocks.MOST_MOVES:
+            return False
+        self._moves.extend(moves)
+        self._turns[0].append(count)
+        self._turns[1].append(0)
+        self.size += _BYTES_PER_MOVE * count
+        return True
+
     def body(self) -> bytes:
         """The body of the block."""
         moves = np.frombuffer(self._moves, np.int64).reshape(-1, 2)

@@ -6,6 +6,7 @@ cut. So at every moment one of them is whole, and a finished file does not know 
 """
 
 import time
+from array import array
 from collections.abc import Callable, Sequence
 from typing import Any, BinaryIO
 
@@ -97,6 +98,26 @@ class Writer:
         if not self._open.fits(turn):
             self._close_block()
         self._open.add(turn)
+        if len(self._open) >= self._turns or self._open.size >= self._size:
+            self._close_block()
+        elif self._seconds is not None and self._clock() - self._saved_at >= self._seconds:
+            self.flush()
+
+    def add_moves(self, log: list[int]) -> None:
+        """Add the log of a turn that has moves alone; as `add_turn`, in a third of the time.
+
+        Raises:
+            TypeError: there is something else in it; nothing was added.
+            RecordingError: see `add_turn`.
+        """
+        moves = array("q", log)
+        count = len(moves) // 2
+        if len(moves) % 2 or count > blocks.MOST_MOVES or self._file.is_closed:
+            self.add_turn(log)
+            return
+        if not self._open.add_moves(moves, count):
+            self._close_block()
+            self._open.add_moves(moves, count)
         if len(self._open) >= self._turns or self._open.size >= self._size:
             self._close_block()
         elif self._seconds is not None and self._clock() - self._saved_at >= self._seconds:
