@@ -6,8 +6,9 @@ from copy import deepcopy
 from typing import Any
 
 from gamms.ir import journal as kinds
-from gamms.ir.journal import NOBODY, Journal, Log
+from gamms.ir.journal import NOBODY, Log
 from gamms.recorder import state
+from gamms.recorder.noting import PlainJournal
 from gamms.recorder.plain import is_plain, plain
 
 _TURNS_AT_ONCE = 64
@@ -120,7 +121,7 @@ class Session:
     def _listen(self) -> None:
         agents = self.ctx.agent
         agents.settle()
-        self._journal = agents.columns.journal = Journal(agents.columns.names)
+        self._journal = agents.columns.journal = PlainJournal(agents.columns.names)
         agents.write_by(agents.moves.plain().journaled(agents.columns))
         self.ctx.visual.after_turn.append(self._turn_over)
 

@@ -9,7 +9,6 @@ from gamms.ir.journal import Log
 from gamms.recorder import state
 from gamms.recorder.formats.version2 import Version2Writer
 from gamms.recorder.formats.writer import Writer
-from gamms.recorder.plain import is_plain, plain
 from gamms.recorder.records import TURN_NS, record_of, records_of_move, steps_of
 from gamms.recorder.session import Session
 
@@ -22,11 +21,11 @@ class Version3Sink:
         self._writer.keyframe(session.begin)
 
     def add(self, log: Log) -> None:
-        """Write the log of a turn; what in it cannot be written is left out."""
+        """Write the log of a turn."""
         try:
             self._writer.add_moves(log)
         except TypeError:  # there are events between the moves
-            self._writer.add_turn([entry if type(entry) is int else _writable(*entry) for entry in log])
+            self._writer.add_turn(log)
 
     def keyframe(self, keyframe: state.State) -> None:
         """Write the whole state."""
@@ -77,7 +76,6 @@ class Version2Sink:
             self._names = list(data["names"])
             self._nodes = dict(zip(self._names, data["node"].tolist(), strict=True))
         if kind in _OF_VERSION_2:
-            kind, data = _writable(kind, data)
             self._write(record_of(kind, data, timestamp))
 
     def _write(self, record: dict[str, Any]) -> None:
@@ -109,29 +107,6 @@ _OF_VERSION_2 = {
     kinds.AERIAL_AGENT_QUATERNION,
     *range(0x02000000, 0x02000005),
 }
-
-
-def _writable(kind: int, data: Any) -> tuple[int, Any]:
-    """An event with plain values only: of a new agent's keywords, those that are none are left out."""
-    if kind == kinds.AGENT_CREATE:
-        given = {key: _sensors(value) if key == "sensors" else value for key, value in data["kwargs"].items()}
-        strategy = {"strategy": state.name_of(given.pop("strategy"))} if given.get("strategy") is not None else {}
-        plain_ones = {key: plain(value) for key, value in given.items() if is_plain(value) or _is_number(value)}
-        return kind, {**data, "kwargs": plain_ones, **strategy}
-    if isinstance(data, dict) and not is_plain(data):
-        return kind, {key: plain(value) for key, value in data.items()}
-    return kind, data
-
-
-def _is_number(value: Any) -> bool:
-    return hasattr(value, "item") and getattr(value, "ndim", 1) == 0
-
-
-def _sensors(given: Any) -> Any:
-    """The ids of the sensors that an agent was created with, by the names it knows them by."""
-    if isinstance(given, dict):
-        return {str(name): one if isinstance(one, str) else one.sensor_id for name, one in given.items()}
-    return [one if isinstance(one, str) else one.sensor_id for one in given]
 
 
 def header_of(ctx: Any, options: dict[str, Any]) -> dict[str, Any]:

@@ -7,7 +7,7 @@ from typing import Any
 import numpy as np
 
 from gamms.ir.graph import FloatArray
-from gamms.recorder.plain import is_plain, plain
+from gamms.recorder.plain import is_plain, plain, plain_part
 
 State = dict[str, Any]
 
@@ -34,7 +34,7 @@ def captured(ctx: Any) -> State:
         "speed": [plain(speed) for speed in columns.speed],
         "carried": _carried(agents),
         "sensor_kinds": _grouped(ctx.sensor.described()),
-        "attributes": [{key: value for key, value in vars(agent).items() if is_plain(value)} for agent in agents],
+        "attributes": [plain_part(vars(agent)) for agent in agents],
         "strategies": [name_of(agent.strategy) for agent in agents],
         **captured_game(ctx.game),
     }
