@@ -41,7 +41,8 @@ def restore(engine: "AgentEngine", before: KeptAgents) -> None:
     for agent in [agent for agent in engine.agents.values() if id(agent) not in there]:
         engine.delete_agent(agent.name)
     if [agent for agent, *_ in before.agents] != list(engine.agents.values()):
-        engine.columns = AgentColumns()
+        engine.columns, columns = AgentColumns(), engine.columns
+        engine.columns.journal = columns.journal
         engine.agents = {}
         for agent, *_ in before.agents:
             agent._live_in(engine.columns)

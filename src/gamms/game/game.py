@@ -42,6 +42,7 @@ class Game(Settings):
         data: what rules remember, as plain values; `reset` restores it.
         events: what was emitted, in order: dicts with `turn` and `kind`.
         errors: what strategies did wrong, in order.
+        after_reset: called when the game has begun anew, in order.
     """
 
     def __init__(self, ctx: Any) -> None:
@@ -57,6 +58,7 @@ class Game(Settings):
         self._streams: dict[str, Generator] = {}
         self._start: start.Start | None = None
         self._chance = chance.GlobalChance()
+        self.after_reset: list[Callable[[], None]] = []
         self.is_deciding = False
         self.begin_anew()
 
@@ -211,6 +213,8 @@ class Game(Settings):
         self._refuse_while_deciding("reset")
         if self._start is not None:
             self._start.restore(self, None if seed is None else as_int(seed, "seed"))
+            for tell in self.after_reset:
+                tell()
         elif seed is not None:
             self.ctx.reseed(as_int(seed, "seed"))
             self._streams.clear()

@@ -124,6 +124,7 @@ class Session:
         self._journal = agents.columns.journal = PlainJournal(agents.columns.names)
         agents.write_by(agents.moves.plain().journaled(agents.columns))
         self.ctx.visual.after_turn.append(self._turn_over)
+        self.ctx.game.after_reset.append(self._begin_anew)
 
     def _hush(self) -> None:
         agents = self.ctx.agent
@@ -132,6 +133,14 @@ class Session:
             agents.write_by(agents.moves.plain())
         if self._turn_over in self.ctx.visual.after_turn:
             self.ctx.visual.after_turn.remove(self._turn_over)
+        if self._begin_anew in self.ctx.game.after_reset:
+            self.ctx.game.after_reset.remove(self._begin_anew)
+
+    def _begin_anew(self) -> None:
+        """The game was reset: what happened on the way is not worth telling."""
+        self._hush()
+        self._journal.log = []
+        self.play()
 
     def _turn_over(self) -> None:
         journal = self._journal

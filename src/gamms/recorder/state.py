@@ -6,7 +6,7 @@ from typing import Any
 
 import numpy as np
 
-from gamms.ir.graph import FloatArray
+from gamms.ir.graph import FloatArray, IntArray
 from gamms.recorder.plain import is_plain, plain, plain_part
 
 State = dict[str, Any]
@@ -18,12 +18,13 @@ def captured(ctx: Any) -> State:
     """Agents, scores and data of a context, as a keyframe holds them."""
     ctx.agent.settle()
     columns, agents = ctx.agent.columns, list(ctx.agent.agents.values())
+    sensors = _grouped(ctx.sensor.described())
     return {
         "names": list(columns.names),
         "numbers": np.array(columns.journal.ids[: len(agents)], np.int64),
         "kind": np.array(columns.kind, np.int64),
         "node": np.array(columns.node, np.int64),
-        "came": np.array(columns.previous, np.int64) - np.array(columns.node, np.int64),
+        "came": _folded(np.array(columns.previous, np.int64) - np.array(columns.node, np.int64)),
         "heading": _floats(columns.heading, 2),
         "position": _floats(columns.position, 3),
         "previous_position": _floats(columns.previous_position, 3),
@@ -32,8 +33,8 @@ def captured(ctx: Any) -> State:
         "carry": np.array(columns.carry, np.float64),
         "teams": [plain(team) for team in columns.teams],
         "speed": [plain(speed) for speed in columns.speed],
-        "carried": _carried(agents),
-        "sensor_kinds": _grouped(ctx.sensor.described()),
+        "carried": _carried(agents, sensors),
+        "sensor_kinds": sensors,
         "attributes": [plain_part(vars(agent)) for agent in agents],
         "strategies": [name_of(agent.strategy) for agent in agents],
         **captured_game(ctx.game),
@@ -48,8 +49,11 @@ def opened(state: State) -> State:
     if "came" not in state:
         return state
     whole = {key: value for key, value in state.items() if key not in ("came", "carried")}
-    whole["previous"] = state["node"] + state["came"]
-    names, ids = state["carried"]["names"], state["carried"]["ids"]
+    came = state["came"]
+    whole["previous"] = state["node"] + ((came >> 1) ^ -(came & 1))
+    known = [*(sensor["id"] for sensor in sensors_of(state)), *state["carried"]["others"]]
+    ids = [known[place] for place in state["carried"]["ids"].tolist()]
+    names = state["carried"]["names"]
     ends = np.cumsum(state["carried"]["counts"]).tolist()
     pairs = list(zip(ids if names is None else names, ids, strict=True))
     whole["sensors"] = [dict(pairs[start:end]) for start, end in zip([0, *ends], ends, strict=False)]
@@ -65,12 +69,25 @@ def sensors_of(state: State) -> list[dict[str, Any]]:
     ]
 
 
-def _carried(agents: list[Any]) -> dict[str, Any]:
-    """Which sensors agents carry, under which names; names that are the ids are left out."""
+def _folded(numbers: IntArray) -> IntArray:
+    """Small numbers of either sign as small ones without: 0, -1, 1, -2 as 0, 1, 2, 3."""
+    folded: IntArray = (numbers << 1) ^ (numbers >> 63)
+    return folded
+
+
+def _carried(agents: list[Any], groups: list[dict[str, Any]]) -> dict[str, Any]:
+    """Which sensors agents carry, as places in the list of all of them, and under which names, unless by their ids."""
     names = [name for agent in agents for name in agent._sensor_list]
     ids = [sensor.sensor_id for agent in agents for sensor in agent._sensor_list.values()]
-    counts = np.array([len(agent._sensor_list) for agent in agents], np.int64)
-    return {"names": None if names == ids else names, "ids": ids, "counts": counts}
+    place = {sensor_id: i for i, sensor_id in enumerate(one for group in groups for one in group["ids"])}
+    others = [sensor_id for sensor_id in dict.fromkeys(ids) if sensor_id not in place]
+    place |= {sensor_id: len(place) + i for i, sensor_id in enumerate(others)}
+    return {
+        "names": None if names == ids else names,
+        "ids": np.array([place[sensor_id] for sensor_id in ids], np.int64),
+        "others": others,
+        "counts": np.array([len(agent._sensor_list) for agent in agents], np.int64),
+    }
 
 
 def _grouped(described: list[dict[str, Any]]) -> list[dict[str, Any]]:

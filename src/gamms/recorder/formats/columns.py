@@ -15,6 +15,7 @@ from gamms.errors import BadFile
 IntArray = npt.NDArray[np.int64]
 """Integers of a column, (items,)."""
 
+_FEW = 4096
 _SAMPLE = 4096  # bytes that show which way of deflating a plane fits
 _STRATEGIES = ((1, zlib.Z_RLE), (6, zlib.Z_DEFAULT_STRATEGY))  # numbers without a pattern; patterns
 
@@ -99,7 +100,9 @@ def _attempts(data: bytes) -> list[bytes]:
 
 
 def _deflated(data: bytes, level: int, strategy: int) -> bytes:
-    deflate = zlib.compressobj(level, zlib.DEFLATED, -15, 9, strategy)
+    # NOTE: what zlib sets up for a whole file takes longer than all else for a few bytes (benchmarks/README.md, w4).
+    window, memory = (-15, 9) if len(data) > _FEW else (-12, 4)
+    deflate = zlib.compressobj(level, zlib.DEFLATED, window, memory, strategy)
     return deflate.compress(data) + deflate.flush()
 
 
