@@ -15,7 +15,6 @@ from typing import Any as _Any
 
 from gamms import _legacy, agent, graph, memory, sensor, typing, visual
 from gamms.context import Context, InternalContext, create_context
-from gamms.recorder import Recorder
 from gamms.typing import logger
 
 __version__ = "2.0.0.dev0"
@@ -23,7 +22,6 @@ __version__ = "2.0.0.dev0"
 __all__ = [
     "Context",
     "InternalContext",
-    "Recorder",
     "agent",
     "create_context",
     "graph",
@@ -40,7 +38,7 @@ _legacy.install()
 
 
 def __getattr__(name: str) -> _Any:
-    module = _import_module(f"gamms.{name}") if name in _WHEN_ASKED else _legacy.resolve(name)
-    if module is not None:
-        return module
+    found = _import_module(f"gamms.{name}") if name in _WHEN_ASKED else _legacy.resolve(name)
+    if found is not None:
+        return found
     raise AttributeError(f"module {__name__!r} has no attribute {name!r}")

@@ -48,7 +48,7 @@ _LATER: dict[str, str] = {
 
 # Old modules whose name says a class once `gamms` is imported, as in 1.0.0; they are there before anybody asks, because
 # an import that loads a module would also put it in the place of the class.
-_SHADOWED = ("gamms.Recorder",)
+_SHADOWED = {"gamms.Recorder": ("gamms.recorder", "Recorder")}
 
 # Names that 1.0.0 also offered in a room that is not theirs: room -> (their room, names).
 _GUESTS: dict[str, tuple[str, tuple[str, ...]]] = {
@@ -128,8 +128,8 @@ def _feature_of(path: str) -> str | None:
     return next((later[name] for later in names if name in later), _LATER.get(path))
 
 
-def resolve(name: str) -> ModuleType | None:
-    """The module `gamms.<name>`, if it is an old path.
+def resolve(name: str) -> Any:
+    """What `gamms.<name>` says: a module, or a class in the place of one; None if it is no old path.
 
     Raises:
         NotYetAttribute: it belongs to a feature that is not built yet.
@@ -137,4 +137,7 @@ def resolve(name: str) -> ModuleType | None:
     path = f"gamms.{name}"
     if path in _LATER:
         raise NotYetAttribute(_LATER[path])
+    if path in _SHADOWED:
+        home, name = _SHADOWED[path]
+        return getattr(import_module(home), name)
     return import_module(path) if path in _ROOMS_OF else None

@@ -9,8 +9,7 @@ from typing import TYPE_CHECKING, Any, Self
 from gamms import agent, graph, kernels, memory, sensor, visual
 from gamms.arguments import as_int, as_path
 from gamms.errors import BadType, BadValue, NotYet
-from gamms.game import Game, Moves
-from gamms.recorder import Recorder
+from gamms.game.moves import Moves
 from gamms.typing import (
     IAgentEngine,
     IComputeEngine,
@@ -26,6 +25,9 @@ from gamms.typing import (
 
 if TYPE_CHECKING:
     from numpy.random import Generator
+
+    from gamms.game import Game
+    from gamms.recorder import Recorder
 
 _LEVELS = ("DEBUG", "INFO", "WARNING", "ERROR", "CRITICAL")
 _announced: dict[str, int] = {}  # the level that was announced last
@@ -77,7 +79,6 @@ class Context(IContext):
     graph_engine: Any
     sensor_engine: Any
     visual_engine: Any
-    recorder: Any
     internal_context: Any
 
     def __init__(
@@ -95,7 +96,7 @@ class Context(IContext):
         self.sensor_engine = sensor_engine
         self.visual_engine = visual_engine
         self.graph_engine = graph_engine
-        self.recorder = recorder or Recorder(self)
+        self._recorder: Any = recorder
         self._logger: Any = logger or logging.getLogger("gamms")
         self._alive = False
         self._seed = _fresh_seed()
@@ -124,14 +125,29 @@ class Context(IContext):
         return self.visual_engine  # type: ignore[no-any-return] # a program may put its own there
 
     @property
-    def record(self) -> Any:
+    def record(self) -> "Recorder":
         """The recorder."""
-        return self.recorder
+        return self.recorder  # type: ignore[no-any-return] # a program may put its own there
 
     @property
-    def game(self) -> Game:
+    def recorder(self) -> Any:
+        """The same as `record`; settable. Made, and loaded, when it is first asked for."""
+        if self._recorder is None:
+            from gamms.recorder import Recorder
+
+            self._recorder = Recorder(self)
+        return self._recorder
+
+    @recorder.setter
+    def recorder(self, recorder: Any) -> None:
+        self._recorder = recorder
+
+    @property
+    def game(self) -> "Game":
         """The turn engine; the paper's own loop works beside it."""
         if self._game is None:
+            from gamms.game import Game
+
             self._game = Game(self)
         return self._game
 
@@ -202,8 +218,9 @@ class Context(IContext):
             closing.callback(self._die)
             for room in ("visual_engine", "internal_context", "graph_engine", "sensor_engine", "agent_engine"):
                 closing.callback(_terminate, getattr(self, room))
-            if self.record.record() or getattr(self.record, "is_open", False):  # a recorder of the user's may have none
-                closing.callback(self.record.stop)
+            recorder = self._recorder
+            if recorder is not None and getattr(recorder, "is_open", recorder.record()):
+                closing.callback(recorder.stop)
 
     def _die(self) -> None:
         self._alive = False

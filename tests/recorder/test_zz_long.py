@@ -17,7 +17,9 @@ turns_of = st.tuples(reals, reals, reals, reals).filter(any)
 headings = st.none() | st.tuples(reals, reals).filter(any)
 plain = st.recursive(
     st.none() | st.booleans() | st.integers(-(2**70), 2**70) | reals | st.text(max_size=3),
-    lambda inner: st.lists(inner, max_size=2) | st.tuples(inner) | st.dictionaries(st.text(max_size=2), inner, max_size=2),
+    lambda inner: (
+        st.lists(inner, max_size=2) | st.tuples(inner) | st.dictionaries(st.text(max_size=2), inner, max_size=2)
+    ),
     max_leaves=4,
 )
 keys = st.text("xy", max_size=1) | st.integers(0, 2) | st.tuples(st.integers(0, 1), st.text("z", max_size=1))

@@ -1,7 +1,6 @@
 """One random number per name: who else is there never changes anybody's draw."""
 
 from functools import lru_cache
-from hashlib import blake2b
 
 import numpy as np
 
@@ -40,4 +39,6 @@ def _hash_of_name(name: str) -> int:
 
 
 def _hash(text: str) -> int:
+    from hashlib import blake2b
+
     return int.from_bytes(blake2b(text.encode(), digest_size=8).digest(), "little")

@@ -41,6 +41,19 @@ def plain_part(values: Mapping[Any, Any]) -> dict[Any, Any]:
     return _converted_dict(values, 0, lambda _: ...)
 
 
+def is_same(one: Any, other: Any) -> bool:
+    """Whether two values that `plain` gave are equal, arrays in them, too."""
+    if type(one) is not type(other):
+        return False
+    if isinstance(one, np.ndarray):
+        return one.dtype == other.dtype and one.shape == other.shape and one.tobytes() == other.tobytes()
+    if isinstance(one, dict):
+        return list(one) == list(other) and all(map(is_same, one.values(), other.values()))
+    if isinstance(one, list | tuple):
+        return len(one) == len(other) and all(map(is_same, one, other))
+    return one is other or bool(one == other)
+
+
 def _is_key(key: Any) -> bool:
     kind = type(key)
     return kind in _SCALARS or (kind is tuple and all(map(_is_key, key)))

@@ -52,14 +52,14 @@ class Recorder(IRecorder):
 
     # -- writing ------------------------------------------------------------------------------------------------
 
-    @property
-    def is_open(self) -> bool:
-        """Whether a recording has begun that was not stopped; it may be paused."""
-        return self._session is not None
-
     def record(self) -> bool:
         """Whether events are being written now."""
         return self._session is not None and not self._session.is_paused and not self.ctx.is_terminated()
+
+    @property
+    def is_open(self) -> bool:
+        """Whether a recording was started and not stopped yet, paused or not."""
+        return self._session is not None
 
     def start(
         self,

@@ -1,6 +1,7 @@
 """Play a recording: apply what it says to a context, event by event, and yield it in the form of 1.0.0."""
 
 from collections.abc import Callable, Iterator
+from copy import deepcopy
 from typing import Any
 
 from gamms.errors import GammsError
@@ -127,9 +128,15 @@ class Player:
         self._ctx.game.scores.update(data["scores"])
 
     def _data(self, data: Any) -> None:
-        self._ctx.game.data.update(data["set"])
+        self._ctx.game.data.update(deepcopy(data["set"]))
         for key in data["removed"]:
             self._ctx.game.data.pop(key, None)
+
+    def _event(self, data: Any) -> None:
+        self._ctx.game.events.append(deepcopy(data))
+
+    def _over(self, data: Any) -> None:
+        self._ctx.game.take_over(data or None)
 
     # -- around them --------------------------------------------------------------------------------------------
 
@@ -188,4 +195,6 @@ _EVENTS: dict[int, Callable[[Player, Any], None]] = {
     kinds.WORLD: Player._world,
     kinds.GAME_SCORES: Player._scores,
     kinds.GAME_DATA: Player._data,
+    kinds.GAME_EVENT: Player._event,
+    kinds.GAME_OVER: Player._over,
 }

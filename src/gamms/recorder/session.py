@@ -2,14 +2,13 @@
 
 import time
 from collections.abc import Callable
-from copy import deepcopy
 from typing import Any
 
 from gamms.ir import journal as kinds
 from gamms.ir.journal import NOBODY, Log
 from gamms.recorder import state
 from gamms.recorder.noting import PlainJournal
-from gamms.recorder.plain import is_plain, plain
+from gamms.recorder.plain import is_same, plain, plain_part
 
 _TURNS_AT_ONCE = 64
 _ENTRIES_AT_ONCE = 1 << 20  # of logs: what may wait to be written
@@ -47,7 +46,7 @@ class Session:
         self.copied: Callable[[int], state.State | None] | None = None
         self.header: dict[str, Any] | None = None
         self._listen()
-        self.begin = state.captured(ctx)
+        self.begin = state.captured(ctx) | state.told(ctx.game)
         self._world = self._revisions()
         self._game = _GameWatch(ctx)
 
@@ -66,7 +65,7 @@ class Session:
         waiting = self._journal.log
         self._listen()
         self.is_paused = False
-        self._journal.log = [*waiting, (kinds.SNAPSHOT, state.captured(self.ctx))]
+        self._journal.log = [*waiting, (kinds.SNAPSHOT, state.captured(self.ctx) | state.told(self.ctx.game))]
         self._game = _GameWatch(self.ctx)
 
     def close(self) -> None:
@@ -137,9 +136,8 @@ class Session:
             self.ctx.game.after_reset.remove(self._begin_anew)
 
     def _begin_anew(self) -> None:
-        """The game was reset: what happened on the way is not worth telling."""
+        """The game was reset: what has come since the start was taken away again, and the rest is set."""
         self._hush()
-        self._journal.log = []
         self.play()
 
     def _turn_over(self) -> None:
@@ -199,9 +197,9 @@ class _GameWatch:
     def __init__(self, ctx: Any) -> None:
         self._game, self._agents = ctx.game, ctx.agent
         self._events = len(ctx.game.events)
-        self._scores = dict(ctx.game.scores)
-        self._data = _kept(ctx.game.data)
-        self._over = ctx.game.over
+        self._scores = plain(ctx.game.scores)
+        self._data = plain_part(ctx.game.data)
+        self._over = plain(ctx.game.over)
         self._strategies = [agent.strategy for agent in ctx.agent.agents.values()]
         self._named = {name: agent.strategy for name, agent in ctx.agent.agents.items()}
 
@@ -210,21 +208,16 @@ class _GameWatch:
         game = self._game
         log: Log = self._new_strategies()
         if len(game.events) != self._events:
-            log += [
-                (kinds.GAME_EVENT, {key: plain(value) for key, value in event.items()})
-                for event in game.events[self._events :]
-            ]
+            log += [(kinds.GAME_EVENT, plain(event)) for event in game.events[self._events :]]
             self._events = len(game.events)
         if game.scores != self._scores:
-            self._scores = dict(game.scores)
-            log.append(
-                (kinds.GAME_SCORES, {"scores": [(plain(key), plain(value)) for key, value in self._scores.items()]})
-            )
+            self._scores = plain(game.scores)
+            log.append((kinds.GAME_SCORES, {"scores": list(self._scores.items())}))
         if game.data or self._data:
             log += self._new_data(game.data)
         if game.over != self._over:
-            self._over = game.over
-            log.append((kinds.GAME_OVER, {key: plain(value) for key, value in (self._over or {}).items()}))
+            self._over = plain(game.over)
+            log.append((kinds.GAME_OVER, self._over or {}))
         return log
 
     def _new_strategies(self) -> Log:
@@ -244,14 +237,10 @@ class _GameWatch:
         ]
 
     def _new_data(self, data: dict[str, Any]) -> Log:
-        now = _kept(data)
-        if now == self._data:
+        now, before = plain_part(data), self._data
+        if is_same(now, before):
             return []
-        changed = {key: value for key, value in now.items() if key not in self._data or self._data[key] != value}
-        removed = [key for key in self._data if key not in now]
+        changed = {key: value for key, value in now.items() if key not in before or not is_same(value, before[key])}
+        removed = [key for key in before if key not in now]
         self._data = now
-        return [(kinds.GAME_DATA, {"set": deepcopy(changed), "removed": removed})]
-
-
-def _kept(data: dict[str, Any]) -> dict[str, Any]:
-    return {str(key): deepcopy(value) for key, value in data.items() if is_plain(value)}
+        return [(kinds.GAME_DATA, {"set": changed, "removed": removed})]

@@ -1,7 +1,6 @@
 """What writes the logs of a session, one class per format version."""
 
 import os
-from importlib.metadata import version
 from typing import Any, BinaryIO
 
 from gamms.ir import journal as kinds
@@ -111,6 +110,8 @@ _OF_VERSION_2 = {
 
 def header_of(ctx: Any, options: dict[str, Any]) -> dict[str, Any]:
     """What a recording says of the context it was made in: no host, no user, no path, and no time unless asked."""
+    from importlib.metadata import version
+
     created = options.get("created")
     if created is None and (epoch := os.environ.get("SOURCE_DATE_EPOCH")):
         created = int(epoch)

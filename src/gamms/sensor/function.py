@@ -2,7 +2,6 @@
 
 import copy
 from collections.abc import Callable
-from inspect import Parameter, signature
 from typing import Any
 
 import numpy as np
@@ -50,6 +49,8 @@ class FunctionSensor(Sensor):
 
 def _parameters(fn: Any, sensor_id: str) -> int:
     """How many arguments, at most two, a function is to be called with."""
+    from inspect import Parameter, signature
+
     wanted = f"The function of sensor {sensor_id!r} must take (), (node_id) or (node_id, agent)"
     if not callable(fn):
         raise BadType(f"{wanted}; {fn!r} is no function.")
