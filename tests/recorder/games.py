@@ -1,4 +1,4 @@
-"""What the tests of `ctx.record` share: a small world, everything that can happen in it, and all there is to compare."""
+"""What the tests of `ctx.record` share: a small world, how to record it, and all there is to compare."""
 
 import io
 

@@ -2,8 +2,7 @@
 
 from contextlib import suppress
 
-import pytest
-from games import CORNERS, act, copied, empty_context, everything, grid_context, recorded, replayed
+from games import CORNERS, act, copied, everything, grid_context, recorded, replayed
 from hypothesis import given, settings
 from hypothesis import strategies as st
 

@@ -70,12 +70,12 @@ class AgentEngine(IAgentEngine):
         agent._live_in(self.columns)
         self.agents[name] = agent  # before its sensors: one may ask who its owner is
         log = self.columns.journal
-        log.entered(agent._row, name)
-        self.columns.journal = journal.NOBODY  # what follows is a part of the creation
+        self.columns.journal = journal.Muted(log)  # what follows is a part of the creation
         try:
             self._equip(agent, sensors)
         finally:
             self.columns.journal = log
+        log.entered(agent._row, name)
         log.note(journal.AGENT_CREATE, {"name": name, "kwargs": given, "state": self._more_of(agent._row)})
         return agent
 

@@ -13,7 +13,7 @@ from gamms.recorder.components import Components
 from gamms.recorder.errors import RecordingError
 from gamms.recorder.formats import version2
 from gamms.recorder.formats.reader import Reader
-from gamms.recorder.plain import is_plain
+from gamms.recorder.plain import is_plain, plain
 from gamms.recorder.records import TURN_NS, Record
 from gamms.recorder.replaying import Player
 from gamms.recorder.session import Session
@@ -48,6 +48,7 @@ class Recorder(IRecorder):
         self._stream: BinaryIO | None = None
         self._is_owned = False
         self._source: Reader | None = None
+        self._kept = self.components.kept()  # when the recording was paused
         self._is_copying = True
 
     # -- writing ------------------------------------------------------------------------------------------------
@@ -133,6 +134,7 @@ class Recorder(IRecorder):
             self.ctx.logger.warning("There is nothing to pause: no recording is being written.")
             return
         self._session.pause()
+        self._kept = self.components.kept()
 
     def play(self) -> None:
         """Write again, beginning with how things are now."""
@@ -140,6 +142,8 @@ class Recorder(IRecorder):
             self.ctx.logger.warning("There is nothing to play: no recording is paused.")
             return
         self._session.play()
+        for name, data in self.components.since(self._kept):
+            self._component_event(name, data)
 
     def write(self, opCode: OpCodes, data: dict[str, Any]) -> None:  # noqa: N803 - published name
         """Write one record, just so.
@@ -149,7 +153,7 @@ class Recorder(IRecorder):
         """
         if not self.record():
             raise RecorderBusy("No recording is being written, or it is paused.")
-        self._log().append((opCode.value, data))
+        self._log().append((opCode.value, plain(data)))
 
     def event(self, kind: str, **data: Any) -> None:
         """Write something of the program's own, as plain values; nothing while no recording is being written.
@@ -160,7 +164,7 @@ class Recorder(IRecorder):
         if not is_plain(data):
             raise BadType(f"What is recorded must be plain values, not {data!r}.")
         if self.record():
-            self._log().append((kinds.USER_EVENT, {"kind": str(kind), **data}))
+            self._log().append((kinds.USER_EVENT, {"kind": str(kind), **plain(data)}))
 
     def time(self) -> int:
         """Nanoseconds: of the recording while one is replayed or written, where a turn counts as a second."""
@@ -268,7 +272,7 @@ class Recorder(IRecorder):
 
     def _component_event(self, opcode_name: str, data: dict[str, Any]) -> None:
         if self.record():
-            self._log().append((OpCodes[opcode_name].value, data))
+            self._log().append((OpCodes[opcode_name].value, plain(data)))
 
 
 def _opened(path: Any) -> tuple[BinaryIO, bool]:

@@ -6,7 +6,7 @@ from typing import Any
 
 from gamms.errors import GammsError
 from gamms.ir import journal as kinds
-from gamms.ir.journal import NOBODY
+from gamms.ir.journal import Muted
 from gamms.recorder import state
 from gamms.recorder.errors import RecordingError
 from gamms.recorder.formats.reader import Reader
@@ -158,7 +158,8 @@ class Player:
     def _silently(self, happen: Callable[[], None]) -> None:
         """Let something happen without a note in the journal: what is noted is copied from the recording."""
         columns = self._ctx.agent.columns
-        journal, columns.journal = columns.journal, NOBODY
+        journal = columns.journal
+        columns.journal = Muted(journal)
         try:
             happen()
         finally:

@@ -106,13 +106,12 @@ class Session:
 
     def renumber(self, names: list[str], numbers: list[int]) -> None:
         """Let agents have the numbers that a replayed recording gives them."""
-        rows = {name: row for row, name in enumerate(self.ctx.agent.columns.names)}
-        journal = self._journal
+        journal, agents = self._journal, self.ctx.agent
         free = max([*numbers, len(journal.names) - 1], default=-1) + 1
         journal.names += [""] * (free - len(journal.names))
-        journal.ids += [-1] * (len(rows) - len(journal.ids))
+        journal.ids += [-1] * (len(agents.columns) - len(journal.ids))
         for name, number in zip(names, numbers, strict=True):
-            journal.ids[rows[name]] = number
+            journal.ids[agents.agents[name]._row] = number
             journal.names[number] = name
 
     # -- listening ----------------------------------------------------------------------------------------------
