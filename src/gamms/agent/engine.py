@@ -75,8 +75,9 @@ class AgentEngine(IAgentEngine):
             self._equip(agent, sensors)
         finally:
             self.columns.journal = log
-        log.entered(agent._row, name)
-        log.note(journal.AGENT_CREATE, {"name": name, "kwargs": given, "state": self._more_of(agent._row)})
+        if log is not journal.NOBODY:
+            log.entered(agent._row, name)
+            log.note(journal.AGENT_CREATE, {"name": name, "kwargs": given, "state": self._more_of(agent._row)})
         return agent
 
     def get_agent(self, name: str) -> Member:
@@ -185,6 +186,8 @@ class AgentEngine(IAgentEngine):
         """What does not follow from the keywords of a new agent alone: how it is turned, where it flies."""
         columns = self.columns
         more = {name: getattr(columns, name)[row] for name in ("heading", "position", "previous_position", "quat")}
+        if columns.kind[row]:
+            more["node"] = self.moves.nearest(columns, row)
         return {name: value for name, value in more.items() if value is not None}
 
     def _take_out(self, agent: Member) -> None:

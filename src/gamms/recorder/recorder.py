@@ -270,6 +270,16 @@ class Recorder(IRecorder):
         """Forget a component class (KeyError)."""
         self.components.unregister_component(key)
 
+    # NOTE: programs look into these two (docs on compatibility).
+
+    @property
+    def _components(self) -> dict[Any, Any]:
+        return self.components._components
+
+    @property
+    def _component_registry(self) -> dict[tuple[str, str], type]:
+        return self.components._component_registry
+
     def _component_event(self, opcode_name: str, data: dict[str, Any]) -> None:
         if self.record():
             self._log().append((OpCodes[opcode_name].value, plain(data)))

@@ -10,7 +10,7 @@ from gamms.ir.journal import Muted
 from gamms.recorder import state
 from gamms.recorder.errors import RecordingError
 from gamms.recorder.formats.reader import Reader
-from gamms.recorder.records import TURN_NS, Record, record_of, records_of_move, steps_of
+from gamms.recorder.records import TURN_NS, Record, records_of, records_of_move, steps_of
 from gamms.typing.opcodes import OpCodes
 
 Tell = Callable[[int], None]  # told the time stamp of what comes next
@@ -53,7 +53,7 @@ class Player:
                     continue
                 self.happen(*step)
                 columns, writer = self._ctx.agent.columns, self._ctx.agent.moves.plain()
-                yield record_of(step[0], step[1], timestamp)
+                yield from records_of(step[0], step[1], timestamp, self._before(step[0], step[1]))
                 continue
             try:
                 name = self._numbers[number]
@@ -66,7 +66,14 @@ class Player:
             yield from records_of_move(name, before, step, timestamp)
         if is_over:
             self.happen(kinds.SIMULATE, {})
-            yield record_of(kinds.SIMULATE, {}, timestamp)
+            yield from records_of(kinds.SIMULATE, {}, timestamp)
+
+    def _before(self, kind: int, data: Any) -> int | None:
+        """Above which node a flyer was that has just moved."""
+        if kind != kinds.AERIAL_AGENT_POSITION:
+            return None
+        node: int = self._ctx.agent.agents[data["agent_name"]].prev_node_id
+        return node
 
     def happen(self, kind: int, data: Any) -> None:
         """Let an event other than a move happen; one that is not known does nothing.
@@ -100,12 +107,19 @@ class Player:
         self._recorder.renumber(data["names"], numbers)
 
     def _create(self, data: Any) -> None:
+        if self._is_version_2 and self._was_refused(data["name"], data["kwargs"]):
+            return
         agent = self._ctx.agent.create_agent(data["name"], **data["kwargs"])
         more = {name: value for name, value in data.get("state", {}).items() if name in _PLACES}
         self._ctx.agent.put(agent, {name: tuple(value) for name, value in more.items()})
         self._numbers[self._next] = data["name"]
         self._recorder.renumber([data["name"]], [self._next])
         self._next += 1
+
+    def _was_refused(self, name: Any, given: Any) -> bool:
+        """Whether 1.0.0 made no agent of this after it had written it down."""
+        flies = given.get("type") == 1
+        return name in self._ctx.agent.agents or "start_node_id" not in given or (flies and "speed" not in given)
 
     def _delete(self, data: Any) -> None:
         self._ctx.agent.delete_agent(data["name"])
@@ -175,8 +189,16 @@ _COMPONENTS = {code.value: code.name for code in OpCodes if code.name.startswith
 _PLACES = ("heading", "position", "previous_position", "quat")
 
 
-def _set(attribute: str, key: str) -> Callable[[Player, Any], None]:
-    return lambda player, data: setattr(player._ctx.agent.get_agent(data["agent_name"]), attribute, data[key])
+def _set(attribute: str, key: str, column: str | None = None) -> Callable[[Player, Any], None]:
+    """Set an attribute; a column is given where setting it again would not come to the last bit."""
+
+    def happen(player: Player, data: Any) -> None:
+        agent = player._ctx.agent.get_agent(data["agent_name"])
+        setattr(agent, attribute, data[key])
+        if column is not None and data[key] is not None and not player._is_version_2:
+            player._ctx.agent.put(agent, {column: tuple(map(float, data[key]))})
+
+    return happen
 
 
 _EVENTS: dict[int, Callable[[Player, Any], None]] = {
@@ -187,9 +209,9 @@ _EVENTS: dict[int, Callable[[Player, Any], None]] = {
     kinds.AGENT_PREV_NODE: _set("prev_node_id", "node_id"),
     kinds.AGENT_SENSOR_REGISTER: Player._register,
     kinds.AGENT_SENSOR_DEREGISTER: Player._deregister,
-    kinds.AGENT_ORIENTATION: _set("orientation", "orientation"),
+    kinds.AGENT_ORIENTATION: _set("orientation", "orientation", "heading"),
     kinds.AERIAL_AGENT_POSITION: _set("position", "position"),
-    kinds.AERIAL_AGENT_QUATERNION: _set("quat", "quat"),
+    kinds.AERIAL_AGENT_QUATERNION: _set("quat", "quat", "quat"),
     kinds.AGENT_TEAM: _set("team", "team"),
     kinds.AGENT_ALIVE: _set("alive", "alive"),
     kinds.AGENT_SPEED: _set("speed", "speed"),

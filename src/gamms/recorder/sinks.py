@@ -8,7 +8,7 @@ from gamms.ir.journal import Log
 from gamms.recorder import state
 from gamms.recorder.formats.version2 import Version2Writer
 from gamms.recorder.formats.writer import Writer
-from gamms.recorder.records import TURN_NS, record_of, records_of_move, steps_of
+from gamms.recorder.records import TURN_NS, records_of, records_of_move, steps_of
 from gamms.recorder.session import Session
 
 
@@ -62,23 +62,33 @@ class Version2Sink:
                 self._happen(step[0], step[1], timestamp)
                 is_over = is_over and step[0] != kinds.UNFINISHED
         if is_over:
-            self._write(record_of(kinds.SIMULATE, {}, timestamp))
+            self._write(*records_of(kinds.SIMULATE, {}, timestamp))
         self._turn += 1
 
     def _happen(self, kind: int, data: Any, timestamp: int) -> None:
+        before = self._follow(kind, data)
+        if kind in _OF_VERSION_2:
+            self._write(*records_of(kind, data, timestamp, before))
+
+    def _follow(self, kind: int, data: Any) -> int | None:
+        """Keep in mind who is where; where one that has flown was before."""
+        before = None
         if kind == kinds.AGENT_CREATE:
             self._names.append(data["name"])
-            self._nodes[data["name"]] = int(data["kwargs"]["start_node_id"])
+            self._nodes[data["name"]] = data.get("state", {}).get("node", data["kwargs"]["start_node_id"])
         elif kind == kinds.AGENT_CURRENT_NODE:
             self._nodes[data["agent_name"]] = data["node_id"]
+        elif kind == kinds.AERIAL_AGENT_POSITION and "node" in data:
+            before = self._nodes.get(data["agent_name"])
+            self._nodes[data["agent_name"]] = data["node"]
         elif kind == kinds.SNAPSHOT:
             self._names = list(data["names"])
             self._nodes = dict(zip(self._names, data["node"].tolist(), strict=True))
-        if kind in _OF_VERSION_2:
-            self._write(record_of(kind, data, timestamp))
+        return before
 
-    def _write(self, record: dict[str, Any]) -> None:
-        self._writer.write(record["timestamp"], record["opCode"], record["data"])
+    def _write(self, *records: dict[str, Any]) -> None:
+        for record in records:
+            self._writer.write(record["timestamp"], record["opCode"], record["data"])
 
     def keyframe(self, keyframe: state.State) -> None:
         """There is no place for it."""
