@@ -7,14 +7,15 @@ from collections.abc import Callable, Iterator, KeysView
 from pathlib import Path
 from typing import Any, BinaryIO
 
-from gamms.errors import BadType, BadValue, GammsError
+from gamms.arguments import as_int
+from gamms.errors import BadType, BadValue, ContextTerminated, GammsError
 from gamms.ir import journal as kinds
 from gamms.recorder.components import Components
 from gamms.recorder.errors import RecordingError
 from gamms.recorder.formats import version2
 from gamms.recorder.formats.reader import Reader
 from gamms.recorder.plain import is_plain, plain
-from gamms.recorder.records import TURN_NS, Record
+from gamms.recorder.records import TURN_NS, Record, check_record
 from gamms.recorder.replaying import Player
 from gamms.recorder.session import Session
 from gamms.recorder.sinks import Version2Sink, Version3Sink, header_of
@@ -91,6 +92,8 @@ class Recorder(IRecorder):
             raise BadValue(f"version must be 2 or 3, not {version!r}.")
         if not is_plain(provenance):
             raise BadType(f"provenance must be plain values, not {provenance!r}.")
+        if created is not None:
+            created = as_int(created, "created")
         options = {"created": created, "provenance": provenance}
         stream, self._is_owned = _opened(path)
         self._stream = stream
@@ -130,6 +133,8 @@ class Recorder(IRecorder):
 
     def pause(self) -> None:
         """Write nothing until `play`."""
+        if self.ctx.is_terminated():
+            return
         if self._session is None or self._session.is_paused:
             self.ctx.logger.warning("There is nothing to pause: no recording is being written.")
             return
@@ -138,6 +143,8 @@ class Recorder(IRecorder):
 
     def play(self) -> None:
         """Write again, beginning with how things are now."""
+        if self.ctx.is_terminated():
+            return
         if self._session is None or not self._session.is_paused:
             self.ctx.logger.warning("There is nothing to play: no recording is paused.")
             return
@@ -146,14 +153,21 @@ class Recorder(IRecorder):
             self._component_event(name, data)
 
     def write(self, opCode: OpCodes, data: dict[str, Any]) -> None:  # noqa: N803 - published name
-        """Write one record, just so.
+        """Write one record, just so; SIMULATE ends a turn.
 
         Raises:
             RecorderBusy (RuntimeError): no recording is being written.
+            BadType (TypeError), BadValue (ValueError): it could not be read again; nothing was written.
         """
+        if self.ctx.is_terminated():
+            return
         if not self.record():
             raise RecorderBusy("No recording is being written, or it is paused.")
-        self._log().append((opCode.value, plain(data)))
+        check_record(opCode, data)
+        if opCode is OpCodes.SIMULATE and self._session is not None:
+            self._session.end_turn()
+        else:
+            self._log().append((opCode.value, plain(data)))
 
     def event(self, kind: str, **data: Any) -> None:
         """Write something of the program's own, as plain values; nothing while no recording is being written.
@@ -183,6 +197,8 @@ class Recorder(IRecorder):
             RecordingError (ValueError): it is none, or damaged; what was whole has been applied. Or it does not fit
                 this context.
         """
+        if self.ctx.is_terminated():
+            return
         if self.is_replaying:
             raise RecorderBusy("A recording is being replayed already.")
         stream, is_owned = _readable(path)
@@ -194,6 +210,9 @@ class Recorder(IRecorder):
                 yield from self._replay_version_2(stream)
             else:
                 yield from self._replay_version_3(stream)
+        except ContextTerminated:
+            if not self.ctx.is_terminated():
+                raise
         finally:
             self.is_replaying, self._source = False, None
             if self._session is not None:
@@ -217,6 +236,8 @@ class Recorder(IRecorder):
             if record["opCode"] != kinds.TERMINATE:
                 player.happen(record["opCode"], record["data"])
             yield record
+            if self.ctx.is_terminated():
+                return
 
     # -- for the player -----------------------------------------------------------------------------------------
 
@@ -288,7 +309,7 @@ class Recorder(IRecorder):
 def _opened(path: Any) -> tuple[BinaryIO, bool]:
     if isinstance(path, (str, os.PathLike)):
         file = Path(path)
-        file = file if file.suffix == _SUFFIX else Path(f"{file}{_SUFFIX}")
+        file = file if file.name.endswith(_SUFFIX) else Path(f"{file}{_SUFFIX}")
         if file.exists():
             raise FileExistsError(f"There is a file {str(file)!r} already; choose another name or delete it first.")
         return file.open("xb"), True

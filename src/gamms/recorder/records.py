@@ -3,12 +3,33 @@
 from collections.abc import Iterator
 from typing import Any
 
+from gamms.errors import BadType, BadValue
 from gamms.ir import journal as kinds
 from gamms.ir.journal import Log
+from gamms.recorder.formats.version2 import FIELDS
+from gamms.recorder.plain import is_plain
+from gamms.typing.opcodes import OpCodes
 
 Record = dict[str, Any]
 
 TURN_NS = 1_000_000_000  # what a turn lasts in time stamps, which follow from the turns alone
+
+
+def check_record(opcode: Any, data: Any) -> None:
+    """See that a record of the user's own can be read again.
+
+    Raises:
+        BadType, BadValue: it cannot.
+    """
+    if not isinstance(opcode, OpCodes):
+        raise BadType(f"opCode must be one of gamms.typing.OpCodes, not {opcode!r}.")
+    if opcode is OpCodes.TERMINATE:
+        raise BadValue("TERMINATE is written by ctx.record.stop().")
+    if not isinstance(data, dict) or not is_plain(data):
+        raise BadType(f"What is recorded must be a dict of plain values, not {data!r}.")
+    missing = sorted(FIELDS[opcode.value] - data.keys())
+    if missing:
+        raise BadValue(f"The data of {opcode.name} must have {', '.join(map(repr, missing))}, not only {list(data)}.")
 
 
 def steps_of(log: Log) -> Iterator[tuple[Any, Any]]:

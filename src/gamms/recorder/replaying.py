@@ -4,7 +4,7 @@ from collections.abc import Callable, Iterator
 from copy import deepcopy
 from typing import Any
 
-from gamms.errors import GammsError
+from gamms.errors import ContextTerminated, GammsError
 from gamms.ir import journal as kinds
 from gamms.ir.journal import Muted
 from gamms.recorder import state
@@ -40,12 +40,16 @@ class Player:
         self._silently(lambda: self._put(begin[1]))
         for turn in range(reader.turns):
             yield from self._turn(turn, reader.log(turn))
+            if self._ctx.is_terminated():
+                return
         yield {"timestamp": max(0, reader.turns - 1) * TURN_NS, "opCode": kinds.TERMINATE}
 
     def _turn(self, turn: int, log: kinds.Log) -> Iterator[Record]:
         timestamp, is_over = turn * TURN_NS, True
         columns, writer = self._ctx.agent.columns, self._ctx.agent.moves.plain()
         for number, step in steps_of(log):
+            if self._ctx.is_terminated():
+                return
             self._recorder.clock = timestamp
             if number is None:
                 if step[0] == kinds.UNFINISHED:
@@ -64,7 +68,7 @@ class Player:
                 raise RecordingError(f"Turn {turn} moves agent number {number}: {error}") from error
             self._copy(number, step)
             yield from records_of_move(name, before, step, timestamp)
-        if is_over:
+        if is_over and not self._ctx.is_terminated():
             self.happen(kinds.SIMULATE, {})
             yield from records_of(kinds.SIMULATE, {}, timestamp)
 
@@ -88,6 +92,8 @@ class Player:
         if apply is not None:
             try:
                 self._silently(lambda: apply(self, data))
+            except ContextTerminated:
+                raise
             except (GammsError, KeyError, TypeError, ValueError, AttributeError) as error:
                 raise RecordingError(f"An event of kind {kind:#010x} cannot happen here: {error}") from error
         elif kind in _COMPONENTS:

@@ -55,6 +55,16 @@ class Session:
         """The events of this turn so far."""
         return self._journal.log
 
+    def end_turn(self) -> None:
+        """Write the turn, which is over."""
+        journal = self._journal
+        log, journal.log = journal.log, []
+        if self.copied is None:
+            log[:0] = self._world_changes()
+            log += self._game.changes()
+        self.turn += 1
+        self._keep(log)
+
     def pause(self) -> None:
         """Write nothing until `play`."""
         self._hush()
@@ -121,7 +131,7 @@ class Session:
         agents.settle()
         self._journal = agents.columns.journal = PlainJournal(agents.columns.names)
         agents.write_by(agents.moves.plain().journaled(agents.columns))
-        self.ctx.visual.after_turn.append(self._turn_over)
+        self.ctx.visual.after_turn.append(self.end_turn)
         self.ctx.game.after_reset.append(self._begin_anew)
 
     def _hush(self) -> None:
@@ -129,8 +139,8 @@ class Session:
         if agents.columns.journal is self._journal:
             agents.columns.journal = NOBODY
             agents.write_by(agents.moves.plain())
-        if self._turn_over in self.ctx.visual.after_turn:
-            self.ctx.visual.after_turn.remove(self._turn_over)
+        if self.end_turn in self.ctx.visual.after_turn:
+            self.ctx.visual.after_turn.remove(self.end_turn)
         if self._begin_anew in self.ctx.game.after_reset:
             self.ctx.game.after_reset.remove(self._begin_anew)
 
@@ -138,15 +148,6 @@ class Session:
         """The game was reset: what has come since the start was taken away again, and the rest is set."""
         self._hush()
         self.play()
-
-    def _turn_over(self) -> None:
-        journal = self._journal
-        log, journal.log = journal.log, []
-        if self.copied is None:
-            log[:0] = self._world_changes()
-            log += self._game.changes()
-        self.turn += 1
-        self._keep(log)
 
     def _keep(self, log: Log) -> None:
         self._logs.append(log)
