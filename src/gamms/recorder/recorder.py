@@ -56,7 +56,8 @@ class Recorder(IRecorder):
 
     def record(self) -> bool:
         """Whether events are being written now."""
-        return self._session is not None and not self._session.is_paused and not self.ctx.is_terminated()
+        session = self._session
+        return session is not None and not (session.is_paused or session.has_failed or self.ctx.is_terminated())
 
     @property
     def is_open(self) -> bool:
@@ -86,15 +87,11 @@ class Recorder(IRecorder):
         """
         if self.ctx.is_terminated():
             return
+        if self._session is not None and self._session.has_failed:
+            self.stop()
         if self._session is not None:
             raise RecorderBusy("A recording is being written already. Call ctx.record.stop() first.")
-        if version not in _VERSIONS:
-            raise BadValue(f"version must be 2 or 3, not {version!r}.")
-        if not is_plain(provenance):
-            raise BadType(f"provenance must be plain values, not {provenance!r}.")
-        if created is not None:
-            created = as_int(created, "created")
-        options = {"created": created, "provenance": provenance}
+        options = _checked_options(version, created, provenance)
         stream, self._is_owned = _opened(path)
         self._stream = stream
 
@@ -304,6 +301,14 @@ class Recorder(IRecorder):
     def _component_event(self, opcode_name: str, data: dict[str, Any]) -> None:
         if self.record():
             self._log().append((OpCodes[opcode_name].value, plain(data)))
+
+
+def _checked_options(version: Any, created: Any, provenance: Any) -> dict[str, Any]:
+    if version not in _VERSIONS:
+        raise BadValue(f"version must be 2 or 3, not {version!r}.")
+    if not is_plain(provenance):
+        raise BadType(f"provenance must be plain values, not {provenance!r}.")
+    return {"created": None if created is None else as_int(created, "created"), "provenance": plain(provenance)}
 
 
 def _opened(path: Any) -> tuple[BinaryIO, bool]:

@@ -1,12 +1,14 @@
 """One recording while it is being written: what the journal holds becomes the log of each turn."""
 
 import time
-from collections.abc import Callable
+from collections.abc import Callable, Iterator
+from contextlib import contextmanager
 from typing import Any
 
 from gamms.ir import journal as kinds
 from gamms.ir.journal import NOBODY, Log
 from gamms.recorder import state
+from gamms.recorder.errors import RecordingError
 from gamms.recorder.noting import PlainJournal
 from gamms.recorder.plain import is_same, plain, plain_part
 
@@ -27,6 +29,7 @@ class Session:
 
     Attributes:
         is_paused: whether nothing is written for now.
+        has_failed: whether it could not be written further: nothing is noted then, and nothing more written.
         copied: while a recording is being replayed, whose events are copied as they are: its keyframe after a turn.
         header: of the recording that was replayed first of all; None: this one has its own.
         turn: how many turns were recorded.
@@ -42,7 +45,7 @@ class Session:
         self._since_keyframe = 0  # entries
         self._handed_at = time.monotonic()
         self.turn = 0
-        self.is_paused = False
+        self.is_paused = self.has_failed = False
         self.copied: Callable[[int], state.State | None] | None = None
         self.header: dict[str, Any] | None = None
         self._listen()
@@ -63,7 +66,8 @@ class Session:
             log[:0] = self._world_changes()
             log += self._game.changes()
         self.turn += 1
-        self._keep(log)
+        with self._writing():
+            self._keep(log)
 
     def pause(self) -> None:
         """Write nothing until `play`."""
@@ -81,14 +85,17 @@ class Session:
     def close(self) -> None:
         """Write what is left, and listen no longer."""
         self._hush()
+        if self.has_failed:
+            return  # and has said so
         log = self._journal.log
         if not self.is_paused and self.copied is None:
             log += self._game.changes()
         if log:
             log.append((kinds.UNFINISHED, {}))
             self._logs.append(log)
-        self._hand_over()
-        self.sink.close()
+        with self._writing():
+            self._hand_over()
+            self.sink.close()
 
     @property
     def sink(self) -> Sink:
@@ -148,6 +155,15 @@ class Session:
         """The game was reset: what has come since the start was taken away again, and the rest is set."""
         self._hush()
         self.play()
+
+    @contextmanager
+    def _writing(self) -> Iterator[None]:
+        try:
+            yield
+        except RecordingError:
+            self._hush()
+            self.has_failed, self._logs = True, []
+            raise
 
     def _keep(self, log: Log) -> None:
         self._logs.append(log)

@@ -1,15 +1,21 @@
 """What writes the logs of a session, one class per format version."""
 
+import io
 import os
+import time
 from typing import Any, BinaryIO
 
 from gamms.ir import journal as kinds
 from gamms.ir.journal import Log
 from gamms.recorder import state
+from gamms.recorder.formats.output import Output
 from gamms.recorder.formats.version2 import Version2Writer
 from gamms.recorder.formats.writer import Writer
 from gamms.recorder.records import TURN_NS, records_of, records_of_move, steps_of
 from gamms.recorder.session import Session
+
+_MOST_WAITING = 1 << 16  # bytes
+_PATIENCE_S = 0.5
 
 
 class Version3Sink:
@@ -43,8 +49,10 @@ class Version2Sink:
     """Writes what gamms 1.0.0 reads; what that does not know is left out."""
 
     def __init__(self, stream: BinaryIO, session: Session) -> None:
-        self._writer = Version2Writer(stream)
-        self._stream = stream
+        self._output = Output(stream)
+        self._waiting = io.BytesIO()
+        self._writer = Version2Writer(self._waiting)
+        self._flushed_at = time.monotonic()
         self._turn = 0
         self._names: list[str] = list(session.begin["names"])
         self._nodes: dict[str, int] = dict(zip(self._names, session.begin["node"].tolist(), strict=True))
@@ -64,6 +72,8 @@ class Version2Sink:
         if is_over:
             self._write(*records_of(kinds.SIMULATE, {}, timestamp))
         self._turn += 1
+        if self._waiting.tell() > _MOST_WAITING or time.monotonic() - self._flushed_at > _PATIENCE_S:
+            self.flush()
 
     def _happen(self, kind: int, data: Any, timestamp: int) -> None:
         before = self._follow(kind, data)
@@ -95,12 +105,15 @@ class Version2Sink:
 
     def flush(self) -> None:
         """Hand over what was written to the system."""
-        self._stream.flush()
+        self._output.append(self._waiting.getvalue())
+        self._waiting.seek(0)
+        self._waiting.truncate()
+        self._flushed_at = time.monotonic()
 
     def close(self) -> None:
         """Write the end."""
         self._writer.write(max(0, self._turn - 1) * TURN_NS, kinds.TERMINATE)
-        self._stream.flush()
+        self.flush()
 
 
 _OF_VERSION_2 = {
