@@ -38,7 +38,7 @@ _legacy.install()
 
 
 def __getattr__(name: str) -> _Any:
-    module = _import_module(f"gamms.{name}") if name in _WHEN_ASKED else _legacy.resolve(name)
-    if module is not None:
-        return module
+    found = _import_module(f"gamms.{name}") if name in _WHEN_ASKED else _legacy.resolve(name)
+    if found is not None:
+        return found
     raise AttributeError(f"module {__name__!r} has no attribute {name!r}")

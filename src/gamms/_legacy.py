@@ -21,6 +21,9 @@ _ROOMS_OF: dict[str, tuple[str, ...]] = {
     "gamms.MemoryEngine": ("gamms.memory",),
     "gamms.MemoryEngine.memory_engine": ("gamms.memory",),
     "gamms.MemoryEngine.store": ("gamms.memory", "gamms.memory.store"),
+    "gamms.Recorder": ("gamms.recorder",),
+    "gamms.Recorder.component": ("gamms.recorder.published",),
+    "gamms.Recorder.recorder": ("gamms.recorder",),
     "gamms.SensorEngine": ("gamms.sensor",),
     "gamms.SensorEngine.sensor_engine": ("gamms.sensor",),
     "gamms.SensorEngine.sensors_aerial": ("gamms.sensor",),
@@ -39,10 +42,13 @@ _ROOMS_OF: dict[str, tuple[str, ...]] = {
 _LATER: dict[str, str] = {
     "gamms.ComputationEngine": "the computation engine",
     "gamms.MessageEngine": "the message engine",
-    "gamms.Recorder": "recording",
     "gamms.VisualizationEngine.pygame_engine": "the pygame window",
     "gamms.VisualizationEngine.render_manager": "the pygame window",
 }
+
+# Old modules whose name says a class once `gamms` is imported, as in 1.0.0; they are there before anybody asks, because
+# an import that loads a module would also put it in the place of the class.
+_SHADOWED = {"gamms.Recorder": ("gamms.recorder", "Recorder")}
 
 # Names that 1.0.0 also offered in a room that is not theirs: room -> (their room, names).
 _GUESTS: dict[str, tuple[str, tuple[str, ...]]] = {
@@ -101,6 +107,9 @@ def install() -> None:
     """Make every old path importable; nothing is loaded until it is used."""
     if not any(isinstance(finder, _OldPaths) for finder in sys.meta_path):
         sys.meta_path.append(_OldPaths())
+    for path in _SHADOWED:
+        module = sys.modules.setdefault(path, _Alias(path))
+        module.__spec__, module.__path__ = ModuleSpec(path, None, is_package=True), []
     for room in _GUESTS:
         _invite(import_module(room))
 
@@ -119,8 +128,8 @@ def _feature_of(path: str) -> str | None:
     return next((later[name] for later in names if name in later), _LATER.get(path))
 
 
-def resolve(name: str) -> ModuleType | None:
-    """The module `gamms.<name>`, if it is an old path.
+def resolve(name: str) -> Any:
+    """What `gamms.<name>` says: a module, or a class in the place of one; None if it is no old path.
 
     Raises:
         NotYetAttribute: it belongs to a feature that is not built yet.
@@ -128,4 +137,7 @@ def resolve(name: str) -> ModuleType | None:
     path = f"gamms.{name}"
     if path in _LATER:
         raise NotYetAttribute(_LATER[path])
+    if path in _SHADOWED:
+        home, name = _SHADOWED[path]
+        return getattr(import_module(home), name)
     return import_module(path) if path in _ROOMS_OF else None

@@ -3,7 +3,7 @@
 import pytest
 
 import gamms
-from gamms.errors import ContextTerminated, GammsError, NotYet
+from gamms.errors import ContextTerminated, GammsError
 from gamms.graph import Engine
 from gamms.sensor import SensorType
 
@@ -152,16 +152,6 @@ def test_after_the_end_drawing_and_recording_are_quiet(open_context):
     assert ctx.record.record() is False
     ctx.record.start("game.ggr")
     ctx.record.stop()
-
-
-@pytest.mark.parametrize("verb", ["start", "stop", "pause", "play", "replay", "component", "time", "write"])
-def test_recording_comes_later_and_says_so(open_context, verb):
-    ctx = open_context()
-    assert ctx.record.record() is False
-    with pytest.raises(NotYet, match=rf"Not in this version of GAMMS yet: recording \(ctx\.record\.{verb}\)"):
-        getattr(ctx.record, verb)
-    with pytest.raises(NotImplementedError):
-        getattr(ctx.record, verb)
 
 
 def test_several_contexts_live_side_by_side(open_context):

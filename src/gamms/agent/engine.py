@@ -70,13 +70,14 @@ class AgentEngine(IAgentEngine):
         agent._live_in(self.columns)
         self.agents[name] = agent  # before its sensors: one may ask who its owner is
         log = self.columns.journal
-        log.entered(agent._row, name)
-        self.columns.journal = journal.NOBODY  # what follows is a part of the creation
+        self.columns.journal = journal.Muted(log)  # what follows is a part of the creation
         try:
             self._equip(agent, sensors)
         finally:
             self.columns.journal = log
-        log.note(journal.AGENT_CREATE, {"name": name, "kwargs": given, "state": self._more_of(agent._row)})
+        if log is not journal.NOBODY:
+            log.entered(agent._row, name)
+            log.note(journal.AGENT_CREATE, {"name": name, "kwargs": given, "state": self._more_of(agent._row)})
         return agent
 
     def get_agent(self, name: str) -> Member:
@@ -185,6 +186,8 @@ class AgentEngine(IAgentEngine):
         """What does not follow from the keywords of a new agent alone: how it is turned, where it flies."""
         columns = self.columns
         more = {name: getattr(columns, name)[row] for name in ("heading", "position", "previous_position", "quat")}
+        if columns.kind[row]:
+            more["node"] = self.moves.nearest(columns, row)
         return {name: value for name, value in more.items() if value is not None}
 
     def _take_out(self, agent: Member) -> None:

@@ -271,6 +271,10 @@ class Game(Settings):
             self._start = start.taken(self)
         return self._start.place_of(one)
 
+    def take_over(self, over: dict[str, Any] | None) -> None:
+        """Be over for this reason, or not; for who plays a recording."""
+        self._over = None if over is None else dict(over)
+
     # -- for the parts of the engine ----------------------------------------------------------------------------
 
     @property

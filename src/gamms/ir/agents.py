@@ -147,6 +147,7 @@ class AgentColumns:
         for name in BY_ROW:
             column = getattr(self, name)
             setattr(self, name, [column[row] for row in rows])
+        self.journal.kept(rows)
         self.moves += 1
         self.roster += 1
         adrift = {i for i, row in enumerate(rows) if row in self.adrift}

@@ -58,6 +58,25 @@ class Journal:
         self.ids = [self.ids[row] for row in rows]
 
 
+class Muted(Journal):
+    """Another journal while what happens is not worth a note, but for who has which number."""
+
+    def __init__(self, journal: Journal) -> None:
+        super().__init__([])
+        self._journal = journal
+
+    def note(self, kind: int, data: Any) -> None:
+        """Nothing is noted."""
+
+    def entered(self, row: int, name: str) -> None:
+        """An agent has come, in the last row."""
+        self._journal.entered(row, name)
+
+    def kept(self, rows: list[int]) -> None:
+        """Only these rows are left, in this order."""
+        self._journal.kept(rows)
+
+
 class _Nobody(Journal):
     """Nobody reads."""
 

@@ -20,6 +20,7 @@ from gamms.recorder.component_class import (
 from gamms.recorder.errors import RecordingError
 from gamms.recorder.struct_types import FieldType
 
+Kept = tuple[set[Key], dict[Any, tuple[Any, dict[str, Any]]]]  # classes; components by name, with their values
 OnEvent = Callable[[str, dict[str, Any]], None]  # the name of an operation code, and its data
 
 _MOST_CLASSES = 10_000  # that recordings may declare
@@ -127,6 +128,41 @@ class Components:
                 yield from _events_of(component)
         for key in self._classes:
             if key in needed and key not in self._component_registry:
+                yield "COMPONENT_UNREGISTER", {"key": list(key)}
+
+    def kept(self) -> Kept:
+        """All that is recorded now, for `since`."""
+        components = {
+            name: (one, dict(getattr(one, STORE)))
+            for name, one in self._components.items()
+            if self._is_recorded(one, name)
+        }
+        return set(self._component_registry), components
+
+    def since(self, kept: Kept) -> Iterator[tuple[str, dict[str, Any]]]:
+        """The events that lead from what `kept` told to how things are now."""
+        classes, components = kept
+        now = self.kept()[1]
+        for name, (component, _) in components.items():
+            if name not in now or now[name][0] is not component:
+                yield "COMPONENT_DELETE", {"name": name}
+        needed = {kind.key for name, (one, _) in now.items() if name not in components and (kind := kind_of(one))}
+        for key in self._classes:
+            if key not in classes and (key in self._component_registry or key in needed):
+                fields = self._classes[key][1].fields
+                yield "COMPONENT_REGISTER", _registration(key, {name: str(one) for name, one in fields.items()})
+        for name, (component, values) in now.items():
+            if name in components and components[name][0] is component:
+                before = components[name][1]
+                yield from (
+                    ("COMPONENT_UPDATE", _update(name, field, value))
+                    for field, value in values.items()
+                    if value is not before[field] and repr(value) != repr(before[field])
+                )
+            else:
+                yield from _events_of(component)
+        for key in self._classes:
+            if key in classes | needed and key not in self._component_registry:
                 yield "COMPONENT_UNREGISTER", {"key": list(key)}
 
     # -- what components report -----------------------------------------------------------------------------------

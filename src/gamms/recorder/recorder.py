@@ -7,14 +7,15 @@ from collections.abc import Callable, Iterator, KeysView
 from pathlib import Path
 from typing import Any, BinaryIO
 
-from gamms.errors import BadType, BadValue, GammsError
+from gamms.arguments import as_int
+from gamms.errors import BadType, BadValue, ContextTerminated, GammsError
 from gamms.ir import journal as kinds
 from gamms.recorder.components import Components
 from gamms.recorder.errors import RecordingError
 from gamms.recorder.formats import version2
 from gamms.recorder.formats.reader import Reader
-from gamms.recorder.plain import is_plain
-from gamms.recorder.records import TURN_NS, Record
+from gamms.recorder.plain import is_plain, plain
+from gamms.recorder.records import TURN_NS, Record, check_record
 from gamms.recorder.replaying import Player
 from gamms.recorder.session import Session
 from gamms.recorder.sinks import Version2Sink, Version3Sink, header_of
@@ -48,13 +49,15 @@ class Recorder(IRecorder):
         self._stream: BinaryIO | None = None
         self._is_owned = False
         self._source: Reader | None = None
+        self._kept = self.components.kept()  # when the recording was paused
         self._is_copying = True
 
     # -- writing ------------------------------------------------------------------------------------------------
 
     def record(self) -> bool:
         """Whether events are being written now."""
-        return self._session is not None and not self._session.is_paused and not self.ctx.is_terminated()
+        session = self._session
+        return session is not None and not (session.is_paused or session.has_failed or self.ctx.is_terminated())
 
     @property
     def is_open(self) -> bool:
@@ -84,13 +87,11 @@ class Recorder(IRecorder):
         """
         if self.ctx.is_terminated():
             return
+        if self._session is not None and self._session.has_failed:
+            self.stop()
         if self._session is not None:
             raise RecorderBusy("A recording is being written already. Call ctx.record.stop() first.")
-        if version not in _VERSIONS:
-            raise BadValue(f"version must be 2 or 3, not {version!r}.")
-        if not is_plain(provenance):
-            raise BadType(f"provenance must be plain values, not {provenance!r}.")
-        options = {"created": created, "provenance": provenance}
+        options = _checked_options(version, created, provenance)
         stream, self._is_owned = _opened(path)
         self._stream = stream
 
@@ -129,27 +130,41 @@ class Recorder(IRecorder):
 
     def pause(self) -> None:
         """Write nothing until `play`."""
+        if self.ctx.is_terminated():
+            return
         if self._session is None or self._session.is_paused:
             self.ctx.logger.warning("There is nothing to pause: no recording is being written.")
             return
         self._session.pause()
+        self._kept = self.components.kept()
 
     def play(self) -> None:
         """Write again, beginning with how things are now."""
+        if self.ctx.is_terminated():
+            return
         if self._session is None or not self._session.is_paused:
             self.ctx.logger.warning("There is nothing to play: no recording is paused.")
             return
         self._session.play()
+        for name, data in self.components.since(self._kept):
+            self._component_event(name, data)
 
     def write(self, opCode: OpCodes, data: dict[str, Any]) -> None:  # noqa: N803 - published name
-        """Write one record, just so.
+        """Write one record, just so; SIMULATE ends a turn.
 
         Raises:
             RecorderBusy (RuntimeError): no recording is being written.
+            BadType (TypeError), BadValue (ValueError): it could not be read again; nothing was written.
         """
+        if self.ctx.is_terminated():
+            return
         if not self.record():
             raise RecorderBusy("No recording is being written, or it is paused.")
-        self._log().append((opCode.value, data))
+        check_record(opCode, data)
+        if opCode is OpCodes.SIMULATE and self._session is not None:
+            self._session.end_turn()
+        else:
+            self._log().append((opCode.value, plain(data)))
 
     def event(self, kind: str, **data: Any) -> None:
         """Write something of the program's own, as plain values; nothing while no recording is being written.
@@ -160,7 +175,7 @@ class Recorder(IRecorder):
         if not is_plain(data):
             raise BadType(f"What is recorded must be plain values, not {data!r}.")
         if self.record():
-            self._log().append((kinds.USER_EVENT, {"kind": str(kind), **data}))
+            self._log().append((kinds.USER_EVENT, {"kind": str(kind), **plain(data)}))
 
     def time(self) -> int:
         """Nanoseconds: of the recording while one is replayed or written, where a turn counts as a second."""
@@ -179,6 +194,8 @@ class Recorder(IRecorder):
             RecordingError (ValueError): it is none, or damaged; what was whole has been applied. Or it does not fit
                 this context.
         """
+        if self.ctx.is_terminated():
+            return
         if self.is_replaying:
             raise RecorderBusy("A recording is being replayed already.")
         stream, is_owned = _readable(path)
@@ -190,6 +207,9 @@ class Recorder(IRecorder):
                 yield from self._replay_version_2(stream)
             else:
                 yield from self._replay_version_3(stream)
+        except ContextTerminated:
+            if not self.ctx.is_terminated():
+                raise
         finally:
             self.is_replaying, self._source = False, None
             if self._session is not None:
@@ -213,6 +233,8 @@ class Recorder(IRecorder):
             if record["opCode"] != kinds.TERMINATE:
                 player.happen(record["opCode"], record["data"])
             yield record
+            if self.ctx.is_terminated():
+                return
 
     # -- for the player -----------------------------------------------------------------------------------------
 
@@ -266,15 +288,33 @@ class Recorder(IRecorder):
         """Forget a component class (KeyError)."""
         self.components.unregister_component(key)
 
+    # NOTE: programs look into these two (docs on compatibility).
+
+    @property
+    def _components(self) -> dict[Any, Any]:
+        return self.components._components
+
+    @property
+    def _component_registry(self) -> dict[tuple[str, str], type]:
+        return self.components._component_registry
+
     def _component_event(self, opcode_name: str, data: dict[str, Any]) -> None:
         if self.record():
-            self._log().append((OpCodes[opcode_name].value, data))
+            self._log().append((OpCodes[opcode_name].value, plain(data)))
+
+
+def _checked_options(version: Any, created: Any, provenance: Any) -> dict[str, Any]:
+    if version not in _VERSIONS:
+        raise BadValue(f"version must be 2 or 3, not {version!r}.")
+    if not is_plain(provenance):
+        raise BadType(f"provenance must be plain values, not {provenance!r}.")
+    return {"created": None if created is None else as_int(created, "created"), "provenance": plain(provenance)}
 
 
 def _opened(path: Any) -> tuple[BinaryIO, bool]:
     if isinstance(path, (str, os.PathLike)):
         file = Path(path)
-        file = file if file.suffix == _SUFFIX else Path(f"{file}{_SUFFIX}")
+        file = file if file.name.endswith(_SUFFIX) else Path(f"{file}{_SUFFIX}")
         if file.exists():
             raise FileExistsError(f"There is a file {str(file)!r} already; choose another name or delete it first.")
         return file.open("xb"), True

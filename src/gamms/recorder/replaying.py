@@ -1,15 +1,16 @@
 """Play a recording: apply what it says to a context, event by event, and yield it in the form of 1.0.0."""
 
 from collections.abc import Callable, Iterator
+from copy import deepcopy
 from typing import Any
 
-from gamms.errors import GammsError
+from gamms.errors import ContextTerminated, GammsError
 from gamms.ir import journal as kinds
-from gamms.ir.journal import NOBODY
+from gamms.ir.journal import Muted
 from gamms.recorder import state
 from gamms.recorder.errors import RecordingError
 from gamms.recorder.formats.reader import Reader
-from gamms.recorder.records import TURN_NS, Record, record_of, records_of_move, steps_of
+from gamms.recorder.records import TURN_NS, Record, records_of, records_of_move, steps_of
 from gamms.typing.opcodes import OpCodes
 
 Tell = Callable[[int], None]  # told the time stamp of what comes next
@@ -39,12 +40,16 @@ class Player:
         self._silently(lambda: self._put(begin[1]))
         for turn in range(reader.turns):
             yield from self._turn(turn, reader.log(turn))
+            if self._ctx.is_terminated():
+                return
         yield {"timestamp": max(0, reader.turns - 1) * TURN_NS, "opCode": kinds.TERMINATE}
 
     def _turn(self, turn: int, log: kinds.Log) -> Iterator[Record]:
         timestamp, is_over = turn * TURN_NS, True
         columns, writer = self._ctx.agent.columns, self._ctx.agent.moves.plain()
         for number, step in steps_of(log):
+            if self._ctx.is_terminated():
+                return
             self._recorder.clock = timestamp
             if number is None:
                 if step[0] == kinds.UNFINISHED:
@@ -52,7 +57,7 @@ class Player:
                     continue
                 self.happen(*step)
                 columns, writer = self._ctx.agent.columns, self._ctx.agent.moves.plain()
-                yield record_of(step[0], step[1], timestamp)
+                yield from records_of(step[0], step[1], timestamp, self._before(step[0], step[1]))
                 continue
             try:
                 name = self._numbers[number]
@@ -63,9 +68,16 @@ class Player:
                 raise RecordingError(f"Turn {turn} moves agent number {number}: {error}") from error
             self._copy(number, step)
             yield from records_of_move(name, before, step, timestamp)
-        if is_over:
+        if is_over and not self._ctx.is_terminated():
             self.happen(kinds.SIMULATE, {})
-            yield record_of(kinds.SIMULATE, {}, timestamp)
+            yield from records_of(kinds.SIMULATE, {}, timestamp)
+
+    def _before(self, kind: int, data: Any) -> int | None:
+        """Above which node a flyer was that has just moved."""
+        if kind != kinds.AERIAL_AGENT_POSITION:
+            return None
+        node: int = self._ctx.agent.agents[data["agent_name"]].prev_node_id
+        return node
 
     def happen(self, kind: int, data: Any) -> None:
         """Let an event other than a move happen; one that is not known does nothing.
@@ -80,6 +92,8 @@ class Player:
         if apply is not None:
             try:
                 self._silently(lambda: apply(self, data))
+            except ContextTerminated:
+                raise
             except (GammsError, KeyError, TypeError, ValueError, AttributeError) as error:
                 raise RecordingError(f"An event of kind {kind:#010x} cannot happen here: {error}") from error
         elif kind in _COMPONENTS:
@@ -99,12 +113,19 @@ class Player:
         self._recorder.renumber(data["names"], numbers)
 
     def _create(self, data: Any) -> None:
+        if self._is_version_2 and self._was_refused(data["name"], data["kwargs"]):
+            return
         agent = self._ctx.agent.create_agent(data["name"], **data["kwargs"])
         more = {name: value for name, value in data.get("state", {}).items() if name in _PLACES}
         self._ctx.agent.put(agent, {name: tuple(value) for name, value in more.items()})
         self._numbers[self._next] = data["name"]
         self._recorder.renumber([data["name"]], [self._next])
         self._next += 1
+
+    def _was_refused(self, name: Any, given: Any) -> bool:
+        """Whether 1.0.0 made no agent of this after it had written it down."""
+        flies = given.get("type") == 1
+        return name in self._ctx.agent.agents or "start_node_id" not in given or (flies and "speed" not in given)
 
     def _delete(self, data: Any) -> None:
         self._ctx.agent.delete_agent(data["name"])
@@ -127,9 +148,15 @@ class Player:
         self._ctx.game.scores.update(data["scores"])
 
     def _data(self, data: Any) -> None:
-        self._ctx.game.data.update(data["set"])
+        self._ctx.game.data.update(deepcopy(data["set"]))
         for key in data["removed"]:
             self._ctx.game.data.pop(key, None)
+
+    def _event(self, data: Any) -> None:
+        self._ctx.game.events.append(deepcopy(data))
+
+    def _over(self, data: Any) -> None:
+        self._ctx.game.take_over(data or None)
 
     # -- around them --------------------------------------------------------------------------------------------
 
@@ -151,7 +178,8 @@ class Player:
     def _silently(self, happen: Callable[[], None]) -> None:
         """Let something happen without a note in the journal: what is noted is copied from the recording."""
         columns = self._ctx.agent.columns
-        journal, columns.journal = columns.journal, NOBODY
+        journal = columns.journal
+        columns.journal = Muted(journal)
         try:
             happen()
         finally:
@@ -167,8 +195,16 @@ _COMPONENTS = {code.value: code.name for code in OpCodes if code.name.startswith
 _PLACES = ("heading", "position", "previous_position", "quat")
 
 
-def _set(attribute: str, key: str) -> Callable[[Player, Any], None]:
-    return lambda player, data: setattr(player._ctx.agent.get_agent(data["agent_name"]), attribute, data[key])
+def _set(attribute: str, key: str, column: str | None = None) -> Callable[[Player, Any], None]:
+    """Set an attribute; a column is given where setting it again would not come to the last bit."""
+
+    def happen(player: Player, data: Any) -> None:
+        agent = player._ctx.agent.get_agent(data["agent_name"])
+        setattr(agent, attribute, data[key])
+        if column is not None and data[key] is not None and not player._is_version_2:
+            player._ctx.agent.put(agent, {column: tuple(map(float, data[key]))})
+
+    return happen
 
 
 _EVENTS: dict[int, Callable[[Player, Any], None]] = {
@@ -179,13 +215,15 @@ _EVENTS: dict[int, Callable[[Player, Any], None]] = {
     kinds.AGENT_PREV_NODE: _set("prev_node_id", "node_id"),
     kinds.AGENT_SENSOR_REGISTER: Player._register,
     kinds.AGENT_SENSOR_DEREGISTER: Player._deregister,
-    kinds.AGENT_ORIENTATION: _set("orientation", "orientation"),
+    kinds.AGENT_ORIENTATION: _set("orientation", "orientation", "heading"),
     kinds.AERIAL_AGENT_POSITION: _set("position", "position"),
-    kinds.AERIAL_AGENT_QUATERNION: _set("quat", "quat"),
+    kinds.AERIAL_AGENT_QUATERNION: _set("quat", "quat", "quat"),
     kinds.AGENT_TEAM: _set("team", "team"),
     kinds.AGENT_ALIVE: _set("alive", "alive"),
     kinds.AGENT_SPEED: _set("speed", "speed"),
     kinds.WORLD: Player._world,
     kinds.GAME_SCORES: Player._scores,
     kinds.GAME_DATA: Player._data,
+    kinds.GAME_EVENT: Player._event,
+    kinds.GAME_OVER: Player._over,
 }

@@ -1,14 +1,16 @@
 """One recording while it is being written: what the journal holds becomes the log of each turn."""
 
 import time
-from collections.abc import Callable
-from copy import deepcopy
+from collections.abc import Callable, Iterator
+from contextlib import contextmanager
 from typing import Any
 
 from gamms.ir import journal as kinds
-from gamms.ir.journal import NOBODY, Journal, Log
+from gamms.ir.journal import NOBODY, Log
 from gamms.recorder import state
-from gamms.recorder.plain import is_plain, plain
+from gamms.recorder.errors import RecordingError
+from gamms.recorder.noting import PlainJournal
+from gamms.recorder.plain import is_same, plain, plain_part
 
 _TURNS_AT_ONCE = 64
 _ENTRIES_AT_ONCE = 1 << 20  # of logs: what may wait to be written
@@ -27,6 +29,7 @@ class Session:
 
     Attributes:
         is_paused: whether nothing is written for now.
+        has_failed: whether it could not be written further: nothing is noted then, and nothing more written.
         copied: while a recording is being replayed, whose events are copied as they are: its keyframe after a turn.
         header: of the recording that was replayed first of all; None: this one has its own.
         turn: how many turns were recorded.
@@ -42,11 +45,11 @@ class Session:
         self._since_keyframe = 0  # entries
         self._handed_at = time.monotonic()
         self.turn = 0
-        self.is_paused = False
+        self.is_paused = self.has_failed = False
         self.copied: Callable[[int], state.State | None] | None = None
         self.header: dict[str, Any] | None = None
         self._listen()
-        self.begin = state.captured(ctx)
+        self.begin = state.captured(ctx) | state.told(ctx.game)
         self._world = self._revisions()
         self._game = _GameWatch(ctx)
 
@@ -54,6 +57,17 @@ class Session:
     def log(self) -> Log:
         """The events of this turn so far."""
         return self._journal.log
+
+    def end_turn(self) -> None:
+        """Write the turn, which is over."""
+        journal = self._journal
+        log, journal.log = journal.log, []
+        if self.copied is None:
+            log[:0] = self._world_changes()
+            log += self._game.changes()
+        self.turn += 1
+        with self._writing():
+            self._keep(log)
 
     def pause(self) -> None:
         """Write nothing until `play`."""
@@ -65,20 +79,23 @@ class Session:
         waiting = self._journal.log
         self._listen()
         self.is_paused = False
-        self._journal.log = [*waiting, (kinds.SNAPSHOT, state.captured(self.ctx))]
+        self._journal.log = [*waiting, (kinds.SNAPSHOT, state.captured(self.ctx) | state.told(self.ctx.game))]
         self._game = _GameWatch(self.ctx)
 
     def close(self) -> None:
         """Write what is left, and listen no longer."""
         self._hush()
+        if self.has_failed:
+            return  # and has said so
         log = self._journal.log
         if not self.is_paused and self.copied is None:
             log += self._game.changes()
         if log:
             log.append((kinds.UNFINISHED, {}))
             self._logs.append(log)
-        self._hand_over()
-        self.sink.close()
+        with self._writing():
+            self._hand_over()
+            self.sink.close()
 
     @property
     def sink(self) -> Sink:
@@ -106,13 +123,12 @@ class Session:
 
     def renumber(self, names: list[str], numbers: list[int]) -> None:
         """Let agents have the numbers that a replayed recording gives them."""
-        rows = {name: row for row, name in enumerate(self.ctx.agent.columns.names)}
-        journal = self._journal
+        journal, agents = self._journal, self.ctx.agent
         free = max([*numbers, len(journal.names) - 1], default=-1) + 1
         journal.names += [""] * (free - len(journal.names))
-        journal.ids += [-1] * (len(rows) - len(journal.ids))
+        journal.ids += [-1] * (len(agents.columns) - len(journal.ids))
         for name, number in zip(names, numbers, strict=True):
-            journal.ids[rows[name]] = number
+            journal.ids[agents.agents[name]._row] = number
             journal.names[number] = name
 
     # -- listening ----------------------------------------------------------------------------------------------
@@ -120,9 +136,9 @@ class Session:
     def _listen(self) -> None:
         agents = self.ctx.agent
         agents.settle()
-        self._journal = agents.columns.journal = Journal(agents.columns.names)
+        self._journal = agents.columns.journal = PlainJournal(agents.columns.names)
         agents.write_by(agents.moves.plain().journaled(agents.columns))
-        self.ctx.visual.after_turn.append(self._turn_over)
+        self.ctx.visual.after_turn.append(self.end_turn)
         self.ctx.game.after_reset.append(self._begin_anew)
 
     def _hush(self) -> None:
@@ -130,25 +146,24 @@ class Session:
         if agents.columns.journal is self._journal:
             agents.columns.journal = NOBODY
             agents.write_by(agents.moves.plain())
-        if self._turn_over in self.ctx.visual.after_turn:
-            self.ctx.visual.after_turn.remove(self._turn_over)
+        if self.end_turn in self.ctx.visual.after_turn:
+            self.ctx.visual.after_turn.remove(self.end_turn)
         if self._begin_anew in self.ctx.game.after_reset:
             self.ctx.game.after_reset.remove(self._begin_anew)
 
     def _begin_anew(self) -> None:
-        """The game was reset: what happened on the way is not worth telling."""
+        """The game was reset: what has come since the start was taken away again, and the rest is set."""
         self._hush()
-        self._journal.log = []
         self.play()
 
-    def _turn_over(self) -> None:
-        journal = self._journal
-        log, journal.log = journal.log, []
-        if self.copied is None:
-            log[:0] = self._world_changes()
-            log += self._game.changes()
-        self.turn += 1
-        self._keep(log)
+    @contextmanager
+    def _writing(self) -> Iterator[None]:
+        try:
+            yield
+        except RecordingError:
+            self._hush()
+            self.has_failed, self._logs = True, []
+            raise
 
     def _keep(self, log: Log) -> None:
         self._logs.append(log)
@@ -198,9 +213,9 @@ class _GameWatch:
     def __init__(self, ctx: Any) -> None:
         self._game, self._agents = ctx.game, ctx.agent
         self._events = len(ctx.game.events)
-        self._scores = dict(ctx.game.scores)
-        self._data = _kept(ctx.game.data)
-        self._over = ctx.game.over
+        self._scores = plain(ctx.game.scores)
+        self._data = plain_part(ctx.game.data)
+        self._over = plain(ctx.game.over)
         self._strategies = [agent.strategy for agent in ctx.agent.agents.values()]
         self._named = {name: agent.strategy for name, agent in ctx.agent.agents.items()}
 
@@ -209,21 +224,16 @@ class _GameWatch:
         game = self._game
         log: Log = self._new_strategies()
         if len(game.events) != self._events:
-            log += [
-                (kinds.GAME_EVENT, {key: plain(value) for key, value in event.items()})
-                for event in game.events[self._events :]
-            ]
+            log += [(kinds.GAME_EVENT, plain(event)) for event in game.events[self._events :]]
             self._events = len(game.events)
         if game.scores != self._scores:
-            self._scores = dict(game.scores)
-            log.append(
-                (kinds.GAME_SCORES, {"scores": [(plain(key), plain(value)) for key, value in self._scores.items()]})
-            )
+            self._scores = plain(game.scores)
+            log.append((kinds.GAME_SCORES, {"scores": list(self._scores.items())}))
         if game.data or self._data:
             log += self._new_data(game.data)
         if game.over != self._over:
-            self._over = game.over
-            log.append((kinds.GAME_OVER, {key: plain(value) for key, value in (self._over or {}).items()}))
+            self._over = plain(game.over)
+            log.append((kinds.GAME_OVER, self._over or {}))
         return log
 
     def _new_strategies(self) -> Log:
@@ -243,14 +253,10 @@ class _GameWatch:
         ]
 
     def _new_data(self, data: dict[str, Any]) -> Log:
-        now = _kept(data)
-        if now == self._data:
+        now, before = plain_part(data), self._data
+        if is_same(now, before):
             return []
-        changed = {key: value for key, value in now.items() if key not in self._data or self._data[key] != value}
-        removed = [key for key in self._data if key not in now]
+        changed = {key: value for key, value in now.items() if key not in before or not is_same(value, before[key])}
+        removed = [key for key in before if key not in now]
         self._data = now
-        return [(kinds.GAME_DATA, {"set": deepcopy(changed), "removed": removed})]
-
-
-def _kept(data: dict[str, Any]) -> dict[str, Any]:
-    return {str(key): deepcopy(value) for key, value in data.items() if is_plain(value)}
+        return [(kinds.GAME_DATA, {"set": changed, "removed": removed})]

@@ -1,16 +1,21 @@
 """What writes the logs of a session, one class per format version."""
 
+import io
 import os
+import time
 from typing import Any, BinaryIO
 
 from gamms.ir import journal as kinds
 from gamms.ir.journal import Log
 from gamms.recorder import state
+from gamms.recorder.formats.output import Output
 from gamms.recorder.formats.version2 import Version2Writer
 from gamms.recorder.formats.writer import Writer
-from gamms.recorder.plain import is_plain, plain
-from gamms.recorder.records import TURN_NS, record_of, records_of_move, steps_of
+from gamms.recorder.records import TURN_NS, records_of, records_of_move, steps_of
 from gamms.recorder.session import Session
+
+_MOST_WAITING = 1 << 16  # bytes
+_PATIENCE_S = 0.5
 
 
 class Version3Sink:
@@ -21,11 +26,11 @@ class Version3Sink:
         self._writer.keyframe(session.begin)
 
     def add(self, log: Log) -> None:
-        """Write the log of a turn; what in it cannot be written is left out."""
+        """Write the log of a turn."""
         try:
             self._writer.add_moves(log)
         except TypeError:  # there are events between the moves
-            self._writer.add_turn([entry if type(entry) is int else _writable(*entry) for entry in log])
+            self._writer.add_turn(log)
 
     def keyframe(self, keyframe: state.State) -> None:
         """Write the whole state."""
@@ -44,8 +49,10 @@ class Version2Sink:
     """Writes what gamms 1.0.0 reads; what that does not know is left out."""
 
     def __init__(self, stream: BinaryIO, session: Session) -> None:
-        self._writer = Version2Writer(stream)
-        self._stream = stream
+        self._output = Output(stream)
+        self._waiting = io.BytesIO()
+        self._writer = Version2Writer(self._waiting)
+        self._flushed_at = time.monotonic()
         self._turn = 0
         self._names: list[str] = list(session.begin["names"])
         self._nodes: dict[str, int] = dict(zip(self._names, session.begin["node"].tolist(), strict=True))
@@ -63,36 +70,50 @@ class Version2Sink:
                 self._happen(step[0], step[1], timestamp)
                 is_over = is_over and step[0] != kinds.UNFINISHED
         if is_over:
-            self._write(record_of(kinds.SIMULATE, {}, timestamp))
+            self._write(*records_of(kinds.SIMULATE, {}, timestamp))
         self._turn += 1
+        if self._waiting.tell() > _MOST_WAITING or time.monotonic() - self._flushed_at > _PATIENCE_S:
+            self.flush()
 
     def _happen(self, kind: int, data: Any, timestamp: int) -> None:
+        before = self._follow(kind, data)
+        if kind in _OF_VERSION_2:
+            self._write(*records_of(kind, data, timestamp, before))
+
+    def _follow(self, kind: int, data: Any) -> int | None:
+        """Keep in mind who is where; where one that has flown was before."""
+        before = None
         if kind == kinds.AGENT_CREATE:
             self._names.append(data["name"])
-            self._nodes[data["name"]] = int(data["kwargs"]["start_node_id"])
+            self._nodes[data["name"]] = data.get("state", {}).get("node", data["kwargs"]["start_node_id"])
         elif kind == kinds.AGENT_CURRENT_NODE:
             self._nodes[data["agent_name"]] = data["node_id"]
+        elif kind == kinds.AERIAL_AGENT_POSITION and "node" in data:
+            before = self._nodes.get(data["agent_name"])
+            self._nodes[data["agent_name"]] = data["node"]
         elif kind == kinds.SNAPSHOT:
             self._names = list(data["names"])
             self._nodes = dict(zip(self._names, data["node"].tolist(), strict=True))
-        if kind in _OF_VERSION_2:
-            kind, data = _writable(kind, data)
-            self._write(record_of(kind, data, timestamp))
+        return before
 
-    def _write(self, record: dict[str, Any]) -> None:
-        self._writer.write(record["timestamp"], record["opCode"], record["data"])
+    def _write(self, *records: dict[str, Any]) -> None:
+        for record in records:
+            self._writer.write(record["timestamp"], record["opCode"], record["data"])
 
     def keyframe(self, keyframe: state.State) -> None:
         """There is no place for it."""
 
     def flush(self) -> None:
         """Hand over what was written to the system."""
-        self._stream.flush()
+        self._output.append(self._waiting.getvalue())
+        self._waiting.seek(0)
+        self._waiting.truncate()
+        self._flushed_at = time.monotonic()
 
     def close(self) -> None:
         """Write the end."""
         self._writer.write(max(0, self._turn - 1) * TURN_NS, kinds.TERMINATE)
-        self._stream.flush()
+        self.flush()
 
 
 _OF_VERSION_2 = {
@@ -108,29 +129,6 @@ _OF_VERSION_2 = {
     kinds.AERIAL_AGENT_QUATERNION,
     *range(0x02000000, 0x02000005),
 }
-
-
-def _writable(kind: int, data: Any) -> tuple[int, Any]:
-    """An event with plain values only: of a new agent's keywords, those that are none are left out."""
-    if kind == kinds.AGENT_CREATE:
-        given = {key: _sensors(value) if key == "sensors" else value for key, value in data["kwargs"].items()}
-        strategy = {"strategy": state.name_of(given.pop("strategy"))} if given.get("strategy") is not None else {}
-        plain_ones = {key: plain(value) for key, value in given.items() if is_plain(value) or _is_number(value)}
-        return kind, {**data, "kwargs": plain_ones, **strategy}
-    if isinstance(data, dict) and not is_plain(data):
-        return kind, {key: plain(value) for key, value in data.items()}
-    return kind, data
-
-
-def _is_number(value: Any) -> bool:
-    return hasattr(value, "item") and getattr(value, "ndim", 1) == 0
-
-
-def _sensors(given: Any) -> Any:
-    """The ids of the sensors that an agent was created with, by the names it knows them by."""
-    if isinstance(given, dict):
-        return {str(name): one if isinstance(one, str) else one.sensor_id for name, one in given.items()}
-    return [one if isinstance(one, str) else one.sensor_id for one in given]
 
 
 def header_of(ctx: Any, options: dict[str, Any]) -> dict[str, Any]:

@@ -7,7 +7,7 @@ from typing import Any
 import numpy as np
 
 from gamms.ir.graph import FloatArray, IntArray
-from gamms.recorder.plain import is_plain, plain
+from gamms.recorder.plain import is_plain, plain, plain_part
 
 State = dict[str, Any]
 
@@ -35,7 +35,7 @@ def captured(ctx: Any) -> State:
         "speed": [plain(speed) for speed in columns.speed],
         "carried": _carried(agents, sensors),
         "sensor_kinds": sensors,
-        "attributes": [{key: value for key, value in vars(agent).items() if is_plain(value)} for agent in agents],
+        "attributes": [plain_part(vars(agent)) for agent in agents],
         "strategies": [name_of(agent.strategy) for agent in agents],
         **captured_game(ctx.game),
     }
@@ -104,10 +104,15 @@ def _grouped(described: list[dict[str, Any]]) -> list[dict[str, Any]]:
 def captured_game(game: Any) -> State:
     """What `ctx.game` has come to."""
     return {
-        "scores": [(plain(key), plain(value)) for key, value in game.scores.items()],
-        "data": {str(key): deepcopy(value) for key, value in game.data.items() if is_plain(value)},
-        "over": game.over,
+        "scores": list(plain(game.scores).items()),
+        "data": plain_part(game.data),
+        "over": plain(game.over),
     }
+
+
+def told(game: Any) -> State:
+    """What was emitted so far, which a snapshot has as well; keyframes are too many for that."""
+    return {"events": plain(game.events)}
 
 
 def put(ctx: Any, state: State) -> None:
@@ -137,6 +142,9 @@ def put(ctx: Any, state: State) -> None:
     game.scores.update((key, value) for key, value in state["scores"])
     game.data.clear()
     game.data.update(deepcopy(state["data"]))
+    game.take_over(state["over"])
+    if "events" in state:
+        game.events[:] = deepcopy(state["events"])
 
 
 def _row_of(state: State, row: int) -> dict[str, Any]:

@@ -1,0 +1,36 @@
+"""The journal of a context that is being recorded: whatever is noted becomes plain values at once.
+
+At once, because what a program hands over it may change a moment later, and what is recorded is how it was.
+"""
+
+from typing import Any
+
+from gamms.ir import journal
+from gamms.ir.journal import Journal
+from gamms.recorder import state
+from gamms.recorder.plain import plain, plain_part
+
+
+class PlainJournal(Journal):
+    """Notes what can be written of what happens."""
+
+    def note(self, kind: int, data: Any) -> None:
+        """Something other than a move has happened."""
+        self.log.append((kind, _creation(data) if kind == journal.AGENT_CREATE else plain(data)))
+
+
+def _creation(data: dict[str, Any]) -> dict[str, Any]:
+    """A new agent, without those of its keywords that cannot be written."""
+    given = dict(data["kwargs"])
+    strategy = given.pop("strategy", None)
+    if "sensors" in given:
+        given["sensors"] = _sensors(given["sensors"])
+    named = {} if strategy is None else {"strategy": state.name_of(strategy)}
+    return {**data, "kwargs": plain_part(given), **named}
+
+
+def _sensors(given: Any) -> Any:
+    """The ids of the sensors that an agent was created with, by the names it knows them by."""
+    if isinstance(given, dict):
+        return {str(name): one if isinstance(one, str) else one.sensor_id for name, one in given.items()}
+    return [one if isinstance(one, str) else one.sensor_id for one in given]

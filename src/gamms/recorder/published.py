@@ -1,0 +1,27 @@
+"""What 1.0.0 offered beside the recorder's own methods: the decorator of components, and the check of their types."""
+
+from collections.abc import Callable
+from typing import Any
+
+from gamms.errors import BadType
+from gamms.recorder import struct_types
+
+
+def component(ctx: Any, struct: Any = None) -> Callable[[Any], Any]:
+    """Decorate a class whose declared fields are recorded; the same as `ctx.record.component(struct)`."""
+    decorate: Callable[[Any], Any] = ctx.record.component(struct)
+    return decorate
+
+
+def check_validity(data_type: Any) -> None:
+    """See that a field of a component may be of this type.
+
+    Raises:
+        BadType (TypeError): it may not.
+    """
+    if data_type is None:
+        raise BadType("The type of a field cannot be None alone. Use Optional[...] of another type.")
+    struct_types.of_hint(data_type)
+
+
+__all__ = ["check_validity", "component"]

@@ -1,0 +1,170 @@
+"""Programs that are killed, or run out of room, while they record: what was written opens, and the errors are clear."""
+
+import io
+import os
+import random
+import signal
+import subprocess
+import sys
+import time
+from pathlib import Path
+
+import pytest
+from games import empty_context, grid_context
+
+from gamms.recorder import Reader, RecordingError
+
+PROGRAM = """
+import sys, time
+sys.path.insert(0, sys.argv[1])
+from games import act, grid_context
+ctx = grid_context()
+for number in range(20):
+    ctx.agent.create_agent(f"a{number}", start_node_id=4, sensors=["near"])
+ctx.record.start(sys.argv[2])
+print("ready", flush=True)
+turn = 0
+while True:
+    for name, agent in ctx.agent.agents.items():
+        state = agent.get_state()
+        state["action"] = state["sensor"]["near"][1][(turn + agent._row) % 3]
+        agent.set_state()
+    turn += 1
+    ctx.game.data["turn"] = turn
+    ctx.visual.simulate()
+    time.sleep(0.0002)
+"""
+
+
+def killed_after(path, seconds):
+    """Let a program record, kill it, and say how many turns can be replayed."""
+    command = [sys.executable, "-c", PROGRAM, str(Path(__file__).parent), str(path)]
+    with subprocess.Popen(command, stdout=subprocess.PIPE, text=True) as program:
+        assert program.stdout.readline() == "ready\n"
+        time.sleep(seconds)
+        program.send_signal(signal.SIGKILL)
+    assert program.returncode == -signal.SIGKILL
+
+
+def check_prefix(path, seconds):
+    """Everything but the last moment can be read and replayed, turn by turn."""
+    if path.stat().st_size == 0:
+        assert seconds < 2.0  # killed before the first second was over
+        return
+    with Reader(path) as reader:
+        reader.verify()
+        assert not reader.is_complete
+        assert "turns" in reader.warning
+        turns = reader.turns
+    ctx = empty_context()
+    counted = [ctx.game.data["turn"] for record in ctx.record.replay(path) if record["opCode"] == 1]
+    assert counted == list(range(1, turns + 1))
+    assert turns or seconds < 2.0
+
+
+@pytest.mark.skipif(not hasattr(signal, "SIGKILL"), reason="nobody is killed here")
+@pytest.mark.parametrize("seconds", [0.05, 0.7, 1.6])
+def test_a_killed_program_leaves_a_recording_of_its_first_turns(tmp_path, seconds):
+    killed_after(tmp_path / "game.ggr", seconds)
+    check_prefix(tmp_path / "game.ggr", seconds)
+
+
+@pytest.mark.slow
+@pytest.mark.skipif(not hasattr(signal, "SIGKILL"), reason="nobody is killed here")
+@pytest.mark.parametrize("number", range(20))
+def test_a_killed_program_leaves_a_recording_at_any_moment(tmp_path, number):
+    seconds = random.Random(number).uniform(0.0, 4.0)
+    killed_after(tmp_path / "game.ggr", seconds)
+    check_prefix(tmp_path / "game.ggr", seconds)
+
+
+# -- no room --------------------------------------------------------------------------------------------------------
+
+
+def record_until_it_fails(ctx, stream, turns, version):
+    """All errors there are: of the turns, of stop, and of a second stop."""
+    errors = []
+    for do in (lambda: ctx.record.start(stream, version=version), *[ctx.visual.simulate] * turns, ctx.record.stop):
+        try:
+            do()
+        except RecordingError as error:
+            errors.append(str(error))
+    return errors
+
+
+@pytest.mark.skipif(not Path("/dev/full").exists(), reason="there is no /dev/full here")
+@pytest.mark.parametrize("turns", [0, 3, 500])
+@pytest.mark.parametrize("version", [2, 3])
+@pytest.mark.parametrize("buffering", [-1, 0])
+def test_a_full_disk_is_told_once_and_the_game_can_go_on(tmp_path, turns, version, buffering):
+    ctx = grid_context()
+    with Path("/dev/full").open("wb", buffering) as file:
+        errors = record_until_it_fails(ctx, file, turns, version)
+    assert len(errors) == 1
+    assert "No space left" in errors[0]
+    ctx.record.start(tmp_path / "other", version=version)
+    ctx.visual.simulate()
+    ctx.record.stop()
+
+
+@pytest.mark.parametrize("turns", [0, 3, 500])
+@pytest.mark.parametrize("version", [2, 3])
+def test_a_closed_pipe_is_told_once(turns, version):
+    ctx = grid_context()
+    read, write = os.pipe()
+    os.close(read)
+    with os.fdopen(write, "wb") as file:
+        errors = record_until_it_fails(ctx, file, turns, version)
+    assert len(errors) == 1
+    assert "Broken pipe" in errors[0]
+
+
+class Disk(io.BytesIO):
+    """A file on a disk with little room."""
+
+    room = 10**9
+
+    def write(self, data):
+        left = max(self.room - self.tell(), 0)
+        if len(data) > left:
+            super().write(data[:left])
+            raise OSError(28, "No space left on device")
+        return super().write(data)
+
+
+@pytest.mark.parametrize("version", [2, 3])
+def test_what_was_written_before_the_disk_was_full_can_be_read(version):
+    ctx, disk = grid_context(), Disk()
+    agent = ctx.agent.create_agent("a", start_node_id=0)
+    ctx.record.start(disk, version=version)
+    disk.room = 4000
+    errors = 0
+    for turn in range(3000):
+        agent.get_state()["action"] = turn * turn % 9
+        agent.set_state()
+        ctx.record.event("turn", number=str(turn))
+        try:
+            ctx.visual.simulate()
+        except RecordingError:
+            errors += 1
+    assert errors == 1
+    assert not ctx.record.record()
+    if version == 3:
+        again = empty_context()
+        turns = [
+            one["data"]["number"]
+            for one in again.record.replay(io.BytesIO(disk.getvalue()))
+            if one["opCode"] == 0x05000000
+        ]
+        assert turns == [str(turn) for turn in range(len(turns))]
+        assert len(turns) >= 64
+
+
+def test_a_file_that_cannot_be_written_when_the_context_ends_does_not_keep_it_open():
+    ctx, disk = grid_context(), Disk()
+    ctx.record.start(disk)
+    disk.room = 0
+    with pytest.raises(RecordingError, match="No space left"):
+        ctx.terminate()
+    assert ctx.is_terminated()
+    assert not ctx.record.is_open
