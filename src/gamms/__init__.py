@@ -32,7 +32,15 @@ __all__ = [
     "visual",
 ]
 
-_WHEN_ASKED = {"game", "osm", "rules", "scenario", "strategies", "testing"}  # loaded when they are first named
+_WHEN_ASKED = {
+    "game",
+    "osm",
+    "recorder",
+    "rules",
+    "scenario",
+    "strategies",
+    "testing",
+}  # loaded when they are first named
 
 _legacy.install()
 

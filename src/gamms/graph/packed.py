@@ -12,16 +12,17 @@ from gamms.graph.graph import Graph
 from gamms.graph.obstacles import Obstacles
 from gamms.ir.graph import GraphColumns
 from gamms.ir.obstacles import ObstacleColumns
+from gamms.typing.packed_graph import IPackedGraph, packed_graphs
 
 if TYPE_CHECKING:
     import networkx as nx
 
 
-class PackedGraph:
+@packed_graphs.register("gamms")
+class PackedGraph(IPackedGraph):
     """A graph and its obstacles in the bytes that `ctx.graph.packed` gave; they are opened when first asked for.
 
-    `ctx.graph.attach_networkx_graph` takes one, and keeps ids and order; `ctx.graph.unpack(one.packed)` takes the
-    obstacles, too. Every call raises BadFile (ValueError) where the bytes are damaged.
+    Every call raises BadFile (ValueError) where the bytes are damaged.
 
     Args:
         packed: the bytes.
