@@ -191,6 +191,15 @@ class Recording:
         """
         return tables.events(self._reader, *self._logs_of(start, stop))
 
+    def steps(self, start: int | None = None, stop: int | None = None) -> Iterator[dict[str, Any]]:
+        """Everything that happened in these turns, in its order.
+
+        Yields:
+            `turn`; `event`, which is "MOVE", or the name of a kind that is in the format; `agent` and `node` of a move,
+            `data` of any other.
+        """
+        return tables.steps(self._reader, *self._logs_of(start, stop), self._names_at)
+
     def table(self, name: str, start: int | None = None, stop: int | None = None) -> dict[str, np.ndarray[Any, Any]]:
         """One table of the turns from `start` on and before `stop`, as columns of equal length.
 
@@ -209,6 +218,10 @@ class Recording:
     def counts(self) -> dict[str, int]:
         """How many events there are of each kind that is in the format; moves are not among them."""
         return {tables.KINDS.get(kind, f"{kind:#010x}"): count for kind, count in self._reader.count_events().items()}
+
+    def count_moves(self) -> int:
+        """How many moves of agents on the ground there are."""
+        return self._reader.count_moves()
 
     def _names_at(self, log: int) -> tuple[dict[int, str], int]:
         """See `tables.NamesAt`."""

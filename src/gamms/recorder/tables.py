@@ -12,6 +12,7 @@ from gamms.recorder.errors import RecordingError
 from gamms.recorder.fold import following_of
 from gamms.recorder.formats.columns import IntArray
 from gamms.recorder.formats.reader import Reader
+from gamms.recorder.records import steps_of
 from gamms.typing.opcodes import OpCodes
 
 Table = dict[str, np.ndarray[Any, Any]]
@@ -21,8 +22,8 @@ NamesAt = Callable[[int], tuple[dict[int, str], int]]
 KINDS = {code: name for name, code in vars(journal).items() if isinstance(code, int)}
 KINDS |= {code.value: code.name for code in OpCodes}
 
+_ROSTER = {journal.AGENT_CREATE, journal.SNAPSHOT}
 _TOLD = {journal.GAME_EVENT, journal.USER_EVENT}
-_TURNS_AT_ONCE = 64
 
 
 def events(reader: Reader, start: int, stop: int) -> Iterator[dict[str, Any]]:
@@ -31,6 +32,33 @@ def events(reader: Reader, start: int, stop: int) -> Iterator[dict[str, Any]]:
         if not (isinstance(data, dict) and isinstance(data.get("kind"), str)):
             raise RecordingError(f"An event of turn {log + 1} has no kind: {data!r}.")
         yield {"turn": log + 1, **data}
+
+
+def steps(reader: Reader, start: int, stop: int, names_at: NamesAt) -> Iterator[dict[str, Any]]:
+    """Everything that happened in these logs: `turn`, `event`, and for a move `agent` and `node`, else `data`."""
+    names, following = names_at(start)
+    for log in range(start, stop):
+        for number, step in steps_of(reader.log(log)):
+            if number is not None:
+                if number not in names:
+                    raise RecordingError(f"Agent number {number} moves in turn {log + 1} and is not there.")
+                yield {"turn": log + 1, "event": "MOVE", "agent": names[number], "node": step}
+                continue
+            kind, data = step
+            if kind in _ROSTER:
+                names, following = _roster_after(kind, data, names, following)
+            yield {"turn": log + 1, "event": KINDS.get(kind, f"{kind:#010x}"), "data": data}
+
+
+def _roster_after(kind: int, data: Any, names: dict[int, str], following: int) -> tuple[dict[int, str], int]:
+    """Who has which number after somebody has come, or a snapshot."""
+    try:
+        if kind == journal.SNAPSHOT:
+            return dict(zip(data["numbers"].tolist(), data["names"], strict=True)), following_of(data)
+        names[following] = data["name"]  # in place, for a thousand may come one by one
+        return names, following + 1
+    except (KeyError, TypeError, ValueError, AttributeError) as error:
+        raise RecordingError(f"An event of kind {KINDS[kind]} is damaged ({error!r}).") from error
 
 
 def table(reader: Reader, name: str, start: int, stop: int, names_at: NamesAt) -> Table:
@@ -69,15 +97,12 @@ def _moves(reader: Reader, start: int, stop: int, names_at: NamesAt) -> Table:
     parts, done = [], 0
     known, following = names_at(start)
     places = turns.searchsorted(np.arange(start, stop))
-    for log, place, kind, data in reader.events(start, stop, {journal.AGENT_CREATE, journal.SNAPSHOT}):
+    for log, place, kind, data in reader.events(start, stop, _ROSTER):
         until = int(places[log - start]) + place
         if kind == journal.SNAPSHOT:
             parts.append(_named(numbers[done:until], known))
-            done, known = until, dict(zip(data["numbers"].tolist(), data["names"], strict=True))
-            following = following_of(data)
-        else:
-            known[following] = data["name"]
-            following += 1
+            done = until
+        known, following = _roster_after(kind, data, known, following)
     parts.append(_named(numbers[done:], known))
     return {"turn": turns + 1, "agent": np.concatenate(parts), "node": nodes.copy()}
 

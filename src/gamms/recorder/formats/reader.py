@@ -111,6 +111,10 @@ class Reader:
                     data = chunk.event(number)
                 yield turn, place, kind, data
 
+    def count_moves(self) -> int:
+        """How many moves there are."""
+        return sum(block.moves for block in self._chunks)
+
     def count_events(self) -> dict[int, int]:
         """How many events of each kind there are."""
         counts: Counter[int] = Counter()
