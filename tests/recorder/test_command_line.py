@@ -172,7 +172,7 @@ EXPECTED = json.loads((SAMPLES / "states.json").read_text())
 @pytest.mark.parametrize("name", sorted(path.stem for path in SAMPLES.glob("*.ggr")))
 def test_version_2_becomes_version_3_that_is_its_own_replay(name, tmp_path):
     done = run("convert", SAMPLES / f"{name}.ggr", tmp_path / "out")
-    is_whole = name not in ("unfinished", "refused")
+    is_whole = name != "unfinished"
     assert done.stdout == f"Wrote {tmp_path / 'out.ggr'}.\n"
     assert done.exit_code == (not is_whole)
     assert ("All before that has been converted" in done.stderr) == (not is_whole)
@@ -180,7 +180,7 @@ def test_version_2_becomes_version_3_that_is_its_own_replay(name, tmp_path):
         assert run("verify", tmp_path / "out.ggr").exit_code == 0
 
 
-@pytest.mark.parametrize("name", ["basic", "orientation", "sensors", "deleted"])
+@pytest.mark.parametrize("name", ["basic", "orientation", "sensors", "deleted", "keywords", "tags"])
 def test_states_of_version_2_are_those_of_version_3(name, tmp_path):
     run("convert", SAMPLES / f"{name}.ggr", tmp_path / "out.ggr")
     with recorder.open(tmp_path / "out.ggr") as rec:

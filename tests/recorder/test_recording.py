@@ -6,7 +6,7 @@ import io
 import networkx as nx
 import numpy as np
 import pytest
-from hypothesis import given
+from hypothesis import given, settings
 from hypothesis import strategies as st
 from recordings import written
 
@@ -191,6 +191,7 @@ def test_each_table_has_its_columns(rec):
         rec.table("taged")
 
 
+@settings(deadline=None)
 @given(start=st.none() | st.integers(0, 12), stop=st.none() | st.integers(0, 12))
 def test_a_range_of_turns_is_what_a_filter_gives(game, start, stop):
     rec = recorder.open(io.BytesIO(game[0]))
@@ -316,6 +317,7 @@ def logs(draw):
     return begin, turns
 
 
+@settings(deadline=None)
 @given(logs(), st.integers(1, 4), st.data())
 def test_many_moves_at_once_do_what_they_do_one_by_one(game, turns, data):
     begin, game = game

@@ -208,7 +208,7 @@ class Fold:
             "attributes": {},
             "strategies": data.get("strategy"),
             "numbers": number,
-            "kind": int(not np.isnan(places["position"][0])),
+            "kind": int(given.get("type") == 1 or not np.isnan(places["position"][0])),
             "node": node,
             "previous": node,
             "alive": 1,

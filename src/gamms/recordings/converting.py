@@ -12,10 +12,11 @@ from typing import Any
 import numpy as np
 
 from gamms.context import Context
-from gamms.errors import BadValue
+from gamms.errors import BadValue, GammsError
 from gamms.ir import journal
 from gamms.recorder import Recording, RecordingError
 from gamms.recorder import open as opened
+from gamms.recorder.plain import plain
 from gamms.recorder.replaying import Player
 from gamms.recordings.contexts import records_of, version_of, with_nodes_made_up
 
@@ -61,7 +62,7 @@ def to_version_3(
 
 def _replay(ctx: Context, records: Iterator[_Record]) -> None:
     """Let the records happen, and be recorded; two that are one move become one."""
-    player = Player(ctx.record, is_version_2=True)
+    happen = _Happening(ctx)
     waiting: _Record | None = None
     for record in chain(records, [{"opCode": journal.TERMINATE}]):
         if waiting is not None:
@@ -70,12 +71,48 @@ def _replay(ctx: Context, records: Iterator[_Record]) -> None:
                 ctx.agent.moves.act(ctx.agent.columns, row, record["data"]["node_id"])
                 waiting = None
                 continue
-            player.happen(waiting["opCode"], waiting["data"])
+            happen(waiting)
             waiting = None
         if record["opCode"] == journal.AGENT_PREV_NODE:
             waiting = record
         elif record["opCode"] != journal.TERMINATE:
-            player.happen(record["opCode"], record["data"])
+            happen(record)
+
+
+class _Happening:
+    """Lets records of version 2 happen, and be recorded with what version 2 leaves out: where those are who fly."""
+
+    def __init__(self, ctx: Context) -> None:
+        self._ctx = ctx
+        self._player = Player(ctx.record, is_version_2=True)
+        self._special = {
+            journal.AGENT_CREATE: self._create,
+            journal.AGENT_DELETE: self._delete,
+            journal.AERIAL_AGENT_POSITION: self._fly,
+        }
+
+    def __call__(self, record: _Record) -> None:
+        special = self._special.get(record["opCode"])
+        if special is None:
+            self._player.happen(record["opCode"], record["data"])
+            return
+        try:
+            special(record["data"])
+        except (GammsError, KeyError, TypeError, ValueError, AttributeError) as error:
+            raise RecordingError(f"An event of kind {record['opCode']:#010x} cannot happen here: {error}") from error
+
+    def _create(self, data: Any) -> None:
+        data = plain(data)
+        if not self._player._was_refused(data["name"], data["kwargs"]):
+            self._ctx.agent.create_agent(data["name"], **data["kwargs"])
+
+    def _delete(self, data: Any) -> None:
+        if data["name"] in self._ctx.agent.agents:  # 1.0.0 wrote it down if not
+            self._ctx.agent.delete_agent(data["name"])
+
+    def _fly(self, data: Any) -> None:
+        agent: Any = self._ctx.agent.get_agent(data["agent_name"])
+        agent.position = tuple(data["position"])
 
 
 def _is_move(ctx: Context, before: _Record, after: _Record) -> bool:
