@@ -452,6 +452,29 @@ def test_an_event_that_does_not_fit_is_told_with_its_turn(log, reason):
     assert rec.state(1).agents["node"].tolist() == [1, 1, 2]
 
 
+@pytest.mark.parametrize(
+    ("table", "event"),
+    [
+        ("positions", (journal.AERIAL_AGENT_POSITION, {"agent_name": "a0", "position": (1.0,)})),
+        ("positions", (journal.AERIAL_AGENT_POSITION, None)),
+        ("scores", (journal.GAME_SCORES, {"scores": [("red",)]})),
+        ("events", (journal.GAME_EVENT, {"turn": 1})),
+        ("moves", (journal.SNAPSHOT, np.zeros(3))),
+        ("moves", (journal.AGENT_CREATE, [])),
+    ],
+)
+def test_an_event_that_does_not_fit_a_table_is_told(table, event):
+    stream = io.BytesIO()
+    writer = Writer(stream, {"world": b""})
+    writer.keyframe(blank(3))
+    writer.add_turn([event])
+    writer.add_turn([event])
+    writer.close()
+    rec = recorder.open(io.BytesIO(stream.getvalue()))
+    with pytest.raises(RecordingError, match=r"damaged|has no kind"):
+        rec.table(table)
+
+
 def test_a_recording_without_a_beginning_or_a_map_says_so():
     rec = recorder.open(io.BytesIO(written([[0, 1]])))
     with pytest.raises(RecordingError, match="how it begins"):

@@ -27,7 +27,7 @@ _ARRAYS = {
 }
 _TURNS_AT_ONCE = 64  # of the moves that are in memory
 _FEW = 24  # moves that are made faster one by one
-_DAMAGES = (KeyError, TypeError, ValueError, IndexError, AttributeError, OverflowError)
+DAMAGES = (KeyError, TypeError, ValueError, IndexError, AttributeError, OverflowError)  # of what a stranger wrote
 
 
 class Damaged(GammsError, ValueError):
@@ -55,7 +55,7 @@ class Fold:
     def _begin(self, state: State) -> None:
         try:
             self.state, self.following = _checked(opened(state)), following_of(state)
-        except _DAMAGES as error:
+        except DAMAGES as error:
             raise Damaged(f"the whole state is not right ({type(error).__name__}: {error})") from error
         self._recount()
 
@@ -163,7 +163,7 @@ class Fold:
             happen(self, data)
         except Damaged:
             raise
-        except _DAMAGES as error:
+        except DAMAGES as error:
             raise _misfit(kind, error) from error
 
     def row(self, name: str) -> int:
@@ -184,7 +184,7 @@ class Fold:
                 name: np.array([one[name] for one in entered], dtype).reshape(-1, *shape)
                 for name, (dtype, shape) in _ARRAYS.items()
             }
-        except _DAMAGES as error:
+        except DAMAGES as error:
             raise _misfit(journal.AGENT_CREATE, error) from error
         for name in _LISTS:
             self.state[name].extend(one[name] for one in entered)

@@ -9,7 +9,7 @@ from gamms.errors import UnknownName
 from gamms.ir import journal
 from gamms.ir.tables import table_of
 from gamms.recorder.errors import RecordingError
-from gamms.recorder.fold import following_of
+from gamms.recorder.fold import DAMAGES, following_of
 from gamms.recorder.formats.columns import IntArray
 from gamms.recorder.formats.reader import Reader
 from gamms.recorder.records import steps_of
@@ -57,7 +57,7 @@ def _roster_after(kind: int, data: Any, names: dict[int, str], following: int) -
             return dict(zip(data["numbers"].tolist(), data["names"], strict=True)), following_of(data)
         names[following] = data["name"]  # in place, for a thousand may come one by one
         return names, following + 1
-    except (KeyError, TypeError, ValueError, AttributeError) as error:
+    except DAMAGES as error:
         raise RecordingError(f"An event of kind {KINDS[kind]} is damaged ({error!r}).") from error
 
 
@@ -70,7 +70,9 @@ def table(reader: Reader, name: str, start: int, stop: int, names_at: NamesAt) -
     if name in _TABLES:
         try:
             return _TABLES[name](reader, start, stop, names_at)
-        except (KeyError, TypeError, IndexError, AttributeError) as error:
+        except RecordingError:
+            raise
+        except DAMAGES as error:
             raise RecordingError(
                 f"The table {name!r} cannot be made: an event in it is damaged ({error!r})."
             ) from error
