@@ -1,8 +1,9 @@
 """One recording while it is being written: what the journal holds becomes the log of each turn."""
 
 import time
-from collections.abc import Callable, Iterator
+from collections.abc import Callable, Iterator, Mapping
 from contextlib import contextmanager
+from itertools import takewhile
 from typing import Any
 
 from gamms.ir import journal as kinds
@@ -73,13 +74,24 @@ class Session:
         """Write nothing until `play`."""
         self._hush()
         self.is_paused = True
+        self._members = dict(self.ctx.agent.agents)
 
     def play(self) -> None:
         """Write again, beginning with how things are now."""
+        self._set(self._members)
+
+    def _set(self, known: Mapping[str, Any]) -> None:
+        """Say how things are now to a reader who knows these agents; None for one who may be anybody of that name."""
         waiting = self._journal.log
         self._listen()
         self.is_paused = False
-        self._journal.log = [*waiting, (kinds.SNAPSHOT, state.captured(self.ctx) | state.told(self.ctx.game))]
+        now = self.ctx.agent.agents
+        left = [name for name, agent in known.items() if name in now and agent in (None, now[name])]
+        # Those who come back do so in their order, and so do all who follow them.
+        kept = [name for name, other in takewhile(lambda pair: pair[0] == pair[1], zip(left, now, strict=False))]
+        gone = [(kinds.AGENT_DELETE, {"name": name}) for name in known if name not in kept]
+        snapshot = state.captured(self.ctx) | state.told(self.ctx.game)
+        self._journal.log = [*waiting, *gone, (kinds.SNAPSHOT, snapshot)]
         self._game = _GameWatch(self.ctx)
 
     def close(self) -> None:
@@ -154,7 +166,7 @@ class Session:
     def _begin_anew(self) -> None:
         """The game was reset: what has come since the start was taken away again, and the rest is set."""
         self._hush()
-        self.play()
+        self._set(self._journal.living)
 
     @contextmanager
     def _writing(self) -> Iterator[None]:
