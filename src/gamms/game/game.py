@@ -5,6 +5,7 @@ from time import perf_counter
 from types import MappingProxyType
 from typing import TYPE_CHECKING, Any, overload
 
+from gamms import kernels
 from gamms.arguments import as_float, as_int, as_name
 from gamms.errors import BadType, BadValue, ContextTerminated
 from gamms.game import chance, start, turn
@@ -292,9 +293,11 @@ class Game(Settings):
         return self._seating
 
     def rng_of(self, name: str) -> "Generator":
-        """The random stream of an agent, which goes on from turn to turn."""
+        """The random stream of an agent: in every turn another, which follows from the seed, the name and the turn."""
         if name not in self._streams:
-            self._streams[name] = self.ctx.stream("agent", name)
+            from gamms.game.streams import TurnGenerator
+
+            self._streams[name] = TurnGenerator(kernels.stream_key(self.ctx.seed, "agent", name), self)
         return self._streams[name]
 
     def length_of(self, source: int, target: int) -> float:

@@ -20,7 +20,7 @@ from gamms.kernels.rotations import (
 )
 from gamms.kernels.scipy import shortest_distances
 from gamms.kernels.sight import in_cone, is_in_cone
-from gamms.kernels.streams import stream
+from gamms.kernels.streams import stream, stream_key
 
 __all__ = [
     "Arcs",
@@ -45,6 +45,7 @@ __all__ = [
     "rows_between",
     "shortest_distances",
     "stream",
+    "stream_key",
     "tight_arcs",
     "unit_quaternion",
     "visible",
