@@ -1,10 +1,13 @@
 """Whatever happens in a game: the same game gives the same bytes, a replay the same world, a copy the same file."""
 
+import io
 from contextlib import suppress
 
-from games import CORNERS, act, copied, everything, grid_context, recorded, replayed
+from games import CORNERS, act, copied, empty_context, everything, grid_context, recorded, replayed
 from hypothesis import given, settings
 from hypothesis import strategies as st
+
+from gamms.recorder import Reader, RecordingError
 
 GROUND, AIR = ("a", "b", "c"), ("d", "e")
 
@@ -194,7 +197,7 @@ def rise(state):
 
 
 programmes = st.lists(steps, max_size=25)
-EXAMPLES = settings(max_examples=150)
+EXAMPLES = settings(max_examples=150, deadline=None)
 
 
 def game_of(before, after, **options):
@@ -231,4 +234,61 @@ def without_what_a_pause_hides(programme):
 def test_a_replay_comes_to_what_the_game_came_to(before, after):
     data, ctx = game_of(before, [*after, ("play",)])
     again, _ = replayed(data)
+    assert everything(again) == everything(ctx)
+
+
+# -- a replay that is not all there is to a recording ---------------------------------------------------------------
+
+
+def replayed_into(data, ctx, programme, upon):
+    """Replay, and do something else after so many records."""
+    for number, _ in enumerate(ctx.record.replay(io.BytesIO(data))):
+        if number == upon:
+            programme()
+    if number < upon:
+        programme()
+
+
+@EXAMPLES
+@given(programmes, programmes, programmes, st.integers(0, 30))
+def test_a_recording_that_begins_in_the_middle_of_a_replay_comes_to_the_same(before, after, more, upon):
+    data = game_of(before, after)[0]
+    ctx, stream = empty_context(seed=2), io.BytesIO()
+    replayed_into(data, ctx, lambda: ctx.record.start(stream), upon)
+    ctx.record.play()
+    ctx.record.stop()
+    again, _ = replayed(stream.getvalue())
+    assert everything(again) == everything(ctx)
+
+
+@EXAMPLES
+@given(programmes, programmes, programmes)
+def test_a_game_that_goes_on_after_a_replay_is_recorded_to_its_end(before, after, more):
+    data = game_of(before, after)[0]
+    ctx = empty_context(seed=2)
+
+    def play(ctx):
+        list(ctx.record.replay(io.BytesIO(data)))
+        Programme(ctx).do([*more, ("play",)])
+
+    again, _ = replayed(recorded(play, ctx))
+    assert everything(again) == everything(ctx)
+
+
+@EXAMPLES
+@given(programmes, programmes, programmes, programmes)
+def test_a_replay_into_a_game_that_is_being_recorded_is_a_part_of_it(before, after, begun, more):
+    data = game_of(before, after)[0]
+    ctx = grid_context()
+    ctx.graph.unpack(Reader(io.BytesIO(data)).header["world"])
+
+    def play(ctx):
+        programme = Programme(ctx)
+        programme.do([step for step in begun if step[0] not in ("edge", "no_edge", "node", "face", "reset")])
+        ctx.record.play()
+        with suppress(RecordingError):  # there may be such agents already
+            list(ctx.record.replay(io.BytesIO(data)))
+        programme.do([*more, ("play",)])
+
+    again, _ = replayed(recorded(play, ctx))
     assert everything(again) == everything(ctx)

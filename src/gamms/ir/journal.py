@@ -50,6 +50,7 @@ class Journal:
     def entered(self, row: int, name: str) -> None:
         """An agent has come, in the last row."""
         del self.ids[row:]
+        self.ids += [-1] * (row - len(self.ids))  # rows of agents whose creation failed
         self.ids.append(len(self.names))
         self.names.append(name)
 

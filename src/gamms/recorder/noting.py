@@ -12,10 +12,22 @@ from gamms.recorder.plain import plain, plain_part
 
 
 class PlainJournal(Journal):
-    """Notes what can be written of what happens."""
+    """Notes what can be written of what happens.
+
+    Attributes:
+        living: the names of the agents of whom the reader knows, in the order of their creation.
+    """
+
+    def __init__(self, names: list[str]) -> None:
+        super().__init__(names)
+        self.living = dict.fromkeys(names)
 
     def note(self, kind: int, data: Any) -> None:
         """Something other than a move has happened."""
+        if kind == journal.AGENT_CREATE:
+            self.living[data["name"]] = None
+        elif kind == journal.AGENT_DELETE:
+            self.living.pop(data["name"], None)
         self.log.append((kind, _creation(data) if kind == journal.AGENT_CREATE else plain(data)))
 
 

@@ -50,7 +50,8 @@ class Recorder(IRecorder):
         self._is_owned = False
         self._source: Reader | None = None
         self._kept = self.components.kept()  # when the recording was paused
-        self._is_copying = True
+        self._is_copying = False
+        self._waiting: list[Any] = []  # declarations that a recording which is copied may make as well
 
     # -- writing ------------------------------------------------------------------------------------------------
 
@@ -98,12 +99,10 @@ class Recorder(IRecorder):
         def make_sink(session: Session) -> Any:
             if version == 2:
                 return Version2Sink(stream, session)
-            header = header_of(self.ctx, options) if session.header is None else session.header
+            header = header_of(self.ctx, session.world, options) if session.header is None else session.header
             return Version3Sink(stream, session, header)
 
         self._session = Session(self.ctx, make_sink)
-        if self._source is not None:
-            self._session.copy(self._source.header, self._copied_keyframe)
         for name, data in self.components.snapshot():
             self._component_event(name, data)
 
@@ -114,6 +113,7 @@ class Recorder(IRecorder):
             RecorderBusy (RuntimeError): none is being written.
             RecordingError: it cannot be written to its end; what was written stays readable.
         """
+        self._end_copying()
         session = self._session
         if session is None:
             if self.ctx.is_terminated():
@@ -135,6 +135,7 @@ class Recorder(IRecorder):
         if self._session is None or self._session.is_paused:
             self.ctx.logger.warning("There is nothing to pause: no recording is being written.")
             return
+        self._end_copying()
         self._session.pause()
         self._kept = self.components.kept()
 
@@ -211,9 +212,8 @@ class Recorder(IRecorder):
             if not self.ctx.is_terminated():
                 raise
         finally:
+            self._end_copying()
             self.is_replaying, self._source = False, None
-            if self._session is not None:
-                self._session.end_copying()
             if is_owned:
                 stream.close()
 
@@ -222,8 +222,9 @@ class Recorder(IRecorder):
         if reader.warning:
             self.ctx.logger.warning(reader.warning)
         self._source = reader
-        if self._session is not None:
-            self._session.copy(reader.header, self._copied_keyframe)
+        if self.record() and self._session is not None and self._session.begins_like(reader.header):
+            self._waiting = self._session.copy(reader.header, self._copied_keyframe)
+            self._is_copying = True
         yield from Player(self).play(reader)
 
     def _replay_version_2(self, stream: BinaryIO) -> Iterator[Record]:
@@ -238,14 +239,34 @@ class Recorder(IRecorder):
 
     # -- for the player -----------------------------------------------------------------------------------------
 
-    def copies_to(self) -> list[Any] | None:
-        """The log that replayed events are copied to; None while nothing is being written."""
-        return self._log() if self.record() else None
+    @property
+    def is_copying(self) -> bool:
+        """Whether a recording is written that has the very events of the one which is replayed.
+
+        It is where the one began with the other; else what a replay does is recorded like what anybody does.
+        """
+        return self._is_copying and self.record()
+
+    def copy(self, *entries: Any) -> None:
+        """Write events of a replayed recording, as they are there."""
+        if self.record():
+            self._log().extend(entries)
 
     def renumber(self, names: list[str], numbers: list[int]) -> None:
         """Let agents have the numbers that a replayed recording gives them."""
-        if self.record() and self._session is not None:
+        if self.is_copying and self._session is not None:
             self._session.renumber(names, numbers)
+
+    def tell_anew(self) -> None:
+        """Write how things are, which a replay has set."""
+        if self.record() and self._session is not None:
+            self._session.tell_anew()
+
+    def _end_copying(self) -> None:
+        if self._is_copying and self._session is not None:
+            self._session.end_copying()
+            self.copy(*self._waiting)
+        self._is_copying = False
 
     def _copied_keyframe(self, turn: int) -> Any:
         if self._source is None or turn > self._source.turns:
@@ -300,7 +321,10 @@ class Recorder(IRecorder):
 
     def _component_event(self, opcode_name: str, data: dict[str, Any]) -> None:
         if self.record():
-            self._log().append((OpCodes[opcode_name].value, plain(data)))
+            event = (OpCodes[opcode_name].value, plain(data))
+            self._log().append(event)
+            if self._is_copying and opcode_name == "COMPONENT_REGISTER":
+                self._waiting = [other for other in self._waiting if other[1]["key"] != data["key"]]
 
 
 def _checked_options(version: Any, created: Any, provenance: Any) -> dict[str, Any]:

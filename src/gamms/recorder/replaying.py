@@ -46,27 +46,30 @@ class Player:
 
     def _turn(self, turn: int, log: kinds.Log) -> Iterator[Record]:
         timestamp, is_over = turn * TURN_NS, True
-        columns, writer = self._ctx.agent.columns, self._ctx.agent.moves.plain()
+        agents, recorder = self._ctx.agent, self._recorder
+        unnoted = agents.moves.plain()
         for number, step in steps_of(log):
             if self._ctx.is_terminated():
                 return
-            self._recorder.clock = timestamp
+            recorder.clock = timestamp
             if number is None:
                 if step[0] == kinds.UNFINISHED:
                     is_over = False
                     continue
                 self.happen(*step)
-                columns, writer = self._ctx.agent.columns, self._ctx.agent.moves.plain()
+                unnoted = agents.moves.plain()
                 yield from records_of(step[0], step[1], timestamp, self._before(step[0], step[1]))
                 continue
+            is_copying = recorder.is_copying
             try:
                 name = self._numbers[number]
-                row = self._ctx.agent.agents[name]._row
-                before = columns.node[row]
-                writer.act(columns, row, step)
+                row = agents.agents[name]._row
+                before = agents.columns.node[row]
+                (unnoted if is_copying else agents.moves).act(agents.columns, row, step)
             except KeyError as error:
                 raise RecordingError(f"Turn {turn} moves agent number {number}: {error}") from error
-            self._copy(number, step)
+            if is_copying:
+                recorder.copy(number, step)
             yield from records_of_move(name, before, step, timestamp)
         if is_over and not self._ctx.is_terminated():
             self.happen(kinds.SIMULATE, {})
@@ -101,16 +104,20 @@ class Player:
             return  # the components have reported it
         elif self._is_version_2:
             raise RecordingError(f"Operation code {kind:#010x} is none of gamms 1.0.0.")
-        self._copy((kind, data))
+        if self._recorder.is_copying or apply is None:
+            self._recorder.copy((kind, data))
 
     # -- what events do -----------------------------------------------------------------------------------------
 
     def _put(self, data: Any) -> None:
-        state.put(self._ctx, data)
+        self._muted(lambda: state.put(self._ctx, data))
         numbers = data["numbers"].tolist()
         self._numbers = dict(zip(numbers, data["names"], strict=True))
         self._next = max([*numbers, self._next - 1], default=-1) + 1
-        self._recorder.renumber(data["names"], numbers)
+        if self._recorder.is_copying:
+            self._recorder.renumber(data["names"], numbers)
+        else:
+            self._recorder.tell_anew()
 
     def _create(self, data: Any) -> None:
         if self._is_version_2 and self._was_refused(data["name"], data["kwargs"]):
@@ -176,7 +183,13 @@ class Player:
             )
 
     def _silently(self, happen: Callable[[], None]) -> None:
-        """Let something happen without a note in the journal: what is noted is copied from the recording."""
+        """Let something happen without a note in the journal where the event itself is copied from the recording."""
+        if self._recorder.is_copying:
+            self._muted(happen)
+        else:
+            happen()
+
+    def _muted(self, happen: Callable[[], None]) -> None:
         columns = self._ctx.agent.columns
         journal = columns.journal
         columns.journal = Muted(journal)
@@ -184,11 +197,6 @@ class Player:
             happen()
         finally:
             columns.journal = journal
-
-    def _copy(self, *entries: Any) -> None:
-        log = self._recorder.copies_to()
-        if log is not None:
-            log.extend(entries)
 
 
 _COMPONENTS = {code.value: code.name for code in OpCodes if code.name.startswith("COMPONENT")}

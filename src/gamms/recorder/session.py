@@ -1,8 +1,9 @@
 """One recording while it is being written: what the journal holds becomes the log of each turn."""
 
 import time
-from collections.abc import Callable, Iterator
+from collections.abc import Callable, Iterator, Mapping
 from contextlib import contextmanager
+from itertools import takewhile
 from typing import Any
 
 from gamms.ir import journal as kinds
@@ -11,7 +12,9 @@ from gamms.recorder import state
 from gamms.recorder.errors import RecordingError
 from gamms.recorder.noting import PlainJournal
 from gamms.recorder.plain import is_same, plain, plain_part
+from gamms.typing.opcodes import OpCodes
 
+_DECLARATION = OpCodes.COMPONENT_REGISTER.value
 _TURNS_AT_ONCE = 64
 _ENTRIES_AT_ONCE = 1 << 20  # of logs: what may wait to be written
 _KEYFRAME_ENTRIES = 1 << 17
@@ -31,6 +34,7 @@ class Session:
         is_paused: whether nothing is written for now.
         has_failed: whether it could not be written further: nothing is noted then, and nothing more written.
         copied: while a recording is being replayed, whose events are copied as they are: its keyframe after a turn.
+        world: graph and obstacles as they were when there was a graph for the first time; None before that.
         header: of the recording that was replayed first of all; None: this one has its own.
         turn: how many turns were recorded.
     """
@@ -50,7 +54,9 @@ class Session:
         self.header: dict[str, Any] | None = None
         self._listen()
         self.begin = state.captured(ctx) | state.told(ctx.game)
-        self._world = self._revisions()
+        self._revised = self._revisions()
+        has_map = next(iter(ctx.graph.graph.get_nodes()), None) is not None
+        self.world: bytes | None = ctx.graph.packed() if has_map else None
         self._game = _GameWatch(ctx)
 
     @property
@@ -73,13 +79,24 @@ class Session:
         """Write nothing until `play`."""
         self._hush()
         self.is_paused = True
+        self._members = dict(self.ctx.agent.agents)
 
     def play(self) -> None:
         """Write again, beginning with how things are now."""
+        self._set(self._members)
+
+    def _set(self, known: Mapping[str, Any]) -> None:
+        """Say how things are now to a reader who knows these agents; None for one who may be anybody of that name."""
         waiting = self._journal.log
         self._listen()
         self.is_paused = False
-        self._journal.log = [*waiting, (kinds.SNAPSHOT, state.captured(self.ctx) | state.told(self.ctx.game))]
+        now = self.ctx.agent.agents
+        left = [name for name, agent in known.items() if name in now and agent in (None, now[name])]
+        # Those who come back do so in their order, and so do all who follow them.
+        kept = [name for name, other in takewhile(lambda pair: pair[0] == pair[1], zip(left, now, strict=False))]
+        gone = [(kinds.AGENT_DELETE, {"name": name}) for name in known if name not in kept]
+        snapshot = state.captured(self.ctx) | state.told(self.ctx.game)
+        self._journal.log = [*waiting, *gone, (kinds.SNAPSHOT, snapshot)]
         self._game = _GameWatch(self.ctx)
 
     def close(self) -> None:
@@ -89,6 +106,7 @@ class Session:
             return  # and has said so
         log = self._journal.log
         if not self.is_paused and self.copied is None:
+            log[:0] = self._world_changes()
             log += self._game.changes()
         if log:
             log.append((kinds.UNFINISHED, {}))
@@ -104,18 +122,30 @@ class Session:
             self._sink = self._make_sink(self)
         return self._sink
 
-    def copy(self, header: dict[str, Any], keyframe: Callable[[int], state.State | None]) -> None:
-        """Copy what happens from a recording that is being replayed, rather than work it out."""
-        self.copied = keyframe
-        if self._sink is None:
-            self.header = header
-            begin = keyframe(0)
-            self.begin = self.begin if begin is None else begin
+    def begins_like(self, header: dict[str, Any]) -> bool:
+        """Whether nothing has happened yet that a recording with this header does not tell as well."""
+        is_new = self._sink is None and not self.turn and not self.begin["names"]
+        declared = all(entry[0] == _DECLARATION for entry in self.log if type(entry) is tuple)
+        return is_new and declared and self.world in (None, header["world"]) and not self.is_paused
+
+    def copy(self, header: dict[str, Any], keyframe: Callable[[int], state.State | None]) -> Log:
+        """Copy what happens from a recording that is being replayed, rather than work it out; gives the log so far."""
+        self.copied, self.header, self.world = keyframe, header, header["world"]
+        begin = keyframe(0)
+        self.begin = self.begin if begin is None else begin
+        waiting, self._journal.log = self._journal.log, []
+        return waiting
 
     def end_copying(self) -> None:
         """Go on by what the context says."""
         self.copied = None
-        self._world, self._game = self._revisions(), _GameWatch(self.ctx)
+        self._revised, self._game = self._revisions(), _GameWatch(self.ctx)
+        self._journal.living = dict.fromkeys(self.ctx.agent.agents)
+
+    def tell_anew(self) -> None:
+        """Say how things are now: a replay has set them, or a game has begun anew."""
+        self._hush()
+        self._set(self._journal.living)
 
     def abandon(self) -> None:
         """Listen no longer, and write nothing more."""
@@ -139,7 +169,7 @@ class Session:
         self._journal = agents.columns.journal = PlainJournal(agents.columns.names)
         agents.write_by(agents.moves.plain().journaled(agents.columns))
         self.ctx.visual.after_turn.append(self.end_turn)
-        self.ctx.game.after_reset.append(self._begin_anew)
+        self.ctx.game.after_reset.append(self.tell_anew)
 
     def _hush(self) -> None:
         agents = self.ctx.agent
@@ -148,13 +178,8 @@ class Session:
             agents.write_by(agents.moves.plain())
         if self.end_turn in self.ctx.visual.after_turn:
             self.ctx.visual.after_turn.remove(self.end_turn)
-        if self._begin_anew in self.ctx.game.after_reset:
-            self.ctx.game.after_reset.remove(self._begin_anew)
-
-    def _begin_anew(self) -> None:
-        """The game was reset: what has come since the start was taken away again, and the rest is set."""
-        self._hush()
-        self.play()
+        if self.tell_anew in self.ctx.game.after_reset:
+            self.ctx.game.after_reset.remove(self.tell_anew)
 
     @contextmanager
     def _writing(self) -> Iterator[None]:
@@ -198,13 +223,15 @@ class Session:
         return room.graph.revision, room.obstacle_revision
 
     def _world_changes(self) -> Log:
+        """What says that the map is another one. The first map goes into the header: it may be loaded late."""
         now = self._revisions()
-        if now == self._world:
+        if now == self._revised:
             return []
-        self._world = now
-        if self._sink is None:
-            return []  # it will be in the header
-        return [(kinds.WORLD, {"world": self.ctx.graph.packed()})]
+        self._revised, world = now, self.ctx.graph.packed()
+        if self.world is None and self._sink is None:
+            self.world = world
+            return []
+        return [(kinds.WORLD, {"world": world})]
 
 
 class _GameWatch:

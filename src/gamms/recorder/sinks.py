@@ -131,7 +131,7 @@ _OF_VERSION_2 = {
 }
 
 
-def header_of(ctx: Any, options: dict[str, Any]) -> dict[str, Any]:
+def header_of(ctx: Any, world: bytes | None, options: dict[str, Any]) -> dict[str, Any]:
     """What a recording says of the context it was made in: no host, no user, no path, and no time unless asked."""
     from importlib.metadata import version
 
@@ -144,5 +144,5 @@ def header_of(ctx: Any, options: dict[str, Any]) -> dict[str, Any]:
         "seed": ctx.seed,
         "created": created,
         "provenance": options.get("provenance"),
-        "world": ctx.graph.packed(),
+        "world": ctx.graph.packed() if world is None else world,
     }

@@ -131,6 +131,7 @@ def put(ctx: Any, state: State) -> None:
             if flies:
                 given |= {"type": 1, "speed": state["speed"][row]}
             agent = ctx.agent.create_agent(name, **given)
+        _equip(ctx, agent, state["sensors"][row])
         for key, value in state["attributes"][row].items():
             agent.__dict__[key] = deepcopy(value)
         agent.team, agent.alive = state["teams"][row], bool(state["alive"][row])
@@ -145,6 +146,16 @@ def put(ctx: Any, state: State) -> None:
     game.take_over(state["over"])
     if "events" in state:
         game.events[:] = deepcopy(state["events"])
+
+
+def _equip(ctx: Any, agent: Any, sensors: dict[str, str]) -> None:
+    """Let an agent carry these sensors, as far as there are such."""
+    there = {name: sensor_id for name, sensor_id in sensors.items() if sensor_id in ctx.sensor.sensors}
+    if list(there.items()) != [(name, sensor.sensor_id) for name, sensor in agent._sensor_list.items()]:
+        for name in list(agent._sensor_list):
+            agent.deregister_sensor(name)
+        for name, sensor_id in there.items():
+            agent.register_sensor(name, ctx.sensor.get_sensor(sensor_id))
 
 
 def _row_of(state: State, row: int) -> dict[str, Any]:

@@ -1,0 +1,286 @@
+"""What went wrong in recordings of gamms 1.0.0, each with its number in our list: it does not go wrong here."""
+
+import enum
+import io
+import os
+import subprocess
+import sys
+from contextlib import suppress
+from pathlib import Path
+from typing import Optional, Tuple  # noqa: UP035 - as programs for 1.0.0 spell them
+
+import numpy as np
+import pytest
+from games import act, copied, empty_context, everything, grid_context, recorded, replayed
+
+import gamms
+from gamms.errors import BadType, UnknownName
+from gamms.recorder import Reader, RecordingError
+
+VERSIONS = pytest.mark.parametrize("version", [2, 3])
+
+
+def records_of(play, **options):
+    data = recorded(play, **options)
+    return replayed(data, grid_context())[1]
+
+
+# D8, D9 (an end while paused; a start after the end) are in test_drop_in.py
+
+
+@VERSIONS
+def test_d10_what_a_killed_program_recorded_replays(tmp_path, version):
+    program = (
+        "import os, sys, time; sys.path.insert(0, sys.argv[1]); from games import grid_context; ctx = grid_context()\n"
+        "ctx.record.start(sys.argv[2], version=int(sys.argv[3])); ctx.agent.create_agent('a', start_node_id=4)\n"
+        "for turn in range(5): ctx.visual.simulate(); time.sleep(0.3)\n"
+        "os._exit(1)"
+    )
+    here, path = str(Path(__file__).parent), tmp_path / "game.ggr"
+    subprocess.run([sys.executable, "-c", program, here, str(path), str(version)], check=False)
+    ctx = empty_context() if version == 3 else grid_context()
+    turns, is_told = 0, False
+    try:
+        for record in ctx.record.replay(path):
+            turns += record["opCode"] == 1
+    except RecordingError:
+        is_told = True
+    assert is_told == (version == 2)
+    assert turns >= 3
+    assert ctx.agent.get_agent("a").current_node_id == 4
+
+
+def a_bit_of_everything(ctx):
+    @ctx.record.component(struct={"count": int})
+    class Flag:
+        pass
+
+    ctx.agent.create_agent("a", start_node_id=0, sensors=["near", "map"], orientation=(1, 3))
+    ctx.agent.create_agent("d", start_node_id=0, type=gamms.agent.AgentType.AERIAL, speed=0.7, sensors=["near"])
+    flag = Flag("flag")
+    for turn in range(3):
+        act(ctx, "a", {"node_id": turn, "orientation": (turn, 1.0)})
+        act(ctx, "d", {"direction": (1, turn, 2), "quat": (1, 2, turn, 0)})
+        flag.count = turn
+        ctx.visual.simulate()
+
+
+def test_d11_a_copy_has_the_same_bytes_for_ten_generations():
+    data = first = recorded(a_bit_of_everything)
+    for _ in range(10):
+        data = copied(data)
+        assert data == first
+
+
+@VERSIONS
+def test_d12_components_that_are_deleted_and_classes_that_are_unregistered_replay(version):
+    def play(ctx):
+        @ctx.record.component(struct={"count": int})
+        class Flag:
+            pass
+
+        Flag("one").count = 1
+        Flag("two").count = 2
+        ctx.record.delete_component("one")
+        ctx.record.unregister_component((Flag.__module__, Flag.__qualname__))
+
+    ctx, records = replayed(recorded(play, version=version), grid_context())
+    assert list(ctx.record.component_iter()) == ["two"]
+    assert ctx.record._component_registry == {}
+    assert [record["opCode"] & 0xF for record in records[:-1]] == [0, 1, 2, 1, 2, 3, 4]
+
+
+@VERSIONS
+def test_d13_what_is_refused_is_not_in_the_file(version):
+    def play(ctx):
+        ctx.agent.create_agent("a", start_node_id=0)
+        a = ctx.agent.get_agent("a")
+        a.get_state()["action"] = 99
+        for wrong in (
+            lambda: ctx.agent.create_agent("a", start_node_id=1),
+            lambda: ctx.agent.create_agent("b", start_node_id=99),
+            lambda: ctx.agent.create_agent("b"),
+            lambda: ctx.agent.create_agent("d", start_node_id=0, type=1),
+            lambda: ctx.agent.create_agent("b", start_node_id=0, step=1),
+            lambda: ctx.agent.create_agent("b", start_node_id=0, sensors=5),
+            lambda: setattr(a, "current_node_id", 99),
+            lambda: setattr(a, "prev_node_id", "x"),
+            lambda: setattr(a, "orientation", (0, 0)),
+            lambda: a.register_sensor("x", None),
+            lambda: ctx.record.delete_component("nobody"),
+            a.set_state,
+        ):
+            with pytest.raises((KeyError, ValueError, TypeError, AttributeError)):
+                wrong()
+        ctx.agent.delete_agent("nobody")
+        a.deregister_sensor("nothing")
+
+    assert [record["opCode"] for record in records_of(play, version=version)] == [0x01000000, 0]
+
+
+def test_d13_a_creation_that_fails_half_way_leaves_no_gap_in_the_numbers():
+    def play(ctx):
+        ctx.agent.create_agent("a", start_node_id=0)
+        sensor = ctx.sensor.get_sensor("near")
+        set_owner, sensor.set_owner = sensor.set_owner, lambda _: 1 / 0
+        with pytest.raises(ZeroDivisionError):
+            ctx.agent.create_agent("b", start_node_id=1, sensors=["near"])
+        sensor.set_owner = set_owner
+        ctx.agent.create_agent("c", start_node_id=2)
+        act(ctx, "c", 5)
+
+    ctx = replayed(recorded(play))[0]
+    assert [(one.name, one.current_node_id) for one in ctx.agent.create_iter()] == [("a", 0), ("c", 5)]
+
+
+def test_moves_belong_to_the_right_agent_after_others_were_deleted():
+    def play(ctx):
+        for number in range(9):
+            ctx.agent.create_agent(f"a{number}", start_node_id=number)
+        for number in (0, 1, 2, 4, 6):
+            ctx.agent.delete_agent(f"a{number}")
+        ctx.visual.simulate()
+        act(ctx, "a8", 7)
+        ctx.agent.create_agent("new", start_node_id=0)
+        act(ctx, "new", 1)
+
+    original = grid_context()
+    ctx = replayed(recorded(play, original))[0]
+    assert everything(ctx) == everything(original)
+    assert ctx.agent.get_agent("a8").current_node_id == 7
+
+
+class Colour(enum.IntEnum):
+    """An integer with a name."""
+
+    RED = 3
+
+
+@VERSIONS
+def test_d14_what_cannot_be_written_is_left_out_and_the_rest_is_whole(version):
+    def play(ctx):
+        meta = {"plan": print, "team": Colour.RED, "goal": np.int64(4), "inner": {"f": lambda: 0, "x": (1, 2)}}
+        ctx.agent.create_agent("a", start_node_id=0, meta=meta, brain=object(), strategy=print, color=(1, 2, 3))
+        meta["team"] = "changed later"
+        act(ctx, "a", 1)
+        ctx.visual.simulate()
+
+    ctx = replayed(recorded(play, version=version), grid_context())[0]
+    agent = ctx.agent.get_agent("a")
+    assert agent.meta["team"] == 3
+    assert agent.meta["goal"] == 4
+    assert list(agent.meta["inner"].values()) in ([(1, 2)], [[1, 2]])  # version 2 has no tuples
+    assert set(agent.meta) == {"team", "goal", "inner"}
+    assert not hasattr(agent, "brain")
+    assert agent.current_node_id == 1
+
+
+def test_d14_values_of_the_game_that_are_not_plain_are_told_in_words_without_addresses():
+    class Treasure:
+        pass
+
+    def play(ctx):
+        ctx.game.data["kept"] = {"treasure": Treasure(), "at": 4}
+        ctx.game.data["grid"] = np.zeros((2, 2))
+        ctx.game.emit("found", what=Treasure(), who={"b", "a"})
+        ctx.visual.simulate()
+        ctx.game.data["grid"][0, 0] = 1
+        ctx.visual.simulate()
+
+    data = recorded(play)
+    assert data == recorded(play)
+    ctx = replayed(data)[0]
+    assert ctx.game.data["kept"] == {"at": 4}
+    assert ctx.game.data["grid"].tolist() == [[1, 0], [0, 0]]
+    assert ctx.game.events[0]["who"] == ["a", "b"]
+    assert " at 0x" not in ctx.game.events[0]["what"]
+
+
+def test_d15_a_damaged_recording_leaves_the_recorder_ready(tmp_path):
+    data = bytearray(recorded(a_bit_of_everything))
+    data[len(data) // 2] ^= 0xFF
+    (tmp_path / "game.ggr").write_bytes(data)
+    ctx = empty_context()
+    with suppress(RecordingError):  # or it is a prefix
+        list(ctx.record.replay(tmp_path / "game.ggr"))
+    assert not ctx.record.is_replaying
+    list(empty_context().record.replay(io.BytesIO(recorded(a_bit_of_everything))))
+
+
+@VERSIONS
+def test_d16_time_counts_turns_and_two_runs_give_the_same_bytes(version):
+    assert recorded(a_bit_of_everything, version=version) == recorded(a_bit_of_everything, version=version)
+    ends = [record["timestamp"] for record in records_of(a_bit_of_everything, version=version) if record["opCode"] == 1]
+    assert ends == [0, 1_000_000_000, 2_000_000_000]
+
+
+def test_d16_two_processes_with_other_hashes_give_the_same_bytes(tmp_path):
+    program = (
+        "import sys; sys.path.insert(0, sys.argv[1])\nfrom games import recorded\n"
+        "import test_old_defects as t\nsys.stdout.buffer.write(recorded(t.a_bit_of_everything))"
+    )
+    found = {
+        subprocess.check_output(
+            [sys.executable, "-c", program, str(Path(__file__).parent)], env={**os.environ, "PYTHONHASHSEED": seed}
+        )
+        for seed in ("1", "2", "random")
+    }
+    assert len(found) == 1
+
+
+def test_d17_the_file_says_on_which_map_by_which_version_and_seed_it_was_made(ctx, tmp_path):
+    data = recorded(a_bit_of_everything, created=5, provenance={"paper": "x"})
+    header = Reader(io.BytesIO(data)).header
+    assert (header["seed"], header["created"], header["provenance"]) == (1, 5, {"paper": "x"})
+    assert header["package"]
+    again = replayed(data)[0]
+    assert again.graph.packed() == ctx.graph.packed()
+    assert again.sensor.described() == ctx.sensor.described()
+    for private in (os.uname().nodename, str(Path.home()), str(tmp_path)):
+        assert private.encode() not in data
+
+
+def test_d18_a_flyer_ends_above_the_very_node_it_was_above():
+    original = grid_context()
+    ctx = replayed(recorded(a_bit_of_everything, original))[0]
+    there, here = (one.agent.get_agent("d") for one in (original, ctx))
+    assert (here.prev_node_id, here.position, here.quat) == (there.prev_node_id, there.position, there.quat)
+
+
+@VERSIONS
+def test_d19_tuples_and_local_variables_called_name_work_in_components(version):
+    def play(ctx):
+        @ctx.record.component(struct={"way": Tuple[int, ...], "pair": Optional[Tuple[int, str]]})  # noqa: UP006, UP045
+        class Route:
+            def __init__(self, way=()):
+                name = way
+                self.way = name
+
+        Route("r", (1, 2)).pair = (3, "x")
+
+    route = replayed(recorded(play, version=version), grid_context())[0].record.get_component("r")
+    assert (route.way, route.pair) == ((1, 2), (3, "x"))
+
+
+def test_d20_the_version_before_is_translated_and_a_later_one_is_refused():
+    data = recorded(a_bit_of_everything, version=2)
+    old, new = (data[:4] + bytes((0, 0, 0, number)) + data[8:] for number in (1, 4))
+    assert replayed(old, grid_context())[1] == replayed(data, grid_context())[1]
+    with pytest.raises(RecordingError, match="version"):
+        replayed(new, grid_context())
+
+
+@pytest.mark.parametrize("sets", [{"data": 5}, {"scores": 5}])
+def test_a_strange_game_is_recorded_or_refused_clearly(sets):
+    ctx = grid_context()
+    for name, value in sets.items():
+        getattr(ctx.game, name)[(1, "a")] = value
+    assert everything(replayed(recorded(lambda _: None, ctx))[0])["data"] == ctx.game.data
+
+
+def test_unknown_components_and_bad_values_are_refused_while_recording(ctx, tmp_path):
+    ctx.record.start(tmp_path / "game")
+    with pytest.raises(UnknownName):
+        ctx.record.get_component("nobody")
+    with pytest.raises(BadType):
+        ctx.record.event("x", value=object())
