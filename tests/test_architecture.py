@@ -45,12 +45,24 @@ FLOORS = [
     {"typing"},
     {"agent", "game", "graph", "memory", "osm", "recorder", "sensor", "visual"},
     {"context"},
-    {"rules", "scenario", "strategies", "testing"},
+    {"recordings", "rules", "scenario", "strategies", "testing"},
     {"demo"},
+    {"cli_output"},
+    {"cli_recordings"},
     {"cli"},
 ]
 OUTSIDE = {"", "_legacy", "__main__"}  # the front door, and the table of old paths, which knows every room
-GUESTS = {"demo", "rules", "scenario", "strategies", "testing", "cli"}  # they use a context as any user would
+GUESTS = {
+    "demo",
+    "recordings",
+    "rules",
+    "scenario",
+    "strategies",
+    "testing",
+    "cli",
+    "cli_output",
+    "cli_recordings",
+}  # they use a context as any user would
 LEVEL = {room: level for level, rooms in enumerate(FLOORS) for room in rooms}
 
 

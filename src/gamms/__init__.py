@@ -32,7 +32,8 @@ __all__ = [
     "visual",
 ]
 
-_WHEN_ASKED = {"game", "osm", "rules", "scenario", "strategies", "testing"}  # loaded when they are first named
+# Rooms and guests that are loaded when they are first named.
+_WHEN_ASKED = {"game", "osm", "recorder", "recordings", "rules", "scenario", "strategies", "testing"}
 
 _legacy.install()
 

@@ -1,8 +1,7 @@
-"""`gamms`: the command line. The only file that prints, and the one door to typer and rich."""
+"""`gamms`: the command line. Only this file and `cli_*.py` print, and only they know typer and rich."""
 
 import json
-from collections.abc import Iterable, Iterator
-from contextlib import contextmanager
+from collections.abc import Iterator
 from enum import StrEnum
 from pathlib import Path
 from typing import Annotated, Any
@@ -10,9 +9,10 @@ from typing import Annotated, Any
 import typer
 from rich.console import Console
 from rich.markup import escape
-from rich.table import Table
 
 import gamms
+from gamms import cli_recordings
+from gamms.cli_output import console, one_sentence, recorded, rich_table
 from gamms.demo import Team
 from gamms.errors import GammsError
 
@@ -28,6 +28,7 @@ maps = typer.Typer(help="Look at maps.", no_args_is_help=True)
 app.add_typer(maps, name="osm")
 scenarios = typer.Typer(help="Look at scenario files.", no_args_is_help=True)
 app.add_typer(scenarios, name="scenario")
+cli_recordings.add_to(app)
 
 _HELSINKI = "Central Helsinki"
 _NAMES = ("red", "blue")
@@ -55,27 +56,28 @@ def demo(
     turns: Annotated[int, typer.Option(min=1, help="The game ends after this many turns at the latest.")] = 600,
     seed: Annotated[int, typer.Option(help="The same seed plays the same game.")] = 1,
     teams: Annotated[str, typer.Option(help="Agents per team: 5, or 5,3, or with names: cats=5,dogs=3.")] = "5",
-    out: Annotated[Path, typer.Option(help="The folder for result.json and final.svg.")] = Path("gamms-demo"),
+    out: Annotated[Path, typer.Option(help="The folder for result.json, game.ggr and final.svg.")] = Path("gamms-demo"),
     map: Annotated[Path | None, typer.Option(help="An OpenStreetMap file to play on instead of Helsinki.")] = None,
 ) -> None:
     """Play capture the flag between two teams on the streets of a city."""
     from gamms.demo import capture_the_flag, check_ways, report, show
 
     sides = _parsed_teams(teams)
-    with _one_sentence():
+    with one_sentence():
         game = capture_the_flag(sides, turns, map)
         map_name = _HELSINKI if map is None else map.name
         with game.build(seed) as ctx:
             check_ways(ctx)
             show.declare(ctx)
-            played = ctx.game.run(progress=True)
-            out.mkdir(parents=True, exist_ok=True)
+            with recorded(ctx, out) as recording:
+                played = ctx.game.run(progress=True)
             data = report.to_json(report.result(ctx, played, map_name, turns))
             (out / "result.json").write_text(data, encoding="utf-8")
             ctx.visual.save(out / "final.svg", *_PICTURE, title=f"{map_name}: {report.headline(ctx, played)}")
             _tell(ctx, played, sides, map_name)
     typer.echo(
-        f"\nWrote {out / 'result.json'} (every event) and {out / 'final.svg'} (the last turn; open it in a browser)."
+        f"\nWrote {out / 'result.json'} (every event), {recording} (every move; gamms replay) and {out / 'final.svg'} "
+        "(the last turn; open it in a browser)."
     )
 
 
@@ -90,27 +92,29 @@ def play_scenario(
     strategies: Annotated[
         list[str] | None, typer.Option("--strategy", help="Play a team by a strategy of yours: red=mine.py:strategy.")
     ] = None,
-    out: Annotated[Path, typer.Option(help="The folder for result.json and final.svg.")] = Path("gamms-run"),
+    out: Annotated[Path, typer.Option(help="The folder for result.json, game.ggr and final.svg.")] = Path("gamms-run"),
 ) -> None:
     """Play the game in a scenario file."""
     from gamms import scenario
 
-    with _one_sentence():
+    with one_sentence():
         game = scenario.load(file).replace(**_changes(changes or []))
         if turns is not None:
             game = game.replace(turns=turns)
         found = _found_strategies(strategies or [])
-        console = Console(highlight=False, soft_wrap=True)
         for line in _code_of(game, found):
             typer.echo(f"imports {line}")
         with game.build(seed, {team: _imported(*one) for team, one in found.items()}) as ctx:
-            result = ctx.game.run(progress=True)
-            out.mkdir(parents=True, exist_ok=True)
+            with recorded(ctx, out) as recording:
+                result = ctx.game.run(progress=True)
             result.save(out / "result.json")
             title = f"{game.spec.name or file.stem}: {result.reason} after {result.turns} turns"
             ctx.visual.save(out / "final.svg", *_PICTURE, title=title)
-            _tell_result(console, game, result)
-    typer.echo(f"\nWrote {out / 'result.json'} (everything) and {out / 'final.svg'} (the last turn).")
+            _tell_result(console(), game, result)
+    typer.echo(
+        f"\nWrote {out / 'result.json'} (what came of it), {recording} (every move; gamms replay) and "
+        f"{out / 'final.svg'} (the last turn)."
+    )
 
 
 @scenarios.command("check")
@@ -121,7 +125,7 @@ def check_scenario(
     """Say whether a scenario file can be played, or what is wrong with it; runs none of its code."""
     from gamms import scenario
 
-    with _one_sentence():
+    with one_sentence():
         game = scenario.load(file)
         done = game.check()
         for one in game.code() if build else []:
@@ -150,12 +154,12 @@ def map_report(
     as_json: Annotated[bool, typer.Option("--json", help="Print JSON.")] = False,
 ) -> None:
     """Compare the graph that a map becomes with the map: lengths, places, connections, spacing."""
-    with _one_sentence():
+    with one_sentence():
         found = _fidelity(file, network, resolution=resolution, tolerance=tolerance, retain_all=retain_all)
     if as_json:
         typer.echo(json.dumps(found.to_dict(), indent=2))
         return
-    Console(highlight=False, soft_wrap=True).print(_rich_table(("fidelity", ""), found.rows(), right=False))
+    console().print(rich_table(("fidelity", ""), found.rows(), right=False))
 
 
 def main() -> None:
@@ -165,16 +169,6 @@ def main() -> None:
     except (GammsError, OSError) as error:
         typer.echo(f"gamms: {error}", err=True)
         raise SystemExit(1) from None
-
-
-@contextmanager
-def _one_sentence() -> Iterator[None]:
-    """Our own errors are sentences, also where the command is called by another program."""
-    try:
-        yield
-    except (GammsError, OSError) as error:
-        typer.echo(f"gamms: {error}", err=True)
-        raise typer.Exit(1) from None
 
 
 def _changes(texts: list[str]) -> dict[str, Any]:
@@ -219,19 +213,19 @@ def _code_of(game: Any, chosen: dict[str, Any]) -> Iterator[str]:
         yield f"--strategy {team}: {found}"
 
 
-def _tell_result(console: Console, game: Any, result: Any) -> None:
+def _tell_result(out: Console, game: Any, result: Any) -> None:
     """Print what came of a scenario."""
-    console.print(f"\n[bold]{escape(game.spec.name or 'A game')}[/], seed {result.seed}")
+    out.print(f"\n[bold]{escape(game.spec.name or 'A game')}[/], seed {result.seed}")
     end = f"{result.winner} wins" if result.winner is not None else "nobody wins"
-    console.print(f"[bold]{escape(f'{end} after {result.turns} turns: {result.reason}')}[/]\n")
+    out.print(f"[bold]{escape(f'{end} after {result.turns} turns: {result.reason}')}[/]\n")
     rows = []
     for team in game.spec.teams:
         agents = [agent for agent in result.agents.values() if agent["team"] == team]
         alive, moves = sum(agent["alive"] for agent in agents), sum(agent["moves"] for agent in agents)
         rows.append((team, str(len(agents)), str(alive), str(moves), f"{result.scores.get(team, 0):g}"))
-    console.print(_rich_table(("team", "agents", "alive", "moves", "score"), rows))
+    out.print(rich_table(("team", "agents", "alive", "moves", "score"), rows))
     if result.errors:
-        console.print(f"\n{len(result.errors)} actions were replaced by staying; errors in result.json says which.")
+        out.print(f"\n{len(result.errors)} actions were replaced by staying; errors in result.json says which.")
 
 
 def _fidelity(file: Path, network: _Network, **wishes: Any) -> Any:
@@ -266,27 +260,18 @@ def _tell(ctx: gamms.Context, played: Any, sides: tuple[Team, Team], map_name: s
     """Print what happened."""
     from gamms.demo import report
 
-    console = Console(highlight=False, soft_wrap=True)
+    out = console()
     first, second = sides
     graph = ctx.graph.columns()
     streets = float(graph.lengths.sum()) / 2000.0
-    console.print(f"[bold]Capture the flag[/] in {map_name}, seed {played.seed}")
-    console.print(f"{first.name} ({first.size} agents) against {second.name} ({second.size} agents)")
-    console.print(f"{len(graph.node_ids):,} nodes, {streets:.0f} km of streets; {ctx.graph.attribution or ''}\n")
+    out.print(f"[bold]Capture the flag[/] in {map_name}, seed {played.seed}")
+    out.print(f"{first.name} ({first.size} agents) against {second.name} ({second.size} agents)")
+    out.print(f"{len(graph.node_ids):,} nodes, {streets:.0f} km of streets; {ctx.graph.attribution or ''}\n")
     for turn, sentence in report.story(ctx, played):
-        console.print(f"  turn {turn:>4}  {sentence}")
-    console.print(f"\n[bold]{report.headline(ctx, played)}[/]\n")
+        out.print(f"  turn {turn:>4}  {sentence}")
+    out.print(f"\n[bold]{report.headline(ctx, played)}[/]\n")
     header, *rows = report.table(ctx, played)
-    console.print(_rich_table(header, rows))
-
-
-def _rich_table(header: tuple[str, ...], rows: Iterable[tuple[str, ...]], *, right: bool = True) -> Any:
-    table = Table(box=None, pad_edge=False, padding=(0, 2, 0, 0))
-    for i, title in enumerate(header):
-        table.add_column(title, justify="right" if i and right else "left")
-    for row in rows:
-        table.add_row(*row)
-    return table
+    out.print(rich_table(header, rows))
 
 
 if __name__ == "__main__":

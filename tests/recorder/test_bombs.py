@@ -115,6 +115,7 @@ def test_damage_in_the_middle_is_named_when_it_is_met():
     data[place + blocks.HEAD_SIZE + 3] ^= 1
     reader = opened(bytes(data))
     assert [reader.log(turn) for turn in (0, 1, 2, 3, 6, 7)] == [game[turn] for turn in (0, 1, 2, 3, 6, 7)]
-    for call in (lambda: reader.log(4), reader.moves, lambda: list(reader.events()), reader.verify):
+    assert list(reader.events()) == []  # no event is in it, so it is not looked at
+    for call in (lambda: reader.log(4), reader.moves, reader.verify):
         with pytest.raises(RecordingError, match=f"damaged at byte {place}: this block is damaged"):
             call()

@@ -12,7 +12,7 @@ import numpy as np
 from gamms.arguments import as_path
 from gamms.errors import MissingFolder, UnknownName
 from gamms.folders import write_whole
-from gamms.game.tables import table_of
+from gamms.ir.tables import table_of
 
 
 @dataclass(eq=False)

@@ -11,6 +11,7 @@ from typing import Any
 from gamms.graph.engine import GraphEngine
 from gamms.graph.graph import Graph
 from gamms.graph.grid import grid
+from gamms.graph.packed import PackedGraph
 from gamms.typing.graph_engine import Engine, IGraph, IGraphEngine, Node, ObsFace, OSMEdge
 from gamms.typing.memory_engine import StoreType
 
@@ -25,6 +26,7 @@ __all__ = [
     "Node",
     "OSMEdge",
     "ObsFace",
+    "PackedGraph",
     "SqliteGraph",
     "StoreType",
     "grid",

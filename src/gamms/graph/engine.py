@@ -8,6 +8,7 @@ from gamms.errors import BadValue, ContextTerminated, UnknownType
 from gamms.graph.contents import Contents
 from gamms.graph.graph import Graph
 from gamms.graph.obstacles import Obstacles, checked_face, checked_faces
+from gamms.graph.packed import PackedGraph
 from gamms.ir.graph import FloatArray, GraphColumns
 from gamms.ir.obstacles import BoolArray, ObstacleColumns
 from gamms.typing import IContext
@@ -139,18 +140,22 @@ class GraphEngine(IGraphEngine):
 
     # -- in and out ---------------------------------------------------------------------------------------------
 
-    def attach_networkx_graph(self, G: "nx.Graph[Any]") -> Graph:  # noqa: N803 - published name
-        """Add any networkx graph to what is there, all or nothing.
+    def attach_networkx_graph(self, G: "nx.Graph[Any] | PackedGraph") -> Graph:  # noqa: N803 - published name
+        """Add any networkx graph, or the map of a recording, to what is there, all or nothing.
 
         Integer labels become ids; other labels get the next free integers (`networkx_labels` tells which). An
         undirected graph gives both directions. Missing edge ids are assigned, missing lengths come from
-        `linestring` or `geometry`, all other attributes are kept.
+        `linestring` or `geometry`, all other attributes are kept. A map of a recording keeps its ids and its order.
 
         Raises:
             BadValue (ValueError): it cannot be attached; its cause says why, and nothing has changed.
         """
         graph = self.graph.attach_networkx_graph(G)
-        if len(G) > 1 and not any("x" in data or "y" in data for _, data in G.nodes(data=True)):
+        if (
+            not isinstance(G, PackedGraph)
+            and len(G) > 1
+            and not any("x" in data or "y" in data for _, data in G.nodes(data=True))
+        ):
             self._ctx.logger.warning(
                 f"None of the {len(G)} nodes has an x or y: all are at (0, 0), where edges have no length. "
                 "Set G.nodes[n]['x'] and G.nodes[n]['y'] before attaching."

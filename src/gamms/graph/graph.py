@@ -23,6 +23,8 @@ from gamms.typing.graph_engine import Node, NodeColumns, OSMEdge, Surroundings
 if TYPE_CHECKING:
     import networkx as nx
 
+    from gamms.graph.packed import PackedGraph
+
 
 class Graph(Copied, Ways):
     """A graph over columns; see `IGraph` for what each call promises.
@@ -299,11 +301,14 @@ class Graph(Copied, Ways):
         self._edges.attributes = {name: dict(values) for name, values in columns.edge_attributes.items()}
         self._crs = columns.crs
 
-    def attach_networkx_graph(self, G: "nx.Graph[Any]") -> "Graph":  # noqa: N803 - published name
-        """Add any networkx graph to what is there, all or nothing."""
-        from gamms.graph.networkx import attach
+    def attach_networkx_graph(self, G: "nx.Graph[Any] | PackedGraph") -> "Graph":  # noqa: N803 - published name
+        """Add any networkx graph, or the map of a recording, to what is there, all or nothing."""
+        from gamms.graph import networkx, packed
 
-        attach(self, G)
+        if isinstance(G, packed.PackedGraph):
+            packed.attach(self, G)
+        else:
+            networkx.attach(self, G)
         return self
 
     def to_networkx(self) -> "nx.MultiDiGraph[int] | nx.DiGraph[int]":

@@ -8,6 +8,8 @@ import numpy as np
 
 from gamms.errors import GammsError
 from gamms.ir import journal
+from gamms.recorder.formats.columns import IntArray
+from gamms.recorder.formats.reader import Reader
 from gamms.recorder.state import State, opened
 
 _LISTS = ("names", "teams", "speed", "sensors", "attributes", "strategies")
@@ -23,76 +25,196 @@ _ARRAYS = {
     "alive": (np.int64, ()),
     "carry": (np.float64, ()),
 }
+_TURNS_AT_ONCE = 64  # of the moves that are in memory
+_FEW = 24  # moves that are made faster one by one
+DAMAGES = (KeyError, TypeError, ValueError, IndexError, AttributeError, OverflowError)  # of what a stranger wrote
 
 
-def begin() -> State:
-    """A state with nobody in it."""
-    arrays = {name: np.zeros((0, *shape), dtype) for name, (dtype, shape) in _ARRAYS.items()}
-    return {**{name: [] for name in _LISTS}, **arrays, "scores": [], "data": {}, "over": None}
+class Damaged(GammsError, ValueError):
+    """A state is not right, or an event does not fit the state it happens to."""
 
 
 class Fold:
     """A state that events are applied to.
 
+    Every call raises Damaged (ValueError) where an event does not fit the state.
+
+    Args:
+        state: a keyframe, which is not to be used afterwards; checked, for a stranger may have written it.
+
     Attributes:
-        state: as `recorder.state.captured` gives it.
-        world: the bytes of graph and obstacles, where an event has changed them; else None.
+        state: as `recorder.state.opened` gives it.
+        following: the number that the next new agent gets.
+        roster: a number that changes whenever agents come or go, or any of the lists does.
     """
 
     def __init__(self, state: State) -> None:
-        self.state = deepcopy(opened(state))
-        self.world: bytes | None = None
-        self._row_of = {number: row for row, number in enumerate(self.state["numbers"].tolist())}
-        self._next = max(self._row_of, default=-1) + 1
+        self.roster = 0
+        self._begin(state)
+
+    def _begin(self, state: State) -> None:
+        try:
+            self.state, self.following = _checked(opened(state)), following_of(state)
+        except DAMAGES as error:
+            raise Damaged(f"the whole state is not right ({type(error).__name__}: {error})") from error
+        self._recount()
+
+    def _recount(self) -> None:
+        """Work out who is in which row."""
+        numbers, names = self.state["numbers"], self.state["names"]
+        self._row_of = {number: row for row, number in enumerate(numbers.tolist())}
+        self._row_of_name = {name: row for row, name in enumerate(names)}
+        if not len(self._row_of) == len(self._row_of_name) == len(names):
+            raise Damaged("two agents have the same name or number")
+        self._order = numbers.argsort(kind="stable")
+        self._sorted = numbers[self._order]
+        self._is_counted = np.array_equal(numbers, np.arange(len(numbers)))  # rows are numbers
+        self.roster += 1
 
     def apply(self, log: journal.Log) -> None:
-        """Let the log of one turn happen."""
-        node, previous, row_of = self.state["node"], self.state["previous"], self._row_of
+        """Let the log of one turn happen, entry by entry: what `advance` does at once."""
         entries = iter(log)
         for entry in entries:
             if type(entry) is tuple:
-                self._happen(*entry)
-                node, previous = self.state["node"], self.state["previous"]
+                self.happen(*entry)
             else:
-                row = row_of[entry]
-                previous[row] = node[row]
-                node[row] = next(entries)
+                self._move_one(entry, next(entries))
 
-    def _happen(self, kind: int, data: Any) -> None:
+    def advance(self, reader: Reader, start: int, stop: int) -> None:
+        """Let the turns `start` to `stop - 1` of a recording happen; of these, a few at a time are in memory."""
+        for begin in range(start, stop, _TURNS_AT_ONCE):
+            self._advance(reader, begin, min(begin + _TURNS_AT_ONCE, stop))
+
+    def _advance(self, reader: Reader, start: int, stop: int) -> None:
+        turns, numbers, nodes = reader.moves(start, stop)
+        begins = turns.searchsorted(np.arange(start, stop)).tolist()
+        done, in_order = 0, not self._are_walkers(numbers)
+        new: list[Any] = []  # agents who come one after the other come together
+        for turn, place, kind, data in reader.events(start, stop, _EVENTS):
+            until = begins[turn - start] + place
+            if until > done and (in_order or kind not in _APART):
+                self._enter(new)
+                self.move(numbers[done:until], nodes[done:until])
+                done = until
+            if kind == journal.AGENT_CREATE:
+                new.append(data)
+                continue
+            self._enter(new)
+            self.happen(kind, data)
+            in_order = in_order or kind == journal.SNAPSHOT
+        self._enter(new)
+        self.move(numbers[done:], nodes[done:])
+
+    def move(self, numbers: IntArray, nodes: IntArray) -> None:
+        """Let moves happen: numbers of agents and nodes, (moves,) each, in their order."""
+        if len(numbers) < _FEW:
+            for number, end in zip(numbers.tolist(), nodes.tolist(), strict=True):
+                self._move_one(number, end)
+            return
+        node, previous = self.state["node"], self.state["previous"]
+        rows, places = self._rows(numbers), np.arange(len(numbers))
+        last, last_but_one = np.full((2, len(node)), -1)
+        last[rows] = places  # of several at one row, the last one stays
+        is_earlier = last[rows] != places
+        last_but_one[rows[is_earlier]] = places[is_earlier]
+        moved = np.flatnonzero(last >= 0)
+        came = last_but_one[moved]
+        previous[moved] = np.where(came >= 0, nodes[came], node[moved])
+        node[moved] = nodes[last[moved]]
+
+    def _move_one(self, number: int, end: int) -> None:
+        row = self._row_of.get(number)
+        if row is None:
+            raise _stranger(number)
+        node = self.state["node"]
+        self.state["previous"][row] = node[row]
+        node[row] = end
+
+    def _rows(self, numbers: IntArray) -> IntArray:
+        """Rows of agents by their numbers."""
+        if self._are_rows(numbers):
+            return numbers
+        places = self._sorted.searchsorted(numbers)
+        places[places == len(self._sorted)] = 0
+        is_known = self._sorted[places] == numbers if len(self._sorted) else np.zeros(len(numbers), np.bool_)
+        if not is_known.all():
+            raise _stranger(int(numbers[~is_known][0]))
+        rows: IntArray = self._order[places]
+        return rows
+
+    def _are_rows(self, numbers: IntArray) -> bool:
+        """Whether these numbers are the rows themselves."""
+        is_counted = self._is_counted and len(numbers) > 0
+        return is_counted and int(numbers.min()) >= 0 and int(numbers.max()) < len(self._order)
+
+    def _are_walkers(self, numbers: IntArray) -> bool:
+        """Whether all these are agents on the ground who are here now: then no flight is one of their moves."""
+        if not self.state["kind"].any() and self._are_rows(numbers):
+            return True
+        walkers = self.state["numbers"][self.state["kind"] == 0]
+        return bool(np.isin(numbers, walkers).all())
+
+    def happen(self, kind: int, data: Any) -> None:
+        """Let an event other than a move happen; one that is not known does nothing."""
         happen = _EVENTS.get(kind)
-        if happen is not None:  # what is not known does nothing
+        if happen is None:
+            return
+        try:
             happen(self, data)
+        except Damaged:
+            raise
+        except DAMAGES as error:
+            raise _misfit(kind, error) from error
 
     def row(self, name: str) -> int:
         """The row of an agent by its name."""
-        return self.state["names"].index(name)  # type: ignore[no-any-return] # a list of texts
+        return self._row_of_name[name]
 
     def enter(self, data: Any) -> None:
         """An agent was created."""
+        self._enter([data])
+
+    def _enter(self, new: list[Any]) -> None:
+        """Agents were created, one after the other; the list is empty afterwards."""
+        if not new:
+            return
+        try:
+            entered = [self._values_of(data, self.following + i) for i, data in enumerate(new)]
+            columns = {
+                name: np.array([one[name] for one in entered], dtype).reshape(-1, *shape)
+                for name, (dtype, shape) in _ARRAYS.items()
+            }
+        except DAMAGES as error:
+            raise _misfit(journal.AGENT_CREATE, error) from error
+        for name in _LISTS:
+            self.state[name].extend(one[name] for one in entered)
+        for name, column in columns.items():
+            self.state[name] = np.concatenate([self.state[name], column])
+        self.following += len(new)
+        new.clear()
+        self._recount()
+
+    def _values_of(self, data: Any, number: int) -> dict[str, Any]:
+        """The row of a new agent."""
         given = data["kwargs"]
-        flies = given.get("type") in (1, "AERIAL") or given.get("agent_type") in (1, "AERIAL")
         node = int(given["start_node_id"])
-        values: dict[str, Any] = {
-            "names": data["name"],
+        places = {name: (np.nan,) * shape[0] for name, (_, shape) in _ARRAYS.items() if shape}
+        places |= {name: value for name, value in data.get("state", {}).items() if name in places}
+        return {
+            "names": _text(data["name"]),
             "teams": given.get("team"),
             "speed": given.get("speed"),
             "sensors": _sensors_of(given.get("sensors") or {}),
             "attributes": {},
             "strategies": data.get("strategy"),
-            "numbers": self._next,
-            "kind": int(flies),
+            "numbers": number,
+            "kind": int(given.get("type") == 1 or not np.isnan(places["position"][0])),
             "node": node,
             "previous": node,
             "alive": 1,
-            **data.get("state", {}),
+            "carry": 0.0,
+            **places,
         }
-        for name in _LISTS:
-            self.state[name].append(values[name])
-        for name, (dtype, shape) in _ARRAYS.items():
-            value = np.full((1, *shape), values.get(name, np.nan if shape else 0), dtype)
-            self.state[name] = np.concatenate([self.state[name], value])
-        self._row_of[self._next] = len(self.state["names"]) - 1
-        self._next += 1
 
     def leave(self, data: Any) -> None:
         """An agent was deleted."""
@@ -101,13 +223,46 @@ class Fold:
             del self.state[name][row]
         for name in _ARRAYS:
             self.state[name] = np.delete(self.state[name], row, axis=0)
-        self._row_of = {number: row for row, number in enumerate(self.state["numbers"].tolist())}
+        self._recount()
 
     def replace(self, data: Any) -> None:
         """A snapshot was written."""
-        following = self._next
-        self.__init__(data)  # type: ignore[misc] # it begins anew
-        self._next = max(self._next, following)
+        self._begin(data)
+
+
+def following_of(state: State) -> int:
+    """The number that the next new agent gets after a keyframe or a snapshot."""
+    return int(state.get("next", np.max(state["numbers"], initial=-1) + 1))
+
+
+def _checked(state: State) -> State:
+    """A state of its own, whose columns are of the right kinds and of one length; an error says what is not."""
+    names = [_text(name) for name in state["names"]]
+    checked: State = {"scores": state["scores"], "data": dict(state["data"]), "over": state["over"]}
+    for name in _LISTS:
+        checked[name] = list(state[name])
+    for name, (dtype, shape) in _ARRAYS.items():
+        checked[name] = np.array(state[name], dtype)
+        if checked[name].shape != (len(names), *shape):
+            raise Damaged(f"{name!r} has the shape {checked[name].shape}, with {len(names)} agents")
+    lengths = {name: len(checked[name]) for name in _LISTS}
+    if set(lengths.values()) != {len(names)}:
+        raise Damaged(f"its lists have different lengths: {lengths}")
+    return checked
+
+
+def _text(name: Any) -> str:
+    if not isinstance(name, str):
+        raise Damaged(f"{name!r} is no name of an agent")
+    return name
+
+
+def _stranger(number: int) -> Damaged:
+    return Damaged(f"agent number {number} moves and is not there")
+
+
+def _misfit(kind: int, error: Exception) -> Damaged:
+    return Damaged(f"an event of kind {kind:#010x} does not fit ({type(error).__name__}: {error})")
 
 
 def _sensors_of(given: Any) -> dict[str, str]:
@@ -117,12 +272,15 @@ def _sensors_of(given: Any) -> dict[str, str]:
 def _set(column: str, key: str, convert: Callable[[Any], Any] = lambda value: value) -> Callable[[Fold, Any], None]:
     def happen(fold: Fold, data: Any) -> None:
         fold.state[column][fold.row(data["agent_name"])] = convert(data[key])
+        fold.roster += column in _LISTS
 
     return happen
 
 
 def _fly(fold: Fold, data: Any) -> None:
     row = fold.row(data["agent_name"])
+    if not fold.state["kind"][row]:
+        raise Damaged(f"agent {data['agent_name']!r} flies and is on the ground")
     fold.state["previous_position"][row] = fold.state["position"][row]
     fold.state["position"][row] = data["position"]
     fold.state["previous"][row] = fold.state["node"][row]
@@ -144,10 +302,6 @@ def _change_data(fold: Fold, data: Any) -> None:
         fold.state["data"].pop(key, None)
 
 
-def _change_world(fold: Fold, data: Any) -> None:
-    fold.world = data["world"]
-
-
 _EVENTS: dict[int, Callable[[Fold, Any], None]] = {
     journal.SNAPSHOT: Fold.replace,
     journal.AGENT_CREATE: Fold.enter,
@@ -163,12 +317,14 @@ _EVENTS: dict[int, Callable[[Fold, Any], None]] = {
     journal.AGENT_ALIVE: _set("alive", "alive", int),
     journal.AGENT_SPEED: _set("speed", "speed"),
     journal.AGENT_STRATEGY: _set("strategies", "strategy"),
-    journal.WORLD: _change_world,
     journal.GAME_SCORES: lambda fold, data: fold.state.__setitem__("scores", data["scores"]),
     journal.GAME_DATA: _change_data,
-    journal.GAME_OVER: lambda fold, data: fold.state.__setitem__("over", data),
+    journal.GAME_OVER: lambda fold, data: fold.state.__setitem__("over", data or None),
 }
-
-
-class Damaged(GammsError, ValueError):
-    """An event does not fit the state it happens to."""
+_APART = _EVENTS.keys() - {  # events that change nothing that moves of others look at or change
+    journal.SNAPSHOT,
+    journal.AGENT_CREATE,
+    journal.AGENT_DELETE,
+    journal.AGENT_CURRENT_NODE,
+    journal.AGENT_PREV_NODE,
+}

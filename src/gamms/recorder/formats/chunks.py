@@ -239,6 +239,7 @@ def chunk_of(head: blocks.Head, body: bytes) -> Chunk:
     sizes = columns.take(cursor, head.events)
     data = blocks.take_bytes(cursor)
     cursor.finish()
+    moves.setflags(write=False)  # views of it are handed out
     turns = np.repeat(np.arange(head.turns), np.diff(event_ends))  # of the events
     if (after < move_ends[turns]).any() or (after > move_ends[turns + 1]).any() or (after[1:] < after[:-1]).any():
         raise BadFile("an event is out of place")

@@ -2,7 +2,7 @@
 
 import os
 from bisect import bisect_right
-from collections import OrderedDict
+from collections import Counter, OrderedDict
 from collections.abc import Collection, Iterator
 from typing import Any, BinaryIO, Self
 
@@ -77,13 +77,17 @@ class Reader:
 
     def moves(self, start: int = 0, stop: int | None = None) -> tuple[IntArray, IntArray, IntArray]:
         """All moves of turns `start` to `stop - 1`, in their order: turns, rows, nodes, (moves,) each."""
-        parts: list[tuple[IntArray, ...]] = [(np.zeros(0, np.int64),) * 3]
+        parts: list[tuple[IntArray, ...]] = []
         for chunk, first, last in self._parts(start, stop):
             begin, end = chunk.move_ends[first], chunk.move_ends[last]
             sizes = np.diff(chunk.move_ends[first : last + 1])
             turns = np.repeat(np.arange(chunk.first + first, chunk.first + last), sizes)
             parts.append((turns, chunk.moves[begin:end, 0], chunk.moves[begin:end, 1]))
-        turns, rows, nodes = (np.concatenate(column) for column in zip(*parts, strict=True))
+        if len(parts) == 1:
+            return parts[0][0], parts[0][1], parts[0][2]
+        turns, rows, nodes = (
+            np.concatenate([np.zeros(0, np.int64), *(part[column] for part in parts)]) for column in range(3)
+        )
         return turns, rows, nodes
 
     def events(
@@ -94,7 +98,7 @@ class Reader:
         Yields:
             The turn; how many moves of this turn come before the event; its kind; its data.
         """
-        for chunk, first, last in self._parts(start, stop):
+        for chunk, first, last in self._parts(start, stop, with_events=True):
             begin, end = int(chunk.event_ends[first]), int(chunk.event_ends[last])
             numbers = np.arange(begin, end)
             if kinds is not None:
@@ -106,6 +110,22 @@ class Reader:
                 with at_byte(self._at(turn)):
                     data = chunk.event(number)
                 yield turn, place, kind, data
+
+    def count_moves(self) -> int:
+        """How many moves there are."""
+        return sum(block.moves for block in self._chunks)
+
+    def count_events(self) -> dict[int, int]:
+        """How many events of each kind there are."""
+        counts: Counter[int] = Counter()
+        for chunk, _, _ in self._parts(0, None, with_events=True):
+            counts.update(chunk.kinds.tolist())
+        return dict(sorted(counts.items()))
+
+    def keyframe_before(self, turn: int) -> int:
+        """How many turns the last keyframe knows that is early enough for `keyframe(turn)`; -1 if there is none."""
+        number = bisect_right(self._keyframe_turns, turn) - 1
+        return self._keyframe_turns[number] if number >= 0 else -1
 
     def keyframe(self, turn: int) -> tuple[int, dict[str, Any]] | None:
         """The last keyframe that knows no more than the first `turn` turns.
@@ -131,20 +151,25 @@ class Reader:
         Raises:
             RecordingError (ValueError): something is damaged.
         """
+        for _ in self._parts(0, None):
+            pass
         for _ in self.events():
             pass
         for turn in self._keyframe_turns:
             self.keyframe(turn)
 
-    def _parts(self, start: int, stop: int | None) -> Iterator[tuple[chunks.Chunk, int, int]]:
-        """The chunks that have these turns, and which of their turns these are: from, to."""
+    def _parts(
+        self, start: int, stop: int | None, *, with_events: bool = False
+    ) -> Iterator[tuple[chunks.Chunk, int, int]]:
+        """The chunks that have these turns, or those that also have events; and which of their turns: from, to."""
         stop = self.turns if stop is None else stop
         self._check_range(start, stop)
         number = max(bisect_right(self._firsts, start) - 1, 0)
         while start < stop:
-            chunk = self._chunk(number)
-            end = min(stop, chunk.first + len(chunk.move_ends) - 1)
-            yield chunk, start - chunk.first, end - chunk.first
+            block = self._chunks[number]
+            end = min(stop, block.first + block.turns)
+            if block.events or not with_events:
+                yield self._chunk(number), start - block.first, end - block.first
             number, start = number + 1, end
 
     def _check_range(self, start: int, stop: int) -> None:

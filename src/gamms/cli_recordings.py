@@ -1,0 +1,182 @@
+"""The commands that take a recording: info, verify, diff, convert, replay."""
+
+import json
+from collections import Counter
+from pathlib import Path
+from typing import Annotated, Any
+
+import typer
+from rich.markup import escape
+
+from gamms.cli_output import console, one_sentence, rich_table
+from gamms.errors import BadValue
+
+_File = Annotated[Path, typer.Argument(help="A recording, .ggr.", show_default=False)]
+_Map = Annotated[
+    Path | None,
+    typer.Option(
+        "--map", help="The map of a recording of version 2, .gamms; else nodes are made up at (0, 0).", metavar="FILE"
+    ),
+]
+
+
+def add_to(app: typer.Typer) -> None:
+    """Offer these commands."""
+    for command in (info, verify, diff, convert, replay):
+        app.command()(command)
+
+
+def info(file: _File, as_json: Annotated[bool, typer.Option("--json", help="Print JSON.")] = False) -> None:
+    """Say what is in a recording."""
+    from gamms import recordings
+
+    with one_sentence():
+        version = recordings.version_of(file)
+        found: dict[str, Any] = {"file": file.name, "version": version, "bytes": file.stat().st_size}
+        found |= _of_version_2(file) if version < 3 else _of_version_3(file)
+    if as_json:
+        typer.echo(json.dumps(found, indent=2, default=str))
+        return
+    rows = [(key, _text(value)) for key, value in found.items() if key != "events"]
+    rows += [(f"event {kind}", f"{count:,}") for kind, count in found["events"].items()]
+    console().print(rich_table(("recording", ""), [(escape(key), escape(text)) for key, text in rows], right=False))
+
+
+def verify(file: _File) -> None:
+    """Check every block of a recording and its index, then replay it and record that: the same bytes must come out."""
+    from gamms import recordings
+
+    with one_sentence():
+        recordings.verify(file)
+    typer.echo(f"{file}: all is well. Checked: every block, the index, and that a replay records the same bytes.")
+
+
+def diff(
+    first: Annotated[Path, typer.Argument(help="A recording, .ggr.", show_default=False)],
+    second: Annotated[Path, typer.Argument(help="Another one.", show_default=False)],
+) -> None:
+    """Say where two games part: the first turn, agent and field; exit code 1 if they do."""
+    from gamms import recorder, recordings
+
+    with one_sentence(), recorder.open(first) as one, recorder.open(second) as other:
+        turns, found = one.turns, recordings.first_difference(one, other)
+    if found is not None:
+        typer.echo(str(found))
+        raise typer.Exit(1)
+    typer.echo(f"{first} and {second} are the same game of {turns} turns.")
+
+
+def convert(
+    file: _File,
+    out: Annotated[
+        Path, typer.Argument(help="What is written: .ggr from version 2; .jsonl from version 3.", show_default=False)
+    ],
+    map: _Map = None,
+) -> None:
+    """Make version 3 of a recording of version 2, or lines of JSON of one of version 3."""
+    from gamms import recordings
+
+    with one_sentence():
+        is_old, is_text = recordings.version_of(file) < 3, out.suffix == ".jsonl"
+        if is_old and is_text:
+            raise BadValue(f"{str(file)!r} has version 2: convert it to a .ggr of version 3 first, and that to .jsonl.")
+        if map is not None and not is_old:
+            raise BadValue("--map is for recordings of version 2 only: others hold their map.")
+        warning = recordings.to_json_lines(file, out) if is_text else recordings.to_version_3(file, out, map)
+    typer.echo(f"Wrote {out if out.suffix in ('.ggr', '.jsonl') else f'{out}.ggr'}.")
+    if warning:
+        typer.echo(f"gamms: {warning} All before that has been converted.", err=True)
+        raise typer.Exit(1)
+
+
+def replay(file: _File, map: _Map = None) -> None:
+    """Replay a recording without a window, and say how it ended."""
+    from gamms import recordings
+    from gamms.recorder import RecordingError
+
+    warning = None
+    with one_sentence():
+        ctx = recordings.context_for(file, map)
+        turns: list[None] = []
+        ctx.visual.after_turn.append(lambda: turns.append(None))
+        with ctx:
+            try:
+                for _ in ctx.record.replay(file):
+                    pass
+            except RecordingError as error:
+                if not turns:
+                    raise
+                warning = str(error)
+            _tell(ctx, file, len(turns))
+    if warning:
+        typer.echo(f"gamms: {warning}", err=True)
+        raise typer.Exit(1)
+
+
+def _of_version_3(file: Path) -> dict[str, Any]:
+    from gamms import recorder
+
+    with recorder.open(file) as recording:
+        columns, first, last = recording.graph.columns(), recording[0], recording[-1]
+        names = {name for state in (first, last) for name in state.agents["name"].tolist()}
+        return {
+            "complete": "yes" if recording.is_complete else recording.warning,
+            "made by": f"gamms {recording.header.get('package')}",
+            "created": recording.header.get("created"),
+            "provenance": recording.header.get("provenance"),
+            "seed": recording.seed,
+            "turns": recording.turns,
+            "agents": len(names),
+            "nodes": len(columns.node_ids),
+            "edges": len(columns.edge_ids),
+            "moves": recording.count_moves(),
+            "events": {**recording.counts(), **_told(recording)},
+        }
+
+
+def _told(recording: Any) -> dict[str, int]:
+    """How often each kind of event was told by rules and programs."""
+    return dict(sorted(Counter(event["kind"] for event in recording.events()).items()))
+
+
+def _of_version_2(file: Path) -> dict[str, Any]:
+    from gamms import recordings
+    from gamms.recorder import RecordingError
+    from gamms.recorder.tables import KINDS
+
+    counts: Counter[str] = Counter()
+    complete = "yes"
+    try:
+        for record in recordings.records_of(file):
+            counts[KINDS[record["opCode"]]] += 1
+    except RecordingError as error:
+        complete = str(error)
+    events = {kind: counts[kind] for kind in sorted(counts) if kind != "TERMINATE"}
+    return {
+        "complete": complete,
+        "turns": counts["SIMULATE"],
+        "agents": counts["AGENT_CREATE"] - counts["AGENT_DELETE"],
+        "events": events,
+    }
+
+
+def _text(value: Any) -> str:
+    if value is None:
+        return "-"
+    return f"{value:,}" if type(value) is int else str(value)
+
+
+def _tell(ctx: Any, file: Path, turns: int) -> None:
+    """Print who ended where."""
+    out = console()
+    out.print(f"[bold]{escape(file.name)}[/]: {turns} turns\n")
+    rows = []
+    for agent in ctx.agent.create_iter():
+        place = ", ".join(f"{part:.6g}" for part in agent.position) if agent.type else str(agent.current_node_id)
+        team = "-" if agent.team is None else str(agent.team)
+        rows.append(tuple(map(escape, (agent.name, team, "yes" if agent.alive else "no", place))))
+    out.print(rich_table(("agent", "team", "alive", "at"), rows, right=False))
+    if ctx.game.scores:
+        out.print()
+        scores = [(escape(str(of)), f"{score:g}") for of, score in ctx.game.scores.items()]
+        out.print(rich_table(("scores of", ""), scores))

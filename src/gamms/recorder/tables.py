@@ -1,0 +1,153 @@
+"""The events of a recording as dicts, and as tables with the columns of a `Result`."""
+
+from collections.abc import Callable, Iterator
+from typing import Any
+
+import numpy as np
+
+from gamms.errors import UnknownName
+from gamms.ir import journal
+from gamms.ir.tables import table_of
+from gamms.recorder.errors import RecordingError
+from gamms.recorder.fold import DAMAGES, following_of
+from gamms.recorder.formats.columns import IntArray
+from gamms.recorder.formats.reader import Reader
+from gamms.recorder.records import steps_of
+from gamms.typing.opcodes import OpCodes
+
+Table = dict[str, np.ndarray[Any, Any]]
+NamesAt = Callable[[int], tuple[dict[int, str], int]]
+"""When a log begins: number -> name of the agents who are there, and the number that the next one gets."""
+
+KINDS = {code: name for name, code in vars(journal).items() if isinstance(code, int)}
+KINDS |= {code.value: code.name for code in OpCodes}
+
+_ROSTER = {journal.AGENT_CREATE, journal.SNAPSHOT}
+_TOLD = {journal.GAME_EVENT, journal.USER_EVENT}
+
+
+def events(reader: Reader, start: int, stop: int) -> Iterator[dict[str, Any]]:
+    """What rules emitted and programs recorded in these logs."""
+    for log, _, _, data in reader.events(start, stop, _TOLD):
+        if not (isinstance(data, dict) and isinstance(data.get("kind"), str)):
+            raise RecordingError(f"An event of turn {log + 1} has no kind: {data!r}.")
+        yield {"turn": log + 1, **data}
+
+
+def steps(reader: Reader, start: int, stop: int, names_at: NamesAt) -> Iterator[dict[str, Any]]:
+    """Everything that happened in these logs: `turn`, `event`, and for a move `agent` and `node`, else `data`."""
+    names, following = names_at(start)
+    for log in range(start, stop):
+        for number, step in steps_of(reader.log(log)):
+            if number is not None:
+                if number not in names:
+                    raise RecordingError(f"Agent number {number} moves in turn {log + 1} and is not there.")
+                yield {"turn": log + 1, "event": "MOVE", "agent": names[number], "node": step}
+                continue
+            kind, data = step
+            if kind in _ROSTER:
+                names, following = _roster_after(kind, data, names, following)
+            yield {"turn": log + 1, "event": KINDS.get(kind, f"{kind:#010x}"), "data": data}
+
+
+def _roster_after(kind: int, data: Any, names: dict[int, str], following: int) -> tuple[dict[int, str], int]:
+    """Who has which number after somebody has come, or a snapshot."""
+    try:
+        if kind == journal.SNAPSHOT:
+            return dict(zip(data["numbers"].tolist(), data["names"], strict=True)), following_of(data)
+        names[following] = data["name"]  # in place, for a thousand may come one by one
+        return names, following + 1
+    except DAMAGES as error:
+        raise RecordingError(f"An event of kind {KINDS[kind]} is damaged ({error!r}).") from error
+
+
+def table(reader: Reader, name: str, start: int, stop: int, names_at: NamesAt) -> Table:
+    """One table of these logs.
+
+    Raises:
+        UnknownName (KeyError): there is no such table.
+    """
+    if name in _TABLES:
+        try:
+            return _TABLES[name](reader, start, stop, names_at)
+        except RecordingError:
+            raise
+        except DAMAGES as error:
+            raise RecordingError(
+                f"The table {name!r} cannot be made: an event in it is damaged ({error!r})."
+            ) from error
+    rows = [event for event in events(reader, start, stop) if event["kind"] == name]
+    if not rows:
+        known = {event["kind"] for event in events(reader, 0, reader.turns)}
+        if name not in known:
+            raise UnknownName("table", name, [*_TABLES, *sorted(known)])
+        return _empty(turn=np.int64)
+    return table_of([{key: value for key, value in row.items() if key != "kind"} for row in rows])
+
+
+def _events(reader: Reader, start: int, stop: int, _names_at: NamesAt) -> Table:
+    found = [(event["turn"], event["kind"]) for event in events(reader, start, stop)]
+    if not found:
+        return _empty(turn=np.int64, kind=np.str_)
+    turns, kinds = zip(*found, strict=True)
+    return table_of({"turn": turns, "kind": kinds})
+
+
+def _moves(reader: Reader, start: int, stop: int, names_at: NamesAt) -> Table:
+    """Every move of an agent on the ground: the turn, its name, where to."""
+    turns, numbers, nodes = reader.moves(start, stop)
+    parts, done = [], 0
+    known, following = names_at(start)
+    places = turns.searchsorted(np.arange(start, stop))
+    for log, place, kind, data in reader.events(start, stop, _ROSTER):
+        until = int(places[log - start]) + place
+        if kind == journal.SNAPSHOT:
+            parts.append(_named(numbers[done:until], known))
+            done = until
+        known, following = _roster_after(kind, data, known, following)
+    parts.append(_named(numbers[done:], known))
+    return {"turn": turns + 1, "agent": np.concatenate(parts), "node": nodes.copy()}
+
+
+def _named(numbers: IntArray, known: dict[int, str]) -> np.ndarray[Any, Any]:
+    if not len(numbers):
+        return np.zeros(0, np.str_)
+    distinct, places = np.unique(numbers, return_inverse=True)
+    try:
+        return np.array([known[number] for number in distinct.tolist()])[places]
+    except KeyError as error:
+        raise RecordingError(f"Agent number {error} moves and is not there.") from error
+
+
+def _positions(reader: Reader, start: int, stop: int, _names_at: NamesAt) -> Table:
+    """Every move of an agent that flies: the turn, its name, where to."""
+    rows = [
+        (log + 1, data["agent_name"], *data["position"])
+        for log, _, _, data in reader.events(start, stop, {journal.AERIAL_AGENT_POSITION})
+    ]
+    if not rows:
+        return _empty(turn=np.int64, agent=np.str_, x=np.float64, y=np.float64, z=np.float64)
+    return table_of(dict(zip(("turn", "agent", "x", "y", "z"), zip(*rows, strict=True), strict=True)))
+
+
+def _scores(reader: Reader, start: int, stop: int, _names_at: NamesAt) -> Table:
+    """All scores, of every turn in which one of them changed."""
+    found: dict[int, Any] = {}  # of several in one turn, the last
+    for log, _, _, data in reader.events(start, stop, {journal.GAME_SCORES, journal.SNAPSHOT}):
+        found[log + 1] = data["scores"]
+    rows = [(turn, of, score) for turn, scores in found.items() for of, score in scores]
+    if not rows:
+        return _empty(turn=np.int64, of=np.str_, score=np.float64)
+    return table_of(dict(zip(("turn", "of", "score"), zip(*rows, strict=True), strict=True)))
+
+
+def _empty(**dtypes: Any) -> Table:
+    return {name: np.zeros(0, dtype) for name, dtype in dtypes.items()}
+
+
+_TABLES: dict[str, Callable[[Reader, int, int, NamesAt], Table]] = {
+    "events": _events,
+    "moves": _moves,
+    "positions": _positions,
+    "scores": _scores,
+}

@@ -1,0 +1,23 @@
+"""What can be done with a recording as a whole: replay it on its own, verify, compare and convert it.
+
+The command line is made of this; a program may call the same. A guest: it uses contexts and recordings as any program
+would. Read `contexts.py` first: a fresh context for any recording.
+"""
+
+from gamms.recordings.comparing import Difference, first_difference
+from gamms.recordings.contexts import context_for, records_of, version_of, with_nodes_made_up
+from gamms.recordings.converting import to_json_lines, to_version_3
+from gamms.recordings.verifying import re_recorded, verify
+
+__all__ = [
+    "Difference",
+    "context_for",
+    "first_difference",
+    "re_recorded",
+    "records_of",
+    "to_json_lines",
+    "to_version_3",
+    "verify",
+    "version_of",
+    "with_nodes_made_up",
+]

@@ -1,0 +1,179 @@
+"""Recordings in other forms: version 2 as version 3, version 3 as lines of JSON."""
+
+import json
+import os
+from base64 import b64encode
+from collections.abc import Iterator
+from itertools import chain
+from math import isfinite, isnan
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+
+from gamms.context import Context
+from gamms.errors import BadValue, GammsError
+from gamms.ir import journal
+from gamms.recorder import Recording, RecordingError
+from gamms.recorder import open as opened
+from gamms.recorder.plain import plain
+from gamms.recorder.replaying import Player
+from gamms.recordings.contexts import records_of, version_of, with_nodes_made_up
+
+_PROVENANCE = {"converted": "from a recording of version 2"}
+_Record = dict[str, Any]
+
+
+def to_version_3(
+    path: str | os.PathLike[str], out: str | os.PathLike[str], map: str | os.PathLike[str] | None = None
+) -> str | None:
+    """Write a recording of version 2 as one of version 3.
+
+    Args:
+        path: of the recording.
+        out: of the new one.
+        map: see `with_nodes_made_up`.
+
+    Returns:
+        What is missing, where the recording was damaged or not finished, or says what cannot be on this map; all before
+        that has been converted.
+
+    Raises:
+        BadValue: the recording has another version.
+        RecordingError (ValueError): there is nothing in it.
+        FileExistsError: there is a file at `out`.
+        OSError: one of the files cannot be read or written.
+    """
+    version = version_of(path)
+    if version > 2:
+        raise BadValue(
+            f"{str(path)!r} has version {version} already; give an OUT that ends in .jsonl to see it as text."
+        )
+    with with_nodes_made_up(path, map) as ctx:
+        ctx.record.start(out, provenance=_PROVENANCE)
+        try:
+            _replay(ctx, records_of(path))
+        except RecordingError as error:
+            return str(error)
+        finally:
+            ctx.record.stop()
+    return None
+
+
+def _replay(ctx: Context, records: Iterator[_Record]) -> None:
+    """Let the records happen, and be recorded; two that are one move become one."""
+    happen = _Happening(ctx)
+    waiting: _Record | None = None
+    for record in chain(records, [{"opCode": journal.TERMINATE}]):
+        if waiting is not None:
+            if _is_move(ctx, waiting, record):
+                row = ctx.agent.agents[record["data"]["agent_name"]]._row
+                ctx.agent.moves.act(ctx.agent.columns, row, record["data"]["node_id"])
+                waiting = None
+                continue
+            happen(waiting)
+            waiting = None
+        if record["opCode"] == journal.AGENT_PREV_NODE:
+            waiting = record
+        elif record["opCode"] != journal.TERMINATE:
+            happen(record)
+
+
+class _Happening:
+    """Lets records of version 2 happen, and be recorded with what version 2 leaves out: where those are who fly."""
+
+    def __init__(self, ctx: Context) -> None:
+        self._ctx = ctx
+        self._player = Player(ctx.record, is_version_2=True)
+        self._special = {
+            journal.AGENT_CREATE: self._create,
+            journal.AGENT_DELETE: self._delete,
+            journal.AERIAL_AGENT_POSITION: self._fly,
+        }
+
+    def __call__(self, record: _Record) -> None:
+        special = self._special.get(record["opCode"])
+        if special is None:
+            self._player.happen(record["opCode"], record["data"])
+            return
+        try:
+            special(record["data"])
+        except (GammsError, KeyError, TypeError, ValueError, AttributeError) as error:
+            raise RecordingError(f"An event of kind {record['opCode']:#010x} cannot happen here: {error}") from error
+
+    def _create(self, data: Any) -> None:
+        data = plain(data)
+        if not self._player._was_refused(data["name"], data["kwargs"]):
+            self._ctx.agent.create_agent(data["name"], **data["kwargs"])
+
+    def _delete(self, data: Any) -> None:
+        if data["name"] in self._ctx.agent.agents:  # 1.0.0 wrote it down if not
+            self._ctx.agent.delete_agent(data["name"])
+
+    def _fly(self, data: Any) -> None:
+        agent: Any = self._ctx.agent.get_agent(data["agent_name"])
+        agent.position = tuple(data["position"])
+
+
+def _is_move(ctx: Context, before: _Record, after: _Record) -> bool:
+    """Whether an agent on the ground goes on from where it is."""
+    if after["opCode"] != journal.AGENT_CURRENT_NODE:
+        return False
+    name, there = after["data"]["agent_name"], after["data"]["node_id"]
+    agent = ctx.agent.agents.get(name) if isinstance(name, str) else None
+    return (
+        agent is not None
+        and not agent.type
+        and before["data"] == {"agent_name": name, "node_id": agent.current_node_id}
+        and type(there) is int
+        and ctx.graph.graph.has_node(there)
+    )
+
+
+# -- lines of JSON ----------------------------------------------------------------------------------------------
+
+
+def to_json_lines(path: str | os.PathLike[str], out: str | os.PathLike[str]) -> str | None:
+    """Write every event of a recording of version 3 as a line of JSON, after one for the header and one for the start.
+
+    Bytes are in base64; NaN is null. The map is told by its size only.
+
+    Returns:
+        What is missing of a recording that was not finished.
+
+    Raises:
+        RecordingError (ValueError): it is damaged.
+        FileExistsError: there is a file at `out`.
+        OSError: one of the files cannot be read or written.
+    """
+    with opened(path) as recording, Path(out).open("x", encoding="utf-8") as file:
+        lines = (json.dumps(_json(line), ensure_ascii=False, allow_nan=False) for line in _lines(recording))
+        file.writelines(f"{line}\n" for line in lines)
+        return recording.warning
+
+
+def _lines(recording: Recording) -> Iterator[_Record]:
+    columns = recording.graph.columns()
+    size = {"nodes": len(columns.node_ids), "edges": len(columns.edge_ids), "crs": columns.crs}
+    yield {"event": "HEADER", **recording.header, "turns": recording.turns, "map": size}
+    start = recording[0]
+    names = list(start.agents)
+    rows = zip(*(column.tolist() for column in start.agents.values()), strict=True)
+    agents = [dict(zip(names, row, strict=True)) for row in rows]
+    yield {"turn": 0, "event": "START", "agents": agents, "scores": start.scores, "data": start.data}
+    yield from recording.steps()
+
+
+def _json(value: Any) -> Any:
+    """What JSON can hold of a plain value."""
+    if isinstance(value, dict):
+        return {key if isinstance(key, str) else str(key): _json(one) for key, one in value.items()}
+    if isinstance(value, (list, tuple)):
+        return [_json(one) for one in value]
+    if isinstance(value, np.ndarray):
+        return _json(value.tolist())
+    if isinstance(value, bytes):
+        return b64encode(value).decode()
+    if isinstance(value, float) and not isfinite(value):
+        return None if isnan(value) else str(value)
+    return value.encode("utf-8", "replace").decode() if isinstance(value, str) else value

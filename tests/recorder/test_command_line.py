@@ -1,0 +1,284 @@
+"""`gamms info`, `verify`, `diff`, `convert`, `replay`, and the recordings that `gamms demo` and `gamms run` write."""
+
+import io
+import json
+from pathlib import Path
+
+import pytest
+from typer.testing import CliRunner
+
+import gamms
+from gamms import cli, recorder
+
+SAMPLES = Path(__file__).parent / "samples/version2"
+QUIET = {"level": "CRITICAL"}
+
+
+def run(*arguments):
+    return CliRunner().invoke(cli.app, list(map(str, arguments)), catch_exceptions=False)
+
+
+def played(path, turns=6, *, change=None, seed=1, drones=True):
+    """Record a small game; `change` may do something in each turn."""
+    with gamms.create_context(seed=seed, logger_config=QUIET) as ctx:
+        ctx.graph.attach_networkx_graph(gamms.graph.grid(3, 3))
+        ctx.sensor.create_sensor("near", gamms.sensor.SensorType.NEIGHBOR)
+
+        def wander(state):
+            state["action"] = state["legal"][(state["turn"] * 5 + state["curr_pos"]) % len(state["legal"])]
+
+        for name, team in (("anna", "red"), ("bert", "blue")):
+            ctx.agent.create_agent(name, start_node_id=len(team), team=team, sensors=["near"], strategy=wander)
+        if drones:
+            ctx.agent.create_agent("kite", start_node_id=8, type=1, speed=2.0)
+        ctx.record.start(path)
+        ctx.game.add(lambda ctx: ctx.game.scores.update(red=ctx.game.turn))
+        ctx.game.add(lambda ctx: ctx.game.emit("seen", agent="bert") if ctx.game.turn == 2 else None)
+        if change is not None:
+            ctx.game.add(change)
+        ctx.game.run(max_turns=turns)
+        ctx.record.stop()
+    return path
+
+
+@pytest.fixture
+def game(tmp_path):
+    return played(tmp_path / "game.ggr")
+
+
+# -- info -------------------------------------------------------------------------------------------------------
+
+
+def test_info_says_what_is_in_a_recording(game):
+    done = run("info", game)
+    assert done.exit_code == 0
+    lines = dict(line.strip().split(maxsplit=1) for line in done.stdout.splitlines()[1:])
+    assert (lines["version"], lines["seed"], lines["turns"], lines["agents"]) == ("3", "1", "6", "3")
+    assert (lines["nodes"], lines["complete"]) == ("9", "yes")
+    found = json.loads(run("info", game, "--json").stdout)
+    assert found["moves"] == 12
+    assert found["bytes"] == game.stat().st_size
+    assert found["events"]["seen"] == 1
+    assert found["events"]["GAME_SCORES"] == 6
+
+
+def test_info_says_what_is_missing_of_a_recording_that_was_cut_off(game):
+    game.write_bytes(game.read_bytes()[:-30])
+    assert "was not finished" in run("info", game).stdout
+
+
+@pytest.mark.parametrize("path", sorted(SAMPLES.glob("*.ggr")), ids=lambda path: path.stem)
+def test_info_reads_version_2(path):
+    found = json.loads(run("info", path, "--json").stdout)
+    assert found["version"] == 2
+    assert (found["complete"] == "yes") == (path.stem != "unfinished")
+    assert found["events"].get("SIMULATE", 0) == found["turns"]
+    assert sum(found["events"].values()) > 0
+
+
+@pytest.mark.parametrize("command", ["info", "verify", "replay"])
+def test_what_is_no_recording_ends_in_one_sentence(tmp_path, command):
+    (tmp_path / "no.ggr").write_text("no recording")
+    for name, hint in (("no.ggr", "no recording"), ("missing.ggr", "missing.ggr")):
+        done = run(command, tmp_path / name)
+        assert done.exit_code == 1
+        assert done.stderr.startswith("gamms: ")
+        assert hint in done.stderr
+
+
+# -- verify -----------------------------------------------------------------------------------------------------
+
+
+def test_a_sound_recording_is_verified(game):
+    done = run("verify", game)
+    assert (done.exit_code, done.stderr) == (0, "")
+    assert "all is well" in done.stdout
+
+
+def test_damage_of_any_byte_is_found(game):
+    data = game.read_bytes()
+    for place in range(0, len(data), 97):
+        damaged = bytearray(data)
+        damaged[place] ^= 16
+        game.write_bytes(damaged)
+        done = run("verify", game)
+        assert done.exit_code == 1, f"byte {place}"
+        assert done.stderr.startswith("gamms: ")
+
+
+def test_a_recording_that_is_not_its_own_replay_is_named(tmp_path):
+    stream = io.BytesIO()
+    played(stream)
+    reader = recorder.Reader(io.BytesIO(stream.getvalue()))
+    with (tmp_path / "odd.ggr").open("wb") as file:
+        writer = recorder.Writer(file, reader.header, turns=3, seconds=None)  # blocks of another size
+        writer.keyframe(reader.keyframe(0)[1])
+        for turn in range(reader.turns):
+            writer.add_turn(reader.log(turn))
+        writer.close()
+    done = run("verify", tmp_path / "odd.ggr")
+    assert done.exit_code == 1
+    assert "another recording: from byte" in done.stderr
+    assert "the games are the same" in done.stderr
+
+
+# -- diff -------------------------------------------------------------------------------------------------------
+
+
+def stray(ctx):
+    if ctx.game.turn == 4:
+        ctx.agent.get_agent("bert").current_node_id = 0
+
+
+def test_a_game_is_the_same_as_itself(game, tmp_path):
+    played(tmp_path / "again.ggr", seed=2)
+    done = run("diff", game, tmp_path / "again.ggr")
+    assert done.exit_code == 0
+    assert "the same game of 6 turns" in done.stdout
+
+
+@pytest.mark.parametrize(
+    ("change", "said"),
+    [
+        (stray, "Turn 4, agent 'bert', node: "),
+        (lambda ctx: ctx.game.scores.update(blue=1) if ctx.game.turn == 3 else None, "Turn 3, scores: {'red': 3} "),
+        (lambda ctx: ctx.game.data.update(x=[1.5]) if ctx.game.turn == 5 else None, "Turn 5, data: {} "),
+        (lambda ctx: ctx.game.emit("more") if ctx.game.turn == 2 else None, "Turn 2, events: None "),
+        (lambda ctx: ctx.game.end("bored") if ctx.game.turn == 3 else None, "Turn 3, over: None "),
+        (lambda ctx: ctx.agent.delete_agent("kite") if ctx.game.turn == 1 else None, "Turn 1, agents: ['kite'] "),
+        (lambda ctx: ctx.record.event("note") if ctx.game.turn == 6 else None, "Turn 6, events: None "),
+    ],
+)
+def test_where_two_games_part_is_said(game, tmp_path, change, said):
+    played(tmp_path / "other.ggr", change=change)
+    done = run("diff", game, tmp_path / "other.ggr")
+    assert done.exit_code == 1
+    assert done.stdout.startswith(said)
+
+
+def test_a_game_that_goes_on_longer_is_another(game, tmp_path):
+    played(tmp_path / "longer.ggr", 8)
+    done = run("diff", game, tmp_path / "longer.ggr")
+    assert (done.exit_code, done.stdout) == (1, "Turn 6, turns: 6 in the first, 8 in the second\n")
+    played(tmp_path / "fewer.ggr", drones=False)
+    assert "Turn 0, agents: ['kite']" in run("diff", game, tmp_path / "fewer.ggr").stdout
+
+
+# -- convert ----------------------------------------------------------------------------------------------------
+
+EXPECTED = json.loads((SAMPLES / "states.json").read_text())
+
+
+@pytest.mark.parametrize("name", sorted(path.stem for path in SAMPLES.glob("*.ggr")))
+def test_version_2_becomes_version_3_that_is_its_own_replay(name, tmp_path):
+    done = run("convert", SAMPLES / f"{name}.ggr", tmp_path / "out")
+    is_whole = name != "unfinished"
+    assert done.stdout == f"Wrote {tmp_path / 'out.ggr'}.\n"
+    assert done.exit_code == (not is_whole)
+    assert ("All before that has been converted" in done.stderr) == (not is_whole)
+    if name != "components":  # which sets fields to what they do not declare
+        assert run("verify", tmp_path / "out.ggr").exit_code == 0
+
+
+@pytest.mark.parametrize("name", ["basic", "orientation", "sensors", "deleted", "keywords", "tags"])
+def test_states_of_version_2_are_those_of_version_3(name, tmp_path):
+    run("convert", SAMPLES / f"{name}.ggr", tmp_path / "out.ggr")
+    with recorder.open(tmp_path / "out.ggr") as rec:
+        assert rec.turns == len(EXPECTED["games"][name]["turns"])
+        for state, expected in zip(list(rec)[1:], EXPECTED["games"][name]["turns"], strict=True):
+            agents = state.agents
+            places = zip(agents["node"].tolist(), agents["previous"].tolist(), strict=True)
+            found = dict(zip(agents["name"].tolist(), places, strict=True))
+            assert found == {agent: (one["node"], one["prev"]) for agent, one in expected["agents"].items()}
+
+
+def test_moves_of_version_2_become_moves_and_a_map_may_be_given(tmp_path):
+    path = played(tmp_path / "new.ggr", drones=False)
+    with gamms.create_context(logger_config=QUIET) as ctx:
+        ctx.record.start(tmp_path / "old.ggr", version=2)
+        with recorder.open(path) as rec:
+            ctx.graph.attach_networkx_graph(rec.graph)
+        for name, node in (("anna", 3), ("bert", 4)):
+            ctx.agent.create_agent(name, start_node_id=node)
+        for _ in ctx.record.replay(path):
+            pass
+        ctx.record.stop()
+        ctx.graph.save(tmp_path / "map.gamms")
+    assert run("convert", tmp_path / "old.ggr", tmp_path / "out.ggr", "--map", tmp_path / "map.gamms").exit_code == 0
+    with recorder.open(path) as new, recorder.open(tmp_path / "out.ggr") as out:
+        for table in zip(new.table("moves").values(), out.table("moves").values(), strict=True):
+            assert table[0].tolist() == table[1].tolist()
+        assert out.graph.packed == new.graph.packed
+    run("convert", tmp_path / "old.ggr", tmp_path / "bare.ggr")
+    with recorder.open(tmp_path / "bare.ggr") as bare:
+        assert set(bare.graph.columns().xy.ravel().tolist()) == {0.0}
+
+
+def test_every_event_becomes_a_line_of_json(game, tmp_path):
+    assert run("convert", game, tmp_path / "game.jsonl").exit_code == 0
+    lines = [json.loads(line) for line in (tmp_path / "game.jsonl").read_text().splitlines()]
+    assert (lines[0]["event"], lines[0]["seed"], lines[0]["map"]["nodes"]) == ("HEADER", 1, 9)
+    assert [agent["name"] for agent in lines[1]["agents"]] == ["anna", "bert", "kite"]
+    assert lines[1]["agents"][0]["x"] is None
+    assert lines[2] == {"turn": 1, "event": "MOVE", "agent": "anna", "node": lines[2]["node"]}
+    assert sum(line["event"] == "MOVE" for line in lines) == 12
+    assert [line["data"]["agent"] for line in lines if line["event"] == "GAME_EVENT"] == ["bert"]
+
+
+def test_conversions_that_make_no_sense_are_refused(game, tmp_path):
+    old = SAMPLES / "basic.ggr"
+    for arguments, hint in (
+        ((game, tmp_path / "out.ggr"), "has version 3 already"),
+        ((old, tmp_path / "out.jsonl"), "to a .ggr of version 3 first"),
+        ((game, tmp_path / "out.jsonl", "--map", tmp_path / "map.gamms"), "version 2 only"),
+        ((old, game), "There is a file"),
+        ((old, tmp_path / "out.ggr", "--map", game), "is not a graph"),
+    ):
+        done = run("convert", *arguments)
+        assert done.exit_code == 1
+        assert hint in done.stderr
+    assert [path.name for path in tmp_path.iterdir()] == ["game.ggr"]
+    done = run("diff", game, old)
+    assert "gamms convert IN OUT" in done.stderr
+
+
+# -- replay -----------------------------------------------------------------------------------------------------
+
+
+def test_a_replay_says_who_ended_where(game):
+    done = run("replay", game)
+    assert done.exit_code == 0
+    assert done.stdout.startswith("game.ggr: 6 turns")
+    lines = [line.split() for line in done.stdout.splitlines()]
+    with recorder.open(game) as rec:
+        node = rec[-1].agents["node"][0]
+    assert ["anna", "red", "yes", str(node)] in lines
+    assert ["kite", "-", "yes", "20,", "20,", "0"] in lines
+    assert ["red", "6"] in lines
+
+
+def test_version_2_is_replayed_too():
+    done = run("replay", SAMPLES / "aerial.ggr")
+    assert done.exit_code == 0
+    done = run("replay", SAMPLES / "unfinished.ggr")
+    assert done.exit_code == 1
+    assert "ended unexpectedly" in done.stderr
+    assert "turns" in done.stdout
+
+
+# -- games of the command line ----------------------------------------------------------------------------------
+
+
+def test_a_demo_is_recorded_and_can_be_verified(tmp_path):
+    for out in ("one", "two", "two"):
+        done = run("demo", "--turns", 40, "--out", tmp_path / out)
+        assert str(tmp_path / out / "game.ggr") in done.stdout
+    one, two = tmp_path / "one/game.ggr", tmp_path / "two/game.ggr"
+    assert one.read_bytes() == two.read_bytes()
+    assert run("verify", one).exit_code == 0
+    result = json.loads((tmp_path / "one/result.json").read_text())
+    with recorder.open(one) as rec:
+        assert rec.turns == result["turns"]
+        nodes = dict(zip(rec[-1].agents["name"].tolist(), rec[-1].agents["node"].tolist(), strict=True))
+        assert nodes == {agent["name"]: agent["node"] for agent in result["agents"]}
+        assert list(rec.events()) == result["events"]

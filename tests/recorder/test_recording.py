@@ -1,0 +1,485 @@
+"""`gamms.recorder.open`: any state, events and tables of a recording, without a context."""
+
+import copy
+import io
+
+import networkx as nx
+import numpy as np
+import pytest
+from hypothesis import given, settings
+from hypothesis import strategies as st
+from recordings import written
+
+import gamms
+from gamms import recorder
+from gamms.errors import BadType, BadValue, UnknownName
+from gamms.ir import journal
+from gamms.recorder import Recording, RecordingError, Writer
+from gamms.recorder.fold import Fold
+from gamms.recorder.state import captured
+
+QUIET = {"level": "CRITICAL"}
+NODES = 9
+
+
+def context(seed=1):
+    ctx = gamms.create_context(seed=seed, logger_config=QUIET)
+    ctx.graph.attach_networkx_graph(gamms.graph.grid(3, 3))
+    ctx.sensor.create_sensor("near", gamms.sensor.SensorType.NEIGHBOR)
+    return ctx
+
+
+def wander(state):
+    ways = state["legal"]
+    state["action"] = ways[(state["turn"] * 7 + state["curr_pos"]) % len(ways)]
+
+
+def fly(state):
+    state["action"] = (1.0, 2.0, 0.5)
+
+
+def tag(ctx):
+    """Now and then: an event, a point, something to remember, an end."""
+    if ctx.game.turn % 3 == 0:
+        ctx.game.emit("tagged", agent="anna", by="bert", node=ctx.agent.get_agent("anna").current_node_id)
+        ctx.game.scores["red"] = ctx.game.scores.get("red", 0) + 2
+        ctx.game.data["last"] = {"turn": ctx.game.turn}
+    if ctx.game.turn == 4:
+        ctx.game.eliminate("bert")
+
+
+def played(turns=8, **options):
+    """The bytes of a game, its result, and the state of the context after each turn."""
+    with context() as ctx:
+        ctx.agent.create_agent("anna", start_node_id=0, team="red", sensors=["near"], strategy=wander)
+        ctx.agent.create_agent("bert", start_node_id=4, team="blue", strategy=wander)
+        ctx.agent.create_agent("kite", start_node_id=8, type=1, speed=5.0, strategy=fly)
+        ctx.game.scores["red"] = 1
+        stream, states = io.BytesIO(), []
+        ctx.record.start(stream, **options)
+        ctx.game.add(tag)
+        ctx.visual.after_turn.append(lambda: states.append(captured(ctx)))
+        states.append(captured(ctx))
+        ctx.record.event("hello", words=["a", 1])
+        result = ctx.game.run(max_turns=turns)
+        ctx.record.stop()
+        return stream.getvalue(), result, states
+
+
+@pytest.fixture(scope="module")
+def game():
+    return played()
+
+
+@pytest.fixture
+def rec(game):
+    return recorder.open(io.BytesIO(game[0]))
+
+
+def as_lists(table):
+    return {name: column.tolist() for name, column in table.items()}
+
+
+# -- states -----------------------------------------------------------------------------------------------------
+
+
+def test_every_state_is_what_the_context_was_at_that_turn(rec, game):
+    assert rec.turns == len(rec) == 8
+    for state, was in zip(rec, game[2], strict=True):
+        agents = state.agents
+        assert agents["name"].tolist() == was["names"]
+        assert agents["team"].tolist() == was["teams"]
+        assert agents["node"].tolist() == was["node"].tolist()
+        assert agents["alive"].tolist() == (was["alive"] != 0).tolist()
+        np.testing.assert_array_equal(np.column_stack([agents[axis] for axis in "xyz"]), was["position"])
+        assert state.scores == dict(was["scores"])
+        assert state.data == was["data"]
+    assert rec[0].agents["kind"].tolist() == ["BASIC", "BASIC", "AERIAL"]
+    assert rec[0].agents["speed"].tolist() == [None, None, 5.0]
+    assert rec[8].agents["strategy"][0].endswith(":wander")
+    assert rec[8].over is None
+
+
+def test_turns_are_asked_for_in_any_order(rec, game):
+    fresh = [recorder.open(io.BytesIO(game[0])).state(turn).agents["node"].tolist() for turn in range(9)]
+    for turn in (8, 0, 3, 2, 7, 7, 4):
+        assert rec.state(turn).turn == turn
+        assert rec[turn].agents["node"].tolist() == fresh[turn]
+    assert [state.turn for state in rec[2:5]] == [2, 3, 4]
+    assert [state.turn for state in rec[::-4]] == [8, 4, 0]
+    assert rec[-1].turn == 8
+    assert rec[-9].turn == 0
+
+
+def test_a_state_is_the_callers_own(rec):
+    first = rec[3]
+    nodes, data = first.agents["node"].copy(), copy.deepcopy(first.data)
+    first.data["last"]["turn"] = "changed"
+    first.scores["red"] = 99
+    with pytest.raises(ValueError, match="read-only"):
+        first.agents["node"][0] = 99
+    assert rec[4].data == data
+    assert rec[4].scores == {"red": 3}
+    assert first.agents["node"].tolist() == nodes.tolist()
+
+
+@pytest.mark.parametrize("turn", [9, -10, 2**70])
+def test_a_turn_that_is_not_there_is_refused(rec, turn):
+    with pytest.raises(BadValue, match=r"8 turns|64 bits"):
+        rec[turn]
+    with pytest.raises(BadValue):
+        rec.state(turn)
+    with pytest.raises(BadValue):
+        rec.state(-1)
+    with pytest.raises(BadType):
+        rec.state("1")
+
+
+def test_the_end_of_a_game_is_in_the_state():
+    with context() as ctx:
+        ctx.agent.create_agent("anna", start_node_id=0, strategy=wander)
+        stream = io.BytesIO()
+        ctx.record.start(stream)
+        ctx.game.add(lambda ctx: ctx.game.end("enough", winner="red") if ctx.game.turn == 2 else None)
+        ctx.game.run(max_turns=5)
+        ctx.record.stop()
+    rec = recorder.open(io.BytesIO(stream.getvalue()))
+    assert [state.over for state in rec] == [None, None, {"reason": "enough", "winner": "red", "truncated": False}]
+
+
+def test_what_came_after_the_last_turn_is_no_turn():
+    with context() as ctx:
+        ctx.agent.create_agent("anna", start_node_id=0, strategy=wander)
+        stream = io.BytesIO()
+        ctx.record.start(stream)
+        ctx.game.run(max_turns=2)
+        ctx.record.event("late")
+        ctx.agent.get_agent("anna").current_node_id = 8
+        ctx.record.stop()
+    rec = recorder.open(io.BytesIO(stream.getvalue()))
+    assert (rec.turns, len(list(rec.logs()))) == (2, 3)
+    assert list(rec.events()) == [{"turn": 3, "kind": "late"}]
+    assert rec[-1].agents["node"].tolist() != [8]
+
+
+# -- what happened ----------------------------------------------------------------------------------------------
+
+
+def test_tables_are_those_of_the_result(rec, game):
+    result = game[1]
+    for name in ("tagged", "eliminated"):
+        assert as_lists(rec.table(name)) == as_lists(result.table(name))
+    told = [event for event in rec.events() if event["kind"] != "hello"]
+    assert told == result.events
+    assert list(rec.table("events")) == list(result.table("events"))
+    moves = rec.table("moves")
+    assert list(moves) == ["turn", "agent", "node"]
+    for name, summary in result.agents.items():
+        nodes = moves["node"][moves["agent"] == name].tolist()
+        assert not nodes or nodes[-1] == summary["node"]
+
+
+def test_each_table_has_its_columns(rec):
+    assert as_lists(rec.table("hello")) == {"turn": [1], "words": [["a", 1]]}
+    assert as_lists(rec.table("scores")) == {"turn": [3, 6], "of": ["red", "red"], "score": [3, 5]}
+    positions = rec.table("positions")
+    assert positions["turn"].tolist() == [1, 2, 3, 4, 5, 6, 7, 8]
+    assert set(positions["agent"]) == {"kite"}
+    assert positions["z"].dtype == np.float64
+    assert as_lists(rec.table("hello", 2)) == {"turn": []}
+    with pytest.raises(UnknownName, match="Did you mean 'tagged'"):
+        rec.table("taged")
+
+
+@settings(deadline=None)
+@given(start=st.none() | st.integers(0, 12), stop=st.none() | st.integers(0, 12))
+def test_a_range_of_turns_is_what_a_filter_gives(game, start, stop):
+    rec = recorder.open(io.BytesIO(game[0]))
+
+    def is_in(turn):
+        return (start or 0) <= turn and (stop is None or turn < stop)
+
+    for name in ("events", "moves", "positions", "scores", "tagged"):
+        whole, part = as_lists(rec.table(name)), as_lists(rec.table(name, start, stop))
+        rows = [i for i, turn in enumerate(whole["turn"]) if is_in(turn)]
+        if rows:
+            assert part == {key: [values[i] for i in rows] for key, values in whole.items()}
+        assert part["turn"] == [whole["turn"][i] for i in rows]
+    assert list(rec.events(start, stop)) == [event for event in rec.events() if is_in(event["turn"])]
+    assert list(rec.logs(start, stop)) == [log for turn, log in enumerate(rec.logs(), 1) if is_in(turn)]
+
+
+def test_negative_turns_are_refused_in_ranges(rec):
+    for call in (rec.events, rec.logs, lambda *turns: rec.table("moves", *turns)):
+        with pytest.raises(BadValue, match="counted from 1"):
+            call(-1)
+
+
+def test_kinds_are_counted_by_name(rec):
+    counts = rec.counts()
+    assert counts["USER_EVENT"] == 1
+    assert counts["GAME_EVENT"] == 3
+    assert counts["AERIAL_AGENT_POSITION"] == 8
+
+
+# -- agents who come and go ------------------------------------------------------------------------------------
+
+
+def test_moves_name_their_agents_though_others_come_and_go():
+    with context() as ctx:
+        stream, expected = io.BytesIO(), []
+        ctx.record.start(stream)
+        living = {}
+        for turn in range(1, 7):
+            living[f"agent_{turn}"] = ctx.agent.create_agent(f"agent_{turn}", start_node_id=turn, team=turn % 2)
+            if turn % 2 == 0:
+                del living[f"agent_{turn - 1}"]
+                ctx.agent.delete_agent(f"agent_{turn - 1}")
+            for name, agent in living.items():
+                agent.get_state()["action"] = agent.current_node_id
+                agent.set_state()
+                expected.append((turn, name, agent.current_node_id))
+            ctx.visual.simulate()
+        ctx.record.stop()
+    rec = recorder.open(io.BytesIO(stream.getvalue()))
+    table = rec.table("moves")
+    assert list(zip(*as_lists(table).values(), strict=True)) == expected
+    assert as_lists(rec.table("moves", 4, 5)) == as_lists(
+        {key: column[table["turn"] == 4] for key, column in table.items()}
+    )
+    assert rec[-1].agents["name"].tolist() == list(living)
+    assert rec[-1].agents["team"].tolist() == [0, 0, 0]
+
+
+def blank(agents):
+    """A keyframe of agents 0, 1, …, of whom every third flies."""
+    kinds = np.arange(agents) % 3 // 2
+    return {
+        "names": [f"a{i}" for i in range(agents)],
+        "numbers": np.arange(agents),
+        "kind": kinds,
+        "node": np.arange(agents) % NODES,
+        "previous": np.arange(agents) % NODES,
+        "heading": np.full((agents, 2), np.nan),
+        "position": np.where(kinds[:, None] > 0, 0.0, np.full((agents, 3), np.nan)),
+        "previous_position": np.full((agents, 3), np.nan),
+        "quat": np.full((agents, 4), np.nan),
+        "alive": np.ones(agents, np.int64),
+        "carry": np.zeros(agents),
+        "teams": [None] * agents,
+        "speed": [None] * agents,
+        "sensors": [{} for _ in range(agents)],
+        "attributes": [{} for _ in range(agents)],
+        "strategies": [None] * agents,
+        "scores": [],
+        "data": {},
+        "over": None,
+    }
+
+
+@st.composite
+def logs(draw):
+    """Logs of turns in which agents move, fly, come, go and change, and a keyframe to begin with."""
+    living = dict(enumerate(f"a{i}" for i in range(draw(st.integers(1, 5)))))
+    begin, new, turns = blank(len(living)), len(living), []
+    flies = begin["kind"].tolist()
+    for _ in range(draw(st.integers(0, 5))):
+        log = []
+        for _ in range(draw(st.integers(0, 12))):
+            what = draw(st.sampled_from(["walk"] * 3 + ["fly", "put", "come", "go", "set", "score"]))
+            number = draw(st.sampled_from(sorted(living))) if living else None
+            name, node = living.get(number), draw(st.integers(0, NODES - 1))
+            if what == "come":
+                kwargs = {"start_node_id": node, "type": node % 2}
+                state = {"position": (node, node, 0), "quat": (1, 0, 0, 0)} if node % 2 else {}
+                log.append((journal.AGENT_CREATE, {"name": f"a{new}", "kwargs": kwargs, "state": state}))
+                living[new], new = f"a{new}", new + 1
+                flies.append(node % 2)
+            elif name is None or what == "score":
+                log.append((journal.GAME_SCORES, {"scores": [("red", node)]}))
+            elif what == "walk":
+                for _ in range(draw(st.sampled_from([1, 1, 2, 30]))):
+                    log += [number, draw(st.integers(0, NODES - 1))]
+            elif what == "fly" and flies[number]:
+                log.append(
+                    (journal.AERIAL_AGENT_POSITION, {"agent_name": name, "position": (node, 0, 1), "node": node})
+                )
+            elif what in ("put", "fly"):
+                kind = draw(st.sampled_from([journal.AGENT_CURRENT_NODE, journal.AGENT_PREV_NODE]))
+                log.append((kind, {"agent_name": name, "node_id": node}))
+            elif what == "set":
+                log.append((journal.AGENT_TEAM, {"agent_name": name, "team": node}))
+                log.append((journal.AGENT_ALIVE, {"agent_name": name, "alive": node > 3}))
+            else:
+                log.append((journal.AGENT_DELETE, {"name": name}))
+                del living[number]
+        turns.append(log)
+    return begin, turns
+
+
+@settings(deadline=None)
+@given(logs(), st.integers(1, 4), st.data())
+def test_many_moves_at_once_do_what_they_do_one_by_one(game, turns, data):
+    begin, game = game
+    stream = io.BytesIO()
+    writer = Writer(stream, {"world": b""}, turns=turns)
+    writer.keyframe(begin)
+    for log in game:
+        writer.add_turn(log)
+    writer.close()
+    rec = recorder.open(io.BytesIO(stream.getvalue()))
+    one_by_one = Fold(copy.deepcopy(begin))
+    stops = data.draw(st.lists(st.integers(0, len(game)), max_size=4))
+    for turn in range(len(game) + 1):
+        if turn:
+            one_by_one.apply(game[turn - 1])
+        if turn in stops or turn == len(game):
+            np.testing.assert_equal(rec._folded(turn).state, one_by_one.state)
+
+
+# -- the map ----------------------------------------------------------------------------------------------------
+
+
+def test_the_map_comes_out_as_it_was(rec):
+    with context() as ctx:
+        before = ctx.graph.columns()
+        graph = ctx.graph.to_networkx()
+    assert rec.graph.columns().node_ids.tolist() == before.node_ids.tolist()
+    assert rec.graph.columns().edge_ids.tolist() == before.edge_ids.tolist()
+    assert nx.utils.graphs_equal(rec.graph.to_networkx(), graph)
+    assert "world" not in rec.header
+    assert rec.header["seed"] == rec.seed == 1
+
+
+def test_the_map_can_be_attached_with_ids_and_order_kept():
+    with gamms.create_context(logger_config=QUIET) as ctx:
+        graph = nx.MultiDiGraph(crs="EPSG:32635", attribution="somebody")
+        for node in (7, 3, 5):
+            graph.add_node(node, x=float(node), y=0.0, name=f"node {node}")
+        graph.add_edge(7, 3, id=40, length=9.0, linestring=[(7.0, 0.0), (5.0, 2.0), (3.0, 0.0)], lanes=2)
+        graph.add_edge(7, 3, id=10, length=4.0)
+        ctx.graph.attach_networkx_graph(graph)
+        stream = io.BytesIO()
+        ctx.record.start(stream)
+        ctx.record.stop()
+        packed = ctx.graph.packed()
+    map = recorder.open(io.BytesIO(stream.getvalue())).graph
+    with gamms.create_context(logger_config=QUIET) as ctx:
+        ctx.graph.attach_networkx_graph(map)
+        assert ctx.graph.packed() == packed
+        assert ctx.graph.columns().node_ids.tolist() == [7, 3, 5]
+        assert (ctx.graph.crs, ctx.graph.attribution) == ("EPSG:32635", "somebody")
+        with pytest.raises(BadValue, match="already a node with id"):
+            ctx.graph.attach_networkx_graph(map)
+        assert ctx.graph.packed() == packed
+    with gamms.create_context(logger_config=QUIET) as ctx:
+        ctx.graph.add_nodes([1, 2], x=[0, 1], y=[0, 0])
+        ctx.graph.attach_networkx_graph(map)
+        assert ctx.graph.columns().node_ids.tolist() == [1, 2, 7, 3, 5]
+        assert ctx.graph.graph.get_edge(40).source == 7
+        assert ctx.graph.node_attributes(3) == {"name": "node 3"}
+
+
+def test_a_map_that_changes_is_in_the_states_as_it_was():
+    with context() as ctx:
+        ctx.agent.create_agent("anna", start_node_id=0, strategy=wander)
+        stream = io.BytesIO()
+        ctx.record.start(stream)
+        ctx.game.run(max_turns=70)
+        ctx.graph.add_nodes([100], x=[5], y=[5])
+        ctx.game.run(max_turns=2)
+        ctx.record.stop()
+    rec = recorder.open(io.BytesIO(stream.getvalue()))
+    sizes = [len(rec[turn].graph.columns().node_ids) for turn in (0, 70, 71, 72, 1)]
+    assert sizes == [9, 9, 10, 10, 9]
+    assert len(rec.graph.columns().node_ids) == 9
+
+
+# -- files ------------------------------------------------------------------------------------------------------
+
+
+def test_a_path_is_opened_with_and_without_its_suffix(game, tmp_path):
+    (tmp_path / "game.ggr").write_bytes(game[0])
+    for path in (tmp_path / "game.ggr", str(tmp_path / "game")):
+        with recorder.open(path) as rec:
+            assert isinstance(rec, Recording)
+            assert repr(rec) == "Recording(8 turns)"
+            assert rec.warning is None
+    with pytest.raises(FileNotFoundError):
+        recorder.open(tmp_path / "none")
+    with pytest.raises(BadType, match="path or as a binary stream"):
+        recorder.open(io.StringIO("text"))
+
+
+def test_a_recording_that_was_cut_off_opens_and_says_so(game):
+    rec = recorder.open(io.BytesIO(game[0][:-40]))
+    assert not rec.is_complete
+    assert "was not finished" in rec.warning
+    assert rec[-1].turn == rec.turns
+
+
+def test_version_2_is_refused_with_the_way_out():
+    with pytest.raises(RecordingError, match="gamms convert IN OUT"):
+        recorder.open(io.BytesIO(b"MMGR\0\0\0\2\xa2"))
+    with pytest.raises(RecordingError, match="no recording"):
+        recorder.open(io.BytesIO(b"MMGX"))
+
+
+@pytest.mark.parametrize(
+    ("log", "reason"),
+    [
+        ([9, 1], "agent number 9 moves and is not there"),
+        ([9, 1] * 40, "agent number 9 moves and is not there"),
+        ([(journal.AGENT_TEAM, {"agent_name": "nobody", "team": 1})], "does not fit"),
+        ([(journal.AGENT_CREATE, {"name": 5, "kwargs": {"start_node_id": 1}})], "no name"),
+        ([(journal.AGENT_CREATE, {"name": "a0", "kwargs": {"start_node_id": 1}})], "same name"),
+        ([(journal.AGENT_CREATE, 7)], "does not fit"),
+        ([(journal.AERIAL_AGENT_POSITION, {"agent_name": "a0", "position": (0, 0, 0)})], "on the ground"),
+        ([(journal.SNAPSHOT, {"names": []})], "whole state is not right"),
+        ([(journal.GAME_SCORES, {"scores": 5})], "scores are none"),
+    ],
+)
+def test_an_event_that_does_not_fit_is_told_with_its_turn(log, reason):
+    stream = io.BytesIO()
+    writer = Writer(stream, {"world": b""})
+    writer.keyframe(blank(3))
+    for one in ([0, 1], log):
+        writer.add_turn(one)
+    writer.close()
+    rec = recorder.open(io.BytesIO(stream.getvalue()))
+    with pytest.raises(RecordingError, match=f"state after turn 2 .*{reason}"):
+        rec.state(2)
+    assert rec.state(1).agents["node"].tolist() == [1, 1, 2]
+
+
+@pytest.mark.parametrize(
+    ("table", "event"),
+    [
+        ("positions", (journal.AERIAL_AGENT_POSITION, {"agent_name": "a0", "position": (1.0,)})),
+        ("positions", (journal.AERIAL_AGENT_POSITION, None)),
+        ("scores", (journal.GAME_SCORES, {"scores": [("red",)]})),
+        ("events", (journal.GAME_EVENT, {"turn": 1})),
+        ("moves", (journal.SNAPSHOT, np.zeros(3))),
+        ("moves", (journal.AGENT_CREATE, [])),
+    ],
+)
+def test_an_event_that_does_not_fit_a_table_is_told(table, event):
+    stream = io.BytesIO()
+    writer = Writer(stream, {"world": b""})
+    writer.keyframe(blank(3))
+    writer.add_turn([event])
+    writer.add_turn([event])
+    writer.close()
+    rec = recorder.open(io.BytesIO(stream.getvalue()))
+    with pytest.raises(RecordingError, match=r"damaged|has no kind"):
+        rec.table(table)
+
+
+def test_a_recording_without_a_beginning_or_a_map_says_so():
+    rec = recorder.open(io.BytesIO(written([[0, 1]])))
+    with pytest.raises(RecordingError, match="how it begins"):
+        rec.state(0)
+    with pytest.raises(RecordingError, match="map of turn 0"):
+        _ = rec.graph
+    assert rec.turns == 1
+    assert list(rec.logs()) == [[0, 1]]
