@@ -14,6 +14,8 @@ from gamms.recorder.noting import PlainJournal
 from gamms.recorder.plain import is_same, plain, plain_part
 from gamms.typing.opcodes import OpCodes
 
+_SOMEBODY_ELSE = object()
+_OF_AGENTS = kinds.AGENT_CREATE >> 24
 _DECLARATION = OpCodes.COMPONENT_REGISTER.value
 _TURNS_AT_ONCE = 64
 _ENTRIES_AT_ONCE = 1 << 20  # of logs: what may wait to be written
@@ -47,6 +49,7 @@ class Session:
         self._logs: list[Log] = []
         self._turns_here = self._entries_here = 0  # since the last point of rest
         self._since_keyframe = 0  # entries
+        self._front = 0  # where in the log a change of the map goes: behind what was told before another beginning
         self._handed_at = time.monotonic()
         self.turn = 0
         self.is_paused = self.has_failed = False
@@ -66,17 +69,16 @@ class Session:
 
     def end_turn(self) -> None:
         """Write the turn, which is over."""
-        journal = self._journal
-        log, journal.log = journal.log, []
         if self.copied is None:
-            log[:0] = self._world_changes()
-            log += self._game.changes()
+            self._tell_changes()
+        log, self._journal.log, self._front = self._journal.log, [], 0
         self.turn += 1
         with self._writing():
             self._keep(log)
 
     def pause(self) -> None:
         """Write nothing until `play`."""
+        self._tell_changes()
         self._hush()
         self.is_paused = True
         self._members = dict(self.ctx.agent.agents)
@@ -96,6 +98,7 @@ class Session:
         kept = [name for name, other in takewhile(lambda pair: pair[0] == pair[1], zip(left, now, strict=False))]
         gone = [(kinds.AGENT_DELETE, {"name": name}) for name in known if name not in kept]
         snapshot = state.captured(self.ctx) | state.told(self.ctx.game)
+        self._front = len(waiting)
         self._journal.log = [*waiting, *gone, (kinds.SNAPSHOT, snapshot)]
         self._game = _GameWatch(self.ctx)
 
@@ -104,10 +107,9 @@ class Session:
         self._hush()
         if self.has_failed:
             return  # and has said so
-        log = self._journal.log
         if not self.is_paused and self.copied is None:
-            log[:0] = self._world_changes()
-            log += self._game.changes()
+            self._tell_changes()
+        log = self._journal.log
         if log:
             log.append((kinds.UNFINISHED, {}))
             self._logs.append(log)
@@ -141,11 +143,29 @@ class Session:
         self.copied = None
         self._revised, self._game = self._revisions(), _GameWatch(self.ctx)
         self._journal.living = dict.fromkeys(self.ctx.agent.agents)
+        self._front = len(self.log)
 
     def tell_anew(self) -> None:
-        """Say how things are now: a replay has set them, or a game has begun anew."""
+        """Say how things are now, which a replay has set."""
+        self._tell_changes()
         self._hush()
         self._set(self._journal.living)
+
+    def begin_anew(self) -> None:
+        """The game was reset: what this turn said of agents is taken back, perhaps with the nodes they were on."""
+        self._hush()
+        told = [entry for entry in self.log if type(entry) is tuple]
+        known: dict[str, Any] = dict(self._journal.living)
+        for kind, data in reversed(told):
+            if kind == kinds.AGENT_CREATE:
+                known.pop(data["name"], None)
+            elif kind == kinds.AGENT_DELETE:
+                known[data["name"]] = _SOMEBODY_ELSE
+        if any(kind == kinds.SNAPSHOT for kind, _ in told):
+            known = self._journal.living
+        else:
+            self._journal.log = [(kind, data) for kind, data in told if kind >> 24 != _OF_AGENTS]
+        self._set(known)
 
     def abandon(self) -> None:
         """Listen no longer, and write nothing more."""
@@ -169,7 +189,7 @@ class Session:
         self._journal = agents.columns.journal = PlainJournal(agents.columns.names)
         agents.write_by(agents.moves.plain().journaled(agents.columns))
         self.ctx.visual.after_turn.append(self.end_turn)
-        self.ctx.game.after_reset.append(self.tell_anew)
+        self.ctx.game.after_reset.append(self.begin_anew)
 
     def _hush(self) -> None:
         agents = self.ctx.agent
@@ -178,8 +198,8 @@ class Session:
             agents.write_by(agents.moves.plain())
         if self.end_turn in self.ctx.visual.after_turn:
             self.ctx.visual.after_turn.remove(self.end_turn)
-        if self.tell_anew in self.ctx.game.after_reset:
-            self.ctx.game.after_reset.remove(self.tell_anew)
+        if self.begin_anew in self.ctx.game.after_reset:
+            self.ctx.game.after_reset.remove(self.begin_anew)
 
     @contextmanager
     def _writing(self) -> Iterator[None]:
@@ -221,6 +241,13 @@ class Session:
     def _revisions(self) -> tuple[Any, Any]:
         room = self._room
         return room.graph.revision, room.obstacle_revision
+
+    def _tell_changes(self) -> None:
+        """Write down what nobody notes: a change of the map, before who stands on it, and what the game has come to."""
+        changes = self._world_changes()
+        self._journal.log[self._front : self._front] = changes
+        self._front += len(changes)
+        self._journal.log += self._game.changes()
 
     def _world_changes(self) -> Log:
         """What says that the map is another one. The first map goes into the header: it may be loaded late."""

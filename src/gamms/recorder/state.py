@@ -127,7 +127,7 @@ def put(ctx: Any, state: State) -> None:
         if agent is None or bool(agent.type) != flies:
             if agent is not None:
                 ctx.agent.delete_agent(name)
-            given: dict[str, Any] = {"start_node_id": node, "sensors": state["sensors"][row]}
+            given: dict[str, Any] = {"start_node_id": _node_there(ctx, node), "sensors": state["sensors"][row]}
             if flies:
                 given |= {"type": 1, "speed": state["speed"][row]}
             agent = ctx.agent.create_agent(name, **given)
@@ -146,6 +146,13 @@ def put(ctx: Any, state: State) -> None:
     game.take_over(state["over"])
     if "events" in state:
         game.events[:] = deepcopy(state["events"])
+
+
+def _node_there(ctx: Any, node: int) -> int:
+    """The node, or any other if it was taken away under an agent's feet."""
+    graph = ctx.graph.graph
+    there: int = node if graph.has_node(node) else next(iter(graph.get_nodes()), node)
+    return there
 
 
 def _equip(ctx: Any, agent: Any, sensors: dict[str, str]) -> None:
