@@ -257,6 +257,7 @@ def blank(agents):
     return {
         "names": [f"a{i}" for i in range(agents)],
         "numbers": np.arange(agents),
+        "next": agents,
         "kind": kinds,
         "node": np.arange(agents) % NODES,
         "previous": np.arange(agents) % NODES,

@@ -54,7 +54,7 @@ class Fold:
 
     def _begin(self, state: State) -> None:
         try:
-            self.state, self.following = _checked(opened(state)), following_of(state)
+            self.state, self.following = _checked(opened(state)), int(state["next"])
         except DAMAGES as error:
             raise Damaged(f"the whole state is not right ({type(error).__name__}: {error})") from error
         self._recount()
@@ -228,11 +228,6 @@ class Fold:
     def replace(self, data: Any) -> None:
         """A snapshot was written."""
         self._begin(data)
-
-
-def following_of(state: State) -> int:
-    """The number that the next new agent gets after a keyframe or a snapshot."""
-    return int(state.get("next", np.max(state["numbers"], initial=-1) + 1))
 
 
 def _checked(state: State) -> State:

@@ -252,10 +252,10 @@ class Recorder(IRecorder):
         if self.record():
             self._log().extend(entries)
 
-    def renumber(self, names: list[str], numbers: list[int]) -> None:
-        """Let agents have the numbers that a replayed recording gives them."""
+    def renumber(self, names: list[str], numbers: list[int], following: int) -> None:
+        """Let agents have the numbers that a replayed recording gives them, and the next new one this."""
         if self.is_copying and self._session is not None:
-            self._session.renumber(names, numbers)
+            self._session.renumber(names, numbers, following)
 
     def tell_anew(self) -> None:
         """Write how things are, which a replay has set."""

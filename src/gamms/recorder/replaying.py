@@ -113,9 +113,9 @@ class Player:
         self._muted(lambda: state.put(self._ctx, data))
         numbers = data["numbers"].tolist()
         self._numbers = dict(zip(numbers, data["names"], strict=True))
-        self._next = max([*numbers, self._next - 1], default=-1) + 1
+        self._next = data["next"]
         if self._recorder.is_copying:
-            self._recorder.renumber(data["names"], numbers)
+            self._recorder.renumber(data["names"], numbers, self._next)
         else:
             self._recorder.tell_anew()
 
@@ -126,8 +126,8 @@ class Player:
         more = {name: value for name, value in data.get("state", {}).items() if name in _PLACES}
         self._ctx.agent.put(agent, {name: tuple(value) for name, value in more.items()})
         self._numbers[self._next] = data["name"]
-        self._recorder.renumber([data["name"]], [self._next])
         self._next += 1
+        self._recorder.renumber([data["name"]], [self._next - 1], self._next)
 
     def _was_refused(self, name: Any, given: Any) -> bool:
         """Whether 1.0.0 made no agent of this after it had written it down."""

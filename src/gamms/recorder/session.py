@@ -171,11 +171,10 @@ class Session:
         """Listen no longer, and write nothing more."""
         self._hush()
 
-    def renumber(self, names: list[str], numbers: list[int]) -> None:
-        """Let agents have the numbers that a replayed recording gives them."""
+    def renumber(self, names: list[str], numbers: list[int], following: int) -> None:
+        """Let agents have the numbers that a replayed recording gives them, and the next new one this."""
         journal, agents = self._journal, self.ctx.agent
-        free = max([*numbers, len(journal.names) - 1], default=-1) + 1
-        journal.names += [""] * (free - len(journal.names))
+        journal.names[following:] = [""] * (following - len(journal.names))
         journal.ids += [-1] * (len(agents.columns) - len(journal.ids))
         for name, number in zip(names, numbers, strict=True):
             journal.ids[agents.agents[name]._row] = number

@@ -22,6 +22,7 @@ def captured(ctx: Any) -> State:
     return {
         "names": list(columns.names),
         "numbers": np.array(columns.journal.ids[: len(agents)], np.int64),
+        "next": len(columns.journal.names),
         "kind": np.array(columns.kind, np.int64),
         "node": np.array(columns.node, np.int64),
         "came": _folded(np.array(columns.previous, np.int64) - np.array(columns.node, np.int64)),

@@ -9,7 +9,7 @@ from gamms.errors import UnknownName
 from gamms.ir import journal
 from gamms.ir.tables import table_of
 from gamms.recorder.errors import RecordingError
-from gamms.recorder.fold import DAMAGES, following_of
+from gamms.recorder.fold import DAMAGES
 from gamms.recorder.formats.columns import IntArray
 from gamms.recorder.formats.reader import Reader
 from gamms.recorder.records import steps_of
@@ -54,7 +54,7 @@ def _roster_after(kind: int, data: Any, names: dict[int, str], following: int) -
     """Who has which number after somebody has come, or a snapshot."""
     try:
         if kind == journal.SNAPSHOT:
-            return dict(zip(data["numbers"].tolist(), data["names"], strict=True)), following_of(data)
+            return dict(zip(data["numbers"].tolist(), data["names"], strict=True)), data["next"]
         names[following] = data["name"]  # in place, for a thousand may come one by one
         return names, following + 1
     except DAMAGES as error:
