@@ -92,9 +92,10 @@ class Player:
             self._ctx.visual.simulate()  # which ends the turn of a recording that is being written, too
             return
         apply = _EVENTS.get(kind)
+        is_exact = kind in _EXACT and not self._is_version_2
         if apply is not None:
             try:
-                self._silently(lambda: apply(self, data))
+                (self._muted if is_exact else self._silently)(lambda: apply(self, data))
             except ContextTerminated:
                 raise
             except (GammsError, KeyError, TypeError, ValueError, AttributeError) as error:
@@ -104,7 +105,7 @@ class Player:
             return  # the components have reported it
         elif self._is_version_2:
             raise RecordingError(f"Operation code {kind:#010x} is none of gamms 1.0.0.")
-        if self._recorder.is_copying or apply is None:
+        if self._recorder.is_copying or is_exact or apply is None:
             self._recorder.copy((kind, data))
 
     # -- what events do -----------------------------------------------------------------------------------------
@@ -200,6 +201,7 @@ class Player:
 
 
 _COMPONENTS = {code.value: code.name for code in OpCodes if code.name.startswith("COMPONENT")}
+_EXACT = (kinds.AGENT_ORIENTATION, kinds.AERIAL_AGENT_QUATERNION)  # of length 1, but not to the last bit
 _PLACES = ("heading", "position", "previous_position", "quat")
 
 
