@@ -168,3 +168,21 @@ def test_a_file_that_cannot_be_written_when_the_context_ends_does_not_keep_it_op
         ctx.terminate()
     assert ctx.is_terminated()
     assert not ctx.record.is_open
+
+
+def test_a_recording_cut_at_any_byte_behind_its_header_replays_what_is_whole():
+    ctx, whole = grid_context(), io.BytesIO()
+    ctx.agent.create_agent("a", start_node_id=0)
+    ctx.record.start(whole)
+    for _ in range(3):
+        ctx.visual.simulate()
+    ctx.record.stop()
+    data, turns = whole.getvalue(), []
+    for size in range(len(data) + 1):
+        with empty_context() as fresh:
+            try:
+                turns.append(sum(one["opCode"] == 1 for one in fresh.record.replay(io.BytesIO(data[:size]))))
+            except RecordingError:
+                assert not turns, f"{size} bytes cannot be replayed, but fewer can"
+    assert turns == sorted(turns)
+    assert (turns[0], turns[-1]) == (0, 3)

@@ -35,9 +35,10 @@ class Player:
         """Everything in a recording of version 3."""
         self._attach(reader.header)
         begin = reader.keyframe(0)
-        if begin is None or begin[0] != 0:
+        if begin is not None and begin[0] == 0:
+            self._silently(lambda: self._put(begin[1]))
+        elif reader.turns or not reader.warning:  # else it was cut off behind its map
             raise RecordingError("This recording does not say how it begins.")
-        self._silently(lambda: self._put(begin[1]))
         for turn in range(reader.turns):
             yield from self._turn(turn, reader.log(turn))
             if self._ctx.is_terminated():
