@@ -148,7 +148,7 @@ def test_an_attribute_that_cannot_be_saved_is_named_and_the_old_file_stays(ctx, 
     before = saved.read_bytes()
     update = graph.update_node if of == "node" else graph.update_edge
     update({"id": 1, "fine": 1, "awkward": value})
-    with pytest.raises(BadValue, match=f"Attribute 'awkward' of a {of} cannot be saved"):
+    with pytest.raises(BadValue, match=f"{of.capitalize()} attribute 'awkward' cannot be saved"):
         ctx.graph.save(saved)
     assert saved.read_bytes() == before
     assert [path.name for path in saved.parent.iterdir()] == ["map.gamms"]

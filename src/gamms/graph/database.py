@@ -138,7 +138,7 @@ def _attribute_texts(attributes: Any, rows: int, kind: str) -> list[str | None]:
             texts[row] = plain.to_text(given, "A dict of attributes")
         except BadValue:
             for name, value in given.items():
-                plain.to_text(value, f"Attribute {name!r} of a {kind}")  # raises for the one that is to blame
+                plain.to_text(value, f"{kind.capitalize()} attribute {name!r}")  # raises for the one that is to blame
             raise
     return texts
 

@@ -197,7 +197,7 @@ def _attribute_columns(graph: GraphColumns) -> dict[str, np.ndarray[Any, Any]]:
     for kind, attributes in (("node", graph.node_attributes), ("edge", graph.edge_attributes)):
         for name, values in sorted(attributes.items()):
             rows = sorted(values)
-            texts = [plain.to_text(values[row], f"Attribute {name!r} of a {kind}") for row in rows]
+            texts = [plain.to_text(values[row], f"{kind.capitalize()} attribute {name!r}") for row in rows]
             code_of = {text: code for code, text in enumerate(dict.fromkeys(texts))}
             prefix = f"{kind}:{name}"
             columns[f"{prefix}:rows"] = np.array(rows, np.int64)

@@ -93,8 +93,6 @@ class Recorder(IRecorder):
         if self._session is not None:
             raise RecorderBusy("A recording is being written already. Call ctx.record.stop() first.")
         options = _checked_options(version, created, provenance)
-        stream, self._is_owned = _opened(path)
-        self._stream = stream
 
         def make_sink(session: Session) -> Any:
             if version == 2:
@@ -102,7 +100,13 @@ class Recorder(IRecorder):
             header = header_of(self.ctx, session.world, options) if session.header is None else session.header
             return Version3Sink(stream, session, header)
 
-        self._session = Session(self.ctx, make_sink)
+        session = Session(self.ctx, make_sink)  # before there is a file: not every map can be written
+        try:
+            stream, self._is_owned = _opened(path)
+        except BaseException:
+            session.abandon()
+            raise
+        self._stream, self._session = stream, session
         for name, data in self.components.snapshot():
             self._component_event(name, data)
 

@@ -55,11 +55,11 @@ class Session:
         self.is_paused = self.has_failed = False
         self.copied: Callable[[int], state.State | None] | None = None
         self.header: dict[str, Any] | None = None
+        has_map = next(iter(ctx.graph.graph.get_nodes()), None) is not None
+        self.world: bytes | None = ctx.graph.packed() if has_map else None  # first, for it may raise
         self._listen()
         self.begin = state.captured(ctx) | state.told(ctx.game)
         self._revised = self._revisions()
-        has_map = next(iter(ctx.graph.graph.get_nodes()), None) is not None
-        self.world: bytes | None = ctx.graph.packed() if has_map else None
         self._game = _GameWatch(ctx)
 
     @property
