@@ -73,7 +73,7 @@ def test_a_killed_program_leaves_a_recording_of_its_first_turns(tmp_path, second
 @pytest.mark.skipif(not hasattr(signal, "SIGKILL"), reason="nobody is killed here")
 @pytest.mark.parametrize("number", range(20))
 def test_a_killed_program_leaves_a_recording_at_any_moment(tmp_path, number):
-    seconds = random.Random(number).uniform(0.0, 4.0)
+    seconds = random.Random(number).uniform(0.0, 2.5)
     killed_after(tmp_path / "game.ggr", seconds)
     check_prefix(tmp_path / "game.ggr", seconds)
 
