@@ -1,0 +1,75 @@
+"""Recordings of format version 3 that were written once, and say the same for ever."""
+
+import json
+from pathlib import Path
+
+import pytest
+from games import act, empty_context, everything, grid_context
+
+import gamms
+
+SAMPLES = Path(__file__).parent / "samples/ours"
+FROZEN = sorted(SAMPLES.glob("version3*.ggr"))
+
+
+def everything_of_version_3(ctx):
+    """One game with whatever version 3 has and version 2 has not, for who freezes the next sample."""
+    for name, node in (("anna", 0), ("bert", 8), ("carl", 4)):
+        ctx.agent.create_agent(name, start_node_id=node, team=name[0], sensors=["near"], fuel=3)
+    ctx.agent.create_agent("kite", start_node_id=3, type=1, speed=2.0, position=(1, 2, 3))
+    ctx.record.event("note", text="frozen", numbers=[1, 2.5, None])
+    for turn in range(70):
+        act(ctx, "anna", (1, 2, 1, 0)[turn % 4])
+        act(ctx, "bert", (7, 8)[turn % 2])
+        act(ctx, "kite", (0.5, 0.25, 0.0))
+        ctx.game.scores["anna"] = turn
+        ctx.game.data["seen"] = {"turn": turn, "nodes": [turn % 9]}
+        if turn == 3:
+            ctx.game.emit("meeting", node=4)
+            ctx.agent.get_agent("carl").alive = False
+            ctx.agent.get_agent("bert").team = "c"
+        if turn == 40:
+            ctx.agent.delete_agent("carl")
+            ctx.graph.add_obstacle_face(1, (1, 1, 1), (1, 2, 1), (2, 1, 0), (2, 2, 0), 1)
+        if turn == 41:
+            ctx.agent.create_agent("dora", start_node_id=5)
+            ctx.agent.get_agent("anna").orientation = (0.0, 1.0)
+        ctx.visual.simulate()
+
+
+def told(path):
+    """What a recording says, at the turns at which something happens in it, and what a replay comes to."""
+    with gamms.recorder.open(path) as recording, empty_context() as ctx:
+        states = {turn: recording.state(turn) for turn in (0, 1, 4, 41, 42, recording.turns)}
+        said = {
+            "turns": recording.turns,
+            "seed": recording.seed,
+            "events": list(recording.events()),
+            "states": {
+                turn: {"scores": state.scores, "data": state.data}
+                | {name: column.tolist() for name, column in state.agents.items()}
+                for turn, state in states.items()
+            },
+            "moves": {name: column.tolist() for name, column in recording.table("moves").items()},
+        }
+        list(ctx.record.replay(path))
+        replayed = everything(ctx)
+    del replayed["world"]
+    return json.loads(json.dumps({**said, "replayed": replayed}, default=str))
+
+
+def test_there_are_frozen_recordings():
+    assert FROZEN
+
+
+@pytest.mark.parametrize("path", FROZEN, ids=lambda path: path.stem)
+def test_a_frozen_recording_says_what_it_said(path):
+    assert json.dumps(told(path)) == json.dumps(json.loads(path.with_suffix(".json").read_text()))
+
+
+def test_a_game_is_recorded_as_the_frozen_one_was(tmp_path):
+    with grid_context() as ctx:
+        ctx.record.start(tmp_path / "game")
+        everything_of_version_3(ctx)
+        ctx.record.stop()
+    assert json.dumps(told(tmp_path / "game.ggr")) == json.dumps(told(SAMPLES / "version3.ggr"))
