@@ -88,18 +88,6 @@ def test_the_last_keyframe_that_is_early_enough_is_found():
     assert logs_of(reader) == walk(3, 7)
 
 
-def test_a_keyframe_is_wanted_at_first_and_then_every_so_many_moves():
-    writer = Writer(io.BytesIO(), {})
-    wanted = []
-    for turn, log in enumerate(walk(100, 1500)):
-        if writer.wants_keyframe:
-            wanted.append(turn)
-            writer.keyframe({"nodes": np.array(log[1::2])})
-        writer.add_turn(log)
-    assert wanted[0] == 0
-    assert set(np.diff(wanted).tolist()) == {384}  # the first block of 64 turns after 32,768 moves
-
-
 def test_turns_are_read_in_any_order_from_a_few_blocks_in_memory():
     game = walk(4, 300)
     reader = opened(written(game, turns=7))

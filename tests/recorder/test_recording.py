@@ -14,7 +14,7 @@ import gamms
 from gamms import recorder
 from gamms.errors import BadType, BadValue, UnknownName
 from gamms.ir import journal
-from gamms.recorder import Recording, RecordingError, Writer
+from gamms.recorder import Reader, Recording, RecordingError, Writer
 from gamms.recorder.fold import Fold
 from gamms.recorder.state import captured
 
@@ -484,3 +484,19 @@ def test_a_recording_without_a_beginning_or_a_map_says_so():
         _ = rec.graph
     assert rec.turns == 1
     assert list(rec.logs()) == [[0, 1]]
+
+
+def test_a_keyframe_is_written_at_the_start_and_after_every_65536_moves(tmp_path):
+    with gamms.create_context(logger_config={"level": "CRITICAL"}) as ctx:
+        ctx.graph.attach_networkx_graph(gamms.graph.grid(2, 2))
+        agents = [ctx.agent.create_agent(f"a{i}", start_node_id=0) for i in range(100)]
+        ctx.record.start(tmp_path / "game")
+        for _ in range(1450):
+            for agent in agents:
+                agent.get_state()["action"] = 0
+                agent.set_state()
+            ctx.visual.simulate()
+        ctx.record.stop()
+    with Reader(tmp_path / "game.ggr") as reader:
+        found = {reader.keyframe(turn)[0] for turn in range(reader.turns)}
+    assert sorted(found) == [0, 704, 1408]  # when 64 turns are written, 131,072 numbers after the one before

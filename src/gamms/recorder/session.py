@@ -19,7 +19,7 @@ _OF_AGENTS = kinds.AGENT_CREATE >> 24
 _DECLARATION = OpCodes.COMPONENT_REGISTER.value
 _TURNS_AT_ONCE = 64
 _ENTRIES_AT_ONCE = 1 << 20  # of logs: what may wait to be written
-_KEYFRAME_ENTRIES = 1 << 17
+_KEYFRAME_ENTRIES = 1 << 17  # of logs between two keyframes: 65,536 moves, which take some milliseconds to read
 _PATIENCE_S = 0.5
 
 Sink = Any  # what writes logs in some format: `add(log)`, `keyframe(state)`, `flush()`, `close()`

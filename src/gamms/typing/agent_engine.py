@@ -245,7 +245,7 @@ class IAgentEngine(ABC):
             None,
             [getattr(agent, "team", None) for agent in agents],
             np.array(flying, np.int64),
-            np.array([getattr(agents[row], "position") for row in flying], np.float64).reshape(-1, 3),  # noqa: B009
+            np.array([getattr(agents[row], "position") for row in flying], np.float64).reshape(-1, 3),  # noqa: B009 - IAgent has none; only those who fly do
             {row for row, agent in enumerate(agents) if not getattr(agent, "alive", True)},
         )
 

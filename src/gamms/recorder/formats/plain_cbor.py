@@ -99,15 +99,15 @@ class PlainReader:
         """A whole number from zero up."""
         return self._size(info)
 
-    def negative(self, info: int, depth: int) -> int:  # noqa: ARG002
+    def negative(self, info: int, depth: int) -> int:  # noqa: ARG002 - see `unsigned`
         """A whole number below zero."""
         return -1 - self._size(info)
 
-    def bytes_of(self, info: int, depth: int) -> bytes:  # noqa: ARG002
+    def bytes_of(self, info: int, depth: int) -> bytes:  # noqa: ARG002 - see `unsigned`
         """Bytes."""
         return self._bytes(info)
 
-    def text(self, info: int, depth: int) -> str:  # noqa: ARG002
+    def text(self, info: int, depth: int) -> str:  # noqa: ARG002 - see `unsigned`
         """A text."""
         try:
             return self._bytes(info).decode()
@@ -148,7 +148,7 @@ class PlainReader:
             return _set_of(value)
         return Tagged(number, value)
 
-    def simple(self, info: int, depth: int) -> Any:  # noqa: ARG002
+    def simple(self, info: int, depth: int) -> Any:  # noqa: ARG002 - see `unsigned`
         """A truth value, None, or a floating-point number."""
         if info in _FLOATS:
             return self._unpack(_FLOATS[info])

@@ -17,9 +17,6 @@ from gamms.recorder.formats import blocks, chunks
 from gamms.recorder.formats.contents import INDEX_COLUMNS
 from gamms.recorder.formats.output import Output
 
-_KEYFRAME_ENTRIES = 1 << 15  # moves and events between two keyframes at least, which take about 3 ms to read …
-_KEYFRAME_SHARE = 4  # … and so many times the bytes of a keyframe, so that keyframes are a fifth of a file at most
-
 
 class Writer:
     """Writes a recording into a binary stream, which stays open.
@@ -65,8 +62,6 @@ class Writer:
         self._file = Output(stream)
         self._index: list[tuple[int, ...]] = []
         self._open = chunks.Collected(0)
-        self._since: tuple[int, int] | None = None  # entries and bytes since the last keyframe
-        self._keyframe_size = 0
         self._file.append(blocks.MAGIC + head)
         self._saved_at = clock()  # and so many turns of the open block
         self._saved = 0
@@ -75,16 +70,6 @@ class Writer:
     def turns(self) -> int:
         """How many turns were added."""
         return self._open.first + len(self._open)
-
-    @property
-    def wants_keyframe(self) -> bool:
-        """Whether now is a good moment for one: at the start, then so often that states are found in milliseconds."""
-        if len(self._open):
-            return False
-        if self._since is None:
-            return True
-        entries, size = self._since
-        return entries >= _KEYFRAME_ENTRIES and size >= _KEYFRAME_SHARE * self._keyframe_size
 
     def add_turn(self, log: Sequence[Any]) -> None:
         """Add the log of the next turn; it may be changed afterwards.
@@ -124,7 +109,7 @@ class Writer:
             self.flush()
 
     def keyframe(self, state: dict[str, Any]) -> None:
-        """Write down the whole state after the turns that were added so far; best when `wants_keyframe`.
+        """Write down the whole state after the turns that were added so far.
 
         Raises:
             BadType, BadValue: it is not plain; nothing was written then.
@@ -135,7 +120,6 @@ class Writer:
         if len(self._open):
             self._close_block()
         self._put(blocks.KEYFRAME, body, blocks.Counts(self.turns))
-        self._since, self._keyframe_size = (0, 0), len(body)
 
     def flush(self) -> None:
         """Write all turns that were added, if the stream can take back the last block of a file.
@@ -166,18 +150,14 @@ class Writer:
         self._file.close()
 
     def _close_block(self) -> None:
-        counts = self._open.counts
-        size = self._put(blocks.TURNS, self._open.body(), counts)
-        if self._since is not None:
-            self._since = self._since[0] + counts.moves + counts.events, self._since[1] + size
+        self._put(blocks.TURNS, self._open.body(), self._open.counts)
         self._open = chunks.Collected(self.turns)
         self._saved, self._saved_at = 0, self._clock()
 
-    def _put(self, type: int, body: bytes, counts: blocks.Counts) -> int:
+    def _put(self, type: int, body: bytes, counts: blocks.Counts) -> None:
         data = self._block(type, body, counts)
         self._file.append(data)
         self._index.append((type, len(data), *counts[1:]))
-        return len(data)
 
     def _block(self, type: int, body: bytes, counts: blocks.Counts) -> bytes:
         return blocks.block(type, body, self._key, counts)
