@@ -122,6 +122,15 @@ def test_a_visibility_table_answers_until_the_world_changes(ctx):
     assert "hidden" in agents.data
 
 
+def test_a_wall_that_touches_the_eye_hides_what_the_rounding_of_1_0_0_says():
+    wall = ((0.0, 2.0, 6.0), (1.0, -1.5, 6.0), (0.0, 2.0, 0.0), (1.0, -1.5, 0.0))
+    assert not is_clear((0.0, 2.0, 1.6), (1.0, 1.0, 1.6), [wall])
+    with built([(0, 2), (1, 1)], [wall], [], [], ()) as ctx:
+        sensor = ctx.sensor.create_sensor("m", SensorType.OCCLUDED_MAP, sensor_range=2.0, observer_height=1.6)
+        sensor.sense(0)
+        assert list(sensor.data["nodes"]) == [0]
+
+
 # -- brute force ------------------------------------------------------------------------------------------------
 
 
@@ -144,10 +153,10 @@ def meets(start, end, v0, v1, v2):
     det = dot(e1, p)
     if abs(det) < 1e-9:
         return False
-    s = minus(start, v0)
-    u = dot(s, p) / det
+    scale, s = 1.0 / det, minus(start, v0)  # the inverse, as in 1.0.0: the last bit decides where a wall touches an eye
+    u = scale * dot(s, p)
     q = cross(s, e1)
-    v, t = dot(ray, q) / det, dot(e2, q) / det
+    v, t = scale * dot(ray, q), scale * dot(e2, q)
     return 0 <= u <= 1 and v >= 0 and u + v <= 1 and 0 <= t <= 1
 
 
