@@ -4,7 +4,7 @@ from typing import Any
 
 from gamms.game.moves import Moves
 from gamms.ir import journal
-from gamms.ir.agents import AgentColumns, Position, Quat
+from gamms.ir.agents import AgentColumns, Position, Quat, Selection
 from gamms.typing.graph_engine import IGraph
 
 
@@ -31,11 +31,11 @@ class JournaledMoves(Moves):
         else:
             super().act(columns, row, action)
 
-    def act_together(self, columns: AgentColumns, rows: list[int], ends: list[int]) -> None:
+    def act_together(self, columns: AgentColumns, who: Selection, ends: list[int]) -> None:
         """Move many agents at once, and note it."""
-        super().act_together(columns, rows, ends)
+        super().act_together(columns, who, ends)
         ids = columns.journal.ids
-        columns.journal.log += [number for row, end in zip(rows, ends, strict=True) for number in (ids[row], end)]
+        columns.journal.log += [number for row, end in zip(who.rows, ends, strict=True) for number in (ids[row], end)]
 
     def place(self, columns: AgentColumns, row: int, node_id: Any) -> None:
         """Put an agent on a node, and note it."""

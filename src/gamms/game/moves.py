@@ -5,7 +5,7 @@ from typing import Any
 from gamms.errors import BadValue, UnknownName
 from gamms.game.checks import as_heading, as_node
 from gamms.game.flights import Flights
-from gamms.ir.agents import AgentColumns
+from gamms.ir.agents import AgentColumns, Selection
 from gamms.typing.agent_engine import IMoves
 from gamms.typing.graph_engine import IGraph
 
@@ -42,18 +42,11 @@ class Moves(Flights):
         else:
             self.act(columns, row, as_node(action))
 
-    def act_together(self, columns: AgentColumns, rows: list[int], ends: list[int]) -> None:
+    def act_together(self, columns: AgentColumns, who: Selection, ends: list[int]) -> None:
         """Move many agents on the ground at once, to nodes that are there; who stays has come from where it is."""
-        node, previous = columns.node, columns.previous
-        if len(rows) == len(node):  # which saves a third where nobody flies
-            previous[:] = node
-            for row, end in zip(rows, ends, strict=True):
-                node[row] = end
-        else:
-            for row, end in zip(rows, ends, strict=True):
-                previous[row] = node[row]
-                node[row] = end
-        columns.touched.update(rows)
+        who.write(columns.previous, who.of(columns.node))
+        who.write(columns.node, ends)
+        columns.touched |= who.as_set
 
     def place(self, columns: AgentColumns, row: int, node_id: Any) -> None:
         """Put an agent on a node."""

@@ -5,6 +5,7 @@ from typing import TYPE_CHECKING, Any
 
 from gamms.arguments import as_range
 from gamms.errors import GammsError
+from gamms.ir.agents import Selection
 from gamms.typing import AgentType
 
 if TYPE_CHECKING:
@@ -46,7 +47,7 @@ class Seat:
         self.flies = agent.type is AgentType.AERIAL
         self.speed = None if self.flies else _speed(agent)
         self.is_plain = not self.flies and self.speed is None and game.legal == "edges"
-        self.template: dict[str, Any] = {
+        self.template: dict[str, Any] = _with_room_for_action({
             "curr_pos": None,
             **({"quat": None} if self.flies else {}),
             "sensor": None,
@@ -58,9 +59,16 @@ class Seat:
             "memory": game.memories.setdefault(self.name, {}),
             "team_memory": None,
             "facts": game.facts,
-        }
+        })
         self.sees_world_only = all(_is_built_in(type(sensor)) for sensor in agent._sensor_list.values())
         self.counts = game.counts.setdefault(self.name, dict.fromkeys(COUNTED, 0))
+
+
+def _with_room_for_action(template: dict[str, Any]) -> dict[str, Any]:
+    # NOTE: a copy has as much room as its original, so that no copy grows when it is given its action.
+    template["action"] = None
+    del template["action"]
+    return template
 
 
 def _is_built_in(kind: type) -> bool:
@@ -73,19 +81,21 @@ class Seating:
     Attributes:
         seats: the seats.
         usual: of each seat, what a usual turn needs, in the form that is read fastest.
+        who: the rows of all.
         see_world_only: whether nobody has a sensor that may look at more than the graph and the agents.
         on_ground: which seats are those of agents on the ground; None: all.
-        rows: the rows of these.
+        ground: the rows of these.
     """
 
     def __init__(self, game: "Game") -> None:
         living = [agent for agent in game.ctx.agent.agents.values() if agent.alive]
         self.seats = [Seat(game, agent) for agent in sorted(living, key=lambda agent: agent.name)]
-        self.usual = [(seat.agent, seat.row, seat.template, seat.is_plain) for seat in self.seats]
+        self.usual = [(seat.agent, seat.template, seat.is_plain) for seat in self.seats]
         self.see_world_only = all(seat.sees_world_only for seat in self.seats)
         ground = [i for i, seat in enumerate(self.seats) if not seat.flies]
         self.on_ground = None if len(ground) == len(self.seats) else ground
-        self.rows = [self.seats[i].row for i in ground]
+        self.who = Selection([seat.row for seat in self.seats])
+        self.ground = self.who if self.on_ground is None else Selection([self.seats[i].row for i in ground])
         self._moved = [0] * len(self.seats)
 
     def of_ground(self, values: list[Any]) -> list[Any]:

@@ -54,9 +54,10 @@ class TurnMoves:
             moves[seat.name] = Move(seat.name, seat.team, start, end, path)
         return moves
 
-    def stop(self, names: set[str]) -> None:
-        """Let these agents stay."""
-        for i, seat in enumerate(self.seats):
+    def stop(self, names: set[str], among: list[int]) -> None:
+        """Let these agents stay; they sit in some of the seats given."""
+        for i in among:
+            seat = self.seats[i]
             if seat.name in names and self.ends[i] != self.starts[i]:
                 seat.counts["blocked"] += 1
                 self.ends[i] = self.starts[i]
@@ -74,13 +75,11 @@ def _ask(game: "Game", seating: Seating) -> TurnMoves:
     asked, seats = _Asked(game), seating.seats
     seen = None if seating.see_world_only else [_observe(game, seat) for seat in seats]
     is_usual = seen is None and game.time_budget is None and not game.team_memories
-    node, near, turn = game.columns.node, game.ctx.graph.graph.neighborhoods, game.turn
-    start, end, touched = asked.starts.append, asked.ends.append, asked.watch.rows
+    starts, near, turn = seating.who.of(game.columns.node), game.ctx.graph.graph.neighborhoods, game.turn
+    end, touched = asked.ends.append, asked.watch.rows
     game.is_deciding = True
     try:
-        for i, (agent, row, template, is_plain) in enumerate(seating.usual):
-            here = node[row]
-            start(here)
+        for i, (here, (agent, template, is_plain)) in enumerate(zip(starts, seating.usual, strict=True)):
             strategy = agent.strategy
             if strategy is None or not (is_plain and is_usual):
                 asked.ask(i, seats[i], here, seen)
@@ -112,7 +111,7 @@ def _ask(game: "Game", seating: Seating) -> TurnMoves:
     asked.watch.check_world()
     if asked.written:
         _share(game, asked.written)
-    return TurnMoves(seating, asked.starts, asked.ends, asked.plans)
+    return TurnMoves(seating, starts, asked.ends, asked.plans)
 
 
 class _Asked:
@@ -121,7 +120,6 @@ class _Asked:
     def __init__(self, game: "Game") -> None:
         self.game = game
         self.watch = Watch(game)
-        self.starts: list[int] = []
         self.ends: list[int] = []
         self.plans: dict[int, Plan] = {}
         self.written: list[tuple[Seat, Any]] = []
@@ -207,22 +205,21 @@ def _share(game: "Game", written: list[tuple[Seat, Any]]) -> None:
 
 
 def _resolve(game: "Game", turn: TurnMoves) -> None:
-    conflicts = game.conflicts
-    involved = getattr(conflicts, "involved", None)
+    seating, ground = turn.seating, turn.seating.on_ground
+    involved = getattr(game.conflicts, "involved", None)
     if involved is None:
-        stopped = conflicts.resolve(turn.by_name(), game.ctx)  # type: ignore[union-attr] # asked where there is one
+        few = list(range(len(turn.seats))) if ground is None else ground
     else:
-        seating = turn.seating
         few = involved(seating.of_ground(turn.starts), seating.of_ground(turn.ends))
-        few = few if seating.on_ground is None else [seating.on_ground[i] for i in few]
-        stopped = conflicts.resolve(turn.named(few), game.ctx) if few else set()  # type: ignore[union-attr] # as above
-    if stopped:
-        turn.stop(stopped)
+        few = few if ground is None else [ground[i] for i in few]
+    if few:
+        stopped = game.conflicts.resolve(turn.named(few), game.ctx)  # type: ignore[union-attr] # asked where there is one
+        turn.stop(stopped, few)
 
 
 def _apply(game: "Game", turn: TurnMoves) -> None:
     columns, writer, seating = game.columns, game.ctx.agent.moves, turn.seating
-    writer.act_together(columns, seating.rows, seating.of_ground(turn.ends))
+    writer.act_together(columns, seating.ground, seating.of_ground(turn.ends))
     seating.count_moves(turn.starts, turn.ends)
     for i, plan in turn.plans.items():
         seat = turn.seats[i]

@@ -1,6 +1,7 @@
 """All agents of a context, one row each, in the order of their creation."""
 
-from collections.abc import Iterable, Sequence
+from collections.abc import Callable, Iterable, Sequence
+from operator import itemgetter
 from typing import Any
 
 import numpy as np
@@ -240,6 +241,38 @@ class AgentColumns:
         self.flying: dict[int, int] = {row: i for i, row in enumerate(rows)}
 
 
+class Selection:
+    """Some rows of columns, in an order of their own.
+
+    Attributes:
+        rows: which.
+        as_set: the same, in no order.
+    """
+
+    __slots__ = ("_inverse", "_pick", "as_set", "rows")
+
+    def __init__(self, rows: list[int]) -> None:
+        self.rows = rows
+        self.as_set = frozenset(rows)
+        # NOTE: getters pick whole columns in C: every turn reads and writes all agents (benchmarks/README.md, turns).
+        self._pick = _picker(rows)
+        self._inverse: Callable[[Sequence[Any]], Iterable[Any]] | None = None
+
+    def of(self, column: Sequence[Any]) -> list[Any]:
+        """What the column holds in these rows."""
+        return list(self._pick(column))
+
+    def write(self, column: list[Any], values: list[Any]) -> None:
+        """Set the column in these rows."""
+        if len(column) == len(self.rows):
+            if self._inverse is None:
+                self._inverse = _picker(sorted(range(len(self.rows)), key=self.rows.__getitem__))
+            column[:] = self._inverse(values)
+        else:
+            for row, value in zip(self.rows, values, strict=True):
+                column[row] = value
+
+
 class Crowds:
     """Who stands on which node, kept up to date row by row; those who are not alive stand nowhere.
 
@@ -288,6 +321,11 @@ class Crowds:
                 at[here] = [row]
                 self.taken.add(here)
                 seat[row] = 0
+
+
+def _picker(places: list[int]) -> Callable[[Sequence[Any]], Iterable[Any]]:
+    """The function that gives what is at these places of a list."""
+    return itemgetter(*places) if len(places) > 1 else lambda values: [values[i] for i in places]
 
 
 def _frozen(values: Iterable[Any], kind: type) -> Any:

@@ -2,6 +2,7 @@
 
 from collections import Counter, defaultdict
 from collections.abc import Callable, Iterable, Mapping, Sequence
+from itertools import compress
 from operator import attrgetter
 from typing import Any
 
@@ -83,21 +84,19 @@ class Conflicts(IConflicts):
     def involved(self, starts: Sequence[int], ends: Sequence[int]) -> list[int]:
         """Which of the moves, by their number, can decide who has to stay; `resolve` answers the same for these alone.
 
-        They are those to a node that too many end on, or that somebody leaves and may have to stay on after all; none
-        if nobody is in anybody's way. Whoever has starts and ends as lists need not make the other moves at all.
+        They are those to a node that too many end on, and those to a node that one of these may have to stay on after
+        all, and so forth; where exchanges are forbidden, those to any node that somebody leaves. None if nobody is in
+        anybody's way. Whoever has starts and ends as lists need not make the other moves at all.
         """
-        # NOTE: whole lists at once and fields by number: most turns of 1,000 agents cost no more than this.
+        # NOTE: whole lists at once and in C: most turns of 1,000 agents cost no more than this.
         least = UNLIMITED if self._limits is None else self._limits.least
-        full = set()
-        if least < 1 or len(set(ends)) < len(ends):
-            full = {node for node, number in Counter(ends).items() if number > least}
-        if not full and self._allow_swaps:
-            return []
+        full = {node for node, number in Counter(ends).items() if number > least} if least < len(ends) else set()
+        if self._allow_swaps:
+            return _in_the_way(full, starts, ends)
         left = {start for start, end in zip(starts, ends, strict=True) if start != end}
         if not full and not _some_exchange(starts, ends, left):
             return []
-        nodes = full | left
-        return [number for number, end in enumerate(ends) if end in nodes]
+        return _to(full | left, ends)
 
     def _stop_swaps(self, moves: Iterable[Move], ctx: Any) -> set[str]:
         """Who has to stay so that no two exchange nodes."""
@@ -123,16 +122,13 @@ class Conflicts(IConflicts):
         limit_of = limits.on(ctx.graph.graph)
         places = crowd.wanted_by_more_than(limits.least)
         while places:
-            contests = crowd.contests(places, limit_of)
-            losers = [loser for place, contest in contests for loser in self._shut_out(crowd, place, contest, ctx)]
+            losers, contests = crowd.too_many(places, limit_of)
+            for place, contest in contests:
+                winners = winners_of(contest, self._resolve, ctx)
+                crowd.coming[place] = [mover for mover in contest.movers if mover.agent in winners]
+                losers += [mover for mover in contest.movers if mover.agent not in winners]
             stopped.update(loser.agent for loser in losers)
             places = crowd.settle(losers)
-
-    def _shut_out(self, crowd: "_Crowd", place: Any, contest: Contest, ctx: Any) -> list[Move]:
-        """Those who find no place; only who wins keeps coming."""
-        winners = winners_of(contest, self._resolve, ctx) if contest.places else set()  # nothing to win: nobody asked
-        crowd.coming[place] = [mover for mover in contest.movers if mover.agent in winners]
-        return [mover for mover in contest.movers if mover.agent not in winners]
 
 
 class _Crowd:
@@ -159,23 +155,44 @@ class _Crowd:
         staying = self.staying
         return [place for place, movers in self.coming.items() if len(movers) + staying.get(place, 0) > number]
 
-    def contests(self, places: Iterable[Any], limit_of: Callable[[int], int]) -> list[tuple[Any, Contest]]:
-        """The contests at those of the places that more come to than they have room for, in the order of the nodes."""
-        found = []
+    def too_many(
+        self, places: Iterable[Any], limit_of: Callable[[int], int]
+    ) -> tuple[list[Move], list[tuple[Any, Contest]]]:
+        """Of those who come to these places: who finds no room at all, and the contests, in the order of the nodes."""
+        turned_away, contests = [], []
         for place in places:
             movers = self.coming.get(place)
             if movers:
                 node = movers[0].end
-                free = max(0, limit_of(node) - self.staying.get(place, 0))
-                if len(movers) > free:
-                    found.append((place, Contest(node, free, tuple(sorted(movers, key=_name_of)))))
-        return sorted(found, key=lambda pair: _rank_of(pair[1]))
+                free = limit_of(node) - self.staying.get(place, 0)
+                if free <= 0:  # there is nothing to win, so nobody is asked
+                    turned_away += movers
+                    self.coming[place] = []
+                elif len(movers) > free:
+                    contests.append((place, Contest(node, free, tuple(sorted(movers, key=_name_of)))))
+        return turned_away, sorted(contests, key=_rank_of_pair)
 
     def settle(self, losers: Iterable[Move]) -> list[Any]:
         """Let losers stay where they are; the places that this may make too full."""
         homes = list(map(self._home_of, losers))
         self.staying.update(homes)
         return list(dict.fromkeys(homes))
+
+
+def _in_the_way(full: set[int], starts: Sequence[int], ends: Sequence[int]) -> list[int]:
+    """Which moves end on a full node, or on one that such a move leaves, and so forth; by their number, ascending."""
+    nodes, number = set(full), -1
+    found: list[int] = []
+    while len(nodes) > number:
+        number = len(nodes)
+        found = _to(nodes, ends)
+        nodes.update([starts[i] for i in found])
+    return found
+
+
+def _to(nodes: set[int], ends: Sequence[int]) -> list[int]:
+    """Which moves end on one of the nodes, by their number."""
+    return list(compress(range(len(ends)), map(nodes.__contains__, ends)))
 
 
 def _some_exchange(starts: Sequence[int], ends: Sequence[int], left: set[int]) -> bool:
@@ -190,3 +207,7 @@ _name_of = attrgetter("agent")
 def _rank_of(contest: Contest) -> tuple[Any, str]:
     """Contests are decided in this order, so that a resolver that draws by itself draws the same every time."""
     return (contest.node, contest.movers[0].agent)
+
+
+def _rank_of_pair(pair: tuple[Any, Contest]) -> tuple[Any, str]:
+    return _rank_of(pair[1])
