@@ -47,28 +47,40 @@ class Seat:
         self.flies = agent.type is AgentType.AERIAL
         self.speed = None if self.flies else _speed(agent)
         self.is_plain = not self.flies and self.speed is None and game.legal == "edges"
-        self.template: dict[str, Any] = _with_room_for_action({
-            "curr_pos": None,
-            **({"quat": None} if self.flies else {}),
-            "sensor": None,
-            "name": self.name,
-            "team": self.team,
-            "turn": 0,
-            "legal": (),
-            "rng": game.rng_of(self.name),
-            "memory": game.memories.setdefault(self.name, {}),
-            "team_memory": None,
-            "facts": game.facts,
-        })
+        self.template: dict[str, Any] = _with_shared_keys(
+            {
+                "curr_pos": None,
+                **({"quat": None} if self.flies else {}),
+                "sensor": None,
+                "name": self.name,
+                "team": self.team,
+                "turn": 0,
+                "legal": (),
+                "rng": game.rng_of(self.name),
+                "memory": game.memories.setdefault(self.name, {}),
+                "team_memory": None,
+                "facts": game.facts,
+            }
+        )
         self.sees_world_only = all(_is_built_in(type(sensor)) for sensor in agent._sensor_list.values())
         self.counts = game.counts.setdefault(self.name, dict.fromkeys(COUNTED, 0))
 
 
-def _with_room_for_action(template: dict[str, Any]) -> dict[str, Any]:
-    # NOTE: a copy has as much room as its original, so that no copy grows when it is given its action.
-    template["action"] = None
-    del template["action"]
-    return template
+class _Layout:
+    """Lends states the keys that they share."""
+
+
+def _with_shared_keys(template: dict[str, Any]) -> dict[str, Any]:
+    """The same as a dict whose copies share one table of keys, which has room for the action.
+
+    Python has such dicts for the attributes of instances (PEP 412); without them states would be twice as large, and
+    those of 1,000 agents would not stay in the cache (benchmarks/README.md, turns).
+    """
+    instance = _Layout()
+    for key in (*template, "action"):
+        setattr(instance, key, template.get(key))
+    del instance.action  # type: ignore[attr-defined]
+    return instance.__dict__
 
 
 def _is_built_in(kind: type) -> bool:
@@ -80,7 +92,8 @@ class Seating:
 
     Attributes:
         seats: the seats.
-        usual: of each seat, what a usual turn needs, in the form that is read fastest.
+        usual: of each seat, what a usual turn needs, in the form that is read fastest: the agent, and its template if
+            it is plain.
         who: the rows of all.
         see_world_only: whether nobody has a sensor that may look at more than the graph and the agents.
         on_ground: which seats are those of agents on the ground; None: all.
@@ -90,7 +103,7 @@ class Seating:
     def __init__(self, game: "Game") -> None:
         living = [agent for agent in game.ctx.agent.agents.values() if agent.alive]
         self.seats = [Seat(game, agent) for agent in sorted(living, key=lambda agent: agent.name)]
-        self.usual = [(seat.agent, seat.template, seat.is_plain) for seat in self.seats]
+        self.usual = [(seat.agent, seat.template if seat.is_plain else None) for seat in self.seats]
         self.see_world_only = all(seat.sees_world_only for seat in self.seats)
         ground = [i for i, seat in enumerate(self.seats) if not seat.flies]
         self.on_ground = None if len(ground) == len(self.seats) else ground

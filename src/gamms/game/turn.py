@@ -72,17 +72,19 @@ def _ask(game: "Game", seating: Seating) -> TurnMoves:
     Nobody sees what others decide: strategies cannot change the world, so what is seen right before an agent decides
     is what all see. Where a sensor may look at more than the world, all observe first.
     """
-    asked, seats = _Asked(game), seating.seats
-    seen = None if seating.see_world_only else [_observe(game, seat) for seat in seats]
-    is_usual = seen is None and game.time_budget is None and not game.team_memories
+    asked = _Asked(game, seating)
+    seen = None if seating.see_world_only else [_observe(game, seat) for seat in seating.seats]
+    usual = seating.usual
+    if seen is not None or game.time_budget is not None or game.team_memories:
+        usual = [(agent, None) for agent, _ in usual]
     starts, near, turn = seating.who.of(game.columns.node), game.ctx.graph.graph.neighborhoods, game.turn
-    end, touched = asked.ends.append, asked.watch.rows
+    end, touched, note = asked.ends.append, asked.watch.rows, asked.note
     game.is_deciding = True
     try:
-        for i, (here, (agent, template, is_plain)) in enumerate(zip(starts, seating.usual, strict=True)):
+        for here, (agent, template) in zip(starts, usual, strict=True):
             strategy = agent.strategy
-            if strategy is None or not (is_plain and is_usual):
-                asked.ask(i, seats[i], here, seen)
+            if template is None or strategy is None:
+                end(asked.ask(here, seen))
                 continue
             # NOTE: the usual agent is served in line (benchmarks/README.md, turns); `_Asked.ask` does the same.
             sensed = {}
@@ -98,12 +100,12 @@ def _ask(game: "Game", seating: Seating) -> TurnMoves:
                 strategy(state)
                 action = state["action"]
             except Exception as error:  # noqa: BLE001 - a strategy is anybody's code
-                end(asked.failed(i, seats[i], here, state, error))
+                end(asked.failed(here, state, error))
                 continue
             if type(action) is not int or action not in legal or touched:
-                action = asked.judge(i, seats[i], here, state)
+                action = asked.judge(here, state)
             if noted:
-                asked.written.append((seats[i], noted))
+                note(noted)
             end(action)
     finally:
         game.is_deciding = False
@@ -115,41 +117,45 @@ def _ask(game: "Game", seating: Seating) -> TurnMoves:
 
 
 class _Asked:
-    """What has been asked and answered in a turn so far."""
+    """What has been asked and answered in a turn so far; the next to be asked has as many ends before it."""
 
-    def __init__(self, game: "Game") -> None:
-        self.game = game
+    def __init__(self, game: "Game", seating: Seating) -> None:
+        self.game, self.seats = game, seating.seats
         self.watch = Watch(game)
         self.ends: list[int] = []
         self.plans: dict[int, Plan] = {}
         self.written: list[tuple[Seat, Any]] = []
 
-    def ask(self, i: int, seat: Seat, here: int, seen: list[dict[str, Any]] | None) -> None:
-        """Let one agent of any kind decide."""
-        game, agent = self.game, seat.agent
-        agent._state = state = _observe(game, seat) if seen is None else seen[i]
+    def ask(self, here: int, seen: list[dict[str, Any]] | None) -> int:
+        """Let one agent of any kind decide; where it goes."""
+        game, seat = self.game, self._seat
+        agent = seat.agent
+        agent._state = state = _observe(game, seat) if seen is None else seen[len(self.ends)]
         if agent.strategy is None:
-            self.ends.append(here)
-            return
+            return here
         begun = perf_counter()
         try:
             agent.strategy(state)
         except Exception as error:  # noqa: BLE001 - a strategy is anybody's code
-            self.ends.append(self.failed(i, seat, here, state, error))
-            return
+            return self.failed(here, state, error)
         if game.time_budget is not None and perf_counter() - begun > game.time_budget:
             _note(game, seat, "overrun", f"took longer than {game.time_budget} s")
-            self.ends.append(here)
+            end = here
         else:
-            self.ends.append(self.judge(i, seat, here, state))
+            end = self.judge(here, state)
         if state.get("team_memory") or seat.team in game.team_memories:
-            self.written.append((seat, state.get("team_memory")))
+            self.note(state.get("team_memory"))
+        return end
 
-    def judge(self, i: int, seat: Seat, here: int, state: dict[str, Any]) -> int:
+    def note(self, team_memory: Any) -> None:
+        """Keep what an agent has left as the memory of its team."""
+        self.written.append((self._seat, team_memory))
+
+    def judge(self, here: int, state: dict[str, Any]) -> int:
         """Where an agent goes by what its strategy has set."""
-        game = self.game
+        game, seat = self.game, self._seat
         if self.watch.rows:
-            return self.failed(i, seat, here, state, self.watch.undone(seat.name))
+            return self.failed(here, state, self.watch.undone(seat.name))
         try:
             if "action" not in state:
                 raise IllegalAction(f"its strategy set no state['action']; legal are {list(state['legal'])}")
@@ -159,14 +165,14 @@ class _Asked:
                 raise IllegalAction(f"Agent {seat.name!r} in turn {game.turn}: {error}") from error
             _note(game, seat, "illegal", why_not(error))
             return here
-        self.plans[i] = plan
+        self.plans[len(self.ends)] = plan
         return plan.end
 
-    def failed(self, i: int, seat: Seat, here: int, state: dict[str, Any], error: Exception) -> int:
+    def failed(self, here: int, state: dict[str, Any], error: Exception) -> int:
         """Stay, because a strategy raised; or raise, because the game is set so."""
-        game = self.game
+        game, seat = self.game, self._seat
         if isinstance(error, KeyError) and "action" not in state and error.args == ("action",):
-            return self.judge(i, seat, here, state)  # not the strategy's error: it has set no action
+            return self.judge(here, state)  # not the strategy's error: it has set no action
         if self.watch.rows:
             self.watch.undone(seat.name)
         if game.on_error == "raise":
@@ -174,6 +180,11 @@ class _Asked:
             raise error
         _note(game, seat, "error", f"{type(error).__name__}: {error}")
         return here
+
+    @property
+    def _seat(self) -> Seat:
+        """Whose turn it is."""
+        return self.seats[len(self.ends)]
 
 
 def _observe(game: "Game", seat: Seat) -> dict[str, Any]:

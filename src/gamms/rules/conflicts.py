@@ -74,11 +74,9 @@ class Conflicts(IConflicts):
             BadType, BadValue: what the resolver gave, or the capacity a node attribute says, is wrong.
             UnknownName (KeyError): no node has the attribute with the capacities.
         """
-        listed = list(moves.values())
-        involved = [listed[i] for i in self.involved([move[2] for move in listed], [move[3] for move in listed])]
-        stopped = set() if self._allow_swaps else self._stop_swaps(involved, ctx)
-        if involved and self._limits is not None:
-            self._stop_crowds(involved, stopped, self._limits, ctx)
+        stopped = set() if self._allow_swaps else self._stop_swaps(moves.values(), ctx)
+        if self._limits is not None:
+            self._stop_crowds(moves.values(), stopped, self._limits, ctx)
         return stopped
 
     def involved(self, starts: Sequence[int], ends: Sequence[int]) -> list[int]:
@@ -90,9 +88,10 @@ class Conflicts(IConflicts):
         """
         # NOTE: whole lists at once and in C: most turns of 1,000 agents cost no more than this.
         least = UNLIMITED if self._limits is None else self._limits.least
-        full = {node for node, number in Counter(ends).items() if number > least} if least < len(ends) else set()
+        numbers = Counter(ends) if least < len(ends) else Counter()
+        full = {node for node, number in numbers.items() if number > least}
         if self._allow_swaps:
-            return _in_the_way(full, starts, ends)
+            return _in_the_way(full, numbers, starts, ends)
         left = {start for start, end in zip(starts, ends, strict=True) if start != end}
         if not full and not _some_exchange(starts, ends, left):
             return []
@@ -179,14 +178,16 @@ class _Crowd:
         return list(dict.fromkeys(homes))
 
 
-def _in_the_way(full: set[int], starts: Sequence[int], ends: Sequence[int]) -> list[int]:
-    """Which moves end on a full node, or on one that such a move leaves, and so forth; by their number, ascending."""
-    nodes, number = set(full), -1
-    found: list[int] = []
-    while len(nodes) > number:
-        number = len(nodes)
+def _in_the_way(full: set[int], numbers: Counter[int], starts: Sequence[int], ends: Sequence[int]) -> list[int]:
+    """Which moves end on a full node, or on one that such a move leaves, and so forth; by their number, ascending.
+
+    `numbers` tells how many moves end on a node.
+    """
+    nodes, more, found = set[int](), full, []
+    while more:
+        nodes |= more
         found = _to(nodes, ends)
-        nodes.update([starts[i] for i in found])
+        more = numbers.keys() & {starts[i] for i in found} - nodes
     return found
 
 
