@@ -11,7 +11,7 @@ from gamms.recorder import Reader, RecordingError
 
 GROUND, AIR = ("a", "b", "c"), ("d", "e")
 
-nodes, names = st.integers(0, 8), st.sampled_from(GROUND + AIR)
+nodes, names = st.integers(0, 9), st.sampled_from(GROUND + AIR)
 walkers, flyers = st.sampled_from(GROUND), st.sampled_from(AIR)
 reals = st.sampled_from([-10.0, -2.5, 0.0, 0.1, 7.0, 1e9])
 points = st.tuples(reals, reals, reals)
@@ -63,6 +63,7 @@ steps = st.one_of(
     called("edge", nodes, nodes),
     called("no_edge", st.integers(0, 23)),
     called("node", st.integers(9, 12), reals),
+    called("no_node", st.integers(0, 12)),
     called("face", st.integers(0, 1)),
     called("respawn", names, nodes),
     called("simulate"),
@@ -162,6 +163,9 @@ class Programme:
 
     def node(self, id, x):
         self.ctx.graph.graph.add_node({"id": id, "x": x, "y": -5.0})
+
+    def no_node(self, id):
+        self.ctx.graph.graph.remove_node(id)
 
     def face(self, id):
         self.ctx.graph.add_obstacle_face(face_id=id, type=id, **CORNERS)
@@ -284,7 +288,7 @@ def test_a_replay_into_a_game_that_is_being_recorded_is_a_part_of_it(before, aft
 
     def play(ctx):
         programme = Programme(ctx)
-        programme.do([step for step in begun if step[0] not in ("edge", "no_edge", "node", "face", "reset")])
+        programme.do([step for step in begun if step[0] not in ("edge", "no_edge", "node", "no_node", "face", "reset")])
         ctx.record.play()
         with suppress(RecordingError):  # there may be such agents already
             list(ctx.record.replay(io.BytesIO(data)))

@@ -21,6 +21,7 @@ AGENT_TEAM = 0x01100010  # not in 1.0.0
 AGENT_ALIVE = 0x01100011  # not in 1.0.0
 AGENT_SPEED = 0x01100012  # not in 1.0.0
 AGENT_STRATEGY = 0x01100013  # not in 1.0.0
+FLYERS_ABOVE = 0x01100020  # not in 1.0.0: which nodes are below all who fly, in a turn that has changed the map
 WORLD = 0x03000000  # not in 1.0.0: graph and obstacles
 GAME_SCORES = 0x04000000  # not in 1.0.0
 GAME_DATA = 0x04000001  # not in 1.0.0

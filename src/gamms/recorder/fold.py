@@ -209,7 +209,7 @@ class Fold:
             "strategies": data.get("strategy"),
             "numbers": number,
             "kind": int(given.get("type") == 1 or not np.isnan(places["position"][0])),
-            "node": node,
+            "node": int(data.get("state", {}).get("node", node)),
             "previous": node,
             "alive": 1,
             "carry": 0.0,
@@ -283,6 +283,12 @@ def _fly(fold: Fold, data: Any) -> None:
         fold.state["node"][row] = data["node"]
 
 
+def _hover(fold: Fold, data: Any) -> None:
+    for name, node, previous in zip(data["names"], data["node"], data["previous"], strict=True):
+        row = fold.row(name)
+        fold.state["node"][row], fold.state["previous"][row] = node, previous
+
+
 def _register(fold: Fold, data: Any) -> None:
     fold.state["sensors"][fold.row(data["agent_name"])][data["name"]] = data["sensor_id"]
 
@@ -312,6 +318,7 @@ _EVENTS: dict[int, Callable[[Fold, Any], None]] = {
     journal.AGENT_ALIVE: _set("alive", "alive", int),
     journal.AGENT_SPEED: _set("speed", "speed"),
     journal.AGENT_STRATEGY: _set("strategies", "strategy"),
+    journal.FLYERS_ABOVE: _hover,
     journal.GAME_SCORES: lambda fold, data: fold.state.__setitem__("scores", data["scores"]),
     journal.GAME_DATA: _change_data,
     journal.GAME_OVER: lambda fold, data: fold.state.__setitem__("over", data or None),

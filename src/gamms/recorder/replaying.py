@@ -1,10 +1,11 @@
 """Play a recording: apply what it says to a context, event by event, and yield it in the form of 1.0.0."""
 
 from collections.abc import Callable, Iterator
+from contextlib import AbstractContextManager, nullcontext
 from copy import deepcopy
 from typing import Any
 
-from gamms.errors import ContextTerminated, GammsError
+from gamms.errors import ContextTerminated, GammsError, UnknownName
 from gamms.ir import journal as kinds
 from gamms.ir.journal import Muted
 from gamms.recorder import state
@@ -65,10 +66,15 @@ class Player:
             try:
                 name = self._numbers[number]
                 row = agents.agents[name]._row
-                before = agents.columns.node[row]
-                (unnoted if is_copying else agents.moves).act(agents.columns, row, step)
             except KeyError as error:
                 raise RecordingError(f"Turn {turn} moves agent number {number}: {error}") from error
+            before = agents.columns.node[row]
+            moves = unnoted if is_copying else agents.moves
+            try:
+                moves.act(agents.columns, row, step)
+            except UnknownName:  # it was there when the agent went there
+                with moves.trusting():
+                    moves.act(agents.columns, row, step)
             if is_copying:
                 recorder.copy(number, step)
             yield from records_of_move(name, before, step, timestamp)
@@ -96,7 +102,8 @@ class Player:
         is_exact = kind in _EXACT and not self._is_version_2
         if apply is not None:
             try:
-                (self._muted if is_exact else self._silently)(lambda: apply(self, data))
+                with self._trusting():
+                    (self._muted if is_exact else self._silently)(lambda: apply(self, data))
             except ContextTerminated:
                 raise
             except (GammsError, KeyError, TypeError, ValueError, AttributeError) as error:
@@ -112,7 +119,8 @@ class Player:
     # -- what events do -----------------------------------------------------------------------------------------
 
     def _put(self, data: Any) -> None:
-        self._muted(lambda: state.put(self._ctx, data))
+        with self._trusting():
+            self._muted(lambda: state.put(self._ctx, data))
         numbers = data["numbers"].tolist()
         self._numbers = dict(zip(numbers, data["names"], strict=True))
         self._next = data["next"]
@@ -124,12 +132,21 @@ class Player:
     def _create(self, data: Any) -> None:
         if self._is_version_2 and self._was_refused(data["name"], data["kwargs"]):
             return
-        agent = self._ctx.agent.create_agent(data["name"], **data["kwargs"])
-        more = {name: value for name, value in data.get("state", {}).items() if name in _PLACES}
-        self._ctx.agent.put(agent, {name: tuple(value) for name, value in more.items()})
+        if self._is_version_2:
+            self._ctx.agent.create_agent(data["name"], **data["kwargs"])
+        else:
+            self._muted(lambda: self._create_exactly(data))
+            noted = {key: value for key, value in data.items() if key != "strategy"}
+            self._ctx.agent.columns.journal.note(kinds.AGENT_CREATE, noted)
         self._numbers[self._next] = data["name"]
         self._next += 1
         self._recorder.renumber([data["name"]], [self._next - 1], self._next)
+
+    def _create_exactly(self, data: Any) -> None:
+        """Where it was, perhaps on a node that the map has no longer; and to the last bit."""
+        places = {name: value for name, value in data.get("state", {}).items() if name in _PLACES}
+        agent = self._ctx.agent.create_agent(data["name"], **data["kwargs"])
+        self._ctx.agent.put(agent, {name: tuple(value) for name, value in places.items()})
 
     def _was_refused(self, name: Any, given: Any) -> bool:
         """Whether 1.0.0 made no agent of this after it had written it down."""
@@ -148,6 +165,10 @@ class Player:
 
     def _deregister(self, data: Any) -> None:
         self._ctx.agent.get_agent(data["agent_name"]).deregister_sensor(data["name"])
+
+    def _above(self, data: Any) -> None:
+        for name, node, previous in zip(data["names"], data["node"].tolist(), data["previous"].tolist(), strict=True):
+            self._ctx.agent.put(self._ctx.agent.get_agent(name), {"node": node, "previous": previous})
 
     def _world(self, data: Any) -> None:
         self._ctx.graph.unpack(data["world"])
@@ -184,6 +205,13 @@ class Player:
                 "without a graph: the recording brings its own."
             )
 
+    def _trusting(self) -> AbstractContextManager[None]:
+        """Let agents be on nodes that are not there: a map that changes in a turn stands before all its moves."""
+        if self._is_version_2:
+            return nullcontext()
+        trusting: AbstractContextManager[None] = self._ctx.agent.moves.trusting()
+        return trusting
+
     def _silently(self, happen: Callable[[], None]) -> None:
         """Let something happen without a note in the journal where the event itself is copied from the recording."""
         if self._recorder.is_copying:
@@ -202,7 +230,11 @@ class Player:
 
 
 _COMPONENTS = {code.value: code.name for code in OpCodes if code.name.startswith("COMPONENT")}
-_EXACT = (kinds.AGENT_ORIENTATION, kinds.AERIAL_AGENT_QUATERNION)  # of length 1, but not to the last bit
+_EXACT = (  # copied as they are: of length 1, but not to the last bit; or what the context would work out otherwise
+    kinds.AGENT_ORIENTATION,
+    kinds.AERIAL_AGENT_QUATERNION,
+    kinds.FLYERS_ABOVE,
+)
 _PLACES = ("heading", "position", "previous_position", "quat")
 
 
@@ -232,6 +264,7 @@ _EVENTS: dict[int, Callable[[Player, Any], None]] = {
     kinds.AGENT_TEAM: _set("team", "team"),
     kinds.AGENT_ALIVE: _set("alive", "alive"),
     kinds.AGENT_SPEED: _set("speed", "speed"),
+    kinds.FLYERS_ABOVE: Player._above,
     kinds.WORLD: Player._world,
     kinds.GAME_SCORES: Player._scores,
     kinds.GAME_DATA: Player._data,

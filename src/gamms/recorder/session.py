@@ -243,9 +243,13 @@ class Session:
 
     def _tell_changes(self) -> None:
         """Write down what nobody notes: a change of the map, before who stands on it, and what the game has come to."""
+        has_changed = self._revisions() != self._revised
         changes = self._world_changes()
         self._journal.log[self._front : self._front] = changes
         self._front += len(changes)
+        above = state.above(self.ctx) if has_changed else None
+        if above is not None:
+            self._journal.log.append((kinds.FLYERS_ABOVE, above))
         self._journal.log += self._game.changes()
 
     def _world_changes(self) -> Log:

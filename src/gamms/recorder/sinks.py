@@ -91,6 +91,8 @@ class Version2Sink:
         elif kind == kinds.AERIAL_AGENT_POSITION and "node" in data:
             before = self._nodes.get(data["agent_name"])
             self._nodes[data["agent_name"]] = data["node"]
+        elif kind == kinds.FLYERS_ABOVE:
+            self._nodes.update(zip(data["names"], data["node"].tolist(), strict=True))
         elif kind == kinds.SNAPSHOT:
             self._names = list(data["names"])
             self._nodes = dict(zip(self._names, data["node"].tolist(), strict=True))

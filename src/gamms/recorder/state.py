@@ -117,7 +117,10 @@ def told(game: Any) -> State:
 
 
 def put(ctx: Any, state: State) -> None:
-    """Set what a snapshot says: agents of the same name and kind are moved, missing ones made, others left alone."""
+    """Set what a snapshot says: agents of the same name and kind are moved, missing ones made, others left alone.
+
+    The writer of moves is to be trusting: agents may be on nodes that were taken away under their feet.
+    """
     for sensor in sensors_of(state):
         if sensor["id"] not in ctx.sensor.sensors:
             ctx.sensor.make(sensor)
@@ -128,7 +131,7 @@ def put(ctx: Any, state: State) -> None:
         if agent is None or bool(agent.type) != flies:
             if agent is not None:
                 ctx.agent.delete_agent(name)
-            given: dict[str, Any] = {"start_node_id": _node_there(ctx, node), "sensors": state["sensors"][row]}
+            given: dict[str, Any] = {"start_node_id": node, "sensors": state["sensors"][row]}
             if flies:
                 given |= {"type": 1, "speed": state["speed"][row]}
             agent = ctx.agent.create_agent(name, **given)
@@ -149,11 +152,17 @@ def put(ctx: Any, state: State) -> None:
         game.events[:] = deepcopy(state["events"])
 
 
-def _node_there(ctx: Any, node: int) -> int:
-    """The node, or any other if it was taken away under an agent's feet."""
-    graph = ctx.graph.graph
-    there: int = node if graph.has_node(node) else next(iter(graph.get_nodes()), node)
-    return there
+def above(ctx: Any) -> State | None:
+    """Which nodes are and were below all who fly, which follows from the map; None if nobody does."""
+    ctx.agent.settle()
+    columns = ctx.agent.columns
+    if not columns.flying:
+        return None
+    found: State = {"names": [columns.names[row] for row in columns.flying]}
+    for name in ("node", "previous"):
+        column = getattr(columns, name)
+        found[name] = np.array([column[row] for row in columns.flying], np.int64)
+    return found
 
 
 def _equip(ctx: Any, agent: Any, sensors: dict[str, str]) -> None:

@@ -1,0 +1,125 @@
+"""Maps that change in the middle of turns: states that are opened or replayed are those of the game, turn by turn."""
+
+import io
+from copy import deepcopy
+
+import numpy as np
+from games import copied, empty_context, everything, grid_context, recorded, replayed
+from hypothesis import given, settings
+from hypothesis import strategies as st
+from test_random_games import Programme, called, flyers, names, nodes, points, teams, walkers
+
+import gamms
+
+SIMULATE = 1
+
+
+def test_an_agent_may_be_put_on_a_node_that_is_removed_in_the_same_turn(ctx):
+    def play(ctx):
+        ctx.agent.create_agent("a", start_node_id=0)
+        ctx.visual.simulate()
+        ctx.agent.get_agent("a").current_node_id = 4
+        ctx.agent.create_agent("b", start_node_id=4)
+        ctx.agent.create_agent("c", start_node_id=4, type=1, speed=1.0)
+        ctx.graph.graph.remove_node(4)
+        ctx.visual.simulate()
+
+    data = recorded(play, ctx)
+    again, _ = replayed(data)
+    assert again.agent.get_agent("a").current_node_id == again.agent.get_agent("b").current_node_id == 4
+    assert again.agent.get_agent("c").position == (10.0, 10.0, 0.0)
+    assert everything(again) == everything(ctx)
+    assert copied(data) == data
+
+
+def test_a_node_may_come_and_go_in_one_turn(ctx):
+    def play(ctx):
+        ctx.agent.create_agent("a", start_node_id=0)
+        ctx.graph.graph.add_node({"id": 20, "x": 0.0, "y": 0.0})
+        ctx.agent.moves.act(ctx.agent.columns, 0, 20)
+        ctx.graph.graph.remove_node(20)
+        ctx.visual.simulate()
+
+    again, _ = replayed(recorded(play, ctx))
+    assert again.agent.get_agent("a").current_node_id == 20
+
+
+def test_a_map_may_vanish_below_its_agents(ctx):
+    def play(ctx):
+        ctx.agent.create_agent("a", start_node_id=3)
+        ctx.agent.create_agent("kite", start_node_id=5, type=1, speed=1.0)
+        for node in range(9):
+            ctx.graph.graph.remove_node(node)
+        ctx.visual.simulate()
+
+    again, _ = replayed(recorded(play, ctx))
+    assert everything(again) == everything(ctx)
+
+
+def test_an_opened_recording_knows_which_node_is_below_a_flyer_when_the_map_has_changed(ctx):
+    def play(ctx):
+        ctx.agent.create_agent("kite", start_node_id=4, type=1, speed=1.0)
+        ctx.visual.simulate()
+        ctx.graph.graph.add_node({"id": 20, "x": 10.0, "y": 11.0})
+        ctx.graph.graph.remove_node(4)
+        ctx.visual.simulate()
+
+    rec = gamms.recorder.open(io.BytesIO(recorded(play, ctx)))
+    assert [rec[turn].agents["node"].tolist() for turn in (1, 2)] == [[4], [20]]
+
+
+# -- the law ------------------------------------------------------------------------------------------------------
+
+changes = st.one_of(
+    called("walker", walkers, nodes, teams, st.none(), st.just({})),
+    called("flyer", flyers, nodes, teams, st.none() | points, st.none()),
+    called("delete", names),
+    called("move", walkers, nodes),
+    called("move", walkers, nodes),
+    called("fly", flyers, points),
+    called("set", names, st.just("current_node_id"), nodes),
+    called("set", names, st.just("prev_node_id"), nodes),
+    called("respawn", names, nodes),
+    called("edge", nodes, nodes),
+    called("no_edge", st.integers(0, 23)),
+    called("node", st.integers(8, 10), st.sampled_from([0.0, 11.0])),
+    called("no_node", nodes),
+    called("no_node", nodes),
+    called("simulate"),
+    called("game"),
+)
+COLUMNS = ("node", "previous", "x", "y", "z")
+
+
+def columns_of(ctx):
+    """What `Recording.state` says of agents."""
+    rows = []
+    for agent in ctx.agent.create_iter():
+        place = agent.position if agent.type else (None,) * 3
+        rows.append((agent.current_node_id, agent.prev_node_id, *place))
+    columns = np.array(rows, np.float64).reshape(-1, len(COLUMNS)).T
+    return [agent.name for agent in ctx.agent.create_iter()], dict(zip(COLUMNS, columns, strict=True))
+
+
+@settings(max_examples=300, deadline=None)
+@given(st.lists(changes, max_size=4), st.lists(changes, max_size=20))
+def test_opened_and_replayed_states_are_those_of_the_game_turn_by_turn(before, after):
+    ctx, live = grid_context(), []
+    programme = Programme(ctx)
+    programme.do(before)
+
+    def play(ctx):
+        ctx.visual.after_turn.append(lambda: live.append(deepcopy((everything(ctx), columns_of(ctx)))))
+        programme.do(after)
+
+    data = recorded(play, ctx)
+    again = empty_context(seed=2)
+    for turn, _ in enumerate(one for one in again.record.replay(io.BytesIO(data)) if one["opCode"] == SIMULATE):
+        assert everything(again) == live[turn][0]
+    with gamms.recorder.open(io.BytesIO(data)) as rec:
+        assert rec.turns == len(live)
+        for (told, (found_names, columns)), state in zip(live, list(rec)[1:], strict=True):
+            assert state.agents["name"].tolist() == found_names
+            assert state.graph.packed == told["world"]
+            for name, column in columns.items():
+                np.testing.assert_array_equal(state.agents[name].astype(np.float64), column)
