@@ -55,6 +55,8 @@ class AgentEngine(IAgentEngine):
             raise ContextTerminated("ctx.agent")
         if as_name(name, "an agent") in self.agents:
             raise Duplicate("an agent", name)
+        if "sensors" in kwargs:
+            kwargs["sensors"] = _listed(kwargs["sensors"])
         given = dict(kwargs)
         kind = self._kind_of(name, kwargs)
         sensors = self._found_sensors(name, kwargs.pop("sensors", ()))
@@ -240,6 +242,13 @@ _NEEDED = {
     AgentType.BASIC: {"start_node_id": "the node it stands on"},
     AgentType.AERIAL: {"start_node_id": "the node it starts from", "speed": "map units per step"},
 }
+
+
+def _listed(sensors: Any) -> Any:
+    """Sensors in a form that can be looked at more than once; what is none stays as it is."""
+    if isinstance(sensors, list | tuple | dict | str) or not isinstance(sensors, Iterable):
+        return sensors
+    return dict(sensors) if isinstance(sensors, Mapping) else list(sensors)
 
 
 def _as_type(given: Any) -> AgentType | None:
