@@ -1,5 +1,6 @@
 """What gamms 1.0.0 recorded replays here to what it reached there; and what ours writes for it says the same."""
 
+import contextlib
 import importlib.util
 import io
 import json
@@ -129,3 +130,60 @@ def everything_of_version_2(ctx):
 def test_a_frozen_recording_for_1_0_0_is_still_written_to_the_byte():
     """1.0.0 replays this file: nodes, positions, quaternions and components were compared by hand."""
     assert recorded(everything_of_version_2, world(), version=2) == (SAMPLES / "ours/version2.ggr").read_bytes()
+
+
+# -- copies ---------------------------------------------------------------------------------------------------------
+
+
+def samples_of_version_2():
+    return [*sorted((SAMPLES / "version2").glob("*.ggr")), SAMPLES / "ours/version2.ggr"]
+
+
+@pytest.mark.parametrize("path", samples_of_version_2(), ids=lambda path: f"{path.parent.name}-{path.stem}")
+def test_a_replay_that_is_recorded_as_version_2_gives_the_same_bytes(path):
+    data, ctx, stream = path.read_bytes(), world(), io.BytesIO()
+    ctx.record.start(stream, version=2)
+    with contextlib.suppress(RecordingError):  # of the one that was not finished
+        list(ctx.record.replay(path))
+    ctx.record.stop()
+    copy = stream.getvalue()
+    if path.stem == "unfinished":
+        assert copy.startswith(data)
+        assert [record["opCode"] for record in version2.read(io.BytesIO(copy[:8] + copy[len(data) :]))] == [0]
+    else:
+        assert copy == data
+
+
+@pytest.mark.parametrize("game", SAME)
+def test_games_of_ours_are_copied_to_the_byte_in_version_2(game):
+    data = recorded(getattr(make, game), world(), version=2)
+    assert recorded(lambda ctx: list(ctx.record.replay(io.BytesIO(data))), world(), version=2) == data
+
+
+def test_what_a_program_does_between_and_after_copied_records_is_written_among_them():
+    path = SAMPLES / "version2/basic.ggr"
+    ctx, stream = world(), io.BytesIO()
+    ctx.record.start(stream, version=2)
+    for number, _ in enumerate(ctx.record.replay(path)):
+        if number == 1:
+            ctx.agent.create_agent("new", start_node_id=4)
+    make.act(ctx, "new", 5)
+    ctx.visual.simulate()
+    ctx.record.stop()
+    original, copy = (list(version2.read(io.BytesIO(data))) for data in (path.read_bytes(), stream.getvalue()))
+    assert copy[2]["data"] == {"name": "new", "kwargs": {"start_node_id": 4}}
+    assert copy[:2] + copy[3 : len(original)] == original[:-1]
+    assert [record["opCode"] for record in copy[len(original) :]] == [0x01100001, 0x01100000, 1, 0]
+    times = [record["timestamp"] for record in copy]
+    assert times == sorted(times)
+
+
+def test_a_program_that_changes_what_was_replayed_does_not_change_the_copy():
+    path = SAMPLES / "version2/keywords.ggr"
+
+    def play(ctx):
+        for record in ctx.record.replay(path):
+            record.get("data", {}).clear()
+        ctx.agent.get_agent("a").meta.clear()
+
+    assert recorded(play, world(), version=2) == path.read_bytes()

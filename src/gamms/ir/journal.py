@@ -8,6 +8,7 @@ TERMINATE = 0x00000000
 SIMULATE = 0x00000001
 SNAPSHOT = 0x00000010  # not in 1.0.0, like all that are marked so
 UNFINISHED = 0x00000011  # not in 1.0.0: the last log is that of a turn that was not over
+COPIED = -1  # never written: a record of version 2 that is copied as it is, and what was noted when it happened
 AGENT_CREATE = 0x01000000
 AGENT_DELETE = 0x01000001
 AGENT_CURRENT_NODE = 0x01100000

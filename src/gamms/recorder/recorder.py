@@ -4,6 +4,7 @@ import io
 import os
 import time
 from collections.abc import Callable, Iterator, KeysView
+from copy import deepcopy
 from pathlib import Path
 from typing import Any, BinaryIO
 
@@ -51,6 +52,8 @@ class Recorder(IRecorder):
         self._source: Reader | None = None
         self._kept = self.components.kept()  # when the recording was paused
         self._is_copying = False
+        self._is_copying_records = False  # of version 2, into version 2
+        self._version = 3  # of what is being written
         self._waiting: list[Any] = []  # declarations that a recording which is copied may make as well
 
     # -- writing ------------------------------------------------------------------------------------------------
@@ -106,7 +109,7 @@ class Recorder(IRecorder):
         except BaseException:
             session.abandon()
             raise
-        self._stream, self._session = stream, session
+        self._stream, self._session, self._version = stream, session, version
         for name, data in self.components.snapshot():
             self._component_event(name, data)
 
@@ -233,13 +236,36 @@ class Recorder(IRecorder):
 
     def _replay_version_2(self, stream: BinaryIO) -> Iterator[Record]:
         player = Player(self, is_version_2=True)
+        if self.record() and self._version == 2 and self._session is not None and self._session.is_new:
+            self._waiting = self._session.copy_events(lambda _: None)
+            self._is_copying_records = True
         for record in version2.read(stream):
             self.clock = record["timestamp"]
-            if record["opCode"] != kinds.TERMINATE:
+            if self._is_copying_records and self.record():
+                self._happen_and_copy(player, record)
+            elif record["opCode"] != kinds.TERMINATE:
                 player.happen(record["opCode"], record["data"])
             yield record
             if self.ctx.is_terminated():
                 return
+
+    def _happen_and_copy(self, player: Player, record: Record) -> None:
+        """Let a record of version 2 happen, and write it as it is, in place of what its happening has noted."""
+        kind, log, copied = record["opCode"], self._log(), deepcopy(record)  # what happens may keep parts of it
+        if kind == kinds.SIMULATE:
+            log.append((kinds.COPIED, (copied, [])))  # first, for this ends the turn
+            player.happen(kind, record["data"])
+            return
+        before = len(log)
+        try:
+            if kind != kinds.TERMINATE:
+                player.happen(kind, record["data"])
+        finally:
+            noted = log[before:]
+            del log[before:]
+        log.append((kinds.COPIED, (copied, noted)))
+        if kind == OpCodes.COMPONENT_REGISTER.value:
+            self._waiting = [one for one in self._waiting if one[1]["key"] != record["data"]["key"]]
 
     # -- for the player -----------------------------------------------------------------------------------------
 
@@ -267,10 +293,10 @@ class Recorder(IRecorder):
             self._session.tell_anew()
 
     def _end_copying(self) -> None:
-        if self._is_copying and self._session is not None:
+        if (self._is_copying or self._is_copying_records) and self._session is not None:
             self._session.end_copying()
             self.copy(*self._waiting)
-        self._is_copying = False
+        self._is_copying = self._is_copying_records = False
 
     def _copied_keyframe(self, turn: int) -> Any:
         if self._source is None or turn > self._source.turns:

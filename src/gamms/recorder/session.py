@@ -124,17 +124,26 @@ class Session:
             self._sink = self._make_sink(self)
         return self._sink
 
+    @property
+    def is_new(self) -> bool:
+        """Whether nothing has happened yet but that classes of components were declared."""
+        is_new = self._sink is None and not self.turn and not self.begin["names"] and not self.is_paused
+        return is_new and all(entry[0] == _DECLARATION for entry in self.log if type(entry) is tuple)
+
     def begins_like(self, header: dict[str, Any]) -> bool:
         """Whether nothing has happened yet that a recording with this header does not tell as well."""
-        is_new = self._sink is None and not self.turn and not self.begin["names"]
-        declared = all(entry[0] == _DECLARATION for entry in self.log if type(entry) is tuple)
-        return is_new and declared and self.world in (None, header["world"]) and not self.is_paused
+        return self.is_new and self.world in (None, header["world"])
 
     def copy(self, header: dict[str, Any], keyframe: Callable[[int], state.State | None]) -> Log:
         """Copy what happens from a recording that is being replayed, rather than work it out; gives the log so far."""
-        self.copied, self.header, self.world = keyframe, header, header["world"]
+        self.header, self.world = header, header["world"]
         begin = keyframe(0)
         self.begin = self.begin if begin is None else begin
+        return self.copy_events(keyframe)
+
+    def copy_events(self, keyframe: Callable[[int], state.State | None]) -> Log:
+        """Let nobody work out what a replayed recording says itself, and give the log so far."""
+        self.copied = keyframe
         waiting, self._journal.log = self._journal.log, []
         return waiting
 

@@ -11,7 +11,7 @@ from gamms.recorder import state
 from gamms.recorder.formats.output import Output
 from gamms.recorder.formats.version2 import Version2Writer
 from gamms.recorder.formats.writer import Writer
-from gamms.recorder.records import TURN_NS, records_of, records_of_move, steps_of
+from gamms.recorder.records import TURN_NS, Record, records_of, records_of_move, steps_of
 from gamms.recorder.session import Session
 
 _MOST_WAITING = 1 << 16  # bytes
@@ -54,26 +54,46 @@ class Version2Sink:
         self._writer = Version2Writer(self._waiting)
         self._flushed_at = time.monotonic()
         self._turn = 0
+        self._since = 0, 0  # a turn, and its time stamp, from which those of the others follow
+        self._end: Record | None = None  # how a recording ended that was copied, and nothing came after it
         self._names: list[str] = list(session.begin["names"])
         self._nodes: dict[str, int] = dict(zip(self._names, session.begin["node"].tolist(), strict=True))
 
     def add(self, log: Log) -> None:
         """Write the log of a turn."""
-        timestamp, is_over = self._turn * TURN_NS, True
+        is_over = True
         for number, step in steps_of(log):
             if number is not None:
                 name = self._names[number]
-                for record in records_of_move(name, self._nodes.get(name, step), step, timestamp):
+                before, timestamp = self._nodes.get(name, step), self._timestamp(self._turn)
+                for record in records_of_move(name, before, step, timestamp):
                     self._write(record)
                 self._nodes[name] = step
+            elif step[0] == kinds.COPIED:
+                self._copy(*step[1])
+                is_over = is_over and step[1][0]["opCode"] != kinds.SIMULATE
             else:
-                self._happen(step[0], step[1], timestamp)
+                self._happen(step[0], step[1], self._timestamp(self._turn))
                 is_over = is_over and step[0] != kinds.UNFINISHED
         if is_over:
-            self._write(*records_of(kinds.SIMULATE, {}, timestamp))
+            self._write(*records_of(kinds.SIMULATE, {}, self._timestamp(self._turn)))
         self._turn += 1
         if self._waiting.tell() > _MOST_WAITING or time.monotonic() - self._flushed_at > _PATIENCE_S:
             self.flush()
+
+    def _timestamp(self, turn: int) -> int:
+        begin, timestamp = self._since
+        return timestamp + (turn - begin) * TURN_NS
+
+    def _copy(self, record: Record, noted: Log) -> None:
+        """Write a record of another recording as it is there, and go on from its time."""
+        for kind, data in noted:
+            self._follow(kind, data)
+        self._since = self._turn, record["timestamp"]
+        if record["opCode"] == kinds.TERMINATE:
+            self._end = record
+        else:
+            self._write(record)
 
     def _happen(self, kind: int, data: Any, timestamp: int) -> None:
         before = self._follow(kind, data)
@@ -100,7 +120,8 @@ class Version2Sink:
 
     def _write(self, *records: dict[str, Any]) -> None:
         for record in records:
-            self._writer.write(record["timestamp"], record["opCode"], record["data"])
+            self._writer.write(record["timestamp"], record["opCode"], record.get("data"))
+            self._end = None
 
     def keyframe(self, keyframe: state.State) -> None:
         """There is no place for it."""
@@ -114,7 +135,9 @@ class Version2Sink:
 
     def close(self) -> None:
         """Write the end."""
-        self._writer.write(max(0, self._turn - 1) * TURN_NS, kinds.TERMINATE)
+        timestamp = max(self._since[1], self._timestamp(self._turn - 1))
+        end = self._end or {"timestamp": timestamp, "opCode": kinds.TERMINATE}
+        self._writer.write(end["timestamp"], end["opCode"], end.get("data"))
         self.flush()
 
 
