@@ -176,8 +176,14 @@ def test_version_2_becomes_version_3_that_is_its_own_replay(name, tmp_path):
     assert done.stdout == f"Wrote {tmp_path / 'out.ggr'}.\n"
     assert done.exit_code == (not is_whole)
     assert ("All before that has been converted" in done.stderr) == (not is_whole)
-    if name != "components":  # which sets fields to what they do not declare
-        assert run("verify", tmp_path / "out.ggr").exit_code == 0
+    assert run("verify", tmp_path / "out.ggr").exit_code == 0
+
+
+def test_values_of_types_that_fields_do_not_declare_are_converted(tmp_path):
+    run("convert", SAMPLES / "components.ggr", tmp_path / "out.ggr")
+    with gamms.create_context(logger_config=QUIET) as ctx:
+        list(ctx.record.replay(tmp_path / "out.ggr"))
+        assert ctx.record.get_component("two").text == 1.25
 
 
 @pytest.mark.parametrize("name", ["basic", "orientation", "sensors", "deleted", "keywords", "tags"])

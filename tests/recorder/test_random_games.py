@@ -54,6 +54,7 @@ steps = st.one_of(
     called("component", st.sampled_from("pq")),
     called("field", st.sampled_from("pq"), st.just("count"), st.none() | st.integers(-5, 5)),
     called("field", st.sampled_from("pq"), st.just("way"), st.lists(st.integers(0, 3), max_size=2).map(tuple)),
+    called("field", st.sampled_from("pq"), st.sampled_from(["count", "way"]), plain),  # of types not declared
     called("forget", st.sampled_from("pq")),
     called("event", st.dictionaries(st.sampled_from(["x", "y"]), plain)),
     called("data", keys, plain),
