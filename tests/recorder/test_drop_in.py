@@ -65,17 +65,6 @@ def test_a_missing_folder_is_an_error_that_changes_nothing(ctx, tmp_path):
     ctx.record.start(str(tmp_path / "game"))
 
 
-def test_a_map_that_cannot_be_written_is_an_error_that_changes_nothing(ctx, tmp_path):
-    ctx.graph.graph.add_node({"id": 9999, "x": 0.0, "y": 0.0, "owner": object()})
-    with pytest.raises(ValueError, match="Node attribute 'owner'"):
-        ctx.record.start(tmp_path / "game")
-    assert not list(tmp_path.iterdir())
-    assert not ctx.record.record()
-    ctx.visual.simulate()
-    ctx.graph.graph.remove_node(9999)
-    ctx.record.start(tmp_path / "game")
-
-
 def test_a_second_start_is_refused_and_disturbs_nothing(ctx, tmp_path):
     ctx.record.start(str(tmp_path / "one"))
     for again in (str(tmp_path / "two"), io.BytesIO()):

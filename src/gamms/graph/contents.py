@@ -19,18 +19,27 @@ class Contents(NamedTuple):
     attribution: str | None
 
 
-def savable(contents: Contents) -> Contents:
-    """The same without the attributes that are no plain data."""
+LeftOut = dict[tuple[str, str], list[int]]  # "node" or "edge", and the name of an attribute -> whose was left out
+
+
+def savable(contents: Contents) -> tuple[Contents, LeftOut]:
+    """The same without the attributes that are no plain data, and which these are."""
     from dataclasses import replace
 
     from gamms.graph.plain import is_plain
 
-    columns = contents.columns
-    kept = [
-        {name: {row: value for row, value in values.items() if is_plain(value)} for name, values in attributes.items()}
-        for attributes in (columns.node_attributes, columns.edge_attributes)
-    ]
-    return contents._replace(columns=replace(columns, node_attributes=kept[0], edge_attributes=kept[1]))
+    columns, left_out = contents.columns, LeftOut()
+    given = {"node": (columns.node_attributes, columns.node_ids), "edge": (columns.edge_attributes, columns.edge_ids)}
+    kept: dict[str, dict[str, dict[int, Any]]] = {"node": {}, "edge": {}}
+    for kind, (attributes, ids) in given.items():
+        for name, values in attributes.items():
+            part = {row: value for row, value in values.items() if is_plain(value)}
+            if len(part) < len(values):
+                left_out[kind, name] = [int(ids[row]) for row in values if row not in part]
+            if part:
+                kept[kind][name] = part
+    columns = replace(columns, node_attributes=kept["node"], edge_attributes=kept["edge"])
+    return contents._replace(columns=columns), left_out
 
 
 def checked_columns(

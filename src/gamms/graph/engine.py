@@ -211,6 +211,21 @@ class GraphEngine(IGraphEngine):
 
         return file.encode(self._contents())
 
+    def packed_part(self) -> tuple[bytes, dict[tuple[str, str], list[int]]]:
+        """What `packed` gives, without the attributes that are no plain data.
+
+        Returns:
+            The bytes; and whose attributes were left out: ("node" or "edge", name of the attribute) -> ids.
+        """
+        try:
+            return self.packed(), {}
+        except BadValue:
+            from gamms.graph import file
+            from gamms.graph.contents import savable
+
+            contents, left_out = savable(self._contents())
+            return file.encode(contents), left_out
+
     def unpack(self, data: bytes) -> None:
         """Replace graph and obstacles by what `packed` gave.
 
@@ -374,7 +389,7 @@ class GraphEngine(IGraphEngine):
             from gamms.graph.contents import savable
 
             self._ctx.logger.error(f"{error} It is left out of the database.")  # noqa: TRY400 - ILogger has no exception()
-            database.write(savable(contents))
+            database.write(savable(contents)[0])
 
     def _contents(self) -> Contents:
         return Contents(self.graph.columns(), list(self._obstacles), self.graph.attribution)

@@ -8,18 +8,24 @@ from typing import Any
 from gamms.ir import journal
 from gamms.ir.journal import Journal
 from gamms.recorder import state
-from gamms.recorder.plain import plain, plain_part
+from gamms.recorder.left_out import LeftOut
+from gamms.recorder.plain import plain
 
 
 class PlainJournal(Journal):
     """Notes what can be written of what happens.
 
+    Args:
+        names: of the agents who are there.
+        left_out: told of what cannot be written.
+
     Attributes:
         living: the names of the agents of whom the reader knows, in the order of their creation.
     """
 
-    def __init__(self, names: list[str]) -> None:
+    def __init__(self, names: list[str], left_out: LeftOut) -> None:
         super().__init__(names)
+        self._left_out = left_out
         self.living = dict.fromkeys(names)
 
     def note(self, kind: int, data: Any) -> None:
@@ -28,17 +34,16 @@ class PlainJournal(Journal):
             self.living[data["name"]] = None
         elif kind == journal.AGENT_DELETE:
             self.living.pop(data["name"], None)
-        self.log.append((kind, _creation(data) if kind == journal.AGENT_CREATE else plain(data)))
+        self.log.append((kind, self._creation(data) if kind == journal.AGENT_CREATE else plain(data)))
 
-
-def _creation(data: dict[str, Any]) -> dict[str, Any]:
-    """A new agent, without those of its keywords that cannot be written."""
-    given = dict(data["kwargs"])
-    strategy = given.pop("strategy", None)
-    if "sensors" in given:
-        given["sensors"] = _sensors(given["sensors"])
-    named = {} if strategy is None else {"strategy": state.name_of(strategy)}
-    return {**data, "kwargs": plain_part(given), **named}
+    def _creation(self, data: dict[str, Any]) -> dict[str, Any]:
+        """A new agent, without those of its keywords that cannot be written."""
+        given = dict(data["kwargs"])
+        strategy = given.pop("strategy", None)
+        if "sensors" in given:
+            given["sensors"] = _sensors(given["sensors"])
+        named = {} if strategy is None else {"strategy": state.name_of(strategy)}
+        return {**data, "kwargs": self._left_out.plain_part("agent", data["name"], given), **named}
 
 
 def _sensors(given: Any) -> Any:

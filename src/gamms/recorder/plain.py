@@ -36,9 +36,28 @@ def plain(value: Any) -> Any:
     return _converted(value, 0, _shown)
 
 
-def plain_part(values: Mapping[Any, Any]) -> dict[Any, Any]:
-    """What of a dict can be written, as `plain` gives it; anything else is left out, also of the dicts within."""
-    return _converted_dict(values, 0, lambda _: ...)
+def plain_part(values: Mapping[Any, Any], left_out: list[Any] | None = None) -> dict[Any, Any]:
+    """What of a dict can be written, as `plain` gives it; anything else is left out, also of the dicts within.
+
+    Args:
+        values: the dict.
+        left_out: gets the keys of the values of which something was left out.
+    """
+    if left_out is None:
+        return _converted_dict(values, 0, lambda _: ...)
+    missing: list[Any] = []
+
+    def note(value: Any) -> Any:
+        missing.append(value)
+        return ...
+
+    part: dict[Any, Any] = {}
+    for key, value in values.items():
+        missing.clear()
+        part |= _converted_dict({key: value}, 0, note)
+        if missing:
+            left_out.append(key)
+    return part
 
 
 def is_same(one: Any, other: Any) -> bool:

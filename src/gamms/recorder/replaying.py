@@ -199,7 +199,7 @@ class Player:
         graph, world = self._ctx.graph.graph, header["world"]
         if next(iter(graph.get_nodes()), None) is None:
             self._ctx.graph.unpack(world)
-        elif self._ctx.graph.packed() != world:
+        elif self._ctx.graph.packed_part()[0] != world:
             raise RecordingError(
                 "The graph or the obstacles of this context are not those of the recording. Replay it into a context "
                 "without a graph: the recording brings its own."

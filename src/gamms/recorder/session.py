@@ -10,6 +10,7 @@ from gamms.ir import journal as kinds
 from gamms.ir.journal import NOBODY, Log
 from gamms.recorder import state
 from gamms.recorder.errors import RecordingError
+from gamms.recorder.left_out import LeftOut
 from gamms.recorder.noting import PlainJournal
 from gamms.recorder.plain import is_same, plain, plain_part
 from gamms.typing.opcodes import OpCodes
@@ -56,7 +57,9 @@ class Session:
         self.copied: Callable[[int], state.State | None] | None = None
         self.header: dict[str, Any] | None = None
         has_map = next(iter(ctx.graph.graph.get_nodes()), None) is not None
-        self.world: bytes | None = ctx.graph.packed() if has_map else None  # first, for it may raise
+        self._left_out = LeftOut(ctx)
+        self.world: bytes | None = self._left_out.packed() if has_map else None
+        self._left_out.look_over()
         self._listen()
         self.begin = state.captured(ctx) | state.told(ctx.game)
         self._revised = self._revisions()
@@ -194,7 +197,7 @@ class Session:
     def _listen(self) -> None:
         agents = self.ctx.agent
         agents.settle()
-        self._journal = agents.columns.journal = PlainJournal(agents.columns.names)
+        self._journal = agents.columns.journal = PlainJournal(agents.columns.names, self._left_out)
         agents.write_by(agents.moves.plain().journaled(agents.columns))
         self.ctx.visual.after_turn.append(self.end_turn)
         self.ctx.game.after_reset.append(self.begin_anew)
@@ -266,7 +269,7 @@ class Session:
         now = self._revisions()
         if now == self._revised:
             return []
-        self._revised, world = now, self.ctx.graph.packed()
+        self._revised, world = now, self._left_out.packed()
         if self.world is None and self._sink is None:
             self.world = world
             return []

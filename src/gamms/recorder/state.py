@@ -7,7 +7,7 @@ from typing import Any
 import numpy as np
 
 from gamms.ir.graph import FloatArray, IntArray
-from gamms.recorder.plain import is_plain, plain, plain_part
+from gamms.recorder.plain import plain, plain_part
 
 State = dict[str, Any]
 
@@ -95,10 +95,9 @@ def _grouped(described: list[dict[str, Any]]) -> list[dict[str, Any]]:
     """Sensors that differ by their ids alone, together."""
     groups: dict[str, dict[str, Any]] = {}
     for one in described:
-        if is_plain(one):
-            key = repr((one["type"], one["keywords"]))
-            group = groups.setdefault(key, {"type": one["type"], "keywords": one["keywords"], "ids": []})
-            group["ids"].append(one["id"])
+        keywords = plain_part(one["keywords"])
+        group = groups.setdefault(repr((one["type"], keywords)), {"type": one["type"], "keywords": keywords, "ids": []})
+        group["ids"].append(one["id"])
     return list(groups.values())
 
 
