@@ -15,7 +15,9 @@ _File = Annotated[Path, typer.Argument(help="A recording, .ggr.", show_default=F
 _Map = Annotated[
     Path | None,
     typer.Option(
-        "--map", help="The map of a recording of version 2, .gamms; else nodes are made up at (0, 0).", metavar="FILE"
+        "--map",
+        help="The map, .gamms, of a recording that holds none; for version 2, nodes are made up at (0, 0) without it.",
+        metavar="FILE",
     ),
 ]
 
@@ -42,12 +44,12 @@ def info(file: _File, as_json: Annotated[bool, typer.Option("--json", help="Prin
     console().print(rich_table(("recording", ""), [(escape(key), escape(text)) for key, text in rows], right=False))
 
 
-def verify(file: _File) -> None:
+def verify(file: _File, map: _Map = None) -> None:
     """Check every block of a recording and its index, then replay it and record that: the same bytes must come out."""
     from gamms import recordings
 
     with one_sentence():
-        recordings.verify(file)
+        recordings.verify(file, map)
     typer.echo(f"{file}: all is well. Checked: every block, the index, and that a replay records the same bytes.")
 
 
@@ -117,7 +119,7 @@ def _of_version_3(file: Path) -> dict[str, Any]:
     from gamms import recorder
 
     with recorder.open(file) as recording:
-        columns, first, last = recording.graph.columns(), recording[0], recording[-1]
+        first, last = recording[0], recording[-1]
         names = {name for state in (first, last) for name in state.agents["name"].tolist()}
         return {
             "complete": "yes" if recording.is_complete else recording.warning,
@@ -127,11 +129,18 @@ def _of_version_3(file: Path) -> dict[str, Any]:
             "seed": recording.seed,
             "turns": recording.turns,
             "agents": len(names),
-            "nodes": len(columns.node_ids),
-            "edges": len(columns.edge_ids),
+            **_of_the_map(recording),
             "moves": recording.count_moves(),
             "events": {**recording.counts(), **_told(recording)},
         }
+
+
+def _of_the_map(recording: Any) -> dict[str, Any]:
+    """How large the map is; of one that is not in the file, its SHA-256."""
+    if "world_sha256" in recording.header:
+        return {"map": f"not in the file; its SHA-256 is {recording.header['world_sha256']}"}
+    columns = recording.graph.columns()
+    return {"nodes": len(columns.node_ids), "edges": len(columns.edge_ids)}
 
 
 def _told(recording: Any) -> dict[str, int]:

@@ -5,7 +5,6 @@ import os
 import time
 from collections.abc import Callable, Iterator, KeysView
 from copy import deepcopy
-from pathlib import Path
 from typing import Any, BinaryIO
 
 from gamms.arguments import as_int
@@ -15,15 +14,16 @@ from gamms.recorder.components import Components
 from gamms.recorder.errors import RecordingError
 from gamms.recorder.formats import version2
 from gamms.recorder.formats.reader import Reader
+from gamms.recorder.maps import without_map
 from gamms.recorder.plain import is_plain, plain
 from gamms.recorder.records import TURN_NS, Record, check_record
 from gamms.recorder.replaying import Player
 from gamms.recorder.session import Session
 from gamms.recorder.sinks import Version2Sink, Version3Sink, header_of
+from gamms.recorder.streams import readable, writable
 from gamms.typing.opcodes import MAGIC_NUMBER, OpCodes
 from gamms.typing.recorder import IRecorder
 
-_SUFFIX = ".ggr"
 _VERSIONS = (2, 3)
 
 
@@ -75,6 +75,7 @@ class Recorder(IRecorder):
         version: int = 3,
         created: int | None = None,
         provenance: Any = None,
+        embed_graph: bool = True,
     ) -> None:
         """Begin a recording; it begins with how things are now.
 
@@ -83,6 +84,7 @@ class Recorder(IRecorder):
             version: 3, or 2 for what gamms 1.0.0 reads (agents and components only).
             created: seconds since 1970 to be kept in the header; None: $SOURCE_DATE_EPOCH, or nothing.
             provenance: plain values to be kept in the header.
+            embed_graph: whether the recording holds the map; else only its SHA-256, and who replays it needs the map.
 
         Raises:
             FileExistsError: there is such a file.
@@ -101,11 +103,11 @@ class Recorder(IRecorder):
             if version == 2:
                 return Version2Sink(stream, session)
             header = header_of(self.ctx, session.world, options) if session.header is None else session.header
-            return Version3Sink(stream, session, header)
+            return Version3Sink(stream, session, header if embed_graph else without_map(header))
 
         session = Session(self.ctx, make_sink)  # before there is a file: not every map can be written
         try:
-            stream, self._is_owned = _opened(path)
+            stream, self._is_owned = writable(path)
         except BaseException:
             session.abandon()
             raise
@@ -206,7 +208,7 @@ class Recorder(IRecorder):
             return
         if self.is_replaying:
             raise RecorderBusy("A recording is being replayed already.")
-        stream, is_owned = _readable(path)
+        stream, is_owned = readable(path)
         self.is_replaying = True
         try:
             magic = stream.read(8)
@@ -228,11 +230,12 @@ class Recorder(IRecorder):
         reader = Reader(stream)
         if reader.warning:
             self.ctx.logger.warning(reader.warning)
-        self._source = reader
+        self._source, player = reader, Player(self)
+        player.attach(reader.header)
         if self.record() and self._session is not None and self._session.begins_like(reader.header):
             self._waiting = self._session.copy(reader.header, self._copied_keyframe)
             self._is_copying = True
-        yield from Player(self).play(reader)
+        yield from player.play(reader)
 
     def _replay_version_2(self, stream: BinaryIO) -> Iterator[Record]:
         player = Player(self, is_version_2=True)
@@ -363,30 +366,6 @@ def _checked_options(version: Any, created: Any, provenance: Any) -> dict[str, A
     if not is_plain(provenance):
         raise BadType(f"provenance must be plain values, not {provenance!r}.")
     return {"created": None if created is None else as_int(created, "created"), "provenance": plain(provenance)}
-
-
-def _opened(path: Any) -> tuple[BinaryIO, bool]:
-    if isinstance(path, (str, os.PathLike)):
-        file = Path(path)
-        file = file if file.name.endswith(_SUFFIX) else Path(f"{file}{_SUFFIX}")
-        if file.exists():
-            raise FileExistsError(f"There is a file {str(file)!r} already; choose another name or delete it first.")
-        return file.open("xb"), True
-    if hasattr(path, "write") and not isinstance(path, io.TextIOBase):
-        return path, False
-    raise BadType(f"A recording is written to a path or a binary stream, not to {path!r}.")
-
-
-def _readable(path: Any) -> tuple[BinaryIO, bool]:
-    if isinstance(path, (str, os.PathLike)):
-        file = Path(path)
-        if not file.exists() and file.suffix != _SUFFIX:
-            file = Path(f"{file}{_SUFFIX}")
-        return file.open("rb"), True
-    if hasattr(path, "read") and not isinstance(path, io.TextIOBase):
-        stream: BinaryIO = path if path.seekable() else io.BytesIO(path.read())
-        return stream, False
-    raise BadType(f"A recording is read from a path or a binary stream, not from {path!r}.")
 
 
 __all__ = ["Recorder", "RecorderBusy", "RecordingError"]

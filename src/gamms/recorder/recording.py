@@ -16,6 +16,7 @@ from gamms.recorder import tables
 from gamms.recorder.errors import RecordingError
 from gamms.recorder.fold import Damaged, Fold
 from gamms.recorder.formats.reader import Reader
+from gamms.recorder.maps import given_map, has_map, hash_in, hash_of
 from gamms.recorder.moment import State, roster_of, state_of
 from gamms.typing.opcodes import MAGIC_NUMBER
 from gamms.typing.packed_graph import IPackedGraph, packed_graphs
@@ -24,20 +25,25 @@ _SUFFIX = ".ggr"
 _BLOBS = ("world",)  # parts of the header that are no words
 
 
-def open(source: str | os.PathLike[str] | BinaryIO) -> "Recording":
+def open(source: str | os.PathLike[str] | BinaryIO, *, graph: Any = None) -> "Recording":
     """Open a recording of version 3, by its path or as a binary stream.
+
+    Args:
+        source: the path, whose suffix may be left out, or the stream.
+        graph: the map of a recording that does not hold it: a context, the graph of another recording, or the path of
+            a file that `ctx.graph.save` wrote.
 
     Raises:
         FileNotFoundError, OSError: it cannot be read.
-        RecordingError (ValueError): it is none, it is of version 2, or its header is damaged.
-        BadType (TypeError): this is neither a path nor a binary stream.
+        RecordingError (ValueError): it is none, it is of version 2, its header is damaged, or the map is another.
+        BadType (TypeError): this is neither a path nor a binary stream, or `graph` is no map.
     """
     stream, is_owned = _readable(source)
     try:
         magic = stream.read(8)
         stream.seek(-len(magic), os.SEEK_CUR)
         _refuse_version_2(magic)
-        return Recording(Reader(stream), stream if is_owned else None)
+        return Recording(Reader(stream), stream if is_owned else None, graph)
     except BaseException:
         if is_owned:
             stream.close()
@@ -59,8 +65,9 @@ class Recording:
         warning: what is missing of a recording that was not finished; else None.
     """
 
-    def __init__(self, reader: Reader, owned: BinaryIO | None = None) -> None:
+    def __init__(self, reader: Reader, owned: BinaryIO | None = None, graph: Any = None) -> None:
         self._reader, self._owned = reader, owned
+        self._given = None if graph is None else given_map(graph, reader.header)
         self.header = {key: value for key, value in reader.header.items() if key not in _BLOBS}
         self.warning = reader.warning
         self._turns: int | None = None
@@ -156,13 +163,35 @@ class Recording:
 
     @property
     def graph(self) -> IPackedGraph:
-        """The map at the start, read-only."""
-        return self._map(0, lambda: self._reader.header.get("world"))
+        """The map at the start, read-only.
 
-    def _map_at(self, turn: int) -> IPackedGraph:
+        Raises:
+            RecordingError: it is not in the recording, and was not given when that was opened.
+        """
+        return self._map(0, self._first_map)
+
+    def _first_map(self) -> Any:
+        header = self._reader.header
+        if self._given is None and not has_map(header):
+            raise RecordingError(
+                f"This recording does not hold its map, only the SHA-256 of it, {hash_in(header)}. Hand the map over: "
+                "gamms.recorder.open(path, graph='map.gamms')."
+            )
+        return header.get("world") if self._given is None else self._given
+
+    def map_hash(self, turn: int) -> str:
+        """By what the map is named that there was after so many turns: its SHA-256, whether it is here or not."""
+        last = self._map_turn(turn)
+        return hash_of(self._map_at(turn).packed) if last else hash_in(self._reader.header)
+
+    def _map_turn(self, turn: int) -> int:
+        """The turn in which the map became what it was after this one; 0: it was so at the start."""
         if self._map_turns is None:
             self._map_turns = sorted({log + 1 for log, *_ in self._reader.events(kinds={journal.WORLD})})
-        last = max((one for one in self._map_turns if one <= turn), default=0)
+        return max((one for one in self._map_turns if one <= turn), default=0)
+
+    def _map_at(self, turn: int) -> IPackedGraph:
+        last = self._map_turn(turn)
         return self._map(last, lambda: self._changed_map(last)) if last else self.graph
 
     def _changed_map(self, turn: int) -> Any:

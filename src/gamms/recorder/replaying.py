@@ -11,6 +11,7 @@ from gamms.ir.journal import Muted
 from gamms.recorder import state
 from gamms.recorder.errors import RecordingError
 from gamms.recorder.formats.reader import Reader
+from gamms.recorder.maps import has_map, hash_in, is_map_of
 from gamms.recorder.records import TURN_NS, Record, records_of, records_of_move, steps_of
 from gamms.typing.opcodes import OpCodes
 
@@ -33,8 +34,7 @@ class Player:
         self._next = 0
 
     def play(self, reader: Reader) -> Iterator[Record]:
-        """Everything in a recording of version 3."""
-        self._attach(reader.header)
+        """Everything in a recording of version 3, whose map is attached."""
         begin = reader.keyframe(0)
         if begin is not None and begin[0] == 0:
             self._silently(lambda: self._put(begin[1]))
@@ -190,16 +190,23 @@ class Player:
 
     # -- around them --------------------------------------------------------------------------------------------
 
-    def _attach(self, header: dict[str, Any]) -> None:
+    def attach(self, header: dict[str, Any]) -> None:
         """Take the map of the recording where there is none yet; else it must be the same.
 
         Raises:
-            RecordingError: it is another.
+            RecordingError: it is another, or there is none and the recording holds none, either.
         """
-        graph, world = self._ctx.graph.graph, header["world"]
-        if next(iter(graph.get_nodes()), None) is None:
-            self._ctx.graph.unpack(world)
-        elif self._ctx.graph.packed_part()[0] != world:
+        name = hash_in(header)
+        if not has_map(header):
+            if not is_map_of(self._ctx.graph.packed_part()[0], header):
+                raise RecordingError(
+                    "This recording does not hold its map, and the graph of this context is another. Load the map with "
+                    f"the SHA-256 {name} first: ctx.graph.load('map.gamms')."
+                )
+            return
+        if next(iter(self._ctx.graph.graph.get_nodes()), None) is None:
+            self._ctx.graph.unpack(header["world"])
+        elif not is_map_of(self._ctx.graph.packed_part()[0], header):
             raise RecordingError(
                 "The graph or the obstacles of this context are not those of the recording. Replay it into a context "
                 "without a graph: the recording brings its own."

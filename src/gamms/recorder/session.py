@@ -11,6 +11,7 @@ from gamms.ir.journal import NOBODY, Log
 from gamms.recorder import state
 from gamms.recorder.errors import RecordingError
 from gamms.recorder.left_out import LeftOut
+from gamms.recorder.maps import is_map_of
 from gamms.recorder.noting import PlainJournal
 from gamms.recorder.plain import is_same, plain, plain_part
 from gamms.typing.opcodes import OpCodes
@@ -135,11 +136,11 @@ class Session:
 
     def begins_like(self, header: dict[str, Any]) -> bool:
         """Whether nothing has happened yet that a recording with this header does not tell as well."""
-        return self.is_new and self.world in (None, header["world"])
+        return self.is_new and (self.world is None or is_map_of(self.world, header))
 
     def copy(self, header: dict[str, Any], keyframe: Callable[[int], state.State | None]) -> Log:
         """Copy what happens from a recording that is being replayed, rather than work it out; gives the log so far."""
-        self.header, self.world = header, header["world"]
+        self.header, self.world = header, header.get("world", b"")  # not None: there is a map
         begin = keyframe(0)
         self.begin = self.begin if begin is None else begin
         return self.copy_events(keyframe)

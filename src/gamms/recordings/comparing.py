@@ -6,7 +6,7 @@ from typing import Any, NamedTuple
 
 import numpy as np
 
-from gamms.recorder import Recording, State
+from gamms.recorder import Recording, RecordingError, State
 
 
 class Difference(NamedTuple):
@@ -47,7 +47,8 @@ def first_difference(first: Recording, second: Recording) -> Difference | None:
         pair = (None, None) if turn == 0 else (next(logs[0]), next(logs[1]))
         if turn and _is_same(*pair):
             continue  # from equal states, equal events lead to equal states
-        found = next(_differences(first[turn], second[turn]), None)
+        maps = first.map_hash(turn), second.map_hash(turn)
+        found = next(_differences(first[turn], second[turn], maps), None)
         if found is None and turn:
             found = _of_events(turn, first, second)
         if found is not None:
@@ -64,10 +65,12 @@ def _is_same(one: Any, other: Any) -> bool:
         return False
 
 
-def _differences(first: State, second: State) -> Iterator[Difference]:
+def _differences(first: State, second: State, maps: tuple[str, str]) -> Iterator[Difference]:
     turn = first.turn
-    if first.graph.packed != second.graph.packed:
-        yield Difference(turn, None, "map", *(_size(state) for state in (first, second)))
+    if maps[0] != maps[1]:
+        yield Difference(
+            turn, None, "map", *(_size(one, name) for one, name in zip((first, second), maps, strict=True))
+        )
     names = [state.agents["name"].tolist() for state in (first, second)]
     if set(names[0]) != set(names[1]):
         only = [sorted(set(names[i]) - set(names[1 - i])) for i in (0, 1)]
@@ -104,8 +107,11 @@ def _plain(value: Any) -> Any:
     return "NaN" if value != value else value  # noqa: PLR0124 - that is what NaN is
 
 
-def _size(state: State) -> str:
-    columns = state.graph.columns()
+def _size(state: State, name: str) -> str:
+    try:
+        columns = state.graph.columns()
+    except RecordingError:  # it is not in the recording
+        return f"SHA-256 {name}"
     return f"{len(columns.node_ids)} nodes, {len(columns.edge_ids)} edges"
 
 

@@ -35,13 +35,30 @@ def fresh() -> Context:
 
 
 def context_for(path: str | os.PathLike[str], map: str | os.PathLike[str] | None = None) -> Context:
-    """A fresh context to replay a recording of any version in; the map is for one of version 2, see below.
+    """A fresh context to replay a recording of any version in; the map is for one that holds none, see below.
 
     Raises:
         BadFile, RecordingError (ValueError): a file is damaged at its beginning.
         OSError: one cannot be read.
     """
-    return with_nodes_made_up(path, map) if version_of(path) < 3 else fresh()
+    return with_nodes_made_up(path, map) if version_of(path) < 3 else with_map(map)
+
+
+def with_map(map: str | os.PathLike[str] | None) -> Context:
+    """A fresh context with the map in a file that `ctx.graph.save` wrote; None: without one.
+
+    Raises:
+        BadFile (ValueError): the file is damaged.
+        OSError: it cannot be read.
+    """
+    ctx = fresh()
+    try:
+        if map is not None:
+            ctx.graph.load(map)
+    except BaseException:
+        ctx.terminate()
+        raise
+    return ctx
 
 
 def with_nodes_made_up(path: str | os.PathLike[str], map: str | os.PathLike[str] | None = None) -> Context:

@@ -16,6 +16,7 @@ from gamms.errors import BadValue, GammsError
 from gamms.ir import journal
 from gamms.recorder import Recording, RecordingError
 from gamms.recorder import open as opened
+from gamms.recorder.maps import HASH
 from gamms.recorder.plain import plain
 from gamms.recorder.replaying import Player
 from gamms.recordings.contexts import records_of, version_of, with_nodes_made_up
@@ -153,8 +154,10 @@ def to_json_lines(path: str | os.PathLike[str], out: str | os.PathLike[str]) -> 
 
 
 def _lines(recording: Recording) -> Iterator[_Record]:
-    columns = recording.graph.columns()
-    size = {"nodes": len(columns.node_ids), "edges": len(columns.edge_ids), "crs": columns.crs}
+    size: dict[str, Any] = {"sha256": recording.map_hash(0)}
+    if HASH not in recording.header:
+        columns = recording.graph.columns()
+        size = {"nodes": len(columns.node_ids), "edges": len(columns.edge_ids), "crs": columns.crs}
     yield {"event": "HEADER", **recording.header, "turns": recording.turns, "map": size}
     start = recording[0]
     names = list(start.agents)

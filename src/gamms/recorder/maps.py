@@ -1,0 +1,84 @@
+"""The map of a recording: in its header, or only named there by its SHA-256, and then handed over by somebody else."""
+
+import os
+from hashlib import sha256
+from pathlib import Path
+from typing import Any
+
+from gamms.errors import BadType
+from gamms.recorder.errors import RecordingError
+
+HASH = "world_sha256"  # what a header has instead of "world"
+
+
+def hash_of(packed: bytes) -> str:
+    """By what a map is named: the SHA-256 of what `ctx.graph.packed` gives, in hexadecimal."""
+    return sha256(packed).hexdigest()
+
+
+def hash_in(header: dict[str, Any]) -> str:
+    """By what the map of a recording is named.
+
+    Raises:
+        RecordingError: its header names none.
+    """
+    world, name = header.get("world"), header.get(HASH)
+    if isinstance(world, bytes):
+        return hash_of(world)
+    if isinstance(name, str) and "world" not in header:
+        return name
+    raise RecordingError(f"The map at the start is not there: this recording holds {type(world)} instead.")
+
+
+def has_map(header: dict[str, Any]) -> bool:
+    """Whether a recording holds its map; else it only names it, or is damaged."""
+    return "world" in header or HASH not in header
+
+
+def is_map_of(packed: bytes, header: dict[str, Any]) -> bool:
+    """Whether this is the map of a recording."""
+    return packed == header["world"] if "world" in header else hash_of(packed) == header.get(HASH)
+
+
+def without_map(header: dict[str, Any]) -> dict[str, Any]:
+    """The header, naming the map instead of holding it."""
+    if "world" not in header:
+        return header
+    return {**{key: value for key, value in header.items() if key != "world"}, HASH: hash_of(header["world"])}
+
+
+def packed_of(graph: Any) -> bytes:
+    """The bytes of a map.
+
+    Args:
+        graph: a context, the graph of another recording, or the path of a file that `ctx.graph.save` wrote.
+
+    Raises:
+        BadType (TypeError): it is none of these.
+        OSError: the file cannot be read.
+    """
+    if isinstance(graph, str | os.PathLike):
+        return Path(graph).read_bytes()
+    graph = getattr(graph, "graph", graph) if not hasattr(graph, "packed") else graph
+    packed: Any = graph.packed_part()[0] if hasattr(graph, "packed_part") else getattr(graph, "packed", None)
+    if not isinstance(packed, bytes):
+        raise BadType(
+            "graph= is a context, a graph of a recording, or the path of a file that ctx.graph.save wrote, "
+            f"not {graph!r}."
+        )
+    return packed
+
+
+def given_map(graph: Any, header: dict[str, Any]) -> bytes:
+    """The bytes of a map that was given, which is that of the recording.
+
+    Raises:
+        RecordingError: it is another.
+        BadType (TypeError), OSError: see `packed_of`.
+    """
+    packed = packed_of(graph)
+    if not is_map_of(packed, header):
+        raise RecordingError(
+            f"This is not the map of the recording: its SHA-256 is {hash_of(packed)}, and not {hash_in(header)}."
+        )
+    return packed
