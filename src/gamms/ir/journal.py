@@ -24,6 +24,7 @@ AGENT_SPEED = 0x01100012  # not in 1.0.0
 AGENT_STRATEGY = 0x01100013  # not in 1.0.0
 FLYERS_ABOVE = 0x01100020  # not in 1.0.0: which nodes are below all who fly, in a turn that has changed the map
 WORLD = 0x03000000  # not in 1.0.0: graph and obstacles
+VISUALS = 0x03000010  # not in 1.0.0: what it looks like
 GAME_SCORES = 0x04000000  # not in 1.0.0
 GAME_DATA = 0x04000001  # not in 1.0.0
 GAME_EVENT = 0x04000002  # not in 1.0.0

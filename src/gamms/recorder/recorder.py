@@ -102,7 +102,7 @@ class Recorder(IRecorder):
         def make_sink(session: Session) -> Any:
             if version == 2:
                 return Version2Sink(stream, session)
-            header = header_of(self.ctx, session.world, options) if session.header is None else session.header
+            header = header_of(self.ctx, session, options) if session.header is None else session.header
             return Version3Sink(stream, session, header if embed_graph else without_map(header))
 
         session = Session(self.ctx, make_sink)  # before there is a file: not every map can be written

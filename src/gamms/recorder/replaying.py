@@ -32,9 +32,12 @@ class Player:
         self._ctx = recorder.ctx
         self._numbers: dict[int, str] = {}
         self._next = 0
+        self._shown: frozenset[str] = frozenset()  # artists of the recording
 
     def play(self, reader: Reader) -> Iterator[Record]:
         """Everything in a recording of version 3, whose map is attached."""
+        if "visuals" in reader.header:
+            self._dress(reader.header["visuals"])
         begin = reader.keyframe(0)
         if begin is not None and begin[0] == 0:
             self._silently(lambda: self._put(begin[1]))
@@ -106,7 +109,7 @@ class Player:
                     (self._muted if is_exact else self._silently)(lambda: apply(self, data))
             except ContextTerminated:
                 raise
-            except (GammsError, KeyError, TypeError, ValueError, AttributeError) as error:
+            except _UNFIT as error:
                 raise RecordingError(f"An event of kind {kind:#010x} cannot happen here: {error}") from error
         elif kind in _COMPONENTS:
             self._recorder.components.apply(_COMPONENTS[kind], data, lenient=self._is_version_2)
@@ -173,6 +176,18 @@ class Player:
     def _world(self, data: Any) -> None:
         self._ctx.graph.unpack(data["world"])
 
+    def _visuals(self, data: Any) -> None:
+        show = getattr(self._ctx.visual, "show", None)
+        if show is not None:
+            self._shown = show(data, self._shown)
+
+    def _dress(self, visuals: Any) -> None:
+        """Let it look as at the start."""
+        try:
+            self._visuals(visuals)
+        except _UNFIT as error:
+            raise RecordingError(f"What this recording looks like is not right ({error!r}).") from error
+
     def _scores(self, data: Any) -> None:
         self._ctx.game.scores.clear()
         self._ctx.game.scores.update(data["scores"])
@@ -236,6 +251,7 @@ class Player:
             columns.journal = journal
 
 
+_UNFIT = (GammsError, KeyError, TypeError, ValueError, AttributeError)
 _COMPONENTS = {code.value: code.name for code in OpCodes if code.name.startswith("COMPONENT")}
 _EXACT = (  # copied as they are: of length 1, but not to the last bit; or what the context would work out otherwise
     kinds.AGENT_ORIENTATION,
@@ -273,6 +289,7 @@ _EVENTS: dict[int, Callable[[Player, Any], None]] = {
     kinds.AGENT_SPEED: _set("speed", "speed"),
     kinds.FLYERS_ABOVE: Player._above,
     kinds.WORLD: Player._world,
+    kinds.VISUALS: Player._visuals,
     kinds.GAME_SCORES: Player._scores,
     kinds.GAME_DATA: Player._data,
     kinds.GAME_EVENT: Player._event,

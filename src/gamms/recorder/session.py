@@ -38,6 +38,7 @@ class Session:
         is_paused: whether nothing is written for now.
         has_failed: whether it could not be written further: nothing is noted then, and nothing more written.
         copied: while a recording is being replayed, whose events are copied as they are: its keyframe after a turn.
+        visuals: what it looked like when the first turn was over.
         world: graph and obstacles as they were when there was a graph for the first time; None before that.
         header: of the recording that was replayed first of all; None: this one has its own.
         turn: how many turns were recorded.
@@ -61,6 +62,7 @@ class Session:
         self._left_out = LeftOut(ctx)
         self.world: bytes | None = self._left_out.packed() if has_map else None
         self._left_out.look_over()
+        self._declarations, self.visuals = self._declarations_now(), state.shown(ctx)
         self._listen()
         self.begin = state.captured(ctx) | state.told(ctx.game)
         self._revised = self._revisions()
@@ -155,6 +157,7 @@ class Session:
         """Go on by what the context says."""
         self.copied = None
         self._revised, self._game = self._revisions(), _GameWatch(self.ctx)
+        self._declarations = self._declarations_now()
         self._journal.living = dict.fromkeys(self.ctx.agent.agents)
         self._front = len(self.log)
 
@@ -263,7 +266,22 @@ class Session:
         above = state.above(self.ctx) if has_changed else None
         if above is not None:
             self._journal.log.append((kinds.FLYERS_ABOVE, above))
+        self._journal.log += self._visual_changes()
         self._journal.log += self._game.changes()
+
+    def _declarations_now(self) -> int:
+        return getattr(self.ctx.visual, "declarations", 0)
+
+    def _visual_changes(self) -> Log:
+        """What says that it looks otherwise. What was declared in the first turn goes into the header."""
+        now = self._declarations_now()
+        if now == self._declarations:
+            return []
+        self._declarations, visuals = now, state.shown(self.ctx)
+        if not self.turn:
+            self.visuals = visuals
+            return []
+        return [(kinds.VISUALS, visuals)]
 
     def _world_changes(self) -> Log:
         """What says that the map is another one. The first map goes into the header: it may be loaded late."""

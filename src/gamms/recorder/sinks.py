@@ -156,7 +156,7 @@ _OF_VERSION_2 = {
 }
 
 
-def header_of(ctx: Any, world: bytes | None, options: dict[str, Any]) -> dict[str, Any]:
+def header_of(ctx: Any, session: Session, options: dict[str, Any]) -> dict[str, Any]:
     """What a recording says of the context it was made in: no host, no user, no path, and no time unless asked."""
     from importlib.metadata import version
 
@@ -169,5 +169,6 @@ def header_of(ctx: Any, world: bytes | None, options: dict[str, Any]) -> dict[st
         "seed": ctx.seed,
         "created": created,
         "provenance": options.get("provenance"),
-        "world": ctx.graph.packed() if world is None else world,
+        "world": ctx.graph.packed() if session.world is None else session.world,
+        **({"visuals": session.visuals} if session.visuals["artists"] else {}),
     }

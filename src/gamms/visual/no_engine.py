@@ -12,6 +12,7 @@ from gamms.visual.appearance import AgentData, GraphData
 from gamms.visual.artist import Artist
 from gamms.visual.color import PAPER
 from gamms.visual.constants import Shape
+from gamms.visual.described import artist_of, words_of
 from gamms.visual.drawers import render_agent, render_graph, render_obstacles, render_sensor
 from gamms.visual.primitives import Primitives
 from gamms.visual.undeclared import undeclared_artists
@@ -24,6 +25,7 @@ class NoEngine(Primitives):
 
     Attributes:
         after_turn: called by `simulate`, in order.
+        declarations: a number that changes whenever an artist is declared, added or removed.
     """
 
     def __init__(self, ctx: IContext, **kwargs: Any) -> None:  # noqa: ARG002 - options of other engines are no error
@@ -31,6 +33,7 @@ class NoEngine(Primitives):
         self.ctx = ctx
         self._artists: dict[str, IArtist] = {}
         self._is_declared = False
+        self.declarations = 0
         self.after_turn: list[Callable[[], None]] = []
 
     # -- what it looks like ----------------------------------------------------------------------------------
@@ -68,6 +71,7 @@ class NoEngine(Primitives):
         if not self.ctx.is_terminated():
             self._artists[as_name(name, "a visual")] = artist
             self._is_declared = True
+            self.declarations += 1
         return artist
 
     def add_artist(self, name: str, artist: IArtist | dict[str, Any]) -> IArtist:
@@ -84,6 +88,7 @@ class NoEngine(Primitives):
             raise BadType(f"Artist {name!r} must be an Artist or a dict, not {artist!r} ({type(artist).__name__}).")
         if not self.ctx.is_terminated():
             self._artists[as_name(name, "an artist")] = artist
+            self.declarations += 1
         return artist
 
     def _artist_of(self, data: dict[str, Any]) -> Artist:
@@ -96,8 +101,39 @@ class NoEngine(Primitives):
         """Draw an artist no longer; a missing one is only warned about."""
         if self.ctx.is_terminated():
             return
+        self.declarations += 1
         if self._artists.pop(name, None) is None:
             self.ctx.logger.warning("There is no artist named %r to remove.", name)
+
+    def described(self) -> dict[str, Any]:
+        """What it looks like, in words: the `artists` whose drawers are ours, and whether visuals were declared."""
+        artists = [words_of(name, artist) for name, artist in self._artists.items()]
+        return {"artists": [one for one in artists if one is not None], "is_declared": self._is_declared}
+
+    def show(self, described: dict[str, Any], own: frozenset[str] = frozenset()) -> frozenset[str]:
+        """Add the artists that `described` told, but for those whose names are taken.
+
+        Args:
+            described: of this or another context.
+            own: what an earlier call gave, whose artists are replaced.
+
+        Returns:
+            The names of the artists that were added.
+
+        Raises:
+            KeyError, BadType (TypeError), TypeError: nobody told this; nothing has changed.
+        """
+        made = {as_name(one["name"], "an artist"): artist_of(self.ctx, one) for one in described["artists"]}
+        is_declared = bool(described["is_declared"])
+        if self.ctx.is_terminated():
+            return own
+        for name in own:
+            self._artists.pop(name, None)
+        new = {name: one for name, one in made.items() if one is not None and name not in self._artists}
+        self._artists |= new
+        self._is_declared |= is_declared
+        self.declarations += 1
+        return frozenset(new)
 
     # -- what a window would do ------------------------------------------------------------------------------
 
