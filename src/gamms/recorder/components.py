@@ -139,6 +139,16 @@ class Components:
         }
         return set(self._component_registry), components
 
+    def told(self) -> dict[str, Any]:
+        """What a keyframe says of them: the `classes`, each with the names of its fields, and all `values` by name."""
+        return {
+            "classes": [[*key, list(kind.fields)] for key, (_, kind) in self._classes.items()],
+            "values": {
+                name: {field: value for field, value in values.items() if field != "name"}
+                for name, (_, values) in self.kept()[1].items()
+            },
+        }
+
     def since(self, kept: Kept) -> Iterator[tuple[str, dict[str, Any]]]:
         """The events that lead from what `kept` told to how things are now."""
         classes, components = kept

@@ -11,6 +11,7 @@ from gamms.ir import journal
 from gamms.recorder.formats.columns import IntArray
 from gamms.recorder.formats.reader import Reader
 from gamms.recorder.state import State, opened
+from gamms.typing.opcodes import OpCodes
 
 _LISTS = ("names", "teams", "speed", "sensors", "attributes", "strategies")
 _ARRAYS = {
@@ -30,6 +31,17 @@ _FEW = 24  # moves that are made faster one by one
 DAMAGES = (KeyError, TypeError, ValueError, IndexError, AttributeError, OverflowError)  # of what a stranger wrote
 
 
+COMPONENTS = frozenset(
+    code.value
+    for code in (
+        OpCodes.COMPONENT_REGISTER,
+        OpCodes.COMPONENT_CREATE,
+        OpCodes.COMPONENT_UPDATE,
+        OpCodes.COMPONENT_DELETE,
+    )
+)
+
+
 class Damaged(GammsError, ValueError):
     """A state is not right, or an event does not fit the state it happens to."""
 
@@ -45,6 +57,7 @@ class Fold:
     Attributes:
         state: as `recorder.state.opened` gives it.
         following: the number that the next new agent gets.
+        classes: of components, by module and qualified name -> the names of their fields.
         roster: a number that changes whenever agents come or go, or any of the lists does.
     """
 
@@ -55,6 +68,9 @@ class Fold:
     def _begin(self, state: State) -> None:
         try:
             self.state, self.following = _checked(opened(state)), int(state["next"])
+            told = state.get("components", {"classes": (), "values": {}})
+            self.classes = {(module, name): list(fields) for module, name, fields in told["classes"]}
+            self.state["components"] = {name: dict(fields) for name, fields in told["values"].items()}
         except DAMAGES as error:
             raise Damaged(f"the whole state is not right ({type(error).__name__}: {error})") from error
         self._recount()
@@ -226,8 +242,10 @@ class Fold:
         self._recount()
 
     def replace(self, data: Any) -> None:
-        """A snapshot was written."""
+        """A snapshot was written, which says nothing of components."""
+        kept = self.state["components"], self.classes
         self._begin(data)
+        self.state["components"], self.classes = kept
 
 
 def _checked(state: State) -> State:
@@ -297,6 +315,20 @@ def _deregister(fold: Fold, data: Any) -> None:
     fold.state["sensors"][fold.row(data["agent_name"])].pop(data["name"], None)
 
 
+def _declare(fold: Fold, data: Any) -> None:
+    module, name = data["key"]
+    fold.classes[module, name] = list(data["struct"])
+
+
+def _build(fold: Fold, data: Any) -> None:
+    module, name = data["type"]
+    fold.state["components"][data["name"]] = dict.fromkeys(fold.classes[module, name])
+
+
+def _update(fold: Fold, data: Any) -> None:
+    fold.state["components"][data["name"]][data["key"]] = data["value"]
+
+
 def _change_data(fold: Fold, data: Any) -> None:
     fold.state["data"].update(deepcopy(data["set"]))
     for key in data["removed"]:
@@ -319,6 +351,10 @@ _EVENTS: dict[int, Callable[[Fold, Any], None]] = {
     journal.AGENT_SPEED: _set("speed", "speed"),
     journal.AGENT_STRATEGY: _set("strategies", "strategy"),
     journal.FLYERS_ABOVE: _hover,
+    OpCodes.COMPONENT_REGISTER.value: _declare,
+    OpCodes.COMPONENT_CREATE.value: _build,
+    OpCodes.COMPONENT_UPDATE.value: _update,
+    OpCodes.COMPONENT_DELETE.value: lambda fold, data: fold.state["components"].pop(data["name"]),
     journal.GAME_SCORES: lambda fold, data: fold.state.__setitem__("scores", data["scores"]),
     journal.GAME_DATA: _change_data,
     journal.GAME_OVER: lambda fold, data: fold.state.__setitem__("over", data or None),

@@ -33,6 +33,7 @@ class State:
         scores: by whatever the rules keep scores for.
         data: what rules had kept in `ctx.game.data`, as far as it was plain.
         over: why the game was over, who had won, whether time was up; None while it went on.
+        components: by name, the fields of each with their values; None where one was not set.
     """
 
     turn: int
@@ -40,6 +41,7 @@ class State:
     scores: dict[Any, Any]
     data: dict[str, Any]
     over: dict[str, Any] | None
+    components: dict[Any, dict[str, Any]]
     _map: Callable[[], IPackedGraph] = field(repr=False)
 
     @property
@@ -76,7 +78,8 @@ def state_of(
         scores = dict(folded["scores"])
     except (TypeError, ValueError) as error:
         raise Damaged(f"its scores are none ({error})") from error
-    return State(turn, agents, scores, deepcopy(folded["data"]), deepcopy(folded["over"]), map_then)
+    data, over, components = (deepcopy(folded[name]) for name in ("data", "over", "components"))
+    return State(turn, agents, scores, data, over, components, map_then)
 
 
 def _frozen(column: np.ndarray[Any, Any]) -> np.ndarray[Any, Any]:

@@ -14,7 +14,7 @@ from gamms.ir import journal
 from gamms.ir.journal import Log
 from gamms.recorder import tables
 from gamms.recorder.errors import RecordingError
-from gamms.recorder.fold import Damaged, Fold
+from gamms.recorder.fold import COMPONENTS, Damaged, Fold
 from gamms.recorder.formats.reader import Reader
 from gamms.recorder.maps import given_map, has_map, hash_in, hash_of
 from gamms.recorder.moment import State, roster_of, state_of
@@ -155,6 +155,9 @@ class Recording:
             self._fold = None
             self._roster = (-1, {})
             self._at, fold = found[0], Fold(found[1])
+            if "components" not in found[1]:  # as in the first recordings of version 3
+                for _, _, kind, data in self._reader.events(0, self._at, COMPONENTS):
+                    fold.happen(kind, data)
         fold.advance(self._reader, self._at, turn)
         self._fold, self._at = fold, turn
         return fold

@@ -64,7 +64,7 @@ class Session:
         self._left_out.look_over()
         self._declarations, self.visuals = self._declarations_now(), state.shown(ctx)
         self._listen()
-        self.begin = state.captured(ctx) | state.told(ctx.game)
+        self.begin = state.captured(ctx) | state.told(ctx.game) | state.of_components(ctx)
         self._revised = self._revisions()
         self._game = _GameWatch(ctx)
 
@@ -242,8 +242,10 @@ class Session:
         self._turns_here = self._entries_here = 0
         if self.copied is not None:
             keyframe = self.copied(self.turn)
+        elif self._since_keyframe >= _KEYFRAME_ENTRIES:
+            keyframe = state.captured(self.ctx) | state.of_components(self.ctx)
         else:
-            keyframe = state.captured(self.ctx) if self._since_keyframe >= _KEYFRAME_ENTRIES else None
+            keyframe = None
         if keyframe is not None:
             self.sink.keyframe(keyframe)
             self._since_keyframe = 0

@@ -115,6 +115,11 @@ def told(game: Any) -> State:
     return {"events": plain(game.events)}
 
 
+def of_components(ctx: Any) -> State:
+    """The user's recorded objects, which keyframes have; a snapshot is followed by events that tell them."""
+    return {"components": plain(ctx.record.components.told())}
+
+
 def put(ctx: Any, state: State) -> None:
     """Set what a snapshot says: agents of the same name and kind are moved, missing ones made, others left alone.
 

@@ -15,7 +15,8 @@ class Difference(NamedTuple):
     Attributes:
         turn: after which they differ; 0: from the start.
         agent: whose field it is; None: the game's own.
-        field: a column of `State.agents`; or "agents", "scores", "data", "over", "events", "map" or "turns".
+        field: a column of `State.agents`; or "agents", "scores", "data", "over", "components", "events", "map" or
+            "turns".
         first: the value in the first game.
         second: the value in the second.
     """
@@ -85,7 +86,7 @@ def _differences(first: State, second: State, maps: tuple[str, str]) -> Iterator
         if row is not None and pair is not None:
             parted.append((row, place, Difference(turn, names[0][row], field, *pair)))
     yield from (difference for *_, difference in sorted(parted, key=lambda one: one[:2]))
-    for field in ("scores", "data", "over"):
+    for field in ("scores", "data", "over", "components"):
         values = getattr(first, field), getattr(second, field)
         if not _is_equal(*values):
             yield Difference(turn, None, field, *values)
