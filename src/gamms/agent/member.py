@@ -1,6 +1,7 @@
 """What agents on the ground and in the air share: a view of one row of the columns, sensors, a strategy."""
 
 from collections.abc import Callable, Iterable
+from contextlib import AbstractContextManager, nullcontext
 from typing import Any, ClassVar
 
 from gamms.arguments import as_name
@@ -301,3 +302,6 @@ class _NoMoves(IMoves):
 
     def nearest(self, columns: AgentColumns, row: int) -> int:
         return columns.node[row]
+
+    def trusting(self) -> AbstractContextManager[None]:
+        return nullcontext()

@@ -33,7 +33,8 @@ class LeftOut:
     def look_over(self) -> None:
         """Tell what of the agents and sensors of the context cannot be written."""
         for agent in self._ctx.agent.agents.values():
-            self.plain_part("agent", agent.name, vars(agent))
+            if vars(agent):
+                self.plain_part("agent", agent.name, vars(agent))
         for sensor in self._ctx.sensor.described():
             self.plain_part("sensor", sensor["id"], sensor["keywords"])
 

@@ -51,12 +51,13 @@ def plain_part(values: Mapping[Any, Any], left_out: list[Any] | None = None) -> 
         missing.append(value)
         return ...
 
-    part: dict[Any, Any] = {}
-    for key, value in values.items():
-        missing.clear()
-        part |= _converted_dict({key: value}, 0, note)
-        if missing:
-            left_out.append(key)
+    part = _converted_dict(values, 0, note)
+    if missing:  # seldom: then key by key
+        for key, value in values.items():
+            missing.clear()
+            _converted(value, 1, note)
+            if missing:
+                left_out.append(key)
     return part
 
 

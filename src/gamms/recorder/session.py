@@ -261,13 +261,13 @@ class Session:
 
     def _tell_changes(self) -> None:
         """Write down what nobody notes: a change of the map, before who stands on it, and what the game has come to."""
-        has_changed = self._revisions() != self._revised
-        changes = self._world_changes()
-        self._journal.log[self._front : self._front] = changes
-        self._front += len(changes)
-        above = state.above(self.ctx) if has_changed else None
-        if above is not None:
-            self._journal.log.append((kinds.FLYERS_ABOVE, above))
+        if self._revisions() != self._revised:
+            changes = self._world_changes()
+            self._journal.log[self._front : self._front] = changes
+            self._front += len(changes)
+            above = state.above(self.ctx)
+            if above is not None:
+                self._journal.log.append((kinds.FLYERS_ABOVE, above))
         self._journal.log += self._visual_changes()
         self._journal.log += self._game.changes()
 
@@ -287,10 +287,7 @@ class Session:
 
     def _world_changes(self) -> Log:
         """What says that the map is another one. The first map goes into the header: it may be loaded late."""
-        now = self._revisions()
-        if now == self._revised:
-            return []
-        self._revised, world = now, self._left_out.packed()
+        self._revised, world = self._revisions(), self._left_out.packed()
         if self.world is None and self._sink is None:
             self.world = world
             return []

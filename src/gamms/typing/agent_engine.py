@@ -2,6 +2,7 @@
 
 from abc import ABC, abstractmethod
 from collections.abc import Callable, Collection, Iterator, Mapping, Sequence
+from contextlib import AbstractContextManager
 from enum import IntEnum
 from typing import Any, NamedTuple
 
@@ -196,6 +197,10 @@ class IMoves(ABC):
 
         In a graph without nodes it is the one of before.
         """
+
+    @abstractmethod
+    def trusting(self) -> AbstractContextManager[None]:
+        """Take any integer for a node that is there; for who plays a recording, whose map may have changed since."""
 
     @abstractmethod
     def locate(self, columns: AgentColumns) -> None:
