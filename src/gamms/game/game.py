@@ -44,6 +44,8 @@ class Game(Settings):
         events: what was emitted, in order: dicts with `turn` and `kind`.
         errors: what strategies did wrong, in order.
         after_reset: called when the game has begun anew, in order.
+        scenario: what the game was built from, as plain values, for whoever records it; None: by a program.
+        began: agent -> where it began, for a game that began before this context did; see `start_node`.
     """
 
     def __init__(self, ctx: Any) -> None:
@@ -60,6 +62,8 @@ class Game(Settings):
         self._start: start.Start | None = None
         self._chance = chance.GlobalChance()
         self.after_reset: list[Callable[[], None]] = []
+        self.scenario: dict[str, Any] | None = None
+        self.began: dict[str, Any] = {}
         self.is_deciding = False
         self.begin_anew()
 
@@ -204,7 +208,7 @@ class Game(Settings):
         )
 
     def reset(self, seed: int | None = None) -> None:
-        """Begin the game anew, as it was before its first turn: agents, data, scores, events, streams, graph.
+        """Begin the game anew, as it was before its first turn here: agents, data, scores, events, streams, graph.
 
         What strategies and rules keep elsewhere than in `state["memory"]` and `ctx.game.data` stays as it is.
 
@@ -267,13 +271,39 @@ class Game(Settings):
     def start_node(self, agent: Any) -> Any:
         """The node an agent began on, or (x, y, z) of one that flies."""
         one = self._agent(agent, "start_node")
+        if one.name in self.began:
+            return self.began[one.name]
         if self._start is None:
             self._start = start.taken(self)
         return self._start.place_of(one)
 
+    # -- for the recorder ---------------------------------------------------------------------------------------
+
+    @property
+    def starts(self) -> dict[str, Any]:
+        """Agent -> where it began, once the game has begun."""
+        if self._start is None:
+            return dict(self.began)
+        return {name: self._start.place_of(agent) for name, agent in self.ctx.agent.agents.items()} | self.began
+
+    def begin_from_here(self) -> None:
+        """Forget everything that has happened, and let `reset` come back to how things are at the next turn."""
+        self.begin_anew()
+        self.forget_streams()
+        self._start = None
+
+    def publish_anew(self, facts: Mapping[str, Any]) -> None:
+        """Tell every strategy this, and nothing that was published before."""
+        self._facts.clear()
+        self.publish(**facts)
+
     def take_over(self, over: dict[str, Any] | None) -> None:
         """Be over for this reason, or not; for who plays a recording."""
         self._over = None if over is None else dict(over)
+
+    def memory_of(self, name: str) -> dict[Any, Any]:
+        """What an agent remembers; to be written to."""
+        return self.memories.setdefault(name, {})
 
     # -- for the parts of the engine ----------------------------------------------------------------------------
 

@@ -8,6 +8,7 @@ import numpy as np
 
 from gamms.errors import GammsError
 from gamms.ir import journal
+from gamms.recorder import game_state
 from gamms.recorder.formats.columns import IntArray
 from gamms.recorder.formats.reader import Reader
 from gamms.recorder.state import State, opened
@@ -41,6 +42,7 @@ class Fold:
 
     Args:
         state: a keyframe, which is not to be used afterwards; checked, for a stranger may have written it.
+        at: how many turns it knows.
 
     Attributes:
         state: as `recorder.state.opened` gives it.
@@ -48,13 +50,15 @@ class Fold:
         roster: a number that changes whenever agents come or go, or any of the lists does.
     """
 
-    def __init__(self, state: State) -> None:
+    def __init__(self, state: State, at: int = 0) -> None:
         self.roster = 0
+        self._log = at  # the one whose events happen
         self._begin(state)
 
     def _begin(self, state: State) -> None:
         try:
             self.state, self.following = _checked(opened(state)), int(state["next"])
+            self._clock = int(state.get("turn", 0)), self._log, int(state.get("pace", 0))
         except DAMAGES as error:
             raise Damaged(f"the whole state is not right ({type(error).__name__}: {error})") from error
         self._recount()
@@ -70,6 +74,11 @@ class Fold:
         self._sorted = numbers[self._order]
         self._is_counted = np.array_equal(numbers, np.arange(len(numbers)))  # rows are numbers
         self.roster += 1
+
+    def game_turn(self, turns: int) -> int:
+        """How the game counted the last of so many turns."""
+        counted, at, pace = self._clock
+        return counted + pace * (turns - at)
 
     def apply(self, log: journal.Log) -> None:
         """Let the log of one turn happen, entry by entry: what `advance` does at once."""
@@ -100,6 +109,7 @@ class Fold:
                 new.append(data)
                 continue
             self._enter(new)
+            self._log = turn
             self.happen(kind, data)
             in_order = in_order or kind == journal.SNAPSHOT
         self._enter(new)
@@ -225,6 +235,30 @@ class Fold:
             self.state[name] = np.delete(self.state[name], row, axis=0)
         self._recount()
 
+    def carry(self, data: Any) -> None:
+        """So many metres were left of moves."""
+        self.state["carry"][self._rows(np.asarray(data["numbers"], np.int64))] = data["metres"]
+
+    def count(self, data: Any) -> None:
+        """The game counted a turn otherwise than the ones before."""
+        self._clock = int(data["turn"]), self._log + 1, int(data["pace"])
+
+    def remember(self, data: Any) -> None:
+        """Agents or teams remember something else."""
+        for name, changes in data["agents"].items():
+            game_state.apply(self.state["memories"].setdefault(name, {}), changes)
+        for team, changes in data["teams"]:
+            game_state.apply(self.state["team_memories"].setdefault(team, {}), changes)
+
+    def equip(self, data: Any) -> None:
+        """Sensors came or went."""
+        gone = set(data["gone"])
+        kept = [
+            {**group, "ids": [sensor_id for sensor_id in group["ids"] if sensor_id not in gone]}
+            for group in self.state["sensor_kinds"]
+        ]
+        self.state["sensor_kinds"] = [*kept, *deepcopy(data["new"])]
+
     def replace(self, data: Any) -> None:
         """A snapshot was written."""
         self._begin(data)
@@ -234,6 +268,9 @@ def _checked(state: State) -> State:
     """A state of its own, whose columns are of the right kinds and of one length; an error says what is not."""
     names = [_text(name) for name in state["names"]]
     checked: State = {"scores": state["scores"], "data": dict(state["data"]), "over": state["over"]}
+    checked["memories"] = {name: dict(memory) for name, memory in state.get("memories", {}).items()}
+    checked["team_memories"] = {team: dict(memory) for team, memory in state.get("team_memories", ())}
+    checked["chance"], checked["sensor_kinds"] = state.get("chance"), list(state.get("sensor_kinds", ()))
     for name in _LISTS:
         checked[name] = list(state[name])
     for name, (dtype, shape) in _ARRAYS.items():
@@ -291,12 +328,6 @@ def _deregister(fold: Fold, data: Any) -> None:
     fold.state["sensors"][fold.row(data["agent_name"])].pop(data["name"], None)
 
 
-def _change_data(fold: Fold, data: Any) -> None:
-    fold.state["data"].update(deepcopy(data["set"]))
-    for key in data["removed"]:
-        fold.state["data"].pop(key, None)
-
-
 _EVENTS: dict[int, Callable[[Fold, Any], None]] = {
     journal.SNAPSHOT: Fold.replace,
     journal.AGENT_CREATE: Fold.enter,
@@ -311,10 +342,15 @@ _EVENTS: dict[int, Callable[[Fold, Any], None]] = {
     journal.AGENT_TEAM: _set("teams", "team"),
     journal.AGENT_ALIVE: _set("alive", "alive", int),
     journal.AGENT_SPEED: _set("speed", "speed"),
+    journal.AGENT_CARRY: Fold.carry,
     journal.AGENT_STRATEGY: _set("strategies", "strategy"),
     journal.GAME_SCORES: lambda fold, data: fold.state.__setitem__("scores", data["scores"]),
-    journal.GAME_DATA: _change_data,
+    journal.GAME_DATA: lambda fold, data: game_state.apply(fold.state["data"], data),
     journal.GAME_OVER: lambda fold, data: fold.state.__setitem__("over", data or None),
+    journal.GAME_TURN: Fold.count,
+    journal.GAME_MEMORY: Fold.remember,
+    journal.GAME_CHANCE: lambda fold, data: fold.state.__setitem__("chance", data["chance"]),
+    journal.SENSORS: Fold.equip,
 }
 _APART = _EVENTS.keys() - {  # events that change nothing that moves of others look at or change
     journal.SNAPSHOT,

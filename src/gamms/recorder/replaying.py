@@ -7,7 +7,7 @@ from typing import Any
 from gamms.errors import ContextTerminated, GammsError
 from gamms.ir import journal as kinds
 from gamms.ir.journal import Muted
-from gamms.recorder import state
+from gamms.recorder import game_state, state
 from gamms.recorder.errors import RecordingError
 from gamms.recorder.formats.reader import Reader
 from gamms.recorder.records import TURN_NS, Record, records_of, records_of_move, steps_of
@@ -30,6 +30,7 @@ class Player:
         self._ctx = recorder.ctx
         self._numbers: dict[int, str] = {}
         self._next = 0
+        self._pace = 0  # by how much the game counts on in a turn
 
     def play(self, reader: Reader) -> Iterator[Record]:
         """Everything in a recording of version 3."""
@@ -90,6 +91,7 @@ class Player:
             RecordingError: it cannot happen here; the context is as it was.
         """
         if kind == kinds.SIMULATE:
+            self._ctx.game.turn += self._pace
             self._ctx.visual.simulate()  # which ends the turn of a recording that is being written, too
             return
         apply = _EVENTS.get(kind)
@@ -116,6 +118,7 @@ class Player:
         numbers = data["numbers"].tolist()
         self._numbers = dict(zip(numbers, data["names"], strict=True))
         self._next = data["next"]
+        self._pace = int(data.get("pace", 0))
         if self._recorder.is_copying:
             self._recorder.renumber(data["names"], numbers, self._next)
         else:
@@ -157,9 +160,36 @@ class Player:
         self._ctx.game.scores.update(data["scores"])
 
     def _data(self, data: Any) -> None:
-        self._ctx.game.data.update(deepcopy(data["set"]))
-        for key in data["removed"]:
-            self._ctx.game.data.pop(key, None)
+        game_state.apply(self._ctx.game.data, data)
+
+    def _carry(self, data: Any) -> None:
+        agents = self._ctx.agent
+        for number, metres in zip(data["numbers"].tolist(), data["metres"].tolist(), strict=True):
+            agents.put(agents.agents[self._numbers[number]], {"carry": float(metres)})
+
+    def _count(self, data: Any) -> None:
+        self._pace = int(data["pace"])
+        self._ctx.game.turn = int(data["turn"]) - self._pace  # until the turn is over
+        self._ctx.game.began |= data.get("starts", {})
+
+    def _remember(self, data: Any) -> None:
+        game_state.remember(self._ctx, data)
+
+    def _facts(self, data: Any) -> None:
+        game = self._ctx.game
+        known = {name: fact for name, fact in game.facts.items() if name not in data["removed"]}
+        game.publish_anew(known | deepcopy(data["set"]))
+
+    def _chance(self, data: Any) -> None:
+        game_state.put_chance(self._ctx, data["chance"])
+
+    def _sense(self, data: Any) -> None:
+        sensors = self._ctx.sensor
+        for sensor_id in data["gone"]:
+            sensors.sensors.pop(sensor_id, None)
+        for sensor in state.sensors_of({"sensor_kinds": data["new"]}):
+            if sensor["id"] not in sensors.sensors:
+                sensors.make(sensor)
 
     def _event(self, data: Any) -> None:
         self._ctx.game.events.append(deepcopy(data))
@@ -232,9 +262,15 @@ _EVENTS: dict[int, Callable[[Player, Any], None]] = {
     kinds.AGENT_TEAM: _set("team", "team"),
     kinds.AGENT_ALIVE: _set("alive", "alive"),
     kinds.AGENT_SPEED: _set("speed", "speed"),
+    kinds.AGENT_CARRY: Player._carry,
     kinds.WORLD: Player._world,
     kinds.GAME_SCORES: Player._scores,
     kinds.GAME_DATA: Player._data,
     kinds.GAME_EVENT: Player._event,
     kinds.GAME_OVER: Player._over,
+    kinds.GAME_TURN: Player._count,
+    kinds.GAME_MEMORY: Player._remember,
+    kinds.GAME_FACTS: Player._facts,
+    kinds.GAME_CHANCE: Player._chance,
+    kinds.SENSORS: Player._sense,
 }

@@ -6,12 +6,13 @@ from contextlib import contextmanager
 from itertools import takewhile
 from typing import Any
 
+import numpy as np
+
 from gamms.ir import journal as kinds
 from gamms.ir.journal import NOBODY, Log
-from gamms.recorder import state
+from gamms.recorder import game_state, state
 from gamms.recorder.errors import RecordingError
 from gamms.recorder.noting import PlainJournal
-from gamms.recorder.plain import is_same, plain, plain_part
 from gamms.typing.opcodes import OpCodes
 
 _SOMEBODY_ELSE = object()
@@ -58,9 +59,9 @@ class Session:
         has_map = next(iter(ctx.graph.graph.get_nodes()), None) is not None
         self.world: bytes | None = ctx.graph.packed() if has_map else None  # first, for it may raise
         self._listen()
-        self.begin = state.captured(ctx) | state.told(ctx.game)
+        self.begin = state.captured(ctx) | game_state.told(ctx.game)
         self._revised = self._revisions()
-        self._game = _GameWatch(ctx)
+        self._watch_game()
 
     @property
     def log(self) -> Log:
@@ -71,6 +72,7 @@ class Session:
         """Write the turn, which is over."""
         if self.copied is None:
             self._tell_changes()
+            self._journal.log += self._game.count()
         log, self._journal.log, self._front = self._journal.log, [], 0
         self.turn += 1
         with self._writing():
@@ -97,10 +99,10 @@ class Session:
         # Those who come back do so in their order, and so do all who follow them.
         kept = [name for name, other in takewhile(lambda pair: pair[0] == pair[1], zip(left, now, strict=False))]
         gone = [(kinds.AGENT_DELETE, {"name": name}) for name in known if name not in kept]
-        snapshot = state.captured(self.ctx) | state.told(self.ctx.game)
+        snapshot = state.captured(self.ctx) | game_state.told(self.ctx.game)
         self._front = len(waiting)
         self._journal.log = [*waiting, *gone, (kinds.SNAPSHOT, snapshot)]
-        self._game = _GameWatch(self.ctx)
+        self._watch_game()
 
     def close(self) -> None:
         """Write what is left, and listen no longer."""
@@ -141,7 +143,8 @@ class Session:
     def end_copying(self) -> None:
         """Go on by what the context says."""
         self.copied = None
-        self._revised, self._game = self._revisions(), _GameWatch(self.ctx)
+        self._revised = self._revisions()
+        self._watch_game()
         self._journal.living = dict.fromkeys(self.ctx.agent.agents)
         self._front = len(self.log)
 
@@ -227,7 +230,8 @@ class Session:
         if self.copied is not None:
             keyframe = self.copied(self.turn)
         else:
-            keyframe = state.captured(self.ctx) if self._since_keyframe >= _KEYFRAME_ENTRIES else None
+            is_due = self._since_keyframe >= _KEYFRAME_ENTRIES
+            keyframe = state.captured(self.ctx) | {"pace": self._game.pace} if is_due else None
         if keyframe is not None:
             self.sink.keyframe(keyframe)
             self._since_keyframe = 0
@@ -243,10 +247,41 @@ class Session:
 
     def _tell_changes(self) -> None:
         """Write down what nobody notes: a change of the map, before who stands on it, and what the game has come to."""
-        changes = self._world_changes()
+        changes = self._world_changes() + self._sensor_changes()
         self._journal.log[self._front : self._front] = changes
         self._front += len(changes)
-        self._journal.log += self._game.changes()
+        self._journal.log += self._carry_changes() + self._strategies.changes() + self._game.changes()
+
+    def _watch_game(self) -> None:
+        """From now on, tell what becomes other than it is now."""
+        self._game, self._strategies = game_state.GameWatch(self.ctx), _StrategyWatch(self.ctx.agent)
+        self._sensors = dict(self.ctx.sensor.sensors)
+        self._carry = self._carry_by_number()
+
+    def _carry_changes(self) -> Log:
+        """What says how many metres were left of moves."""
+        if not any(self._carry.values()) and not any(self.ctx.agent.columns.carry):
+            return []
+        now, before = self._carry_by_number(), self._carry
+        self._carry = now
+        changed = {number: metres for number, metres in now.items() if before.get(number, 0.0) != metres}
+        if not changed:
+            return []
+        numbers, metres = np.array(list(changed), np.int64), np.array(list(changed.values()), np.float64)
+        return [(kinds.AGENT_CARRY, {"numbers": numbers, "metres": metres})]
+
+    def _carry_by_number(self) -> dict[int, float]:
+        return dict(zip(self._journal.ids, self.ctx.agent.columns.carry, strict=False))
+
+    def _sensor_changes(self) -> Log:
+        """What says that sensors came or went."""
+        now, before = self.ctx.sensor.sensors, self._sensors
+        if list(now.values()) == list(before.values()):
+            return []
+        self._sensors = dict(now)
+        new = [one for one in self.ctx.sensor.described() if now[one["id"]] is not before.get(one["id"])]
+        gone = [name for name, sensor in before.items() if now.get(name) is not sensor]
+        return [(kinds.SENSORS, {"new": state.grouped(new), "gone": gone})]
 
     def _world_changes(self) -> Log:
         """What says that the map is another one. The first map goes into the header: it may be loaded late."""
@@ -260,56 +295,23 @@ class Session:
         return [(kinds.WORLD, {"world": world})]
 
 
-class _GameWatch:
-    """What has changed in `ctx.game`, and in who plays by which strategy, since it was asked last."""
+class _StrategyWatch:
+    """Who plays by which strategy, since it was asked last."""
 
-    def __init__(self, ctx: Any) -> None:
-        self._game, self._agents = ctx.game, ctx.agent
-        self._events = len(ctx.game.events)
-        self._scores = plain(ctx.game.scores)
-        self._data = plain_part(ctx.game.data)
-        self._over = plain(ctx.game.over)
-        self._strategies = [agent.strategy for agent in ctx.agent.agents.values()]
-        self._named = {name: agent.strategy for name, agent in ctx.agent.agents.items()}
+    def __init__(self, agents: Any) -> None:
+        self._agents = agents
+        self._strategies = [agent.strategy for agent in agents.agents.values()]
+        self._named = {name: agent.strategy for name, agent in agents.agents.items()}
 
     def changes(self) -> Log:
-        """Events that say it."""
-        game = self._game
-        log: Log = self._new_strategies()
-        if len(game.events) != self._events:
-            log += [(kinds.GAME_EVENT, plain(event)) for event in game.events[self._events :]]
-            self._events = len(game.events)
-        if game.scores != self._scores:
-            self._scores = plain(game.scores)
-            log.append((kinds.GAME_SCORES, {"scores": list(self._scores.items())}))
-        if game.data or self._data:
-            log += self._new_data(game.data)
-        if game.over != self._over:
-            self._over = plain(game.over)
-            log.append((kinds.GAME_OVER, self._over or {}))
-        return log
-
-    def _new_strategies(self) -> Log:
-        agents = self._agents.agents
+        """Events that say what has changed."""
+        agents, before = self._agents.agents, self._named
         now = [agent.strategy for agent in agents.values()]
         if now == self._strategies:
             return []
-        before, self._strategies, self._named = (
-            self._named,
-            now,
-            {name: agent.strategy for name, agent in agents.items()},
-        )
+        self._strategies, self._named = now, {name: agent.strategy for name, agent in agents.items()}
         return [
             (kinds.AGENT_STRATEGY, {"agent_name": agent.name, "strategy": state.name_of(agent.strategy)})
             for agent in agents.values()
             if agent.strategy is not before.get(agent.name)
         ]
-
-    def _new_data(self, data: dict[str, Any]) -> Log:
-        now, before = plain_part(data), self._data
-        if is_same(now, before):
-            return []
-        changed = {key: value for key, value in now.items() if key not in before or not is_same(value, before[key])}
-        removed = [key for key in before if key not in now]
-        self._data = now
-        return [(kinds.GAME_DATA, {"set": changed, "removed": removed})]
