@@ -232,8 +232,8 @@ def test_the_game_of_a_scenario_goes_on_from_its_recording_alone(tmp_path):
     file.write_text(
         "map: {grid: {width: 6, height: 6}}\n"
         "teams:\n"
-        "  red: {count: 2, strategy: \"gamms.strategies:random_walk\"}\n"
-        "  blue: {count: 2, strategy: \"gamms.strategies:random_walk\"}\n"
+        '  red: {count: 2, strategy: "gamms.strategies:random_walk"}\n'
+        '  blue: {count: 2, strategy: "gamms.strategies:random_walk"}\n'
         "rules: [{rule: tag, with: {taggers: red, tagged: blue}}]\n"
         "turns: 12\nseed: 4\n"
     )

@@ -234,7 +234,9 @@ def _apply(game: "Game", turn: TurnMoves) -> None:
     seating.count_moves(turn.starts, turn.ends)
     for i, plan in turn.plans.items():
         seat = turn.seats[i]
-        columns.carry[seat.row] = plan.carry
+        if columns.carry[seat.row] != plan.carry:
+            columns.carry[seat.row] = plan.carry
+            columns.left_over.add(seat.row)
         if plan.heading != ():
             writer.turn(columns, seat.row, plan.heading)
         if seat.flies:

@@ -1,7 +1,6 @@
 """From a keyframe to the turns after it: what each event does to a state, on plain columns."""
 
 from collections.abc import Callable
-from copy import deepcopy
 from typing import Any
 
 import numpy as np
@@ -251,13 +250,8 @@ class Fold:
             game_state.apply(self.state["team_memories"].setdefault(team, {}), changes)
 
     def equip(self, data: Any) -> None:
-        """Sensors came or went."""
-        gone = set(data["gone"])
-        kept = [
-            {**group, "ids": [sensor_id for sensor_id in group["ids"] if sensor_id not in gone]}
-            for group in self.state["sensor_kinds"]
-        ]
-        self.state["sensor_kinds"] = [*kept, *deepcopy(data["new"])]
+        """Sensors came."""
+        self.state["sensor_kinds"] = [*self.state["sensor_kinds"], *data["sensor_kinds"]]
 
     def replace(self, data: Any) -> None:
         """A snapshot was written."""

@@ -113,20 +113,19 @@ class GameWatch:
         self._turn, self.pace = ctx.game.turn, pace
         self._places = _places(ctx)
 
-    def count(self) -> Log:
+    def count(self) -> tuple[int, Any] | None:
         """A turn is over: the event that says how the game counts it, unless it does as it did before."""
         now, before, pace = self._game.turn, self._turn, self.pace
         self.pace, self._turn = now - before, now
         if now == before + pace:
-            return []
+            return None
         starts = self._game.starts
         is_told = before > 0 or starts.items() <= self._places.items()
-        return [(kinds.GAME_TURN, {"turn": now, "pace": self.pace, **({} if is_told else {"starts": plain(starts)})})]
+        return (kinds.GAME_TURN, {"turn": now, "pace": self.pace, **({} if is_told else {"starts": plain(starts)})})
 
-    def changes(self) -> Log:
-        """Events that say what else has changed."""
+    def tell(self, log: Log) -> None:
+        """Add the events that say what else has changed."""
         game = self._game
-        log: Log = []
         if len(game.events) != self._events:
             log += [(kinds.GAME_EVENT, plain(event)) for event in game.events[self._events :]]
             self._events = len(game.events)
@@ -141,35 +140,27 @@ class GameWatch:
         if game.over != self._over:
             self._over = plain(game.over)
             log.append((kinds.GAME_OVER, self._over or {}))
-        return log + self._new_facts() + self._new_memories() + self._new_chance()
+        if game.facts != self._facts:
+            log.append(self._new_facts())
+        if self._memories or self._team_memories or game.team_memories or any(game.memories.values()):
+            log += self._new_memories()
+        if (chance := self._ctx.chance()) is not None and not is_same(chance, self._chance):
+            self._chance = plain(chance)
+            log.append((kinds.GAME_CHANCE, {"chance": self._chance}))
 
-    def _new_facts(self) -> Log:
-        # NOTE: a fact is frozen, so that it is another object when it is another fact.
-        before, now = self._facts, self._game.facts
-        changed = {name: fact for name, fact in now.items() if before.get(name, self) is not fact}
+    def _new_facts(self) -> tuple[int, Any]:
+        before, now = self._facts, dict(self._game.facts)
+        self._facts = now
+        changed = {name: fact for name, fact in now.items() if name not in before or before[name] != fact}
         removed = [name for name in before if name not in now]
-        if not changed and not removed:
-            return []
-        self._facts = dict(now)
-        return [(kinds.GAME_FACTS, {"set": plain_part(changed), "removed": removed})]
+        return (kinds.GAME_FACTS, {"set": plain_part(changed), "removed": removed})
 
     def _new_memories(self) -> Log:
-        game = self._game
-        agents, teams = {}, []
-        if self._memories or any(game.memories.values()):
-            before, self._memories = self._memories, _memories(game)
-            agents = _each(self._memories, before)
-        if self._team_memories or game.team_memories:
-            before, self._team_memories = self._team_memories, _team_memories(game)
-            teams = list(_each(self._team_memories, before).items())
+        before, self._memories = self._memories, _memories(self._game)
+        agents = _each(self._memories, before)
+        known, self._team_memories = self._team_memories, _team_memories(self._game)
+        teams = list(_each(self._team_memories, known).items())
         return [(kinds.GAME_MEMORY, {"agents": agents, "teams": teams})] if agents or teams else []
-
-    def _new_chance(self) -> Log:
-        chance = self._ctx.chance()
-        if chance is None or is_same(chance, self._chance):
-            return []
-        self._chance = plain(chance)
-        return [(kinds.GAME_CHANCE, {"chance": self._chance})]
 
 
 def _each(now: dict[Any, Any], before: dict[Any, Any]) -> dict[Any, Changes]:

@@ -183,13 +183,8 @@ class Player:
     def _chance(self, data: Any) -> None:
         game_state.put_chance(self._ctx, data["chance"])
 
-    def _sense(self, data: Any) -> None:
-        sensors = self._ctx.sensor
-        for sensor_id in data["gone"]:
-            sensors.sensors.pop(sensor_id, None)
-        for sensor in state.sensors_of({"sensor_kinds": data["new"]}):
-            if sensor["id"] not in sensors.sensors:
-                sensors.make(sensor)
+    def _equip(self, data: Any) -> None:
+        state.make_sensors(self._ctx, data)
 
     def _event(self, data: Any) -> None:
         self._ctx.game.events.append(deepcopy(data))
@@ -272,5 +267,5 @@ _EVENTS: dict[int, Callable[[Player, Any], None]] = {
     kinds.GAME_MEMORY: Player._remember,
     kinds.GAME_FACTS: Player._facts,
     kinds.GAME_CHANCE: Player._chance,
-    kinds.SENSORS: Player._sense,
+    kinds.SENSORS: Player._equip,
 }

@@ -1,8 +1,7 @@
 """One recording while it is being written: what the journal holds becomes the log of each turn."""
 
 import time
-from collections.abc import Callable, Iterator, Mapping
-from contextlib import contextmanager
+from collections.abc import Callable, Mapping
 from itertools import takewhile
 from typing import Any
 
@@ -70,13 +69,18 @@ class Session:
 
     def end_turn(self) -> None:
         """Write the turn, which is over."""
+        journal = self._journal
         if self.copied is None:
             self._tell_changes()
-            self._journal.log += self._game.count()
-        log, self._journal.log, self._front = self._journal.log, [], 0
+            if (counted := self._game.count()) is not None:
+                journal.log.append(counted)
+        log, journal.log, self._front = journal.log, [], 0
         self.turn += 1
-        with self._writing():
+        try:
             self._keep(log)
+        except RecordingError:
+            self._fail()
+            raise
 
     def pause(self) -> None:
         """Write nothing until `play`."""
@@ -115,9 +119,12 @@ class Session:
         if log:
             log.append((kinds.UNFINISHED, {}))
             self._logs.append(log)
-        with self._writing():
+        try:
             self._hand_over()
             self.sink.close()
+        except RecordingError:
+            self._fail()
+            raise
 
     @property
     def sink(self) -> Sink:
@@ -203,14 +210,10 @@ class Session:
         if self.begin_anew in self.ctx.game.after_reset:
             self.ctx.game.after_reset.remove(self.begin_anew)
 
-    @contextmanager
-    def _writing(self) -> Iterator[None]:
-        try:
-            yield
-        except RecordingError:
-            self._hush()
-            self.has_failed, self._logs = True, []
-            raise
+    def _fail(self) -> None:
+        """Write nothing any more."""
+        self._hush()
+        self.has_failed, self._logs = True, []
 
     def _keep(self, log: Log) -> None:
         self._logs.append(log)
@@ -247,41 +250,37 @@ class Session:
 
     def _tell_changes(self) -> None:
         """Write down what nobody notes: a change of the map, before who stands on it, and what the game has come to."""
-        changes = self._world_changes() + self._sensor_changes()
-        self._journal.log[self._front : self._front] = changes
-        self._front += len(changes)
-        self._journal.log += self._carry_changes() + self._strategies.changes() + self._game.changes()
+        # NOTE: asked in every turn, which with ten agents takes 10 us, so most of the time nothing is made here
+        # (benchmarks/README.md, w4).
+        log = self._journal.log
+        if self._revisions() != self._revised or len(self.ctx.sensor.sensors) != self._sensors:
+            changes = self._world_changes() + self._new_sensors()
+            log[self._front : self._front] = changes
+            self._front += len(changes)
+        if self.ctx.agent.columns.left_over:
+            log += self._new_carry()
+        log += self._strategies.changes()
+        self._game.tell(log)
 
     def _watch_game(self) -> None:
         """From now on, tell what becomes other than it is now."""
         self._game, self._strategies = game_state.GameWatch(self.ctx), _StrategyWatch(self.ctx.agent)
-        self._sensors = dict(self.ctx.sensor.sensors)
-        self._carry = self._carry_by_number()
+        self._sensors = len(self.ctx.sensor.sensors)
+        self.ctx.agent.columns.left_over.clear()
 
-    def _carry_changes(self) -> Log:
+    def _new_carry(self) -> Log:
         """What says how many metres were left of moves."""
-        if not any(self._carry.values()) and not any(self.ctx.agent.columns.carry):
-            return []
-        now, before = self._carry_by_number(), self._carry
-        self._carry = now
-        changed = {number: metres for number, metres in now.items() if before.get(number, 0.0) != metres}
-        if not changed:
-            return []
-        numbers, metres = np.array(list(changed), np.int64), np.array(list(changed.values()), np.float64)
-        return [(kinds.AGENT_CARRY, {"numbers": numbers, "metres": metres})]
+        columns, ids = self.ctx.agent.columns, self._journal.ids
+        rows = sorted(columns.left_over)
+        columns.left_over.clear()
+        numbers, metres = [ids[row] for row in rows], [columns.carry[row] for row in rows]
+        return [(kinds.AGENT_CARRY, {"numbers": np.array(numbers, np.int64), "metres": np.array(metres, np.float64)})]
 
-    def _carry_by_number(self) -> dict[int, float]:
-        return dict(zip(self._journal.ids, self.ctx.agent.columns.carry, strict=False))
-
-    def _sensor_changes(self) -> Log:
-        """What says that sensors came or went."""
-        now, before = self.ctx.sensor.sensors, self._sensors
-        if list(now.values()) == list(before.values()):
-            return []
-        self._sensors = dict(now)
-        new = [one for one in self.ctx.sensor.described() if now[one["id"]] is not before.get(one["id"])]
-        gone = [name for name, sensor in before.items() if now.get(name) is not sensor]
-        return [(kinds.SENSORS, {"new": state.grouped(new), "gone": gone})]
+    def _new_sensors(self) -> Log:
+        """What says that sensors came; none ever goes."""
+        described = self.ctx.sensor.described()[self._sensors :]
+        self._sensors += len(described)
+        return [(kinds.SENSORS, {"sensor_kinds": state.grouped(described)})] if described else []
 
     def _world_changes(self) -> Log:
         """What says that the map is another one. The first map goes into the header: it may be loaded late."""

@@ -105,9 +105,7 @@ def grouped(described: list[dict[str, Any]]) -> list[dict[str, Any]]:
 
 def put(ctx: Any, state: State) -> None:
     """Set what a snapshot says: agents of the same name and kind are moved, missing ones made, others left alone."""
-    for sensor in sensors_of(state):
-        if sensor["id"] not in ctx.sensor.sensors:
-            ctx.sensor.make(sensor)
+    make_sensors(ctx, state)
     state = opened(state)
     for row, name in enumerate(state["names"]):
         flies, node = bool(state["kind"][row]), int(state["node"][row])
@@ -127,6 +125,13 @@ def put(ctx: Any, state: State) -> None:
             agent.speed = state["speed"][row]
         ctx.agent.put(agent, _row_of(state, row))
     game_state.put(ctx, state)
+
+
+def make_sensors(ctx: Any, state: State) -> None:
+    """Make the sensors that there are not yet."""
+    for sensor in sensors_of(state):
+        if sensor["id"] not in ctx.sensor.sensors:
+            ctx.sensor.make(sensor)
 
 
 def _node_there(ctx: Any, node: int) -> int:
