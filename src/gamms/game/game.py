@@ -7,7 +7,7 @@ from typing import TYPE_CHECKING, Any, overload
 
 from gamms import kernels
 from gamms.arguments import as_float, as_int, as_name
-from gamms.errors import BadType, BadValue, ContextTerminated
+from gamms.errors import BadType, BadValue, ContextTerminated, UnknownName
 from gamms.game import chance, start, turn
 from gamms.game.collectors import Collectors
 from gamms.game.errors import Meddling
@@ -44,6 +44,7 @@ class Game(Settings):
         events: what was emitted, in order: dicts with `turn` and `kind`.
         errors: what strategies did wrong, in order.
         after_reset: called when the game has begun anew, in order.
+        after_observing: called in every turn with the agents and their states before anybody decides, in order.
         scenario: what the game was built from, as plain values, for whoever records it; None: by a program.
         began: agent -> where it began, for a game that began before this context did; see `start_node`.
     """
@@ -62,6 +63,7 @@ class Game(Settings):
         self._start: start.Start | None = None
         self._chance = chance.GlobalChance()
         self.after_reset: list[Callable[[], None]] = []
+        self.after_observing: list[Callable[[list[Any], list[dict[str, Any]]], None]] = []
         self.scenario: dict[str, Any] | None = None
         self.began: dict[str, Any] = {}
         self.is_deciding = False
@@ -172,7 +174,7 @@ class Game(Settings):
         too, and afterwards as they were before.
 
         Args:
-            max_turns: None takes that of the settings.
+            max_turns: so many turns from now on; None: until there were as many as the settings say.
             progress: show how far it is on a line of stderr, where that is a terminal.
 
         Raises:
@@ -181,10 +183,10 @@ class Game(Settings):
         """
         if self.ctx.is_terminated():
             raise ContextTerminated("ctx.game")
-        turns = as_turns("max_turns", self.max_turns if max_turns is None else max_turns)
-        if turns is None and not any(self._rules.values()):
+        turns = as_turns("max_turns", max_turns)
+        last = self.max_turns if turns is None else self.turn + turns
+        if last is None and not any(self._rules.values()):
             raise BadValue("This game has no rule that could end it: give run(max_turns=…) or add a rule.")
-        last = None if turns is None else self.turn + turns
         with self._chance.of(self.ctx), chance.shown(self, last, is_shown=progress) as show:
             while (last is None or self.turn < last) and self.step():
                 show()
@@ -236,6 +238,20 @@ class Game(Settings):
     def moves(self) -> dict[str, Move]:
         """How the agents on the ground moved in this turn, by name; rules must not change it."""
         return {} if self.turn_moves is None else self.turn_moves.by_name()
+
+    def observation(self, agent: Any) -> dict[str, Any]:
+        """What an agent on the move, or the one of that name, would be told now: a state as its strategy gets it.
+
+        Its sensors are asked for it.
+
+        Raises:
+            UnknownName (KeyError): there is no such agent, or it is out of the game.
+        """
+        one = self._agent(agent, "observation")
+        for seat in self.seating().seats:
+            if seat.agent is one:
+                return turn.observed(self, seat)
+        raise UnknownName("living agent", one.name, [seat.name for seat in self.seating().seats])
 
     def emit(self, kind: str, **data: Any) -> None:
         """Note that something happened; it is in `events` and in the result. Values should be plain."""

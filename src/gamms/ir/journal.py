@@ -31,7 +31,8 @@ GAME_TURN = 0x04000004  # not in 1.0.0: the game has counted otherwise than it d
 GAME_MEMORY = 0x04000005  # not in 1.0.0: what agents and teams remember
 GAME_FACTS = 0x04000006  # not in 1.0.0
 GAME_CHANCE = 0x04000007  # not in 1.0.0: where the context's own random stream stands
-SENSORS = 0x06000000  # not in 1.0.0: sensors came or went
+SENSORS = 0x06000000  # not in 1.0.0: sensors came
+SENSED = 0x06000001  # not in 1.0.0: what agents sensed in this turn
 USER_EVENT = 0x05000000  # not in 1.0.0
 
 

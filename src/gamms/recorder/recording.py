@@ -193,13 +193,36 @@ class Recording:
         live = resuming.opened_context(seed, vis_engine) if ctx is None else ctx
         try:
             live.reseed(seed)
-            resuming.resume(live, self._reader, turn, self._folded(turn), world)
+            resuming.resume(live, self._reader, turn, self._folded(turn), world, is_fresh=ctx is None)
             resuming.register(live, strategies or {})
         except BaseException:
             if ctx is None:
                 live.terminate()
             raise
         return live
+
+    def observation(self, turn: int, agent: str) -> dict[str, Any]:
+        """The state by which an agent decided in a turn, as its strategy got it; what was sensed must be recorded.
+
+        So that a decision can be repeated: `strategy(recording.observation(12, "anna"))`. What a sensor of the
+        program's own gave is there as far as it was plain, as are memories and facts.
+
+        Args:
+            turn: 1 is the first.
+            agent: its name.
+
+        Raises:
+            BadValue: there is no such turn, or what was sensed was not recorded: `ctx.record.start(…, sensed=True)`.
+            UnknownName (KeyError): there was no such living agent.
+            RecordingError (ValueError): the recording is damaged.
+        """
+        from gamms.recorder import resuming
+
+        turn = as_int(turn, "turn")
+        if not 1 <= turn <= self.turns:
+            raise BadValue(f"There is no turn {turn}: this recording has turns 1 to {self.turns}.")
+        with self.resume(turn - 1) as ctx:
+            return resuming.observation(ctx, self._reader.log(turn - 1), self._folded(turn - 1), turn, agent)
 
     # -- the map ------------------------------------------------------------------------------------------------
 

@@ -46,6 +46,26 @@ class Player:
                 return
         yield {"timestamp": max(0, reader.turns - 1) * TURN_NS, "opCode": kinds.TERMINATE}
 
+    def play_until(self, log: kinds.Log, kind: int, names: dict[int, str], following: int) -> Any:
+        """Play a turn as far as an event of some kind, and give the data of it; None if there is none.
+
+        Args:
+            log: of the turn.
+            kind: of the event.
+            names: number of an agent -> its name; who comes is added.
+            following: the number that the next new agent gets.
+        """
+        self._numbers, self._next = names, following
+        agents = self._ctx.agent
+        for number, step in steps_of(log):
+            if number is not None:
+                agents.moves.act(agents.columns, agents.agents[names[number]]._row, step)
+            elif step[0] == kind:
+                return step[1]
+            else:
+                self.happen(*step)
+        return None
+
     def _turn(self, turn: int, log: kinds.Log) -> Iterator[Record]:
         timestamp, is_over = turn * TURN_NS, True
         agents, recorder = self._ctx.agent, self._recorder

@@ -5,10 +5,13 @@ from copy import deepcopy
 from typing import TYPE_CHECKING, Any
 
 from gamms.arguments import as_int
-from gamms.errors import BadType, GammsError, UnknownName
+from gamms.errors import BadType, BadValue, GammsError, UnknownName
 from gamms.ir import journal as kinds
-from gamms.recorder import game_state, state
+from gamms.recorder import game_state, sensed, state
 from gamms.recorder.errors import RecordingError
+from gamms.recorder.fold import DAMAGES
+from gamms.recorder.replaying import Player
+from gamms.typing import SensorType
 from gamms.typing.context import contexts
 from gamms.typing.opcodes import OpCodes
 
@@ -23,11 +26,49 @@ _COMPONENTS = {code.value: code.name for code in OpCodes if code.name.startswith
 
 
 def opened_context(seed: int, vis_engine: Any) -> Any:
-    """A fresh context; None: without a window."""
+    """A fresh context; `vis_engine` None: without a window."""
     return contexts["gamms"](seed=seed, **({} if vis_engine is None else {"vis_engine": vis_engine}))
 
 
-def resume(ctx: Any, reader: "Reader", turn: int, fold: "Fold", world: bytes) -> None:
+def observation(ctx: Any, log: kinds.Log, fold: "Fold", turn: int, agent: str) -> dict[str, Any]:
+    """What an agent was told in a turn.
+
+    Args:
+        ctx: a context in which the game was resumed from the turn before; it is changed.
+        log: of the turn.
+        fold: the state before it.
+        turn: its number.
+        agent: its name.
+
+    Raises:
+        BadValue: what was sensed is not in the recording.
+        UnknownName (KeyError): there was no such living agent.
+        RecordingError: what is in the recording is damaged.
+    """
+    player = Player(ctx.record)
+    names = dict(zip(fold.state["numbers"].tolist(), fold.state["names"], strict=True))
+    told = player.play_until(log, kinds.SENSED, names, fold.following)
+    if told is None:
+        raise BadValue(
+            f"What was sensed in turn {turn} is not in this recording: start it with ctx.record.start(…, sensed=True), "
+            "and play by ctx.game."
+        )
+    state: dict[str, Any] = ctx.game.observation(agent)
+    numbers = {name: number for number, name in names.items()}
+    try:
+        looks = sensed.looks_of(told, numbers[agent])
+        graph = ctx.graph.graph
+        state["sensor"] = {look.sensor: (_kind_of(look), sensed.data_of(look, graph, names)) for _, look in looks}
+    except DAMAGES as error:
+        raise RecordingError(f"What was sensed in turn {turn} is damaged: {error!r}.") from error
+    return state
+
+
+def _kind_of(look: sensed.Look) -> SensorType:
+    return SensorType.__members__.get(look.kind, SensorType.CUSTOM)
+
+
+def resume(ctx: Any, reader: "Reader", turn: int, fold: "Fold", world: bytes, *, is_fresh: bool) -> None:
     """Let a context be as a recording was after so many turns.
 
     Args:
@@ -36,6 +77,7 @@ def resume(ctx: Any, reader: "Reader", turn: int, fold: "Fold", world: bytes) ->
         turn: how many turns.
         fold: the state after these.
         world: the map then.
+        is_fresh: whether nothing was done with the context yet.
 
     Raises:
         RecordingError: it does not fit the context.
@@ -44,6 +86,8 @@ def resume(ctx: Any, reader: "Reader", turn: int, fold: "Fold", world: bytes) ->
     strategies = {name: agent.strategy for name, agent in ctx.agent.agents.items()}
     told, facts = _told(reader, turn), dict(ctx.game.facts)
     told["facts"] = facts | told["facts"]  # for those which a recording cannot hold
+    if is_fresh:
+        ctx.game.configure(told["settings"])
     chance = fold.state["chance"] if ctx.seed == reader.header.get("seed") else None
     ctx.game.begin_from_here()
     try:
@@ -115,10 +159,10 @@ def _told(reader: "Reader", turn: int) -> dict[str, Any]:
     found = reader.keyframe(0)
     begin = {} if found is None else found[1]
     starts = _starts_of(begin)
-    told: dict[str, Any] = {"events": list(begin.get("events", ())), "facts": dict(begin.get("facts", {}))}
+    told = _kept(begin)
     for kind, data in _before(reader, turn, _TOLD):
         if kind == kinds.SNAPSHOT:
-            told = {"events": list(data.get("events", ())), "facts": dict(data.get("facts", {}))}
+            told = _kept(data)
             starts |= data.get("starts", {})
         elif kind == kinds.GAME_EVENT:
             told["events"].append(data)
@@ -127,6 +171,11 @@ def _told(reader: "Reader", turn: int) -> dict[str, Any]:
         else:
             starts |= data.get("starts", {})
     return deepcopy({**told, "starts": starts})
+
+
+def _kept(snapshot: Mapping[str, Any]) -> dict[str, Any]:
+    kept = {"facts": dict(snapshot.get("facts", {})), "settings": snapshot.get("settings", {})}
+    return {"events": list(snapshot.get("events", ())), **kept}
 
 
 def _starts_of(begin: Mapping[str, Any]) -> dict[str, Any]:

@@ -9,7 +9,7 @@ import numpy as np
 
 from gamms.ir import journal as kinds
 from gamms.ir.journal import NOBODY, Log
-from gamms.recorder import game_state, state
+from gamms.recorder import game_state, sensed, state
 from gamms.recorder.errors import RecordingError
 from gamms.recorder.noting import PlainJournal
 from gamms.typing.opcodes import OpCodes
@@ -31,6 +31,7 @@ class Session:
     Args:
         ctx: the context.
         make_sink: makes the sink when the first turn is over, so that a map may be loaded until then.
+        with_sensed: whether what agents sense is written, too.
 
     Attributes:
         is_paused: whether nothing is written for now.
@@ -41,8 +42,9 @@ class Session:
         turn: how many turns were recorded.
     """
 
-    def __init__(self, ctx: Any, make_sink: Callable[["Session"], Sink]) -> None:
+    def __init__(self, ctx: Any, make_sink: Callable[["Session"], Sink], *, with_sensed: bool = False) -> None:
         self.ctx = ctx
+        self._with_sensed = with_sensed
         self._room = ctx.graph
         self._make_sink = make_sink
         self._sink: Sink | None = None
@@ -199,6 +201,16 @@ class Session:
         agents.write_by(agents.moves.plain().journaled(agents.columns))
         self.ctx.visual.after_turn.append(self.end_turn)
         self.ctx.game.after_reset.append(self.begin_anew)
+        if self._with_sensed:
+            self.ctx.game.after_observing.append(self._note_sensed)
+
+    def _note_sensed(self, agents: list[Any], states: list[dict[str, Any]]) -> None:
+        """Write down what agents are about to decide by, after what has become so before."""
+        self._tell_changes()
+        journal, rows = self._journal, self.ctx.agent.columns.names
+        numbers = dict(zip(rows, journal.ids, strict=False))
+        results = [(numbers[agent.name], told["sensor"]) for agent, told in zip(agents, states, strict=True)]
+        journal.log.append((kinds.SENSED, sensed.packed(results, numbers)))
 
     def _hush(self) -> None:
         agents = self.ctx.agent
@@ -209,6 +221,8 @@ class Session:
             self.ctx.visual.after_turn.remove(self.end_turn)
         if self.begin_anew in self.ctx.game.after_reset:
             self.ctx.game.after_reset.remove(self.begin_anew)
+        if self._note_sensed in self.ctx.game.after_observing:
+            self.ctx.game.after_observing.remove(self._note_sensed)
 
     def _fail(self) -> None:
         """Write nothing any more."""
