@@ -2,13 +2,18 @@
 
 from collections.abc import Mapping
 from copy import deepcopy
+from marshal import dumps
 from typing import Any
 
 from gamms.ir import journal as kinds
 from gamms.ir.journal import Log
 from gamms.recorder.plain import is_same, plain, plain_part
 
-Changes = dict[str, Any]  # of a dict: what is `set`, what is `removed`, and what lists have `more`
+Changes = dict[str, Any]  # of a dict: what is `set`, what is `removed`, and what lists and sets have `more`
+
+_NO_REFERENCES = 2  # the last version of marshal that writes a value whether or not it was written before
+_MARKED = (bool, int, float, str, bytes, type(None), list, tuple, set, frozenset, dict)
+_HEAD = 5  # bytes before the items of a list: its type and length
 
 
 def captured(ctx: Any) -> dict[str, Any]:
@@ -75,23 +80,78 @@ def remember(ctx: Any, data: Mapping[str, Any]) -> None:
 
 
 def apply(values: dict[Any, Any], changes: Changes) -> None:
-    """Change a dict as `changes` gave it."""
-    values.update(deepcopy(changes["set"]))
+    """Change a dict as `Kept.changes` gave it."""
+    values.update(deepcopy(changes.get("set", {})))
     for key, more in changes.get("more", {}).items():
-        values[key] = [*values[key], *deepcopy(more)]
-    for key in changes["removed"]:
+        known = values[key]
+        values[key] = known | set(more) if isinstance(known, set) else [*known, *deepcopy(more)]
+    for key in changes.get("removed", ()):
         values.pop(key, None)
 
 
-def changes(now: dict[Any, Any], before: dict[Any, Any]) -> Changes | None:
-    """What has changed in a dict of plain values; None if nothing has."""
-    changed = {key: value for key, value in now.items() if key not in before or not is_same(value, before[key])}
-    removed = [key for key in before if key not in now]
-    if not changed and not removed:
+class Kept:
+    """The plain part of a dict as it was, for comparing.
+
+    Attributes:
+        values: the plain part.
+    """
+
+    __slots__ = ("_marks", "values")
+
+    def __init__(self, now: Mapping[Any, Any]) -> None:
+        self.values = plain_part(now)
+        self._marks = {key: _mark(value) for key, value in now.items()}
+
+    def changes(self, now: Mapping[Any, Any]) -> Changes | None:
+        """What has changed since it was asked last; None if nothing has."""
+        # NOTE: marks are compared first, which costs a fifth, because this is asked of every memory in every turn.
+        marks = {key: _mark(value) for key, value in now.items()}
+        changed = {key: now[key] for key, mark in marks.items() if mark is None or mark != self._marks.get(key)}
+        if not changed and len(now) == len(self._marks):
+            return None
+        found: Changes = {"set": {}, "more": {}, "removed": [key for key in self.values if key not in now]}
+        for key, value in changed.items():
+            more = self._more(key, value, marks[key])
+            if more is not None:
+                found["more"][key] = more
+                self.values[key] = self.values[key] | more if isinstance(more, set) else [*self.values[key], *more]
+            else:
+                self._note(key, value, found)
+        for key in found["removed"]:
+            del self.values[key]
+        self._marks = marks
+        return {name: one for name, one in found.items() if one} or None
+
+    def _more(self, key: Any, value: Any, mark: bytes | None) -> Any:
+        """What has been added to a list or a set; None if it is not that."""
+        if type(value) not in (list, set) or mark is None:
+            return None
+        known: Any = self.values.get(key)
+        before = self._marks.get(key)
+        if type(known) is not type(value) or not known or before is None or len(value) <= len(known):
+            return None
+        if type(value) is list and mark.startswith(before[_HEAD:], _HEAD):
+            return plain(value[len(known) :])
+        return plain(value - known) if type(value) is set and known <= value else None
+
+    def _note(self, key: Any, value: Any, found: Changes) -> None:
+        """Take a value that may have changed."""
+        for name, one in plain_part({key: value}).items():
+            if name not in self.values or not is_same(one, self.values[name]):
+                found["set"][name] = self.values[name] = one
+            return
+        if key in self.values:  # it is not plain any longer
+            found["removed"].append(key)
+
+
+def _mark(value: Any) -> bytes | None:
+    """Bytes that are others for another value; None where there are no such."""
+    if type(value) not in _MARKED:  # an array, for example, of which marshal keeps the bytes and not the shape
         return None
-    more = {key: value[len(before[key]) :] for key, value in changed.items() if _has_grown(value, before.get(key))}
-    whole = {key: value for key, value in changed.items() if key not in more}
-    return {"set": whole, "removed": removed, **({"more": more} if more else {})}
+    try:
+        return dumps(value, _NO_REFERENCES)
+    except ValueError:
+        return None
 
 
 class GameWatch:
@@ -105,10 +165,10 @@ class GameWatch:
         self._ctx, self._game = ctx, ctx.game
         self._events = len(ctx.game.events)
         self._scores = plain(ctx.game.scores)
-        self._data = plain_part(ctx.game.data)
+        self._data = Kept(ctx.game.data)
         self._over = plain(ctx.game.over)
-        self._memories = _memories(ctx.game)
-        self._team_memories = _team_memories(ctx.game)
+        self._memories = {name: Kept(memory) for name, memory in ctx.game.memories.items() if memory}
+        self._team_memories = {team: Kept(memory) for team, memory in ctx.game.team_memories.items() if memory}
         self._facts = dict(ctx.game.facts)
         self._chance = plain(ctx.chance())
         self._turn, self.pace = ctx.game.turn, pace
@@ -133,11 +193,8 @@ class GameWatch:
         if game.scores != self._scores:
             self._scores = plain(game.scores)
             log.append((kinds.GAME_SCORES, {"scores": list(self._scores.items())}))
-        if game.data or self._data:
-            now, before = plain_part(game.data), self._data
-            self._data = now
-            if (found := changes(now, before)) is not None:
-                log.append((kinds.GAME_DATA, found))
+        if (game.data or self._data.values) and (found := self._data.changes(game.data)) is not None:
+            log.append((kinds.GAME_DATA, found))
         if game.over != self._over:
             self._over = plain(game.over)
             log.append((kinds.GAME_OVER, self._over or {}))
@@ -157,17 +214,26 @@ class GameWatch:
         return (kinds.GAME_FACTS, {"set": plain_part(changed), "removed": removed})
 
     def _new_memories(self) -> Log:
-        before, self._memories = self._memories, _memories(self._game)
-        agents = _each(self._memories, before)
-        known, self._team_memories = self._team_memories, _team_memories(self._game)
-        teams = list(_each(self._team_memories, known).items())
-        return [(kinds.GAME_MEMORY, {"agents": agents, "teams": teams})] if agents or teams else []
+        agents = _each(self._game.memories, self._memories)
+        teams = list(_each(self._game.team_memories, self._team_memories).items())
+        return (
+            [(kinds.GAME_MEMORY, {"agents": agents, "teams": [(plain(team), one) for team, one in teams]})]
+            if agents or teams
+            else []
+        )
 
 
-def _each(now: dict[Any, Any], before: dict[Any, Any]) -> dict[Any, Changes]:
+def _each(now: Mapping[Any, dict[Any, Any]], kept: dict[Any, Kept]) -> dict[Any, Changes]:
     """What has changed in each of several dicts."""
-    found = {key: changes(now.get(key, {}), before.get(key, {})) for key in {**now, **before}}
-    return {key: one for key, one in found.items() if one is not None}
+    found = {}
+    for key in sorted(now) if all(type(key) is str for key in now) else now:
+        if now[key] or key in kept:
+            changes = kept.setdefault(key, Kept({})).changes(now[key])
+            if changes is not None:
+                found[key] = changes
+    for key in [key for key in kept if key not in now]:
+        found[key] = {"removed": list(kept.pop(key).values)}
+    return found
 
 
 def _memories(game: Any) -> dict[str, dict[Any, Any]]:
@@ -183,10 +249,3 @@ def _places(ctx: Any) -> dict[str, Any]:
     columns = ctx.agent.columns
     at = (node if position is None else position for node, position in zip(columns.node, columns.position, strict=True))
     return dict(zip(columns.names, at, strict=True))
-
-
-def _has_grown(now: Any, before: Any) -> bool:
-    """Whether a list is what it was and more."""
-    if type(now) is not list or type(before) is not list or not before or len(now) <= len(before):
-        return False
-    return all(map(is_same, now, before))
