@@ -83,6 +83,29 @@ def test_sets_come_back_and_are_written_in_one_order():
     assert values.to_bytes(set(names), "It") == values.to_bytes(other, "It")
 
 
+@pytest.mark.parametrize("stems", [["agent_"], ["red_", "blue_", ""], ["a b/"], ["ä"], ["x" * 65]])
+def test_lists_of_numbered_texts_come_back(stems):
+    texts = [f"{stem}{i * i}" for i in range(100) for stem in stems]
+    assert there_and_back(texts) == texts
+    for odd in ("agent_007", "agent", 7, "agent_" + "1" * 30, "", None):
+        assert there_and_back([*texts, odd]) == [*texts, odd]
+    assert len(values.to_bytes([f"agent_{i}" for i in range(5000)], "It")) < 50_000
+
+
+def test_damaged_lists_of_numbered_texts_are_refused():
+    data = values.to_bytes([f"agent_{i}" for i in range(40)], "It")
+    assert b"agent_" in data
+    for place in range(len(data)):
+        for bits in (1, 128):
+            broken = bytearray(data)
+            broken[place] ^= bits
+            try:
+                found = values.from_bytes(bytes(broken))
+            except BadFile:
+                continue
+            assert values.from_bytes(values.to_bytes(found, "It")) is not None
+
+
 def test_extreme_numbers_come_back():
     for value in (2**64 - 1, -(2**64), 2**64, -(2**64) - 1, 10**5000, -0.0, float("inf"), 5e-324):
         assert repr(there_and_back(value) == value) == "True"

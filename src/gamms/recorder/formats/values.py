@@ -1,7 +1,7 @@
 """Plain values as CBOR, and back: the only file of the recorder that knows cbor2, which is loaded when it is needed.
 
 CBOR has no tuples, arrays of numbers, integers beyond 64 bits, text that is not Unicode or sets, or only as tags, of
-which some run code. Those are arrays here that begin with a simple value, 0 to 5; tags are refused. What comes from
+which some run code. Those are arrays here that begin with a simple value, 0 to 6; tags are refused. What comes from
 a file is checked before cbor2 sees it: well-formed, nothing longer than the bytes that are there, at most `MOST_DEPTH`
 deep.
 """
@@ -16,14 +16,15 @@ import numpy as np
 
 from gamms.errors import BadFile, BadType, BadValue
 from gamms.recorder.formats import columns
+from gamms.recorder.formats.numbered import FEWEST, MOST, numbered, texts_of
 
 MOST_DEPTH = 32  # containers in each other
 MOST_ITEMS = 1 << 22  # in one value, containers included
 _MOST_DIMENSIONS = 8
 _SAMPLE = 1 << 14  # bytes that show whether differences fit an array
 
-_TUPLE, _ARRAY, _BIG, _TEXT, _SET, _FROZENSET = range(6)
-_LAST_MARK = 0xE0 + _FROZENSET
+_TUPLE, _ARRAY, _BIG, _TEXT, _SET, _FROZENSET, _NUMBERED = range(7)
+_LAST_MARK = 0xE0 + _NUMBERED
 _BIGGEST = 1 << 64
 _AS_IS = {type(None), bool, float, bytes}
 _DTYPES = {
@@ -129,6 +130,8 @@ def _of_tuple(value: tuple[Any, ...], depth: int) -> Any:
 
 def _of_list(value: list[Any], depth: int) -> Any:
     depth = _inside(depth)
+    if FEWEST <= len(value) <= MOST and depth and (texts := numbered(value)) is not None:
+        return [_mark(_NUMBERED), texts.stems, _of_array(texts.which, depth), _of_array(texts.numbers, depth)]
     return [_marked(one, depth) for one in value]
 
 
@@ -280,6 +283,12 @@ def _array(items: Any) -> np.ndarray[Any, Any]:
     return array
 
 
+def _texts(items: Any) -> list[str]:
+    stems, *pair = items
+    which, numbers = (_is(np.ndarray, _unmarked(column)) for column in pair)
+    return texts_of(stems, which, numbers)
+
+
 def _set(items: Any) -> set[Any]:
     return {_unmarked(_key(one)) for one in items}
 
@@ -301,4 +310,5 @@ _MEANINGS: dict[int, Callable[[Any], Any]] = {
     _TEXT: _text,
     _SET: _set,
     _FROZENSET: _frozenset,
+    _NUMBERED: _texts,
 }
