@@ -100,6 +100,20 @@ def test_a_replay_that_is_part_of_another_recording_takes_its_look_along(ctx, tm
     assert "disc" in again.visual._artists
 
 
+def test_a_game_that_is_resumed_looks_as_it_did_then(ctx):
+    def play(ctx):
+        a_game(ctx)
+        ctx.visual.set_agent_visual("a", size=9.0)
+        ctx.visual.simulate()
+
+    declare(ctx)
+    with gamms.recorder.open(io.BytesIO(recorded(play, ctx))) as rec:
+        for turn, size in ((3, 3), (4, 9.0)):
+            with rec.resume(turn) as again:
+                assert again.visual._artists["a"].data["agent_data"].size == size
+                assert list(again.visual._artists) == ["graph", "obstacles", "a", "sensor_near", "disc", "box"]
+
+
 def test_no_path_of_a_picture_is_told(ctx):
     ctx.visual.set_agent_visual("a", image_path="/home/me/picture.png", size=3.0)
     data = recorded(a_game, ctx)

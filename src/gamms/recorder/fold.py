@@ -1,17 +1,16 @@
 """From a keyframe to the turns after it: what each event does to a state, on plain columns."""
 
 from collections.abc import Callable
-from copy import deepcopy
 from typing import Any
 
 import numpy as np
 
 from gamms.errors import GammsError
 from gamms.ir import journal
+from gamms.recorder import component_fold, game_state
 from gamms.recorder.formats.columns import IntArray
 from gamms.recorder.formats.reader import Reader
 from gamms.recorder.state import State, opened
-from gamms.typing.opcodes import OpCodes
 
 _LISTS = ("names", "teams", "speed", "sensors", "attributes", "strategies")
 _ARRAYS = {
@@ -31,17 +30,6 @@ _FEW = 24  # moves that are made faster one by one
 DAMAGES = (KeyError, TypeError, ValueError, IndexError, AttributeError, OverflowError)  # of what a stranger wrote
 
 
-COMPONENTS = frozenset(
-    code.value
-    for code in (
-        OpCodes.COMPONENT_REGISTER,
-        OpCodes.COMPONENT_CREATE,
-        OpCodes.COMPONENT_UPDATE,
-        OpCodes.COMPONENT_DELETE,
-    )
-)
-
-
 class Damaged(GammsError, ValueError):
     """A state is not right, or an event does not fit the state it happens to."""
 
@@ -53,24 +41,25 @@ class Fold:
 
     Args:
         state: a keyframe, which is not to be used afterwards; checked, for a stranger may have written it.
+        at: how many turns it knows.
 
     Attributes:
         state: as `recorder.state.opened` gives it.
         following: the number that the next new agent gets.
-        classes: of components, by module and qualified name -> the names of their fields.
         roster: a number that changes whenever agents come or go, or any of the lists does.
     """
 
-    def __init__(self, state: State) -> None:
+    def __init__(self, state: State, at: int = 0) -> None:
         self.roster = 0
+        self._log = at  # the one whose events happen
         self._begin(state)
 
     def _begin(self, state: State) -> None:
         try:
             self.state, self.following = _checked(opened(state)), int(state["next"])
-            told = state.get("components", {"classes": (), "values": {}})
-            self.classes = {(module, name): list(fields) for module, name, fields in told["classes"]}
-            self.state["components"] = {name: dict(fields) for name, fields in told["values"].items()}
+            told = state.get("components")
+            self.state |= component_fold.nothing() if told is None else component_fold.opened(told)
+            self._clock = int(state.get("turn", 0)), self._log, int(state.get("pace", 0))
         except DAMAGES as error:
             raise Damaged(f"the whole state is not right ({type(error).__name__}: {error})") from error
         self._recount()
@@ -86,6 +75,11 @@ class Fold:
         self._sorted = numbers[self._order]
         self._is_counted = np.array_equal(numbers, np.arange(len(numbers)))  # rows are numbers
         self.roster += 1
+
+    def game_turn(self, turns: int) -> int:
+        """How the game counted the last of so many turns."""
+        counted, at, pace = self._clock
+        return counted + pace * (turns - at)
 
     def apply(self, log: journal.Log) -> None:
         """Let the log of one turn happen, entry by entry: what `advance` does at once."""
@@ -116,6 +110,7 @@ class Fold:
                 new.append(data)
                 continue
             self._enter(new)
+            self._log = turn
             self.happen(kind, data)
             in_order = in_order or kind == journal.SNAPSHOT
         self._enter(new)
@@ -241,17 +236,39 @@ class Fold:
             self.state[name] = np.delete(self.state[name], row, axis=0)
         self._recount()
 
+    def carry(self, data: Any) -> None:
+        """So many metres were left of moves."""
+        self.state["carry"][self._rows(np.asarray(data["numbers"], np.int64))] = data["metres"]
+
+    def count(self, data: Any) -> None:
+        """The game counted a turn otherwise than the ones before."""
+        self._clock = int(data["turn"]), self._log + 1, int(data["pace"])
+
+    def remember(self, data: Any) -> None:
+        """Agents or teams remember something else."""
+        for name, changes in data["agents"].items():
+            game_state.apply(self.state["memories"].setdefault(name, {}), changes)
+        for team, changes in data["teams"]:
+            game_state.apply(self.state["team_memories"].setdefault(team, {}), changes)
+
+    def equip(self, data: Any) -> None:
+        """Sensors came."""
+        self.state["sensor_kinds"] = [*self.state["sensor_kinds"], *data["sensor_kinds"]]
+
     def replace(self, data: Any) -> None:
         """A snapshot was written, which says nothing of components."""
-        kept = self.state["components"], self.classes
+        kept = {name: self.state[name] for name in component_fold.nothing()}
         self._begin(data)
-        self.state["components"], self.classes = kept
+        self.state |= kept
 
 
 def _checked(state: State) -> State:
     """A state of its own, whose columns are of the right kinds and of one length; an error says what is not."""
     names = [_text(name) for name in state["names"]]
     checked: State = {"scores": state["scores"], "data": dict(state["data"]), "over": state["over"]}
+    checked["memories"] = {name: dict(memory) for name, memory in state.get("memories", {}).items()}
+    checked["team_memories"] = {team: dict(memory) for team, memory in state.get("team_memories", ())}
+    checked["chance"], checked["sensor_kinds"] = state.get("chance"), list(state.get("sensor_kinds", ()))
     for name in _LISTS:
         checked[name] = list(state[name])
     for name, (dtype, shape) in _ARRAYS.items():
@@ -315,24 +332,8 @@ def _deregister(fold: Fold, data: Any) -> None:
     fold.state["sensors"][fold.row(data["agent_name"])].pop(data["name"], None)
 
 
-def _declare(fold: Fold, data: Any) -> None:
-    module, name = data["key"]
-    fold.classes[module, name] = list(data["struct"])
-
-
-def _build(fold: Fold, data: Any) -> None:
-    module, name = data["type"]
-    fold.state["components"][data["name"]] = dict.fromkeys(fold.classes[module, name])
-
-
-def _update(fold: Fold, data: Any) -> None:
-    fold.state["components"][data["name"]][data["key"]] = data["value"]
-
-
-def _change_data(fold: Fold, data: Any) -> None:
-    fold.state["data"].update(deepcopy(data["set"]))
-    for key in data["removed"]:
-        fold.state["data"].pop(key, None)
+def _component(happen: Callable[[State, Any], None]) -> Callable[[Fold, Any], None]:
+    return lambda fold, data: happen(fold.state, data)
 
 
 _EVENTS: dict[int, Callable[[Fold, Any], None]] = {
@@ -349,15 +350,17 @@ _EVENTS: dict[int, Callable[[Fold, Any], None]] = {
     journal.AGENT_TEAM: _set("teams", "team"),
     journal.AGENT_ALIVE: _set("alive", "alive", int),
     journal.AGENT_SPEED: _set("speed", "speed"),
+    journal.AGENT_CARRY: Fold.carry,
     journal.AGENT_STRATEGY: _set("strategies", "strategy"),
     journal.FLYERS_ABOVE: _hover,
-    OpCodes.COMPONENT_REGISTER.value: _declare,
-    OpCodes.COMPONENT_CREATE.value: _build,
-    OpCodes.COMPONENT_UPDATE.value: _update,
-    OpCodes.COMPONENT_DELETE.value: lambda fold, data: fold.state["components"].pop(data["name"]),
+    **{kind: _component(happen) for kind, happen in component_fold.EVENTS.items()},
     journal.GAME_SCORES: lambda fold, data: fold.state.__setitem__("scores", data["scores"]),
-    journal.GAME_DATA: _change_data,
+    journal.GAME_DATA: lambda fold, data: game_state.apply(fold.state["data"], data),
     journal.GAME_OVER: lambda fold, data: fold.state.__setitem__("over", data or None),
+    journal.GAME_TURN: Fold.count,
+    journal.GAME_MEMORY: Fold.remember,
+    journal.GAME_CHANCE: lambda fold, data: fold.state.__setitem__("chance", data["chance"]),
+    journal.SENSORS: Fold.equip,
 }
 _APART = _EVENTS.keys() - {  # events that change nothing that moves of others look at or change
     journal.SNAPSHOT,

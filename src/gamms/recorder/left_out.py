@@ -35,7 +35,11 @@ class LeftOut:
         for agent in self._ctx.agent.agents.values():
             if vars(agent):
                 self.plain_part("agent", agent.name, vars(agent))
-        for sensor in self._ctx.sensor.described():
+        self.look_over_sensors(self._ctx.sensor.described())
+
+    def look_over_sensors(self, described: list[dict[str, Any]]) -> None:
+        """Tell what of these sensors cannot be written."""
+        for sensor in described:
             self.plain_part("sensor", sensor["id"], sensor["keywords"])
 
     def _tell(self, kind: str, which: str, key: Any) -> None:

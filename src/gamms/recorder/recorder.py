@@ -75,6 +75,7 @@ class Recorder(IRecorder):
         version: int = 3,
         created: int | None = None,
         provenance: Any = None,
+        sensed: bool = False,
         embed_graph: bool = True,
     ) -> None:
         """Begin a recording; it begins with how things are now.
@@ -84,6 +85,7 @@ class Recorder(IRecorder):
             version: 3, or 2 for what gamms 1.0.0 reads (agents and components only).
             created: seconds since 1970 to be kept in the header; None: $SOURCE_DATE_EPOCH, or nothing.
             provenance: plain values to be kept in the header.
+            sensed: write down what agents sense in the turns of `ctx.game`, too, for `Recording.observation`.
             embed_graph: whether the recording holds the map; else only its SHA-256, and who replays it needs the map.
 
         Raises:
@@ -105,7 +107,9 @@ class Recorder(IRecorder):
             header = header_of(self.ctx, session, options) if session.header is None else session.header
             return Version3Sink(stream, session, header if embed_graph else without_map(header))
 
-        session = Session(self.ctx, make_sink)  # before there is a file: not every map can be written
+        session = Session(
+            self.ctx, make_sink, with_sensed=bool(sensed)
+        )  # before there is a file: not every map can be written
         try:
             stream, self._is_owned = writable(path)
         except BaseException:

@@ -8,7 +8,7 @@ from typing import Any
 from gamms.errors import ContextTerminated, GammsError, UnknownName
 from gamms.ir import journal as kinds
 from gamms.ir.journal import Muted
-from gamms.recorder import state
+from gamms.recorder import game_state, state
 from gamms.recorder.errors import RecordingError
 from gamms.recorder.formats.reader import Reader
 from gamms.recorder.maps import has_map, hash_in, is_map_of
@@ -33,11 +33,11 @@ class Player:
         self._numbers: dict[int, str] = {}
         self._next = 0
         self._shown: frozenset[str] = frozenset()  # artists of the recording
+        self._pace = 0  # by how much the game counts on in a turn
 
     def play(self, reader: Reader) -> Iterator[Record]:
         """Everything in a recording of version 3, whose map is attached."""
-        if "visuals" in reader.header:
-            self._dress(reader.header["visuals"])
+        self.dress(reader.header.get("visuals"))
         begin = reader.keyframe(0)
         if begin is not None and begin[0] == 0:
             self._silently(lambda: self._put(begin[1]))
@@ -48,6 +48,26 @@ class Player:
             if self._ctx.is_terminated():
                 return
         yield {"timestamp": max(0, reader.turns - 1) * TURN_NS, "opCode": kinds.TERMINATE}
+
+    def play_until(self, log: kinds.Log, kind: int, names: dict[int, str], following: int) -> Any:
+        """Play a turn as far as an event of some kind, and give the data of it; None if there is none.
+
+        Args:
+            log: of the turn.
+            kind: of the event.
+            names: number of an agent -> its name; who comes is added.
+            following: the number that the next new agent gets.
+        """
+        self._numbers, self._next = names, following
+        agents = self._ctx.agent
+        for number, step in steps_of(log):
+            if number is not None:
+                self._act(agents.moves, agents.agents[names[number]]._row, step)
+            elif step[0] == kind:
+                return step[1]
+            else:
+                self.happen(*step)
+        return None
 
     def _turn(self, turn: int, log: kinds.Log) -> Iterator[Record]:
         timestamp, is_over = turn * TURN_NS, True
@@ -72,18 +92,20 @@ class Player:
             except KeyError as error:
                 raise RecordingError(f"Turn {turn} moves agent number {number}: {error}") from error
             before = agents.columns.node[row]
-            moves = unnoted if is_copying else agents.moves
-            try:
-                moves.act(agents.columns, row, step)
-            except UnknownName:  # it was there when the agent went there
-                with moves.trusting():
-                    moves.act(agents.columns, row, step)
+            self._act(unnoted if is_copying else agents.moves, row, step)
             if is_copying:
                 recorder.copy(number, step)
             yield from records_of_move(name, before, step, timestamp)
         if is_over and not self._ctx.is_terminated():
             self.happen(kinds.SIMULATE, {})
             yield from records_of(kinds.SIMULATE, {}, timestamp)
+
+    def _act(self, moves: Any, row: int, node: int) -> None:
+        try:
+            moves.act(self._ctx.agent.columns, row, node)
+        except UnknownName:  # it was there when the agent went there
+            with moves.trusting():
+                moves.act(self._ctx.agent.columns, row, node)
 
     def _before(self, kind: int, data: Any) -> int | None:
         """Above which node a flyer was that has just moved."""
@@ -99,6 +121,7 @@ class Player:
             RecordingError: it cannot happen here; the context is as it was.
         """
         if kind == kinds.SIMULATE:
+            self._ctx.game.turn += self._pace
             self._ctx.visual.simulate()  # which ends the turn of a recording that is being written, too
             return
         apply = _EVENTS.get(kind)
@@ -127,6 +150,7 @@ class Player:
         numbers = data["numbers"].tolist()
         self._numbers = dict(zip(numbers, data["names"], strict=True))
         self._next = data["next"]
+        self._pace = int(data.get("pace", 0))
         if self._recorder.is_copying:
             self._recorder.renumber(data["names"], numbers, self._next)
         else:
@@ -181,8 +205,14 @@ class Player:
         if show is not None:
             self._shown = show(data, self._shown)
 
-    def _dress(self, visuals: Any) -> None:
-        """Let it look as at the start."""
+    def dress(self, visuals: Any) -> None:
+        """Let it look as a recording says; None: as it does.
+
+        Raises:
+            RecordingError: nobody recorded this.
+        """
+        if visuals is None:
+            return
         try:
             self._visuals(visuals)
         except _UNFIT as error:
@@ -193,9 +223,31 @@ class Player:
         self._ctx.game.scores.update(data["scores"])
 
     def _data(self, data: Any) -> None:
-        self._ctx.game.data.update(deepcopy(data["set"]))
-        for key in data["removed"]:
-            self._ctx.game.data.pop(key, None)
+        game_state.apply(self._ctx.game.data, data)
+
+    def _carry(self, data: Any) -> None:
+        agents = self._ctx.agent
+        for number, metres in zip(data["numbers"].tolist(), data["metres"].tolist(), strict=True):
+            agents.put(agents.agents[self._numbers[number]], {"carry": float(metres)})
+
+    def _count(self, data: Any) -> None:
+        self._pace = int(data["pace"])
+        self._ctx.game.turn = int(data["turn"]) - self._pace  # until the turn is over
+        self._ctx.game.began |= data.get("starts", {})
+
+    def _remember(self, data: Any) -> None:
+        game_state.remember(self._ctx, data)
+
+    def _facts(self, data: Any) -> None:
+        game = self._ctx.game
+        known = {name: fact for name, fact in game.facts.items() if name not in data["removed"]}
+        game.publish_anew(known | deepcopy(data["set"]))
+
+    def _chance(self, data: Any) -> None:
+        game_state.put_chance(self._ctx, data["chance"])
+
+    def _equip(self, data: Any) -> None:
+        state.make_sensors(self._ctx, data)
 
     def _event(self, data: Any) -> None:
         self._ctx.game.events.append(deepcopy(data))
@@ -287,6 +339,7 @@ _EVENTS: dict[int, Callable[[Player, Any], None]] = {
     kinds.AGENT_TEAM: _set("team", "team"),
     kinds.AGENT_ALIVE: _set("alive", "alive"),
     kinds.AGENT_SPEED: _set("speed", "speed"),
+    kinds.AGENT_CARRY: Player._carry,
     kinds.FLYERS_ABOVE: Player._above,
     kinds.WORLD: Player._world,
     kinds.VISUALS: Player._visuals,
@@ -294,4 +347,9 @@ _EVENTS: dict[int, Callable[[Player, Any], None]] = {
     kinds.GAME_DATA: Player._data,
     kinds.GAME_EVENT: Player._event,
     kinds.GAME_OVER: Player._over,
+    kinds.GAME_TURN: Player._count,
+    kinds.GAME_MEMORY: Player._remember,
+    kinds.GAME_FACTS: Player._facts,
+    kinds.GAME_CHANCE: Player._chance,
+    kinds.SENSORS: Player._equip,
 }

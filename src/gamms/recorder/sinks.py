@@ -11,6 +11,7 @@ from gamms.recorder import state
 from gamms.recorder.formats.output import Output
 from gamms.recorder.formats.version2 import Version2Writer
 from gamms.recorder.formats.writer import Writer
+from gamms.recorder.plain import plain
 from gamms.recorder.records import TURN_NS, Record, records_of, records_of_move, steps_of
 from gamms.recorder.session import Session
 
@@ -169,6 +170,7 @@ def header_of(ctx: Any, session: Session, options: dict[str, Any]) -> dict[str, 
         "seed": ctx.seed,
         "created": created,
         "provenance": options.get("provenance"),
+        **({} if ctx.game.scenario is None else {"scenario": plain(ctx.game.scenario)}),
         "world": ctx.graph.packed() if session.world is None else session.world,
         **({"visuals": session.visuals} if session.visuals["artists"] else {}),
     }
