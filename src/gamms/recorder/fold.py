@@ -368,4 +368,5 @@ _APART = _EVENTS.keys() - {  # events that change nothing that moves of others l
     journal.AGENT_DELETE,
     journal.AGENT_CURRENT_NODE,
     journal.AGENT_PREV_NODE,
+    journal.FLYERS_ABOVE,
 }
