@@ -62,7 +62,7 @@ class Player:
         agents = self._ctx.agent
         for number, step in steps_of(log):
             if number is not None:
-                self._act(agents.moves, agents.agents[names[number]]._row, step)
+                self._act_trusting(agents.moves, agents.agents[names[number]]._row, step)
             elif step[0] == kind:
                 return step[1]
             else:
@@ -92,7 +92,11 @@ class Player:
             except KeyError as error:
                 raise RecordingError(f"Turn {turn} moves agent number {number}: {error}") from error
             before = agents.columns.node[row]
-            self._act(unnoted if is_copying else agents.moves, row, step)
+            moves = unnoted if is_copying else agents.moves
+            try:
+                moves.act(agents.columns, row, step)
+            except UnknownName:  # it was there when the agent went there
+                self._act_trusting(moves, row, step)
             if is_copying:
                 recorder.copy(number, step)
             yield from records_of_move(name, before, step, timestamp)
@@ -100,12 +104,9 @@ class Player:
             self.happen(kinds.SIMULATE, {})
             yield from records_of(kinds.SIMULATE, {}, timestamp)
 
-    def _act(self, moves: Any, row: int, node: int) -> None:
-        try:
+    def _act_trusting(self, moves: Any, row: int, node: int) -> None:
+        with moves.trusting():
             moves.act(self._ctx.agent.columns, row, node)
-        except UnknownName:  # it was there when the agent went there
-            with moves.trusting():
-                moves.act(self._ctx.agent.columns, row, node)
 
     def _before(self, kind: int, data: Any) -> int | None:
         """Above which node a flyer was that has just moved."""

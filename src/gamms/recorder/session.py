@@ -48,7 +48,7 @@ class Session:
     def __init__(self, ctx: Any, make_sink: Callable[["Session"], Sink], *, with_sensed: bool = False) -> None:
         self.ctx = ctx
         self._with_sensed = with_sensed
-        self._room = ctx.graph
+        self._room, self._visual = ctx.graph, ctx.visual
         self._make_sink = make_sink
         self._sink: Sink | None = None
         self._logs: list[Log] = []
@@ -292,7 +292,7 @@ class Session:
             above = state.above(self.ctx) if has_changed else None
             if above is not None:
                 log.append((kinds.FLYERS_ABOVE, above))
-        if self._declarations_now() != self._declarations:
+        if getattr(self._visual, "declarations", 0) != self._declarations:
             log += self._visual_changes()
         if self.ctx.agent.columns.left_over:
             log += self._new_carry()
@@ -321,7 +321,7 @@ class Session:
         return [(kinds.SENSORS, {"sensor_kinds": state.grouped(described)})] if described else []
 
     def _declarations_now(self) -> int:
-        return getattr(self.ctx.visual, "declarations", 0)
+        return getattr(self._visual, "declarations", 0)
 
     def _visual_changes(self) -> Log:
         """What says that it looks otherwise. What was declared in the first turn goes into the header."""
