@@ -10,7 +10,9 @@ from gamms.errors import GammsError
 from gamms.ir import journal
 from gamms.recorder.formats.columns import IntArray
 from gamms.recorder.formats.reader import Reader
+from gamms.recorder.formats.tracks import FORMS, Tracks
 from gamms.recorder.state import State, opened
+from gamms.recorder.waiting import Batch, Waiting
 
 _LISTS = ("names", "teams", "speed", "sensors", "attributes", "strategies")
 _ARRAYS = {
@@ -25,7 +27,6 @@ _ARRAYS = {
     "alive": (np.int64, ()),
     "carry": (np.float64, ()),
 }
-_TURNS_AT_ONCE = 64  # of the moves that are in memory
 _FEW = 24  # moves that are made faster one by one
 DAMAGES = (KeyError, TypeError, ValueError, IndexError, AttributeError, OverflowError)  # of what a stranger wrote
 
@@ -82,20 +83,18 @@ class Fold:
 
     def advance(self, reader: Reader, start: int, stop: int) -> None:
         """Let the turns `start` to `stop - 1` of a recording happen; of these, a few at a time are in memory."""
-        for begin in range(start, stop, _TURNS_AT_ONCE):
-            self._advance(reader, begin, min(begin + _TURNS_AT_ONCE, stop))
+        for begin, end in reader.pieces(start, stop):
+            self._advance(reader, begin, end)
 
     def _advance(self, reader: Reader, start: int, stop: int) -> None:
-        turns, numbers, nodes = reader.moves(start, stop)
-        begins = turns.searchsorted(np.arange(start, stop)).tolist()
-        done, in_order = 0, not self._are_walkers(numbers)
+        waiting = Waiting(reader, start, stop, _OTHERS)
+        in_order = not self._are_walkers(waiting.numbers)
+        apart = _APART - _OF_FLYERS if waiting.has_flyers else _APART
         new: list[Any] = []  # agents who come one after the other come together
-        for turn, place, kind, data in reader.events(start, stop, _EVENTS):
-            until = begins[turn - start] + place
-            if until > done and (in_order or kind not in _APART):
+        for event, (turn, place, kind, data) in enumerate(reader.events(start, stop, _OTHERS)):
+            if (in_order or kind not in apart) and (batch := waiting.before(event, turn, place)):
                 self._enter(new)
-                self.move(numbers[done:until], nodes[done:until])
-                done = until
+                self._go(batch, in_order=in_order)
             if kind == journal.AGENT_CREATE:
                 new.append(data)
                 continue
@@ -103,7 +102,20 @@ class Fold:
             self.happen(kind, data)
             in_order = in_order or kind == journal.SNAPSHOT
         self._enter(new)
-        self.move(numbers[done:], nodes[done:])
+        self._go(waiting.rest(), in_order=in_order)
+
+    def _go(self, batch: Batch, *, in_order: bool) -> None:
+        """Let moves, flights and turns happen, in their order if moves may be those of flyers."""
+        done, flights = 0, batch.flights
+        if in_order and not self._are_walkers(batch.numbers):
+            for i, after in enumerate(batch.after.tolist()):
+                self.move(batch.numbers[done:after], batch.nodes[done:after])
+                self.fly(flights.at(slice(i, i + 1)))
+                done = after
+            flights = flights.at(slice(0, 0))
+        self.move(batch.numbers[done:], batch.nodes[done:])
+        self.fly(flights)
+        self.turn(batch.turns)
 
     def move(self, numbers: IntArray, nodes: IntArray) -> None:
         """Let moves happen: numbers of agents and nodes, (moves,) each, in their order."""
@@ -111,22 +123,44 @@ class Fold:
             for number, end in zip(numbers.tolist(), nodes.tolist(), strict=True):
                 self._move_one(number, end)
             return
-        node, previous = self.state["node"], self.state["previous"]
-        rows, places = self._rows(numbers), np.arange(len(numbers))
-        last, last_but_one = np.full((2, len(node)), -1)
+        self._follow(self._rows(numbers), {"node": ("previous", nodes)})
+
+    def fly(self, flights: Tracks) -> None:
+        """Let flights happen, in their order."""
+        if len(flights.numbers) < _FEW:
+            for data in flights.data():
+                self.happen(journal.AERIAL_AGENT_FLIGHT, data)
+            return
+        rows = self._rows(flights.numbers)
+        if not self.state["kind"][rows].all():
+            row = rows[self.state["kind"][rows] == 0][0]
+            raise _grounded(self.state["names"][row])
+        nodes, positions = flights.nodes[:, 0], flights.floats
+        self._follow(rows, {"node": ("previous", nodes), "position": ("previous_position", positions)})
+
+    def turn(self, turns: Tracks) -> None:
+        """Let flyers turn in space, in their order."""
+        if len(turns.numbers):
+            self.state["quat"][self._rows(turns.numbers)] = turns.floats  # of several at one row, the last one stays
+
+    def _follow(self, rows: IntArray, paths: dict[str, tuple[str, np.ndarray[Any, Any]]]) -> None:
+        """Let columns have the last of some values of each row, and those of before the last but one, or what was."""
+        places = np.arange(len(rows))
+        last, last_but_one = np.full((2, len(self.state["node"])), -1)
         last[rows] = places  # of several at one row, the last one stays
         is_earlier = last[rows] != places
         last_but_one[rows[is_earlier]] = places[is_earlier]
         moved = np.flatnonzero(last >= 0)
-        came = last_but_one[moved]
-        previous[moved] = np.where(came >= 0, nodes[came], node[moved])
-        node[moved] = nodes[last[moved]]
+        ends, came = last[moved], last_but_one[moved]
+        for name, (before, values) in paths.items():
+            column = self.state[name]
+            came_from = column[moved]
+            came_from[came >= 0] = values[came[came >= 0]]
+            self.state[before][moved] = came_from
+            column[moved] = values[ends]
 
     def _move_one(self, number: int, end: int) -> None:
-        row = self._row_of.get(number)
-        if row is None:
-            raise _stranger(number)
-        node = self.state["node"]
+        row, node = self.row_of(number), self.state["node"]
         self.state["previous"][row] = node[row]
         node[row] = end
 
@@ -169,6 +203,13 @@ class Fold:
     def row(self, name: str) -> int:
         """The row of an agent by its name."""
         return self._row_of_name[name]
+
+    def row_of(self, number: int) -> int:
+        """The row of an agent by its number."""
+        row = self._row_of.get(number)
+        if row is None:
+            raise _stranger(number)
+        return row
 
     def enter(self, data: Any) -> None:
         """An agent was created."""
@@ -256,6 +297,10 @@ def _stranger(number: int) -> Damaged:
     return Damaged(f"agent number {number} moves and is not there")
 
 
+def _grounded(name: str) -> Damaged:
+    return Damaged(f"agent {name!r} flies and is on the ground")
+
+
 def _misfit(kind: int, error: Exception) -> Damaged:
     return Damaged(f"an event of kind {kind:#010x} does not fit ({type(error).__name__}: {error})")
 
@@ -272,15 +317,32 @@ def _set(column: str, key: str, convert: Callable[[Any], Any] = lambda value: va
     return happen
 
 
-def _fly(fold: Fold, data: Any) -> None:
+def _fly(fold: Fold, row: int, position: Any) -> None:
+    state = fold.state
+    if not state["kind"][row]:
+        raise _grounded(state["names"][row])
+    state["previous_position"][row] = state["position"][row]
+    state["position"][row] = position
+    state["previous"][row] = state["node"][row]
+
+
+def _fly_by_name(fold: Fold, data: Any) -> None:
     row = fold.row(data["agent_name"])
-    if not fold.state["kind"][row]:
-        raise Damaged(f"agent {data['agent_name']!r} flies and is on the ground")
-    fold.state["previous_position"][row] = fold.state["position"][row]
-    fold.state["position"][row] = data["position"]
-    fold.state["previous"][row] = fold.state["node"][row]
+    _fly(fold, row, data["position"])
     if "node" in data:
         fold.state["node"][row] = data["node"]
+
+
+def _fly_by_number(fold: Fold, data: Any) -> None:
+    number, node, *position = data
+    row = fold.row_of(number)
+    _fly(fold, row, position)
+    fold.state["node"][row] = node
+
+
+def _turn(fold: Fold, data: Any) -> None:
+    number, *quat = data
+    fold.state["quat"][fold.row_of(number)] = quat
 
 
 def _register(fold: Fold, data: Any) -> None:
@@ -306,7 +368,9 @@ _EVENTS: dict[int, Callable[[Fold, Any], None]] = {
     journal.AGENT_SENSOR_REGISTER: _register,
     journal.AGENT_SENSOR_DEREGISTER: _deregister,
     journal.AGENT_ORIENTATION: _set("heading", "orientation", lambda pair: (np.nan,) * 2 if pair is None else pair),
-    journal.AERIAL_AGENT_POSITION: _fly,
+    journal.AERIAL_AGENT_FLIGHT: _fly_by_number,
+    journal.AERIAL_AGENT_TURN: _turn,
+    journal.AERIAL_AGENT_POSITION: _fly_by_name,
     journal.AERIAL_AGENT_QUATERNION: _set("quat", "quat"),
     journal.AGENT_TEAM: _set("teams", "team"),
     journal.AGENT_ALIVE: _set("alive", "alive", int),
@@ -316,6 +380,8 @@ _EVENTS: dict[int, Callable[[Fold, Any], None]] = {
     journal.GAME_DATA: _change_data,
     journal.GAME_OVER: lambda fold, data: fold.state.__setitem__("over", data or None),
 }
+_OTHERS = frozenset(_EVENTS.keys() - FORMS)  # than those that happen many at once
+_OF_FLYERS = {journal.AERIAL_AGENT_POSITION, journal.AERIAL_AGENT_QUATERNION}  # flights, turns of who wrote by name
 _APART = _EVENTS.keys() - {  # events that change nothing that moves of others look at or change
     journal.SNAPSHOT,
     journal.AGENT_CREATE,

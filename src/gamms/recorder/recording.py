@@ -2,6 +2,7 @@
 
 import io
 import os
+from collections import Counter
 from collections.abc import Callable, Iterator
 from pathlib import Path
 from typing import Any, BinaryIO, Self, overload
@@ -217,7 +218,10 @@ class Recording:
 
     def counts(self) -> dict[str, int]:
         """How many events there are of each kind that is in the format; moves are not among them."""
-        return {tables.KINDS.get(kind, f"{kind:#010x}"): count for kind, count in self._reader.count_events().items()}
+        counts: Counter[str] = Counter()
+        for kind, count in self._reader.count_events().items():
+            counts[tables.KINDS.get(kind, f"{kind:#010x}")] += count
+        return dict(counts)
 
     def count_moves(self) -> int:
         """How many moves of agents on the ground there are."""

@@ -9,9 +9,10 @@ from gamms.ir import journal as kinds
 from gamms.ir.journal import Log
 from gamms.recorder import state
 from gamms.recorder.formats.output import Output
+from gamms.recorder.formats.tracks import FORMS
 from gamms.recorder.formats.version2 import Version2Writer
 from gamms.recorder.formats.writer import Writer
-from gamms.recorder.records import TURN_NS, records_of, records_of_move, steps_of
+from gamms.recorder.records import TURN_NS, named, records_of, records_of_move, steps_of
 from gamms.recorder.session import Session
 
 _MOST_WAITING = 1 << 16  # bytes
@@ -67,8 +68,9 @@ class Version2Sink:
                     self._write(record)
                 self._nodes[name] = step
             else:
-                self._happen(step[0], step[1], timestamp)
-                is_over = is_over and step[0] != kinds.UNFINISHED
+                kind, data = named(step, self._names[step[1][0]]) if step[0] in FORMS else step
+                self._happen(kind, data, timestamp)
+                is_over = is_over and kind != kinds.UNFINISHED
         if is_over:
             self._write(*records_of(kinds.SIMULATE, {}, timestamp))
         self._turn += 1
