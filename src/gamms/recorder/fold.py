@@ -238,9 +238,9 @@ class Fold:
     def _values_of(self, data: Any, number: int) -> dict[str, Any]:
         """The row of a new agent."""
         given = data["kwargs"]
-        node = int(given["start_node_id"])
+        node, more = int(given["start_node_id"]), data.get("state", {})
         places = {name: (np.nan,) * shape[0] for name, (_, shape) in _ARRAYS.items() if shape}
-        places |= {name: value for name, value in data.get("state", {}).items() if name in places}
+        places |= {name: value for name, value in more.items() if name in places}
         return {
             "names": _text(data["name"]),
             "teams": given.get("team"),
@@ -250,7 +250,7 @@ class Fold:
             "strategies": data.get("strategy"),
             "numbers": number,
             "kind": int(given.get("type") == 1 or not np.isnan(places["position"][0])),
-            "node": node,
+            "node": int(more.get("node", node)),
             "previous": node,
             "alive": 1,
             "carry": 0.0,
