@@ -1,6 +1,10 @@
 """What tests of several rooms need; each room brings its own `ctx`."""
 
 import pytest
+from hypothesis import settings
+
+settings.register_profile("gamms", deadline=None)  # no test is about time
+settings.load_profile("gamms")
 
 
 class Listener:

@@ -22,6 +22,7 @@ from gamms.typing import (
     ISensorEngine,
     IVisualizationEngine,
 )
+from gamms.typing.context import contexts
 
 if TYPE_CHECKING:
     from numpy.random import Generator
@@ -278,6 +279,9 @@ def create_context(
         opened.pop_all()
     ctx.set_alive()
     return ctx
+
+
+contexts.register("gamms")(create_context)
 
 
 def _terminate(room: Any) -> None:

@@ -263,7 +263,7 @@ def test_a_record_that_could_not_be_read_again_is_refused(ctx, opcode, data):
     assert list(Reader(io.BytesIO(stream.getvalue())).events()) == []
 
 
-@pytest.mark.parametrize("data", [{"x": print}, {"x": {1, 2}}, {"x": [object()]}])
+@pytest.mark.parametrize("data", [{"x": print}, {"x": {(print,)}}, {"x": [object()]}])
 def test_an_event_that_is_not_plain_is_refused_whether_or_not_it_is_recorded(ctx, data):
     with pytest.raises(BadType, match="plain values"):
         ctx.record.event("mine", **data)

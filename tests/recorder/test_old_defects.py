@@ -192,7 +192,7 @@ def test_d14_values_of_the_game_that_are_not_plain_are_told_in_words_without_add
     ctx = replayed(data)[0]
     assert ctx.game.data["kept"] == {"at": 4}
     assert ctx.game.data["grid"].tolist() == [[1, 0], [0, 0]]
-    assert ctx.game.events[0]["who"] == ["a", "b"]
+    assert ctx.game.events[0]["who"] == {"a", "b"}
     assert " at 0x" not in ctx.game.events[0]["what"]
 
 

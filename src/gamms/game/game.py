@@ -7,7 +7,7 @@ from typing import TYPE_CHECKING, Any, overload
 
 from gamms import kernels
 from gamms.arguments import as_float, as_int, as_name
-from gamms.errors import BadType, BadValue, ContextTerminated
+from gamms.errors import BadType, BadValue, ContextTerminated, UnknownName
 from gamms.game import chance, start, turn
 from gamms.game.collectors import Collectors
 from gamms.game.errors import Meddling
@@ -44,6 +44,9 @@ class Game(Settings):
         events: what was emitted, in order: dicts with `turn` and `kind`.
         errors: what strategies did wrong, in order.
         after_reset: called when the game has begun anew, in order.
+        after_observing: called in every turn with the agents and their states before anybody decides, in order.
+        scenario: what the game was built from, as plain values, for whoever records it; None: by a program.
+        began: agent -> where it began, for a game that began before this context did; see `start_node`.
     """
 
     def __init__(self, ctx: Any) -> None:
@@ -60,6 +63,9 @@ class Game(Settings):
         self._start: start.Start | None = None
         self._chance = chance.GlobalChance()
         self.after_reset: list[Callable[[], None]] = []
+        self.after_observing: list[Callable[[list[Any], list[dict[str, Any]]], None]] = []
+        self.scenario: dict[str, Any] | None = None
+        self.began: dict[str, Any] = {}
         self.is_deciding = False
         self.begin_anew()
 
@@ -168,7 +174,7 @@ class Game(Settings):
         too, and afterwards as they were before.
 
         Args:
-            max_turns: None takes that of the settings.
+            max_turns: so many turns from now on; None: until there were as many as the settings say.
             progress: show how far it is on a line of stderr, where that is a terminal.
 
         Raises:
@@ -177,10 +183,10 @@ class Game(Settings):
         """
         if self.ctx.is_terminated():
             raise ContextTerminated("ctx.game")
-        turns = as_turns("max_turns", self.max_turns if max_turns is None else max_turns)
-        if turns is None and not any(self._rules.values()):
+        turns = as_turns("max_turns", max_turns)
+        last = self.max_turns if turns is None else self.turn + turns
+        if last is None and not any(self._rules.values()):
             raise BadValue("This game has no rule that could end it: give run(max_turns=…) or add a rule.")
-        last = None if turns is None else self.turn + turns
         with self._chance.of(self.ctx), chance.shown(self, last, is_shown=progress) as show:
             while (last is None or self.turn < last) and self.step():
                 show()
@@ -204,7 +210,7 @@ class Game(Settings):
         )
 
     def reset(self, seed: int | None = None) -> None:
-        """Begin the game anew, as it was before its first turn: agents, data, scores, events, streams, graph.
+        """Begin the game anew, as it was before its first turn here: agents, data, scores, events, streams, graph.
 
         What strategies and rules keep elsewhere than in `state["memory"]` and `ctx.game.data` stays as it is.
 
@@ -232,6 +238,20 @@ class Game(Settings):
     def moves(self) -> dict[str, Move]:
         """How the agents on the ground moved in this turn, by name; rules must not change it."""
         return {} if self.turn_moves is None else self.turn_moves.by_name()
+
+    def observation(self, agent: Any) -> dict[str, Any]:
+        """What an agent on the move, or the one of that name, would be told now: a state as its strategy gets it.
+
+        Its sensors are asked for it.
+
+        Raises:
+            UnknownName (KeyError): there is no such agent, or it is out of the game.
+        """
+        one = self._agent(agent, "observation")
+        for seat in self.seating().seats:
+            if seat.agent is one:
+                return turn.observed(self, seat)
+        raise UnknownName("living agent", one.name, [seat.name for seat in self.seating().seats])
 
     def emit(self, kind: str, **data: Any) -> None:
         """Note that something happened; it is in `events` and in the result. Values should be plain."""
@@ -267,13 +287,39 @@ class Game(Settings):
     def start_node(self, agent: Any) -> Any:
         """The node an agent began on, or (x, y, z) of one that flies."""
         one = self._agent(agent, "start_node")
+        if one.name in self.began:
+            return self.began[one.name]
         if self._start is None:
             self._start = start.taken(self)
         return self._start.place_of(one)
 
+    # -- for the recorder ---------------------------------------------------------------------------------------
+
+    @property
+    def starts(self) -> dict[str, Any]:
+        """Agent -> where it began, once the game has begun."""
+        if self._start is None:
+            return dict(self.began)
+        return {name: self._start.place_of(agent) for name, agent in self.ctx.agent.agents.items()} | self.began
+
+    def begin_from_here(self) -> None:
+        """Forget everything that has happened, and let `reset` come back to how things are at the next turn."""
+        self.begin_anew()
+        self.forget_streams()
+        self._start = None
+
+    def publish_anew(self, facts: Mapping[str, Any]) -> None:
+        """Tell every strategy this, and nothing that was published before."""
+        self._facts.clear()
+        self.publish(**facts)
+
     def take_over(self, over: dict[str, Any] | None) -> None:
         """Be over for this reason, or not; for who plays a recording."""
         self._over = None if over is None else dict(over)
+
+    def memory_of(self, name: str) -> dict[Any, Any]:
+        """What an agent remembers; to be written to."""
+        return self.memories.setdefault(name, {})
 
     # -- for the parts of the engine ----------------------------------------------------------------------------
 

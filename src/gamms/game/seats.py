@@ -57,7 +57,7 @@ class Seat:
                 "turn": 0,
                 "legal": (),
                 "rng": game.rng_of(self.name),
-                "memory": game.memories.setdefault(self.name, {}),
+                "memory": game.memory_of(self.name),
                 "team_memory": None,
                 "facts": game.facts,
             }

@@ -25,7 +25,7 @@ class Settings:
         speed_unit: what `agent.speed` of an agent on the ground counts per turn: "edges" or "metres".
         conflicts: who decides where moves get in each other's way, such as `gamms.rules.Conflicts`; None: nobody.
         time_budget: seconds that a strategy may take; who takes longer stays, and is counted. None: no bound.
-        max_turns: `run` ends a game after so many turns; None: when a rule says so.
+        max_turns: `run` ends a game when so many turns were played, before it included; None: when a rule says so.
     """
 
     legal: Literal["edges", "any"]
@@ -50,6 +50,11 @@ class Settings:
         """
         check = _CHECKS.get(name)
         object.__setattr__(self, name, value if check is None else check(name, value))
+
+    def chosen(self) -> dict[str, Any]:
+        """The settings that are plain values and not as they are at first; `configure` takes them."""
+        at_first = {name: choices[0] for name, choices in _CHOICES.items()} | {"time_budget": None, "max_turns": None}
+        return {name: getattr(self, name) for name, value in at_first.items() if getattr(self, name) != value}
 
     def configure(self, given: Any) -> None:
         """Set several settings from a dict.

@@ -18,6 +18,9 @@ class Start(NamedTuple):
     scores: dict[Any, float]
     events: list[dict[str, Any]]
     facts: dict[str, Any]
+    turn: int  # 0, but for a game that goes on from a recording
+    memories: dict[str, dict[Any, Any]]  # those with something in them, as are the next ones
+    team_memories: dict[Any, dict[Any, Any]]
 
     def place_of(self, agent: Any) -> Any:
         """Where an agent began: a node id, or (x, y, z)."""
@@ -35,6 +38,10 @@ class Start(NamedTuple):
         game.begin_anew()
         for memory in game.memories.values():
             memory.clear()
+        for name, memory in self.memories.items():
+            game.memory_of(name).update(deepcopy(memory))
+        game.team_memories = deepcopy(self.team_memories)
+        game.turn = self.turn
         game.collectors.clear()
         game.data.clear()
         game.data.update(deepcopy(self.data))
@@ -57,4 +64,7 @@ def taken(game: "Game") -> Start:
         dict(game.scores),
         [dict(event) for event in game.events],
         dict(game._facts),
+        game.turn,
+        {name: deepcopy(memory) for name, memory in game.memories.items() if memory},
+        deepcopy(game.team_memories),
     )

@@ -73,7 +73,7 @@ def _ask(game: "Game", seating: Seating) -> TurnMoves:
     is what all see. Where a sensor may look at more than the world, all observe first.
     """
     asked = _Asked(game, seating)
-    seen = None if seating.see_world_only else [_observe(game, seat) for seat in seating.seats]
+    seen = _seen_before(game, seating)
     usual = seating.usual
     if seen is not None or game.time_budget is not None or game.team_memories:
         usual = [(agent, None) for agent, _ in usual]
@@ -116,6 +116,16 @@ def _ask(game: "Game", seating: Seating) -> TurnMoves:
     return TurnMoves(seating, starts, asked.ends, asked.plans)
 
 
+def _seen_before(game: "Game", seating: Seating) -> list[dict[str, Any]] | None:
+    """The states of all, where nobody may decide before all have observed; else None."""
+    if seating.see_world_only and not game.after_observing:
+        return None
+    seen = [observed(game, seat) for seat in seating.seats]
+    for tell in game.after_observing:
+        tell([seat.agent for seat in seating.seats], seen)
+    return seen
+
+
 class _Asked:
     """What has been asked and answered in a turn so far; the next to be asked has as many ends before it."""
 
@@ -130,7 +140,7 @@ class _Asked:
         """Let one agent of any kind decide; where it goes."""
         game, seat = self.game, self._seat
         agent = seat.agent
-        agent._state = state = _observe(game, seat) if seen is None else seen[len(self.ends)]
+        agent._state = state = observed(game, seat) if seen is None else seen[len(self.ends)]
         if agent.strategy is None:
             return here
         begun = perf_counter()
@@ -187,7 +197,7 @@ class _Asked:
         return self.seats[len(self.ends)]
 
 
-def _observe(game: "Game", seat: Seat) -> dict[str, Any]:
+def observed(game: "Game", seat: Seat) -> dict[str, Any]:
     """The state of an agent of any kind."""
     columns, row = game.columns, seat.row
     state = seat.template.copy()
@@ -234,7 +244,9 @@ def _apply(game: "Game", turn: TurnMoves) -> None:
     seating.count_moves(turn.starts, turn.ends)
     for i, plan in turn.plans.items():
         seat = turn.seats[i]
-        columns.carry[seat.row] = plan.carry
+        if columns.carry[seat.row] != plan.carry:
+            columns.carry[seat.row] = plan.carry
+            columns.left_over.add(seat.row)
         if plan.heading != ():
             writer.turn(columns, seat.row, plan.heading)
         if seat.flies:

@@ -46,6 +46,7 @@ class AgentColumns:
         speed: of flyers, map units per step; on the ground what the turn engine lets it move, None for one edge.
         alive: whether it takes part.
         carry: metres that were left of its last move on the ground.
+        left_over: rows whose `carry` was written; whoever reads them clears it.
         out: the rows of those that are not alive.
         journal: where what happens to agents is noted.
         roster: a number that changes whenever an agent comes, goes, dies, returns, or has another team, speed or
@@ -67,6 +68,7 @@ class AgentColumns:
         "adrift",
         "flying",
         "journal",
+        "left_over",
         "moves",
         "out",
         "roster",
@@ -92,6 +94,7 @@ class AgentColumns:
         self.speed: list[float | None] = []
         self.alive: list[bool] = []
         self.carry: list[float] = []
+        self.left_over: set[int] = set()
         self.roster = 0
         self.journal: Journal = NOBODY
         self.touched: set[int] = set()
@@ -151,6 +154,7 @@ class AgentColumns:
         self.journal.kept(rows)
         self.moves += 1
         self.roster += 1
+        self.left_over = {i for i, row in enumerate(rows) if row in self.left_over}
         adrift = {i for i, row in enumerate(rows) if row in self.adrift}
         self._forget()
         self.adrift = adrift

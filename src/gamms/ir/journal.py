@@ -21,6 +21,7 @@ AGENT_TEAM = 0x01100010  # not in 1.0.0
 AGENT_ALIVE = 0x01100011  # not in 1.0.0
 AGENT_SPEED = 0x01100012  # not in 1.0.0
 AGENT_STRATEGY = 0x01100013  # not in 1.0.0
+AGENT_CARRY = 0x01100014  # not in 1.0.0: metres that were left of the last moves of several agents
 AERIAL_AGENT_FLIGHT = 0x01100020  # not in 1.0.0: (number of the flyer, node below it, x, y, z)
 AERIAL_AGENT_TURN = 0x01100021  # not in 1.0.0: (number of the flyer, w, x, y, z)
 WORLD = 0x03000000  # not in 1.0.0: graph and obstacles
@@ -28,6 +29,12 @@ GAME_SCORES = 0x04000000  # not in 1.0.0
 GAME_DATA = 0x04000001  # not in 1.0.0
 GAME_EVENT = 0x04000002  # not in 1.0.0
 GAME_OVER = 0x04000003  # not in 1.0.0
+GAME_TURN = 0x04000004  # not in 1.0.0: the game has counted otherwise than it did
+GAME_MEMORY = 0x04000005  # not in 1.0.0: what agents and teams remember
+GAME_FACTS = 0x04000006  # not in 1.0.0
+GAME_CHANCE = 0x04000007  # not in 1.0.0: where the context's own random stream stands
+SENSORS = 0x06000000  # not in 1.0.0: sensors came
+SENSED = 0x06000001  # not in 1.0.0: what agents sensed in this turn
 USER_EVENT = 0x05000000  # not in 1.0.0
 
 

@@ -1,18 +1,18 @@
 """From a keyframe to the turns after it: what each event does to a state, on plain columns."""
 
 from collections.abc import Callable
-from copy import deepcopy
 from typing import Any
 
 import numpy as np
 
-from gamms.errors import GammsError
 from gamms.ir import journal
+from gamms.recorder import game_state
+from gamms.recorder.errors import DAMAGES, Damaged
 from gamms.recorder.formats.columns import IntArray
 from gamms.recorder.formats.reader import Reader
 from gamms.recorder.formats.tracks import FORMS, Tracks
 from gamms.recorder.state import State, opened
-from gamms.recorder.waiting import Batch, Waiting
+from gamms.recorder.waiting import Batch, Waiting, follow
 
 _LISTS = ("names", "teams", "speed", "sensors", "attributes", "strategies")
 _ARRAYS = {
@@ -28,11 +28,6 @@ _ARRAYS = {
     "carry": (np.float64, ()),
 }
 _FEW = 24  # moves that are made faster one by one
-DAMAGES = (KeyError, TypeError, ValueError, IndexError, AttributeError, OverflowError)  # of what a stranger wrote
-
-
-class Damaged(GammsError, ValueError):
-    """A state is not right, or an event does not fit the state it happens to."""
 
 
 class Fold:
@@ -42,6 +37,7 @@ class Fold:
 
     Args:
         state: a keyframe, which is not to be used afterwards; checked, for a stranger may have written it.
+        at: how many turns it knows.
 
     Attributes:
         state: as `recorder.state.opened` gives it.
@@ -49,13 +45,15 @@ class Fold:
         roster: a number that changes whenever agents come or go, or any of the lists does.
     """
 
-    def __init__(self, state: State) -> None:
+    def __init__(self, state: State, at: int = 0) -> None:
         self.roster = 0
+        self._log = at  # the one whose events happen
         self._begin(state)
 
     def _begin(self, state: State) -> None:
         try:
             self.state, self.following = _checked(opened(state)), int(state["next"])
+            self._clock = int(state.get("turn", 0)), self._log, int(state.get("pace", 0))
         except DAMAGES as error:
             raise Damaged(f"the whole state is not right ({type(error).__name__}: {error})") from error
         self._recount()
@@ -71,6 +69,11 @@ class Fold:
         self._sorted = numbers[self._order]
         self._is_counted = np.array_equal(numbers, np.arange(len(numbers)))  # rows are numbers
         self.roster += 1
+
+    def game_turn(self, turns: int) -> int:
+        """How the game counted the last of so many turns."""
+        counted, at, pace = self._clock
+        return counted + pace * (turns - at)
 
     def apply(self, log: journal.Log) -> None:
         """Let the log of one turn happen, entry by entry: what `advance` does at once."""
@@ -99,6 +102,7 @@ class Fold:
                 new.append(data)
                 continue
             self._enter(new)
+            self._log = turn
             self.happen(kind, data)
             in_order = in_order or kind == journal.SNAPSHOT
         self._enter(new)
@@ -123,7 +127,7 @@ class Fold:
             for number, end in zip(numbers.tolist(), nodes.tolist(), strict=True):
                 self._move_one(number, end)
             return
-        self._follow(self._rows(numbers), {"node": ("previous", nodes)})
+        follow(self.state, self._rows(numbers), {"node": ("previous", nodes)})
 
     def fly(self, flights: Tracks) -> None:
         """Let flights happen, in their order."""
@@ -136,28 +140,12 @@ class Fold:
             row = rows[self.state["kind"][rows] == 0][0]
             raise _grounded(self.state["names"][row])
         nodes, positions = flights.nodes[:, 0], flights.floats
-        self._follow(rows, {"node": ("previous", nodes), "position": ("previous_position", positions)})
+        follow(self.state, rows, {"node": ("previous", nodes), "position": ("previous_position", positions)})
 
     def turn(self, turns: Tracks) -> None:
         """Let flyers turn in space, in their order."""
         if len(turns.numbers):
             self.state["quat"][self._rows(turns.numbers)] = turns.floats  # of several at one row, the last one stays
-
-    def _follow(self, rows: IntArray, paths: dict[str, tuple[str, np.ndarray[Any, Any]]]) -> None:
-        """Let columns have the last of some values of each row, and those of before the last but one, or what was."""
-        places = np.arange(len(rows))
-        last, last_but_one = np.full((2, len(self.state["node"])), -1)
-        last[rows] = places  # of several at one row, the last one stays
-        is_earlier = last[rows] != places
-        last_but_one[rows[is_earlier]] = places[is_earlier]
-        moved = np.flatnonzero(last >= 0)
-        ends, came = last[moved], last_but_one[moved]
-        for name, (before, values) in paths.items():
-            column = self.state[name]
-            came_from = column[moved]
-            came_from[came >= 0] = values[came[came >= 0]]
-            self.state[before][moved] = came_from
-            column[moved] = values[ends]
 
     def _move_one(self, number: int, end: int) -> None:
         row, node = self.row_of(number), self.state["node"]
@@ -266,6 +254,25 @@ class Fold:
             self.state[name] = np.delete(self.state[name], row, axis=0)
         self._recount()
 
+    def carry(self, data: Any) -> None:
+        """So many metres were left of moves."""
+        self.state["carry"][self._rows(np.asarray(data["numbers"], np.int64))] = data["metres"]
+
+    def count(self, data: Any) -> None:
+        """The game counted a turn otherwise than the ones before."""
+        self._clock = int(data["turn"]), self._log + 1, int(data["pace"])
+
+    def remember(self, data: Any) -> None:
+        """Agents or teams remember something else."""
+        for name, changes in data["agents"].items():
+            game_state.apply(self.state["memories"].setdefault(name, {}), changes)
+        for team, changes in data["teams"]:
+            game_state.apply(self.state["team_memories"].setdefault(team, {}), changes)
+
+    def equip(self, data: Any) -> None:
+        """Sensors came."""
+        self.state["sensor_kinds"] = [*self.state["sensor_kinds"], *data["sensor_kinds"]]
+
     def replace(self, data: Any) -> None:
         """A snapshot was written."""
         self._begin(data)
@@ -275,6 +282,9 @@ def _checked(state: State) -> State:
     """A state of its own, whose columns are of the right kinds and of one length; an error says what is not."""
     names = [_text(name) for name in state["names"]]
     checked: State = {"scores": state["scores"], "data": dict(state["data"]), "over": state["over"]}
+    checked["memories"] = {name: dict(memory) for name, memory in state.get("memories", {}).items()}
+    checked["team_memories"] = {team: dict(memory) for team, memory in state.get("team_memories", ())}
+    checked["chance"], checked["sensor_kinds"] = state.get("chance"), list(state.get("sensor_kinds", ()))
     for name in _LISTS:
         checked[name] = list(state[name])
     for name, (dtype, shape) in _ARRAYS.items():
@@ -353,12 +363,6 @@ def _deregister(fold: Fold, data: Any) -> None:
     fold.state["sensors"][fold.row(data["agent_name"])].pop(data["name"], None)
 
 
-def _change_data(fold: Fold, data: Any) -> None:
-    fold.state["data"].update(deepcopy(data["set"]))
-    for key in data["removed"]:
-        fold.state["data"].pop(key, None)
-
-
 _EVENTS: dict[int, Callable[[Fold, Any], None]] = {
     journal.SNAPSHOT: Fold.replace,
     journal.AGENT_CREATE: Fold.enter,
@@ -375,10 +379,15 @@ _EVENTS: dict[int, Callable[[Fold, Any], None]] = {
     journal.AGENT_TEAM: _set("teams", "team"),
     journal.AGENT_ALIVE: _set("alive", "alive", int),
     journal.AGENT_SPEED: _set("speed", "speed"),
+    journal.AGENT_CARRY: Fold.carry,
     journal.AGENT_STRATEGY: _set("strategies", "strategy"),
     journal.GAME_SCORES: lambda fold, data: fold.state.__setitem__("scores", data["scores"]),
-    journal.GAME_DATA: _change_data,
+    journal.GAME_DATA: lambda fold, data: game_state.apply(fold.state["data"], data),
     journal.GAME_OVER: lambda fold, data: fold.state.__setitem__("over", data or None),
+    journal.GAME_TURN: Fold.count,
+    journal.GAME_MEMORY: Fold.remember,
+    journal.GAME_CHANCE: lambda fold, data: fold.state.__setitem__("chance", data["chance"]),
+    journal.SENSORS: Fold.equip,
 }
 _OTHERS = frozenset(_EVENTS.keys() - FORMS)  # than those that happen many at once
 _OF_FLYERS = {journal.AERIAL_AGENT_POSITION, journal.AERIAL_AGENT_QUATERNION}  # flights, turns of who wrote by name

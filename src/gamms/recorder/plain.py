@@ -14,7 +14,7 @@ _ADDRESS = re.compile(r" at 0x[0-9a-fA-F]+")
 
 
 def is_plain(value: Any, depth: int = 0) -> bool:
-    """Whether a value is a text, number, bytes, None, an array of numbers, or a list, tuple or dict of such."""
+    """Whether a value is a text, number, bytes, None, an array of numbers, or a list, tuple, set or dict of such."""
     kind = type(value)
     if kind in _SCALARS:
         return True
@@ -24,14 +24,16 @@ def is_plain(value: Any, depth: int = 0) -> bool:
         return False
     if kind in (list, tuple):
         return all(is_plain(one, depth + 1) for one in value)
+    if kind in (set, frozenset):
+        return all(map(_is_key, value))
     return kind is dict and all(_is_key(key) and is_plain(one, depth + 1) for key, one in value.items())
 
 
 def plain(value: Any) -> Any:
     """A value that can be written, and is the caller's no longer: fresh containers of fresh containers.
 
-    Numbers, texts and containers of other classes become Python's own, sets lists in order, and anything else a text
-    that is the same in every run.
+    Numbers, texts and containers of other classes become Python's own, and anything else a text that is the same in
+    every run.
     """
     return _converted(value, 0, _shown)
 
@@ -56,7 +58,7 @@ def is_same(one: Any, other: Any) -> bool:
 
 def _is_key(key: Any) -> bool:
     kind = type(key)
-    return kind in _SCALARS or (kind is tuple and all(map(_is_key, key)))
+    return kind in _SCALARS or (kind in (tuple, frozenset) and all(map(_is_key, key)))
 
 
 def _converted(value: Any, depth: int, other: Callable[[Any], Any]) -> Any:
@@ -82,9 +84,10 @@ def _converted_dict(value: Mapping[Any, Any], depth: int, other: Callable[[Any],
 def _converted_list(value: Any, depth: int) -> Any:
     if isinstance(value, np.ndarray) and value.dtype.kind in "biuf":
         return np.array(value)
-    items = [_converted(one, depth + 1, _shown) for one in value]
     if isinstance(value, set | frozenset):
-        return sorted(items, key=repr)
+        keys = map(_key_of, value)
+        return frozenset(keys) if isinstance(value, frozenset) else set(keys)
+    items = [_converted(one, depth + 1, _shown) for one in value]
     return tuple(items) if isinstance(value, tuple) else items
 
 

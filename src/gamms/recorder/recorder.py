@@ -72,6 +72,7 @@ class Recorder(IRecorder):
         version: int = 3,
         created: int | None = None,
         provenance: Any = None,
+        sensed: bool = False,
     ) -> None:
         """Begin a recording; it begins with how things are now.
 
@@ -80,6 +81,7 @@ class Recorder(IRecorder):
             version: 3, or 2 for what gamms 1.0.0 reads (agents and components only).
             created: seconds since 1970 to be kept in the header; None: $SOURCE_DATE_EPOCH, or nothing.
             provenance: plain values to be kept in the header.
+            sensed: write down what agents sense in the turns of `ctx.game`, too, for `Recording.observation`.
 
         Raises:
             FileExistsError: there is such a file.
@@ -100,7 +102,9 @@ class Recorder(IRecorder):
             header = header_of(self.ctx, session.world, options) if session.header is None else session.header
             return Version3Sink(stream, session, header)
 
-        session = Session(self.ctx, make_sink)  # before there is a file: not every map can be written
+        session = Session(
+            self.ctx, make_sink, with_sensed=bool(sensed)
+        )  # before there is a file: not every map can be written
         try:
             stream, self._is_owned = _opened(path)
         except BaseException:

@@ -3,7 +3,7 @@
 import io
 import os
 from collections import Counter
-from collections.abc import Callable, Iterator
+from collections.abc import Callable, Iterator, Mapping
 from pathlib import Path
 from typing import Any, BinaryIO, Self, overload
 
@@ -14,8 +14,8 @@ from gamms.errors import BadType, BadValue
 from gamms.ir import journal
 from gamms.ir.journal import Log
 from gamms.recorder import tables
-from gamms.recorder.errors import RecordingError
-from gamms.recorder.fold import Damaged, Fold
+from gamms.recorder.errors import Damaged, RecordingError
+from gamms.recorder.fold import Fold
 from gamms.recorder.formats.reader import Reader
 from gamms.recorder.moment import State, roster_of, state_of
 from gamms.typing.opcodes import MAGIC_NUMBER
@@ -148,10 +148,82 @@ class Recording:
                 raise RecordingError("This recording does not say how it begins.")
             self._fold = None
             self._roster = (-1, {})
-            self._at, fold = found[0], Fold(found[1])
+            self._at, fold = found[0], Fold(found[1], found[0])
         fold.advance(self._reader, self._at, turn)
         self._fold, self._at = fold, turn
         return fold
+
+    def resume(
+        self,
+        turn: int,
+        strategies: Mapping[str, Any] | None = None,
+        seed: int | None = None,
+        vis_engine: Any = None,
+        *,
+        ctx: Any = None,
+    ) -> Any:
+        """A live context in which the game stands as it stood after so many turns, to go on or to branch from there.
+
+        Agents, sensors, teams, scores, data, facts, memories and random streams are as they were; `ctx.game.reset`
+        comes back here. What a recording cannot hold is for the caller: strategies, rules (add them to the context as
+        the program that recorded did), conflicts, settings, and what strategies keep outside of `state["memory"]`.
+        With the same seed, strategies and rules the game goes on as it did.
+
+        Args:
+            turn: how many turns are over; 0 is the start.
+            strategies: by agent or team; `state -> None`.
+            seed: all random streams follow from it; None: that of the recording.
+            vis_engine: see `create_context`.
+            ctx: a context in which agents, strategies and rules are already there, as a program or a scenario builds
+                them; it is changed. None: a fresh one, which the caller terminates.
+
+        Returns:
+            The context.
+
+        Raises:
+            BadValue: there is no such turn, or vis_engine goes with ctx.
+            UnknownName (KeyError): a strategy is for a team or agent that is not there.
+            RecordingError (ValueError): the recording is damaged, or it does not fit the context.
+        """
+        from gamms.recorder import resuming
+
+        if ctx is not None and vis_engine is not None:
+            raise BadValue("vis_engine is for a fresh context, and ctx has an engine already.")
+        world, turn = self.state(turn).graph.packed, as_int(turn, "turn")
+        seed = resuming.as_seed(seed, self.seed)
+        live = resuming.opened_context(seed, vis_engine) if ctx is None else ctx
+        try:
+            live.reseed(seed)
+            resuming.resume(live, self._reader, turn, self._folded(turn), world, is_fresh=ctx is None)
+            resuming.register(live, strategies or {})
+        except BaseException:
+            if ctx is None:
+                live.terminate()
+            raise
+        return live
+
+    def observation(self, turn: int, agent: str) -> dict[str, Any]:
+        """The state by which an agent decided in a turn, as its strategy got it; what was sensed must be recorded.
+
+        So that a decision can be repeated: `strategy(recording.observation(12, "anna"))`. What a sensor of the
+        program's own gave is there as far as it was plain, as are memories and facts.
+
+        Args:
+            turn: 1 is the first.
+            agent: its name.
+
+        Raises:
+            BadValue: there is no such turn, or what was sensed was not recorded: `ctx.record.start(…, sensed=True)`.
+            UnknownName (KeyError): there was no such living agent.
+            RecordingError (ValueError): the recording is damaged.
+        """
+        from gamms.recorder import resuming
+
+        turn = as_int(turn, "turn")
+        if not 1 <= turn <= self.turns:
+            raise BadValue(f"There is no turn {turn}: this recording has turns 1 to {self.turns}.")
+        with self.resume(turn - 1) as ctx:
+            return resuming.observation(ctx, self._reader.log(turn - 1), self._folded(turn - 1), turn, agent)
 
     # -- the map ------------------------------------------------------------------------------------------------
 

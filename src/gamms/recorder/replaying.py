@@ -7,7 +7,7 @@ from typing import Any
 from gamms.errors import BadType, ContextTerminated, GammsError
 from gamms.ir import journal as kinds
 from gamms.ir.journal import Muted
-from gamms.recorder import state
+from gamms.recorder import game_state, state
 from gamms.recorder.errors import RecordingError
 from gamms.recorder.formats.reader import Reader
 from gamms.recorder.formats.tracks import FORMS
@@ -31,6 +31,7 @@ class Player:
         self._ctx = recorder.ctx
         self._numbers: dict[int, str] = {}
         self._next = 0
+        self._pace = 0  # by how much the game counts on in a turn
 
     def play(self, reader: Reader) -> Iterator[Record]:
         """Everything in a recording of version 3."""
@@ -45,6 +46,28 @@ class Player:
             if self._ctx.is_terminated():
                 return
         yield {"timestamp": max(0, reader.turns - 1) * TURN_NS, "opCode": kinds.TERMINATE}
+
+    def play_until(self, log: kinds.Log, kind: int, names: dict[int, str], following: int) -> Any:
+        """Play a turn as far as an event of some kind, and give the data of it; None if there is none.
+
+        Args:
+            log: of the turn.
+            kind: of the event.
+            names: number of an agent -> its name; who comes is added.
+            following: the number that the next new agent gets.
+        """
+        self._numbers, self._next = names, following
+        agents = self._ctx.agent
+        for number, step in steps_of(log):
+            if number is not None:
+                agents.moves.act(agents.columns, agents.agents[names[number]]._row, step)
+            elif step[0] == kind:
+                return step[1]
+            elif step[0] in FORMS:
+                self._fly(step[0], step[1], agents.moves.plain())
+            else:
+                self.happen(*step)
+        return None
 
     def _turn(self, turn: int, log: kinds.Log) -> Iterator[Record]:
         timestamp, is_over = turn * TURN_NS, True
@@ -117,6 +140,7 @@ class Player:
             RecordingError: it cannot happen here; the context is as it was.
         """
         if kind == kinds.SIMULATE:
+            self._ctx.game.turn += self._pace
             self._ctx.visual.simulate()  # which ends the turn of a recording that is being written, too
             return
         apply = _EVENTS.get(kind)
@@ -143,6 +167,7 @@ class Player:
         numbers = data["numbers"].tolist()
         self._numbers = dict(zip(numbers, data["names"], strict=True))
         self._next = data["next"]
+        self._pace = int(data.get("pace", 0))
         if self._recorder.is_copying:
             self._recorder.renumber(data["names"], numbers, self._next)
         else:
@@ -184,9 +209,31 @@ class Player:
         self._ctx.game.scores.update(data["scores"])
 
     def _data(self, data: Any) -> None:
-        self._ctx.game.data.update(deepcopy(data["set"]))
-        for key in data["removed"]:
-            self._ctx.game.data.pop(key, None)
+        game_state.apply(self._ctx.game.data, data)
+
+    def _carry(self, data: Any) -> None:
+        agents = self._ctx.agent
+        for number, metres in zip(data["numbers"].tolist(), data["metres"].tolist(), strict=True):
+            agents.put(agents.agents[self._numbers[number]], {"carry": float(metres)})
+
+    def _count(self, data: Any) -> None:
+        self._pace = int(data["pace"])
+        self._ctx.game.turn = int(data["turn"]) - self._pace  # until the turn is over
+        self._ctx.game.began |= data.get("starts", {})
+
+    def _remember(self, data: Any) -> None:
+        game_state.remember(self._ctx, data)
+
+    def _facts(self, data: Any) -> None:
+        game = self._ctx.game
+        known = {name: fact for name, fact in game.facts.items() if name not in data["removed"]}
+        game.publish_anew(known | deepcopy(data["set"]))
+
+    def _chance(self, data: Any) -> None:
+        game_state.put_chance(self._ctx, data["chance"])
+
+    def _equip(self, data: Any) -> None:
+        state.make_sensors(self._ctx, data)
 
     def _event(self, data: Any) -> None:
         self._ctx.game.events.append(deepcopy(data))
@@ -259,9 +306,15 @@ _EVENTS: dict[int, Callable[[Player, Any], None]] = {
     kinds.AGENT_TEAM: _set("team", "team"),
     kinds.AGENT_ALIVE: _set("alive", "alive"),
     kinds.AGENT_SPEED: _set("speed", "speed"),
+    kinds.AGENT_CARRY: Player._carry,
     kinds.WORLD: Player._world,
     kinds.GAME_SCORES: Player._scores,
     kinds.GAME_DATA: Player._data,
     kinds.GAME_EVENT: Player._event,
     kinds.GAME_OVER: Player._over,
+    kinds.GAME_TURN: Player._count,
+    kinds.GAME_MEMORY: Player._remember,
+    kinds.GAME_FACTS: Player._facts,
+    kinds.GAME_CHANCE: Player._chance,
+    kinds.SENSORS: Player._equip,
 }

@@ -1,17 +1,17 @@
 """One recording while it is being written: what the journal holds becomes the log of each turn."""
 
 import time
-from collections.abc import Callable, Iterator, Mapping
-from contextlib import contextmanager
+from collections.abc import Callable, Mapping
 from itertools import takewhile
 from typing import Any
 
+import numpy as np
+
 from gamms.ir import journal as kinds
 from gamms.ir.journal import NOBODY, Log
-from gamms.recorder import state
+from gamms.recorder import game_state, sensed, state
 from gamms.recorder.errors import RecordingError
 from gamms.recorder.noting import PlainJournal
-from gamms.recorder.plain import is_same, plain, plain_part
 from gamms.typing.opcodes import OpCodes
 
 _SOMEBODY_ELSE = object()
@@ -32,6 +32,7 @@ class Session:
     Args:
         ctx: the context.
         make_sink: makes the sink when the first turn is over, so that a map may be loaded until then.
+        with_sensed: whether what agents sense is written, too.
 
     Attributes:
         is_paused: whether nothing is written for now.
@@ -42,8 +43,9 @@ class Session:
         turn: how many turns were recorded.
     """
 
-    def __init__(self, ctx: Any, make_sink: Callable[["Session"], Sink]) -> None:
+    def __init__(self, ctx: Any, make_sink: Callable[["Session"], Sink], *, with_sensed: bool = False) -> None:
         self.ctx = ctx
+        self._with_sensed = with_sensed
         self._room = ctx.graph
         self._make_sink = make_sink
         self._sink: Sink | None = None
@@ -59,9 +61,9 @@ class Session:
         has_map = next(iter(ctx.graph.graph.get_nodes()), None) is not None
         self.world: bytes | None = ctx.graph.packed() if has_map else None  # first, for it may raise
         self._listen()
-        self.begin = state.captured(ctx) | state.told(ctx.game)
+        self.begin = state.captured(ctx) | game_state.told(ctx.game)
         self._revised = self._revisions()
-        self._game = _GameWatch(ctx)
+        self._watch_game()
 
     @property
     def log(self) -> Log:
@@ -70,12 +72,18 @@ class Session:
 
     def end_turn(self) -> None:
         """Write the turn, which is over."""
+        journal = self._journal
         if self.copied is None:
             self._tell_changes()
-        log, self._journal.log, self._front = self._journal.log, [], 0
+            if (counted := self._game.count()) is not None:
+                journal.log.append(counted)
+        log, journal.log, self._front = journal.log, [], 0
         self.turn += 1
-        with self._writing():
+        try:
             self._keep(log)
+        except RecordingError:
+            self._fail()
+            raise
 
     def pause(self) -> None:
         """Write nothing until `play`."""
@@ -98,10 +106,10 @@ class Session:
         # Those who come back do so in their order, and so do all who follow them.
         kept = [name for name, other in takewhile(lambda pair: pair[0] == pair[1], zip(left, now, strict=False))]
         gone = [(kinds.AGENT_DELETE, {"name": name}) for name in known if name not in kept]
-        snapshot = state.captured(self.ctx) | state.told(self.ctx.game)
+        snapshot = state.captured(self.ctx) | game_state.told(self.ctx.game)
         self._front = len(waiting)
         self._journal.log = [*waiting, *gone, (kinds.SNAPSHOT, snapshot)]
-        self._game = _GameWatch(self.ctx)
+        self._watch_game()
 
     def close(self) -> None:
         """Write what is left, and listen no longer."""
@@ -114,9 +122,12 @@ class Session:
         if log:
             log.append((kinds.UNFINISHED, {}))
             self._logs.append(log)
-        with self._writing():
+        try:
             self._hand_over()
             self.sink.close()
+        except RecordingError:
+            self._fail()
+            raise
 
     @property
     def sink(self) -> Sink:
@@ -142,7 +153,8 @@ class Session:
     def end_copying(self) -> None:
         """Go on by what the context says."""
         self.copied = None
-        self._revised, self._game = self._revisions(), _GameWatch(self.ctx)
+        self._revised = self._revisions()
+        self._watch_game()
         self._journal.living = dict.fromkeys(self.ctx.agent.agents)
         self._front = len(self.log)
 
@@ -190,6 +202,16 @@ class Session:
         agents.write_by(agents.moves.plain().journaled(agents.columns))
         self.ctx.visual.after_turn.append(self.end_turn)
         self.ctx.game.after_reset.append(self.begin_anew)
+        if self._with_sensed:
+            self.ctx.game.after_observing.append(self._note_sensed)
+
+    def _note_sensed(self, agents: list[Any], states: list[dict[str, Any]]) -> None:
+        """Write down what agents are about to decide by, after what has become so before."""
+        self._tell_changes()
+        journal, rows = self._journal, self.ctx.agent.columns.names
+        numbers = dict(zip(rows, journal.ids, strict=False))
+        results = [(numbers[agent.name], told["sensor"]) for agent, told in zip(agents, states, strict=True)]
+        journal.log.append((kinds.SENSED, sensed.packed(results, numbers)))
 
     def _hush(self) -> None:
         agents = self.ctx.agent
@@ -200,15 +222,13 @@ class Session:
             self.ctx.visual.after_turn.remove(self.end_turn)
         if self.begin_anew in self.ctx.game.after_reset:
             self.ctx.game.after_reset.remove(self.begin_anew)
+        if self._note_sensed in self.ctx.game.after_observing:
+            self.ctx.game.after_observing.remove(self._note_sensed)
 
-    @contextmanager
-    def _writing(self) -> Iterator[None]:
-        try:
-            yield
-        except RecordingError:
-            self._hush()
-            self.has_failed, self._logs = True, []
-            raise
+    def _fail(self) -> None:
+        """Write nothing any more."""
+        self._hush()
+        self.has_failed, self._logs = True, []
 
     def _keep(self, log: Log) -> None:
         self._logs.append(log)
@@ -229,7 +249,8 @@ class Session:
         if self.copied is not None:
             keyframe = self.copied(self.turn)
         else:
-            keyframe = state.captured(self.ctx) if self._since_keyframe >= _KEYFRAME_ENTRIES else None
+            is_due = self._since_keyframe >= _KEYFRAME_ENTRIES
+            keyframe = state.captured(self.ctx) | {"pace": self._game.pace} if is_due else None
         if keyframe is not None:
             self.sink.keyframe(keyframe)
             self._since_keyframe = 0
@@ -245,10 +266,37 @@ class Session:
 
     def _tell_changes(self) -> None:
         """Write down what nobody notes: a change of the map, before who stands on it, and what the game has come to."""
-        changes = self._world_changes()
-        self._journal.log[self._front : self._front] = changes
-        self._front += len(changes)
-        self._journal.log += self._game.changes()
+        # NOTE: asked in every turn, which with ten agents takes 10 us, so most of the time nothing is made here
+        # (benchmarks/README.md, w4).
+        log = self._journal.log
+        if self._revisions() != self._revised or len(self.ctx.sensor.sensors) != self._sensors:
+            changes = self._world_changes() + self._new_sensors()
+            log[self._front : self._front] = changes
+            self._front += len(changes)
+        if self.ctx.agent.columns.left_over:
+            log += self._new_carry()
+        log += self._strategies.changes()
+        self._game.tell(log)
+
+    def _watch_game(self) -> None:
+        """From now on, tell what becomes other than it is now."""
+        self._game, self._strategies = game_state.GameWatch(self.ctx), _StrategyWatch(self.ctx.agent)
+        self._sensors = len(self.ctx.sensor.sensors)
+        self.ctx.agent.columns.left_over.clear()
+
+    def _new_carry(self) -> Log:
+        """What says how many metres were left of moves."""
+        columns, ids = self.ctx.agent.columns, self._journal.ids
+        rows = sorted(columns.left_over)
+        columns.left_over.clear()
+        numbers, metres = [ids[row] for row in rows], [columns.carry[row] for row in rows]
+        return [(kinds.AGENT_CARRY, {"numbers": np.array(numbers, np.int64), "metres": np.array(metres, np.float64)})]
+
+    def _new_sensors(self) -> Log:
+        """What says that sensors came; none ever goes."""
+        described = self.ctx.sensor.described()[self._sensors :]
+        self._sensors += len(described)
+        return [(kinds.SENSORS, {"sensor_kinds": state.grouped(described)})] if described else []
 
     def _world_changes(self) -> Log:
         """What says that the map is another one. The first map goes into the header: it may be loaded late."""
@@ -262,56 +310,23 @@ class Session:
         return [(kinds.WORLD, {"world": world})]
 
 
-class _GameWatch:
-    """What has changed in `ctx.game`, and in who plays by which strategy, since it was asked last."""
+class _StrategyWatch:
+    """Who plays by which strategy, since it was asked last."""
 
-    def __init__(self, ctx: Any) -> None:
-        self._game, self._agents = ctx.game, ctx.agent
-        self._events = len(ctx.game.events)
-        self._scores = plain(ctx.game.scores)
-        self._data = plain_part(ctx.game.data)
-        self._over = plain(ctx.game.over)
-        self._strategies = [agent.strategy for agent in ctx.agent.agents.values()]
-        self._named = {name: agent.strategy for name, agent in ctx.agent.agents.items()}
+    def __init__(self, agents: Any) -> None:
+        self._agents = agents
+        self._strategies = [agent.strategy for agent in agents.agents.values()]
+        self._named = {name: agent.strategy for name, agent in agents.agents.items()}
 
     def changes(self) -> Log:
-        """Events that say it."""
-        game = self._game
-        log: Log = self._new_strategies()
-        if len(game.events) != self._events:
-            log += [(kinds.GAME_EVENT, plain(event)) for event in game.events[self._events :]]
-            self._events = len(game.events)
-        if game.scores != self._scores:
-            self._scores = plain(game.scores)
-            log.append((kinds.GAME_SCORES, {"scores": list(self._scores.items())}))
-        if game.data or self._data:
-            log += self._new_data(game.data)
-        if game.over != self._over:
-            self._over = plain(game.over)
-            log.append((kinds.GAME_OVER, self._over or {}))
-        return log
-
-    def _new_strategies(self) -> Log:
-        agents = self._agents.agents
+        """Events that say what has changed."""
+        agents, before = self._agents.agents, self._named
         now = [agent.strategy for agent in agents.values()]
         if now == self._strategies:
             return []
-        before, self._strategies, self._named = (
-            self._named,
-            now,
-            {name: agent.strategy for name, agent in agents.items()},
-        )
+        self._strategies, self._named = now, {name: agent.strategy for name, agent in agents.items()}
         return [
             (kinds.AGENT_STRATEGY, {"agent_name": agent.name, "strategy": state.name_of(agent.strategy)})
             for agent in agents.values()
             if agent.strategy is not before.get(agent.name)
         ]
-
-    def _new_data(self, data: dict[str, Any]) -> Log:
-        now, before = plain_part(data), self._data
-        if is_same(now, before):
-            return []
-        changed = {key: value for key, value in now.items() if key not in before or not is_same(value, before[key])}
-        removed = [key for key in before if key not in now]
-        self._data = now
-        return [(kinds.GAME_DATA, {"set": changed, "removed": removed})]

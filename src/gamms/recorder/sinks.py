@@ -12,6 +12,7 @@ from gamms.recorder.formats.output import Output
 from gamms.recorder.formats.tracks import FORMS
 from gamms.recorder.formats.version2 import Version2Writer
 from gamms.recorder.formats.writer import Writer
+from gamms.recorder.plain import plain
 from gamms.recorder.records import TURN_NS, named, records_of, records_of_move, steps_of
 from gamms.recorder.session import Session
 
@@ -146,5 +147,6 @@ def header_of(ctx: Any, world: bytes | None, options: dict[str, Any]) -> dict[st
         "seed": ctx.seed,
         "created": created,
         "provenance": options.get("provenance"),
+        **({} if ctx.game.scenario is None else {"scenario": plain(ctx.game.scenario)}),
         "world": ctx.graph.packed() if world is None else world,
     }

@@ -7,6 +7,7 @@ from typing import Any
 import numpy as np
 
 from gamms.ir.graph import FloatArray, IntArray
+from gamms.recorder import game_state
 from gamms.recorder.plain import is_plain, plain, plain_part
 
 State = dict[str, Any]
@@ -18,7 +19,7 @@ def captured(ctx: Any) -> State:
     """Agents, scores and data of a context, as a keyframe holds them."""
     ctx.agent.settle()
     columns, agents = ctx.agent.columns, list(ctx.agent.agents.values())
-    sensors = _grouped(ctx.sensor.described())
+    sensors = grouped(ctx.sensor.described())
     return {
         "names": list(columns.names),
         "numbers": np.array(columns.journal.ids[: len(agents)], np.int64),
@@ -38,7 +39,7 @@ def captured(ctx: Any) -> State:
         "sensor_kinds": sensors,
         "attributes": [plain_part(vars(agent)) for agent in agents],
         "strategies": [name_of(agent.strategy) for agent in agents],
-        **captured_game(ctx.game),
+        **game_state.captured(ctx),
     }
 
 
@@ -91,7 +92,7 @@ def _carried(agents: list[Any], groups: list[dict[str, Any]]) -> dict[str, Any]:
     }
 
 
-def _grouped(described: list[dict[str, Any]]) -> list[dict[str, Any]]:
+def grouped(described: list[dict[str, Any]]) -> list[dict[str, Any]]:
     """Sensors that differ by their ids alone, together."""
     groups: dict[str, dict[str, Any]] = {}
     for one in described:
@@ -102,25 +103,9 @@ def _grouped(described: list[dict[str, Any]]) -> list[dict[str, Any]]:
     return list(groups.values())
 
 
-def captured_game(game: Any) -> State:
-    """What `ctx.game` has come to."""
-    return {
-        "scores": list(plain(game.scores).items()),
-        "data": plain_part(game.data),
-        "over": plain(game.over),
-    }
-
-
-def told(game: Any) -> State:
-    """What was emitted so far, which a snapshot has as well; keyframes are too many for that."""
-    return {"events": plain(game.events)}
-
-
 def put(ctx: Any, state: State) -> None:
     """Set what a snapshot says: agents of the same name and kind are moved, missing ones made, others left alone."""
-    for sensor in sensors_of(state):
-        if sensor["id"] not in ctx.sensor.sensors:
-            ctx.sensor.make(sensor)
+    make_sensors(ctx, state)
     state = opened(state)
     for row, name in enumerate(state["names"]):
         flies, node = bool(state["kind"][row]), int(state["node"][row])
@@ -139,14 +124,14 @@ def put(ctx: Any, state: State) -> None:
         if not flies:
             agent.speed = state["speed"][row]
         ctx.agent.put(agent, _row_of(state, row))
-    game = ctx.game
-    game.scores.clear()
-    game.scores.update((key, value) for key, value in state["scores"])
-    game.data.clear()
-    game.data.update(deepcopy(state["data"]))
-    game.take_over(state["over"])
-    if "events" in state:
-        game.events[:] = deepcopy(state["events"])
+    game_state.put(ctx, state)
+
+
+def make_sensors(ctx: Any, state: State) -> None:
+    """Make the sensors that there are not yet."""
+    for sensor in sensors_of(state):
+        if sensor["id"] not in ctx.sensor.sensors:
+            ctx.sensor.make(sensor)
 
 
 def _node_there(ctx: Any, node: int) -> int:

@@ -8,12 +8,12 @@ import numpy as np
 from gamms.errors import UnknownName
 from gamms.ir import journal
 from gamms.ir.tables import table_of
-from gamms.recorder.errors import RecordingError
-from gamms.recorder.fold import DAMAGES
+from gamms.recorder.errors import DAMAGES, RecordingError
 from gamms.recorder.formats.columns import IntArray
 from gamms.recorder.formats.reader import Reader
 from gamms.recorder.formats.tracks import FORMS
 from gamms.recorder.records import named, steps_of
+from gamms.recorder.sensed import looks_of, seen_by
 from gamms.typing.opcodes import OpCodes
 
 Table = dict[str, np.ndarray[Any, Any]]
@@ -174,6 +174,22 @@ def _scores(reader: Reader, start: int, stop: int, _names_at: NamesAt) -> Table:
     return table_of(dict(zip(("turn", "of", "score"), zip(*rows, strict=True), strict=True)))
 
 
+def _sensed(reader: Reader, start: int, stop: int, names_at: NamesAt) -> Table:
+    """Every node that a sensor saw: the turn, whose sensor, which, the node, and the agent there if that was seen."""
+    rows: list[tuple[Any, ...]] = []
+    names, following = names_at(start)
+    for log, _, kind, data in reader.events(start, stop, {*_ROSTER, journal.SENSED}):
+        if kind != journal.SENSED:
+            names, following = _roster_after(kind, data, names, following)
+            continue
+        for number, look in looks_of(data):
+            for node, other in zip(*seen_by(look), strict=True):
+                rows.append((log + 1, names[number], look.sensor, node, "" if other < 0 else names[other]))
+    if not rows:
+        return _empty(turn=np.int64, agent=np.str_, sensor=np.str_, node=np.int64, other=np.str_)
+    return table_of(dict(zip(("turn", "agent", "sensor", "node", "other"), zip(*rows, strict=True), strict=True)))
+
+
 def _empty(**dtypes: Any) -> Table:
     return {name: np.zeros(0, dtype) for name, dtype in dtypes.items()}
 
@@ -183,4 +199,5 @@ _TABLES: dict[str, Callable[[Reader, int, int, NamesAt], Table]] = {
     "moves": _moves,
     "positions": _positions,
     "scores": _scores,
+    "sensed": _sensed,
 }

@@ -1,6 +1,6 @@
 """What many agents did in a few turns, which can happen all at once, up to where something else comes between."""
 
-from typing import NamedTuple
+from typing import Any, NamedTuple
 
 import numpy as np
 
@@ -8,6 +8,7 @@ from gamms.ir import journal
 from gamms.recorder.formats.columns import IntArray
 from gamms.recorder.formats.reader import Reader
 from gamms.recorder.formats.tracks import Tracks
+from gamms.recorder.state import State
 
 
 class Batch(NamedTuple):
@@ -73,3 +74,26 @@ class Waiting:
             after,
             self._turns.tracks.at(turns),
         )
+
+
+def follow(state: State, rows: IntArray, paths: dict[str, tuple[str, np.ndarray[Any, Any]]]) -> None:
+    """Let the columns of a state have the last of the values that each row gets, and other columns the one before it.
+
+    Args:
+        state: see `recorder.state.opened`.
+        rows: (values,), where each goes; a row may get several, one after the other.
+        paths: column -> the column of what was before, and the values, (values, …).
+    """
+    places = np.arange(len(rows))
+    last, last_but_one = np.full((2, len(state["node"])), -1)
+    last[rows] = places  # of several at one row, the last one stays
+    is_earlier = last[rows] != places
+    last_but_one[rows[is_earlier]] = places[is_earlier]
+    moved = np.flatnonzero(last >= 0)
+    ends, came = last[moved], last_but_one[moved]
+    for name, (before, values) in paths.items():
+        column = state[name]
+        came_from = column[moved]
+        came_from[came >= 0] = values[came[came >= 0]]
+        state[before][moved] = came_from
+        column[moved] = values[ends]

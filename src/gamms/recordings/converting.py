@@ -168,8 +168,8 @@ def _json(value: Any) -> Any:
     """What JSON can hold of a plain value."""
     if isinstance(value, dict):
         return {key if isinstance(key, str) else str(key): _json(one) for key, one in value.items()}
-    if isinstance(value, (list, tuple)):
-        return [_json(one) for one in value]
+    if isinstance(value, (list, tuple, set, frozenset)):
+        return [_json(one) for one in (sorted(value, key=repr) if isinstance(value, (set, frozenset)) else value)]
     if isinstance(value, np.ndarray):
         return _json(value.tolist())
     if isinstance(value, bytes):

@@ -78,7 +78,8 @@ class _Flags:
     def prepare(self, ctx: Any) -> None:
         """Look at the map, and tell where the flags are."""
         refuse_unknown(ctx, self.bases.values())
-        self._tell(ctx, dict.fromkeys(self.bases))
+        known = ctx.game.data.get(self.key, {})  # in a game that goes on from a recording
+        self._tell(ctx, known.get("carriers", dict.fromkeys(self.bases)))
 
     def places(self, ctx: Any) -> dict[Any, int]:
         """Where the flags are now."""

@@ -155,6 +155,7 @@ class Scenario:
             with named(self.file):
                 worlds.put(ctx, world)
                 Building(ctx, self.spec, self._library, given).build()
+            ctx.game.scenario = self.to_dict()
         except BaseException:
             ctx.terminate()
             raise

@@ -9,7 +9,6 @@ import numpy as np
 from gamms import kernels
 from gamms.errors import BadType, BadValue
 from gamms.ir.graph import FloatArray
-from gamms.typing import IContext
 
 Chance = Callable[[FloatArray], FloatArray]  # distances -> probabilities
 
@@ -22,8 +21,8 @@ class Notice:
         exclude: likewise, of agents that are not reported; None: nobody.
         detection: how probable it is that an agent in view is noticed: a number, pairs `(distance, probability)` with
             straight lines between them, or a function from distances (agents,) to probabilities (agents,). None:
-            always. What is drawn follows from the seed of the context, the sensor, its owner, how many looks there were
-            before, and the agent's name.
+            always. What is drawn follows from the seed of the context, the sensor, its owner, the turn of the game, how
+            many looks there were in it before, and the agent's name.
     """
 
     def __init__(self, sensor_id: str) -> None:
@@ -32,7 +31,7 @@ class Notice:
         self.exclude: Any = None
         self._detection: Any = None
         self._chance: Chance | None = None
-        self._looks: dict[str | None, int] = {}
+        self._looks: dict[str | None, tuple[int, int]] = {}  # by owner: the turn of the last look, and which of it
 
     @property
     def is_everybody(self) -> bool:
@@ -70,10 +69,13 @@ class Notice:
         return self.exclude is None or team not in _teams(self.exclude)
 
     def is_noticed(
-        self, ctx: IContext, owner: str | None, names: list[str], distances: FloatArray
+        self, ctx: Any, owner: str | None, names: list[str], distances: FloatArray
     ) -> "np.ndarray[tuple[int, ...], np.dtype[np.bool_]]":
-        """Draw who is noticed (agents,): one more look of this owner's."""
-        look = self._looks[owner] = self._looks.get(owner, 0) + 1
+        """Draw who is noticed (agents,): one more look of this owner's; `ctx` is the hall's own, which has a game."""
+        turn = ctx.game.turn
+        last, look = self._looks.get(owner, (turn, 0))
+        look = look + 1 if last == turn else 1
+        self._looks[owner] = turn, look
         assert self._chance is not None  # noqa: S101 - asked only where `needs_chance`
         chances = np.asarray(self._chance(distances), np.float64)
         if chances.shape != distances.shape or not ((chances >= 0.0) & (chances <= 1.0)).all():
@@ -81,7 +83,7 @@ class Notice:
                 f"detection of {self._sensor_id!r} must give a probability from 0 to 1 for each of "
                 f"{len(distances)} distances, not {chances!r}."
             )
-        purpose = ("detection", self._sensor_id, "" if owner is None else owner, look)
+        purpose = ("detection", self._sensor_id, "" if owner is None else owner, turn, look)
         noticed: np.ndarray[tuple[int, ...], np.dtype[np.bool_]] = (
             kernels.draws_by_name(ctx.seed, purpose, names) < chances
         )

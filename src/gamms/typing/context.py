@@ -3,6 +3,8 @@
 from abc import ABC, abstractmethod
 from typing import TYPE_CHECKING, Any
 
+from gamms.plugins import Registry
+
 if TYPE_CHECKING:
     from numpy.random import Generator
 
@@ -73,3 +75,7 @@ class IContext(ABC):
     @abstractmethod
     def terminate(self) -> None:
         """End the scenario and release what it holds; a second call does nothing."""
+
+
+contexts: Registry[IContext] = Registry("kind of context", "gamms.contexts")
+"""What opens a context. The hall answers to "gamms"; rooms ask here, for they do not know it."""

@@ -17,6 +17,7 @@ IntArray = npt.NDArray[np.int64]
 
 _FEW = 4096
 _SAMPLE = 4096  # bytes that show which way of deflating a plane fits
+_PIECES = 8
 _STRATEGIES = ((1, zlib.Z_RLE), (6, zlib.Z_DEFAULT_STRATEGY))  # numbers without a pattern; patterns
 
 
@@ -95,7 +96,9 @@ def unpacked(cursor: Cursor, size: int) -> bytes:
 def _attempts(data: bytes) -> list[bytes]:
     if len(data) <= 2 * _SAMPLE:
         return [_deflated(data, *strategy) for strategy in _STRATEGIES]
-    best = min(_STRATEGIES, key=lambda strategy: len(_deflated(data[:_SAMPLE], *strategy)))
+    pieces = (data[at : at + _SAMPLE // _PIECES] for at in range(0, len(data), len(data) // _PIECES))
+    sample = b"".join(pieces)  # from all over, for a value is not alike everywhere
+    best = min(_STRATEGIES, key=lambda strategy: len(_deflated(sample, *strategy)))
     return [_deflated(data, *best)]
 
 

@@ -1,8 +1,9 @@
 """Plain values as CBOR, and back: the only file of the recorder that knows cbor2, which is loaded when it is needed.
 
-CBOR has no tuples, arrays of numbers, integers beyond 64 bits or text that is not Unicode, or only as tags, of which
-some run code. Those are arrays here that begin with a simple value, 0 to 3; tags are refused. What comes from a file is
-checked before cbor2 sees it: well-formed, nothing longer than the bytes that are there, at most `MOST_DEPTH` deep.
+CBOR has no tuples, arrays of numbers, integers beyond 64 bits, text that is not Unicode or sets, or only as tags, of
+which some run code. Those are arrays here that begin with a simple value, 0 to 6; tags are refused. What comes from
+a file is checked before cbor2 sees it: well-formed, nothing longer than the bytes that are there, at most `MOST_DEPTH`
+deep.
 """
 
 from collections.abc import Callable
@@ -15,13 +16,15 @@ import numpy as np
 
 from gamms.errors import BadFile, BadType, BadValue
 from gamms.recorder.formats import columns
+from gamms.recorder.formats.numbered import FEWEST, MOST, numbered, texts_of
 
 MOST_DEPTH = 32  # containers in each other
 MOST_ITEMS = 1 << 22  # in one value, containers included
 _MOST_DIMENSIONS = 8
 _SAMPLE = 1 << 14  # bytes that show whether differences fit an array
 
-_TUPLE, _ARRAY, _BIG, _TEXT = range(4)
+_TUPLE, _ARRAY, _BIG, _TEXT, _SET, _FROZENSET, _NUMBERED = range(7)
+_LAST_MARK = 0xE0 + _NUMBERED
 _BIGGEST = 1 << 64
 _AS_IS = {type(None), bool, float, bytes}
 _DTYPES = {
@@ -44,8 +47,8 @@ def to_bytes(value: Any, where: str) -> bytes:
         data: bytes = _cbor2().dumps(_marked(value, MOST_DEPTH))
     except TypeError as error:
         raise BadType(
-            f"{where} cannot be recorded: {error}. Only None, bool, int, float, str, bytes, list, tuple, dict and "
-            f"NumPy arrays of numbers can; convert it first."
+            f"{where} cannot be recorded: {error}. Only None, bool, int, float, str, bytes, list, tuple, set, "
+            f"dict and NumPy arrays of numbers can; convert it first."
         ) from None
     except RecursionError:
         raise BadValue(f"{where} cannot be recorded: more than {MOST_DEPTH} containers are in each other.") from None
@@ -127,6 +130,8 @@ def _of_tuple(value: tuple[Any, ...], depth: int) -> Any:
 
 def _of_list(value: list[Any], depth: int) -> Any:
     depth = _inside(depth)
+    if FEWEST <= len(value) <= MOST and depth and (texts := numbered(value)) is not None:
+        return [_mark(_NUMBERED), texts.stems, _of_array(texts.which, depth), _of_array(texts.numbers, depth)]
     return [_marked(one, depth) for one in value]
 
 
@@ -153,6 +158,13 @@ def _of_array(value: np.ndarray[Any, Any], depth: int) -> Any:
     return [_mark(_ARRAY), dtype.name, is_stepped, planes, *value.shape]
 
 
+def _of_set(value: set[Any] | frozenset[Any], depth: int) -> Any:
+    depth = _inside(depth)
+    keys = [_key(_marked(one, depth)) for one in value]
+    mark = _mark(_FROZENSET if isinstance(value, frozenset) else _SET)
+    return [mark, *sorted(keys, key=_cbor2().dumps)]  # a set has no order of its own, and a file has
+
+
 def _of_number(value: Any, depth: int) -> Any:
     return _marked(value.item(), depth)
 
@@ -165,6 +177,8 @@ _WAYS: dict[type, Callable[[Any, int], Any]] = {
     list: _of_list,
     tuple: _of_tuple,
     bytes: lambda value, _: bytes(value),
+    set: _of_set,
+    frozenset: _of_set,
     np.ndarray: _of_array,
     np.bool_: _of_number,
     np.integer: _of_number,
@@ -214,7 +228,7 @@ def _check(data: bytes) -> bool:  # noqa: C901, PLR0912, PLR0915  NOTE: one loop
             raise BadFile(f"a value has the tag {size}, and tags are not read, {start} bytes from its start")
         elif major == 7:
             head = data[start]
-            if head <= 0xE3:
+            if head <= _LAST_MARK:
                 has_marks = True
             elif not (0xF4 <= head <= 0xF6 or 0xF9 <= head <= 0xFB):
                 raise BadFile(f"a value has the unknown byte {head}, {start} bytes from its start")
@@ -269,10 +283,32 @@ def _array(items: Any) -> np.ndarray[Any, Any]:
     return array
 
 
+def _texts(items: Any) -> list[str]:
+    stems, *pair = items
+    which, numbers = (_is(np.ndarray, _unmarked(column)) for column in pair)
+    return texts_of(stems, which, numbers)
+
+
+def _set(items: Any) -> set[Any]:
+    return {_unmarked(_key(one)) for one in items}
+
+
+def _frozenset(items: Any) -> frozenset[Any]:
+    return frozenset(_set(items))
+
+
 def _is(kind: type, value: Any) -> Any:
     if type(value) is not kind:
         raise BadFile(f"a value is damaged: {shown(value)} is not of type {kind.__name__}")
     return value
 
 
-_MEANINGS: dict[int, Callable[[Any], Any]] = {_TUPLE: _tuple, _ARRAY: _array, _BIG: _big, _TEXT: _text}
+_MEANINGS: dict[int, Callable[[Any], Any]] = {
+    _TUPLE: _tuple,
+    _ARRAY: _array,
+    _BIG: _big,
+    _TEXT: _text,
+    _SET: _set,
+    _FROZENSET: _frozenset,
+    _NUMBERED: _texts,
+}

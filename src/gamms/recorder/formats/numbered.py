@@ -1,0 +1,56 @@
+"""Lists of texts that are numbered, such as "agent_0", "agent_1", …, as columns."""
+
+from collections.abc import Iterable, Sequence
+from typing import Any, NamedTuple
+
+import numpy as np
+
+from gamms.errors import BadFile
+
+FEWEST, MOST = 32, 1 << 18  # texts: of fewer there is nothing to save, and more could fill the memory of a reader
+_LONGEST = 64  # characters before the number
+_MOST_STEMS = 256
+_MOST_DIGITS = 18
+
+
+class Numbered(NamedTuple):
+    """Each text is the stem at a place in `stems`, and its number."""
+
+    stems: list[str]
+    which: "np.ndarray[Any, np.dtype[np.uint8]]"  # (texts,)
+    numbers: "np.ndarray[Any, np.dtype[np.int64]]"  # (texts,)
+
+
+def numbered(texts: Sequence[Any]) -> Numbered | None:
+    """A list of texts as columns; None if they are no such texts."""
+    stems: dict[str, int] = {}
+    which, numbers = [], []
+    for text in texts:
+        if type(text) is not str or not text.isascii():
+            return None
+        stem = text.rstrip("0123456789")
+        number = text[len(stem) :]
+        if not number or len(number) > _MOST_DIGITS or len(stem) > _LONGEST or (number[0] == "0" and number != "0"):
+            return None
+        which.append(stems.setdefault(stem, len(stems)))
+        if len(stems) > _MOST_STEMS:
+            return None
+        numbers.append(int(number))
+    return Numbered(list(stems), np.array(which, np.uint8), np.array(numbers, np.int64))
+
+
+def texts_of(stems: Any, which: Any, numbers: Any) -> list[str]:
+    """The texts again.
+
+    Raises:
+        BadFile: nobody wrote this.
+    """
+    if not _are_stems(stems) or not len(which) == len(numbers) <= MOST:
+        raise BadFile("a list of numbered texts is damaged")
+    if len(which) and int(which.max()) >= len(stems):
+        raise BadFile("a list of numbered texts has a text without a stem")
+    return [f"{stems[place]}{number}" for place, number in zip(which.tolist(), numbers.tolist(), strict=True)]
+
+
+def _are_stems(stems: Iterable[Any]) -> bool:
+    return type(stems) is list and all(type(stem) is str and len(stem) <= _LONGEST for stem in stems)

@@ -1,0 +1,251 @@
+"""What `ctx.game` and the context's own chance have come to, as plain values, and back again."""
+
+from collections.abc import Mapping
+from copy import deepcopy
+from marshal import dumps
+from typing import Any
+
+from gamms.ir import journal as kinds
+from gamms.ir.journal import Log
+from gamms.recorder.plain import is_same, plain, plain_part
+
+Changes = dict[str, Any]  # of a dict: what is `set`, what is `removed`, and what lists and sets have `more`
+
+_NO_REFERENCES = 2  # the last version of marshal that writes a value whether or not it was written before
+_MARKED = (bool, int, float, str, bytes, type(None), list, tuple, set, frozenset, dict)
+_HEAD = 5  # bytes before the items of a list: its type and length
+
+
+def captured(ctx: Any) -> dict[str, Any]:
+    """What a keyframe holds of a game."""
+    game = ctx.game
+    return {
+        "scores": list(plain(game.scores).items()),
+        "data": plain_part(game.data),
+        "over": plain(game.over),
+        "turn": game.turn,
+        "memories": _memories(game),
+        "team_memories": list(_team_memories(game).items()),
+        "chance": plain(ctx.chance()),
+    }
+
+
+def told(game: Any) -> dict[str, Any]:
+    """What a snapshot has as well, and keyframes are too many for: events so far, facts, where agents began."""
+    starts, settings = game.starts, game.chosen()
+    return {
+        "events": plain(game.events),
+        **({"settings": settings} if settings else {}),
+        **({"facts": plain_part(game.facts)} if game.facts else {}),
+        **({"starts": plain(starts)} if starts else {}),
+    }
+
+
+def put(ctx: Any, state: Mapping[str, Any]) -> None:
+    """Let a game be as a keyframe or a snapshot says."""
+    game = ctx.game
+    game.scores.clear()
+    game.scores.update((key, value) for key, value in state["scores"])
+    game.data.clear()
+    game.data.update(deepcopy(state["data"]))
+    game.take_over(state["over"])
+    game.turn = int(state.get("turn", 0))
+    for memory in game.memories.values():
+        memory.clear()
+    for name, memory in state.get("memories", {}).items():
+        game.memory_of(name).update(deepcopy(memory))
+    game.team_memories = dict(deepcopy(state.get("team_memories", [])))
+    put_chance(ctx, state.get("chance"))
+    if "events" in state:
+        game.events[:] = deepcopy(state["events"])
+    if "facts" in state:
+        game.publish_anew(deepcopy(state["facts"]))
+    if "starts" in state:
+        game.began = dict(state["starts"])
+
+
+def put_chance(ctx: Any, chance: Any) -> None:
+    """Let the context's own random stream go on from here; None: nobody had asked for it."""
+    if chance is not None:
+        ctx.rng.bit_generator.state = chance
+
+
+def remember(ctx: Any, data: Mapping[str, Any]) -> None:
+    """Let agents and teams remember what an event says."""
+    game = ctx.game
+    for name, changes in data["agents"].items():
+        apply(game.memory_of(name), changes)
+    for team, changes in data["teams"]:
+        apply(game.team_memories.setdefault(team, {}), changes)
+
+
+def apply(values: dict[Any, Any], changes: Changes) -> None:
+    """Change a dict as `Kept.changes` gave it."""
+    values.update(deepcopy(changes.get("set", {})))
+    for key, more in changes.get("more", {}).items():
+        known = values[key]
+        values[key] = known | set(more) if isinstance(known, set) else [*known, *deepcopy(more)]
+    for key in changes.get("removed", ()):
+        values.pop(key, None)
+
+
+class Kept:
+    """The plain part of a dict as it was, for comparing.
+
+    Attributes:
+        values: the plain part.
+    """
+
+    __slots__ = ("_marks", "values")
+
+    def __init__(self, now: Mapping[Any, Any]) -> None:
+        self.values = plain_part(now)
+        self._marks = {key: _mark(value) for key, value in now.items()}
+
+    def changes(self, now: Mapping[Any, Any]) -> Changes | None:
+        """What has changed since it was asked last; None if nothing has."""
+        # NOTE: marks are compared first, which costs a fifth, because this is asked of every memory in every turn.
+        marks = {key: _mark(value) for key, value in now.items()}
+        changed = {key: now[key] for key, mark in marks.items() if mark is None or mark != self._marks.get(key)}
+        if not changed and len(now) == len(self._marks):
+            return None
+        found: Changes = {"set": {}, "more": {}, "removed": [key for key in self.values if key not in now]}
+        for key, value in changed.items():
+            more = self._more(key, value, marks[key])
+            if more is not None:
+                found["more"][key] = more
+                self.values[key] = self.values[key] | more if isinstance(more, set) else [*self.values[key], *more]
+            else:
+                self._note(key, value, found)
+        for key in found["removed"]:
+            del self.values[key]
+        self._marks = marks
+        return {name: one for name, one in found.items() if one} or None
+
+    def _more(self, key: Any, value: Any, mark: bytes | None) -> Any:
+        """What has been added to a list or a set; None if it is not that."""
+        if type(value) not in (list, set) or mark is None:
+            return None
+        known: Any = self.values.get(key)
+        before = self._marks.get(key)
+        if type(known) is not type(value) or not known or before is None or len(value) <= len(known):
+            return None
+        if type(value) is list and mark.startswith(before[_HEAD:], _HEAD):
+            return plain(value[len(known) :])
+        return plain(value - known) if type(value) is set and known <= value else None
+
+    def _note(self, key: Any, value: Any, found: Changes) -> None:
+        """Take a value that may have changed."""
+        for name, one in plain_part({key: value}).items():
+            if name not in self.values or not is_same(one, self.values[name]):
+                found["set"][name] = self.values[name] = one
+            return
+        if key in self.values:  # it is not plain any longer
+            found["removed"].append(key)
+
+
+def _mark(value: Any) -> bytes | None:
+    """Bytes that are others for another value; None where there are no such."""
+    if type(value) not in _MARKED:  # an array, for example, of which marshal keeps the bytes and not the shape
+        return None
+    try:
+        return dumps(value, _NO_REFERENCES)
+    except ValueError:
+        return None
+
+
+class GameWatch:
+    """What has changed since it was asked last, in `ctx.game` and in who plays by which strategy.
+
+    Attributes:
+        pace: by how much the number of the turn went up in the last turn.
+    """
+
+    def __init__(self, ctx: Any, pace: int = 0) -> None:
+        self._ctx, self._game = ctx, ctx.game
+        self._events = len(ctx.game.events)
+        self._scores = plain(ctx.game.scores)
+        self._data = Kept(ctx.game.data)
+        self._over = plain(ctx.game.over)
+        self._memories = {name: Kept(memory) for name, memory in ctx.game.memories.items() if memory}
+        self._team_memories = {team: Kept(memory) for team, memory in ctx.game.team_memories.items() if memory}
+        self._facts = dict(ctx.game.facts)
+        self._chance = plain(ctx.chance())
+        self._turn, self.pace = ctx.game.turn, pace
+        self._places = _places(ctx)
+
+    def count(self) -> tuple[int, Any] | None:
+        """A turn is over: the event that says how the game counts it, unless it does as it did before."""
+        now, before, pace = self._game.turn, self._turn, self.pace
+        self.pace, self._turn = now - before, now
+        if now == before + pace:
+            return None
+        starts = self._game.starts
+        is_told = before > 0 or starts.items() <= self._places.items()
+        return (kinds.GAME_TURN, {"turn": now, "pace": self.pace, **({} if is_told else {"starts": plain(starts)})})
+
+    def tell(self, log: Log) -> None:
+        """Add the events that say what else has changed."""
+        game = self._game
+        if len(game.events) != self._events:
+            log += [(kinds.GAME_EVENT, plain(event)) for event in game.events[self._events :]]
+            self._events = len(game.events)
+        if game.scores != self._scores:
+            self._scores = plain(game.scores)
+            log.append((kinds.GAME_SCORES, {"scores": list(self._scores.items())}))
+        if (game.data or self._data.values) and (found := self._data.changes(game.data)) is not None:
+            log.append((kinds.GAME_DATA, found))
+        if game.over != self._over:
+            self._over = plain(game.over)
+            log.append((kinds.GAME_OVER, self._over or {}))
+        if game.facts != self._facts:
+            log.append(self._new_facts())
+        if self._memories or self._team_memories or game.team_memories or any(game.memories.values()):
+            log += self._new_memories()
+        if (chance := self._ctx.chance()) is not None and not is_same(chance, self._chance):
+            self._chance = plain(chance)
+            log.append((kinds.GAME_CHANCE, {"chance": self._chance}))
+
+    def _new_facts(self) -> tuple[int, Any]:
+        before, now = self._facts, dict(self._game.facts)
+        self._facts = now
+        changed = {name: fact for name, fact in now.items() if name not in before or before[name] != fact}
+        removed = [name for name in before if name not in now]
+        return (kinds.GAME_FACTS, {"set": plain_part(changed), "removed": removed})
+
+    def _new_memories(self) -> Log:
+        agents = _each(self._game.memories, self._memories)
+        teams = list(_each(self._game.team_memories, self._team_memories).items())
+        return (
+            [(kinds.GAME_MEMORY, {"agents": agents, "teams": [(plain(team), one) for team, one in teams]})]
+            if agents or teams
+            else []
+        )
+
+
+def _each(now: Mapping[Any, dict[Any, Any]], kept: dict[Any, Kept]) -> dict[Any, Changes]:
+    """What has changed in each of several dicts."""
+    found = {}
+    for key in sorted(now) if all(type(key) is str for key in now) else now:
+        if now[key] or key in kept:
+            changes = kept.setdefault(key, Kept({})).changes(now[key])
+            if changes is not None:
+                found[key] = changes
+    for key in [key for key in kept if key not in now]:
+        found[key] = {"removed": list(kept.pop(key).values)}
+    return found
+
+
+def _memories(game: Any) -> dict[str, dict[Any, Any]]:
+    return {name: plain_part(memory) for name, memory in sorted(game.memories.items()) if memory}
+
+
+def _team_memories(game: Any) -> dict[Any, dict[Any, Any]]:
+    return {plain(team): plain_part(memory) for team, memory in game.team_memories.items() if memory}
+
+
+def _places(ctx: Any) -> dict[str, Any]:
+    """Where the agents are: nodes, or (x, y, z) of those who fly."""
+    columns = ctx.agent.columns
+    at = (node if position is None else position for node, position in zip(columns.node, columns.position, strict=True))
+    return dict(zip(columns.names, at, strict=True))

@@ -1,0 +1,191 @@
+"""From a turn of a recording on: a live context in which the game stands as it stood then."""
+
+from collections.abc import Iterator, Mapping
+from copy import deepcopy
+from typing import TYPE_CHECKING, Any
+
+from gamms.arguments import as_int
+from gamms.errors import BadType, BadValue, GammsError, UnknownName
+from gamms.ir import journal as kinds
+from gamms.recorder import game_state, sensed, state
+from gamms.recorder.errors import DAMAGES, RecordingError
+from gamms.recorder.replaying import Player
+from gamms.typing import SensorType
+from gamms.typing.context import contexts
+from gamms.typing.opcodes import OpCodes
+
+if TYPE_CHECKING:
+    from gamms.recorder.fold import Fold
+    from gamms.recorder.formats.reader import Reader
+
+Strategies = Mapping[str, Any]  # agent or team -> its strategy
+
+_TOLD = (kinds.SNAPSHOT, kinds.GAME_EVENT, kinds.GAME_FACTS, kinds.GAME_TURN)
+_COMPONENTS = {code.value: code.name for code in OpCodes if code.name.startswith("COMPONENT")}
+
+
+def opened_context(seed: int, vis_engine: Any) -> Any:
+    """A fresh context; `vis_engine` None: without a window."""
+    return contexts["gamms"](seed=seed, **({} if vis_engine is None else {"vis_engine": vis_engine}))
+
+
+def observation(ctx: Any, log: kinds.Log, fold: "Fold", turn: int, agent: str) -> dict[str, Any]:
+    """What an agent was told in a turn.
+
+    Args:
+        ctx: a context in which the game was resumed from the turn before; it is changed.
+        log: of the turn.
+        fold: the state before it.
+        turn: its number.
+        agent: its name.
+
+    Raises:
+        BadValue: what was sensed is not in the recording.
+        UnknownName (KeyError): there was no such living agent.
+        RecordingError: what is in the recording is damaged.
+    """
+    player = Player(ctx.record)
+    names = dict(zip(fold.state["numbers"].tolist(), fold.state["names"], strict=True))
+    told = player.play_until(log, kinds.SENSED, names, fold.following)
+    if told is None:
+        raise BadValue(
+            f"What was sensed in turn {turn} is not in this recording: start it with ctx.record.start(…, sensed=True), "
+            "and play by ctx.game."
+        )
+    state: dict[str, Any] = ctx.game.observation(agent)
+    numbers = {name: number for number, name in names.items()}
+    try:
+        looks = sensed.looks_of(told, numbers[agent])
+        graph = ctx.graph.graph
+        state["sensor"] = {look.sensor: (_kind_of(look), sensed.data_of(look, graph, names)) for _, look in looks}
+    except DAMAGES as error:
+        raise RecordingError(f"What was sensed in turn {turn} is damaged: {error!r}.") from error
+    return state
+
+
+def _kind_of(look: sensed.Look) -> SensorType:
+    return SensorType.__members__.get(look.kind, SensorType.CUSTOM)
+
+
+def resume(ctx: Any, reader: "Reader", turn: int, fold: "Fold", world: bytes, *, is_fresh: bool) -> None:
+    """Let a context be as a recording was after so many turns.
+
+    Args:
+        ctx: the context; its graph has nothing in it, or is that of the recording then.
+        reader: the recording.
+        turn: how many turns.
+        fold: the state after these.
+        world: the map then.
+        is_fresh: whether nothing was done with the context yet.
+
+    Raises:
+        RecordingError: it does not fit the context.
+    """
+    _attach(ctx, world)
+    strategies = {name: agent.strategy for name, agent in ctx.agent.agents.items()}
+    told, facts = _told(reader, turn), dict(ctx.game.facts)
+    told["facts"] = facts | told["facts"]  # for those which a recording cannot hold
+    if is_fresh:
+        ctx.game.configure(told["settings"])
+    chance = fold.state["chance"] if ctx.seed == reader.header.get("seed") else None
+    ctx.game.begin_from_here()
+    try:
+        _make_room(ctx, fold.state["names"])
+        state.put(ctx, {**fold.state, **told, "chance": chance, "turn": fold.game_turn(turn)})
+    except GammsError as error:
+        raise RecordingError(f"This game cannot go on from turn {turn}: {error}") from error
+    for name, agent in ctx.agent.agents.items():
+        agent.strategy = strategies.get(name)
+    for kind, data in _before(reader, turn, tuple(_COMPONENTS)):
+        ctx.record.components.apply(_COMPONENTS[kind], data, lenient=True)
+
+
+def register(ctx: Any, strategies: Strategies) -> None:
+    """Let agents play by these strategies.
+
+    Raises:
+        BadType: this is no mapping, or one is no function.
+        UnknownName (KeyError): there is no such agent or team.
+    """
+    if not isinstance(strategies, Mapping):
+        raise BadType(f"strategies must be a mapping from teams or agents to strategies, not {strategies!r}.")
+    agents, teams = ctx.agent.agents, ctx.agent.teams
+    for name in strategies:
+        if name not in agents and name not in teams:
+            raise UnknownName("team or agent", name, [*map(str, teams), *agents])
+    for name, agent in agents.items():
+        strategy = strategies.get(name, strategies.get(agent.team))
+        if strategy is not None:
+            agent.register_strategy(strategy)
+
+
+def as_seed(given: Any, recorded: Any) -> int:
+    """The seed that a caller gave, or that of the recording.
+
+    Raises:
+        RecordingError: the recording has none.
+    """
+    if given is not None:
+        return as_int(given, "seed")
+    if type(recorded) is not int:
+        raise RecordingError(f"The seed of this recording is {recorded!r}, which is none: give resume(…, seed=…).")
+    return recorded
+
+
+def _attach(ctx: Any, world: bytes) -> None:
+    if next(iter(ctx.graph.graph.get_nodes()), None) is None:
+        ctx.graph.unpack(world)
+    elif ctx.graph.packed() != world:
+        raise RecordingError(
+            "The graph or the obstacles of this context are not those of the recording at this turn. Give a context "
+            "without a graph: the recording brings its own."
+        )
+
+
+def _make_room(ctx: Any, names: list[str]) -> None:
+    """Delete agents who were not there, and those who came in another order, to be made again."""
+    agents = ctx.agent.agents
+    for name in [name for name in agents if name not in set(names)]:
+        ctx.agent.delete_agent(name)
+    now = list(agents)
+    first = next((i for i, name in enumerate(now) if name != names[i]), len(now))
+    for name in now[first:]:
+        ctx.agent.delete_agent(name)
+
+
+def _told(reader: "Reader", turn: int) -> dict[str, Any]:
+    """What was emitted and published until then, and where agents began."""
+    found = reader.keyframe(0)
+    begin = {} if found is None else found[1]
+    starts = _starts_of(begin)
+    told = _kept(begin)
+    for kind, data in _before(reader, turn, _TOLD):
+        if kind == kinds.SNAPSHOT:
+            told = _kept(data)
+            starts |= data.get("starts", {})
+        elif kind == kinds.GAME_EVENT:
+            told["events"].append(data)
+        elif kind == kinds.GAME_FACTS:
+            game_state.apply(told["facts"], data)
+        else:
+            starts |= data.get("starts", {})
+    return deepcopy({**told, "starts": starts})
+
+
+def _kept(snapshot: Mapping[str, Any]) -> dict[str, Any]:
+    kept = {"facts": dict(snapshot.get("facts", {})), "settings": snapshot.get("settings", {})}
+    return {"events": list(snapshot.get("events", ())), **kept}
+
+
+def _starts_of(begin: Mapping[str, Any]) -> dict[str, Any]:
+    """Where agents began by how a recording begins."""
+    if not begin or "starts" in begin:
+        return dict(begin.get("starts", {}))
+    flying = begin["kind"].tolist()
+    places = zip(begin["node"].tolist(), begin["position"].tolist(), strict=True)
+    at = (tuple(place) if flies else node for flies, (node, place) in zip(flying, places, strict=True))
+    return dict(zip(begin["names"], at, strict=True))
+
+
+def _before(reader: "Reader", turn: int, which: tuple[int, ...]) -> Iterator[tuple[int, Any]]:
+    return ((kind, data) for *_, kind, data in reader.events(0, turn, which))

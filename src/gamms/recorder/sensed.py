@@ -1,0 +1,128 @@
+"""What agents sensed in one turn, as columns of ids, and back again."""
+
+from collections.abc import Iterable, Mapping
+from itertools import chain
+from typing import Any, NamedTuple
+
+import numpy as np
+
+from gamms.recorder.plain import plain
+from gamms.typing import AgentType
+
+Results = Mapping[str, tuple[Any, Any]]  # sensor -> (kind, data), as in a state
+
+_IDS, _MAP, _AGENTS, _OTHER = range(4)  # forms of data: ids of nodes; nodes and edges; agents and nodes; anything else
+_OF_AGENTS_IN_SPACE = ("AERIAL_AGENT", "OCCLUDED_AERIAL_AGENT")  # which see (kind, position) of each
+_INT64 = range(-(1 << 63), 1 << 63)
+
+
+class Look(NamedTuple):
+    """What one sensor of an agent saw."""
+
+    sensor: str
+    kind: str  # the name of a SensorType
+    form: int
+    first: list[int]  # ids of nodes, or numbers of agents
+    second: list[int]  # ids of edges, or of the nodes of the agents
+    other: Any
+
+
+def packed(results: Iterable[tuple[int, Results]], numbers: Mapping[str, int]) -> dict[str, Any]:
+    """The data of an event.
+
+    Args:
+        results: the number of each agent, and what it sensed.
+        numbers: agent -> its number.
+    """
+    agents, counts = [], []
+    sensors: dict[tuple[str, str], int] = {}
+    looks: list[Look] = []
+    which: list[int] = []
+    for agent, sensed in results:
+        agents.append(agent)
+        counts.append(len(sensed))
+        for name, (kind, data) in sensed.items():
+            look = _look(name, getattr(kind, "name", str(kind)), data, numbers)
+            looks.append(look)
+            which.append(sensors.setdefault((look.sensor, look.kind), len(sensors)))
+    sizes = [(len(look.first), len(look.second)) for look in looks]
+    return {
+        "agents": np.array(agents, np.int64),
+        "counts": np.array(counts, np.int64),
+        "sensors": list(sensors),
+        "which": np.array(which, np.int64),
+        "forms": np.array([look.form for look in looks], np.uint8),
+        "sizes": np.array(sizes, np.int64).reshape(-1, 2),
+        "ids": np.array(list(chain.from_iterable((*look.first, *look.second) for look in looks)), np.int64),
+        "others": [look.other for look in looks if look.form == _OTHER],
+    }
+
+
+def looks_of(data: Mapping[str, Any], agent: int | None = None) -> list[tuple[int, Look]]:
+    """What was packed, of all agents or of one: its number, and each of its looks.
+
+    Raises:
+        KeyError, ValueError, TypeError, IndexError: nobody packed this.
+    """
+    owners = np.repeat(data["agents"], data["counts"])
+    if not len(owners) == len(data["which"]) == len(data["forms"]) == len(data["sizes"]):
+        raise ValueError("its columns have different lengths")
+    ends = np.cumsum(data["sizes"].reshape(-1)).tolist()
+    others = np.cumsum(data["forms"] == _OTHER).tolist()
+    rows = range(len(owners)) if agent is None else np.flatnonzero(owners == agent).tolist()
+    found = []
+    for row in rows:
+        sensor, kind = data["sensors"][int(data["which"][row])]
+        begin, middle, end = ends[2 * row - 1] if row else 0, ends[2 * row], ends[2 * row + 1]
+        form = int(data["forms"][row])
+        other = data["others"][others[row] - 1] if form == _OTHER else None
+        first, second = data["ids"][begin:middle].tolist(), data["ids"][middle:end].tolist()
+        found.append((int(owners[row]), Look(sensor, kind, form, first, second, other)))
+    return found
+
+
+def data_of(look: Look, graph: Any, names: Mapping[int, str]) -> Any:
+    """What the sensor gave.
+
+    Args:
+        look: what was packed of it.
+        graph: the graph that was looked at.
+        names: number of an agent -> its name.
+
+    Raises:
+        KeyError: a node, an edge or an agent is not there.
+    """
+    if look.form == _IDS:
+        return look.first
+    if look.form == _MAP:
+        nodes = {node: graph.get_node(node) for node in look.first}
+        return {"nodes": nodes, "edges": [graph.get_edge(edge) for edge in look.second]}
+    if look.form == _AGENTS:
+        return {names[agent]: node for agent, node in zip(look.first, look.second, strict=True)}
+    if look.kind in _OF_AGENTS_IN_SPACE:
+        return {name: (AgentType(kind), tuple(place)) for name, (kind, place) in look.other.items()}
+    return look.other
+
+
+def seen_by(look: Look) -> tuple[list[int], list[int]]:
+    """The nodes that a look saw, and of each the number of the agent there; -1 where a node itself was seen."""
+    if look.form == _AGENTS:
+        return look.second, look.first
+    return (look.first, [-1] * len(look.first)) if look.form in (_IDS, _MAP) else ([], [])
+
+
+def _look(sensor: str, kind: str, data: Any, numbers: Mapping[str, int]) -> Look:
+    if type(data) is list and _are_ids(data):
+        return Look(sensor, kind, _IDS, data, [], None)
+    if type(data) is dict:
+        if data.keys() == {"nodes", "edges"} and isinstance(data["nodes"], dict):
+            edges: list[Any] = [getattr(edge, "id", None) for edge in data["edges"]]
+            if _are_ids(data["nodes"]) and _are_ids(edges):
+                return Look(sensor, kind, _MAP, list(data["nodes"]), edges, None)
+        elif _are_ids(data.values()) and all(name in numbers for name in data):
+            return Look(sensor, kind, _AGENTS, [numbers[name] for name in data], list(data.values()), None)
+    return Look(sensor, kind, _OTHER, [], [], plain(data))
+
+
+def _are_ids(values: Iterable[Any]) -> bool:
+    return all(type(value) is int and value in _INT64 for value in values)

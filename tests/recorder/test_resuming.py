@@ -1,0 +1,416 @@
+"""`Recording.resume`: a game goes on from any turn of its recording as it went on then, or otherwise."""
+
+import io
+import runpy
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+import gamms
+from gamms import recorder, rules, scenario
+from gamms.agent import AgentType
+from gamms.errors import BadType, BadValue, UnknownName
+from gamms.game import Game
+from gamms.recorder import RecordingError
+from gamms.rules import Conflicts, at_random, capture_flag, last_team, reach, tag, territory, time_limit
+from gamms.sensor import SensorType
+from gamms.strategies import chase, first, flee, follow_path, goto, guard, mix, patrol, random_walk
+
+QUIET = {"level": "CRITICAL"}
+EXAMPLES = Path(__file__).parents[2] / "examples"
+
+
+def context(seed=3, size=8):
+    ctx = gamms.create_context(seed=seed, logger_config=QUIET)
+    ctx.graph.attach_networkx_graph(gamms.graph.grid(size, size, 10.0))
+    return ctx
+
+
+def opened(stream):
+    return recorder.open(io.BytesIO(stream.getvalue()))
+
+
+def add_team(ctx, team, starts, strategy, **more):
+    for i, node in enumerate(starts):
+        ctx.agent.create_agent(f"{team}_{i}", start_node_id=node, team=team, strategy=strategy, **more)
+
+
+def played(ctx, turns=None):
+    """The recording of a game that is played to its end."""
+    stream = io.BytesIO()
+    with ctx:
+        ctx.record.start(stream)
+        ctx.game.run(turns)
+        ctx.record.stop()
+    return opened(stream)
+
+
+def assert_goes_on(recording, ctx, turn):
+    """Play a game that was resumed, and compare what it comes to with what it came to before."""
+    left = recording.turns - turn
+    if left:
+        again = played(ctx, left)
+        assert again.turns == left
+        assert list(again.events()) == list(recording.events(turn + 1))
+    else:
+        assert ctx.game.over == recording[-1].over
+        again = None
+    for k in range(left + 1 if again else 0):
+        one, other = recording[turn + k], again[k]
+        for column, values in one.agents.items():
+            assert values.tolist() == pytest.approx(other.agents[column].tolist(), nan_ok=True, abs=0), (k, column)
+        assert (one.scores, one.data, one.over) == (other.scores, other.data, other.over)
+        assert one.graph.packed == other.graph.packed
+
+
+def assert_goes_on_from_anywhere(make, turns=None):
+    recording = played(make(), turns)
+    for turn in sorted({0, 1, recording.turns // 2, recording.turns - 1}):
+        assert_goes_on(recording, recording.resume(turn, ctx=make()), turn)
+
+
+# -- what goes on -----------------------------------------------------------------------------------------------
+
+
+def tagging(contact, **more):
+    def make():
+        ctx = context()
+        add_team(ctx, "red", (0, 1, 2), random_walk)
+        add_team(ctx, "blue", (61, 62, 63), first(mix(0.5, random_walk, goto(ctx, 0))))
+        ctx.game.add(tag("red", "blue", **contact, **more))
+        return ctx
+
+    return make
+
+
+@pytest.mark.parametrize(
+    "make",
+    [
+        tagging({}, then="respawn"),
+        tagging({"hops": 2}, then="eliminate"),
+        tagging({"metres": 15.0}, then="respawn"),
+        tagging({"euclid": 15.0}, then="eliminate"),
+    ],
+)
+def test_games_of_tag_go_on(make):
+    assert_goes_on_from_anywhere(make, turns=30)
+
+
+@pytest.mark.parametrize("where", [0, "starts of blue", None])
+def test_captures_races_and_last_teams_go_on(where):
+    def make():
+        ctx = context()
+        flags = {"red": 0, "blue": 63}
+        for team, starts, goal in (("red", (0, 1, 8), 63), ("blue", (63, 62, 55), 0)):
+            home = guard(ctx, flags[team], radius=20.0)
+            add_team(ctx, team, starts, first(mix(0.6, goto(ctx, goal), home), random_walk))
+        ctx.game.conflicts = Conflicts(1, allow_swaps=False, resolve=at_random())
+        ground = territory.halves(ctx) if where == 0 else None
+        if ground:
+            ctx.game.add(territory.published(ground))
+        ctx.game.add(tag("red", "blue", then="respawn"))
+        ctx.game.add(capture_flag(flags, territory="territory" if ground else None, goal=2))
+        if where is not None:
+            ctx.game.add(reach("red", where, score=1))
+        ctx.game.add(last_team())
+        ctx.game.add(time_limit(40))
+        return ctx
+
+    assert_goes_on_from_anywhere(make)
+
+
+def test_what_agents_and_teams_remember_goes_on():
+    def explore(state):
+        memory, shared = state["memory"], state["team_memory"]
+        memory.setdefault("path", []).append(state["curr_pos"])
+        memory.setdefault("seen", set()).add((state["curr_pos"], state["turn"] % 3))
+        shared.setdefault("seen", set()).add(state["curr_pos"])
+        fresh = [node for node in state["legal"] if node not in shared["seen"]] or list(state["legal"])
+        state["action"] = fresh[len(memory["path"]) % len(fresh)]
+        memory.pop("last", None) if len(memory["seen"]) % 2 else memory.update(last=np.arange(3))
+
+    def make():
+        ctx = context()
+        add_team(ctx, "red", (0, 9), explore)
+        add_team(ctx, "blue", (63,), explore)
+        add_team(ctx, None, (30,), patrol(ctx, [30, 33, 17]))
+        add_team(ctx, "green", (40,), follow_path(ctx, [40, 41, 42, 43]))
+        return ctx
+
+    assert_goes_on_from_anywhere(make, turns=20)
+    recording = played(make(), 20)
+    with recording.resume(7, ctx=make()) as ctx:
+        memory = ctx.game.memories["red_0"]
+        assert len(memory["path"]) == 7
+        assert type(memory["seen"]) is set
+        ctx.game.step()
+        assert ctx.agent.get_agent("red_0").state["memory"]["path"][:7] == memory["path"][:7]
+
+
+def test_streams_noticing_facts_and_changes_of_the_map_go_on():
+    def look(state):
+        _, seen = state["sensor"]["eyes"]
+        open_ways = [node for node in state["legal"] if node not in state["facts"].get("closed", ())]
+        state["action"] = max(open_ways) if seen else open_ways[state["rng"].integers(len(open_ways))]
+
+    def weather(ctx):
+        if ctx.rng.random() < 0.4:
+            ctx.game.publish(closed=ctx.rng.choice(64, 5, replace=False).tolist())
+        if ctx.game.turn % 6 == 5:
+            ctx.graph.graph.remove_edge(next(iter(ctx.graph.graph.get_edges())))
+        if ctx.game.turn % 5 == 1:
+            name = f"late_{ctx.game.turn}"
+            ctx.sensor.create_sensor(name, SensorType.AGENT_RANGE, sensor_range=40.0, detection=0.5)
+            ctx.agent.create_agent(name, start_node_id=27, team="red", sensors={"eyes": name}, strategy=look)
+        if ctx.game.turn == 12:
+            ctx.agent.delete_agent("late_1")
+
+    def make():
+        ctx = context()
+        for i in range(3):
+            ctx.sensor.create_sensor(f"eyes_{i}", SensorType.AGENT_RANGE, sensor_range=40.0, detection=0.5)
+            ctx.agent.create_agent(
+                f"red_{i}", start_node_id=20 * i, team="red", sensors={"eyes": f"eyes_{i}"}, strategy=look
+            )
+        ctx.game.add(weather, phase="before")
+        return ctx
+
+    recording = played(make(), 18)
+    for turn in (0, 4, 9, 13, 17):
+        with recording.resume(turn, {"red": look}) as ctx:
+            ctx.game.add(weather, phase="before")
+            assert_goes_on(recording, ctx, turn)
+
+
+def test_flyers_and_agents_with_speed_go_on():
+    def circle(state):
+        angle = state["turn"] / 3.0
+        state["action"] = (np.cos(angle), np.sin(angle), float(state["rng"].normal()))
+
+    def make():
+        ctx = context()
+        add_team(ctx, "air", (5,), circle, type=AgentType.AERIAL, speed=4.0)
+        add_team(ctx, "ground", (0, 7), goto(ctx, 63), speed=2.5)
+        ctx.game.add(tag("air", "ground", euclid=25.0, then="respawn"))
+        return ctx
+
+    assert_goes_on_from_anywhere(make, turns=15)
+
+
+@pytest.mark.parametrize("example", ["grid_world", "capture_the_flag", "air_and_ground"])
+def test_the_games_of_the_examples_go_on(example, monkeypatch, capsys):
+    recordings = []
+    run = Game.run
+
+    def run_and_record(game, *args, **more):
+        stream = io.BytesIO()
+        game.ctx.record.start(stream)
+        result = run(game, *args, **more)
+        game.ctx.record.stop()
+        recordings.append(opened(stream))
+        return result
+
+    monkeypatch.setattr(Game, "run", run_and_record)
+    runpy.run_path(str(EXAMPLES / f"{example}.py"))
+    (recording,) = recordings
+
+    def resume_and_compare(game, *_, **__):
+        monkeypatch.setattr(Game, "run", run)
+        turn = recording.turns // 3
+        assert_goes_on(recording, recording.resume(turn, ctx=game.ctx), turn)
+        raise KeyboardInterrupt  # the rest of the example is about the whole game
+
+    monkeypatch.setattr(Game, "run", resume_and_compare)
+    with pytest.raises(KeyboardInterrupt):
+        runpy.run_path(str(EXAMPLES / f"{example}.py"))
+    capsys.readouterr()
+
+
+def test_the_game_of_a_scenario_goes_on_from_its_recording_alone(tmp_path):
+    file = tmp_path / "game.yaml"
+    file.write_text(
+        "map: {grid: {width: 6, height: 6}}\n"
+        "teams:\n"
+        '  red: {count: 2, strategy: "gamms.strategies:random_walk"}\n'
+        '  blue: {count: 2, strategy: "gamms.strategies:random_walk"}\n'
+        "rules: [{rule: tag, with: {taggers: red, tagged: blue}}]\n"
+        "turns: 12\nseed: 4\n"
+    )
+    recording = played(scenario.load(file).build())
+    again = scenario.Scenario(**recording.header["scenario"])
+    assert again == scenario.load(file)
+    assert_goes_on(recording, recording.resume(5, ctx=again.build()), 5)
+
+
+# -- what begins there ------------------------------------------------------------------------------------------
+
+
+def race(seed=3):
+    ctx = context(seed)
+    add_team(ctx, "red", (0, 1), random_walk)
+    add_team(ctx, "blue", (62, 63), random_walk)
+    return ctx
+
+
+@pytest.fixture(scope="module")
+def recording():
+    return played(race(), 20)
+
+
+def test_another_seed_or_strategy_branches_the_game(recording):
+    with recording.resume(10, {"red": random_walk, "blue": random_walk}, seed=99) as ctx:
+        assert ctx.seed == 99
+        branch = played(ctx, 10)
+    assert branch[0].agents["node"].tolist() == recording[10].agents["node"].tolist()
+    assert branch[10].agents["node"].tolist() != recording[20].agents["node"].tolist()
+    with recording.resume(10, {"red_0": random_walk}) as ctx:
+        branch = played(ctx, 10)
+    nodes = branch[10].agents["node"].tolist()
+    assert nodes[0] == recording[20].agents["node"][0]
+    assert nodes[1:] == recording[10].agents["node"].tolist()[1:]  # who has no strategy stays
+
+
+def test_a_reset_comes_back_to_where_it_was_resumed(recording):
+    with recording.resume(10, {"red": random_walk, "blue": random_walk}) as ctx:
+        before = [agent.current_node_id for agent in ctx.agent.create_iter()]
+        ends = []
+        for seed in (None, None, 5):
+            ctx.game.reset(seed)
+            assert ctx.game.turn == 10
+            assert [agent.current_node_id for agent in ctx.agent.create_iter()] == before
+            ctx.game.run(10)
+            ends.append([agent.current_node_id for agent in ctx.agent.create_iter()])
+        assert ends[0] == ends[1] == recording[20].agents["node"].tolist() != ends[2]
+
+
+def test_agents_began_where_the_game_began_not_where_it_was_resumed(recording):
+    with recording.resume(10) as ctx:
+        assert [ctx.game.start_node(name) for name in ctx.agent.agents] == [0, 1, 62, 63]
+        late = ctx.agent.create_agent("late", start_node_id=5)
+        assert ctx.game.start_node(late) == 5
+
+
+def test_where_agents_began_is_known_however_late_the_recording_began():
+    for begin in (0, 3):
+        stream = io.BytesIO()
+        with gamms.create_context(seed=1, logger_config=QUIET) as ctx:
+            if begin == 0:
+                ctx.record.start(stream)  # before there is anybody
+            ctx.graph.attach_networkx_graph(gamms.graph.grid(8, 8))
+            add_team(ctx, "red", (3, 4), random_walk)
+            ctx.game.run(3)
+            if begin:
+                ctx.record.start(stream)
+            ctx.game.run(4)
+            ctx.record.stop()
+            node = ctx.agent.get_agent("red_0").current_node_id
+        with opened(stream) as late, late.resume(late.turns) as ctx:
+            assert ctx.game.turn == 7
+            assert ctx.agent.get_agent("red_0").current_node_id == node
+            assert ctx.game.start_node("red_0") == 3
+
+
+def test_components_are_there_again():
+    with context() as ctx:
+        stream = io.BytesIO()
+        ctx.record.start(stream)
+
+        @ctx.record.component(struct={"charge": float})
+        class Battery:
+            pass
+
+        battery = Battery(name="battery")
+        for charge in (1.0, 0.5, 0.25):
+            battery.charge = charge
+            ctx.visual.simulate()
+        ctx.record.stop()
+    with opened(stream) as found:
+        for turn, charge in ((1, 1.0), (2, 0.5), (3, 0.25)):
+            with found.resume(turn) as ctx:
+                assert ctx.record.get_component("battery").charge == charge
+
+
+def test_a_reset_of_the_recorded_game_is_no_obstacle():
+    def make():
+        ctx = race()
+        ctx.game.add(lambda ctx: ctx.game.emit("turn", n=ctx.game.turn))
+        return ctx
+
+    stream = io.BytesIO()
+    with make() as ctx:
+        ctx.record.start(stream)
+        ctx.game.run(6)
+        ctx.game.reset(8)
+        ctx.game.run(6)
+        ctx.record.stop()
+    with opened(stream) as found:
+        assert found.turns == 12
+        with found.resume(9, ctx=make(), seed=8) as ctx:
+            assert ctx.game.turn == 3
+            assert [event["n"] for event in ctx.game.events] == [1, 2, 3]
+            ctx.game.run(3)
+            assert [agent.current_node_id for agent in ctx.agent.create_iter()] == found[12].agents["node"].tolist()
+
+
+def test_a_replay_leaves_the_game_where_it_was():
+    def make():
+        ctx = race()
+        ctx.game.add(lambda ctx: ctx.game.data.update(lot=float(ctx.rng.random())))
+        return ctx
+
+    stream = io.BytesIO()
+    with make() as ctx:
+        ctx.record.start(stream)
+        ctx.game.run(9)
+        ctx.record.stop()
+        stream.seek(0)
+        with make() as other:
+            for _ in other.record.replay(stream):
+                pass
+            assert other.game.turn == ctx.game.turn == 9
+            for one in (ctx, other):
+                one.game.run(5)
+            assert other.game.data == ctx.game.data
+            nodes = [[agent.current_node_id for agent in one.agent.create_iter()] for one in (ctx, other)]
+            assert nodes[0] == nodes[1]
+
+
+# -- what cannot be ---------------------------------------------------------------------------------------------
+
+
+def test_what_does_not_fit_is_refused(recording):
+    with pytest.raises(BadValue, match="no state after 21 turns"):
+        recording.resume(21)
+    with pytest.raises(UnknownName, match="red"):
+        recording.resume(3, {"rde": random_walk})
+    with pytest.raises(BadType, match="mapping from teams or agents"):
+        recording.resume(3, random_walk)
+    with pytest.raises(BadType, match="A strategy must be a function"):
+        recording.resume(3, {"red": 5})
+    with race() as ctx:
+        with pytest.raises(BadValue, match="vis_engine"):
+            recording.resume(3, ctx=ctx, vis_engine=gamms.visual.Engine.NO_VIS)
+        ctx.graph.graph.remove_node(40)
+        with pytest.raises(RecordingError, match="not those of the recording"):
+            recording.resume(3, ctx=ctx)
+        assert ctx.agent.get_agent("red_0").current_node_id == 0
+
+
+def test_rules_that_are_shipped_are_all_resumed_here():
+    shipped = {"tag", "reach", "capture_flag", "time_limit", "last_team", "territory"}
+    assert shipped <= set(rules.__all__) | {"territory"}
+
+
+def test_chasing_and_fleeing_go_on():
+    def make():
+        ctx = context()
+        for i, (team, node) in enumerate((("red", 0), ("red", 7), ("blue", 36), ("blue", 27))):
+            eyes = ctx.sensor.create_sensor(f"eyes_{i}", SensorType.AGENT_RANGE, sensor_range=60.0)
+            move = chase(ctx, otherwise=random_walk) if team == "red" else flee(ctx, otherwise=random_walk)
+            name = f"{team}_{i}"
+            ctx.agent.create_agent(name, start_node_id=node, team=team, sensors={"eyes": eyes}, strategy=move)
+        ctx.game.add(tag("red", "blue", then="respawn"))
+        return ctx
+
+    assert_goes_on_from_anywhere(make, turns=16)
