@@ -9,10 +9,11 @@ import zlib
 from contextlib import suppress
 
 import numpy as np
-from recordings import HEADER, read_all, walk, written
+from recordings import HEADER, fly, read_all, walk, written
 
 from gamms.recorder import RecordingError
 from gamms.recorder.formats import blocks, columns, values
+from gamms.recorder.formats.tracks import FORMS
 
 NUMBERS = [0, 1, 2, 63, 64, 127, 128, 255, 256, 65535, 65536, 2**20, 2**23, 2**24, 2**31 - 1, 2**31, 2**32 - 1]
 BYTES = [
@@ -39,7 +40,9 @@ EVENTS = [
 def originals():
     """Recordings of several kinds, with what is in them."""
     mixed = [[*log[:6], EVENTS[turn % 3], *log[6:], EVENTS[0]] for turn, log in enumerate(walk(5, 14))]
-    found = [written(logs, turns=turns, keyframes=True) for turns in (3, 64) for logs in (walk(3, 9), mixed, [[]])]
+    flown = [[*log[:2], *flights, *log[2:]] for log, flights in zip(mixed, fly(3, 14), strict=True)]
+    games = (walk(3, 9), mixed, [[]], flown)
+    found = [written(logs, turns=turns, keyframes=True) for turns in (3, 64) for logs in games]
     found += [written(mixed, {}, turns=4, close=False), written([], HEADER)]
     clock = iter(range(1000))
     found.append(written(mixed, turns=20, seconds=1, clock=lambda: next(clock), close=False))
@@ -198,22 +201,39 @@ def _change_value(chance, parts):
 def _change_column(chance, parts):
     """Put other numbers into a column of turns, or damage the data of its events."""
     part = chance.choice([part for part in parts if part[0] == blocks.TURNS] or parts)
-    table, data = _columns_of(*part[1:])
-    column = table[chance.randrange(len(table))]
+    cursor = columns.Cursor(part[1])
+    table = _columns_of(cursor, part[2])
+    data = blocks.take_bytes(cursor)
+    tracks = list(_tracks_of(cursor, table[6]))
+    column = chance.choice([*table, *(one for one in tracks if type(one) is not bytes)])
     if chance.random() < 0.4 or not len(column):
         data = damaged(chance, data)
     else:
-        number = chance.choice([-1, 2**40, -(2**63), 2**63 - 1, *NUMBERS])
+        number = chance.choice([-1, 2**40, -(2**63), 2**63 - 1, *NUMBERS, *FORMS])
         column[chance.randrange(len(column))] = number
-    part[1] = b"".join(map(columns.put, table)) + blocks.put_bytes(data)
+    behind = [one if type(one) is bytes else columns.put(one) for one in tracks]
+    part[1] = b"".join([*map(columns.put, table), blocks.put_bytes(data), *behind])
 
 
-def _columns_of(body, counts):
-    cursor, (_, turns, moves, events) = columns.Cursor(body), counts
+def _columns_of(cursor, counts):
+    _, turns, moves, events = counts
     table = [columns.take(cursor, size) for size in (turns, turns, moves)]
     rows = len(np.unique(np.cumsum(table[2])))
-    table += [columns.take(cursor, size) for size in (rows, moves - rows, events, events, events)]
-    return table, blocks.take_bytes(cursor)
+    return table + [columns.take(cursor, size) for size in (rows, moves - rows, events, events, events)]
+
+
+def _tracks_of(cursor, kinds):
+    """The columns of events whose data are numbers, and how often differences are taken, a byte."""
+    for kind, (nodes, floats) in sorted(FORMS.items()):
+        size = int(np.count_nonzero(kinds == kind))
+        if size:
+            numbers = columns.take(cursor, size)
+            yield numbers
+            rows = len(np.unique(np.cumsum(numbers)))
+            for part in [0] * nodes + [1] * floats:
+                if part:
+                    yield cursor.take(1)
+                yield from (columns.take(cursor, each) for each in (rows, size - rows))
 
 
 def _shuffle(chance, parts):

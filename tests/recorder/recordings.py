@@ -4,7 +4,9 @@ import io
 
 import numpy as np
 
+from gamms.ir import journal
 from gamms.recorder import Reader, Writer
+from gamms.recorder.formats.tracks import FORMS
 
 HEADER = {"package": "2.0.0", "seed": 7, "graph": {"ids": np.arange(5), "xy": np.zeros((5, 2))}}
 
@@ -39,9 +41,27 @@ def read_all(data):
     events = list(reader.events())
     assert len(turns) == len(rows) == len(nodes) == sum(type(one) is not tuple for log in logs for one in log) // 2
     assert len(events) == sum(type(one) is tuple for log in logs for one in log)
+    for kind in FORMS:
+        found = [(turn, data) for turn, _, one, data in events if one == kind]
+        stretch = reader.tracks(kind, 0, reader.turns)
+        assert repr(list(zip(stretch.turns.tolist(), stretch.tracks.data(), strict=True))) == repr(found)
     for turn in range(reader.turns + 1):
         reader.keyframe(turn)
     return reader, logs
+
+
+def fly(agents, turns, seed=0):
+    """Agents who each fly straight on, or elsewhere, and sometimes turn; the logs of the turns."""
+    rng = np.random.default_rng(seed)
+    places, ways, logs = rng.normal(size=(agents, 3)), rng.normal(size=(agents, 3)), []
+    for _ in range(turns):
+        ways = np.where(rng.random((agents, 1)) < 0.2, rng.normal(size=(agents, 3)), ways)
+        places = places + ways
+        nodes, turned = rng.integers(0, 9, agents).tolist(), rng.normal(size=(agents, 4)).tolist()
+        log = [(journal.AERIAL_AGENT_FLIGHT, (i, nodes[i], *place)) for i, place in enumerate(places.tolist())]
+        log += [(journal.AERIAL_AGENT_TURN, (i, *turned[i])) for i in range(agents) if rng.random() < 0.3]
+        logs.append(log)
+    return logs
 
 
 def walk(agents, turns, n=20, seed=0):

@@ -11,8 +11,10 @@ from hypothesis import strategies as st
 from recordings import HEADER, logs_of, opened, read_all, walk, written
 
 from gamms.errors import BadType, BadValue
+from gamms.ir import journal
 from gamms.recorder import Reader, RecordingError, Writer
 from gamms.recorder.formats import blocks
+from gamms.recorder.formats.tracks import FORMS
 
 numbers = st.integers(-(2**63), 2**63 - 1) | st.integers(0, 5)
 plain = st.recursive(
@@ -24,7 +26,12 @@ plain = st.recursive(
     ),
     max_leaves=5,
 )
-entries = st.tuples(numbers, numbers).map(list) | st.tuples(numbers, plain).map(lambda event: [event])
+floats = st.floats() | st.sampled_from([0.0, -0.0, 0.1, 1e300, float("inf")])
+flights = st.tuples(numbers, numbers, floats, floats, floats).map(lambda data: (journal.AERIAL_AGENT_FLIGHT, data))
+quats = st.tuples(numbers, *[floats] * 4).map(lambda data: (journal.AERIAL_AGENT_TURN, data))
+kinds = numbers.filter(lambda kind: kind not in FORMS)
+entries = st.tuples(numbers, numbers).map(list) | st.tuples(kinds, plain).map(lambda event: [event])
+entries |= (flights | quats).map(lambda event: [event])
 logs = st.lists(entries, max_size=8).map(lambda parts: [one for part in parts for one in part])
 games = st.lists(logs, max_size=8)
 
@@ -173,6 +180,9 @@ def test_a_log_may_be_changed_once_it_was_added():
 # -- refusals ---------------------------------------------------------------------------------------------------
 
 BAD_LOGS = [[1], [1, 2, 3], [1.5, 2], ["a", "b"], [1, 2**63], [(1, 2, 3)], [("a", 1)], [(2**63, 1)], [1, (1, 2), 3]]
+BAD_LOGS += [[(kind, data)] for kind in (0x01100020, 0x01100021) for data in (None, (), (1, 2), (1, 2, 3, 4, "z"))]
+BAD_LOGS += [[(0x01100020, [1, 2, 3.0, 4.0, 5.0])], [(0x01100020, (1, 2.5, 3.0, 4.0, 5.0))]]
+BAD_LOGS += [[(0x01100020, (1, 2**63, 3.0, 4.0, 5.0))], [(0x01100021, (1, 2.0, 3.0, 4.0, 10**400))]]
 BAD_LOGS += [[(1, {object()})], [(1, object())], [(1, np.array(["a"]))], [None, None], [(1, [1j])]]
 
 

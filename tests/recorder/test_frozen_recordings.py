@@ -37,6 +37,24 @@ def everything_of_version_3(ctx):
         ctx.visual.simulate()
 
 
+def flights_of_version_3(ctx):
+    """One game with flights and turns by number, in two blocks."""
+    for i in range(3):
+        ctx.agent.create_agent(f"kite{i}", start_node_id=4 * i, type=1, speed=0.1 + i, position=(i, 2.5, 3.0))
+    ctx.agent.create_agent("anna", start_node_id=0)
+    for turn in range(70):
+        act(ctx, "kite0", (0.5, 0.25, 0.0))
+        act(ctx, "anna", turn % 2)
+        act(ctx, "kite1", {"direction": (turn - 30.0, 3.0, -0.1), "quat": (1.0, 0.5, turn, 0.0)})
+        if turn % 9 == 4:
+            ctx.agent.get_agent("kite2").position = (2.0 * turn, -0.0, 1e9)
+            ctx.agent.get_agent("kite2").orientation = (turn, 1.0)
+        if turn == 41:
+            ctx.agent.delete_agent("kite0")
+            ctx.agent.create_agent("kite0", start_node_id=8, type=1, speed=0.3)
+        ctx.visual.simulate()
+
+
 def told(path):
     """What a recording says, at the turns at which something happens in it, and what a replay comes to."""
     with gamms.recorder.open(path) as recording, empty_context() as ctx:
@@ -67,9 +85,12 @@ def test_a_frozen_recording_says_what_it_said(path):
     assert json.dumps(told(path)) == json.dumps(json.loads(path.with_suffix(".json").read_text()))
 
 
-def test_a_game_is_recorded_as_the_frozen_one_was(tmp_path):
+@pytest.mark.parametrize(
+    ("play", "sample"), [(everything_of_version_3, "version3"), (flights_of_version_3, "version3_flights")]
+)
+def test_a_game_is_recorded_as_the_frozen_one_was(play, sample, tmp_path):
     with grid_context() as ctx:
         ctx.record.start(tmp_path / "game")
-        everything_of_version_3(ctx)
+        play(ctx)
         ctx.record.stop()
-    assert json.dumps(told(tmp_path / "game.ggr")) == json.dumps(told(SAMPLES / "version3.ggr"))
+    assert json.dumps(told(tmp_path / "game.ggr")) == json.dumps(told(SAMPLES / f"{sample}.ggr"))

@@ -287,7 +287,8 @@ def logs(draw):
     for _ in range(draw(st.integers(0, 5))):
         log = []
         for _ in range(draw(st.integers(0, 12))):
-            what = draw(st.sampled_from(["walk"] * 3 + ["fly", "put", "come", "go", "set", "score"]))
+            rare = ["put", "come", "go", "set", "score", "by name"]
+            what = draw(st.sampled_from(["walk"] * 3 + ["fly"] * 3 + ["turn"] + rare))
             number = draw(st.sampled_from(sorted(living))) if living else None
             name, node = living.get(number), draw(st.integers(0, NODES - 1))
             if what == "come":
@@ -302,10 +303,17 @@ def logs(draw):
                 for _ in range(draw(st.sampled_from([1, 1, 2, 30]))):
                     log += [number, draw(st.integers(0, NODES - 1))]
             elif what == "fly" and flies[number]:
+                for _ in range(draw(st.sampled_from([1, 1, 2, 30]))):
+                    aim = draw(st.integers(0, NODES - 1))
+                    log.append((journal.AERIAL_AGENT_FLIGHT, (number, aim, float(aim), -0.5, 1.0)))
+            elif what == "turn":
+                log.append((journal.AERIAL_AGENT_TURN, (number, float(node), 0.0, 0.0, 1.0)))
+            elif what == "by name" and flies[number]:
+                log.append((journal.AERIAL_AGENT_QUATERNION, {"agent_name": name, "quat": (0, node, 0, 0)}))
                 log.append(
                     (journal.AERIAL_AGENT_POSITION, {"agent_name": name, "position": (node, 0, 1), "node": node})
                 )
-            elif what in ("put", "fly"):
+            elif what in ("put", "fly", "by name"):
                 kind = draw(st.sampled_from([journal.AGENT_CURRENT_NODE, journal.AGENT_PREV_NODE]))
                 log.append((kind, {"agent_name": name, "node_id": node}))
             elif what == "set":
@@ -436,6 +444,11 @@ def test_version_2_is_refused_with_the_way_out():
         ([(journal.AGENT_CREATE, {"name": "a0", "kwargs": {"start_node_id": 1}})], "same name"),
         ([(journal.AGENT_CREATE, 7)], "does not fit"),
         ([(journal.AERIAL_AGENT_POSITION, {"agent_name": "a0", "position": (0, 0, 0)})], "on the ground"),
+        ([(journal.AERIAL_AGENT_FLIGHT, (0, 1, 0.0, 0.0, 0.0))], "on the ground"),
+        ([(journal.AERIAL_AGENT_FLIGHT, (0, 1, 0.0, 0.0, 0.0))] * 40, "on the ground"),
+        ([(journal.AERIAL_AGENT_FLIGHT, (9, 1, 0.0, 0.0, 0.0))], "agent number 9 moves and is not there"),
+        ([(journal.AERIAL_AGENT_FLIGHT, (9, 1, 0.0, 0.0, 0.0))] * 40, "agent number 9 moves and is not there"),
+        ([(journal.AERIAL_AGENT_TURN, (-1, 1.0, 0.0, 0.0, 0.0))], "agent number -1 moves and is not there"),
         ([(journal.SNAPSHOT, {"names": []})], "whole state is not right"),
         ([(journal.GAME_SCORES, {"scores": 5})], "scores are none"),
     ],
@@ -458,6 +471,7 @@ def test_an_event_that_does_not_fit_is_told_with_its_turn(log, reason):
     [
         ("positions", (journal.AERIAL_AGENT_POSITION, {"agent_name": "a0", "position": (1.0,)})),
         ("positions", (journal.AERIAL_AGENT_POSITION, None)),
+        ("positions", (journal.AERIAL_AGENT_FLIGHT, (9, 1, 0.0, 0.0, 0.0))),
         ("scores", (journal.GAME_SCORES, {"scores": [("red",)]})),
         ("events", (journal.GAME_EVENT, {"turn": 1})),
         ("moves", (journal.SNAPSHOT, np.zeros(3))),
@@ -472,7 +486,7 @@ def test_an_event_that_does_not_fit_a_table_is_told(table, event):
     writer.add_turn([event])
     writer.close()
     rec = recorder.open(io.BytesIO(stream.getvalue()))
-    with pytest.raises(RecordingError, match=r"damaged|has no kind"):
+    with pytest.raises(RecordingError, match=r"damaged|has no kind|is not there"):
         rec.table(table)
 
 

@@ -4,7 +4,7 @@ from typing import Any
 
 from gamms.game.moves import Moves
 from gamms.ir import journal
-from gamms.ir.agents import AgentColumns, Position, Quat, Selection
+from gamms.ir.agents import UNTURNED, AgentColumns, Position, Quat, Selection
 from gamms.typing.graph_engine import IGraph
 
 
@@ -57,23 +57,22 @@ class JournaledMoves(Moves):
         """Write where a flyer goes, and note it."""
         super().land(columns, row, position, quat)
         if quat is not None:
-            self._note(columns, row, journal.AERIAL_AGENT_QUATERNION, quat=list(quat))
+            columns.journal.turned(row, quat)
 
     def face(self, columns: AgentColumns, row: int, heading: Any) -> None:
         """Turn a flyer about the vertical, and note it."""
         super().face(columns, row, heading)
-        self._note(columns, row, journal.AERIAL_AGENT_QUATERNION, quat=list(columns.quat[row] or ()))
+        columns.journal.turned(row, columns.quat[row] or UNTURNED)
 
     def turn_in_space(self, columns: AgentColumns, row: int, quat: Any) -> None:
         """Turn a flyer, and note it."""
         super().turn_in_space(columns, row, quat)
-        self._note(columns, row, journal.AERIAL_AGENT_QUATERNION, quat=list(columns.quat[row] or ()))
+        columns.journal.turned(row, columns.quat[row] or UNTURNED)
 
     def _put(self, columns: AgentColumns, row: int, position: Position) -> None:
         super()._put(columns, row, position)
         if columns is self._world:
-            node = self.nearest(columns, row)
-            self._note(columns, row, journal.AERIAL_AGENT_POSITION, position=list(position), node=node)
+            columns.journal.flew(row, self.nearest(columns, row), position)
 
     def _note(self, columns: AgentColumns, row: int, kind: int, **data: Any) -> None:
         columns.journal.note(kind, {"agent_name": columns.names[row], **data})

@@ -24,6 +24,8 @@ AGENT_SPEED = 0x01100012  # not in 1.0.0
 AGENT_STRATEGY = 0x01100013  # not in 1.0.0
 AGENT_CARRY = 0x01100014  # not in 1.0.0: metres that were left of the last moves of several agents
 FLYERS_ABOVE = 0x01100030  # not in 1.0.0: which nodes are below all who fly, in a turn that has changed the map
+AERIAL_AGENT_FLIGHT = 0x01100020  # not in 1.0.0: (number of the flyer, node below it, x, y, z)
+AERIAL_AGENT_TURN = 0x01100021  # not in 1.0.0: (number of the flyer, w, x, y, z)
 WORLD = 0x03000000  # not in 1.0.0: graph and obstacles
 VISUALS = 0x03000010  # not in 1.0.0: what it looks like
 GAME_SCORES = 0x04000000  # not in 1.0.0
@@ -57,6 +59,14 @@ class Journal:
         """Something other than a move has happened; `data` are plain values."""
         self.log.append((kind, data))
 
+    def flew(self, row: int, node: int, position: tuple[float, float, float]) -> None:
+        """A flyer is somewhere else, and this is the node below it."""
+        self.log.append((AERIAL_AGENT_FLIGHT, (self.ids[row], node, *position)))
+
+    def turned(self, row: int, quat: tuple[float, float, float, float]) -> None:
+        """A flyer has turned."""
+        self.log.append((AERIAL_AGENT_TURN, (self.ids[row], *quat)))
+
     def entered(self, row: int, name: str) -> None:
         """An agent has come, in the last row."""
         del self.ids[row:]
@@ -79,6 +89,12 @@ class Muted(Journal):
     def note(self, kind: int, data: Any) -> None:
         """Nothing is noted."""
 
+    def flew(self, row: int, node: int, position: tuple[float, float, float]) -> None:
+        """Nothing is noted."""
+
+    def turned(self, row: int, quat: tuple[float, float, float, float]) -> None:
+        """Nothing is noted."""
+
     def entered(self, row: int, name: str) -> None:
         """An agent has come, in the last row."""
         self._journal.entered(row, name)
@@ -92,6 +108,12 @@ class _Nobody(Journal):
     """Nobody reads."""
 
     def note(self, kind: int, data: Any) -> None:
+        pass
+
+    def flew(self, row: int, node: int, position: tuple[float, float, float]) -> None:
+        pass
+
+    def turned(self, row: int, quat: tuple[float, float, float, float]) -> None:
         pass
 
     def entered(self, row: int, name: str) -> None:

@@ -5,3 +5,10 @@ from gamms.errors import GammsError
 
 class RecordingError(GammsError, ValueError):
     """A recording that is damaged, foreign or absurdly large, or that can no longer be written."""
+
+
+DAMAGES = (KeyError, TypeError, ValueError, IndexError, AttributeError, OverflowError)  # of what a stranger wrote
+
+
+class Damaged(GammsError, ValueError):
+    """A state is not right, or an event does not fit the state it happens to."""

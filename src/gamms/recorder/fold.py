@@ -5,33 +5,17 @@ from typing import Any
 
 import numpy as np
 
-from gamms.errors import GammsError
 from gamms.ir import journal
 from gamms.recorder import component_fold, game_state
+from gamms.recorder.checking import ARRAYS, LISTS, checked, text
+from gamms.recorder.errors import DAMAGES, Damaged
 from gamms.recorder.formats.columns import IntArray
 from gamms.recorder.formats.reader import Reader
+from gamms.recorder.formats.tracks import FORMS, Tracks
 from gamms.recorder.state import State, opened
+from gamms.recorder.waiting import Batch, Waiting, follow
 
-_LISTS = ("names", "teams", "speed", "sensors", "attributes", "strategies")
-_ARRAYS = {
-    "numbers": (np.int64, ()),
-    "kind": (np.int64, ()),
-    "node": (np.int64, ()),
-    "previous": (np.int64, ()),
-    "heading": (np.float64, (2,)),
-    "position": (np.float64, (3,)),
-    "previous_position": (np.float64, (3,)),
-    "quat": (np.float64, (4,)),
-    "alive": (np.int64, ()),
-    "carry": (np.float64, ()),
-}
-_TURNS_AT_ONCE = 64  # of the moves that are in memory
 _FEW = 24  # moves that are made faster one by one
-DAMAGES = (KeyError, TypeError, ValueError, IndexError, AttributeError, OverflowError)  # of what a stranger wrote
-
-
-class Damaged(GammsError, ValueError):
-    """A state is not right, or an event does not fit the state it happens to."""
 
 
 class Fold:
@@ -56,7 +40,7 @@ class Fold:
 
     def _begin(self, state: State) -> None:
         try:
-            self.state, self.following = _checked(opened(state)), int(state["next"])
+            self.state, self.following = checked(opened(state)), int(state["next"])
             told = state.get("components")
             self.state |= component_fold.nothing() if told is None else component_fold.opened(told)
             self._clock = int(state.get("turn", 0)), self._log, int(state.get("pace", 0))
@@ -92,20 +76,18 @@ class Fold:
 
     def advance(self, reader: Reader, start: int, stop: int) -> None:
         """Let the turns `start` to `stop - 1` of a recording happen; of these, a few at a time are in memory."""
-        for begin in range(start, stop, _TURNS_AT_ONCE):
-            self._advance(reader, begin, min(begin + _TURNS_AT_ONCE, stop))
+        for begin, end in reader.pieces(start, stop):
+            self._advance(reader, begin, end)
 
     def _advance(self, reader: Reader, start: int, stop: int) -> None:
-        turns, numbers, nodes = reader.moves(start, stop)
-        begins = turns.searchsorted(np.arange(start, stop)).tolist()
-        done, in_order = 0, not self._are_walkers(numbers)
+        waiting = Waiting(reader, start, stop, _OTHERS)
+        in_order = not self._are_walkers(waiting.numbers)
+        apart = _APART - _OF_FLYERS if waiting.has_flyers else _APART
         new: list[Any] = []  # agents who come one after the other come together
-        for turn, place, kind, data in reader.events(start, stop, _EVENTS):
-            until = begins[turn - start] + place
-            if until > done and (in_order or kind not in _APART):
+        for event, (turn, place, kind, data) in enumerate(reader.events(start, stop, _OTHERS)):
+            if (in_order or kind not in apart) and (batch := waiting.before(event, turn, place)):
                 self._enter(new)
-                self.move(numbers[done:until], nodes[done:until])
-                done = until
+                self._go(batch, in_order=in_order)
             if kind == journal.AGENT_CREATE:
                 new.append(data)
                 continue
@@ -114,7 +96,20 @@ class Fold:
             self.happen(kind, data)
             in_order = in_order or kind == journal.SNAPSHOT
         self._enter(new)
-        self.move(numbers[done:], nodes[done:])
+        self._go(waiting.rest(), in_order=in_order)
+
+    def _go(self, batch: Batch, *, in_order: bool) -> None:
+        """Let moves, flights and turns happen, in their order if moves may be those of flyers."""
+        done, flights = 0, batch.flights
+        if in_order and not self._are_walkers(batch.numbers):
+            for i, after in enumerate(batch.after.tolist()):
+                self.move(batch.numbers[done:after], batch.nodes[done:after])
+                self.fly(flights.at(slice(i, i + 1)))
+                done = after
+            flights = flights.at(slice(0, 0))
+        self.move(batch.numbers[done:], batch.nodes[done:])
+        self.fly(flights)
+        self.turn(batch.turns)
 
     def move(self, numbers: IntArray, nodes: IntArray) -> None:
         """Let moves happen: numbers of agents and nodes, (moves,) each, in their order."""
@@ -122,22 +117,28 @@ class Fold:
             for number, end in zip(numbers.tolist(), nodes.tolist(), strict=True):
                 self._move_one(number, end)
             return
-        node, previous = self.state["node"], self.state["previous"]
-        rows, places = self._rows(numbers), np.arange(len(numbers))
-        last, last_but_one = np.full((2, len(node)), -1)
-        last[rows] = places  # of several at one row, the last one stays
-        is_earlier = last[rows] != places
-        last_but_one[rows[is_earlier]] = places[is_earlier]
-        moved = np.flatnonzero(last >= 0)
-        came = last_but_one[moved]
-        previous[moved] = np.where(came >= 0, nodes[came], node[moved])
-        node[moved] = nodes[last[moved]]
+        follow(self.state, self._rows(numbers), {"node": ("previous", nodes)})
+
+    def fly(self, flights: Tracks) -> None:
+        """Let flights happen, in their order."""
+        if len(flights.numbers) < _FEW:
+            for data in flights.data():
+                self.happen(journal.AERIAL_AGENT_FLIGHT, data)
+            return
+        rows = self._rows(flights.numbers)
+        if not self.state["kind"][rows].all():
+            row = rows[self.state["kind"][rows] == 0][0]
+            raise _grounded(self.state["names"][row])
+        nodes, positions = flights.nodes[:, 0], flights.floats
+        follow(self.state, rows, {"node": ("previous", nodes), "position": ("previous_position", positions)})
+
+    def turn(self, turns: Tracks) -> None:
+        """Let flyers turn in space, in their order."""
+        if len(turns.numbers):
+            self.state["quat"][self._rows(turns.numbers)] = turns.floats  # of several at one row, the last one stays
 
     def _move_one(self, number: int, end: int) -> None:
-        row = self._row_of.get(number)
-        if row is None:
-            raise _stranger(number)
-        node = self.state["node"]
+        row, node = self.row_of(number), self.state["node"]
         self.state["previous"][row] = node[row]
         node[row] = end
 
@@ -181,6 +182,13 @@ class Fold:
         """The row of an agent by its name."""
         return self._row_of_name[name]
 
+    def row_of(self, number: int) -> int:
+        """The row of an agent by its number."""
+        row = self._row_of.get(number)
+        if row is None:
+            raise _stranger(number)
+        return row
+
     def enter(self, data: Any) -> None:
         """An agent was created."""
         self._enter([data])
@@ -193,11 +201,11 @@ class Fold:
             entered = [self._values_of(data, self.following + i) for i, data in enumerate(new)]
             columns = {
                 name: np.array([one[name] for one in entered], dtype).reshape(-1, *shape)
-                for name, (dtype, shape) in _ARRAYS.items()
+                for name, (dtype, shape) in ARRAYS.items()
             }
         except DAMAGES as error:
             raise _misfit(journal.AGENT_CREATE, error) from error
-        for name in _LISTS:
+        for name in LISTS:
             self.state[name].extend(one[name] for one in entered)
         for name, column in columns.items():
             self.state[name] = np.concatenate([self.state[name], column])
@@ -208,11 +216,11 @@ class Fold:
     def _values_of(self, data: Any, number: int) -> dict[str, Any]:
         """The row of a new agent."""
         given = data["kwargs"]
-        node = int(given["start_node_id"])
-        places = {name: (np.nan,) * shape[0] for name, (_, shape) in _ARRAYS.items() if shape}
-        places |= {name: value for name, value in data.get("state", {}).items() if name in places}
+        node, more = int(given["start_node_id"]), data.get("state", {})
+        places = {name: (np.nan,) * shape[0] for name, (_, shape) in ARRAYS.items() if shape}
+        places |= {name: value for name, value in more.items() if name in places}
         return {
-            "names": _text(data["name"]),
+            "names": text(data["name"]),
             "teams": given.get("team"),
             "speed": given.get("speed"),
             "sensors": _sensors_of(given.get("sensors") or {}),
@@ -220,7 +228,7 @@ class Fold:
             "strategies": data.get("strategy"),
             "numbers": number,
             "kind": int(given.get("type") == 1 or not np.isnan(places["position"][0])),
-            "node": int(data.get("state", {}).get("node", node)),
+            "node": int(more.get("node", node)),
             "previous": node,
             "alive": 1,
             "carry": 0.0,
@@ -230,9 +238,9 @@ class Fold:
     def leave(self, data: Any) -> None:
         """An agent was deleted."""
         row = self.row(data["name"])
-        for name in _LISTS:
+        for name in LISTS:
             del self.state[name][row]
-        for name in _ARRAYS:
+        for name in ARRAYS:
             self.state[name] = np.delete(self.state[name], row, axis=0)
         self._recount()
 
@@ -262,33 +270,12 @@ class Fold:
         self.state |= kept
 
 
-def _checked(state: State) -> State:
-    """A state of its own, whose columns are of the right kinds and of one length; an error says what is not."""
-    names = [_text(name) for name in state["names"]]
-    checked: State = {"scores": state["scores"], "data": dict(state["data"]), "over": state["over"]}
-    checked["memories"] = {name: dict(memory) for name, memory in state.get("memories", {}).items()}
-    checked["team_memories"] = {team: dict(memory) for team, memory in state.get("team_memories", ())}
-    checked["chance"], checked["sensor_kinds"] = state.get("chance"), list(state.get("sensor_kinds", ()))
-    for name in _LISTS:
-        checked[name] = list(state[name])
-    for name, (dtype, shape) in _ARRAYS.items():
-        checked[name] = np.array(state[name], dtype)
-        if checked[name].shape != (len(names), *shape):
-            raise Damaged(f"{name!r} has the shape {checked[name].shape}, with {len(names)} agents")
-    lengths = {name: len(checked[name]) for name in _LISTS}
-    if set(lengths.values()) != {len(names)}:
-        raise Damaged(f"its lists have different lengths: {lengths}")
-    return checked
-
-
-def _text(name: Any) -> str:
-    if not isinstance(name, str):
-        raise Damaged(f"{name!r} is no name of an agent")
-    return name
-
-
 def _stranger(number: int) -> Damaged:
     return Damaged(f"agent number {number} moves and is not there")
+
+
+def _grounded(name: str) -> Damaged:
+    return Damaged(f"agent {name!r} flies and is on the ground")
 
 
 def _misfit(kind: int, error: Exception) -> Damaged:
@@ -302,18 +289,23 @@ def _sensors_of(given: Any) -> dict[str, str]:
 def _set(column: str, key: str, convert: Callable[[Any], Any] = lambda value: value) -> Callable[[Fold, Any], None]:
     def happen(fold: Fold, data: Any) -> None:
         fold.state[column][fold.row(data["agent_name"])] = convert(data[key])
-        fold.roster += column in _LISTS
+        fold.roster += column in LISTS
 
     return happen
 
 
-def _fly(fold: Fold, data: Any) -> None:
+def _fly(fold: Fold, row: int, position: Any) -> None:
+    state = fold.state
+    if not state["kind"][row]:
+        raise _grounded(state["names"][row])
+    state["previous_position"][row] = state["position"][row]
+    state["position"][row] = position
+    state["previous"][row] = state["node"][row]
+
+
+def _fly_by_name(fold: Fold, data: Any) -> None:
     row = fold.row(data["agent_name"])
-    if not fold.state["kind"][row]:
-        raise Damaged(f"agent {data['agent_name']!r} flies and is on the ground")
-    fold.state["previous_position"][row] = fold.state["position"][row]
-    fold.state["position"][row] = data["position"]
-    fold.state["previous"][row] = fold.state["node"][row]
+    _fly(fold, row, data["position"])
     if "node" in data:
         fold.state["node"][row] = data["node"]
 
@@ -322,6 +314,18 @@ def _hover(fold: Fold, data: Any) -> None:
     for name, node, previous in zip(data["names"], data["node"], data["previous"], strict=True):
         row = fold.row(name)
         fold.state["node"][row], fold.state["previous"][row] = node, previous
+
+
+def _fly_by_number(fold: Fold, data: Any) -> None:
+    number, node, *position = data
+    row = fold.row_of(number)
+    _fly(fold, row, position)
+    fold.state["node"][row] = node
+
+
+def _turn(fold: Fold, data: Any) -> None:
+    number, *quat = data
+    fold.state["quat"][fold.row_of(number)] = quat
 
 
 def _register(fold: Fold, data: Any) -> None:
@@ -345,7 +349,9 @@ _EVENTS: dict[int, Callable[[Fold, Any], None]] = {
     journal.AGENT_SENSOR_REGISTER: _register,
     journal.AGENT_SENSOR_DEREGISTER: _deregister,
     journal.AGENT_ORIENTATION: _set("heading", "orientation", lambda pair: (np.nan,) * 2 if pair is None else pair),
-    journal.AERIAL_AGENT_POSITION: _fly,
+    journal.AERIAL_AGENT_FLIGHT: _fly_by_number,
+    journal.AERIAL_AGENT_TURN: _turn,
+    journal.AERIAL_AGENT_POSITION: _fly_by_name,
     journal.AERIAL_AGENT_QUATERNION: _set("quat", "quat"),
     journal.AGENT_TEAM: _set("teams", "team"),
     journal.AGENT_ALIVE: _set("alive", "alive", int),
@@ -362,6 +368,8 @@ _EVENTS: dict[int, Callable[[Fold, Any], None]] = {
     journal.GAME_CHANCE: lambda fold, data: fold.state.__setitem__("chance", data["chance"]),
     journal.SENSORS: Fold.equip,
 }
+_OTHERS = frozenset(_EVENTS.keys() - FORMS)  # than those that happen many at once
+_OF_FLYERS = {journal.AERIAL_AGENT_POSITION, journal.AERIAL_AGENT_QUATERNION}  # flights, turns of who wrote by name
 _APART = _EVENTS.keys() - {  # events that change nothing that moves of others look at or change
     journal.SNAPSHOT,
     journal.AGENT_CREATE,

@@ -9,7 +9,7 @@ import numpy as np
 
 from gamms.ir.tables import table_of
 from gamms.recorder import state
-from gamms.recorder.fold import Damaged
+from gamms.recorder.errors import Damaged
 from gamms.typing.packed_graph import IPackedGraph
 
 _KINDS = np.array(["BASIC", "AERIAL"])  # the names of AgentType

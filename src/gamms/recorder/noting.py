@@ -6,10 +6,13 @@ At once, because what a program hands over it may change a moment later, and wha
 from typing import Any
 
 from gamms.ir import journal
+from gamms.ir.agents import Position, Quat
 from gamms.ir.journal import Journal
 from gamms.recorder import state
 from gamms.recorder.left_out import LeftOut
 from gamms.recorder.plain import plain
+
+_OF_FLIGHT, _OF_NOTE = 7, 15  # weights
 
 
 class PlainJournal(Journal):
@@ -21,12 +24,14 @@ class PlainJournal(Journal):
 
     Attributes:
         living: the names of the agents of whom the reader knows, in the order of their creation.
+        weight: what it costs to read what was noted, beside the entries of the log, in such entries.
     """
 
     def __init__(self, names: list[str], left_out: LeftOut) -> None:
         super().__init__(names)
         self._left_out = left_out
         self.living = dict.fromkeys(names)
+        self.weight = 0
 
     def note(self, kind: int, data: Any) -> None:
         """Something other than a move has happened."""
@@ -35,6 +40,17 @@ class PlainJournal(Journal):
         elif kind == journal.AGENT_DELETE:
             self.living.pop(data["name"], None)
         self.log.append((kind, self._creation(data) if kind == journal.AGENT_CREATE else plain(data)))
+        self.weight += _OF_NOTE
+
+    def flew(self, row: int, node: int, position: Position) -> None:
+        """A flyer is somewhere else, and this is the node below it."""
+        super().flew(row, node, position)
+        self.weight += _OF_FLIGHT
+
+    def turned(self, row: int, quat: Quat) -> None:
+        """A flyer has turned."""
+        super().turned(row, quat)
+        self.weight += _OF_FLIGHT
 
     def _creation(self, data: dict[str, Any]) -> dict[str, Any]:
         """A new agent, without those of its keywords that cannot be written."""

@@ -2,6 +2,7 @@
 
 import io
 import os
+from collections import Counter
 from collections.abc import Callable, Iterator, Mapping
 from pathlib import Path
 from typing import Any, BinaryIO, Self, overload
@@ -13,8 +14,8 @@ from gamms.errors import BadType, BadValue
 from gamms.ir import journal
 from gamms.ir.journal import Log
 from gamms.recorder import component_fold, tables
-from gamms.recorder.errors import RecordingError
-from gamms.recorder.fold import Damaged, Fold
+from gamms.recorder.errors import Damaged, RecordingError
+from gamms.recorder.fold import Fold
 from gamms.recorder.formats.reader import Reader
 from gamms.recorder.maps import given_map, has_map, hash_in, hash_of
 from gamms.recorder.moment import State, roster_of, state_of
@@ -321,7 +322,10 @@ class Recording:
 
     def counts(self) -> dict[str, int]:
         """How many events there are of each kind that is in the format; moves are not among them."""
-        return {tables.KINDS.get(kind, f"{kind:#010x}"): count for kind, count in self._reader.count_events().items()}
+        counts: Counter[str] = Counter()
+        for kind, count in self._reader.count_events().items():
+            counts[tables.KINDS.get(kind, f"{kind:#010x}")] += count
+        return dict(counts)
 
     def count_moves(self) -> int:
         """How many moves of agents on the ground there are."""

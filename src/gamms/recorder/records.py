@@ -42,6 +42,15 @@ def steps_of(log: Log) -> Iterator[tuple[Any, Any]]:
             yield entry, next(entries)
 
 
+def named(step: tuple[int, Any], name: str) -> tuple[int, Any]:
+    """An event that names its agent by number, as one that names it; `FORMS` are such events."""
+    kind, data = step
+    if kind == kinds.AERIAL_AGENT_FLIGHT:
+        _, node, *position = data
+        return kinds.AERIAL_AGENT_POSITION, {"agent_name": name, "position": position, "node": node}
+    return kinds.AERIAL_AGENT_QUATERNION, {"agent_name": name, "quat": list(data[1:])}
+
+
 def records_of_move(name: str, before: int, node: int, timestamp: int) -> tuple[Record, Record]:
     """What 1.0.0 says of one step of an agent on the ground."""
     return (

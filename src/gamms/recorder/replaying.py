@@ -5,14 +5,15 @@ from contextlib import AbstractContextManager, nullcontext
 from copy import deepcopy
 from typing import Any
 
-from gamms.errors import ContextTerminated, GammsError, UnknownName
+from gamms.errors import BadType, ContextTerminated, GammsError, UnknownName
 from gamms.ir import journal as kinds
 from gamms.ir.journal import Muted
 from gamms.recorder import game_state, state
 from gamms.recorder.errors import RecordingError
 from gamms.recorder.formats.reader import Reader
+from gamms.recorder.formats.tracks import FORMS
 from gamms.recorder.maps import has_map, hash_in, is_map_of
-from gamms.recorder.records import TURN_NS, Record, records_of, records_of_move, steps_of
+from gamms.recorder.records import TURN_NS, Record, named, records_of, records_of_move, steps_of
 from gamms.typing.opcodes import OpCodes
 
 Tell = Callable[[int], None]  # told the time stamp of what comes next
@@ -65,6 +66,8 @@ class Player:
                 self._act_trusting(agents.moves, agents.agents[names[number]]._row, step)
             elif step[0] == kind:
                 return step[1]
+            elif step[0] in FORMS:
+                self._fly(step[0], step[1], agents.moves.plain())
             else:
                 self.happen(*step)
         return None
@@ -81,9 +84,13 @@ class Player:
                 if step[0] == kinds.UNFINISHED:
                     is_over = False
                     continue
-                self.happen(*step)
-                unnoted = agents.moves.plain()
-                yield from records_of(step[0], step[1], timestamp, self._before(step[0], step[1]))
+                if step[0] in FORMS:
+                    kind, data = self._fly(step[0], step[1], unnoted)
+                else:
+                    kind, data = step
+                    self.happen(kind, data)
+                    unnoted = agents.moves.plain()
+                yield from records_of(kind, data, timestamp, self._before(kind, data))
                 continue
             is_copying = recorder.is_copying
             try:
@@ -107,6 +114,28 @@ class Player:
     def _act_trusting(self, moves: Any, row: int, node: int) -> None:
         with moves.trusting():
             moves.act(self._ctx.agent.columns, row, node)
+
+    def _fly(self, kind: int, data: Any, unnoted: Any) -> tuple[int, Any]:
+        """Let a flyer go somewhere, or turn, and be copied; gives the same event by name."""
+        number, *parts = data
+        agents, is_copying = self._ctx.agent, self._recorder.is_copying
+        columns = agents.columns
+        try:
+            agent = agents.agents[self._numbers[number]]
+            if kind == kinds.AERIAL_AGENT_FLIGHT:
+                (unnoted if is_copying else agents.moves).place_at(columns, agent._row, parts[1:])
+            elif not columns.kind[agent._row]:
+                raise BadType(f"Agent {agent.name!r} does not fly.")
+            else:
+                unnoted.turn_in_space(columns, agent._row, parts)  # which checks it, and does not come to the last bit
+                agents.put(agent, {"quat": tuple(parts)})
+                if not is_copying:
+                    columns.journal.turned(agent._row, parts)
+        except (GammsError, KeyError) as error:
+            raise RecordingError(f"An event of kind {kind:#010x} cannot happen here: {error}") from error
+        if is_copying:
+            self._recorder.copy((kind, data))
+        return named((kind, data), agent.name)
 
     def _before(self, kind: int, data: Any) -> int | None:
         """Above which node a flyer was that has just moved."""

@@ -8,8 +8,7 @@ from gamms.arguments import as_int
 from gamms.errors import BadType, BadValue, GammsError, UnknownName
 from gamms.ir import journal as kinds
 from gamms.recorder import game_state, sensed, state
-from gamms.recorder.errors import RecordingError
-from gamms.recorder.fold import DAMAGES
+from gamms.recorder.errors import DAMAGES, RecordingError
 from gamms.recorder.replaying import Player
 from gamms.typing import SensorType
 from gamms.typing.context import contexts

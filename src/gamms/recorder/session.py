@@ -21,7 +21,8 @@ _OF_AGENTS = kinds.AGENT_CREATE >> 24
 _DECLARATION = OpCodes.COMPONENT_REGISTER.value
 _TURNS_AT_ONCE = 64
 _ENTRIES_AT_ONCE = 1 << 20  # of logs: what may wait to be written
-_KEYFRAME_ENTRIES = 1 << 17  # of logs between two keyframes: 65,536 moves, which take some milliseconds to read
+_KEYFRAME_ENTRIES = 1 << 17  # of logs between two keyframes: 65,536 moves, which take some milliseconds to read; what
+#                              takes longer weighs more (`PlainJournal.weight`)
 _PATIENCE_S = 0.5
 
 Sink = Any  # what writes logs in some format: `add(log)`, `keyframe(state)`, `flush()`, `close()`
@@ -248,7 +249,8 @@ class Session:
     def _keep(self, log: Log) -> None:
         self._logs.append(log)
         self._turns_here += 1
-        self._entries_here += len(log)
+        self._entries_here += len(log) + self._journal.weight
+        self._journal.weight = 0
         if self._turns_here >= _TURNS_AT_ONCE or self._entries_here >= _ENTRIES_AT_ONCE:
             self._hand_over()
             self._point_of_rest()

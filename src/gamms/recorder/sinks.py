@@ -9,10 +9,11 @@ from gamms.ir import journal as kinds
 from gamms.ir.journal import Log
 from gamms.recorder import state
 from gamms.recorder.formats.output import Output
+from gamms.recorder.formats.tracks import FORMS
 from gamms.recorder.formats.version2 import Version2Writer
 from gamms.recorder.formats.writer import Writer
 from gamms.recorder.plain import plain
-from gamms.recorder.records import TURN_NS, Record, records_of, records_of_move, steps_of
+from gamms.recorder.records import TURN_NS, Record, named, records_of, records_of_move, steps_of
 from gamms.recorder.session import Session
 
 _MOST_WAITING = 1 << 16  # bytes
@@ -74,8 +75,9 @@ class Version2Sink:
                 self._copy(*step[1])
                 is_over = is_over and step[1][0]["opCode"] != kinds.SIMULATE
             else:
-                self._happen(step[0], step[1], self._timestamp(self._turn))
-                is_over = is_over and step[0] != kinds.UNFINISHED
+                kind, data = self._by_name(step)
+                self._happen(kind, data, self._timestamp(self._turn))
+                is_over = is_over and kind != kinds.UNFINISHED
         if is_over:
             self._write(*records_of(kinds.SIMULATE, {}, self._timestamp(self._turn)))
         self._turn += 1
@@ -86,10 +88,14 @@ class Version2Sink:
         begin, timestamp = self._since
         return timestamp + (turn - begin) * TURN_NS
 
+    def _by_name(self, event: tuple[int, Any]) -> tuple[int, Any]:
+        """The event as it is where agents are named."""
+        return named(event, self._names[event[1][0]]) if event[0] in FORMS else event
+
     def _copy(self, record: Record, noted: Log) -> None:
         """Write a record of another recording as it is there, and go on from its time."""
-        for kind, data in noted:
-            self._follow(kind, data)
+        for step in noted:
+            self._follow(*self._by_name(step))
         self._since = self._turn, record["timestamp"]
         if record["opCode"] == kinds.TERMINATE:
             self._end = record

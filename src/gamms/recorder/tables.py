@@ -8,11 +8,11 @@ import numpy as np
 from gamms.errors import UnknownName
 from gamms.ir import journal
 from gamms.ir.tables import table_of
-from gamms.recorder.errors import RecordingError
-from gamms.recorder.fold import DAMAGES
+from gamms.recorder.errors import DAMAGES, RecordingError
 from gamms.recorder.formats.columns import IntArray
 from gamms.recorder.formats.reader import Reader
-from gamms.recorder.records import steps_of
+from gamms.recorder.formats.tracks import FORMS
+from gamms.recorder.records import named, steps_of
 from gamms.recorder.sensed import looks_of, seen_by
 from gamms.typing.opcodes import OpCodes
 
@@ -21,9 +21,14 @@ NamesAt = Callable[[int], tuple[dict[int, str], int]]
 """When a log begins: number -> name of the agents who are there, and the number that the next one gets."""
 
 KINDS = {code: name for name, code in vars(journal).items() if isinstance(code, int)}
+KINDS |= {
+    journal.AERIAL_AGENT_FLIGHT: "AERIAL_AGENT_POSITION",
+    journal.AERIAL_AGENT_TURN: "AERIAL_AGENT_QUATERNION",
+}  # the same by number
 KINDS |= {code.value: code.name for code in OpCodes}
 
 _ROSTER = {journal.AGENT_CREATE, journal.SNAPSHOT}
+_FLIGHTS_BY_NAME = {journal.AERIAL_AGENT_POSITION}
 _TOLD = {journal.GAME_EVENT, journal.USER_EVENT}
 
 
@@ -41,14 +46,20 @@ def steps(reader: Reader, start: int, stop: int, names_at: NamesAt) -> Iterator[
     for log in range(start, stop):
         for number, step in steps_of(reader.log(log)):
             if number is not None:
-                if number not in names:
-                    raise RecordingError(f"Agent number {number} moves in turn {log + 1} and is not there.")
-                yield {"turn": log + 1, "event": "MOVE", "agent": names[number], "node": step}
+                yield {"turn": log + 1, "event": "MOVE", "agent": _name(names, number, log), "node": step}
                 continue
             kind, data = step
             if kind in _ROSTER:
                 names, following = _roster_after(kind, data, names, following)
+            elif kind in FORMS:
+                kind, data = named(step, _name(names, data[0], log))
             yield {"turn": log + 1, "event": KINDS.get(kind, f"{kind:#010x}"), "data": data}
+
+
+def _name(names: dict[int, str], number: int, log: int) -> str:
+    if number not in names:
+        raise RecordingError(f"Agent number {number} moves in turn {log + 1} and is not there.")
+    return names[number]
 
 
 def _roster_after(kind: int, data: Any, names: dict[int, str], following: int) -> tuple[dict[int, str], int]:
@@ -97,17 +108,26 @@ def _events(reader: Reader, start: int, stop: int, _names_at: NamesAt) -> Table:
 def _moves(reader: Reader, start: int, stop: int, names_at: NamesAt) -> Table:
     """Every move of an agent on the ground: the turn, its name, where to."""
     turns, numbers, nodes = reader.moves(start, stop)
-    parts, done = [], 0
-    known, following = names_at(start)
     places = turns.searchsorted(np.arange(start, stop))
-    for log, place, kind, data in reader.events(start, stop, _ROSTER):
-        until = int(places[log - start]) + place
+    roster = list(reader.events(start, stop, _ROSTER))
+    before = [int(places[log - start]) + place for log, place, _, _ in roster]
+    names = _names(numbers, before, [(kind, data) for _, _, kind, data in roster], names_at(start))
+    return {"turn": turns + 1, "agent": names, "node": nodes.copy()}
+
+
+def _names(
+    numbers: IntArray, before: list[int], roster: list[tuple[int, Any]], known: tuple[dict[int, str], int]
+) -> np.ndarray[Any, Any]:
+    """The names of agents by their numbers, where so many of these come before each event of the roster."""
+    parts, done = [], 0
+    names, following = known
+    for until, (kind, data) in zip(before, roster, strict=True):
         if kind == journal.SNAPSHOT:
-            parts.append(_named(numbers[done:until], known))
+            parts.append(_named(numbers[done:until], names))
             done = until
-        known, following = _roster_after(kind, data, known, following)
-    parts.append(_named(numbers[done:], known))
-    return {"turn": turns + 1, "agent": np.concatenate(parts), "node": nodes.copy()}
+        names, following = _roster_after(kind, data, names, following)
+    parts.append(_named(numbers[done:], names))
+    return np.concatenate(parts)
 
 
 def _named(numbers: IntArray, known: dict[int, str]) -> np.ndarray[Any, Any]:
@@ -120,15 +140,27 @@ def _named(numbers: IntArray, known: dict[int, str]) -> np.ndarray[Any, Any]:
         raise RecordingError(f"Agent number {error} moves and is not there.") from error
 
 
-def _positions(reader: Reader, start: int, stop: int, _names_at: NamesAt) -> Table:
+def _positions(reader: Reader, start: int, stop: int, names_at: NamesAt) -> Table:
     """Every move of an agent that flies: the turn, its name, where to."""
-    rows = [
-        (log + 1, data["agent_name"], *data["position"])
-        for log, _, _, data in reader.events(start, stop, {journal.AERIAL_AGENT_POSITION})
-    ]
-    if not rows:
-        return _empty(turn=np.int64, agent=np.str_, x=np.float64, y=np.float64, z=np.float64)
-    return table_of(dict(zip(("turn", "agent", "x", "y", "z"), zip(*rows, strict=True), strict=True)))
+    flights = reader.tracks(journal.AERIAL_AGENT_FLIGHT, start, stop, _ROSTER | _FLIGHTS_BY_NAME)
+    others = [(log, kind, data) for log, _, kind, data in reader.events(start, stop, _ROSTER | _FLIGHTS_BY_NAME)]
+    roster = [(kind, data) for _, kind, data in others if kind in _ROSTER]
+    is_named = np.array([kind not in _ROSTER for _, kind, _ in others], np.bool_)
+    names = _names(flights.tracks.numbers, flights.before[~is_named].tolist(), roster, names_at(start))
+    table = {"turn": flights.turns + 1, "agent": names}
+    table |= dict(zip("xyz", flights.tracks.floats.T.copy(), strict=True))
+    told = [(log + 1, data["agent_name"], *data["position"]) for log, kind, data in others if kind not in _ROSTER]
+    if not told:
+        return table
+    columns = table_of(dict(zip(table, zip(*told, strict=True), strict=True)))
+    places = flights.before[is_named]
+    return {key: _inserted(column, places, columns[key]) for key, column in table.items()}
+
+
+def _inserted(column: np.ndarray[Any, Any], places: IntArray, values: np.ndarray[Any, Any]) -> np.ndarray[Any, Any]:
+    """A column with more values, each before the item of such a place."""
+    both = np.concatenate((column, values))
+    return both[np.concatenate((np.arange(len(column)) + 0.5, places)).argsort(kind="stable")]
 
 
 def _scores(reader: Reader, start: int, stop: int, _names_at: NamesAt) -> Table:

@@ -1,30 +1,32 @@
 """The turns of one block: collected as they happen, written as columns, read as arrays.
 
 Moves of one row lie side by side, in their order, and each but the first is the difference from the one before: what an
-agent does next resembles what it did before. The body is nine columns:
+agent does next resembles what it did before. The body is columns:
 
     turns:  moves of each; events of each
     moves:  rows, as differences from the move before; of each row, ascending, the node it first moves to, as
             differences from the row before; of each row all other moves, as differences
     events: how many moves of the block come before each, as differences; kinds; sizes in bytes; then all data
+    tracks: of each kind of event whose data are but numbers, and whose sizes are 0, these numbers (`tracks.py`)
 """
 
 from array import array
-from collections.abc import Sequence
-from dataclasses import dataclass
+from collections.abc import Collection, Iterator, Sequence
+from dataclasses import dataclass, field
 from reprlib import repr as shown
 from typing import Any
 
 import numpy as np
 
 from gamms.errors import BadFile, BadType, BadValue
-from gamms.recorder.formats import blocks, columns, values
+from gamms.recorder.formats import blocks, columns, tracks, values
 from gamms.recorder.formats.columns import IntArray
+from gamms.recorder.formats.tracks import FORMS, Layout, Rows, Tracks, steps
 
 Log = list[Any]
 """The log of one turn: ints two by two, and tuples."""
 
-_BYTES_PER_MOVE, _BYTES_PER_EVENT = 4, 8  # estimates that cost nothing
+_BYTES_PER_MOVE, _BYTES_PER_EVENT, _BYTES_PER_NUMBER = 4, 8, 4  # estimates that cost nothing
 
 
 @dataclass(slots=True)
@@ -34,7 +36,8 @@ class Turn:
     moves: "array[int]"  # row, node, row, node, …
     after: Sequence[int] = ()  # moves of the turn before each event
     kinds: Sequence[int] = ()
-    data: Sequence[bytes] = ()
+    data: Sequence[bytes] = ()  # of the events but those whose data are but numbers
+    rows: dict[int, Rows] = field(default_factory=dict)  # these, by their kind
 
 
 def turn_of(log: Sequence[Any]) -> Turn:
@@ -60,16 +63,21 @@ def turn_of(log: Sequence[Any]) -> Turn:
 def _mixed(log: Log) -> Turn:
     types, begin = list(map(type, log)), 0
     moves, after, kinds, data = array("q"), [], [], []
+    rows: dict[int, list[Any]] = {kind: [] for kind in FORMS}
     for _ in range(types.count(tuple)):
         end = types.index(tuple, begin)
-        moves.extend(_moves(log[begin:end]))
+        if end > begin:
+            moves.extend(_moves(log[begin:end]))
         after.append(len(moves) // 2)
         kind, one = _checked_event(log[end])
         kinds.append(kind)
-        data.append(values.to_bytes(one, f"An event of kind {kind}"))
+        if kind in rows:
+            rows[kind].append(one)
+        else:
+            data.append(values.to_bytes(one, f"An event of kind {kind}"))
         begin = end + 1
     moves.extend(_moves(log[begin:]))
-    return Turn(moves, after, kinds, data)
+    return Turn(moves, after, kinds, data, {kind: Rows.of(kind, each) for kind, each in rows.items() if each})
 
 
 def _moves(numbers: Log) -> "array[int]":
@@ -104,9 +112,10 @@ class Collected:
         self.size = 0  # in bytes, an estimate
         self._moves = array("q")
         self._turns: tuple[list[int], list[int]] = [], []  # moves, events of each turn
-        self._after: list[int] = []
-        self._kinds: list[int] = []
+        self._after = array("q")
+        self._kinds = array("q")
         self._data: list[bytes] = []
+        self._rows: dict[int, Rows] = {}
 
     def __len__(self) -> int:
         return len(self._turns[0])
@@ -129,10 +138,13 @@ class Collected:
         self._turns[1].append(len(turn.kinds))
         self.size += _BYTES_PER_MOVE * moves
         if turn.kinds:
-            self._after.extend(before + after for after in turn.after)
+            self._after.extend([before + after for after in turn.after])
             self._kinds.extend(turn.kinds)
             self._data.extend(turn.data)
-            self.size += _BYTES_PER_EVENT * len(turn.kinds) + sum(map(len, turn.data))
+            self.size += _BYTES_PER_EVENT * len(turn.data) + sum(map(len, turn.data))
+        for kind, rows in turn.rows.items():
+            self._rows.setdefault(kind, Rows()).extend(rows)
+            self.size += _BYTES_PER_NUMBER * rows.numbers
 
     def add_moves(self, moves: "array[int]", count: int) -> bool:
         """Let a turn of so many moves and nothing else join; False, and nothing happens, if it cannot."""
@@ -147,37 +159,16 @@ class Collected:
     def body(self) -> bytes:
         """The body of the block."""
         moves = np.frombuffer(self._moves, np.int64).reshape(-1, 2)
-        data = b"".join(self._data)
+        after, kinds = (np.frombuffer(column, np.int64) for column in (self._after, self._kinds))
+        sizes = np.zeros(len(kinds), np.int64)
+        sizes[~np.isin(kinds, list(FORMS)) if self._rows else slice(None)] = [len(one) for one in self._data]
         parts = [columns.put(np.array(column, np.int64)) for column in self._turns]
-        parts += [columns.put(column) for column in _columns_of_moves(moves[:, 0], moves[:, 1])]
-        parts.append(columns.put(_steps(np.array(self._after, np.int64))))
-        parts.append(columns.put(np.array(self._kinds, np.int64)))
-        parts.append(columns.put(np.array([len(one) for one in self._data], np.int64)))
-        return b"".join([*parts, blocks.put_bytes(data)])
-
-
-def _columns_of_moves(rows: IntArray, nodes: IntArray) -> tuple[IntArray, IntArray, IntArray]:
-    order = _by_row(rows)
-    sorted_nodes, is_first = nodes[order], _is_first(rows[order])
-    return _steps(rows), _steps(sorted_nodes[is_first]), _steps(sorted_nodes)[~is_first]
-
-
-def _steps(numbers: IntArray) -> IntArray:
-    """Differences from the number before, which wrap around at 64 bits."""
-    return numbers - np.concatenate((np.zeros(1, np.int64), numbers))[:-1]
-
-
-def _by_row(rows: IntArray) -> IntArray:
-    """The moves of each row side by side, in their order."""
-    if len(rows) and int(rows.min()) >= 0 and int(rows.max()) < 1 << 16:
-        return rows.astype(np.uint16).argsort(kind="stable")  # NOTE: a radix sort, 5 times as fast on unordered rows
-    return rows.argsort(kind="stable")
-
-
-def _is_first(sorted_rows: IntArray) -> np.ndarray[Any, np.dtype[np.bool_]]:
-    is_first = np.ones(len(sorted_rows), np.bool_)
-    is_first[1:] = sorted_rows[1:] != sorted_rows[:-1]
-    return is_first
+        parts += [columns.put(steps(moves[:, 0])), *tracks.put_nodes(Layout(moves[:, 0]), moves[:, 1])]
+        parts += [columns.put(column) for column in (steps(after), kinds, sizes)]
+        parts.append(blocks.put_bytes(b"".join(self._data)))
+        for kind, rows in sorted(self._rows.items()):
+            parts += rows.body(kind)
+        return b"".join(parts)
 
 
 # -- reading ----------------------------------------------------------------------------------------------------
@@ -195,30 +186,53 @@ class Chunk:
     kinds: IntArray  # (events,)
     data_ends: IntArray  # (events + 1,)
     data: bytes
+    tracks: dict[int, Tracks]  # the events whose data are but numbers, by their kind
 
-    def event(self, i: int) -> Any:
-        """The data of an event.
+    def numbers_of(self, first: int, last: int, kinds: Collection[int] | None = None) -> IntArray:
+        """Which events happen in the turns from `first` of the block on and before `last`, or those of some kinds."""
+        begin, end = int(self.event_ends[first]), int(self.event_ends[last])
+        numbers = np.arange(begin, end)
+        return numbers if kinds is None else numbers[np.isin(self.kinds[begin:end], list(kinds))]
+
+    def turns_of(self, numbers: IntArray) -> IntArray:
+        """In which turns of the block some events happen."""
+        return self.event_ends.searchsorted(numbers, side="right") - 1
+
+    def data_of(self, numbers: IntArray) -> Iterator[Any]:
+        """The data of some events, ascending.
 
         Raises:
-            BadFile: it is damaged.
+            BadFile: they are damaged.
         """
-        return values.from_bytes(self.data[self.data_ends[i] : self.data_ends[i + 1]])
+        kinds = self.kinds[numbers]
+        rows = {kind: self.tracks_of(kind, numbers[kinds == kind]).data() for kind in self.tracks}
+        for number, kind in zip(numbers.tolist(), kinds.tolist(), strict=True):
+            if kind in rows:
+                yield next(rows[kind])
+            else:
+                yield values.from_bytes(self.data[self.data_ends[number] : self.data_ends[number + 1]])
+
+    def tracks_of(self, kind: int, numbers: IntArray) -> Tracks:
+        """Some events of a kind whose data are but numbers."""
+        return self.tracks[kind].at(np.flatnonzero(self.kinds == kind).searchsorted(numbers))
 
     def log(self, turn: int) -> Log:
         """What was added as a turn of the recording."""
         turn -= self.first
         begin, end = self.move_ends[turn : turn + 2].tolist()
         flat: Log = self.moves[begin:end].reshape(-1).tolist()
-        first, last = self.event_ends[turn : turn + 2].tolist()
-        if first == last:
+        numbers = self.numbers_of(turn, turn + 1)
+        if not len(numbers):
             return flat
         log: Log = []
         at = 0
-        for i in range(first, last):
-            until = 2 * (int(self.after[i]) - begin)
-            log += flat[at:until]
-            log.append((int(self.kinds[i]), self.event(i)))
-            at = until
+        columns = self.after[numbers].tolist(), self.kinds[numbers].tolist(), self.data_of(numbers)
+        for after, kind, data in zip(*columns, strict=True):
+            until = 2 * (after - begin)
+            if until > at:
+                log += flat[at:until]
+                at = until
+            log.append((kind, data))
         return log + flat[at:]
 
 
@@ -233,30 +247,30 @@ def chunk_of(head: blocks.Head, body: bytes) -> Chunk:
     event_ends = _ends(columns.take(cursor, head.turns), head.events, "events")
     moves = np.empty((head.moves, 2), np.int64)
     np.cumsum(columns.take(cursor, head.moves), out=moves[:, 0])
-    moves[:, 1] = _take_nodes(cursor, moves[:, 0])
+    moves[:, 1] = tracks.take_nodes(cursor, Layout(moves[:, 0]))
     after = np.cumsum(columns.take(cursor, head.events), dtype=np.int64)
     kinds = columns.take(cursor, head.events)
     sizes = columns.take(cursor, head.events)
     data = blocks.take_bytes(cursor)
+    data_ends = _ends(sizes, len(data), "bytes")
+    found = _take_tracks(cursor, kinds, sizes)
     cursor.finish()
     moves.setflags(write=False)  # views of it are handed out
     turns = np.repeat(np.arange(head.turns), np.diff(event_ends))  # of the events
     if (after < move_ends[turns]).any() or (after > move_ends[turns + 1]).any() or (after[1:] < after[:-1]).any():
         raise BadFile("an event is out of place")
-    return Chunk(head.first, move_ends, event_ends, moves, after, kinds, _ends(sizes, len(data), "bytes"), data)
+    return Chunk(head.first, move_ends, event_ends, moves, after, kinds, data_ends, data, found)
 
 
-def _take_nodes(cursor: columns.Cursor, rows: IntArray) -> IntArray:
-    order = _by_row(rows)
-    is_first = _is_first(rows[order])
-    at = np.flatnonzero(is_first)
-    firsts = np.cumsum(columns.take(cursor, len(at)), dtype=np.int64)
-    steps = np.zeros(len(rows), np.int64)
-    steps[~is_first] = columns.take(cursor, len(rows) - len(at))
-    nodes = np.empty(len(rows), np.int64)
-    sums = np.cumsum(steps)
-    nodes[order] = sums + np.repeat(firsts - sums[at], np.diff(at, append=len(rows)))
-    return nodes
+def _take_tracks(cursor: columns.Cursor, kinds: IntArray, sizes: IntArray) -> dict[int, Tracks]:
+    found = {}
+    for kind in sorted(FORMS):
+        is_one = kinds == kind
+        if is_one.any():
+            if sizes[is_one].any():
+                raise BadFile(f"an event of kind {kind:#010x} has data of its own")
+            found[kind] = tracks.take(cursor, kind, int(np.count_nonzero(is_one)))
+    return found
 
 
 def _ends(sizes: IntArray, total: int, what: str) -> IntArray:

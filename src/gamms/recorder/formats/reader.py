@@ -13,8 +13,10 @@ from gamms.errors import BadFile, BadValue
 from gamms.recorder.formats import blocks, chunks
 from gamms.recorder.formats.columns import IntArray
 from gamms.recorder.formats.contents import Block, Contents, Input, at_byte, contents_of, turns_of
+from gamms.recorder.formats.tracks import Stretch, concatenated
 
 _KEPT = 4  # blocks of turns that are kept as arrays
+_TURNS_AT_ONCE = 64
 
 
 class Reader:
@@ -99,17 +101,45 @@ class Reader:
             The turn; how many moves of this turn come before the event; its kind; its data.
         """
         for chunk, first, last in self._parts(start, stop, with_events=True):
-            begin, end = int(chunk.event_ends[first]), int(chunk.event_ends[last])
-            numbers = np.arange(begin, end)
-            if kinds is not None:
-                numbers = numbers[np.isin(chunk.kinds[begin:end], list(kinds))]
-            turns = chunk.event_ends.searchsorted(numbers, side="right") - 1
+            numbers = chunk.numbers_of(first, last, kinds)
+            turns = chunk.turns_of(numbers)
             places = chunk.after[numbers] - chunk.move_ends[turns]
-            columns = (column.tolist() for column in (numbers, turns + chunk.first, places, chunk.kinds[numbers]))
-            for number, turn, place, kind in zip(*columns, strict=True):
+            columns = (column.tolist() for column in (turns + chunk.first, places, chunk.kinds[numbers]))
+            every = chunk.data_of(numbers)
+            for turn, place, kind in zip(*columns, strict=True):
                 with at_byte(self._at(turn)):
-                    data = chunk.event(number)
+                    data = next(every)
                 yield turn, place, kind, data
+
+    def tracks(self, kind: int, start: int, stop: int, among: Collection[int] = ()) -> Stretch:
+        """All events of a kind whose data are but numbers (`FORMS`), of turns `start` to `stop - 1`.
+
+        Args:
+            kind: of the events.
+            start: the first turn.
+            stop: the turn behind the last.
+            among: kinds of events of which the result says where they are.
+        """
+        moves, events, parts = 0, 0, []
+        turns, after, before = ([np.zeros(0, np.int64)] for _ in range(3))
+        for chunk, first, last in self._parts(start, stop):
+            if len(numbers := chunk.numbers_of(first, last, {kind})):
+                parts.append(chunk.tracks_of(kind, numbers))
+            before.append(numbers.searchsorted(chunk.numbers_of(first, last, among)) + events)
+            turns.append(chunk.turns_of(numbers) + chunk.first)
+            after.append(chunk.after[numbers] - chunk.move_ends[first] + moves)
+            moves, events = moves + int(chunk.move_ends[last] - chunk.move_ends[first]), events + len(numbers)
+        return Stretch(concatenated(kind, parts), *map(np.concatenate, (turns, after, before)))
+
+    def pieces(self, start: int, stop: int) -> Iterator[tuple[int, int]]:
+        """The turns `start` to `stop - 1` in pieces, from, to, of no more turns and blocks than are kept in memory."""
+        self._check_range(start, stop)
+        while start < stop:
+            last = bisect_right(self._firsts, start) - 1 + _KEPT
+            end = self._firsts[last] if last < len(self._firsts) else stop
+            end = min(end, start + _TURNS_AT_ONCE, stop)
+            yield start, end
+            start = end
 
     def count_moves(self) -> int:
         """How many moves there are."""
