@@ -162,9 +162,11 @@ class Collected:
         after, kinds = (np.frombuffer(column, np.int64) for column in (self._after, self._kinds))
         sizes = np.zeros(len(kinds), np.int64)
         sizes[~np.isin(kinds, list(FORMS)) if self._rows else slice(None)] = [len(one) for one in self._data]
-        parts = [columns.put(np.array(column, np.int64)) for column in self._turns]
-        parts += [columns.put(steps(moves[:, 0])), *tracks.put_nodes(Layout(moves[:, 0]), moves[:, 1])]
-        parts += [columns.put(column) for column in (steps(after), kinds, sizes)]
+        # NOTE: all arrays are made before the first is deflated: memory that comes and goes between costs half as much
+        # again (benchmarks/README.md, w4).
+        table = [np.array(column, np.int64) for column in self._turns]
+        table += tracks.columns_of(moves[:, 0], Layout(moves[:, 0]), moves[:, 1])
+        parts = [columns.put(column) for column in (*table, steps(after), kinds, sizes)]
         parts.append(blocks.put_bytes(b"".join(self._data)))
         for kind, rows in sorted(self._rows.items()):
             parts += rows.body(kind)

@@ -82,11 +82,13 @@ def _by_number(numbers: IntArray) -> IntArray:
 # -- nodes and floats -------------------------------------------------------------------------------------------
 
 
-def put_nodes(layout: Layout, nodes: IntArray) -> Iterator[bytes]:
-    """Two columns."""
-    firsts, others = layout.split(nodes)
-    yield columns.put(steps(firsts))
-    yield columns.put(others)
+def columns_of(numbers: IntArray, layout: Layout, *nodes: IntArray) -> list[IntArray]:
+    """The columns that say whose entries these are, and where they go: of each track the first node; all others."""
+    found = [steps(numbers)]
+    for column in nodes:
+        firsts, others = layout.split(column)
+        found += [steps(firsts), others]
+    return found
 
 
 def take_nodes(cursor: columns.Cursor, layout: Layout) -> IntArray:
@@ -175,11 +177,10 @@ class Rows:
         nodes, floats = FORMS[kind]
         ints = np.frombuffer(self.ints, np.int64).reshape(-1, 1 + nodes)
         layout = Layout(ints[:, 0])
-        yield columns.put(steps(ints[:, 0]))
-        for i in range(nodes):
-            yield from put_nodes(layout, ints[:, 1 + i])
-        for column in np.frombuffer(self.floats, np.float64).reshape(-1, floats).T:
-            yield from put_floats(layout, column)
+        for column in columns_of(ints[:, 0], layout, *ints.T[1:]):
+            yield columns.put(column)
+        for part in np.frombuffer(self.floats, np.float64).reshape(-1, floats).T:
+            yield from put_floats(layout, part)
 
 
 @dataclass(frozen=True, slots=True)
