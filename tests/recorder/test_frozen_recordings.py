@@ -1,6 +1,7 @@
 """Recordings of format version 3 that were written once, and say the same for ever."""
 
 import json
+from collections.abc import Mapping
 from pathlib import Path
 
 import pytest
@@ -55,6 +56,29 @@ def flights_of_version_3(ctx):
         ctx.visual.simulate()
 
 
+def turns_of_version_3(ctx):
+    """One game of the turn engine, with all that a game goes on from, and what was sensed."""
+
+    def explore(state):
+        state["memory"].setdefault("seen", set()).add(state["curr_pos"])
+        state["memory"].setdefault("path", []).append((state["turn"], state["curr_pos"]))
+        state["team_memory"]["last"] = {state["name"]: frozenset({state["curr_pos"]})}
+        state["action"] = state["legal"][state["rng"].integers(len(state["legal"]))]
+
+    explore.__module__, explore.__qualname__ = "frozen", "explore"  # as it is recorded
+
+    def weather(ctx):
+        ctx.game.publish(wind=[ctx.rng.random(), ctx.game.turn])
+        if ctx.game.turn == 20:
+            ctx.sensor.create_sensor("late", gamms.sensor.SensorType.AGENT_RANGE, sensor_range=20.0, detection=0.5)
+            ctx.agent.create_agent("dora", start_node_id=5, sensors=["late"], speed=1.5, strategy=explore)
+
+    for name, node in (("anna", 0), ("bert", 8)):
+        ctx.agent.create_agent(name, start_node_id=node, team=name[0], sensors=["near"], strategy=explore)
+    ctx.game.add(weather, phase="before")
+    ctx.game.run(70)
+
+
 def told(path):
     """What a recording says, at the turns at which something happens in it, and what a replay comes to."""
     with gamms.recorder.open(path) as recording, empty_context() as ctx:
@@ -70,10 +94,21 @@ def told(path):
             },
             "moves": {name: column.tolist() for name, column in recording.table("moves").items()},
         }
+        if "turns" in path.stem:
+            said["sensed"] = {name: column.tolist() for name, column in recording.table("sensed").items()}
         list(ctx.record.replay(path))
         replayed = everything(ctx)
+        if "turns" in path.stem:
+            replayed |= {"turn": ctx.game.turn, "memories": ctx.game.memories, "facts": ctx.game.facts}
+            replayed |= {"lot": ctx.rng.random(), "starts": ctx.game.starts}
     del replayed["world"]
-    return json.loads(json.dumps({**said, "replayed": replayed}, default=str))
+    return json.loads(json.dumps({**said, "replayed": replayed}, default=_sorted))
+
+
+def _sorted(value):
+    if isinstance(value, Mapping):
+        return dict(value)
+    return sorted(value, key=repr) if isinstance(value, (set, frozenset)) else str(value)
 
 
 def test_there_are_frozen_recordings():
@@ -86,11 +121,16 @@ def test_a_frozen_recording_says_what_it_said(path):
 
 
 @pytest.mark.parametrize(
-    ("play", "sample"), [(everything_of_version_3, "version3"), (flights_of_version_3, "version3_flights")]
+    ("play", "sample"),
+    [
+        (everything_of_version_3, "version3"),
+        (flights_of_version_3, "version3_flights"),
+        (turns_of_version_3, "version3_turns"),
+    ],
 )
 def test_a_game_is_recorded_as_the_frozen_one_was(play, sample, tmp_path):
     with grid_context() as ctx:
-        ctx.record.start(tmp_path / "game")
+        ctx.record.start(tmp_path / sample, sensed="turns" in sample)
         play(ctx)
         ctx.record.stop()
-    assert json.dumps(told(tmp_path / "game.ggr")) == json.dumps(told(SAMPLES / f"{sample}.ggr"))
+    assert json.dumps(told(tmp_path / f"{sample}.ggr")) == json.dumps(told(SAMPLES / f"{sample}.ggr"))

@@ -181,6 +181,9 @@ def test_streams_noticing_facts_and_changes_of_the_map_go_on():
         with recording.resume(turn, {"red": look}) as ctx:
             ctx.game.add(weather, phase="before")
             assert_goes_on(recording, ctx, turn)
+        ctx = make()
+        recording.resume(turn, {"red": look}, ctx=ctx)
+        assert_goes_on(recording, ctx, turn)
 
 
 def test_flyers_and_agents_with_speed_go_on():

@@ -199,12 +199,13 @@ class Recording:
 
         if ctx is not None and vis_engine is not None:
             raise BadValue("vis_engine is for a fresh context, and ctx has an engine already.")
-        world, turn = self.state(turn).graph.packed, as_int(turn, "turn")
+        then, turn = self.state(turn), as_int(turn, "turn")
+        maps = resuming.Maps(self.map_hash(0), self.map_hash(turn), lambda: then.graph.packed)
         seed = resuming.as_seed(seed, self.seed)
         live = resuming.opened_context(seed, vis_engine) if ctx is None else ctx
         try:
             live.reseed(seed)
-            resuming.resume(live, self._reader, turn, self._folded(turn), world, is_fresh=ctx is None)
+            resuming.resume(live, self._reader, turn, self._folded(turn), maps, is_fresh=ctx is None)
             resuming.register(live, strategies or {})
         except BaseException:
             if ctx is None:

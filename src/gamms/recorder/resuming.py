@@ -1,14 +1,15 @@
 """From a turn of a recording on: a live context in which the game stands as it stood then."""
 
-from collections.abc import Iterator, Mapping
+from collections.abc import Callable, Iterator, Mapping
 from copy import deepcopy
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING, Any, NamedTuple
 
 from gamms.arguments import as_int
 from gamms.errors import BadType, BadValue, GammsError, UnknownName
 from gamms.ir import journal as kinds
 from gamms.recorder import game_state, sensed, state
 from gamms.recorder.errors import DAMAGES, RecordingError
+from gamms.recorder.maps import hash_of
 from gamms.recorder.replaying import Player
 from gamms.typing import SensorType
 from gamms.typing.context import contexts
@@ -67,21 +68,29 @@ def _kind_of(look: sensed.Look) -> SensorType:
     return SensorType.__members__.get(look.kind, SensorType.CUSTOM)
 
 
-def resume(ctx: Any, reader: "Reader", turn: int, fold: "Fold", world: bytes, *, is_fresh: bool) -> None:
+class Maps(NamedTuple):
+    """The map of a recording."""
+
+    first: str  # its SHA-256 at the start
+    then: str  # its SHA-256 at the turn
+    packed: Callable[[], bytes]  # gives it as it was at the turn
+
+
+def resume(ctx: Any, reader: "Reader", turn: int, fold: "Fold", maps: Maps, *, is_fresh: bool) -> None:
     """Let a context be as a recording was after so many turns.
 
     Args:
-        ctx: the context; its graph has nothing in it, or is that of the recording then.
+        ctx: the context; its graph has nothing in it, or is that of the recording at its start or then.
         reader: the recording.
         turn: how many turns.
         fold: the state after these.
-        world: the map then.
+        maps: what the map was.
         is_fresh: whether nothing was done with the context yet.
 
     Raises:
         RecordingError: it does not fit the context.
     """
-    _attach(ctx, world)
+    _attach(ctx, maps)
     strategies = {name: agent.strategy for name, agent in ctx.agent.agents.items()}
     told, facts = _told(reader, turn), dict(ctx.game.facts)
     told["facts"] = facts | told["facts"]  # for those which a recording cannot hold
@@ -135,14 +144,16 @@ def as_seed(given: Any, recorded: Any) -> int:
     return recorded
 
 
-def _attach(ctx: Any, world: bytes) -> None:
-    if next(iter(ctx.graph.graph.get_nodes()), None) is None:
-        ctx.graph.unpack(world)
-    elif ctx.graph.packed_part()[0] != world:
+def _attach(ctx: Any, maps: Maps) -> None:
+    is_empty = next(iter(ctx.graph.graph.get_nodes()), None) is None
+    now = None if is_empty else hash_of(ctx.graph.packed_part()[0])
+    if now not in (None, maps.first, maps.then):
         raise RecordingError(
-            "The graph or the obstacles of this context are not those of the recording at this turn. Give a context "
-            "without a graph: the recording brings its own."
+            "The graph or the obstacles of this context are not those of the recording, neither at its start nor at "
+            "this turn. Give a context without a graph: the recording brings its own."
         )
+    if now != maps.then:
+        ctx.graph.unpack(maps.packed())
 
 
 def _make_room(ctx: Any, names: list[str]) -> None:
