@@ -25,9 +25,10 @@ class JournaledMoves(Moves):
             columns.previous[row] = node[row]
             node[row] = action
             columns.touched.add(row)
-            log = columns.journal
-            log.log.append(log.ids[row])
-            log.log.append(action)
+            journal_of = columns.journal
+            log = journal_of.log
+            log.append(journal_of.ids[row])
+            log.append(action)
         else:
             super().act(columns, row, action)
 

@@ -25,7 +25,7 @@ _KEYFRAME_ENTRIES = 1 << 17  # of logs between two keyframes: 65,536 moves, whic
 #                              takes longer weighs more (`PlainJournal.weight`)
 _PATIENCE_S = 0.5
 
-Sink = Any  # what writes logs in some format: `add(log)`, `keyframe(state)`, `flush()`, `close()`
+Sink = Any  # what writes logs in some format: `add(logs)`, `keyframe(state)`, `flush()`, `close()`
 
 
 class Session:
@@ -49,7 +49,8 @@ class Session:
     def __init__(self, ctx: Any, make_sink: Callable[["Session"], Sink], *, with_sensed: bool = False) -> None:
         self.ctx = ctx
         self._with_sensed = with_sensed
-        self._room, self._visual = ctx.graph, ctx.visual
+        self._room, self._visual, self._agents = ctx.graph, ctx.visual, ctx.agent
+        self._all_sensors = ctx.sensor.sensors
         self._make_sink = make_sink
         self._sink: Sink | None = None
         self._logs: list[Log] = []
@@ -249,8 +250,7 @@ class Session:
     def _keep(self, log: Log) -> None:
         self._logs.append(log)
         self._turns_here += 1
-        self._entries_here += len(log) + self._journal.weight
-        self._journal.weight = 0
+        self._entries_here += len(log)
         if self._turns_here >= _TURNS_AT_ONCE or self._entries_here >= _ENTRIES_AT_ONCE:
             self._hand_over()
             self._point_of_rest()
@@ -260,7 +260,8 @@ class Session:
 
     def _point_of_rest(self) -> None:
         """Where a keyframe may be: by what was recorded, never by the clock."""
-        self._since_keyframe += self._entries_here
+        self._since_keyframe += self._entries_here + self._journal.weight
+        self._journal.weight = 0
         self._turns_here = self._entries_here = 0
         if self.copied is not None:
             keyframe = self.copied(self.turn)
@@ -273,8 +274,8 @@ class Session:
             self._since_keyframe = 0
 
     def _hand_over(self) -> None:
-        for log in self._logs:
-            self.sink.add(log)
+        if self._logs:
+            self.sink.add(self._logs)
         self._logs, self._handed_at = [], time.monotonic()
 
     def _revisions(self) -> tuple[Any, Any]:
@@ -285,9 +286,9 @@ class Session:
         """Write down what nobody notes: a change of the map, before who stands on it, and what the game has come to."""
         # NOTE: asked in every turn, which with ten agents takes 10 us, so most of the time nothing is made here
         # (benchmarks/README.md, w4).
-        log = self._journal.log
-        has_changed = self._revisions() != self._revised
-        if has_changed or len(self.ctx.sensor.sensors) != self._sensors:
+        log, room = self._journal.log, self._room
+        has_changed = (room.graph.revision, room.obstacle_revision) != self._revised
+        if has_changed or len(self._all_sensors) != self._sensors:
             changes = (self._world_changes() if has_changed else []) + self._new_sensors()
             log[self._front : self._front] = changes
             self._front += len(changes)
@@ -296,9 +297,10 @@ class Session:
                 log.append((kinds.FLYERS_ABOVE, above))
         if getattr(self._visual, "declarations", 0) != self._declarations:
             log += self._visual_changes()
-        if self.ctx.agent.columns.left_over:
+        if self._agents.columns.left_over:
             log += self._new_carry()
-        log += self._strategies.changes()
+        if (strategies := self._strategies.changes()) is not None:
+            log += strategies
         self._game.tell(log)
 
     def _watch_game(self) -> None:
@@ -350,12 +352,12 @@ class _StrategyWatch:
         self._strategies = [agent.strategy for agent in agents.agents.values()]
         self._named = {name: agent.strategy for name, agent in agents.agents.items()}
 
-    def changes(self) -> Log:
-        """Events that say what has changed."""
+    def changes(self) -> Log | None:
+        """Events that say what has changed; None if nothing has."""
         agents, before = self._agents.agents, self._named
         now = [agent.strategy for agent in agents.values()]
         if now == self._strategies:
-            return []
+            return None
         self._strategies, self._named = now, {name: agent.strategy for name, agent in agents.items()}
         return [
             (kinds.AGENT_STRATEGY, {"agent_name": agent.name, "strategy": state.name_of(agent.strategy)})

@@ -27,11 +27,18 @@ class Version3Sink:
         self._writer = Writer(stream, header)
         self._writer.keyframe(session.begin)
 
-    def add(self, log: Log) -> None:
-        """Write the log of a turn."""
+    def add(self, logs: list[Log]) -> None:
+        """Write the logs of turns."""
         try:
-            self._writer.add_moves(log)
+            self._writer.add_moves(logs)
         except TypeError:  # there are events between the moves
+            for log in logs:
+                self._add(log)
+
+    def _add(self, log: Log) -> None:
+        try:
+            self._writer.add_moves([log])
+        except TypeError:
             self._writer.add_turn(log)
 
     def keyframe(self, keyframe: state.State) -> None:
@@ -61,8 +68,12 @@ class Version2Sink:
         self._names: list[str] = list(session.begin["names"])
         self._nodes: dict[str, int] = dict(zip(self._names, session.begin["node"].tolist(), strict=True))
 
-    def add(self, log: Log) -> None:
-        """Write the log of a turn."""
+    def add(self, logs: list[Log]) -> None:
+        """Write the logs of turns."""
+        for log in logs:
+            self._add(log)
+
+    def _add(self, log: Log) -> None:
         is_over = True
         for number, step in steps_of(log):
             if number is not None:

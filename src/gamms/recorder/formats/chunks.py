@@ -146,31 +146,42 @@ class Collected:
             self._rows.setdefault(kind, Rows()).extend(rows)
             self.size += _BYTES_PER_NUMBER * rows.numbers
 
-    def add_moves(self, moves: "array[int]", count: int) -> bool:
-        """Let a turn of so many moves and nothing else join; False, and nothing happens, if it cannot."""
-        if len(self._moves) + len(moves) > 2 * blocks.MOST_MOVES:
+    def add_moves(self, moves: "array[int]", counts: list[int], most: int) -> bool:
+        """Let turns of so many moves each and nothing else join.
+
+        False, and nothing happens, if the block would be full before the last one: with the moves that it can have, or
+        with `most` bytes.
+        """
+        size = self.size + _BYTES_PER_MOVE * sum(counts)
+        if len(self._moves) + len(moves) > 2 * blocks.MOST_MOVES or size - _BYTES_PER_MOVE * counts[-1] >= most:
             return False
         self._moves.extend(moves)
-        self._turns[0].append(count)
-        self._turns[1].append(0)
-        self.size += _BYTES_PER_MOVE * count
+        self._turns[0].extend(counts)
+        self._turns[1].extend(bytes(len(counts)))
+        self.size = size
         return True
 
     def body(self) -> bytes:
         """The body of the block."""
         moves = np.frombuffer(self._moves, np.int64).reshape(-1, 2)
-        after, kinds = (np.frombuffer(column, np.int64) for column in (self._after, self._kinds))
-        sizes = np.zeros(len(kinds), np.int64)
-        sizes[~np.isin(kinds, list(FORMS)) if self._rows else slice(None)] = [len(one) for one in self._data]
         # NOTE: all arrays are made before the first is deflated: memory that comes and goes between costs half as much
         # again (benchmarks/README.md, w4).
-        table = [np.array(column, np.int64) for column in self._turns]
-        table += tracks.columns_of(moves[:, 0], Layout(moves[:, 0]), moves[:, 1])
-        parts = [columns.put(column) for column in (*table, steps(after), kinds, sizes)]
+        table = [*tracks.columns_of(moves[:, 0], Layout(moves[:, 0]), moves[:, 1]), *self._columns_of_events()]
+        parts = [columns.put_list(column) for column in self._turns]
+        parts += [columns.put(column) for column in table]
         parts.append(blocks.put_bytes(b"".join(self._data)))
         for kind, rows in sorted(self._rows.items()):
             parts += rows.body(kind)
         return b"".join(parts)
+
+    def _columns_of_events(self) -> list[IntArray]:
+        """How many moves come before each event, its kind, and the size of its data."""
+        after, kinds = (np.frombuffer(column, np.int64) for column in (self._after, self._kinds))
+        if not len(kinds):
+            return [kinds] * 3
+        sizes = np.zeros(len(kinds), np.int64)
+        sizes[~np.isin(kinds, list(FORMS)) if self._rows else slice(None)] = [len(one) for one in self._data]
+        return [steps(after), kinds, sizes]
 
 
 # -- reading ----------------------------------------------------------------------------------------------------

@@ -46,7 +46,9 @@ class Layout:
         self.is_first = np.ones(len(numbers), np.bool_)
         self.is_first[1:] = ordered[1:] != ordered[:-1]
         self.at = np.flatnonzero(self.is_first)  # (tracks,): where each begins
-        self.lengths = np.diff(self.at, append=len(numbers))
+        self.lengths = np.empty_like(self.at)
+        self.lengths[:-1] = self.at[1:] - self.at[:-1]
+        self.lengths[-1:] = len(numbers) - self.at[-1:]
 
     def split(self, column: IntArray) -> tuple[IntArray, IntArray]:
         """The first item of each track, and of all others how much they differ from the one before."""
@@ -70,7 +72,9 @@ class Layout:
 
 def steps(numbers: IntArray) -> IntArray:
     """Differences from the number before, which wrap around at 64 bits."""
-    return numbers - np.concatenate((np.zeros(1, np.int64), numbers))[:-1]
+    differences = numbers.copy()
+    differences[1:] -= numbers[:-1]
+    return differences
 
 
 def _by_number(numbers: IntArray) -> IntArray:
