@@ -202,7 +202,8 @@ def test_flyers_and_agents_with_speed_go_on():
 
 
 @pytest.mark.parametrize("example", ["grid_world", "capture_the_flag", "air_and_ground"])
-def test_the_games_of_the_examples_go_on(example, monkeypatch, capsys):
+def test_the_games_of_the_examples_go_on(example, monkeypatch, capsys, tmp_path):
+    monkeypatch.chdir(tmp_path)  # where they leave their pictures
     recordings = []
     run = Game.run
 

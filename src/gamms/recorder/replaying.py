@@ -5,11 +5,11 @@ from contextlib import AbstractContextManager, nullcontext
 from copy import deepcopy
 from typing import Any
 
-from gamms.errors import BadType, ContextTerminated, GammsError, UnknownName
+from gamms.errors import BadFile, BadType, ContextTerminated, GammsError, UnknownName
 from gamms.ir import journal as kinds
 from gamms.ir.journal import Muted
 from gamms.recorder import game_state, state
-from gamms.recorder.errors import RecordingError
+from gamms.recorder.errors import DAMAGES, RecordingError
 from gamms.recorder.formats.reader import Reader
 from gamms.recorder.formats.tracks import FORMS
 from gamms.recorder.maps import has_map, hash_in, is_map_of
@@ -41,7 +41,7 @@ class Player:
         self.dress(reader.header.get("visuals"))
         begin = reader.keyframe(0)
         if begin is not None and begin[0] == 0:
-            self._silently(lambda: self._put(begin[1]))
+            self._begin(begin[1])
         elif reader.turns or not reader.warning:  # else it was cut off behind its map
             raise RecordingError("This recording does not say how it begins.")
         for turn in range(reader.turns):
@@ -49,6 +49,15 @@ class Player:
             if self._ctx.is_terminated():
                 return
         yield {"timestamp": max(0, reader.turns - 1) * TURN_NS, "opCode": kinds.TERMINATE}
+
+    def _begin(self, state: Any) -> None:
+        """Let the context be as a recording begins."""
+        try:
+            self._silently(lambda: self._put(state))
+        except ContextTerminated:
+            raise
+        except _UNFIT as error:
+            raise RecordingError(f"This recording cannot begin here: {error}") from error
 
     def play_until(self, log: kinds.Log, kind: int, names: dict[int, str], following: int) -> Any:
         """Play a turn as far as an event of some kind, and give the data of it; None if there is none.
@@ -302,7 +311,10 @@ class Player:
                 )
             return
         if next(iter(self._ctx.graph.graph.get_nodes()), None) is None:
-            self._ctx.graph.unpack(header["world"])
+            try:
+                self._ctx.graph.unpack(header["world"])
+            except BadFile as error:
+                raise RecordingError(f"The map of this recording is damaged: {error}") from error
         elif not is_map_of(self._ctx.graph.packed_part()[0], header):
             raise RecordingError(
                 "The graph or the obstacles of this context are not those of the recording. Replay it into a context "
@@ -333,7 +345,7 @@ class Player:
             columns.journal = journal
 
 
-_UNFIT = (GammsError, KeyError, TypeError, ValueError, AttributeError)
+_UNFIT = (GammsError, *DAMAGES)
 _COMPONENTS = {code.value: code.name for code in OpCodes if code.name.startswith("COMPONENT")}
 _EXACT = (  # copied as they are: of length 1, but not to the last bit; or what the context would work out otherwise
     kinds.AGENT_ORIENTATION,

@@ -2,10 +2,11 @@
 
 from collections.abc import Callable, Iterator, Mapping
 from copy import deepcopy
+from logging import getLogger
 from typing import TYPE_CHECKING, Any, NamedTuple
 
 from gamms.arguments import as_int
-from gamms.errors import BadType, BadValue, GammsError, UnknownName
+from gamms.errors import BadFile, BadType, BadValue, GammsError, UnknownName
 from gamms.ir import journal as kinds
 from gamms.recorder import game_state, sensed, state
 from gamms.recorder.errors import DAMAGES, RecordingError
@@ -27,7 +28,9 @@ _COMPONENTS = {code.value: code.name for code in OpCodes if code.name.startswith
 
 def opened_context(seed: int, vis_engine: Any) -> Any:
     """A fresh context; `vis_engine` None: without a window."""
-    return contexts["gamms"](seed=seed, **({} if vis_engine is None else {"vis_engine": vis_engine}))
+    level = getLogger("gamms").level  # which stays what the program has made it
+    more = {} if vis_engine is None else {"vis_engine": vis_engine}
+    return contexts["gamms"](seed=seed, **more, **({"logger_config": {"level": level}} if level else {}))
 
 
 def observation(ctx: Any, log: kinds.Log, fold: "Fold", turn: int, agent: str) -> dict[str, Any]:
@@ -92,17 +95,18 @@ def resume(ctx: Any, reader: "Reader", turn: int, fold: "Fold", maps: Maps, *, i
     """
     _attach(ctx, maps)
     strategies = {name: agent.strategy for name, agent in ctx.agent.agents.items()}
-    told, facts = _told(reader, turn), dict(ctx.game.facts)
-    told["facts"] = facts | told["facts"]  # for those which a recording cannot hold
-    if is_fresh:
-        ctx.game.configure(told["settings"])
+    facts = dict(ctx.game.facts)
     chance = fold.state["chance"] if ctx.seed == reader.header.get("seed") else None
     ctx.game.begin_from_here()
     try:
+        told = _told(reader, turn)
+        told["facts"] = facts | told["facts"]  # for those which a recording cannot hold
+        if is_fresh:
+            ctx.game.configure(told["settings"])
         _make_room(ctx, fold.state["names"])
         with ctx.agent.moves.trusting():
             state.put(ctx, {**fold.state, **told, "chance": chance, "turn": fold.game_turn(turn)})
-    except GammsError as error:
+    except (GammsError, *DAMAGES) as error:
         raise RecordingError(f"This game cannot go on from turn {turn}: {error}") from error
     for name, agent in ctx.agent.agents.items():
         agent.strategy = strategies.get(name)
@@ -153,7 +157,10 @@ def _attach(ctx: Any, maps: Maps) -> None:
             "this turn. Give a context without a graph: the recording brings its own."
         )
     if now != maps.then:
-        ctx.graph.unpack(maps.packed())
+        try:
+            ctx.graph.unpack(maps.packed())
+        except BadFile as error:
+            raise RecordingError(f"The map of this recording is damaged: {error}") from error
 
 
 def _make_room(ctx: Any, names: list[str]) -> None:

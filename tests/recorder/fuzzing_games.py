@@ -1,0 +1,145 @@
+"""Recordings with right checksums and wrong content: what an enemy would write into events and keyframes."""
+
+import copy
+import io
+import random
+from contextlib import suppress
+
+import numpy as np
+from recordings import opened
+
+import gamms
+from gamms import recorder
+from gamms.errors import BadType, BadValue, UnknownName
+from gamms.recorder import RecordingError, Writer
+from gamms.sensor import SensorType
+from gamms.strategies import random_walk
+
+QUIET = {"level": "CRITICAL"}
+JUNK = [
+    *(None, True, 0, -1, 7, 1 << 40, -(1 << 70), 0.5, float("nan"), float("inf"), "", "anna", "x" * 40, b"", b"abc"),
+    *([], [1, 2], ["a", ["b"]], (), (1, "a"), {}, {"a": 1}, {"set": 3}, {1: {}}, set(), {1, "b"}, frozenset()),
+    *(np.zeros(0), np.arange(3), np.arange(3, dtype=np.uint8), np.zeros((2, 2)), np.array([True])),
+]
+
+
+def explore(state):
+    """Remember, draw and move."""
+    state["memory"].setdefault("path", []).append(state["curr_pos"])
+    state["team_memory"]["seen"] = {state["curr_pos"]}
+    random_walk(state)
+
+
+def fly(state):
+    """Fly straight on."""
+    state["action"] = (1.0, 0.5, 0.0)
+
+
+def game():
+    """The bytes of a game with a bit of everything."""
+    stream = io.BytesIO()
+    with gamms.create_context(seed=2, logger_config=QUIET) as ctx:
+        ctx.graph.attach_networkx_graph(gamms.graph.grid(4, 4, 10.0))
+        ctx.sensor.create_sensor("eyes", SensorType.RANGE, sensor_range=12.0)
+        ctx.record.start(stream, sensed=True, provenance={"by": "test"})
+
+        @ctx.record.component(struct={"charge": float, "log": list[int]})
+        class Battery:
+            pass
+
+        battery = Battery(name="battery")
+        for name, node in (("anna", 0), ("bert", 5)):
+            ctx.agent.create_agent(name, start_node_id=node, team=name[0], sensors=["eyes"], strategy=explore)
+        ctx.agent.create_agent("kite", start_node_id=3, type=1, speed=2.0, strategy=fly)
+        ctx.game.publish(wind=(1, 2))
+
+        def rule(ctx):
+            battery.charge = float(ctx.rng.random())
+            ctx.game.scores["a"] += 1
+            ctx.game.data.setdefault("turns", []).append(ctx.game.turn)
+            ctx.game.emit("tick", n=ctx.game.turn)
+            ctx.record.event("note", n=1)
+            if ctx.game.turn == 3:
+                ctx.graph.graph.remove_node(15)
+                if "late" not in ctx.sensor.sensors:
+                    ctx.sensor.create_sensor("late", SensorType.NEIGHBOR)
+                ctx.agent.create_agent("late", start_node_id=1, sensors=["late"], strategy=explore)
+                ctx.agent.delete_agent("bert")
+
+        ctx.game.add(rule)
+        ctx.game.run(6)
+        ctx.game.reset(5)
+        ctx.game.run(4)
+        ctx.record.stop()
+    return stream.getvalue()
+
+
+def mutant(data, rng):
+    """The same game with some values that are others."""
+    reader = opened(data)
+    header, begin = copy.deepcopy(reader.header), copy.deepcopy(reader.keyframe(0)[1])
+    logs = [copy.deepcopy(reader.log(turn)) for turn in range(reader.turns)]
+    for _ in range(rng.choice((1, 1, 2, 5))):
+        event = [entry for log in logs for entry in log if type(entry) is tuple and isinstance(entry[1], dict)]
+        target = rng.choice([begin, *[data for _, data in event], *([header] if rng.random() < 0.1 else [])])
+        _spoil(target, rng)
+    stream = io.BytesIO()
+    writer = Writer(stream, header)
+    writer.keyframe(begin)
+    for log in logs:
+        writer.add_turn(log)
+    writer.close()
+    return stream.getvalue()
+
+
+def _spoil(value, rng):
+    """Change something in a dict, or somewhere within it."""
+    while True:
+        keys = list(value) if isinstance(value, dict) else list(range(len(value)))
+        if not keys:
+            return
+        key = rng.choice(keys)
+        inner = value[key]
+        if isinstance(inner, (dict, list)) and len(inner) and rng.random() < 0.6:
+            value = inner
+            continue
+        if isinstance(value, dict) and rng.random() < 0.15:
+            del value[key]
+        else:
+            value[key] = copy.deepcopy(rng.choice(JUNK))
+        return
+
+
+def use(data):
+    """Do with a recording whatever can be done; raises what a reader of strangers' files must not raise."""
+    with suppress(RecordingError), recorder.open(io.BytesIO(data)) as found:
+        turns = found.turns
+        for turn in range(turns + 1):
+            with suppress(RecordingError):
+                found.state(turn)
+        for name in ("moves", "positions", "scores", "events", "sensed", "tick", "note"):
+            with suppress(RecordingError, UnknownName):
+                found.table(name)
+        with suppress(RecordingError):
+            list(found.steps())
+        for turn in (0, turns // 2, turns):
+            with suppress(RecordingError), found.resume(turn, seed=3) as ctx:
+                ctx.game.run(2)
+        for turn in (1, 4, turns):
+            with suppress(RecordingError, UnknownName, BadValue):
+                found.observation(turn, "anna")
+    with suppress(RecordingError, BadType), gamms.create_context(logger_config=QUIET) as ctx:
+        ctx.record.start(io.BytesIO())
+        for _ in ctx.record.replay(io.BytesIO(data)):
+            pass
+
+
+def fuzz_games(seed, count):
+    """Use so many mutants; the same seed gives the same ones."""
+    data = game()
+    for number in range(count):
+        found = mutant(data, random.Random(f"{seed}/{number}"))
+        try:
+            use(found)
+        except Exception as error:
+            raise AssertionError(f"mutant {seed}/{number}: {type(error).__name__}: {error}") from error
