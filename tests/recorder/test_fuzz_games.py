@@ -11,9 +11,9 @@ def test_the_game_itself_can_be_used():
 
 
 def test_mutated_games_end_in_recording_errors_or_work():
-    fuzz_games(secrets.token_hex(4), 100)
+    fuzz_games(secrets.token_hex(4), 50)
 
 
 @pytest.mark.parametrize("seed", ["a", "b"])
 def test_mutants_that_failed_once(seed):
-    fuzz_games(seed, 20)
+    fuzz_games(seed, 10)
