@@ -150,8 +150,9 @@ class NoEngine(Primitives):
         title: str = "",
         note: str = "",
         background: ColorType = PAPER,
+        dpi: float = 96.0,
     ) -> None:
-        """Save a picture of the present state; the suffix of `path` names the format (`.svg`).
+        """Save a picture of the present state; the suffix of `path` names the format (`.svg`, `.png`).
 
         Args:
             path: an existing file is replaced.
@@ -160,15 +161,17 @@ class NoEngine(Primitives):
             title: a line above the picture.
             note: small print in its lower right corner; the source of the map is added to it.
             background: the colour behind everything.
+            dpi: pixels per inch: how large the picture is on paper.
 
         Raises:
-            BadValue: a size that is not positive, or a folder that does not exist.
+            BadValue: a size or dpi that is not positive, or a folder that does not exist.
             NotYet: a format that cannot be written.
+            MissingExtra (ImportError): PNG needs pygame and Pillow, which are not installed.
             ContextTerminated: the context has ended.
         """
         from gamms.visual import picture
 
-        sheet = picture.sheet(path, width, height)
+        sheet = picture.sheet(path, width, height, dpi)
         picture.write(
             sheet,
             self.draw_commands(),

@@ -21,6 +21,7 @@ from gamms.visual.color import PAPER, Rgba
 
 _SMALLEST_RADIUS_PX = 0.5
 _THINNEST_PX = 1.0  # of lines whose width is in world units
+_CSS_DPI = 96.0  # what every viewer takes a pixel for
 _MID_GREY = 128
 _HALO = ' stroke="#{:02x}{:02x}{:02x}" stroke-width="3" paint-order="stroke"'.format(*PAPER)
 _ASCENT = 0.8  # of the font height: from the top of a line of text to its baseline
@@ -55,11 +56,13 @@ class _Sheet(NamedTuple):
         return points
 
 
-def svg(commands: DrawCommands, camera: Camera, *, title: str, note: str, background: Rgba) -> bytes:
-    """The whole picture as an SVG file."""
+def svg(
+    commands: DrawCommands, camera: Camera, *, title: str, note: str, background: Rgba, dpi: float = _CSS_DPI
+) -> bytes:
+    """The whole picture as an SVG file, as large on paper as `dpi` says."""
     sheet = _sheet(commands, camera)
     lines = [
-        _opening(camera),
+        _opening(camera, dpi),
         f"<title>{_escaped(title or 'GAMMS')}</title>",
         f'<rect width="100%" height="100%"{_paint("fill", background)}/>',
         '<g stroke-linecap="round" stroke-linejoin="round">',
@@ -71,10 +74,12 @@ def svg(commands: DrawCommands, camera: Camera, *, title: str, note: str, backgr
     return "\n".join(line for line in lines if line).encode()
 
 
-def _opening(camera: Camera) -> str:
+def _opening(camera: Camera, dpi: float) -> str:
     width, height = camera.width, camera.height
+    sides = (f"{side}" if dpi == _CSS_DPI else f"{side / dpi:.6g}in" for side in (width, height))
+    physical = 'width="{}" height="{}"'.format(*sides)
     return (
-        f'<svg xmlns="http://www.w3.org/2000/svg" width="{width}" height="{height}" '
+        f'<svg xmlns="http://www.w3.org/2000/svg" {physical} '
         f'viewBox="0 0 {width} {height}" role="img" font-family="{_FONT}">'
     )
 
