@@ -120,7 +120,7 @@ class Context(IContext):
         return self.sensor_engine  # type: ignore[no-any-return] # a program may put its own there
 
     @property
-    def visual(self) -> "visual.NoEngine":
+    def visual(self) -> "visual.PictureEngine":
         """The visual room."""
         return self.visual_engine  # type: ignore[no-any-return] # a program may put its own there
 

@@ -163,7 +163,7 @@ def test_culling_never_changes_pixels(calls):
         getattr(commands, name)(*arguments)
     whole = pixels(commands, Camera(700, 700, -350.0, 350.0, 1.0))
     part = pixels(commands, Camera(100, 50, 0.0, 50.0, 1.0))
-    # Smooth edges may be rounded differently where a line or polygon was cut.
+    # Hairlines may be rounded differently where they were cut.
     far = np.abs(part - whole[300:350, 350:450]).max(axis=2) > 130
     assert far.sum() <= 3
 

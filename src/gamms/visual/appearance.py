@@ -47,4 +47,6 @@ class GraphData:
     node_size: float = 2.0
     edge_color: ColorType = Color.LightGray
     draw_id: bool = False
-    edge_line_points: dict[int, Any] = field(default_factory=dict)  # graph revision -> what the drawer made of it
+    edge_line_points: dict[int, Any] = field(
+        default_factory=dict, compare=False
+    )  # graph revision -> what the drawer made of it

@@ -34,25 +34,3 @@ def clipped(
     is_inside &= enter <= leave
     begin, way = starts[is_inside], ways[is_inside]
     return begin + enter[is_inside, None] * way, begin + leave[is_inside, None] * way
-
-
-def clipped_polygon(points: FloatArray, low: tuple[float, float], high: tuple[float, float]) -> FloatArray:
-    """The part of a polygon (corners, 2) inside a box; fewer than three corners where it misses it."""
-    corners = points.tolist()
-    for axis in (0, 1):
-        for limit, side in ((low[axis], 1.0), (high[axis], -1.0)):
-            corners = _half(corners, axis, limit, side)
-    return np.array(corners, float).reshape(-1, 2)
-
-
-def _half(corners: list[list[float]], axis: int, limit: float, side: float) -> list[list[float]]:
-    """What lies on one side of a line along an axis."""
-    kept: list[list[float]] = []
-    for before, corner in zip(corners[-1:] + corners[:-1], corners, strict=True):
-        was, now = side * (before[axis] - limit), side * (corner[axis] - limit)
-        if (was >= 0.0) != (now >= 0.0):
-            share = was / (was - now)
-            kept.append([b + share * (c - b) for b, c in zip(before, corner, strict=True)])
-        if now >= 0.0:
-            kept.append(corner)
-    return kept

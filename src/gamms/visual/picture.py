@@ -11,7 +11,7 @@ from gamms.folders import write_whole
 from gamms.ir.draw import DrawCommands
 from gamms.typing import ArtistType, ColorType, IArtist, ILogger
 from gamms.visual.backends import FORMATS, Backend
-from gamms.visual.camera import fit
+from gamms.visual.camera import Look, fit
 from gamms.visual.color import rgba
 from gamms.visual.commands import Commands
 
@@ -65,7 +65,7 @@ def _backend(path: Path) -> Backend:
 
 def paint(artists: Mapping[str, IArtist], commands: Commands, logger: ILogger) -> None:
     """Let every visible artist draw, lowest layer first; one that fails is logged, and the others draw on."""
-    for name, artist in sorted(artists.items(), key=_painting_order):
+    for name, artist in sorted(artists.items(), key=painting_order):
         if not artist.get_visible():
             continue
         commands.layer = artist.get_layer()
@@ -77,7 +77,7 @@ def paint(artists: Mapping[str, IArtist], commands: Commands, logger: ILogger) -
             )
 
 
-def _painting_order(item: tuple[str, IArtist]) -> tuple[int, bool]:
+def painting_order(item: tuple[str, IArtist]) -> tuple[int, bool]:
     """By layer, and within it what never changes first."""
     artist = item[1]
     return artist.get_layer(), artist.get_artist_type() is not ArtistType.STATIC
@@ -95,9 +95,14 @@ def with_attribution(note: str, attribution: str | None) -> str:
     return note
 
 
-def write(sheet: Sheet, commands: DrawCommands, *, title: str, note: str, background: ColorType) -> None:
+def write(
+    sheet: Sheet, commands: DrawCommands, look: Look | None, *, title: str, note: str, background: ColorType
+) -> None:
     """Paint the columns and replace the file in one step."""
-    camera = fit(commands, sheet.width, sheet.height, header=header_px(title))
-    look = {"title": title, "note": note, "background": rgba(background), "dpi": sheet.dpi}
-    content = sheet.backend(commands, camera, **look)
+    if look is None:
+        camera = fit(commands, sheet.width, sheet.height, header=header_px(title))
+    else:
+        camera = look.camera(sheet.width, sheet.height)
+    words = {"title": title, "note": note, "background": rgba(background), "dpi": sheet.dpi}
+    content = sheet.backend(commands, camera, **words)
     write_whole(sheet.path, content)

@@ -12,7 +12,7 @@ import numpy as np
 from gamms.errors import NotOffered
 from gamms.ir.graph import GraphColumns
 from gamms.ir.sensed import SensorView
-from gamms.typing import IArtist, IContext, ISensor, SensorType
+from gamms.typing import ArtistType, IArtist, IContext, ISensor, SensorType
 from gamms.visual.appearance import AgentData, GraphData
 from gamms.visual.artist import Artist
 from gamms.visual.color import Rgb, team_colors
@@ -30,6 +30,7 @@ def undeclared_artists(ctx: IContext) -> dict[str, IArtist]:
     columns = ctx.graph.columns()
     unit = _sight(columns)
     streets = Artist(ctx, render_graph, _GRAPH)
+    streets.set_artist_type(ArtistType.STATIC)
     streets.data = {"graph_data": GraphData(_NODES, 0.35 * unit, _STREETS)}
     artists: dict[str, IArtist] = {"graph": streets}
     sides = {agent.name: _side(agent) for agent in ctx.agent.create_iter()}

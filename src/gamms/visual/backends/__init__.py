@@ -8,12 +8,45 @@ Pixels are painted by `raster.py` on the surfaces of `pygame.py`; optional libra
 """
 
 from collections.abc import Callable
+from pathlib import Path
+from typing import Protocol
 
 from gamms.plugins import Registry
 from gamms.visual.backends import png, svg
+from gamms.visual.backends.coverage import ByteArray
 
 Backend = Callable[..., bytes]
 
 FORMATS: Registry[bytes] = Registry("picture format", "gamms.backends")
 FORMATS.register(".svg")(svg.svg)
 FORMATS.register(".png")(png.png)
+
+
+class FilmWriter(Protocol):
+    """What writes a film to a file; made by `(path, width, height, fps)`."""
+
+    def add(self, pixels: ByteArray) -> None:
+        """Add a frame (height, width, 3)."""
+
+    def finish(self) -> None:
+        """End the file."""
+
+    def discard(self) -> None:
+        """Stop; the file is of no use."""
+
+
+FILMS: Registry[FilmWriter] = Registry("film format", "gamms.films")
+
+
+@FILMS.register(".mp4")
+def _mp4(path: Path, width: int, height: int, fps: float) -> FilmWriter:
+    from gamms.visual.backends.av import Mp4
+
+    return Mp4(path, width, height, fps)
+
+
+@FILMS.register(".gif")
+def _gif(path: Path, width: int, height: int, fps: float) -> FilmWriter:
+    from gamms.visual.backends.pillow import Gif
+
+    return Gif(path, width, height, fps)

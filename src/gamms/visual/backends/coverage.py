@@ -12,6 +12,7 @@ from gamms.ir.graph import FloatArray, IntArray
 
 ByteArray = np.ndarray[Any, np.dtype[np.uint8]]
 
+_FINER = 4  # lines per row of pixels on which the sides of a polygon are looked at
 _AT_ONCE = 2_000_000  # pixels that are looked at together, so that memory stays bounded
 
 
@@ -62,6 +63,40 @@ def strokes(starts: FloatArray, ends: FloatArray, width_px: float, width: int, h
     if width_px < 1.0:
         patch = np.rint(patch * width_px).astype(np.uint8)
     return Patch(patch, left, top)
+
+
+def polygon(points: FloatArray, width: int, height: int) -> Patch | None:
+    """A filled polygon (corners, 2), cut to a picture; what it winds around in either direction is inside."""
+    left, top = np.maximum(np.floor(points.min(axis=0)), 0).astype(np.int64).tolist()
+    right, bottom = np.minimum(np.ceil(points.max(axis=0)), (width, height)).astype(np.int64).tolist()
+    if left >= right or top >= bottom:
+        return None
+    line, x, turn = _crossings(points - (left, top), (bottom - top) * _FINER)
+    order = np.lexsort((x, line))
+    line, x, turn = line[order], np.clip(x[order], 0, right - left), turn[order]
+    after = np.cumsum(turn)  # how often it has wound around what lies right of each crossing; 0 after each line
+    step = ((after != 0).astype(np.float64) - (after - turn != 0)) / _FINER
+    column = np.minimum(x.astype(np.int64), right - left - 1)
+    beyond = x - column
+    steps = np.zeros((bottom - top, right - left + 1))
+    np.add.at(steps, (line // _FINER, column), step * (1 - beyond))
+    np.add.at(steps, (line // _FINER, column + 1), step * beyond)
+    covered = np.cumsum(steps[:, :-1], axis=1) * 255
+    return Patch(np.rint(np.clip(covered, 0, 255)).astype(np.uint8), left, top)
+
+
+def _crossings(points: FloatArray, lines: int) -> tuple[IntArray, FloatArray, IntArray]:
+    """Where the sides of a polygon cross fine lines: which line, at which x, downwards (1) or upwards (-1)."""
+    begin, end = points, np.roll(points, -1, axis=0)
+    turn = np.sign(end[:, 1] - begin[:, 1]).astype(np.int64)
+    high, low = np.where((turn > 0)[:, None], begin, end), np.where((turn > 0)[:, None], end, begin)
+    first = np.clip(np.ceil(high[:, 1] * _FINER - 0.5), 0, lines).astype(np.int64)
+    last = np.clip(np.ceil(low[:, 1] * _FINER - 0.5), 0, lines).astype(np.int64)
+    counts = last - first
+    side = np.repeat(np.arange(len(points)), counts)
+    line = np.arange(len(side)) - np.repeat(np.cumsum(counts) - counts - first, counts)
+    share = ((line + 0.5) / _FINER - high[side, 1]) / (low[side, 1] - high[side, 1])
+    return line, high[side, 0] + share * (low[side, 0] - high[side, 0]), turn[side]
 
 
 def _parts(lengths: FloatArray, half: float) -> list[slice]:

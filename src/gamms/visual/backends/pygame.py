@@ -15,7 +15,6 @@ import numpy as np
 from gamms.errors import BadValue, MissingExtra
 from gamms.ir.graph import FloatArray
 from gamms.visual.backends.coverage import ByteArray, Patch
-from gamms.visual.clipping import clipped_polygon
 from gamms.visual.color import PAPER, Rgb, Rgba
 
 if TYPE_CHECKING:
@@ -24,8 +23,6 @@ if TYPE_CHECKING:
 
 _PROMPT = "PYGAME_HIDE_SUPPORT_PROMPT"
 _UNWRITABLE = re.compile("[\x00-\x1f\x7f\ud800-\udfff]")
-_SMOOTH_AREA = 40_000  # pixels up to which a polygon is painted four times as large first
-_FINER = 4
 _HALO = [(0, 1), (1, 0), (1, 2), (2, 1), (0, 0), (0, 2), (2, 0), (2, 2)]  # around dark text
 _MOST_IMAGE_PX = 4096
 
@@ -86,29 +83,6 @@ class Canvas:
             line, ink = self._pygame.draw.aaline, color[:3]
             for x0, y0, x1, y1 in np.hstack([starts - shift, ends - shift]).tolist():
                 line(surface, ink, (x0, y0), (x1, y1))
-
-    def polygon(self, points: FloatArray, color: Rgba) -> None:
-        """Fill a polygon (corners, 2), which may reach far outside."""
-        points = clipped_polygon(points, (-4.0, -4.0), (self.width + 4.0, self.height + 4.0))
-        if len(points) < 3:
-            return
-        low, high = np.floor(points.min(axis=0) - 1), np.ceil(points.max(axis=0) + 1)
-        if np.prod(high - low) <= _SMOOTH_AREA:
-            self.cover(self._polygon_patch(points, low, high), color)
-            return
-        with self._painted(low, high, color[3]) as (surface, left, top):
-            corners = (points - (left + 0.5, top + 0.5)).tolist()
-            self._pygame.draw.polygon(surface, color[:3], corners)
-            self._pygame.draw.aalines(surface, color[:3], True, corners)
-
-    def _polygon_patch(self, points: FloatArray, low: FloatArray, high: FloatArray) -> Patch:
-        columns, rows = (high - low).astype(int).tolist()
-        large = self._pygame.Surface((columns * _FINER, rows * _FINER), 0, 32)
-        self._pygame.draw.polygon(large, (255, 255, 255), ((points - low) * _FINER - 0.5).tolist())
-        blue = self._pygame.surfarray.array2d(large).astype(np.uint8).T
-        fine = blue.reshape(rows, _FINER, columns, _FINER)
-        left, top = low.astype(int).tolist()
-        return Patch(fine.mean(axis=(1, 3)).astype(np.uint8), left, top)
 
     def rectangle(self, x: float, y: float, width: float, height: float, color: Rgba) -> None:
         """Fill a rectangle, rounded to whole pixels so that its edges are sharp."""

@@ -244,7 +244,9 @@ def _polygon(canvas: Canvas, camera: Camera, command: _Command) -> None:
     if (high < 0).any() or (low > (camera.width, camera.height)).any() or command.color[3] == 0:
         return
     if command.width == 0.0:
-        canvas.polygon(command.points, command.color)
+        patch = coverage.polygon(command.points, camera.width, camera.height)
+        if patch is not None:
+            canvas.cover(patch, command.color)
     else:
         draw_lines(canvas, command.points, np.roll(command.points, -1, axis=0), command.width, command.color)
 

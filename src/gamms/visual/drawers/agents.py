@@ -26,17 +26,16 @@ def render_agent(ctx: IContext, data: dict[str, Any]) -> None:
     if agent.type == AgentType.AERIAL:
         render_aerial_agent(ctx, data)
         return
-    node = ctx.graph.graph.get_node(agent.current_node_id)
-    look.current_position = (node.x, node.y)
-    _body(ctx, look, node.x, node.y)
+    look.current_position = x, y = primitives_of(ctx).position_of(look.name, data.get("_alpha", 1.0))
+    _body(ctx, look, x, y)
 
 
 def render_aerial_agent(ctx: IContext, data: dict[str, Any]) -> None:
     """Draw the agent in the air that `data['agent_data']` names: from above, with its height written beside it."""
     look: AgentData = data["agent_data"]
     agent = cast("IAerialAgent", ctx.agent.get_agent(look.name))
-    (x, y, z), (cos, sin) = agent.position, agent.orientation
-    look.current_position = (x, y)
+    (_, _, z), (cos, sin) = agent.position, agent.orientation
+    look.current_position = x, y = primitives_of(ctx).position_of(look.name, data.get("_alpha", 1.0))
     for color, edge_px in ((_outline(look.color), 2.0), (look.color, 0.0)):  # an edge lifts it off the map
         rings(ctx, [(x, y)], _RING * look.size, color, _RING_PX, 2.0 + edge_px)
         if (cos, sin) != (0.0, 0.0):  # it does not point straight up or down
