@@ -15,6 +15,8 @@ _FLAG = 0.03  # the height of a flag, in widths of the map
 
 def equipped(rule: Rule, **extras: Any) -> Rule:
     """A rule with what `ctx.game.add` looks for: `prepare(ctx)`, called at once, and `drawer(ctx, data)`."""
+    if "drawer" in extras:
+        extras["drawer"].once_a_turn = True  # what rules draw does not glide
     rule.__dict__.update(extras)
     return rule
 
@@ -32,13 +34,16 @@ def draw_flags(ctx: Any, flags: Mapping[Any, int], colors: Mapping[Any, Any] | N
 
 def draw_territory(ctx: Any, territory: Mapping[int, Any], colors: Mapping[Any, Any] | None) -> None:
     """A faint disc in the colour of its team on every node, as large as its streets are long."""
-    graph, visual = ctx.graph.graph, primitives_of(ctx)
-    nodes: dict[Any, list[int]] = {}
+    graph, present = ctx.graph.graph, ctx.graph.columns().node_ids
+    owned: dict[Any, list[int]] = {}
     for node, team in territory.items():
-        if team is not None and graph.has_node(node):
-            nodes.setdefault(team, []).append(node)
+        if team is not None:
+            owned.setdefault(team, []).append(node)
+    nodes = {team: np.array(ids)[np.isin(ids, present)] for team, ids in owned.items()}
+    nodes = {team: ids for team, ids in nodes.items() if len(ids)}
+    radius = 0.5 * _street(ctx)
     for team, color in _colors(ctx, nodes, colors).items():
-        visual.render_circles(graph.positions(nodes[team]), 0.5 * _street(ctx), (*rgba(color)[:3], _TINT))
+        primitives_of(ctx).render_circles(graph.positions(nodes[team]), radius, (*rgba(color)[:3], _TINT))
 
 
 def _colors(ctx: Any, teams: Mapping[Any, Any], given: Mapping[Any, Any] | None) -> dict[Any, Any]:

@@ -25,6 +25,7 @@ class PictureEngine(Declarations):
     Attributes:
         after_turn: called by `simulate`, in order.
         turn_seconds: how long a turn is shown; 1.0.0 calls it the simulation time constant.
+        width, height: of a frame, pixels.
         look: where pictures look; None sees everything that is drawn.
     """
 
@@ -32,6 +33,7 @@ class PictureEngine(Declarations):
         super().__init__(ctx)
         self.after_turn: list[Callable[[], None]] = []
         self.turn_seconds = as_float(simulation_time_constant, "simulation_time_constant")
+        self.width, self.height = 1280, 720
         self.look: Look | None = None
         self._films: list[Film] = []
         self._scene: Scene | None = None
@@ -157,14 +159,16 @@ class PictureEngine(Declarations):
 
     def frame(
         self,
-        width: int = 1280,
-        height: int = 720,
+        width: int | None = None,
+        height: int | None = None,
         *,
         title: str = "",
         note: str = "",
         background: ColorType = PAPER,
     ) -> "ByteArray":
         """The present state as pixels: red, green and blue from 0 to 255, (height, width, 3); see `save`.
+
+        The size is that of the engine, 1280 x 720 if it was given none.
 
         What STATIC artists drew is kept until the graph, the obstacles or their data change.
 
@@ -176,17 +180,10 @@ class PictureEngine(Declarations):
         from gamms.visual.film import Frames
         from gamms.visual.picture import size
 
-        if self._scene is None:
-            self._scene = self.new_scene()
-        frames = Frames(self, self._scene, *size(width, height), title=title, note=note, background=background)
-        return frames.at(1.0).pixels()
-
-    def new_scene(self) -> "Scene":
-        """A scene of this context."""
-        from gamms.visual.scene import Scene
-
-        graph = self.ctx.graph
-        return Scene(lambda: (getattr(graph.graph, "revision", None), getattr(graph, "obstacle_revision", None)))
+        width, height = size(self.width if width is None else width, self.height if height is None else height)
+        frames = Frames(self, width, height, title=title, note=note, background=background, scene=self._scene)
+        self._scene = frames.scene
+        return frames.at(1.0).pixels().copy()  # which may be written to
 
     # -- films -----------------------------------------------------------------------------------------------
 
@@ -222,12 +219,26 @@ class PictureEngine(Declarations):
             MissingExtra (ImportError): a library is not installed.
             ContextTerminated: the context has ended.
         """
-        from gamms.visual.film import Film, Frames, film_plan
-
         if self.ctx.is_terminated():
             raise ContextTerminated("the state to film")
+        return self._new_film(path, fps, width, height, frames_per_turn, title=title, note=note, background=background)
+
+    def _new_film(
+        self,
+        path: str | os.PathLike[str],
+        fps: float,
+        width: int,
+        height: int,
+        frames_per_turn: int | None,
+        *,
+        title: str,
+        note: str,
+        background: ColorType = PAPER,
+    ) -> "Film":
+        from gamms.visual.film import Film, Frames, film_plan
+
         plan = film_plan(path, fps, width, height, frames_per_turn, self.turn_seconds)
-        frames = Frames(self, self.new_scene(), plan.width, plan.height, title=title, note=note, background=background)
+        frames = Frames(self, plan.width, plan.height, title=title, note=note, background=background)
         film = Film(frames, plan, self._films)
         self._films.append(film)
         return film

@@ -3,7 +3,7 @@
 import os
 from pathlib import Path
 from types import TracebackType
-from typing import TYPE_CHECKING, NamedTuple, Self
+from typing import TYPE_CHECKING, Any, NamedTuple, Self
 
 from gamms.arguments import as_float, as_int, as_path
 from gamms.errors import BadValue, Duplicate, MissingFolder
@@ -15,10 +15,10 @@ from gamms.visual.backends.pygame import Canvas
 from gamms.visual.backends.raster import frame_words
 from gamms.visual.camera import Camera
 from gamms.visual.color import rgba
+from gamms.visual.scene import Scene
 
 if TYPE_CHECKING:
     from gamms.visual.engine import PictureEngine
-    from gamms.visual.scene import Scene
 
 _FASTEST = 240.0  # frames per second
 _being_made: set[Path] = set()
@@ -70,34 +70,35 @@ class Frames:
 
     Args:
         engine: of the context.
-        scene: what is kept from frame to frame.
         width: pixels.
         height: pixels.
         title: a line above the picture.
         note: small print; the source of the map is added to it.
         background: the colour behind everything.
+        scene: what was kept of earlier frames.
     """
 
     def __init__(
         self,
         engine: "PictureEngine",
-        scene: "Scene",
         width: int,
         height: int,
         *,
         title: str,
         note: str,
         background: ColorType,
+        scene: Scene | None = None,
     ) -> None:
-        self.engine, self._scene = engine, scene
+        self.engine, self.scene = engine, scene or Scene(self._world)
         self._title, self._note, self._background = title, note, rgba(background)
         self._canvas = Canvas(width, height)
         self._camera: Camera | None = None
         self._artists: dict[str, IArtist] | None = None
+        self._is_new_turn = True
 
     def begin_turn(self) -> None:
         """Ask anew who is to be drawn."""
-        self._artists = self.engine.shown_artists()
+        self._artists, self._is_new_turn = self.engine.shown_artists(), True
 
     def at(self, share: float) -> Canvas:
         """The picture after a share of the agents' last moves; it is painted over by the next one."""
@@ -105,20 +106,26 @@ class Frames:
             self.begin_turn()
         artists = self._artists or {}
 
-        def draw(members: "dict[str, IArtist]") -> DrawCommands:
+        def draw(members: dict[str, IArtist]) -> DrawCommands:
             return self.engine._drawn(members, share)
 
-        self._scene.draw(artists, draw)
-        self._scene.paint(self._canvas, self._view(), self._background)
+        self.scene.draw(artists, draw, is_new_turn=self._is_new_turn)
+        self._is_new_turn = False
+        self.scene.paint(self._canvas, self._view(), self._background)
         frame_words(self._canvas, self._title, self.engine.noted(self._note))
         return self._canvas
+
+    def _world(self) -> Any:
+        """What changes when the graph or the obstacles do."""
+        graph = self.engine.ctx.graph
+        return getattr(graph.graph, "revision", None), getattr(graph, "obstacle_revision", None)
 
     def _view(self) -> Camera:
         if self.engine.look is not None:
             return self.engine.look.camera(self._canvas.width, self._canvas.height)
         if self._camera is None:
             header = picture.header_px(self._title)
-            self._camera = self._scene.fit(self._canvas.width, self._canvas.height, header)
+            self._camera = self.scene.fit(self._canvas.width, self._canvas.height, header)
         return self._camera
 
 
@@ -146,7 +153,7 @@ class Film:
         try:
             self._frames.begin_turn()
             for number in range(1, self.plan.frames_per_turn + 1):
-                self._writer.add(self._frames.at(number / self.plan.frames_per_turn).pixels())
+                self._writer.add(self._frames.at(number / self.plan.frames_per_turn))
                 self.frames += 1
         except BaseException:
             self.discard()

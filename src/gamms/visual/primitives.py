@@ -165,6 +165,19 @@ class Primitives(IVisualizationEngine):
         """
         return self.motion.position_of(agent_name, share)
 
+    def render_discs(
+        self,
+        centers: Any,
+        radius: float,
+        color: ColorType = Color.Black,
+        edge: ColorType = Color.White,
+        *,
+        at_least_px: float = 0.0,
+    ) -> None:
+        """Fill many equal discs with a thin edge; `radius` in world units, but never less than some pixels."""
+        if self._drawing is not None:
+            self._drawing.add_discs(centers, radius, at_least_px, color, edge, 3.0)
+
     def render_layer(self, layer_id: int) -> None:
         """Do nothing: layers are painted with the picture."""
 

@@ -7,6 +7,7 @@ in the frame before are shown as they were painted then.
 
 from collections.abc import Callable, Mapping
 from dataclasses import fields, is_dataclass
+from enum import Enum
 from itertools import groupby, takewhile
 from typing import Any
 from zlib import crc32
@@ -31,7 +32,8 @@ Draw = Callable[[dict[str, IArtist]], DrawCommands]
 class Part:
     """Artists that follow each other, as commands that are ready to be painted."""
 
-    def __init__(self, commands: DrawCommands, key: Any = None) -> None:
+    def __init__(self, members: Mapping[str, IArtist], commands: DrawCommands, key: Any = None) -> None:
+        self.artists = tuple(members.values())
         self.painting, self.key = Painting(commands), key
         self.is_static = key is not None
         self.box: tuple[FloatArray, FloatArray] | None = bounds(commands) if len(commands) else None
@@ -60,21 +62,33 @@ class Scene:
         self._before: list[Part] = []
         self._stage: tuple[list[Part], Camera, Rgba, Any] | None = None
 
-    def draw(self, artists: Mapping[str, IArtist], draw: Draw) -> None:
-        """Take in the present state: `draw` lets artists draw, and returns their commands."""
+    def draw(self, artists: Mapping[str, IArtist], draw: Draw, *, is_new_turn: bool = True) -> None:
+        """Take in the present state: `draw` lets artists draw, and returns their commands.
+
+        Within a turn, artists whose drawer has a true attribute `once_a_turn` are not asked again.
+        """
         shown = [item for item in sorted(artists.items(), key=painting_order) if item[1].get_visible()]
         world, known = self._world(), {part.key: part for part in self._parts if part.is_static}
-        moving = [part for part in self._parts if not part.is_static]
+        asked = {} if is_new_turn else {part.artists: part for part in self._parts}
         self._before, self._parts = self._parts, []
-        for (is_static, layer), group in groupby(shown, _likeness):
+        for (pace, layer), group in groupby(shown, _likeness):
             members = dict(group)
-            if not is_static:
-                commands = draw(members)
-                same = next((part for part in moving if part.shows_what(commands)), None)
-                self._parts.append(same or Part(commands))
-                continue
-            key = (layer, world, *(_key_of(name, artist) for name, artist in members.items()))
-            self._parts.append(known.get(key) or Part(draw(members), key))
+            if pace is _Pace.STATIC:
+                key = (layer, world, *(_key_of(name, artist) for name, artist in members.items()))
+                part = known.get(key) or Part(members, draw(members), key)
+            elif pace is _Pace.TURN and tuple(members.values()) in asked:
+                part = asked[tuple(members.values())]
+            else:
+                part = self._moving_part(members, draw(members))
+            self._parts.append(part)
+
+    def _moving_part(self, members: dict[str, IArtist], commands: DrawCommands) -> Part:
+        """The part of the frame before, where it would look the same."""
+        for part in self._before:
+            if not part.is_static and part.shows_what(commands):
+                part.artists = tuple(members.values())
+                return part
+        return Part(members, commands)
 
     def fit(self, width: int, height: int, header: float) -> Camera:
         """A camera that sees everything."""
@@ -123,11 +137,21 @@ def _leading(parts: list[Part], before: list[Part]) -> int:
     return sum(takewhile(bool, same))
 
 
-def _likeness(item: tuple[str, IArtist]) -> tuple[bool, int]:
-    """Static artists go together whatever their layer, the others by layer."""
+class _Pace(Enum):
+    """How often artists are asked to draw."""
+
+    STATIC = "when the world changes"
+    TURN = "once a turn"
+    FRAME = "for every frame"
+
+
+def _likeness(item: tuple[str, IArtist]) -> tuple[_Pace, int]:
+    """Who makes a part together: static artists whatever their layer, the others by layer."""
     artist = item[1]
-    is_static = artist.get_artist_type() is ArtistType.STATIC
-    return is_static, -1 if is_static else artist.get_layer()
+    if artist.get_artist_type() is ArtistType.STATIC:
+        return _Pace.STATIC, -1
+    is_still = getattr(artist.get_drawer(), "once_a_turn", False)
+    return _Pace.TURN if is_still else _Pace.FRAME, artist.get_layer()
 
 
 def _key_of(name: str, artist: IArtist) -> Any:

@@ -22,11 +22,21 @@ FORMATS.register(".svg")(svg.svg)
 FORMATS.register(".png")(png.png)
 
 
+class PaintedFrame(Protocol):
+    """A frame of a film."""
+
+    def pixels(self) -> ByteArray:
+        """RGB, as (height, width, 3), of its own."""
+
+    def bgrx(self) -> bytes:
+        """Blue, green, red and a byte without meaning, row by row: the fastest way to an encoder."""
+
+
 class FilmWriter(Protocol):
     """What writes a film to a file; made by `(path, width, height, fps)`."""
 
-    def add(self, pixels: ByteArray) -> None:
-        """Add a frame (height, width, 3)."""
+    def add(self, picture: PaintedFrame) -> None:
+        """Add a frame; it is painted over afterwards."""
 
     def finish(self) -> None:
         """End the file."""

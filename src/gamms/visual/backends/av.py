@@ -5,8 +5,10 @@ from queue import Queue
 from threading import Thread
 from typing import Any
 
+import numpy as np
+
 from gamms.errors import MissingExtra
-from gamms.visual.backends.coverage import ByteArray
+from gamms.visual.backends import PaintedFrame
 
 _AHEAD = 8  # frames that wait for the encoder
 # A fixed number of threads, so that the same frames give the same bytes on every machine.
@@ -27,24 +29,26 @@ class Mp4:
             raise MissingExtra("Writing an MP4 film", "video") from error
         from fractions import Fraction
 
-        self._new_frame = av.VideoFrame.from_ndarray
+        self._frame: Any = av.VideoFrame(width, height, "bgra")
+        self._step = 4 * width
         # The index comes first, so that a browser can begin before it has all.
         self._file: Any = av.open(str(path), "w", format="mp4", options={"movflags": "+faststart"})
         rate = Fraction(fps).limit_denominator(1001)
+        self._number, self._time_base = 0, 1 / rate
         self._stream = self._file.add_stream("libx264", rate=rate, options=_OPTIONS)
         self._stream.width, self._stream.height, self._stream.pix_fmt = width, height, "yuv420p"
-        self._waiting: Queue[ByteArray | None] = Queue(_AHEAD)
+        self._waiting: Queue[bytes | None] = Queue(_AHEAD)
         self._error: BaseException | None = None
         self._thread = Thread(target=self._encode, name="gamms-film", daemon=True)
         self._thread.start()
 
-    def add(self, pixels: ByteArray) -> None:
-        """Add a frame (height, width, 3), which must not be changed afterwards.
+    def add(self, picture: PaintedFrame) -> None:
+        """Add a frame.
 
         Raises:
             OSError: the file cannot be written.
         """
-        self._waiting.put(pixels)
+        self._waiting.put(picture.bgrx())
         self._raise()
 
     def finish(self) -> None:
@@ -71,9 +75,22 @@ class Mp4:
         while (pixels := self._waiting.get()) is not None:
             if self._error is None:
                 try:
-                    self._file.mux(self._stream.encode(self._new_frame(pixels, format="rgb24")))
+                    self._file.mux(self._stream.encode(self._filled(pixels)))
                 except BaseException as error:  # noqa: BLE001 - it is raised where frames are added
                     self._error = error
+
+    def _filled(self, pixels: bytes) -> Any:
+        """The frame with other pixels and the next number."""
+        plane = self._frame.planes[0]
+        if plane.line_size == self._step:
+            plane.update(pixels)
+        else:  # its rows are padded
+            rows = np.zeros((plane.height, plane.line_size), np.uint8)
+            rows[:, : self._step] = np.frombuffer(pixels, np.uint8).reshape(plane.height, self._step)
+            plane.update(rows)
+        self._frame.pts, self._number = self._number, self._number + 1
+        self._frame.time_base = self._time_base
+        return self._frame
 
     def _raise(self) -> None:
         if self._error is not None:

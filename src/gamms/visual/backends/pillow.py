@@ -7,6 +7,7 @@ from typing import Any
 import numpy as np
 
 from gamms.errors import MissingExtra
+from gamms.visual.backends import PaintedFrame
 from gamms.visual.backends.coverage import ByteArray
 
 _OWN = 192  # colours taken from the first frame; the others are spread evenly, for what comes later
@@ -50,13 +51,13 @@ class Gif:
         self._before: Any = None
         self._begun = self._frames = 0
 
-    def add(self, pixels: ByteArray) -> None:
-        """Add a frame (height, width, 3).
+    def add(self, picture: PaintedFrame) -> None:
+        """Add a frame.
 
         Raises:
             OSError: the file cannot be written.
         """
-        image = self._image.fromarray(pixels)
+        image = self._image.fromarray(picture.pixels())
         if self._palette is None:
             self._palette = _palette(self._image, image)
         image = image.quantize(palette=self._palette, dither=self._image.Dither.NONE)

@@ -5,6 +5,7 @@ Nothing here opens a window or touches sound; a surface needs neither.
 
 import os
 import re
+import sys
 from collections.abc import Iterator, Sequence
 from contextlib import contextmanager
 from functools import lru_cache
@@ -23,6 +24,7 @@ if TYPE_CHECKING:
 
 _PROMPT = "PYGAME_HIDE_SUPPORT_PROMPT"
 _UNWRITABLE = re.compile("[\x00-\x1f\x7f\ud800-\udfff]")
+_BGRX = (0xFF0000, 0xFF00, 0xFF) if sys.byteorder == "little" else ()  # the masks of such a surface
 _HALO = [(0, 1), (1, 0), (1, 2), (2, 1), (0, 0), (0, 2), (2, 0), (2, 2)]  # around dark text
 _MOST_IMAGE_PX = 4096
 
@@ -68,9 +70,16 @@ class Canvas:
         self.surface.fill(color[:3])
 
     def pixels(self) -> ByteArray:
-        """RGB, as (height, width, 3); a copy."""
-        data = bytearray(self._pygame.image.tobytes(self.surface, "RGB"))
+        """RGB, as (height, width, 3); a copy, which is read-only."""
+        data = self._pygame.image.tobytes(self.surface, "RGB")
         return np.frombuffer(data, np.uint8).reshape(self.height, self.width, 3)
+
+    def bgrx(self) -> bytes:
+        """Blue, green, red and a byte without meaning, row by row; a copy."""
+        if self.surface.get_masks()[:3] == _BGRX and self.surface.get_pitch() == 4 * self.width:
+            raw: bytes = self.surface.get_buffer().raw
+            return raw
+        return bytes(self._pygame.image.tobytes(self.surface, "BGRA"))
 
     # -- shapes ----------------------------------------------------------------------------------------------
 

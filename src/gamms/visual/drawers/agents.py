@@ -6,7 +6,7 @@ from gamms.typing import IAerialAgent, IContext
 from gamms.typing.agent_engine import AgentType
 from gamms.visual.appearance import AgentData
 from gamms.visual.color import Rgb, rgba
-from gamms.visual.drawers.marks import discs, rings
+from gamms.visual.drawers.marks import rings
 from gamms.visual.primitives import primitives_of
 
 _LEAST_PX = 6.0
@@ -50,7 +50,8 @@ def _body(ctx: IContext, look: AgentData, x: float, y: float) -> None:
     if look.image is not None:
         ctx.visual.render_image(x, y, look.image, look.size)
     else:
-        discs(ctx, [(x, y)], look.size, look.color, _outline(look.color), _LEAST_PX)
+        edge = _outline(look.color)
+        primitives_of(ctx).render_discs([(x, y)], look.size, look.color, edge, at_least_px=_LEAST_PX)
 
 
 def _height(z: float) -> str:
