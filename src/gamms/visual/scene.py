@@ -17,6 +17,7 @@ import numpy as np
 from gamms.ir.draw import DrawCommands
 from gamms.ir.graph import FloatArray
 from gamms.typing import ArtistType, IArtist
+from gamms.typing.artist import Drawer
 from gamms.visual.backends.pygame import Canvas
 from gamms.visual.backends.raster import Painting
 from gamms.visual.camera import Camera, bounds, fit_box
@@ -71,10 +72,10 @@ class Scene:
         world, known = self._world(), {part.key: part for part in self._parts if part.is_static}
         asked = {} if is_new_turn else {part.artists: part for part in self._parts}
         self._before, self._parts = self._parts, []
-        for (pace, layer), group in groupby(shown, _likeness):
+        for (pace, *_), group in groupby(shown, _likeness):
             members = dict(group)
             if pace is _Pace.STATIC:
-                key = (layer, world, *(_key_of(name, artist) for name, artist in members.items()))
+                key = (world, *(_key_of(name, artist) for name, artist in members.items()))
                 part = known.get(key) or Part(members, draw(members), key)
             elif pace is _Pace.TURN and tuple(members.values()) in asked:
                 part = asked[tuple(members.values())]
@@ -145,13 +146,14 @@ class _Pace(Enum):
     FRAME = "for every frame"
 
 
-def _likeness(item: tuple[str, IArtist]) -> tuple[_Pace, int]:
-    """Who makes a part together: static artists whatever their layer, the others by layer."""
+def _likeness(item: tuple[str, IArtist]) -> tuple[_Pace, int, Drawer | None]:
+    """Who makes a part together, so that what changes together is kept together."""
     artist = item[1]
     if artist.get_artist_type() is ArtistType.STATIC:
-        return _Pace.STATIC, -1
-    is_still = getattr(artist.get_drawer(), "once_a_turn", False)
-    return _Pace.TURN if is_still else _Pace.FRAME, artist.get_layer()
+        return _Pace.STATIC, 0, None
+    if getattr(artist.get_drawer(), "once_a_turn", False):
+        return _Pace.TURN, artist.get_layer(), artist.get_drawer()
+    return _Pace.FRAME, artist.get_layer(), None
 
 
 def _key_of(name: str, artist: IArtist) -> Any:

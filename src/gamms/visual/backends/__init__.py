@@ -28,8 +28,8 @@ class PaintedFrame(Protocol):
     def pixels(self) -> ByteArray:
         """RGB, as (height, width, 3), of its own."""
 
-    def bgrx(self) -> bytes:
-        """Blue, green, red and a byte without meaning, row by row: the fastest way to an encoder."""
+    def copy_bgrx(self, buffer: bytearray) -> None:
+        """Write blue, green, red and a byte without meaning, row by row: the fastest way to an encoder."""
 
 
 class FilmWriter(Protocol):

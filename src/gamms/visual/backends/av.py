@@ -37,7 +37,10 @@ class Mp4:
         self._number, self._time_base = 0, 1 / rate
         self._stream = self._file.add_stream("libx264", rate=rate, options=_OPTIONS)
         self._stream.width, self._stream.height, self._stream.pix_fmt = width, height, "yuv420p"
-        self._waiting: Queue[bytes | None] = Queue(_AHEAD)
+        self._waiting: Queue[bytearray | None] = Queue()
+        self._free: Queue[bytearray] = Queue()  # fresh memory for every frame would cost more than filling it
+        for _ in range(_AHEAD):
+            self._free.put(bytearray(4 * width * height))
         self._error: BaseException | None = None
         self._thread = Thread(target=self._encode, name="gamms-film", daemon=True)
         self._thread.start()
@@ -48,7 +51,9 @@ class Mp4:
         Raises:
             OSError: the file cannot be written.
         """
-        self._waiting.put(picture.bgrx())
+        buffer = self._free.get()
+        picture.copy_bgrx(buffer)
+        self._waiting.put(buffer)
         self._raise()
 
     def finish(self) -> None:
@@ -73,13 +78,15 @@ class Mp4:
 
     def _encode(self) -> None:
         while (pixels := self._waiting.get()) is not None:
-            if self._error is None:
-                try:
+            try:
+                if self._error is None:
                     self._file.mux(self._stream.encode(self._filled(pixels)))
-                except BaseException as error:  # noqa: BLE001 - it is raised where frames are added
-                    self._error = error
+            except BaseException as error:  # noqa: BLE001 - it is raised where frames are added
+                self._error = error
+            finally:
+                self._free.put(pixels)
 
-    def _filled(self, pixels: bytes) -> Any:
+    def _filled(self, pixels: bytearray) -> Any:
         """The frame with other pixels and the next number."""
         plane = self._frame.planes[0]
         if plane.line_size == self._step:

@@ -74,12 +74,12 @@ class Canvas:
         data = self._pygame.image.tobytes(self.surface, "RGB")
         return np.frombuffer(data, np.uint8).reshape(self.height, self.width, 3)
 
-    def bgrx(self) -> bytes:
-        """Blue, green, red and a byte without meaning, row by row; a copy."""
+    def copy_bgrx(self, buffer: bytearray) -> None:
+        """Write blue, green, red and a byte without meaning, row by row, into a buffer of that size."""
         if self.surface.get_masks()[:3] == _BGRX and self.surface.get_pitch() == 4 * self.width:
-            raw: bytes = self.surface.get_buffer().raw
-            return raw
-        return bytes(self._pygame.image.tobytes(self.surface, "BGRA"))
+            buffer[:] = memoryview(self.surface.get_buffer())  # type: ignore[arg-type] # it is a buffer, untyped
+        else:
+            buffer[:] = self._pygame.image.tobytes(self.surface, "BGRA")
 
     # -- shapes ----------------------------------------------------------------------------------------------
 

@@ -150,17 +150,26 @@ def _stamped(canvas: Canvas, centers: FloatArray, radius: FloatArray, width: Flo
     corner = centers - reach[:, None]
     whole = np.floor(corner)
     step = np.minimum(((corner - whole) * _STEPS).astype(np.int64), _STEPS - 1)
-    tenths = np.rint(np.column_stack([radius, width, reach]) * 10).astype(np.int64)
-    looks = np.column_stack([tenths, step, color]).tolist()
-    canvas.stamps(
-        [(_stamp(*look), (x, y)) for look, (x, y) in zip(looks, whole.astype(np.int64).tolist(), strict=True)]
-    )
+    look = np.column_stack([np.rint(np.column_stack([radius, width, reach]) * 10).astype(np.int64), color])
+    places = whole.astype(np.int64).tolist()
+    changes = (look[1:] != look[:-1]).any(axis=1)
+    if 8 * np.count_nonzero(changes) > len(look):
+        pairs = zip(look.tolist(), step.tolist(), places, strict=True)
+        canvas.stamps([(_stamp(*one, *where), (x, y)) for one, where, (x, y) in pairs])
+        return
+    code = (_STEPS * step[:, 0] + step[:, 1]).tolist()
+    for begin, end in pairwise([0, *(np.flatnonzero(changes) + 1).tolist(), len(look)]):
+        one = look[begin].tolist()
+        stamps = {number: _stamp(*one, *divmod(number, _STEPS)) for number in set(code[begin:end])}
+        canvas.stamps(
+            [(stamps[number], (x, y)) for number, (x, y) in zip(code[begin:end], places[begin:end], strict=True)]
+        )
 
 
 @lru_cache(maxsize=8192)
 def _stamp(radius: int, width: int, reach: int, *rest: int) -> Any:
-    """One circle as a surface: tenths of pixels, the place within the pixel, and the colour."""
-    right, down, red, green, blue, alpha = rest
+    """One circle as a surface: tenths of pixels, the colour, and the place within the pixel."""
+    red, green, blue, alpha, right, down = rest
     side = 2 * reach // 10 + 1
     x, y = (reach / 10 + (step + 0.5) / _STEPS for step in (right, down))
     outer, inner = _ring(radius / 10, width / 10)
