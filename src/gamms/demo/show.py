@@ -8,7 +8,7 @@ from gamms.demo.report import sides
 from gamms.visual import Artist
 from gamms.visual.color import team_colors
 
-_LABEL_PX = 13
+_LABEL_PX = 19
 
 
 def declare(ctx: Context) -> None:

@@ -24,6 +24,7 @@ _THINNEST_PX = 1.0  # of lines whose width is in world units
 _CSS_DPI = 96.0  # what every viewer takes a pixel for
 _MID_GREY = 128
 _HALO = ' stroke="#{:02x}{:02x}{:02x}" stroke-width="3" paint-order="stroke"'.format(*PAPER)
+_FONT_SCALE = 0.6875  # from the height that pygame gives a font to its size: pictures of both kinds look alike
 _ASCENT = 0.8  # of the font height: from the top of a line of text to its baseline
 _INK, _FAINT = "#333333", "#777777"
 _FONT = "system-ui, 'Helvetica Neue', Arial, sans-serif"
@@ -105,11 +106,12 @@ def _sheet(commands: DrawCommands, camera: Camera) -> _Sheet:
     points = camera.to_screen(commands.points)
     boxes = np.flatnonzero(commands.kind == DrawKind.RECTANGLE)
     scale = np.where(commands.space == DrawSpace.WORLD, camera.scale, 1.0)
+    font_scale = np.where(commands.kind == DrawKind.TEXT, _FONT_SCALE, 1.0)
     points[commands.offsets[boxes] + 1] = commands.points[commands.offsets[boxes] + 1] * scale[boxes, None]
     return _Sheet(
         kind=commands.kind[rows],
         color=commands.color[rows],
-        size=_tenths(commands.size * scale)[rows],
+        size=_tenths(commands.size * scale * font_scale)[rows],
         width=_tenths(_widths_px(commands, scale))[rows],
         angle=commands.angle[rows],
         offsets=offsets,

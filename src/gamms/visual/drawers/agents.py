@@ -15,7 +15,7 @@ _WHITE, _DARK = (255, 255, 255), (60, 60, 60)
 
 _RING, _RING_PX = 1.8, 11.0  # of an agent in the air: in radii of its disc, and at least
 _NOSE = 2.6  # how far it reaches, in radii of the disc
-_HEIGHT_PX = 12
+_HEIGHT_PX = 17
 _ASIDE = "\u00a0" * 4  # as wide as the smallest ring, for text is placed in world units only
 
 
