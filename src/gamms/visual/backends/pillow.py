@@ -34,6 +34,11 @@ def png_file(pixels: ByteArray, dpi: float) -> bytes:
     return data.getvalue()
 
 
+def pixels_of(file: bytes) -> ByteArray:
+    """The RGB pixels (height, width, 3) of an image file."""
+    return np.asarray(_image_module().open(io.BytesIO(file)).convert("RGB"))
+
+
 class Gif:
     """Writes an animation frame by frame, with one palette; of each frame only what changed.
 
