@@ -103,7 +103,9 @@ class _Lines:
 def draw_lines(canvas: Canvas, starts: FloatArray, ends: FloatArray, width_px: float, color: Rgba) -> None:
     """Paint straight lines (lines, 2), in pixels."""
     margin = width_px + _BEYOND_PX
-    starts, ends = clipped(starts, ends, (-margin, -margin), (canvas.width + margin, canvas.height + margin))
+    low, high = (-margin, -margin), (canvas.width + margin, canvas.height + margin)
+    if not all(((low <= points) & (points <= high)).all() for points in (starts, ends)):
+        starts, ends = clipped(starts, ends, low, high)
     if len(starts) == 0:
         return
     if width_px == _THINNEST_PX:
