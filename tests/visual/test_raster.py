@@ -79,6 +79,13 @@ def test_a_ring_leaves_its_middle_free(radius):
         assert ink(picture) == pytest.approx(2 * np.pi * radius * 2.0, rel=0.03)
 
 
+def test_a_line_may_be_as_broad_as_the_world():
+    assert (drawn("add_line", [(0, 0), (10, 0)], RED, 1e6) == RED).all()
+    camera = Camera(400, 300, 0.0, 300.0, 1.0)
+    few, many = (drawn("add_line", [(100, 150), (300, 200)], "black", width, camera=camera) for width in (199.9, 200.1))
+    assert np.abs(few - many).mean() < 0.5
+
+
 @pytest.mark.parametrize("width", [0.5, 1.0, 1.5, 4.0, 15.0])
 @pytest.mark.parametrize("end", [(80, 30), (20, 45), (20.5, 5.5)])
 def test_a_line_has_its_width_in_every_direction(width, end):
