@@ -34,6 +34,8 @@ HEAVY = [
     "rich",
     "msgspec",
     "yaml",
+    "PIL",
+    "av",
 ]
 
 # Floors from the ground up; what stands on one floor does not see its neighbours.

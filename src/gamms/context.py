@@ -121,7 +121,7 @@ class Context(IContext):
         return self.sensor_engine  # type: ignore[no-any-return] # a program may put its own there
 
     @property
-    def visual(self) -> "visual.NoEngine":
+    def visual(self) -> "visual.PictureEngine":
         """The visual room."""
         return self.visual_engine  # type: ignore[no-any-return] # a program may put its own there
 
@@ -249,7 +249,8 @@ def create_context(
 
     Args:
         graph_engine: MEMORY writes nothing to disk unless asked; SQLITE also keeps the graph in a database file.
-        vis_engine: NO_VIS shows nothing (and can still draw a picture); PYGAME is not built yet.
+        vis_engine: NO_VIS shows nothing (and can still draw pictures and films); OFFSCREEN films the game; PYGAME is
+            not built yet.
         vis_kwargs: keywords of the visual engine.
         logger_config: arguments of `logging.basicConfig`; `level` defaults to $GAMMS_LOG_LEVEL, then INFO.
         seed: the same seed gives the same random streams; None draws one.
@@ -296,9 +297,13 @@ def _fresh_seed() -> int:
 def _visual_engine(ctx: Context, engine: Any, keywords: dict[str, Any]) -> IVisualizationEngine:
     if engine is visual.Engine.NO_VIS:
         return visual.NoEngine(ctx, **keywords)
+    if engine is visual.Engine.OFFSCREEN:
+        from gamms.visual.offscreen import OffscreenEngine
+
+        return OffscreenEngine(ctx, **keywords)
     if engine is visual.Engine.PYGAME:
         raise NotYet("the pygame window (visual.Engine.PYGAME)")
-    raise NotImplementedError(f"Unknown visual engine {engine!r}. Use gamms.visual.Engine.NO_VIS.")
+    raise NotImplementedError(f"Unknown visual engine {engine!r}. Use gamms.visual.Engine.NO_VIS or OFFSCREEN.")
 
 
 def _database_path(engine: Any, path: str | os.PathLike[str] | None) -> "memory.PathLike | None":

@@ -83,7 +83,7 @@ def test_an_empty_scenario_gives_an_empty_picture(ctx, tmp_path):
         (("a.svg", 0, 10), BadValue, "positive width and height, not 0 x 10"),
         (("a.svg", 10, -1), BadValue, "positive"),
         (("a.svg", 10.5, 10), BadType, "width"),
-        (("a.png",), NotYet, r"as '\.png' \(there is: \.svg\)"),
+        (("a.bmp",), NotYet, r"as '\.bmp' \(there is: \.svg, \.png\)"),
         (("picture",), NotYet, "there is: .svg"),
         (("no/folder/a.svg",), FileNotFoundError, "Create it first"),
     ],

@@ -8,7 +8,7 @@ from gamms.demo.report import sides
 from gamms.visual import Artist
 from gamms.visual.color import team_colors
 
-_LABEL_PX = 13
+_LABEL_PX = 19
 
 
 def declare(ctx: Context) -> None:
@@ -27,5 +27,5 @@ def declare(ctx: Context) -> None:
 def draw_names(ctx: Any, data: Mapping[str, Any]) -> None:
     """Write each agent's name beside it."""
     for name in data["names"]:
-        _, x, y = ctx.graph.graph.get_node(ctx.agent.get_agent(name).current_node_id)
+        x, y = ctx.visual.position_of(name, data.get("_alpha", 1.0))
         ctx.visual.render_text(name, x + 14, y + 10, (30, 30, 30), font_size=_LABEL_PX)

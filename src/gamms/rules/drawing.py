@@ -15,6 +15,8 @@ _FLAG = 0.03  # the height of a flag, in widths of the map
 
 def equipped(rule: Rule, **extras: Any) -> Rule:
     """A rule with what `ctx.game.add` looks for: `prepare(ctx)`, called at once, and `drawer(ctx, data)`."""
+    if "drawer" in extras:
+        extras["drawer"].once_a_turn = True  # what rules draw does not glide
     rule.__dict__.update(extras)
     return rule
 
@@ -30,15 +32,36 @@ def draw_flags(ctx: Any, flags: Mapping[Any, int], colors: Mapping[Any, Any] | N
         visual.render_polygon([(x, top), (x + 0.7 * height, top - 0.25 * height), (x, top - 0.5 * height)], color)
 
 
-def draw_territory(ctx: Any, territory: Mapping[int, Any], colors: Mapping[Any, Any] | None) -> None:
-    """A faint disc in the colour of its team on every node, as large as its streets are long."""
-    graph, visual = ctx.graph.graph, primitives_of(ctx)
-    nodes: dict[Any, list[int]] = {}
-    for node, team in territory.items():
-        if team is not None and graph.has_node(node):
-            nodes.setdefault(team, []).append(node)
-    for team, color in _colors(ctx, nodes, colors).items():
-        visual.render_circles(graph.positions(nodes[team]), 0.5 * _street(ctx), (*rgba(color)[:3], _TINT))
+class TerritoryDrawer:
+    """A faint disc in the colour of its team on every node, as large as its streets are long.
+
+    Args:
+        territory: node -> team; it must not change.
+        colors: team -> colour; None: those of the agents where nothing else is declared.
+    """
+
+    def __init__(self, territory: Mapping[int, Any], colors: Mapping[Any, Any] | None) -> None:
+        self._territory, self._given = territory, colors
+        self._columns: Any = None  # of the map for which the discs were worked out
+        self._places: dict[Any, Any] = {}  # team -> (nodes, 2)
+        self._radius = 0.0
+
+    def __call__(self, ctx: Any, data: Any) -> None:  # noqa: ARG002 - the arguments of every drawer
+        """Draw it."""
+        columns = ctx.graph.columns()
+        if columns is not self._columns:
+            self._columns, self._radius, self._places = columns, 0.5 * _street(ctx), self._found(ctx, columns)
+        for team, color in _colors(ctx, self._places, self._given).items():
+            primitives_of(ctx).render_circles(self._places[team], self._radius, (*rgba(color)[:3], _TINT))
+
+    def _found(self, ctx: Any, columns: Any) -> dict[Any, Any]:
+        """Where the nodes of each team are, without those that are gone."""
+        owned: dict[Any, list[int]] = {}
+        for node, team in self._territory.items():
+            if team is not None:
+                owned.setdefault(team, []).append(node)
+        left = {team: np.array(nodes)[np.isin(nodes, columns.node_ids)] for team, nodes in owned.items()}
+        return {team: ctx.graph.graph.positions(nodes) for team, nodes in left.items() if len(nodes)}
 
 
 def _colors(ctx: Any, teams: Mapping[Any, Any], given: Mapping[Any, Any] | None) -> dict[Any, Any]:

@@ -8,7 +8,7 @@ import numpy as np
 
 from gamms.arguments import as_int, as_name
 from gamms.errors import BadType, BadValue, UnknownName
-from gamms.rules.drawing import draw_territory, equipped
+from gamms.rules.drawing import TerritoryDrawer, equipped
 from gamms.typing import IContext
 from gamms.typing.game import Rule
 
@@ -91,7 +91,7 @@ def published(nodes: Mapping[int, Any], name: str = "territory", colors: Mapping
         if fact not in ctx.game.facts:  # it was not added, but is called by another rule
             prepare(ctx)
 
-    return equipped(published, prepare=prepare, drawer=lambda ctx, _: draw_territory(ctx, territory, colors))
+    return equipped(published, prepare=prepare, drawer=TerritoryDrawer(territory, colors))
 
 
 def as_territory(territory: Any) -> Callable[[Any], Mapping[int, Any]] | None:

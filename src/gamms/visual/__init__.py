@@ -35,6 +35,7 @@ from gamms.visual.drawers import (
     render_rectangle,
     render_sensor,
 )
+from gamms.visual.engine import PictureEngine
 from gamms.visual.no_engine import NoEngine
 
 LATER = {
@@ -63,6 +64,7 @@ __all__ = [
     "Engine",
     "GraphData",
     "NoEngine",
+    "PictureEngine",
     "Rectangle",
     "RenderMode",
     "Shape",

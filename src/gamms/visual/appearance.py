@@ -37,6 +37,7 @@ class AgentData:
     size: float = 8.0
     image: Any = None  # the path of a picture; a window may keep the loaded one
     current_position: tuple[float, float] | None = None  # where it was drawn last
+    least_px: float = 6.0  # its radius is never less
 
 
 @dataclass
@@ -47,4 +48,6 @@ class GraphData:
     node_size: float = 2.0
     edge_color: ColorType = Color.LightGray
     draw_id: bool = False
-    edge_line_points: dict[int, Any] = field(default_factory=dict)  # graph revision -> what the drawer made of it
+    edge_line_points: dict[int, Any] = field(
+        default_factory=dict, compare=False
+    )  # graph revision -> what the drawer made of it

@@ -26,9 +26,26 @@ class Camera(NamedTuple):
         return screen
 
 
+class Look(NamedTuple):
+    """Where pictures of any size look: a point and a width, in world units."""
+
+    x: float
+    y: float
+    world_width: float
+
+    def camera(self, width: int, height: int) -> Camera:
+        """The camera of a picture of so many pixels."""
+        scale = width / self.world_width
+        return Camera(width, height, self.x - self.world_width / 2, self.y + height / 2 / scale, scale)
+
+
 def fit(commands: DrawCommands, width: int, height: int, header: float = 0.0) -> Camera:
     """A camera that sees everything drawn, as large as it gets below a header of so many pixels."""
-    low, high = bounds(commands)
+    return fit_box(*bounds(commands), width, height, header)
+
+
+def fit_box(low: FloatArray, high: FloatArray, width: int, height: int, header: float) -> Camera:
+    """A camera that sees all from corner to corner, as large as it gets below a header of so many pixels."""
     margin = _MARGIN * min(width, height)
     free = max(width - 2 * margin, 1.0), max(height - header - 2 * margin, 1.0)
     scale = min(

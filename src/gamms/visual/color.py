@@ -1,6 +1,7 @@
 """Colours: by name, as values, and one per team."""
 
 from collections.abc import Iterable
+from functools import lru_cache
 from typing import Any
 
 from gamms.arguments import as_float
@@ -89,6 +90,14 @@ def rgba(color: Any) -> Rgba:
         BadType: not a colour.
         BadValue: not three or four finite numbers, or an unknown name.
     """
+    try:
+        return _rgba(color)
+    except TypeError:  # a list or an array, which cannot be looked up, or no colour at all
+        return _rgba.__wrapped__(color)
+
+
+@lru_cache(maxsize=1024)
+def _rgba(color: Any) -> Rgba:
     if isinstance(color, str):
         return (*string_to_color(color), 255)
     try:

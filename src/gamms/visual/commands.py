@@ -45,6 +45,18 @@ class Commands:
         points = _as_points(centers)
         self._add(DrawKind.CIRCLE, points, [1] * len(points), color, space=space, size=radius, width=width)
 
+    def add_discs(self, centers: Any, radius: float, at_least_px: float, color: Any, edge: Any, edge_px: float) -> None:
+        """Draw equal discs with an edge, `radius` in world units but never less than some pixels."""
+        points, ink, rim = _as_points(centers), rgba(color), rgba(edge)
+        radius, least = _as_extent(radius, "size"), _as_extent(at_least_px, "size")
+        # Both edges come first, so that the larger disc hides the edge of the smaller.
+        for width, paint in ((_as_extent(edge_px, "width"), rim), (0.0, ink)):
+            for size, space in ((radius, DrawSpace.WORLD), (least, DrawSpace.SCREEN)):
+                run = _Run(len(points), DrawKind.CIRCLE, self.layer, space, size, width, 0.0, paint, "")
+                self._runs.append(run)
+                self._points.append(points)
+                self._counts.extend([1] * len(points))
+
     def add_lines(
         self, points: Any, offsets: Any, color: Any, width: float = 1.0, space: DrawSpace = DrawSpace.SCREEN
     ) -> None:
@@ -113,23 +125,25 @@ class Commands:
 
     def freeze(self) -> DrawCommands:
         """Everything added so far, as read-only columns."""
+        runs = np.array([run.commands for run in self._runs], np.int64)
+        columns: list[Any] = list(zip(*self._runs, strict=True)) or [()] * len(_Run._fields)
+        values = dict(zip(_Run._fields, columns, strict=True))
+
+        def column(name: str, dtype: type[np.generic]) -> "np.ndarray[Any, Any]":
+            return _read_only(np.repeat(np.array(values[name], dtype), runs, axis=0))
+
         return DrawCommands(
-            kind=self._column("kind", np.int64),
-            layer=self._column("layer", np.int64),
-            space=self._column("space", np.int64),
-            size=self._column("size", np.float64),
-            width=self._column("width", np.float64),
-            angle=self._column("angle", np.float64),
-            color=_read_only(self._column("color", np.uint8).reshape(-1, 4)),
+            kind=column("kind", np.int64),
+            layer=column("layer", np.int64),
+            space=column("space", np.int64),
+            size=column("size", np.float64),
+            width=column("width", np.float64),
+            angle=column("angle", np.float64),
+            color=_read_only(column("color", np.uint8).reshape(-1, 4)),
             offsets=_read_only(np.cumsum([0, *self._counts], dtype=np.int64)),
             points=_read_only(np.concatenate([np.empty((0, 2)), *self._points])),
             text=tuple(chain.from_iterable(repeat(run.text, run.commands) for run in self._runs)),
         )
-
-    def _column(self, name: str, dtype: type[np.generic]) -> "np.ndarray[Any, Any]":
-        counts = np.array([run.commands for run in self._runs], np.int64)
-        values = np.array([getattr(run, name) for run in self._runs], dtype)
-        return _read_only(np.repeat(values, counts, axis=0))
 
 
 def _as_points(points: Sequence[Any] | FloatArray) -> FloatArray:
@@ -153,6 +167,8 @@ def _first_bad(points: FloatArray) -> tuple[float, float]:
 
 
 def _as_extent(value: Any, name: str) -> float:
+    if type(value) is float and 0.0 <= value <= _FARTHEST:
+        return value
     number = as_range(value, name)
     if number > _FARTHEST:
         raise BadValue(f"{name} must be at most {_FARTHEST:g}, not {number}.")

@@ -9,10 +9,11 @@ CACHE_ZOOM_MAX = 1.2
 
 
 class Engine(Enum):
-    """How a scenario is shown: not at all, or in a window."""
+    """How a scenario is shown: not at all, in a window, or in a film that needs no display."""
 
     NO_VIS = 0
     PYGAME = 1
+    OFFSCREEN = 2
 
 
 class Space(Enum):

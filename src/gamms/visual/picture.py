@@ -5,13 +5,13 @@ from collections.abc import Mapping
 from pathlib import Path
 from typing import NamedTuple
 
-from gamms.arguments import as_int, as_path
+from gamms.arguments import as_float, as_int, as_path
 from gamms.errors import BadValue, MissingFolder, NotYet, UnknownName
 from gamms.folders import write_whole
 from gamms.ir.draw import DrawCommands
 from gamms.typing import ArtistType, ColorType, IArtist, ILogger
 from gamms.visual.backends import FORMATS, Backend
-from gamms.visual.camera import fit
+from gamms.visual.camera import Look, fit
 from gamms.visual.color import rgba
 from gamms.visual.commands import Commands
 
@@ -24,26 +24,35 @@ class Sheet(NamedTuple):
     path: Path
     width: int
     height: int
+    dpi: float
     backend: Backend
 
 
-def sheet(path: str | os.PathLike[str], width: int, height: int) -> Sheet:
+def sheet(path: str | os.PathLike[str], width: int, height: int, dpi: float) -> Sheet:
     """Check everything that can be checked before drawing.
 
     Raises:
-        BadValue: a size that is not positive, or a folder that does not exist.
+        BadValue: a size or dpi that is not positive, or a folder that does not exist.
         NotYet: a format that cannot be written.
     """
-    path, width, height = (
-        as_path(path, "path"),
-        as_int(width, "The width of a picture"),
-        as_int(height, "The height of a picture"),
-    )
-    if width <= 0 or height <= 0:
-        raise BadValue(f"A picture needs a positive width and height, not {width} x {height}.")
+    path, (width, height) = as_path(path, "path"), size(width, height)
+    if (dpi := as_float(dpi, "dpi")) <= 0:
+        raise BadValue(f"A picture needs a positive number of pixels per inch, not dpi={dpi:g}.")
     if not path.parent.is_dir():
         raise MissingFolder(path.name, path.parent)
-    return Sheet(path, width, height, _backend(path))
+    return Sheet(path, width, height, dpi, _backend(path))
+
+
+def size(width: int, height: int) -> tuple[int, int]:
+    """Check a width and height in pixels.
+
+    Raises:
+        BadValue: one is not positive.
+    """
+    width, height = as_int(width, "The width of a picture"), as_int(height, "The height of a picture")
+    if width <= 0 or height <= 0:
+        raise BadValue(f"A picture needs a positive width and height, not {width} x {height}.")
+    return width, height
 
 
 def _backend(path: Path) -> Backend:
@@ -56,7 +65,7 @@ def _backend(path: Path) -> Backend:
 
 def paint(artists: Mapping[str, IArtist], commands: Commands, logger: ILogger) -> None:
     """Let every visible artist draw, lowest layer first; one that fails is logged, and the others draw on."""
-    for name, artist in sorted(artists.items(), key=_painting_order):
+    for name, artist in sorted(artists.items(), key=painting_order):
         if not artist.get_visible():
             continue
         commands.layer = artist.get_layer()
@@ -68,10 +77,15 @@ def paint(artists: Mapping[str, IArtist], commands: Commands, logger: ILogger) -
             )
 
 
-def _painting_order(item: tuple[str, IArtist]) -> tuple[int, bool]:
+def painting_order(item: tuple[str, IArtist]) -> tuple[int, bool]:
     """By layer, and within it what never changes first."""
     artist = item[1]
     return artist.get_layer(), artist.get_artist_type() is not ArtistType.STATIC
+
+
+def header_px(title: str) -> float:
+    """How much room a title takes above a picture."""
+    return _HEADER_PX if title else 0.0
 
 
 def with_attribution(note: str, attribution: str | None) -> str:
@@ -81,8 +95,14 @@ def with_attribution(note: str, attribution: str | None) -> str:
     return note
 
 
-def write(sheet: Sheet, commands: DrawCommands, *, title: str, note: str, background: ColorType) -> None:
+def write(
+    sheet: Sheet, commands: DrawCommands, look: Look | None, *, title: str, note: str, background: ColorType
+) -> None:
     """Paint the columns and replace the file in one step."""
-    camera = fit(commands, sheet.width, sheet.height, header=_HEADER_PX if title else 0.0)
-    content = sheet.backend(commands, camera, title=title, note=note, background=rgba(background))
+    if look is None:
+        camera = fit(commands, sheet.width, sheet.height, header=header_px(title))
+    else:
+        camera = look.camera(sheet.width, sheet.height)
+    words = {"title": title, "note": note, "background": rgba(background), "dpi": sheet.dpi}
+    content = sheet.backend(commands, camera, **words)
     write_whole(sheet.path, content)

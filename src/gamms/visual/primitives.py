@@ -11,6 +11,7 @@ from gamms.ir.draw import DrawSpace
 from gamms.typing import ColorType, IContext, IVisualizationEngine
 from gamms.visual.color import Color
 from gamms.visual.commands import Commands
+from gamms.visual.motion import Motion
 
 _FONT_PX = 36
 
@@ -18,7 +19,9 @@ _FONT_PX = 36
 class Primitives(IVisualizationEngine):
     """The part of an engine that drawers draw with."""
 
-    def __init__(self) -> None:
+    def __init__(self, ctx: IContext) -> None:
+        self.ctx = ctx
+        self.motion = Motion(ctx)
         self._drawing: Commands | None = None
 
     @contextmanager
@@ -151,6 +154,29 @@ class Primitives(IVisualizationEngine):
         if self._drawing is not None:
             space = DrawSpace.SCREEN if in_pixels else DrawSpace.WORLD
             self._drawing.add_circles(centers, radius, color, width, space)
+
+    def position_of(self, agent_name: str, share: float = 1.0) -> tuple[float, float]:
+        """Where an agent is shown after a share of its last move; 1.0 is where it stands.
+
+        While a film or a window shows a turn, drawers find the share in `data["_alpha"]`.
+
+        Raises:
+            UnknownName (KeyError): there is no such agent.
+        """
+        return self.motion.position_of(agent_name, share)
+
+    def render_discs(
+        self,
+        centers: Any,
+        radius: float,
+        color: ColorType = Color.Black,
+        edge: ColorType = Color.White,
+        *,
+        at_least_px: float = 0.0,
+    ) -> None:
+        """Fill many equal discs with a thin edge; `radius` in world units, but never less than some pixels."""
+        if self._drawing is not None:
+            self._drawing.add_discs(centers, radius, at_least_px, color, edge, 3.0)
 
     def render_layer(self, layer_id: int) -> None:
         """Do nothing: layers are painted with the picture."""

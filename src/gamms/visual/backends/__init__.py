@@ -1,16 +1,62 @@
 """Backends: functions that turn draw commands into the bytes of a picture file.
 
-`backend(commands, camera, *, title, note, background) -> bytes`; it reads nothing but the columns. A new
+`backend(commands, camera, *, title, note, background, dpi) -> bytes`; it reads nothing but the columns. A new
 format is one file here and one line below; an installed package adds one through the entry point group
-`gamms.backends`.
+`gamms.backends`. `gamms.testing.check_backend` says whether it keeps the contract.
+
+Pixels are painted by `raster.py` on the surfaces of `pygame.py`; optional libraries have one file each.
 """
 
 from collections.abc import Callable
+from pathlib import Path
+from typing import Protocol
 
 from gamms.plugins import Registry
-from gamms.visual.backends import svg
+from gamms.visual.backends import png, svg
+from gamms.visual.backends.coverage import ByteArray
 
 Backend = Callable[..., bytes]
 
 FORMATS: Registry[bytes] = Registry("picture format", "gamms.backends")
 FORMATS.register(".svg")(svg.svg)
+FORMATS.register(".png")(png.png)
+
+
+class PaintedFrame(Protocol):
+    """A frame of a film."""
+
+    def pixels(self) -> ByteArray:
+        """RGB, as (height, width, 3), of its own."""
+
+    def copy_bgrx(self, buffer: bytearray) -> None:
+        """Write blue, green, red and a byte without meaning, row by row: the fastest way to an encoder."""
+
+
+class FilmWriter(Protocol):
+    """What writes a film to a file; made by `(path, width, height, fps)`."""
+
+    def add(self, picture: PaintedFrame) -> None:
+        """Add a frame; it is painted over afterwards."""
+
+    def finish(self) -> None:
+        """End the file."""
+
+    def discard(self) -> None:
+        """Stop; the file is of no use."""
+
+
+FILMS: Registry[FilmWriter] = Registry("film format", "gamms.films")
+
+
+@FILMS.register(".mp4")
+def _mp4(path: Path, width: int, height: int, fps: float) -> FilmWriter:
+    from gamms.visual.backends.av import Mp4
+
+    return Mp4(path, width, height, fps)
+
+
+@FILMS.register(".gif")
+def _gif(path: Path, width: int, height: int, fps: float) -> FilmWriter:
+    from gamms.visual.backends.pillow import Gif
+
+    return Gif(path, width, height, fps)

@@ -21,8 +21,10 @@ from gamms.visual.color import PAPER, Rgba
 
 _SMALLEST_RADIUS_PX = 0.5
 _THINNEST_PX = 1.0  # of lines whose width is in world units
+_CSS_DPI = 96.0  # what every viewer takes a pixel for
 _MID_GREY = 128
 _HALO = ' stroke="#{:02x}{:02x}{:02x}" stroke-width="3" paint-order="stroke"'.format(*PAPER)
+_FONT_SCALE = 0.6875  # from the height that pygame gives a font to its size: pictures of both kinds look alike
 _ASCENT = 0.8  # of the font height: from the top of a line of text to its baseline
 _INK, _FAINT = "#333333", "#777777"
 _FONT = "system-ui, 'Helvetica Neue', Arial, sans-serif"
@@ -55,11 +57,13 @@ class _Sheet(NamedTuple):
         return points
 
 
-def svg(commands: DrawCommands, camera: Camera, *, title: str, note: str, background: Rgba) -> bytes:
-    """The whole picture as an SVG file."""
+def svg(
+    commands: DrawCommands, camera: Camera, *, title: str, note: str, background: Rgba, dpi: float = _CSS_DPI
+) -> bytes:
+    """The whole picture as an SVG file, as large on paper as `dpi` says."""
     sheet = _sheet(commands, camera)
     lines = [
-        _opening(camera),
+        _opening(camera, dpi),
         f"<title>{_escaped(title or 'GAMMS')}</title>",
         f'<rect width="100%" height="100%"{_paint("fill", background)}/>',
         '<g stroke-linecap="round" stroke-linejoin="round">',
@@ -71,10 +75,12 @@ def svg(commands: DrawCommands, camera: Camera, *, title: str, note: str, backgr
     return "\n".join(line for line in lines if line).encode()
 
 
-def _opening(camera: Camera) -> str:
+def _opening(camera: Camera, dpi: float) -> str:
     width, height = camera.width, camera.height
+    sides = (f"{side}" if dpi == _CSS_DPI else f"{side / dpi:.6g}in" for side in (width, height))
+    physical = 'width="{}" height="{}"'.format(*sides)
     return (
-        f'<svg xmlns="http://www.w3.org/2000/svg" width="{width}" height="{height}" '
+        f'<svg xmlns="http://www.w3.org/2000/svg" {physical} '
         f'viewBox="0 0 {width} {height}" role="img" font-family="{_FONT}">'
     )
 
@@ -100,11 +106,12 @@ def _sheet(commands: DrawCommands, camera: Camera) -> _Sheet:
     points = camera.to_screen(commands.points)
     boxes = np.flatnonzero(commands.kind == DrawKind.RECTANGLE)
     scale = np.where(commands.space == DrawSpace.WORLD, camera.scale, 1.0)
+    font_scale = np.where(commands.kind == DrawKind.TEXT, _FONT_SCALE, 1.0)
     points[commands.offsets[boxes] + 1] = commands.points[commands.offsets[boxes] + 1] * scale[boxes, None]
     return _Sheet(
         kind=commands.kind[rows],
         color=commands.color[rows],
-        size=_tenths(commands.size * scale)[rows],
+        size=_tenths(commands.size * scale * font_scale)[rows],
         width=_tenths(_widths_px(commands, scale))[rows],
         angle=commands.angle[rows],
         offsets=offsets,

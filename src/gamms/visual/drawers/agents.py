@@ -6,16 +6,15 @@ from gamms.typing import IAerialAgent, IContext
 from gamms.typing.agent_engine import AgentType
 from gamms.visual.appearance import AgentData
 from gamms.visual.color import Rgb, rgba
-from gamms.visual.drawers.marks import discs, rings
+from gamms.visual.drawers.marks import rings
 from gamms.visual.primitives import primitives_of
 
-_LEAST_PX = 6.0
 _BRIGHT = 170.0
 _WHITE, _DARK = (255, 255, 255), (60, 60, 60)
 
 _RING, _RING_PX = 1.8, 11.0  # of an agent in the air: in radii of its disc, and at least
 _NOSE = 2.6  # how far it reaches, in radii of the disc
-_HEIGHT_PX = 12
+_HEIGHT_PX = 17
 _ASIDE = "\u00a0" * 4  # as wide as the smallest ring, for text is placed in world units only
 
 
@@ -26,17 +25,16 @@ def render_agent(ctx: IContext, data: dict[str, Any]) -> None:
     if agent.type == AgentType.AERIAL:
         render_aerial_agent(ctx, data)
         return
-    node = ctx.graph.graph.get_node(agent.current_node_id)
-    look.current_position = (node.x, node.y)
-    _body(ctx, look, node.x, node.y)
+    look.current_position = x, y = primitives_of(ctx).position_of(look.name, data.get("_alpha", 1.0))
+    _body(ctx, look, x, y)
 
 
 def render_aerial_agent(ctx: IContext, data: dict[str, Any]) -> None:
     """Draw the agent in the air that `data['agent_data']` names: from above, with its height written beside it."""
     look: AgentData = data["agent_data"]
     agent = cast("IAerialAgent", ctx.agent.get_agent(look.name))
-    (x, y, z), (cos, sin) = agent.position, agent.orientation
-    look.current_position = (x, y)
+    (_, _, z), (cos, sin) = agent.position, agent.orientation
+    look.current_position = x, y = primitives_of(ctx).position_of(look.name, data.get("_alpha", 1.0))
     for color, edge_px in ((_outline(look.color), 2.0), (look.color, 0.0)):  # an edge lifts it off the map
         rings(ctx, [(x, y)], _RING * look.size, color, _RING_PX, 2.0 + edge_px)
         if (cos, sin) != (0.0, 0.0):  # it does not point straight up or down
@@ -51,7 +49,8 @@ def _body(ctx: IContext, look: AgentData, x: float, y: float) -> None:
     if look.image is not None:
         ctx.visual.render_image(x, y, look.image, look.size)
     else:
-        discs(ctx, [(x, y)], look.size, look.color, _outline(look.color), _LEAST_PX)
+        edge = _outline(look.color)
+        primitives_of(ctx).render_discs([(x, y)], look.size, look.color, edge, at_least_px=look.least_px)
 
 
 def _height(z: float) -> str:

@@ -10,7 +10,9 @@ from gamms.visual.appearance import GraphData
 from gamms.visual.primitives import primitives_of
 
 _FEW = 2_000  # up to so many edges there is room for broader streets
-_ID_PX = 12
+_ID_PX, _INK = 17, (60, 60, 60)
+_STREET = 2.0  # metres: how broad a street of a real map is drawn, but never thinner than a pixel
+_SLIM = 0.2  # at most so broad, in lengths of a usual edge
 
 
 def render_graph(ctx: IContext, data: dict[str, Any]) -> None:
@@ -18,20 +20,25 @@ def render_graph(ctx: IContext, data: dict[str, Any]) -> None:
     look: GraphData = data["graph_data"]
     columns = ctx.graph.columns()
     visual = primitives_of(ctx)
-    points, offsets = _streets(columns, look)
-    visual.render_lines(points, offsets, look.edge_color, 1.5 if len(offsets) <= _FEW else 1.0)
+    points, offsets, breadth = _streets(columns, look)
+    if columns.crs is None:
+        visual.render_lines(points, offsets, look.edge_color, 1.5 if len(offsets) <= _FEW else 1.0)
+    else:
+        visual.render_lines(points, offsets, look.edge_color, breadth, in_world=True)
     visual.render_circles(columns.xy, look.node_size, look.node_color)
     if look.draw_id:
         for id, (x, y) in zip(columns.node_ids.tolist(), columns.xy.tolist(), strict=True):
-            visual.render_text(str(id), x, y, look.node_color, font_size=_ID_PX)
+            visual.render_text(str(id), x, y, _INK, font_size=_ID_PX)
 
 
-def _streets(columns: GraphColumns, look: GraphData) -> tuple[FloatArray, IntArray]:
-    """The polylines of the graph, made once per revision."""
+def _streets(columns: GraphColumns, look: GraphData) -> tuple[FloatArray, IntArray, float]:
+    """The polylines of the graph and how broad they are on a real map, made once per revision."""
     if columns.revision not in look.edge_line_points:
         look.edge_line_points.clear()
-        look.edge_line_points[columns.revision] = polylines(columns, one_way_each(columns))
-    made: tuple[FloatArray, IntArray] = look.edge_line_points[columns.revision]
+        points, offsets = polylines(columns, one_way_each(columns))
+        usual = float(np.median(columns.lengths)) if len(columns.lengths) else 0.0
+        look.edge_line_points[columns.revision] = points, offsets, min(_STREET, _SLIM * usual)
+    made: tuple[FloatArray, IntArray, float] = look.edge_line_points[columns.revision]
     return made
 
 

@@ -68,5 +68,7 @@ def _see_through(color: Any) -> Rgba:
     return red, green, blue, min(alpha, _ALPHA)
 
 
+render_sensor.once_a_turn = True  # type: ignore[attr-defined] # between turns nobody looks
+
 # The names under which 1.0.0 had a drawer per kind.
 render_map_sensor = render_agent_sensor = render_neighbor_sensor = render_aerial_agent_sensor = render_sensor

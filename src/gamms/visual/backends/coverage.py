@@ -1,0 +1,171 @@
+"""How much of each pixel a shape covers: smooth edges at places and widths that are no whole pixels.
+
+Pixel (column, row) is the square from (column, row) to (column + 1, row + 1); y is down. Coverage is 0 to 255.
+"""
+
+from itertools import pairwise
+from typing import Any, NamedTuple
+
+import numpy as np
+
+from gamms.ir.graph import FloatArray, IntArray
+
+ByteArray = np.ndarray[Any, np.dtype[np.uint8]]
+
+_FINER = 4  # lines per row of pixels on which the sides of a polygon are looked at
+_AT_ONCE = 2_000_000  # pixels that are looked at together, so that memory stays bounded
+
+
+class Patch(NamedTuple):
+    """Coverage of a part of a picture, and where its upper left pixel lies."""
+
+    coverage: ByteArray  # (rows, columns)
+    left: int
+    top: int
+
+
+def disc(x: float, y: float, outer: float, inner: float, width: int, height: int) -> Patch | None:
+    """A disc of radius `outer` px with a hole of radius `inner`, cut to a picture; None where nothing is in it."""
+    left, top = max(0, int(np.floor(x - outer - 1))), max(0, int(np.floor(y - outer - 1)))
+    right, bottom = min(width, int(np.ceil(x + outer + 1))), min(height, int(np.ceil(y + outer + 1)))
+    if left >= right or top >= bottom:
+        return None
+    across = np.arange(left, right) + 0.5 - x
+    down = np.arange(top, bottom) + 0.5 - y
+    distance = np.hypot(across, down[:, None])
+    covered = np.clip(outer + 0.5 - distance, 0.0, 1.0)
+    if inner > 0.0:
+        covered -= np.clip(inner + 0.5 - distance, 0.0, 1.0)
+    return Patch(np.rint(np.maximum(covered, 0.0) * 255.0).astype(np.uint8), left, top)
+
+
+def strokes(starts: FloatArray, ends: FloatArray, width_px: float, width: int, height: int) -> Patch | None:
+    """All lines together, with round ends, cut to a picture; where they overlap they count once.
+
+    Args:
+        starts: (lines, 2), pixels.
+        ends: (lines, 2), pixels.
+        width_px: of every line; thinner than a pixel is a pixel of less coverage.
+        width: of the picture.
+        height: of the picture.
+    """
+    half = max(width_px, 1.0) / 2
+    low = np.floor(np.minimum(starts, ends).min(axis=0) - half - 1)
+    high = np.ceil(np.maximum(starts, ends).max(axis=0) + half + 1)
+    left, top = np.maximum(low, 0).astype(np.int64).tolist()
+    right, bottom = np.minimum(high, (width, height)).astype(np.int64).tolist()
+    if left >= right or top >= bottom:
+        return None
+    shift = np.array([left, top])
+    patch = np.zeros((bottom - top, right - left), np.uint8)
+    for part in _parts(np.abs(ends - starts).max(axis=1), half):
+        _stroke(patch, (starts[part] - shift).astype(np.float32), (ends[part] - shift).astype(np.float32), half)
+    if width_px < 1.0:
+        patch = np.rint(patch * width_px).astype(np.uint8)
+    return Patch(patch, left, top)
+
+
+def broad_strokes(starts: FloatArray, ends: FloatArray, width_px: float, width: int, height: int) -> Patch:
+    """The same as `strokes` for few lines of any width: its cost does not grow with the width."""
+    half = width_px / 2
+    covered = np.zeros((height, width), np.uint8)
+    for start, end in zip(starts, ends, strict=True):
+        ahead = (end - start) / (float(np.hypot(*(end - start))) or 1.0) * half
+        beside = ahead[::-1] * (-1, 1)
+        body = np.array([start + beside, end + beside, end - beside, start - beside])
+        pieces = (polygon(body, width, height), *(disc(x, y, half, 0.0, width, height) for x, y in (start, end)))
+        for patch, left, top in filter(None, pieces):
+            place = covered[top : top + patch.shape[0], left : left + patch.shape[1]]
+            np.maximum(place, patch, out=place)
+    return Patch(covered, 0, 0)
+
+
+def polygon(points: FloatArray, width: int, height: int) -> Patch | None:
+    """A filled polygon (corners, 2), cut to a picture; what it winds around in either direction is inside."""
+    left, top = np.maximum(np.floor(points.min(axis=0)), 0).astype(np.int64).tolist()
+    right, bottom = np.minimum(np.ceil(points.max(axis=0)), (width, height)).astype(np.int64).tolist()
+    if left >= right or top >= bottom:
+        return None
+    line, x, turn = _crossings(points - (left, top), (bottom - top) * _FINER)
+    order = np.lexsort((x, line))
+    line, x, turn = line[order], np.clip(x[order], 0, right - left), turn[order]
+    after = np.cumsum(turn)  # how often it has wound around what lies right of each crossing; 0 after each line
+    step = ((after != 0).astype(np.float64) - (after - turn != 0)) / _FINER
+    column = np.minimum(x.astype(np.int64), right - left - 1)
+    beyond = x - column
+    steps = np.zeros((bottom - top, right - left + 1))
+    np.add.at(steps, (line // _FINER, column), step * (1 - beyond))
+    np.add.at(steps, (line // _FINER, column + 1), step * beyond)
+    covered = np.cumsum(steps[:, :-1], axis=1) * 255
+    return Patch(np.rint(np.clip(covered, 0, 255)).astype(np.uint8), left, top)
+
+
+def _crossings(points: FloatArray, lines: int) -> tuple[IntArray, FloatArray, IntArray]:
+    """Where the sides of a polygon cross fine lines: which line, at which x, downwards (1) or upwards (-1)."""
+    begin, end = points, np.roll(points, -1, axis=0)
+    turn = np.sign(end[:, 1] - begin[:, 1]).astype(np.int64)
+    high, low = np.where((turn > 0)[:, None], begin, end), np.where((turn > 0)[:, None], end, begin)
+    first = np.clip(np.ceil(high[:, 1] * _FINER - 0.5), 0, lines).astype(np.int64)
+    last = np.clip(np.ceil(low[:, 1] * _FINER - 0.5), 0, lines).astype(np.int64)
+    counts = last - first
+    side = np.repeat(np.arange(len(points)), counts)
+    line = np.arange(len(side)) - np.repeat(np.cumsum(counts) - counts - first, counts)
+    share = ((line + 0.5) / _FINER - high[side, 1]) / (low[side, 1] - high[side, 1])
+    return line, high[side, 0] + share * (low[side, 0] - high[side, 0]), turn[side]
+
+
+def _parts(lengths: FloatArray, half: float) -> list[slice]:
+    """Slices of lines with a bounded number of pixels each."""
+    pixels = np.cumsum((lengths + 2 * half + 3) * (3 * half + 5))
+    cuts = np.searchsorted(pixels, np.arange(_AT_ONCE, float(pixels[-1]), _AT_ONCE)).tolist()
+    borders = sorted({0, *cuts, len(lengths)})
+    return [slice(begin, end) for begin, end in pairwise(borders)]
+
+
+def _stroke(patch: ByteArray, starts: Any, ends: Any, half: float) -> None:
+    """Write the larger of what a patch has and what the lines (float32, in its pixels) cover."""
+    is_steep = np.abs(ends - starts)[:, 1] > np.abs(ends - starts)[:, 0]
+    for steep in (False, True):
+        rows = is_steep == steep
+        if rows.any():
+            turned = slice(None, None, -1 if steep else 1)
+            _flat_strokes(patch.T if steep else patch, starts[rows][:, turned], ends[rows][:, turned], half)
+
+
+def _flat_strokes(patch: ByteArray, starts: Any, ends: Any, half: float) -> None:
+    """Lines that go across more than down: in each column they touch, look at the pixels around their middle."""
+    back = starts[:, 0] > ends[:, 0]
+    starts, ends = np.where(back[:, None], ends, starts), np.where(back[:, None], starts, ends)
+    ways = ends - starts
+    slopes = np.divide(ways[:, 1], ways[:, 0], out=np.zeros_like(ways[:, 0]), where=ways[:, 0] > 0)
+    # The middles of pixels that are covered at all lie less than half a pixel beyond the line.
+    first = np.maximum(np.ceil(starts[:, 0] - half - 1), 0).astype(np.int32)
+    last = np.minimum(np.floor(ends[:, 0] + half) + 1, patch.shape[1]).astype(np.int32)
+    counts = np.maximum(last - first, 0)
+    line = np.repeat(np.arange(len(starts), dtype=np.int32), counts)
+    column = np.arange(len(line), dtype=np.int32) - np.repeat(np.cumsum(counts) - counts - first, counts)
+    across = column + np.float32(0.5) - starts[line, 0]
+    middle = starts[line, 1] + slopes[line] * np.clip(across, 0, ways[line, 0])
+    reach = (half + 0.5) * np.sqrt(1 + float((slopes * slopes).max(initial=0.0)))
+    row = np.ceil(middle - reach - 0.5).astype(np.int32)[:, None] + np.arange(int(2 * reach) + 1, dtype=np.int32)
+    down = row + np.float32(0.5) - starts[line, 1][:, None]
+    covered = _nearness(across[:, None], down, ways[line], half)
+    _keep_largest(patch, row, column, covered)
+
+
+def _nearness(across: Any, down: Any, ways: Any, half: float) -> Any:
+    """Coverage by lines from the origin along `ways` (columns, 2), at (columns, rows) places; 0 to 1."""
+    squares = np.maximum((ways * ways).sum(axis=1), np.float32(1e-12))[:, None]
+    along = np.clip((across * ways[:, :1] + down * ways[:, 1:]) / squares, 0, 1)
+    beside = across - along * ways[:, :1]
+    above = down - along * ways[:, 1:]
+    return np.clip(np.float32(half + 0.5) - np.sqrt(beside * beside + above * above), 0, 1)
+
+
+def _keep_largest(patch: ByteArray, row: IntArray, column: IntArray, covered: Any) -> None:
+    rows = patch.shape[0]
+    places = np.nonzero((covered > 0) & (row >= 0) & (row < rows))
+    value = np.rint(covered[places] * 255).astype(np.uint8)
+    order = np.argsort(value, kind="stable")  # the last one written stays, so the largest comes last
+    at = (row[places][order], column[places[0]][order])
+    patch[at] = np.maximum(patch[at], value[order])

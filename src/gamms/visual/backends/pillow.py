@@ -1,0 +1,132 @@
+"""The one door to Pillow: PNG and GIF files."""
+
+import io
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+
+from gamms.errors import MissingExtra
+from gamms.visual.backends import PaintedFrame
+from gamms.visual.backends.coverage import ByteArray
+
+_OWN = 192  # colours taken from the first frame; the others are spread evenly, for what comes later
+_SPREAD = (0, 85, 170, 255)
+
+
+def _image_module() -> Any:
+    """Pillow's `Image`.
+
+    Raises:
+        MissingExtra: it is not installed.
+    """
+    try:
+        from PIL import Image
+    except ImportError as error:
+        raise MissingExtra("Writing a PNG or GIF file", "viz") from error
+    return Image
+
+
+def png_file(pixels: ByteArray, dpi: float) -> bytes:
+    """A PNG file of RGB pixels (height, width, 3) that says how large it is on paper."""
+    data = io.BytesIO()
+    _image_module().fromarray(pixels).save(data, "PNG", dpi=(dpi, dpi))
+    return data.getvalue()
+
+
+def pixels_of(file: bytes) -> ByteArray:
+    """The RGB pixels (height, width, 3) of an image file."""
+    return np.asarray(_image_module().open(io.BytesIO(file)).convert("RGB"))
+
+
+class Gif:
+    """Writes an animation frame by frame, with one palette; of each frame only what changed.
+
+    Raises:
+        MissingExtra: Pillow is not installed.
+    """
+
+    def __init__(self, path: Path, width: int, height: int, fps: float) -> None:
+        self._image = _image_module()
+        self._fps = fps
+        self._size = width, height
+        self._file = path.open("wb")
+        self._palette: Any = None
+        self._waiting: Any = None  # a part of the picture that is not written yet: (image, corner)
+        self._before: Any = None
+        self._begun = self._frames = 0
+
+    def add(self, picture: PaintedFrame) -> None:
+        """Add a frame.
+
+        Raises:
+            OSError: the file cannot be written.
+        """
+        image = self._image.fromarray(picture.pixels())
+        if self._palette is None:
+            self._palette = _palette(self._image, image)
+        image = image.quantize(palette=self._palette, dither=self._image.Dither.NONE)
+        box = _changed(self._before, image)
+        if box is not None:
+            self._write()
+            self._waiting = image.crop(box), box[:2]
+            self._before, self._begun = image, self._frames
+        self._frames += 1
+
+    def finish(self) -> None:
+        """Write what is left.
+
+        Raises:
+            OSError: the file cannot be written.
+        """
+        with self._file:
+            self._write()
+            self._file.write(b";")
+
+    def discard(self) -> None:
+        """Stop; what was written is of no use."""
+        self._file.close()
+
+    def _write(self) -> None:
+        """Write the frame that waits: now it is known how long it is shown."""
+        from PIL import GifImagePlugin
+
+        if self._waiting is None:
+            return
+        image, corner = self._waiting
+        if self._begun == 0:
+            for part in _header(self._image, image, self._palette):
+                self._file.write(part)
+        # Rounded in total, for a frame lasts whole hundredths of a second.
+        hundredths = round(100 * self._frames / self._fps) - round(100 * self._begun / self._fps)
+        for part in GifImagePlugin.getdata(image, corner, duration=10 * max(hundredths, 1)):
+            self._file.write(part)
+
+
+def _header(module: Any, image: Any, palette: Any) -> list[bytes]:
+    """The beginning of a file that repeats for ever, up to its first frame."""
+    data = io.BytesIO()
+    first = module.new("P", image.size)
+    first.putpalette(palette.getpalette())
+    first.save(data, "GIF", loop=0, optimize=False, duration=10)
+    whole = data.getvalue()
+    return [whole[: whole.index(b"!\xf9\x04")]]
+
+
+def _palette(module: Any, image: Any) -> Any:
+    own = image.quantize(_OWN).getpalette()[: 3 * _OWN]
+    spread = [value for red in _SPREAD for green in _SPREAD for blue in _SPREAD for value in (red, green, blue)]
+    palette = module.new("P", (1, 1))
+    palette.putpalette([*own, *[0] * (3 * _OWN - len(own)), *spread])
+    return palette
+
+
+def _changed(before: Any, image: Any) -> tuple[int, int, int, int] | None:
+    """The box around what changed; all of it in the first frame."""
+    if before is None:
+        return (0, 0, *image.size)
+    differs = np.asarray(before) != np.asarray(image)
+    rows, columns = np.flatnonzero(differs.any(axis=1)), np.flatnonzero(differs.any(axis=0))
+    if len(rows) == 0:
+        return None
+    return int(columns[0]), int(rows[0]), int(columns[-1]) + 1, int(rows[-1]) + 1

@@ -1,0 +1,238 @@
+"""The one door to pygame (pygame-ce or pygame): surfaces to paint on, with smooth edges and true transparency.
+
+Nothing here opens a window or touches sound; a surface needs neither.
+"""
+
+import os
+import re
+import sys
+from collections import deque
+from collections.abc import Iterator, Sequence
+from contextlib import contextmanager
+from functools import lru_cache
+from itertools import repeat
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
+
+from gamms.errors import BadValue, MissingExtra
+from gamms.ir.graph import FloatArray
+from gamms.visual.backends.coverage import ByteArray, Patch
+from gamms.visual.color import PAPER, Rgb, Rgba
+
+if TYPE_CHECKING:
+    from pygame import Surface
+    from pygame.font import Font
+
+_PROMPT = "PYGAME_HIDE_SUPPORT_PROMPT"
+_UNWRITABLE = re.compile("[\x00-\x1f\x7f\ud800-\udfff]")
+_BGRX = (0xFF0000, 0xFF00, 0xFF) if sys.byteorder == "little" else ()  # the masks of such a surface
+_HALO = [(0, 1), (1, 0), (1, 2), (2, 1), (0, 0), (0, 2), (2, 0), (2, 2)]  # around dark text
+_MOST_IMAGE_PX = 4096
+
+
+@lru_cache(maxsize=1)
+def load() -> Any:
+    """The library, with fonts ready, without a display, without sound and without its greeting.
+
+    Raises:
+        MissingExtra: it is not installed.
+    """
+    is_ours = _PROMPT not in os.environ
+    os.environ.setdefault(_PROMPT, "1")
+    try:
+        import pygame
+        import pygame.font
+        import pygame.surfarray
+        import pygame.transform
+    except ImportError as error:
+        raise MissingExtra("Painting a picture", "viz") from error
+    finally:
+        if is_ours:
+            del os.environ[_PROMPT]
+    return pygame
+
+
+class Canvas:
+    """A picture in the making: (x, y) in pixels from its upper left corner, y down; colours are RGBA.
+
+    Args:
+        width: pixels.
+        height: pixels.
+        surface: what to paint on instead of a new one, such as that of a window; 32 bits.
+    """
+
+    def __init__(self, width: int, height: int, surface: "Surface | None" = None) -> None:
+        self._pygame = load()
+        self.width, self.height = width, height
+        self.surface: Surface = self._pygame.Surface((width, height), 0, 32) if surface is None else surface
+
+    def fill(self, color: Rgba) -> None:
+        """Paint all of it; transparency does not count here."""
+        self.surface.fill(color[:3])
+
+    def pixels(self) -> ByteArray:
+        """RGB, as (height, width, 3); a copy, which is read-only."""
+        data = self._pygame.image.tobytes(self.surface, "RGB")
+        return np.frombuffer(data, np.uint8).reshape(self.height, self.width, 3)
+
+    def copy_bgrx(self, buffer: bytearray) -> None:
+        """Write blue, green, red and a byte without meaning, row by row, into a buffer of that size."""
+        if self.surface.get_masks()[:3] == _BGRX and self.surface.get_pitch() == 4 * self.width:
+            buffer[:] = memoryview(self.surface.get_buffer())  # type: ignore[arg-type] # it is a buffer, untyped
+        else:
+            buffer[:] = self._pygame.image.tobytes(self.surface, "BGRA")
+
+    # -- shapes ----------------------------------------------------------------------------------------------
+
+    def hairlines(self, starts: FloatArray, ends: FloatArray, color: Rgba) -> None:
+        """Draw smooth lines (lines, 2), one pixel wide, which must not lie far outside."""
+        low = np.floor(np.minimum(starts, ends).min(axis=0) - 2)
+        high = np.ceil(np.maximum(starts, ends).max(axis=0) + 2)
+        with self._painted(low, high, color[3]) as (surface, left, top):
+            shift = (left + 0.5, top + 0.5)  # pygame counts from the middle of a pixel
+            begin, end = (zip(*(points - shift).T.tolist(), strict=True) for points in (starts, ends))
+            # NOTE: a loop in C, which takes half the time (redrawing a map of 100,000 edges).
+            deque(map(self._pygame.draw.aaline, repeat(surface), repeat(color[:3]), begin, end), maxlen=0)
+
+    def rectangle(self, x: float, y: float, width: float, height: float, color: Rgba) -> None:
+        """Fill a rectangle, rounded to whole pixels so that its edges are sharp."""
+        box = self._pygame.Rect(0, 0, self.width, self.height)
+        left, top = (max(-1, min(round(value), limit + 1)) for value, limit in ((x, self.width), (y, self.height)))
+        right, bottom = (
+            min(round(value), limit + 1) for value, limit in ((x + width, self.width), (y + height, self.height))
+        )
+        if right <= left or bottom <= top:
+            return
+        box = box.clip((left, top, right - left, bottom - top))
+        if box.w and box.h:
+            self.surface.blit(_paint(box.w, box.h, color), box.topleft)
+
+    def cover(self, patch: Patch, color: Rgba) -> None:
+        """Blend a colour in as far as a patch covers the picture."""
+        self.surface.blit(stamp(patch.coverage, color), (patch.left, patch.top))
+
+    def stamps(self, placed: Sequence[tuple["Surface", tuple[int, int]]]) -> None:
+        """Paint many surfaces, in order."""
+        self.surface.blits(placed, False)
+
+    @contextmanager
+    def _painted(self, low: FloatArray, high: FloatArray, alpha: int) -> Iterator[tuple["Surface", int, int]]:
+        """A surface to paint opaquely on, and its place; what was painted is then blended in with `alpha`, once."""
+        if alpha == 255:
+            yield self.surface, 0, 0
+            return
+        left, top = np.maximum(low, 0).astype(int).tolist()
+        right, bottom = np.minimum(high, (self.width, self.height)).astype(int).tolist()
+        area = self._pygame.Rect(left, top, max(right - left, 0), max(bottom - top, 0))
+        part = self.surface.subsurface(area).copy() if area.w and area.h else self._pygame.Surface((1, 1))
+        yield part, left, top
+        part.set_alpha(alpha)
+        self.surface.blit(part, (left, top))
+
+    # -- words and images ------------------------------------------------------------------------------------
+
+    def text(self, words: str, x: float, y: float, font_px: float, color: Rgba, align_right: bool = False) -> None:
+        """Write with the upper left, or upper right, corner at (x, y); dark words get a light edge."""
+        written = _text(_UNWRITABLE.sub(" ", words), max(round(font_px), 1), color)
+        left = x - 1 - (written.get_width() - 2 if align_right else 0)
+        if -written.get_width() < left < self.width and -written.get_height() < y - 1 < self.height:
+            self.surface.blit(written, (round(left), round(y - 1)))
+
+    def image(self, path: str, x: float, y: float, side: float, angle: float) -> None:
+        """Draw an image file in a square of `side` px around (x, y), turned counter-clockwise by degrees."""
+        drawn = _image(path, round(min(side, _MOST_IMAGE_PX)), round(angle % 360.0, 1))
+        self.surface.blit(drawn, (round(x - drawn.get_width() / 2), round(y - drawn.get_height() / 2)))
+
+
+def stamp(coverage: ByteArray, color: Rgba) -> "Surface":
+    """A surface of one colour that is as opaque as `coverage` (rows, columns) says."""
+    rows, columns = coverage.shape
+    surface = _paint(columns, rows, (*color[:3], 255))
+    opacity = coverage if color[3] == 255 else (coverage.astype(np.uint16) * color[3] // 255).astype(np.uint8)
+    load().surfarray.pixels_alpha(surface)[:] = opacity.T
+    return surface
+
+
+def veil(over_black: "Surface", over_white: "Surface") -> "Surface":
+    """What was painted alike over black and over white, as a surface one can see through.
+
+    It is to be blitted with BLEND_PREMULTIPLIED.
+    """
+    pygame = load()
+    black, white = (pygame.surfarray.array3d(surface) for surface in (over_black, over_white))
+    seen_through = (white - black).max(axis=2)  # never below black, so nothing wraps around
+    surface: Surface = pygame.Surface(over_black.get_size(), pygame.SRCALPHA, 32)
+    pygame.surfarray.pixels3d(surface)[:] = black
+    pygame.surfarray.pixels_alpha(surface)[:] = 255 - seen_through
+    return surface
+
+
+def _paint(width: int, height: int, color: Rgba) -> "Surface":
+    pygame = load()
+    surface: Surface = pygame.Surface((width, height), pygame.SRCALPHA, 32)
+    surface.fill(color)
+    return surface
+
+
+def _font(font_px: int) -> "Font":
+    """The font that comes with pygame; another program may have closed the fonts meanwhile."""
+    pygame = load()
+    if not pygame.font.get_init():
+        pygame.font.init()
+        _opened_font.cache_clear()
+    return _opened_font(font_px)
+
+
+@lru_cache(maxsize=64)
+def _opened_font(font_px: int) -> "Font":
+    font: Font = load().font.Font(None, font_px)
+    return font
+
+
+@lru_cache(maxsize=4096)
+def _text(words: str, font_px: int, color: Rgba) -> "Surface":
+    """The words with a free pixel on every side."""
+    font, ink = _font(font_px), color[:3]
+    written = font.render(words, True, ink)
+    pygame = load()
+    surface: Surface = pygame.Surface((written.get_width() + 2, written.get_height() + 2), pygame.SRCALPHA, 32)
+    surface.fill((*(PAPER if _is_dark(ink) else ink), 0))
+    if _is_dark(ink):
+        light = font.render(words, True, PAPER)
+        for place in _HALO:
+            surface.blit(light, place)
+    surface.blit(written, (1, 1))
+    surface.set_alpha(color[3])
+    return surface
+
+
+def _is_dark(ink: Rgb) -> bool:
+    return sum(ink) < 3 * 128
+
+
+@lru_cache(maxsize=512)
+def _image(path: str, side: int, angle: float) -> "Surface":
+    pygame = load()
+    image = _opened_image(path)
+    ratio = side / max(image.get_size())
+    size = [max(1, round(length * ratio)) for length in image.get_size()]
+    fitted: Surface = pygame.transform.smoothscale(image, size)
+    return pygame.transform.rotozoom(fitted, angle, 1.0) if angle else fitted
+
+
+@lru_cache(maxsize=64)
+def _opened_image(path: str) -> "Surface":
+    """The image with its transparency, in the order of bytes that blits are fast with.
+
+    Raises:
+        BadValue: it cannot be read.
+    """
+    pygame = load()
+    try:
+        image = pygame.image.load(path)
+    except (pygame.error, OSError) as error:
+        raise BadValue(f"Cannot read the image {path!r}: {error}") from None
+    surface: Surface = pygame.Surface(image.get_size(), pygame.SRCALPHA, 32)
+    surface.blit(image, (0, 0))
+    return surface

@@ -1,0 +1,315 @@
+"""Raster: draw commands as pixels, painted through a camera.
+
+`Painting` prepares commands once; it can then be painted through any camera, and what the camera does not see
+costs little.
+"""
+
+from collections.abc import Callable, Iterator
+from functools import lru_cache
+from itertools import pairwise
+from typing import Any, NamedTuple
+
+import numpy as np
+
+from gamms.ir.draw import DrawCommands, DrawKind, DrawSpace
+from gamms.ir.graph import FloatArray, IntArray
+from gamms.visual.backends import coverage
+from gamms.visual.backends.pygame import Canvas, stamp
+from gamms.visual.camera import Camera
+from gamms.visual.clipping import clipped, touching
+from gamms.visual.color import Rgba
+
+_SMALLEST_RADIUS_PX = 0.5
+_THINNEST_PX = 1.0  # of lines whose width is in world units
+_BROAD_PX = 200.0  # lines are painted one by one from here on
+_BEYOND_PX = 8.0  # lines are cut so far outside, where nobody sees it
+_LARGEST_STAMP_PX = 96.0
+_STEPS = 4  # places within a pixel at which a stamp can be
+_INK: Rgba = (51, 51, 51, 255)
+_FAINT: Rgba = (119, 119, 119, 255)
+
+
+class Painting:
+    """Draw commands, cut into runs that are painted together."""
+
+    def __init__(self, commands: DrawCommands) -> None:
+        self.commands = commands
+        rows = commands.in_painting_order()
+        self._runs = [_RUNS[kind](commands, rows[begin:end]) for kind, begin, end in _runs(commands, rows)]
+
+    def paint(self, canvas: Canvas, camera: Camera) -> None:
+        """Paint what the camera sees, from back to front."""
+        for run in self._runs:
+            run(canvas, camera)
+
+
+_Run = Callable[[Canvas, Camera], None]
+
+
+def _runs(commands: DrawCommands, rows: IntArray) -> Iterator[tuple[DrawKind, int, int]]:
+    """Kind, first place and last place + 1 of commands that follow each other; those of lines share their style."""
+    if len(rows) == 0:
+        return
+    kind = commands.kind[rows]
+    is_line = kind == DrawKind.LINE
+    style = np.column_stack([commands.width[rows], commands.space[rows], commands.color[rows]]) * is_line[:, None]
+    changes = np.flatnonzero((kind[1:] != kind[:-1]) | (style[1:] != style[:-1]).any(axis=1)) + 1
+    for begin, end in pairwise([0, *changes.tolist(), len(rows)]):
+        yield DrawKind(int(kind[begin])), begin, end
+
+
+def _view(camera: Camera, margin_px: float) -> tuple[float, float, float, float]:
+    """Left, low, right and high end of what a camera sees and so many pixels around it, in world units."""
+    margin = margin_px / camera.scale
+    right, low = camera.left + camera.width / camera.scale, camera.top - camera.height / camera.scale
+    return camera.left - margin, low - margin, right + margin, camera.top + margin
+
+
+def _scales(commands: DrawCommands, rows: IntArray, camera: Camera) -> FloatArray:
+    """Pixels per unit of size, (rows,)."""
+    return np.where(commands.space[rows] == DrawSpace.WORLD, camera.scale, 1.0)
+
+
+def _rgba(commands: DrawCommands, row: int) -> Rgba:
+    red, green, blue, alpha = commands.color[row].tolist()
+    return red, green, blue, alpha
+
+
+# -- lines --------------------------------------------------------------------------------------------------
+
+
+class _Lines:
+    """Polylines of one style, as straight pieces with the boxes around them."""
+
+    def __init__(self, commands: DrawCommands, rows: IntArray) -> None:
+        begins, ends = commands.offsets[rows], commands.offsets[rows + 1]
+        counts = ends - begins - 1
+        first = np.repeat(begins - (np.cumsum(counts) - counts), counts) + np.arange(int(counts.sum()))
+        self.starts, self.ends = commands.points[first], commands.points[first + 1]
+        self.low, self.high = np.minimum(self.starts, self.ends), np.maximum(self.starts, self.ends)
+        row = int(rows[0])
+        self.color = _rgba(commands, row)
+        self.width = float(commands.width[row])
+        self.is_in_world = bool(commands.space[row] == DrawSpace.WORLD)
+
+    def __call__(self, canvas: Canvas, camera: Camera) -> None:
+        width_px = max(self.width * camera.scale, _THINNEST_PX) if self.is_in_world else self.width
+        seen = touching(self.low, self.high, _view(camera, width_px + _BEYOND_PX))
+        if not seen.any() or width_px == 0.0 or self.color[3] == 0:
+            return
+        starts, ends = camera.to_screen(self.starts[seen]), camera.to_screen(self.ends[seen])
+        draw_lines(canvas, starts, ends, width_px, self.color)
+
+
+def draw_lines(canvas: Canvas, starts: FloatArray, ends: FloatArray, width_px: float, color: Rgba) -> None:
+    """Paint straight lines (lines, 2), in pixels."""
+    margin = width_px + _BEYOND_PX
+    low, high = (-margin, -margin), (canvas.width + margin, canvas.height + margin)
+    if not all(((low <= points) & (points <= high)).all() for points in (starts, ends)):
+        starts, ends = clipped(starts, ends, low, high)
+    if len(starts) == 0:
+        return
+    if width_px == _THINNEST_PX:
+        canvas.hairlines(starts, ends, color)
+        return
+    paint = coverage.broad_strokes if width_px > _BROAD_PX else coverage.strokes
+    patch = paint(starts, ends, width_px, canvas.width, canvas.height)
+    if patch is not None:
+        canvas.cover(patch, color)
+
+
+# -- circles ------------------------------------------------------------------------------------------------
+
+
+class _Circles:
+    """Circles of any size and colour."""
+
+    def __init__(self, commands: DrawCommands, rows: IntArray) -> None:
+        self.centers = commands.points[commands.offsets[rows]]
+        self.size, self.width, self.color = commands.size[rows], commands.width[rows], commands.color[rows]
+        self.is_in_world = commands.space[rows] == DrawSpace.WORLD
+
+    def __call__(self, canvas: Canvas, camera: Camera) -> None:
+        radius = self.size * np.where(self.is_in_world, camera.scale, 1.0)
+        centers = camera.to_screen(self.centers)
+        reach = (radius + self.width)[:, None] + 1.0
+        inside = touching(centers - reach, centers + reach, (0.0, 0.0, canvas.width, canvas.height))
+        inside &= (radius >= _SMALLEST_RADIUS_PX) & (self.color[:, 3] > 0)
+        small = radius + self.width <= _LARGEST_STAMP_PX
+        for is_small, begin, end in _stretches(small[inside]):
+            rows = np.flatnonzero(inside)[begin:end]
+            paint = _stamped if is_small else _large
+            paint(canvas, centers[rows], radius[rows], self.width[rows], self.color[rows])
+
+
+def _stretches(flags: Any) -> Iterator[tuple[bool, int, int]]:
+    if len(flags):
+        changes = np.flatnonzero(flags[1:] != flags[:-1]) + 1
+        for begin, end in pairwise([0, *changes.tolist(), len(flags)]):
+            yield bool(flags[begin]), begin, end
+
+
+def _stamped(canvas: Canvas, centers: FloatArray, radius: FloatArray, width: FloatArray, color: Any) -> None:
+    reach = np.ceil(radius + width / 2) + 1
+    corner = centers - reach[:, None]
+    whole = np.floor(corner)
+    step = np.minimum(((corner - whole) * _STEPS).astype(np.int64), _STEPS - 1)
+    look = np.column_stack([np.rint(np.column_stack([radius, width, reach]) * 10).astype(np.int64), color])
+    places = whole.astype(np.int64).tolist()
+    changes = (look[1:] != look[:-1]).any(axis=1)
+    if 8 * np.count_nonzero(changes) > len(look):
+        pairs = zip(look.tolist(), step.tolist(), places, strict=True)
+        canvas.stamps([(_stamp(*one, *where), (x, y)) for one, where, (x, y) in pairs])
+        return
+    code = (_STEPS * step[:, 0] + step[:, 1]).tolist()
+    for begin, end in pairwise([0, *(np.flatnonzero(changes) + 1).tolist(), len(look)]):
+        one = look[begin].tolist()
+        stamps = {number: _stamp(*one, *divmod(number, _STEPS)) for number in set(code[begin:end])}
+        canvas.stamps(
+            [(stamps[number], (x, y)) for number, (x, y) in zip(code[begin:end], places[begin:end], strict=True)]
+        )
+
+
+@lru_cache(maxsize=8192)
+def _stamp(radius: int, width: int, reach: int, *rest: int) -> Any:
+    """One circle as a surface: tenths of pixels, the colour, and the place within the pixel."""
+    red, green, blue, alpha, right, down = rest
+    side = 2 * reach // 10 + 1
+    x, y = (reach / 10 + (step + 0.5) / _STEPS for step in (right, down))
+    outer, inner = _ring(radius / 10, width / 10)
+    patch = coverage.disc(x, y, outer, inner, side, side)
+    full = np.zeros((side, side), np.uint8)
+    if patch is not None:
+        rows, columns = patch.coverage.shape
+        full[patch.top : patch.top + rows, patch.left : patch.left + columns] = patch.coverage
+    return stamp(full, (red, green, blue, alpha))
+
+
+def _ring(radius: float, width: float) -> tuple[float, float]:
+    """Outer and inner radius; 0 for a disc without a hole."""
+    return (radius, 0.0) if width == 0.0 else (radius + width / 2, max(radius - width / 2, 0.0))
+
+
+def _large(canvas: Canvas, centers: FloatArray, radius: FloatArray, width: FloatArray, color: Any) -> None:
+    columns = (centers.tolist(), radius.tolist(), width.tolist(), color.tolist())
+    for (x, y), r, w, (red, green, blue, alpha) in zip(*columns, strict=True):
+        patch = coverage.disc(x, y, *_ring(r, w), canvas.width, canvas.height)
+        if patch is not None:
+            canvas.cover(patch, (red, green, blue, alpha))
+
+
+# -- what is painted one by one -----------------------------------------------------------------------------
+
+
+class _Singly:
+    """Rectangles, polygons, texts and images."""
+
+    def __init__(self, commands: DrawCommands, rows: IntArray) -> None:
+        self.commands, self.rows = commands, rows.tolist()
+        kind = DrawKind(int(commands.kind[rows[0]]))
+        self.paint = _SINGLE[kind]
+
+    def __call__(self, canvas: Canvas, camera: Camera) -> None:
+        for row in self.rows:
+            self.paint(canvas, camera, _Command.of(self.commands, row, camera))
+
+
+class _Command(NamedTuple):
+    """One command, in pixels."""
+
+    points: FloatArray  # (points, 2)
+    size: float
+    width: float
+    scale: float
+    angle: float
+    color: Rgba
+    text: str
+    extent: FloatArray  # of a rectangle, in its own unit
+
+    @classmethod
+    def of(cls, commands: DrawCommands, row: int, camera: Camera) -> "_Command":
+        """Row `row` of the columns, as the camera sees it."""
+        points = commands.points[commands.offsets[row] : commands.offsets[row + 1]]
+        scale = camera.scale if commands.space[row] == DrawSpace.WORLD else 1.0
+        return cls(
+            points=camera.to_screen(points),
+            size=float(commands.size[row]) * scale,
+            width=float(commands.width[row]),
+            scale=scale,
+            angle=float(commands.angle[row]),
+            color=_rgba(commands, row),
+            text=commands.text[row],
+            extent=points[-1] * scale,
+        )
+
+
+def _rectangle(canvas: Canvas, camera: Camera, command: _Command) -> None:
+    (x, y), (width, height) = command.points[0].tolist(), command.extent.tolist()
+    if command.width == 0.0:
+        canvas.rectangle(x, y, width, height, command.color)
+        return
+    corners = np.array([(x, y), (x + width, y), (x + width, y + height), (x, y + height)])
+    _polygon(canvas, camera, command._replace(points=corners))
+
+
+def _polygon(canvas: Canvas, camera: Camera, command: _Command) -> None:
+    low, high = command.points.min(axis=0) - command.width, command.points.max(axis=0) + command.width
+    if (high < 0).any() or (low > (camera.width, camera.height)).any() or command.color[3] == 0:
+        return
+    if command.width == 0.0:
+        patch = coverage.polygon(command.points, camera.width, camera.height)
+        if patch is not None:
+            canvas.cover(patch, command.color)
+    else:
+        draw_lines(canvas, command.points, np.roll(command.points, -1, axis=0), command.width, command.color)
+
+
+def _text(canvas: Canvas, camera: Camera, command: _Command) -> None:
+    x, y = command.points[0].tolist()
+    if -_reach(command) < x < camera.width and -2 * command.size < y < camera.height and command.text:
+        canvas.text(command.text, x, y, command.size, command.color)
+
+
+def _reach(command: _Command) -> float:
+    """More pixels than the words can be wide."""
+    return 2.0 * command.size * len(command.text)
+
+
+def _image(canvas: Canvas, camera: Camera, command: _Command) -> None:
+    (x, y), reach = command.points[0].tolist(), 1.5 * command.size
+    is_seen = -reach < x < camera.width + reach and -reach < y < camera.height + reach
+    if is_seen and command.size >= _SMALLEST_RADIUS_PX:
+        canvas.image(command.text, x, y, 2 * command.size, command.angle)
+
+
+_SINGLE = {
+    DrawKind.RECTANGLE: _rectangle,
+    DrawKind.POLYGON: _polygon,
+    DrawKind.TEXT: _text,
+    DrawKind.IMAGE: _image,
+}
+_RUNS: dict[DrawKind, Callable[[DrawCommands, IntArray], _Run]] = {
+    DrawKind.LINE: _Lines,
+    DrawKind.CIRCLE: _Circles,
+    **dict.fromkeys(_SINGLE, _Singly),
+}
+
+
+# -- whole pictures -----------------------------------------------------------------------------------------
+
+
+def frame_words(canvas: Canvas, title: str, note: str) -> None:
+    """Write the words around the picture."""
+    if title:
+        canvas.text(title, 20, 16, 28, _INK)
+    if note:
+        canvas.text(note, canvas.width - 8, canvas.height - 20, 16, _FAINT, align_right=True)
+
+
+def painted(commands: DrawCommands, camera: Camera, *, title: str, note: str, background: Rgba) -> Canvas:
+    """A whole picture."""
+    canvas = Canvas(camera.width, camera.height)
+    canvas.fill(background)
+    Painting(commands).paint(canvas, camera)
+    frame_words(canvas, title, note)
+    return canvas

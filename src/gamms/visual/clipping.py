@@ -1,0 +1,36 @@
+"""What of a drawing is inside a view: nothing is lost that crosses it with both ends outside."""
+
+import numpy as np
+
+from gamms.ir.graph import FloatArray
+
+
+def touching(
+    low: FloatArray, high: FloatArray, box: tuple[float, float, float, float]
+) -> "np.ndarray[tuple[int, ...], np.dtype[np.bool_]]":
+    """Which boxes, from `low` to `high` (boxes, 2), touch the box (left, low, right, high)."""
+    left, bottom, right, top = box
+    is_touching: np.ndarray[tuple[int, ...], np.dtype[np.bool_]] = (
+        (high[:, 0] >= left) & (low[:, 0] <= right) & (high[:, 1] >= bottom) & (low[:, 1] <= top)
+    )
+    return is_touching
+
+
+def clipped(
+    starts: FloatArray, ends: FloatArray, low: tuple[float, float], high: tuple[float, float]
+) -> tuple[FloatArray, FloatArray]:
+    """The parts of lines (lines, 2) inside a box; lines that miss it are left out, their order stays."""
+    ways = ends - starts
+    enter, leave = np.zeros(len(starts)), np.ones(len(starts))
+    is_inside = np.ones(len(starts), bool)
+    for axis in (0, 1):
+        way, start = ways[:, axis], starts[:, axis]
+        is_parallel = way == 0.0
+        step = np.where(is_parallel, 1.0, way)
+        at_low, at_high = (low[axis] - start) / step, (high[axis] - start) / step
+        enter = np.maximum(enter, np.where(is_parallel, 0.0, np.minimum(at_low, at_high)))
+        leave = np.minimum(leave, np.where(is_parallel, 1.0, np.maximum(at_low, at_high)))
+        is_inside &= ~is_parallel | ((start >= low[axis]) & (start <= high[axis]))
+    is_inside &= enter <= leave
+    begin, way = starts[is_inside], ways[is_inside]
+    return begin + enter[is_inside, None] * way, begin + leave[is_inside, None] * way

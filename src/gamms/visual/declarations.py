@@ -1,0 +1,130 @@
+"""What a scenario should look like: every visual that was declared, by name."""
+
+from typing import Any
+
+from gamms.arguments import as_name
+from gamms.errors import BadType
+from gamms.typing import ArtistType, IArtist, IContext
+from gamms.visual.appearance import AgentData, GraphData
+from gamms.visual.artist import Artist
+from gamms.visual.constants import Shape
+from gamms.visual.described import artist_of, words_of
+from gamms.visual.drawers import render_agent, render_graph, render_obstacles, render_sensor
+from gamms.visual.primitives import Primitives
+
+_OBSTACLES, _GRAPH, _AGENTS, _ARTISTS, _SENSORS = 5, 10, 20, 30, 40  # layers
+
+
+class Declarations(Primitives):
+    """The part of an engine that keeps what is declared; it draws nothing.
+
+    Attributes:
+        declarations: a number that changes whenever an artist is declared, added or removed.
+    """
+
+    def __init__(self, ctx: IContext) -> None:
+        super().__init__(ctx)
+        self._artists: dict[str, IArtist] = {}
+        self._is_declared = False
+        self.declarations = 0
+
+    def set_graph_visual(self, **kwargs: Any) -> Artist:
+        """Declare how the graph looks: `node_color`, `node_size`, `edge_color`, `draw_id`."""
+        look = _known(kwargs, "node_color", "node_size", "edge_color", "draw_id")
+        artist = Artist(self.ctx, render_graph, _GRAPH)
+        artist.set_artist_type(ArtistType.STATIC)
+        artist.data = {"graph_data": GraphData(**look)}
+        return self._declare("graph", artist)
+
+    def set_obstacle_visual(self, **kwargs: Any) -> Artist:
+        """Declare how obstacles look: `color_map` (type -> colour), `boundary_thickness` (world units)."""
+        artist = Artist(self.ctx, render_obstacles, _OBSTACLES)
+        artist.set_artist_type(ArtistType.STATIC)
+        artist.data = {"color_map": {}, "boundary_thickness": 1.0}
+        artist.data |= _known(kwargs, "color_map", "boundary_thickness")
+        return self._declare("obstacles", artist)
+
+    def set_agent_visual(self, name: str, **kwargs: Any) -> Artist:
+        """Declare how an agent looks: `color`, `size` (world units), `image_path`; it need not exist yet."""
+        look = AgentData(name, image=kwargs.get("image_path"), **_known(kwargs, "color", "size"))
+        artist = Artist(self.ctx, render_agent, _AGENTS)
+        artist.data = {"agent_data": look, "_alpha": 1.0}
+        return self._declare(name, artist)
+
+    def set_sensor_visual(self, name: str, **kwargs: Any) -> Artist:
+        """Declare how a sensor's last view looks: `color`, `size`, or `node_color`, `edge_color`; `layer`."""
+        artist = Artist(self.ctx, render_sensor, kwargs.get("layer", _SENSORS))
+        artist.data = {"name": name, **_known(kwargs, "color", "size", "node_color", "edge_color")}
+        return self._declare(f"sensor_{name}", artist)
+
+    def _declare(self, name: str, artist: Artist) -> Artist:
+        if not self.ctx.is_terminated():
+            self._artists[as_name(name, "a visual")] = artist
+            self._is_declared = True
+            self.declarations += 1
+        return artist
+
+    def add_artist(self, name: str, artist: IArtist | dict[str, Any]) -> IArtist:
+        """Draw an artist; one of that name is replaced.
+
+        A dict becomes the `data` of a new artist; its keys `drawer` (or `shape`) and `layer` say how.
+
+        Raises:
+            BadType: neither an artist nor a dict.
+        """
+        if isinstance(artist, dict):
+            artist = self._artist_of(artist)
+        if not isinstance(artist, IArtist):
+            raise BadType(f"Artist {name!r} must be an Artist or a dict, not {artist!r} ({type(artist).__name__}).")
+        if not self.ctx.is_terminated():
+            self._artists[as_name(name, "an artist")] = artist
+            self.declarations += 1
+        return artist
+
+    def _artist_of(self, data: dict[str, Any]) -> Artist:
+        drawer = data.get("drawer", data.get("shape", Shape.Circle))
+        artist = Artist(self.ctx, drawer, data.get("layer", _ARTISTS))
+        artist.data = data
+        return artist
+
+    def remove_artist(self, name: str) -> None:
+        """Draw an artist no longer; a missing one is only warned about."""
+        if self.ctx.is_terminated():
+            return
+        self.declarations += 1
+        if self._artists.pop(name, None) is None:
+            self.ctx.logger.warning("There is no artist named %r to remove.", name)
+
+    def described(self) -> dict[str, Any]:
+        """What it looks like, in words: the `artists` whose drawers are ours, and whether visuals were declared."""
+        artists = [words_of(name, artist) for name, artist in self._artists.items()]
+        return {"artists": [one for one in artists if one is not None], "is_declared": self._is_declared}
+
+    def show(self, described: dict[str, Any], own: frozenset[str] = frozenset()) -> frozenset[str]:
+        """Add the artists that `described` told, but for those whose names are taken.
+
+        Args:
+            described: of this or another context.
+            own: what an earlier call gave, whose artists are replaced.
+
+        Returns:
+            The names of the artists that were added.
+
+        Raises:
+            KeyError, BadType (TypeError), TypeError: nobody told this; nothing has changed.
+        """
+        made = {as_name(one["name"], "an artist"): artist_of(self.ctx, one) for one in described["artists"]}
+        is_declared = bool(described["is_declared"])
+        if self.ctx.is_terminated():
+            return own
+        for name in own:
+            self._artists.pop(name, None)
+        new = {name: one for name, one in made.items() if one is not None and name not in self._artists}
+        self._artists |= new
+        self._is_declared |= is_declared
+        self.declarations += 1
+        return frozenset(new)
+
+
+def _known(given: dict[str, Any], *names: str) -> dict[str, Any]:
+    return {name: given[name] for name in names if name in given}

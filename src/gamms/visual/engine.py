@@ -1,0 +1,244 @@
+"""What every visual engine can do: draw the present state as commands, pictures, frames and films."""
+
+import os
+from collections.abc import Callable, Mapping
+from typing import TYPE_CHECKING, Any
+
+from gamms.arguments import as_float
+from gamms.errors import BadValue, ContextTerminated
+from gamms.ir.draw import DrawCommands
+from gamms.typing import ArtistType, ColorType, IArtist, IContext
+from gamms.visual.camera import Look
+from gamms.visual.color import PAPER
+from gamms.visual.declarations import Declarations
+from gamms.visual.undeclared import undeclared_artists
+
+if TYPE_CHECKING:
+    from gamms.visual.backends.coverage import ByteArray
+    from gamms.visual.film import Film
+    from gamms.visual.scene import Scene
+
+
+class PictureEngine(Declarations):
+    """The common part of engines with and without a window.
+
+    Attributes:
+        after_turn: called by `simulate`, in order.
+        turn_seconds: how long a turn is shown; 1.0.0 calls it the simulation time constant.
+        width, height: of a frame, pixels.
+        look: where pictures look; None sees everything that is drawn.
+    """
+
+    def __init__(self, ctx: IContext, *, simulation_time_constant: float = 2.0) -> None:
+        super().__init__(ctx)
+        self.after_turn: list[Callable[[], None]] = []
+        self.turn_seconds = as_float(simulation_time_constant, "simulation_time_constant")
+        self.width, self.height = 1280, 720
+        self.look: Look | None = None
+        self._films: list[Film] = []
+        self._scene: Scene | None = None
+
+    # -- turns -----------------------------------------------------------------------------------------------
+
+    def simulate(self) -> None:
+        """Tell those who count turns that one is over, and add it to the films that are being made."""
+        for tell in self.after_turn:
+            tell()
+        if self._films and not self.ctx.is_terminated():
+            self.motion.begin_turn()
+            for film in tuple(self._films):
+                film.add_turn()
+
+    def update(self) -> None:
+        """Do nothing: there is no window to draw a frame in."""
+
+    def human_input(self, agent_name: str, state: dict[str, Any]) -> int | tuple[float, float, float]:  # noqa: ARG002 - nobody to ask
+        """Stay: the agent's own node, or no movement for an agent that flies."""
+        position: int | tuple[float, ...] = state["curr_pos"]
+        return (0.0, 0.0, 0.0) if isinstance(position, tuple) else position
+
+    def terminate(self) -> None:
+        """Close the room: films that are being made end here."""
+        for film in tuple(self._films):
+            film.finish()
+
+    # -- where pictures look ---------------------------------------------------------------------------------
+
+    def look_at(self, x: float, y: float, width: float) -> None:
+        """Let frames and films show `width` world units around (x, y), instead of everything.
+
+        Raises:
+            BadType, BadValue: not finite numbers, or a width that is not positive.
+        """
+        x, y, width = as_float(x, "x"), as_float(y, "y"), as_float(width, "width")
+        if width <= 0.0:
+            raise BadValue(f"A view needs a positive width in world units, not {width:g}.")
+        self.look = Look(x, y, width)
+
+    def look_at_all(self) -> None:
+        """Let frames and films show everything that is drawn."""
+        self.look = None
+
+    def get_viewport(self) -> tuple[float, float, float, float, float] | None:
+        """None: nothing is shown."""
+        return None
+
+    # -- pictures --------------------------------------------------------------------------------------------
+
+    def shown_artists(self) -> dict[str, IArtist]:
+        """Who draws: the artists that were declared, or those of the default look.
+
+        Raises:
+            ContextTerminated: the context has ended.
+        """
+        if self.ctx.is_terminated():
+            raise ContextTerminated("the state to draw")
+        return dict(self._artists) if self._is_declared else undeclared_artists(self.ctx) | self._artists
+
+    def draw_commands(self) -> DrawCommands:
+        """The present state as draw commands.
+
+        Where no visual was declared, the graph and the agents are drawn in a default look. A drawer that
+        raises is logged, and the others draw on.
+
+        Raises:
+            ContextTerminated: the context has ended.
+        """
+        return self._drawn(self.shown_artists())
+
+    def _drawn(self, artists: Mapping[str, IArtist], share: float = 1.0) -> DrawCommands:
+        """What artists draw after a share of the agents' last moves, from 0.0 to 1.0."""
+        from gamms.visual import picture
+
+        for artist in artists.values():
+            data = getattr(artist, "data", None)
+            if isinstance(data, dict) and artist.get_artist_type() is ArtistType.DYNAMIC:
+                data["_alpha"] = share
+        with self._collecting() as commands:
+            picture.paint(artists, commands, self.ctx.logger)
+        return commands.freeze()
+
+    def save(
+        self,
+        path: str | os.PathLike[str],
+        width: int = 1280,
+        height: int = 720,
+        *,
+        title: str = "",
+        note: str = "",
+        background: ColorType = PAPER,
+        dpi: float = 96.0,
+    ) -> None:
+        """Save a picture of the present state; the suffix of `path` names the format (`.svg`, `.png`).
+
+        Args:
+            path: an existing file is replaced.
+            width: pixels.
+            height: pixels.
+            title: a line above the picture.
+            note: small print in its lower right corner; the source of the map is added to it.
+            background: the colour behind everything.
+            dpi: pixels per inch: how large the picture is on paper.
+
+        Raises:
+            BadValue: a size or dpi that is not positive, or a folder that does not exist.
+            NotYet: a format that cannot be written.
+            MissingExtra (ImportError): PNG needs pygame and Pillow, which are not installed.
+            ContextTerminated: the context has ended.
+        """
+        from gamms.visual import picture
+
+        sheet = picture.sheet(path, width, height, dpi)
+        picture.write(sheet, self.draw_commands(), self.look, title=title, note=self.noted(note), background=background)
+
+    def noted(self, note: str) -> str:
+        """The note, and the source of the map unless the note already names it."""
+        from gamms.visual import picture
+
+        return picture.with_attribution(note, getattr(self.ctx.graph, "attribution", None))
+
+    def frame(
+        self,
+        width: int | None = None,
+        height: int | None = None,
+        *,
+        title: str = "",
+        note: str = "",
+        background: ColorType = PAPER,
+    ) -> "ByteArray":
+        """The present state as pixels: red, green and blue from 0 to 255, (height, width, 3); see `save`.
+
+        The size is that of the engine, 1280 x 720 if it was given none.
+
+        What STATIC artists drew is kept until the graph, the obstacles or their data change.
+
+        Raises:
+            BadValue: a size that is not positive.
+            MissingExtra (ImportError): pygame is not installed.
+            ContextTerminated: the context has ended.
+        """
+        from gamms.visual.film import Frames
+        from gamms.visual.picture import size
+
+        width, height = size(self.width if width is None else width, self.height if height is None else height)
+        frames = Frames(self, width, height, title=title, note=note, background=background, scene=self._scene)
+        self._scene = frames.scene
+        return frames.at(1.0).pixels().copy()  # which may be written to
+
+    # -- films -----------------------------------------------------------------------------------------------
+
+    def film(
+        self,
+        path: str | os.PathLike[str],
+        fps: float = 30,
+        width: int = 1280,
+        height: int = 720,
+        frames_per_turn: int | None = None,
+        *,
+        title: str = "",
+        note: str = "",
+        background: ColorType = PAPER,
+    ) -> "Film":
+        """Film the turns that are played inside a `with` block; the suffix of `path` names the format.
+
+        Each `simulate()`, and so each turn of `ctx.game`, adds frames in which the agents glide to where they are
+        now. Time is counted in frames, never by the clock. The film ends with the block or with the context.
+
+        Args:
+            path: `.mp4` or `.gif`; an existing file is replaced when the film has ended without an error.
+            fps: frames per second.
+            width: pixels; for MP4, odd sizes are rounded up.
+            height: pixels.
+            frames_per_turn: default: so many that a turn takes `simulation_time_constant` seconds.
+            title: a line above the picture.
+            note: small print in the lower right corner; the source of the map is added to it.
+            background: the colour behind everything.
+
+        Raises:
+            BadValue: an unknown format, a bad number, a folder that does not exist, or a film that is being made there.
+            MissingExtra (ImportError): a library is not installed.
+            ContextTerminated: the context has ended.
+        """
+        if self.ctx.is_terminated():
+            raise ContextTerminated("the state to film")
+        return self._new_film(path, fps, width, height, frames_per_turn, title=title, note=note, background=background)
+
+    def _new_film(
+        self,
+        path: str | os.PathLike[str],
+        fps: float,
+        width: int,
+        height: int,
+        frames_per_turn: int | None,
+        *,
+        title: str,
+        note: str,
+        background: ColorType = PAPER,
+    ) -> "Film":
+        from gamms.visual.film import Film, Frames, film_plan
+
+        plan = film_plan(path, fps, width, height, frames_per_turn, self.turn_seconds)
+        frames = Frames(self, plan.width, plan.height, title=title, note=note, background=background)
+        film = Film(frames, plan, self._films)
+        self._films.append(film)
+        return film

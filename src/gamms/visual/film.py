@@ -1,0 +1,204 @@
+"""Films: every turn becomes frames in which the agents glide from where they were to where they are."""
+
+import os
+from pathlib import Path
+from types import TracebackType
+from typing import TYPE_CHECKING, Any, NamedTuple, Self
+from weakref import WeakValueDictionary
+
+from gamms.arguments import as_float, as_int, as_path
+from gamms.errors import BadValue, Duplicate, MissingFolder
+from gamms.ir.draw import DrawCommands
+from gamms.typing import ColorType, IArtist
+from gamms.visual import picture
+from gamms.visual.backends import FILMS, FilmWriter
+from gamms.visual.backends.pygame import Canvas
+from gamms.visual.backends.raster import frame_words
+from gamms.visual.camera import Camera
+from gamms.visual.color import rgba
+from gamms.visual.scene import Scene
+
+if TYPE_CHECKING:
+    from gamms.visual.engine import PictureEngine
+
+_FASTEST = 240.0  # frames per second
+_being_made: WeakValueDictionary[Path, "Film"] = WeakValueDictionary()
+
+
+class Plan(NamedTuple):
+    """What a film will be, checked."""
+
+    path: Path
+    fps: float
+    width: int
+    height: int
+    frames_per_turn: int
+
+
+def film_plan(
+    path: str | os.PathLike[str],
+    fps: float,
+    width: int,
+    height: int,
+    frames_per_turn: int | None,
+    turn_seconds: float,
+) -> Plan:
+    """Check everything that can be checked before the first frame.
+
+    Raises:
+        BadValue: an unknown format, or a bad number.
+        MissingFolder: the folder is not there.
+    """
+    path, (width, height) = as_path(path, "path"), picture.size(width, height)
+    if not 0.0 < (fps := as_float(fps, "fps")) <= _FASTEST:
+        raise BadValue(f"A film needs between 0 and {_FASTEST:g} frames per second, not fps={fps:g}.")
+    if frames_per_turn is None:
+        frames_per_turn = max(1, round(turn_seconds * fps))
+    if (frames := as_int(frames_per_turn, "frames_per_turn")) < 1:
+        raise BadValue(f"A turn needs at least one frame, not frames_per_turn={frames}.")
+    if (suffix := path.suffix.lower()) not in FILMS:
+        known = ", ".join(FILMS)
+        raise BadValue(f"Cannot write a film as {path.suffix or path.name!r}; there is: {known}.")
+    if not path.parent.is_dir():
+        raise MissingFolder(path.name, path.parent)
+    if suffix == ".mp4":  # its colours are stored for two by two pixels
+        width, height = width + width % 2, height + height % 2
+    return Plan(path, fps, width, height, frames)
+
+
+class Frames:
+    """Paints the state of a context at any time between two turns, always through the same camera.
+
+    Args:
+        engine: of the context.
+        width: pixels.
+        height: pixels.
+        title: a line above the picture.
+        note: small print; the source of the map is added to it.
+        background: the colour behind everything.
+        scene: what was kept of earlier frames.
+    """
+
+    def __init__(
+        self,
+        engine: "PictureEngine",
+        width: int,
+        height: int,
+        *,
+        title: str,
+        note: str,
+        background: ColorType,
+        scene: Scene | None = None,
+    ) -> None:
+        self.engine, self.scene = engine, scene or Scene(self._world)
+        self._title, self._note, self._background = title, note, rgba(background)
+        self._canvas = Canvas(width, height)
+        self._camera: Camera | None = None
+        self._artists: dict[str, IArtist] | None = None
+        self._is_new_turn = True
+
+    def begin_turn(self) -> None:
+        """Ask anew who is to be drawn."""
+        self._artists, self._is_new_turn = self.engine.shown_artists(), True
+
+    def at(self, share: float) -> Canvas:
+        """The picture after a share of the agents' last moves; it is painted over by the next one."""
+        if self._artists is None:
+            self.begin_turn()
+        artists = self._artists or {}
+
+        def draw(members: dict[str, IArtist]) -> DrawCommands:
+            return self.engine._drawn(members, share)
+
+        self.scene.draw(artists, draw, is_new_turn=self._is_new_turn)
+        self._is_new_turn = False
+        self.scene.paint(self._canvas, self._view(), self._background)
+        frame_words(self._canvas, self._title, self.engine.noted(self._note))
+        return self._canvas
+
+    def _world(self) -> Any:
+        """What changes when the graph or the obstacles do."""
+        graph = self.engine.ctx.graph
+        return getattr(graph.graph, "revision", None), getattr(graph, "obstacle_revision", None)
+
+    def _view(self) -> Camera:
+        if self.engine.look is not None:
+            return self.engine.look.camera(self._canvas.width, self._canvas.height)
+        if self._camera is None:
+            header = picture.header_px(self._title)
+            self._camera = self.scene.fit(self._canvas.width, self._canvas.height, header)
+        return self._camera
+
+
+class Film:
+    """A film that is being made. The file appears, whole, when it ends; after an error nothing is written."""
+
+    def __init__(self, frames: Frames, plan: Plan, open_films: "list[Film]") -> None:
+        self.plan, self._frames, self._open = plan, frames, open_films
+        self._place = plan.path.resolve()
+        if self._place in _being_made:
+            raise Duplicate("a film that is being made", str(plan.path))
+        self._part = plan.path.with_name(f".{plan.path.name}.{os.getpid()}.part")
+        self._writer: FilmWriter | None = FILMS[plan.path.suffix.lower()](self._part, plan.width, plan.height, plan.fps)
+        _being_made[self._place] = self
+        self.frames = 0
+
+    def add_turn(self) -> None:
+        """Add the turn that was just played.
+
+        Raises:
+            OSError: the file cannot be written; the film is given up then.
+        """
+        if self._writer is None:
+            return
+        try:
+            self._frames.begin_turn()
+            for number in range(1, self.plan.frames_per_turn + 1):
+                self._writer.add(self._frames.at(number / self.plan.frames_per_turn))
+                self.frames += 1
+        except BaseException:
+            self.discard()
+            raise
+
+    def finish(self) -> None:
+        """End the film and put it in its place; one without a turn is not written."""
+        if self._writer is None:
+            return
+        writer, self._writer = self._writer, None
+        try:
+            if self.frames:
+                writer.finish()
+                self._part.replace(self.plan.path)
+            else:
+                writer.discard()
+                self._frames.engine.ctx.logger.warning(
+                    "The film %r has no turn: it is not written.", self.plan.path.name
+                )
+        finally:
+            self._close()
+
+    def discard(self) -> None:
+        """Give the film up: nothing is written."""
+        if self._writer is not None:
+            writer, self._writer = self._writer, None
+            try:
+                writer.discard()
+            finally:
+                self._close()
+
+    def _close(self) -> None:
+        self._part.unlink(missing_ok=True)
+        _being_made.pop(self._place, None)
+        if self in self._open:
+            self._open.remove(self)
+
+    def __enter__(self) -> Self:
+        return self
+
+    def __exit__(
+        self, kind: type[BaseException] | None, error: BaseException | None, trace: TracebackType | None
+    ) -> None:
+        if kind is None:
+            self.finish()
+        else:
+            self.discard()

@@ -1,0 +1,174 @@
+"""A scene: what is drawn, kept as long as it stays the same, and painted in layers.
+
+From back to front a scene is a list of parts. STATIC artists are drawn again only when the graph, the obstacles or
+what was declared has changed; each of their parts is painted once per camera. Parts at the back that are the same as
+in the frame before are shown as they were painted then.
+"""
+
+from collections.abc import Callable, Mapping
+from dataclasses import fields, is_dataclass
+from enum import Enum
+from itertools import groupby, takewhile
+from typing import Any
+from zlib import crc32
+
+import numpy as np
+
+from gamms.ir.draw import DrawCommands
+from gamms.ir.graph import FloatArray
+from gamms.typing import ArtistType, IArtist
+from gamms.typing.artist import Drawer
+from gamms.visual.backends.pygame import Canvas
+from gamms.visual.backends.raster import Painting
+from gamms.visual.camera import Camera, bounds, fit_box
+from gamms.visual.color import Rgba
+from gamms.visual.picture import painting_order
+from gamms.visual.plates import Plate
+
+_FEW = 400  # points that are painted anew faster than shown from memory
+
+Draw = Callable[[dict[str, IArtist]], DrawCommands]
+
+
+class Part:
+    """Artists that follow each other, as commands that are ready to be painted."""
+
+    def __init__(self, members: Mapping[str, IArtist], commands: DrawCommands, key: Any = None) -> None:
+        self.artists = tuple(members.values())
+        self.painting, self.key = Painting(commands), key
+        self.is_static = key is not None
+        self.box: tuple[FloatArray, FloatArray] | None = bounds(commands) if len(commands) else None
+        self.plate = Plate() if self.is_static and len(commands.points) > _FEW else None
+
+    def shows_what(self, commands: DrawCommands) -> bool:
+        """Whether these commands would give the same part."""
+        mine = self.painting.commands
+        if not np.array_equal(mine.points, commands.points) or mine.text != commands.text:  # what differs most often
+            return False
+        columns = ("kind", "layer", "space", "size", "width", "angle", "color", "offsets")
+        return all(np.array_equal(getattr(mine, name), getattr(commands, name)) for name in columns)
+
+
+class Scene:
+    """The parts of the present state, and the surfaces that save painting them.
+
+    Args:
+        world: what else than its data a STATIC artist's drawing depends on, such as the revision of the graph.
+    """
+
+    def __init__(self, world: Callable[[], Any]) -> None:
+        self._world = world
+        self._parts: list[Part] = []
+        self._before: list[Part] = []
+        self._stage: tuple[list[Part], Camera, Rgba, Any] | None = None
+
+    def draw(self, artists: Mapping[str, IArtist], draw: Draw, *, is_new_turn: bool = True) -> None:
+        """Take in the present state: `draw` lets artists draw, and returns their commands.
+
+        Within a turn, static artists, and those whose drawer has a true attribute `once_a_turn`, are not asked again.
+        """
+        shown = [item for item in sorted(artists.items(), key=painting_order) if item[1].get_visible()]
+        world, known = self._world(), {part.key: part for part in self._parts if part.is_static}
+        asked = {} if is_new_turn else {part.artists: part for part in self._parts}
+        self._before, self._parts = self._parts, []
+        for (pace, *_), group in groupby(shown, _likeness):
+            members = dict(group)
+            if pace is not _Pace.FRAME and tuple(members.values()) in asked:
+                part = asked[tuple(members.values())]
+            elif pace is _Pace.STATIC:
+                key = (world, *(_key_of(name, artist) for name, artist in members.items()))
+                part = known.get(key) or Part(members, draw(members), key)
+            else:
+                part = self._moving_part(members, draw(members))
+            self._parts.append(part)
+
+    def _moving_part(self, members: dict[str, IArtist], commands: DrawCommands) -> Part:
+        """The part of the frame before, where it would look the same."""
+        for part in self._before:
+            if not part.is_static and part.shows_what(commands):
+                part.artists = tuple(members.values())
+                return part
+        return Part(members, commands)
+
+    def fit(self, width: int, height: int, header: float) -> Camera:
+        """A camera that sees everything."""
+        boxes = [part.box for part in self._parts if part.box is not None]
+        low = np.min([box[0] for box in boxes], axis=0) if boxes else np.zeros(2)
+        high = np.max([box[1] for box in boxes], axis=0) if boxes else np.zeros(2)
+        return fit_box(low, high, width, height, header)
+
+    def paint(self, canvas: Canvas, camera: Camera, background: Rgba, *, is_moving: bool = False) -> None:
+        """Paint all of it.
+
+        Args:
+            canvas: what was there is painted over.
+            camera: as large as the canvas.
+            background: the colour behind everything.
+            is_moving: the camera is on its way, so that static parts may be shifted by half a pixel and scaled.
+        """
+        still = 0 if is_moving else _leading(self._parts, self._before)
+        begin = self._from_stage(canvas, camera, background, still)
+        if begin == 0:
+            canvas.fill(background)
+        for place, part in enumerate(self._parts[begin:], begin):
+            if part.plate is None:
+                part.painting.paint(canvas, camera)
+            else:
+                behind = background if place == 0 else None
+                part.plate.show(part.painting, canvas, camera, behind, is_moving=is_moving)
+            if place + 1 == still:
+                self._stage = self._parts[:still], camera, background, canvas.surface.copy()
+
+    def _from_stage(self, canvas: Canvas, camera: Camera, background: Rgba, still: int) -> int:
+        """Show what was painted before, and return how many parts that are."""
+        if self._stage is None:
+            return 0
+        parts, seen_by, behind, surface = self._stage
+        is_same = len(parts) == still and all(a is b for a, b in zip(parts, self._parts, strict=False))
+        if not is_same or seen_by != camera or behind != background:
+            return 0
+        canvas.surface.blit(surface, (0, 0))
+        return still
+
+
+def _leading(parts: list[Part], before: list[Part]) -> int:
+    """How many parts at the back are those of the frame before."""
+    same = (now is then for now, then in zip(parts, before, strict=False))
+    return sum(takewhile(bool, same))
+
+
+class _Pace(Enum):
+    """How often artists are asked to draw."""
+
+    STATIC = "when the world changes"
+    TURN = "once a turn"
+    FRAME = "for every frame"
+
+
+def _likeness(item: tuple[str, IArtist]) -> tuple[_Pace, int, Drawer | None]:
+    """Who makes a part together, so that what changes together is kept together."""
+    artist = item[1]
+    if artist.get_artist_type() is ArtistType.STATIC:
+        return _Pace.STATIC, 0, None
+    if getattr(artist.get_drawer(), "once_a_turn", False):
+        return _Pace.TURN, artist.get_layer(), artist.get_drawer()
+    return _Pace.FRAME, artist.get_layer(), None
+
+
+def _key_of(name: str, artist: IArtist) -> Any:
+    return name, artist.get_layer(), artist.get_drawer(), _print_of(getattr(artist, "data", None))
+
+
+def _print_of(value: Any) -> Any:
+    """Something hashable that differs where two values would be drawn differently."""
+    if isinstance(value, dict):
+        return tuple((_print_of(key), _print_of(one)) for key, one in value.items())
+    if isinstance(value, list | tuple | set | frozenset):
+        return type(value), tuple(_print_of(one) for one in value)
+    if is_dataclass(value) and not isinstance(value, type):
+        return type(value), tuple(_print_of(getattr(value, field.name)) for field in fields(value) if field.compare)
+    if isinstance(value, np.ndarray) and value.dtype != object:
+        return value.shape, value.dtype.str, crc32(value.tobytes())
+    if value is None or isinstance(value, str | int | float | bytes | complex):
+        return type(value), value
+    return id(value)

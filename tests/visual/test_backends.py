@@ -1,0 +1,88 @@
+"""Every shipped picture format keeps the contract, and a format that does not is told why."""
+
+import builtins
+from dataclasses import replace
+
+import numpy as np
+import pytest
+from PIL import Image
+
+from gamms.errors import MissingExtra
+from gamms.testing import check_backend
+from gamms.visual.backends import FORMATS
+from gamms.visual.backends.pillow import pixels_of
+
+
+@pytest.mark.parametrize("suffix", [".svg", ".png"])
+def test_a_shipped_format_keeps_the_contract(suffix):
+    check_backend(FORMATS[suffix])
+
+
+def test_a_format_that_forgets_the_alpha_is_found():
+    def opaque(commands, camera, **words):
+        color = np.column_stack([commands.color[:, :3], np.full(len(commands), 255, np.uint8)])
+        return FORMATS[".png"](replace(commands, color=color), camera, **words)
+
+    with pytest.raises(AssertionError, match=r"transparency is blended; pixel \(100, 50\)"):
+        check_backend(opaque)
+
+
+def test_a_format_that_draws_nothing_is_found():
+    with pytest.raises(AssertionError, match="text is shown"):
+        check_backend(lambda commands, camera, **words: b"always the same")
+
+
+def test_png_says_how_large_it_is_on_paper(ctx, tmp_path):
+    ctx.visual.save(tmp_path / "a.png", 300, 150, dpi=300)
+    with Image.open(tmp_path / "a.png") as image:
+        assert image.size == (300, 150)
+        assert image.info["dpi"] == pytest.approx((300, 300), abs=0.02)
+    ctx.visual.save(tmp_path / "a.svg", 300, 150, dpi=300)
+    assert 'width="1in" height="0.5in" viewBox="0 0 300 150"' in (tmp_path / "a.svg").read_text()
+
+
+def test_svg_and_png_show_the_same_place(ctx, tmp_path):
+    """Where the drawing is dark in pixels, SVG has its circles."""
+    from xml.etree import ElementTree as ET
+
+    ctx.visual.set_agent_visual("red_0", color=(200, 0, 0), size=1.0)
+    for suffix in ("svg", "png"):
+        ctx.visual.save(tmp_path / f"a.{suffix}", 400, 300)
+    *_, disc = ET.parse(tmp_path / "a.svg").getroot().iter("{http://www.w3.org/2000/svg}circle")
+    pixels = pixels_of((tmp_path / "a.png").read_bytes())
+    assert pixels[round(float(disc.get("cy"))), round(float(disc.get("cx")))].tolist() == [200, 0, 0]
+
+
+@pytest.mark.parametrize(
+    ("library", "call", "extra"),
+    [
+        ("pygame", lambda visual, folder: visual.frame(), "viz"),
+        ("PIL", lambda visual, folder: visual.save(folder / "a.png"), "viz"),
+        ("av", lambda visual, folder: visual.film(folder / "a.mp4"), "video"),
+        ("PIL", lambda visual, folder: visual.film(folder / "a.gif"), "viz"),
+    ],
+)
+def test_a_missing_library_is_asked_for_by_its_extra(ctx, tmp_path, monkeypatch, library, call, extra):
+    from gamms.visual.backends import pygame
+
+    real = builtins.__import__
+
+    def without(name, *arguments, **keywords):
+        if name.partition(".")[0] == library:
+            raise ImportError(name)
+        return real(name, *arguments, **keywords)
+
+    pygame.load.cache_clear()
+    monkeypatch.setattr(builtins, "__import__", without)
+    with pytest.raises(MissingExtra, match=rf'pip install "gamms\[{extra}\]"'):
+        call(ctx.visual, tmp_path)
+    assert list(tmp_path.iterdir()) == []
+
+
+def test_a_frame_is_the_saved_picture(ctx, tmp_path):
+    ctx.visual.save(tmp_path / "a.png", 320, 200, title="Here", note="there")
+    frame = ctx.visual.frame(320, 200, title="Here", note="there")
+    assert frame.dtype == np.uint8
+    assert (frame == pixels_of((tmp_path / "a.png").read_bytes())).all()
+    frame[:] = 0  # it is the caller's own
+    assert ctx.visual.frame(320, 200).max() == 255

@@ -1,0 +1,332 @@
+"""Films: frames by count and never by the clock, agents that glide along their streets, whole files or none."""
+
+import logging
+
+import av
+import numpy as np
+import pytest
+from PIL import Image, ImageSequence
+
+import gamms
+from gamms.errors import BadType, BadValue, ContextTerminated, Duplicate
+from gamms.typing import ArtistType
+from gamms.visual import Engine
+
+
+def frames_of(path):
+    """All pictures of a film, and how long each is shown, in seconds."""
+    if path.suffix == ".gif":
+        with Image.open(path) as film:
+            shown = [
+                (np.asarray(one.convert("RGB")), one.info["duration"] / 1000) for one in ImageSequence.Iterator(film)
+            ]
+        return [picture for picture, _ in shown], [seconds for _, seconds in shown]
+    with av.open(str(path)) as file:
+        pictures = [frame.to_ndarray(format="rgb24") for frame in file.decode(video=0)]
+        rate = file.streams.video[0].average_rate
+    return pictures, [float(1 / rate)] * len(pictures)
+
+
+def move(ctx, name, node):
+    """One turn of the paper's loop, for one agent."""
+    agent = ctx.agent.get_agent(name)
+    agent.get_state()["action"] = node
+    agent.set_state()
+    ctx.visual.simulate()
+
+
+def center_of(picture, color):
+    """Where the pixels of about one colour are, in the middle: x, y."""
+    near = np.abs(picture.astype(int) - color).max(axis=2) < 60
+    rows, columns = np.nonzero(near)
+    return columns.mean(), rows.mean()
+
+
+@pytest.fixture
+def plain(ctx):
+    """The context with nothing but one red agent on its streets."""
+    ctx.visual.set_graph_visual()
+    ctx.visual.set_agent_visual("red_0", color=(255, 0, 0), size=0.5)
+    return ctx
+
+
+@pytest.mark.parametrize("suffix", [".mp4", ".gif"])
+def test_each_turn_adds_its_frames_and_the_last_one_is_at_the_target(plain, tmp_path, suffix):
+    path = tmp_path / f"game{suffix}"
+    with plain.visual.film(path, fps=10, width=320, height=200, frames_per_turn=4) as film:
+        move(plain, "red_0", 1)
+        assert film.frames == 4
+        assert not path.exists()
+    pictures, seconds = frames_of(path)
+    assert [name.name for name in tmp_path.iterdir()] == [path.name]
+    assert len(pictures) == 4
+    assert sum(seconds) == pytest.approx(0.4)
+    xs = [center_of(picture, (255, 0, 0))[0] for picture in pictures]
+    np.testing.assert_allclose(np.diff(xs), (xs[-1] - xs[0]) / 3, atol=1.5)
+    still = plain.visual.frame(320, 200)
+    assert center_of(still, (255, 0, 0)) == pytest.approx(center_of(pictures[-1], (255, 0, 0)), abs=1.5)
+
+
+def test_agents_glide_along_the_street_by_its_length(plain):
+    plain.agent.get_agent("red_0").current_node_id = 1
+    agent = plain.agent.get_agent("red_0")
+    agent.get_state()["action"] = 2
+    agent.set_state()
+    plain.visual.motion.begin_turn()
+    where = [plain.visual.position_of("red_0", share) for share in (0.0, 0.25, 0.5, 0.75, 1.0)]
+    np.testing.assert_allclose(where, [(10, 0), (11, 2.5), (12, 5), (11, 7.5), (10, 10)])
+
+
+def test_where_no_street_leads_agents_glide_straight(plain):
+    agent = plain.agent.get_agent("red_0")
+    agent.prev_node_id, agent.current_node_id = 2, 0
+    plain.visual.motion.begin_turn()
+    assert plain.visual.position_of("red_0", 0.5) == pytest.approx((5, 5))
+
+
+def test_flyers_glide_through_the_air(ctx):
+    drone = ctx.agent.create_agent("drone", start_node_id=0, type=gamms.agent.AgentType.AERIAL, speed=100)
+    drone.position = (0.0, 0.0, 5.0)
+    drone.get_state()["action"] = (8.0, 6.0, 0.0)
+    drone.set_state()
+    ctx.visual.motion.begin_turn()
+    (x0, y0, _), (x1, y1, _) = drone.prev_position, drone.position
+    assert (x0, y0) != (x1, y1)
+    assert ctx.visual.position_of("drone", 0.5) == pytest.approx(((x0 + x1) / 2, (y0 + y1) / 2))
+
+
+def test_who_did_not_move_since_does_not_glide_again(plain):
+    move(plain, "red_0", 1)
+    plain.visual.motion.begin_turn()
+    plain.visual.motion.begin_turn()
+    assert plain.visual.position_of("red_0", 0.5) == (10, 0)
+
+
+def test_a_turn_takes_two_seconds_unless_told_otherwise(plain, tmp_path):
+    with plain.visual.film(tmp_path / "a.gif", fps=5, width=64, height=48) as film:
+        move(plain, "red_0", 1)
+    assert film.frames == 10
+    with (
+        gamms.create_context(vis_kwargs={"simulation_time_constant": 0.5}) as ctx,
+        ctx.visual.film(tmp_path / "b.gif", fps=10, width=64, height=48) as film,
+    ):
+        ctx.visual.simulate()
+    assert film.frames == 5
+
+
+@pytest.mark.parametrize("suffix", [".mp4", ".gif"])
+def test_the_same_turns_give_the_same_bytes(tmp_path, suffix):
+    def filmed(name):
+        with gamms.create_context(seed=1) as ctx:
+            ctx.graph.add_nodes([0, 1], [0, 10], [0, 0])
+            ctx.graph.add_edges([0], [0], [1])
+            ctx.agent.create_agent("a", start_node_id=0)
+            with ctx.visual.film(tmp_path / name, width=96, height=64, frames_per_turn=5):
+                move(ctx, "a", 1)
+                move(ctx, "a", 1)
+        return (tmp_path / name).read_bytes()
+
+    assert filmed(f"one{suffix}") == filmed(f"two{suffix}")
+
+
+def test_odd_sizes_are_rounded_up_for_mp4(plain, tmp_path):
+    with plain.visual.film(tmp_path / "a.mp4", width=101, height=75, frames_per_turn=1):
+        plain.visual.simulate()
+    assert frames_of(tmp_path / "a.mp4")[0][0].shape == (76, 102, 3)
+
+
+def test_mp4_is_for_every_player(plain, tmp_path):
+    with plain.visual.film(tmp_path / "a.mp4", fps=24, width=64, height=48, frames_per_turn=2):
+        plain.visual.simulate()
+    with av.open(str(tmp_path / "a.mp4")) as file:
+        stream = file.streams.video[0]
+        assert (stream.codec_context.name, stream.pix_fmt, stream.average_rate) == ("h264", "yuv420p", 24)
+    data = (tmp_path / "a.mp4").read_bytes()
+    assert data.index(b"moov") < data.index(b"mdat")
+
+
+def test_a_block_that_fails_leaves_nothing_and_the_old_film_stays(plain, tmp_path):
+    path = tmp_path / "a.mp4"
+    path.write_text("old")
+    with pytest.raises(ZeroDivisionError), plain.visual.film(path, width=64, height=48, frames_per_turn=1):
+        plain.visual.simulate()
+        1 / 0  # noqa: B018 - the point
+    assert path.read_text() == "old"
+    assert [one.name for one in tmp_path.iterdir()] == ["a.mp4"]
+    plain.visual.film(path, width=64, height=48).discard()
+
+
+def test_a_film_ends_with_its_context(plain, tmp_path):
+    with plain.visual.film(tmp_path / "a.gif", width=64, height=48, frames_per_turn=1):
+        plain.visual.simulate()
+        plain.terminate()
+        assert (tmp_path / "a.gif").exists()
+        plain.visual.simulate()
+    assert len(frames_of(tmp_path / "a.gif")[0]) == 1
+    with pytest.raises(ContextTerminated):
+        plain.visual.film(tmp_path / "b.gif")
+
+
+def test_a_film_without_a_turn_is_not_written_and_says_so(plain, tmp_path, caplog):
+    with plain.visual.film(tmp_path / "a.mp4", width=64, height=48):
+        pass
+    assert list(tmp_path.iterdir()) == []
+    assert [record.levelno for record in caplog.records] == [logging.WARNING]
+
+
+def test_two_films_at_once_need_two_files(plain, tmp_path):
+    with plain.visual.film(tmp_path / "a.gif", width=64, height=48, frames_per_turn=1):
+        with pytest.raises(Duplicate, match=r"a film that is being made named .*a\.gif"):
+            plain.visual.film(tmp_path / "." / "a.gif", width=64, height=48)
+        with plain.visual.film(tmp_path / "b.gif", width=64, height=48, frames_per_turn=3):
+            plain.visual.simulate()
+    assert sorted(one.name for one in tmp_path.iterdir()) == ["a.gif", "b.gif"]
+
+
+@pytest.mark.parametrize(
+    ("name", "options", "error", "words"),
+    [
+        ("a.avi", {}, BadValue, r"as '\.avi'; there is: \.mp4, \.gif"),
+        ("no/a.mp4", {}, FileNotFoundError, "Create it first"),
+        ("a.mp4", {"fps": 0}, BadValue, "fps=0"),
+        ("a.mp4", {"width": -1}, BadValue, "positive"),
+        ("a.mp4", {"frames_per_turn": 0}, BadValue, "at least one frame"),
+        ("a.mp4", {"frames_per_turn": 1.5}, BadType, "frames_per_turn"),
+        ("a.mp4", {"background": 7}, BadType, "color"),
+    ],
+)
+def test_an_impossible_film_is_refused_and_nothing_is_written(plain, tmp_path, name, options, error, words):
+    with pytest.raises(error, match=words):
+        plain.visual.film(tmp_path / name, **options)
+    assert list(tmp_path.iterdir()) == []
+
+
+def test_the_source_of_the_map_is_in_the_film(plain, tmp_path):
+    def corner(attribution):
+        plain.graph.graph.attribution = attribution
+        return plain.visual.frame(320, 200)[180:, 160:]
+
+    assert (corner(None) == 252).mean() > (corner("© OpenStreetMap contributors") == 252).mean()
+
+
+# -- the scene ----------------------------------------------------------------------------------------------
+
+
+def counted(ctx, name, artist_type, layer, color, x=5.0):
+    """An artist that draws a disc and counts how often it is asked."""
+    calls = []
+
+    def draw(ctx, data):
+        calls.append(data.get("_alpha"))
+        ctx.visual.render_circle(data.get("x", x), 5, 3, color)
+
+    artist = ctx.visual.add_artist(name, {"drawer": draw, "layer": layer})
+    artist.set_artist_type(artist_type)
+    return artist, calls
+
+
+def test_static_artists_are_asked_again_only_when_something_changes(plain):
+    artist, calls = counted(plain, "wall", ArtistType.STATIC, 12, (0, 0, 255))
+    for _ in range(3):
+        plain.visual.frame(100, 80)
+    assert len(calls) == 1
+    artist.data["x"] = 7.0
+    plain.visual.frame(100, 80)
+    assert len(calls) == 2
+    plain.graph.graph.add_node({"id": 9, "x": 5, "y": 5})
+    before = plain.visual.frame(100, 80)
+    assert len(calls) == 3
+    artist.set_visible(False)
+    assert (plain.visual.frame(100, 80) != before).any()
+
+
+def test_dynamic_artists_are_told_how_far_the_turn_is(plain, tmp_path):
+    _, calls = counted(plain, "spark", ArtistType.DYNAMIC, 12, (0, 0, 255))
+    with plain.visual.film(tmp_path / "a.gif", width=64, height=48, frames_per_turn=4):
+        plain.visual.simulate()
+    assert calls == [0.25, 0.5, 0.75, 1.0]
+
+
+def test_a_drawer_that_shows_the_turn_alone_is_asked_once_for_it(plain, tmp_path):
+    artist, calls = counted(plain, "score", ArtistType.DYNAMIC, 12, (0, 0, 255))
+    artist.get_drawer().once_a_turn = True
+    with plain.visual.film(tmp_path / "a.gif", width=64, height=48, frames_per_turn=4):
+        plain.visual.simulate()
+        plain.visual.simulate()
+    assert len(calls) == 2
+
+
+def test_a_scene_shows_what_a_fresh_picture_shows_whatever_the_layers(plain, tmp_path):
+    from gamms.visual.backends.pillow import pixels_of
+
+    kinds = (ArtistType.STATIC, ArtistType.DYNAMIC)
+    for layer in (1, 12, 25, 60):
+        for number, kind in enumerate(kinds):
+            alpha = 255 if layer < 60 else 100
+            artist, _ = counted(plain, f"{layer} {kind}", kind, layer, (3 * layer, 90 * number, 20, alpha), layer / 6)
+            artist.data["x"] = layer / 6 + number
+    # Enough of a static layer above a moving one to be worth a surface of its own.
+    spots = plain.visual.add_artist("spots", {"drawer": draw_spots, "layer": 40})
+    spots.set_artist_type(ArtistType.STATIC)
+    for _ in range(3):
+        frame = plain.visual.frame(320, 200).astype(int)
+        plain.visual.save(tmp_path / "a.png", 320, 200)
+        fresh = pixels_of((tmp_path / "a.png").read_bytes())
+        assert np.abs(frame - fresh).max() <= 8  # of many half transparent discs, rounded one after the other
+        plain.agent.get_agent("red_0").current_node_id = 1
+
+
+def draw_spots(ctx, data):
+    """Many discs, half transparent."""
+    places = np.random.default_rng(1).uniform(0, 10, (900, 2))
+    ctx.visual.render_circles(places, 0.2, (0, 90, 180, 120))
+
+
+# -- a context that films itself ----------------------------------------------------------------------------
+
+
+def test_the_papers_loop_is_filmed_without_a_change(tmp_path):
+    path = tmp_path / "game.mp4"
+    options = {"width": 160, "height": 90, "video": str(path), "fps": 10, "simulation_time_constant": 0.3}
+    ctx = gamms.create_context(vis_engine=Engine.OFFSCREEN, vis_kwargs=options)
+    ctx.graph.graph.add_node({"id": 0, "x": 0, "y": 0})
+    ctx.graph.graph.add_node({"id": 1, "x": 9, "y": 0})
+    ctx.graph.graph.add_edge({"id": 0, "source": 0, "target": 1, "length": 9})
+    agent = ctx.agent.create_agent("a", start_node_id=0)
+    ctx.visual.set_graph_visual(width=1980, height=1080)
+    ctx.visual.set_agent_visual("a", color=(255, 0, 0), size=1)
+    turns = 0
+    while not ctx.is_terminated():
+        state = agent.get_state()
+        state["action"] = 1
+        agent.set_state()
+        ctx.visual.simulate()
+        turns += 1
+        if turns == 2:
+            assert ctx.visual.frame().shape == (90, 160, 3)
+            ctx.terminate()
+    assert len(frames_of(path)[0]) == 6
+
+
+def test_offscreen_looks_where_it_is_told(ctx):
+    with gamms.create_context(vis_engine=Engine.OFFSCREEN, vis_kwargs={"width": 200, "height": 100}) as ctx:
+        ctx.graph.graph.add_node({"id": 0, "x": 0, "y": 0})
+        assert ctx.visual.get_viewport() is None
+        ctx.visual.look_at(50, 20, 40)
+        assert ctx.visual.get_viewport() == (30, 70, 10, 30, 5)
+        ctx.visual.add_artist("spot", {"x": 50, "y": 20, "radius": 4, "color": (255, 0, 0)})
+        assert center_of(ctx.visual.frame(), (255, 0, 0)) == pytest.approx((99.5, 49.5), abs=0.6)
+        ctx.visual.look_at_all()
+        assert ctx.visual.get_viewport() is None
+        with pytest.raises(BadValue, match="positive width"):
+            ctx.visual.look_at(0, 0, 0)
+
+
+def test_a_misspelt_option_is_warned_about(caplog):
+    gamms.create_context(vis_engine=Engine.OFFSCREEN, vis_kwargs={"vidoe": "a.mp4"}).terminate()
+    assert "Did you mean 'video'?" in caplog.text
+
+
+def test_a_bad_option_opens_no_context(tmp_path):
+    with pytest.raises(BadValue, match=r"there is: \.mp4"):
+        gamms.create_context(vis_engine=Engine.OFFSCREEN, vis_kwargs={"video": str(tmp_path / "a.avi")})
