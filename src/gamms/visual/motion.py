@@ -52,6 +52,10 @@ class Motion:
         self._steps = steps
         self._ways = {name: way for name, step in moved.items() if (way := self._way(*step)) is not None}
 
+    def ways(self) -> dict[str, FloatArray]:
+        """The polylines (points, 2) along which agents move in this turn, by name; who stays has none."""
+        return {name: np.array(way.points) for name, way in self._ways.items()}
+
     def position_of(self, name: str, share: float) -> _Point:
         """Where an agent is after a share of its last move, from 0.0 (before it) to 1.0 (where it stands).
 

@@ -9,7 +9,7 @@ from gamms.visual.color import Rgb, rgba
 from gamms.visual.drawers.marks import rings
 from gamms.visual.primitives import primitives_of
 
-_LEAST_PX = 6.0
+LEAST_PX = 6.0  # the radius of an agent
 _BRIGHT = 170.0
 _WHITE, _DARK = (255, 255, 255), (60, 60, 60)
 
@@ -36,7 +36,7 @@ def render_aerial_agent(ctx: IContext, data: dict[str, Any]) -> None:
     agent = cast("IAerialAgent", ctx.agent.get_agent(look.name))
     (_, _, z), (cos, sin) = agent.position, agent.orientation
     look.current_position = x, y = primitives_of(ctx).position_of(look.name, data.get("_alpha", 1.0))
-    for color, edge_px in ((_outline(look.color), 2.0), (look.color, 0.0)):  # an edge lifts it off the map
+    for color, edge_px in ((outline_of(look.color), 2.0), (look.color, 0.0)):  # an edge lifts it off the map
         rings(ctx, [(x, y)], _RING * look.size, color, _RING_PX, 2.0 + edge_px)
         if (cos, sin) != (0.0, 0.0):  # it does not point straight up or down
             nose = (x + _NOSE * look.size * cos, y + _NOSE * look.size * sin)
@@ -50,15 +50,15 @@ def _body(ctx: IContext, look: AgentData, x: float, y: float) -> None:
     if look.image is not None:
         ctx.visual.render_image(x, y, look.image, look.size)
     else:
-        edge = _outline(look.color)
-        primitives_of(ctx).render_discs([(x, y)], look.size, look.color, edge, at_least_px=_LEAST_PX)
+        edge = outline_of(look.color)
+        primitives_of(ctx).render_discs([(x, y)], look.size, look.color, edge, at_least_px=LEAST_PX)
 
 
 def _height(z: float) -> str:
     return f"{z:.0f} m" if z >= 10.0 else f"{z:.2g} m"
 
 
-def _outline(color: Any) -> Rgb:
+def outline_of(color: Any) -> Rgb:
     """Dark around bright colours, white around the others."""
     red, green, blue, _ = rgba(color)
     luminance = 0.299 * red + 0.587 * green + 0.114 * blue

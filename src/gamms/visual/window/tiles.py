@@ -1,0 +1,269 @@
+"""Tiles: what stays the same, painted once in squares, and shifted while the camera moves.
+
+The squares of one scale are a level. While a camera zooms, the level it came from is shown larger or smaller; when it
+rests, a level of its own scale is begun with squares that are cut out of another level, and they are painted anew one
+by one, as many as there is time for in a frame. Squares just outside the view are painted ahead in the same way.
+"""
+
+from collections.abc import Iterator
+from itertools import product
+from time import perf_counter
+from typing import Any, NamedTuple
+
+from gamms.ir.graph import FloatArray
+from gamms.visual.backends.pygame import Canvas, load, veil
+from gamms.visual.backends.raster import Painting
+from gamms.visual.camera import Camera
+from gamms.visual.color import Rgba
+from gamms.visual.constants import CACHE_ZOOM_MAX
+
+SIDE = 128  # px of a tile
+_AHEAD = 1  # tiles around the view that are painted before they are seen
+_MOST_TILES = 1200  # of all levels: 75 MiB
+_SPILL_PX = 64.0  # how far outside the box of a painting something sized in pixels may reach
+_BLACK, _WHITE = (0, 0, 0, 255), (255, 255, 255, 255)
+
+Place = tuple[int, int]  # column, row
+
+
+class Haste:
+    """How much time a frame has for painting.
+
+    Attributes:
+        is_zooming: the scale changes from frame to frame.
+    """
+
+    def __init__(self, seconds: float, *, is_zooming: bool = False) -> None:
+        self.is_zooming = is_zooming
+        self._end = perf_counter() + seconds
+
+    def has_time(self) -> bool:
+        """Whether there is time for another tile."""
+        return perf_counter() < self._end
+
+
+class _Area(NamedTuple):
+    """A rectangle of pixels of one level, or of tiles; right and bottom are outside."""
+
+    left: int
+    top: int
+    right: int
+    bottom: int
+
+    def tiles(self) -> "_Area":
+        """The tiles that hold these pixels."""
+        return _Area(self.left // SIDE, self.top // SIDE, -(-self.right // SIDE), -(-self.bottom // SIDE))
+
+    def wider(self, by: int) -> "_Area":
+        return _Area(self.left - by, self.top - by, self.right + by, self.bottom + by)
+
+    def places(self) -> Iterator[Place]:
+        return product(range(self.left, self.right), range(self.top, self.bottom))
+
+
+class _Level:
+    """The tiles of one scale."""
+
+    def __init__(self, scale: float) -> None:
+        self.scale = scale
+        self.tiles: dict[Place, Any] = {}  # surfaces; None is an empty one
+        self.rough: set[Place] = set()  # those that were cut out of another level
+
+    def view(self, camera: Camera) -> _Area:
+        """The pixels of this level that a camera sees."""
+        share = self.scale / camera.scale
+        left, top = round(camera.left * self.scale), round(-camera.top * self.scale)
+        return _Area(left, top, left + round(camera.width * share), top + round(camera.height * share))
+
+    def camera(self, tiles: _Area) -> Camera:
+        """A camera that sees just these tiles."""
+        size = (tiles.right - tiles.left) * SIDE, (tiles.bottom - tiles.top) * SIDE
+        return Camera(*size, tiles.left * SIDE / self.scale, -tiles.top * SIDE / self.scale, self.scale)
+
+
+class Tiles:
+    """A painting as tiles, on a background or on glass."""
+
+    def __init__(self, painting: Painting, box: tuple[FloatArray, FloatArray] | None, background: Rgba | None) -> None:
+        self.painting, self.background = painting, background
+        self._box = box
+        self._flags = load().BLEND_PREMULTIPLIED if background is None else 0
+        self._levels: dict[float, _Level] = {}  # the one that was used last is the last
+
+    def show(self, canvas: Canvas, camera: Camera, haste: Haste) -> None:
+        """Show what the camera sees; None as background leaves what is behind it."""
+        level = self._level_for(camera, haste)
+        area = level.view(camera)
+        self._fill(level, area.tiles())
+        self._refine(level, area, haste)
+        if level.scale == camera.scale:
+            self._blit(canvas.surface, level, area)
+            return
+        pygame = load()
+        part = pygame.Surface((area.right - area.left, area.bottom - area.top), *self._format())
+        self._blit(part, level, area, is_copy=True)
+        scaled = pygame.transform.smoothscale(part, (camera.width, camera.height))
+        canvas.surface.blit(scaled, (0, 0), special_flags=self._flags)
+
+    @property
+    def is_sharp(self) -> bool:
+        """Whether the level that is shown has no tile left that was cut out of another."""
+        return not self._levels or not next(reversed(self._levels.values())).rough
+
+    def _level_for(self, camera: Camera, haste: Haste) -> _Level:
+        """The level to show: that of the camera's scale, or while zooming one that is near."""
+        last = next(reversed(self._levels.values()), None)
+        if haste.is_zooming and last is not None:
+            share = camera.scale / last.scale
+            if 1 / CACHE_ZOOM_MAX <= share <= CACHE_ZOOM_MAX:
+                return last
+        level = self._levels.pop(camera.scale, None) or _Level(camera.scale)
+        self._levels[camera.scale] = level
+        return level
+
+    # -- painting --------------------------------------------------------------------------------------------
+
+    def _fill(self, level: _Level, tiles: _Area) -> None:
+        """See to it that there are tiles: empty, cut out of another level, or painted at once."""
+        missing = [place for place in tiles.places() if place not in level.tiles]
+        if not missing:
+            return
+        self._evict(level, tiles)
+        missing = [place for place in missing if not self._is_empty(level, place)]
+        if not missing:
+            return
+        around = _around(missing)
+        source = self._source(level, around)
+        if source is None:
+            self._paint(level, around)
+        else:
+            self._cut_out(level, around, source)
+
+    def _is_empty(self, level: _Level, place: Place) -> bool:
+        """Whether nothing is drawn on a tile; then it is there already."""
+        camera = level.camera(_Area(*place, place[0] + 1, place[1] + 1))
+        if self._box is not None:
+            (left, low), (right, high) = (corner.tolist() for corner in self._box)
+            spill, side = _SPILL_PX / level.scale, SIDE / level.scale
+            if (
+                camera.left - spill <= right
+                and camera.left + side + spill >= left
+                and camera.top - side - spill <= high
+                and camera.top + spill >= low
+            ):
+                return False
+        level.tiles[place] = None
+        return True
+
+    def _paint(self, level: _Level, tiles: _Area) -> None:
+        surface = self._painted(level.camera(tiles))
+        for place in tiles.places():
+            level.tiles[place] = _part(surface, tiles, place)
+            level.rough.discard(place)
+
+    def _painted(self, camera: Camera) -> Any:
+        if self.background is None:
+            return veil(*(self._painted_on(camera, color) for color in (_BLACK, _WHITE)))
+        return self._painted_on(camera, self.background)
+
+    def _painted_on(self, camera: Camera, color: Rgba) -> Any:
+        canvas = Canvas(camera.width, camera.height)
+        canvas.fill(color)
+        self.painting.paint(canvas, camera)
+        return canvas.surface
+
+    def _refine(self, level: _Level, area: _Area, haste: Haste) -> None:
+        """Paint rough tiles in view, from the middle outwards, then those around it, while there is time."""
+        tiles = area.tiles()
+        if level.rough:
+            middle = (tiles.left + tiles.right - 1) / 2, (tiles.top + tiles.bottom - 1) / 2
+            rough = sorted(
+                level.rough.intersection(tiles.places()),
+                key=lambda place: abs(place[0] - middle[0]) + abs(place[1] - middle[1]),
+            )
+            for place in rough:
+                if not haste.has_time():
+                    return
+                self._paint(level, _one(place))
+        if haste.is_zooming:
+            return
+        for place in tiles.wider(_AHEAD).places():
+            if place in level.tiles and place not in level.rough:
+                continue
+            if not haste.has_time():
+                return
+            if place in level.rough or not self._is_empty(level, place):
+                self._paint(level, _one(place))
+
+    # -- other levels ----------------------------------------------------------------------------------------
+
+    def _source(self, level: _Level, tiles: _Area) -> _Level | None:
+        """The level nearest in scale that has everything to be seen on these tiles."""
+        camera = level.camera(tiles)
+
+        def has_all(other: _Level) -> bool:
+            return all(place in other.tiles for place in other.view(camera).wider(1).tiles().places())
+
+        others = [other for other in self._levels.values() if other is not level]
+        others.sort(key=lambda other: max(other.scale / level.scale, level.scale / other.scale))
+        near = (other for other in others if 1 / 16 <= other.scale / level.scale <= 4)
+        return next((other for other in near if has_all(other)), None)
+
+    def _cut_out(self, level: _Level, tiles: _Area, source: _Level) -> None:
+        """Make tiles from those of another level."""
+        pygame, camera = load(), level.camera(tiles)
+        area = source.view(camera)
+        part = pygame.Surface((max(area.right - area.left, 1), max(area.bottom - area.top, 1)), *self._format())
+        self._blit(part, source, area, is_copy=True)
+        surface = pygame.transform.smoothscale(part, (camera.width, camera.height))
+        for place in tiles.places():
+            if place not in level.tiles:
+                level.tiles[place] = _part(surface, tiles, place)
+                level.rough.add(place)
+
+    def _evict(self, level: _Level, tiles: _Area) -> None:
+        """Forget levels that were not used for long, but not the one that sees farthest; then what is far away."""
+        farthest = min(self._levels.values(), key=lambda one: one.scale)
+        for old in list(self._levels.values()):
+            if sum(len(one.tiles) for one in self._levels.values()) <= _MOST_TILES:
+                return
+            if old is not level and old is not farthest:
+                del self._levels[old.scale]
+        for one in self._levels.values():
+            kept = set(tiles.wider(2 * _AHEAD).places()) if one is level else set()
+            for place in [place for place in one.tiles if place not in kept]:
+                del one.tiles[place]
+                one.rough.discard(place)
+
+    # -- surfaces --------------------------------------------------------------------------------------------
+
+    def _format(self) -> tuple[int, int]:
+        return (load().SRCALPHA if self.background is None else 0), 32
+
+    def _blit(self, surface: Any, level: _Level, area: _Area, *, is_copy: bool = False) -> None:
+        """Put the tiles of an area on a surface of its size; a copy takes glass as it is."""
+        if is_copy or self.background is not None:
+            surface.fill((0, 0, 0, 0) if self.background is None else self.background[:3])
+        placed = [
+            (tile, (place[0] * SIDE - area.left, place[1] * SIDE - area.top))
+            for place in area.tiles().places()
+            if (tile := level.tiles[place]) is not None
+        ]
+        if self.background is None and not is_copy:
+            placed = [(tile, at, None, self._flags) for tile, at in placed]  # type: ignore[misc]
+        surface.blits(placed, False)
+
+
+def _one(place: Place) -> _Area:
+    return _Area(*place, place[0] + 1, place[1] + 1)
+
+
+def _around(places: list[Place]) -> _Area:
+    columns, rows = zip(*places, strict=True)
+    return _Area(min(columns), min(rows), max(columns) + 1, max(rows) + 1)
+
+
+def _part(surface: Any, tiles: _Area, place: Place) -> Any:
+    """A tile of its own, so that it does not keep the whole surface alive."""
+    x, y = (place[0] - tiles.left) * SIDE, (place[1] - tiles.top) * SIDE
+    return surface.subsurface((x, y, SIDE, SIDE)).copy()
