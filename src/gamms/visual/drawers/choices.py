@@ -7,7 +7,6 @@ import numpy as np
 from gamms.typing import IContext
 from gamms.visual.appearance import GraphData
 from gamms.visual.drawers.graph import polylines
-from gamms.visual.drawers.marks import rings
 from gamms.visual.primitives import primitives_of
 
 _EDGE_PX, _RING_PX = 3.0, 11.0
@@ -27,7 +26,9 @@ def render_input_overlay(ctx: IContext, data: dict[str, Any]) -> None:
     rows = _rows(columns, next(iter(options.values())), set(options.values()))
     if len(rows):
         primitives_of(ctx).render_lines(*polylines(columns, rows), look.edge_color, _EDGE_PX)
-    rings(ctx, places, look.node_size, look.node_color, _RING_PX, 3.0)
+    shown = ctx.visual.get_viewport()
+    radius = max(look.node_size, _RING_PX / shown[-1]) if shown is not None else look.node_size
+    primitives_of(ctx).render_circles(places, radius, look.node_color, _EDGE_PX)
 
 
 def _rows(columns: Any, here: int, ends: set[int]) -> "np.ndarray[Any, np.dtype[np.int64]]":

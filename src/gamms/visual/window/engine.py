@@ -1,5 +1,6 @@
 """The engine with a window: shows every turn, takes the wishes of those who watch, and asks people where to go."""
 
+import math
 import os
 from collections.abc import Callable, Mapping
 from time import monotonic
@@ -15,7 +16,6 @@ from gamms.visual.appearance import GraphData
 from gamms.visual.artist import Artist
 from gamms.visual.backends.pygame import Canvas, hold_image, load
 from gamms.visual.color import Color
-from gamms.visual.constants import CACHE_ZOOM_MAX
 from gamms.visual.drawers import render_input_overlay
 from gamms.visual.picture import size
 from gamms.visual.window.asking import Question, Walk, question
@@ -37,6 +37,7 @@ _OVERLAY_LAYER, _SENSOR_LAYER = 50, 30
 _SMALLEST = 0.1  # world units: half the width that a graph without extent is seen in
 _FOR_TILES = 0.005  # seconds of a frame
 _ZOOM_RESTS = 0.12  # seconds after which a camera that was zooming is at rest
+_STEADY = 1.3  # a camera that sees so much more, or less, than in the frame before has not zoomed but leapt
 
 
 class WindowEngine(Onlookers):
@@ -96,7 +97,7 @@ class WindowEngine(Onlookers):
         self._stage = Stage(self._world, self._crowd_of)
         self._share, self._has_painters = 1.0, False
         self._is_fresh, self._shown = True, dict[str, IArtist]()
-        self._last_scale, self._last_frame, self._zoomed = 0.0, 0.0, 0.0
+        self._last_scale, self._last_frame, self._zoomed = 0.0, -math.inf, -math.inf
         self._fitted: Any = None
         self._screen = open_window(self, self.width, self.height, title)
 
@@ -223,12 +224,13 @@ class WindowEngine(Onlookers):
         return getattr(graph.graph, "revision", None), getattr(graph, "obstacle_revision", None), seen
 
     def _haste(self) -> Haste:
-        now, scale = monotonic(), self._render_manager.scale
+        now, scale, is_leaping = monotonic(), self._render_manager.scale, False
         if scale != self._last_scale:
-            near = 1 / CACHE_ZOOM_MAX <= scale / (self._last_scale or scale * 2) <= CACHE_ZOOM_MAX
-            self._zoomed = now if near and now - self._last_frame < 2 * _ZOOM_RESTS else 0.0
+            is_near = 1 / _STEADY <= scale / (self._last_scale or math.inf) <= _STEADY
+            is_leaping = not is_near or now - self._last_frame > 2 * _ZOOM_RESTS
+            self._zoomed = -math.inf if is_leaping else now
         self._last_scale, self._last_frame = scale, now
-        return Haste(_FOR_TILES, is_zooming=now - self._zoomed < _ZOOM_RESTS)
+        return Haste(_FOR_TILES, is_zooming=now - self._zoomed < _ZOOM_RESTS, is_leaping=is_leaping)
 
     # -- where it looks --------------------------------------------------------------------------------------
 

@@ -80,10 +80,10 @@ class Words:
     def _panel(self, canvas: Canvas) -> None:
         found = self._engine.pointed_at()
         if found is not None:
-            lines, (x, y) = found
+            lines, (x, y), beside = found
             lines = [line[:_MOST_WORDS] for line in lines]
             width, height = _size(tuple(lines), has_dots=False)
-            left = x + 16 if x + 16 + width <= canvas.width else x - 16 - width
+            left = x + beside if x + beside + width <= canvas.width else x - beside - width
             top = min(max(y - height / 2, _EDGE_PX), canvas.height - height - _EDGE_PX)
             self._card(canvas, lines, left, top)
 
@@ -102,7 +102,7 @@ class Words:
         words = tuple(line if isinstance(line, str) else line[1] for line in lines)
         width, height = _size(words, has_dots=has_dots)
         left, top = round(x - align[0] * width), round(y - align[1] * height)
-        canvas.surface.blit(_plain_card(width, height, self.theme.card), (left, top))
+        canvas.surface.blit(_plain_card(width, height, self.theme.card, self.theme.border), (left, top))
         for row, line in enumerate(lines):
             at = top + _PAD_PX + row * _LINE_PX
             if not isinstance(line, str):
@@ -115,7 +115,7 @@ class Words:
             canvas.text(words, x, y, _SMALL_PX, self.theme.ink)
             return
         width = max(text_width(words, _FONT_PX) + 10, 22)
-        card = _plain_card(width, 22, self.theme.accent, 11)
+        card = _plain_card(width, 22, self.theme.accent, radius=11)
         canvas.surface.blit(card, (round(x - width / 2), round(y - 11)))
         canvas.text(words, x - text_width(words, _FONT_PX) / 2, y - 6, _FONT_PX, self.theme.background)
 
@@ -132,10 +132,13 @@ def _size(words: tuple[str, ...], *, has_dots: bool) -> tuple[int, int]:
 
 
 @lru_cache(maxsize=64)
-def _plain_card(width: int, height: int, color: Rgba, radius: int = 8) -> Any:
+def _plain_card(width: int, height: int, color: Rgba, border: Rgba | None = None, radius: int = 8) -> Any:
     pygame = load()
     surface = pygame.Surface((width, height), pygame.SRCALPHA, 32)
-    pygame.draw.rect(surface, color, surface.get_rect(), border_radius=radius)
+    if border is not None:
+        pygame.draw.rect(surface, border, surface.get_rect(), border_radius=radius)
+    inside = surface.get_rect() if border is None else surface.get_rect().inflate(-2, -2)
+    pygame.draw.rect(surface, color, inside, border_radius=radius - (border is not None))
     return surface
 
 

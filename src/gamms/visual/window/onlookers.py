@@ -5,12 +5,13 @@ from typing import Any
 
 import numpy as np
 
-from gamms.typing import IArtist, IContext
+from gamms.typing import ArtistType, IArtist, IContext
+from gamms.typing.agent_engine import AgentType
 from gamms.visual.appearance import AgentData
 from gamms.visual.artist import Artist
 from gamms.visual.backends.pygame import Canvas
 from gamms.visual.color import PAPER, Rgba, rgba, team_colors
-from gamms.visual.drawers import render_sensor
+from gamms.visual.drawers import render_obstacles, render_sensor
 from gamms.visual.drawers.agents import LEAST_PX
 from gamms.visual.window.asking import Question, Walk
 from gamms.visual.window.controls import Controls
@@ -20,8 +21,9 @@ from gamms.visual.window.pointing import facts_about, nearest
 from gamms.visual.window.themes import Theme
 from gamms.visual.window.trails import Trails
 
-_TRAILS_LAYER, _VIEWS_LAYER = 14, 15
+_WALLS_LAYER, _TRAILS_LAYER, _VIEWS_LAYER = 5, 14, 15
 _USUAL_TRAILS = 8  # turns, where they are switched on by key
+_BESIDE_PX = 10.0  # between an agent and its panel
 _CELL_PX = 18  # of the grid that keeps labels apart
 
 
@@ -53,11 +55,24 @@ class Onlookers(Internals):
         if not self._is_declared and self._theme.background[:3] != PAPER:
             look = artists["graph"].data["graph_data"]
             look.edge_color, look.node_color = self._theme.streets, self._theme.nodes
+        if not self._is_declared:
+            artists = self._walls() | artists
         if self.trails.turns:
-            trails = Artist(self.ctx, self.trails.draw, _TRAILS_LAYER)
-            trails.data = {"colors": {look.name: look.color for look in _looks(artists)}}
-            artists["trails"] = trails
+            colors = {look.name: look.color for look in _looks(artists)}
+            for name, drawer in (("past trails", self.trails.draw_past), ("trails", self.trails.draw_last)):
+                artists[name] = trails = Artist(self.ctx, drawer, _TRAILS_LAYER)
+                trails.data = {"colors": colors}
         return artists
+
+    def _walls(self) -> dict[str, IArtist]:
+        """Obstacles, faint; none where there are none."""
+        types = self.ctx.graph.obstacle_columns().types
+        if len(types) == 0:
+            return {}
+        walls = Artist(self.ctx, render_obstacles, _WALLS_LAYER)
+        walls.set_artist_type(ArtistType.STATIC)
+        walls.data = {"color_map": dict.fromkeys(np.unique(types).tolist(), self._theme.walls)}
+        return {"obstacles": walls}
 
     def hints(self) -> dict[str, IArtist]:
         """Artists of what the agent under the pointer senses, as far as it is not shown already."""
@@ -84,13 +99,17 @@ class Onlookers(Internals):
         """Keep no panel."""
         self._pinned = None
 
-    def pointed_at(self) -> tuple[list[str], tuple[float, float]] | None:
-        """What is known about the agent under the pointer, else about the one that was clicked, and where it is."""
+    def pointed_at(self) -> tuple[list[str], tuple[float, float], float] | None:
+        """What is known about the agent under the pointer, else about the one that was clicked.
+
+        Also where it is on the screen, and how many pixels beside it there is room for words.
+        """
         name = self._pointed_name()
         if name is None:
             return None
-        x, y = self._render_manager.world_to_screen(*self.motion.position_of(name, self._share))
-        return facts_about(self.ctx, name), (x, y)
+        at = self._render_manager.world_to_screen(*self.motion.position_of(name, self._share))
+        size = next((look.size for look in _looks(self._shown) if look.name == name), 0.0)
+        return facts_about(self.ctx, name), at, max(size * self._render_manager.scale, LEAST_PX) + _BESIDE_PX
 
     def _pointed_name(self) -> str | None:
         pointer = self.controls.pointer
@@ -154,15 +173,17 @@ class Onlookers(Internals):
             looks = [look for look in _looks(self._shown) if look.current_position is not None]
             places = np.array([look.current_position for look in looks], np.float64).reshape(-1, 2)
             taken: set[tuple[int, int]] = set()
+            flying = {agent.name for agent in self.ctx.agent.create_iter() if agent.type == AgentType.AERIAL}
             for look, (x, y) in zip(looks, view.to_screen(places).tolist(), strict=True):
-                left, top = x + max(look.size * view.scale, LEAST_PX) + 4, y - 6
+                radius = max(look.size * view.scale, LEAST_PX)
+                left, top = x + radius + 4, y - 6 - radius * (look.name in flying)
                 cells = _cells(left, top, 8 * len(look.name))
                 if 0 <= x <= canvas.width and 0 <= y <= canvas.height and not taken.intersection(cells):
                     taken.update(cells)
                     self.words.tag(canvas, look.name, left, top)
         if isinstance(self.question, Walk):
             for number, (x, y) in enumerate(view.to_screen(self.question.places).tolist()):
-                self.words.tag(canvas, str(number), x, y - 22, is_loud=True)
+                self.words.tag(canvas, str(number), x, y - 24, is_loud=True)
 
     # -- wishes ----------------------------------------------------------------------------------------------
 

@@ -57,12 +57,16 @@ class Stage(Scene):
             if overlay is not None:
                 canvas.surface.blit(overlay, (0, 0))
         self._tiles = shown
+        for tiles in shown.values():
+            tiles.paint_ahead(camera, haste)
 
-    @property
-    def is_sharp(self) -> bool:
+    def is_sharp(self, camera: Camera) -> bool:
         """Whether everything is painted in the scale in which it is shown."""
-        return all(tiles.is_sharp for tiles in self._tiles.values())
+        return all(tiles.is_sharp(camera) for tiles in self._tiles.values())
 
     @staticmethod
     def _is_tiled(part: Any) -> bool:
-        return bool(part.is_static) and len(part.painting.commands.points) > _FEW
+        """Whether it stays the same for so long, and is so much, that it is better kept."""
+        if isinstance(part, Part) and len(part.painting.commands.points) > _FEW:
+            return part.is_static or all(getattr(one.get_drawer(), "once_a_turn", False) for one in part.artists)
+        return False

@@ -13,8 +13,10 @@ class Theme(NamedTuple):
     ink: Rgba
     faint: Rgba
     card: Rgba  # behind words
+    border: Rgba  # of a card
     streets: Rgb
     nodes: Rgb
+    walls: Rgb
     accent: Rgba
 
 
@@ -24,8 +26,10 @@ THEMES = {
         ink=(45, 48, 54, 255),
         faint=(112, 116, 124, 255),
         card=(255, 255, 255, 225),
+        border=(60, 64, 72, 40),
         streets=(165, 168, 172),
         nodes=(140, 143, 148),
+        walls=(214, 205, 190),
         accent=(0, 114, 178, 255),
     ),
     "dark": Theme(
@@ -33,8 +37,10 @@ THEMES = {
         ink=(228, 230, 234, 255),
         faint=(150, 155, 164, 255),
         card=(38, 42, 50, 230),
+        border=(228, 230, 234, 40),
         streets=(84, 90, 101),
         nodes=(104, 110, 122),
+        walls=(62, 57, 52),
         accent=(86, 180, 233, 255),
     ),
 }

@@ -21,6 +21,8 @@ SIDE = 128  # px of a tile
 _AHEAD = 1  # tiles around the view that are painted before they are seen
 _MOST_TILES = 1200  # of all levels: 75 MiB
 _SPILL_PX = 64.0  # how far outside the box of a painting something sized in pixels may reach
+_SLOW = 0.004  # seconds
+_LONGEST_ROW = 16  # tiles
 _BLACK, _WHITE = (0, 0, 0, 255), (255, 255, 255, 255)
 
 Place = tuple[int, int]  # column, row
@@ -31,15 +33,17 @@ class Haste:
 
     Attributes:
         is_zooming: the scale changes from frame to frame.
+        is_leaping: the camera is somewhere else at once, and all it sees is to be painted as it should be.
     """
 
-    def __init__(self, seconds: float, *, is_zooming: bool = False) -> None:
-        self.is_zooming = is_zooming
-        self._end = perf_counter() + seconds
+    def __init__(self, seconds: float, *, is_zooming: bool = False, is_leaping: bool = False) -> None:
+        self.is_zooming, self.is_leaping = is_zooming, is_leaping
+        self._end, self._is_first = perf_counter() + seconds, True
 
-    def has_time(self) -> bool:
-        """Whether there is time for another tile."""
-        return perf_counter() < self._end
+    def has_time(self, seconds: float) -> bool:
+        """Whether there is time for something that takes so long; for the first thing there always is."""
+        is_first, self._is_first = self._is_first, False
+        return is_first or perf_counter() + seconds < self._end
 
 
 class _Area(NamedTuple):
@@ -86,7 +90,7 @@ class Tiles:
 
     def __init__(self, painting: Painting, box: tuple[FloatArray, FloatArray] | None, background: Rgba | None) -> None:
         self.painting, self.background = painting, background
-        self._box = box
+        self._box, self._cost, self._at_once = box, 0.0, 1  # seconds that a row of tiles took, and how many it has
         self._flags = load().BLEND_PREMULTIPLIED if background is None else 0
         self._levels: dict[float, _Level] = {}  # the one that was used last is the last
 
@@ -94,8 +98,8 @@ class Tiles:
         """Show what the camera sees; None as background leaves what is behind it."""
         level = self._level_for(camera, haste)
         area = level.view(camera)
-        self._fill(level, area.tiles())
-        self._refine(level, area, haste)
+        self._fill(level, area.tiles(), may_cut_out=not haste.is_leaping)
+        self._sharpen(level, area.tiles(), haste)
         if level.scale == camera.scale:
             self._blit(canvas.surface, level, area)
             return
@@ -105,10 +109,10 @@ class Tiles:
         scaled = pygame.transform.smoothscale(part, (camera.width, camera.height))
         canvas.surface.blit(scaled, (0, 0), special_flags=self._flags)
 
-    @property
-    def is_sharp(self) -> bool:
-        """Whether the level that is shown has no tile left that was cut out of another."""
-        return not self._levels or not next(reversed(self._levels.values())).rough
+    def is_sharp(self, camera: Camera) -> bool:
+        """Whether all that the camera sees is painted in the scale in which it is shown."""
+        level = self._levels.get(camera.scale)
+        return level is not None and not level.rough.intersection(level.view(camera).tiles().places())
 
     def _level_for(self, camera: Camera, haste: Haste) -> _Level:
         """The level to show: that of the camera's scale, or while zooming one that is near."""
@@ -123,7 +127,7 @@ class Tiles:
 
     # -- painting --------------------------------------------------------------------------------------------
 
-    def _fill(self, level: _Level, tiles: _Area) -> None:
+    def _fill(self, level: _Level, tiles: _Area, *, may_cut_out: bool) -> None:
         """See to it that there are tiles: empty, cut out of another level, or painted at once."""
         missing = [place for place in tiles.places() if place not in level.tiles]
         if not missing:
@@ -133,7 +137,7 @@ class Tiles:
         if not missing:
             return
         around = _around(missing)
-        source = self._source(level, around)
+        source = self._source(level, around) if may_cut_out else None
         if source is None:
             self._paint(level, around)
         else:
@@ -161,6 +165,19 @@ class Tiles:
             level.tiles[place] = _part(surface, tiles, place)
             level.rough.discard(place)
 
+    def _paint_row(self, level: _Level, place: Place, wanted: set[Place]) -> None:
+        """Paint a tile, and as many of those right of it as take no longer than a frame has for them."""
+        began, (column, row) = perf_counter(), place
+        end = column + 1
+        while (end, row) in wanted and end - column < self._at_once:
+            end += 1
+        self._paint(level, _Area(column, row, end, row + 1))
+        self._cost = perf_counter() - began
+        if self._cost > _SLOW:
+            self._at_once = max(self._at_once // 2, 1)
+        elif self._cost < _SLOW / 2:
+            self._at_once = min(self._at_once * 2, _LONGEST_ROW)
+
     def _painted(self, camera: Camera) -> Any:
         if self.background is None:
             return veil(*(self._painted_on(camera, color) for color in (_BLACK, _WHITE)))
@@ -172,28 +189,33 @@ class Tiles:
         self.painting.paint(canvas, camera)
         return canvas.surface
 
-    def _refine(self, level: _Level, area: _Area, haste: Haste) -> None:
-        """Paint rough tiles in view, from the middle outwards, then those around it, while there is time."""
-        tiles = area.tiles()
-        if level.rough:
-            middle = (tiles.left + tiles.right - 1) / 2, (tiles.top + tiles.bottom - 1) / 2
-            rough = sorted(
-                level.rough.intersection(tiles.places()),
-                key=lambda place: abs(place[0] - middle[0]) + abs(place[1] - middle[1]),
-            )
-            for place in rough:
-                if not haste.has_time():
+    def _sharpen(self, level: _Level, tiles: _Area, haste: Haste) -> None:
+        """Paint rough tiles in view anew, from the middle outwards, while there is time."""
+        if not level.rough:
+            return
+        middle = (tiles.left + tiles.right - 1) / 2, (tiles.top + tiles.bottom - 1) / 2
+        rough = level.rough.intersection(tiles.places())
+        for place in sorted(rough, key=lambda place: abs(place[0] - middle[0]) + abs(place[1] - middle[1])):
+            if place in level.rough:
+                if not haste.has_time(self._cost):
                     return
-                self._paint(level, _one(place))
+                self._paint_row(level, place, rough)
+
+    def paint_ahead(self, camera: Camera, haste: Haste) -> None:
+        """Paint tiles around the view while there is time and the camera does not zoom."""
         if haste.is_zooming:
             return
-        for place in tiles.wider(_AHEAD).places():
-            if place in level.tiles and place not in level.rough:
-                continue
-            if not haste.has_time():
-                return
-            if place in level.rough or not self._is_empty(level, place):
-                self._paint(level, _one(place))
+        level = self._levels[camera.scale]
+        around = set(level.view(camera).tiles().wider(_AHEAD).places())
+        wanted = {place for place in around if place not in level.tiles or place in level.rough}
+        for place in sorted(wanted):
+            if place not in level.tiles and self._is_empty(level, place):
+                wanted.discard(place)
+        for place in sorted(wanted):
+            if place not in level.tiles or place in level.rough:
+                if not haste.has_time(self._cost):
+                    return
+                self._paint_row(level, place, wanted)
 
     # -- other levels ----------------------------------------------------------------------------------------
 
@@ -252,10 +274,6 @@ class Tiles:
         if self.background is None and not is_copy:
             placed = [(tile, at, None, self._flags) for tile, at in placed]  # type: ignore[misc]
         surface.blits(placed, False)
-
-
-def _one(place: Place) -> _Area:
-    return _Area(*place, place[0] + 1, place[1] + 1)
 
 
 def _around(places: list[Place]) -> _Area:
