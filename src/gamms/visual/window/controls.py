@@ -63,7 +63,7 @@ class Controls:
             pygame.K_KP_MINUS: lambda: pace.faster(-1),
             pygame.K_PAGEUP: lambda: self._zoom(1 / _KEY_ZOOM),
             pygame.K_PAGEDOWN: lambda: self._zoom(_KEY_ZOOM),
-            pygame.K_HOME: engine.look_at_all,
+            pygame.K_HOME: engine.see_everything,
             pygame.K_h: hud.toggle,
             pygame.K_F1: hud.toggle_help,
             pygame.K_l: engine.toggle_labels,
@@ -97,8 +97,7 @@ class Controls:
     # -- the window ------------------------------------------------------------------------------------------
 
     def _quit(self, event: Any) -> None:  # noqa: ARG002
-        self._engine._will_quit = True
-        self._engine.ctx.terminate()
+        self._engine.quit()
 
     def _resize(self, event: Any) -> None:
         self._engine.resized(event.w, event.h)

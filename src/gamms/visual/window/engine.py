@@ -99,7 +99,15 @@ class WindowEngine(Onlookers):
         self._is_fresh, self._shown = True, dict[str, IArtist]()
         self._last_scale, self._last_frame, self._zoomed = 0.0, -math.inf, -math.inf
         self._fitted: Any = None
+        self._crowds: tuple[float, dict[tuple[IArtist, ...], bool]] = (0.0, {})  # scale, and who is one
         self._screen = open_window(self, self.width, self.height, title)
+
+    def quit(self) -> None:
+        """End the context because the window was closed; in the midst of a turn of `ctx.game`, when it is over."""
+        self._will_quit = True
+        game: Any = getattr(self.ctx, "_game", None)  # asking for `ctx.game` would make one
+        if game is None or not game.is_deciding:
+            self.ctx.terminate()
 
     def terminate(self) -> None:
         """Close the room and its window."""
@@ -116,14 +124,15 @@ class WindowEngine(Onlookers):
     def simulate(self) -> None:
         """Show the turn that was played: the agents glide to where they are now, within `simulation_time_constant`."""
         super().simulate()
+        if self._will_quit:
+            self.quit()
         if self.ctx.is_terminated():
             return
-        if not self._films:  # which have looked up the moves already
-            self.motion.begin_turn()
+        self._has_begun = bool(self._films)  # which have looked up the moves already
         self.turns += 1
-        self.trails.add_turn(self.motion)
         self._is_fresh = True
         self._toggle_waiting_simulation(True)
+        self.trails.add_turn(self.motion)
         self._frames_while(lambda: self._waiting_simulation)
 
     def human_input(self, agent_name: str, state: dict[str, Any]) -> int | tuple[float, float, float]:
@@ -134,7 +143,7 @@ class WindowEngine(Onlookers):
         Raises:
             UnknownName (KeyError): there is no such agent.
         """
-        if self.ctx.is_terminated():
+        if self.ctx.is_terminated() or self._will_quit:
             return super().human_input(agent_name, state)
         asked = self.question = question(self.ctx, agent_name, state)
         self._show_options(asked)
@@ -150,7 +159,7 @@ class WindowEngine(Onlookers):
         """Draw frames at their pace as long as it goes on and the window is open."""
         self.pace.is_capped = True
         try:
-            while not self.ctx.is_terminated() and goes_on():
+            while not self.ctx.is_terminated() and not self._will_quit and goes_on():
                 self._frame()
         finally:
             self.pace.is_capped = False
@@ -213,9 +222,13 @@ class WindowEngine(Onlookers):
         return commands
 
     def _crowd_of(self, members: Mapping[str, IArtist]) -> Crowd | None:
-        if is_crowd(self.ctx, members, self._render_manager.scale):
-            return Crowd(members, self.motion, self._share, self.ctx.logger)
-        return None
+        scale, who = self._render_manager.scale, tuple(members.values())
+        if self._crowds[0] != scale or self._is_fresh:
+            self._crowds = scale, {}
+        known = self._crowds[1]
+        if who not in known:
+            known[who] = is_crowd(self.ctx, members, scale)
+        return Crowd(members, self.motion, self._share, self.ctx.logger) if known[who] else None
 
     def _world(self) -> Any:
         """What STATIC artists' drawings depend on; what they paint themselves depends on the camera, too."""
@@ -247,7 +260,12 @@ class WindowEngine(Onlookers):
     def look_at_all(self) -> None:
         """Let the window, frames and films show everything."""
         super().look_at_all()
-        self._see_graph(is_pointed=True)
+        self.see_everything()
+
+    def see_everything(self) -> None:
+        """Let the window show the whole graph."""
+        if not self.ctx.is_terminated():
+            self._see_graph(is_pointed=True)
 
     def get_viewport(self) -> tuple[float, float, float, float, float]:
         """`(left, right, low end, high end, pixels per unit)` of what is seen."""

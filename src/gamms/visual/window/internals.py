@@ -32,6 +32,7 @@ class Internals(PictureEngine):
     _waiting_user_input: bool = False
     _waiting_agent_name: str | None = None
     _will_quit: bool = False
+    _has_begun: bool = False  # whether the moves of the turn that will be shown are looked up
 
     @property
     def _pygame(self) -> Any:
@@ -71,6 +72,9 @@ class Internals(PictureEngine):
 
     def _toggle_waiting_simulation(self, is_waiting: bool) -> None:
         """Begin to show a turn, or end it; `update` shows its frames."""
+        if is_waiting and not self._has_begun:
+            self.motion.begin_turn()
+        self._has_begun = False
         self._waiting_simulation, self._simulation_time = bool(is_waiting), 0.0
         self.pace.clock.tick()
         if not is_waiting:

@@ -119,7 +119,7 @@ class Onlookers(Internals):
         return name
 
     def _agent_at(self, at: tuple[float, float]) -> str | None:
-        looks = [look for look in _looks(self._shown) if look.current_position is not None]
+        looks = self._placed_looks()
         if not looks:
             return None
         places = np.array([look.current_position for look in looks], np.float64)
@@ -170,20 +170,27 @@ class Onlookers(Internals):
         """Write the names beside the agents as far as there is room, and the numbers of a person's choices."""
         view = self._render_manager.camera()
         if self.has_labels:
-            looks = [look for look in _looks(self._shown) if look.current_position is not None]
+            looks = [look for look in self._placed_looks() if look.name in self.ctx.agent.agents]
             places = np.array([look.current_position for look in looks], np.float64).reshape(-1, 2)
             taken: set[tuple[int, int]] = set()
-            flying = {agent.name for agent in self.ctx.agent.create_iter() if agent.type == AgentType.AERIAL}
+            flying, hidden = self._flyers(), self._pointed_name()
             for look, (x, y) in zip(looks, view.to_screen(places).tolist(), strict=True):
                 radius = max(look.size * view.scale, LEAST_PX)
                 left, top = x + radius + 4, y - 6 - radius * (look.name in flying)
                 cells = _cells(left, top, 8 * len(look.name))
-                if 0 <= x <= canvas.width and 0 <= y <= canvas.height and not taken.intersection(cells):
+                is_seen = 0 <= x <= canvas.width and 0 <= y <= canvas.height and look.name != hidden
+                if is_seen and not taken.intersection(cells):
                     taken.update(cells)
                     self.words.tag(canvas, look.name, left, top)
         if isinstance(self.question, Walk):
             for number, (x, y) in enumerate(view.to_screen(self.question.places).tolist()):
                 self.words.tag(canvas, str(number), x, y - 24, is_loud=True)
+
+    def _placed_looks(self) -> list[AgentData]:
+        return [look for look in _looks(self._shown) if look.current_position is not None]
+
+    def _flyers(self) -> set[str]:
+        return {agent.name for agent in self.ctx.agent.create_iter() if agent.type == AgentType.AERIAL}
 
     # -- wishes ----------------------------------------------------------------------------------------------
 

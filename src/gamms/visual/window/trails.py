@@ -1,14 +1,14 @@
 """Trails: the ways that agents took in their last turns, fading."""
 
 from collections import deque
+from itertools import chain
 from typing import Any
 
 import numpy as np
 
-from gamms.ir.graph import FloatArray
 from gamms.typing import IContext
 from gamms.visual.color import rgba
-from gamms.visual.motion import Motion
+from gamms.visual.motion import Motion, Way
 from gamms.visual.primitives import primitives_of
 
 _ALPHA = 150
@@ -24,7 +24,7 @@ class Trails:
 
     def __init__(self, turns: int) -> None:
         self.turns = turns
-        self._ways: deque[dict[str, FloatArray]] = deque()
+        self._ways: deque[dict[str, Way]] = deque()
 
     def add_turn(self, motion: Motion) -> None:
         """Remember how everybody just moved."""
@@ -37,33 +37,22 @@ class Trails:
         """Draw those of the turns before the last, in `data["colors"]`, by agent."""
         ages = list(enumerate(reversed(self._ways)))[1:]
         for age, ways in reversed(ages):
-            _draw(ctx, ways, data["colors"], round(_ALPHA * (1.0 - age / (self.turns + 1))))
+            _draw(ctx, ways, 1.0, data["colors"], round(_ALPHA * (1.0 - age / (self.turns + 1))))
 
     draw_past.once_a_turn = True  # type: ignore[attr-defined] # then it is over
 
     def draw_last(self, ctx: IContext, data: dict[str, Any]) -> None:
         """Draw those of the last turn as far as it is shown."""
-        share = float(data.get("_alpha", 1.0))
-        ways = self._ways[-1] if self._ways else {}
-        _draw(ctx, {name: _begun(points, share) for name, points in ways.items()}, data["colors"], _ALPHA)
+        if self._ways:
+            _draw(ctx, self._ways[-1], float(data.get("_alpha", 1.0)), data["colors"], _ALPHA)
 
 
-def _draw(ctx: IContext, ways: dict[str, FloatArray], colors: dict[str, Any], alpha: int) -> None:
-    by_color: dict[Any, list[FloatArray]] = {}
-    for name, points in ways.items():
-        if name in colors and len(points) > 1:
-            by_color.setdefault(rgba(colors[name])[:3], []).append(points)
+def _draw(ctx: IContext, ways: dict[str, Way], share: float, colors: dict[str, Any], alpha: int) -> None:
+    by_color: dict[Any, list[list[tuple[float, float]]]] = {}
+    for name, way in ways.items():
+        if name in colors:
+            by_color.setdefault(rgba(colors[name]), []).append(way.until(share))
+    width = _WIDTH_PX if len(ways) <= _FEW else _THIN_PX
     for color, lines in by_color.items():
-        offsets = np.cumsum([0, *map(len, lines)])
-        width = _WIDTH_PX if len(ways) <= _FEW else _THIN_PX
-        primitives_of(ctx).render_lines(np.concatenate(lines), offsets, (*color, alpha), width)
-
-
-def _begun(points: FloatArray, share: float) -> FloatArray:
-    """A way up to a share of its length."""
-    lengths = np.hypot(*np.diff(points, axis=0).T)
-    along = np.concatenate([[0.0], np.cumsum(lengths)])
-    end = share * along[-1]
-    inside = along < end
-    last = [np.interp(end, along, points[:, axis]) for axis in (0, 1)]
-    return np.vstack([points[inside], last])
+        points, offsets = list(chain.from_iterable(lines)), np.cumsum([0, *map(len, lines)])
+        primitives_of(ctx).render_lines(points, offsets, (*color[:3], alpha), width)
