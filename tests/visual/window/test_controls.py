@@ -2,7 +2,6 @@
 
 import pytest
 
-
 KEYS = {("w", "UP"): (0, 1), ("s", "DOWN"): (0, -1), ("a", "LEFT"): (-1, 0), ("d", "RIGHT"): (1, 0)}
 
 
