@@ -35,7 +35,8 @@ SENSORS = [
 @pytest.mark.parametrize("path", ENUMS)
 def test_an_enum_has_the_published_values(path):
     room, name = path.split(".")
-    assert {member.name: member.value for member in getattr(getattr(gamms, room), name)} == ENUMS[path]
+    values = {member.name: member.value for member in getattr(getattr(gamms, room), name)}
+    assert values.items() >= ENUMS[path].items()  # a member of our own may come after
 
 
 def test_the_kinds_of_sensor_have_the_published_values():

@@ -1,7 +1,9 @@
 """Pixels: each kind of command where it belongs, blended as its alpha says, and nothing lost at the borders."""
 
+import os
 import subprocess
 import sys
+from pathlib import Path
 
 import numpy as np
 import pytest
@@ -10,6 +12,7 @@ from hypothesis import strategies as st
 
 from gamms.errors import BadValue
 from gamms.ir.draw import DrawSpace
+from gamms.visual.backends.pillow import pixels_of, png_file
 from gamms.visual.backends.raster import painted
 from gamms.visual.camera import Camera
 from gamms.visual.commands import Commands
@@ -17,6 +20,8 @@ from gamms.visual.commands import Commands
 WHITE = (255, 255, 255, 255)
 IN_PIXELS = Camera(100, 50, 0.0, 50.0, 1.0)  # world x, y is pixel x, 50 - y
 RED = (255, 0, 0)
+
+GOLDEN = Path(__file__).parent / "golden" / "tiny.png"
 
 numbers = st.floats(-300, 300)
 points = st.tuples(numbers, numbers)
@@ -32,6 +37,26 @@ def drawn(name, *arguments, camera=IN_PIXELS, **keywords):
     commands = Commands()
     getattr(commands, name)(*arguments, **keywords)
     return pixels(commands, camera)
+
+
+def test_the_golden_picture():
+    """Refresh with `GAMMS_REFRESH_GOLDEN=1 pytest tests/visual/test_raster.py`, and look at it."""
+    commands = Commands()
+    commands.add_lines([(0, 0), (100, 40), (100, 45), (0, 5)], [0, 2, 4], (120, 120, 120))
+    commands.layer = 20
+    commands.add_circles([(30, 20), (60, 30)], 7.5, (0, 114, 178))
+    commands.add_circles([(60, 30)], 12, (0, 0, 0, 128), 3, DrawSpace.SCREEN)
+    commands.layer = 10
+    commands.add_polygon([(60, 5), (95, 5), (77.5, 35)], (213, 94, 0, 180))
+    commands.add_rectangle(5, 45, 22, 12, (0, 158, 115))
+    commands.add_line([(10, 10), (20, 40), (50, 10)], (204, 121, 167, 150), 4.5)
+    commands.add_text("Tiny 7", 40, 49, "black", 18)
+    picture = pixels(commands)
+    if os.environ.get("GAMMS_REFRESH_GOLDEN"):
+        GOLDEN.write_bytes(png_file(picture.astype(np.uint8), 96))
+    difference = np.abs(picture - pixels_of(GOLDEN.read_bytes()))
+    assert np.quantile(difference, 0.995) <= 24  # another version of pygame may smooth hairlines and text otherwise
+    assert difference.mean() <= 1
 
 
 def ink(picture):
@@ -52,6 +77,13 @@ def test_a_ring_leaves_its_middle_free(radius):
     assert (picture[25, 50] == 255).all()
     if radius < 25:
         assert ink(picture) == pytest.approx(2 * np.pi * radius * 2.0, rel=0.03)
+
+
+def test_a_line_may_be_as_broad_as_the_world():
+    assert (drawn("add_line", [(0, 0), (10, 0)], RED, 1e6) == RED).all()
+    camera = Camera(400, 300, 0.0, 300.0, 1.0)
+    few, many = (drawn("add_line", [(100, 150), (300, 200)], "black", width, camera=camera) for width in (199.9, 200.1))
+    assert np.abs(few - many).mean() < 0.5
 
 
 @pytest.mark.parametrize("width", [0.5, 1.0, 1.5, 4.0, 15.0])

@@ -37,6 +37,7 @@ class AgentData:
     size: float = 8.0
     image: Any = None  # the path of a picture; a window may keep the loaded one
     current_position: tuple[float, float] | None = None  # where it was drawn last
+    least_px: float = 6.0  # its radius is never less
 
 
 @dataclass

@@ -4,6 +4,7 @@ import os
 from pathlib import Path
 from types import TracebackType
 from typing import TYPE_CHECKING, Any, NamedTuple, Self
+from weakref import WeakValueDictionary
 
 from gamms.arguments import as_float, as_int, as_path
 from gamms.errors import BadValue, Duplicate, MissingFolder
@@ -21,7 +22,7 @@ if TYPE_CHECKING:
     from gamms.visual.engine import PictureEngine
 
 _FASTEST = 240.0  # frames per second
-_being_made: set[Path] = set()
+_being_made: WeakValueDictionary[Path, "Film"] = WeakValueDictionary()
 
 
 class Plan(NamedTuple):
@@ -139,7 +140,7 @@ class Film:
             raise Duplicate("a film that is being made", str(plan.path))
         self._part = plan.path.with_name(f".{plan.path.name}.{os.getpid()}.part")
         self._writer: FilmWriter | None = FILMS[plan.path.suffix.lower()](self._part, plan.width, plan.height, plan.fps)
-        _being_made.add(self._place)
+        _being_made[self._place] = self
         self.frames = 0
 
     def add_turn(self) -> None:
@@ -187,7 +188,7 @@ class Film:
 
     def _close(self) -> None:
         self._part.unlink(missing_ok=True)
-        _being_made.discard(self._place)
+        _being_made.pop(self._place, None)
         if self in self._open:
             self._open.remove(self)
 

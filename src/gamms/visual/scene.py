@@ -47,11 +47,10 @@ class Part:
     def shows_what(self, commands: DrawCommands) -> bool:
         """Whether these commands would give the same part."""
         mine = self.painting.commands
-        return mine.text == commands.text and all(
-            np.array_equal(getattr(mine, field.name), getattr(commands, field.name))
-            for field in fields(DrawCommands)
-            if field.name != "text"
-        )
+        if not np.array_equal(mine.points, commands.points) or mine.text != commands.text:  # what differs most often
+            return False
+        columns = ("kind", "layer", "space", "size", "width", "angle", "color", "offsets")
+        return all(np.array_equal(getattr(mine, name), getattr(commands, name)) for name in columns)
 
 
 class Scene:
@@ -70,7 +69,7 @@ class Scene:
     def draw(self, artists: Mapping[str, IArtist], draw: Draw, *, is_new_turn: bool = True) -> None:
         """Take in the present state: `draw` lets artists draw, and returns their commands.
 
-        Within a turn, artists whose drawer has a true attribute `once_a_turn` are not asked again.
+        Within a turn, static artists, and those whose drawer has a true attribute `once_a_turn`, are not asked again.
         """
         shown = [item for item in sorted(artists.items(), key=painting_order) if item[1].get_visible()]
         world, known = self._world(), {part.key: part for part in self._parts if part.is_static}
@@ -78,11 +77,11 @@ class Scene:
         self._before, self._parts = self._parts, []
         for (pace, *_), group in groupby(shown, _likeness):
             members = dict(group)
-            if pace is _Pace.STATIC:
+            if pace is not _Pace.FRAME and tuple(members.values()) in asked:
+                part = asked[tuple(members.values())]
+            elif pace is _Pace.STATIC:
                 key = (world, *(_key_of(name, artist) for name, artist in members.items()))
                 part = known.get(key) or Part(members, draw(members), key)
-            elif pace is _Pace.TURN and tuple(members.values()) in asked:
-                part = asked[tuple(members.values())]
             else:
                 part = self._moving_part(members, draw)
             self._parts.append(part)

@@ -22,6 +22,7 @@ from gamms.visual.drawers.sensors import view_of
 MOST_SENSORS = 20  # more of them would hide what happens
 _STREETS, _NODES, _NOBODYS = (165, 168, 172), (140, 143, 148), (110, 114, 120)
 _GRAPH, _SENSORS, _AGENTS = 10, 15, 20  # layers
+_USUAL_PX, _LEAST_PX, _MANY = 6.0, 3.0, 150  # radius of agents; of more than so many a smaller one
 _RING = 1.7  # of a sensed agent, in radii of its disc
 
 
@@ -34,11 +35,12 @@ def undeclared_artists(ctx: IContext) -> dict[str, IArtist]:
     streets.data = {"graph_data": GraphData(_NODES, 0.35 * unit, _STREETS)}
     artists: dict[str, IArtist] = {"graph": streets}
     sides = {agent.name: _side(agent) for agent in ctx.agent.create_iter()}
+    least_px = max(_LEAST_PX, min(_USUAL_PX, _USUAL_PX * (_MANY / max(len(sides), 1)) ** 0.5))
     colors, carriers = team_colors(sides.values()), dict[int, Rgb]()
     for agent in ctx.agent.create_iter():
         color = colors[str(sides[agent.name])]
         artists[agent.name] = disc = Artist(ctx, render_agent, _AGENTS)
-        disc.data = {"agent_data": AgentData(agent.name, color, unit), "_alpha": 1.0}
+        disc.data = {"agent_data": AgentData(agent.name, color, unit, least_px=least_px), "_alpha": 1.0}
         carriers |= {id(sensor): color for sensor in getattr(agent, "_sensor_list", {}).values()}
     for sensor in _telling_sensors(ctx, len(columns.node_ids)):
         artists[f"sensor_{sensor.sensor_id}"] = artist = Artist(ctx, render_sensor, _SENSORS)

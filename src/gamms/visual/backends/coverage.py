@@ -65,6 +65,21 @@ def strokes(starts: FloatArray, ends: FloatArray, width_px: float, width: int, h
     return Patch(patch, left, top)
 
 
+def broad_strokes(starts: FloatArray, ends: FloatArray, width_px: float, width: int, height: int) -> Patch:
+    """The same as `strokes` for few lines of any width: its cost does not grow with the width."""
+    half = width_px / 2
+    covered = np.zeros((height, width), np.uint8)
+    for start, end in zip(starts, ends, strict=True):
+        ahead = (end - start) / (float(np.hypot(*(end - start))) or 1.0) * half
+        beside = ahead[::-1] * (-1, 1)
+        body = np.array([start + beside, end + beside, end - beside, start - beside])
+        pieces = (polygon(body, width, height), *(disc(x, y, half, 0.0, width, height) for x, y in (start, end)))
+        for patch, left, top in filter(None, pieces):
+            place = covered[top : top + patch.shape[0], left : left + patch.shape[1]]
+            np.maximum(place, patch, out=place)
+    return Patch(covered, 0, 0)
+
+
 def polygon(points: FloatArray, width: int, height: int) -> Patch | None:
     """A filled polygon (corners, 2), cut to a picture; what it winds around in either direction is inside."""
     left, top = np.maximum(np.floor(points.min(axis=0)), 0).astype(np.int64).tolist()
@@ -123,15 +138,16 @@ def _flat_strokes(patch: ByteArray, starts: Any, ends: Any, half: float) -> None
     starts, ends = np.where(back[:, None], ends, starts), np.where(back[:, None], starts, ends)
     ways = ends - starts
     slopes = np.divide(ways[:, 1], ways[:, 0], out=np.zeros_like(ways[:, 0]), where=ways[:, 0] > 0)
-    first = np.maximum(np.floor(starts[:, 0] - half - 0.5), 0).astype(np.int32)
-    last = np.minimum(np.ceil(ends[:, 0] + half + 0.5), patch.shape[1]).astype(np.int32)
+    # The middles of pixels that are covered at all lie less than half a pixel beyond the line.
+    first = np.maximum(np.ceil(starts[:, 0] - half - 1), 0).astype(np.int32)
+    last = np.minimum(np.floor(ends[:, 0] + half) + 1, patch.shape[1]).astype(np.int32)
     counts = np.maximum(last - first, 0)
     line = np.repeat(np.arange(len(starts), dtype=np.int32), counts)
     column = np.arange(len(line), dtype=np.int32) - np.repeat(np.cumsum(counts) - counts - first, counts)
     across = column + np.float32(0.5) - starts[line, 0]
     middle = starts[line, 1] + slopes[line] * np.clip(across, 0, ways[line, 0])
-    reach = (half + 1) * np.sqrt(1 + float((slopes * slopes).max(initial=0.0)))
-    row = np.floor(middle - reach).astype(np.int32)[:, None] + np.arange(int(2 * reach) + 3, dtype=np.int32)
+    reach = (half + 0.5) * np.sqrt(1 + float((slopes * slopes).max(initial=0.0)))
+    row = np.ceil(middle - reach - 0.5).astype(np.int32)[:, None] + np.arange(int(2 * reach) + 1, dtype=np.int32)
     down = row + np.float32(0.5) - starts[line, 1][:, None]
     covered = _nearness(across[:, None], down, ways[line], half)
     _keep_largest(patch, row, column, covered)

@@ -21,6 +21,7 @@ from gamms.visual.color import Rgba
 
 _SMALLEST_RADIUS_PX = 0.5
 _THINNEST_PX = 1.0  # of lines whose width is in world units
+_BROAD_PX = 200.0  # lines are painted one by one from here on
 _BEYOND_PX = 8.0  # lines are cut so far outside, where nobody sees it
 _LARGEST_STAMP_PX = 96.0
 _STEPS = 4  # places within a pixel at which a stamp can be
@@ -103,13 +104,16 @@ class _Lines:
 def draw_lines(canvas: Canvas, starts: FloatArray, ends: FloatArray, width_px: float, color: Rgba) -> None:
     """Paint straight lines (lines, 2), in pixels."""
     margin = width_px + _BEYOND_PX
-    starts, ends = clipped(starts, ends, (-margin, -margin), (canvas.width + margin, canvas.height + margin))
+    low, high = (-margin, -margin), (canvas.width + margin, canvas.height + margin)
+    if not all(((low <= points) & (points <= high)).all() for points in (starts, ends)):
+        starts, ends = clipped(starts, ends, low, high)
     if len(starts) == 0:
         return
     if width_px == _THINNEST_PX:
         canvas.hairlines(starts, ends, color)
         return
-    patch = coverage.strokes(starts, ends, width_px, canvas.width, canvas.height)
+    paint = coverage.broad_strokes if width_px > _BROAD_PX else coverage.strokes
+    patch = paint(starts, ends, width_px, canvas.width, canvas.height)
     if patch is not None:
         canvas.cover(patch, color)
 

@@ -9,7 +9,6 @@ from gamms.visual.color import Rgb, rgba
 from gamms.visual.drawers.marks import rings
 from gamms.visual.primitives import primitives_of
 
-LEAST_PX = 6.0  # the radius of an agent
 _BRIGHT = 170.0
 _WHITE, _DARK = (255, 255, 255), (60, 60, 60)
 
@@ -51,7 +50,7 @@ def _body(ctx: IContext, look: AgentData, x: float, y: float) -> None:
         ctx.visual.render_image(x, y, look.image, look.size)
     else:
         edge = outline_of(look.color)
-        primitives_of(ctx).render_discs([(x, y)], look.size, look.color, edge, at_least_px=LEAST_PX)
+        primitives_of(ctx).render_discs([(x, y)], look.size, look.color, edge, at_least_px=look.least_px)
 
 
 def _height(z: float) -> str:

@@ -10,7 +10,7 @@ from gamms.visual.appearance import GraphData
 from gamms.visual.primitives import primitives_of
 
 _FEW = 2_000  # up to so many edges there is room for broader streets
-_ID_PX = 17
+_ID_PX, _INK = 17, (60, 60, 60)
 _STREET = 2.0  # metres: how broad a street of a real map is drawn, but never thinner than a pixel
 _SLIM = 0.2  # at most so broad, in lengths of a usual edge
 
@@ -28,7 +28,7 @@ def render_graph(ctx: IContext, data: dict[str, Any]) -> None:
     visual.render_circles(columns.xy, look.node_size, look.node_color)
     if look.draw_id:
         for id, (x, y) in zip(columns.node_ids.tolist(), columns.xy.tolist(), strict=True):
-            visual.render_text(str(id), x, y, look.node_color, font_size=_ID_PX)
+            visual.render_text(str(id), x, y, _INK, font_size=_ID_PX)
 
 
 def _streets(columns: GraphColumns, look: GraphData) -> tuple[FloatArray, IntArray, float]:

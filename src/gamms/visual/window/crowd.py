@@ -20,7 +20,7 @@ from gamms.visual.backends.raster import Painting
 from gamms.visual.camera import Camera
 from gamms.visual.color import Rgba, rgba
 from gamms.visual.commands import Commands
-from gamms.visual.drawers.agents import LEAST_PX, outline_of, render_agent
+from gamms.visual.drawers.agents import outline_of, render_agent
 from gamms.visual.motion import Motion
 from gamms.visual.primitives import EDGE_PX
 
@@ -88,10 +88,11 @@ class Crowd:
         right, low = canvas.width, canvas.height
         known: dict[tuple[Any, ...], tuple[Any, int]] = {}
         for look, (x, y), step in columns:
-            key = (look.color if look.color.__class__ is tuple else rgba(look.color), look.size, step)
+            color = look.color if look.color.__class__ is tuple else rgba(look.color)
+            key = (color, look.size, look.least_px, step)
             found = known.get(key)
             if found is None:
-                found = known[key] = _sprite(rgba(look.color), round(float(look.size) * scale, 1), step)
+                found = known[key] = _sprite(rgba(color), round(float(look.size) * scale, 1), look.least_px, step)
             sprite, reach = found
             if -reach <= x <= right + reach and -reach <= y <= low + reach:
                 placed.append((sprite, (x - reach, y - reach), None, _premultiplied()))
@@ -121,12 +122,12 @@ def _premultiplied() -> int:
 
 
 @lru_cache(maxsize=4096)
-def _sprite(color: Rgba, radius_px: float, step: int) -> tuple[Any, int]:
+def _sprite(color: Rgba, radius_px: float, least_px: float, step: int) -> tuple[Any, int]:
     """An agent as one sees it from a distance, and how far its middle is from its upper left corner."""
     commands = Commands()
-    commands.add_discs([(0.0, 0.0)], radius_px, LEAST_PX, color, outline_of(color), EDGE_PX)
+    commands.add_discs([(0.0, 0.0)], radius_px, least_px, color, outline_of(color), EDGE_PX)
     painting = Painting(commands.freeze())
-    reach = round(max(radius_px, LEAST_PX)) + _ROOM_PX
+    reach = round(max(radius_px, least_px)) + _ROOM_PX
     right, down = divmod(step, _STEPS)
     x, y = (reach + (part + 0.5) / _STEPS for part in (right, down))
     side = 2 * reach + 1

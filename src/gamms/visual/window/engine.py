@@ -198,7 +198,9 @@ class WindowEngine(Onlookers):
         if self._is_fresh or not self._shown:
             self._shown = self.onstage_artists()
         self._share = self._turn_share()
-        self._stage.draw(self._shown | self.hints(), self._draw_members, is_new_turn=self._is_fresh)
+        self._stage.draw(
+            self._shown | self.hints(), self._draw_members, is_new_turn=self._is_fresh or self._has_painters
+        )
         self._is_fresh = False
         width, height = self._screen.get_size()
         canvas = Canvas(width, height, self._screen)

@@ -12,7 +12,6 @@ from gamms.visual.artist import Artist
 from gamms.visual.backends.pygame import Canvas
 from gamms.visual.color import PAPER, Rgba, rgba, team_colors
 from gamms.visual.drawers import render_obstacles, render_sensor
-from gamms.visual.drawers.agents import LEAST_PX
 from gamms.visual.window.asking import Question, Walk
 from gamms.visual.window.controls import Controls
 from gamms.visual.window.hud import Words, score_line
@@ -108,8 +107,9 @@ class Onlookers(Internals):
         if name is None:
             return None
         at = self._render_manager.world_to_screen(*self.motion.position_of(name, self._share))
-        size = next((look.size for look in _looks(self._shown) if look.name == name), 0.0)
-        return facts_about(self.ctx, name), at, max(size * self._render_manager.scale, LEAST_PX) + _BESIDE_PX
+        look = next((look for look in _looks(self._shown) if look.name == name), AgentData(name, size=0.0))
+        radius = max(look.size * self._render_manager.scale, look.least_px)
+        return facts_about(self.ctx, name), at, radius + _BESIDE_PX
 
     def _pointed_name(self) -> str | None:
         pointer = self.controls.pointer
@@ -175,7 +175,7 @@ class Onlookers(Internals):
             taken: set[tuple[int, int]] = set()
             flying, hidden = self._flyers(), self._pointed_name()
             for look, (x, y) in zip(looks, view.to_screen(places).tolist(), strict=True):
-                radius = max(look.size * view.scale, LEAST_PX)
+                radius = max(look.size * view.scale, look.least_px)
                 left, top = x + radius + 4, y - 6 - radius * (look.name in flying)
                 cells = _cells(left, top, 8 * len(look.name))
                 is_seen = 0 <= x <= canvas.width and 0 <= y <= canvas.height and look.name != hidden
