@@ -160,6 +160,15 @@ def test_an_artist_of_an_agent_knows_how_much_of_its_move_is_shown(play):
     assert seen[-1] == (1.0, (10.0, 10.0))
 
 
+def test_a_drawer_of_an_agent_knows_whether_a_turn_is_shown(play):
+    ctx, seen = play(), []
+    artist = ctx.visual.set_agent_visual("walker")
+    artist.set_drawer(lambda ctx, data: seen.append((data["_alpha"], data["_waiting_simulation"])))
+    ctx.visual.simulate()
+    ctx.visual.update()
+    assert seen == [(0.0, True), (0.25, True), (0.5, True), (0.75, True), (1.0, True), (1.0, False)]
+
+
 def test_turns_are_filmed_and_shown(play, tmp_path):
     pytest.importorskip("PIL")
     ctx = play()

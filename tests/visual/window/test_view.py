@@ -24,19 +24,19 @@ VIEWS = st.builds(
 def test_screen_and_world_are_each_others_inverse(view, x, y):
     there = view.world_to_screen(x, y)
     assert view.screen_to_world(*there) == pytest.approx((x, y), abs=1e-5)
-    assert view.viewport_to_screen(*view.screen_to_viewport(*there)) == pytest.approx(there)
-    assert view.screen_to_world_scale(view.world_to_screen_scale(x)) == pytest.approx(x)
-    assert view.viewport_to_screen_scale(view.screen_to_viewport_scale(x)) == pytest.approx(x)
+    assert view.viewport_to_screen(*view.screen_to_viewport(*there)) == pytest.approx(there, abs=1e-5)
+    assert view.screen_to_world_scale(view.world_to_screen_scale(x)) == pytest.approx(x, abs=1e-6)
+    assert view.viewport_to_screen_scale(view.screen_to_viewport_scale(x)) == pytest.approx(x, abs=1e-6)
 
 
 @given(VIEWS)
 def test_the_bounds_are_the_corners_of_the_screen(view):
     left_top = view.screen_to_world(0, 0)
     right_low = view.screen_to_world(view.screen_width, view.screen_height)
-    assert left_top == pytest.approx((view.bound_left, view.bound_bottom))
-    assert right_low == pytest.approx((view.bound_right, view.bound_top))
-    assert view.bound_right - view.bound_left == pytest.approx(2 * view.camera_size)
-    assert view.bound_bottom - view.bound_top == pytest.approx(2 * view.camera_size_y)
+    assert left_top == pytest.approx((view.bound_left, view.bound_bottom), abs=1e-6)
+    assert right_low == pytest.approx((view.bound_right, view.bound_top), abs=1e-6)
+    assert view.bound_right - view.bound_left == pytest.approx(2 * view.camera_size, abs=1e-6)
+    assert view.bound_bottom - view.bound_top == pytest.approx(2 * view.camera_size_y, abs=1e-6)
 
 
 def test_conversions_are_those_of_1_0_0():

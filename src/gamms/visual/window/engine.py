@@ -216,6 +216,9 @@ class WindowEngine(Onlookers):
 
     def _draw_members(self, members: dict[str, IArtist]) -> DrawCommands:
         self._overlay = None
+        for artist in members.values():
+            if isinstance(getattr(artist, "data", None), dict) and "agent_data" in artist.data:
+                artist.data["_waiting_simulation"] = self._waiting_simulation
         commands = self._drawn(members, self._share)
         self._stage.note_overlay(tuple(members.values()), self._overlay)
         if self._overlay is not None:
