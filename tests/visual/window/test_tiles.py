@@ -95,6 +95,15 @@ def test_zooming_far_out_and_in_again_keeps_memory_bounded(ctx, person):
     assert sum(len(level.tiles) for level in tiles._levels.values()) < 2000
 
 
+def test_zooming_out_does_not_dim_the_paper(ctx, seen, person):
+    ctx.visual.set_graph_visual(node_size=0)
+    ctx.visual.update()
+    for _ in range(30):
+        person.turn_wheel(-1)
+        ctx.visual.update()
+        assert np.abs(seen(ctx)[:, 5:60].astype(int) - (252, 252, 250)).max() <= 2
+
+
 def test_glass_shows_what_is_behind_it(ctx, seen):
     """A static layer above a moving one is painted on glass."""
     ctx.visual.set_graph_visual(node_size=2)

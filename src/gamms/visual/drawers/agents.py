@@ -12,7 +12,7 @@ from gamms.visual.primitives import primitives_of
 _BRIGHT = 170.0
 _WHITE, _DARK = (255, 255, 255), (60, 60, 60)
 
-_RING, _RING_PX = 1.8, 11.0  # of an agent in the air: in radii of its disc, and at least
+RING, RING_PX = 1.8, 11.0  # of an agent in the air: in radii of its disc, and at least
 _NOSE = 2.6  # how far it reaches, in radii of the disc
 _HEIGHT_PX = 17
 _ASIDE = "\u00a0" * 4  # as wide as the smallest ring, for text is placed in world units only
@@ -36,13 +36,13 @@ def render_aerial_agent(ctx: IContext, data: dict[str, Any]) -> None:
     (_, _, z), (cos, sin) = agent.position, agent.orientation
     look.current_position = x, y = primitives_of(ctx).position_of(look.name, data.get("_alpha", 1.0))
     for color, edge_px in ((outline_of(look.color), 2.0), (look.color, 0.0)):  # an edge lifts it off the map
-        rings(ctx, [(x, y)], _RING * look.size, color, _RING_PX, 2.0 + edge_px)
+        rings(ctx, [(x, y)], RING * look.size, color, RING_PX, 2.0 + edge_px)
         if (cos, sin) != (0.0, 0.0):  # it does not point straight up or down
             nose = (x + _NOSE * look.size * cos, y + _NOSE * look.size * sin)
             primitives_of(ctx).render_lines([(x, y), nose], [0, 2], color, 3.0 + edge_px)
     _body(ctx, look, x, y)
     if z > 0.0:
-        ctx.visual.render_text(_ASIDE + _height(z), x + _RING * look.size, y, _DARK, font_size=_HEIGHT_PX)
+        ctx.visual.render_text(_ASIDE + _height(z), x + RING * look.size, y, _DARK, font_size=_HEIGHT_PX)
 
 
 def _body(ctx: IContext, look: AgentData, x: float, y: float) -> None:

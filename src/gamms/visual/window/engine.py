@@ -248,7 +248,8 @@ class WindowEngine(Onlookers):
             is_leaping = not is_near or now - self._last_frame > 2 * _ZOOM_RESTS
             self._zoomed = -math.inf if is_leaping else now
         self._last_scale, self._last_frame = scale, now
-        return Haste(_FOR_TILES, is_zooming=now - self._zoomed < _ZOOM_RESTS, is_leaping=is_leaping)
+        is_zooming = now - self._zoomed < _ZOOM_RESTS
+        return Haste(_FOR_TILES / 2 if is_zooming else _FOR_TILES, is_zooming=is_zooming, is_leaping=is_leaping)
 
     # -- where it looks --------------------------------------------------------------------------------------
 

@@ -17,7 +17,7 @@ Hud = Callable[[IContext], Iterable[Any]]
 Line = str | tuple[Rgba, str]  # words, perhaps with a dot before them
 
 _FONT_PX, _LINE_PX, _PAD_PX, _EDGE_PX, _DOT_PX = 21, 20, 10, 12, 16
-_SMALL_PX = 17
+_SMALL_PX, _PROMPT_PX = 17, 56
 _MOST_TEAMS = 10
 _MOST_WORDS = 90  # of a line
 
@@ -40,21 +40,25 @@ class Words:
 
     def paint(self, canvas: Canvas) -> None:
         """Paint what is to be said at the moment."""
+        prompt = self._prompt()
         engine, right, low = self._engine, canvas.width - _EDGE_PX, canvas.height - _EDGE_PX
         if self.is_shown:
             self._card(canvas, self._hud_lines(), _EDGE_PX, _EDGE_PX)
             self._card(canvas, self._teams(), right, _EDGE_PX, align=(1.0, 0.0))
-            self._card(canvas, HELP if self.has_help else (), _EDGE_PX, low, align=(0.0, 1.0))
+            raised = _PROMPT_PX if prompt else 0
+            self._card(canvas, HELP if self.has_help else (), _EDGE_PX, low - raised, align=(0.0, 1.0))
         note = engine.noted("")
         if note:
             canvas.text(note, canvas.width - 8, canvas.height - 20, _SMALL_PX, self.theme.faint, align_right=True)
-        if engine.question is not None:
-            self._card(canvas, [engine.question.words], canvas.width / 2, low - 14, align=(0.5, 1.0))
-        elif engine.pace.is_paused:
-            self._card(
-                canvas, ["paused: space goes on, . shows one turn"], canvas.width / 2, low - 14, align=(0.5, 1.0)
-            )
+        self._card(canvas, prompt, canvas.width / 2, low - 14, align=(0.5, 1.0))
         self._panel(canvas)
+
+    def _prompt(self) -> list[Line]:
+        """What is asked, or how to go on."""
+        engine = self._engine
+        if engine.question is not None:
+            return [engine.question.words]
+        return ["paused: space goes on, . shows one turn"] if engine.pace.is_paused else []
 
     # -- cards -----------------------------------------------------------------------------------------------
 

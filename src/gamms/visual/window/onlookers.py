@@ -12,6 +12,7 @@ from gamms.visual.artist import Artist
 from gamms.visual.backends.pygame import Canvas
 from gamms.visual.color import PAPER, Rgba, rgba, team_colors
 from gamms.visual.drawers import render_obstacles, render_sensor
+from gamms.visual.drawers.agents import RING, RING_PX
 from gamms.visual.window.asking import Question, Walk
 from gamms.visual.window.controls import Controls
 from gamms.visual.window.hud import Words, score_line
@@ -176,7 +177,9 @@ class Onlookers(Internals):
             flying, hidden = self._flyers(), self._pointed_name()
             for look, (x, y) in zip(looks, view.to_screen(places).tolist(), strict=True):
                 radius = max(look.size * view.scale, look.least_px)
-                left, top = x + radius + 4, y - 6 - radius * (look.name in flying)
+                left, top = x + radius + 4, y - 6
+                if look.name in flying:  # beside its ring, above its height
+                    left, top = x + max(RING * look.size * view.scale, RING_PX) + 4, top - radius - 4
                 cells = _cells(left, top, 8 * len(look.name))
                 is_seen = 0 <= x <= canvas.width and 0 <= y <= canvas.height and look.name != hidden
                 if is_seen and not taken.intersection(cells):

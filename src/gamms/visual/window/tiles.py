@@ -23,6 +23,8 @@ _MOST_TILES = 1200  # of all levels: 75 MiB
 _SPILL_PX = 64.0  # how far outside the box of a painting something sized in pixels may reach
 _SLOW = 0.004  # seconds
 _LONGEST_ROW = 16  # tiles
+_COARSEST, _FINEST = 16.0, 4.0  # how many times coarser or finer a level may be that tiles are cut out of
+_LOST = (3, 3, 3)  # of each colour, give or take one, when a surface is made smaller
 _BLACK, _WHITE = (0, 0, 0, 255), (255, 255, 255, 255)
 
 Place = tuple[int, int]  # column, row
@@ -106,7 +108,7 @@ class Tiles:
         pygame = load()
         part = pygame.Surface((area.right - area.left, area.bottom - area.top), *self._format())
         self._blit(part, level, area, is_copy=True)
-        scaled = pygame.transform.smoothscale(part, (camera.width, camera.height))
+        scaled = self._scaled(part, (camera.width, camera.height))
         canvas.surface.blit(scaled, (0, 0), special_flags=self._flags)
 
     def is_sharp(self, camera: Camera) -> bool:
@@ -136,12 +138,10 @@ class Tiles:
         missing = [place for place in missing if not self._is_empty(level, place)]
         if not missing:
             return
-        around = _around(missing)
-        source = self._source(level, around) if may_cut_out else None
-        if source is None:
-            self._paint(level, around)
-        else:
-            self._cut_out(level, around, source)
+        if may_cut_out:
+            missing = self._cut_out(level, missing)
+        if missing:
+            self._paint(level, _around(missing))
 
     def _is_empty(self, level: _Level, place: Place) -> bool:
         """Whether nothing is drawn on a tile; then it is there already."""
@@ -219,29 +219,34 @@ class Tiles:
 
     # -- other levels ----------------------------------------------------------------------------------------
 
-    def _source(self, level: _Level, tiles: _Area) -> _Level | None:
-        """The level nearest in scale that has everything to be seen on these tiles."""
-        camera = level.camera(tiles)
-
-        def has_all(other: _Level) -> bool:
-            return all(place in other.tiles for place in other.view(camera).wider(1).tiles().places())
-
+    def _cut_out(self, level: _Level, missing: list[Place]) -> list[Place]:
+        """Make tiles from those of other levels, of the nearest scale first; those that none of them has."""
         others = [other for other in self._levels.values() if other is not level]
         others.sort(key=lambda other: max(other.scale / level.scale, level.scale / other.scale))
-        near = (other for other in others if 1 / 16 <= other.scale / level.scale <= 4)
-        return next((other for other in near if has_all(other)), None)
+        for other in others:
+            if 1 / _COARSEST <= other.scale / level.scale <= _FINEST:
+                found = [place for place in missing if self._is_known(other, level, place)]
+                if found:
+                    self._cut_out_of(other, level, found)
+                    missing = [place for place in missing if place not in level.tiles]
+        return missing
 
-    def _cut_out(self, level: _Level, tiles: _Area, source: _Level) -> None:
-        """Make tiles from those of another level."""
+    @staticmethod
+    def _is_known(other: _Level, level: _Level, place: Place) -> bool:
+        """Whether a level has all that is to be seen on a tile of another level."""
+        area = other.view(level.camera(_Area(*place, place[0] + 1, place[1] + 1)))
+        return all(there in other.tiles for there in area.tiles().places())
+
+    def _cut_out_of(self, source: _Level, level: _Level, found: list[Place]) -> None:
+        tiles = _around(found)
         pygame, camera = load(), level.camera(tiles)
         area = source.view(camera)
         part = pygame.Surface((max(area.right - area.left, 1), max(area.bottom - area.top, 1)), *self._format())
         self._blit(part, source, area, is_copy=True)
-        surface = pygame.transform.smoothscale(part, (camera.width, camera.height))
-        for place in tiles.places():
-            if place not in level.tiles:
-                level.tiles[place] = _part(surface, tiles, place)
-                level.rough.add(place)
+        surface = self._scaled(part, (camera.width, camera.height))
+        for place in found:
+            level.tiles[place] = _part(surface, tiles, place)
+            level.rough.add(place)
 
     def _evict(self, level: _Level, tiles: _Area) -> None:
         """Forget levels that were not used for long, but not the one that sees farthest; then what is far away."""
@@ -262,6 +267,14 @@ class Tiles:
     def _format(self) -> tuple[int, int]:
         return (load().SRCALPHA if self.background is None else 0), 32
 
+    def _scaled(self, surface: Any, size: tuple[int, int]) -> Any:
+        """A surface in another size; making one smaller costs it some brightness, which is given back."""
+        pygame = load()
+        scaled = pygame.transform.smoothscale(surface, size)
+        if self.background is not None and size[0] < surface.get_width():
+            scaled.fill(_LOST, special_flags=pygame.BLEND_RGB_ADD)
+        return scaled
+
     def _blit(self, surface: Any, level: _Level, area: _Area, *, is_copy: bool = False) -> None:
         """Put the tiles of an area on a surface of its size; a copy takes glass as it is."""
         if is_copy or self.background is not None:
@@ -269,7 +282,7 @@ class Tiles:
         placed = [
             (tile, (place[0] * SIDE - area.left, place[1] * SIDE - area.top))
             for place in area.tiles().places()
-            if (tile := level.tiles[place]) is not None
+            if (tile := level.tiles.get(place)) is not None
         ]
         if self.background is None and not is_copy:
             placed = [(tile, at, None, self._flags) for tile, at in placed]  # type: ignore[misc]
