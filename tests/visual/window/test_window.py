@@ -205,6 +205,16 @@ def test_closing_the_window_while_a_turn_is_shown_ends_the_context(open_window, 
     assert ctx.is_terminated()
 
 
+@pytest.mark.parametrize("who", ["drawer", "hud"])
+def test_what_is_drawn_may_end_the_context(ctx, who):
+    if who == "hud":
+        ctx.visual.hud = lambda ctx: ctx.terminate() or []
+    else:
+        ctx.visual.add_artist("end", {"drawer": lambda ctx, data: ctx.terminate(), "layer": 60})
+    ctx.visual.simulate()
+    assert ctx.is_terminated()
+
+
 def test_two_contexts_share_the_window_until_the_last_one_ends(open_window):
     import pygame
 

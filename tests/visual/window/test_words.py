@@ -127,6 +127,15 @@ def test_a_pause_and_a_question_say_what_to_do(ctx, said, person):
     assert any("F1: this help" in line for line in frame(ctx, said))
 
 
+def test_an_agent_whose_node_is_gone_is_logged_and_the_window_goes_on(ctx, said, person, caplog):
+    frame(ctx, said)
+    person.click(*ctx.visual._render_manager.world_to_screen(0.0, 0.0))
+    ctx.graph.graph.remove_node(0)
+    frame(ctx, said)
+    assert "turn 0" in frame(ctx, said)
+    assert any("red_0" in record.message for record in caplog.records if record.levelname == "ERROR")
+
+
 @pytest.mark.parametrize(
     ("data", "words"),
     [

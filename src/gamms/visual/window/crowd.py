@@ -41,7 +41,6 @@ class Crowd:
     """
 
     is_static = False
-    plate = None
 
     def __init__(self, members: Mapping[str, IArtist], motion: Motion, share: float, logger: ILogger) -> None:
         self.artists = tuple(members.values())
@@ -61,14 +60,6 @@ class Crowd:
             self.looks.append(look)
             places.append(place)
         self.places: FloatArray = np.array(places, np.float64).reshape(-1, 2)
-
-    @property
-    def box(self) -> tuple[FloatArray, FloatArray] | None:
-        """What is around all of them; None where there is nobody."""
-        if not self.looks:
-            return None
-        reach = np.array([[float(look.size)] for look in self.looks])
-        return (self.places - reach).min(axis=0), (self.places + reach).max(axis=0)
 
     @staticmethod
     def shows_what(commands: DrawCommands) -> bool:  # noqa: ARG004 - asked of every part of a scene

@@ -169,8 +169,9 @@ class WindowEngine(Onlookers):
         if self.ctx.is_terminated():
             return
         self.handle_single_draw()
-        load().display.flip()
-        self.handle_tick()
+        if not self.ctx.is_terminated():
+            load().display.flip()
+            self.handle_tick()
 
     def handle_input(self) -> None:
         """Do what happened to keys, mouse and window since the last frame."""
@@ -202,6 +203,8 @@ class WindowEngine(Onlookers):
             self._shown | self.hints(), self._draw_members, is_new_turn=self._is_fresh or self._has_painters
         )
         self._is_fresh = False
+        if self.ctx.is_terminated():  # by a drawer
+            return
         width, height = self._screen.get_size()
         canvas = Canvas(width, height, self._screen)
         self._stage.show(canvas, self._render_manager.camera(), self._theme.background, self._haste())

@@ -42,8 +42,11 @@ class Words:
         """Paint what is to be said at the moment."""
         prompt = self._prompt()
         engine, right, low = self._engine, canvas.width - _EDGE_PX, canvas.height - _EDGE_PX
+        lines = self._hud_lines() if self.is_shown else []
+        if engine.ctx.is_terminated():  # by the function that writes them
+            return
         if self.is_shown:
-            self._card(canvas, self._hud_lines(), _EDGE_PX, _EDGE_PX)
+            self._card(canvas, lines, _EDGE_PX, _EDGE_PX)
             self._card(canvas, self._teams(), right, _EDGE_PX, align=(1.0, 0.0))
             raised = _PROMPT_PX if prompt else 0
             self._card(canvas, HELP if self.has_help else (), _EDGE_PX, low - raised, align=(0.0, 1.0))

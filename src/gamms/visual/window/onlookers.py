@@ -45,7 +45,7 @@ class Onlookers(Internals):
         self.trails = Trails(0)
         self._pinned: str | None = None
         self._fps = (0, "")
-        self._sides: tuple[Any, dict[str, tuple[Rgba, int]]] = (None, {})
+        self._sides: tuple[Any, Any, dict[str, tuple[Rgba, int]]] = (None, None, {})
 
     # -- who is on stage -------------------------------------------------------------------------------------
 
@@ -105,12 +105,12 @@ class Onlookers(Internals):
         Also where it is on the screen, and how many pixels beside it there is room for words.
         """
         name = self._pointed_name()
-        if name is None:
+        look = next((look for look in self._placed_looks() if look.name == name), None)
+        if look is None or look.current_position is None:
             return None
-        at = self._render_manager.world_to_screen(*self.motion.position_of(name, self._share))
-        look = next((look for look in _looks(self._shown) if look.name == name), AgentData(name, size=0.0))
         radius = max(look.size * self._render_manager.scale, look.least_px)
-        return facts_about(self.ctx, name), at, radius + _BESIDE_PX
+        at = self._render_manager.world_to_screen(*look.current_position)
+        return facts_about(self.ctx, look.name), at, radius + _BESIDE_PX
 
     def _pointed_name(self) -> str | None:
         pointer = self.controls.pointer
@@ -149,10 +149,11 @@ class Onlookers(Internals):
     def teams(self) -> dict[str, tuple[Rgba, int]]:
         """Colour and number of living agents of each team, in the order of the agents."""
         roster = self.ctx.agent.columns.roster  # type: ignore[attr-defined] # of our own engine
-        key = roster, id(self._shown), self._is_declared
-        if self._sides[0] != key:
-            self._sides = key, self._counted()
-        return self._sides[1]
+        known_roster, known_artists, sides = self._sides
+        if known_roster != roster or known_artists is not self._shown:
+            sides = self._counted()
+            self._sides = roster, self._shown, sides
+        return sides
 
     def _counted(self) -> dict[str, tuple[Rgba, int]]:
         agents: list[Any] = [
