@@ -63,7 +63,7 @@ for call in (
 ):
     try:
         call()
-    except Exception as error:
+    except (KeyError, OSError) as error:
         refused.append([kind.__name__ for kind in (KeyError, OSError) if isinstance(error, kind)])
 ctx.visual.update()
 corner = [round(value) for value in view.world_to_screen(25.0, 0.0)]

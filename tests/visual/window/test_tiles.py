@@ -74,6 +74,19 @@ def test_panning_in_small_steps_leaves_no_seams(ctx, seen):
     assert differs(seen(ctx), painted_now(ctx)).mean() < 0.002
 
 
+def test_a_leap_across_the_map_is_sharp_at_once(ctx, seen, person):
+    ctx.visual.set_graph_visual(node_size=2)
+    settle(ctx)
+    for _ in range(8):
+        person.turn_wheel(3)
+        ctx.visual.update()
+    settle(ctx)
+    view = ctx.visual._render_manager
+    view.camera_x, view.camera_y = view.camera_x + 100, view.camera_y + 70
+    ctx.visual.update()
+    assert differs(seen(ctx), painted_now(ctx)).mean() < 0.002
+
+
 def test_a_zoom_is_seen_at_once_and_becomes_sharp(ctx, seen, person):
     ctx.visual.set_graph_visual(node_size=2)
     ctx.visual.update()

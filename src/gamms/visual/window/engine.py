@@ -15,6 +15,7 @@ from gamms.typing import ArtistType, IArtist, IContext, ISensor
 from gamms.visual.appearance import GraphData
 from gamms.visual.artist import Artist
 from gamms.visual.backends.pygame import Canvas, hold_image, load
+from gamms.visual.camera import Camera
 from gamms.visual.color import Color
 from gamms.visual.drawers import render_input_overlay
 from gamms.visual.picture import size
@@ -28,7 +29,7 @@ from gamms.visual.window.pacing import Pace
 from gamms.visual.window.stage import Stage
 from gamms.visual.window.themes import theme_called
 from gamms.visual.window.tiles import Haste
-from gamms.visual.window.view import RenderManager
+from gamms.visual.window.view import RenderManager, is_near
 
 _OPTIONS = (
     "width", "height", "simulation_time_constant", "input_overlay", "max_fps", "theme", "trails", "labels", "title",
@@ -37,7 +38,6 @@ _OVERLAY_LAYER, _SENSOR_LAYER = 50, 30
 _SMALLEST = 0.1  # world units: half the width that a graph without extent is seen in
 _FOR_TILES = 0.005  # seconds of a frame
 _ZOOM_RESTS = 0.12  # seconds after which a camera that was zooming is at rest
-_STEADY = 1.3  # a camera that sees so much more, or less, than in the frame before has not zoomed but leapt
 
 
 class WindowEngine(Onlookers):
@@ -97,7 +97,8 @@ class WindowEngine(Onlookers):
         self._stage = Stage(self._world, self._crowd_of)
         self._share, self._has_painters = 1.0, False
         self._is_fresh, self._shown = True, dict[str, IArtist]()
-        self._last_scale, self._last_frame, self._zoomed = 0.0, -math.inf, -math.inf
+        self._last_camera: Camera | None = None
+        self._last_frame = self._zoomed = -math.inf
         self._fitted: Any = None
         self._crowds: tuple[float, dict[tuple[IArtist, ...], bool]] = (0.0, {})  # scale, and who is one
         self._screen = open_window(self, self.width, self.height, title)
@@ -245,12 +246,12 @@ class WindowEngine(Onlookers):
         return getattr(graph.graph, "revision", None), getattr(graph, "obstacle_revision", None), seen
 
     def _haste(self) -> Haste:
-        now, scale, is_leaping = monotonic(), self._render_manager.scale, False
-        if scale != self._last_scale:
-            is_near = 1 / _STEADY <= scale / (self._last_scale or math.inf) <= _STEADY
-            is_leaping = not is_near or now - self._last_frame > 2 * _ZOOM_RESTS
+        now, camera, last = monotonic(), self._render_manager.camera(), self._last_camera
+        is_leaping = last is None or not is_near(camera, last)
+        if last is not None and camera.scale != last.scale:
+            is_leaping = is_leaping or now - self._last_frame > 2 * _ZOOM_RESTS
             self._zoomed = -math.inf if is_leaping else now
-        self._last_scale, self._last_frame = scale, now
+        self._last_camera, self._last_frame = camera, now
         is_zooming = now - self._zoomed < _ZOOM_RESTS
         return Haste(_FOR_TILES / 2 if is_zooming else _FOR_TILES, is_zooming=is_zooming, is_leaping=is_leaping)
 

@@ -19,7 +19,7 @@ from gamms.visual.constants import CACHE_ZOOM_MAX
 
 SIDE = 128  # px of a tile
 _AHEAD = 1  # tiles around the view that are painted before they are seen
-_MOST_TILES = 1200  # of all levels: 75 MiB
+_MOST_TILES, _MOST_VIEWS = 800, 4  # of all levels, the larger of: 50 MiB, or so many views
 _SPILL_PX = 64.0  # how far outside the box of a painting something sized in pixels may reach
 _SLOW = 0.004  # seconds
 _LONGEST_ROW = 16  # tiles
@@ -75,6 +75,11 @@ class _Level:
         self.tiles: dict[Place, Any] = {}  # surfaces; None is an empty one
         self.rough: set[Place] = set()  # those that were cut out of another level
 
+    def forget(self, place: Place) -> None:
+        """Have this tile no longer."""
+        self.tiles.pop(place, None)
+        self.rough.discard(place)
+
     def view(self, camera: Camera) -> _Area:
         """The pixels of this level that a camera sees."""
         share = self.scale / camera.scale
@@ -100,7 +105,12 @@ class Tiles:
         """Show what the camera sees; None as background leaves what is behind it."""
         level = self._level_for(camera, haste)
         area = level.view(camera)
-        self._fill(level, area.tiles(), may_cut_out=not haste.is_leaping)
+        if haste.is_leaping:
+            for place in level.rough.intersection(area.tiles().places()):
+                level.forget(place)
+        # A camera that only moves finds few tiles missing, and shows what it should at once.
+        is_settling = haste.is_zooming or not level.tiles or bool(level.rough)
+        self._fill(level, area.tiles(), may_cut_out=is_settling and not haste.is_leaping)
         self._sharpen(level, area.tiles(), haste)
         if level.scale == camera.scale:
             self._blit(canvas.surface, level, area)
@@ -250,17 +260,17 @@ class Tiles:
 
     def _evict(self, level: _Level, tiles: _Area) -> None:
         """Forget levels that were not used for long, but not the one that sees farthest; then what is far away."""
+        most = max(_MOST_TILES, _MOST_VIEWS * len(list(tiles.places())))
         farthest = min(self._levels.values(), key=lambda one: one.scale)
         for old in list(self._levels.values()):
-            if sum(len(one.tiles) for one in self._levels.values()) <= _MOST_TILES:
+            if sum(len(one.tiles) for one in self._levels.values()) <= most:
                 return
             if old is not level and old is not farthest:
                 del self._levels[old.scale]
         for one in self._levels.values():
             kept = set(tiles.wider(2 * _AHEAD).places()) if one is level else set()
             for place in [place for place in one.tiles if place not in kept]:
-                del one.tiles[place]
-                one.rough.discard(place)
+                one.forget(place)
 
     # -- surfaces --------------------------------------------------------------------------------------------
 

@@ -16,6 +16,7 @@ Point = tuple[float, float]
 _HALF_WIDTH = 15.0  # world units, of a camera that nobody has pointed anywhere
 _CLOSEST = 1e-6  # world units: half the width of the closest look
 _MARGIN = 1.08  # around everything
+_STEADY, _STEP = 1.3, 0.5  # a camera that sees so many times as much, or moves by such a share of its view, leaps
 
 
 class RenderManager:
@@ -251,3 +252,16 @@ def _is_inside(point: Point, corners: FloatArray) -> bool:
     begin, end = corners[is_crossing], following[is_crossing]
     crossings: Any = begin[:, 0] + (y - begin[:, 1]) * (end[:, 0] - begin[:, 0]) / (end[:, 1] - begin[:, 1])
     return bool(np.count_nonzero(crossings > x) % 2)
+
+
+def is_near(camera: Camera, before: Camera) -> bool:
+    """Whether a camera has moved and zoomed so little that it may be on its way."""
+    if not 1 / _STEADY <= camera.scale / before.scale <= _STEADY:
+        return False
+    (x, y), (then_x, then_y) = _middle(camera), _middle(before)
+    right, up = abs(x - then_x) * camera.scale, abs(y - then_y) * camera.scale
+    return right <= _STEP * camera.width and up <= _STEP * camera.height
+
+
+def _middle(camera: Camera) -> Point:
+    return camera.left + camera.width / 2 / camera.scale, camera.top - camera.height / 2 / camera.scale
