@@ -34,6 +34,8 @@ _ROOMS_OF: dict[str, tuple[str, ...]] = {
     "gamms.VisualizationEngine.builtin_artists": ("gamms.visual",),
     "gamms.VisualizationEngine.default_drawers": ("gamms.visual",),
     "gamms.VisualizationEngine.no_engine": ("gamms.visual",),
+    "gamms.VisualizationEngine.pygame_engine": ("gamms.visual",),
+    "gamms.VisualizationEngine.render_manager": ("gamms.visual",),
     "gamms.VisualizationEngine.utils": ("gamms.visual",),
     "gamms.internal_context": ("gamms.context",),
     "gamms.osm_constants": ("gamms.osm.constants",),
@@ -42,8 +44,6 @@ _ROOMS_OF: dict[str, tuple[str, ...]] = {
 _LATER: dict[str, str] = {
     "gamms.ComputationEngine": "the computation engine",
     "gamms.MessageEngine": "the message engine",
-    "gamms.VisualizationEngine.pygame_engine": "the pygame window",
-    "gamms.VisualizationEngine.render_manager": "the pygame window",
 }
 
 # Old modules whose name says a class once `gamms` is imported, as in 1.0.0; they are there before anybody asks, because

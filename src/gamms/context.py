@@ -2,13 +2,14 @@
 
 import logging
 import os
+from collections.abc import Callable
 from contextlib import ExitStack
 from types import TracebackType
 from typing import TYPE_CHECKING, Any, Self
 
 from gamms import agent, graph, kernels, memory, sensor, visual
 from gamms.arguments import as_int, as_path
-from gamms.errors import BadType, BadValue, NotYet
+from gamms.errors import BadType, BadValue
 from gamms.game.moves import Moves
 from gamms.typing import (
     IAgentEngine,
@@ -249,8 +250,8 @@ def create_context(
 
     Args:
         graph_engine: MEMORY writes nothing to disk unless asked; SQLITE also keeps the graph in a database file.
-        vis_engine: NO_VIS shows nothing (and can still draw pictures and films); OFFSCREEN films the game; PYGAME is
-            not built yet.
+        vis_engine: NO_VIS shows nothing (and can still draw pictures and films); PYGAME opens a window; OFFSCREEN films
+            the game.
         vis_kwargs: keywords of the visual engine.
         logger_config: arguments of `logging.basicConfig`; `level` defaults to $GAMMS_LOG_LEVEL, then INFO.
         seed: the same seed gives the same random streams; None draws one.
@@ -259,7 +260,8 @@ def create_context(
 
     Raises:
         UnknownType (ValueError): an unknown graph engine.
-        NotYet (NotImplementedError): the window.
+        NoDisplay (RuntimeError): there is no screen for a window.
+        MissingExtra (ImportError): a library that the visual engine needs is not installed.
         UnknownName (KeyError): there is no such setting of the turn engine.
         NotImplementedError: an unknown visual engine.
         BadValue, BadType: a bad seed, or a `graph_path` without SQLITE.
@@ -302,8 +304,9 @@ def _visual_engine(ctx: Context, engine: Any, keywords: dict[str, Any]) -> IVisu
 
         return OffscreenEngine(ctx, **keywords)
     if engine is visual.Engine.PYGAME:
-        raise NotYet("the pygame window (visual.Engine.PYGAME)")
-    raise NotImplementedError(f"Unknown visual engine {engine!r}. Use gamms.visual.Engine.NO_VIS or OFFSCREEN.")
+        engine_class: Callable[..., IVisualizationEngine] = visual.PygameVisualizationEngine
+        return engine_class(ctx, **keywords)
+    raise NotImplementedError(f"Unknown visual engine {engine!r}. Use gamms.visual.Engine.NO_VIS, PYGAME or OFFSCREEN.")
 
 
 def _database_path(engine: Any, path: str | os.PathLike[str] | None) -> "memory.PathLike | None":

@@ -108,6 +108,16 @@ class MissingExtra(GammsError, ImportError):
         super().__init__(f'{feature} needs an optional library: pip install "gamms[{extra}]"')
 
 
+class NoDisplay(GammsError, RuntimeError):
+    """A window is asked for where none can be opened."""
+
+    def __init__(self, reason: str) -> None:
+        super().__init__(
+            f"No window can be opened here ({reason}). To film a game without a display, use "
+            "vis_engine=gamms.visual.Engine.OFFSCREEN; to run a window program unseen, set SDL_VIDEODRIVER=dummy."
+        )
+
+
 class WrongVersion(GammsError, ImportError):
     """An optional library is there in a version that does not work."""
 
@@ -151,6 +161,13 @@ class MissingFolder(GammsError, FileNotFoundError):
 
     def __init__(self, path: object, folder: object) -> None:
         super().__init__(f"There is no folder {str(folder)!r} to write {str(path)!r} into. Create it first.")
+
+
+class MissingFile(GammsError, FileNotFoundError):
+    """A file that is to be read is not there."""
+
+    def __init__(self, what: str, path: object) -> None:
+        super().__init__(f"There is no file {str(path)!r} for {what}.")
 
 
 class Outdated(GammsError, RuntimeError):

@@ -56,8 +56,9 @@ def test_an_unknown_visual_engine_is_a_not_implemented_error(engine):
         gamms.create_context(vis_engine=engine)
 
 
-def test_the_pygame_window_comes_later_and_says_so():
-    with pytest.raises(NotImplementedError, match="Not in this version of GAMMS yet: the pygame window") as caught:
+def test_a_window_without_a_display_says_what_else_there_is(monkeypatch):
+    monkeypatch.setenv("SDL_VIDEODRIVER", "none of that name")
+    with pytest.raises(RuntimeError, match=r"No window can be opened here.*OFFSCREEN.*SDL_VIDEODRIVER=dummy") as caught:
         gamms.create_context(vis_engine=visual.Engine.PYGAME, vis_kwargs={"width": 800})
     assert isinstance(caught.value, GammsError)
 
@@ -89,7 +90,7 @@ def test_a_graph_in_a_file_is_there_again(open_context, tmp_path):
 @pytest.mark.parametrize(
     "bad",
     [
-        {"vis_engine": visual.Engine.PYGAME},
+        {"vis_engine": visual.Engine.PYGAME, "vis_kwargs": {"theme": "loud"}},
         {"vis_engine": "window"},
         {"vis_kwargs": {"ctx": None}},
         {"vis_kwargs": 5},

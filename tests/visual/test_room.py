@@ -1,9 +1,11 @@
 """The door of the room: what may be imported from `gamms.visual`, and what it says about the rest."""
 
+import subprocess
+import sys
+
 import pytest
 
 import gamms.visual
-from gamms.errors import NotYetAttribute
 
 
 def test_every_public_name_is_there():
@@ -19,15 +21,20 @@ def test_enum_values_are_those_programs_know():
     assert visual.CACHE_ZOOM_MAX == 1.2
 
 
-@pytest.mark.parametrize("name", ["PygameVisualizationEngine", "RenderManager", "lazy", "render_input_overlay"])
-def test_a_name_of_the_window_says_that_it_is_not_built_yet(name):
-    with pytest.raises(NotYetAttribute, match="Not in this version of GAMMS yet"):
-        getattr(gamms.visual, name)
+def test_the_window_is_loaded_when_it_is_first_asked_for():
+    code = """
+import sys, gamms
+before = {name for name in sys.modules if name.startswith("gamms.visual.window")}
+from gamms.visual import PygameVisualizationEngine, RenderManager
+print(before, PygameVisualizationEngine is gamms.visual.WindowEngine, "pygame" in sys.modules)
+"""
+    assert subprocess.check_output([sys.executable, "-c", code], text=True) == "set() True False\n"
 
 
-def test_an_import_of_the_window_is_an_import_error():
-    with pytest.raises(ImportError, match="the pygame window"):
-        from gamms.visual import PygameVisualizationEngine  # noqa: F401
+def test_a_lazy_module_is_imported_when_it_is_used():
+    assert gamms.visual.lazy("math").sqrt(4.0) == 2.0
+    with pytest.raises(ModuleNotFoundError):
+        _ = gamms.visual.lazy("gamms.no_such_module").anything
 
 
 def test_any_other_name_is_an_attribute_error():

@@ -1,15 +1,17 @@
 """The visual room: what a scenario looks like, and pictures of it.
 
 What lives here: the engine without a window (`no_engine.py`), artists (`artist.py`) and their drawers
-(`drawers/`), the drawing primitives (`primitives.py`), which collect draw commands (`commands.py`), and the
-backends that turn draw commands into files (`backends/`). `picture.py` goes from artists to a file.
+(`drawers/`), the drawing primitives (`primitives.py`), which collect draw commands (`commands.py`), the backends
+that turn draw commands into files (`backends/`), and the window (`window/`). `picture.py` goes from artists to a file.
 Read `no_engine.py` first, then `primitives.py`.
 May import: `gamms.typing`, `gamms.kernels`, `gamms.ir`, `gamms.plugins`, `gamms.arguments`, `gamms.errors`.
 To extend: something to draw is one function in `drawers/`; a way to show it is one file in `backends/` and
 one line in its `__init__`. The room only reads the scenario; it never changes it.
 """
 
-from gamms.errors import NotYetAttribute
+from importlib import import_module
+from typing import Any
+
 from gamms.visual.appearance import AgentData, Circle, GraphData, Rectangle
 from gamms.visual.artist import Artist, RenderMode
 from gamms.visual.color import Color, string_to_color
@@ -29,6 +31,7 @@ from gamms.visual.drawers import (
     render_agent_sensor,
     render_circle,
     render_graph,
+    render_input_overlay,
     render_map_sensor,
     render_neighbor_sensor,
     render_obstacles,
@@ -38,18 +41,30 @@ from gamms.visual.drawers import (
 from gamms.visual.engine import PictureEngine
 from gamms.visual.no_engine import NoEngine
 
-LATER = {
-    "PygameVisualizationEngine": "the pygame window",
-    "RenderManager": "the pygame window",
-    "lazy": "the pygame window",
-    "render_input_overlay": "the pygame window",
-}
+_OF_THE_WINDOW = ("PygameVisualizationEngine", "RenderManager", "WindowEngine")
 
 
-def __getattr__(name: str) -> object:
-    if name in LATER:
-        raise NotYetAttribute(LATER[name])
+def __getattr__(name: str) -> Any:
+    if name in _OF_THE_WINDOW:  # not loaded before somebody wants to see it
+        from gamms.visual import window
+
+        return getattr(window, name)
     raise AttributeError(f"module {__name__!r} has no attribute {name!r}")
+
+
+class _Lazy:
+    """A module that is imported when something in it is asked for."""
+
+    def __init__(self, name: str) -> None:
+        self._name = name
+
+    def __getattr__(self, attribute: str) -> Any:
+        return getattr(import_module(self._name), attribute)
+
+
+def lazy(name: str) -> _Lazy:
+    """The module of that name, which is imported when it is first used."""
+    return _Lazy(name)
 
 
 __all__ = [
@@ -65,16 +80,21 @@ __all__ = [
     "GraphData",
     "NoEngine",
     "PictureEngine",
+    "PygameVisualizationEngine",
     "Rectangle",
+    "RenderManager",
     "RenderMode",
     "Shape",
     "Space",
+    "WindowEngine",
+    "lazy",
     "render_aerial_agent",
     "render_aerial_agent_sensor",
     "render_agent",
     "render_agent_sensor",
     "render_circle",
     "render_graph",
+    "render_input_overlay",
     "render_map_sensor",
     "render_neighbor_sensor",
     "render_obstacles",

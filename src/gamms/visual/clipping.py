@@ -4,6 +4,8 @@ import numpy as np
 
 from gamms.ir.graph import FloatArray
 
+_SHORTEST = 1e-12  # what goes less far along an axis does not go along it
+
 
 def touching(
     low: FloatArray, high: FloatArray, box: tuple[float, float, float, float]
@@ -25,7 +27,7 @@ def clipped(
     is_inside = np.ones(len(starts), bool)
     for axis in (0, 1):
         way, start = ways[:, axis], starts[:, axis]
-        is_parallel = way == 0.0
+        is_parallel = np.abs(way) < _SHORTEST
         step = np.where(is_parallel, 1.0, way)
         at_low, at_high = (low[axis] - start) / step, (high[axis] - start) / step
         enter = np.maximum(enter, np.where(is_parallel, 0.0, np.minimum(at_low, at_high)))

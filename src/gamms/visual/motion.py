@@ -13,14 +13,14 @@ from gamms.typing.agent_engine import AgentType
 _Point = tuple[float, float]
 
 
-class _Way(NamedTuple):
+class Way(NamedTuple):
     """A polyline, and how far along it each of its points lies, from 0.0 to 1.0."""
 
     points: list[_Point]
     shares: list[float]
 
     @classmethod
-    def through(cls, points: FloatArray) -> "_Way":
+    def through(cls, points: FloatArray) -> "Way":
         """The way through points (points, 2)."""
         lengths = np.hypot(*np.diff(points, axis=0).T)
         shares = np.concatenate([[0.0], np.cumsum(lengths)]) / (float(lengths.sum()) or 1.0)
@@ -34,13 +34,19 @@ class _Way(NamedTuple):
         part = (share - self.shares[place - 1]) / step if step > 0.0 else 1.0
         return x0 + part * (x1 - x0), y0 + part * (y1 - y0)
 
+    def until(self, share: float) -> list[_Point]:
+        """The points up to a share of the way's length."""
+        if share >= 1.0:
+            return self.points
+        return [*self.points[: bisect_right(self.shares, share)], self.at(share)]
+
 
 class Motion:
     """The last move of every agent, from the start of a turn's frames to their end."""
 
     def __init__(self, ctx: IContext) -> None:
         self._ctx = ctx
-        self._ways: dict[str, _Way] = {}
+        self._ways: dict[str, Way] = {}
         self._steps: dict[str, tuple[Any, Any]] = {}
         self._columns: GraphColumns | None = None
         self._sorted: IntArray = np.empty(0, np.int64)  # node rows by id
@@ -51,6 +57,10 @@ class Motion:
         moved = {name: step for name, step in steps.items() if step[0] != step[1] and self._steps.get(name) != step}
         self._steps = steps
         self._ways = {name: way for name, step in moved.items() if (way := self._way(*step)) is not None}
+
+    def ways(self) -> dict[str, Way]:
+        """How agents move in this turn, by name; who stays has no way."""
+        return dict(self._ways)
 
     def position_of(self, name: str, share: float) -> _Point:
         """Where an agent is after a share of its last move, from 0.0 (before it) to 1.0 (where it stands).
@@ -66,16 +76,16 @@ class Motion:
         node = self._ctx.graph.graph.get_node(agent.current_node_id)
         return node.x, node.y
 
-    def _way(self, before: Any, now: Any) -> _Way | None:
+    def _way(self, before: Any, now: Any) -> Way | None:
         if isinstance(now, tuple):
-            return _Way.through(np.array([before[:2], now[:2]], float))
+            return Way.through(np.array([before[:2], now[:2]], float))
         try:
             points = self._street(before, now)
             if points is None:
                 points = self._ctx.graph.graph.positions([before, now])
         except (UnknownName, ContextTerminated):  # where it came from is gone
             return None
-        return _Way.through(points)
+        return Way.through(points)
 
     def _street(self, source: int, target: int) -> FloatArray | None:
         """The polyline of the first edge from one node to another; None where it is straight or there is none."""

@@ -14,6 +14,7 @@ from gamms.visual.commands import Commands
 from gamms.visual.motion import Motion
 
 _FONT_PX = 36
+EDGE_PX = 3.0  # of a disc; half of it is hidden
 
 
 class Primitives(IVisualizationEngine):
@@ -176,7 +177,7 @@ class Primitives(IVisualizationEngine):
     ) -> None:
         """Fill many equal discs with a thin edge; `radius` in world units, but never less than some pixels."""
         if self._drawing is not None:
-            self._drawing.add_discs(centers, radius, at_least_px, color, edge, 3.0)
+            self._drawing.add_discs(centers, radius, at_least_px, color, edge, EDGE_PX)
 
     def render_layer(self, layer_id: int) -> None:
         """Do nothing: layers are painted with the picture."""

@@ -40,6 +40,10 @@ class Part:
         self.box: tuple[FloatArray, FloatArray] | None = bounds(commands) if len(commands) else None
         self.plate = Plate() if self.is_static and len(commands.points) > _FEW else None
 
+    def paint(self, canvas: Canvas, camera: Camera) -> None:
+        """Paint what the camera sees of it."""
+        self.painting.paint(canvas, camera)
+
     def shows_what(self, commands: DrawCommands) -> bool:
         """Whether these commands would give the same part."""
         mine = self.painting.commands
@@ -79,11 +83,12 @@ class Scene:
                 key = (world, *(_key_of(name, artist) for name, artist in members.items()))
                 part = known.get(key) or Part(members, draw(members), key)
             else:
-                part = self._moving_part(members, draw(members))
+                part = self._moving_part(members, draw)
             self._parts.append(part)
 
-    def _moving_part(self, members: dict[str, IArtist], commands: DrawCommands) -> Part:
+    def _moving_part(self, members: dict[str, IArtist], draw: Draw) -> Part:
         """The part of the frame before, where it would look the same."""
+        commands = draw(members)
         for part in self._before:
             if not part.is_static and part.shows_what(commands):
                 part.artists = tuple(members.values())
@@ -112,7 +117,7 @@ class Scene:
             canvas.fill(background)
         for place, part in enumerate(self._parts[begin:], begin):
             if part.plate is None:
-                part.painting.paint(canvas, camera)
+                part.paint(canvas, camera)
             else:
                 behind = background if place == 0 else None
                 part.plate.show(part.painting, canvas, camera, behind, is_moving=is_moving)

@@ -12,6 +12,7 @@ from contextlib import contextmanager
 from functools import lru_cache
 from itertools import repeat
 from typing import TYPE_CHECKING, Any
+from weakref import WeakValueDictionary
 
 import numpy as np
 
@@ -145,6 +146,12 @@ class Canvas:
         self.surface.blit(drawn, (round(x - drawn.get_width() / 2), round(y - drawn.get_height() / 2)))
 
 
+def text_width(words: str, font_px: int) -> int:
+    """How wide words are, in pixels."""
+    width: int = _font(font_px).size(_UNWRITABLE.sub(" ", words))[0]
+    return width
+
+
 def stamp(coverage: ByteArray, color: Rgba) -> "Surface":
     """A surface of one colour that is as opaque as `coverage` (rows, columns) says."""
     rows, columns = coverage.shape
@@ -211,10 +218,22 @@ def _is_dark(ink: Rgb) -> bool:
     return sum(ink) < 3 * 128
 
 
+_held: "WeakValueDictionary[str, Surface]" = WeakValueDictionary()
+
+
+def hold_image(surface: "Surface") -> str:
+    """A name under which a loaded image can be drawn as if it were a file, as long as it lives."""
+    name = f"surface {id(surface):#x}"
+    if _held.get(name) is not surface:
+        _held[name] = surface
+        _image.cache_clear()  # another image may have had this name
+    return name
+
+
 @lru_cache(maxsize=512)
 def _image(path: str, side: int, angle: float) -> "Surface":
     pygame = load()
-    image = _opened_image(path)
+    image = _held.get(path) or _opened_image(path)
     ratio = side / max(image.get_size())
     size = [max(1, round(length * ratio)) for length in image.get_size()]
     fitted: Surface = pygame.transform.smoothscale(image, size)

@@ -5,6 +5,7 @@ is drawn many times, use the bulk primitives `render_lines` and `render_circles`
 """
 
 from gamms.visual.drawers.agents import render_aerial_agent, render_agent
+from gamms.visual.drawers.choices import render_input_overlay
 from gamms.visual.drawers.graph import render_graph
 from gamms.visual.drawers.obstacles import render_obstacles
 from gamms.visual.drawers.sensors import (
@@ -23,6 +24,7 @@ __all__ = [
     "render_agent_sensor",
     "render_circle",
     "render_graph",
+    "render_input_overlay",
     "render_map_sensor",
     "render_neighbor_sensor",
     "render_obstacles",

@@ -12,7 +12,7 @@ from gamms.visual.primitives import primitives_of
 _BRIGHT = 170.0
 _WHITE, _DARK = (255, 255, 255), (60, 60, 60)
 
-_RING, _RING_PX = 1.8, 11.0  # of an agent in the air: in radii of its disc, and at least
+RING, RING_PX = 1.8, 11.0  # of an agent in the air: in radii of its disc, and at least
 _NOSE = 2.6  # how far it reaches, in radii of the disc
 _HEIGHT_PX = 17
 _ASIDE = "\u00a0" * 4  # as wide as the smallest ring, for text is placed in world units only
@@ -35,21 +35,21 @@ def render_aerial_agent(ctx: IContext, data: dict[str, Any]) -> None:
     agent = cast("IAerialAgent", ctx.agent.get_agent(look.name))
     (_, _, z), (cos, sin) = agent.position, agent.orientation
     look.current_position = x, y = primitives_of(ctx).position_of(look.name, data.get("_alpha", 1.0))
-    for color, edge_px in ((_outline(look.color), 2.0), (look.color, 0.0)):  # an edge lifts it off the map
-        rings(ctx, [(x, y)], _RING * look.size, color, _RING_PX, 2.0 + edge_px)
+    for color, edge_px in ((outline_of(look.color), 2.0), (look.color, 0.0)):  # an edge lifts it off the map
+        rings(ctx, [(x, y)], RING * look.size, color, RING_PX, 2.0 + edge_px)
         if (cos, sin) != (0.0, 0.0):  # it does not point straight up or down
             nose = (x + _NOSE * look.size * cos, y + _NOSE * look.size * sin)
             primitives_of(ctx).render_lines([(x, y), nose], [0, 2], color, 3.0 + edge_px)
     _body(ctx, look, x, y)
     if z > 0.0:
-        ctx.visual.render_text(_ASIDE + _height(z), x + _RING * look.size, y, _DARK, font_size=_HEIGHT_PX)
+        ctx.visual.render_text(_ASIDE + _height(z), x + RING * look.size, y, _DARK, font_size=_HEIGHT_PX)
 
 
 def _body(ctx: IContext, look: AgentData, x: float, y: float) -> None:
     if look.image is not None:
         ctx.visual.render_image(x, y, look.image, look.size)
     else:
-        edge = _outline(look.color)
+        edge = outline_of(look.color)
         primitives_of(ctx).render_discs([(x, y)], look.size, look.color, edge, at_least_px=look.least_px)
 
 
@@ -57,7 +57,7 @@ def _height(z: float) -> str:
     return f"{z:.0f} m" if z >= 10.0 else f"{z:.2g} m"
 
 
-def _outline(color: Any) -> Rgb:
+def outline_of(color: Any) -> Rgb:
     """Dark around bright colours, white around the others."""
     red, green, blue, _ = rgba(color)
     luminance = 0.299 * red + 0.587 * green + 0.114 * blue

@@ -1,0 +1,40 @@
+"""Drawer of choices: where the agent whose person is asked may go next."""
+
+from typing import Any
+
+import numpy as np
+
+from gamms.typing import IContext
+from gamms.visual.appearance import GraphData
+from gamms.visual.drawers.graph import polylines
+from gamms.visual.primitives import primitives_of
+
+_EDGE_PX, _RING_PX = 3.0, 11.0
+
+
+def render_input_overlay(ctx: IContext, data: dict[str, Any]) -> None:
+    """Draw the ways to `data['_input_options']` (number -> node; 0 is where the agent is) and rings around them.
+
+    `data['graph_data']`, a GraphData, says how; nothing is drawn while nobody is asked.
+    """
+    options: dict[int, int] = data.get("_input_options", {})
+    if not options or not data.get("_waiting_user_input"):
+        return
+    look: GraphData = data["graph_data"]
+    columns, graph = ctx.graph.columns(), ctx.graph.graph
+    places = graph.positions(list(options.values()))
+    rows = _rows(columns, next(iter(options.values())), set(options.values()))
+    if len(rows):
+        primitives_of(ctx).render_lines(*polylines(columns, rows), look.edge_color, _EDGE_PX)
+    shown = ctx.visual.get_viewport()
+    radius = max(look.node_size, _RING_PX / shown[-1]) if shown is not None else look.node_size
+    primitives_of(ctx).render_circles(places, radius, look.node_color, _EDGE_PX)
+
+
+def _rows(columns: Any, here: int, ends: set[int]) -> "np.ndarray[Any, np.dtype[np.int64]]":
+    """The edges that lead from a node to some others."""
+    [begin] = np.flatnonzero(columns.node_ids == here)
+    edges = columns.out_edges[columns.offsets[begin] : columns.offsets[begin + 1]]
+    targets = columns.node_ids[columns.targets[edges]].tolist()
+    rows: np.ndarray[Any, np.dtype[np.int64]] = edges[[target in ends for target in targets]]
+    return rows

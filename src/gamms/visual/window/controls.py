@@ -1,0 +1,183 @@
+"""What keys, mouse and window buttons do."""
+
+from typing import TYPE_CHECKING, Any
+
+from gamms.visual.backends.pygame import load
+from gamms.visual.window.asking import Flight, Walk
+from gamms.visual.window.pointing import nearest
+
+if TYPE_CHECKING:
+    from gamms.visual.window.engine import WindowEngine
+
+_ZOOM = 1.05  # of a notch of the wheel
+_KEY_ZOOM = 1.25
+_CLICK_PX = 4.0  # a press that moves less is a click
+_CLOSEST = 2.0  # world units: half the width of the closest look that the wheel gives, where the map is not smaller
+_ACROSS = 60.0  # how many times smaller than the map
+
+HELP = (
+    "drag, W A S D or arrows: move",
+    "wheel, page up and down: zoom",
+    "home: see everything",
+    "space: pause · .: one turn · + -: speed",
+    "click an agent: keep its panel",
+    "L: names · T: trails · H: words · F1: this help",
+)
+
+
+class Controls:
+    """Turns events into what the window does.
+
+    Attributes:
+        pointer: where the mouse is, in pixels; None while it is elsewhere.
+    """
+
+    def __init__(self, engine: "WindowEngine") -> None:
+        self._engine = engine
+        self.pointer: tuple[float, float] | None = None
+        self._held: set[int] = set()
+        self._drag: tuple[float, float] | None = None
+        self._dragged_px = 0.0
+        pygame = load()
+        self._events = {
+            pygame.QUIT: self._quit,
+            pygame.KEYDOWN: self._press,
+            pygame.KEYUP: self._release,
+            pygame.MOUSEBUTTONDOWN: self._button,
+            pygame.MOUSEBUTTONUP: self._let_go,
+            pygame.MOUSEMOTION: self._move,
+            pygame.MOUSEWHEEL: self._wheel,
+            pygame.WINDOWLEAVE: self._leave,
+            pygame.WINDOWFOCUSLOST: self._leave,
+            pygame.VIDEORESIZE: self._resize,
+        }
+        pace, hud = engine.pace, engine.words
+        self._keys = {
+            pygame.K_SPACE: pace.pause,
+            pygame.K_PERIOD: pace.step,
+            pygame.K_KP_PERIOD: pace.step,
+            pygame.K_PLUS: lambda: pace.faster(1),
+            pygame.K_EQUALS: lambda: pace.faster(1),
+            pygame.K_KP_PLUS: lambda: pace.faster(1),
+            pygame.K_MINUS: lambda: pace.faster(-1),
+            pygame.K_KP_MINUS: lambda: pace.faster(-1),
+            pygame.K_PAGEUP: lambda: self._zoom(1 / _KEY_ZOOM),
+            pygame.K_PAGEDOWN: lambda: self._zoom(_KEY_ZOOM),
+            pygame.K_HOME: engine.see_everything,
+            pygame.K_h: hud.toggle,
+            pygame.K_F1: hud.toggle_help,
+            pygame.K_l: engine.toggle_labels,
+            pygame.K_t: engine.toggle_trails,
+            pygame.K_ESCAPE: engine.unpin,
+        }
+        self._ways = {
+            pygame.K_w: (0, 1), pygame.K_s: (0, -1), pygame.K_a: (-1, 0), pygame.K_d: (1, 0),
+            pygame.K_UP: (0, 1), pygame.K_DOWN: (0, -1), pygame.K_LEFT: (-1, 0), pygame.K_RIGHT: (1, 0),
+        }  # fmt: skip
+        self._digits = {getattr(pygame, f"K_{prefix}{digit}"): digit for digit in range(10) for prefix in ("", "KP")}
+
+    def handle(self, events: list[Any]) -> None:
+        """Do what the events say, in order; after the window was closed, nothing more."""
+        for event in events:
+            if self._engine.ctx.is_terminated():
+                return
+            action = self._events.get(event.type)
+            if action is not None:
+                action(event)
+
+    def glide(self, seconds: float) -> None:
+        """Move the camera by the keys that are held: half a half width per second."""
+        view = self._engine._render_manager
+        across = sum(self._ways[key][0] for key in self._held)
+        up = sum(self._ways[key][1] for key in self._held)
+        if across or up:
+            view.camera_x += across * view.camera_size / 2 * seconds
+            view.camera_y += up * view.camera_size / 2 * seconds
+
+    # -- the window ------------------------------------------------------------------------------------------
+
+    def _quit(self, event: Any) -> None:  # noqa: ARG002
+        self._engine.quit()
+
+    def _resize(self, event: Any) -> None:
+        self._engine.resized(event.w, event.h)
+
+    def _leave(self, event: Any) -> None:  # noqa: ARG002
+        self.pointer, self._drag = None, None
+        self._held.clear()
+
+    # -- keys ------------------------------------------------------------------------------------------------
+
+    def _press(self, event: Any) -> None:
+        if self._answer_by_key(event.key):
+            return
+        if event.key in self._ways:
+            self._held.add(event.key)
+        elif event.key in self._keys:
+            self._keys[event.key]()
+
+    def _release(self, event: Any) -> None:
+        self._held.discard(event.key)
+
+    def _answer_by_key(self, key: int) -> bool:
+        pygame, asked = load(), self._engine.question
+        if asked is None:
+            return False
+        if key in self._digits:
+            asked.type_digit(self._digits[key])
+        elif isinstance(asked, Flight) and key in (pygame.K_UP, pygame.K_DOWN):
+            asked.climb(1 if key == pygame.K_UP else -1)
+        elif isinstance(asked, Walk) and key in (pygame.K_RETURN, pygame.K_KP_ENTER):
+            asked.confirm()
+        elif isinstance(asked, Walk) and key == pygame.K_BACKSPACE:
+            asked.erase()
+        else:
+            return False
+        return True
+
+    # -- mouse -----------------------------------------------------------------------------------------------
+
+    def _button(self, event: Any) -> None:
+        if event.button in (1, 2, 3):
+            self.pointer = event.pos
+            if event.button == 1 and self._answer_by_click(*event.pos):
+                return
+            self._drag, self._dragged_px = event.pos, 0.0
+
+    def _answer_by_click(self, x: float, y: float) -> bool:
+        asked, view = self._engine.question, self._engine._render_manager
+        if isinstance(asked, Flight):
+            asked.point_at(*view.screen_to_world(x, y))
+            return True
+        if isinstance(asked, Walk):
+            option = nearest(view.camera().to_screen(asked.places), x, y)
+            if option is not None:
+                asked.choose(option)
+                return True
+        return False
+
+    def _move(self, event: Any) -> None:
+        self.pointer = event.pos
+        if self._drag is None:
+            return
+        right, down = event.pos[0] - self._drag[0], event.pos[1] - self._drag[1]
+        self._dragged_px += abs(right) + abs(down)
+        if self._dragged_px >= _CLICK_PX:
+            self._engine._render_manager.move_by(right, down)
+            self._drag = event.pos
+
+    def _let_go(self, event: Any) -> None:
+        is_click = self._drag is not None and self._dragged_px < _CLICK_PX
+        self._drag = None
+        if is_click and event.button == 1:
+            self._engine.pin(event.pos)
+
+    def _wheel(self, event: Any) -> None:
+        notches = getattr(event, "precise_y", 0.0) or event.y
+        self._zoom(_ZOOM**-notches)
+
+    def _zoom(self, factor: float) -> None:
+        view = self._engine._render_manager
+        xy = self._engine.ctx.graph.columns().xy
+        extent = float((xy.max(axis=0) - xy.min(axis=0)).max()) if len(xy) > 1 else _CLOSEST * _ACROSS
+        view.zoom(factor, self.pointer, min(_CLOSEST, extent / _ACROSS))

@@ -1,0 +1,232 @@
+"""What those who watch want to see: names, trails, one agent's sensors and state, teams."""
+
+from collections.abc import Iterable
+from typing import Any
+
+import numpy as np
+
+from gamms.typing import ArtistType, IArtist, IContext
+from gamms.typing.agent_engine import AgentType
+from gamms.visual.appearance import AgentData
+from gamms.visual.artist import Artist
+from gamms.visual.backends.pygame import Canvas
+from gamms.visual.color import PAPER, Rgba, rgba, team_colors
+from gamms.visual.drawers import render_obstacles, render_sensor
+from gamms.visual.drawers.agents import RING, RING_PX
+from gamms.visual.window.asking import Question, Walk
+from gamms.visual.window.controls import Controls
+from gamms.visual.window.hud import Words, score_line
+from gamms.visual.window.internals import Internals
+from gamms.visual.window.pointing import facts_about, nearest
+from gamms.visual.window.themes import Theme
+from gamms.visual.window.trails import Trails
+
+_WALLS_LAYER, _TRAILS_LAYER, _VIEWS_LAYER = 5, 14, 15
+_USUAL_TRAILS = 8  # turns, where they are switched on by key
+_BESIDE_PX = 10.0  # between an agent and its panel
+_CELL_PX = 18  # of the grid that keeps labels apart
+
+
+class Onlookers(Internals):
+    """The part of a window that shows what was not declared."""
+
+    words: Words
+    controls: Controls
+    question: Question | None
+    has_labels: bool
+    _theme: Theme
+    _turns_of_trails: int
+    _shown: dict[str, IArtist]
+    _share: float
+
+    def __init__(self, ctx: IContext, *, simulation_time_constant: float = 2.0) -> None:
+        super().__init__(ctx, simulation_time_constant=simulation_time_constant)
+        self.turns = 0  # that were shown
+        self.trails = Trails(0)
+        self._pinned: str | None = None
+        self._fps = (0, "")
+        self._sides: tuple[Any, Any, dict[str, tuple[Rgba, int]]] = (None, None, {})
+
+    # -- who is on stage -------------------------------------------------------------------------------------
+
+    def onstage_artists(self) -> dict[str, IArtist]:
+        """Who draws in the window: those who draw in pictures, in the colours of the theme, and the trails."""
+        artists = self.shown_artists()
+        if not self._is_declared and self._theme.background[:3] != PAPER:
+            look = artists["graph"].data["graph_data"]
+            look.edge_color, look.node_color = self._theme.streets, self._theme.nodes
+        if not self._is_declared:
+            artists = self._walls() | artists
+        if self.trails.turns:
+            colors = {look.name: look.color for look in _looks(artists)}
+            for name, drawer in (("past trails", self.trails.draw_past), ("trails", self.trails.draw_last)):
+                artists[name] = trails = Artist(self.ctx, drawer, _TRAILS_LAYER)
+                trails.data = {"colors": colors}
+        return artists
+
+    def _walls(self) -> dict[str, IArtist]:
+        """Obstacles, faint; none where there are none."""
+        types = self.ctx.graph.obstacle_columns().types
+        if len(types) == 0:
+            return {}
+        walls = Artist(self.ctx, render_obstacles, _WALLS_LAYER)
+        walls.set_artist_type(ArtistType.STATIC)
+        walls.data = {"color_map": dict.fromkeys(np.unique(types).tolist(), self._theme.walls)}
+        return {"obstacles": walls}
+
+    def hints(self) -> dict[str, IArtist]:
+        """Artists of what the agent under the pointer senses, as far as it is not shown already."""
+        name = self._pointed_name()
+        if name is None:
+            return {}
+        sensors = getattr(self.ctx.agent.get_agent(name), "_sensor_list", {})
+        look = next((look for look in _looks(self._shown) if look.name == name), AgentData(name))
+        hints: dict[str, IArtist] = {}
+        for sensor in sensors.values():
+            own = f"sensor_{sensor.sensor_id}"
+            if own not in self._shown and hasattr(sensor, "last_view"):
+                hints[own] = artist = Artist(self.ctx, _quietly, _VIEWS_LAYER)
+                artist.data = {"name": sensor.sensor_id, "color": look.color, "size": 1.7 * look.size}
+        return hints
+
+    # -- agents under the pointer ----------------------------------------------------------------------------
+
+    def pin(self, at: tuple[float, float]) -> None:
+        """Keep the panel of the agent at a point of the screen; where there is none, keep none."""
+        self._pinned = self._agent_at(at)
+
+    def unpin(self) -> None:
+        """Keep no panel."""
+        self._pinned = None
+
+    def pointed_at(self) -> tuple[list[str], tuple[float, float], float] | None:
+        """What is known about the agent under the pointer, else about the one that was clicked.
+
+        Also where it is on the screen, and how many pixels beside it there is room for words.
+        """
+        name = self._pointed_name()
+        look = next((look for look in self._placed_looks() if look.name == name), None)
+        if look is None or look.current_position is None:
+            return None
+        radius = max(look.size * self._render_manager.scale, look.least_px)
+        at = self._render_manager.world_to_screen(*look.current_position)
+        return facts_about(self.ctx, look.name), at, radius + _BESIDE_PX
+
+    def _pointed_name(self) -> str | None:
+        pointer = self.controls.pointer
+        name = None if pointer is None else self._agent_at(pointer)
+        if name is None and self._pinned in self.ctx.agent.agents:
+            name = self._pinned
+        return name
+
+    def _agent_at(self, at: tuple[float, float]) -> str | None:
+        looks = self._placed_looks()
+        if not looks:
+            return None
+        places = np.array([look.current_position for look in looks], np.float64)
+        row = nearest(self._render_manager.camera().to_screen(places), *at)
+        name = None if row is None else looks[row].name
+        return name if name in self.ctx.agent.agents else None
+
+    # -- words -----------------------------------------------------------------------------------------------
+
+    def turn_lines(self, ctx: IContext) -> list[str]:
+        """What `hud` says unless it is replaced: turn, scores, frames per second."""
+        game: Any = getattr(ctx, "_game", None)  # asking for `ctx.game` would make one
+        turn = self.turns if game is None or not game.turn else game.turn
+        speed = "" if self.pace.speed == 1.0 else f" · {self.pace.speed:g}x"
+        lines = [f"turn {turn}{speed}"]
+        if game is not None and game.scores:
+            lines.append(score_line(game.scores))
+        return [*lines, self._frames_per_second()]
+
+    def _frames_per_second(self) -> str:
+        half_second = int(self.pace.now() * 2)
+        if self._fps[0] != half_second:
+            self._fps = half_second, f"{self.pace.clock.get_fps():.0f} fps"
+        return self._fps[1]
+
+    def teams(self) -> dict[str, tuple[Rgba, int]]:
+        """Colour and number of living agents of each team, in the order of the agents."""
+        roster = self.ctx.agent.columns.roster  # type: ignore[attr-defined] # of our own engine
+        known_roster, known_artists, sides = self._sides
+        if known_roster != roster or known_artists is not self._shown:
+            sides = self._counted()
+            self._sides = roster, self._shown, sides
+        return sides
+
+    def _counted(self) -> dict[str, tuple[Rgba, int]]:
+        agents: list[Any] = [
+            agent for agent in self.ctx.agent.create_iter() if getattr(agent, "team", None) is not None
+        ]
+        usual = team_colors(agent.team for agent in agents)
+        drawn = {look.name: look.color for look in _looks(self._shown)}
+        counted: dict[str, tuple[Rgba, int]] = {}
+        for agent in agents:
+            side = str(agent.team)
+            color, count = counted.get(side, (rgba(drawn.get(agent.name, usual[side])), 0))
+            counted[side] = color, count + bool(getattr(agent, "alive", True))
+        return counted
+
+    def paint_labels(self, canvas: Canvas) -> None:
+        """Write the names beside the agents as far as there is room, and the numbers of a person's choices."""
+        view = self._render_manager.camera()
+        if self.has_labels:
+            looks = [look for look in self._placed_looks() if look.name in self.ctx.agent.agents]
+            places = np.array([look.current_position for look in looks], np.float64).reshape(-1, 2)
+            taken: set[tuple[int, int]] = set()
+            flying, hidden = self._flyers(), self._pointed_name()
+            for look, (x, y) in zip(looks, view.to_screen(places).tolist(), strict=True):
+                radius = max(look.size * view.scale, look.least_px)
+                left, top = x + radius + 4, y - 6
+                if look.name in flying:  # beside its ring, above its height
+                    left, top = x + max(RING * look.size * view.scale, RING_PX) + 4, top - radius - 4
+                cells = _cells(left, top, 8 * len(look.name))
+                is_seen = 0 <= x <= canvas.width and 0 <= y <= canvas.height and look.name != hidden
+                if is_seen and not taken.intersection(cells):
+                    taken.update(cells)
+                    self.words.tag(canvas, look.name, left, top)
+        if isinstance(self.question, Walk):
+            for number, (x, y) in enumerate(view.to_screen(self.question.places).tolist()):
+                self.words.tag(canvas, str(number), x, y - 24, is_loud=True)
+
+    def _placed_looks(self) -> list[AgentData]:
+        return [look for look in _looks(self._shown) if look.current_position is not None]
+
+    def _flyers(self) -> set[str]:
+        return {agent.name for agent in self.ctx.agent.create_iter() if agent.type == AgentType.AERIAL}
+
+    # -- wishes ----------------------------------------------------------------------------------------------
+
+    def toggle_labels(self) -> None:
+        """Show names, or hide them."""
+        self.has_labels = not self.has_labels
+
+    def toggle_trails(self) -> None:
+        """Show trails, or hide them."""
+        usual = self._turns_of_trails or _USUAL_TRAILS
+        self.trails.turns = 0 if self.trails.turns else usual
+        self._shown = {}
+
+
+def _quietly(ctx: IContext, data: dict[str, Any]) -> None:
+    """Draw a sensor's view; one that cannot say what it saw shows nothing."""
+    try:
+        render_sensor(ctx, data)
+    except NotImplementedError:
+        return
+
+
+def _looks(artists: dict[str, IArtist]) -> Iterable[AgentData]:
+    """How agents look, of those that are shown."""
+    for artist in artists.values():
+        data = getattr(artist, "data", None)
+        look = data.get("agent_data") if isinstance(data, dict) and artist.get_visible() else None
+        if isinstance(look, AgentData):
+            yield look
+
+
+def _cells(left: float, top: float, width: float) -> list[tuple[int, int]]:
+    """The cells of a coarse grid that a line of text covers."""
+    row, first, last = int(top // _CELL_PX), int(left // _CELL_PX), int((left + width) // _CELL_PX)
+    return [(column, row) for column in range(first, last + 1)]

@@ -1,0 +1,310 @@
+"""Tiles: what stays the same, painted once in squares, and shifted while the camera moves.
+
+The squares of one scale are a level. While a camera zooms, the level it came from is shown larger or smaller; when it
+rests, a level of its own scale is begun with squares that are cut out of another level, and they are painted anew one
+by one, as many as there is time for in a frame. Squares just outside the view are painted ahead in the same way.
+"""
+
+from collections.abc import Iterator
+from itertools import product
+from time import perf_counter
+from typing import Any, NamedTuple
+
+from gamms.ir.graph import FloatArray
+from gamms.visual.backends.pygame import Canvas, load, veil
+from gamms.visual.backends.raster import Painting
+from gamms.visual.camera import Camera
+from gamms.visual.color import Rgba
+from gamms.visual.constants import CACHE_ZOOM_MAX
+
+SIDE = 128  # px of a tile
+_AHEAD = 1  # tiles around the view that are painted before they are seen
+_MOST_TILES, _MOST_VIEWS = 800, 4  # of all levels, the larger of: 50 MiB, or so many views
+_SPILL_PX = 64.0  # how far outside the box of a painting something sized in pixels may reach
+_SLOW = 0.004  # seconds
+_LONGEST_ROW = 16  # tiles
+_COARSEST, _FINEST = 16.0, 4.0  # how many times coarser or finer a level may be that tiles are cut out of
+_LOST = (3, 3, 3)  # of each colour, give or take one, when a surface is made smaller
+_BLACK, _WHITE = (0, 0, 0, 255), (255, 255, 255, 255)
+
+Place = tuple[int, int]  # column, row
+
+
+class Haste:
+    """How much time a frame has for painting.
+
+    Attributes:
+        is_zooming: the scale changes from frame to frame.
+        is_leaping: the camera is somewhere else at once, and all it sees is to be painted as it should be.
+    """
+
+    def __init__(self, seconds: float, *, is_zooming: bool = False, is_leaping: bool = False) -> None:
+        self.is_zooming, self.is_leaping = is_zooming, is_leaping
+        self._end, self._is_first = perf_counter() + seconds, True
+
+    def has_time(self, seconds: float) -> bool:
+        """Whether there is time for something that takes so long; for the first thing there always is."""
+        is_first, self._is_first = self._is_first, False
+        return is_first or perf_counter() + seconds < self._end
+
+
+class _Area(NamedTuple):
+    """A rectangle of pixels of one level, or of tiles; right and bottom are outside."""
+
+    left: int
+    top: int
+    right: int
+    bottom: int
+
+    def tiles(self) -> "_Area":
+        """The tiles that hold these pixels."""
+        return _Area(self.left // SIDE, self.top // SIDE, -(-self.right // SIDE), -(-self.bottom // SIDE))
+
+    def wider(self, by: int) -> "_Area":
+        return _Area(self.left - by, self.top - by, self.right + by, self.bottom + by)
+
+    def places(self) -> Iterator[Place]:
+        return product(range(self.left, self.right), range(self.top, self.bottom))
+
+
+class _Level:
+    """The tiles of one scale."""
+
+    def __init__(self, scale: float) -> None:
+        self.scale = scale
+        self.tiles: dict[Place, Any] = {}  # surfaces; None is an empty one
+        self.rough: set[Place] = set()  # those that were cut out of another level
+
+    def forget(self, place: Place) -> None:
+        """Have this tile no longer."""
+        self.tiles.pop(place, None)
+        self.rough.discard(place)
+
+    def view(self, camera: Camera) -> _Area:
+        """The pixels of this level that a camera sees."""
+        share = self.scale / camera.scale
+        left, top = round(camera.left * self.scale), round(-camera.top * self.scale)
+        return _Area(left, top, left + round(camera.width * share), top + round(camera.height * share))
+
+    def camera(self, tiles: _Area) -> Camera:
+        """A camera that sees just these tiles."""
+        size = (tiles.right - tiles.left) * SIDE, (tiles.bottom - tiles.top) * SIDE
+        return Camera(*size, tiles.left * SIDE / self.scale, -tiles.top * SIDE / self.scale, self.scale)
+
+
+class Tiles:
+    """A painting as tiles, on a background or on glass."""
+
+    def __init__(self, painting: Painting, box: tuple[FloatArray, FloatArray] | None, background: Rgba | None) -> None:
+        self.painting, self.background = painting, background
+        self._box, self._cost, self._at_once = box, 0.0, 1  # seconds that a row of tiles took, and how many it has
+        self._flags = load().BLEND_PREMULTIPLIED if background is None else 0
+        self._levels: dict[float, _Level] = {}  # the one that was used last is the last
+
+    def show(self, canvas: Canvas, camera: Camera, haste: Haste) -> None:
+        """Show what the camera sees; None as background leaves what is behind it."""
+        level = self._level_for(camera, haste)
+        area = level.view(camera)
+        if haste.is_leaping:
+            for place in level.rough.intersection(area.tiles().places()):
+                level.forget(place)
+        # A camera that only moves finds few tiles missing, and shows what it should at once.
+        is_settling = haste.is_zooming or not level.tiles or bool(level.rough)
+        self._fill(level, area.tiles(), may_cut_out=is_settling and not haste.is_leaping)
+        self._sharpen(level, area.tiles(), haste)
+        if level.scale == camera.scale:
+            self._blit(canvas.surface, level, area)
+            return
+        pygame = load()
+        part = pygame.Surface((area.right - area.left, area.bottom - area.top), *self._format())
+        self._blit(part, level, area, is_copy=True)
+        scaled = self._scaled(part, (camera.width, camera.height))
+        canvas.surface.blit(scaled, (0, 0), special_flags=self._flags)
+
+    def is_sharp(self, camera: Camera) -> bool:
+        """Whether all that the camera sees is painted in the scale in which it is shown."""
+        level = self._levels.get(camera.scale)
+        return level is not None and not level.rough.intersection(level.view(camera).tiles().places())
+
+    def _level_for(self, camera: Camera, haste: Haste) -> _Level:
+        """The level to show: that of the camera's scale, or while zooming one that is near."""
+        last = next(reversed(self._levels.values()), None)
+        if haste.is_zooming and last is not None:
+            share = camera.scale / last.scale
+            if 1 / CACHE_ZOOM_MAX <= share <= CACHE_ZOOM_MAX:
+                return last
+        level = self._levels.pop(camera.scale, None) or _Level(camera.scale)
+        self._levels[camera.scale] = level
+        return level
+
+    # -- painting --------------------------------------------------------------------------------------------
+
+    def _fill(self, level: _Level, tiles: _Area, *, may_cut_out: bool) -> None:
+        """See to it that there are tiles: empty, cut out of another level, or painted at once."""
+        missing = [place for place in tiles.places() if place not in level.tiles]
+        if not missing:
+            return
+        self._evict(level, tiles)
+        missing = [place for place in missing if not self._is_empty(level, place)]
+        if not missing:
+            return
+        if may_cut_out:
+            missing = self._cut_out(level, missing)
+        if missing:
+            self._paint(level, _around(missing))
+
+    def _is_empty(self, level: _Level, place: Place) -> bool:
+        """Whether nothing is drawn on a tile; then it is there already."""
+        camera = level.camera(_Area(*place, place[0] + 1, place[1] + 1))
+        if self._box is not None:
+            (left, low), (right, high) = (corner.tolist() for corner in self._box)
+            spill, side = _SPILL_PX / level.scale, SIDE / level.scale
+            if (
+                camera.left - spill <= right
+                and camera.left + side + spill >= left
+                and camera.top - side - spill <= high
+                and camera.top + spill >= low
+            ):
+                return False
+        level.tiles[place] = None
+        return True
+
+    def _paint(self, level: _Level, tiles: _Area) -> None:
+        surface = self._painted(level.camera(tiles))
+        for place in tiles.places():
+            level.tiles[place] = _part(surface, tiles, place)
+            level.rough.discard(place)
+
+    def _paint_row(self, level: _Level, place: Place, wanted: set[Place]) -> None:
+        """Paint a tile, and as many of those right of it as take no longer than a frame has for them."""
+        began, (column, row) = perf_counter(), place
+        end = column + 1
+        while (end, row) in wanted and end - column < self._at_once:
+            end += 1
+        self._paint(level, _Area(column, row, end, row + 1))
+        self._cost = perf_counter() - began
+        if self._cost > _SLOW:
+            self._at_once = max(self._at_once // 2, 1)
+        elif self._cost < _SLOW / 2:
+            self._at_once = min(self._at_once * 2, _LONGEST_ROW)
+
+    def _painted(self, camera: Camera) -> Any:
+        if self.background is None:
+            return veil(*(self._painted_on(camera, color) for color in (_BLACK, _WHITE)))
+        return self._painted_on(camera, self.background)
+
+    def _painted_on(self, camera: Camera, color: Rgba) -> Any:
+        canvas = Canvas(camera.width, camera.height)
+        canvas.fill(color)
+        self.painting.paint(canvas, camera)
+        return canvas.surface
+
+    def _sharpen(self, level: _Level, tiles: _Area, haste: Haste) -> None:
+        """Paint rough tiles in view anew, from the middle outwards, while there is time."""
+        if not level.rough:
+            return
+        middle = (tiles.left + tiles.right - 1) / 2, (tiles.top + tiles.bottom - 1) / 2
+        rough = level.rough.intersection(tiles.places())
+        for place in sorted(rough, key=lambda place: abs(place[0] - middle[0]) + abs(place[1] - middle[1])):
+            if place in level.rough:
+                if not haste.has_time(self._cost):
+                    return
+                self._paint_row(level, place, rough)
+
+    def paint_ahead(self, camera: Camera, haste: Haste) -> None:
+        """Paint tiles around the view while there is time and the camera does not zoom."""
+        if haste.is_zooming:
+            return
+        level = self._levels[camera.scale]
+        around = set(level.view(camera).tiles().wider(_AHEAD).places())
+        wanted = {place for place in around if place not in level.tiles or place in level.rough}
+        for place in sorted(wanted):
+            if place not in level.tiles and self._is_empty(level, place):
+                wanted.discard(place)
+        for place in sorted(wanted):
+            if place not in level.tiles or place in level.rough:
+                if not haste.has_time(self._cost):
+                    return
+                self._paint_row(level, place, wanted)
+
+    # -- other levels ----------------------------------------------------------------------------------------
+
+    def _cut_out(self, level: _Level, missing: list[Place]) -> list[Place]:
+        """Make tiles from those of other levels, of the nearest scale first; those that none of them has."""
+        others = [other for other in self._levels.values() if other is not level]
+        others.sort(key=lambda other: max(other.scale / level.scale, level.scale / other.scale))
+        for other in others:
+            if 1 / _COARSEST <= other.scale / level.scale <= _FINEST:
+                found = [place for place in missing if self._is_known(other, level, place)]
+                if found:
+                    self._cut_out_of(other, level, found)
+                    missing = [place for place in missing if place not in level.tiles]
+        return missing
+
+    @staticmethod
+    def _is_known(other: _Level, level: _Level, place: Place) -> bool:
+        """Whether a level has all that is to be seen on a tile of another level."""
+        area = other.view(level.camera(_Area(*place, place[0] + 1, place[1] + 1)))
+        return all(there in other.tiles for there in area.tiles().places())
+
+    def _cut_out_of(self, source: _Level, level: _Level, found: list[Place]) -> None:
+        tiles = _around(found)
+        pygame, camera = load(), level.camera(tiles)
+        area = source.view(camera)
+        part = pygame.Surface((max(area.right - area.left, 1), max(area.bottom - area.top, 1)), *self._format())
+        self._blit(part, source, area, is_copy=True)
+        surface = self._scaled(part, (camera.width, camera.height))
+        for place in found:
+            level.tiles[place] = _part(surface, tiles, place)
+            level.rough.add(place)
+
+    def _evict(self, level: _Level, tiles: _Area) -> None:
+        """Forget levels that were not used for long, but not the one that sees farthest; then what is far away."""
+        most = max(_MOST_TILES, _MOST_VIEWS * len(list(tiles.places())))
+        farthest = min(self._levels.values(), key=lambda one: one.scale)
+        for old in list(self._levels.values()):
+            if sum(len(one.tiles) for one in self._levels.values()) <= most:
+                return
+            if old is not level and old is not farthest:
+                del self._levels[old.scale]
+        for one in self._levels.values():
+            kept = set(tiles.wider(2 * _AHEAD).places()) if one is level else set()
+            for place in [place for place in one.tiles if place not in kept]:
+                one.forget(place)
+
+    # -- surfaces --------------------------------------------------------------------------------------------
+
+    def _format(self) -> tuple[int, int]:
+        return (load().SRCALPHA if self.background is None else 0), 32
+
+    def _scaled(self, surface: Any, size: tuple[int, int]) -> Any:
+        """A surface in another size; making one smaller costs it some brightness, which is given back."""
+        pygame = load()
+        scaled = pygame.transform.smoothscale(surface, size)
+        if self.background is not None and size[0] < surface.get_width():
+            scaled.fill(_LOST, special_flags=pygame.BLEND_RGB_ADD)
+        return scaled
+
+    def _blit(self, surface: Any, level: _Level, area: _Area, *, is_copy: bool = False) -> None:
+        """Put the tiles of an area on a surface of its size; a copy takes glass as it is."""
+        if is_copy or self.background is not None:
+            surface.fill((0, 0, 0, 0) if self.background is None else self.background[:3])
+        placed = [
+            (tile, (place[0] * SIDE - area.left, place[1] * SIDE - area.top))
+            for place in area.tiles().places()
+            if (tile := level.tiles.get(place)) is not None
+        ]
+        if self.background is None and not is_copy:
+            placed = [(tile, at, None, self._flags) for tile, at in placed]  # type: ignore[misc]
+        surface.blits(placed, False)
+
+
+def _around(places: list[Place]) -> _Area:
+    columns, rows = zip(*places, strict=True)
+    return _Area(min(columns), min(rows), max(columns) + 1, max(rows) + 1)
+
+
+def _part(surface: Any, tiles: _Area, place: Place) -> Any:
+    """A tile of its own, so that it does not keep the whole surface alive."""
+    x, y = (place[0] - tiles.left) * SIDE, (place[1] - tiles.top) * SIDE
+    return surface.subsurface((x, y, SIDE, SIDE)).copy()

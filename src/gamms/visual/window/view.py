@@ -1,0 +1,267 @@
+"""Where the window looks: a camera that can be moved, conversions, and what it does not see."""
+
+from collections.abc import Sequence
+from typing import Any
+
+import numpy as np
+
+from gamms.arguments import as_float, as_int
+from gamms.errors import BadValue
+from gamms.ir.graph import FloatArray
+from gamms.typing import IContext
+from gamms.visual.camera import Camera
+from gamms.visual.clipping import clipped
+
+Point = tuple[float, float]
+_HALF_WIDTH = 15.0  # world units, of a camera that nobody has pointed anywhere
+_CLOSEST = 1e-6  # world units: half the width of the closest look
+_MARGIN = 1.08  # around everything
+_STEADY, _STEP = 1.3, 0.5  # a camera that sees so many times as much, or moves by such a share of its view, leaps
+
+
+class RenderManager:
+    """The camera of a window; setting one of its values changes the next frame.
+
+    World coordinates are y up; screen coordinates are pixels, y down; viewport coordinates go from 0.0 to 1.0.
+
+    Args:
+        ctx: the context.
+        camera_x: the world point in the middle of the screen.
+        camera_y: likewise.
+        camera_size: half the visible width, in world units.
+        screen_width: pixels.
+        screen_height: pixels.
+    """
+
+    def __init__(
+        self,
+        ctx: IContext,
+        camera_x: float = 0.0,
+        camera_y: float = 0.0,
+        camera_size: float = _HALF_WIDTH,
+        screen_width: int = 1280,
+        screen_height: int = 720,
+    ) -> None:
+        self.ctx = ctx
+        self._x, self._y, self._size = camera_x, camera_y, camera_size
+        self._width, self._height = screen_width, screen_height
+        self.is_pointed = False  # whether somebody has said where to look
+
+    # -- what can be set -------------------------------------------------------------------------------------
+
+    @property
+    def camera_x(self) -> float:
+        """The world point in the middle of the screen."""
+        return self._x
+
+    @camera_x.setter
+    def camera_x(self, x: float) -> None:
+        self._x, self.is_pointed = as_float(x, "camera_x"), True
+
+    @property
+    def camera_y(self) -> float:
+        """The world point in the middle of the screen."""
+        return self._y
+
+    @camera_y.setter
+    def camera_y(self, y: float) -> None:
+        self._y, self.is_pointed = as_float(y, "camera_y"), True
+
+    @property
+    def camera_size(self) -> float:
+        """Half the visible width, in world units."""
+        return self._size
+
+    @camera_size.setter
+    def camera_size(self, size: float) -> None:
+        if (size := as_float(size, "camera_size")) <= 0.0:
+            raise BadValue(f"camera_size is half the visible width in world units, above 0, not {size:g}.")
+        self._size, self.is_pointed = max(size, _CLOSEST), True
+
+    @property
+    def screen_width(self) -> int:
+        """Pixels."""
+        return self._width
+
+    @screen_width.setter
+    def screen_width(self, width: int) -> None:
+        self.set_screen_size(width, self._height)
+
+    @property
+    def screen_height(self) -> int:
+        """Pixels."""
+        return self._height
+
+    @screen_height.setter
+    def screen_height(self, height: int) -> None:
+        self.set_screen_size(self._width, height)
+
+    def set_screen_size(self, width: int, height: int) -> None:
+        """Show on a screen of so many pixels; the visible width stays.
+
+        Raises:
+            BadValue: one is not positive.
+        """
+        width, height = as_int(width, "screen_width"), as_int(height, "screen_height")
+        if width <= 0 or height <= 0:
+            raise BadValue(f"A screen needs a positive width and height, not {width} x {height}.")
+        self._width, self._height = width, height
+
+    def set_origin(self, x: float, y: float, graph_width: float = 0.0, graph_height: float = 0.0) -> None:  # noqa: ARG002 - 1.0.0 takes and ignores them
+        """Look at a world point, cut to whole units."""
+        self.camera_x, self.camera_y = int(x), int(y)
+
+    def look_at_box(self, low: FloatArray, high: FloatArray, *, is_pointed: bool = False) -> None:
+        """Let everything between two corners be seen."""
+        (x, y), (across, up) = ((low + high) / 2).tolist(), (high - low).tolist()
+        size = max(across, up * self.aspect_ratio) / 2 * _MARGIN
+        self._x, self._y, self._size = x, y, size if size > 0.0 else _HALF_WIDTH
+        self.is_pointed = self.is_pointed or is_pointed
+
+    def move_by(self, right_px: float, down_px: float) -> None:
+        """Let the picture follow a hand that moves by so many pixels."""
+        self.camera_x -= right_px / self.scale
+        self.camera_y += down_px / self.scale
+
+    def zoom(self, factor: float, around: Point | None = None, closest: float = _CLOSEST) -> None:
+        """See `factor` times as much, down to a half width of `closest`; a point of the screen stays where it is."""
+        size = max(self._size * factor, min(closest, self._size))
+        if around is not None:
+            x, y = self.screen_to_world(*around)
+            share = size / self._size
+            self._x, self._y = x + (self._x - x) * share, y + (self._y - y) * share
+        self.camera_size = size
+
+    # -- what follows ----------------------------------------------------------------------------------------
+
+    @property
+    def scale(self) -> float:
+        """Pixels per world unit."""
+        return self._width / (2.0 * self._size)
+
+    @property
+    def aspect_ratio(self) -> float:
+        """Width by height."""
+        return self._width / self._height
+
+    @property
+    def camera_size_y(self) -> float:
+        """Half the visible height, in world units."""
+        return self._size / self.aspect_ratio
+
+    @property
+    def bound_left(self) -> float:
+        """The least visible x."""
+        return self._x - self._size
+
+    @property
+    def bound_right(self) -> float:
+        """The greatest visible x."""
+        return self._x + self._size
+
+    @property
+    def bound_top(self) -> float:
+        """The least visible y, as in 1.0.0."""
+        return self._y - self.camera_size_y
+
+    @property
+    def bound_bottom(self) -> float:
+        """The greatest visible y, as in 1.0.0."""
+        return self._y + self.camera_size_y
+
+    def camera(self) -> Camera:
+        """What frames are painted through: shifted to whole pixels, so that what was painted once can be shifted."""
+        scale = self.scale
+        left, top = round(self.bound_left * scale), round(self.bound_bottom * scale)
+        return Camera(self._width, self._height, left / scale, top / scale, scale)
+
+    # -- conversions -----------------------------------------------------------------------------------------
+
+    def world_to_screen(self, x: float, y: float) -> Point:
+        """A world point in pixels."""
+        return (x - self.bound_left) * self.scale, (self.bound_bottom - y) * self.scale
+
+    def screen_to_world(self, x: float, y: float) -> Point:
+        """A point in pixels as a world point."""
+        return self.bound_left + x / self.scale, self.bound_bottom - y / self.scale
+
+    def world_to_screen_scale(self, world_size: float) -> float:
+        """A length in world units as pixels."""
+        return world_size * self.scale
+
+    def screen_to_world_scale(self, screen_size: float) -> float:
+        """A length in pixels as world units."""
+        return screen_size / self.scale
+
+    def viewport_to_screen(self, x: float, y: float) -> Point:
+        """A share of the screen in pixels."""
+        return x * self._width, y * self._height
+
+    def screen_to_viewport(self, x: float, y: float) -> Point:
+        """A point in pixels as shares of the screen."""
+        return x / self._width, y / self._height
+
+    def viewport_to_screen_scale(self, viewport_size: float) -> float:
+        """A share of the width in pixels."""
+        return viewport_size * self._width
+
+    def screen_to_viewport_scale(self, screen_size: float) -> float:
+        """A length in pixels as a share of the width."""
+        return screen_size / self._width
+
+    # -- culling: whether nothing of it is seen --------------------------------------------------------------
+
+    def check_circle_culled(self, x: float, y: float, radius: float) -> bool:
+        """Whether a disc is wholly outside."""
+        beyond = (
+            max(self.bound_left - x, x - self.bound_right, 0.0),
+            max(self.bound_top - y, y - self.bound_bottom, 0.0),
+        )
+        return float(np.hypot(*beyond)) > radius
+
+    def check_line_culled(self, x1: float, y1: float, x2: float, y2: float) -> bool:
+        """Whether a line is wholly outside."""
+        return self.check_lines_culled([(x1, y1), (x2, y2)])
+
+    def check_lines_culled(self, points: Sequence[Point]) -> bool:
+        """Whether a polyline is wholly outside."""
+        corners = np.asarray(points, np.float64).reshape(-1, 2)
+        return not self._is_crossed(corners[:-1], corners[1:])
+
+    def check_polygon_culled(self, points: Sequence[Point]) -> bool:
+        """Whether a filled polygon is wholly outside; one around everything that is seen is not."""
+        corners = np.asarray(points, np.float64).reshape(-1, 2)
+        return not self._is_crossed(corners, np.roll(corners, -1, axis=0)) and not _is_inside(
+            (self._x, self._y), corners
+        )
+
+    def check_rectangle_culled(self, x: float, y: float, width: float, height: float) -> bool:
+        """Whether what `render_rectangle` draws, from its top-left corner and in pixels, is wholly outside."""
+        left, top = self.world_to_screen(x, y)
+        return left > self._width or top > self._height or left + width < 0.0 or top + height < 0.0
+
+    def _is_crossed(self, starts: FloatArray, ends: FloatArray) -> bool:
+        box = (self.bound_left, self.bound_top), (self.bound_right, self.bound_bottom)
+        return len(clipped(starts, ends, *box)[0]) > 0
+
+
+def _is_inside(point: Point, corners: FloatArray) -> bool:
+    """Whether a point is in a polygon, by how often a ray to the right crosses its sides."""
+    (x, y), following = point, np.roll(corners, -1, axis=0)
+    is_crossing = (corners[:, 1] > y) != (following[:, 1] > y)
+    begin, end = corners[is_crossing], following[is_crossing]
+    crossings: Any = begin[:, 0] + (y - begin[:, 1]) * (end[:, 0] - begin[:, 0]) / (end[:, 1] - begin[:, 1])
+    return bool(np.count_nonzero(crossings > x) % 2)
+
+
+def is_near(camera: Camera, before: Camera) -> bool:
+    """Whether a camera has moved and zoomed so little that it may be on its way."""
+    if not 1 / _STEADY <= camera.scale / before.scale <= _STEADY:
+        return False
+    (x, y), (then_x, then_y) = _middle(camera), _middle(before)
+    right, up = abs(x - then_x) * camera.scale, abs(y - then_y) * camera.scale
+    return right <= _STEP * camera.width and up <= _STEP * camera.height
+
+
+def _middle(camera: Camera) -> Point:
+    return camera.left + camera.width / 2 / camera.scale, camera.top - camera.height / 2 / camera.scale

@@ -1,0 +1,178 @@
+"""Questions to people: numbers, clicks, flights, and a window that is closed instead of an answer."""
+
+import pytest
+
+import gamms
+from gamms.agent import AgentType
+from gamms.errors import UnknownName
+
+
+def star(ctx, leaves):
+    """A hub, node 0, with ways to so many nodes."""
+    graph = ctx.graph.graph
+    graph.add_nodes(
+        range(leaves + 1), x=[10.0 * i for i in range(leaves + 1)], y=[float(i % 3) for i in range(leaves + 1)]
+    )
+    graph.add_edges(range(leaves), sources=[0] * leaves, targets=range(1, leaves + 1))
+    ctx.agent.create_agent("anna", start_node_id=0)
+
+
+def ask(ctx, name="anna"):
+    return ctx.visual.human_input(name, ctx.agent.get_agent(name).get_state())
+
+
+@pytest.fixture
+def ctx(open_window):
+    ctx = open_window(is_empty=True)
+    star(ctx, 14)
+    return ctx
+
+
+def test_a_digit_chooses_where_no_longer_number_is_meant(ctx, person):
+    person.press("3")
+    assert ask(ctx) == 3
+
+
+def test_zero_stays(ctx, person):
+    person.press("0")
+    assert ask(ctx) == 0
+
+
+def test_the_keypad_has_digits_too(ctx, person):
+    person.press("KP5")
+    assert ask(ctx) == 5
+
+
+def test_two_digits_choose_an_option_beyond_nine(ctx, person):
+    person.press("1", "4")
+    assert ask(ctx) == 14
+
+
+def test_enter_chooses_a_number_that_could_go_on(ctx, person):
+    person.press("1", "RETURN")
+    assert ask(ctx) == 1
+
+
+def test_a_digit_can_be_taken_back(ctx, person):
+    person.press("1", "BACKSPACE", "2")
+    assert ask(ctx) == 2
+
+
+def test_digits_that_lead_nowhere_begin_anew(ctx, person):
+    person.press("1", "9")
+    assert ask(ctx) == 9
+
+
+def test_a_click_on_a_node_chooses_it(ctx, person):
+    person.click(*ctx.visual._render_manager.world_to_screen(0, 0))  # before the first frame: elsewhere
+    ctx.visual.update()
+    person.click(*ctx.visual._render_manager.world_to_screen(130.0, 1.0))
+    assert ask(ctx) == 13
+
+
+def test_a_click_beside_every_node_chooses_nothing(ctx, person):
+    ctx.visual.update()
+    x, y = ctx.visual._render_manager.world_to_screen(130.0, 1.0)
+    person.click(x, y + 100)
+    person.press("2")
+    assert ask(ctx) == 2
+
+
+def test_options_are_the_out_neighbours_in_order(ctx, person):
+    seen = {}
+    overlay = ctx.visual._dynamic_artists["input_overlay"]
+    ctx.visual.hud = lambda ctx: seen.update(overlay.data) or []
+    person.press("w")  # which is no answer
+    ctx.visual.controls._keys[__import__("pygame").K_F1] = lambda: person.press("7")
+    person.press("F1")
+    assert ask(ctx) == 7
+    assert seen["_waiting_agent_name"] == "anna"
+    assert seen["_waiting_user_input"]
+    assert seen["_input_options"] == dict(enumerate([0, *ctx.graph.graph.get_neighbors(0)]))
+    assert not overlay.get_visible()
+    assert overlay.data["_input_options"] == {}
+
+
+def test_nobody_needs_to_be_declared_to_be_asked(ctx, person):
+    ctx.visual.set_graph_visual()  # the agent has no visual, then
+    person.press("4")
+    assert ask(ctx) == 4
+
+
+def test_an_unknown_agent_is_a_key_error_and_leaves_nothing_waiting(ctx):
+    with pytest.raises(UnknownName):
+        ctx.visual.human_input("nobody", {"curr_pos": 0})
+    assert ctx.visual.question is None
+    assert not ctx.visual._waiting_user_input
+
+
+def test_closing_the_window_stays_and_ends_the_context(ctx, person):
+    person.close()
+    assert ask(ctx) == 0
+    assert ctx.is_terminated()
+
+
+@pytest.fixture
+def drone(ctx):
+    ctx.agent.create_agent("drone", start_node_id=1, type=AgentType.AERIAL, speed=5.0)
+    ctx.visual.update()
+    return ctx
+
+
+def test_a_click_is_the_way_from_the_drone_to_the_point(drone, person):
+    view = drone.visual._render_manager
+    person._do("MOUSEBUTTONDOWN", button=1, pos=tuple(round(one) for one in view.world_to_screen(40.0, 20.0)))
+    dx, dy, dz = ask(drone, "drone")
+    assert (dx, dy) == pytest.approx((30.0, 19.0), abs=1.0 / view.scale)
+    assert dz == 0
+
+
+@pytest.mark.parametrize(("key", "way"), [("UP", (0, 0, 1)), ("DOWN", (0, 0, -1)), ("0", (0, 0, 0))])
+def test_keys_of_a_drone(drone, person, key, way):
+    person.press(key)
+    before = drone.visual._render_manager.camera_y
+    assert ask(drone, "drone") == way
+    assert drone.visual._render_manager.camera_y == before
+
+
+def test_a_drone_whose_window_is_closed_does_not_move(drone, person):
+    person.close()
+    assert ask(drone, "drone") == (0.0, 0.0, 0.0)
+    assert drone.visual.human_input("drone", {"curr_pos": (1.0, 2.0, 3.0)}) == (0.0, 0.0, 0.0)
+
+
+def test_a_game_whose_window_is_closed_in_a_question_ends_quietly(ctx, person):
+    agent = ctx.agent.get_agent("anna")
+    agent.register_strategy(lambda state: state.update(action=ctx.visual.human_input("anna", state)))
+    person.press("3")
+    ctx.game.step()
+    assert agent.current_node_id == 3
+    person.close()
+    result = ctx.game.run(max_turns=3)
+    assert ctx.is_terminated()
+    assert (result.turns, agent.current_node_id) == (2, 3)
+
+
+def test_the_loop_of_the_paper_ends_quietly_when_the_window_is_closed(ctx, person):
+    agent, turns = ctx.agent.get_agent("anna"), 0
+    person.press("3")
+    while not ctx.is_terminated():
+        state = agent.get_state()
+        state["action"] = ctx.visual.human_input("anna", state)
+        agent.set_state()
+        ctx.visual.simulate()
+        turns += 1
+        if turns == 1:
+            person.close()
+    assert turns == 2
+    assert agent.get_state()["curr_pos"] == 3
+
+
+def test_drawing_choices_without_a_window_draws_what_is_asked():
+    with gamms.create_context() as ctx:
+        star(ctx, 3)
+        data = {"graph_data": gamms.visual.GraphData(), "_input_options": {0: 0, 1: 2}, "_waiting_user_input": True}
+        ctx.visual.add_artist("ask", {"drawer": gamms.visual.render_input_overlay, **data})
+        before = len(ctx.visual.draw_commands())
+        ctx.visual.remove_artist("ask")
+        assert before - len(ctx.visual.draw_commands()) == 3  # a way and two rings

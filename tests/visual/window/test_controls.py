@@ -1,0 +1,122 @@
+"""What keys and mouse do to the camera, the pace and the words."""
+
+import pytest
+
+KEYS = {("w", "UP"): (0, 1), ("s", "DOWN"): (0, -1), ("a", "LEFT"): (-1, 0), ("d", "RIGHT"): (1, 0)}
+
+
+def camera(ctx):
+    view = ctx.visual._render_manager
+    return view.camera_x, view.camera_y, view.camera_size
+
+
+@pytest.fixture
+def ctx(open_window):
+    ctx = open_window()
+    ctx.visual.look_at(0.0, 0.0, 64.0)  # ten pixels are a unit
+    ctx.visual.update()
+    return ctx
+
+
+@pytest.mark.parametrize(
+    ("key", "way"),
+    [(key, way) for keys, way in KEYS.items() for key in keys],
+)
+def test_a_held_key_moves_the_camera_half_its_size_per_second(ctx, person, key, way):
+    person.press(key)
+    ctx.visual.handle_input()
+    ctx.visual.controls.glide(0.5)
+    assert camera(ctx) == (8.0 * way[0], 8.0 * way[1], 32.0)
+    person.release(key)
+    ctx.visual.handle_input()
+    ctx.visual.controls.glide(0.5)
+    assert camera(ctx) == (8.0 * way[0], 8.0 * way[1], 32.0)
+
+
+def test_the_wheel_zooms_by_a_twentieth(ctx, person):
+    person.turn_wheel(1)
+    ctx.visual.update()
+    assert camera(ctx) == pytest.approx((0, 0, 32 / 1.05))
+    person.turn_wheel(-2)
+    ctx.visual.update()
+    assert camera(ctx) == pytest.approx((0, 0, 32 * 1.05))
+
+
+def test_the_wheel_zooms_around_the_pointer(ctx, person):
+    view = ctx.visual._render_manager
+    person.point(100, 50)
+    ctx.visual.update()
+    before = view.screen_to_world(100, 50)
+    person.turn_wheel(3)
+    ctx.visual.update()
+    assert view.screen_to_world(100, 50) == pytest.approx(before)
+    assert camera(ctx)[0] != 0
+
+
+def test_the_wheel_stops_before_the_smallest_streets_are_lost(ctx, person):
+    person.turn_wheel(500)
+    ctx.visual.update()
+    assert 0.0 < camera(ctx)[2] <= 2.0
+
+
+def test_dragging_moves_the_picture_with_the_hand(ctx, person):
+    person.drag((100, 100), (130, 80))
+    ctx.visual.update()
+    assert camera(ctx) == pytest.approx((-3.0, -2.0, 32.0))
+
+
+def test_home_shows_everything(ctx, person):
+    person.press("HOME")
+    ctx.visual.update()
+    left, right, low, high, _ = ctx.visual.get_viewport()
+    assert left < 0
+    assert right > 10
+    assert low < 0
+    assert high > 10
+    assert right - left < 64
+
+
+def test_the_camera_stays_where_somebody_pointed_it_while_the_graph_grows(open_window, person):
+    ctx = open_window()
+    ctx.visual.update()
+    fitted = camera(ctx)
+    ctx.graph.graph.add_node({"id": 9, "x": 100.0, "y": 0.0})
+    ctx.visual.update()
+    assert camera(ctx) != fitted
+    person.drag((100, 100), (130, 80))
+    ctx.visual.update()
+    moved = camera(ctx)
+    ctx.graph.graph.add_node({"id": 10, "x": 500.0, "y": 0.0})
+    ctx.visual.update()
+    assert camera(ctx) == moved
+
+
+def test_keys_hide_the_words_and_show_help_names_and_trails(ctx, person):
+    visual = ctx.visual
+    assert (visual.words.is_shown, visual.words.has_help, visual.has_labels, visual.trails.turns) == (
+        True,
+        False,
+        False,
+        0,
+    )
+    person.press("h", "F1", "l", "t")
+    visual.update()
+    assert not visual.words.is_shown
+    assert visual.words.has_help
+    assert visual.has_labels
+    assert visual.trails.turns > 0
+    person.press("h", "F1", "l", "t")
+    visual.update()
+    assert visual.words.is_shown
+    assert visual.trails.turns == 0
+
+
+def test_leaving_the_window_lets_go_of_everything(ctx, person):
+    person.press("d")
+    person.point(5, 5)
+    ctx.visual.handle_input()
+    person._do("WINDOWFOCUSLOST")
+    ctx.visual.handle_input()
+    ctx.visual.controls.glide(1.0)
+    assert camera(ctx) == (0, 0, 32)
+    assert ctx.visual.controls.pointer is None

@@ -1,0 +1,177 @@
+"""Tiles and crowds: what was painted once and shifted is what would be painted now."""
+
+import numpy as np
+import pytest
+
+import gamms
+from gamms.visual.window.tiles import Haste
+
+
+def grid(ctx, side):
+    graph = ctx.graph.graph
+    ids = np.arange(side * side)
+    graph.add_nodes(ids, x=(ids // side) * 10.0, y=(ids % side) * 10.0)
+    pairs = [(i, i + 1) for i in ids.tolist() if (i + 1) % side] + [(i, i + side) for i in ids.tolist()[:-side]]
+    sources, targets = zip(*pairs, strict=True)
+    graph.add_edges(range(len(pairs)), sources=sources, targets=targets)
+
+
+@pytest.fixture
+def ctx(open_window):
+    ctx = open_window(is_empty=True)
+    ctx.visual.hud = None
+    grid(ctx, 30)
+    return ctx
+
+
+def settle(ctx):
+    """Draw frames until everything is painted as it should be."""
+    import time
+
+    for _ in range(200):
+        ctx.visual.update()
+        if ctx.visual._stage.is_sharp(ctx.visual._render_manager.camera()):
+            return
+        time.sleep(0.01)
+    pytest.fail("the map does not become sharp")
+
+
+def painted_now(ctx):
+    """The world without any memory, through the window's camera."""
+    from gamms.visual.backends.raster import painted
+
+    camera, background = ctx.visual._render_manager.camera(), ctx.visual._theme.background
+    return painted(ctx.visual.draw_commands(), camera, title="", note="", background=background).pixels()
+
+
+def differs(one, other):
+    return np.abs(one.astype(int) - other).max(axis=2) > 60
+
+
+@pytest.mark.parametrize("move", [(0.0, 0.0, 1.0), (33.3, -7.7, 1.0), (0.0, 0.0, 0.5), (50.0, 20.0, 3.0)])
+def test_a_camera_that_moved_sees_what_would_be_painted_now(ctx, seen, move):
+    ctx.visual.set_graph_visual(node_size=2)
+    ctx.visual.update()
+    view = ctx.visual._render_manager
+    view.camera_x, view.camera_y, view.camera_size = (
+        view.camera_x + move[0],
+        view.camera_y + move[1],
+        view.camera_size * move[2],
+    )
+    settle(ctx)
+    assert differs(seen(ctx), painted_now(ctx)).mean() < 0.002
+
+
+def test_panning_in_small_steps_leaves_no_seams(ctx, seen):
+    ctx.visual.set_graph_visual(node_size=2)
+    view = ctx.visual._render_manager
+    view.camera_size = 60.0
+    for _ in range(40):
+        ctx.visual.update()
+        view.camera_x += 3.3
+        view.camera_y -= 1.7
+    settle(ctx)
+    assert differs(seen(ctx), painted_now(ctx)).mean() < 0.002
+
+
+def test_a_leap_across_the_map_is_sharp_at_once(ctx, seen, person):
+    ctx.visual.set_graph_visual(node_size=2)
+    settle(ctx)
+    for _ in range(8):
+        person.turn_wheel(3)
+        ctx.visual.update()
+    settle(ctx)
+    view = ctx.visual._render_manager
+    view.camera_x, view.camera_y = view.camera_x + 100, view.camera_y + 70
+    ctx.visual.update()
+    assert differs(seen(ctx), painted_now(ctx)).mean() < 0.002
+
+
+def test_a_zoom_is_seen_at_once_and_becomes_sharp(ctx, seen, person):
+    ctx.visual.set_graph_visual(node_size=2)
+    ctx.visual.update()
+    before = seen(ctx)
+    for _ in range(8):
+        person.turn_wheel(1)
+        ctx.visual.update()
+    assert (seen(ctx) != before).any()
+    settle(ctx)
+    assert differs(seen(ctx), painted_now(ctx)).mean() < 0.002
+
+
+def test_zooming_far_out_and_in_again_keeps_memory_bounded(ctx, person):
+    ctx.visual.set_graph_visual(node_size=2)
+    for notch in [1] * 60 + [-1] * 90 + [1] * 60:
+        person.turn_wheel(notch)
+        ctx.visual.update()
+    [tiles] = ctx.visual._stage._tiles.values()
+    assert sum(len(level.tiles) for level in tiles._levels.values()) < 2000
+
+
+def test_zooming_out_does_not_dim_the_paper(ctx, seen, person):
+    ctx.visual.set_graph_visual(node_size=0)
+    ctx.visual.update()
+    for _ in range(30):
+        person.turn_wheel(-1)
+        ctx.visual.update()
+        assert np.abs(seen(ctx)[:, 5:60].astype(int) - (252, 252, 250)).max() <= 2
+
+
+def test_glass_shows_what_is_behind_it(ctx, seen):
+    """A static layer above a moving one is painted on glass."""
+    ctx.visual.set_graph_visual(node_size=2)
+    behind = {"drawer": lambda ctx, data: ctx.visual.render_circle(150, 150, 100, (255, 0, 0)), "layer": 3}
+    ctx.visual.add_artist("behind", behind)
+    settle(ctx)
+    assert differs(seen(ctx), painted_now(ctx)).mean() < 0.002
+    view = ctx.visual._render_manager
+    view.camera_size *= 1.1
+    ctx.visual.update()
+    assert tuple(seen(ctx)[180, 325]) == (255, 0, 0) or (seen(ctx) == (255, 0, 0)).all(axis=2).any()
+
+
+def test_a_change_behind_glass_is_seen(ctx, seen):
+    ctx.visual.set_graph_visual(node_size=2)
+    color = {"color": (255, 0, 0)}
+    ctx.visual.add_artist(
+        "behind", {"drawer": lambda ctx, data: ctx.visual.render_circle(150, 150, 100, color["color"]), "layer": 3}
+    )
+    ctx.visual.update()
+    color["color"] = (0, 0, 255)
+    ctx.visual.update()
+    assert not (seen(ctx) == (255, 0, 0)).all(axis=2).any()
+    assert (seen(ctx) == (0, 0, 255)).all(axis=2).any()
+
+
+def test_a_crowd_looks_as_its_members_would_one_by_one(ctx, seen):
+    ctx.visual.set_graph_visual(node_size=2)
+    rng = np.random.default_rng(1)
+    for i, node in enumerate(rng.integers(0, 900, 60).tolist()):
+        ctx.agent.create_agent(f"a{i}", start_node_id=node)
+        ctx.visual.set_agent_visual(f"a{i}", color=(200, 30 * (i % 5), 40), size=3 + i % 4)
+    settle(ctx)
+    assert differs(seen(ctx), painted_now(ctx)).mean() < 0.004
+
+
+def test_there_is_always_time_for_one_thing():
+    haste = Haste(-1.0)
+    assert haste.has_time(5.0)
+    assert not haste.has_time(0.0)
+
+
+def test_a_node_that_is_added_is_seen_in_a_map_of_tiles(ctx, seen):
+    ctx.visual.set_graph_visual(node_size=2)
+    ctx.visual.update()
+    before = seen(ctx)
+    ctx.graph.graph.add_node({"id": 5000, "x": 155.0, "y": 155.0})
+    ctx.visual.update()
+    assert differs(seen(ctx), before).any()
+    settle(ctx)
+    assert differs(seen(ctx), painted_now(ctx)).mean() < 0.002
+
+
+def test_a_window_paints_nothing_after_the_context_has_ended(ctx):
+    ctx.terminate()
+    ctx.visual.update()
+    ctx.visual.look_at_all()
+    assert isinstance(ctx.visual, gamms.visual.PygameVisualizationEngine)

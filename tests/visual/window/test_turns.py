@@ -1,0 +1,191 @@
+"""How turns are shown: agents glide, time can stand still, and nobody waits where nothing is shown."""
+
+import numpy as np
+import pytest
+
+from gamms.agent import AgentType
+
+
+class Clock:
+    """A clock by which every frame takes a quarter of a second; it knows how many frames there were."""
+
+    def __init__(self):
+        self.limits = []
+
+    def tick(self, limit=0):
+        self.limits.append(limit)
+        return 250
+
+    def get_fps(self):
+        return 4.0
+
+
+@pytest.fixture
+def play(open_window):
+    """Opens a window by that clock, with an agent that has just walked the bend; its places are noted per frame."""
+
+    def open_one(**options):
+        ctx = open_window(**{"simulation_time_constant": 1.0, **options})
+        ctx.visual.pace.clock = Clock()
+        ctx.agent.create_agent("walker", start_node_id=1)
+        state = ctx.agent.get_agent("walker").get_state()
+        state["action"] = 2
+        ctx.agent.get_agent("walker").set_state()
+        ctx.places = []
+
+        def note(ctx, data):
+            ctx.places.append((round(data["_alpha"], 3), ctx.visual.position_of("walker", data["_alpha"])))
+
+        ctx.visual.add_artist("note", {"drawer": note, "layer": 60})
+        return ctx
+
+    return open_one
+
+
+def test_agents_glide_along_the_road_from_where_they_were(play):
+    ctx = play()
+    ctx.visual.simulate()
+    assert [share for share, _ in ctx.places] == [0.0, 0.25, 0.5, 0.75, 1.0]
+    assert [place for _, place in ctx.places] == [(10, 0), (11, 2.5), (12, 5), (11, 7.5), (10, 10)]
+
+
+def test_drones_glide_through_the_air(play):
+    ctx = play()
+    ctx.agent.create_agent("drone", start_node_id=0, type=AgentType.AERIAL, speed=5.0)
+    drone = ctx.agent.get_agent("drone")
+    drone.get_state()["action"] = (3.0, 4.0, 0.0)
+    drone.set_state()
+    seen = []
+    artist = {"drawer": lambda ctx, data: seen.append(ctx.visual.position_of("drone", data["_alpha"]))}
+    ctx.visual.add_artist("spy", artist)
+    ctx.visual.simulate()
+    assert np.asarray(seen) == pytest.approx(np.array([(0, 0), (0.75, 1), (1.5, 2), (2.25, 3), (3, 4)]))
+
+
+def test_frames_wait_in_simulate_and_human_input_only(play, person):
+    ctx = play(max_fps=30)
+    limits = ctx.visual.pace.clock.limits
+    ctx.visual.update()
+    assert set(limits) == {0}
+    limits.clear()
+    ctx.visual.simulate()
+    assert limits.count(30) == 5
+    limits.clear()
+    person.press("0")
+    ctx.visual.human_input("walker", {"curr_pos": 1})
+    assert set(limits) == {30}
+    ctx.visual.update()
+    assert limits[-1] == 0
+
+
+def test_speed_changes_how_many_frames_a_turn_takes(play, person):
+    ctx = play()
+    person.press("PLUS", "EQUALS")  # four times as fast
+    ctx.visual.simulate()
+    assert [share for share, _ in ctx.places] == [0.0, 1.0]
+    ctx.places.clear()
+    person.press("MINUS", "MINUS", "MINUS")  # half as fast
+    ctx.visual.simulate()
+    assert len(ctx.places) == 9
+
+
+def test_a_pause_stands_still_until_it_ends(play, person):
+    ctx, frames = play(), []
+
+    def watch(ctx):
+        frames.append(ctx.visual.pace.is_paused)
+        if len(frames) == 4:
+            person.press("SPACE")
+        return []
+
+    ctx.visual.hud = watch
+    person.press("SPACE")
+    ctx.visual.simulate()
+    assert frames == [True] * 4 + [False] * 5
+    assert [share for share, _ in ctx.places][:5] == [0.0] * 5
+
+
+def test_a_step_shows_one_turn_and_stands_still_again(play, person):
+    ctx, frames = play(), []
+
+    def watch(ctx):
+        frames.append(ctx.visual.pace.is_paused)
+        if len(frames) == 8:  # in the third frame of the second turn
+            person.press("PERIOD")
+        return []
+
+    ctx.visual.hud = watch
+    person.press("PERIOD")
+    ctx.visual.simulate()
+    assert len(frames) == 5
+    ctx.visual.simulate()
+    assert len(frames) == 5 + 3 + 5
+    assert all(frames)
+
+
+def test_a_turn_without_duration_is_one_frame(play):
+    ctx = play(simulation_time_constant=0.0)
+    ctx.visual.simulate()
+    assert [share for share, _ in ctx.places] == [1.0]
+
+
+def test_a_loop_of_ones_own_shows_a_turn_by_the_names_of_1_0_0(play):
+    ctx = play()
+    visual = ctx.visual
+    visual._sim_time_constant = 0.5
+    visual._toggle_waiting_simulation(True)
+    while visual._waiting_simulation:
+        visual.handle_input()
+        visual.handle_single_draw()
+        visual._pygame.display.flip()
+        visual.handle_tick()
+    assert [share for share, _ in ctx.places] == [0.0, 0.5, 1.0]
+    assert visual._simulation_time == 0.0
+
+
+def test_simulate_can_be_replaced(play):
+    ctx, calls = play(), []
+    ctx.visual.simulate = lambda: calls.append(ctx.visual._simulation_time)
+    ctx.game.step()
+    assert calls == [0.0]
+
+
+def test_an_artist_of_an_agent_knows_how_much_of_its_move_is_shown(play):
+    ctx, seen = play(), []
+    artist = ctx.visual.set_agent_visual("walker")
+    ctx.visual.hud = lambda ctx: seen.append((artist.data["_alpha"], artist.data["agent_data"].current_position)) or []
+    ctx.visual.simulate()
+    assert seen[0] == (0.0, (10.0, 0.0))
+    assert seen[2] == (0.5, (12.0, 5.0))
+    assert seen[-1] == (1.0, (10.0, 10.0))
+
+
+def test_a_drawer_of_an_agent_knows_whether_a_turn_is_shown(play):
+    ctx, seen = play(), []
+    artist = ctx.visual.set_agent_visual("walker")
+    artist.set_drawer(lambda ctx, data: seen.append((data["_alpha"], data["_waiting_simulation"])))
+    ctx.visual.simulate()
+    ctx.visual.update()
+    assert seen == [(0.0, True), (0.25, True), (0.5, True), (0.75, True), (1.0, True), (1.0, False)]
+
+
+def test_turns_are_filmed_and_shown(play, tmp_path):
+    pytest.importorskip("PIL")
+    ctx = play()
+    with ctx.visual.film(tmp_path / "turn.gif", fps=4, width=64, height=64) as film:
+        ctx.visual.simulate()
+    assert film.frames == 4
+    assert [place for share, place in ctx.places[-5:]] == [(10, 0), (11, 2.5), (12, 5), (11, 7.5), (10, 10)]
+
+
+def test_trails_remember_the_last_turns(play):
+    ctx = play(trails=2)
+    for node in (1, 0, 1):
+        agent = ctx.agent.get_agent("red_0")
+        agent.get_state()["action"] = node
+        agent.set_state()
+        ctx.visual.simulate()
+    commands = ctx.visual._draw_members({name: ctx.visual._shown[name] for name in ("past trails", "trails")})
+    lines = [commands.points[a:b].tolist() for a, b in zip(commands.offsets, commands.offsets[1:], strict=False)]
+    assert lines == [[[10.0, 0.0], [0.0, 0.0]], [[0.0, 0.0], [10.0, 0.0]]]
+    assert commands.color[:, 3].tolist()[0] < commands.color[:, 3].tolist()[1]

@@ -1,0 +1,270 @@
+"""The window: what it shows, how it ends, and what programs for 1.0.0 do with it."""
+
+import os
+import signal
+import subprocess
+import sys
+
+import numpy as np
+import pytest
+
+import gamms
+from gamms.errors import BadValue, MissingFile, UnknownName
+from gamms.typing import ISensor
+from gamms.visual import Artist, Color, Engine, Shape
+
+
+def has_color(pixels, color):
+    return bool((pixels == color).all(axis=2).any())
+
+
+def test_defaults_are_those_of_1_0_0():
+    with gamms.create_context(vis_engine=Engine.PYGAME) as ctx:
+        visual, view = ctx.visual, ctx.visual._render_manager
+        assert (view.screen_width, view.screen_height, visual._sim_time_constant) == (1280, 720, 2.0)
+        assert (view.camera_x, view.camera_y, view.camera_size, view.camera_size_y) == (0, 0, 15, 8.4375)
+        assert list(visual._dynamic_artists) == ["input_overlay"]
+        overlay = visual._dynamic_artists["input_overlay"]
+        assert overlay.get_layer() == 50
+        assert not overlay.get_visible()
+        look = overlay.data["graph_data"]
+        assert (look.node_color, look.node_size, look.edge_color) == (Color.Green, 4, Color.Green)
+
+
+def test_the_look_of_choices_can_be_set(open_window):
+    ctx = open_window(input_overlay={"node_size": 9, "edge_color": Color.Red})
+    look = ctx.visual._dynamic_artists["input_overlay"].data["graph_data"]
+    assert (look.node_color, look.node_size, look.edge_color) == (Color.Green, 9, Color.Red)
+
+
+def test_positional_options_are_those_of_1_0_0(open_window):
+    engine = gamms.visual.PygameVisualizationEngine(open_window(), 400, 300, 0.5, anything=1)
+    assert (engine.width, engine.height, engine.turn_seconds) == (400, 300, 0.5)
+    engine.terminate()
+
+
+@pytest.mark.parametrize("bad", [{"width": 0}, {"theme": "loud"}, {"max_fps": 0}])
+def test_an_impossible_option_is_refused(open_window, bad):
+    with pytest.raises(BadValue):
+        open_window(**bad)
+
+
+def test_without_visuals_the_whole_graph_is_seen_in_the_default_look(ctx, seen):
+    ctx.visual.update()
+    left, right, low, high, _ = ctx.visual.get_viewport()
+    assert left < 0 < 12 < right
+    assert low < 0 < 10 < high
+    pixels = seen(ctx)
+    assert has_color(pixels, (165, 168, 172))  # streets
+    assert has_color(pixels, (213, 94, 0))  # the red team
+    assert has_color(pixels, (0, 114, 178))
+
+
+def test_the_dark_theme_is_dark(open_window, seen):
+    ctx = open_window(theme="dark")
+    ctx.visual.hud = None
+    ctx.visual.update()
+    assert np.median(seen(ctx)) < 40
+    assert has_color(seen(ctx), (84, 90, 101))
+
+
+def test_declaring_the_graph_points_the_camera_at_it(ctx):
+    ctx.visual.set_graph_visual(width=5, node_color=Color.Red)
+    view = ctx.visual._render_manager
+    assert (view.camera_x, view.camera_y, view.camera_size) == (6, 3, 10.0)
+
+
+def test_an_empty_graph_can_be_declared_and_shown(open_window):
+    ctx = open_window(is_empty=True)
+    ctx.visual.update()
+    ctx.visual.set_graph_visual()
+    ctx.visual.update()
+    assert ctx.visual._render_manager.camera_size == 15
+
+
+def test_what_is_declared_is_drawn_where_the_camera_says(ctx, seen):
+    ctx.visual.set_graph_visual(edge_color=Color.Blue)
+    artist = ctx.visual.set_agent_visual("red_0", color=Color.Magenta, size=1)
+    ctx.visual.update()
+    x, y = ctx.visual._render_manager.world_to_screen(0.0, 0.0)
+    assert tuple(seen(ctx)[round(y), round(x)]) == Color.Magenta
+    assert artist.data["agent_data"].current_position == (0.0, 0.0)
+    assert artist.data["_alpha"] == 1.0
+    assert set(ctx.visual._dynamic_artists) == {"input_overlay", "red_0"}
+
+
+def test_an_agent_looks_as_in_a_picture(ctx, seen):
+    ctx.visual.hud = None
+    ctx.visual.set_agent_visual("red_0", color=Color.Red, size=1)
+    ctx.visual.look_at(0.0, 0.0, 30.0)
+    ctx.visual.update()
+    window, picture = seen(ctx).astype(int), ctx.visual.frame().astype(int)
+    around = np.s_[150:210, 290:350]
+    assert np.abs(window[around] - picture[around]).mean() < 4
+    assert np.abs(window[around] - 252).mean() > 30
+
+
+def test_errors_of_declarations(ctx):
+    with pytest.raises(UnknownName):
+        ctx.visual.set_sensor_visual("nobody")
+    with pytest.raises(FileNotFoundError, match=r"nowhere\.png") as caught:
+        ctx.visual.set_agent_visual("red_0", image_path="nowhere.png")
+    assert isinstance(caught.value, MissingFile)
+    ctx.visual.set_agent_visual("comes_later")
+    ctx.visual.update()  # which logs that there is no such agent
+
+
+def test_a_sensor_that_cannot_say_what_it_saw_is_refused(ctx):
+    class Mute(ISensor):
+        sensor_id, type, data = "mute", gamms.sensor.SensorType.CUSTOM, None
+
+        def sense(self, node_id): ...
+
+        def update(self, data): ...
+
+        def set_owner(self, owner): ...
+
+    ctx.sensor.add_sensor(Mute())
+    with pytest.raises(ValueError, match="last_view"):
+        ctx.visual.set_sensor_visual("mute")
+    assert ctx.visual.set_sensor_visual("near").get_layer() == 30
+
+
+def test_a_drawer_in_a_dict_is_called_once_a_frame(ctx):
+    calls = []
+    artist = ctx.visual.add_artist(
+        "mine", {"drawer": lambda ctx, data: calls.append(data["_alpha"]), "shape": Shape.Circle}
+    )
+    ctx.visual.update()
+    ctx.visual.add_artist("mine", artist)
+    ctx.visual.update()
+    assert calls == [1.0, 1.0]
+
+
+def test_a_drawer_may_paint_on_the_target_surface_above_its_own_layer_only(ctx, seen):
+    import pygame
+
+    def paint(ctx, data):
+        x, y = ctx.visual._render_manager.world_to_screen(0, 0)
+        pygame.draw.circle(ctx.visual._get_target_surface(), data["color"], (x, y), 30)
+
+    ctx.visual.hud = None
+    for static in (False, True):
+        artist = ctx.visual.add_artist("below", {"drawer": paint, "color": Color.Red, "layer": 3})
+        if static:
+            artist.set_artist_type(gamms.typing.ArtistType.STATIC)
+        ctx.visual.add_artist("above", {"drawer": paint, "color": Color.Green, "layer": 60})
+        for place in ((0, 0), (4, 3)):
+            ctx.visual.look_at(*place, 20.0)
+            ctx.visual.update()
+            ctx.visual.update()
+            x, y = ctx.visual._render_manager.world_to_screen(0, 0)
+            assert tuple(seen(ctx)[round(y), round(x)]) == Color.Green
+        ctx.visual.remove_artist("above")
+        ctx.visual.update()
+        assert has_color(seen(ctx), Color.Red)
+    assert ctx.visual._get_target_surface() is ctx.visual._screen
+
+
+def test_a_loaded_image_can_be_drawn(ctx, seen):
+    import pygame
+
+    image = pygame.Surface((4, 4))
+    image.fill(Color.Purple)
+    ctx.visual.add_artist("image", {"drawer": lambda ctx, data: ctx.visual.render_image(5, 5, image, 2)})
+    ctx.visual.update()
+    assert has_color(seen(ctx), Color.Purple)
+
+
+def test_a_lasting_change_of_the_graph_is_seen_at_once(ctx, seen):
+    ctx.visual.hud = None
+    ctx.visual.update()
+    x, y = (round(value) for value in ctx.visual._render_manager.world_to_screen(5.0, 0.0))
+    assert tuple(seen(ctx)[y, x]) != (252, 252, 250)
+    for edge in (0, 1):
+        ctx.graph.graph.remove_edge(edge)
+    ctx.visual.update()
+    assert tuple(seen(ctx)[y, x]) == (252, 252, 250)
+
+
+def test_closing_the_window_ends_the_context(ctx, person):
+    person.close()
+    ctx.visual.update()
+    assert ctx.is_terminated()
+    ctx.visual.update()
+    ctx.visual.simulate()
+    ctx.visual.handle_input()
+    ctx.visual.handle_single_draw()
+    assert ctx.visual.human_input("red_0", {"curr_pos": 0}) == 0
+
+
+def test_closing_the_window_while_a_turn_is_shown_ends_the_context(open_window, person):
+    ctx = open_window(simulation_time_constant=60.0)
+    person.close()
+    ctx.visual.simulate()
+    assert ctx.is_terminated()
+
+
+@pytest.mark.parametrize("who", ["drawer", "hud"])
+def test_what_is_drawn_may_end_the_context(ctx, who):
+    if who == "hud":
+        ctx.visual.hud = lambda ctx: ctx.terminate() or []
+    else:
+        ctx.visual.add_artist("end", {"drawer": lambda ctx, data: ctx.terminate(), "layer": 60})
+    ctx.visual.simulate()
+    assert ctx.is_terminated()
+
+
+def test_two_contexts_share_the_window_until_the_last_one_ends(open_window):
+    import pygame
+
+    one, other = open_window(), open_window()
+    one.terminate()
+    other.visual.update()
+    assert pygame.display.get_init()
+    other.terminate()
+    assert not pygame.display.get_init()
+
+
+def test_there_is_no_sound(ctx):
+    import pygame
+
+    ctx.visual.update()
+    assert not pygame.mixer.get_init()
+
+
+@pytest.mark.skipif(sys.platform == "win32", reason="there are no such signals")
+def test_sigterm_ends_the_process(tmp_path):
+    code = """
+import gamms
+ctx = gamms.create_context(vis_engine=gamms.visual.Engine.PYGAME)
+ctx.visual.update()
+print("open", flush=True)
+while True:
+    ctx.visual.simulate()
+"""
+    environment = {**os.environ, "SDL_VIDEODRIVER": "dummy"}
+    with subprocess.Popen([sys.executable, "-c", code], stdout=subprocess.PIPE, text=True, env=environment) as process:
+        assert process.stdout.readline() == "open\n"
+        process.terminate()
+        assert process.wait(30) == -signal.SIGTERM
+
+
+def test_an_artist_that_fails_is_logged_and_the_others_draw_on(ctx, seen):
+    def fail(ctx, data):
+        raise RuntimeError("no")
+
+    ctx.visual.add_artist("broken", Artist(ctx, fail))
+    ctx.visual.update()
+    assert has_color(seen(ctx), (213, 94, 0))
+
+
+def test_resizing_the_window_resizes_the_view(ctx):
+    import pygame
+
+    pygame.display.set_mode((500, 400), pygame.RESIZABLE)
+    pygame.event.post(pygame.event.Event(pygame.VIDEORESIZE, w=500, h=400, size=(500, 400)))
+    ctx.visual.update()
+    view = ctx.visual._render_manager
+    assert (view.screen_width, view.screen_height) == (500, 400)
+    assert ctx.visual.frame().shape == (400, 500, 3)

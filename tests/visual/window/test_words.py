@@ -1,0 +1,180 @@
+"""The words on the window: turn and scores, teams, the panel of an agent, names, and the source of the map."""
+
+import numpy as np
+import pytest
+
+from gamms.errors import NotOffered
+from gamms.sensor import SensorType
+from gamms.typing import ISensor
+from gamms.visual.window import hud, pointing
+
+
+@pytest.fixture
+def said(monkeypatch):
+    """Everything that is written in a frame."""
+    words = []
+    text = hud.Canvas.text
+    monkeypatch.setattr(
+        hud.Canvas, "text", lambda self, line, *rest, **more: words.append(line) or text(self, line, *rest, **more)
+    )
+    return words
+
+
+def frame(ctx, said):
+    said.clear()
+    ctx.visual.update()
+    return list(said)
+
+
+def test_turn_scores_and_frames_per_second_are_written(ctx, said):
+    assert "turn 0" in frame(ctx, said)
+    ctx.visual.simulate()
+    ctx.visual.simulate()
+    assert "turn 2" in frame(ctx, said)
+    ctx.game.scores["red"] = 3
+    ctx.game.step()
+    words = frame(ctx, said)
+    assert {"turn 1", "red 3"} <= set(words)
+    assert any(line.endswith(" fps") for line in words)
+
+
+def test_the_hud_can_be_replaced_or_left_out(ctx, said):
+    ctx.visual.hud = lambda ctx: ["hello", 5]
+    words = frame(ctx, said)
+    assert {"hello", "5"} <= set(words)
+    assert "turn 0" not in words
+    ctx.visual.hud = None
+    assert "hello" not in frame(ctx, said)
+
+
+def test_a_hud_that_fails_is_logged_once(ctx, said, caplog):
+    def fail(ctx):
+        raise RuntimeError("no words")
+
+    ctx.visual.hud = fail
+    frame(ctx, said)
+    frame(ctx, said)
+    assert [record.message for record in caplog.records if "no words" in record.message] == [
+        "The HUD could not be written: RuntimeError: no words"
+    ]
+
+
+def test_teams_are_listed_with_those_who_are_left(ctx, said):
+    assert {"red  1", "blue  1"} <= set(frame(ctx, said))
+    ctx.game.eliminate("blue_0")
+    ctx.visual._shown = {}
+    assert "blue  0" in frame(ctx, said)
+
+
+def test_pointing_at_an_agent_shows_what_it_knows(ctx, said, person):
+    ctx.agent.get_agent("red_0").get_state()
+    frame(ctx, said)
+    person.point(*ctx.visual._render_manager.world_to_screen(0.0, 0.0))
+    words = frame(ctx, said)
+    assert "red_0 · team red" in words
+    assert "at node 0, from 0" in words
+    assert "near (NEIGHBOR): 0, 1" in words
+    person.point(3, 3)
+    assert "red_0 · team red" not in frame(ctx, said)
+
+
+def test_a_clicked_agent_keeps_its_panel_until_one_clicks_elsewhere(ctx, said, person):
+    frame(ctx, said)
+    person.click(*ctx.visual._render_manager.world_to_screen(0.0, 0.0))
+    person.point(3, 3)
+    frame(ctx, said)
+    assert "red_0 · team red" in frame(ctx, said)
+    ctx.agent.delete_agent("red_0")
+    assert "red_0 · team red" not in frame(ctx, said)
+    person.click(3, 3)
+    assert "at node 0, from 0" not in frame(ctx, said)
+
+
+def test_pointing_at_an_agent_shows_its_sensors_even_where_others_are_declared(ctx, person):
+    ctx.visual.set_graph_visual()
+    ctx.visual.set_agent_visual("red_0")
+    ctx.agent.get_agent("red_0").get_state()
+    ctx.visual.update()
+    assert ctx.visual.hints() == {}
+    person.point(*ctx.visual._render_manager.world_to_screen(0.0, 0.0))
+    ctx.visual.update()
+    assert list(ctx.visual.hints()) == ["sensor_near"]
+
+
+def test_names_are_written_where_there_is_room(open_window, said):
+    ctx = open_window(labels=True)
+    for i in range(50):
+        ctx.agent.create_agent(f"twin_{i}", start_node_id=1)
+    words = frame(ctx, said)
+    assert {"red_0", "blue_0"} <= set(words)
+    assert sum(line.startswith("twin_") for line in words) == 1
+
+
+def test_the_source_of_the_map_is_always_named(ctx, said):
+    ctx.graph.graph.attribution = "© somebody"
+    ctx.visual.words.toggle()
+    assert frame(ctx, said) == ["© somebody"]
+
+
+def test_a_pause_and_a_question_say_what_to_do(ctx, said, person):
+    person.press("SPACE")
+    assert any("space goes on" in line for line in frame(ctx, said))
+    person.press("SPACE", "0")
+    said.clear()
+    ctx.visual.human_input("red_0", {"curr_pos": 0})
+    ctx.visual.question = None
+    person.press("F1")
+    assert any("F1: this help" in line for line in frame(ctx, said))
+
+
+def test_an_agent_whose_node_is_gone_is_logged_and_the_window_goes_on(ctx, said, person, caplog):
+    frame(ctx, said)
+    person.click(*ctx.visual._render_manager.world_to_screen(0.0, 0.0))
+    ctx.graph.graph.remove_node(0)
+    frame(ctx, said)
+    assert "turn 0" in frame(ctx, said)
+    assert any("red_0" in record.message for record in caplog.records if record.levelname == "ERROR")
+
+
+@pytest.mark.parametrize(
+    ("data", "words"),
+    [
+        ([1, 2], "1, 2"),
+        ([], "nothing"),
+        (list(range(100)), "100 seen"),
+        ({"nodes": {1: 2}, "edges": []}, "1 nodes, 0 edges"),
+        ({"anna": 5}, "anna"),
+        (None, "None"),
+        ("x" * 50, "x" * 39 + "…"),
+    ],
+)
+def test_what_a_sensor_told_in_a_few_words(data, words):
+    assert pointing._summary(data) == words
+
+
+def test_the_nearest_point_within_reach_is_found():
+    points = np.array([(0.0, 0.0), (10.0, 0.0)])
+    assert pointing.nearest(points, 7.0, 0.0) == 1
+    assert pointing.nearest(points, 30.0, 0.0) is None
+    assert pointing.nearest(np.empty((0, 2)), 0.0, 0.0) is None
+
+
+def test_a_sensor_without_a_view_is_left_out_quietly(ctx, person, caplog):
+    class Mute(ISensor):
+        sensor_id, type, data = "mute", SensorType.CUSTOM, None
+
+        def last_view(self):
+            raise NotOffered(self, "last_view")
+
+        def sense(self, node_id): ...
+
+        def update(self, data): ...
+
+        def set_owner(self, owner): ...
+
+    ctx.sensor.add_sensor(Mute())
+    ctx.agent.get_agent("red_0").register_sensor("mute", ctx.sensor.get_sensor("mute"))
+    ctx.visual.update()
+    person.point(*ctx.visual._render_manager.world_to_screen(0.0, 0.0))
+    ctx.visual.update()
+    assert not [record for record in caplog.records if record.levelname == "ERROR"]
