@@ -17,6 +17,7 @@ IntArray = npt.NDArray[np.int64]
 """Integers of a column, (items,)."""
 
 _FEW = 4096
+_TINY = 24  # bytes, of which deflating takes more time than it could save space
 _SAMPLE = 4096  # bytes that show which way of deflating a plane fits
 _PIECES = 8
 _OF_PATTERNS = (6, zlib.Z_DEFAULT_STRATEGY)
@@ -68,6 +69,8 @@ def varint(value: int) -> bytes:
 
 def packed(data: bytes) -> bytes:
     """Bytes, deflated if that is shorter."""
+    if len(data) <= _TINY:
+        return varint(2 * len(data)) + data
     best = min(_attempts(data), key=len)
     if len(best) < len(data):
         return varint(2 * len(best) + 1) + best
