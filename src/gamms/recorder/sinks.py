@@ -3,6 +3,7 @@
 import io
 import os
 import time
+from functools import cache
 from typing import Any, BinaryIO
 
 from gamms.ir import journal as kinds
@@ -174,16 +175,21 @@ _OF_VERSION_2 = {
 }
 
 
-def header_of(ctx: Any, session: Session, options: dict[str, Any]) -> dict[str, Any]:
-    """What a recording says of the context it was made in: no host, no user, no path, and no time unless asked."""
+@cache
+def _package() -> str:
     from importlib.metadata import version
 
+    return version("gamms")
+
+
+def header_of(ctx: Any, session: Session, options: dict[str, Any]) -> dict[str, Any]:
+    """What a recording says of the context it was made in: no host, no user, no path, and no time unless asked."""
     created = options.get("created")
     if created is None and (epoch := os.environ.get("SOURCE_DATE_EPOCH")):
         created = int(epoch)
     return {
         "format": 3,
-        "package": version("gamms"),
+        "package": _package(),
         "seed": ctx.seed,
         "created": created,
         "provenance": options.get("provenance"),

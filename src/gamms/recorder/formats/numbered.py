@@ -11,6 +11,7 @@ FEWEST, MOST = 32, 1 << 18  # texts: of fewer there is nothing to save, and more
 _LONGEST = 64  # characters before the number
 _MOST_STEMS = 256
 _MOST_DIGITS = 18
+_DIGITS = "0123456789"
 
 
 class Numbered(NamedTuple):
@@ -23,17 +24,36 @@ class Numbered(NamedTuple):
 
 def numbered(texts: Sequence[Any]) -> Numbered | None:
     """A list of texts as columns; None if they are no such texts."""
+    if set(map(type, texts)) != {str}:
+        return None
+    return _of_one_stem(texts) or _of_several_stems(texts)
+
+
+def _of_one_stem(texts: Sequence[str]) -> Numbered | None:
+    # NOTE: in C, for most lists of names are such, and every recording begins with some (benchmarks/README.md, w4).
+    stem = texts[0].rstrip(_DIGITS)
+    size = len(stem)
+    if size > _LONGEST or not stem.isascii() or max(map(len, texts)) > size + _MOST_DIGITS:
+        return None
+    try:
+        numbers = [int(text[size:]) for text in texts]
+    except ValueError:
+        return None
+    if [f"{stem}{number}" for number in numbers] != texts or min(numbers) < 0:
+        return None
+    return Numbered([stem], np.zeros(len(texts), np.uint8), np.array(numbers, np.int64))
+
+
+def _of_several_stems(texts: Sequence[str]) -> Numbered | None:
     stems: dict[str, int] = {}
     which, numbers = [], []
     for text in texts:
-        if type(text) is not str or not text.isascii():
-            return None
-        stem = text.rstrip("0123456789")
+        stem = text.rstrip(_DIGITS)
         number = text[len(stem) :]
         if not number or len(number) > _MOST_DIGITS or len(stem) > _LONGEST or (number[0] == "0" and number != "0"):
             return None
         which.append(stems.setdefault(stem, len(stems)))
-        if len(stems) > _MOST_STEMS:
+        if len(stems) > _MOST_STEMS or not text.isascii():
             return None
         numbers.append(int(number))
     return Numbered(list(stems), np.array(which, np.uint8), np.array(numbers, np.int64))

@@ -132,11 +132,16 @@ def _of_list(value: list[Any], depth: int) -> Any:
     depth = _inside(depth)
     if FEWEST <= len(value) <= MOST and depth and (texts := numbered(value)) is not None:
         return [_mark(_NUMBERED), texts.stems, _of_array(texts.which, depth), _of_array(texts.numbers, depth)]
+    kinds = set(map(type, value))
+    if kinds <= _AS_IS or (kinds == {str} and all(map(str.isascii, value))):
+        return value
     return [_marked(one, depth) for one in value]
 
 
 def _of_dict(value: dict[Any, Any], depth: int) -> Any:
     depth = _inside(depth)
+    if not value:
+        return {}
     return {_key(_marked(key, depth)): _marked(one, depth) for key, one in value.items()}
 
 
