@@ -37,7 +37,7 @@ def captured(ctx: Any) -> State:
         "speed": [plain(speed) for speed in columns.speed],
         "carried": _carried(agents, sensors),
         "sensor_kinds": sensors,
-        "attributes": [plain_part(vars(agent)) for agent in agents],
+        "attributes": {row: plain_part(vars(agent)) for row, agent in enumerate(agents) if vars(agent)},
         "strategies": [name_of(agent.strategy) for agent in agents],
         **game_state.captured(ctx),
     }
@@ -58,6 +58,9 @@ def opened(state: State) -> State:
     names = state["carried"]["names"]
     ends = np.cumsum(state["carried"]["counts"]).tolist()
     pairs = list(zip(ids if names is None else names, ids, strict=True))
+    attributes = state["attributes"]
+    if isinstance(attributes, dict):  # in the first recordings of version 3 it is a list
+        whole["attributes"] = [attributes.get(row, {}) for row in range(len(state["names"]))]
     whole["sensors"] = [dict(pairs[start:end]) for start, end in zip([0, *ends], ends, strict=False)]
     return whole
 
