@@ -21,6 +21,7 @@ from gamms.recorder.formats.numbered import FEWEST, MOST, numbered, texts_of
 MOST_DEPTH = 32  # containers in each other
 MOST_ITEMS = 1 << 22  # in one value, containers included
 _MOST_DIMENSIONS = 8
+_SMALL = 256  # bytes of an array in which differences are not worth a look
 _SAMPLE = 1 << 14  # bytes that show whether differences fit an array
 
 _TUPLE, _ARRAY, _BIG, _TEXT, _SET, _FROZENSET, _NUMBERED = range(7)
@@ -156,7 +157,7 @@ def _of_array(value: np.ndarray[Any, Any], depth: int) -> Any:
         raise TypeError(f"an array of dtype {value.dtype} and shape {value.shape}")
     flat = np.ascontiguousarray(value).reshape(-1).astype(dtype, copy=False)
     planes, is_stepped = columns.planes_of(flat), False
-    if dtype.kind in "iu" and len(flat) > 1:
+    if dtype.kind in "iu" and flat.nbytes > _SMALL:
         steps = columns.planes_of(np.diff(flat, prepend=dtype.type(0)))
         is_stepped = len(columns.packed(steps[:_SAMPLE])) < len(columns.packed(planes[:_SAMPLE]))
         planes = steps if is_stepped else planes
