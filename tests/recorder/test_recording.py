@@ -416,7 +416,7 @@ def test_a_path_is_opened_with_and_without_its_suffix(game, tmp_path):
             assert rec.warning is None
     with pytest.raises(FileNotFoundError):
         recorder.open(tmp_path / "none")
-    with pytest.raises(BadType, match="path or as a binary stream"):
+    with pytest.raises(BadType, match="path or a binary stream"):
         recorder.open(io.StringIO("text"))
 
 

@@ -1,16 +1,14 @@
 """A recording that is open: any state of it, its events and its tables, without a context."""
 
-import io
 import os
 from collections import Counter
 from collections.abc import Callable, Iterator, Mapping
-from pathlib import Path
 from typing import Any, BinaryIO, Self, overload
 
 import numpy as np
 
 from gamms.arguments import as_int
-from gamms.errors import BadType, BadValue
+from gamms.errors import BadValue
 from gamms.ir import journal
 from gamms.ir.journal import Log
 from gamms.recorder import component_fold, tables
@@ -19,10 +17,10 @@ from gamms.recorder.fold import Fold
 from gamms.recorder.formats.reader import Reader
 from gamms.recorder.maps import given_map, has_map, hash_in, hash_of
 from gamms.recorder.moment import State, roster_of, state_of
+from gamms.recorder.streams import readable
 from gamms.typing.opcodes import MAGIC_NUMBER
 from gamms.typing.packed_graph import IPackedGraph, packed_graphs
 
-_SUFFIX = ".ggr"
 _BLOBS = ("world",)  # parts of the header that are no words
 
 
@@ -39,7 +37,7 @@ def open(source: str | os.PathLike[str] | BinaryIO, *, graph: Any = None) -> "Re
         RecordingError (ValueError): it is none, it is of version 2, its header is damaged, or the map is another.
         BadType (TypeError): this is neither a path nor a binary stream, or `graph` is no map.
     """
-    stream, is_owned = _readable(source)
+    stream, is_owned = readable(source)
     try:
         magic = stream.read(8)
         stream.seek(-len(magic), os.SEEK_CUR)
@@ -356,16 +354,3 @@ def _refuse_version_2(magic: bytes) -> None:
             "This recording has format version 2, which holds neither a map nor an index. `gamms convert IN OUT` "
             "makes version 3 of it; ctx.record.replay plays it as it is."
         )
-
-
-def _readable(source: Any) -> tuple[BinaryIO, bool]:
-    """A stream that can seek, and whether it was opened here; the suffix of a path may be left out."""
-    if isinstance(source, str | os.PathLike):
-        file = Path(source)
-        if not file.exists() and file.suffix != _SUFFIX:
-            file = Path(f"{file}{_SUFFIX}")
-        return file.open("rb"), True
-    if hasattr(source, "read") and not isinstance(source, io.TextIOBase):
-        stream: BinaryIO = source if source.seekable() else io.BytesIO(source.read())
-        return stream, False
-    raise BadType(f"A recording is opened by its path or as a binary stream, not as {source!r}.")
