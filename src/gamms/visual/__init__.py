@@ -2,7 +2,8 @@
 
 What lives here: the engine without a window (`no_engine.py`), artists (`artist.py`) and their drawers
 (`drawers/`), the drawing primitives (`primitives.py`), which collect draw commands (`commands.py`), and the
-backends that turn draw commands into files (`backends/`). `picture.py` goes from artists to a file.
+backends that turn draw commands into files (`backends/`). `picture.py` goes from artists to a file. Values become
+colours in `values.py`, and `legend.py` explains them.
 Read `no_engine.py` first, then `primitives.py`.
 May import: `gamms.typing`, `gamms.kernels`, `gamms.ir`, `gamms.plugins`, `gamms.arguments`, `gamms.errors`.
 To extend: something to draw is one function in `drawers/`; a way to show it is one file in `backends/` and

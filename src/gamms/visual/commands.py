@@ -146,6 +146,23 @@ class Commands:
         )
 
 
+def joined(below: DrawCommands, above: DrawCommands) -> DrawCommands:
+    """Both, the second on the highest layer of all."""
+    if len(above) == 0:
+        return below
+    top = max(int(below.layer.max(initial=0)), int(above.layer.max(initial=0)))
+    arrays = {
+        name: np.concatenate([getattr(below, name), getattr(above, name)])
+        for name in ("kind", "space", "size", "width", "angle", "color", "points")
+    }
+    return DrawCommands(
+        layer=np.concatenate([below.layer, np.full(len(above), top)]),
+        offsets=np.concatenate([below.offsets, below.offsets[-1] + above.offsets[1:]]),
+        text=(*below.text, *above.text),
+        **arrays,
+    )
+
+
 def _as_points(points: Sequence[Any] | FloatArray) -> FloatArray:
     try:
         # A copy: the caller may go on using his array.

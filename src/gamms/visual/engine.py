@@ -147,9 +147,12 @@ class PictureEngine(Declarations):
             ContextTerminated: the context has ended.
         """
         from gamms.visual import picture
+        from gamms.visual.legend import blocks_of
 
-        sheet = picture.sheet(path, width, height, dpi)
-        picture.write(sheet, self.draw_commands(), self.look, title=title, note=self.noted(note), background=background)
+        sheet, artists = picture.sheet(path, width, height, dpi), self.shown_artists()
+        commands, blocks = self._drawn(artists), blocks_of(artists)
+        words = {"title": title, "note": self.noted(note)}
+        picture.write(sheet, commands, blocks, self.look, **words, background=background)
 
     def noted(self, note: str) -> str:
         """The note, and the source of the map unless the note already names it."""

@@ -13,7 +13,8 @@ from gamms.typing import ArtistType, ColorType, IArtist, ILogger
 from gamms.visual.backends import FORMATS, Backend
 from gamms.visual.camera import Look, fit
 from gamms.visual.color import rgba
-from gamms.visual.commands import Commands
+from gamms.visual.commands import Commands, joined
+from gamms.visual.legend import Block, Legend
 
 _HEADER_PX = 44.0
 
@@ -96,13 +97,22 @@ def with_attribution(note: str, attribution: str | None) -> str:
 
 
 def write(
-    sheet: Sheet, commands: DrawCommands, look: Look | None, *, title: str, note: str, background: ColorType
+    sheet: Sheet,
+    commands: DrawCommands,
+    blocks: tuple[Block, ...],
+    look: Look | None,
+    *,
+    title: str,
+    note: str,
+    background: ColorType,
 ) -> None:
-    """Paint the columns and replace the file in one step."""
+    """Paint the columns and the legend, and replace the file in one step."""
+    legend, header = Legend(blocks, sheet.width, sheet.height), header_px(title)
     if look is None:
-        camera = fit(commands, sheet.width, sheet.height, header=header_px(title))
+        camera = fit(commands, sheet.width, sheet.height, header, legend.aside)
     else:
         camera = look.camera(sheet.width, sheet.height)
+    commands = joined(commands, legend.commands(camera, header))
     words = {"title": title, "note": note, "background": rgba(background), "dpi": sheet.dpi}
     content = sheet.backend(commands, camera, **words)
     write_whole(sheet.path, content)

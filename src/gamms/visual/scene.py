@@ -90,12 +90,12 @@ class Scene:
                 return part
         return Part(members, commands)
 
-    def fit(self, width: int, height: int, header: float) -> Camera:
-        """A camera that sees everything."""
+    def fit(self, width: int, height: int, header: float, aside: float = 0.0) -> Camera:
+        """A camera that sees everything below a header and left of a legend of so many pixels."""
         boxes = [part.box for part in self._parts if part.box is not None]
         low = np.min([box[0] for box in boxes], axis=0) if boxes else np.zeros(2)
         high = np.max([box[1] for box in boxes], axis=0) if boxes else np.zeros(2)
-        return fit_box(low, high, width, height, header)
+        return fit_box(low, high, width, height, header, aside)
 
     def paint(self, canvas: Canvas, camera: Camera, background: Rgba, *, is_moving: bool = False) -> None:
         """Paint all of it.
