@@ -44,9 +44,7 @@ def fit(commands: DrawCommands, width: int, height: int, header: float = 0.0, as
     return fit_box(*bounds(commands), width, height, header, aside)
 
 
-def fit_box(
-    low: FloatArray, high: FloatArray, width: int, height: int, header: float, aside: float = 0.0
-) -> Camera:
+def fit_box(low: FloatArray, high: FloatArray, width: int, height: int, header: float, aside: float = 0.0) -> Camera:
     """A camera that sees all from corner to corner, as large as it gets below a header and left of a legend, pixels."""
     margin = _MARGIN * min(width, height)
     free = max(width - aside - 2 * margin, 1.0), max(height - header - 2 * margin, 1.0)

@@ -126,6 +126,11 @@ class Declarations(Primitives):
             self._artists[as_name(name, "an artist")] = artist
         return artist
 
+    def propose_artist(self, name: str, artist: dict[str, Any]) -> None:
+        """Draw an artist unless there is one of that name: for who has no say against the caller, such as a rule."""
+        if name not in self._artists:
+            self.add_artist(name, artist)
+
     def _artist_of(self, data: dict[str, Any]) -> Artist:
         drawer = data.get("drawer", data.get("shape", Shape.Circle))
         artist = Artist(self.ctx, drawer, data.get("layer", _ARTISTS))

@@ -42,6 +42,7 @@ class PictureEngine(Declarations):
 
     def simulate(self) -> None:
         """Tell those who count turns that one is over, and add it to the films that are being made."""
+        self.happenings.end_turn()
         for tell in self.after_turn:
             tell()
         if self._films and not self.ctx.is_terminated():
@@ -150,7 +151,7 @@ class PictureEngine(Declarations):
         from gamms.visual.legend import blocks_of
 
         sheet, artists = picture.sheet(path, width, height, dpi), self.shown_artists()
-        commands, blocks = self._drawn(artists), blocks_of(artists)
+        commands, blocks = self._drawn(artists), blocks_of(self.ctx, artists)
         words = {"title": title, "note": self.noted(note)}
         picture.write(sheet, commands, blocks, self.look, **words, background=background)
 

@@ -104,7 +104,7 @@ class Frames:
     def begin_turn(self) -> None:
         """Ask anew who is to be drawn."""
         self._artists, self._is_new_turn = self.engine.shown_artists(), True
-        blocks = blocks_of(self._artists)
+        blocks = blocks_of(self.engine.ctx, self._artists)
         if blocks != self._blocks:
             self._blocks, self._legend = blocks, Legend(blocks, self._canvas.width, self._canvas.height)
 

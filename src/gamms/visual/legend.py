@@ -1,6 +1,7 @@
 """Legends: what colours mean, in a column at the right of a picture, whichever backend paints it.
 
-Any artist may explain itself: its `data["legend"]` is a Bar, Rows, or a list of such. A legend is laid out in pixels
+Any artist may explain itself: its `data["legend"]` is a Bar, Rows, a list of such, or a function of the context that
+gives one. A legend is laid out in pixels
 and drawn with ordinary commands, at the place in the world that the camera has there.
 """
 
@@ -9,7 +10,7 @@ from typing import Any, NamedTuple
 
 from gamms.errors import BadType
 from gamms.ir.draw import DrawCommands, DrawSpace
-from gamms.typing import IArtist
+from gamms.typing import IArtist, IContext
 from gamms.visual.camera import Camera
 from gamms.visual.color import PAPER, Rgb, Rgba
 from gamms.visual.commands import Commands
@@ -52,7 +53,7 @@ class Rows(NamedTuple):
 Block = Bar | Rows
 
 
-def blocks_of(artists: Mapping[str, IArtist]) -> tuple[Block, ...]:
+def blocks_of(ctx: IContext, artists: Mapping[str, IArtist]) -> tuple[Block, ...]:
     """What the legends of visible artists say.
 
     Raises:
@@ -62,6 +63,7 @@ def blocks_of(artists: Mapping[str, IArtist]) -> tuple[Block, ...]:
     for name, artist in artists.items():
         data = getattr(artist, "data", None)
         legend = data.get("legend") if isinstance(data, dict) and artist.get_visible() else None
+        legend = legend(ctx) if callable(legend) else legend
         for block in legend if isinstance(legend, list) else [legend]:
             if block is None:
                 continue

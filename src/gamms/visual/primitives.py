@@ -12,6 +12,7 @@ from gamms.typing import ColorType, IContext, IVisualizationEngine
 from gamms.visual.color import Color
 from gamms.visual.commands import Commands
 from gamms.visual.motion import Motion
+from gamms.visual.sides import Happenings
 
 _FONT_PX = 36
 
@@ -22,6 +23,7 @@ class Primitives(IVisualizationEngine):
     def __init__(self, ctx: IContext) -> None:
         self.ctx = ctx
         self.motion = Motion(ctx)
+        self.happenings = Happenings(ctx)
         self._drawing: Commands | None = None
 
     @contextmanager
