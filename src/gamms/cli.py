@@ -11,7 +11,7 @@ from rich.console import Console
 from rich.markup import escape
 
 import gamms
-from gamms import cli_recordings
+from gamms import cli_recordings, cli_render
 from gamms.cli_output import console, one_sentence, recorded, rich_table
 from gamms.demo import Team
 from gamms.errors import GammsError
@@ -29,6 +29,7 @@ app.add_typer(maps, name="osm")
 scenarios = typer.Typer(help="Look at scenario files.", no_args_is_help=True)
 app.add_typer(scenarios, name="scenario")
 cli_recordings.add_to(app)
+cli_render.add_to(app)
 
 _HELSINKI = "Central Helsinki"
 _NAMES = ("red", "blue")

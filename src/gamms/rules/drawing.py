@@ -13,12 +13,13 @@ from gamms.ir.graph import IntArray
 from gamms.typing.game import Rule
 from gamms.visual.color import rgba
 from gamms.visual.drawers.tags import render_tags
+from gamms.visual.drawers.values import usual_edge
 from gamms.visual.primitives import primitives_of
 from gamms.visual.sides import side_colors
 
 TERRITORIES = "territories"  # in `ctx.game.data`: name of the fact -> what `packed` made of it
 _TINT, _DOT_PX, _BASE_PX = 60, 5.0, 8.0
-_FLAG = 0.03  # the height of a flag, in widths of the map
+_FLAG = 0.03  # the height of a flag, in widths of what is seen
 FLAG_LAYER = 22  # above the agents, who carry them
 _TERRITORY_LAYER, _TAG_LAYER = 12, 25
 
@@ -55,7 +56,8 @@ def draw_flags(
     ctx: Any, bases: Mapping[Any, int], carriers: Mapping[Any, Any], colors: Mapping[Any, Any] | None, share: float
 ) -> None:
     """A pennant in the colour of each team: on its base, or with who carries it, and then a ring on the base."""
-    height, visual, graph = _FLAG * _extent(ctx), primitives_of(ctx), ctx.graph.graph
+    visual, graph = primitives_of(ctx), ctx.graph.graph
+    height = _FLAG * visual.extent()
     for team, color in _colors(ctx, bases, colors).items():
         is_carried, is_there = carriers.get(team) in ctx.agent.agents, graph.has_node(bases[team])
         if is_there:
@@ -116,7 +118,11 @@ class TerritoryDrawer:
         owned = ctx.game.data.get(TERRITORIES, {}).get(self._name, {})
         columns = ctx.graph.columns()
         if self._seen is None or self._seen[0] is not columns or self._seen[1] != owned:
-            self._seen, self._radius, self._places = (columns, owned), 0.5 * _street(ctx), _places(ctx, columns, owned)
+            self._seen, self._radius, self._places = (
+                (columns, owned),
+                0.5 * usual_edge(columns),
+                _places(ctx, columns, owned),
+            )
         for team, color in _colors(ctx, self._places, self._given).items():
             primitives_of(ctx).render_circles(self._places[team], self._radius, (*rgba(color)[:3], _TINT))
 
@@ -160,15 +166,3 @@ def _colors(ctx: Any, teams: Mapping[Any, Any], given: Mapping[Any, Any] | None)
     """A colour for each team: the given one, or what its agents have where nothing is declared."""
     usual = side_colors(ctx, sorted(teams, key=str))
     return {team: (given or {}).get(team, usual[str(team)]) for team in sorted(teams, key=str)}
-
-
-def _extent(ctx: Any) -> float:
-    xy = ctx.graph.columns().xy
-    return float(np.ptp(xy, axis=0).max()) if len(xy) else 0.0
-
-
-def _street(ctx: Any) -> float:
-    """The usual length of an edge, map units; of a map without any, of the map."""
-    columns = ctx.graph.columns()
-    ways = columns.xy[columns.targets] - columns.xy[columns.sources]
-    return float(np.median(np.hypot(ways[:, 0], ways[:, 1]))) if len(ways) else _extent(ctx)

@@ -39,6 +39,19 @@ class Look(NamedTuple):
         return Camera(width, height, self.x - self.world_width / 2, self.y + height / 2 / scale, scale)
 
 
+class Follow(NamedTuple):
+    """Where pictures look while they keep an agent in the middle: its name, and a width in world units."""
+
+    name: str
+    world_width: float
+
+    def camera(self, place: tuple[float, float], width: int, height: int) -> Camera:
+        """The camera over a place, moved by whole pixels only so that streets do not flicker."""
+        camera = Look(*place, self.world_width).camera(width, height)
+        left, top = round(camera.left * camera.scale) / camera.scale, round(camera.top * camera.scale) / camera.scale
+        return camera._replace(left=left, top=top)
+
+
 def fit(commands: DrawCommands, width: int, height: int, header: float = 0.0, aside: float = 0.0) -> Camera:
     """A camera that sees everything drawn, as large as it gets below a header and left of a legend, pixels."""
     return fit_box(*bounds(commands), width, height, header, aside)

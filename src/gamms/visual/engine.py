@@ -5,10 +5,10 @@ from collections.abc import Callable, Mapping
 from typing import TYPE_CHECKING, Any
 
 from gamms.arguments import as_float
-from gamms.errors import BadValue, ContextTerminated
+from gamms.errors import BadValue, ContextTerminated, GammsError
 from gamms.ir.draw import DrawCommands
 from gamms.typing import ArtistType, ColorType, IArtist, IContext
-from gamms.visual.camera import Look
+from gamms.visual.camera import Camera, Follow, Look
 from gamms.visual.color import PAPER
 from gamms.visual.declarations import Declarations
 from gamms.visual.undeclared import undeclared_artists
@@ -27,6 +27,7 @@ class PictureEngine(Declarations):
         turn_seconds: how long a turn is shown; 1.0.0 calls it the simulation time constant.
         width, height: of a frame, pixels.
         look: where pictures look; None sees everything that is drawn.
+        followed: whom they keep in the middle instead; None: nobody.
     """
 
     def __init__(self, ctx: IContext, *, simulation_time_constant: float = 2.0) -> None:
@@ -35,6 +36,7 @@ class PictureEngine(Declarations):
         self.turn_seconds = as_float(simulation_time_constant, "simulation_time_constant")
         self.width, self.height = 1280, 720
         self.look: Look | None = None
+        self.followed: Follow | None = None
         self._films: list[Film] = []
         self._scene: Scene | None = None
 
@@ -74,11 +76,40 @@ class PictureEngine(Declarations):
         x, y, width = as_float(x, "x"), as_float(y, "y"), as_float(width, "width")
         if width <= 0.0:
             raise BadValue(f"A view needs a positive width in world units, not {width:g}.")
-        self.look = Look(x, y, width)
+        self.look, self.followed = Look(x, y, width), None
 
     def look_at_all(self) -> None:
         """Let frames and films show everything that is drawn."""
-        self.look = None
+        self.look = self.followed = None
+
+    def follow(self, agent_name: str, width: float) -> None:
+        """Let pictures, frames and films keep an agent in the middle of `width` world units, until they look elsewhere.
+
+        When there is no such agent any more, they stay where it was last.
+
+        Raises:
+            UnknownName (KeyError): there is no such agent.
+            BadType, BadValue: a width that is no positive number.
+        """
+        self.look_at(*self.position_of(agent_name), width)
+        self.followed = Follow(agent_name, float(width))
+
+    def pointed(self, width: int, height: int, share: float = 1.0) -> Camera | None:
+        """The camera of a picture of so many pixels, after a share of the agents' last moves; None sees everything."""
+        if self.followed is not None:
+            try:
+                x, y = self.position_of(self.followed.name, share)
+            except GammsError:  # it is gone
+                self.followed = None
+            else:
+                self.look = Look(x, y, self.followed.world_width)
+                return self.followed.camera((x, y), width, height)
+        return None if self.look is None else self.look.camera(width, height)
+
+    @property
+    def is_filming(self) -> bool:
+        """Whether a film is being made."""
+        return bool(self._films)
 
     def get_viewport(self) -> tuple[float, float, float, float, float] | None:
         """None: nothing is shown."""
@@ -153,7 +184,8 @@ class PictureEngine(Declarations):
         sheet, artists = picture.sheet(path, width, height, dpi), self.shown_artists()
         commands, blocks = self._drawn(artists), blocks_of(self.ctx, artists)
         words = {"title": title, "note": self.noted(note)}
-        picture.write(sheet, commands, blocks, self.look, **words, background=background)
+        camera = self.pointed(sheet.width, sheet.height)
+        picture.write(sheet, commands, blocks, camera, **words, background=background)
 
     def noted(self, note: str) -> str:
         """The note, and the source of the map unless the note already names it."""

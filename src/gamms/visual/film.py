@@ -119,16 +119,17 @@ class Frames:
 
         self.scene.draw(artists, draw, is_new_turn=self._is_new_turn)
         self._is_new_turn = False
-        camera = self._view()
-        self.scene.paint(self._canvas, camera, self._background)
+        camera = self._view(share)
+        is_moving = self.engine.followed is not None  # by whole pixels, which plates are sharp for
+        self.scene.paint(self._canvas, camera, self._background, is_moving=is_moving)
         self._paint_legend(camera)
-        frame_words(self._canvas, self._title, self.engine.noted(self._note))
+        frame_words(self._canvas, self._title, self.engine.noted(self._note), self._background)
         return self._canvas
 
     def _paint_legend(self, camera: Camera) -> None:
         painted = self._painted_legend
         if painted is None or painted[0] is not self._legend or painted[1] != camera:
-            commands = self._legend.commands(camera, picture.header_px(self._title))
+            commands = self._legend.commands(camera, picture.header_px(self._title), self._background)
             self._painted_legend = painted = self._legend, camera, Painting(commands)
         painted[2].paint(self._canvas, camera)
 
@@ -137,9 +138,10 @@ class Frames:
         graph = self.engine.ctx.graph
         return getattr(graph.graph, "revision", None), getattr(graph, "obstacle_revision", None)
 
-    def _view(self) -> Camera:
-        if self.engine.look is not None:
-            return self.engine.look.camera(self._canvas.width, self._canvas.height)
+    def _view(self, share: float) -> Camera:
+        pointed = self.engine.pointed(self._canvas.width, self._canvas.height, share)
+        if pointed is not None:
+            return pointed
         if self._camera is None:
             header = picture.header_px(self._title)
             self._camera = self.scene.fit(self._canvas.width, self._canvas.height, header, self._legend.aside)

@@ -12,7 +12,7 @@ from gamms.errors import BadType
 from gamms.ir.draw import DrawCommands, DrawSpace
 from gamms.typing import IArtist, IContext
 from gamms.visual.camera import Camera
-from gamms.visual.color import PAPER, Rgb, Rgba
+from gamms.visual.color import PAPER, Rgb, Rgba, inks
 from gamms.visual.commands import Commands
 
 _FONT_PX, _TITLE_PX = 21.0, 22.0
@@ -21,8 +21,8 @@ _LETTER = 0.37  # how broad a letter is, in font heights; a legend need not know
 _SWATCH_PX, _BAR_PX, _BAR_HEIGHT_PX = 7.0, 16.0, 150.0
 _ASIDE = 0.3  # of the width of a picture: more room is not taken from the map
 _MOST_ROWS = 12
-_INK, _RIM = (51, 51, 51), (255, 255, 255)
-_GROUND: Rgba = (*PAPER, 230)
+_RIM = (255, 255, 255)
+_GROUND = 230  # alpha of what lies between the legend and the map
 
 
 class Bar(NamedTuple):
@@ -54,13 +54,13 @@ Block = Bar | Rows
 
 
 def blocks_of(ctx: IContext, artists: Mapping[str, IArtist]) -> tuple[Block, ...]:
-    """What the legends of visible artists say.
+    """What the legends of visible artists say, lower layers first.
 
     Raises:
         BadType: a legend is none.
     """
     found: list[Block] = []
-    for name, artist in artists.items():
+    for name, artist in sorted(artists.items(), key=lambda item: item[1].get_layer()):
         data = getattr(artist, "data", None)
         legend = data.get("legend") if isinstance(data, dict) and artist.get_visible() else None
         legend = legend(ctx) if callable(legend) else legend
@@ -96,13 +96,15 @@ class Legend:
     def _outer(self) -> tuple[float, float]:
         return self._size[0] + 3.0 * _PAD_PX, self._size[1] + 3.0 * _PAD_PX
 
-    def commands(self, camera: Camera, header: float = 0.0) -> DrawCommands:
+    def commands(self, camera: Camera, header: float = 0.0, background: Rgba = (*PAPER, 255)) -> DrawCommands:
         """The legend as the camera has to see it, below a header of so many pixels."""
-        pen = _Pen(camera)
+        pen = _Pen(camera, inks(background)[0])
         if self._is_shown:
             width, height = self._size
             left, top = camera.width - width - 2.0 * _PAD_PX, header + 2.0 * _PAD_PX
-            pen.rectangle(left - _PAD_PX, top - _PAD_PX, width + 2.0 * _PAD_PX, height + 2.0 * _PAD_PX, _GROUND)
+            pen.rectangle(
+                left - _PAD_PX, top - _PAD_PX, width + 2.0 * _PAD_PX, height + 2.0 * _PAD_PX, (*background[:3], _GROUND)
+            )
             for block in self._blocks:
                 _draw_bar(pen, block, left, top) if isinstance(block, Bar) else _draw_rows(pen, block, left, top, width)
                 top += _height(block) + _GAP_PX
@@ -112,8 +114,8 @@ class Legend:
 class _Pen:
     """Draws at pixels, through a camera that looks at the world."""
 
-    def __init__(self, camera: Camera) -> None:
-        self._camera, self.commands = camera, Commands()
+    def __init__(self, camera: Camera, ink: Rgb) -> None:
+        self._camera, self._ink, self.commands = camera, ink, Commands()
 
     def _place(self, x: float, y: float) -> tuple[float, float]:
         return self._camera.left + x / self._camera.scale, self._camera.top - y / self._camera.scale
@@ -126,7 +128,7 @@ class _Pen:
             self.commands.add_circles([self._place(x, y)], size, ink, space=DrawSpace.SCREEN)
 
     def text(self, words: str, x: float, middle: float, font_px: float) -> None:
-        self.commands.add_text(words, *self._place(x, middle - 0.36 * font_px), _INK, font_px)
+        self.commands.add_text(words, *self._place(x, middle - 0.36 * font_px), self._ink, font_px)
 
 
 def _draw_bar(pen: _Pen, bar: Bar, left: float, top: float) -> None:

@@ -11,7 +11,7 @@ from gamms.folders import write_whole
 from gamms.ir.draw import DrawCommands
 from gamms.typing import ArtistType, ColorType, IArtist, ILogger
 from gamms.visual.backends import FORMATS, Backend
-from gamms.visual.camera import Look, fit
+from gamms.visual.camera import Camera, fit
 from gamms.visual.color import rgba
 from gamms.visual.commands import Commands, joined
 from gamms.visual.legend import Block, Legend
@@ -100,19 +100,17 @@ def write(
     sheet: Sheet,
     commands: DrawCommands,
     blocks: tuple[Block, ...],
-    look: Look | None,
+    camera: Camera | None,
     *,
     title: str,
     note: str,
     background: ColorType,
 ) -> None:
-    """Paint the columns and the legend, and replace the file in one step."""
+    """Paint the columns and the legend, and replace the file in one step; no camera sees everything."""
     legend, header = Legend(blocks, sheet.width, sheet.height), header_px(title)
-    if look is None:
+    if camera is None:
         camera = fit(commands, sheet.width, sheet.height, header, legend.aside)
-    else:
-        camera = look.camera(sheet.width, sheet.height)
-    commands = joined(commands, legend.commands(camera, header))
+    commands = joined(commands, legend.commands(camera, header, rgba(background)))
     words = {"title": title, "note": note, "background": rgba(background), "dpi": sheet.dpi}
     content = sheet.backend(commands, camera, **words)
     write_whole(sheet.path, content)

@@ -6,6 +6,8 @@ from collections.abc import Iterator, Sequence
 from contextlib import contextmanager
 from typing import Any, cast
 
+import numpy as np
+
 from gamms.errors import BadType, BadValue
 from gamms.ir.draw import DrawSpace
 from gamms.typing import ColorType, IContext, IVisualizationEngine
@@ -166,6 +168,15 @@ class Primitives(IVisualizationEngine):
             UnknownName (KeyError): there is no such agent.
         """
         return self.motion.position_of(agent_name, share)
+
+    def extent(self) -> float:
+        """How much of the map pictures show, world units, for marks that are as large in all; 0.0 for no map.
+
+        It is the longer side of the map, or less where `look_at` or `follow` said so.
+        """
+        xy, look = self.ctx.graph.columns().xy, getattr(self, "look", None)
+        whole = float(np.ptp(xy, axis=0).max()) if len(xy) else 0.0
+        return whole if look is None else min(whole, look.world_width)
 
     def render_discs(
         self,

@@ -17,7 +17,7 @@ from gamms.visual.backends import coverage
 from gamms.visual.backends.pygame import Canvas, stamp
 from gamms.visual.camera import Camera
 from gamms.visual.clipping import clipped, touching
-from gamms.visual.color import Rgba
+from gamms.visual.color import PAPER, Rgba, inks
 
 _SMALLEST_RADIUS_PX = 0.5
 _THINNEST_PX = 1.0  # of lines whose width is in world units
@@ -25,8 +25,6 @@ _BROAD_PX = 200.0  # lines are painted one by one from here on
 _BEYOND_PX = 8.0  # lines are cut so far outside, where nobody sees it
 _LARGEST_STAMP_PX = 96.0
 _STEPS = 4  # places within a pixel at which a stamp can be
-_INK: Rgba = (51, 51, 51, 255)
-_FAINT: Rgba = (119, 119, 119, 255)
 
 
 class Painting:
@@ -298,12 +296,13 @@ _RUNS: dict[DrawKind, Callable[[DrawCommands, IntArray], _Run]] = {
 # -- whole pictures -----------------------------------------------------------------------------------------
 
 
-def frame_words(canvas: Canvas, title: str, note: str) -> None:
+def frame_words(canvas: Canvas, title: str, note: str, background: Rgba = (*PAPER, 255)) -> None:
     """Write the words around the picture."""
+    ink, faint = inks(background)
     if title:
-        canvas.text(title, 20, 16, 28, _INK)
+        canvas.text(title, 20, 16, 28, (*ink, 255))
     if note:
-        canvas.text(note, canvas.width - 8, canvas.height - 20, 16, _FAINT, align_right=True)
+        canvas.text(note, canvas.width - 8, canvas.height - 20, 16, (*faint, 255), align_right=True)
 
 
 def painted(commands: DrawCommands, camera: Camera, *, title: str, note: str, background: Rgba) -> Canvas:
@@ -311,5 +310,5 @@ def painted(commands: DrawCommands, camera: Camera, *, title: str, note: str, ba
     canvas = Canvas(camera.width, camera.height)
     canvas.fill(background)
     Painting(commands).paint(canvas, camera)
-    frame_words(canvas, title, note)
+    frame_words(canvas, title, note, background)
     return canvas

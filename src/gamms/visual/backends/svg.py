@@ -17,7 +17,7 @@ from gamms.errors import BadValue
 from gamms.ir.draw import DrawCommands, DrawKind, DrawSpace
 from gamms.ir.graph import FloatArray, IntArray
 from gamms.visual.camera import Camera
-from gamms.visual.color import PAPER, Rgba
+from gamms.visual.color import PAPER, Rgba, inks
 
 _SMALLEST_RADIUS_PX = 0.5
 _THINNEST_PX = 1.0  # of lines whose width is in world units
@@ -26,7 +26,6 @@ _MID_GREY = 128
 _HALO = ' stroke="#{:02x}{:02x}{:02x}" stroke-width="3" paint-order="stroke"'.format(*PAPER)
 _FONT_SCALE = 0.6875  # from the height that pygame gives a font to its size: pictures of both kinds look alike
 _ASCENT = 0.8  # of the font height: from the top of a line of text to its baseline
-_INK, _FAINT = "#333333", "#777777"
 _FONT = "system-ui, 'Helvetica Neue', Arial, sans-serif"
 _NO_XML = re.compile("[^\t\n\r\x20-\ud7ff\ue000-\ufffd\U00010000-\U0010ffff]")
 _IMAGE_TYPES = {
@@ -69,7 +68,7 @@ def svg(
         '<g stroke-linecap="round" stroke-linejoin="round">',
         *(_group(sheet, begin, end) for begin, end in _runs(sheet)),
         "</g>",
-        *_frame(camera, title, note),
+        *_frame(camera, title, note, background),
         "</svg>\n",
     ]
     return "\n".join(line for line in lines if line).encode()
@@ -85,13 +84,14 @@ def _opening(camera: Camera, dpi: float) -> str:
     )
 
 
-def _frame(camera: Camera, title: str, note: str) -> Iterator[str]:
+def _frame(camera: Camera, title: str, note: str, background: Rgba) -> Iterator[str]:
     """The words around the picture."""
+    ink, faint = ("#{:02x}{:02x}{:02x}".format(*color) for color in inks(background))
     if title:
-        yield f'<text x="20" y="32" font-size="20" font-weight="600" fill="{_INK}">{_escaped(title)}</text>'
+        yield f'<text x="20" y="32" font-size="20" font-weight="600" fill="{ink}">{_escaped(title)}</text>'
     if note:
         x, y = camera.width - 8, camera.height - 8
-        style = f'font-size="11" text-anchor="end" fill="{_FAINT}"'
+        style = f'font-size="11" text-anchor="end" fill="{faint}"'
         yield f'<text x="{x}" y="{y}" {style}>{_escaped(note)}</text>'
 
 

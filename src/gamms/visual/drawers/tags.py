@@ -2,23 +2,24 @@
 
 from typing import Any
 
-import numpy as np
-
 from gamms.typing import IContext
 from gamms.visual.primitives import primitives_of
 from gamms.visual.sides import side_colors, side_of
 
-_ARM, _REACH = 0.011, 1.5  # half of a cross, in widths of the map; radius of its ring, in such halves
+_ARM, _REACH = 0.011, 1.5  # half of a cross, in widths of what is seen; radius of its ring, in such halves
 _WHITE, _LINE_PX, _EDGE_PX = (255, 255, 255), 3.0, 3.0
 
 
 def render_tags(ctx: IContext, data: dict[str, Any]) -> None:
-    """Mark the nodes of this turn's `tag` events, as `gamms.rules.tag` emits them; `data` may have `colors` by team."""
-    visual, columns = primitives_of(ctx), ctx.graph.columns()
-    tags = visual.happenings.of_kind("tag")
-    if not tags or len(columns.xy) == 0:
+    """Mark the nodes of this turn's `tag` events, as `gamms.rules.tag` emits them.
+
+    `data` may have `colors` by team, and names of agents as `of`: tags without any of these are left out.
+    """
+    visual, of = primitives_of(ctx), data.get("of")
+    tags = [tag for tag in visual.happenings.of_kind("tag") if of is None or {tag.get("agent"), tag.get("other")} & of]
+    if not tags:
         return
-    arm, usual = _ARM * float(np.ptp(columns.xy, axis=0).max()) or 1.0, side_colors(ctx)
+    arm, usual = _ARM * visual.extent() or 1.0, side_colors(ctx)
     for tag in tags:
         node, tagger = tag.get("node", -1), ctx.agent.agents.get(tag.get("agent", ""))
         if tagger is None or not ctx.graph.graph.has_node(node):
