@@ -6,8 +6,8 @@ import pytest
 import gamms
 from gamms.ir.draw import DrawKind
 from gamms.rules import capture_flag, tag, territory
-from gamms.rules.drawing import _as_text, _from_text, add_recorded
 from gamms.visual import Artist
+from gamms.visual.drawers.rules import as_text, from_text
 from gamms.visual.sides import team_rows
 
 
@@ -120,7 +120,6 @@ def test_a_replay_is_drawn_like_the_game_itself(game, tmp_path):
     with gamms.create_context(logger_config={"level": "CRITICAL"}) as replayed:
         for _ in replayed.record.replay(tmp_path / "game"):
             pass
-        add_recorded(replayed)
         game.visual.save(tmp_path / "game.svg")
         replayed.visual.save(tmp_path / "replayed.svg")
     assert (tmp_path / "game.svg").read_bytes() == (tmp_path / "replayed.svg").read_bytes()
@@ -128,6 +127,13 @@ def test_a_replay_is_drawn_like_the_game_itself(game, tmp_path):
 
 def test_ids_are_kept_as_short_text():
     ids = [0, 1, 2, 3, 9, 11, 12]
-    assert _as_text(np.array(ids)) == "0..3 9 11..12"
-    assert _from_text("0..3 9 11..12") == ids
-    assert _from_text(_as_text(np.array([-5, -4, -1]))) == [-5, -4, -1]
+    assert as_text(np.array(ids)) == "0..3 9 11..12"
+    assert from_text("0..3 9 11..12") == ids
+    assert from_text(as_text(np.array([-5, -4, -1]))) == [-5, -4, -1]
+
+
+@pytest.mark.parametrize("kept", [5, {"land": 3}, {"land": {"red": 4}}, {"land": {"red": "1..x"}}])
+def test_what_a_program_keeps_under_the_same_names_hurts_nobody(game, kept):
+    game.game.data["territories"] = kept
+    game.game.data["flags"] = {"bases": 3, "carriers": {}}
+    assert len(game.visual.draw_commands()) > 0

@@ -12,7 +12,6 @@ import numpy as np
 from gamms import recorder, recordings
 from gamms.errors import BadValue, UnknownName
 from gamms.rendering.fog import DARK, Fog
-from gamms.rules.drawing import add_recorded
 from gamms.visual.backends import FILMS
 from gamms.visual.color import PAPER
 from gamms.visual.drawers.values import usual_edge
@@ -159,7 +158,6 @@ class _Studio:
     def _begin(self) -> None:
         """Declare what can only be declared once map and agents are there."""
         ctx, wish = self._ctx, self._wish
-        add_recorded(ctx)
         ctx.visual.add_artist("turn", {"drawer": _nothing, "layer": 0, "legend": lambda _: Rows(self._words(), ())})
         if wish.fog is not None and self._fog is None:
             self._fog = Fog(ctx, wish.fog)

@@ -10,10 +10,10 @@ import numpy as np
 from gamms.errors import BadValue, UnknownName
 from gamms.ir.graph import FloatArray, GraphColumns, IntArray
 from gamms.ir.sensed import SensorView
-from gamms.rules.drawing import FLAG_LAYER, TERRITORIES, draw_flags
 from gamms.visual import Artist
 from gamms.visual.color import Rgb
 from gamms.visual.drawers.graph import one_way_each, polylines
+from gamms.visual.drawers.rules import FLAG_LAYER, TAG_LAYER, flags_in, render_flags, territories_in
 from gamms.visual.drawers.tags import render_tags
 from gamms.visual.drawers.values import usual_edge
 from gamms.visual.primitives import primitives_of
@@ -21,10 +21,8 @@ from gamms.visual.primitives import primitives_of
 DARK: Rgb = (20, 22, 26)
 _SHADES: tuple[Rgb, ...] = ((42, 45, 51), (104, 109, 118), (206, 210, 216))  # never seen, seen, seen now
 _STREET, _SLIM, _DOT, _LINE_PX = 2.0, 0.2, 0.08, 1.5  # as broad as in other pictures
-_GRAPH_LAYER, _TAG_LAYER = 10, 25
+_GRAPH_LAYER = 10
 _DIGITS = 6  # of the coordinates by which agents and nodes are found again
-
-Bools = "np.ndarray[Any, np.dtype[np.bool_]]"
 
 
 class Fog:
@@ -58,12 +56,11 @@ class Fog:
         visual = self._ctx.visual
         streets = Artist(self._ctx, _TurnDrawer(self._draw_streets), _GRAPH_LAYER)
         visual.add_artist("graph", streets)
-        for name in self._ctx.game.data.get(TERRITORIES, {}):
+        for name in territories_in(self._ctx):
             visual.add_artist(name, _hidden(self._ctx))
-        for key, kept in self._ctx.game.data.items():
-            if isinstance(kept, dict) and {"bases", "carriers"} <= kept.keys():
-                visual.add_artist(key, {"drawer": self._draw_flags, "layer": FLAG_LAYER, "key": key})
-        visual.add_artist("tags", {"drawer": _TurnDrawer(self._draw_tags), "layer": _TAG_LAYER})
+        for key in flags_in(self._ctx):
+            visual.add_artist(key, {"drawer": self._draw_flags, "layer": FLAG_LAYER, "key": key})
+        visual.add_artist("tags", {"drawer": _TurnDrawer(self._draw_tags), "layer": TAG_LAYER})
 
     # -- what is known ---------------------------------------------------------------------------------------
 
@@ -119,10 +116,7 @@ class Fog:
         return points, offsets, ends
 
     def _draw_flags(self, ctx: Any, data: Any) -> None:
-        kept = ctx.game.data.get(data["key"], {"bases": {}, "carriers": {}})
-        carriers = kept["carriers"]
-        bases = {team: node for team, node in kept["bases"].items() if carriers.get(team) not in self._hidden}
-        draw_flags(ctx, bases, carriers, None, data.get("_alpha", 1.0))
+        render_flags(ctx, data | {"hidden": self._hidden})
 
     def _draw_tags(self, ctx: Any, data: Any) -> None:
         render_tags(ctx, data | {"of": {agent.name for agent in self._own()}})

@@ -6,7 +6,7 @@ from typing import Any
 from gamms import kernels
 from gamms.arguments import as_float, as_int, as_name
 from gamms.errors import BadType, BadValue
-from gamms.rules.drawing import FLAG_LAYER, equipped, flags_drawer
+from gamms.rules.drawing import equipped, flags_drawer
 from gamms.rules.endings import on_the_ground, refuse_unknown
 from gamms.rules.territory import as_territory
 from gamms.typing import AgentType
@@ -53,8 +53,7 @@ def capture_flag(
     def capture_flag(ctx: Any) -> None:
         game.play(ctx)
 
-    drawer = flags_drawer(game.key, colors)
-    return equipped(capture_flag, game.key, FLAG_LAYER, prepare=game.prepare, drawer=drawer)
+    return equipped(capture_flag, prepare=game.prepare, drawer=flags_drawer(game.key, colors))
 
 
 class _Flags:

@@ -8,9 +8,10 @@ import numpy as np
 
 from gamms.arguments import as_int, as_name
 from gamms.errors import BadType, BadValue, UnknownName
-from gamms.rules.drawing import TERRITORIES, TerritoryDrawer, equipped, packed
+from gamms.rules.drawing import equipped, packed
 from gamms.typing import IContext
 from gamms.typing.game import Rule
+from gamms.visual.drawers.rules import TERRITORIES, TerritoryDrawer
 
 _AXES = ("x", "y")
 

@@ -1,12 +1,13 @@
 """What a scenario looks like when nobody said so: grey streets, and agents in the colours of their teams or their own.
 
-What few sensors saw is drawn in the colours of those who carry them, below the agents. Tags of this turn are marked,
-and a legend tells the teams.
+What few sensors saw is drawn in the colours of those who carry them, below the agents. Flags, territories and the
+tags of this turn are drawn, and a legend tells the teams.
 """
 
 from collections.abc import Iterator
 from itertools import islice
 from typing import Any
+from weakref import WeakKeyDictionary
 
 import numpy as np
 
@@ -18,15 +19,26 @@ from gamms.visual.appearance import AgentData, GraphData
 from gamms.visual.artist import Artist
 from gamms.visual.color import Rgb
 from gamms.visual.drawers import render_agent, render_graph, render_sensor
+from gamms.visual.drawers.rules import (
+    FLAG_LAYER,
+    TAG_LAYER,
+    TERRITORY_LAYER,
+    TerritoryDrawer,
+    flags_in,
+    render_flags,
+    territories_in,
+)
 from gamms.visual.drawers.sensors import view_of
 from gamms.visual.drawers.tags import render_tags
 from gamms.visual.sides import side_colors, side_of, team_rows
 
 MOST_SENSORS = 20  # more of them would hide what happens
 _STREETS, _NODES, _NOBODYS = (165, 168, 172), (140, 143, 148), (110, 114, 120)
-_GRAPH, _SENSORS, _AGENTS, _TAGS = 10, 15, 20, 25  # layers
+_GRAPH, _SENSORS, _AGENTS = 10, 15, 20  # layers
 _USUAL_PX, _LEAST_PX, _MANY = 6.0, 3.0, 150  # radius of agents; of more than so many a smaller one
 _RING = 1.7  # of a sensed agent, in radii of its disc
+
+_territory_drawers: WeakKeyDictionary[IContext, dict[str, TerritoryDrawer]] = WeakKeyDictionary()  # who know the places
 
 
 def undeclared_artists(ctx: IContext) -> dict[str, IArtist]:
@@ -49,8 +61,18 @@ def undeclared_artists(ctx: IContext) -> dict[str, IArtist]:
         artists[f"sensor_{sensor.sensor_id}"] = artist = Artist(ctx, render_sensor, _SENSORS)
         color = carriers.get(id(sensor), _NOBODYS)
         artist.data = {"name": sensor.sensor_id, "color": color, "size": _RING * unit, "node_size": 0.5 * unit}
-    artists["tags"] = Artist(ctx, render_tags, _TAGS)
-    artists["legend"] = legend_of_teams(ctx)
+    return artists | _artists_of_rules(ctx) | {"legend": legend_of_teams(ctx)}
+
+
+def _artists_of_rules(ctx: IContext) -> dict[str, IArtist]:
+    """Artists of what rules remember, under the names by which rules draw it: a replay has what they remember only."""
+    artists: dict[str, IArtist] = {"tags": Artist(ctx, render_tags, TAG_LAYER)}
+    drawers = _territory_drawers.setdefault(ctx, {})
+    for name in territories_in(ctx):
+        artists[name] = Artist(ctx, drawers.setdefault(name, TerritoryDrawer(name)), TERRITORY_LAYER)
+    for key in flags_in(ctx):
+        artists[key] = flags = Artist(ctx, render_flags, FLAG_LAYER)
+        flags.data = {"key": key}
     return artists
 
 
