@@ -2,7 +2,9 @@
 
 import logging
 import os
+from collections.abc import Callable
 from contextlib import ExitStack
+from html import escape
 from types import TracebackType
 from typing import TYPE_CHECKING, Any, Self
 
@@ -22,6 +24,7 @@ from gamms.typing import (
     ISensorEngine,
     IVisualizationEngine,
 )
+from gamms.typing.displays import displays
 
 if TYPE_CHECKING:
     from numpy.random import Generator
@@ -222,6 +225,23 @@ class Context(IContext):
             if recorder is not None and getattr(recorder, "is_open", recorder.record()):
                 closing.callback(recorder.stop)
 
+    def _repr_png_(self) -> bytes | None:
+        """The present state, for notebooks; None where it cannot be drawn as PNG."""
+        picture: bytes | None = self._shown(visual.notebook.png)
+        return picture
+
+    def _repr_html_(self) -> str | None:
+        """The same where PNG cannot be made, as SVG; else None."""
+        page: str | None = None if self._repr_png_() is not None else self._shown(visual.notebook.html)
+        return page
+
+    def _shown(self, show: Callable[[Any], Any]) -> Any:
+        try:
+            return None if self.is_terminated() else show(self.visual)
+        except Exception as error:  # noqa: BLE001 - a notebook then shows the repr
+            self.logger.warning(f"The context cannot be shown: {error}")
+            return None
+
     def _die(self) -> None:
         self._alive = False
 
@@ -269,16 +289,52 @@ def create_context(
         ctx._seed, ctx.is_seeded = as_int(seed, "seed"), True
     if game is not None:
         ctx.game.configure(game)
+    _furnish(ctx, graph_engine, graph_path, vis_engine, vis_kwargs or {})
+    return ctx
+
+
+def _furnish(ctx: Context, graph_engine: Any, graph_path: Any, vis_engine: Any, vis_kwargs: dict[str, Any]) -> None:
+    """Put every room into a context, and begin."""
     with ExitStack() as opened:  # closes what is open when a later room cannot be built
         ctx.internal_context = InternalContext(memory_engine=memory.MemoryEngine())
         opened.callback(ctx.internal_context.terminate)
         ctx.graph_engine = graph.GraphEngine(ctx, engine=graph_engine, path=_database_path(graph_engine, graph_path))
         ctx.agent_engine = agent.AgentEngine(ctx, moves=Moves(ctx.graph_engine.graph))
         ctx.sensor_engine = sensor.SensorEngine(ctx)
-        ctx.visual_engine = _visual_engine(ctx, vis_engine, vis_kwargs or {})
+        ctx.visual_engine = _visual_engine(ctx, vis_engine, vis_kwargs)
         opened.pop_all()
     ctx.set_alive()
-    return ctx
+
+
+@displays.register("recording")
+def _recording_as_html(recording: Any) -> str:
+    """Turns, scores and the last state of an open recording, for notebooks; nothing is logged."""
+    state, logger = recording[-1], logging.getLogger("gamms.display")
+    logger.setLevel(logging.CRITICAL + 1)
+    ctx = Context(logger=logger)
+    _furnish(ctx, graph.Engine.MEMORY, None, visual.Engine.NO_VIS, {})
+    with ctx:
+        ctx.graph.unpack(state.graph.packed)
+        _put_agents(ctx, state.agents)
+        ctx.game.scores.update(state.scores)
+        ctx.game.data.update(state.data)
+        picture = visual.notebook.html(ctx.visual)
+    scores = "".join(f"<br/>{escape(str(of))}: {escape(str(score))}" for of, score in state.scores.items())
+    return f"<b>{escape(repr(recording))}</b>{scores}<br/>{picture}"
+
+
+def _put_agents(ctx: Context, columns: dict[str, Any]) -> None:
+    """Create the agents of a recorded state where they were."""
+    for row, name in enumerate(columns["name"].tolist()):
+        of = {key: column[row] for key, column in columns.items()}
+        if not ctx.graph.graph.has_node(int(of["node"])):
+            continue
+        flies = of["kind"] == "AERIAL"
+        more = {"type": agent.AgentType.AERIAL, "speed": 1.0} if flies else {}
+        one: Any = ctx.agent.create_agent(name, start_node_id=int(of["node"]), team=of["team"], **more)
+        if flies:
+            one.position = tuple(float(of[axis]) for axis in "xyz")
+            one.quat = tuple(float(of[f"quat_{part}"]) for part in "wxyz")
 
 
 def _terminate(room: Any) -> None:

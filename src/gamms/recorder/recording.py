@@ -17,6 +17,7 @@ from gamms.recorder.errors import RecordingError
 from gamms.recorder.fold import Damaged, Fold
 from gamms.recorder.formats.reader import Reader
 from gamms.recorder.moment import State, roster_of, state_of
+from gamms.typing.displays import displays
 from gamms.typing.opcodes import MAGIC_NUMBER
 from gamms.typing.packed_graph import IPackedGraph, packed_graphs
 
@@ -84,6 +85,13 @@ class Recording:
     def __repr__(self) -> str:
         """Say how long it is."""
         return f"{type(self).__name__}({self.turns} turns)"
+
+    def _repr_html_(self) -> str | None:
+        """Turns, scores and a picture of the last state, for notebooks; None where it cannot be read any more."""
+        try:
+            return displays["recording"](self)
+        except Exception:  # noqa: BLE001 - a notebook then shows its repr
+            return None
 
     @property
     def seed(self) -> Any:

@@ -118,7 +118,7 @@ class _Studio:
         from gamms.visual import picture
 
         wish = self._wish
-        picture.sheet(out, wish.width, wish.height, 96.0)  # to say at once that it cannot be written
+        picture.sheet(picture.place(out), wish.width, wish.height, 96.0)  # to say at once that it cannot be written
         self._play(records, wish.last)
         self._begin()
         self._ctx.visual.save(out, wish.width, wish.height, title=wish.title, background=self._background)

@@ -1,7 +1,7 @@
 """How rules are drawn: flags, territories, tags, in the colours of the teams.
 
-What has to be known for that is in `ctx.game.data`, so that a recording holds it; the drawers are in `gamms.visual`, and
-draw a replay like the game itself.
+What has to be known for that is in `ctx.game.data`, so that a recording holds it; the drawers are in `gamms.visual`,
+and draw a replay like the game itself.
 """
 
 from collections.abc import Mapping

@@ -11,6 +11,7 @@ one line in its `__init__`. The room only reads the scenario; it never changes i
 """
 
 from gamms.errors import NotYetAttribute
+from gamms.visual import notebook
 from gamms.visual.appearance import AgentData, Circle, GraphData, Rectangle
 from gamms.visual.artist import Artist, RenderMode
 from gamms.visual.color import Color, string_to_color
@@ -70,6 +71,7 @@ __all__ = [
     "RenderMode",
     "Shape",
     "Space",
+    "notebook",
     "render_aerial_agent",
     "render_aerial_agent_sensor",
     "render_agent",

@@ -6,6 +6,7 @@ from typing import TYPE_CHECKING, Any
 
 from gamms.arguments import as_float
 from gamms.errors import BadValue, ContextTerminated, GammsError
+from gamms.folders import write_whole
 from gamms.ir.draw import DrawCommands
 from gamms.typing import ArtistType, ColorType, IArtist, IContext
 from gamms.visual.camera import Camera, Follow, Look
@@ -179,13 +180,37 @@ class PictureEngine(Declarations):
             ContextTerminated: the context has ended.
         """
         from gamms.visual import picture
+
+        file = picture.place(path)
+        content = self.picture(file, width, height, title=title, note=note, background=background, dpi=dpi)
+        write_whole(file, content)
+
+    def picture(
+        self,
+        format: str | os.PathLike[str],
+        width: int = 1280,
+        height: int = 720,
+        *,
+        title: str = "",
+        note: str = "",
+        background: ColorType = PAPER,
+        dpi: float = 96.0,
+    ) -> bytes:
+        """A picture of the present state as bytes; `format` is `.svg`, `.png`, or a name that ends so. See `save`.
+
+        Raises:
+            BadValue: a size or dpi that is not positive.
+            NotYet: a format that cannot be written.
+            MissingExtra (ImportError): PNG needs pygame and Pillow, which are not installed.
+            ContextTerminated: the context has ended.
+        """
+        from gamms.visual import picture
         from gamms.visual.legend import blocks_of
 
-        sheet, artists = picture.sheet(path, width, height, dpi), self.shown_artists()
+        sheet, artists = picture.sheet(format, width, height, dpi), self.shown_artists()
         commands, blocks = self._drawn(artists), blocks_of(self.ctx, artists)
-        words = {"title": title, "note": self.noted(note)}
-        camera = self.pointed(sheet.width, sheet.height)
-        picture.write(sheet, commands, blocks, camera, **words, background=background)
+        camera, note = self.pointed(sheet.width, sheet.height), self.noted(note)
+        return picture.painted(sheet, commands, blocks, camera, title=title, note=note, background=background)
 
     def noted(self, note: str) -> str:
         """The note, and the source of the map unless the note already names it."""

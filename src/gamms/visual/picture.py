@@ -7,7 +7,6 @@ from typing import NamedTuple
 
 from gamms.arguments import as_float, as_int, as_path
 from gamms.errors import BadValue, MissingFolder, NotYet, UnknownName
-from gamms.folders import write_whole
 from gamms.ir.draw import DrawCommands
 from gamms.typing import ArtistType, ColorType, IArtist, ILogger
 from gamms.visual.backends import FORMATS, Backend
@@ -20,28 +19,37 @@ _HEADER_PX = 44.0
 
 
 class Sheet(NamedTuple):
-    """Where a picture goes, how large it is, and who paints it."""
+    """How large a picture is, and who paints it."""
 
-    path: Path
     width: int
     height: int
     dpi: float
     backend: Backend
 
 
-def sheet(path: str | os.PathLike[str], width: int, height: int, dpi: float) -> Sheet:
-    """Check everything that can be checked before drawing.
+def place(path: str | os.PathLike[str]) -> Path:
+    """Check a path that is to be written to.
 
     Raises:
-        BadValue: a size or dpi that is not positive, or a folder that does not exist.
-        NotYet: a format that cannot be written.
+        MissingFolder: its folder does not exist.
     """
-    path, (width, height) = as_path(path, "path"), size(width, height)
-    if (dpi := as_float(dpi, "dpi")) <= 0:
-        raise BadValue(f"A picture needs a positive number of pixels per inch, not dpi={dpi:g}.")
+    path = as_path(path, "path")
     if not path.parent.is_dir():
         raise MissingFolder(path.name, path.parent)
-    return Sheet(path, width, height, dpi, _backend(path))
+    return path
+
+
+def sheet(name: str | os.PathLike[str], width: int, height: int, dpi: float) -> Sheet:
+    """Check everything that can be checked before drawing; the suffix of a name, or a mere suffix, is the format.
+
+    Raises:
+        BadValue: a size or dpi that is not positive.
+        NotYet: a format that cannot be written.
+    """
+    path, (width, height) = as_path(name, "path"), size(width, height)
+    if (dpi := as_float(dpi, "dpi")) <= 0:
+        raise BadValue(f"A picture needs a positive number of pixels per inch, not dpi={dpi:g}.")
+    return Sheet(width, height, dpi, _backend(path))
 
 
 def size(width: int, height: int) -> tuple[int, int]:
@@ -58,7 +66,7 @@ def size(width: int, height: int) -> tuple[int, int]:
 
 def _backend(path: Path) -> Backend:
     try:
-        return FORMATS[path.suffix.lower()]
+        return FORMATS[(path.suffix or path.name).lower()]
     except UnknownName:
         known = ", ".join(FORMATS)
         raise NotYet(f"saving a picture as {path.suffix or path.name!r} (there is: {known})") from None
@@ -96,7 +104,7 @@ def with_attribution(note: str, attribution: str | None) -> str:
     return note
 
 
-def write(
+def painted(
     sheet: Sheet,
     commands: DrawCommands,
     blocks: tuple[Block, ...],
@@ -105,12 +113,11 @@ def write(
     title: str,
     note: str,
     background: ColorType,
-) -> None:
-    """Paint the columns and the legend, and replace the file in one step; no camera sees everything."""
+) -> bytes:
+    """Paint the columns and the legend, as the content of a file; no camera sees everything."""
     legend, header = Legend(blocks, sheet.width, sheet.height), header_px(title)
     if camera is None:
         camera = fit(commands, sheet.width, sheet.height, header, legend.aside)
     commands = joined(commands, legend.commands(camera, header, rgba(background)))
     words = {"title": title, "note": note, "background": rgba(background), "dpi": sheet.dpi}
-    content = sheet.backend(commands, camera, **words)
-    write_whole(sheet.path, content)
+    return sheet.backend(commands, camera, **words)
