@@ -4,7 +4,7 @@ PYTHON ?= python3
 VENV := .venv
 BIN := $(VENV)/bin
 
-.PHONY: demo test check bench format clean
+.PHONY: demo test check bench figures format clean
 
 demo: $(VENV)/.demo
 	$(BIN)/gamms demo
@@ -20,6 +20,9 @@ check: $(VENV)/.dev
 
 bench: $(VENV)/.dev
 	$(BIN)/python benchmarks/run.py
+
+figures: $(VENV)/.dev
+	$(BIN)/python examples/figures.py docs/figures
 
 format: $(VENV)/.dev
 	$(BIN)/ruff format .

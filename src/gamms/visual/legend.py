@@ -19,7 +19,7 @@ _FONT_PX, _TITLE_PX = 21.0, 22.0
 _LINE_PX, _GAP_PX, _PAD_PX = 23.0, 16.0, 12.0
 _LETTER = 0.37  # how broad a letter is, in font heights; a legend need not know it exactly
 _SWATCH_PX, _BAR_PX, _BAR_HEIGHT_PX = 7.0, 16.0, 150.0
-_ASIDE = 0.3  # of the width of a picture: more room is not taken from the map
+_ASIDE = 0.4  # of the width of a picture: more room is not taken from the map
 _MOST_ROWS = 12
 _RIM = (255, 255, 255)
 _GROUND = 230  # alpha of what lies between the legend and the map
@@ -80,28 +80,30 @@ class Legend:
         blocks: from top to bottom.
         width: of the picture, pixels.
         height: of the picture, pixels.
+        fine: how many of these pixels are what a pixel is here, which is a 96th of an inch.
 
     Attributes:
         aside: how much of the picture's width the map should leave free, pixels; 0.0 where the picture is too small
             for a legend.
     """
 
-    def __init__(self, blocks: tuple[Block, ...], width: int, height: int) -> None:
-        self._blocks = blocks
+    def __init__(self, blocks: tuple[Block, ...], width: int, height: int, fine: float = 1.0) -> None:
+        self._blocks, self._fine = blocks, fine
         self._size = max(map(_width, blocks), default=0.0), sum(map(_height, blocks)) + _GAP_PX * (len(blocks) - 1)
-        self._is_shown = bool(blocks) and 2.0 * self._outer[0] <= width and self._outer[1] <= height
-        self.aside = self._outer[0] if self._is_shown and self._outer[0] <= _ASIDE * width else 0.0
+        outer_width, outer_height = (side * fine for side in self._outer)
+        self._is_shown = bool(blocks) and outer_width <= _ASIDE * width and outer_height <= height
+        self.aside = outer_width if self._is_shown else 0.0
 
     @property
     def _outer(self) -> tuple[float, float]:
         return self._size[0] + 3.0 * _PAD_PX, self._size[1] + 3.0 * _PAD_PX
 
     def commands(self, camera: Camera, header: float = 0.0, background: Rgba = (*PAPER, 255)) -> DrawCommands:
-        """The legend as the camera has to see it, below a header of so many pixels."""
-        pen = _Pen(camera, inks(background)[0])
+        """The legend as the camera has to see it, below a header of so many pixels; sizes are not `fine` yet."""
+        pen = _Pen(camera, self._fine, inks(background)[0])
         if self._is_shown:
             width, height = self._size
-            left, top = camera.width - width - 2.0 * _PAD_PX, header + 2.0 * _PAD_PX
+            left, top = camera.width / self._fine - width - 2.0 * _PAD_PX, header / self._fine + 2.0 * _PAD_PX
             pen.rectangle(
                 left - _PAD_PX, top - _PAD_PX, width + 2.0 * _PAD_PX, height + 2.0 * _PAD_PX, (*background[:3], _GROUND)
             )
@@ -114,11 +116,12 @@ class Legend:
 class _Pen:
     """Draws at pixels, through a camera that looks at the world."""
 
-    def __init__(self, camera: Camera, ink: Rgb) -> None:
+    def __init__(self, camera: Camera, fine: float, ink: Rgb) -> None:
         self._camera, self._ink, self.commands = camera, ink, Commands()
+        self._scale = camera.scale / fine
 
     def _place(self, x: float, y: float) -> tuple[float, float]:
-        return self._camera.left + x / self._camera.scale, self._camera.top - y / self._camera.scale
+        return self._camera.left + x / self._scale, self._camera.top - y / self._scale
 
     def rectangle(self, x: float, y: float, width: float, height: float, color: Any) -> None:
         self.commands.add_rectangle(*self._place(x, y), width, height, color)

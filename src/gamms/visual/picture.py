@@ -12,10 +12,11 @@ from gamms.typing import ArtistType, ColorType, IArtist, ILogger
 from gamms.visual.backends import FORMATS, Backend
 from gamms.visual.camera import Camera, fit
 from gamms.visual.color import rgba
-from gamms.visual.commands import Commands, joined
+from gamms.visual.commands import Commands, joined, magnified
 from gamms.visual.legend import Block, Legend
 
 _HEADER_PX = 44.0
+_CSS_DPI = 96.0  # at which a pixel is what everybody takes for one
 
 
 class Sheet(NamedTuple):
@@ -115,9 +116,10 @@ def painted(
     background: ColorType,
 ) -> bytes:
     """Paint the columns and the legend, as the content of a file; no camera sees everything."""
-    legend, header = Legend(blocks, sheet.width, sheet.height), header_px(title)
+    fine = sheet.dpi / _CSS_DPI  # so that lines, letters and marks are as large on paper whatever the dpi
+    legend, header = Legend(blocks, sheet.width, sheet.height, fine), fine * header_px(title)
     if camera is None:
         camera = fit(commands, sheet.width, sheet.height, header, legend.aside)
-    commands = joined(commands, legend.commands(camera, header, rgba(background)))
+    commands = magnified(joined(commands, legend.commands(camera, header, rgba(background))), fine)
     words = {"title": title, "note": note, "background": rgba(background), "dpi": sheet.dpi}
     return sheet.backend(commands, camera, **words)

@@ -14,7 +14,8 @@ from gamms.visual.colormaps import DIVERGING, LEVELS, Colorize, colorized, level
 from gamms.visual.legend import Bar, Block, Row, Rows
 
 _FEW_COLORS = 8  # so many different ones are told one by one
-_STEPS = 64  # of a bar of a caller's function
+_STEPS = 64  # of a bar
+_HUNDRED, _HUGE = 100.0, 1e7
 
 
 @dataclass(frozen=True, eq=False)
@@ -130,4 +131,9 @@ def _bar(title: str, colors: list[Rgb], low: float, high: float) -> Block:
     if high <= low:
         return Rows(title, (Row(colors[LEVELS // 2 if len(colors) == LEVELS else 0], f"{low:g}"),))
     thinned = [colors[place] for place in np.rint(np.linspace(0, len(colors) - 1, _STEPS)).astype(int).tolist()]
-    return Bar(title, tuple(thinned), f"{low:.4g}", f"{(low + high) / 2:.4g}", f"{high:.4g}")
+    return Bar(title, tuple(thinned), *map(_tick, (low, (low + high) / 2, high)))
+
+
+def _tick(value: float) -> str:
+    """A number in three digits, or in all of a large integer's."""
+    return f"{value:.0f}" if _HUNDRED <= abs(value) < _HUGE else f"{value:.3g}"

@@ -5,21 +5,23 @@ Flags are `{"bases": team -> node, "carriers": team -> name or None}`; territori
 """
 
 from collections.abc import Mapping
-from typing import Any
+from typing import Any, NamedTuple
 
 import numpy as np
 
-from gamms.ir.graph import IntArray
+from gamms.ir.graph import FloatArray, GraphColumns, IntArray
 from gamms.typing import IContext
 from gamms.visual.color import rgba
+from gamms.visual.drawers.graph import one_way_each, polylines
 from gamms.visual.drawers.values import usual_edge
 from gamms.visual.primitives import primitives_of
 from gamms.visual.sides import side_colors
 
 TERRITORIES = "territories"  # in `ctx.game.data`: name -> team -> ids of its nodes, as text
 TERRITORY_LAYER, FLAG_LAYER, TAG_LAYER = 12, 22, 25  # on the streets, with the agents, above all
-_TINT, _DOT_PX, _BASE_PX = 60, 5.0, 8.0
-_FLAG = 0.03  # the height of a flag, in widths of what is seen
+_TINT, _DOT_PX, _BASE_PX = 70, 5.0, 8.0
+_BAND = 0.75  # the breadth of a territory's streets, in lengths of a usual edge
+_FLAG = 0.04  # the height of a flag, in widths of what is seen
 
 
 def game_data(ctx: IContext) -> dict[Any, Any]:
@@ -68,6 +70,7 @@ def render_flags(ctx: IContext, data: dict[str, Any]) -> None:
         if carrier in ctx.agent.agents:
             _pennant(ctx, *visual.position_of(carrier, data.get("_alpha", 1.0)), color)
         elif home is not None:
+            visual.render_circles([(home.x, home.y)], _DOT_PX, color, in_pixels=True)
             _pennant(ctx, home.x, home.y, color)
 
 
@@ -75,7 +78,6 @@ def _pennant(ctx: IContext, x: float, y: float, color: Any) -> None:
     visual = primitives_of(ctx)
     height = _FLAG * visual.extent()
     top = y + height
-    visual.render_circles([(x, y)], _DOT_PX, color, in_pixels=True)
     visual.render_lines([(x, y), (x, top)], [0, 2], color, 2.5)
     visual.render_polygon([(x, top), (x + 0.7 * height, top - 0.25 * height), (x, top - 0.5 * height)], color)
 
@@ -98,7 +100,7 @@ def from_text(text: str) -> list[int]:
 
 
 class TerritoryDrawer:
-    """A faint disc in the colour of its team on every node, as large as its streets are long.
+    """A faint band in the colour of its team along all its streets, and a disc on a node without any.
 
     Args:
         name: under which the territory is kept.
@@ -111,24 +113,41 @@ class TerritoryDrawer:
         self.artist, self.layer = name, TERRITORY_LAYER
         self._name, self._given = name, colors
         self._seen: Any = None  # the map and the territory for which the discs were worked out
-        self._places: dict[Any, Any] = {}  # team -> (nodes, 2)
-        self._radius = 0.0
+        self._places: dict[Any, _Ground] = {}
+        self._breadth = 0.0
 
     def __call__(self, ctx: IContext, data: dict[str, Any]) -> None:  # noqa: ARG002 - the arguments of every drawer
         """Draw it."""
         owned, columns = territories_in(ctx).get(self._name, {}), ctx.graph.columns()
         if self._seen is None or self._seen[0] is not columns or self._seen[1] != owned:
-            self._seen, self._radius, self._places = (columns, owned), 0.5 * usual_edge(columns), _places(ctx, owned)
+            self._seen, self._breadth = (columns, owned), _BAND * usual_edge(columns)
+            self._places = _places(columns, owned)
+        visual = primitives_of(ctx)
         for team, color in team_colors_of(ctx, self._places, self._given).items():
-            primitives_of(ctx).render_circles(self._places[team], self._radius, (*rgba(color)[:3], _TINT))
+            tint, ground = (*rgba(color)[:3], _TINT), self._places[team]
+            visual.render_lines(ground.points, ground.offsets, tint, self._breadth, in_world=True)
+            visual.render_circles(ground.alone, self._breadth / 2, tint)
 
 
-def _places(ctx: IContext, owned: Mapping[Any, str]) -> dict[Any, Any]:
-    """Where the nodes of each team are, without those that are gone."""
-    known = ctx.graph.columns().node_ids
-    ids = {team: np.array(from_text(nodes), np.int64) for team, nodes in owned.items()}
-    left = {team: nodes[np.isin(nodes, known)].tolist() for team, nodes in ids.items()}
-    return {team: ctx.graph.graph.positions(nodes) for team, nodes in left.items() if nodes}
+class _Ground(NamedTuple):
+    """Polylines of the streets of a team, and its nodes without any."""
+
+    points: FloatArray  # (points, 2)
+    offsets: IntArray  # (streets + 1,)
+    alone: FloatArray  # (nodes, 2)
+
+
+def _places(columns: GraphColumns, owned: Mapping[Any, str]) -> dict[Any, _Ground]:
+    """The ground of each team, without nodes that are gone."""
+    streets, found = one_way_each(columns), {}
+    for team, nodes in owned.items():
+        is_own = np.isin(columns.node_ids, from_text(nodes))
+        rows = streets[is_own[columns.sources[streets]] & is_own[columns.targets[streets]]]
+        is_alone = is_own.copy()
+        is_alone[columns.sources[rows]] = is_alone[columns.targets[rows]] = False
+        if is_own.any():
+            found[team] = _Ground(*polylines(columns, rows), columns.xy[is_alone])
+    return found
 
 
 def team_colors_of(ctx: IContext, teams: Mapping[Any, Any], given: Mapping[Any, Any] | None) -> dict[Any, Any]:
