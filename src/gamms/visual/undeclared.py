@@ -30,6 +30,7 @@ from gamms.visual.drawers.rules import (
 )
 from gamms.visual.drawers.sensors import view_of
 from gamms.visual.drawers.tags import render_tags
+from gamms.visual.primitives import primitives_of
 from gamms.visual.sides import side_colors, side_of, team_rows
 
 MOST_SENSORS = 20  # more of them would hide what happens
@@ -44,7 +45,7 @@ _territory_drawers: WeakKeyDictionary[IContext, dict[str, TerritoryDrawer]] = We
 def undeclared_artists(ctx: IContext) -> dict[str, IArtist]:
     """Artists of the graph, of every agent, of the sensors while they are few, of tags and of the legend, by name."""
     columns = ctx.graph.columns()
-    unit = _sight(columns)
+    unit = primitives_of(ctx).of_map(_sight)
     streets = Artist(ctx, render_graph, _GRAPH)
     streets.set_artist_type(ArtistType.STATIC)
     streets.data = {"graph_data": GraphData(_NODES, 0.35 * unit, _STREETS)}
