@@ -4,9 +4,9 @@ PYTHON ?= python3
 VENV := .venv
 BIN := $(VENV)/bin
 
-.PHONY: demo test check bench format clean
+.PHONY: demo test check bench figures format clean
 
-demo: $(VENV)/.core
+demo: $(VENV)/.demo
 	$(BIN)/gamms demo
 
 test: $(VENV)/.dev
@@ -21,6 +21,9 @@ check: $(VENV)/.dev
 bench: $(VENV)/.dev
 	$(BIN)/python benchmarks/run.py
 
+figures: $(VENV)/.dev
+	$(BIN)/python examples/figures.py docs/figures
+
 format: $(VENV)/.dev
 	$(BIN)/ruff format .
 	$(BIN)/ruff check --fix .
@@ -33,12 +36,14 @@ $(BIN)/python:
 		|| { echo "GAMMS needs Python 3.11 or newer; $(PYTHON) is older. Try: make PYTHON=python3.11 $(MAKECMDGOALS)"; exit 1; }
 	$(PYTHON) -m venv $(VENV)
 
-$(VENV)/.core: $(BIN)/python pyproject.toml
-	$(BIN)/python -m pip install --quiet --disable-pip-version-check -e .
+# The demo plays on the bare library, too; what films it is left out where it cannot be installed.
+$(VENV)/.demo: $(BIN)/python pyproject.toml
+	@$(BIN)/python -m pip install --quiet --disable-pip-version-check -e '.[viz,video]' \
+		|| $(BIN)/python -m pip install --quiet --disable-pip-version-check -e .
 	@$(BIN)/python -m compileall -q src
 	@touch $@
 
 $(VENV)/.dev: $(BIN)/python pyproject.toml
 	$(BIN)/python -m pip install --quiet --disable-pip-version-check -e '.[dev]'
 	@$(BIN)/python -m compileall -q src
-	@touch $@ $(VENV)/.core
+	@touch $@ $(VENV)/.demo

@@ -48,15 +48,16 @@ FLOORS = [
     {"agent", "game", "graph", "memory", "osm", "recorder", "sensor", "visual"},
     {"context"},
     {"recordings", "rules", "scenario", "strategies", "testing"},
-    {"demo"},
+    {"demo", "rendering"},
     {"cli_output"},
-    {"cli_recordings"},
+    {"cli_recordings", "cli_render"},
     {"cli"},
 ]
 OUTSIDE = {"", "_legacy", "__main__"}  # the front door, and the table of old paths, which knows every room
 GUESTS = {
     "demo",
     "recordings",
+    "rendering",
     "rules",
     "scenario",
     "strategies",
@@ -64,6 +65,7 @@ GUESTS = {
     "cli",
     "cli_output",
     "cli_recordings",
+    "cli_render",
 }  # they use a context as any user would
 LEVEL = {room: level for level, rooms in enumerate(FLOORS) for room in rooms}
 

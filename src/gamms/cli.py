@@ -2,6 +2,7 @@
 
 import json
 from collections.abc import Iterator
+from contextlib import ExitStack, nullcontext
 from enum import StrEnum
 from pathlib import Path
 from typing import Annotated, Any
@@ -11,8 +12,8 @@ from rich.console import Console
 from rich.markup import escape
 
 import gamms
-from gamms import cli_recordings
-from gamms.cli_output import console, one_sentence, recorded, rich_table
+from gamms import cli_recordings, cli_render
+from gamms.cli_output import console, filmed, one_sentence, recorded, rich_table, save_pictures
 from gamms.demo import Team
 from gamms.errors import GammsError
 
@@ -29,10 +30,10 @@ app.add_typer(maps, name="osm")
 scenarios = typer.Typer(help="Look at scenario files.", no_args_is_help=True)
 app.add_typer(scenarios, name="scenario")
 cli_recordings.add_to(app)
+cli_render.add_to(app)
 
 _HELSINKI = "Central Helsinki"
 _NAMES = ("red", "blue")
-_PICTURE = (1400, 1600)
 _MOST_AGENTS = 1000
 
 
@@ -56,8 +57,11 @@ def demo(
     turns: Annotated[int, typer.Option(min=1, help="The game ends after this many turns at the latest.")] = 600,
     seed: Annotated[int, typer.Option(help="The same seed plays the same game.")] = 1,
     teams: Annotated[str, typer.Option(help="Agents per team: 5, or 5,3, or with names: cats=5,dogs=3.")] = "5",
-    out: Annotated[Path, typer.Option(help="The folder for result.json, game.ggr and final.svg.")] = Path("gamms-demo"),
+    out: Annotated[Path, typer.Option(help="The folder for result.json, game.ggr, game.mp4 and final.png.")] = Path(
+        "gamms-demo"
+    ),
     map: Annotated[Path | None, typer.Option(help="An OpenStreetMap file to play on instead of Helsinki.")] = None,
+    film: Annotated[bool, typer.Option("--film/--no-film", help="Whether to film it.")] = True,
 ) -> None:
     """Play capture the flag between two teams on the streets of a city."""
     from gamms.demo import capture_the_flag, check_ways, report, show
@@ -69,15 +73,19 @@ def demo(
         with game.build(seed) as ctx:
             check_ways(ctx)
             show.declare(ctx)
-            with recorded(ctx, out) as recording:
+            with ExitStack() as making:
+                recording = making.enter_context(recorded(ctx, out))
+                filming = filmed(ctx, out, map_name) if film else nullcontext((None, ""))
+                film_file, missing = making.enter_context(filming)
                 played = ctx.game.run(progress=True)
             data = report.to_json(report.result(ctx, played, map_name, turns))
             (out / "result.json").write_text(data, encoding="utf-8")
-            ctx.visual.save(out / "final.svg", *_PICTURE, title=f"{map_name}: {report.headline(ctx, played)}")
+            pictures = save_pictures(ctx, out, f"{map_name}: {report.headline(ctx, played)}")
             _tell(ctx, played, sides, map_name)
+    named = "" if film_file is None else f", {film_file} (the game as a film)"
     typer.echo(
-        f"\nWrote {out / 'result.json'} (every event), {recording} (every move; gamms replay) and {out / 'final.svg'} "
-        "(the last turn; open it in a browser)."
+        f"\nWrote {out / 'result.json'} (every event), {recording} (every move; gamms replay){named} and "
+        f"{pictures} (the last turn). {missing}".rstrip()
     )
 
 
@@ -92,7 +100,7 @@ def play_scenario(
     strategies: Annotated[
         list[str] | None, typer.Option("--strategy", help="Play a team by a strategy of yours: red=mine.py:strategy.")
     ] = None,
-    out: Annotated[Path, typer.Option(help="The folder for result.json, game.ggr and final.svg.")] = Path("gamms-run"),
+    out: Annotated[Path, typer.Option(help="The folder for result.json, game.ggr and final.png.")] = Path("gamms-run"),
 ) -> None:
     """Play the game in a scenario file."""
     from gamms import scenario
@@ -109,11 +117,11 @@ def play_scenario(
                 result = ctx.game.run(progress=True)
             result.save(out / "result.json")
             title = f"{game.spec.name or file.stem}: {result.reason} after {result.turns} turns"
-            ctx.visual.save(out / "final.svg", *_PICTURE, title=title)
+            pictures = save_pictures(ctx, out, title)
             _tell_result(console(), game, result)
     typer.echo(
         f"\nWrote {out / 'result.json'} (what came of it), {recording} (every move; gamms replay) and "
-        f"{out / 'final.svg'} (the last turn)."
+        f"{pictures} (the last turn)."
     )
 
 

@@ -1,4 +1,4 @@
-"""What the commands have in common: errors as sentences, tables, the recording of a game."""
+"""What the commands have in common: errors as sentences, tables, the recording, film and pictures of a game."""
 
 from collections.abc import Iterable, Iterator
 from contextlib import contextmanager
@@ -9,9 +9,14 @@ import typer
 from rich.console import Console
 from rich.table import Table
 
-from gamms.errors import GammsError
+from gamms.errors import GammsError, MissingExtra
 
 RECORDING = "game.ggr"
+_PICTURE = (1400, 1600)
+_FILMS: dict[str, dict[str, Any]] = {  # the first that can be written; under half a minute for 300 turns
+    "game.mp4": {"fps": 25, "width": 700, "height": 800, "frames_per_turn": 2},
+    "game.gif": {"fps": 12, "width": 560, "height": 640, "frames_per_turn": 1},
+}
 
 
 @contextmanager
@@ -50,3 +55,31 @@ def recorded(ctx: Any, folder: Path) -> Iterator[Path]:
         yield path
     finally:
         ctx.record.stop()
+
+
+@contextmanager
+def filmed(ctx: Any, folder: Path, title: str) -> Iterator[tuple[Path | None, str]]:
+    """Film what happens in a context into a folder; yields the file and a sentence on what a better one would need."""
+    missing = ""
+    for name, options in _FILMS.items():
+        try:
+            film = ctx.visual.film(folder / name, **options, title=title)
+        except MissingExtra:
+            missing = 'pip install "gamms[viz,video]" makes an MP4 film of it.'
+            continue
+        with film:
+            yield folder / name, missing
+        return
+    yield None, missing
+
+
+def save_pictures(ctx: Any, folder: Path, title: str) -> str:
+    """Save how things stand as `final.svg`, and as `final.png` where that can be done; the files in words."""
+    files = []
+    for name in ("final.png", "final.svg"):
+        try:
+            ctx.visual.save(folder / name, *_PICTURE, title=title)
+        except MissingExtra:
+            continue
+        files.append(str(folder / name))
+    return " and ".join(files)

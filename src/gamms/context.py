@@ -224,6 +224,23 @@ class Context(IContext):
             if recorder is not None and getattr(recorder, "is_open", recorder.record()):
                 closing.callback(recorder.stop)
 
+    def _repr_png_(self) -> bytes | None:
+        """The present state, for notebooks; None where it cannot be drawn as PNG."""
+        picture: bytes | None = self._shown(visual.notebook.png)
+        return picture
+
+    def _repr_html_(self) -> str | None:
+        """The same where PNG cannot be made, as SVG; else None."""
+        page: str | None = None if self._repr_png_() is not None else self._shown(visual.notebook.html)
+        return page
+
+    def _shown(self, show: Callable[[Any], Any]) -> Any:
+        try:
+            return None if self.is_terminated() else show(self.visual)
+        except Exception as error:  # noqa: BLE001 - a notebook then shows the repr
+            self.logger.warning(f"The context cannot be shown: {error}")
+            return None
+
     def _die(self) -> None:
         self._alive = False
 

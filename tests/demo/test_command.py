@@ -6,6 +6,7 @@ import subprocess
 import sys
 import xml.etree.ElementTree as ET
 
+import av
 import pytest
 from typer.testing import CliRunner
 
@@ -13,7 +14,7 @@ from gamms import cli
 
 
 def run(*arguments):
-    return CliRunner().invoke(cli.app, ["demo", *map(str, arguments)], catch_exceptions=False)
+    return CliRunner().invoke(cli.app, ["demo", "--no-film", *map(str, arguments)], catch_exceptions=False)
 
 
 def test_it_tells_the_story_and_writes_both_files(tmp_path):
@@ -33,13 +34,41 @@ def test_it_tells_the_story_and_writes_both_files(tmp_path):
     assert all(agent["name"] in text for agent in result["agents"])
 
 
+def test_it_films_the_game_and_names_all_that_it_wrote(tmp_path):
+    done = CliRunner().invoke(cli.app, ["demo", "--turns", "10", "--out", str(tmp_path)], catch_exceptions=False)
+    files = {"result.json", "game.ggr", "game.mp4", "final.png", "final.svg"}
+    assert {path.name for path in tmp_path.iterdir()} == files
+    assert all(f"{tmp_path / name}" in done.stdout for name in files)
+    with av.open(str(tmp_path / "game.mp4")) as film:
+        assert sum(1 for _ in film.decode(video=0)) == 20
+
+
+@pytest.mark.parametrize(
+    ("missing", "film", "picture"),
+    [
+        ("av", ["game.gif"], ["final.png", "final.svg"]),
+        ("pygame", [], ["final.svg"]),
+        ("PIL", ["game.mp4"], ["final.svg"]),
+    ],
+)
+def test_what_is_not_installed_is_left_out_with_a_sentence(tmp_path, missing, film, picture):
+    code = f"import sys; sys.modules['{missing}'] = None; from gamms.cli import main; main()"
+    command = [sys.executable, "-c", code, "demo", "--turns", "3", "--out", "out"]
+    done = subprocess.run(command, cwd=tmp_path, capture_output=True, text=True, check=False)
+    assert done.returncode == 0, done.stderr
+    assert sorted(path.name for path in (tmp_path / "out").iterdir()) == sorted(
+        [*film, *picture, "game.ggr", "result.json"]
+    )
+    assert ('pip install "gamms[viz,video]"' in done.stdout) == ("game.mp4" not in film)
+
+
 def test_the_same_seed_gives_the_same_bytes_in_any_process(tmp_path):
     outputs = []
     for hash_seed in ("0", "7"):
         out = tmp_path / hash_seed
         out.mkdir()
         printed = subprocess.run(
-            [sys.executable, "-m", "gamms.cli", "demo", "--turns", "150", "--seed", "5", "--out", "here"],
+            [sys.executable, "-m", "gamms.cli", "demo", "--turns", "150", "--seed", "5", "--out", "here", "--no-film"],
             cwd=out,
             env={**os.environ, "PYTHONHASHSEED": hash_seed},
             capture_output=True,

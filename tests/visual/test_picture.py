@@ -7,6 +7,7 @@ import numpy as np
 import pytest
 
 from gamms.errors import BadType, BadValue, NotYet
+from gamms.visual.backends.pillow import pixels_of
 from gamms.visual.camera import fit
 from gamms.visual.color import TEAM_COLORS
 from gamms.visual.commands import Commands
@@ -122,3 +123,23 @@ def test_the_camera_counts_the_radius_of_a_disc_but_not_sizes_in_pixels():
     commands.add_rectangle(0, 0, 5000, 5000, "red")
     assert fit(commands.freeze(), 100, 100) == alone
     assert alone.scale == pytest.approx(92 / 20)
+
+
+def test_a_picture_of_more_dots_per_inch_is_the_same_picture(ctx, tmp_path):
+    """What has a size in pixels is as large on paper."""
+    ctx.visual.set_values(nodes={0: 0, 1: 7}, name="risk")
+    coarse, fine = (pixels_of(ctx.visual.picture(".png", 300 * k, 200 * k, title="A", dpi=96 * k)) for k in (1, 2))
+    halved = fine.reshape(200, 2, 300, 2, 3).mean(axis=(1, 3))
+    assert np.abs(halved - coarse).mean() < 6
+    ctx.visual.save(tmp_path / "fine.svg", 600, 400, title="A", dpi=192)
+    text = (tmp_path / "fine.svg").read_text()
+    assert 'font-size="40"' in text
+
+
+def test_an_svg_leaves_out_what_nobody_can_see(ctx, tmp_path):
+    ctx.visual.look_at(10, 10, 2.0)
+    ctx.visual.save(tmp_path / "near.svg", 300, 200)
+    ctx.visual.look_at_all()
+    ctx.visual.save(tmp_path / "all.svg", 300, 200)
+    near, all = ((tmp_path / name).read_text() for name in ("near.svg", "all.svg"))
+    assert near.count("<circle") < all.count("<circle")

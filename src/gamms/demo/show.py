@@ -7,6 +7,7 @@ from gamms.context import Context
 from gamms.demo.report import sides
 from gamms.visual import Artist
 from gamms.visual.color import team_colors
+from gamms.visual.undeclared import legend_of_teams
 
 _LABEL_PX = 19
 
@@ -22,6 +23,7 @@ def declare(ctx: Context) -> None:
     artist = Artist(ctx, draw_names, 45)
     artist.data = {"names": list(ctx.agent.agents)}
     ctx.visual.add_artist("names", artist)
+    ctx.visual.add_artist("legend", legend_of_teams(ctx))
 
 
 def draw_names(ctx: Any, data: Mapping[str, Any]) -> None:

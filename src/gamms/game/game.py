@@ -93,7 +93,8 @@ class Game(Settings):
         """Let a rule be applied in every turn; also a decorator, with or without `phase`.
 
         A rule may have two attributes: `prepare(ctx)` is called at once, to look at the map and to publish facts;
-        `drawer(ctx, data)` draws it.
+        `drawer(ctx, data)` draws it, as an artist called `drawer.artist` unless there is one of that name, and on layer
+        `drawer.layer` (12).
 
         Args:
             rule: called with the context; rules are called in the order in which they were added.
@@ -115,9 +116,13 @@ class Game(Settings):
         self._rules[phase].append(rule)
         drawer = getattr(rule, "drawer", None)
         if drawer is not None:
-            number = sum(map(len, self._rules.values()))
-            self.ctx.visual.add_artist(f"rule_{number}", {"drawer": drawer, "layer": 12})
+            self._propose(drawer, f"rule_{sum(map(len, self._rules.values()))}")
         return rule
+
+    def _propose(self, drawer: Any, name: str) -> None:
+        visual: Any = self.ctx.visual
+        propose = getattr(visual, "propose_artist", visual.add_artist)  # an engine of somebody else's may have none
+        propose(getattr(drawer, "artist", name), {"drawer": drawer, "layer": getattr(drawer, "layer", 12)})
 
     def publish(self, **facts: Any) -> None:
         """Tell every strategy something: it is in `state["facts"]`, read-only all the way down."""

@@ -3,6 +3,7 @@
 import os
 from collections import Counter
 from collections.abc import Callable, Iterator, Mapping
+from html import escape
 from typing import Any, BinaryIO, Self, overload
 
 import numpy as np
@@ -90,6 +91,15 @@ class Recording:
     def __repr__(self) -> str:
         """Say how long it is."""
         return f"{type(self).__name__}({self.turns} turns)"
+
+    def _repr_html_(self) -> str | None:
+        """Turns, scores and a picture of the last state, for notebooks; None where it cannot be read any more."""
+        try:
+            scores = "".join(f"<br/>{escape(f'{of}: {score}')}" for of, score in self[-1].scores.items())
+            with self._live(self.turns, {}, is_quiet=True) as ctx:
+                return f"<b>{escape(repr(self))}</b>{scores}<br/>{ctx.visual.as_html()}"
+        except Exception:  # noqa: BLE001 - a notebook then shows its repr
+            return None
 
     @property
     def seed(self) -> Any:
@@ -193,18 +203,31 @@ class Recording:
             UnknownName (KeyError): a strategy is for a team or agent that is not there.
             RecordingError (ValueError): the recording is damaged, or it does not fit the context.
         """
-        from gamms.recorder import resuming
-
         if ctx is not None and vis_engine is not None:
             raise BadValue("vis_engine is for a fresh context, and ctx has an engine already.")
+        return self._live(turn, strategies or {}, seed, vis_engine, ctx)
+
+    def _live(
+        self,
+        turn: int,
+        strategies: Mapping[str, Any],
+        seed: int | None = None,
+        vis_engine: Any = None,
+        ctx: Any = None,
+        *,
+        is_quiet: bool = False,
+    ) -> Any:
+        """See `resume`; a quiet context says nothing of what a recording cannot hold."""
+        from gamms.recorder import resuming
+
         then, turn = self.state(turn), as_int(turn, "turn")
         maps = resuming.Maps(self.map_hash(0), self.map_hash(turn), lambda: then.graph.packed)
         seed = resuming.as_seed(seed, self.seed)
-        live = resuming.opened_context(seed, vis_engine) if ctx is None else ctx
+        live = resuming.opened_context(seed, vis_engine, is_quiet=is_quiet) if ctx is None else ctx
         try:
             live.reseed(seed)
             resuming.resume(live, self._reader, turn, self._folded(turn), maps, is_fresh=ctx is None)
-            resuming.register(live, strategies or {})
+            resuming.register(live, strategies)
         except BaseException:
             if ctx is None:
                 live.terminate()
@@ -231,7 +254,7 @@ class Recording:
         turn = as_int(turn, "turn")
         if not 1 <= turn <= self.turns:
             raise BadValue(f"There is no turn {turn}: this recording has turns 1 to {self.turns}.")
-        with self.resume(turn - 1) as ctx:
+        with self._live(turn - 1, {}, is_quiet=True) as ctx:
             return resuming.observation(ctx, self._reader.log(turn - 1), self._folded(turn - 1), turn, agent)
 
     # -- the map ------------------------------------------------------------------------------------------------

@@ -2,7 +2,7 @@
 
 from collections.abc import Callable, Iterator, Mapping
 from copy import deepcopy
-from logging import getLogger
+from logging import CRITICAL, getLogger
 from typing import TYPE_CHECKING, Any, NamedTuple
 
 from gamms.arguments import as_int
@@ -26,11 +26,15 @@ _TOLD = (kinds.SNAPSHOT, kinds.GAME_EVENT, kinds.GAME_FACTS, kinds.GAME_TURN)
 _COMPONENTS = {code.value: code.name for code in OpCodes if code.name.startswith("COMPONENT")}
 
 
-def opened_context(seed: int, vis_engine: Any) -> Any:
+def opened_context(seed: int, vis_engine: Any, *, is_quiet: bool) -> Any:
     """A fresh context; `vis_engine` None: without a window."""
     level = getLogger("gamms").level  # which stays what the program has made it
     more = {} if vis_engine is None else {"vis_engine": vis_engine}
-    return contexts["gamms"](seed=seed, **more, **({"logger_config": {"level": level}} if level else {}))
+    ctx: Any = contexts["gamms"](seed=seed, **more, **({"logger_config": {"level": level}} if level else {}))
+    if is_quiet:
+        ctx.logger = getLogger("gamms.quiet")
+        ctx.logger.setLevel(CRITICAL + 1)
+    return ctx
 
 
 def observation(ctx: Any, log: kinds.Log, fold: "Fold", turn: int, agent: str) -> dict[str, Any]:

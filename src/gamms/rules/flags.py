@@ -6,7 +6,7 @@ from typing import Any
 from gamms import kernels
 from gamms.arguments import as_float, as_int, as_name
 from gamms.errors import BadType, BadValue
-from gamms.rules.drawing import draw_flags, equipped
+from gamms.rules.drawing import equipped, flags_drawer
 from gamms.rules.endings import on_the_ground, refuse_unknown
 from gamms.rules.territory import as_territory
 from gamms.typing import AgentType
@@ -40,7 +40,8 @@ def capture_flag(
         score: what the carrier's team gets for a capture.
         announce: whether strategies are told: `state["facts"][key]` is team -> {"node": base, "carrier": name or
             None}, as of the end of the last turn.
-        key: under which name the rule keeps in `ctx.game.data` what it remembers: `carriers` and `captures` by team.
+        key: under which name the rule keeps in `ctx.game.data` what it remembers: `bases`, `carriers` and `captures` by
+            team. It is drawn as the artist of that name.
         colors: team -> colour of its flag; None: those of the agents where nothing else is declared.
 
     Raises:
@@ -52,10 +53,7 @@ def capture_flag(
     def capture_flag(ctx: Any) -> None:
         game.play(ctx)
 
-    def drawer(ctx: Any, _: Any) -> None:
-        draw_flags(ctx, game.places(ctx), colors)
-
-    return equipped(capture_flag, prepare=game.prepare, drawer=drawer)
+    return equipped(capture_flag, prepare=game.prepare, drawer=flags_drawer(game.key, colors))
 
 
 class _Flags:
@@ -78,19 +76,17 @@ class _Flags:
     def prepare(self, ctx: Any) -> None:
         """Look at the map, and tell where the flags are."""
         refuse_unknown(ctx, self.bases.values())
-        known = ctx.game.data.get(self.key, {})  # in a game that goes on from a recording
-        self._tell(ctx, known.get("carriers", dict.fromkeys(self.bases)))
+        self._tell(ctx, self._kept(ctx)["carriers"])
 
-    def places(self, ctx: Any) -> dict[Any, int]:
-        """Where the flags are now."""
-        carriers = ctx.game.data.get(self.key, {}).get("carriers", {})
-        agents = ctx.agent.agents
-        carried = {team: agents[name].current_node_id for team, name in carriers.items() if name in agents}
-        return self.bases | carried
+    def _kept(self, ctx: Any) -> dict[str, Any]:
+        """What is remembered in this game."""
+        begin = {"bases": dict(self.bases), "carriers": dict.fromkeys(self.bases), "captures": {}, "seen": 0}
+        kept: dict[str, Any] = ctx.game.data.setdefault(self.key, begin)
+        return kept
 
     def play(self, ctx: Any) -> None:
         """One turn."""
-        data = ctx.game.data.setdefault(self.key, {"carriers": dict.fromkeys(self.bases), "captures": {}, "seen": 0})
+        data = self._kept(ctx)
         carriers: dict[Any, str | None] = data["carriers"]
         self._drop(ctx, carriers, _stopped(ctx.game.events[data["seen"] :]))
         self._capture(ctx, carriers, data["captures"])

@@ -6,6 +6,7 @@ from typing import Any
 from gamms.arguments import as_float
 from gamms.errors import BadType, BadValue, nearest
 from gamms.rules.contacts import Contact, Side, as_nearness, as_side, found, one_to_one
+from gamms.rules.drawing import equipped, tags_drawer
 from gamms.rules.territory import as_territory
 from gamms.typing.game import Rule
 
@@ -84,7 +85,7 @@ def tag(  # noqa: PLR0913 - all that a rule is, in one call
         for tagger, other in made:
             follow(ctx, tagger, other)
 
-    return tag
+    return equipped(tag, drawer=tags_drawer)
 
 
 def _is_possible(whose: Mapping[int, Any] | None, tagger: Any, tagged: Any) -> bool:

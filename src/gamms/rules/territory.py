@@ -8,9 +8,10 @@ import numpy as np
 
 from gamms.arguments import as_int, as_name
 from gamms.errors import BadType, BadValue, UnknownName
-from gamms.rules.drawing import TerritoryDrawer, equipped
+from gamms.rules.drawing import equipped, packed
 from gamms.typing import IContext
 from gamms.typing.game import Rule
+from gamms.visual.drawers.rules import TERRITORIES, TerritoryDrawer
 
 _AXES = ("x", "y")
 
@@ -83,15 +84,17 @@ def published(nodes: Mapping[int, Any], name: str = "territory", colors: Mapping
         colors: team -> colour; None: those of the agents where nothing else is declared.
     """
     territory, fact = _checked(nodes), as_name(name, "a fact")
+    owned = packed(territory)
 
     def prepare(ctx: Any) -> None:
         ctx.game.publish(**{fact: territory})
+        ctx.game.data.setdefault(TERRITORIES, {})[fact] = owned
 
     def published(ctx: Any) -> None:
         if fact not in ctx.game.facts:  # it was not added, but is called by another rule
             prepare(ctx)
 
-    return equipped(published, prepare=prepare, drawer=TerritoryDrawer(territory, colors))
+    return equipped(published, prepare=prepare, drawer=TerritoryDrawer(fact, colors))
 
 
 def as_territory(territory: Any) -> Callable[[Any], Mapping[int, Any]] | None:

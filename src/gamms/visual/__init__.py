@@ -3,6 +3,7 @@
 What lives here: the engine without a window (`no_engine.py`), artists (`artist.py`) and their drawers
 (`drawers/`), the drawing primitives (`primitives.py`), which collect draw commands (`commands.py`), the backends
 that turn draw commands into files (`backends/`), and the window (`window/`). `picture.py` goes from artists to a file.
+Values become colours in `values.py`, and `legend.py` explains them.
 Read `no_engine.py` first, then `primitives.py`.
 May import: `gamms.typing`, `gamms.kernels`, `gamms.ir`, `gamms.plugins`, `gamms.arguments`, `gamms.errors`.
 To extend: something to draw is one function in `drawers/`; a way to show it is one file in `backends/` and
@@ -12,6 +13,7 @@ one line in its `__init__`. The room only reads the scenario; it never changes i
 from importlib import import_module
 from typing import Any
 
+from gamms.visual import notebook
 from gamms.visual.appearance import AgentData, Circle, GraphData, Rectangle
 from gamms.visual.artist import Artist, RenderMode
 from gamms.visual.color import Color, string_to_color
@@ -88,6 +90,7 @@ __all__ = [
     "Space",
     "WindowEngine",
     "lazy",
+    "notebook",
     "render_aerial_agent",
     "render_aerial_agent_sensor",
     "render_agent",

@@ -39,21 +39,34 @@ class Look(NamedTuple):
         return Camera(width, height, self.x - self.world_width / 2, self.y + height / 2 / scale, scale)
 
 
-def fit(commands: DrawCommands, width: int, height: int, header: float = 0.0) -> Camera:
-    """A camera that sees everything drawn, as large as it gets below a header of so many pixels."""
-    return fit_box(*bounds(commands), width, height, header)
+class Follow(NamedTuple):
+    """Where pictures look while they keep an agent in the middle: its name, and a width in world units."""
+
+    name: str
+    world_width: float
+
+    def camera(self, place: tuple[float, float], width: int, height: int) -> Camera:
+        """The camera over a place, moved by whole pixels only so that streets do not flicker."""
+        camera = Look(*place, self.world_width).camera(width, height)
+        left, top = round(camera.left * camera.scale) / camera.scale, round(camera.top * camera.scale) / camera.scale
+        return camera._replace(left=left, top=top)
 
 
-def fit_box(low: FloatArray, high: FloatArray, width: int, height: int, header: float) -> Camera:
-    """A camera that sees all from corner to corner, as large as it gets below a header of so many pixels."""
+def fit(commands: DrawCommands, width: int, height: int, header: float = 0.0, aside: float = 0.0) -> Camera:
+    """A camera that sees everything drawn, as large as it gets below a header and left of a legend, pixels."""
+    return fit_box(*bounds(commands), width, height, header, aside)
+
+
+def fit_box(low: FloatArray, high: FloatArray, width: int, height: int, header: float, aside: float = 0.0) -> Camera:
+    """A camera that sees all from corner to corner, as large as it gets below a header and left of a legend, pixels."""
     margin = _MARGIN * min(width, height)
-    free = max(width - 2 * margin, 1.0), max(height - header - 2 * margin, 1.0)
+    free = max(width - aside - 2 * margin, 1.0), max(height - header - 2 * margin, 1.0)
     scale = min(
         (room / extent for room, extent in zip(free, high - low, strict=True) if extent > _SMALLEST),
         default=1.0,
     )
     x, y = ((low + high) / 2).tolist()
-    return Camera(width, height, x - width / 2 / scale, y + (height + header) / 2 / scale, scale)
+    return Camera(width, height, x - (width - aside) / 2 / scale, y + (height + header) / 2 / scale, scale)
 
 
 def bounds(commands: DrawCommands) -> tuple[FloatArray, FloatArray]:

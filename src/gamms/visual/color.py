@@ -59,6 +59,13 @@ def team_colors(teams: Iterable[Any]) -> dict[str, Rgb]:
     return {name: TEAM_COLORS[places[name]] for name in names}
 
 
+def inks(background: Rgba) -> tuple[Rgb, Rgb]:
+    """Two greys for words on a background: one that is easy to read, and a fainter one."""
+    if sum(background[:3]) < 3 * 128:
+        return (222, 224, 228), (150, 154, 160)
+    return (51, 51, 51), (119, 119, 119)
+
+
 _NAMES: dict[str, Rgb] = {
     "orange": (255, 165, 0),
     "pink": (255, 192, 203),

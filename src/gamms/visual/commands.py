@@ -1,6 +1,7 @@
 """Collects draw commands, one by one or in bulk, and freezes them into columns."""
 
 from collections.abc import Sequence
+from dataclasses import replace
 from itertools import chain, repeat
 from typing import Any, NamedTuple
 
@@ -144,6 +145,39 @@ class Commands:
             points=_read_only(np.concatenate([np.empty((0, 2)), *self._points])),
             text=tuple(chain.from_iterable(repeat(run.text, run.commands) for run in self._runs)),
         )
+
+
+def joined(below: DrawCommands, above: DrawCommands) -> DrawCommands:
+    """Both, the second on the highest layer of all."""
+    if len(above) == 0:
+        return below
+    top = max(int(below.layer.max(initial=0)), int(above.layer.max(initial=0)))
+    arrays = {
+        name: np.concatenate([getattr(below, name), getattr(above, name)])
+        for name in ("kind", "space", "size", "width", "angle", "color", "points")
+    }
+    return DrawCommands(
+        layer=np.concatenate([below.layer, np.full(len(above), top)]),
+        offsets=np.concatenate([below.offsets, below.offsets[-1] + above.offsets[1:]]),
+        text=(*below.text, *above.text),
+        **arrays,
+    )
+
+
+def magnified(commands: DrawCommands, factor: float) -> DrawCommands:
+    """The same with everything that is measured in pixels so many times as large."""
+    if factor == 1.0:
+        return commands
+    in_pixels, points = commands.space == DrawSpace.SCREEN, commands.points.copy()
+    extents = commands.offsets[:-1][in_pixels & (commands.kind == DrawKind.RECTANGLE)] + 1
+    points[extents] *= factor
+    width_in_pixels = in_pixels | (commands.kind != DrawKind.LINE)  # outlines always are
+    return replace(
+        commands,
+        size=commands.size * np.where(in_pixels, factor, 1.0),
+        width=commands.width * np.where(width_in_pixels, factor, 1.0),
+        points=points,
+    )
 
 
 def _as_points(points: Sequence[Any] | FloatArray) -> FloatArray:

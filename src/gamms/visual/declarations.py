@@ -1,18 +1,20 @@
 """What a scenario should look like: every visual that was declared, by name."""
 
+from collections.abc import Mapping
 from typing import Any
 
 from gamms.arguments import as_name
-from gamms.errors import BadType
+from gamms.errors import BadType, BadValue
 from gamms.typing import ArtistType, IArtist, IContext
 from gamms.visual.appearance import AgentData, GraphData
 from gamms.visual.artist import Artist
+from gamms.visual.colormaps import Colorize
 from gamms.visual.constants import Shape
 from gamms.visual.described import artist_of, words_of
 from gamms.visual.drawers import render_agent, render_graph, render_obstacles, render_sensor
 from gamms.visual.primitives import Primitives
 
-_OBSTACLES, _GRAPH, _AGENTS, _ARTISTS, _SENSORS = 5, 10, 20, 30, 40  # layers
+_OBSTACLES, _GRAPH, _VALUES, _AGENTS, _ARTISTS, _SENSORS = 5, 10, 13, 20, 30, 40  # layers
 
 
 class Declarations(Primitives):
@@ -57,6 +59,57 @@ class Declarations(Primitives):
         artist.data = {"name": name, **_known(kwargs, "color", "size", "node_color", "edge_color")}
         return self._declare(f"sensor_{name}", artist)
 
+    def set_values(
+        self,
+        *,
+        nodes: Mapping[int, float] | None = None,
+        edges: Mapping[int, float] | None = None,
+        cmap: str | Colorize = "viridis",
+        vmin: float | None = None,
+        vmax: float | None = None,
+        name: str = "values",
+    ) -> Artist | None:
+        """Show a value of each node, or of each edge, as a colour, and explain the colours in a legend.
+
+        Calling it again replaces what was shown under that name; with neither nodes nor edges it is shown no longer.
+
+        Args:
+            nodes: id -> value. One that is NaN, or not there, leaves the node as it is.
+            edges: the same for edges; the higher value is on top where two edges share a street.
+            cmap: "viridis", "magma", "cividis" or "diverging" (palest at 0, unless `vmin` or `vmax` is given), or a
+                function from a value to a colour.
+            vmin: what has the first colour, and all below it; default: the lowest value.
+            vmax: what has the last colour, and all above it; default: the highest value.
+            name: of the artist; another than "values" is the title of the legend.
+
+        Returns:
+            The artist, on layer 13; None where nothing is shown.
+
+        Raises:
+            UnknownName (KeyError): no such node, edge or colour map.
+            BadType, BadValue: no mapping to numbers, both nodes and edges, or `vmin` not below `vmax`.
+        """
+        from gamms.visual import values
+        from gamms.visual.drawers.values import render_values
+
+        as_name(name, "values")
+        if nodes is not None and edges is not None:
+            raise BadValue("Give nodes or edges; a second call with another name shows both.")
+        if self.ctx.is_terminated():
+            return None
+        given = edges if nodes is None else nodes
+        if given is None:
+            self._artists.pop(name, None)
+            return None
+        columns = self.ctx.graph.columns()
+        of, known = ("edges", columns.edge_ids) if nodes is None else ("nodes", columns.node_ids)
+        artist = Artist(self.ctx, render_values, _VALUES)
+        title = "" if name == "values" else name
+        shown = values.checked(of, given, known, cmap, (vmin, vmax), title)
+        artist.data = {"values": shown, "legend": shown.legend}
+        self._artists[name] = artist
+        return artist
+
     def _declare(self, name: str, artist: Artist) -> Artist:
         if not self.ctx.is_terminated():
             self._artists[as_name(name, "a visual")] = artist
@@ -80,6 +133,11 @@ class Declarations(Primitives):
             self._artists[as_name(name, "an artist")] = artist
             self.declarations += 1
         return artist
+
+    def propose_artist(self, name: str, artist: dict[str, Any]) -> None:
+        """Draw an artist unless there is one of that name: for who has no say against the caller, such as a rule."""
+        if name not in self._artists:
+            self.add_artist(name, artist)
 
     def _artist_of(self, data: dict[str, Any]) -> Artist:
         drawer = data.get("drawer", data.get("shape", Shape.Circle))

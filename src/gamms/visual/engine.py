@@ -5,10 +5,11 @@ from collections.abc import Callable, Mapping
 from typing import TYPE_CHECKING, Any
 
 from gamms.arguments import as_float
-from gamms.errors import BadValue, ContextTerminated
+from gamms.errors import BadValue, ContextTerminated, GammsError
+from gamms.folders import write_whole
 from gamms.ir.draw import DrawCommands
 from gamms.typing import ArtistType, ColorType, IArtist, IContext
-from gamms.visual.camera import Look
+from gamms.visual.camera import Camera, Follow, Look
 from gamms.visual.color import PAPER
 from gamms.visual.declarations import Declarations
 from gamms.visual.undeclared import undeclared_artists
@@ -27,6 +28,7 @@ class PictureEngine(Declarations):
         turn_seconds: how long a turn is shown; 1.0.0 calls it the simulation time constant.
         width, height: of a frame, pixels.
         look: where pictures look; None sees everything that is drawn.
+        followed: whom they keep in the middle instead; None: nobody.
     """
 
     def __init__(self, ctx: IContext, *, simulation_time_constant: float = 2.0) -> None:
@@ -35,6 +37,7 @@ class PictureEngine(Declarations):
         self.turn_seconds = as_float(simulation_time_constant, "simulation_time_constant")
         self.width, self.height = 1280, 720
         self.look: Look | None = None
+        self.followed: Follow | None = None
         self._films: list[Film] = []
         self._scene: Scene | None = None
 
@@ -42,6 +45,7 @@ class PictureEngine(Declarations):
 
     def simulate(self) -> None:
         """Tell those who count turns that one is over, and add it to the films that are being made."""
+        self.happenings.end_turn()
         for tell in self.after_turn:
             tell()
         if self._films and not self.ctx.is_terminated():
@@ -73,11 +77,40 @@ class PictureEngine(Declarations):
         x, y, width = as_float(x, "x"), as_float(y, "y"), as_float(width, "width")
         if width <= 0.0:
             raise BadValue(f"A view needs a positive width in world units, not {width:g}.")
-        self.look = Look(x, y, width)
+        self.look, self.followed = Look(x, y, width), None
 
     def look_at_all(self) -> None:
         """Let frames and films show everything that is drawn."""
-        self.look = None
+        self.look = self.followed = None
+
+    def follow(self, agent_name: str, width: float) -> None:
+        """Let pictures, frames and films keep an agent in the middle of `width` world units, until they look elsewhere.
+
+        When there is no such agent any more, they stay where it was last.
+
+        Raises:
+            UnknownName (KeyError): there is no such agent.
+            BadType, BadValue: a width that is no positive number.
+        """
+        self.look_at(*self.position_of(agent_name), width)
+        self.followed = Follow(agent_name, float(width))
+
+    def pointed(self, width: int, height: int, share: float = 1.0) -> Camera | None:
+        """The camera of a picture of so many pixels, after a share of the agents' last moves; None sees everything."""
+        if self.followed is not None:
+            try:
+                x, y = self.position_of(self.followed.name, share)
+            except GammsError:  # it is gone
+                self.followed = None
+            else:
+                self.look = Look(x, y, self.followed.world_width)
+                return self.followed.camera((x, y), width, height)
+        return None if self.look is None else self.look.camera(width, height)
+
+    @property
+    def is_filming(self) -> bool:
+        """Whether a film is being made."""
+        return bool(self._films)
 
     def get_viewport(self) -> tuple[float, float, float, float, float] | None:
         """None: nothing is shown."""
@@ -148,8 +181,42 @@ class PictureEngine(Declarations):
         """
         from gamms.visual import picture
 
-        sheet = picture.sheet(path, width, height, dpi)
-        picture.write(sheet, self.draw_commands(), self.look, title=title, note=self.noted(note), background=background)
+        file = picture.place(path)
+        content = self.picture(file, width, height, title=title, note=note, background=background, dpi=dpi)
+        write_whole(file, content)
+
+    def picture(
+        self,
+        format: str | os.PathLike[str],
+        width: int = 1280,
+        height: int = 720,
+        *,
+        title: str = "",
+        note: str = "",
+        background: ColorType = PAPER,
+        dpi: float = 96.0,
+    ) -> bytes:
+        """A picture of the present state as bytes; `format` is `.svg`, `.png`, or a name that ends so. See `save`.
+
+        Raises:
+            BadValue: a size or dpi that is not positive.
+            NotYet: a format that cannot be written.
+            MissingExtra (ImportError): PNG needs pygame and Pillow, which are not installed.
+            ContextTerminated: the context has ended.
+        """
+        from gamms.visual import picture
+        from gamms.visual.legend import blocks_of
+
+        sheet, artists = picture.sheet(format, width, height, dpi), self.shown_artists()
+        commands, blocks = self._drawn(artists), blocks_of(self.ctx, artists)
+        camera, note = self.pointed(sheet.width, sheet.height), self.noted(note)
+        return picture.painted(sheet, commands, blocks, camera, title=title, note=note, background=background)
+
+    def as_html(self) -> str:
+        """The present state as an element of a page: a PNG, or an SVG where that cannot be made."""
+        from gamms.visual import notebook
+
+        return notebook.html(self)
 
     def noted(self, note: str) -> str:
         """The note, and the source of the map unless the note already names it."""

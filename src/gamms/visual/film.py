@@ -13,9 +13,10 @@ from gamms.typing import ColorType, IArtist
 from gamms.visual import picture
 from gamms.visual.backends import FILMS, FilmWriter
 from gamms.visual.backends.pygame import Canvas
-from gamms.visual.backends.raster import frame_words
+from gamms.visual.backends.raster import Painting, frame_words
 from gamms.visual.camera import Camera
 from gamms.visual.color import rgba
+from gamms.visual.legend import Block, Legend, blocks_of
 from gamms.visual.scene import Scene
 
 if TYPE_CHECKING:
@@ -96,10 +97,16 @@ class Frames:
         self._camera: Camera | None = None
         self._artists: dict[str, IArtist] | None = None
         self._is_new_turn = True
+        self._blocks: tuple[Block, ...] = ()
+        self._legend = Legend((), width, height)
+        self._painted_legend: tuple[Legend, Camera, Painting] | None = None
 
     def begin_turn(self) -> None:
         """Ask anew who is to be drawn."""
         self._artists, self._is_new_turn = self.engine.shown_artists(), True
+        blocks = blocks_of(self.engine.ctx, self._artists)
+        if blocks != self._blocks:
+            self._blocks, self._legend = blocks, Legend(blocks, self._canvas.width, self._canvas.height)
 
     def at(self, share: float) -> Canvas:
         """The picture after a share of the agents' last moves; it is painted over by the next one."""
@@ -112,21 +119,32 @@ class Frames:
 
         self.scene.draw(artists, draw, is_new_turn=self._is_new_turn)
         self._is_new_turn = False
-        self.scene.paint(self._canvas, self._view(), self._background)
-        frame_words(self._canvas, self._title, self.engine.noted(self._note))
+        camera = self._view(share)
+        is_moving = self.engine.followed is not None  # by whole pixels, which plates are sharp for
+        self.scene.paint(self._canvas, camera, self._background, is_moving=is_moving)
+        self._paint_legend(camera)
+        frame_words(self._canvas, self._title, self.engine.noted(self._note), self._background)
         return self._canvas
+
+    def _paint_legend(self, camera: Camera) -> None:
+        painted = self._painted_legend
+        if painted is None or painted[0] is not self._legend or painted[1] != camera:
+            commands = self._legend.commands(camera, picture.header_px(self._title), self._background)
+            self._painted_legend = painted = self._legend, camera, Painting(commands)
+        painted[2].paint(self._canvas, camera)
 
     def _world(self) -> Any:
         """What changes when the graph or the obstacles do."""
         graph = self.engine.ctx.graph
         return getattr(graph.graph, "revision", None), getattr(graph, "obstacle_revision", None)
 
-    def _view(self) -> Camera:
-        if self.engine.look is not None:
-            return self.engine.look.camera(self._canvas.width, self._canvas.height)
+    def _view(self, share: float) -> Camera:
+        pointed = self.engine.pointed(self._canvas.width, self._canvas.height, share)
+        if pointed is not None:
+            return pointed
         if self._camera is None:
             header = picture.header_px(self._title)
-            self._camera = self.scene.fit(self._canvas.width, self._canvas.height, header)
+            self._camera = self.scene.fit(self._canvas.width, self._canvas.height, header, self._legend.aside)
         return self._camera
 
 

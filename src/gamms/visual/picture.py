@@ -7,40 +7,50 @@ from typing import NamedTuple
 
 from gamms.arguments import as_float, as_int, as_path
 from gamms.errors import BadValue, MissingFolder, NotYet, UnknownName
-from gamms.folders import write_whole
 from gamms.ir.draw import DrawCommands
 from gamms.typing import ArtistType, ColorType, IArtist, ILogger
 from gamms.visual.backends import FORMATS, Backend
-from gamms.visual.camera import Look, fit
+from gamms.visual.camera import Camera, fit
 from gamms.visual.color import rgba
-from gamms.visual.commands import Commands
+from gamms.visual.commands import Commands, joined, magnified
+from gamms.visual.legend import Block, Legend
 
 _HEADER_PX = 44.0
+_CSS_DPI = 96.0  # at which a pixel is what everybody takes for one
 
 
 class Sheet(NamedTuple):
-    """Where a picture goes, how large it is, and who paints it."""
+    """How large a picture is, and who paints it."""
 
-    path: Path
     width: int
     height: int
     dpi: float
     backend: Backend
 
 
-def sheet(path: str | os.PathLike[str], width: int, height: int, dpi: float) -> Sheet:
-    """Check everything that can be checked before drawing.
+def place(path: str | os.PathLike[str]) -> Path:
+    """Check a path that is to be written to.
 
     Raises:
-        BadValue: a size or dpi that is not positive, or a folder that does not exist.
-        NotYet: a format that cannot be written.
+        MissingFolder: its folder does not exist.
     """
-    path, (width, height) = as_path(path, "path"), size(width, height)
-    if (dpi := as_float(dpi, "dpi")) <= 0:
-        raise BadValue(f"A picture needs a positive number of pixels per inch, not dpi={dpi:g}.")
+    path = as_path(path, "path")
     if not path.parent.is_dir():
         raise MissingFolder(path.name, path.parent)
-    return Sheet(path, width, height, dpi, _backend(path))
+    return path
+
+
+def sheet(name: str | os.PathLike[str], width: int, height: int, dpi: float) -> Sheet:
+    """Check everything that can be checked before drawing; the suffix of a name, or a mere suffix, is the format.
+
+    Raises:
+        BadValue: a size or dpi that is not positive.
+        NotYet: a format that cannot be written.
+    """
+    path, (width, height) = as_path(name, "path"), size(width, height)
+    if (dpi := as_float(dpi, "dpi")) <= 0:
+        raise BadValue(f"A picture needs a positive number of pixels per inch, not dpi={dpi:g}.")
+    return Sheet(width, height, dpi, _backend(path))
 
 
 def size(width: int, height: int) -> tuple[int, int]:
@@ -57,7 +67,7 @@ def size(width: int, height: int) -> tuple[int, int]:
 
 def _backend(path: Path) -> Backend:
     try:
-        return FORMATS[path.suffix.lower()]
+        return FORMATS[(path.suffix or path.name).lower()]
     except UnknownName:
         known = ", ".join(FORMATS)
         raise NotYet(f"saving a picture as {path.suffix or path.name!r} (there is: {known})") from None
@@ -95,14 +105,21 @@ def with_attribution(note: str, attribution: str | None) -> str:
     return note
 
 
-def write(
-    sheet: Sheet, commands: DrawCommands, look: Look | None, *, title: str, note: str, background: ColorType
-) -> None:
-    """Paint the columns and replace the file in one step."""
-    if look is None:
-        camera = fit(commands, sheet.width, sheet.height, header=header_px(title))
-    else:
-        camera = look.camera(sheet.width, sheet.height)
+def painted(
+    sheet: Sheet,
+    commands: DrawCommands,
+    blocks: tuple[Block, ...],
+    camera: Camera | None,
+    *,
+    title: str,
+    note: str,
+    background: ColorType,
+) -> bytes:
+    """Paint the columns and the legend, as the content of a file; no camera sees everything."""
+    fine = sheet.dpi / _CSS_DPI  # so that lines, letters and marks are as large on paper whatever the dpi
+    legend, header = Legend(blocks, sheet.width, sheet.height, fine), fine * header_px(title)
+    if camera is None:
+        camera = fit(commands, sheet.width, sheet.height, header, legend.aside)
+    commands = magnified(joined(commands, legend.commands(camera, header, rgba(background))), fine)
     words = {"title": title, "note": note, "background": rgba(background), "dpi": sheet.dpi}
-    content = sheet.backend(commands, camera, **words)
-    write_whole(sheet.path, content)
+    return sheet.backend(commands, camera, **words)

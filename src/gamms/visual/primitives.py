@@ -2,16 +2,22 @@
 # ruff: noqa: ARG002 - published signatures; culling and smoothing are the backend's business
 
 import os
-from collections.abc import Iterator, Sequence
+from collections.abc import Callable, Iterator, Sequence
 from contextlib import contextmanager
-from typing import Any, cast
+from typing import Any, TypeVar, cast
+
+import numpy as np
 
 from gamms.errors import BadType, BadValue
 from gamms.ir.draw import DrawSpace
+from gamms.ir.graph import GraphColumns
 from gamms.typing import ColorType, IContext, IVisualizationEngine
 from gamms.visual.color import Color
 from gamms.visual.commands import Commands
 from gamms.visual.motion import Motion
+from gamms.visual.sides import Happenings
+
+Measured = TypeVar("Measured")
 
 _FONT_PX = 36
 EDGE_PX = 3.0  # of a disc; half of it is hidden
@@ -23,7 +29,9 @@ class Primitives(IVisualizationEngine):
     def __init__(self, ctx: IContext) -> None:
         self.ctx = ctx
         self.motion = Motion(ctx)
+        self.happenings = Happenings(ctx)
         self._drawing: Commands | None = None
+        self._measured: tuple[GraphColumns | None, dict[Any, Any]] = None, {}
 
     @contextmanager
     def _collecting(self) -> Iterator[Commands]:
@@ -166,6 +174,25 @@ class Primitives(IVisualizationEngine):
         """
         return self.motion.position_of(agent_name, share)
 
+    def extent(self) -> float:
+        """How much of the map pictures show, world units, for marks that are as large in all; 0.0 for no map.
+
+        It is the longer side of the map, or less where `look_at` or `follow` said so.
+        """
+        whole, look = self.of_map(longer_side), getattr(self, "look", None)
+        return whole if look is None else min(whole, look.world_width)
+
+    def of_map(self, measure: Callable[[GraphColumns], Measured]) -> Measured:
+        """What a function makes of the map, worked out once per map: drawers ask for it in every frame."""
+        columns = self.ctx.graph.columns()
+        if self._measured[0] is not columns:
+            self._measured = columns, {}
+        known = self._measured[1]
+        if measure not in known:
+            known[measure] = measure(columns)
+        found: Measured = known[measure]
+        return found
+
     def render_discs(
         self,
         centers: Any,
@@ -190,6 +217,11 @@ class Primitives(IVisualizationEngine):
 
     def fill_layer(self, layer_id: int, *args: Any, **kwargs: Any) -> None:
         """Do nothing: layers have no background of their own."""
+
+
+def longer_side(columns: GraphColumns) -> float:
+    """How long a map is from west to east or from south to north, whichever is longer; 0.0 for no map."""
+    return float(np.ptp(columns.xy, axis=0).max()) if len(columns.xy) else 0.0
 
 
 def primitives_of(ctx: IContext) -> Primitives:

@@ -26,6 +26,7 @@ from gamms.visual.picture import painting_order
 from gamms.visual.plates import Plate
 
 _FEW = 400  # points that are painted anew faster than shown from memory
+_STAGES = 2
 
 Draw = Callable[[dict[str, IArtist]], DrawCommands]
 
@@ -64,7 +65,9 @@ class Scene:
         self._world = world
         self._parts: list[Part] = []
         self._before: list[Part] = []
-        self._stage: tuple[list[Part], Camera, Rgba, Any] | None = None
+        self._stages: list[
+            tuple[list[Part], Camera, Rgba, Any]
+        ] = []  # what was painted of parts at the back, by number
 
     def draw(self, artists: Mapping[str, IArtist], draw: Draw, *, is_new_turn: bool = True) -> None:
         """Take in the present state: `draw` lets artists draw, and returns their commands.
@@ -90,17 +93,18 @@ class Scene:
         """The part of the frame before, where it would look the same."""
         commands = draw(members)
         for part in self._before:
-            if not part.is_static and part.shows_what(commands):
+            is_taken = any(part is other for other in self._parts)  # by others who draw the same, such as nothing
+            if not part.is_static and not is_taken and part.shows_what(commands):
                 part.artists = tuple(members.values())
                 return part
         return Part(members, commands)
 
-    def fit(self, width: int, height: int, header: float) -> Camera:
-        """A camera that sees everything."""
+    def fit(self, width: int, height: int, header: float, aside: float = 0.0) -> Camera:
+        """A camera that sees everything below a header and left of a legend of so many pixels."""
         boxes = [part.box for part in self._parts if part.box is not None]
         low = np.min([box[0] for box in boxes], axis=0) if boxes else np.zeros(2)
         high = np.max([box[1] for box in boxes], axis=0) if boxes else np.zeros(2)
-        return fit_box(low, high, width, height, header)
+        return fit_box(low, high, width, height, header, aside)
 
     def paint(self, canvas: Canvas, camera: Camera, background: Rgba, *, is_moving: bool = False) -> None:
         """Paint all of it.
@@ -122,18 +126,25 @@ class Scene:
                 behind = background if place == 0 else None
                 part.plate.show(part.painting, canvas, camera, behind, is_moving=is_moving)
             if place + 1 == still:
-                self._stage = self._parts[:still], camera, background, canvas.surface.copy()
+                self._stages.append((self._parts[:still], camera, background, canvas.surface.copy()))
 
     def _from_stage(self, canvas: Canvas, camera: Camera, background: Rgba, still: int) -> int:
-        """Show what was painted before, and return how many parts that are."""
-        if self._stage is None:
+        """Show what was painted before of the most of the first few parts, and return how many parts that are.
+
+        What is the same for a turn lies on what is the same for the whole game: both are kept, and nothing else.
+        """
+        if still == 0:
             return 0
-        parts, seen_by, behind, surface = self._stage
-        is_same = len(parts) == still and all(a is b for a, b in zip(parts, self._parts, strict=False))
-        if not is_same or seen_by != camera or behind != background:
+        self._stages = [
+            stage
+            for stage in self._stages
+            if stage[1:3] == (camera, background) and _leading(stage[0], self._parts) == len(stage[0]) <= still
+        ][-_STAGES:]
+        if not self._stages:
             return 0
+        parts, _, _, surface = self._stages[-1]
         canvas.surface.blit(surface, (0, 0))
-        return still
+        return len(parts)
 
 
 def _leading(parts: list[Part], before: list[Part]) -> int:

@@ -14,5 +14,5 @@ def png(commands: DrawCommands, camera: Camera, *, title: str, note: str, backgr
     from gamms.visual.backends.pillow import png_file
     from gamms.visual.backends.raster import painted
 
-    canvas = painted(commands, camera, title=title, note=note, background=background)
+    canvas = painted(commands, camera, title=title, note=note, background=background, dpi=dpi)
     return png_file(canvas.pixels(), dpi)

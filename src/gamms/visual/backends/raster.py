@@ -17,16 +17,15 @@ from gamms.visual.backends import coverage
 from gamms.visual.backends.pygame import Canvas, stamp
 from gamms.visual.camera import Camera
 from gamms.visual.clipping import clipped, touching
-from gamms.visual.color import Rgba
+from gamms.visual.color import PAPER, Rgba, inks
 
 _SMALLEST_RADIUS_PX = 0.5
 _THINNEST_PX = 1.0  # of lines whose width is in world units
 _BROAD_PX = 200.0  # lines are painted one by one from here on
 _BEYOND_PX = 8.0  # lines are cut so far outside, where nobody sees it
 _LARGEST_STAMP_PX = 96.0
+CSS_DPI = 96.0  # at which a pixel is what everybody takes for one
 _STEPS = 4  # places within a pixel at which a stamp can be
-_INK: Rgba = (51, 51, 51, 255)
-_FAINT: Rgba = (119, 119, 119, 255)
 
 
 class Painting:
@@ -298,18 +297,22 @@ _RUNS: dict[DrawKind, Callable[[DrawCommands, IntArray], _Run]] = {
 # -- whole pictures -----------------------------------------------------------------------------------------
 
 
-def frame_words(canvas: Canvas, title: str, note: str) -> None:
-    """Write the words around the picture."""
+def frame_words(canvas: Canvas, title: str, note: str, background: Rgba = (*PAPER, 255), *, fine: float = 1.0) -> None:
+    """Write the words around the picture, `fine` times as large as on a screen."""
+    ink, faint = inks(background)
     if title:
-        canvas.text(title, 20, 16, 28, _INK)
+        canvas.text(title, 20 * fine, 16 * fine, 28 * fine, (*ink, 255))
     if note:
-        canvas.text(note, canvas.width - 8, canvas.height - 20, 16, _FAINT, align_right=True)
+        right, top = canvas.width - 8 * fine, canvas.height - 20 * fine
+        canvas.text(note, right, top, 16 * fine, (*faint, 255), align_right=True)
 
 
-def painted(commands: DrawCommands, camera: Camera, *, title: str, note: str, background: Rgba) -> Canvas:
+def painted(
+    commands: DrawCommands, camera: Camera, *, title: str, note: str, background: Rgba, dpi: float = CSS_DPI
+) -> Canvas:
     """A whole picture."""
     canvas = Canvas(camera.width, camera.height)
     canvas.fill(background)
     Painting(commands).paint(canvas, camera)
-    frame_words(canvas, title, note)
+    frame_words(canvas, title, note, background, fine=dpi / CSS_DPI)
     return canvas

@@ -17,16 +17,17 @@ from gamms.errors import BadValue
 from gamms.ir.draw import DrawCommands, DrawKind, DrawSpace
 from gamms.ir.graph import FloatArray, IntArray
 from gamms.visual.camera import Camera
-from gamms.visual.color import PAPER, Rgba
+from gamms.visual.clipping import touching
+from gamms.visual.color import PAPER, Rgba, inks
 
 _SMALLEST_RADIUS_PX = 0.5
 _THINNEST_PX = 1.0  # of lines whose width is in world units
 _CSS_DPI = 96.0  # what every viewer takes a pixel for
 _MID_GREY = 128
+_BEYOND_PX = 8.0  # what is drawn so far outside may still reach into the picture
 _HALO = ' stroke="#{:02x}{:02x}{:02x}" stroke-width="3" paint-order="stroke"'.format(*PAPER)
 _FONT_SCALE = 0.6875  # from the height that pygame gives a font to its size: pictures of both kinds look alike
 _ASCENT = 0.8  # of the font height: from the top of a line of text to its baseline
-_INK, _FAINT = "#333333", "#777777"
 _FONT = "system-ui, 'Helvetica Neue', Arial, sans-serif"
 _NO_XML = re.compile("[^\t\n\r\x20-\ud7ff\ue000-\ufffd\U00010000-\U0010ffff]")
 _IMAGE_TYPES = {
@@ -69,7 +70,7 @@ def svg(
         '<g stroke-linecap="round" stroke-linejoin="round">',
         *(_group(sheet, begin, end) for begin, end in _runs(sheet)),
         "</g>",
-        *_frame(camera, title, note),
+        *_frame(camera, title, note, background, dpi / _CSS_DPI),
         "</svg>\n",
     ]
     return "\n".join(line for line in lines if line).encode()
@@ -85,13 +86,16 @@ def _opening(camera: Camera, dpi: float) -> str:
     )
 
 
-def _frame(camera: Camera, title: str, note: str) -> Iterator[str]:
-    """The words around the picture."""
+def _frame(camera: Camera, title: str, note: str, background: Rgba, fine: float) -> Iterator[str]:
+    """The words around the picture, `fine` times as large as on a screen."""
+    ink, faint = ("#{:02x}{:02x}{:02x}".format(*color) for color in inks(background))
     if title:
-        yield f'<text x="20" y="32" font-size="20" font-weight="600" fill="{_INK}">{_escaped(title)}</text>'
+        x, y, size = (f"{length * fine:g}" for length in (20, 32, 20))
+        style = f'font-size="{size}" font-weight="600" fill="{ink}"'
+        yield f'<text x="{x}" y="{y}" {style}>{_escaped(title)}</text>'
     if note:
-        x, y = camera.width - 8, camera.height - 8
-        style = f'font-size="11" text-anchor="end" fill="{_FAINT}"'
+        x, y = (f"{side - 8 * fine:g}" for side in (camera.width, camera.height))
+        style = f'font-size="{11 * fine:g}" text-anchor="end" fill="{faint}"'
         yield f'<text x="{x}" y="{y}" {style}>{_escaped(note)}</text>'
 
 
@@ -99,7 +103,7 @@ def _frame(camera: Camera, title: str, note: str) -> Iterator[str]:
 
 
 def _sheet(commands: DrawCommands, camera: Camera) -> _Sheet:
-    rows = commands.in_painting_order()
+    rows = _seen(commands, camera)
     counts = np.diff(commands.offsets)[rows]
     offsets = np.concatenate([[0], np.cumsum(counts)])
     take = np.repeat(commands.offsets[rows] - offsets[:-1], counts) + np.arange(offsets[-1])
@@ -118,6 +122,23 @@ def _sheet(commands: DrawCommands, camera: Camera) -> _Sheet:
         points=_tenths(points)[take],
         text=[commands.text[row] for row in rows.tolist()],
     )
+
+
+def _seen(commands: DrawCommands, camera: Camera) -> IntArray:
+    """The rows in painting order, without those that are outside of the picture."""
+    rows = commands.in_painting_order()
+    if len(rows) == 0:
+        return rows
+    scale = np.where(commands.space == DrawSpace.WORLD, camera.scale, 1.0)
+    letters = np.array([max(len(text), 1) for text in commands.text])
+    reach = 2.0 * commands.size * scale * np.where(commands.kind == DrawKind.TEXT, letters, 1) + commands.width * scale
+    points = camera.to_screen(commands.points)
+    low, high = (measure.reduceat(points, commands.offsets[:-1]) for measure in (np.minimum, np.maximum))
+    box = (0.0, 0.0, float(camera.width), float(camera.height))
+    margin = (reach + _BEYOND_PX)[:, None]
+    is_seen = touching(low - margin, high + margin, box) | (commands.kind == DrawKind.RECTANGLE)
+    seen: IntArray = rows[is_seen[rows]]
+    return seen
 
 
 def _widths_px(commands: DrawCommands, scale: FloatArray) -> FloatArray:

@@ -5,7 +5,7 @@ from typing import Any
 import numpy as np
 
 from gamms.errors import BadValue
-from gamms.ir.graph import FloatArray, IntArray
+from gamms.ir.graph import FloatArray, GraphColumns, IntArray
 from gamms.typing import IContext
 from gamms.visual.color import Rgba, rgba
 from gamms.visual.primitives import primitives_of
@@ -20,7 +20,7 @@ def field_of_view(ctx: IContext, outline: Any, color: Any) -> None:
     Raises:
         BadValue: a corner that is no pair of finite numbers.
     """
-    corners, box = np.asarray(outline, np.float64), _around_the_map(ctx)
+    corners, box = np.asarray(outline, np.float64), primitives_of(ctx).of_map(_around_the_map)
     if corners.ndim != 2 or corners.shape[1] != 2 or not np.isfinite(corners).all():
         raise BadValue(f"The outline of a field of view is (x, y) pairs of finite numbers, not {outline!r}.")
     if box is not None:
@@ -60,9 +60,9 @@ def _cut_off(corners: FloatArray, axis: int, limit: float, side: float) -> Float
     return inside
 
 
-def _around_the_map(ctx: IContext) -> tuple[FloatArray, FloatArray] | None:
+def _around_the_map(columns: GraphColumns) -> tuple[FloatArray, FloatArray] | None:
     """Lower left and upper right corner of the box that fields are cut to; None for a map without extent."""
-    xy = ctx.graph.columns().xy
+    xy = columns.xy
     if len(xy) == 0:
         return None
     low, high = xy.min(axis=0), xy.max(axis=0)

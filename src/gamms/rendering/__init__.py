@@ -1,0 +1,9 @@
+"""Pictures and films of recordings. A guest: it replays into a context and draws that as any program would.
+
+Read `files.py` first: from a recording to a file. `fog.py` shows only what a team can see.
+"""
+
+from gamms.rendering.files import Wish, render
+from gamms.rendering.fog import Fog
+
+__all__ = ["Fog", "Wish", "render"]

@@ -1,0 +1,184 @@
+"""Fog: what a team cannot see is not shown, what it has seen once is dimmed.
+
+Sensors are asked again, for a recording does not hold what they saw: those of the kinds that come with GAMMS.
+"""
+
+from typing import Any
+
+import numpy as np
+
+from gamms.errors import BadValue, UnknownName
+from gamms.ir.graph import FloatArray, GraphColumns, IntArray
+from gamms.ir.sensed import SensorView
+from gamms.visual import Artist
+from gamms.visual.color import Rgb
+from gamms.visual.drawers.graph import one_way_each, polylines
+from gamms.visual.drawers.rules import FLAG_LAYER, TAG_LAYER, flags_in, render_flags, territories_in
+from gamms.visual.drawers.tags import render_tags
+from gamms.visual.drawers.values import usual_edge
+from gamms.visual.primitives import primitives_of
+
+DARK: Rgb = (20, 22, 26)
+_SHADES: tuple[Rgb, ...] = ((42, 45, 51), (104, 109, 118), (206, 210, 216))  # never seen, seen, seen now
+_STREET, _SLIM, _DOT, _LINE_PX = 2.0, 0.2, 0.08, 1.5  # as broad as in other pictures
+_GRAPH_LAYER = 10
+_DIGITS = 6  # of the coordinates by which agents and nodes are found again
+
+
+class Fog:
+    """What a team knows of the map, and artists that show no more than that.
+
+    Args:
+        ctx: a context whose visuals nobody has declared.
+        team: its text.
+
+    Raises:
+        UnknownName (KeyError): no agent is of this team.
+        BadValue: none of its agents carries a sensor.
+    """
+
+    def __init__(self, ctx: Any, team: str) -> None:
+        self._ctx, self._team = ctx, team
+        if not any(True for _ in self._own()):
+            raise UnknownName("team", team, {str(agent.team) for agent in ctx.agent.create_iter()})
+        if not any(agent._sensor_list for agent in self._own()):
+            raise BadValue(f"No agent of team {team!r} has a sensor in this recording, so it sees nothing.")
+        self._seen: set[int] = set()
+        self._now: set[int] = set()
+        self._hidden: set[str] = set()
+        self._made: tuple[Any, ...] = ()  # columns, points, offsets, ends of streets
+        self._declare()
+
+    def _own(self) -> Any:
+        return (agent for agent in self._ctx.agent.create_iter() if str(agent.team) == self._team)
+
+    def _declare(self) -> None:
+        visual = self._ctx.visual
+        streets = Artist(self._ctx, _TurnDrawer(self._draw_streets), _GRAPH_LAYER)
+        visual.add_artist("graph", streets)
+        for name in territories_in(self._ctx):
+            visual.add_artist(name, _hidden(self._ctx))
+        for key in flags_in(self._ctx):
+            visual.add_artist(key, {"drawer": self._draw_flags, "layer": FLAG_LAYER, "key": key})
+        visual.add_artist("tags", {"drawer": _TurnDrawer(self._draw_tags), "layer": TAG_LAYER})
+
+    # -- what is known ---------------------------------------------------------------------------------------
+
+    def look(self) -> None:
+        """Ask the team's sensors where its agents are now, and hide whom they do not see."""
+        views = [view for agent in self._own() if agent.alive for view in _views(agent)]
+        columns = self._ctx.graph.columns()
+        own = [agent.current_node_id for agent in self._own() if agent.alive]
+        is_seen = np.isin(columns.node_ids, own)
+        for view in views:
+            is_seen |= _at(columns.xy, view.nodes) | _inside(columns.xy, view.outline)
+        self._now = set(columns.node_ids[is_seen].tolist())
+        self._seen |= self._now
+        found = {_rounded(place) for view in views for place in view.agents.tolist()}
+        self._hide({agent.name for agent in self._others() if not self._is_found(agent, found)})
+
+    def _others(self) -> Any:
+        return (agent for agent in self._ctx.agent.create_iter() if str(agent.team) != self._team)
+
+    def _is_found(self, agent: Any, found: set[tuple[float, float]]) -> bool:
+        flies = bool(agent.type)
+        place = agent.position[:2] if flies else self._ctx.graph.graph.get_node(agent.current_node_id)[1:3]
+        return _rounded(place) in found or (not flies and agent.current_node_id in self._now)
+
+    def _hide(self, names: set[str]) -> None:
+        for name in names - self._hidden:
+            self._ctx.visual.add_artist(name, _hidden(self._ctx))
+        for name in self._hidden - names:
+            self._ctx.visual.remove_artist(name)
+        self._hidden = names
+
+    # -- drawers ---------------------------------------------------------------------------------------------
+
+    def _draw_streets(self, ctx: Any, _: Any) -> None:
+        columns = ctx.graph.columns()
+        points, offsets, ends = self._streets(columns)
+        shades = np.isin(columns.node_ids, list(self._seen)).astype(np.int64)
+        shades += np.isin(columns.node_ids, list(self._now))
+        of_streets, unit, visual = shades[ends].min(axis=1), usual_edge(columns), primitives_of(ctx)
+        is_real = columns.crs is not None
+        width = min(_STREET, _SLIM * unit) if is_real else _LINE_PX
+        for shade, color in enumerate(_SHADES):
+            rows = np.flatnonzero(of_streets == shade)
+            visual.render_lines(*_taken(points, offsets, rows), color, width, in_world=is_real)
+            visual.render_circles(columns.xy[shades == shade], _DOT * unit, color)
+
+    def _streets(self, columns: GraphColumns) -> tuple[FloatArray, IntArray, IntArray]:
+        if not self._made or self._made[0] is not columns:
+            rows = one_way_each(columns)
+            ends = np.column_stack([columns.sources[rows], columns.targets[rows]])
+            self._made = (columns, *polylines(columns, rows), ends)
+        points, offsets, ends = self._made[1:]
+        return points, offsets, ends
+
+    def _draw_flags(self, ctx: Any, data: Any) -> None:
+        render_flags(ctx, data | {"hidden": self._hidden})
+
+    def _draw_tags(self, ctx: Any, data: Any) -> None:
+        render_tags(ctx, data | {"of": {agent.name for agent in self._own()}})
+
+
+class _TurnDrawer:
+    """A method as a drawer that is asked once a turn."""
+
+    once_a_turn = True
+
+    def __init__(self, draw: Any) -> None:
+        self._draw = draw
+
+    def __call__(self, ctx: Any, data: Any) -> None:
+        self._draw(ctx, data)
+
+
+def _hidden(ctx: Any) -> Artist:
+    artist = Artist(ctx, lambda *_: None)
+    artist.set_visible(False)
+    return artist
+
+
+def _views(agent: Any) -> list[SensorView]:
+    """What the sensors of an agent see from where it is."""
+    views = []
+    for sensor in agent._sensor_list.values():
+        sensor.sense(agent.current_node_id)
+        views.append(sensor.last_view())
+    return views
+
+
+def _rounded(place: Any) -> tuple[float, float]:
+    return round(float(place[0]), _DIGITS), round(float(place[1]), _DIGITS)
+
+
+def _at(xy: FloatArray, places: FloatArray) -> Any:
+    """Which of `xy` (nodes, 2) are among places (places, 2)."""
+    if len(places) == 0:
+        return np.zeros(len(xy), bool)
+    wanted = np.round(places, _DIGITS) @ (1.0, 1.0j)
+    return np.isin(np.round(xy, _DIGITS) @ (1.0, 1.0j), wanted)
+
+
+def _inside(xy: FloatArray, outline: FloatArray) -> Any:
+    """Which of `xy` (nodes, 2) are inside a polygon (corners, 2)."""
+    is_inside = np.zeros(len(xy), bool)
+    if len(outline) < 3 or not np.isfinite(outline).all():
+        return is_inside
+    is_near = ((xy >= outline.min(axis=0)) & (xy <= outline.max(axis=0))).all(axis=1)
+    x, y = xy[is_near].T[:, :, None]
+    begin, end = outline, np.roll(outline, -1, axis=0)
+    crosses = (begin[:, 1] > y) != (end[:, 1] > y)
+    rise = np.where(crosses, end[:, 1] - begin[:, 1], 1.0)
+    beyond = x < begin[:, 0] + (y - begin[:, 1]) / rise * (end[:, 0] - begin[:, 0])
+    is_inside[is_near] = (crosses & beyond).sum(axis=1) % 2 == 1
+    return is_inside
+
+
+def _taken(points: FloatArray, offsets: IntArray, rows: IntArray) -> tuple[FloatArray, IntArray]:
+    """Points and offsets of some lines."""
+    counts = np.diff(offsets)[rows]
+    ends = np.concatenate([[0], np.cumsum(counts)]).astype(np.int64)
+    take = np.repeat(offsets[rows] - ends[:-1], counts) + np.arange(ends[-1])
+    return points[take], ends

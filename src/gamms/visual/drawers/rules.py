@@ -1,0 +1,156 @@
+"""Drawers of what rules keep in `ctx.game.data`: flags and territories, of a game or of its replay, which has no rules.
+
+Flags are `{"bases": team -> node, "carriers": team -> name or None}`; territories are in `data["territories"]`, as
+`as_text` made them.
+"""
+
+from collections.abc import Mapping
+from typing import Any, NamedTuple
+
+import numpy as np
+
+from gamms.ir.graph import FloatArray, GraphColumns, IntArray
+from gamms.typing import IContext
+from gamms.visual.color import rgba
+from gamms.visual.drawers.graph import one_way_each, polylines
+from gamms.visual.drawers.values import usual_edge
+from gamms.visual.primitives import primitives_of
+from gamms.visual.sides import side_colors
+
+TERRITORIES = "territories"  # in `ctx.game.data`: name -> team -> ids of its nodes, as text
+TERRITORY_LAYER, FLAG_LAYER, TAG_LAYER = 12, 22, 25  # on the streets, with the agents, above all
+_TINT, _DOT_PX, _BASE_PX = 70, 5.0, 8.0
+_BAND = 0.75  # the breadth of a territory's streets, in lengths of a usual edge
+_FLAG = 0.04  # the height of a flag, in widths of what is seen
+
+
+def game_data(ctx: IContext) -> dict[Any, Any]:
+    """What the rules of a context remember; nothing where no game has begun, which a drawer would not do."""
+    game = getattr(ctx, "_game", None)
+    data: dict[Any, Any] = {} if game is None else game.data
+    return data
+
+
+def flags_in(ctx: IContext) -> dict[str, dict[str, Any]]:
+    """All that looks like flags in what rules remember, by its key."""
+    return {
+        key: kept
+        for key, kept in game_data(ctx).items()
+        if isinstance(kept, dict) and isinstance(kept.get("bases"), dict) and isinstance(kept.get("carriers"), dict)
+    }
+
+
+def territories_in(ctx: IContext) -> dict[str, dict[Any, str]]:
+    """All territories in what rules remember, by name: team -> ids of its nodes, as text."""
+    kept = game_data(ctx).get(TERRITORIES)
+    return {name: owned for name, owned in kept.items() if _is_owned(owned)} if isinstance(kept, dict) else {}
+
+
+def _is_owned(value: Any) -> bool:
+    return isinstance(value, dict) and all(isinstance(nodes, str) for nodes in value.values())
+
+
+# -- flags --------------------------------------------------------------------------------------------------------
+
+
+def render_flags(ctx: IContext, data: dict[str, Any]) -> None:
+    """Draw the flags that rules keep as `data["key"]`: on their bases, or with who carries them.
+
+    `data` may have `colors` by team, and names of agents as `hidden`: a flag that one of them carries is not shown.
+    """
+    kept = flags_in(ctx).get(data["key"], {"bases": {}, "carriers": {}})
+    visual, graph, carriers = primitives_of(ctx), ctx.graph.graph, kept["carriers"]
+    for team, color in team_colors_of(ctx, kept["bases"], data.get("colors")).items():
+        carrier, base = carriers.get(team), kept["bases"][team]
+        if carrier in data.get("hidden", ()):
+            continue
+        home = graph.get_node(base) if graph.has_node(base) else None
+        if home is not None:
+            visual.render_circles([(home.x, home.y)], _BASE_PX, color, 2.5, in_pixels=True)
+        if carrier in ctx.agent.agents:
+            _pennant(ctx, *visual.position_of(carrier, data.get("_alpha", 1.0)), color)
+        elif home is not None:
+            visual.render_circles([(home.x, home.y)], _DOT_PX, color, in_pixels=True)
+            _pennant(ctx, home.x, home.y, color)
+
+
+def _pennant(ctx: IContext, x: float, y: float, color: Any) -> None:
+    visual = primitives_of(ctx)
+    height = _FLAG * visual.extent()
+    top = y + height
+    visual.render_lines([(x, y), (x, top)], [0, 2], color, 2.5)
+    visual.render_polygon([(x, top), (x + 0.7 * height, top - 0.25 * height), (x, top - 0.5 * height)], color)
+
+
+# -- territories --------------------------------------------------------------------------------------------------
+
+
+def as_text(ids: IntArray) -> str:
+    """Ascending ids as text such as "0..41 57": it is short, and nobody need copy it."""
+    cuts = np.flatnonzero(np.diff(ids) != 1)
+    begins, ends = ids[np.r_[0, cuts + 1]].tolist(), ids[np.r_[cuts, len(ids) - 1]].tolist()
+    runs = zip(begins, ends, strict=True)
+    return " ".join(f"{begin}" if begin == end else f"{begin}..{end}" for begin, end in runs)
+
+
+def from_text(text: str) -> list[int]:
+    """The ids that `as_text` was given."""
+    runs = (part.partition("..") for part in text.split())
+    return [id for begin, _, end in runs for id in range(int(begin), int(end or begin) + 1)]
+
+
+class TerritoryDrawer:
+    """A faint band in the colour of its team along all its streets, and a disc on a node without any.
+
+    Args:
+        name: under which the territory is kept.
+        colors: team -> colour; None: those of the agents where nothing else is declared.
+    """
+
+    once_a_turn = True
+
+    def __init__(self, name: str, colors: Mapping[Any, Any] | None = None) -> None:
+        self.artist, self.layer = name, TERRITORY_LAYER
+        self._name, self._given = name, colors
+        self._seen: Any = None  # the map and the territory for which the discs were worked out
+        self._places: dict[Any, _Ground] = {}
+        self._breadth = 0.0
+
+    def __call__(self, ctx: IContext, data: dict[str, Any]) -> None:  # noqa: ARG002 - the arguments of every drawer
+        """Draw it."""
+        owned, columns = territories_in(ctx).get(self._name, {}), ctx.graph.columns()
+        if self._seen is None or self._seen[0] is not columns or self._seen[1] != owned:
+            self._seen, self._breadth = (columns, owned), _BAND * usual_edge(columns)
+            self._places = _places(columns, owned)
+        visual = primitives_of(ctx)
+        for team, color in team_colors_of(ctx, self._places, self._given).items():
+            tint, ground = (*rgba(color)[:3], _TINT), self._places[team]
+            visual.render_lines(ground.points, ground.offsets, tint, self._breadth, in_world=True)
+            visual.render_circles(ground.alone, self._breadth / 2, tint)
+
+
+class _Ground(NamedTuple):
+    """Polylines of the streets of a team, and its nodes without any."""
+
+    points: FloatArray  # (points, 2)
+    offsets: IntArray  # (streets + 1,)
+    alone: FloatArray  # (nodes, 2)
+
+
+def _places(columns: GraphColumns, owned: Mapping[Any, str]) -> dict[Any, _Ground]:
+    """The ground of each team, without nodes that are gone."""
+    streets, found = one_way_each(columns), {}
+    for team, nodes in owned.items():
+        is_own = np.isin(columns.node_ids, from_text(nodes))
+        rows = streets[is_own[columns.sources[streets]] & is_own[columns.targets[streets]]]
+        is_alone = is_own.copy()
+        is_alone[columns.sources[rows]] = is_alone[columns.targets[rows]] = False
+        if is_own.any():
+            found[team] = _Ground(*polylines(columns, rows), columns.xy[is_alone])
+    return found
+
+
+def team_colors_of(ctx: IContext, teams: Mapping[Any, Any], given: Mapping[Any, Any] | None) -> dict[Any, Any]:
+    """A colour for each team: the given one, or what its agents have where nothing is declared."""
+    usual = side_colors(ctx, sorted(teams, key=str))
+    return {team: (given or {}).get(team, usual[str(team)]) for team in sorted(teams, key=str)}

@@ -1,0 +1,37 @@
+"""Drawer of tags: a cross where somebody was tagged in the turn that is shown, in the colour of the tagger."""
+
+from typing import Any
+
+from gamms.typing import IContext
+from gamms.visual.primitives import primitives_of
+from gamms.visual.sides import side_colors, side_of
+
+_ARM, _REACH = 0.011, 1.5  # half of a cross, in widths of what is seen; radius of its ring, in such halves
+_WHITE, _LINE_PX, _EDGE_PX = (255, 255, 255), 3.0, 3.0
+
+
+def render_tags(ctx: IContext, data: dict[str, Any]) -> None:
+    """Mark the nodes of this turn's `tag` events, as `gamms.rules.tag` emits them.
+
+    `data` may have `colors` by team, and names of agents as `of`: tags without any of these are left out.
+    """
+    visual, of = primitives_of(ctx), data.get("of")
+    tags = [tag for tag in visual.happenings.of_kind("tag") if of is None or {tag.get("agent"), tag.get("other")} & of]
+    if not tags:
+        return
+    arm, usual = _ARM * visual.extent() or 1.0, side_colors(ctx)
+    for tag in tags:
+        node, tagger = tag.get("node", -1), ctx.agent.agents.get(tag.get("agent", ""))
+        if tagger is None or not ctx.graph.graph.has_node(node):
+            continue
+        side = side_of(tagger)
+        color = data.get("colors", {}).get(side, usual[str(side)])
+        place = ctx.graph.graph.get_node(node)
+        x, y = place.x, place.y
+        cross = [(x - arm, y - arm), (x + arm, y + arm), (x - arm, y + arm), (x + arm, y - arm)]
+        for ink, more_px in ((_WHITE, _EDGE_PX), (color, 0.0)):
+            visual.render_circles([(x, y)], _REACH * arm, ink, _LINE_PX + more_px)
+            visual.render_lines(cross, [0, 2, 4], ink, _LINE_PX + more_px)
+
+
+render_tags.once_a_turn = True  # type: ignore[attr-defined] # a mark does not glide

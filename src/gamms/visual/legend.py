@@ -1,0 +1,191 @@
+"""Legends: what colours mean, in a column at the right of a picture, whichever backend paints it.
+
+Any artist may explain itself: its `data["legend"]` is a Bar, Rows, a list of such, or a function of the context that
+gives one. A legend is laid out in pixels
+and drawn with ordinary commands, at the place in the world that the camera has there.
+"""
+
+from collections.abc import Mapping
+from typing import Any, NamedTuple
+
+from gamms.errors import BadType
+from gamms.ir.draw import DrawCommands, DrawSpace
+from gamms.typing import IArtist, IContext
+from gamms.visual.camera import Camera
+from gamms.visual.color import PAPER, Rgb, Rgba, inks
+from gamms.visual.commands import Commands
+
+_FONT_PX, _TITLE_PX = 21.0, 22.0
+_LINE_PX, _GAP_PX, _PAD_PX = 23.0, 16.0, 12.0
+_LETTER = 0.37  # how broad a letter is, in font heights; a legend need not know it exactly
+_SWATCH_PX, _BAR_PX, _BAR_HEIGHT_PX = 7.0, 16.0, 150.0
+_ASIDE = 0.4  # of the width of a picture: more room is not taken from the map
+_MOST_ROWS = 12
+_RIM = (255, 255, 255)
+_GROUND = 230  # alpha of what lies between the legend and the map
+
+
+class Bar(NamedTuple):
+    """A scale: its colours from low to high, and what stands at its low end, middle and high end."""
+
+    title: str
+    colors: tuple[Rgb, ...]
+    low: str
+    middle: str
+    high: str
+
+
+class Row(NamedTuple):
+    """One colour, what it stands for, and a value to the right of that."""
+
+    color: Rgb
+    name: str
+    value: str = ""
+
+
+class Rows(NamedTuple):
+    """Colours that are told one by one."""
+
+    title: str
+    rows: tuple[Row, ...]
+
+
+Block = Bar | Rows
+
+
+def blocks_of(ctx: IContext, artists: Mapping[str, IArtist]) -> tuple[Block, ...]:
+    """What the legends of visible artists say, lower layers first.
+
+    Raises:
+        BadType: a legend is none.
+    """
+    found: list[Block] = []
+    for name, artist in sorted(artists.items(), key=lambda item: item[1].get_layer()):
+        data = getattr(artist, "data", None)
+        legend = data.get("legend") if isinstance(data, dict) and artist.get_visible() else None
+        legend = legend(ctx) if callable(legend) else legend
+        for block in legend if isinstance(legend, list) else [legend]:
+            if block is None:
+                continue
+            if not isinstance(block, Bar | Rows):
+                raise BadType(f"The legend of artist {name!r} must be a Bar or Rows, or a list of such, not {block!r}.")
+            found.append(block)
+    return tuple(found)
+
+
+class Legend:
+    """Blocks, one below the other.
+
+    Args:
+        blocks: from top to bottom.
+        width: of the picture, pixels.
+        height: of the picture, pixels.
+        fine: how many of these pixels are what a pixel is here, which is a 96th of an inch.
+
+    Attributes:
+        aside: how much of the picture's width the map should leave free, pixels; 0.0 where the picture is too small
+            for a legend.
+    """
+
+    def __init__(self, blocks: tuple[Block, ...], width: int, height: int, fine: float = 1.0) -> None:
+        self._blocks, self._fine = blocks, fine
+        self._size = max(map(_width, blocks), default=0.0), sum(map(_height, blocks)) + _GAP_PX * (len(blocks) - 1)
+        outer_width, outer_height = (side * fine for side in self._outer)
+        self._is_shown = bool(blocks) and outer_width <= _ASIDE * width and outer_height <= height
+        self.aside = outer_width if self._is_shown else 0.0
+
+    @property
+    def _outer(self) -> tuple[float, float]:
+        return self._size[0] + 3.0 * _PAD_PX, self._size[1] + 3.0 * _PAD_PX
+
+    def commands(self, camera: Camera, header: float = 0.0, background: Rgba = (*PAPER, 255)) -> DrawCommands:
+        """The legend as the camera has to see it, below a header of so many pixels; sizes are not `fine` yet."""
+        pen = _Pen(camera, self._fine, inks(background)[0])
+        if self._is_shown:
+            width, height = self._size
+            left, top = camera.width / self._fine - width - 2.0 * _PAD_PX, header / self._fine + 2.0 * _PAD_PX
+            pen.rectangle(
+                left - _PAD_PX, top - _PAD_PX, width + 2.0 * _PAD_PX, height + 2.0 * _PAD_PX, (*background[:3], _GROUND)
+            )
+            for block in self._blocks:
+                _draw_bar(pen, block, left, top) if isinstance(block, Bar) else _draw_rows(pen, block, left, top, width)
+                top += _height(block) + _GAP_PX
+        return pen.commands.freeze()
+
+
+class _Pen:
+    """Draws at pixels, through a camera that looks at the world."""
+
+    def __init__(self, camera: Camera, fine: float, ink: Rgb) -> None:
+        self._camera, self._ink, self.commands = camera, ink, Commands()
+        self._scale = camera.scale / fine
+
+    def _place(self, x: float, y: float) -> tuple[float, float]:
+        return self._camera.left + x / self._scale, self._camera.top - y / self._scale
+
+    def rectangle(self, x: float, y: float, width: float, height: float, color: Any) -> None:
+        self.commands.add_rectangle(*self._place(x, y), width, height, color)
+
+    def disc(self, x: float, y: float, radius: float, color: Any) -> None:
+        for size, ink in ((radius + 1.5, _RIM), (radius, color)):
+            self.commands.add_circles([self._place(x, y)], size, ink, space=DrawSpace.SCREEN)
+
+    def text(self, words: str, x: float, middle: float, font_px: float) -> None:
+        self.commands.add_text(words, *self._place(x, middle - 0.36 * font_px), self._ink, font_px)
+
+
+def _draw_bar(pen: _Pen, bar: Bar, left: float, top: float) -> None:
+    top += _draw_title(pen, bar.title, left, top)
+    step, bottom = _BAR_HEIGHT_PX / len(bar.colors), top + _BAR_HEIGHT_PX
+    for number, color in enumerate(reversed(bar.colors)):  # each down to the bottom, so that no seam shows
+        begin = top + number * step
+        pen.rectangle(left, begin, _BAR_PX, bottom - begin, color)
+    for words, y in ((bar.high, top + 6.0), (bar.middle, (top + bottom) / 2), (bar.low, bottom - 6.0)):
+        pen.text(words, left + _BAR_PX + 8.0, y, _FONT_PX)
+
+
+def _draw_rows(pen: _Pen, block: Rows, left: float, top: float, width: float) -> None:
+    top += _draw_title(pen, block.title, left, top)
+    for number, row in enumerate(_shown(block)):
+        middle = top + (number + 0.5) * _LINE_PX
+        pen.disc(left + _SWATCH_PX + 1.0, middle, _SWATCH_PX, row.color)
+        pen.text(row.name, left + 2.0 * _SWATCH_PX + 9.0, middle, _FONT_PX)
+        if row.value:
+            pen.text(row.value, left + width - _long(row.value, _FONT_PX), middle, _FONT_PX)
+
+
+def _draw_title(pen: _Pen, title: str, left: float, top: float) -> float:
+    """Write a title, and return how much room it took."""
+    if title:
+        pen.text(title, left, top + 0.5 * _LINE_PX, _TITLE_PX)
+    return _title_height(title)
+
+
+def _title_height(title: str) -> float:
+    return _LINE_PX + 3.0 if title else 0.0
+
+
+def _height(block: Block) -> float:
+    body = _BAR_HEIGHT_PX if isinstance(block, Bar) else _LINE_PX * len(_shown(block))
+    return _title_height(block.title) + body
+
+
+def _width(block: Block) -> float:
+    if isinstance(block, Bar):
+        body = _BAR_PX + 8.0 + max(_long(words, _FONT_PX) for words in (block.low, block.middle, block.high))
+    else:
+        values = max((_long(row.value, _FONT_PX) for row in block.rows), default=0.0)
+        names = max((_long(row.name, _FONT_PX) for row in _shown(block)), default=0.0)
+        body = 2.0 * _SWATCH_PX + 9.0 + names + (values + _PAD_PX if values else 0.0)
+    return max(body, _long(block.title, _TITLE_PX))
+
+
+def _long(words: str, font_px: float) -> float:
+    return _LETTER * font_px * len(words)
+
+
+def _shown(block: Rows) -> tuple[Row, ...]:
+    """The rows, without those that are too many."""
+    if len(block.rows) <= _MOST_ROWS:
+        return block.rows
+    return (*block.rows[: _MOST_ROWS - 1], Row(PAPER, f"and {len(block.rows) - _MOST_ROWS + 1} more"))

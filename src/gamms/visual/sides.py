@@ -1,0 +1,57 @@
+"""Sides: whose colour an agent has, who the teams are, and what has happened in the turn that is shown."""
+
+from collections.abc import Iterable
+from typing import Any
+
+from gamms.typing import IContext
+from gamms.visual.color import Rgb, team_colors
+from gamms.visual.legend import Row, Rows
+
+
+def side_of(agent: Any) -> Any:
+    """Whose colour an agent has: its team's, or its own."""
+    team = getattr(agent, "team", None)
+    return agent.name if team is None else team
+
+
+def side_colors(ctx: IContext, more: Iterable[Any] = ()) -> dict[str, Rgb]:
+    """A colour for each side there is, and for more teams, by text; the same in every picture of a game."""
+    return team_colors([*map(side_of, ctx.agent.create_iter()), *more])
+
+
+def team_rows(ctx: IContext) -> Rows | None:
+    """The legend of the teams: colour, name and score; None where there are not two."""
+    colors, teams = side_colors(ctx), dict.fromkeys(getattr(agent, "team", None) for agent in ctx.agent.create_iter())
+    game = getattr(ctx, "_game", None)  # a game begins when it is first asked for, which is not our business
+    scores = {} if game is None else game.scores
+    named = [team for team in teams if team is not None]
+    if len(named) < 2:
+        return None
+    return Rows("", tuple(Row(colors[str(team)], str(team), _score(scores.get(team))) for team in named))
+
+
+def _score(score: Any) -> str:
+    return f"{score:g}" if isinstance(score, int | float) else ""
+
+
+class Happenings:
+    """Which events of `ctx.game` belong to the turn that is shown; replays tell them, too."""
+
+    def __init__(self, ctx: IContext) -> None:
+        self._ctx = ctx
+        self._begin = self._end = 0
+
+    def end_turn(self) -> None:
+        """A turn is over: its events are those that came since the one before."""
+        self._begin, self._end = self._end, len(self._events())
+
+    def of_kind(self, kind: str) -> list[dict[str, Any]]:
+        """The events of that kind in the last turn."""
+        return [event for event in self._events()[self._begin : self._end] if event.get("kind") == kind]
+
+    def _events(self) -> list[dict[str, Any]]:
+        game = getattr(self._ctx, "_game", None)
+        events: list[dict[str, Any]] = [] if game is None else game.events
+        if len(events) < self._end:  # the game has begun anew
+            self._begin = self._end = 0
+        return events

@@ -1,0 +1,50 @@
+"""The figures that the documentation shows are those that the example makes; `make figures` refreshes them."""
+
+import runpy
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+from gamms.visual.backends.pillow import pixels_of
+
+ROOT = Path(__file__).parents[2]
+SHOWN = ROOT / "docs/figures"
+NAMES = ("capture_the_flag", "city", "from_the_air", "grid_world")
+
+
+@pytest.fixture(scope="module")
+def made(tmp_path_factory):
+    """The folder with figures made just now."""
+    folder = tmp_path_factory.mktemp("figures")
+    runpy.run_path(str(ROOT / "examples/figures.py"))["main"](folder)
+    return folder
+
+
+def test_these_are_the_figures(made):
+    files = sorted(f"{name}{suffix}" for name in NAMES for suffix in (".png", ".svg"))
+    assert sorted(path.name for path in made.iterdir()) == files
+    assert sorted(path.name for path in SHOWN.iterdir()) == files
+
+
+@pytest.mark.parametrize("name", NAMES)
+def test_a_figure_shows_what_it_showed(made, name):
+    shown, now = (pixels_of((folder / f"{name}.png").read_bytes()).astype(int) for folder in (SHOWN, made))
+    assert now.shape == shown.shape
+    differs = np.abs(now - shown).max(axis=2)
+    assert (differs > 64).mean() < 0.002  # letters and hairlines differ a little between versions of pygame
+    assert differs.mean() < 0.5
+
+
+@pytest.mark.parametrize("name", NAMES)
+def test_a_vector_figure_is_the_same_file(made, name):
+    assert (made / f"{name}.svg").read_text() == (SHOWN / f"{name}.svg").read_text()
+
+
+@pytest.mark.parametrize("name", ["capture_the_flag", "city", "from_the_air"])
+def test_a_figure_of_a_real_map_names_its_source(made, name):
+    assert "OpenStreetMap contributors" in (made / f"{name}.svg").read_text()
+
+
+def test_the_figures_stay_small():
+    assert max(path.stat().st_size for path in SHOWN.iterdir()) < 500_000

@@ -1,0 +1,184 @@
+"""`gamms render`: films and pictures of recordings, of whom one follows, and of what a team can see."""
+
+from pathlib import Path
+
+import av
+import numpy as np
+import pytest
+from typer.testing import CliRunner
+
+import gamms
+from gamms import cli, rendering
+from gamms.errors import BadValue
+from gamms.rendering import Fog, Wish
+from gamms.rules import capture_flag, territory
+from gamms.sensor import SensorType
+
+SAMPLES = Path(__file__).parents[1] / "recorder/samples/version2"
+QUIET = {"level": "CRITICAL"}
+LENGTH = 30
+
+
+def run(*arguments):
+    return CliRunner().invoke(cli.app, ["render", *map(str, arguments)], catch_exceptions=False)
+
+
+def east(state):
+    state["action"] = max(state["legal"])
+
+
+@pytest.fixture(scope="module")
+def game(tmp_path_factory):
+    """Red walks ten nodes along a road, sees 25 metres far, and passes blue, which stays."""
+    path = tmp_path_factory.mktemp("game") / "game.ggr"
+    with gamms.create_context(seed=1, logger_config=QUIET) as ctx:
+        nodes = np.arange(LENGTH)
+        ctx.graph.add_nodes(nodes, x=nodes * 10.0, y=np.zeros(LENGTH))
+        ways = np.arange(LENGTH - 1)
+        ctx.graph.add_edges(range(2 * len(ways)), [*ways, *(ways + 1)], [*(ways + 1), *ways])
+        ctx.sensor.create_sensor("near", SensorType.RANGE, sensor_range=25.0)
+        ctx.sensor.create_sensor("eyes", SensorType.AGENT_RANGE, sensor_range=25.0)
+        ctx.agent.create_agent("red_0", start_node_id=0, team="red", sensors=["near", "eyes"], strategy=east)
+        ctx.agent.create_agent("blue_0", start_node_id=6, team="blue")
+        ctx.agent.create_agent("blue_1", start_node_id=29, team="blue")
+        ctx.game.add(territory.published(dict.fromkeys(range(15), "red")))
+        ctx.game.add(capture_flag({"blue": 29}, goal=None))
+        ctx.record.start(path)
+        ctx.game.run(max_turns=10)
+        ctx.record.stop()
+    return path
+
+
+def film_of(path):
+    with av.open(str(path)) as file:
+        return [frame.to_ndarray(format="rgb24") for frame in file.decode(video=0)]
+
+
+def test_a_film_has_the_turns_that_were_asked_for(game, tmp_path):
+    done = run(game, tmp_path / "game.mp4", "--turns", "3:5", "--width", 320, "--height", 100, "--frames-per-turn", 2)
+    assert done.exit_code == 0, done.stderr
+    assert "(3 turns)" in done.stdout
+    assert len(film_of(tmp_path / "game.mp4")) == 6
+
+
+@pytest.mark.parametrize(("turns", "shown"), [("", 10), (":4", 4), ("2:6", 6), ("0", 0), ("7", 7), (":", 10)])
+def test_a_picture_shows_the_last_of_the_turns(game, tmp_path, turns, shown):
+    out = tmp_path / "game.svg"
+    done = run(game, out, *(["--turns", turns] if turns else []), "--title", "Red passes")
+    assert f"(after turn {shown})" in done.stdout
+    text = out.read_text()
+    assert f">turn {shown}" in text
+    assert "Red passes" in text
+
+
+def test_a_picture_shows_the_state_of_its_turn(game, tmp_path):
+    places = []
+    for turns in ("0", "4", "10"):
+        run(game, tmp_path / "game.svg", "--turns", turns)
+        last_red = (tmp_path / "game.svg").read_text().rsplit('<g fill="#d55e00"><circle cx="', 2)[1]
+        places.append(float(last_red.partition('"')[0]))
+    assert places[2] - places[1] == pytest.approx(1.5 * (places[1] - places[0]), rel=0.05)
+
+
+def test_rules_are_drawn_though_there_are_none_in_a_recording(game, tmp_path):
+    run(game, tmp_path / "game.svg")
+    text = (tmp_path / "game.svg").read_text()
+    assert text.count('stroke-opacity="0.275"') == 1  # the territory, in one go
+    assert text.count("Z") >= 1  # the pennant
+
+
+def test_who_is_followed_is_in_the_middle_of_every_frame(game, tmp_path):
+    given = ("--follow", "red_0", "--view", 60, "--width", 320, "--height", 160, "--frames-per-turn", 3)
+    run(game, tmp_path / "game.mp4", "--turns", "1:4", *given)
+    pictures = film_of(tmp_path / "game.mp4")
+    assert len(pictures) == 12
+    for picture in pictures:
+        red = np.abs(picture[40:].astype(int) - (213, 94, 0)).max(axis=2) < 50
+        rows, columns = np.nonzero(red[:, 120:200])
+        assert abs(columns.mean() + 120 - 160) < 6
+        assert abs(rows.mean() + 40 - 80) < 6
+
+
+def test_in_the_fog_others_are_seen_near_the_team_only(game):
+    with gamms.create_context(logger_config=QUIET) as ctx:
+        seen = []
+
+        def look():
+            fog = looking.setdefault("fog", None) or looking.update(fog=Fog(ctx, "red")) or looking["fog"]
+            fog.look()
+            shown = ctx.visual.shown_artists()
+            seen.append([name for name in ("blue_0", "blue_1") if shown[name].get_visible()])
+
+        looking = {}
+        ctx.visual.after_turn.append(look)
+        for _ in ctx.record.replay(game):
+            pass
+    assert seen == [[]] * 3 + [["blue_0"]] * 5 + [[]] * 2  # from 20 metres before it to 20 behind
+    assert looking["fog"]._now == {8, 9, 10, 11, 12}
+    assert looking["fog"]._seen == set(range(13))
+
+
+def test_the_fog_dims_what_was_seen_and_darkens_the_rest(game, tmp_path):
+    out = tmp_path / "fog.png"
+    assert run(game, out, "--fog", "red", "--width", 640, "--height", 200).exit_code == 0
+    pixels = gamms.visual.backends.pillow.pixels_of(out.read_bytes()).astype(int)
+    for color in ((20, 22, 26), (42, 45, 51), (104, 109, 118), (206, 210, 216)):
+        assert (np.abs(pixels - color).max(axis=2) < 12).any(), color
+
+
+@pytest.mark.parametrize(
+    ("arguments", "hint"),
+    [
+        (["x.png", "--turns", "99"], "has 10 turns"),
+        (["x.mp4", "--turns", "5:3"], "there are none from 5 to 3"),
+        (["x.png", "--fog", "green"], "Unknown team 'green'"),
+        (["x.png", "--fog", "blue"], "has a sensor"),
+        (["x.mp4", "--follow", "red_9"], "Did you mean 'red_0'"),
+        (["x.bmp"], "'.bmp'"),
+        (["x.mp4", "--width", "0"], "positive width"),
+        (["nowhere/x.mp4"], "nowhere"),
+        (["x.png", "--follow", "red_0", "--view", "-1"], "positive width"),
+    ],
+)
+def test_what_cannot_be_done_is_said_in_one_sentence(game, tmp_path, monkeypatch, arguments, hint):
+    monkeypatch.chdir(tmp_path)
+    done = run(game, *arguments)
+    assert done.exit_code == 1
+    assert done.stderr.startswith("gamms: ")
+    assert hint in done.stderr
+    assert list(tmp_path.iterdir()) == []
+
+
+def test_turns_that_are_no_numbers_are_a_matter_of_usage(game, tmp_path):
+    done = run(game, tmp_path / "x.png", "--turns", "a:b")
+    assert done.exit_code == 2
+    assert "100:200" in done.stderr
+
+
+def test_a_film_needs_a_turn(tmp_path):
+    with gamms.create_context(seed=1, logger_config=QUIET) as ctx:
+        ctx.graph.add_nodes([0], x=[0.0], y=[0.0])
+        ctx.record.start(tmp_path / "still.ggr")
+        ctx.record.stop()
+    with pytest.raises(BadValue, match="no turn to film"):
+        rendering.render(tmp_path / "still.ggr", tmp_path / "still.gif")
+    assert rendering.render(tmp_path / "still.ggr", tmp_path / "still.svg", Wish()) == 0
+
+
+@pytest.mark.parametrize("path", sorted(SAMPLES.glob("*.ggr"))[:2], ids=lambda path: path.stem)
+def test_recordings_of_version_2_can_be_shown(path, tmp_path):
+    assert run(path, tmp_path / "old.svg").exit_code == 0
+
+
+def test_a_pointed_camera_no_longer_follows_and_one_that_is_gone_is_not_missed():
+    with gamms.create_context(logger_config=QUIET) as ctx:
+        ctx.graph.add_nodes([0, 1], x=[0.0, 10.0], y=[0.0, 0.0])
+        ctx.agent.create_agent("anna", start_node_id=1)
+        ctx.visual.follow("anna", 5.0)
+        assert ctx.visual.pointed(100, 50).left == 7.5
+        ctx.agent.delete_agent("anna")
+        assert ctx.visual.pointed(100, 50).left == 7.5
+        ctx.visual.look_at_all()
+        assert ctx.visual.pointed(100, 50) is None
+        with pytest.raises(KeyError, match="anna"):
+            ctx.visual.follow("anna", 5.0)

@@ -1,0 +1,139 @@
+"""Rules draw themselves: by name, so that anybody can replace them; what they need is in the recording."""
+
+import numpy as np
+import pytest
+
+import gamms
+from gamms.ir.draw import DrawKind
+from gamms.rules import capture_flag, tag, territory
+from gamms.visual import Artist
+from gamms.visual.drawers.rules import as_text, from_text
+from gamms.visual.sides import team_rows
+
+
+@pytest.fixture
+def game(tmp_path):
+    """Two of each team on a row of nodes, a flag at each end, and ground for both."""
+    with gamms.create_context(seed=1, logger_config={"level": "CRITICAL"}) as ctx:
+        fill(ctx)
+        for name, team, node in (("r0", "red", 0), ("r1", "red", 1), ("b0", "blue", 8), ("b1", "blue", 5)):
+            ctx.agent.create_agent(name, start_node_id=node, team=team, strategy=staying)
+        ctx.game.add(territory.published({node: "red" if node < 5 else "blue" for node in range(10)}))
+        ctx.game.add(tag("blue", "red", hops=0, score=2))
+        ctx.game.add(capture_flag({"red": 0, "blue": 9}, goal=None))
+        yield ctx
+
+
+def fill(ctx):
+    ctx.graph.add_nodes(range(10), x=np.arange(10) * 10.0, y=np.zeros(10))
+    ctx.graph.add_edges(range(18), sources=[*range(9), *range(1, 10)], targets=[*range(1, 10), *range(9)])
+
+
+def staying(state):
+    state["action"] = state["curr_pos"]
+
+
+def go(ctx, name, node):
+    ctx.agent.get_agent(name).current_node_id = node
+
+
+def on_layer(ctx, layer, kind=None):
+    """What is drawn there: the points of each command."""
+    commands = ctx.visual.draw_commands()
+    is_meant = (commands.layer == layer) & (True if kind is None else commands.kind == kind)
+    return [commands.points[commands.offsets[row] : commands.offsets[row + 1]] for row in np.flatnonzero(is_meant)]
+
+
+def test_a_tag_is_marked_in_its_turn_only_and_where_it_happened(game):
+    game.game.step()
+    go(game, "r1", 5)
+    assert on_layer(game, 25) == []
+    game.game.step()
+    marks = on_layer(game, 25, DrawKind.CIRCLE)
+    assert {tuple(center[0]) for center in marks} == {(50.0, 0.0)}
+    assert game.agent.get_agent("r1").current_node_id == 1
+    game.game.step()
+    assert on_layer(game, 25) == []
+
+
+def test_a_game_that_begins_anew_has_no_marks(game):
+    game.game.step()
+    go(game, "r1", 5)
+    game.game.step()
+    game.game.reset()
+    assert on_layer(game, 25) == []
+
+
+def test_a_carried_flag_glides_with_its_carrier_and_leaves_a_ring(game):
+    go(game, "r0", 9)
+    game.game.step()
+    poles = [line[0].tolist() for line in on_layer(game, 22, DrawKind.LINE)]
+    assert poles == [[90.0, 0.0], [0.0, 0.0]]
+    agent = game.agent.get_agent("r0")
+    agent.get_state()["action"] = 8
+    agent.set_state()
+    game.visual.motion.begin_turn()
+    share = {name: artist for name, artist in game.visual.shown_artists().items() if name == "flags"}
+    half = game.visual._drawn(share, 0.5)
+    lines = half.points[half.offsets[:-1][half.kind == DrawKind.LINE]]
+    assert lines.tolist() == [[85.0, 0.0], [0.0, 0.0]]
+    rings = half.points[half.offsets[:-1][(half.kind == DrawKind.CIRCLE) & (half.width > 0)]]
+    assert rings.tolist() == [[90.0, 0.0], [0.0, 0.0]]
+
+
+@pytest.mark.parametrize(("name", "layer"), [("territory", 12), ("flags", 22), ("tags", 25)])
+def test_an_artist_of_the_same_name_takes_its_place(game, name, layer):
+    go(game, "r1", 5)
+    game.game.step()
+    assert on_layer(game, layer)
+    hidden = Artist(game, lambda *_: None)
+    hidden.set_visible(False)
+    game.visual.add_artist(name, hidden)
+    assert on_layer(game, layer) == []
+
+
+def test_an_artist_that_was_there_first_stays(game):
+    with gamms.create_context(seed=1, logger_config={"level": "CRITICAL"}) as ctx:
+        fill(ctx)
+        ctx.visual.add_artist("territory", {"drawer": lambda *_: None})
+        ctx.game.add(territory.published({0: "red"}))
+        assert on_layer(ctx, 12) == []
+
+
+def test_the_legend_tells_the_teams_and_their_scores(game):
+    go(game, "r1", 5)
+    game.game.step()
+    rows = team_rows(game).rows
+    assert [(row.name, row.value) for row in rows] == [("red", ""), ("blue", "2")]
+    assert len({row.color for row in rows}) == 2
+    for name in ("b0", "b1"):
+        game.agent.delete_agent(name)
+    assert team_rows(game) is None
+
+
+def test_a_replay_is_drawn_like_the_game_itself(game, tmp_path):
+    game.record.start(tmp_path / "game")
+    go(game, "r1", 5)
+    go(game, "r0", 9)
+    game.game.step()
+    game.record.stop()
+    with gamms.create_context(logger_config={"level": "CRITICAL"}) as replayed:
+        for _ in replayed.record.replay(tmp_path / "game"):
+            pass
+        game.visual.save(tmp_path / "game.svg")
+        replayed.visual.save(tmp_path / "replayed.svg")
+    assert (tmp_path / "game.svg").read_bytes() == (tmp_path / "replayed.svg").read_bytes()
+
+
+def test_ids_are_kept_as_short_text():
+    ids = [0, 1, 2, 3, 9, 11, 12]
+    assert as_text(np.array(ids)) == "0..3 9 11..12"
+    assert from_text("0..3 9 11..12") == ids
+    assert from_text(as_text(np.array([-5, -4, -1]))) == [-5, -4, -1]
+
+
+@pytest.mark.parametrize("kept", [5, {"land": 3}, {"land": {"red": 4}}, {"land": {"red": "1..x"}}])
+def test_what_a_program_keeps_under_the_same_names_hurts_nobody(game, kept):
+    game.game.data["territories"] = kept
+    game.game.data["flags"] = {"bases": 3, "carriers": {}}
+    assert len(game.visual.draw_commands()) > 0

@@ -1,0 +1,95 @@
+"""Notebooks: contexts and recordings show themselves, and never fail at it."""
+
+import base64
+import io
+import re
+import sys
+import xml.etree.ElementTree as ET
+
+import pytest
+
+import gamms
+from gamms import recorder
+from gamms.visual.backends.pillow import pixels_of
+
+
+def image_in(page):
+    kind, data = re.search('src="data:image/([a-z+]+);base64,([^"]+)"', page).groups()
+    return kind, base64.b64decode(data)
+
+
+@pytest.fixture
+def recorded(ctx):
+    """A short game of two teams and a drone, as a stream."""
+    stream = io.BytesIO()
+    ctx.agent.create_agent("kite", start_node_id=1, type=1, speed=2.0, team="red").position = (5.0, 5.0, 30.0)
+    ctx.game.scores["red"] = 3
+    ctx.record.start(stream)
+    ctx.game.run(max_turns=2)
+    ctx.record.stop()
+    return io.BytesIO(stream.getvalue())
+
+
+def test_a_context_is_a_png_of_what_it_is_now(ctx):
+    pixels = pixels_of(ctx._repr_png_())
+    assert pixels.shape == (600, 900, 3)
+    assert ctx._repr_html_() is None
+    ctx.agent.delete_agent("red_0")
+    assert (pixels_of(ctx._repr_png_()) != pixels).any()
+
+
+@pytest.mark.parametrize("missing", ["pygame", "PIL"])
+def test_without_pixels_it_is_an_svg(ctx, monkeypatch, missing):
+    from gamms.visual.backends.pygame import load
+
+    load.cache_clear()
+    monkeypatch.setitem(sys.modules, missing, None)
+    assert ctx._repr_png_() is None
+    kind, content = image_in(ctx._repr_html_())
+    load.cache_clear()
+    assert kind == "svg+xml"
+    assert ET.fromstring(content).tag.endswith("svg")
+
+
+def test_one_that_has_ended_shows_nothing_and_says_nothing(ctx, heard):
+    ctx.terminate()
+    assert ctx._repr_png_() is None
+    assert ctx._repr_html_() is None
+    assert heard == []
+
+
+def test_one_that_cannot_be_drawn_says_why(ctx, heard):
+    ctx.visual.add_artist("own", {"drawer": lambda *_: None, "legend": "nonsense"})
+    assert ctx._repr_png_() is None
+    assert ctx._repr_html_() is None
+    assert "'own'" in heard[0]
+
+
+def test_a_recording_shows_its_last_state(recorded):
+    with recorder.open(recorded) as recording:
+        page = recording._repr_html_()
+    assert "2 turns" in page
+    assert "red: 3" in page
+    kind, content = image_in(page)
+    assert kind == "png"
+    assert pixels_of(content).std() > 1
+
+
+def test_showing_a_recording_logs_nothing_and_leaves_the_logger_alone(recorded, caplog):
+    import logging
+
+    before = logging.getLogger("gamms").level
+    with recorder.open(recorded) as recording:
+        recording._repr_html_()
+    assert logging.getLogger("gamms").level == before
+    assert caplog.records == []
+
+
+def test_a_closed_recording_is_shown_as_its_repr(tmp_path):
+    with gamms.create_context(seed=1, logger_config={"level": "CRITICAL"}) as ctx:
+        ctx.graph.add_nodes([0], x=[0.0], y=[0.0])
+        ctx.record.start(tmp_path / "game.ggr")
+        ctx.record.stop()
+    recording = recorder.open(tmp_path / "game.ggr")
+    recording.close()
+    assert recording._repr_html_() is None
