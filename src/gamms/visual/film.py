@@ -93,7 +93,7 @@ class Frames:
     ) -> None:
         self.engine, self.scene = engine, scene or Scene(self._world)
         self._title, self._note, self._background = title, note, rgba(background)
-        self._canvas = Canvas(width, height)
+        self._canvas = Canvas(width, height, is_tracked=True)
         self._camera: Camera | None = None
         self._artists: dict[str, IArtist] | None = None
         self._is_new_turn = True

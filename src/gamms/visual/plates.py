@@ -46,14 +46,14 @@ class Plate:
         x, y = (camera.left - mine.left) * mine.scale, (mine.top - camera.top) * mine.scale
         if camera.scale == mine.scale:
             area = (round(x), round(y), camera.width, camera.height)
-            canvas.surface.blit(self._surface, (0, 0), area, special_flags=flags)
+            canvas.paste(self._surface, area, flags)
             return
         share = mine.scale / camera.scale
         size = min(round(camera.width * share), mine.width), min(round(camera.height * share), mine.height)
         left, top = min(max(round(x), 0), mine.width - size[0]), min(max(round(y), 0), mine.height - size[1])
         part = self._surface.subsurface((left, top, *size))
         scaled = load().transform.smoothscale(part, (camera.width, camera.height))
-        canvas.surface.blit(scaled, (0, 0), special_flags=flags)
+        canvas.paste(scaled, None, flags)
 
 
 def _painted(painting: Painting, camera: Camera, background: Rgba | None) -> Any:

@@ -126,7 +126,7 @@ class Scene:
                 behind = background if place == 0 else None
                 part.plate.show(part.painting, canvas, camera, behind, is_moving=is_moving)
             if place + 1 == still:
-                self._stages.append((self._parts[:still], camera, background, canvas.surface.copy()))
+                self._stages.append((self._parts[:still], camera, background, canvas.keep()))
 
     def _from_stage(self, canvas: Canvas, camera: Camera, background: Rgba, still: int) -> int:
         """Show what was painted before of the most of the first few parts, and return how many parts that are.
@@ -143,7 +143,7 @@ class Scene:
         if not self._stages:
             return 0
         parts, _, _, surface = self._stages[-1]
-        canvas.surface.blit(surface, (0, 0))
+        canvas.show(surface)
         return len(parts)
 
 

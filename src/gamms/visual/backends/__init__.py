@@ -7,9 +7,11 @@ format is one file here and one line below; an installed package adds one throug
 Pixels are painted by `raster.py` on the surfaces of `pygame.py`; optional libraries have one file each.
 """
 
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 from pathlib import Path
-from typing import Protocol
+from typing import Any, Protocol
+
+import numpy as np
 
 from gamms.plugins import Registry
 from gamms.visual.backends import png, svg
@@ -30,6 +32,12 @@ class PaintedFrame(Protocol):
 
     def copy_bgrx(self, buffer: bytearray) -> None:
         """Write blue, green, red and a byte without meaning, row by row: the fastest way to an encoder."""
+
+    def changes(self) -> list[tuple[int, int, int, int]] | None:
+        """Left, top, width and height of where it may differ from the frame before; None: anywhere."""
+
+    def cuts(self, corners: Sequence[tuple[int, int]], side: int) -> "np.ndarray[Any, np.dtype[np.uint32]]":
+        """Squares by their upper left corners, as `copy_bgrx` writes pixels: (squares, side, side)."""
 
 
 class FilmWriter(Protocol):

@@ -31,6 +31,8 @@ _BGRX = (0xFF0000, 0xFF00, 0xFF) if sys.byteorder == "little" else ()  # the mas
 _HALO = [(0, 1), (1, 0), (1, 2), (2, 1), (0, 0), (0, 2), (2, 0), (2, 2)]  # around dark text
 _MOST_IMAGE_PX = 4096
 
+Box = tuple[int, int, int, int]  # left, top, width, height, pixels
+
 
 @lru_cache(maxsize=1)
 def load() -> Any:
@@ -61,16 +63,55 @@ class Canvas:
         width: pixels.
         height: pixels.
         surface: what to paint on instead of a new one, such as that of a window; 32 bits.
+        is_tracked: remember what changes from picture to picture; nobody else may paint on the surface then.
     """
 
-    def __init__(self, width: int, height: int, surface: "Surface | None" = None) -> None:
+    def __init__(self, width: int, height: int, surface: "Surface | None" = None, *, is_tracked: bool = False) -> None:
         self._pygame = load()
         self.width, self.height = width, height
+        self._is_tracked, self._below = is_tracked, None
+        self._boxes: list[Box] = []  # over what lies below
+        self._changed: list[Box] | None = None  # before that, since the picture before; None: everything
         self.surface: Surface = self._pygame.Surface((width, height), 0, 32) if surface is None else surface
 
     def fill(self, color: Rgba) -> None:
         """Paint all of it; transparency does not count here."""
         self.surface.fill(color[:3])
+        self._below, self._boxes, self._changed = None, [], None
+
+    # -- from picture to picture -----------------------------------------------------------------------------
+
+    def show(self, below: "Surface") -> None:
+        """Begin a picture with what `keep` gave; where it was shown last, only what was painted over it is restored."""
+        if self._is_tracked and below is self._below:
+            for box in self._boxes:
+                self.surface.blit(below, box, box)
+            self._changed = self._boxes
+        else:
+            self.surface.blit(below, (0, 0))
+            self._changed = None
+        self._below, self._boxes = below, []
+
+    def keep(self) -> "Surface":
+        """What was painted so far, to `show` it again."""
+        below = self.surface.copy()
+        if self._changed is not None:
+            self._changed = [*self._changed, *self._boxes]
+        self._below, self._boxes = below, []
+        return below
+
+    def changes(self) -> "list[Box] | None":
+        """Where this picture may differ from the one before, as far as it is tracked; None: anywhere."""
+        return None if self._changed is None or not self._is_tracked else [*self._changed, *self._boxes]
+
+    def cuts(self, corners: Sequence[tuple[int, int]], side: int) -> "np.ndarray[Any, np.dtype[np.uint32]]":
+        """Squares of the picture by their upper left corners, as copy_bgrx writes pixels: (squares, side, side)."""
+        pixels = self._pygame.surfarray.pixels2d(self.surface)
+        return np.stack([pixels[x : x + side, y : y + side].T for x, y in corners])
+
+    def _note(self, box: Any) -> None:
+        if self._is_tracked:
+            self._boxes.append(tuple(box))
 
     def pixels(self) -> ByteArray:
         """RGB, as (height, width, 3); a copy, which is read-only."""
@@ -107,25 +148,31 @@ class Canvas:
             return
         box = box.clip((left, top, right - left, bottom - top))
         if box.w and box.h:
-            self.surface.blit(_paint(box.w, box.h, color), box.topleft)
+            self._note(self.surface.blit(_paint(box.w, box.h, color), box.topleft))
 
     def cover(self, patch: Patch, color: Rgba) -> None:
         """Blend a colour in as far as a patch covers the picture."""
-        self.surface.blit(stamp(patch.coverage, color), (patch.left, patch.top))
+        self._note(self.surface.blit(stamp(patch.coverage, color), (patch.left, patch.top)))
 
     def stamps(self, placed: Sequence[tuple["Surface", tuple[int, int]]]) -> None:
         """Paint many surfaces, in order."""
-        self.surface.blits(placed, False)
+        for box in self.surface.blits(placed, self._is_tracked) or ():
+            self._note(box)
+
+    def paste(self, surface: "Surface", area: Any = None, flags: int = 0) -> None:
+        """Paint a surface, or an area of it, that is as large as the picture."""
+        self._note(self.surface.blit(surface, (0, 0), area, special_flags=flags))
 
     @contextmanager
     def _painted(self, low: FloatArray, high: FloatArray, alpha: int) -> Iterator[tuple["Surface", int, int]]:
         """A surface to paint opaquely on, and its place; what was painted is then blended in with `alpha`, once."""
-        if alpha == 255:
-            yield self.surface, 0, 0
-            return
         left, top = np.maximum(low, 0).astype(int).tolist()
         right, bottom = np.minimum(high, (self.width, self.height)).astype(int).tolist()
         area = self._pygame.Rect(left, top, max(right - left, 0), max(bottom - top, 0))
+        self._note(area)
+        if alpha == 255:
+            yield self.surface, 0, 0
+            return
         part = self.surface.subsurface(area).copy() if area.w and area.h else self._pygame.Surface((1, 1))
         yield part, left, top
         part.set_alpha(alpha)
@@ -138,12 +185,12 @@ class Canvas:
         written = _text(_UNWRITABLE.sub(" ", words), max(round(font_px), 1), color)
         left = x - 1 - (written.get_width() - 2 if align_right else 0)
         if -written.get_width() < left < self.width and -written.get_height() < y - 1 < self.height:
-            self.surface.blit(written, (round(left), round(y - 1)))
+            self._note(self.surface.blit(written, (round(left), round(y - 1))))
 
     def image(self, path: str, x: float, y: float, side: float, angle: float) -> None:
         """Draw an image file in a square of `side` px around (x, y), turned counter-clockwise by degrees."""
         drawn = _image(path, round(min(side, _MOST_IMAGE_PX)), round(angle % 360.0, 1))
-        self.surface.blit(drawn, (round(x - drawn.get_width() / 2), round(y - drawn.get_height() / 2)))
+        self._note(self.surface.blit(drawn, (round(x - drawn.get_width() / 2), round(y - drawn.get_height() / 2))))
 
 
 def text_width(words: str, font_px: int) -> int:

@@ -1,0 +1,70 @@
+"""Tiles: where a film's frame differs from the one before, as squares that are turned into the encoder's colours alone.
+
+Between two frames a few agents move. Copying and converting all pixels would take as long as encoding them.
+"""
+
+from collections.abc import Iterable
+from typing import Any, NamedTuple
+
+import numpy as np
+
+from gamms.visual.backends.coverage import ByteArray
+
+TILE, BORDER = 64, 8  # pixels; of a square, and around it, for colours are mixed from neighbours
+SIDE = TILE + 2 * BORDER
+STRIP = 16  # squares that are converted at once
+MOST = 64  # of more of them it is faster to convert everything
+
+
+class Square(NamedTuple):
+    """A tile of a picture: its place, and the upper left corner of the larger square around it."""
+
+    left: int
+    top: int
+    corner: tuple[int, int]
+
+
+def squares(boxes: Iterable[tuple[int, int, int, int]], width: int, height: int) -> list[Square] | None:
+    """The tiles that boxes touch; None where there are too many, or the picture is too small."""
+    if min(width, height) < SIDE:
+        return None
+    found: set[tuple[int, int]] = set()
+    for left, top, across, down in boxes:
+        right, bottom = min(left + across, width), min(top + down, height)
+        if across and down:
+            rows = range(max(top, 0) // TILE, (bottom - 1) // TILE + 1)
+            found.update((x, y) for x in range(max(left, 0) // TILE, (right - 1) // TILE + 1) for y in rows)
+            if len(found) > MOST:
+                return None
+    return [_square(x * TILE, y * TILE, width, height) for x, y in sorted(found)]
+
+
+def _square(left: int, top: int, width: int, height: int) -> Square:
+    corner = min(max(left - BORDER, 0), width - SIDE), min(max(top - BORDER, 0), height - SIDE)
+    return Square(left, top, corner)
+
+
+def planes_of(frame: Any) -> list[ByteArray]:
+    """The planes of a frame of PyAV as arrays (rows, columns) that can be written to."""
+    found = []
+    for plane in frame.planes:
+        rows = np.frombuffer(plane, np.uint8).reshape(plane.height, plane.line_size)
+        found.append(rows[:, : plane.width * (4 if frame.format.name == "bgra" else 1)])
+    return found
+
+
+def paste(planes: list[ByteArray], parts: list[ByteArray], tiles: list[Square]) -> None:
+    """Put tiles into the planes of a picture whose second and third plane are half as large.
+
+    Args:
+        planes: of the picture.
+        parts: of the squares around the tiles, one below the other.
+        tiles: where they belong.
+    """
+    for plane, part, share in zip(planes, parts, (1, 2, 2), strict=True):
+        side = SIDE // share
+        for number, (left, top, (x, y)) in enumerate(tiles):
+            begin, across = number * side + (top - y) // share, (left - x) // share
+            place = plane[top // share : (top + TILE) // share, left // share : (left + TILE) // share]
+            rows, columns = place.shape
+            place[:] = part[begin : begin + rows, across : across + columns]
