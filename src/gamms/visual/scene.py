@@ -38,6 +38,7 @@ class Part:
         self.artists = tuple(members.values())
         self.painting, self.key = Painting(commands), key
         self.is_static = key is not None
+        self.lasts = self.is_static  # at least as long as this turn
         self.box: tuple[FloatArray, FloatArray] | None = bounds(commands) if len(commands) else None
         self.plate = Plate() if self.is_static and len(commands.points) > _FEW else None
 
@@ -63,6 +64,7 @@ class Scene:
 
     def __init__(self, world: Callable[[], Any]) -> None:
         self._world = world
+        self._frames, self._expects_more = 0, False  # of this turn; whether there will be more, as there were before
         self._parts: list[Part] = []
         self._before: list[Part] = []
         self._stages: list[
@@ -74,6 +76,9 @@ class Scene:
 
         Within a turn, static artists, and those whose drawer has a true attribute `once_a_turn`, are not asked again.
         """
+        if is_new_turn:
+            self._expects_more, self._frames = self._frames > 1, 0
+        self._frames += 1
         shown = [item for item in sorted(artists.items(), key=painting_order) if item[1].get_visible()]
         world, known = self._world(), {part.key: part for part in self._parts if part.is_static}
         asked = {} if is_new_turn else {part.artists: part for part in self._parts}
@@ -87,6 +92,7 @@ class Scene:
                 part = known.get(key) or Part(members, draw(members), key)
             else:
                 part = self._moving_part(members, draw)
+            part.lasts = pace is not _Pace.FRAME
             self._parts.append(part)
 
     def _moving_part(self, members: dict[str, IArtist], draw: Draw) -> Part:
@@ -115,7 +121,8 @@ class Scene:
             background: the colour behind everything.
             is_moving: the camera is on its way, so that static parts may be shifted by half a pixel and scaled.
         """
-        still = 0 if is_moving else _leading(self._parts, self._before)
+        same = 0 if is_moving else _leading(self._parts, self._before)
+        still = same if is_moving or not self._expects_more else self._lasting(same)
         begin = self._from_stage(canvas, camera, background, still)
         if begin == 0:
             canvas.fill(background)
@@ -125,8 +132,13 @@ class Scene:
             else:
                 behind = background if place == 0 else None
                 part.plate.show(part.painting, canvas, camera, behind, is_moving=is_moving)
-            if place + 1 == still:
+            if place + 1 in (same, still):
                 self._stages.append((self._parts[:still], camera, background, canvas.keep()))
+
+    def _lasting(self, same: int) -> int:
+        """How many parts at the back will be there in the next frame, too, when so many were there in the last one."""
+        lasting = (part.lasts for part in self._parts[same:])
+        return same + sum(takewhile(bool, lasting))
 
     def _from_stage(self, canvas: Canvas, camera: Camera, background: Rgba, still: int) -> int:
         """Show what was painted before of the most of the first few parts, and return how many parts that are.

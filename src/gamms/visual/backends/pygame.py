@@ -32,6 +32,7 @@ _HALO = [(0, 1), (1, 0), (1, 2), (2, 1), (0, 0), (0, 2), (2, 0), (2, 2)]  # arou
 _MOST_IMAGE_PX = 4096
 
 Box = tuple[int, int, int, int]  # left, top, width, height, pixels
+_NOTHING: "tuple[None, list[Box]]" = None, []
 
 
 @lru_cache(maxsize=1)
@@ -69,32 +70,37 @@ class Canvas:
     def __init__(self, width: int, height: int, surface: "Surface | None" = None, *, is_tracked: bool = False) -> None:
         self._pygame = load()
         self.width, self.height = width, height
-        self._is_tracked, self._below = is_tracked, None
+        self._is_tracked = is_tracked
+        self._below: Surface | None = None
         self._boxes: list[Box] = []  # over what lies below
+        self._deeper: tuple[Surface | None, list[Box]] = _NOTHING  # what lies deeper, and where it was painted over
         self._changed: list[Box] | None = None  # before that, since the picture before; None: everything
         self.surface: Surface = self._pygame.Surface((width, height), 0, 32) if surface is None else surface
 
     def fill(self, color: Rgba) -> None:
         """Paint all of it; transparency does not count here."""
         self.surface.fill(color[:3])
-        self._below, self._boxes, self._changed = None, [], None
+        self._below, self._boxes, self._changed, self._deeper = None, [], None, _NOTHING
 
     # -- from picture to picture -----------------------------------------------------------------------------
 
     def show(self, below: "Surface") -> None:
         """Begin a picture with what `keep` gave; where it was shown last, only what was painted over it is restored."""
+        if self._is_tracked and below is self._deeper[0]:  # of what lies below, some is to be taken off
+            self._below, self._boxes, self._deeper = below, [*self._deeper[1], *self._boxes], _NOTHING
         if self._is_tracked and below is self._below:
             for box in self._boxes:
                 self.surface.blit(below, box, box)
             self._changed = self._boxes
         else:
             self.surface.blit(below, (0, 0))
-            self._changed = None
+            self._changed, self._deeper = None, _NOTHING
         self._below, self._boxes = below, []
 
     def keep(self) -> "Surface":
         """What was painted so far, to `show` it again."""
         below = self.surface.copy()
+        self._deeper = self._below, self._boxes
         if self._changed is not None:
             self._changed = [*self._changed, *self._boxes]
         self._below, self._boxes = below, []
