@@ -19,6 +19,7 @@ from gamms.visual.camera import Camera
 from gamms.visual.color import Color
 from gamms.visual.drawers import render_input_overlay
 from gamms.visual.picture import size
+from gamms.visual.undeclared import Undeclared
 from gamms.visual.window.asking import Question, Walk, question
 from gamms.visual.window.controls import Controls
 from gamms.visual.window.crowd import Crowd, is_crowd
@@ -83,6 +84,7 @@ class WindowEngine(Onlookers):
         super().__init__(ctx, simulation_time_constant=simulation_time_constant)
         self.width, self.height = size(width, height)
         self.pace, self._theme = Pace(max_fps), theme_called(theme)
+        self._usual, self.wall_tones = Undeclared(ctx, self._theme.map), self._theme.map.walls
         self._turns_of_trails, self.has_labels = as_int(trails, "trails"), bool(labels)
         self.trails.turns = max(self._turns_of_trails, 0)
         look = {"node_color": Color.Green, "node_size": 4.0, "edge_color": Color.Green, **(input_overlay or {})}
