@@ -62,5 +62,5 @@ class WallTones(NamedTuple):
     wall: Rgb  # of walls that stand around nothing
 
 
-BY_DAY = WallTones(low=(240, 236, 228), high=(205, 196, 180), outline=(186, 177, 161), wall=(139, 128, 110))
-BY_NIGHT = WallTones(low=(34, 37, 42), high=(66, 64, 63), outline=(82, 80, 78), wall=(140, 130, 116))
+BY_DAY = WallTones(low=(240, 236, 228), high=(206, 197, 181), outline=(193, 184, 168), wall=(139, 128, 110))
+BY_NIGHT = WallTones(low=(37, 40, 45), high=(70, 68, 66), outline=(86, 84, 81), wall=(140, 130, 116))

@@ -102,16 +102,15 @@ class Scene:
         high = np.max([box[1] for box in boxes], axis=0) if boxes else np.zeros(2)
         return fit_box(low, high, width, height, header)
 
-    def paint(self, canvas: Canvas, camera: Camera, background: Rgba, *, is_moving: bool = False) -> None:
+    def paint(self, canvas: Canvas, camera: Camera, background: Rgba) -> None:
         """Paint all of it.
 
         Args:
             canvas: what was there is painted over.
             camera: as large as the canvas.
             background: the colour behind everything.
-            is_moving: the camera is on its way, so that static parts may be shifted by half a pixel and scaled.
         """
-        still = 0 if is_moving else _leading(self._parts, self._before)
+        still = _leading(self._parts, self._before)
         begin = self._from_stage(canvas, camera, background, still)
         if begin == 0:
             canvas.fill(background)
@@ -120,7 +119,7 @@ class Scene:
                 part.paint(canvas, camera)
             else:
                 behind = background if place == 0 else None
-                part.plate.show(part.painting, canvas, camera, behind, is_moving=is_moving)
+                part.plate.show(part.painting, canvas, camera, behind)
             if place + 1 == still:
                 self._stage = self._parts[:still], camera, background, canvas.surface.copy()
 

@@ -66,7 +66,7 @@ class Undeclared:
     def _renew_map(self) -> None:
         graph = self._ctx.graph
         key = graph.columns().revision, graph.obstacle_revision
-        if key == self._map_key:
+        if key == self._map_key and None not in key:  # which are engines that do not count
             return
         columns = graph.columns()
         self._map_key, self._unit = key, _sight(columns)
