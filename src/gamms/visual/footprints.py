@@ -18,7 +18,7 @@ class Footprints(NamedTuple):
     offsets: IntArray  # (footprints + 1,)  footprint `i` is `points[offsets[i]:offsets[i + 1]]`
     heights: FloatArray  # (footprints,)  of the top edges
     types: IntArray  # (footprints,)  of obstacles
-    is_around: BoolArray  # (faces,)
+    row_of: IntArray  # (faces,)  the footprint that a face stands around; -1 = none
 
     def chosen(self, is_chosen: BoolArray) -> tuple[FloatArray, IntArray]:
         """Points and offsets of some footprints."""
@@ -36,7 +36,6 @@ def footprints(faces: ObstacleColumns) -> Footprints:
 
     A ring inside the one before, of the same type, height and base, is a courtyard: it makes a hole.
     """
-    count = len(faces.ids)
     rings, is_forward = _rings(faces.corners[:, 0], faces.corners[:, 1])
     outlines: list[_Outline] = [
         faces.corners[begin:end, 0 if forward else 1, :2].tolist()
@@ -46,16 +45,17 @@ def footprints(faces: ObstacleColumns) -> Footprints:
     looks = np.column_stack((faces.types, faces.corners[:, 0, 2], faces.corners[:, 2, 2]))[first].tolist()
     bundles = _bundles(outlines, looks)
     polygons = [_with_holes([outlines[ring] for ring in bundle]) for bundle in bundles]
-    first = first[np.array([bundle[0] for bundle in bundles], np.int64)]
-    edges = np.zeros(count + 1, np.int64)
-    np.add.at(edges, rings[:, 0], 1)
-    np.add.at(edges, rings[:, 1], -1)
+    row_of = np.full(len(faces.ids), -1)
+    for row, bundle in enumerate(bundles):
+        for ring in bundle:
+            row_of[slice(*rings[ring])] = row
+    outer = first[np.array([bundle[0] for bundle in bundles], np.int64)]
     return Footprints(
         points=np.array([point for polygon in polygons for point in polygon]).reshape(-1, 2),
         offsets=np.cumsum([0, *map(len, polygons)]),
-        heights=faces.corners[first, 0, 2],
-        types=faces.types[first],
-        is_around=np.cumsum(edges[:-1]) > 0,
+        heights=faces.corners[outer, 0, 2],
+        types=faces.types[outer],
+        row_of=row_of,
     )
 
 

@@ -26,7 +26,7 @@ _NOBODYS = (110, 114, 120)
 _OBSTACLES, _GRAPH, _SENSORS, _AGENTS = 5, 10, 15, 20  # layers
 _USUAL_PX, _LEAST_PX, _MANY = 6.0, 3.0, 150  # radius of agents; of more than so many a smaller one
 _RING = 1.7  # of a sensed agent, in radii of its disc
-_WALL, _THICKEST = 0.25, 0.5  # of a wall: in radii of agents, and at most in metres
+_WALL, _THICKEST = 0.3, 0.5  # of a wall: in radii of agents, and at most in metres
 
 
 class MapTones(NamedTuple):

@@ -58,7 +58,8 @@ def _draw_buildings(
     for number in range(_STEPS):
         tone = _between(tones.low, tones.high, number / (_STEPS - 1))
         _fill(visual, built, is_filled & ~own & (step == number), tone)
-    has_own, is_around = np.isin(columns.types, list(colors)), built.is_around
+    has_own = np.isin(columns.types, list(colors))
+    is_around = np.append(is_filled, False)[built.row_of]  # the row -1 is the last
     _draw_tops(visual, columns, ~has_own & is_around, tones.outline, thickness)
     _draw_tops(visual, columns, ~has_own & ~is_around, tones.wall, thickness)
     for type, color in colors.items():
