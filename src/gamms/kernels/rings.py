@@ -19,8 +19,8 @@ def closed_rings(starts: FloatArray, ends: FloatArray) -> IntArray:
     count = len(starts)
     if count < _FEWEST:
         return np.zeros((0, 2), np.int64)
-    _, place = np.unique(np.concatenate((starts, ends)), axis=0, return_inverse=True)
-    begins, finishes = place.reshape(-1)[:count], place.reshape(-1)[count:]
+    place = _places(np.concatenate((starts, ends)))
+    begins, finishes = place[:count], place[count:]
     rows = np.arange(count)
     chain = np.cumsum(np.concatenate(([0], finishes[:-1] != begins[1:])))
     # The latest line, up to each, that begins where this one ends.
@@ -33,3 +33,13 @@ def closed_rings(starts: FloatArray, ends: FloatArray) -> IntArray:
         if not rings or begin >= rings[-1][1]:
             rings.append((begin, row + 1))
     return np.array(rings, np.int64).reshape(-1, 2)
+
+
+def _places(points: FloatArray) -> IntArray:
+    """Numbers (points,) that are equal where points are."""
+    # NOTE: axis by axis, which takes a fifth of the time of `np.unique(..., axis=0)` (the buildings of a city).
+    place = np.zeros(len(points), np.int64)
+    for axis in points.T:
+        values, row = np.unique(axis, return_inverse=True)
+        _, place = np.unique(place * len(values) + row, return_inverse=True)
+    return place

@@ -65,7 +65,8 @@ def _rings(rights: FloatArray, lefts: FloatArray) -> tuple[IntArray, list[bool]]
     taken = np.zeros(len(rights), bool)
     for begin, end in found:
         taken[begin:end] = True
-    for begin, end in kernels.closed_rings(lefts, rights).tolist():
+    others = np.zeros((0, 2), np.int64) if taken.all() else kernels.closed_rings(lefts, rights)
+    for begin, end in others.tolist():
         if not taken[begin:end].any():
             found[(begin, end)] = False
     rings = sorted(found)
