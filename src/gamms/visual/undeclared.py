@@ -56,6 +56,7 @@ class Undeclared:
         self._agents_key: Any = None
         self._agents: dict[str, IArtist] = {}
         self._colors: dict[str, Rgb] = {}  # of agents, by name
+        self._views: dict[tuple[str, Rgb, float], IArtist] = {}  # of sensors, by all that they depend on
 
     def artists(self) -> dict[str, IArtist]:
         """Artists of the obstacles, the graph, every agent, and the sensors while they are few, by name."""
@@ -98,15 +99,17 @@ class Undeclared:
             disc.data = {"agent_data": AgentData(name, color, self._unit, least_px=least_px), "_alpha": 1.0}
 
     def _sensors(self) -> dict[str, IArtist]:
-        """Anew each time: a sensor looks when it likes."""
+        """Asked for anew each time: a sensor looks when it likes."""
         telling = _telling_sensors(self._ctx, len(self._ctx.graph.columns().node_ids))
-        carriers = self._carriers() if telling else {}
-        artists: dict[str, IArtist] = {}
-        for sensor in telling:
-            artists[f"sensor_{sensor.sensor_id}"] = artist = Artist(self._ctx, render_sensor, _SENSORS)
-            color, unit = carriers.get(id(sensor), _NOBODYS), self._unit
-            artist.data = {"name": sensor.sensor_id, "color": color, "size": _RING * unit, "node_size": 0.5 * unit}
-        return artists
+        carriers, unit = self._carriers() if telling else {}, self._unit
+        looks = [(sensor.sensor_id, carriers.get(id(sensor), _NOBODYS), unit) for sensor in telling]
+        self._views = {look: self._views.get(look) or self._view(*look) for look in looks}
+        return {f"sensor_{name}": artist for (name, *_), artist in self._views.items()}
+
+    def _view(self, name: str, color: Rgb, unit: float) -> Artist:
+        artist = Artist(self._ctx, render_sensor, _SENSORS)
+        artist.data = {"name": name, "color": color, "size": _RING * unit, "node_size": 0.5 * unit}
+        return artist
 
     def _carriers(self) -> dict[int, Rgb]:
         """The colour of who carries a sensor, by the sensor's identity."""

@@ -200,7 +200,9 @@ class WindowEngine(Onlookers):
         self._screen = window_surface() or self._screen
         self._fit()
         if self._is_fresh or not self._shown:
-            self._shown = self.onstage_artists()
+            shown = self.onstage_artists()
+            if self._is_declared or shown != self._shown:  # what one declares one may also change from outside
+                self._shown = shown
         self._share = self._turn_share()
         self._stage.draw(
             self._shown | self.hints(), self._draw_members, is_new_turn=self._is_fresh or self._has_painters
