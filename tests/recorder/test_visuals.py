@@ -12,7 +12,7 @@ from gamms.visual import Artist, Color, Shape
 
 def declare(ctx):
     ctx.visual.set_graph_visual(node_color=Color.Red, node_size=4.5, edge_color=(1, 2, 3), draw_id=True)
-    ctx.visual.set_obstacle_visual(color_map={1: (9, 8, 7)}, boundary_thickness=2.0)
+    ctx.visual.set_obstacle_visual(color_map={1: (9, 8, 7)}, boundary_thickness=2.0, fill=True)
     ctx.visual.set_agent_visual("a", color=Color.Green, size=3)
     ctx.visual.set_sensor_visual("near", node_color=Color.Cyan, layer=3)
     ctx.visual.add_artist("disc", {"x": 1.0, "y": 2.0, "scale": 3.0, "color": (5, 6, 7), "layer": 50})

@@ -50,7 +50,7 @@ def test_a_bad_coordinate_is_an_error_of_the_artist_that_gave_it(ctx, caplog):
 def test_where_nothing_was_declared_streets_and_teams_are_drawn_below_the_users_artists(ctx):
     ctx.visual.add_artist("flag", dot(90))
     commands = ctx.visual.draw_commands()
-    assert set(commands.layer.tolist()) == {10, 20, 90}
+    assert set(commands.layer.tolist()) == {5, 10, 20, 90}
     colors = {tuple(color) for color in commands.color[commands.layer == 20, :3].tolist()}
     assert colors == {*TEAM_COLORS[:2], (255, 255, 255)}
 

@@ -9,6 +9,7 @@ from gamms.kernels.csr import expand_ranges, group_rows, ragged_rows
 from gamms.kernels.draws import draws_by_name, lots_by_name
 from gamms.kernels.occlusion import blocks, visible
 from gamms.kernels.paths import Arcs, first_steps, make_arcs, tight_arcs
+from gamms.kernels.rings import closed_rings
 from gamms.kernels.rotations import (
     Quaternion,
     about_z,
@@ -30,6 +31,7 @@ __all__ = [
     "blocks",
     "build_cells",
     "candidate_rows",
+    "closed_rings",
     "draws_by_name",
     "expand_ranges",
     "first_steps",

@@ -29,6 +29,8 @@ class _Case(NamedTuple):
     free: tuple[_Point, ...]  # pixels
 
 
+_RING = ((40, 10), (160, 10), (160, 90), (40, 90))  # world units
+_HOLE = ((80, 30), (80, 70), (120, 70), (120, 30))
 _CORNERS = ((2, 2), (197, 2), (2, 97), (197, 97))
 _RED, _BLUE = (200, 0, 0), (0, 0, 200)
 _FAINT = (*_RED, 51)
@@ -66,6 +68,14 @@ _CASES = (
         _BLUE,
         ((100, 40), (60, 76)),
         ((45, 20), (155, 20), (100, 90)),
+    ),
+    _Case(
+        "a polygon with a seam to a ring that runs the other way around has a hole",
+        lambda commands: commands.add_polygon([*_RING, _RING[0], *_HOLE, _HOLE[0]], _BLUE),
+        "path",
+        _BLUE,
+        ((60, 50), (100, 20), (140, 50), (100, 80)),
+        ((100, 50), (85, 38), (115, 62), *_CORNERS),
     ),
     _Case(
         "a line is as broad as it says",

@@ -20,7 +20,7 @@ class IVisualizationEngine(ABC):
 
     @abstractmethod
     def set_obstacle_visual(self, **kwargs: Any) -> IArtist:
-        """Declare how obstacles look: `color_map`, `boundary_thickness`."""
+        """Declare how obstacles look: `color_map`, `boundary_thickness`, `fill`."""
 
     @abstractmethod
     def set_agent_visual(self, name: str, **kwargs: Any) -> IArtist:

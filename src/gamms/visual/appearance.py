@@ -1,10 +1,10 @@
 """What the built-in drawers find in an artist's `data`."""
 
 from dataclasses import dataclass, field
-from typing import Any
+from typing import Any, NamedTuple
 
 from gamms.typing import ColorType
-from gamms.visual.color import Color
+from gamms.visual.color import Color, Rgb
 
 
 @dataclass
@@ -51,3 +51,16 @@ class GraphData:
     edge_line_points: dict[int, Any] = field(
         default_factory=dict, compare=False
     )  # graph revision -> what the drawer made of it
+
+
+class WallTones(NamedTuple):
+    """How buildings and walls look that have no colour of their own."""
+
+    low: Rgb  # of the areas of the lowest buildings
+    high: Rgb  # of the areas of the highest ones; what is between is mixed
+    outline: Rgb  # of areas
+    wall: Rgb  # of walls that stand around nothing
+
+
+BY_DAY = WallTones(low=(240, 236, 228), high=(206, 197, 181), outline=(193, 184, 168), wall=(139, 128, 110))
+BY_NIGHT = WallTones(low=(37, 40, 45), high=(70, 68, 66), outline=(86, 84, 81), wall=(140, 130, 116))

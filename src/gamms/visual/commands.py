@@ -84,6 +84,17 @@ class Commands:
             raise BadValue(f"A polygon needs three points or more, not {len(points)}.")
         self._add(DrawKind.POLYGON, points, [len(points)], color, width=width)
 
+    def add_polygons(self, points: Any, offsets: Any, color: Any, width: float = 0.0) -> None:
+        """Draw polygons of one style; polygon `i` is `points[offsets[i]:offsets[i + 1]]`.
+
+        Raises:
+            BadValue: a polygon of fewer than three points, or offsets that do not divide the points.
+        """
+        points, counts = _as_points(points), np.diff(offsets)
+        if len(offsets) == 0 or offsets[0] != 0 or offsets[-1] != len(points) or (counts < 3).any():
+            raise BadValue("Each polygon needs three points or more, and the offsets must go from 0 to their number.")
+        self._add(DrawKind.POLYGON, points, counts.tolist(), color, width=width)
+
     def add_rectangle(self, x: float, y: float, width: float, height: float, color: Any) -> None:
         """Fill a rectangle whose top-left corner is at (x, y); `width` and `height` in pixels."""
         extent = as_range(width, "The width of a rectangle"), as_range(height, "The height of a rectangle")

@@ -39,11 +39,15 @@ class Declarations(Primitives):
         return self._declare("graph", artist)
 
     def set_obstacle_visual(self, **kwargs: Any) -> Artist:
-        """Declare how obstacles look: `color_map` (type -> colour), `boundary_thickness` (world units)."""
+        """Declare how obstacles look: `color_map` (type -> colour), `boundary_thickness` (world units), `fill`.
+
+        Where `fill` is true, what walls stand around is filled: in the colour of its type in `color_map`, or else in
+        a tone that says how high it is. Otherwise only the top edges of faces are drawn.
+        """
         artist = Artist(self.ctx, render_obstacles, _OBSTACLES)
         artist.set_artist_type(ArtistType.STATIC)
         artist.data = {"color_map": {}, "boundary_thickness": 1.0}
-        artist.data |= _known(kwargs, "color_map", "boundary_thickness")
+        artist.data |= _known(kwargs, "color_map", "boundary_thickness", "fill")
         return self._declare("obstacles", artist)
 
     def set_agent_visual(self, name: str, **kwargs: Any) -> Artist:

@@ -42,7 +42,7 @@ _KINDS = {
         lambda given: {"graph_data": GraphData(**given)},
         is_static=True,
     ),
-    "obstacles": _Kind(render_obstacles, ("color_map", "boundary_thickness"), dict, dict, is_static=True),
+    "obstacles": _Kind(render_obstacles, ("color_map", "boundary_thickness", "fill"), dict, dict, is_static=True),
     "agent": _Kind(
         render_agent,
         ("name", "color", "size"),

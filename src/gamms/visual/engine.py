@@ -12,7 +12,7 @@ from gamms.typing import ArtistType, ColorType, IArtist, IContext
 from gamms.visual.camera import Camera, Follow, Look
 from gamms.visual.color import PAPER
 from gamms.visual.declarations import Declarations
-from gamms.visual.undeclared import undeclared_artists
+from gamms.visual.undeclared import Undeclared
 
 if TYPE_CHECKING:
     from gamms.visual.backends.coverage import ByteArray
@@ -38,6 +38,7 @@ class PictureEngine(Declarations):
         self.width, self.height = 1280, 720
         self.look: Look | None = None
         self.followed: Follow | None = None
+        self._undeclared = Undeclared(ctx)
         self._films: list[Film] = []
         self._scene: Scene | None = None
 
@@ -126,7 +127,7 @@ class PictureEngine(Declarations):
         """
         if self.ctx.is_terminated():
             raise ContextTerminated("the state to draw")
-        return dict(self._artists) if self._is_declared else undeclared_artists(self.ctx) | self._artists
+        return dict(self._artists) if self._is_declared else self._undeclared.artists() | self._artists
 
     def draw_commands(self) -> DrawCommands:
         """The present state as draw commands.

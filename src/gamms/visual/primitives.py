@@ -12,6 +12,7 @@ from gamms.errors import BadType, BadValue
 from gamms.ir.draw import DrawSpace
 from gamms.ir.graph import GraphColumns
 from gamms.typing import ColorType, IContext, IVisualizationEngine
+from gamms.visual.appearance import BY_DAY
 from gamms.visual.color import Color
 from gamms.visual.commands import Commands
 from gamms.visual.motion import Motion
@@ -24,12 +25,17 @@ EDGE_PX = 3.0  # of a disc; half of it is hidden
 
 
 class Primitives(IVisualizationEngine):
-    """The part of an engine that drawers draw with."""
+    """The part of an engine that drawers draw with.
+
+    Attributes:
+        wall_tones: of obstacles that are filled, on the background that is usual here.
+    """
 
     def __init__(self, ctx: IContext) -> None:
         self.ctx = ctx
         self.motion = Motion(ctx)
         self.happenings = Happenings(ctx)
+        self.wall_tones = BY_DAY
         self._drawing: Commands | None = None
         self._measured: tuple[GraphColumns | None, dict[Any, Any]] = None, {}
 
@@ -149,6 +155,15 @@ class Primitives(IVisualizationEngine):
         """
         if self._drawing is not None:
             self._drawing.add_lines(points, offsets, color, width, DrawSpace.WORLD if in_world else DrawSpace.SCREEN)
+
+    def render_polygons(self, points: Any, offsets: Any, color: ColorType = Color.Black, width: float = 0) -> None:
+        """Draw many polygons at once: polygon `i` is `points[offsets[i]:offsets[i + 1]]`.
+
+        `width` is the outline in pixels, 0 = filled. A polygon is filled where it winds around; so one with a seam to
+        an inner ring, which runs the other way around, has a hole there.
+        """
+        if self._drawing is not None:
+            self._drawing.add_polygons(points, offsets, color, width)
 
     def render_circles(
         self,

@@ -1,13 +1,12 @@
-"""What a scenario looks like when nobody said so: grey streets, and agents in the colours of their teams or their own.
+"""What a scenario looks like when nobody said so: grey streets, toned buildings, and agents in colours.
 
-What few sensors saw is drawn in the colours of those who carry them, below the agents. Flags, territories and the
-tags of this turn are drawn, and a legend tells the teams.
+Agents have the colours of their teams, or their own. What few sensors saw is drawn in the colours of those who carry
+them, below the agents. Flags, territories and the tags of this turn are drawn, and a legend tells the teams.
 """
 
 from collections.abc import Iterator
 from itertools import islice
-from typing import Any
-from weakref import WeakKeyDictionary
+from typing import Any, NamedTuple
 
 import numpy as np
 
@@ -15,10 +14,11 @@ from gamms.errors import NotOffered
 from gamms.ir.graph import GraphColumns
 from gamms.ir.sensed import SensorView
 from gamms.typing import ArtistType, IArtist, IContext, ISensor, SensorType
-from gamms.visual.appearance import AgentData, GraphData
+from gamms.typing.artist import Drawer
+from gamms.visual.appearance import BY_DAY, AgentData, GraphData, WallTones
 from gamms.visual.artist import Artist
 from gamms.visual.color import Rgb
-from gamms.visual.drawers import render_agent, render_graph, render_sensor
+from gamms.visual.drawers import render_agent, render_graph, render_obstacles, render_sensor
 from gamms.visual.drawers.rules import (
     FLAG_LAYER,
     TAG_LAYER,
@@ -30,51 +30,118 @@ from gamms.visual.drawers.rules import (
 )
 from gamms.visual.drawers.sensors import view_of
 from gamms.visual.drawers.tags import render_tags
-from gamms.visual.primitives import primitives_of
 from gamms.visual.sides import side_colors, side_of, team_rows
 
 MOST_SENSORS = 20  # more of them would hide what happens
-_STREETS, _NODES, _NOBODYS = (165, 168, 172), (140, 143, 148), (110, 114, 120)
-_GRAPH, _SENSORS, _AGENTS = 10, 15, 20  # layers
+_NOBODYS = (110, 114, 120)
+_OBSTACLES, _GRAPH, _SENSORS, _AGENTS = 5, 10, 15, 20  # layers
 _USUAL_PX, _LEAST_PX, _MANY = 6.0, 3.0, 150  # radius of agents; of more than so many a smaller one
 _RING = 1.7  # of a sensed agent, in radii of its disc
-
-_territory_drawers: WeakKeyDictionary[IContext, dict[str, TerritoryDrawer]] = WeakKeyDictionary()  # who know the places
-
-
-def undeclared_artists(ctx: IContext) -> dict[str, IArtist]:
-    """Artists of the graph, of every agent, of the sensors while they are few, of tags and of the legend, by name."""
-    columns = ctx.graph.columns()
-    unit = primitives_of(ctx).of_map(_sight)
-    streets = Artist(ctx, render_graph, _GRAPH)
-    streets.set_artist_type(ArtistType.STATIC)
-    streets.data = {"graph_data": GraphData(_NODES, 0.35 * unit, _STREETS)}
-    artists: dict[str, IArtist] = {"graph": streets}
-    sides = {agent.name: side_of(agent) for agent in ctx.agent.create_iter()}
-    least_px = max(_LEAST_PX, min(_USUAL_PX, _USUAL_PX * (_MANY / max(len(sides), 1)) ** 0.5))
-    colors, carriers = side_colors(ctx), dict[int, Rgb]()
-    for agent in ctx.agent.create_iter():
-        color = colors[str(sides[agent.name])]
-        artists[agent.name] = disc = Artist(ctx, render_agent, _AGENTS)
-        disc.data = {"agent_data": AgentData(agent.name, color, unit, least_px=least_px), "_alpha": 1.0}
-        carriers |= {id(sensor): color for sensor in getattr(agent, "_sensor_list", {}).values()}
-    for sensor in _telling_sensors(ctx, len(columns.node_ids)):
-        artists[f"sensor_{sensor.sensor_id}"] = artist = Artist(ctx, render_sensor, _SENSORS)
-        color = carriers.get(id(sensor), _NOBODYS)
-        artist.data = {"name": sensor.sensor_id, "color": color, "size": _RING * unit, "node_size": 0.5 * unit}
-    return artists | _artists_of_rules(ctx) | {"legend": legend_of_teams(ctx)}
+_WALL, _THICKEST = 0.3, 0.5  # of a wall: in radii of agents, and at most in metres
 
 
-def _artists_of_rules(ctx: IContext) -> dict[str, IArtist]:
-    """Artists of what rules remember, under the names by which rules draw it: a replay has what they remember only."""
-    artists: dict[str, IArtist] = {"tags": Artist(ctx, render_tags, TAG_LAYER)}
-    drawers = _territory_drawers.setdefault(ctx, {})
-    for name in territories_in(ctx):
-        artists[name] = Artist(ctx, drawers.setdefault(name, TerritoryDrawer(name)), TERRITORY_LAYER)
-    for key in flags_in(ctx):
-        artists[key] = flags = Artist(ctx, render_flags, FLAG_LAYER)
-        flags.data = {"key": key}
-    return artists
+class MapTones(NamedTuple):
+    """The colours of what does not move."""
+
+    streets: Rgb
+    nodes: Rgb
+    walls: WallTones
+
+
+ON_PAPER = MapTones((165, 168, 172), (140, 143, 148), BY_DAY)
+
+
+class Undeclared:
+    """The artists of a scenario that declares none, kept as long as what they depend on stays the same.
+
+    Args:
+        ctx: the context.
+        tones: of the map.
+    """
+
+    def __init__(self, ctx: IContext, tones: MapTones = ON_PAPER) -> None:
+        self._ctx, self._tones = ctx, tones
+        self._map_key: Any = None
+        self._map: dict[str, IArtist] = {}
+        self._unit = 1.0  # radius of agents
+        self._agents_key: Any = None
+        self._agents: dict[str, IArtist] = {}
+        self._colors: dict[str, Rgb] = {}  # of agents, by name
+        self._views: dict[tuple[str, Rgb, float], IArtist] = {}  # of sensors, by all that they depend on
+        self._territories: dict[str, TerritoryDrawer] = {}  # who know the places
+        self._tags, self._legend = Artist(ctx, render_tags, TAG_LAYER), legend_of_teams(ctx)
+
+    def artists(self) -> dict[str, IArtist]:
+        """Artists of the map, every agent, the sensors while they are few, what rules keep, and the legend, by name."""
+        self._renew_map()
+        self._renew_agents()
+        return self._map | self._agents | self._sensors() | self._of_rules() | {"legend": self._legend}
+
+    def _of_rules(self) -> dict[str, IArtist]:
+        """Artists of what rules remember, which is all that a replay has, under the names by which rules draw it."""
+        artists: dict[str, IArtist] = {"tags": self._tags}
+        for name in territories_in(self._ctx):
+            drawer = self._territories.setdefault(name, TerritoryDrawer(name))
+            artists[name] = Artist(self._ctx, drawer, TERRITORY_LAYER)
+        for key in flags_in(self._ctx):
+            artists[key] = flags = Artist(self._ctx, render_flags, FLAG_LAYER)
+            flags.data = {"key": key}
+        return artists
+
+    def _renew_map(self) -> None:
+        graph = self._ctx.graph
+        key = graph.columns().revision, graph.obstacle_revision
+        if key == self._map_key and None not in key:  # which are engines that do not count
+            return
+        columns = graph.columns()
+        self._map_key, self._unit = key, _sight(columns)
+        streets = self._static(render_graph, _GRAPH)
+        streets.data = {"graph_data": GraphData(self._tones.nodes, 0.35 * self._unit, self._tones.streets)}
+        self._map = {"graph": streets}
+        if len(graph.obstacle_columns().ids):
+            thickness = _WALL * self._unit if columns.crs is None else min(_WALL * self._unit, _THICKEST)
+            self._map["obstacles"] = walls = self._static(render_obstacles, _OBSTACLES)
+            walls.data = {"fill": True, "boundary_thickness": thickness, "tones": self._tones.walls}
+
+    def _static(self, drawer: Drawer, layer: int) -> Artist:
+        artist = Artist(self._ctx, drawer, layer)
+        artist.set_artist_type(ArtistType.STATIC)
+        return artist
+
+    def _renew_agents(self) -> None:
+        roster = self._ctx.agent.columns.roster  # type: ignore[attr-defined] # of our own engine
+        key = roster, self._unit
+        if key == self._agents_key:
+            return
+        sides = {agent.name: str(side_of(agent)) for agent in self._ctx.agent.create_iter()}
+        by_side = side_colors(self._ctx)
+        least_px = max(_LEAST_PX, min(_USUAL_PX, _USUAL_PX * (_MANY / max(len(sides), 1)) ** 0.5))
+        self._agents_key, self._agents = key, {}
+        self._colors = {name: by_side[side] for name, side in sides.items()}
+        for name, color in self._colors.items():
+            self._agents[name] = disc = Artist(self._ctx, render_agent, _AGENTS)
+            disc.data = {"agent_data": AgentData(name, color, self._unit, least_px=least_px), "_alpha": 1.0}
+
+    def _sensors(self) -> dict[str, IArtist]:
+        """Asked for anew each time: a sensor looks when it likes."""
+        telling = _telling_sensors(self._ctx, len(self._ctx.graph.columns().node_ids))
+        carriers, unit = self._carriers() if telling else {}, self._unit
+        looks = [(sensor.sensor_id, carriers.get(id(sensor), _NOBODYS), unit) for sensor in telling]
+        self._views = {look: self._views.get(look) or self._view(*look) for look in looks}
+        return {f"sensor_{name}": artist for (name, *_), artist in self._views.items()}
+
+    def _view(self, name: str, color: Rgb, unit: float) -> Artist:
+        artist = Artist(self._ctx, render_sensor, _SENSORS)
+        artist.data = {"name": name, "color": color, "size": _RING * unit, "node_size": 0.5 * unit}
+        return artist
+
+    def _carriers(self) -> dict[int, Rgb]:
+        """The colour of who carries a sensor, by the sensor's identity."""
+        return {
+            id(sensor): self._colors[agent.name]
+            for agent in self._ctx.agent.create_iter()
+            for sensor in getattr(agent, "_sensor_list", {}).values()
+        }
 
 
 def legend_of_teams(ctx: IContext) -> Artist:

@@ -12,6 +12,7 @@ import gamms
 from gamms.errors import BadValue, MissingFile, UnknownName
 from gamms.typing import ISensor
 from gamms.visual import Artist, Color, Engine, Shape
+from gamms.visual.appearance import BY_DAY, BY_NIGHT
 
 
 def has_color(pixels, color):
@@ -268,3 +269,30 @@ def test_resizing_the_window_resizes_the_view(ctx):
     view = ctx.visual._render_manager
     assert (view.screen_width, view.screen_height) == (500, 400)
     assert ctx.visual.frame().shape == (400, 500, 3)
+
+
+def test_a_frame_after_which_nothing_changed_has_the_same_artists(ctx):
+    ctx.visual.update()
+    shown = ctx.visual._shown
+    ctx.visual.update()
+    assert ctx.visual._shown is shown
+    ctx.agent.get_agent("blue_0").team = "red"
+    ctx.visual.update()
+    assert ctx.visual._shown is not shown
+
+
+@pytest.mark.parametrize(("theme", "tone"), [("light", BY_DAY), ("dark", BY_NIGHT)])
+def test_a_building_is_filled_in_the_tone_of_the_theme(open_window, seen, theme, tone):
+    ctx = open_window(theme=theme)
+    corners = [(2, 3), (8, 3), (8, 7), (2, 7)]
+    faces = [[(*a, 5), (*b, 5), (*a, 0), (*b, 0)] for a, b in zip(corners, [*corners[1:], corners[0]], strict=True)]
+    ctx.graph.add_obstacles(faces)
+    ctx.visual.update()
+    x, y = ctx.visual._render_manager.world_to_screen(5.0, 5.0)
+    filled = seen(ctx)[int(y), int(x)]
+    assert all(min(ends) <= value <= max(ends) for value, *ends in zip(filled, tone.low, tone.high, strict=True))
+    ctx.visual.set_graph_visual()
+    ctx.visual.set_obstacle_visual(fill=True)
+    ctx.visual.look_at(5.0, 5.0, 20.0)
+    ctx.visual.update()
+    assert seen(ctx)[180, 320].tolist() == filled.tolist()

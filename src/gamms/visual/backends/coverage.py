@@ -82,13 +82,26 @@ def broad_strokes(starts: FloatArray, ends: FloatArray, width_px: float, width: 
 
 def polygon(points: FloatArray, width: int, height: int) -> Patch | None:
     """A filled polygon (corners, 2), cut to a picture; what it winds around in either direction is inside."""
+    return polygons(points, np.array([0, len(points)]), width, height)
+
+
+def polygons(points: FloatArray, offsets: IntArray, width: int, height: int) -> Patch | None:
+    """All filled polygons together, cut to a picture; where they overlap they count once.
+
+    Args:
+        points: (points, 2), pixels.
+        offsets: (polygons + 1,)  polygon `i` is `points[offsets[i]:offsets[i + 1]]`.
+        width: of the picture.
+        height: of the picture.
+    """
     left, top = np.maximum(np.floor(points.min(axis=0)), 0).astype(np.int64).tolist()
     right, bottom = np.minimum(np.ceil(points.max(axis=0)), (width, height)).astype(np.int64).tolist()
     if left >= right or top >= bottom:
         return None
-    line, x, turn = _crossings(points - (left, top), (bottom - top) * _FINER)
+    lines = (bottom - top) * _FINER
+    line, x, turn = _crossings(points - (left, top), offsets, lines)
     order = np.lexsort((x, line))
-    line, x, turn = line[order], np.clip(x[order], 0, right - left), turn[order]
+    line, x, turn = line[order] % lines, np.clip(x[order], 0, right - left), turn[order]
     after = np.cumsum(turn)  # how often it has wound around what lies right of each crossing; 0 after each line
     step = ((after != 0).astype(np.float64) - (after - turn != 0)) / _FINER
     column = np.minimum(x.astype(np.int64), right - left - 1)
@@ -100,9 +113,14 @@ def polygon(points: FloatArray, width: int, height: int) -> Patch | None:
     return Patch(np.rint(np.clip(covered, 0, 255)).astype(np.uint8), left, top)
 
 
-def _crossings(points: FloatArray, lines: int) -> tuple[IntArray, FloatArray, IntArray]:
-    """Where the sides of a polygon cross fine lines: which line, at which x, downwards (1) or upwards (-1)."""
-    begin, end = points, np.roll(points, -1, axis=0)
+def _crossings(points: FloatArray, offsets: IntArray, lines: int) -> tuple[IntArray, FloatArray, IntArray]:
+    """Where sides of polygons cross fine lines: which line, at which x, downwards (1) or upwards (-1).
+
+    Each polygon has lines of its own, so many after those of the one before.
+    """
+    following = np.arange(1, len(points) + 1)
+    following[offsets[1:] - 1] = offsets[:-1]
+    begin, end = points, points[following]
     turn = np.sign(end[:, 1] - begin[:, 1]).astype(np.int64)
     high, low = np.where((turn > 0)[:, None], begin, end), np.where((turn > 0)[:, None], end, begin)
     first = np.clip(np.ceil(high[:, 1] * _FINER - 0.5), 0, lines).astype(np.int64)
@@ -111,7 +129,8 @@ def _crossings(points: FloatArray, lines: int) -> tuple[IntArray, FloatArray, In
     side = np.repeat(np.arange(len(points)), counts)
     line = np.arange(len(side)) - np.repeat(np.cumsum(counts) - counts - first, counts)
     share = ((line + 0.5) / _FINER - high[side, 1]) / (low[side, 1] - high[side, 1])
-    return line, high[side, 0] + share * (low[side, 0] - high[side, 0]), turn[side]
+    polygon = np.repeat(np.arange(len(offsets) - 1), np.diff(offsets))[side]
+    return line + lines * polygon, high[side, 0] + share * (low[side, 0] - high[side, 0]), turn[side]
 
 
 def _parts(lengths: FloatArray, half: float) -> list[slice]:

@@ -25,6 +25,7 @@ _BROAD_PX = 200.0  # lines are painted one by one from here on
 _BEYOND_PX = 8.0  # lines are cut so far outside, where nobody sees it
 _LARGEST_STAMP_PX = 96.0
 CSS_DPI = 96.0  # at which a pixel is what everybody takes for one
+_OPAQUE = 255
 _STEPS = 4  # places within a pixel at which a stamp can be
 
 
@@ -46,12 +47,12 @@ _Run = Callable[[Canvas, Camera], None]
 
 
 def _runs(commands: DrawCommands, rows: IntArray) -> Iterator[tuple[DrawKind, int, int]]:
-    """Kind, first place and last place + 1 of commands that follow each other; those of lines share their style."""
+    """Kind, first place and last place + 1 of commands that follow each other and have one style where it matters."""
     if len(rows) == 0:
         return
     kind = commands.kind[rows]
-    is_line = kind == DrawKind.LINE
-    style = np.column_stack([commands.width[rows], commands.space[rows], commands.color[rows]]) * is_line[:, None]
+    is_alike = (kind == DrawKind.LINE) | (kind == DrawKind.POLYGON)
+    style = np.column_stack([commands.width[rows], commands.space[rows], commands.color[rows]]) * is_alike[:, None]
     changes = np.flatnonzero((kind[1:] != kind[:-1]) | (style[1:] != style[:-1]).any(axis=1)) + 1
     for begin, end in pairwise([0, *changes.tolist(), len(rows)]):
         yield DrawKind(int(kind[begin])), begin, end
@@ -201,7 +202,7 @@ def _large(canvas: Canvas, centers: FloatArray, radius: FloatArray, width: Float
 
 
 class _Singly:
-    """Rectangles, polygons, texts and images."""
+    """Rectangles, texts and images."""
 
     def __init__(self, commands: DrawCommands, rows: IntArray) -> None:
         self.commands, self.rows = commands, rows.tolist()
@@ -211,6 +212,39 @@ class _Singly:
     def __call__(self, canvas: Canvas, camera: Camera) -> None:
         for row in self.rows:
             self.paint(canvas, camera, _Command.of(self.commands, row, camera))
+
+
+class _Polygons:
+    """Polygons of one style; opaque ones are filled together, others one by one, for they show through each other."""
+
+    def __init__(self, commands: DrawCommands, rows: IntArray) -> None:
+        self.commands, self.rows = commands, rows
+        self.begins, self.counts = commands.offsets[rows], np.diff(commands.offsets)[rows]
+        self.margin_px = float(commands.width[rows[0]])
+        self.color = _rgba(commands, int(rows[0]))
+        take, offsets = self._points_of(np.ones(len(rows), bool))
+        self.low = np.minimum.reduceat(commands.points[take], offsets[:-1])
+        self.high = np.maximum.reduceat(commands.points[take], offsets[:-1])
+
+    def __call__(self, canvas: Canvas, camera: Camera) -> None:
+        seen = touching(self.low, self.high, _view(camera, self.margin_px))
+        if not seen.any() or self.color[3] == 0:
+            return
+        if self.margin_px > 0.0 or self.color[3] < _OPAQUE:
+            for row in self.rows[seen].tolist():
+                _polygon(canvas, camera, _Command.of(self.commands, row, camera))
+            return
+        take, offsets = self._points_of(seen)
+        points = camera.to_screen(self.commands.points[take])
+        patch = coverage.polygons(points, offsets, camera.width, camera.height)
+        if patch is not None:
+            canvas.cover(patch, self.color)
+
+    def _points_of(self, chosen: Any) -> tuple[IntArray, IntArray]:
+        """The rows of the points of some polygons, and the offsets that divide them."""
+        counts = self.counts[chosen]
+        offsets = np.concatenate(([0], np.cumsum(counts)))
+        return np.repeat(self.begins[chosen] - offsets[:-1], counts) + np.arange(offsets[-1]), offsets
 
 
 class _Command(NamedTuple):
@@ -283,13 +317,13 @@ def _image(canvas: Canvas, camera: Camera, command: _Command) -> None:
 
 _SINGLE = {
     DrawKind.RECTANGLE: _rectangle,
-    DrawKind.POLYGON: _polygon,
     DrawKind.TEXT: _text,
     DrawKind.IMAGE: _image,
 }
 _RUNS: dict[DrawKind, Callable[[DrawCommands, IntArray], _Run]] = {
     DrawKind.LINE: _Lines,
     DrawKind.CIRCLE: _Circles,
+    DrawKind.POLYGON: _Polygons,
     **dict.fromkeys(_SINGLE, _Singly),
 }
 

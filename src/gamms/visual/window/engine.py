@@ -19,6 +19,7 @@ from gamms.visual.camera import Camera
 from gamms.visual.color import Color
 from gamms.visual.drawers import render_input_overlay
 from gamms.visual.picture import size
+from gamms.visual.undeclared import Undeclared
 from gamms.visual.window.asking import Question, Walk, question
 from gamms.visual.window.controls import Controls
 from gamms.visual.window.crowd import Crowd, is_crowd
@@ -83,6 +84,7 @@ class WindowEngine(Onlookers):
         super().__init__(ctx, simulation_time_constant=simulation_time_constant)
         self.width, self.height = size(width, height)
         self.pace, self._theme = Pace(max_fps), theme_called(theme)
+        self._usual, self.wall_tones = Undeclared(ctx, self._theme.map), self._theme.map.walls
         self._turns_of_trails, self.has_labels = as_int(trails, "trails"), bool(labels)
         self.trails.turns = max(self._turns_of_trails, 0)
         look = {"node_color": Color.Green, "node_size": 4.0, "edge_color": Color.Green, **(input_overlay or {})}
@@ -198,7 +200,9 @@ class WindowEngine(Onlookers):
         self._screen = window_surface() or self._screen
         self._fit()
         if self._is_fresh or not self._shown:
-            self._shown = self.onstage_artists()
+            shown = self.onstage_artists()
+            if self._is_declared or shown != self._shown:  # what one declares one may also change from outside
+                self._shown = shown
         self._share = self._turn_share()
         self._stage.draw(
             self._shown | self.hints(), self._draw_members, is_new_turn=self._is_fresh or self._has_painters

@@ -5,14 +5,15 @@ from typing import Any
 
 import numpy as np
 
-from gamms.typing import ArtistType, IArtist, IContext
+from gamms.typing import IArtist, IContext
 from gamms.typing.agent_engine import AgentType
 from gamms.visual.appearance import AgentData
 from gamms.visual.artist import Artist
 from gamms.visual.backends.pygame import Canvas
-from gamms.visual.color import PAPER, Rgba, rgba, team_colors
-from gamms.visual.drawers import render_obstacles, render_sensor
+from gamms.visual.color import Rgba, rgba, team_colors
+from gamms.visual.drawers import render_sensor
 from gamms.visual.drawers.agents import RING, RING_PX
+from gamms.visual.undeclared import Undeclared
 from gamms.visual.window.asking import Question, Walk
 from gamms.visual.window.controls import Controls
 from gamms.visual.window.hud import Words, score_line
@@ -21,7 +22,7 @@ from gamms.visual.window.pointing import facts_about, nearest
 from gamms.visual.window.themes import Theme
 from gamms.visual.window.trails import Trails
 
-_WALLS_LAYER, _TRAILS_LAYER, _VIEWS_LAYER = 5, 14, 15
+_TRAILS_LAYER, _VIEWS_LAYER = 14, 15
 _USUAL_TRAILS = 8  # turns, where they are switched on by key
 _BESIDE_PX = 10.0  # between an agent and its panel
 _CELL_PX = 18  # of the grid that keeps labels apart
@@ -35,6 +36,7 @@ class Onlookers(Internals):
     question: Question | None
     has_labels: bool
     _theme: Theme
+    _usual: Undeclared  # the default look, in the colours of the theme
     _turns_of_trails: int
     _shown: dict[str, IArtist]
     _share: float
@@ -51,28 +53,13 @@ class Onlookers(Internals):
 
     def onstage_artists(self) -> dict[str, IArtist]:
         """Who draws in the window: those who draw in pictures, in the colours of the theme, and the trails."""
-        artists = self.shown_artists()
-        if not self._is_declared and self._theme.background[:3] != PAPER:
-            look = artists["graph"].data["graph_data"]
-            look.edge_color, look.node_color = self._theme.streets, self._theme.nodes
-        if not self._is_declared:
-            artists = self._walls() | artists
+        artists = dict(self._artists) if self._is_declared else self._usual.artists() | self._artists
         if self.trails.turns:
             colors = {look.name: look.color for look in _looks(artists)}
             for name, drawer in (("past trails", self.trails.draw_past), ("trails", self.trails.draw_last)):
                 artists[name] = trails = Artist(self.ctx, drawer, _TRAILS_LAYER)
                 trails.data = {"colors": colors}
         return artists
-
-    def _walls(self) -> dict[str, IArtist]:
-        """Obstacles, faint; none where there are none."""
-        types = self.ctx.graph.obstacle_columns().types
-        if len(types) == 0:
-            return {}
-        walls = Artist(self.ctx, render_obstacles, _WALLS_LAYER)
-        walls.set_artist_type(ArtistType.STATIC)
-        walls.data = {"color_map": dict.fromkeys(np.unique(types).tolist(), self._theme.walls)}
-        return {"obstacles": walls}
 
     def hints(self) -> dict[str, IArtist]:
         """Artists of what the agent under the pointer senses, as far as it is not shown already."""

@@ -3,20 +3,20 @@
 from typing import NamedTuple
 
 from gamms.errors import BadValue, nearest
-from gamms.visual.color import PAPER, Rgb, Rgba
+from gamms.visual.appearance import BY_NIGHT
+from gamms.visual.color import PAPER, Rgba
+from gamms.visual.undeclared import ON_PAPER, MapTones
 
 
 class Theme(NamedTuple):
-    """What is behind everything, what is written, and how streets look when nobody said so."""
+    """What is behind everything, what is written, and how the map looks when nobody said so."""
 
     background: Rgba
     ink: Rgba
     faint: Rgba
     card: Rgba  # behind words
     border: Rgba  # of a card
-    streets: Rgb
-    nodes: Rgb
-    walls: Rgb
+    map: MapTones
     accent: Rgba
 
 
@@ -27,9 +27,7 @@ THEMES = {
         faint=(112, 116, 124, 255),
         card=(255, 255, 255, 225),
         border=(60, 64, 72, 40),
-        streets=(165, 168, 172),
-        nodes=(140, 143, 148),
-        walls=(214, 205, 190),
+        map=ON_PAPER,
         accent=(0, 114, 178, 255),
     ),
     "dark": Theme(
@@ -38,9 +36,7 @@ THEMES = {
         faint=(150, 155, 164, 255),
         card=(38, 42, 50, 230),
         border=(228, 230, 234, 40),
-        streets=(84, 90, 101),
-        nodes=(104, 110, 122),
-        walls=(62, 57, 52),
+        map=MapTones((84, 90, 101), (104, 110, 122), BY_NIGHT),
         accent=(86, 180, 233, 255),
     ),
 }
