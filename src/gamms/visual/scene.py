@@ -133,7 +133,7 @@ class Scene:
                 behind = background if place == 0 else None
                 part.plate.show(part.painting, canvas, camera, behind, is_moving=is_moving)
             if place + 1 in (same, still):
-                self._stages.append((self._parts[:still], camera, background, canvas.keep()))
+                self._stages.append((self._parts[: place + 1], camera, background, canvas.keep()))
 
     def _lasting(self, same: int) -> int:
         """How many parts at the back will be there in the next frame, too, when so many were there in the last one."""
