@@ -91,14 +91,20 @@ def convert(
         raise typer.Exit(1)
 
 
-def replay(file: _File, map: _Map = None) -> None:
-    """Replay a recording without a window, and say how it ended."""
-    from gamms import recordings
+def replay(
+    file: _File,
+    map: _Map = None,
+    window: Annotated[bool, typer.Option("--window", help="Show it in a window, which stays open at the end.")] = False,
+    seconds: Annotated[float, typer.Option(help="How long a turn is shown.", min=0.0)] = 0.5,
+) -> None:
+    """Replay a recording, in a window if you like, and say how it ended."""
+    from gamms import recordings, visual
     from gamms.recorder import RecordingError
 
     warning = None
     with one_sentence():
-        ctx = recordings.context_for(file, map)
+        ctx = recordings.context_for(file, map, visual.Engine.PYGAME if window else visual.Engine.NO_VIS)
+        ctx.visual.turn_seconds = seconds
         turns: list[None] = []
         ctx.visual.after_turn.append(lambda: turns.append(None))
         with ctx:
@@ -110,6 +116,8 @@ def replay(file: _File, map: _Map = None) -> None:
                     raise
                 warning = str(error)
             _tell(ctx, file, len(turns))
+            if window:
+                ctx.visual.stay_open()
     if warning:
         typer.echo(f"gamms: {warning}", err=True)
         raise typer.Exit(1)

@@ -10,6 +10,7 @@ from gamms.ir import journal
 from gamms.recorder import RecordingError
 from gamms.recorder.formats import version2
 from gamms.typing.opcodes import MAGIC_NUMBER
+from gamms.visual import Engine
 
 _QUIET = {"level": "CRITICAL"}  # what a recording cannot say, such as the sensors of version 2, is no news
 _NODES = {journal.AGENT_CURRENT_NODE, journal.AGENT_PREV_NODE}
@@ -29,29 +30,31 @@ def version_of(path: str | os.PathLike[str]) -> int:
     return int.from_bytes(head[4:], "big")
 
 
-def fresh() -> Context:
+def fresh(vis_engine: Engine = Engine.NO_VIS) -> Context:
     """A context with nothing in it, which says nothing."""
-    return create_context(seed=0, logger_config=_QUIET)
+    return create_context(seed=0, logger_config=_QUIET, vis_engine=vis_engine)
 
 
-def context_for(path: str | os.PathLike[str], map: str | os.PathLike[str] | None = None) -> Context:
+def context_for(
+    path: str | os.PathLike[str], map: str | os.PathLike[str] | None = None, vis_engine: Engine = Engine.NO_VIS
+) -> Context:
     """A fresh context to replay a recording of any version in; the map is for one that holds none, see below.
 
     Raises:
         BadFile, RecordingError (ValueError): a file is damaged at its beginning.
         OSError: one cannot be read.
     """
-    return with_nodes_made_up(path, map) if version_of(path) < 3 else with_map(map)
+    return with_nodes_made_up(path, map, vis_engine) if version_of(path) < 3 else with_map(map, vis_engine)
 
 
-def with_map(map: str | os.PathLike[str] | None) -> Context:
+def with_map(map: str | os.PathLike[str] | None, vis_engine: Engine = Engine.NO_VIS) -> Context:
     """A fresh context with the map in a file that `ctx.graph.save` wrote; None: without one.
 
     Raises:
         BadFile (ValueError): the file is damaged.
         OSError: it cannot be read.
     """
-    ctx = fresh()
+    ctx = fresh(vis_engine)
     try:
         if map is not None:
             ctx.graph.load(map)
@@ -61,18 +64,21 @@ def with_map(map: str | os.PathLike[str] | None) -> Context:
     return ctx
 
 
-def with_nodes_made_up(path: str | os.PathLike[str], map: str | os.PathLike[str] | None = None) -> Context:
+def with_nodes_made_up(
+    path: str | os.PathLike[str], map: str | os.PathLike[str] | None = None, vis_engine: Engine = Engine.NO_VIS
+) -> Context:
     """A fresh context for a recording of version 2, which has no map.
 
     Args:
         path: of the recording.
         map: a file that `ctx.graph.save` wrote; None makes up a node at (0, 0) for each node id in the recording.
+        vis_engine: see `create_context`.
 
     Raises:
         BadFile, RecordingError (ValueError): a file is damaged at its beginning.
         OSError: one cannot be read.
     """
-    ctx = fresh()
+    ctx = fresh(vis_engine)
     try:
         if map is not None:
             ctx.graph.load(map)

@@ -57,6 +57,9 @@ class PictureEngine(Declarations):
     def update(self) -> None:
         """Do nothing: there is no window to draw a frame in."""
 
+    def stay_open(self) -> None:
+        """Do nothing: there is no window that somebody could close."""
+
     def human_input(self, agent_name: str, state: dict[str, Any]) -> int | tuple[float, float, float]:  # noqa: ARG002 - nobody to ask
         """Stay: the agent's own node, or no movement for an agent that flies."""
         position: int | tuple[float, ...] = state["curr_pos"]

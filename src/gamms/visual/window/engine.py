@@ -158,6 +158,10 @@ class WindowEngine(Onlookers):
             self._show_options(None)
         return super().human_input(agent_name, state) if asked.answer is None else asked.answer
 
+    def stay_open(self) -> None:
+        """Show how things are until somebody closes the window, or a key handler or drawer ends the context."""
+        self._frames_while(lambda: True)
+
     def _frames_while(self, goes_on: Callable[[], bool]) -> None:
         """Draw frames at their pace as long as it goes on and the window is open."""
         self.pace.is_capped = True
