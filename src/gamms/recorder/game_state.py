@@ -155,7 +155,7 @@ def _mark(value: Any) -> bytes | None:
 
 
 class GameWatch:
-    """What has changed since it was asked last, in `ctx.game` and in who plays by which strategy.
+    """What has changed since it was asked last, in `ctx.game` and the chance of its context.
 
     Attributes:
         pace: by how much the number of the turn went up in the last turn.
