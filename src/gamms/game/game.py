@@ -23,6 +23,7 @@ if TYPE_CHECKING:
 
     from gamms.game.turn import TurnMoves
 
+_OVER = {"reason", "winner", "truncated"}
 _PHASES = ("decide", "resolve", "apply", "rules", "draw")
 
 
@@ -320,6 +321,8 @@ class Game(Settings):
 
     def take_over(self, over: dict[str, Any] | None) -> None:
         """Be over for this reason, or not; for who plays a recording."""
+        if over is not None and set(over) != _OVER:
+            raise BadValue(f"A game is over with {sorted(_OVER)}, not with {over!r:.100}.")
         self._over = None if over is None else dict(over)
 
     def memory_of(self, name: str) -> dict[Any, Any]:

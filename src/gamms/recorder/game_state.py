@@ -57,7 +57,7 @@ def put(ctx: Any, state: Mapping[str, Any]) -> None:
     game.team_memories = dict(deepcopy(state.get("team_memories", [])))
     put_chance(ctx, state.get("chance"))
     if "events" in state:
-        game.events[:] = deepcopy(state["events"])
+        game.events[:] = [dict(event) for event in deepcopy(state["events"])]
     if "facts" in state:
         game.publish_anew(deepcopy(state["facts"]))
     if "starts" in state:

@@ -5,7 +5,7 @@ from contextlib import AbstractContextManager, nullcontext
 from copy import deepcopy
 from typing import Any
 
-from gamms.errors import BadFile, BadType, ContextTerminated, GammsError, UnknownName
+from gamms.errors import BadFile, BadType, BadValue, ContextTerminated, GammsError, UnknownName
 from gamms.ir import journal as kinds
 from gamms.ir.journal import Muted
 from gamms.recorder import game_state, state
@@ -15,8 +15,6 @@ from gamms.recorder.formats.tracks import FORMS
 from gamms.recorder.maps import has_map, hash_in, is_map_of
 from gamms.recorder.records import TURN_NS, Record, named, records_of, records_of_move, steps_of
 from gamms.typing.opcodes import OpCodes
-
-Tell = Callable[[int], None]  # told the time stamp of what comes next
 
 
 class Player:
@@ -210,9 +208,13 @@ class Player:
 
     def _create_exactly(self, data: Any) -> None:
         """Where it was, perhaps on a node that the map has no longer; and to the last bit."""
-        places = {name: value for name, value in data.get("state", {}).items() if name in _PLACES}
+        given = data.get("state", {}).items()
+        places = {name: tuple(map(float, value)) for name, value in given if name in _PLACES}
+        for name, numbers in places.items():
+            if len(numbers) != _PLACES[name]:
+                raise BadValue(f"{name!r} has {_PLACES[name]} numbers, and not {numbers!r:.100}.")
         agent = self._ctx.agent.create_agent(data["name"], **data["kwargs"])
-        self._ctx.agent.put(agent, {name: tuple(value) for name, value in places.items()})
+        self._ctx.agent.put(agent, places)
 
     def _was_refused(self, name: Any, given: Any) -> bool:
         """Whether 1.0.0 made no agent of this after it had written it down."""
@@ -289,7 +291,7 @@ class Player:
         state.make_sensors(self._ctx, data)
 
     def _event(self, data: Any) -> None:
-        self._ctx.game.events.append(deepcopy(data))
+        self._ctx.game.events.append(dict(deepcopy(data)))
 
     def _over(self, data: Any) -> None:
         self._ctx.game.take_over(data or None)
@@ -352,7 +354,7 @@ _EXACT = (  # copied as they are: of length 1, but not to the last bit; or what 
     kinds.AERIAL_AGENT_QUATERNION,
     kinds.FLYERS_ABOVE,
 )
-_PLACES = ("heading", "position", "previous_position", "quat")
+_PLACES = {"heading": 2, "position": 3, "previous_position": 3, "quat": 4}  # how many numbers each has
 
 
 def _set(attribute: str, key: str, column: str | None = None) -> Callable[[Player, Any], None]:

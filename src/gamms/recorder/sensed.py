@@ -64,9 +64,10 @@ def looks_of(data: Mapping[str, Any], agent: int | None = None) -> list[tuple[in
     Raises:
         KeyError, ValueError, TypeError, IndexError: nobody packed this.
     """
-    owners = np.repeat(data["agents"], data["counts"])
-    if not len(owners) == len(data["which"]) == len(data["forms"]) == len(data["sizes"]):
+    agents, counts, which = (_ints(data[name]) for name in ("agents", "counts", "which"))
+    if not len(which) == len(_ints(data["forms"])) == len(_ints(data["sizes"])) == counts.sum() or (counts < 0).any():
         raise ValueError("its columns have different lengths")
+    owners = np.repeat(agents, counts)  # no more than there are looks
     ends = np.cumsum(data["sizes"].reshape(-1)).tolist()
     others = np.cumsum(data["forms"] == _OTHER).tolist()
     rows = range(len(owners)) if agent is None else np.flatnonzero(owners == agent).tolist()
@@ -109,6 +110,12 @@ def seen_by(look: Look) -> tuple[list[int], list[int]]:
     if look.form == _AGENTS:
         return look.second, look.first
     return (look.first, [-1] * len(look.first)) if look.form in (_IDS, _MAP) else ([], [])
+
+
+def _ints(column: Any) -> "np.ndarray[Any, Any]":
+    if not isinstance(column, np.ndarray) or column.dtype.kind not in "iu" or not column.ndim:
+        raise TypeError(f"{column!r:.100} is no column of integers")
+    return column
 
 
 def _look(sensor: str, kind: str, data: Any, numbers: Mapping[str, int]) -> Look:
