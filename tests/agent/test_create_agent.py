@@ -207,3 +207,12 @@ def test_an_agent_that_cannot_carry_its_sensors_is_not_created(ctx):
     assert "a" not in ctx.agent.agents
     assert ctx.sensor.get_sensor("near")._owner is None
     ctx.agent.create_agent("a", start_node_id=0)
+
+
+def test_a_team_that_cannot_be_told_from_others_is_refused(ctx):
+    from gamms.errors import BadType
+
+    agent = ctx.agent.create_agent("of a team", start_node_id=0, team=("red", 1))
+    with pytest.raises(BadType, match="A team must be a value such as a text"):
+        agent.team = ["red"]
+    assert agent.team == ("red", 1)

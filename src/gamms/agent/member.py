@@ -85,11 +85,15 @@ class Member(IAgent):
 
     @property
     def team(self) -> Any:
-        """The team it plays for; None for nobody's. Any value that can be compared will do."""
+        """The team it plays for; None for nobody's. Any value that can be a key of a dict will do."""
         return self._columns.teams[self._row]
 
     @team.setter
     def team(self, team: Any) -> None:
+        try:
+            hash(team)
+        except TypeError:
+            raise BadType(f"A team must be a value such as a text or a number, not {team!r:.100}.") from None
         self._columns.teams[self._row] = team
         self._note(journal.AGENT_TEAM, team=team)
         self._columns.roster += 1

@@ -7,6 +7,7 @@ import numpy as np
 from gamms.recorder.errors import Damaged
 from gamms.recorder.state import State
 
+_MOST_AGENTS = 1 << 24  # that one recording may number
 LISTS = ("names", "teams", "speed", "sensors", "attributes", "strategies")
 ARRAYS = {
     "numbers": (np.int64, ()),
@@ -50,3 +51,14 @@ def text(name: Any) -> str:
     if not isinstance(name, str):
         raise Damaged(f"{name!r} is no name of an agent")
     return name
+
+
+def following_number(numbers: list[int], following: int) -> int:
+    """The number that the next new agent gets.
+
+    Raises:
+        Damaged: one of the agents has a greater one, or it is not to be believed.
+    """
+    if not all(0 <= number < following for number in numbers) or not 0 <= following <= _MOST_AGENTS:
+        raise Damaged(f"the next agent cannot get the number {following}")
+    return following

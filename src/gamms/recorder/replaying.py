@@ -9,6 +9,7 @@ from gamms.errors import BadFile, BadType, BadValue, ContextTerminated, GammsErr
 from gamms.ir import journal as kinds
 from gamms.ir.journal import Muted
 from gamms.recorder import game_state, state
+from gamms.recorder.checking import following_number
 from gamms.recorder.errors import DAMAGES, RecordingError
 from gamms.recorder.formats.reader import Reader
 from gamms.recorder.formats.tracks import FORMS
@@ -186,7 +187,7 @@ class Player:
             self._muted(lambda: state.put(self._ctx, data))
         numbers = data["numbers"].tolist()
         self._numbers = dict(zip(numbers, data["names"], strict=True))
-        self._next = data["next"]
+        self._next = following_number(numbers, data["next"])
         self._pace = int(data.get("pace", 0))
         if self._recorder.is_copying:
             self._recorder.renumber(data["names"], numbers, self._next)

@@ -60,12 +60,14 @@ def observation(ctx: Any, log: kinds.Log, fold: "Fold", turn: int, agent: str) -
             f"What was sensed in turn {turn} is not in this recording: start it with ctx.record.start(…, sensed=True), "
             "and play by ctx.game."
         )
-    state: dict[str, Any] = ctx.game.observation(agent)
     numbers = {name: number for number, name in names.items()}
     try:
+        state: dict[str, Any] = ctx.game.observation(agent)
         looks = sensed.looks_of(told, numbers[agent])
         graph = ctx.graph.graph
         state["sensor"] = {look.sensor: (_kind_of(look), sensed.data_of(look, graph, names)) for _, look in looks}
+    except GammsError:
+        raise
     except DAMAGES as error:
         raise RecordingError(f"What was sensed in turn {turn} is damaged: {error!r}.") from error
     return state
