@@ -22,6 +22,7 @@ if TYPE_CHECKING:
 
 Strategies = Mapping[str, Any]  # agent or team -> its strategy
 
+_DAMAGES = (GammsError, *DAMAGES)
 _TOLD = (kinds.SNAPSHOT, kinds.GAME_EVENT, kinds.GAME_FACTS, kinds.GAME_TURN)
 _COMPONENTS = {code.value: code.name for code in OpCodes if code.name.startswith("COMPONENT")}
 
@@ -60,15 +61,18 @@ def observation(ctx: Any, log: kinds.Log, fold: "Fold", turn: int, agent: str) -
             f"What was sensed in turn {turn} is not in this recording: start it with ctx.record.start(…, sensed=True), "
             "and play by ctx.game."
         )
-    numbers = {name: number for number, name in names.items()}
     try:
         state: dict[str, Any] = ctx.game.observation(agent)
+    except UnknownName:
+        raise
+    except _DAMAGES as error:
+        raise RecordingError(f"Agent {agent!r} cannot be asked in turn {turn}: {error}.") from error
+    numbers = {name: number for number, name in names.items()}
+    try:
         looks = sensed.looks_of(told, numbers[agent])
         graph = ctx.graph.graph
         state["sensor"] = {look.sensor: (_kind_of(look), sensed.data_of(look, graph, names)) for _, look in looks}
-    except GammsError:
-        raise
-    except DAMAGES as error:
+    except _DAMAGES as error:
         raise RecordingError(f"What was sensed in turn {turn} is damaged: {error!r}.") from error
     return state
 
@@ -112,7 +116,7 @@ def resume(ctx: Any, reader: "Reader", turn: int, fold: "Fold", maps: Maps, *, i
         _make_room(ctx, fold.state["names"])
         with ctx.agent.moves.trusting():
             state.put(ctx, {**fold.state, **told, "chance": chance, "turn": fold.game_turn(turn)})
-    except (GammsError, *DAMAGES) as error:
+    except _DAMAGES as error:
         raise RecordingError(f"This game cannot go on from turn {turn}: {error}") from error
     for name, agent in ctx.agent.agents.items():
         agent.strategy = strategies.get(name)
