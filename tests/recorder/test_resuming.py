@@ -8,7 +8,7 @@ import numpy as np
 import pytest
 
 import gamms
-from gamms import recorder, rules, scenario
+from gamms import recorder, scenario
 from gamms.agent import AgentType
 from gamms.errors import BadType, BadValue, UnknownName
 from gamms.game import Game
@@ -357,6 +357,26 @@ def test_a_reset_of_the_recorded_game_is_no_obstacle():
             assert [agent.current_node_id for agent in ctx.agent.create_iter()] == found[12].agents["node"].tolist()
 
 
+def test_facts_that_a_reset_took_back_are_gone_in_a_replay_too():
+    stream = io.BytesIO()
+    with race() as ctx:
+        ctx.record.start(stream)
+        ctx.game.run(2)
+        ctx.game.publish(wind=3)
+        ctx.game.run(2)
+        ctx.game.reset()
+        ctx.game.run(1)
+        assert dict(ctx.game.facts) == {}
+        ctx.record.stop()
+    stream.seek(0)
+    with gamms.create_context(logger_config=QUIET) as ctx:
+        facts = []
+        ctx.visual.after_turn.append(lambda: facts.append(dict(ctx.game.facts)))
+        for _ in ctx.record.replay(stream):
+            pass
+    assert facts == [{}, {}, {"wind": 3}, {"wind": 3}, {}]
+
+
 def test_a_replay_leaves_the_game_where_it_was():
     def make():
         ctx = race()
@@ -399,11 +419,6 @@ def test_what_does_not_fit_is_refused(recording):
         with pytest.raises(RecordingError, match="not those of the recording"):
             recording.resume(3, ctx=ctx)
         assert ctx.agent.get_agent("red_0").current_node_id == 0
-
-
-def test_rules_that_are_shipped_are_all_resumed_here():
-    shipped = {"tag", "reach", "capture_flag", "time_limit", "last_team", "territory"}
-    assert shipped <= set(rules.__all__) | {"territory"}
 
 
 def test_chasing_and_fleeing_go_on():

@@ -10,5 +10,8 @@ class RecordingError(GammsError, ValueError):
 DAMAGES = (KeyError, TypeError, ValueError, IndexError, AttributeError, OverflowError)  # of what a stranger wrote
 
 
+UNFIT = (GammsError, *DAMAGES)  # the same, where it is handed to a context
+
+
 class Damaged(GammsError, ValueError):
     """A state is not right, or an event does not fit the state it happens to."""

@@ -58,8 +58,7 @@ def put(ctx: Any, state: Mapping[str, Any]) -> None:
     put_chance(ctx, state.get("chance"))
     if "events" in state:
         game.events[:] = [dict(event) for event in deepcopy(state["events"])]
-    if "facts" in state:
-        game.publish_anew(deepcopy(state["facts"]))
+        game.publish_anew(deepcopy(state.get("facts", {})))
     if "starts" in state:
         game.began = dict(state["starts"])
 
@@ -161,7 +160,7 @@ class GameWatch:
         pace: by how much the number of the turn went up in the last turn.
     """
 
-    def __init__(self, ctx: Any, pace: int = 0) -> None:
+    def __init__(self, ctx: Any) -> None:
         self._ctx, self._game = ctx, ctx.game
         self._events = len(ctx.game.events)
         self._scores = plain(ctx.game.scores)
@@ -171,7 +170,7 @@ class GameWatch:
         self._team_memories = {team: Kept(memory) for team, memory in ctx.game.team_memories.items() if memory}
         self._facts = dict(ctx.game.facts)
         self._chance = plain(ctx.chance())
-        self._turn, self.pace = ctx.game.turn, pace
+        self._turn, self.pace = ctx.game.turn, 0
         self._places = _places(ctx)
 
     def count(self) -> tuple[int, Any] | None:

@@ -10,7 +10,7 @@ from gamms.ir import journal as kinds
 from gamms.ir.journal import Muted
 from gamms.recorder import game_state, state
 from gamms.recorder.checking import following_number
-from gamms.recorder.errors import DAMAGES, RecordingError
+from gamms.recorder.errors import UNFIT, RecordingError
 from gamms.recorder.formats.reader import Reader
 from gamms.recorder.formats.tracks import FORMS
 from gamms.recorder.maps import has_map, hash_in, is_map_of
@@ -55,7 +55,7 @@ class Player:
             self._silently(lambda: self._put(state))
         except ContextTerminated:
             raise
-        except _UNFIT as error:
+        except UNFIT as error:
             raise RecordingError(f"This recording cannot begin here: {error}") from error
 
     def play_until(self, log: kinds.Log, kind: int, names: dict[int, str], following: int) -> Any:
@@ -170,10 +170,10 @@ class Player:
                     (self._muted if is_exact else self._silently)(lambda: apply(self, data))
             except ContextTerminated:
                 raise
-            except _UNFIT as error:
+            except UNFIT as error:
                 raise RecordingError(f"An event of kind {kind:#010x} cannot happen here: {error}") from error
-        elif kind in _COMPONENTS:
-            self._recorder.components.apply(_COMPONENTS[kind], data, lenient=self._is_version_2)
+        elif kind in COMPONENTS:
+            self._recorder.components.apply(COMPONENTS[kind], data, lenient=self._is_version_2)
             return  # the components have reported it
         elif self._is_version_2:
             raise RecordingError(f"Operation code {kind:#010x} is none of gamms 1.0.0.")
@@ -257,7 +257,7 @@ class Player:
             return
         try:
             self._visuals(visuals)
-        except _UNFIT as error:
+        except UNFIT as error:
             raise RecordingError(f"What this recording looks like is not right ({error!r}).") from error
 
     def _scores(self, data: Any) -> None:
@@ -348,8 +348,7 @@ class Player:
             columns.journal = journal
 
 
-_UNFIT = (GammsError, *DAMAGES)
-_COMPONENTS = {code.value: code.name for code in OpCodes if code.name.startswith("COMPONENT")}
+COMPONENTS = {code.value: code.name for code in OpCodes if code.name.startswith("COMPONENT")}
 _EXACT = (  # copied as they are: of length 1, but not to the last bit; or what the context would work out otherwise
     kinds.AGENT_ORIENTATION,
     kinds.AERIAL_AGENT_QUATERNION,

@@ -6,15 +6,14 @@ from logging import CRITICAL, getLogger
 from typing import TYPE_CHECKING, Any, NamedTuple
 
 from gamms.arguments import as_int
-from gamms.errors import BadFile, BadType, BadValue, GammsError, UnknownName
+from gamms.errors import BadFile, BadType, BadValue, UnknownName
 from gamms.ir import journal as kinds
 from gamms.recorder import game_state, sensed, state
-from gamms.recorder.errors import DAMAGES, RecordingError
+from gamms.recorder.errors import UNFIT, RecordingError
 from gamms.recorder.maps import hash_of
-from gamms.recorder.replaying import Player
+from gamms.recorder.replaying import COMPONENTS, Player
 from gamms.typing import SensorType
 from gamms.typing.context import contexts
-from gamms.typing.opcodes import OpCodes
 
 if TYPE_CHECKING:
     from gamms.recorder.fold import Fold
@@ -22,9 +21,7 @@ if TYPE_CHECKING:
 
 Strategies = Mapping[str, Any]  # agent or team -> its strategy
 
-_DAMAGES = (GammsError, *DAMAGES)
 _TOLD = (kinds.SNAPSHOT, kinds.GAME_EVENT, kinds.GAME_FACTS, kinds.GAME_TURN)
-_COMPONENTS = {code.value: code.name for code in OpCodes if code.name.startswith("COMPONENT")}
 
 
 def opened_context(seed: int, vis_engine: Any, *, is_quiet: bool) -> Any:
@@ -65,14 +62,14 @@ def observation(ctx: Any, log: kinds.Log, fold: "Fold", turn: int, agent: str) -
         state: dict[str, Any] = ctx.game.observation(agent)
     except UnknownName:
         raise
-    except _DAMAGES as error:
+    except UNFIT as error:
         raise RecordingError(f"Agent {agent!r} cannot be asked in turn {turn}: {error}.") from error
     numbers = {name: number for number, name in names.items()}
     try:
         looks = sensed.looks_of(told, numbers[agent])
         graph = ctx.graph.graph
         state["sensor"] = {look.sensor: (_kind_of(look), sensed.data_of(look, graph, names)) for _, look in looks}
-    except _DAMAGES as error:
+    except UNFIT as error:
         raise RecordingError(f"What was sensed in turn {turn} is damaged: {error!r}.") from error
     return state
 
@@ -116,14 +113,14 @@ def resume(ctx: Any, reader: "Reader", turn: int, fold: "Fold", maps: Maps, *, i
         _make_room(ctx, fold.state["names"])
         with ctx.agent.moves.trusting():
             state.put(ctx, {**fold.state, **told, "chance": chance, "turn": fold.game_turn(turn)})
-    except _DAMAGES as error:
+    except UNFIT as error:
         raise RecordingError(f"This game cannot go on from turn {turn}: {error}") from error
     for name, agent in ctx.agent.agents.items():
         agent.strategy = strategies.get(name)
     looks = [data for _, data in _before(reader, turn, (kinds.VISUALS,))]
     Player(ctx.record).dress(looks[-1] if looks else reader.header.get("visuals"))
-    for kind, data in _before(reader, turn, tuple(_COMPONENTS)):
-        ctx.record.components.apply(_COMPONENTS[kind], data, lenient=True)
+    for kind, data in _before(reader, turn, tuple(COMPONENTS)):
+        ctx.record.components.apply(COMPONENTS[kind], data, lenient=True)
 
 
 def register(ctx: Any, strategies: Strategies) -> None:

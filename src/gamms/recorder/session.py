@@ -286,8 +286,8 @@ class Session:
         """Write down what nobody notes: a change of the map, before who stands on it, and what the game has come to."""
         # NOTE: asked in every turn, which with ten agents takes 10 us, so most of the time nothing is made here
         # (benchmarks/README.md, w4).
-        log, room = self._journal.log, self._room
-        has_changed = (room.graph.revision, room.obstacle_revision) != self._revised
+        log = self._journal.log
+        has_changed = self._revisions() != self._revised
         if has_changed or len(self._all_sensors) != self._sensors:
             changes = (self._world_changes() if has_changed else []) + self._new_sensors()
             log[self._front : self._front] = changes

@@ -55,6 +55,9 @@ class Part:
         return all(np.array_equal(getattr(mine, name), getattr(commands, name)) for name in columns)
 
 
+_Still = tuple[list[Part], Camera, Rgba, Any]  # parts, who saw them on what, and the surface
+
+
 class Scene:
     """The parts of the present state, and the surfaces that save painting them.
 
@@ -67,9 +70,7 @@ class Scene:
         self._frames, self._expects_more = 0, False  # of this turn; whether there will be more, as there were before
         self._parts: list[Part] = []
         self._before: list[Part] = []
-        self._stages: list[
-            tuple[list[Part], Camera, Rgba, Any]
-        ] = []  # what was painted of parts at the back, by number
+        self._stages: list[_Still] = []  # what was painted of the parts at the back, the fewest first
 
     def draw(self, artists: Mapping[str, IArtist], draw: Draw, *, is_new_turn: bool = True) -> None:
         """Take in the present state: `draw` lets artists draw, and returns their commands.

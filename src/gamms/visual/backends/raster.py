@@ -65,11 +65,6 @@ def _view(camera: Camera, margin_px: float) -> tuple[float, float, float, float]
     return camera.left - margin, low - margin, right + margin, camera.top + margin
 
 
-def _scales(commands: DrawCommands, rows: IntArray, camera: Camera) -> FloatArray:
-    """Pixels per unit of size, (rows,)."""
-    return np.where(commands.space[rows] == DrawSpace.WORLD, camera.scale, 1.0)
-
-
 def _rgba(commands: DrawCommands, row: int) -> Rgba:
     red, green, blue, alpha = commands.color[row].tolist()
     return red, green, blue, alpha
