@@ -7,15 +7,14 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
 
-import numpy as np
-
 from gamms import recorder, recordings
 from gamms.errors import BadValue, UnknownName
 from gamms.rendering.fog import DARK, Fog
 from gamms.visual.backends import FILMS
 from gamms.visual.color import PAPER
 from gamms.visual.drawers.values import usual_edge
-from gamms.visual.legend import Rows
+from gamms.visual.legend import Rows, legend_only
+from gamms.visual.primitives import longer_side
 
 FRAMES_PER_TURN = 5  # a sixth of a second
 _VIEW_M, _VIEW_EDGES = 400.0, 30.0  # around who is followed: on a real map, and on any other
@@ -158,7 +157,7 @@ class _Studio:
     def _begin(self) -> None:
         """Declare what can only be declared once map and agents are there."""
         ctx, wish = self._ctx, self._wish
-        ctx.visual.add_artist("turn", {"drawer": _nothing, "layer": 0, "legend": lambda _: Rows(self._words(), ())})
+        ctx.visual.add_artist("turn", {"drawer": legend_only, "layer": 0, "legend": lambda _: Rows(self._words(), ())})
         if wish.fog is not None and self._fog is None:
             self._fog = Fog(ctx, wish.fog)
         if self._fog is not None:
@@ -184,12 +183,5 @@ def _view(ctx: Any) -> float:
     """How much is seen around who is followed, map units: some hundred metres, but no more than there is."""
     columns = ctx.graph.columns()
     wanted = _VIEW_EDGES * usual_edge(columns) if columns.crs is None else _VIEW_M
-    widest = float(np.ptp(columns.xy, axis=0).max()) if len(columns.xy) else 0.0
+    widest = longer_side(columns)
     return min(wanted, widest) or wanted
-
-
-def _nothing(ctx: Any, data: Any) -> None:
-    """Draw nothing: the artist has a legend only."""
-
-
-_nothing.once_a_turn = True  # type: ignore[attr-defined]

@@ -189,3 +189,10 @@ def _shown(block: Rows) -> tuple[Row, ...]:
     if len(block.rows) <= _MOST_ROWS:
         return block.rows
     return (*block.rows[: _MOST_ROWS - 1], Row(PAPER, f"and {len(block.rows) - _MOST_ROWS + 1} more"))
+
+
+def legend_only(ctx: Any, data: dict[str, Any]) -> None:
+    """A drawer that draws nothing: the artist has a legend only."""
+
+
+legend_only.once_a_turn = True  # type: ignore[attr-defined]  # what drawers are asked for

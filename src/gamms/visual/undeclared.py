@@ -30,6 +30,7 @@ from gamms.visual.drawers.rules import (
 )
 from gamms.visual.drawers.sensors import view_of
 from gamms.visual.drawers.tags import render_tags
+from gamms.visual.legend import legend_only
 from gamms.visual.sides import side_colors, side_of, team_rows
 
 MOST_SENSORS = 20  # more of them would hide what happens
@@ -146,16 +147,9 @@ class Undeclared:
 
 def legend_of_teams(ctx: IContext) -> Artist:
     """An artist that draws nothing but the legend of the teams."""
-    artist = Artist(ctx, _nothing)
+    artist = Artist(ctx, legend_only)
     artist.data = {"legend": team_rows}
     return artist
-
-
-def _nothing(ctx: IContext, data: dict[str, Any]) -> None:
-    """Draw nothing."""
-
-
-_nothing.once_a_turn = True  # type: ignore[attr-defined]
 
 
 def _telling_sensors(ctx: IContext, nodes: int) -> list[ISensor]:
