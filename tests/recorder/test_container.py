@@ -159,6 +159,31 @@ def test_neither_time_nor_flushing_leaves_a_trace(game, flushes, is_slow):
     assert stream.getvalue() == written(game, turns=3)
 
 
+rows = st.lists(st.tuples(numbers, numbers).map(list), max_size=4).map(
+    lambda parts: [one for two in parts for one in two]
+)
+
+
+@given(st.lists(st.lists(rows, max_size=7), max_size=4), st.integers(1, 5), st.integers(1, 60))
+def test_turns_may_come_one_by_one_or_together_whatever_blocks_they_fill(batches, turns, size):
+    stream = io.BytesIO()
+    writer = Writer(stream, HEADER, turns=turns, size=size, seconds=None)
+    for batch in batches:
+        writer.add_moves(batch)
+    writer.close()
+    assert stream.getvalue() == written([log for batch in batches for log in batch], turns=turns, size=size)
+
+
+@pytest.mark.parametrize("together", [[[0, 1], [0, 2], [(5, {})]], [[0, 1], [0, None]]])
+def test_turns_with_something_else_than_moves_are_not_added_together(together):
+    stream = io.BytesIO()
+    writer = Writer(stream, HEADER, turns=1, seconds=None)
+    with pytest.raises(TypeError):
+        writer.add_moves(together)
+    writer.close()
+    assert stream.getvalue() == written([])
+
+
 @given(games, st.integers(1, 4))
 def test_recording_what_was_read_gives_the_same_bytes(game, turns):
     first = written(game, turns=turns)

@@ -3,6 +3,7 @@
 import time
 from collections.abc import Callable, Mapping
 from itertools import takewhile
+from operator import attrgetter
 from typing import Any
 
 import numpy as np
@@ -17,9 +18,12 @@ from gamms.recorder.noting import PlainJournal
 from gamms.typing.opcodes import OpCodes
 
 _SOMEBODY_ELSE = object()
+_REVISIONS = attrgetter("graph.revision", "obstacle_revision")
 _OF_AGENTS = kinds.AGENT_CREATE >> 24
 _DECLARATION = OpCodes.COMPONENT_REGISTER.value
 _TURNS_AT_ONCE = 64
+# NOTE: the logs of small games wait for each other, because writing finds every cache cold (benchmarks/README.md, w4).
+_FEW_ENTRIES, _MOST_WAITING_TURNS = 1 << 13, 3 * _TURNS_AT_ONCE
 _ENTRIES_AT_ONCE = 1 << 20  # of logs: what may wait to be written
 _KEYFRAME_ENTRIES = 1 << 17  # of logs between two keyframes: 65,536 moves, which take some milliseconds to read; what
 #                              takes longer weighs more (`PlainJournal.weight`)
@@ -69,7 +73,7 @@ class Session:
         self._declarations, self.visuals = self._declarations_now(), state.shown(ctx)
         self._listen()
         self.begin = state.captured(ctx) | game_state.told(ctx.game) | state.of_components(ctx)
-        self._revised = self._revisions()
+        self._revised = _REVISIONS(self._room)
         self._watch_game()
 
     @property
@@ -169,7 +173,7 @@ class Session:
     def end_copying(self) -> None:
         """Go on by what the context says."""
         self.copied = None
-        self._revised = self._revisions()
+        self._revised = _REVISIONS(self._room)
         self._watch_game()
         self._declarations = self._declarations_now()
         self._journal.living = dict.fromkeys(self.ctx.agent.agents)
@@ -252,7 +256,6 @@ class Session:
         self._turns_here += 1
         self._entries_here += len(log)
         if self._turns_here >= _TURNS_AT_ONCE or self._entries_here >= _ENTRIES_AT_ONCE:
-            self._hand_over()
             self._point_of_rest()
         elif time.monotonic() - self._handed_at > _PATIENCE_S:
             self._hand_over()
@@ -262,6 +265,7 @@ class Session:
         """Where a keyframe may be: by what was recorded, never by the clock."""
         self._since_keyframe += self._entries_here + self._journal.weight
         self._journal.weight = 0
+        is_much = self._entries_here > _FEW_ENTRIES or len(self._logs) > _MOST_WAITING_TURNS
         self._turns_here = self._entries_here = 0
         if self.copied is not None:
             keyframe = self.copied(self.turn)
@@ -269,6 +273,8 @@ class Session:
             keyframe = state.captured(self.ctx) | {"pace": self._game.pace} | state.of_components(self.ctx)
         else:
             keyframe = None
+        if is_much or keyframe is not None:
+            self._hand_over()
         if keyframe is not None:
             self.sink.keyframe(keyframe)
             self._since_keyframe = 0
@@ -278,16 +284,12 @@ class Session:
             self.sink.add(self._logs)
         self._logs, self._handed_at = [], time.monotonic()
 
-    def _revisions(self) -> tuple[Any, Any]:
-        room = self._room
-        return room.graph.revision, room.obstacle_revision
-
     def _tell_changes(self) -> None:
         """Write down what nobody notes: a change of the map, before who stands on it, and what the game has come to."""
         # NOTE: asked in every turn, which with ten agents takes 10 us, so most of the time nothing is made here
         # (benchmarks/README.md, w4).
         log = self._journal.log
-        has_changed = self._revisions() != self._revised
+        has_changed = _REVISIONS(self._room) != self._revised
         if has_changed or len(self._all_sensors) != self._sensors:
             changes = (self._world_changes() if has_changed else []) + self._new_sensors()
             log[self._front : self._front] = changes
@@ -337,7 +339,7 @@ class Session:
 
     def _world_changes(self) -> Log:
         """What says that the map is another one. The first map goes into the header: it may be loaded late."""
-        self._revised, world = self._revisions(), self._left_out.packed()
+        self._revised, world = _REVISIONS(self._room), self._left_out.packed()
         if self.world is None and self._sink is None:
             self.world = world
             return []

@@ -105,10 +105,15 @@ def _check_pairs(size: int) -> None:
 
 
 class Collected:
-    """The turns that wait for their block."""
+    """The turns that wait for their block.
 
-    def __init__(self, first: int) -> None:
-        self.first = first
+    Args:
+        first: turns before it.
+        sequence: whose moves followed each other in the block before.
+    """
+
+    def __init__(self, first: int, sequence: tracks.Sequence) -> None:
+        self.first, self.sequence = first, sequence
         self.size = 0  # in bytes, an estimate
         self._moves = array("q")
         self._turns: tuple[list[int], list[int]] = [], []  # moves, events of each turn
@@ -166,8 +171,10 @@ class Collected:
         moves = np.frombuffer(self._moves, np.int64).reshape(-1, 2)
         # NOTE: all arrays are made before the first is deflated: memory that comes and goes between costs half as much
         # again (benchmarks/README.md, w4).
-        table = [*tracks.columns_of(moves[:, 0], Layout(moves[:, 0]), moves[:, 1]), *self._columns_of_events()]
+        self.sequence = self.sequence.of(moves[:, 0])
+        table = [*tracks.columns_of(self.sequence.layout, moves[:, 1]), *self._columns_of_events()]
         parts = [columns.put_list(column) for column in self._turns]
+        parts.append(self.sequence.column())
         parts += [columns.put(column) for column in table]
         parts.append(blocks.put_bytes(b"".join(self._data)))
         for kind, rows in sorted(self._rows.items()):

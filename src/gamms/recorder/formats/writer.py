@@ -13,7 +13,7 @@ from typing import Any, BinaryIO
 import numpy as np
 
 from gamms.errors import BadType, BadValue
-from gamms.recorder.formats import blocks, chunks
+from gamms.recorder.formats import blocks, chunks, tracks
 from gamms.recorder.formats.contents import INDEX_COLUMNS
 from gamms.recorder.formats.output import Output
 
@@ -61,7 +61,7 @@ class Writer:
         self._key = blocks.head_of(head[: blocks.HEAD_SIZE]).crc
         self._file = Output(stream)
         self._index: list[tuple[int, ...]] = []
-        self._open = chunks.Collected(0)
+        self._open = chunks.Collected(0, tracks.Sequence(np.zeros(0, np.int64)))
         self._file.append(blocks.MAGIC + head)
         self._saved_at = clock()  # and so many turns of the open block
         self._saved = 0
@@ -97,10 +97,15 @@ class Writer:
             moves.fromlist(log)
         counts = [len(log) >> 1 for log in logs]
         is_whole = 2 * sum(counts) == len(moves) and not self._file.is_closed
-        if is_whole and len(self._open) + len(logs) <= self._turns and self._open.add_moves(moves, counts, self._size):
+        turn = at = 0
+        while is_whole and turn < len(logs):
+            some = counts[turn : turn + self._turns - len(self._open)]
+            end = at + 2 * sum(some)
+            if not self._open.add_moves(moves[at:end], some, self._size):
+                break
             self._close_or_flush()
-            return
-        for log in logs:
+            turn, at = turn + len(some), end
+        for log in logs[turn:]:
             self.add_turn(log)
 
     def _close_or_flush(self) -> None:
@@ -152,7 +157,7 @@ class Writer:
 
     def _close_block(self) -> None:
         self._put(blocks.TURNS, self._open.body(), self._open.counts)
-        self._open = chunks.Collected(self.turns)
+        self._open = chunks.Collected(self.turns, self._open.sequence)
         self._saved, self._saved_at = 0, self._clock()
 
     def _put(self, type: int, body: bytes, counts: blocks.Counts) -> None:
