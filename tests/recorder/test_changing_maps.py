@@ -1,6 +1,7 @@
 """Maps that change in the middle of turns: states that are opened or replayed are those of the game, turn by turn."""
 
 import io
+import time
 from copy import deepcopy
 
 import numpy as np
@@ -54,6 +55,22 @@ def test_a_map_may_vanish_below_its_agents(ctx):
 
     again, _ = replayed(recorded(play, ctx))
     assert everything(again) == everything(ctx)
+
+
+def test_a_map_that_is_loaded_late_gives_the_same_bytes_however_long_it_took():
+    def play(ctx, seconds):
+        ctx.visual.simulate()
+        time.sleep(seconds)
+        for _ in range(2):
+            ctx.visual.simulate()
+        ctx.graph.attach_networkx_graph(gamms.graph.grid(2, 2, 1.0))
+        ctx.agent.create_agent("a", start_node_id=3)
+        ctx.visual.simulate()
+
+    quick, slow = (recorded(lambda ctx, wait=wait: play(ctx, wait), empty_context()) for wait in (0.0, 0.6))
+    assert quick == slow
+    with gamms.recorder.open(io.BytesIO(quick)) as recording:
+        assert [len(recording.state(turn).graph.columns().node_ids) for turn in range(5)] == [0, 0, 0, 0, 4]
 
 
 def test_an_opened_recording_knows_which_node_is_below_a_flyer_when_the_map_has_changed(ctx):

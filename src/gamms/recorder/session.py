@@ -45,7 +45,8 @@ class Session:
         has_failed: whether it could not be written further: nothing is noted then, and nothing more written.
         copied: while a recording is being replayed, whose events are copied as they are: its keyframe after a turn.
         visuals: what it looked like when the first turn was over.
-        world: graph and obstacles as they were when there was a graph for the first time; None before that.
+        world: graph and obstacles as they were when there was a graph for the first time, or when the first turn was
+            over; None before that.
         header: of the recording that was replayed first of all; None: this one has its own.
         turn: how many turns were recorded.
     """
@@ -90,6 +91,8 @@ class Session:
                 journal.log.append(counted)
         log, journal.log, self._front = journal.log, [], 0
         self.turn += 1
+        if self.world is None:  # a map that comes later is an event, however long it took
+            self.world = self._left_out.packed()
         try:
             self._keep(log)
         except RecordingError:
@@ -340,7 +343,7 @@ class Session:
     def _world_changes(self) -> Log:
         """What says that the map is another one. The first map goes into the header: it may be loaded late."""
         self._revised, world = _REVISIONS(self._room), self._left_out.packed()
-        if self.world is None and self._sink is None:
+        if self.world is None:
             self.world = world
             return []
         return [(kinds.WORLD, {"world": world})]
