@@ -10,7 +10,7 @@ from recordings import opened
 
 import gamms
 from gamms import recorder
-from gamms.errors import BadType, BadValue, UnknownName
+from gamms.errors import BadType, BadValue, GammsError, UnknownName
 from gamms.recorder import RecordingError, Writer
 from gamms.sensor import SensorType
 from gamms.strategies import random_walk
@@ -21,6 +21,7 @@ JUNK = [
     *([], [1, 2], ["a", ["b"]], (), (1, "a"), {}, {"a": 1}, {"set": 3}, {1: {}}, set(), {1, "b"}, frozenset()),
     *(np.zeros(0), np.arange(3), np.arange(3, dtype=np.uint8), np.zeros((2, 2)), np.array([True])),
 ]
+HUGE = ["0..99999999999", "0..5 " * 20_000, "9" * 5000, "x" * 100_000, 1e308, [1e12, 0.0], (0, 0, 255), 300]
 
 
 def explore(state):
@@ -74,7 +75,40 @@ def game():
     return stream.getvalue()
 
 
-def mutant(data, rng):
+def drawn_game(*, is_declared):
+    """The bytes of a game with flags and territories, with looks that were declared or without."""
+    stream = io.BytesIO()
+    with gamms.create_context(seed=2, logger_config=QUIET) as ctx:
+        ctx.graph.attach_networkx_graph(gamms.graph.grid(4, 4, 10.0))
+        ctx.graph.add_obstacles([[(2, 2, 5), (6, 2, 5), (6, 2, 0), (2, 2, 0)]])
+        for sensor, kind in (("eyes", SensorType.RANGE), ("ways", SensorType.NEIGHBOR)):
+            ctx.sensor.create_sensor(sensor, kind)
+        for name, node in (("anna", 0), ("bert", 5)):
+            ctx.agent.create_agent(name, start_node_id=node, team=name[0], sensors=["eyes"], strategy=explore)
+        ctx.agent.create_agent("kite", start_node_id=3, type=1, speed=2.0, strategy=fly)
+        ctx.game.data |= {
+            "territories": {"ground": {"a": "0..5", "b": "9 10"}},
+            "flags": {"bases": {"a": 0, "b": 5}, "carriers": {"a": "bert", "b": None}},
+        }
+        if is_declared:
+            ctx.visual.set_graph_visual(node_size=1.0, draw_id=True)
+            ctx.visual.set_obstacle_visual(fill=True, color_map={1: (9, 9, 9)})
+            ctx.visual.set_sensor_visual("eyes", node_color=(0, 0, 200))
+            for name, color in (("anna", (200, 0, 0)), ("bert", "blue"), ("kite", (0, 0, 0))):
+                ctx.visual.set_agent_visual(name, color=color, size=3)
+        ctx.record.start(stream)
+
+        def rule(ctx):
+            ctx.game.scores["a"] += 1
+            ctx.game.emit("tag", tagger="anna", tagged="bert", node=ctx.agent.get_agent("anna").current_node_id)
+
+        ctx.game.add(rule)
+        ctx.game.run(3)
+        ctx.record.stop()
+    return stream.getvalue()
+
+
+def mutant(data, rng, junk=JUNK):
     """The same game with some values that are others."""
     reader = opened(data)
     header, begin = copy.deepcopy(reader.header), copy.deepcopy(reader.keyframe(0)[1])
@@ -82,7 +116,7 @@ def mutant(data, rng):
     for _ in range(rng.choice((1, 1, 2, 5))):
         event = [entry for log in logs for entry in log if type(entry) is tuple and isinstance(entry[1], dict)]
         target = rng.choice([begin, *[data for _, data in event], *([header] if rng.random() < 0.1 else [])])
-        _spoil(target, rng)
+        _spoil(target, rng, junk)
     stream = io.BytesIO()
     writer = Writer(stream, header)
     writer.keyframe(begin)
@@ -92,7 +126,7 @@ def mutant(data, rng):
     return stream.getvalue()
 
 
-def _spoil(value, rng):
+def _spoil(value, rng, junk):
     """Change something in a dict, or somewhere within it."""
     while True:
         keys = list(value) if isinstance(value, dict) else list(range(len(value)))
@@ -106,7 +140,7 @@ def _spoil(value, rng):
         if isinstance(value, dict) and rng.random() < 0.15:
             del value[key]
         else:
-            value[key] = copy.deepcopy(rng.choice(JUNK))
+            value[key] = copy.deepcopy(rng.choice(junk))
         return
 
 
@@ -134,12 +168,30 @@ def use(data):
             pass
 
 
+def look(data):
+    """Draw how things stand after each turn, in every way; raises what nobody must who looks at a stranger's file."""
+    with suppress(GammsError), gamms.create_context(logger_config=QUIET) as ctx:
+        for _ in ctx.record.replay(io.BytesIO(data)):
+            with suppress(GammsError):
+                ctx.visual.frame(300, 200)
+            with suppress(GammsError):
+                ctx.visual.picture(".svg", 300, 200)
+
+
+def drawn_mutant(name):
+    """The mutant of a drawn game that is called so."""
+    rng = random.Random(name)
+    return mutant(drawn_game(is_declared=rng.random() < 0.5), rng, JUNK + HUGE)
+
+
 def fuzz_games(seed, count):
-    """Use so many mutants; the same seed gives the same ones."""
+    """Use so many mutants, and look at a tenth as many others; the same seed gives the same ones."""
     data = game()
     for number in range(count):
         found = mutant(data, random.Random(f"{seed}/{number}"))
         try:
             use(found)
+            if number % 10 == 0:
+                look(drawn_mutant(f"{seed}/{number}"))
         except Exception as error:
             raise AssertionError(f"mutant {seed}/{number}: {type(error).__name__}: {error}") from error

@@ -4,11 +4,16 @@ import random
 import secrets
 
 import pytest
-from fuzzing_games import fuzz_games, game, mutant, use
+from fuzzing_games import drawn_game, fuzz_games, game, look, mutant, use
 
 
 def test_the_game_itself_can_be_used():
     use(game())
+
+
+@pytest.mark.parametrize("is_declared", [False, True])
+def test_the_drawn_game_itself_can_be_looked_at(is_declared):
+    look(drawn_game(is_declared=is_declared))
 
 
 def test_mutated_games_end_in_recording_errors_or_work():

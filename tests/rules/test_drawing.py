@@ -7,7 +7,7 @@ import gamms
 from gamms.ir.draw import DrawKind
 from gamms.rules import capture_flag, tag, territory
 from gamms.visual import Artist
-from gamms.visual.drawers.rules import as_text, from_text
+from gamms.visual.drawers.rules import as_text, in_text
 from gamms.visual.sides import team_rows
 
 
@@ -128,8 +128,21 @@ def test_a_replay_is_drawn_like_the_game_itself(game, tmp_path):
 def test_ids_are_kept_as_short_text():
     ids = [0, 1, 2, 3, 9, 11, 12]
     assert as_text(np.array(ids)) == "0..3 9 11..12"
-    assert from_text("0..3 9 11..12") == ids
-    assert from_text(as_text(np.array([-5, -4, -1]))) == [-5, -4, -1]
+    assert np.array_equal(in_text("11..12 0..3 9", np.arange(-1, 14)), np.isin(np.arange(-1, 14), ids))
+    assert in_text("-5..-4 -1", np.array([-6, -5, -4, -3, -1, 0])).tolist() == [False, True, True, False, True, False]
+
+
+def test_a_territory_of_more_nodes_than_there_is_memory_for_is_drawn_where_there_are_nodes(game):
+    game.game.data["territories"] = {"land": {"red": "0..99999999999"}}
+    whole = len(game.visual.draw_commands())
+    game.game.data["territories"] = {"land": {"red": "0..99"}}
+    assert whole == len(game.visual.draw_commands())
+
+
+def test_of_very_many_flags_and_territories_only_some_are_drawn(game):
+    game.game.data["flags"] = {"bases": dict.fromkeys(range(10**5), 0), "carriers": {}}
+    game.game.data["territories"] = {f"land {number}": {"red": "0..9"} for number in range(10**5)}
+    assert 500 < len(game.visual.draw_commands()) < 5_000
 
 
 @pytest.mark.parametrize("kept", [5, {"land": 3}, {"land": {"red": 4}}, {"land": {"red": "1..x"}}])

@@ -143,3 +143,9 @@ def test_an_svg_leaves_out_what_nobody_can_see(ctx, tmp_path):
     ctx.visual.save(tmp_path / "all.svg", 300, 200)
     near, all = ((tmp_path / name).read_text() for name in ("near.svg", "all.svg"))
     assert near.count("<circle") < all.count("<circle")
+
+
+def test_a_note_of_a_million_letters_is_written_as_far_as_there_is_room(ctx):
+    same = [ctx.visual.frame(300, 200, note="a" * count, title="b" * count) for count in (3_000, 1_000_000)]
+    assert (same[0] == same[1]).all()
+    assert (same[0] != ctx.visual.frame(300, 200)).any()

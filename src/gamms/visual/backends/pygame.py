@@ -30,6 +30,8 @@ _UNWRITABLE = re.compile("[\x00-\x1f\x7f\ud800-\udfff]")
 _BGRX = (0xFF0000, 0xFF00, 0xFF) if sys.byteorder == "little" else ()  # the masks of such a surface
 _HALO = [(0, 1), (1, 0), (1, 2), (2, 1), (0, 0), (0, 2), (2, 0), (2, 2)]  # around dark text
 _MOST_IMAGE_PX = 4096
+_MOST_FONT_PX, _MOST_LETTERS = 2048, 10_000
+_LETTERS = 8  # that are as broad as one is high, at most
 
 Box = tuple[int, int, int, int]  # left, top, width, height, pixels
 _NOTHING: "tuple[None, list[Box]]" = None, []
@@ -188,7 +190,11 @@ class Canvas:
 
     def text(self, words: str, x: float, y: float, font_px: float, color: Rgba, align_right: bool = False) -> None:
         """Write with the upper left, or upper right, corner at (x, y); dark words get a light edge."""
-        written = _text(_UNWRITABLE.sub(" ", words), max(round(font_px), 1), color)
+        font_px = min(max(round(font_px), 1), _MOST_FONT_PX)
+        # What is certainly beyond the edge is cut off: a stranger's map may want to be credited in a million letters.
+        most = min(_LETTERS * (self.width + round(max(-x, 0.0))) // font_px + _LETTERS, _MOST_LETTERS)
+        words = words[-most:] if align_right else words[:most]
+        written = _text(_UNWRITABLE.sub(" ", words), font_px, color)
         left = x - 1 - (written.get_width() - 2 if align_right else 0)
         if -written.get_width() < left < self.width and -written.get_height() < y - 1 < self.height:
             self._note(self.surface.blit(written, (round(left), round(y - 1))))

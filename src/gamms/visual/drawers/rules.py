@@ -4,7 +4,8 @@ Flags are `{"bases": team -> node, "carriers": team -> name or None}`; territori
 `as_text` made them.
 """
 
-from collections.abc import Mapping
+from collections.abc import Iterable, Mapping
+from itertools import islice
 from typing import Any, NamedTuple
 
 import numpy as np
@@ -19,6 +20,7 @@ from gamms.visual.sides import side_colors
 
 TERRITORIES = "territories"  # in `ctx.game.data`: name -> team -> ids of its nodes, as text
 TERRITORY_LAYER, FLAG_LAYER, TAG_LAYER = 12, 22, 25  # on the streets, with the agents, above all
+_MOST = 100  # flags, territories, and teams that have them
 _TINT, _DOT_PX, _BASE_PX = 70, 5.0, 8.0
 _BAND = 0.75  # the breadth of a territory's streets, in lengths of a usual edge
 _FLAG = 0.04  # the height of a flag, in widths of what is seen
@@ -33,17 +35,24 @@ def game_data(ctx: IContext) -> dict[Any, Any]:
 
 def flags_in(ctx: IContext) -> dict[str, dict[str, Any]]:
     """All that looks like flags in what rules remember, by its key."""
-    return {
-        key: kept
+    return _first(
+        (key, kept | {"bases": _first(kept["bases"].items())})
         for key, kept in game_data(ctx).items()
         if isinstance(kept, dict) and isinstance(kept.get("bases"), dict) and isinstance(kept.get("carriers"), dict)
-    }
+    )
 
 
 def territories_in(ctx: IContext) -> dict[str, dict[Any, str]]:
     """All territories in what rules remember, by name: team -> ids of its nodes, as text."""
     kept = game_data(ctx).get(TERRITORIES)
-    return {name: owned for name, owned in kept.items() if _is_owned(owned)} if isinstance(kept, dict) else {}
+    if not isinstance(kept, dict):
+        return {}
+    return _first((name, _first(owned.items())) for name, owned in kept.items() if _is_owned(owned))
+
+
+def _first(items: Iterable[tuple[Any, Any]]) -> dict[Any, Any]:
+    """What is drawn of many: no game has so many, but a stranger's recording may."""
+    return dict(islice(items, _MOST))
 
 
 def _is_owned(value: Any) -> bool:
@@ -93,10 +102,18 @@ def as_text(ids: IntArray) -> str:
     return " ".join(f"{begin}" if begin == end else f"{begin}..{end}" for begin, end in runs)
 
 
-def from_text(text: str) -> list[int]:
-    """The ids that `as_text` was given."""
-    runs = (part.partition("..") for part in text.split())
-    return [id for begin, _, end in runs for id in range(int(begin), int(end or begin) + 1)]
+def in_text(text: str, ids: IntArray) -> "np.ndarray[Any, np.dtype[np.bool_]]":
+    """Which ids (ids,) are among those that `as_text` was given; a stranger's text may name any number of others.
+
+    Raises:
+        ValueError, OverflowError: nobody made this text so.
+    """
+    runs = [(int(begin), int(end or begin)) for begin, _, end in (part.partition("..") for part in text.split())]
+    begins, ends = np.array(sorted(runs), np.int64).reshape(-1, 2).T
+    ends, place = np.maximum.accumulate(ends), np.searchsorted(begins, ids, side="right") - 1
+    is_in = np.zeros(len(ids), bool)
+    is_in[place >= 0] = ends[place[place >= 0]] >= ids[place >= 0]
+    return is_in
 
 
 class TerritoryDrawer:
@@ -141,7 +158,7 @@ def _places(columns: GraphColumns, owned: Mapping[Any, str]) -> dict[Any, _Groun
     """The ground of each team, without nodes that are gone."""
     streets, found = one_way_each(columns), {}
     for team, nodes in owned.items():
-        is_own = np.isin(columns.node_ids, from_text(nodes))
+        is_own = in_text(nodes, columns.node_ids)
         rows = streets[is_own[columns.sources[streets]] & is_own[columns.targets[streets]]]
         is_alone = is_own.copy()
         is_alone[columns.sources[rows]] = is_alone[columns.targets[rows]] = False
