@@ -1,10 +1,14 @@
 """Questions to people: numbers, clicks, flights, and a window that is closed instead of an answer."""
 
+import numpy as np
 import pytest
 
 import gamms
 from gamms.agent import AgentType
 from gamms.errors import UnknownName
+from gamms.ir.draw import DrawKind
+from gamms.visual.appearance import GraphData
+from gamms.visual.drawers import render_input_overlay
 
 
 def star(ctx, leaves):
@@ -176,3 +180,27 @@ def test_drawing_choices_without_a_window_draws_what_is_asked():
         before = len(ctx.visual.draw_commands())
         ctx.visual.remove_artist("ask")
         assert before - len(ctx.visual.draw_commands()) == 3  # a way and two rings
+
+
+def test_the_ways_to_choices_end_at_their_rings_and_leave_who_is_asked_free():
+    with gamms.create_context() as ctx:
+        graph = ctx.graph.graph
+        graph.add_nodes([0, 1, 2], x=[0, 30, 3], y=[0, 0, 0])
+        bend = [(0.0, 0.0), (2.0, 0.0), (2.0, 20.0), (30.0, 0.0)]
+        graph.add_edge({"id": 0, "source": 0, "target": 1, "length": 70, "linestring": bend})
+        graph.add_edge({"id": 1, "source": 0, "target": 2, "length": 3})
+        data = {
+            "graph_data": GraphData(node_size=5.0),
+            "_input_options": {0: 0, 1: 1, 2: 2},
+            "_waiting_user_input": True,
+        }
+        ctx.visual.add_artist("choices", {**data, "drawer": render_input_overlay})
+        commands = ctx.visual.draw_commands()
+    drawn = commands.layer == 30
+    long, short = (
+        commands.points[commands.offsets[row] : commands.offsets[row + 1]]
+        for row in np.flatnonzero(drawn & (commands.kind == DrawKind.LINE))
+    )
+    assert long[[0, 1]].tolist() == [[2, 3], [2, 20]]
+    assert np.hypot(*(long[-1] - (30, 0))) == pytest.approx(5)
+    assert short.tolist() == [[0, 0], [3, 0]]  # nothing would be left of it
