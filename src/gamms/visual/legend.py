@@ -17,7 +17,8 @@ from gamms.visual.commands import Commands
 
 _FONT_PX, _TITLE_PX = 21.0, 22.0
 _LINE_PX, _GAP_PX, _PAD_PX = 23.0, 16.0, 12.0
-_LETTER = 0.37  # how broad a letter is, in font heights; a legend need not know it exactly
+_LETTER, _BROAD = 0.37, 0.52  # how broad letters are, in font heights; a legend need not know it exactly
+_BROAD_ONES = frozenset("mw@%&")  # and capitals
 _SWATCH_PX, _BAR_PX, _BAR_HEIGHT_PX = 7.0, 16.0, 150.0
 _ASIDE = 0.4  # of the width of a picture: more room is not taken from the map
 _MOST_ROWS = 12
@@ -84,7 +85,8 @@ class Legend:
 
     Attributes:
         aside: how much of the picture's width the map should leave free, pixels; 0.0 where the picture is too small
-            for a legend.
+            for a legend, or there is nothing to explain.
+        depth: how far down from the header it reaches, pixels; 0.0 likewise.
     """
 
     def __init__(self, blocks: tuple[Block, ...], width: int, height: int, fine: float = 1.0) -> None:
@@ -92,20 +94,25 @@ class Legend:
         self._size = max(map(_width, blocks), default=0.0), sum(map(_height, blocks)) + _GAP_PX * (len(blocks) - 1)
         outer_width, outer_height = (side * fine for side in self._outer)
         self._is_shown = bool(blocks) and outer_width <= _ASIDE * width and outer_height <= height
-        self.aside = outer_width if self._is_shown else 0.0
+        self.aside, self.depth = (outer_width, outer_height) if self._is_shown else (0.0, 0.0)
 
     @property
     def _outer(self) -> tuple[float, float]:
         return self._size[0] + 3.0 * _PAD_PX, self._size[1] + 3.0 * _PAD_PX
 
-    def commands(self, camera: Camera, header: float = 0.0, background: Rgba = (*PAPER, 255)) -> DrawCommands:
-        """The legend as the camera has to see it, below a header of so many pixels; sizes are not `fine` yet."""
+    def commands(
+        self, camera: Camera, header: float = 0.0, background: Rgba = (*PAPER, 255), *, ground: int = _GROUND
+    ) -> DrawCommands:
+        """The legend as the camera has to see it, below a header of so many pixels; sizes are not `fine` yet.
+
+        Between it and the map lies its background, as opaque as `ground` says, from 0 to 255.
+        """
         pen = _Pen(camera, self._fine, inks(background)[0])
         if self._is_shown:
             width, height = self._size
             left, top = camera.width / self._fine - width - 2.0 * _PAD_PX, header / self._fine + 2.0 * _PAD_PX
             pen.rectangle(
-                left - _PAD_PX, top - _PAD_PX, width + 2.0 * _PAD_PX, height + 2.0 * _PAD_PX, (*background[:3], _GROUND)
+                left - _PAD_PX, top - _PAD_PX, width + 2.0 * _PAD_PX, height + 2.0 * _PAD_PX, (*background[:3], ground)
             )
             for block in self._blocks:
                 _draw_bar(pen, block, left, top) if isinstance(block, Bar) else _draw_rows(pen, block, left, top, width)
@@ -181,7 +188,8 @@ def _width(block: Block) -> float:
 
 
 def _long(words: str, font_px: float) -> float:
-    return _LETTER * font_px * len(words)
+    broad = sum(letter in _BROAD_ONES or letter.isupper() for letter in words)
+    return font_px * (_LETTER * (len(words) - broad) + _BROAD * broad)
 
 
 def _shown(block: Rows) -> tuple[Row, ...]:

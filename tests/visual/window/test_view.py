@@ -110,3 +110,19 @@ def test_a_line_with_a_point_in_view_is_never_culled(view, points):
     low, high = np.min(points, axis=0), np.max(points, axis=0)
     if low[0] > view.bound_right or high[0] < view.bound_left:
         assert view.check_lines_culled(points)
+
+
+MARGIN = st.floats(0.0, 90.0)
+
+
+@given(VIEWS, *[st.floats(-1e3, 1e3)] * 2, *[st.floats(0.1, 1e3)] * 2, st.tuples(*[MARGIN] * 4))
+def test_a_box_is_seen_between_its_margins_and_in_the_middle_where_it_can_be(view, x, y, across, up, margins):
+    view.set_screen_size(max(view.screen_width, 200), max(view.screen_height, 200))
+    view.look_at_box(np.array([x, y]), np.array([x + across, y + up]), margins)
+    (left, low), (right, high) = view.world_to_screen(x, y), view.world_to_screen(x + across, y + up)
+    ends = [(left, view.screen_width - right, margins[0::2]), (high, view.screen_height - low, margins[1::2])]
+    for first, last, (least, least_last) in ends:
+        assert first >= least - 1e-3
+        assert last >= least_last - 1e-3
+        assert first == pytest.approx(last, abs=1e-3) or min(first - least, last - least_last) < 1e-3
+    assert min(min(first - least, last - least_last) for first, last, (least, least_last) in ends) < 1e-3

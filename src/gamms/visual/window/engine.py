@@ -18,6 +18,7 @@ from gamms.visual.backends.pygame import Canvas, hold_image, load
 from gamms.visual.camera import Camera
 from gamms.visual.color import Color
 from gamms.visual.drawers import render_input_overlay
+from gamms.visual.legend import blocks_of
 from gamms.visual.picture import size
 from gamms.visual.undeclared import Undeclared
 from gamms.visual.window.asking import Question, Walk, question
@@ -39,6 +40,11 @@ _OVERLAY_LAYER, _SENSOR_LAYER = 50, 30
 _SMALLEST = 0.1  # world units: half the width that a graph without extent is seen in
 _FOR_TILES = 0.005  # seconds of a frame
 _ZOOM_RESTS = 0.12  # seconds after which a camera that was zooming is at rest
+_MARGINS = (
+    (40, 0.06),
+    (40, 0.06),
+    (84, 0.12),
+)  # at the sides, above and below a whole graph: pixels, share of the height
 
 
 class WindowEngine(Onlookers):
@@ -202,11 +208,9 @@ class WindowEngine(Onlookers):
         if self.ctx.is_terminated():
             return
         self._screen = window_surface() or self._screen
-        self._fit()
         if self._is_fresh or not self._shown:
-            shown = self.onstage_artists()
-            if self._is_declared or shown != self._shown:  # what one declares one may also change from outside
-                self._shown = shown
+            self._ask_who_is_shown()
+        self._fit()
         self._share = self._turn_share()
         self._stage.draw(
             self._shown | self.hints(), self._draw_members, is_new_turn=self._is_fresh or self._has_painters
@@ -219,6 +223,12 @@ class WindowEngine(Onlookers):
         self._stage.show(canvas, self._render_manager.camera(), self._theme.background, self._haste())
         self.paint_labels(canvas)
         self.words.paint(canvas)
+
+    def _ask_who_is_shown(self) -> None:
+        shown = self.onstage_artists()
+        if self._is_declared or shown != self._shown:  # what one declares one may also change from outside
+            self._shown = shown
+        self.words.legend.explain(blocks_of(self.ctx, shown), *self._screen.get_size())
 
     def _turn_share(self) -> float:
         """How much of the turn is shown."""
@@ -301,14 +311,18 @@ class WindowEngine(Onlookers):
         if self._is_declared or self._render_manager.is_pointed:
             return
         revision = getattr(self.ctx.graph.graph, "revision", None)
-        if revision is None or revision != self._fitted:
-            self._fitted = revision
+        # Not the width of the legend: with it, the map would jump whenever a score has one more digit.
+        now = revision, self._screen.get_size(), len(self.words.legend.blocks)
+        if revision is None or now != self._fitted:
+            self._fitted = now
             self._see_graph()
 
     def _see_graph(self, *, is_pointed: bool = False) -> None:
         xy = self.ctx.graph.columns().xy
         if len(xy):
-            self._render_manager.look_at_box(xy.min(axis=0), xy.max(axis=0), is_pointed=is_pointed)
+            side, top, low = (min(px, share * self.height) for px, share in _MARGINS)
+            margins = side, top, max(side, self.words.legend.width), low
+            self._render_manager.look_at_box(xy.min(axis=0), xy.max(axis=0), margins, is_pointed=is_pointed)
 
     # -- what is declared ------------------------------------------------------------------------------------
 

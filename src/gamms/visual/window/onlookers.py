@@ -1,4 +1,4 @@
-"""What those who watch want to see: names, trails, one agent's sensors and state, teams."""
+"""What those who watch want to see: names, trails, one agent's sensors and state."""
 
 from collections.abc import Iterable
 from typing import Any
@@ -10,7 +10,6 @@ from gamms.typing.agent_engine import AgentType
 from gamms.visual.appearance import AgentData
 from gamms.visual.artist import Artist
 from gamms.visual.backends.pygame import Canvas
-from gamms.visual.color import Rgba, rgba, team_colors
 from gamms.visual.drawers import render_sensor
 from gamms.visual.drawers.agents import RING, RING_PX
 from gamms.visual.undeclared import Undeclared
@@ -25,7 +24,8 @@ from gamms.visual.window.trails import Trails
 _TRAILS_LAYER, _VIEWS_LAYER = 14, 15
 _USUAL_TRAILS = 8  # turns, where they are switched on by key
 _BESIDE_PX = 10.0  # between an agent and its panel
-_CELL_PX = 18  # of the grid that keeps labels apart
+_CELL_PX = 9  # of the grid that keeps labels apart
+_NAME_PX = 12  # how high a name is
 
 
 class Onlookers(Internals):
@@ -47,7 +47,6 @@ class Onlookers(Internals):
         self.trails = Trails(0)
         self._pinned: str | None = None
         self._fps = (0, "")
-        self._sides: tuple[Any, Any, dict[str, tuple[Rgba, int]]] = (None, None, {})
 
     # -- who is on stage -------------------------------------------------------------------------------------
 
@@ -125,35 +124,24 @@ class Onlookers(Internals):
         lines = [f"turn {turn}{speed}"]
         if game is not None and game.scores:
             lines.append(score_line(game.scores))
-        return [*lines, self._frames_per_second()]
+        return [*lines, *self._left(), self._frames_per_second()]
+
+    def _left(self) -> list[str]:
+        """How many of each team are left, once somebody is out."""
+        columns = self.ctx.agent.columns  # type: ignore[attr-defined] # of our own engine
+        if not columns.out:
+            return []
+        left = dict.fromkeys((str(team) for team in columns.teams if team is not None), 0)
+        for team, is_alive in zip(columns.teams, columns.alive, strict=True):
+            if team is not None:
+                left[str(team)] += is_alive
+        return ["left: " + score_line(left)] if left else []
 
     def _frames_per_second(self) -> str:
         half_second = int(self.pace.now() * 2)
         if self._fps[0] != half_second:
             self._fps = half_second, f"{self.pace.clock.get_fps():.0f} fps"
         return self._fps[1]
-
-    def teams(self) -> dict[str, tuple[Rgba, int]]:
-        """Colour and number of living agents of each team, in the order of the agents."""
-        roster = self.ctx.agent.columns.roster  # type: ignore[attr-defined] # of our own engine
-        known_roster, known_artists, sides = self._sides
-        if known_roster != roster or known_artists is not self._shown:
-            sides = self._counted()
-            self._sides = roster, self._shown, sides
-        return sides
-
-    def _counted(self) -> dict[str, tuple[Rgba, int]]:
-        agents: list[Any] = [
-            agent for agent in self.ctx.agent.create_iter() if getattr(agent, "team", None) is not None
-        ]
-        usual = team_colors(agent.team for agent in agents)
-        drawn = {look.name: look.color for look in _looks(self._shown)}
-        counted: dict[str, tuple[Rgba, int]] = {}
-        for agent in agents:
-            side = str(agent.team)
-            color, count = counted.get(side, (rgba(drawn.get(agent.name, usual[side])), 0))
-            counted[side] = color, count + bool(getattr(agent, "alive", True))
-        return counted
 
     def paint_labels(self, canvas: Canvas) -> None:
         """Write the names beside the agents as far as there is room, and the numbers of a person's choices."""
@@ -214,6 +202,7 @@ def _looks(artists: dict[str, IArtist]) -> Iterable[AgentData]:
 
 
 def _cells(left: float, top: float, width: float) -> list[tuple[int, int]]:
-    """The cells of a coarse grid that a line of text covers."""
-    row, first, last = int(top // _CELL_PX), int(left // _CELL_PX), int((left + width) // _CELL_PX)
-    return [(column, row) for column in range(first, last + 1)]
+    """The cells of a coarse grid that a line of text touches."""
+    columns = range(int(left // _CELL_PX), int((left + width) // _CELL_PX) + 1)
+    rows = range(int(top // _CELL_PX), int((top + _NAME_PX) // _CELL_PX) + 1)
+    return [(column, row) for column in columns for row in rows]

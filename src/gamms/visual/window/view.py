@@ -13,9 +13,10 @@ from gamms.visual.camera import Camera
 from gamms.visual.clipping import clipped
 
 Point = tuple[float, float]
+Margins = tuple[float, float, float, float]  # left, top, right, bottom; pixels
 _HALF_WIDTH = 15.0  # world units, of a camera that nobody has pointed anywhere
 _CLOSEST = 1e-6  # world units: half the width of the closest look
-_MARGIN = 1.08  # around everything
+_NO_MARGINS = (0.0, 0.0, 0.0, 0.0)
 _STEADY, _STEP = 1.3, 0.5  # a camera that sees so many times as much, or moves by such a share of its view, leaps
 
 
@@ -111,11 +112,18 @@ class RenderManager:
         """Look at a world point, cut to whole units."""
         self.camera_x, self.camera_y = int(x), int(y)
 
-    def look_at_box(self, low: FloatArray, high: FloatArray, *, is_pointed: bool = False) -> None:
-        """Let everything between two corners be seen."""
+    def look_at_box(
+        self, low: FloatArray, high: FloatArray, margins: Margins = _NO_MARGINS, *, is_pointed: bool = False
+    ) -> None:
+        """Let everything between two corners be seen, in the middle if that leaves margins of so many pixels."""
         (x, y), (across, up) = ((low + high) / 2).tolist(), (high - low).tolist()
-        size = max(across, up * self.aspect_ratio) / 2 * _MARGIN
-        self._x, self._y, self._size = x, y, size if size > 0.0 else _HALF_WIDTH
+        left, top, right, bottom = margins
+        room, down = max(self._width - left - right, 1.0), max(self._height - top - bottom, 1.0)
+        unit = max(across / room, up / down) or 2.0 * _HALF_WIDTH / self._width  # of the world, per pixel
+        slack = (room - across / unit) / 2, (down - up / unit) / 2  # pixels, at either side
+        self._x = x + _shift(right - left, slack[0]) * unit
+        self._y = y + _shift(top - bottom, slack[1]) * unit
+        self._size = unit * self._width / 2
         self.is_pointed = self.is_pointed or is_pointed
 
     def move_by(self, right_px: float, down_px: float) -> None:
@@ -243,6 +251,12 @@ class RenderManager:
     def _is_crossed(self, starts: FloatArray, ends: FloatArray) -> bool:
         box = (self.bound_left, self.bound_top), (self.bound_right, self.bound_bottom)
         return len(clipped(starts, ends, *box)[0]) > 0
+
+
+def _shift(margins_px: float, slack_px: float) -> float:
+    """How far from the middle, in pixels, what is between margins of such a difference has to be."""
+    shift = abs(margins_px) / 2 - slack_px
+    return 0.0 if shift <= 0.0 else shift if margins_px > 0.0 else -shift
 
 
 def _is_inside(point: Point, corners: FloatArray) -> bool:

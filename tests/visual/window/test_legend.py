@@ -1,0 +1,121 @@
+"""The legend on the window: that of pictures, beside the words and the map, and painted only when it changes."""
+
+import numpy as np
+import pytest
+
+from gamms.visual.legend import Row, Rows
+from gamms.visual.window import legend
+
+YELLOW = (253, 231, 37)  # the last colour of viridis
+RISK = {"nodes": {0: 0, 1: 1.25, 2: 5}, "name": "risk"}
+
+
+@pytest.fixture
+def said(monkeypatch):
+    """Everything that is written in a frame."""
+    words = []
+    text = legend.Canvas.text
+    monkeypatch.setattr(
+        legend.Canvas, "text", lambda self, line, *rest, **more: words.append(line) or text(self, line, *rest, **more)
+    )
+    return words
+
+
+def frame(ctx, said):
+    said.clear()
+    ctx.visual.update()
+    return set(said)
+
+
+def has_color(pixels, color):
+    return bool((np.abs(pixels.astype(int) - color).max(axis=2) < 8).any())
+
+
+def corner(pixels):
+    """Where the legend is."""
+    return pixels[:200, -90:]
+
+
+@pytest.mark.parametrize("theme", ["light", "dark"])
+def test_teams_and_colour_bars_are_explained_as_in_pictures(open_window, seen, said, tmp_path, theme):
+    ctx = open_window(theme=theme)
+    ctx.visual.set_values(**RISK)
+    words = {"risk", "0", "2.5", "5", "red", "blue"}
+    assert words <= frame(ctx, said)
+    assert has_color(corner(seen(ctx)), YELLOW)
+    ctx.visual.save(tmp_path / "same.svg")
+    assert all(f">{word}</text>" in (tmp_path / "same.svg").read_text() for word in words)
+    ctx.visual.set_values(name="risk")
+    assert frame(ctx, said).isdisjoint({"risk", "2.5"})
+    assert not has_color(corner(seen(ctx)), YELLOW)
+
+
+def test_what_is_declared_explains_itself_and_nothing_else_is_explained(ctx, said):
+    ctx.visual.set_graph_visual()
+    assert frame(ctx, said).isdisjoint({"red", "blue"})
+    artist = ctx.visual.add_artist("fire", {"drawer": lambda *_: None, "legend": Rows("", (Row((200, 0, 0), "fire"),))})
+    assert "fire" in frame(ctx, said)
+    artist.set_visible(False)
+    ctx.visual.update()
+    assert ctx.visual.words.legend.width == 0
+
+
+def test_it_is_written_only_when_it_changes(ctx, said):
+    assert "red" in frame(ctx, said)
+    ctx.visual.look_at(3.0, 3.0, 20.0)
+    assert "red" not in frame(ctx, said)
+    ctx.game.scores["red"] = 7
+    assert {"red", "7"} <= frame(ctx, said)
+
+
+def test_it_hides_with_the_words(ctx, seen, person):
+    ctx.visual.set_values(**RISK)
+    ctx.visual.look_at(500.0, 500.0, 20.0)
+    ctx.visual.update()
+    assert has_color(seen(ctx), YELLOW)
+    person.press("h")
+    ctx.visual.update()
+    assert not has_color(seen(ctx), YELLOW)
+
+
+def test_it_makes_way_for_a_broad_hud(open_window, seen):
+    ctx = open_window(height=480)
+    ctx.visual.set_values(**RISK)
+    ctx.visual.look_at(500.0, 500.0, 20.0)
+
+    def upper_end():
+        ctx.visual.update()
+        return np.flatnonzero((np.abs(seen(ctx).astype(int) - YELLOW).max(axis=2) < 8).any(axis=1))[:1].tolist()
+
+    [usual] = upper_end()
+    ctx.visual.hud = lambda ctx: ["a very long line " * 5]
+    [below] = upper_end()
+    assert below > usual + 20
+    ctx.visual.hud = lambda ctx: ["a very long line " * 5] * 9  # which leaves it no room
+    assert upper_end() == []
+
+
+def test_the_map_and_panels_leave_it_alone(open_window, seen, person):
+    ctx = open_window(width=400)
+    ctx.visual.set_values(**RISK)
+    ctx.visual.update()
+    place = ctx.visual._render_manager.world_to_screen(10.0, 10.0)
+    assert place[0] <= 400 - ctx.visual.words.legend.width
+    before = corner(seen(ctx))
+    person.point(*place)
+    ctx.visual.update()
+    assert ctx.visual.pointed_at() is not None
+    assert (corner(seen(ctx))[:, 30:] == before[:, 30:]).all()
+
+
+def test_a_window_that_was_made_smaller_has_none_and_sees_the_whole_map(ctx, person):
+    ctx.visual.set_values(**RISK)
+    ctx.visual.update()
+    assert ctx.visual.words.legend.width > 0
+    person._do("VIDEORESIZE", w=90, h=60, size=(90, 60))
+    ctx.visual._screen = person.pygame.display.set_mode((90, 60), person.pygame.RESIZABLE)
+    ctx.visual.update()
+    assert ctx.visual.words.legend.width == 0
+    left, right, low, high, _ = ctx.visual.get_viewport()
+    assert left < 0 < 12 < right
+    assert low < 0 < 10 < high
