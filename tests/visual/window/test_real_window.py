@@ -6,16 +6,21 @@ import shutil
 import signal
 import subprocess
 import sys
+from contextlib import contextmanager
+from ctypes.util import find_library
 from time import sleep
 
 import pytest
+
+from gamms import recorder, recordings
 
 pytestmark = pytest.mark.skipif(
     not (shutil.which("Xvfb") and shutil.which("xdotool")), reason="needs Xvfb and xdotool (Debian: xvfb, xdotool)"
 )
 
-PLAYER = """
+WORLD = """
 import json
+import sys
 import gamms
 
 ctx = gamms.create_context(
@@ -27,7 +32,6 @@ ctx.graph.graph.add_nodes([0, 1, 2], x=[0, 10, 10], y=[0, 0, 10])
 ctx.graph.graph.add_edges([0, 1, 2], sources=[0, 1, 0], targets=[1, 2, 2])
 ctx.agent.create_agent("anna", start_node_id=0)
 anna, view = ctx.agent.get_agent("anna"), ctx.visual._render_manager
-ctx.visual.update()
 
 
 def say(**facts):
@@ -35,7 +39,10 @@ def say(**facts):
     places = [view.world_to_screen(*xy) for xy in ctx.graph.graph.positions([0, 1, 2]).tolist()]
     print(json.dumps({"camera": camera, "places": places, **facts}), flush=True)
 
+"""
 
+PLAYER = """
+ctx.visual.update()
 say()
 while not ctx.is_terminated():
     state = anna.get_state()
@@ -45,6 +52,37 @@ while not ctx.is_terminated():
     if not ctx.is_terminated():
         say(node=anna.current_node_id, pinned=ctx.visual.pointed_at() is not None)
 """
+
+LOOP_OF_THE_PAPER = """
+ctx.record.start(sys.argv[1])
+turns = 0
+while not ctx.is_terminated():
+    state = anna.get_state()
+    state["action"] = 1 - state["curr_pos"] if state["curr_pos"] < 2 else 2
+    anna.set_state()
+    ctx.visual.simulate()
+    turns += 1
+    if not ctx.is_terminated():
+        say(turns=turns, size=ctx.visual._screen.get_size())
+print(json.dumps({"turns": turns}))
+"""
+
+CLOSE = """
+import sys
+from ctypes import *
+
+class Message(Structure):
+    _fields_ = [("type", c_int), ("serial", c_ulong), ("send_event", c_int), ("display", c_void_p),
+                ("window", c_ulong), ("kind", c_ulong), ("format", c_int), ("data", c_long * 5), ("rest", c_long * 24)]
+
+x11 = CDLL(sys.argv[1])
+x11.XOpenDisplay.restype, x11.XInternAtom.restype = c_void_p, c_ulong
+screen, window = c_void_p(x11.XOpenDisplay(None)), c_ulong(int(sys.argv[2]))
+protocols, delete = (x11.XInternAtom(screen, name, 0) for name in (b"WM_PROTOCOLS", b"WM_DELETE_WINDOW"))
+message = Message(33, 0, 1, None, window, protocols, 32, (c_long * 5)(delete, 0))
+assert x11.XSendEvent(screen, window, 0, c_long(0), byref(message))
+x11.XCloseDisplay(screen)
+"""  # as a window manager does when somebody clicks on the cross
 
 
 @pytest.fixture(scope="module")
@@ -60,46 +98,120 @@ def screen():
         server.terminate()
 
 
-def test_a_person_plays_with_keys_and_mouse_until_the_program_is_ended(screen):
+@pytest.fixture
+def do(screen):
+    """Does what a person or a window manager does, by xdotool."""
+
     def do(*words):
-        subprocess.run(["xdotool", *map(str, words)], env=screen, check=True, timeout=20, capture_output=True)
+        command = ["xdotool", *map(str, words)]
+        return subprocess.run(command, env=screen, check=True, timeout=20, capture_output=True, text=True).stdout
+
+    return do
+
+
+@pytest.fixture
+def find(screen):
+    """Finds the window: the only one beside the root, which was there first."""
 
     def find():
-        """The window: the only one beside the root, which was there first."""
         search = ["xdotool", "search", "--onlyvisible", "--class", ".*"]
         for _ in range(100):
             found = subprocess.run(search, env=screen, check=False, timeout=20, capture_output=True).stdout.split()
             if len(found) > 1:
                 return found[-1].decode()
             sleep(0.1)
-        pytest.fail("no window appears")
+        return pytest.fail("no window appears")
 
-    with subprocess.Popen(
-        [sys.executable, "-c", PLAYER], env=screen, stdout=subprocess.PIPE, stderr=subprocess.PIPE, text=True
-    ) as player:
+    return find
+
+
+@contextmanager
+def played(screen, program, *words):
+    """A program that opens the window; it is ended at the latest with the block."""
+    command = [sys.executable, "-c", WORLD + program, *map(str, words)]
+    with subprocess.Popen(command, env=screen, stdout=subprocess.PIPE, stderr=subprocess.PIPE, text=True) as player:
         try:
-            first = json.loads(player.stdout.readline())
-            window = find()
-            do("windowfocus", "--sync", window)
-            do("mousemove", "--window", window, 320, 10, "click", 4)  # one notch nearer
-            do("key", "2")
-            after_key = json.loads(player.stdout.readline())
-            assert after_key["node"] == 2
-            assert after_key["camera"][2] < first["camera"][2]
-
-            do("mousemove", "--window", window, 20, 300, "mousedown", 1)
-            do("mousemove", "--window", window, 50, 320, "mouseup", 1)
-            do("key", "0")
-            after_drag = json.loads(player.stdout.readline())
-            moved = [b - a for a, b in zip(after_key["places"][2], after_drag["places"][2], strict=True)]
-            assert moved == pytest.approx([30, 20], abs=1.5)
-
-            do("mousemove", "--window", window, *map(round, after_drag["places"][2]), "click", 1)
-            after_click = json.loads(player.stdout.readline())
-            assert after_click["node"] == 2
-            assert after_click["pinned"]  # the pointer is on the agent
-
-            player.terminate()
-            assert player.wait(20) == -signal.SIGTERM, player.stderr.read()
+            yield player
         finally:
             player.kill()
+
+
+def heard(player):
+    return json.loads(player.stdout.readline())
+
+
+def test_a_person_plays_with_keys_and_mouse_until_the_program_is_ended(screen, do, find):
+    with played(screen, PLAYER) as player:
+        first, window = heard(player), find()
+        do("windowfocus", "--sync", window)
+        do("mousemove", "--window", window, 320, 10, "click", 4)  # one notch nearer
+        do("key", "2")
+        after_key = heard(player)
+        assert after_key["node"] == 2
+        assert after_key["camera"][2] < first["camera"][2]
+
+        do("mousemove", "--window", window, 20, 300, "mousedown", 1)
+        do("mousemove", "--window", window, 50, 320, "mouseup", 1)
+        do("key", "0")
+        after_drag = heard(player)
+        moved = [b - a for a, b in zip(after_key["places"][2], after_drag["places"][2], strict=True)]
+        assert moved == pytest.approx([30, 20], abs=1.5)
+
+        do("mousemove", "--window", window, *map(round, after_drag["places"][2]), "click", 1)
+        after_click = heard(player)
+        assert after_click["node"] == 2
+        assert after_click["pinned"]  # the pointer is on the agent
+
+        player.terminate()
+        assert player.wait(20) == -signal.SIGTERM, player.stderr.read()
+
+
+def close(screen, window):
+    """Ask a window to close, as the cross in its frame does."""
+    subprocess.run([sys.executable, "-c", CLOSE, find_library("X11"), window], env=screen, check=True, timeout=20)
+
+
+@pytest.mark.skipif(find_library("X11") is None, reason="needs libX11")
+def test_closing_the_window_ends_the_loop_of_the_paper_and_its_recording_is_whole(screen, find, tmp_path):
+    with played(screen, LOOP_OF_THE_PAPER, tmp_path / "game") as player:
+        window = find()
+        heard(player)
+        close(screen, window)
+        rest, errors = player.communicate(timeout=20)
+        assert (player.returncode, errors) == (0, "")
+        *_, last = map(json.loads, rest.splitlines())
+    recordings.verify(tmp_path / "game.ggr")
+    with recorder.open(tmp_path / "game.ggr") as game:
+        assert game.turns == last["turns"]
+
+
+@pytest.mark.skipif(find_library("X11") is None, reason="needs libX11")
+def test_closing_the_window_in_a_question_ends_the_program(screen, find):
+    with played(screen, PLAYER) as player:
+        heard(player)
+        close(screen, find())
+        rest, errors = player.communicate(timeout=20)
+        assert (player.returncode, rest, errors) == (0, "", "")
+
+
+@pytest.mark.skipif(find_library("X11") is None, reason="needs libX11")
+def test_a_window_that_is_resized_hidden_and_shown_again_plays_on(screen, do, find, tmp_path):
+    with played(screen, LOOP_OF_THE_PAPER, tmp_path / "game") as player:
+        heard(player)
+        window = find()
+        do("windowsize", "--sync", window, 300, 500)
+        for _ in range(50):
+            if (now := heard(player))["size"] == [300, 500]:
+                break
+        assert now["size"] == [300, 500]
+        assert all(0 < x < 300 and 0 < y < 500 for x, y in now["places"])  # all of the map is seen
+        do("windowunmap", "--sync", window)
+        hidden = [heard(player) for _ in range(5)][-1]
+        do("windowmap", "--sync", window)
+        shown = [heard(player) for _ in range(5)][-1]
+        assert shown["turns"] > hidden["turns"]
+        assert (shown["size"], shown["camera"]) == (now["size"], now["camera"])
+        close(screen, window)
+        _, errors = player.communicate(timeout=20)
+        assert (player.returncode, errors) == (0, "")
+    recordings.verify(tmp_path / "game.ggr")

@@ -4,6 +4,7 @@ Contexts that run at the same time share it; it closes with the last of them.
 """
 
 import os
+import warnings
 from collections.abc import Iterator
 from contextlib import contextmanager
 from typing import Any
@@ -12,6 +13,7 @@ from gamms.errors import NoDisplay
 from gamms.visual.backends.pygame import load
 
 _NO_HANDLERS = "SDL_NO_SIGNAL_HANDLERS"  # or else SIGTERM would become one more event, and the process live on
+_RESIZED = "Requested window was forcibly resized"  # as a window manager that tiles does; the caller asks for its size
 _owners: list[object] = []
 
 
@@ -23,7 +25,8 @@ def open_window(owner: object, width: int, height: int, title: str) -> Any:
         NoDisplay: no window can be opened here.
     """
     pygame = load()
-    with _left_alone(_NO_HANDLERS):
+    with _left_alone(_NO_HANDLERS), warnings.catch_warnings():
+        warnings.filterwarnings("ignore", message=_RESIZED, category=RuntimeWarning)
         try:
             pygame.display.init()
             surface = pygame.display.set_mode((width, height), pygame.RESIZABLE)

@@ -110,6 +110,7 @@ class WindowEngine(Onlookers):
         self._fitted: Any = None
         self._crowds: tuple[float, dict[tuple[IArtist, ...], bool]] = (0.0, {})  # scale, and who is one
         self._screen = open_window(self, self.width, self.height, title)
+        self.resized(*self._screen.get_size())
 
     def quit(self) -> None:
         """End the context because the window was closed; in the midst of a turn of `ctx.game`, when it is over."""
