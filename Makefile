@@ -39,7 +39,8 @@ $(BIN)/python:
 # The demo plays on the bare library, too; what films it is left out where it cannot be installed.
 $(VENV)/.demo: $(BIN)/python pyproject.toml
 	@$(BIN)/python -m pip install --quiet --disable-pip-version-check -e '.[viz,video]' \
-		|| $(BIN)/python -m pip install --quiet --disable-pip-version-check -e .
+		|| { echo "What paints and films cannot be installed here (see above); the demo is played without it."; \
+		$(BIN)/python -m pip install --quiet --disable-pip-version-check -e .; }
 	@$(BIN)/python -m compileall -q src
 	@touch $@
 

@@ -13,7 +13,7 @@ from rich.markup import escape
 
 import gamms
 from gamms import cli_recordings, cli_render
-from gamms.cli_output import console, filmed, one_sentence, recorded, rich_table, save_pictures
+from gamms.cli_output import console, filmed, in_words, not_made, one_sentence, recorded, rich_table, save_pictures
 from gamms.demo import Team
 from gamms.errors import GammsError
 
@@ -75,17 +75,17 @@ def demo(
             show.declare(ctx)
             with ExitStack() as making:
                 recording = making.enter_context(recorded(ctx, out))
-                filming = filmed(ctx, out, map_name) if film else nullcontext((None, ""))
-                film_file, missing = making.enter_context(filming)
+                film_file = making.enter_context(filmed(ctx, out, map_name) if film else nullcontext())
                 played = ctx.game.run(progress=True)
             data = report.to_json(report.result(ctx, played, map_name, turns))
             (out / "result.json").write_text(data, encoding="utf-8")
             pictures = save_pictures(ctx, out, f"{map_name}: {report.headline(ctx, played)}")
             _tell(ctx, played, sides, map_name)
     named = "" if film_file is None else f", {film_file} (the game as a film)"
+    wanted = [out / name for name in ("game.mp4",) * film + ("final.png",)]
     typer.echo(
         f"\nWrote {out / 'result.json'} (every event), {recording} (every move; gamms replay){named} and "
-        f"{pictures} (the last turn). {missing}".rstrip()
+        f"{in_words(pictures)} (the last turn).{not_made(wanted, [film_file, *pictures])}"
     )
 
 
@@ -121,7 +121,7 @@ def play_scenario(
             _tell_result(console(), game, result)
     typer.echo(
         f"\nWrote {out / 'result.json'} (what came of it), {recording} (every move; gamms replay) and "
-        f"{pictures} (the last turn)."
+        f"{in_words(pictures)} (the last turn).{not_made([out / 'final.png'], pictures)}"
     )
 
 

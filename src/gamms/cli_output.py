@@ -58,28 +58,43 @@ def recorded(ctx: Any, folder: Path) -> Iterator[Path]:
 
 
 @contextmanager
-def filmed(ctx: Any, folder: Path, title: str) -> Iterator[tuple[Path | None, str]]:
-    """Film what happens in a context into a folder; yields the file and a sentence on what a better one would need."""
-    missing = ""
+def filmed(ctx: Any, folder: Path, title: str) -> Iterator[Path | None]:
+    """Film what happens in a context into a folder; yields the file, or None where none can be made."""
     for name, options in _FILMS.items():
         try:
             film = ctx.visual.film(folder / name, **options, title=title)
         except MissingExtra:
-            missing = 'pip install "gamms[viz,video]" makes an MP4 film of it.'
             continue
         with film:
-            yield folder / name, missing
+            yield folder / name
         return
-    yield None, missing
+    yield None
 
 
-def save_pictures(ctx: Any, folder: Path, title: str) -> str:
-    """Save how things stand as `final.svg`, and as `final.png` where that can be done; the files in words."""
+def save_pictures(ctx: Any, folder: Path, title: str) -> list[Path]:
+    """Save how things stand as `final.svg`, and as `final.png` where that can be done; the files."""
     files = []
     for name in ("final.png", "final.svg"):
         try:
             ctx.visual.save(folder / name, *_PICTURE, title=title)
         except MissingExtra:
             continue
-        files.append(str(folder / name))
-    return " and ".join(files)
+        files.append(folder / name)
+    return files
+
+
+def not_made(wanted: Iterable[Path], made: Iterable[Path | None]) -> str:
+    """A line on the files that could not be made, and on what brings the libraries they need; "" if there are none."""
+    missing = [path for path in wanted if path not in made]
+    if not missing:
+        return ""
+    extras = "viz,video" if any(path.name in _FILMS for path in missing) else "viz"
+    return (
+        f"\nNot made, for want of optional libraries: {in_words(missing)}. "
+        f'To get them: pip install "gamms[{extras}]", then play again.'
+    )
+
+
+def in_words(files: Iterable[Path]) -> str:
+    """Files, one after the other."""
+    return " and ".join(map(str, files))
