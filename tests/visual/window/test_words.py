@@ -47,6 +47,14 @@ def test_the_hud_can_be_replaced_or_left_out(ctx, said):
     assert "hello" not in frame(ctx, said)
 
 
+def test_lines_that_are_broader_than_the_window_go_on_below(open_window, said):
+    ctx = open_window(width=200)
+    ctx.visual.hud = lambda ctx: ["one two three four five six", "x" * 100]
+    words = frame(ctx, said)
+    assert "one two three four five six" not in words
+    assert " ".join(words[: words.index("x" * 89 + "…")]) == "one two three four five six"
+
+
 def test_a_hud_that_fails_is_logged_once(ctx, said, caplog):
     def fail(ctx):
         raise RuntimeError("no words")

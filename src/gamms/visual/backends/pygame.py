@@ -28,7 +28,7 @@ if TYPE_CHECKING:
 _PROMPT = "PYGAME_HIDE_SUPPORT_PROMPT"
 _UNWRITABLE = re.compile("[\x00-\x1f\x7f\ud800-\udfff]")
 _BGRX = (0xFF0000, 0xFF00, 0xFF) if sys.byteorder == "little" else ()  # the masks of such a surface
-_HALO = [(0, 1), (1, 0), (1, 2), (2, 1), (0, 0), (0, 2), (2, 0), (2, 2)]  # around dark text
+_HALO = [(0, 1), (1, 0), (1, 2), (2, 1), (0, 0), (0, 2), (2, 0), (2, 2)]  # around words
 _MOST_IMAGE_PX = 4096
 _MOST_FONT_PX, _MOST_LETTERS = 2048, 10_000
 _LETTERS = 8  # that are as broad as one is high, at most
@@ -188,13 +188,23 @@ class Canvas:
 
     # -- words and images ------------------------------------------------------------------------------------
 
-    def text(self, words: str, x: float, y: float, font_px: float, color: Rgba, align_right: bool = False) -> None:
-        """Write with the upper left, or upper right, corner at (x, y); dark words get a light edge."""
+    def text(
+        self,
+        words: str,
+        x: float,
+        y: float,
+        font_px: float,
+        color: Rgba,
+        align_right: bool = False,
+        edge: Rgb | None = None,
+    ) -> None:
+        """Write with the upper left, or upper right, corner at (x, y); dark words get a light edge if no other."""
+        edge = PAPER if edge is None and _is_dark(color[:3]) else edge
         font_px = min(max(round(font_px), 1), _MOST_FONT_PX)
         # What is certainly beyond the edge is cut off: a stranger's map may want to be credited in a million letters.
         most = min(_LETTERS * (self.width + round(max(-x, 0.0))) // font_px + _LETTERS, _MOST_LETTERS)
         words = words[-most:] if align_right else words[:most]
-        written = _text(_UNWRITABLE.sub(" ", words), font_px, color)
+        written = _text(_UNWRITABLE.sub(" ", words), font_px, color, edge)
         left = x - 1 - (written.get_width() - 2 if align_right else 0)
         if -written.get_width() < left < self.width and -written.get_height() < y - 1 < self.height:
             self._note(self.surface.blit(written, (round(left), round(y - 1))))
@@ -257,17 +267,17 @@ def _opened_font(font_px: int) -> "Font":
 
 
 @lru_cache(maxsize=4096)
-def _text(words: str, font_px: int, color: Rgba) -> "Surface":
+def _text(words: str, font_px: int, color: Rgba, edge: Rgb | None) -> "Surface":
     """The words with a free pixel on every side."""
     font, ink = _font(font_px), color[:3]
     written = font.render(words, True, ink)
     pygame = load()
     surface: Surface = pygame.Surface((written.get_width() + 2, written.get_height() + 2), pygame.SRCALPHA, 32)
-    surface.fill((*(PAPER if _is_dark(ink) else ink), 0))
-    if _is_dark(ink):
-        light = font.render(words, True, PAPER)
+    surface.fill((*(edge or ink), 0))
+    if edge is not None:
+        around = font.render(words, True, edge)
         for place in _HALO:
-            surface.blit(light, place)
+            surface.blit(around, place)
     surface.blit(written, (1, 1))
     surface.set_alpha(color[3])
     return surface

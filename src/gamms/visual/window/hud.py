@@ -18,7 +18,7 @@ Hud = Callable[[IContext], Iterable[Any]]
 
 _FONT_PX, _LINE_PX, _PAD_PX = 21, 20, 10
 _SMALL_PX, _PROMPT_PX, _ABOVE_NOTE_PX = 17, 56, 14
-_MOST_WORDS = 90  # of a line
+_LONGEST = 90  # letters of a line
 
 
 class Words:
@@ -51,7 +51,8 @@ class Words:
             self._card(canvas, HELP if self.has_help else (), EDGE_PX, low - raised, align=(0.0, 1.0))
         note = self._engine.noted("")
         if note:
-            canvas.text(note, canvas.width - EDGE_PX, canvas.height - 20, _SMALL_PX, self.theme.faint, align_right=True)
+            at, edge = (canvas.width - EDGE_PX, canvas.height - 20), self.theme.background[:3]
+            canvas.text(note, *at, _SMALL_PX, self.theme.faint, align_right=True, edge=edge)
         self._card(canvas, prompt, canvas.width / 2, low - _ABOVE_NOTE_PX, align=(0.5, 1.0))
         self._panel(canvas)
 
@@ -74,7 +75,7 @@ class Words:
         if hud is None:
             return []
         try:
-            return [str(line)[:_MOST_WORDS] for line in hud(self._engine.ctx)]
+            return [_short(str(line)) for line in hud(self._engine.ctx)]
         except Exception as error:  # noqa: BLE001 - user code, as a drawer is
             if self._failed is not hud:  # once, not in each of sixty frames a second
                 self._failed = hud
@@ -86,9 +87,9 @@ class Words:
         found = self._engine.pointed_at()
         if found is None:
             return
-        lines, (x, y), beside = found
-        lines = [line[:_MOST_WORDS] for line in lines]
-        width, height = _size(tuple(lines))
+        told, (x, y), beside = found
+        lines = _wrapped(tuple(map(_short, told)), canvas.width)
+        width, height = _size(lines)
         top = min(max(y - height / 2, EDGE_PX), canvas.height - height - EDGE_PX)
         is_beside_legend = self.is_shown and top < self.legend.height
         right = canvas.width - max(EDGE_PX, is_beside_legend * self.legend.width)
@@ -101,7 +102,8 @@ class Words:
         """Lines on a card; `align` is the share of the card left of and above (x, y). Where it ends: right, bottom."""
         if not lines:
             return 0, 0
-        width, height = _size(tuple(lines))
+        lines = _wrapped(tuple(lines), canvas.width)
+        width, height = _size(lines)
         left, top = round(x - align[0] * width), round(y - align[1] * height)
         canvas.surface.blit(plain_card(width, height, self.theme.card, self.theme.border), (left, top))
         for row, line in enumerate(lines):
@@ -111,10 +113,7 @@ class Words:
     def tag(self, canvas: Canvas, words: str, x: float, y: float, *, is_loud: bool = False) -> None:
         """A short label right of and above a point, or around it where it is loud."""
         if not is_loud:
-            if self.theme.is_dark:  # light words have no edge of their own
-                card = plain_card(text_width(words, _SMALL_PX) + 6, _SMALL_PX - 1, self.theme.shade, radius=4)
-                canvas.surface.blit(card, (round(x) - 3, round(y) - 3))
-            canvas.text(words, x, y, _SMALL_PX, self.theme.ink)
+            canvas.text(words, x, y, _SMALL_PX, self.theme.ink, edge=self.theme.background[:3])
             return
         width = max(text_width(words, _FONT_PX) + 10, 22)
         card = plain_card(width, 22, self.theme.accent, radius=11)
@@ -125,6 +124,25 @@ class Words:
 def score_line(scores: Mapping[Any, float]) -> str:
     """Scores by name, on one line."""
     return " · ".join(f"{name} {value:g}" for name, value in scores.items())
+
+
+def _short(line: str) -> str:
+    return line if len(line) <= _LONGEST else line[: _LONGEST - 1] + "…"
+
+
+@lru_cache(maxsize=256)
+def _wrapped(lines: tuple[str, ...], width_px: int) -> tuple[str, ...]:
+    """The lines of a card as narrow as the window."""
+    room, narrow = width_px - 2 * (EDGE_PX + _PAD_PX), list[str]()
+    for line in lines:
+        narrow.append("")
+        for word in line.split(" "):
+            longer = f"{narrow[-1]} {word}" if narrow[-1] else word
+            if narrow[-1] and text_width(longer, _FONT_PX) > room:
+                narrow.append(word)
+            else:
+                narrow[-1] = longer
+    return tuple(narrow)
 
 
 @lru_cache(maxsize=256)

@@ -7,8 +7,6 @@ from gamms.visual.appearance import BY_NIGHT
 from gamms.visual.color import PAPER, Rgba
 from gamms.visual.undeclared import ON_PAPER, MapTones
 
-_SHADE = 150
-
 
 class Theme(NamedTuple):
     """What is behind everything, what is written, and how the map looks when nobody said so."""
@@ -20,16 +18,6 @@ class Theme(NamedTuple):
     border: Rgba  # of a card
     map: MapTones
     accent: Rgba
-
-    @property
-    def is_dark(self) -> bool:
-        """Whether words are light."""
-        return sum(self.ink[:3]) > sum(self.background[:3])
-
-    @property
-    def shade(self) -> Rgba:
-        """The background, as one that can be seen through."""
-        return (*self.background[:3], _SHADE)
 
 
 THEMES = {
