@@ -105,6 +105,21 @@ def test_a_pause_stands_still_until_it_ends(play, person):
     assert [share for share, _ in ctx.places][:5] == [0.0] * 5
 
 
+def test_a_pause_holds_turns_without_duration_too(play, person):
+    ctx, frames = play(simulation_time_constant=0.0), []
+
+    def watch(ctx):
+        frames.append(ctx.visual.pace.is_paused)
+        if len(frames) == 4:
+            person.press("SPACE")
+        return []
+
+    ctx.visual.hud = watch
+    person.press("SPACE")
+    ctx.visual.simulate()
+    assert frames == [True] * 4 + [False]
+
+
 def test_a_step_shows_one_turn_and_stands_still_again(play, person):
     ctx, frames = play(), []
 

@@ -121,6 +121,8 @@ def test_the_source_of_the_map_is_always_named(ctx, said):
     ctx.graph.graph.attribution = "© somebody"
     ctx.visual.words.toggle()
     assert frame(ctx, said) == ["© somebody"]
+    ctx.visual.words.toggle()
+    assert {"© somebody", "F1: keys", "turn 0"} <= set(frame(ctx, said))
 
 
 def test_a_pause_and_a_question_say_what_to_do(ctx, said, person):

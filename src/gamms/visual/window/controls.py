@@ -1,5 +1,6 @@
 """What keys, mouse and window buttons do."""
 
+from collections.abc import Callable
 from typing import TYPE_CHECKING, Any
 
 from gamms.visual.backends.pygame import load
@@ -39,7 +40,15 @@ class Controls:
         self._drag: tuple[float, float] | None = None
         self._dragged_px = 0.0
         pygame = load()
-        self._events = {
+        self._events, self._keys = self._event_actions(pygame), self._key_actions(pygame)
+        self._ways = {
+            pygame.K_w: (0, 1), pygame.K_s: (0, -1), pygame.K_a: (-1, 0), pygame.K_d: (1, 0),
+            pygame.K_UP: (0, 1), pygame.K_DOWN: (0, -1), pygame.K_LEFT: (-1, 0), pygame.K_RIGHT: (1, 0),
+        }  # fmt: skip
+        self._digits = {getattr(pygame, f"K_{prefix}{digit}"): digit for digit in range(10) for prefix in ("", "KP")}
+
+    def _event_actions(self, pygame: Any) -> dict[int, Callable[[Any], None]]:
+        return {
             pygame.QUIT: self._quit,
             pygame.KEYDOWN: self._press,
             pygame.KEYUP: self._release,
@@ -51,8 +60,11 @@ class Controls:
             pygame.WINDOWFOCUSLOST: self._leave,
             pygame.VIDEORESIZE: self._resize,
         }
-        pace, hud = engine.pace, engine.words
-        self._keys = {
+
+    def _key_actions(self, pygame: Any) -> dict[int, Callable[[], None]]:
+        engine = self._engine
+        pace, words = engine.pace, engine.words
+        return {
             pygame.K_SPACE: pace.pause,
             pygame.K_PERIOD: pace.step,
             pygame.K_KP_PERIOD: pace.step,
@@ -64,17 +76,12 @@ class Controls:
             pygame.K_PAGEUP: lambda: self._zoom(1 / _KEY_ZOOM),
             pygame.K_PAGEDOWN: lambda: self._zoom(_KEY_ZOOM),
             pygame.K_HOME: engine.see_everything,
-            pygame.K_h: hud.toggle,
-            pygame.K_F1: hud.toggle_help,
+            pygame.K_h: words.toggle,
+            pygame.K_F1: words.toggle_help,
             pygame.K_l: engine.toggle_labels,
             pygame.K_t: engine.toggle_trails,
             pygame.K_ESCAPE: engine.unpin,
         }
-        self._ways = {
-            pygame.K_w: (0, 1), pygame.K_s: (0, -1), pygame.K_a: (-1, 0), pygame.K_d: (1, 0),
-            pygame.K_UP: (0, 1), pygame.K_DOWN: (0, -1), pygame.K_LEFT: (-1, 0), pygame.K_RIGHT: (1, 0),
-        }  # fmt: skip
-        self._digits = {getattr(pygame, f"K_{prefix}{digit}"): digit for digit in range(10) for prefix in ("", "KP")}
 
     def handle(self, events: list[Any]) -> None:
         """Do what the events say, in order; after the window was closed, nothing more."""

@@ -56,7 +56,7 @@ class WindowEngine(Onlookers):
         height: pixels.
         simulation_time_constant: seconds for which a turn is shown.
         input_overlay: how a person's choices look: `node_color`, `node_size` (world units), `edge_color`.
-        max_fps: frames per second at most in `simulate` and `human_input`.
+        max_fps: frames per second at most in `simulate`, `human_input` and `stay_open`; `update` never waits.
         theme: "light" or "dark".
         trails: of how many turns the ways of agents are shown.
         labels: whether agents have their names beside them.
@@ -193,10 +193,10 @@ class WindowEngine(Onlookers):
             self.controls.handle(load().event.get())
 
     def handle_tick(self) -> None:
-        """End a frame: in `simulate` and `human_input`, wait until it is time for the next one."""
+        """End a frame: where its pace is capped, wait until it is time for the next one."""
         if self.ctx.is_terminated():
             return
-        is_over = self._waiting_simulation and self._simulation_time >= self.turn_seconds
+        is_over = self._waiting_simulation and self._simulation_time >= self.turn_seconds and not self.pace.stands
         seconds, shown = self.pace.tick()
         if self._waiting_simulation:
             self._simulation_time += shown

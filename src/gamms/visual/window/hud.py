@@ -18,6 +18,7 @@ Hud = Callable[[IContext], Iterable[Any]]
 
 _FONT_PX, _LINE_PX, _PAD_PX = 21, 20, 10
 _SMALL_PX, _PROMPT_PX, _ABOVE_NOTE_PX = 17, 56, 14
+_HINT = "F1: keys"
 _LONGEST = 90  # letters of a line
 
 
@@ -47,14 +48,18 @@ class Words:
         if self.is_shown:
             hud = self._card(canvas, lines, EDGE_PX, EDGE_PX)
             self._paint_legend(canvas, hud)
-            raised = _PROMPT_PX if prompt else 0
+            raised = _PROMPT_PX if prompt else _ABOVE_NOTE_PX
             self._card(canvas, HELP if self.has_help else (), EDGE_PX, low - raised, align=(0.0, 1.0))
-        note = self._engine.noted("")
-        if note:
-            at, edge = (canvas.width - EDGE_PX, canvas.height - 20), self.theme.background[:3]
-            canvas.text(note, *at, _SMALL_PX, self.theme.faint, align_right=True, edge=edge)
+            self._foot(canvas, _HINT)
+        self._foot(canvas, self._engine.noted(""), is_right=True)
         self._card(canvas, prompt, canvas.width / 2, low - _ABOVE_NOTE_PX, align=(0.5, 1.0))
         self._panel(canvas)
+
+    def _foot(self, canvas: Canvas, words: str, *, is_right: bool = False) -> None:
+        """Small print in a lower corner."""
+        x, y, edge = canvas.width - EDGE_PX if is_right else EDGE_PX, canvas.height - 20, self.theme.background[:3]
+        if words:
+            canvas.text(words, x, y, _SMALL_PX, self.theme.faint, align_right=is_right, edge=edge)
 
     def _prompt(self) -> list[str]:
         """What is asked, or how to go on."""

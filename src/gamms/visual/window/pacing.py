@@ -35,6 +35,11 @@ class Pace:
         """How many times as fast as usual turns are shown."""
         return _SPEEDS[self._speed]
 
+    @property
+    def stands(self) -> bool:
+        """Whether no time passes for the turn that is shown."""
+        return self.is_paused and not self.is_stepping
+
     def faster(self, steps: int) -> None:
         """Show turns faster, or slower where `steps` is negative."""
         self._speed = min(max(self._speed + steps, 0), len(_SPEEDS) - 1)
@@ -59,5 +64,4 @@ class Pace:
     def tick(self) -> tuple[float, float]:
         """End a frame: seconds since the one before, and how much of them counts for the turn that is shown."""
         seconds = self.clock.tick(self.max_fps if self.is_capped else 0) / 1000.0
-        stands = self.is_paused and not self.is_stepping
-        return seconds, 0.0 if stands else seconds * self.speed
+        return seconds, 0.0 if self.stands else seconds * self.speed
