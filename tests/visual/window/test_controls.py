@@ -33,6 +33,21 @@ def test_a_held_key_moves_the_camera_half_its_size_per_second(ctx, person, key, 
     assert camera(ctx) == (8.0 * way[0], 8.0 * way[1], 32.0)
 
 
+@pytest.mark.parametrize(("key", "factor"), [("PAGEUP", 1 / 4), ("PAGEDOWN", 4)])
+def test_keys_zoom_a_notch_and_as_long_as_they_are_held(ctx, person, key, factor):
+    person.press(key)
+    ctx.visual.handle_input()
+    notch = 1.05 if factor > 1 else 1 / 1.05
+    assert camera(ctx) == pytest.approx((0, 0, 32 * notch))
+    for _ in range(10):
+        ctx.visual.controls.glide(0.1)
+    assert camera(ctx) == pytest.approx((0, 0, 32 * notch * factor))
+    person.release(key)
+    ctx.visual.handle_input()
+    ctx.visual.controls.glide(1.0)
+    assert camera(ctx) == pytest.approx((0, 0, 32 * notch * factor))
+
+
 def test_the_wheel_zooms_by_a_twentieth(ctx, person):
     person.turn_wheel(1)
     ctx.visual.update()
@@ -111,7 +126,17 @@ def test_keys_hide_the_words_and_show_help_names_and_trails(ctx, person):
     assert visual.trails.turns == 0
 
 
-def test_leaving_the_window_lets_go_of_everything(ctx, person):
+def test_a_pointer_that_leaves_does_not_stop_the_keys(ctx, person):
+    person.press("d")
+    person.point(5, 5)
+    person._do("WINDOWLEAVE")
+    ctx.visual.handle_input()
+    ctx.visual.controls.glide(0.5)
+    assert camera(ctx) == (8, 0, 32)
+    assert ctx.visual.controls.pointer is None
+
+
+def test_a_window_that_loses_the_focus_lets_go_of_everything(ctx, person):
     person.press("d")
     person.point(5, 5)
     ctx.visual.handle_input()

@@ -10,8 +10,8 @@ from gamms.visual.window.pointing import nearest
 if TYPE_CHECKING:
     from gamms.visual.window.engine import WindowEngine
 
-_ZOOM = 1.05  # of a notch of the wheel
-_KEY_ZOOM = 1.25
+_ZOOM = 1.05  # of a notch of the wheel, or a tap on a key
+_KEY_ZOOM = 4.0  # per second
 _CLICK_PX = 4.0  # a press that moves less is a click
 _CLOSEST = 2.0  # world units: half the width of the closest look that the wheel gives, where the map is not smaller
 _ACROSS = 60.0  # how many times smaller than the map
@@ -42,8 +42,9 @@ class Controls:
         pygame = load()
         self._events, self._keys = self._event_actions(pygame), self._key_actions(pygame)
         self._ways = {
-            pygame.K_w: (0, 1), pygame.K_s: (0, -1), pygame.K_a: (-1, 0), pygame.K_d: (1, 0),
-            pygame.K_UP: (0, 1), pygame.K_DOWN: (0, -1), pygame.K_LEFT: (-1, 0), pygame.K_RIGHT: (1, 0),
+            pygame.K_w: (0, 1, 0), pygame.K_s: (0, -1, 0), pygame.K_a: (-1, 0, 0), pygame.K_d: (1, 0, 0),
+            pygame.K_UP: (0, 1, 0), pygame.K_DOWN: (0, -1, 0), pygame.K_LEFT: (-1, 0, 0), pygame.K_RIGHT: (1, 0, 0),
+            pygame.K_PAGEUP: (0, 0, -1), pygame.K_PAGEDOWN: (0, 0, 1),
         }  # fmt: skip
         self._digits = {getattr(pygame, f"K_{prefix}{digit}"): digit for digit in range(10) for prefix in ("", "KP")}
 
@@ -57,7 +58,7 @@ class Controls:
             pygame.MOUSEMOTION: self._move,
             pygame.MOUSEWHEEL: self._wheel,
             pygame.WINDOWLEAVE: self._leave,
-            pygame.WINDOWFOCUSLOST: self._leave,
+            pygame.WINDOWFOCUSLOST: self._lose_focus,
             pygame.VIDEORESIZE: self._resize,
         }
 
@@ -73,8 +74,8 @@ class Controls:
             pygame.K_KP_PLUS: lambda: pace.faster(1),
             pygame.K_MINUS: lambda: pace.faster(-1),
             pygame.K_KP_MINUS: lambda: pace.faster(-1),
-            pygame.K_PAGEUP: lambda: self._zoom(1 / _KEY_ZOOM),
-            pygame.K_PAGEDOWN: lambda: self._zoom(_KEY_ZOOM),
+            pygame.K_PAGEUP: lambda: self._zoom(1 / _ZOOM),
+            pygame.K_PAGEDOWN: lambda: self._zoom(_ZOOM),
             pygame.K_HOME: engine.see_everything,
             pygame.K_h: words.toggle,
             pygame.K_F1: words.toggle_help,
@@ -93,10 +94,11 @@ class Controls:
                 action(event)
 
     def glide(self, seconds: float) -> None:
-        """Move the camera by the keys that are held: half a half width per second."""
+        """Move the camera by the keys that are held: by half a half width, or four times as near, per second."""
         view = self._engine._render_manager
-        across = sum(self._ways[key][0] for key in self._held)
-        up = sum(self._ways[key][1] for key in self._held)
+        across, up, out = (sum(self._ways[key][axis] for key in self._held) for axis in range(3))
+        if out:
+            self._zoom(_KEY_ZOOM ** (out * seconds))
         if across or up:
             view.camera_x += across * view.camera_size / 2 * seconds
             view.camera_y += up * view.camera_size / 2 * seconds
@@ -111,6 +113,10 @@ class Controls:
 
     def _leave(self, event: Any) -> None:  # noqa: ARG002
         self.pointer, self._drag = None, None
+
+    def _lose_focus(self, event: Any) -> None:
+        """Let go of everything: what is released meanwhile is told to somebody else."""
+        self._leave(event)
         self._held.clear()
 
     # -- keys ------------------------------------------------------------------------------------------------
@@ -120,7 +126,7 @@ class Controls:
             return
         if event.key in self._ways:
             self._held.add(event.key)
-        elif event.key in self._keys:
+        if event.key in self._keys:
             self._keys[event.key]()
 
     def _release(self, event: Any) -> None:
