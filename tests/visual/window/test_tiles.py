@@ -109,7 +109,6 @@ def test_zooming_far_out_and_in_again_keeps_memory_bounded(ctx, person):
 
 
 def test_zooming_out_does_not_dim_the_paper(ctx, seen, person):
-    ctx.visual.words.toggle()
     ctx.visual.set_graph_visual(node_size=0)
     ctx.visual.update()
     for _ in range(30):

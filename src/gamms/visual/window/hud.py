@@ -50,7 +50,8 @@ class Words:
             self._paint_legend(canvas, hud)
             raised = _PROMPT_PX if prompt else _ABOVE_NOTE_PX
             self._card(canvas, HELP if self.has_help else (), EDGE_PX, low - raised, align=(0.0, 1.0))
-            self._foot(canvas, _HINT)
+            if self._engine.hud == self._engine.turn_lines and not self.has_help:  # who replaced it wants just that
+                self._foot(canvas, _HINT)
         self._foot(canvas, self._engine.noted(""), is_right=True)
         self._card(canvas, prompt, canvas.width / 2, low - _ABOVE_NOTE_PX, align=(0.5, 1.0))
         self._panel(canvas)
