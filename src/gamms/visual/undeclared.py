@@ -19,6 +19,7 @@ from gamms.visual.appearance import BY_DAY, AgentData, GraphData, WallTones
 from gamms.visual.artist import Artist
 from gamms.visual.color import Rgb
 from gamms.visual.drawers import render_agent, render_graph, render_obstacles, render_sensor
+from gamms.visual.drawers.graph import usual
 from gamms.visual.drawers.rules import (
     FLAG_LAYER,
     TAG_LAYER,
@@ -183,5 +184,5 @@ def _sight(columns: GraphColumns) -> float:
     widest = float(np.ptp(columns.xy, axis=0).max())
     ways = columns.xy[columns.targets] - columns.xy[columns.sources]
     lengths = np.hypot(ways[:, 0], ways[:, 1])
-    typical = float(np.median(lengths)) if len(lengths) else widest
+    typical = usual(lengths) if len(lengths) else widest
     return min(0.22 * typical, 0.018 * widest) or 1.0

@@ -6,7 +6,7 @@ import numpy as np
 
 from gamms.ir.graph import FloatArray, GraphColumns, IntArray
 from gamms.typing import IContext
-from gamms.visual.drawers.graph import polylines
+from gamms.visual.drawers.graph import polylines, usual
 from gamms.visual.primitives import primitives_of
 from gamms.visual.values import Values
 
@@ -32,7 +32,7 @@ def usual_edge(columns: GraphColumns) -> float:
     """How long an edge is usually, in a straight line; of a map without any, how large the map is, or 1.0."""
     ways = columns.xy[columns.targets] - columns.xy[columns.sources]
     if len(ways):
-        return float(np.median(np.hypot(ways[:, 0], ways[:, 1])))
+        return usual(np.hypot(ways[:, 0], ways[:, 1]))
     return float(np.ptp(columns.xy, axis=0).max()) if len(columns.xy) > 1 else 1.0
 
 
