@@ -7,7 +7,7 @@ import os
 import re
 import sys
 from collections import deque
-from collections.abc import Iterator, Sequence
+from collections.abc import Iterable, Iterator, Sequence
 from contextlib import contextmanager
 from functools import lru_cache
 from itertools import repeat
@@ -142,8 +142,9 @@ class Canvas:
         with self._painted(low, high, color[3]) as (surface, left, top):
             shift = (left + 0.5, top + 0.5)  # pygame counts from the middle of a pixel
             begin, end = (zip(*(points - shift).T.tolist(), strict=True) for points in (starts, ends))
+            ink = self._pygame.Color(*color[:3])  # which need not be read again for every line
             # NOTE: a loop in C, which takes half the time (redrawing a map of 100,000 edges).
-            deque(map(self._pygame.draw.aaline, repeat(surface), repeat(color[:3]), begin, end), maxlen=0)
+            deque(map(self._pygame.draw.aaline, repeat(surface), repeat(ink), begin, end), maxlen=0)
 
     def rectangle(self, x: float, y: float, width: float, height: float, color: Rgba) -> None:
         """Fill a rectangle, rounded to whole pixels so that its edges are sharp."""
@@ -162,9 +163,14 @@ class Canvas:
         """Blend a colour in as far as a patch covers the picture."""
         self._note(self.surface.blit(stamp(patch.coverage, color), (patch.left, patch.top)))
 
-    def stamps(self, placed: Sequence[tuple["Surface", tuple[int, int]]]) -> None:
-        """Paint many surfaces, in order."""
-        for box in self.surface.blits(placed, self._is_tracked) or ():
+    def stamps(self, placed: Iterable[tuple["Surface", tuple[int, int]]], flags: int = 0) -> None:
+        """Paint many surfaces, in order, all with the same flags."""
+        fast = None if self._is_tracked else getattr(self.surface, "fblits", None)  # of pygame-ce; names no boxes
+        if fast is not None:
+            fast(placed, flags)
+            return
+        flagged = [(stamp, place, None, flags) for stamp, place in placed]
+        for box in self.surface.blits(flagged, self._is_tracked) or ():  # type: ignore[arg-type] # it takes flags, too
             self._note(box)
 
     def paste(self, surface: "Surface", area: Any = None, flags: int = 0) -> None:

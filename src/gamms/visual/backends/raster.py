@@ -51,9 +51,11 @@ def _runs(commands: DrawCommands, rows: IntArray) -> Iterator[tuple[DrawKind, in
     if len(rows) == 0:
         return
     kind = commands.kind[rows]
-    is_alike = (kind == DrawKind.LINE) | (kind == DrawKind.POLYGON)
-    style = np.column_stack([commands.width[rows], commands.space[rows], commands.color[rows]]) * is_alike[:, None]
-    changes = np.flatnonzero((kind[1:] != kind[:-1]) | (style[1:] != style[:-1]).any(axis=1)) + 1
+    has_style = ((kind == DrawKind.LINE) | (kind == DrawKind.POLYGON))[1:]
+    is_new = kind[1:] != kind[:-1]
+    for column in (commands.width[rows], commands.space[rows], *commands.color[rows].T):
+        is_new |= has_style & (column[1:] != column[:-1])
+    changes = np.flatnonzero(is_new) + 1
     for begin, end in pairwise([0, *changes.tolist(), len(rows)]):
         yield DrawKind(int(kind[begin])), begin, end
 
@@ -150,19 +152,19 @@ def _stamped(canvas: Canvas, centers: FloatArray, radius: FloatArray, width: Flo
     whole = np.floor(corner)
     step = np.minimum(((corner - whole) * _STEPS).astype(np.int64), _STEPS - 1)
     look = np.column_stack([np.rint(np.column_stack([radius, width, reach]) * 10).astype(np.int64), color])
-    places = whole.astype(np.int64).tolist()
+    x, y = whole.astype(np.int64).T.tolist()
     changes = (look[1:] != look[:-1]).any(axis=1)
     if 8 * np.count_nonzero(changes) > len(look):
-        pairs = zip(look.tolist(), step.tolist(), places, strict=True)
-        canvas.stamps([(_stamp(*one, *where), (x, y)) for one, where, (x, y) in pairs])
+        pairs = zip(look.tolist(), step.tolist(), strict=True)
+        canvas.stamps(zip((_stamp(*one, *where) for one, where in pairs), zip(x, y, strict=True), strict=True))
         return
     code = (_STEPS * step[:, 0] + step[:, 1]).tolist()
     for begin, end in pairwise([0, *(np.flatnonzero(changes) + 1).tolist(), len(look)]):
         one = look[begin].tolist()
         stamps = {number: _stamp(*one, *divmod(number, _STEPS)) for number in set(code[begin:end])}
-        canvas.stamps(
-            [(stamps[number], (x, y)) for number, (x, y) in zip(code[begin:end], places[begin:end], strict=True)]
-        )
+        places = zip(x[begin:end], y[begin:end], strict=True)
+        # NOTE: never a list of pairs, whose making wakes the garbage collector (first frame of 100,000 edges).
+        canvas.stamps(zip(map(stamps.__getitem__, code[begin:end]), places, strict=True))
 
 
 @lru_cache(maxsize=8192)

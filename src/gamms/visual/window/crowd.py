@@ -5,7 +5,7 @@ What the drawer of agents would draw for each of them is painted once per look, 
 
 from collections.abc import Mapping
 from functools import lru_cache
-from typing import Any, cast
+from typing import Any
 
 import numpy as np
 
@@ -86,8 +86,8 @@ class Crowd:
                 found = known[key] = _sprite(rgba(color), round(float(look.size) * scale, 1), look.least_px, step)
             sprite, reach = found
             if -reach <= x <= right + reach and -reach <= y <= low + reach:
-                placed.append((sprite, (x - reach, y - reach), None, _premultiplied()))
-        canvas.stamps(placed)  # type: ignore[arg-type] # pygame takes flags, too
+                placed.append((sprite, (x - reach, y - reach)))
+        canvas.stamps(placed, load().BLEND_PREMULTIPLIED)
 
 
 def is_crowd(ctx: IContext, members: Mapping[str, IArtist], scale: float) -> bool:
@@ -105,11 +105,6 @@ def _is_disc(ctx: IContext, artist: IArtist, scale: float) -> bool:
         return ctx.agent.get_agent(look.name).type != AgentType.AERIAL
     except KeyError:
         return True
-
-
-@lru_cache(maxsize=1)
-def _premultiplied() -> int:
-    return cast("int", load().BLEND_PREMULTIPLIED)
 
 
 @lru_cache(maxsize=4096)
