@@ -11,7 +11,7 @@ from gamms.errors import BadValue
 from gamms.ir.draw import DrawKind, DrawSpace
 from gamms.ir.palette import OTHER_OBSTACLE
 from gamms.visual import Circle, Color, render_circle, render_rectangle
-from gamms.visual.drawers.graph import one_way_each, polylines
+from gamms.visual.drawers.graph import one_way_each, polylines, usual
 
 
 def points_of(commands, kind):
@@ -54,6 +54,26 @@ def test_every_street_is_drawn_exactly_once(columns_of, edges, random):
     ]
     assert {frozenset(map(tuple, line)) for line in drawn} == {frozenset(map(tuple, line)) for line in streets}
     assert len(drawn) == len({min(str(line), str(line[::-1])) for line in streets})
+
+
+@given(st.lists(st.booleans(), max_size=12), st.randoms())
+def test_bent_and_straight_streets_come_in_the_order_that_was_asked_for(columns_of, is_bent, random):
+    xy = np.array([(0.0, 0.0), (4.0, 0.0)])
+    bends = {row: np.array([(0.0, 0.0), (2.0, row), (4.0, 0.0)]) for row, bent in enumerate(is_bent) if bent}
+    columns = columns_of(xy, [(0, 1)] * len(is_bent), bends)
+    rows = random.sample(range(len(is_bent)), len(is_bent))
+    points, offsets = polylines(columns, np.array(rows, np.int64))
+    lines = [points[begin:end].tolist() for begin, end in pairwise(offsets.tolist())]
+    assert lines == [bends.get(row, xy).tolist() for row in rows]
+
+
+@given(st.lists(st.floats(0, 1e6), min_size=1))
+def test_the_usual_length_is_the_median(lengths):
+    assert usual(np.array(lengths)) == np.median(lengths)
+
+
+def test_the_usual_length_of_no_street_is_zero():
+    assert usual(np.empty(0)) == 0.0
 
 
 def test_node_ids_are_written_on_demand(ctx):
