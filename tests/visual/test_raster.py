@@ -13,6 +13,7 @@ from hypothesis import strategies as st
 from gamms.errors import BadValue
 from gamms.ir.draw import DrawSpace
 from gamms.visual.backends.pillow import pixels_of, png_file
+from gamms.visual.backends.pygame import Canvas, stamp
 from gamms.visual.backends.raster import painted
 from gamms.visual.camera import Camera
 from gamms.visual.commands import Commands
@@ -198,6 +199,34 @@ def test_culling_never_changes_pixels(calls):
     # Hairlines may be rounded differently where they were cut.
     far = np.abs(part - whole[300:350, 350:450]).max(axis=2) > 130
     assert far.sum() <= 3
+
+
+@given(
+    st.lists(st.tuples(points, st.floats(0, 40), st.sampled_from(DrawSpace)), min_size=1),
+    st.tuples(points, st.floats(0.05, 20)),
+)
+def test_circles_out_of_sight_are_left_out_and_no_others(circles, view):
+    """Whatever their sizes and units, as it would be if each were looked at on its own."""
+    (x, y), scale = view
+    camera, together, alone = Camera(100, 50, x, y, scale), Commands(), []
+    for center, radius, space in circles:
+        for commands in (together, one := Commands()):
+            commands.add_circles([center], radius, RED, space=space)
+        alone.append(one)
+    seen = [pixels(commands, camera)[:, :, 1] < 255 for commands in alone]
+    assert ((pixels(together, camera)[:, :, 1] < 255) == np.any(seen, axis=0)).all()
+
+
+def test_stamps_look_the_same_whether_or_not_changes_are_tracked():
+    spots = [stamp(np.full((5, 5), opacity, np.uint8), (*RED, 255)) for opacity in (90, 200)]
+    pictures = []
+    for is_tracked in (False, True):
+        canvas = Canvas(100, 50, is_tracked=is_tracked)
+        canvas.fill(WHITE)
+        canvas.stamps(zip(spots * 3, [(-2, 3), (0, 4), (50, 20), (52, 22), (98, 48), (200, 10)], strict=True))
+        pictures.append(canvas.pixels())
+    assert (pictures[0] == pictures[1]).all()
+    assert (pictures[0] != 255).any()
 
 
 def test_painting_needs_no_display_and_leaves_no_trace():

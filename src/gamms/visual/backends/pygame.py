@@ -243,7 +243,8 @@ def veil(over_black: "Surface", over_white: "Surface") -> "Surface":
     """
     pygame = load()
     black, white = (pygame.surfarray.array3d(surface) for surface in (over_black, over_white))
-    seen_through = (white - black).max(axis=2)  # never below black, so nothing wraps around
+    red, green, blue = np.moveaxis(white - black, 2, 0)  # never below black, so nothing wraps around
+    seen_through = np.maximum(np.maximum(red, green), blue)  # NOTE: a third of the time of max(axis=2) (zooming)
     surface: Surface = pygame.Surface(over_black.get_size(), pygame.SRCALPHA, 32)
     pygame.surfarray.pixels3d(surface)[:] = black
     pygame.surfarray.pixels_alpha(surface)[:] = 255 - seen_through

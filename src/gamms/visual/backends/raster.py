@@ -125,18 +125,26 @@ class _Circles:
         self.centers = commands.points[commands.offsets[rows]]
         self.size, self.width, self.color = commands.size[rows], commands.width[rows], commands.color[rows]
         self.is_in_world = commands.space[rows] == DrawSpace.WORLD
+        self.largest_in_world = float(self.size[self.is_in_world].max(initial=0.0))
+        self.largest_px, self.widest_px = (
+            float(px.max(initial=0.0)) for px in (self.size[~self.is_in_world], self.width)
+        )
 
     def __call__(self, canvas: Canvas, camera: Camera) -> None:
-        radius = self.size * np.where(self.is_in_world, camera.scale, 1.0)
-        centers = camera.to_screen(self.centers)
-        reach = (radius + self.width)[:, None] + 1.0
+        farthest = max(self.largest_in_world * camera.scale, self.largest_px) + self.widest_px + _BEYOND_PX
+        near = np.flatnonzero(touching(self.centers, self.centers, _view(camera, farthest)))
+        if len(near) == 0:
+            return
+        radius, width = self.size[near] * np.where(self.is_in_world[near], camera.scale, 1.0), self.width[near]
+        centers, color = camera.to_screen(self.centers[near]), self.color[near]
+        reach = (radius + width)[:, None] + 1.0
         inside = touching(centers - reach, centers + reach, (0.0, 0.0, canvas.width, canvas.height))
-        inside &= (radius >= _SMALLEST_RADIUS_PX) & (self.color[:, 3] > 0)
-        small = radius + self.width <= _LARGEST_STAMP_PX
+        inside &= (radius >= _SMALLEST_RADIUS_PX) & (color[:, 3] > 0)
+        small = radius + width <= _LARGEST_STAMP_PX
         for is_small, begin, end in _stretches(small[inside]):
             rows = np.flatnonzero(inside)[begin:end]
             paint = _stamped if is_small else _large
-            paint(canvas, centers[rows], radius[rows], self.width[rows], self.color[rows])
+            paint(canvas, centers[rows], radius[rows], width[rows], color[rows])
 
 
 def _stretches(flags: Any) -> Iterator[tuple[bool, int, int]]:
