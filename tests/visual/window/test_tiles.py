@@ -1,10 +1,15 @@
 """Tiles and crowds: what was painted once and shifted is what would be painted now."""
 
+from itertools import chain
+
 import numpy as np
 import pytest
+from hypothesis import given
+from hypothesis import strategies as st
 
 import gamms
-from gamms.visual.window.tiles import Haste
+from gamms.visual.window.sheets import Sheets
+from gamms.visual.window.tiles import Haste, _rectangles
 
 
 def grid(ctx, side):
@@ -157,6 +162,37 @@ def test_there_is_always_time_for_one_thing():
     haste = Haste(-1.0)
     assert haste.has_time(5.0)
     assert not haste.has_time(0.0)
+
+
+def test_what_was_done_already_takes_the_time_of_the_first_thing():
+    haste = Haste(-1.0)
+    haste.spend()
+    assert not haste.has_time(0.0)
+
+
+@given(st.sets(st.tuples(st.integers(-4, 4), st.integers(-4, 4))))
+def test_rectangles_hold_each_missing_tile_once_and_no_other(places):
+    held = list(chain.from_iterable(area.places() for area in _rectangles(list(places))))
+    assert len(held) == len(places)
+    assert set(held) == places
+
+
+def test_a_ring_of_missing_tiles_is_four_rectangles():
+    ring = [(x, y) for x in range(6) for y in range(5) if x in {0, 5} or y in {0, 4}]
+    assert len(list(_rectangles(ring))) == 4
+
+
+def test_a_sheet_is_used_again_for_the_same_use_only():
+    sheets = Sheets()
+    large = sheets.sheet("part", 300, 200)
+    assert large.get_size() == (300, 200)
+    assert sheets.sheet("part", 20, 200).get_parent() is large.get_parent()
+    assert sheets.sheet("scaled", 20, 200).get_parent() is not large.get_parent()
+
+
+def test_a_sheet_that_would_hold_too_much_memory_is_not_kept():
+    sheets = Sheets()
+    assert sheets.sheet("part", 3000, 2000).get_parent() is not sheets.sheet("part", 3000, 2000).get_parent()
 
 
 def test_a_node_that_is_added_is_seen_in_a_map_of_tiles(ctx, seen):

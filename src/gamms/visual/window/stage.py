@@ -8,6 +8,7 @@ from gamms.visual.backends.pygame import Canvas
 from gamms.visual.camera import Camera
 from gamms.visual.color import Rgba
 from gamms.visual.scene import Draw, Part, Scene
+from gamms.visual.window.sheets import Sheets
 from gamms.visual.window.tiles import Haste, Tiles
 
 CrowdOf = Callable[[Mapping[str, IArtist]], Any]
@@ -26,6 +27,7 @@ class Stage(Scene):
         super().__init__(world)
         self._crowd_of = crowd_of
         self._tiles: dict[Part, Tiles] = {}
+        self._sheets = Sheets()
         self._overlays: dict[tuple[IArtist, ...], Any] = {}
 
     def note_overlay(self, artists: tuple[IArtist, ...], surface: Any) -> None:
@@ -49,7 +51,7 @@ class Stage(Scene):
                 behind = background if place == 0 else None
                 tiles = shown.get(part)
                 if tiles is None or tiles.background != behind:
-                    tiles = shown[part] = Tiles(part.painting, part.box, behind)
+                    tiles = shown[part] = Tiles(part.painting, part.box, behind, self._sheets)
                 tiles.show(canvas, camera, haste)
             else:
                 part.paint(canvas, camera)

@@ -6,7 +6,8 @@ by one, as many as there is time for in a frame. Squares just outside the view a
 """
 
 from collections.abc import Iterator
-from itertools import product
+from itertools import groupby, pairwise, product
+from operator import itemgetter
 from time import perf_counter
 from typing import Any, NamedTuple
 
@@ -16,12 +17,13 @@ from gamms.visual.backends.raster import Painting
 from gamms.visual.camera import Camera
 from gamms.visual.color import Rgba
 from gamms.visual.constants import CACHE_ZOOM_MAX
+from gamms.visual.window.sheets import Sheets
 
 SIDE = 128  # px of a tile
 _AHEAD = 1  # tiles around the view that are painted before they are seen
 _MOST_TILES, _MOST_VIEWS = 800, 4  # of all levels, the larger of: 50 MiB, or so many views
 _SPILL_PX = 64.0  # how far outside the box of a painting something sized in pixels may reach
-_SLOW = 0.004  # seconds
+_SLOW = 0.0025  # seconds of a row of tiles; then rows become shorter
 _LONGEST_ROW = 16  # tiles
 _COARSEST, _FINEST = 16.0, 4.0  # how many times coarser or finer a level may be that tiles are cut out of
 _LOST = (3, 3, 3)  # of each colour, give or take one, when a surface is made smaller
@@ -46,6 +48,10 @@ class Haste:
         """Whether there is time for something that takes so long; for the first thing there always is."""
         is_first, self._is_first = self._is_first, False
         return is_first or perf_counter() + seconds < self._end
+
+    def spend(self) -> None:
+        """Note that something was done, so that the next thing is not the first."""
+        self._is_first = False
 
 
 class _Area(NamedTuple):
@@ -93,10 +99,19 @@ class _Level:
 
 
 class Tiles:
-    """A painting as tiles, on a background or on glass."""
+    """A painting as tiles, on a background or on glass.
 
-    def __init__(self, painting: Painting, box: tuple[FloatArray, FloatArray] | None, background: Rgba | None) -> None:
-        self.painting, self.background = painting, background
+    Args:
+        painting: what is painted.
+        box: its lower left and upper right corner, in world units; None where it has no extent.
+        background: None is glass.
+        sheets: to paint on; several paintings may have them in common.
+    """
+
+    def __init__(
+        self, painting: Painting, box: tuple[FloatArray, FloatArray] | None, background: Rgba | None, sheets: Sheets
+    ) -> None:
+        self.painting, self.background, self._sheets = painting, background, sheets
         self._box, self._cost, self._at_once = box, 0.0, 1  # seconds that a row of tiles took, and how many it has
         self._flags = load().BLEND_PREMULTIPLIED if background is None else 0
         self._levels: dict[float, _Level] = {}  # the one that was used last is the last
@@ -110,16 +125,13 @@ class Tiles:
                 level.forget(place)
         # A camera that only moves finds few tiles missing, and shows what it should at once.
         is_settling = haste.is_zooming or not level.tiles or bool(level.rough)
-        self._fill(level, area.tiles(), may_cut_out=is_settling and not haste.is_leaping)
+        if self._fill(level, area.tiles(), may_cut_out=is_settling and not haste.is_leaping):
+            haste.spend()
         self._sharpen(level, area.tiles(), haste)
         if level.scale == camera.scale:
             self._blit(canvas.surface, level, area)
             return
-        pygame = load()
-        part = pygame.Surface((area.right - area.left, area.bottom - area.top), *self._format())
-        self._blit(part, level, area, is_copy=True)
-        scaled = self._scaled(part, (camera.width, camera.height))
-        canvas.surface.blit(scaled, (0, 0), special_flags=self._flags)
+        canvas.surface.blit(self._scaled(level, area, (camera.width, camera.height)), (0, 0), special_flags=self._flags)
 
     def is_sharp(self, camera: Camera) -> bool:
         """Whether all that the camera sees is painted in the scale in which it is shown."""
@@ -139,19 +151,20 @@ class Tiles:
 
     # -- painting --------------------------------------------------------------------------------------------
 
-    def _fill(self, level: _Level, tiles: _Area, *, may_cut_out: bool) -> None:
-        """See to it that there are tiles: empty, cut out of another level, or painted at once."""
+    def _fill(self, level: _Level, tiles: _Area, *, may_cut_out: bool) -> bool:
+        """See to it that there are tiles: empty, cut out of another level, or painted at once; whether it took time."""
         missing = [place for place in tiles.places() if place not in level.tiles]
         if not missing:
-            return
+            return False
         self._evict(level, tiles)
         missing = [place for place in missing if not self._is_empty(level, place)]
         if not missing:
-            return
+            return False
         if may_cut_out:
             missing = self._cut_out(level, missing)
-        if missing:
-            self._paint(level, _around(missing))
+        for rectangle in _rectangles(missing):
+            self._paint(level, rectangle)
+        return True
 
     def _is_empty(self, level: _Level, place: Place) -> bool:
         """Whether nothing is drawn on a tile; then it is there already."""
@@ -194,7 +207,7 @@ class Tiles:
         return self._painted_on(camera, self.background)
 
     def _painted_on(self, camera: Camera, color: Rgba) -> Any:
-        canvas = Canvas(camera.width, camera.height)
+        canvas = Canvas(camera.width, camera.height, self._sheets.sheet(str(color), camera.width, camera.height))
         canvas.fill(color)
         self.painting.paint(canvas, camera)
         return canvas.surface
@@ -249,11 +262,8 @@ class Tiles:
 
     def _cut_out_of(self, source: _Level, level: _Level, found: list[Place]) -> None:
         tiles = _around(found)
-        pygame, camera = load(), level.camera(tiles)
-        area = source.view(camera)
-        part = pygame.Surface((max(area.right - area.left, 1), max(area.bottom - area.top, 1)), *self._format())
-        self._blit(part, source, area, is_copy=True)
-        surface = self._scaled(part, (camera.width, camera.height))
+        camera = level.camera(tiles)
+        surface = self._scaled(source, source.view(camera), (camera.width, camera.height))
         for place in found:
             level.tiles[place] = _part(surface, tiles, place)
             level.rough.add(place)
@@ -274,14 +284,15 @@ class Tiles:
 
     # -- surfaces --------------------------------------------------------------------------------------------
 
-    def _format(self) -> tuple[int, int]:
-        return (load().SRCALPHA if self.background is None else 0), 32
-
-    def _scaled(self, surface: Any, size: tuple[int, int]) -> Any:
-        """A surface in another size; making one smaller costs it some brightness, which is given back."""
+    def _scaled(self, level: _Level, area: _Area, size: tuple[int, int]) -> Any:
+        """An area in another size; making it smaller costs it some brightness, which is given back."""
         pygame = load()
-        scaled = pygame.transform.smoothscale(surface, size)
-        if self.background is not None and size[0] < surface.get_width():
+        flags = pygame.SRCALPHA if self.background is None else 0
+        part = self._sheets.sheet("part", max(area.right - area.left, 1), max(area.bottom - area.top, 1), flags)
+        self._blit(part, level, area, is_copy=True)
+        scaled = self._sheets.sheet("scaled", *size, flags)
+        pygame.transform.smoothscale(part, size, scaled)
+        if self.background is not None and size[0] < part.get_width():
             scaled.fill(_LOST, special_flags=pygame.BLEND_RGB_ADD)
         return scaled
 
@@ -302,6 +313,24 @@ class Tiles:
 def _around(places: list[Place]) -> _Area:
     columns, rows = zip(*places, strict=True)
     return _Area(min(columns), min(rows), max(columns) + 1, max(rows) + 1)
+
+
+def _rectangles(places: list[Place]) -> Iterator[_Area]:
+    """Areas that hold these places, each of them once, and nothing else."""
+    rows: dict[tuple[int, int], list[int]] = {}  # in which there is just this stretch of columns
+    for row, there in groupby(sorted(places, key=itemgetter(1, 0)), itemgetter(1)):
+        for stretch in _stretches([column for column, _ in there]):
+            rows.setdefault(stretch, []).append(row)
+    for (left, right), its_rows in rows.items():
+        for top, bottom in _stretches(its_rows):
+            yield _Area(left, top, right, bottom)
+
+
+def _stretches(numbers: list[int]) -> Iterator[tuple[int, int]]:
+    """First and last number + 1 of numbers, in order, that follow each other."""
+    breaks = [place for place in range(1, len(numbers)) if numbers[place] > numbers[place - 1] + 1]
+    for first, end in pairwise([0, *breaks, len(numbers)]):
+        yield numbers[first], numbers[end - 1] + 1
 
 
 def _part(surface: Any, tiles: _Area, place: Place) -> Any:
