@@ -1,8 +1,8 @@
 """Collects draw commands, one by one or in bulk, and freezes them into columns."""
 
+from array import array
 from collections.abc import Sequence
 from dataclasses import replace
-from itertools import chain, repeat
 from typing import Any, NamedTuple
 
 import numpy as np
@@ -10,9 +10,10 @@ import numpy as np
 from gamms.arguments import as_float, as_range
 from gamms.errors import BadValue
 from gamms.ir.draw import DrawCommands, DrawKind, DrawSpace
-from gamms.ir.graph import FloatArray
+from gamms.ir.graph import FloatArray, IntArray
 from gamms.visual.color import Rgba, rgba
 
+_ONE = array("q", (1,))  # point, of as many commands as it is repeated
 _FARTHEST = 1e12  # beyond it, differences of coordinates lose their metres
 
 
@@ -37,14 +38,14 @@ class Commands:
         self.layer = 0
         self._runs: list[_Run] = []
         self._points: list[FloatArray] = []
-        self._counts: list[int] = []
+        self._counts = array("q")  # of points, of each command
 
     def add_circles(
         self, centers: Any, radius: float, color: Any, width: float = 0.0, space: DrawSpace = DrawSpace.WORLD
     ) -> None:
         """Draw equal circles around `centers` (circles, 2); `radius` in the unit of `space`, `width` px."""
         points = _as_points(centers)
-        self._add(DrawKind.CIRCLE, points, [1] * len(points), color, space=space, size=radius, width=width)
+        self._add(DrawKind.CIRCLE, points, _ONE * len(points), color, space=space, size=radius, width=width)
 
     def add_discs(self, centers: Any, radius: float, at_least_px: float, color: Any, edge: Any, edge_px: float) -> None:
         """Draw equal discs with an edge, `radius` in world units but never less than some pixels."""
@@ -56,7 +57,7 @@ class Commands:
                 run = _Run(len(points), DrawKind.CIRCLE, self.layer, space, size, width, 0.0, paint, "")
                 self._runs.append(run)
                 self._points.append(points)
-                self._counts.extend([1] * len(points))
+                self._counts.extend(_ONE * len(points))
 
     def add_lines(
         self, points: Any, offsets: Any, color: Any, width: float = 1.0, space: DrawSpace = DrawSpace.SCREEN
@@ -71,7 +72,7 @@ class Commands:
         points, counts = _as_points(points), np.diff(offsets)
         if len(offsets) == 0 or offsets[0] != 0 or offsets[-1] != len(points) or (counts < 2).any():
             raise BadValue("Each line needs two points or more, and the offsets must go from 0 to their number.")
-        self._add(DrawKind.LINE, points, counts.tolist(), color, space=space, width=width)
+        self._add(DrawKind.LINE, points, counts, color, space=space, width=width)
 
     def add_line(self, points: Any, color: Any, width: float = 1.0) -> None:
         """Draw one polyline; `width` in pixels."""
@@ -93,7 +94,7 @@ class Commands:
         points, counts = _as_points(points), np.diff(offsets)
         if len(offsets) == 0 or offsets[0] != 0 or offsets[-1] != len(points) or (counts < 3).any():
             raise BadValue("Each polygon needs three points or more, and the offsets must go from 0 to their number.")
-        self._add(DrawKind.POLYGON, points, counts.tolist(), color, width=width)
+        self._add(DrawKind.POLYGON, points, counts, color, width=width)
 
     def add_rectangle(self, x: float, y: float, width: float, height: float, color: Any) -> None:
         """Fill a rectangle whose top-left corner is at (x, y); `width` and `height` in pixels."""
@@ -121,7 +122,7 @@ class Commands:
         self,
         kind: DrawKind,
         points: FloatArray,
-        counts: list[int],
+        counts: Sequence[int] | IntArray,
         color: Any,
         *,
         space: DrawSpace = DrawSpace.WORLD,
@@ -133,13 +134,18 @@ class Commands:
         size, width = _as_extent(size, "size"), _as_extent(width, "width")
         self._runs.append(_Run(len(counts), kind, self.layer, space, size, width, angle, rgba(color), text))
         self._points.append(points)
-        self._counts.extend(counts)
+        if isinstance(counts, np.ndarray):
+            self._counts.frombytes(counts.astype(np.int64).tobytes())
+        else:
+            self._counts.extend(counts)
 
     def freeze(self) -> DrawCommands:
         """Everything added so far, as read-only columns."""
         runs = np.array([run.commands for run in self._runs], np.int64)
         columns: list[Any] = list(zip(*self._runs, strict=True)) or [()] * len(_Run._fields)
-        values = dict(zip(_Run._fields, columns, strict=True))
+        values, texts = dict(zip(_Run._fields, columns, strict=True)), list[str]()
+        for run in self._runs:
+            texts += [run.text] * run.commands
 
         def column(name: str, dtype: type[np.generic]) -> "np.ndarray[Any, Any]":
             return _read_only(np.repeat(np.array(values[name], dtype), runs, axis=0))
@@ -152,9 +158,9 @@ class Commands:
             width=column("width", np.float64),
             angle=column("angle", np.float64),
             color=_read_only(column("color", np.uint8).reshape(-1, 4)),
-            offsets=_read_only(np.cumsum([0, *self._counts], dtype=np.int64)),
+            offsets=_read_only(np.concatenate(([0], np.cumsum(np.array(self._counts, np.int64))))),
             points=_read_only(np.concatenate([np.empty((0, 2)), *self._points])),
-            text=tuple(chain.from_iterable(repeat(run.text, run.commands) for run in self._runs)),
+            text=tuple(texts),
         )
 
 
@@ -201,7 +207,7 @@ def _as_points(points: Sequence[Any] | FloatArray) -> FloatArray:
         return np.empty((0, 2))
     if array.ndim != 2 or array.shape[1] != 2:
         raise BadValue(f"Points are (x, y) pairs, not an array of shape {array.shape}.")
-    if not -_FARTHEST <= array.min() <= array.max() <= _FARTHEST:  # nor NaN
+    if not np.abs(array).max() <= _FARTHEST:  # nor NaN
         raise BadValue(f"A point is not finite or farther away than {_FARTHEST:g}: {_first_bad(array)}.")
     return array
 
