@@ -40,7 +40,8 @@ class Part:
         self.is_static = key is not None
         self.lasts = self.is_static  # at least as long as this turn
         self.box: tuple[FloatArray, FloatArray] | None = bounds(commands) if len(commands) else None
-        self.plate = Plate() if self.is_static and len(commands.points) > _FEW else None
+        self.is_much = len(commands.points) > _FEW
+        self.plate = Plate() if self.is_static and self.is_much else None
 
     def paint(self, canvas: Canvas, camera: Camera) -> None:
         """Paint what the camera sees of it."""

@@ -12,7 +12,6 @@ from gamms.visual.window.sheets import Sheets
 from gamms.visual.window.tiles import Haste, Tiles
 
 CrowdOf = Callable[[Mapping[str, IArtist]], Any]
-_FEW = 400  # points that are painted anew faster than shown from tiles
 
 
 class Stage(Scene):
@@ -69,6 +68,6 @@ class Stage(Scene):
     @staticmethod
     def _is_tiled(part: Any) -> bool:
         """Whether it stays the same for so long, and is so much, that it is better kept."""
-        if isinstance(part, Part) and len(part.painting.commands.points) > _FEW:
+        if isinstance(part, Part) and part.is_much:
             return part.is_static or all(getattr(one.get_drawer(), "once_a_turn", False) for one in part.artists)
         return False

@@ -188,13 +188,28 @@ class Tiles:
             level.tiles[place] = _part(surface, tiles, place)
             level.rough.discard(place)
 
-    def _paint_row(self, level: _Level, place: Place, wanted: set[Place]) -> None:
-        """Paint a tile, and as many of those right of it as take no longer than a frame has for them."""
-        began, (column, row) = perf_counter(), place
+    def _paint_rows(self, level: _Level, wanted: list[Place], haste: Haste) -> None:
+        """Paint tiles in order, each with some of those right of it that are wanted, too, while there is time."""
+        waiting = set(wanted)
+        for place in wanted:
+            if place in waiting:
+                if not haste.has_time(self._cost):
+                    return
+                row = self._row(place, waiting)
+                waiting.difference_update(row.places())
+                self._paint_timed(level, row)
+
+    def _row(self, place: Place, waiting: set[Place]) -> _Area:
+        """A tile, and as many of those right of it as take no longer than a frame has for them."""
+        column, row = place
         end = column + 1
-        while (end, row) in wanted and end - column < self._at_once:
+        while (end, row) in waiting and end - column < self._at_once:
             end += 1
-        self._paint(level, _Area(column, row, end, row + 1))
+        return _Area(column, row, end, row + 1)
+
+    def _paint_timed(self, level: _Level, row: _Area) -> None:
+        began = perf_counter()
+        self._paint(level, row)
         self._cost = perf_counter() - began
         if self._cost > _SLOW:
             self._at_once = max(self._at_once // 2, 1)
@@ -214,31 +229,19 @@ class Tiles:
 
     def _sharpen(self, level: _Level, tiles: _Area, haste: Haste) -> None:
         """Paint rough tiles in view anew, from the middle outwards, while there is time."""
-        if not level.rough:
-            return
         middle = (tiles.left + tiles.right - 1) / 2, (tiles.top + tiles.bottom - 1) / 2
-        rough = level.rough.intersection(tiles.places())
-        for place in sorted(rough, key=lambda place: abs(place[0] - middle[0]) + abs(place[1] - middle[1])):
-            if place in level.rough:
-                if not haste.has_time(self._cost):
-                    return
-                self._paint_row(level, place, rough)
+        rough = level.rough.intersection(tiles.places()) if level.rough else set()
+        outwards = sorted(rough, key=lambda place: abs(place[0] - middle[0]) + abs(place[1] - middle[1]))
+        self._paint_rows(level, outwards, haste)
 
     def paint_ahead(self, camera: Camera, haste: Haste) -> None:
         """Paint tiles around the view while there is time and the camera does not zoom."""
         if haste.is_zooming:
             return
         level = self._levels[camera.scale]
-        around = set(level.view(camera).tiles().wider(_AHEAD).places())
-        wanted = {place for place in around if place not in level.tiles or place in level.rough}
-        for place in sorted(wanted):
-            if place not in level.tiles and self._is_empty(level, place):
-                wanted.discard(place)
-        for place in sorted(wanted):
-            if place not in level.tiles or place in level.rough:
-                if not haste.has_time(self._cost):
-                    return
-                self._paint_row(level, place, wanted)
+        around = level.view(camera).tiles().wider(_AHEAD)
+        missing = (place for place in around.places() if place not in level.tiles and not self._is_empty(level, place))
+        self._paint_rows(level, sorted({*missing, *level.rough.intersection(around.places())}), haste)
 
     # -- other levels ----------------------------------------------------------------------------------------
 
