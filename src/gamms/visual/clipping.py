@@ -18,6 +18,14 @@ def touching(
     return is_touching
 
 
+def extent(starts: FloatArray, ends: FloatArray) -> tuple[FloatArray, FloatArray]:
+    """The lower left and the upper right corner of lines (lines, 2), of which there is at least one."""
+    # NOTE: a tenth of the time of min(axis=0), which goes through pairs (first frame of 100,000 edges).
+    low: FloatArray = np.minimum(starts.T, ends.T, order="C").min(axis=1)
+    high: FloatArray = np.maximum(starts.T, ends.T, order="C").max(axis=1)
+    return low, high
+
+
 def clipped(
     starts: FloatArray, ends: FloatArray, low: tuple[float, float], high: tuple[float, float]
 ) -> tuple[FloatArray, FloatArray]:

@@ -9,6 +9,7 @@ from typing import Any, NamedTuple
 import numpy as np
 
 from gamms.ir.graph import FloatArray, IntArray
+from gamms.visual.clipping import extent
 
 ByteArray = np.ndarray[Any, np.dtype[np.uint8]]
 
@@ -50,8 +51,8 @@ def strokes(starts: FloatArray, ends: FloatArray, width_px: float, width: int, h
         height: of the picture.
     """
     half = max(width_px, 1.0) / 2
-    low = np.floor(np.minimum(starts, ends).min(axis=0) - half - 1)
-    high = np.ceil(np.maximum(starts, ends).max(axis=0) + half + 1)
+    low, high = extent(starts, ends)
+    low, high = np.floor(low - half - 1), np.ceil(high + half + 1)
     left, top = np.maximum(low, 0).astype(np.int64).tolist()
     right, bottom = np.minimum(high, (width, height)).astype(np.int64).tolist()
     if left >= right or top >= bottom:

@@ -19,6 +19,7 @@ import numpy as np
 from gamms.errors import BadValue, MissingExtra
 from gamms.ir.graph import FloatArray
 from gamms.visual.backends.coverage import ByteArray, Patch
+from gamms.visual.clipping import extent
 from gamms.visual.color import PAPER, Rgb, Rgba
 
 if TYPE_CHECKING:
@@ -137,9 +138,8 @@ class Canvas:
 
     def hairlines(self, starts: FloatArray, ends: FloatArray, color: Rgba) -> None:
         """Draw smooth lines (lines, 2), one pixel wide, which must not lie far outside."""
-        low = np.floor(np.minimum(starts, ends).min(axis=0) - 2)
-        high = np.ceil(np.maximum(starts, ends).max(axis=0) + 2)
-        with self._painted(low, high, color[3]) as (surface, left, top):
+        low, high = extent(starts, ends)
+        with self._painted(np.floor(low - 2), np.ceil(high + 2), color[3]) as (surface, left, top):
             shift = (left + 0.5, top + 0.5)  # pygame counts from the middle of a pixel
             begin, end = (zip(*(points - shift).T.tolist(), strict=True) for points in (starts, ends))
             ink = self._pygame.Color(*color[:3])  # which need not be read again for every line

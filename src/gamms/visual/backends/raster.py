@@ -16,7 +16,7 @@ from gamms.ir.graph import FloatArray, IntArray
 from gamms.visual.backends import coverage
 from gamms.visual.backends.pygame import Canvas, stamp
 from gamms.visual.camera import Camera
-from gamms.visual.clipping import clipped, touching
+from gamms.visual.clipping import clipped, extent, touching
 from gamms.visual.color import PAPER, Rgba, inks
 
 _SMALLEST_RADIUS_PX = 0.5
@@ -102,7 +102,8 @@ def draw_lines(canvas: Canvas, starts: FloatArray, ends: FloatArray, width_px: f
     """Paint straight lines (lines, 2), in pixels."""
     margin = width_px + _BEYOND_PX
     low, high = (-margin, -margin), (canvas.width + margin, canvas.height + margin)
-    if not all(((low <= points) & (points <= high)).all() for points in (starts, ends)):
+    lowest, highest = extent(starts, ends)
+    if (lowest < low).any() or (highest > high).any():
         starts, ends = clipped(starts, ends, low, high)
     if len(starts) == 0:
         return
