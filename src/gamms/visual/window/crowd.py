@@ -110,23 +110,20 @@ def _is_disc(ctx: IContext, artist: IArtist, scale: float) -> bool:
 @lru_cache(maxsize=4096)
 def _sprite(color: Rgba, radius_px: float, least_px: float, step: int) -> tuple[Any, int]:
     """An agent as one sees it from a distance, and how far its middle is from its upper left corner."""
-    painting = _painting(color, radius_px, least_px)
     reach = round(max(radius_px, least_px)) + _ROOM_PX
     right, down = divmod(step, _STEPS)
     x, y = (reach + (part + 0.5) / _STEPS for part in (right, down))
     side = 2 * reach + 1
-    return veil(*(_painted(painting, Camera(side, side, -x, y, 1.0), color) for color in (_BLACK, _WHITE))), reach
+    canvas = Canvas(2 * side, side)
+    canvas.fill(_BLACK)
+    canvas.rectangle(side, 0, side, side, _WHITE)
+    _twins(color, radius_px, least_px, side).paint(canvas, Camera(2 * side, side, -x, y, 1.0))
+    return veil(*(canvas.surface.subsurface((left, 0, side, side)) for left in (0, side))), reach
 
 
 @lru_cache(maxsize=256)
-def _painting(color: Rgba, radius_px: float, least_px: float) -> Painting:
+def _twins(color: Rgba, radius_px: float, least_px: float, apart_px: int) -> Painting:
+    """The same agent twice, so that it is painted on black and on white at once."""
     commands = Commands()
-    commands.add_discs([(0.0, 0.0)], radius_px, least_px, color, outline_of(color), EDGE_PX)
+    commands.add_discs([(0.0, 0.0), (apart_px, 0.0)], radius_px, least_px, color, outline_of(color), EDGE_PX)
     return Painting(commands.freeze())
-
-
-def _painted(painting: Painting, camera: Camera, background: Rgba) -> Any:
-    canvas = Canvas(camera.width, camera.height)
-    canvas.fill(background)
-    painting.paint(canvas, camera)
-    return canvas.surface
