@@ -22,8 +22,6 @@ _REVISIONS = attrgetter("graph.revision", "obstacle_revision")
 _OF_AGENTS = kinds.AGENT_CREATE >> 24
 _DECLARATION = OpCodes.COMPONENT_REGISTER.value
 _TURNS_AT_ONCE = 64
-# NOTE: the logs of small games wait for each other, because writing finds every cache cold (benchmarks/README.md, w4).
-_FEW_ENTRIES, _MOST_WAITING_TURNS = 1 << 13, 3 * _TURNS_AT_ONCE
 _ENTRIES_AT_ONCE = 1 << 20  # of logs: what may wait to be written
 _KEYFRAME_ENTRIES = 1 << 17  # of logs between two keyframes: 65,536 moves, which take some milliseconds to read; what
 #                              takes longer weighs more (`PlainJournal.weight`)
@@ -259,6 +257,7 @@ class Session:
         self._turns_here += 1
         self._entries_here += len(log)
         if self._turns_here >= _TURNS_AT_ONCE or self._entries_here >= _ENTRIES_AT_ONCE:
+            self._hand_over()
             self._point_of_rest()
         elif time.monotonic() - self._handed_at > _PATIENCE_S:
             self._hand_over()
@@ -268,7 +267,6 @@ class Session:
         """Where a keyframe may be: by what was recorded, never by the clock."""
         self._since_keyframe += self._entries_here + self._journal.weight
         self._journal.weight = 0
-        is_much = self._entries_here > _FEW_ENTRIES or len(self._logs) > _MOST_WAITING_TURNS
         self._turns_here = self._entries_here = 0
         if self.copied is not None:
             keyframe = self.copied(self.turn)
@@ -276,8 +274,6 @@ class Session:
             keyframe = state.captured(self.ctx) | {"pace": self._game.pace} | state.of_components(self.ctx)
         else:
             keyframe = None
-        if is_much or keyframe is not None:
-            self._hand_over()
         if keyframe is not None:
             self.sink.keyframe(keyframe)
             self._since_keyframe = 0

@@ -17,7 +17,6 @@ from gamms.recorder.plain import plain
 from gamms.recorder.records import TURN_NS, Record, named, records_of, records_of_move, steps_of
 from gamms.recorder.session import Session
 
-_AT_ONCE = 64  # turns
 _MOST_WAITING = 1 << 16  # bytes
 _PATIENCE_S = 0.5
 
@@ -31,13 +30,11 @@ class Version3Sink:
 
     def add(self, logs: list[Log]) -> None:
         """Write the logs of turns."""
-        for begin in range(0, len(logs), _AT_ONCE):
-            some = logs[begin : begin + _AT_ONCE]
-            try:
-                self._writer.add_moves(some)
-            except TypeError:  # there are events between the moves
-                for log in some:
-                    self._add(log)
+        try:
+            self._writer.add_moves(logs)
+        except TypeError:  # there are events between the moves
+            for log in logs:
+                self._add(log)
 
     def _add(self, log: Log) -> None:
         try:

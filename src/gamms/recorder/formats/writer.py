@@ -97,15 +97,10 @@ class Writer:
             moves.fromlist(log)
         counts = [len(log) >> 1 for log in logs]
         is_whole = 2 * sum(counts) == len(moves) and not self._file.is_closed
-        turn = at = 0
-        while is_whole and turn < len(logs):
-            some = counts[turn : turn + self._turns - len(self._open)]
-            end = at + 2 * sum(some)
-            if not self._open.add_moves(moves[at:end], some, self._size):
-                break
+        if is_whole and len(self._open) + len(logs) <= self._turns and self._open.add_moves(moves, counts, self._size):
             self._close_or_flush()
-            turn, at = turn + len(some), end
-        for log in logs[turn:]:
+            return
+        for log in logs:
             self.add_turn(log)
 
     def _close_or_flush(self) -> None:
