@@ -28,14 +28,20 @@ def squares(boxes: Iterable[tuple[int, int, int, int]], width: int, height: int)
     """The tiles that boxes touch; None where there are too many, or the picture is too small."""
     if min(width, height) < SIDE:
         return None
-    found: set[tuple[int, int]] = set()
-    for left, top, across, down in boxes:
-        right, bottom = min(left + across, width), min(top + down, height)
-        if across and down:
-            rows = range(max(top, 0) // TILE, (bottom - 1) // TILE + 1)
-            found.update((x, y) for x in range(max(left, 0) // TILE, (right - 1) // TILE + 1) for y in rows)
-            if len(found) > MOST:
-                return None
+    blocks = {  # most boxes are small and many lie in the same tiles
+        (max(left, 0) // TILE, max(top, 0) // TILE, (min(left + across, width) - 1) // TILE, (top + down - 1) // TILE)
+        for left, top, across, down in set(boxes)
+        if across and down
+    }
+    lowest = (height - 1) // TILE
+    found = {
+        (x, y)
+        for left, top, right, bottom in blocks
+        for x in range(left, right + 1)
+        for y in range(top, min(bottom, lowest) + 1)
+    }
+    if len(found) > MOST:
+        return None
     return [_square(x * TILE, y * TILE, width, height) for x, y in sorted(found)]
 
 
