@@ -7,7 +7,7 @@ import os
 import re
 import sys
 from collections import deque
-from collections.abc import Iterable, Iterator, Sequence
+from collections.abc import Callable, Iterable, Iterator
 from contextlib import contextmanager
 from functools import lru_cache
 from itertools import repeat
@@ -35,6 +35,7 @@ _MOST_FONT_PX, _MOST_LETTERS = 2048, 10_000
 _LETTERS = 8  # that are as broad as one is high, at most
 
 Box = tuple[int, int, int, int]  # left, top, width, height, pixels
+Placed = tuple["Surface", tuple[int, int]]  # a surface, and where its upper left corner lies
 _NOTHING: "tuple[None, list[Box]]" = None, []
 
 
@@ -73,7 +74,8 @@ class Canvas:
     def __init__(self, width: int, height: int, surface: "Surface | None" = None, *, is_tracked: bool = False) -> None:
         self._pygame = load()
         self.width, self.height = width, height
-        self._is_tracked = is_tracked
+        self.is_tracked = is_tracked
+        self._laid: list[Placed | None] = []  # in this picture; None is what was painted in another way
         self._below: Surface | None = None
         self._boxes: list[Box] = []  # over what lies below
         self._deeper: tuple[Surface | None, list[Box]] = _NOTHING  # what lies deeper, and where it was painted over
@@ -84,21 +86,21 @@ class Canvas:
         """Paint all of it; transparency does not count here."""
         self.surface.fill(color[:3])
         self._below, self._boxes, self._changed, self._deeper = None, [], None, _NOTHING
+        self._laid = []
 
     # -- from picture to picture -----------------------------------------------------------------------------
 
     def show(self, below: "Surface") -> None:
         """Begin a picture with what `keep` gave; where it was shown last, only what was painted over it is restored."""
-        if self._is_tracked and below is self._deeper[0]:  # of what lies below, some is to be taken off
+        if self.is_tracked and below is self._deeper[0]:  # of what lies below, some is to be taken off
             self._below, self._boxes, self._deeper = below, [*self._deeper[1], *self._boxes], _NOTHING
-        if self._is_tracked and below is self._below:
-            for box in self._boxes:
-                self.surface.blit(below, box, box)
+        if self.is_tracked and below is self._below:
+            self.surface.blits([(below, box, box) for box in self._boxes], doreturn=False)
             self._changed = self._boxes
         else:
             self.surface.blit(below, (0, 0))
             self._changed, self._deeper = None, _NOTHING
-        self._below, self._boxes = below, []
+        self._below, self._boxes, self._laid = below, [], []
 
     def keep(self) -> "Surface":
         """What was painted so far, to `show` it again."""
@@ -111,16 +113,27 @@ class Canvas:
 
     def changes(self) -> "list[Box] | None":
         """Where this picture may differ from the one before, as far as it is tracked; None: anywhere."""
-        return None if self._changed is None or not self._is_tracked else [*self._changed, *self._boxes]
+        return None if self._changed is None or not self.is_tracked else [*self._changed, *self._boxes]
 
     def cuts(self, corners: Sequence[tuple[int, int]], side: int) -> "np.ndarray[Any, np.dtype[np.uint32]]":
         """Squares of the picture by their upper left corners, as copy_bgrx writes pixels: (squares, side, side)."""
         pixels = self._pygame.surfarray.pixels2d(self.surface)
         return np.stack([pixels[x : x + side, y : y + side].T for x, y in corners])
 
-    def _note(self, box: Any) -> None:
-        if self._is_tracked:
+    def laid(self, paint: "Callable[[], None]") -> "list[Placed] | None":
+        """Paint, and return what `stamps` would need to paint the same again; None where that cannot be told."""
+        begin = len(self._laid)
+        paint()
+        laid = [one for one in self._laid[begin:] if one is not None]
+        return laid if self.is_tracked and len(laid) == len(self._laid) - begin else None
+
+    def _lay(self, surface: "Surface", place: tuple[int, int]) -> None:
+        self._note(self.surface.blit(surface, place), (surface, place))
+
+    def _note(self, box: Any, placed: Placed | None = None) -> None:
+        if self.is_tracked:
             self._boxes.append(tuple(box))
+            self._laid.append(placed)
 
     def pixels(self) -> ByteArray:
         """RGB, as (height, width, 3); a copy, which is read-only."""
@@ -157,21 +170,23 @@ class Canvas:
             return
         box = box.clip((left, top, right - left, bottom - top))
         if box.w and box.h:
-            self._note(self.surface.blit(_paint(box.w, box.h, color), box.topleft))
+            self._lay(_paint(box.w, box.h, color), box.topleft)
 
     def cover(self, patch: Patch, color: Rgba) -> None:
         """Blend a colour in as far as a patch covers the picture."""
-        self._note(self.surface.blit(stamp(patch.coverage, color), (patch.left, patch.top)))
+        self._lay(stamp(patch.coverage, color), (patch.left, patch.top))
 
-    def stamps(self, placed: Iterable[tuple["Surface", tuple[int, int]]], flags: int = 0) -> None:
+    def stamps(self, placed: Iterable[Placed], flags: int = 0) -> None:
         """Paint many surfaces, in order, all with the same flags."""
-        fast = None if self._is_tracked else getattr(self.surface, "fblits", None)  # of pygame-ce; names no boxes
+        fast = None if self.is_tracked else getattr(self.surface, "fblits", None)  # of pygame-ce; names no boxes
         if fast is not None:
             fast(placed, flags)
             return
-        flagged = [(stamp, place, None, flags) for stamp, place in placed]
-        for box in self.surface.blits(flagged, self._is_tracked) or ():  # type: ignore[arg-type] # it takes flags, too
-            self._note(box)
+        placed = list(placed)
+        boxes = self.surface.blits([(stamp, place, None, flags) for stamp, place in placed], self.is_tracked)  # type: ignore[arg-type] # it takes flags, too
+        if boxes is not None:
+            self._boxes.extend([(x, y, width, height) for x, y, width, height in boxes])
+            self._laid.extend(placed)
 
     def paste(self, surface: "Surface", area: Any = None, flags: int = 0) -> None:
         """Paint a surface, or an area of it, that is as large as the picture."""
@@ -213,12 +228,12 @@ class Canvas:
         written = _text(_UNWRITABLE.sub(" ", words), font_px, color, edge)
         left = x - 1 - (written.get_width() - 2 if align_right else 0)
         if -written.get_width() < left < self.width and -written.get_height() < y - 1 < self.height:
-            self._note(self.surface.blit(written, (round(left), round(y - 1))))
+            self._lay(written, (round(left), round(y - 1)))
 
     def image(self, path: str, x: float, y: float, side: float, angle: float) -> None:
         """Draw an image file in a square of `side` px around (x, y), turned counter-clockwise by degrees."""
         drawn = _image(path, round(min(side, _MOST_IMAGE_PX)), round(angle % 360.0, 1))
-        self._note(self.surface.blit(drawn, (round(x - drawn.get_width() / 2), round(y - drawn.get_height() / 2))))
+        self._lay(drawn, (round(x - drawn.get_width() / 2), round(y - drawn.get_height() / 2)))
 
 
 def text_width(words: str, font_px: int) -> int:

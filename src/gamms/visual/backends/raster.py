@@ -14,7 +14,7 @@ import numpy as np
 from gamms.ir.draw import DrawCommands, DrawKind, DrawSpace
 from gamms.ir.graph import FloatArray, IntArray
 from gamms.visual.backends import coverage
-from gamms.visual.backends.pygame import Canvas, stamp
+from gamms.visual.backends.pygame import Canvas, Placed, stamp
 from gamms.visual.camera import Camera
 from gamms.visual.clipping import clipped, extent, touching
 from gamms.visual.color import PAPER, Rgba, inks
@@ -36,9 +36,17 @@ class Painting:
         self.commands = commands
         rows = commands.in_painting_order()
         self._runs = [_RUNS[kind](commands, rows[begin:end]) for kind, begin, end in _runs(commands, rows)]
+        self._laid: tuple[Camera | None, list[Placed]] = None, []  # as that camera saw it
 
     def paint(self, canvas: Canvas, camera: Camera) -> None:
         """Paint what the camera sees, from back to front."""
+        if canvas.is_tracked and self._laid[0] == camera:
+            canvas.stamps(self._laid[1])
+            return
+        laid = canvas.laid(lambda: self._paint_anew(canvas, camera))
+        self._laid = (None, []) if laid is None else (camera, laid)
+
+    def _paint_anew(self, canvas: Canvas, camera: Camera) -> None:
         for run in self._runs:
             run(canvas, camera)
 
