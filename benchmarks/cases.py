@@ -8,6 +8,8 @@ import subprocess
 import sys
 from typing import NamedTuple
 
+from films import Spent, film
+
 import gamms
 
 SPACING = 10.0
@@ -20,10 +22,6 @@ class Case(NamedTuple):
     name: str
     unit: str
     make: object
-
-
-class Spent(float):
-    """Seconds per operation that a case has measured itself; the harness takes them instead of its own clock."""
 
 
 # -- worlds -----------------------------------------------------------------------------------------------------
@@ -307,74 +305,6 @@ def helsinki():
         {node.id: tuple(node) for node in nodes}
         {edge.id: (edge.source, edge.target, edge.length, list(edge.points)) for edge in edges}
         return 1
-
-    return ours, floor
-
-
-def film():
-    """A film of capture the flag in Helsinki, the game included, against encoding frames that are painted already.
-
-    By the clock on the wall: the encoder works beside the painter.
-    """
-    import tempfile
-    import time
-    from fractions import Fraction
-    from pathlib import Path
-
-    import av
-
-    from gamms import scenario
-    from gamms.demo import FILE
-    from gamms.visual.backends import FILMS
-
-    turns, frames_per_turn, size = 40, 5, (1280, 720)
-    folder = tempfile.TemporaryDirectory()
-    path, game, painted = Path(folder.name) / "game.mp4", scenario.load(FILE), []
-
-    def played(ctx):
-        with ctx, ctx.visual.film(path, 30, *size, frames_per_turn=frames_per_turn):
-            ctx.game.run(max_turns=turns)
-        return turns * frames_per_turn
-
-    class Kept:
-        """Keeps the frames in memory."""
-
-        def __init__(self, part, *_):
-            self.part = part
-
-        def add(self, picture):
-            painted.append(bytearray(4 * size[0] * size[1]))
-            picture.copy_bgrx(painted[-1])
-
-        def finish(self):
-            self.part.write_bytes(b"")
-
-        discard = finish
-
-    mp4, FILMS._factories[".mp4"] = FILMS._factories[".mp4"], Kept
-    try:
-        played(game.build(1))
-    finally:
-        FILMS._factories[".mp4"] = mp4
-
-    def ours():
-        ctx = game.build(1)  # the map is loaded before: what is measured are turns
-        began = time.perf_counter()
-        frames = played(ctx)
-        return Spent((time.perf_counter() - began) / frames)
-
-    def floor():
-        began = time.perf_counter()
-        with av.open(str(folder.name) + "/floor.mp4", "w", options={"movflags": "+faststart"}) as file:
-            stream = file.add_stream("libx264", rate=30, options={"preset": "veryfast", "crf": "20", "threads": "2"})
-            stream.width, stream.height, stream.pix_fmt = *size, "yuv420p"
-            frame = av.VideoFrame(*size, "bgra")
-            for number, pixels in enumerate(painted):
-                frame.planes[0].update(pixels)
-                frame.pts, frame.time_base = number, Fraction(1, 30)
-                file.mux(stream.encode(frame))
-            file.mux(stream.encode(None))
-        return Spent((time.perf_counter() - began) / len(painted))
 
     return ours, floor
 
