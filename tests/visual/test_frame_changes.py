@@ -145,7 +145,7 @@ def test_converted_tiles_are_what_the_whole_picture_would_be(size):
         return VideoReformatter().reformat(frame, format="yuv420p")
 
     tiles = squares([(50, 30, 70, 30)], width, height)
-    strip = np.concatenate([after[y : y + SIDE, x : x + SIDE] for _, _, (x, y) in tiles])
+    strip = np.concatenate([after[y : y + SIDE, x : x + SIDE] for _, _, (x, y) in tiles], axis=1)
     patched = converted(before)
     paste(planes_of(patched), planes_of(converted(strip)), tiles)
     for mine, whole in zip(planes_of(patched), planes_of(converted(after)), strict=True):

@@ -9,13 +9,11 @@ Pixels are painted by `raster.py` on the surfaces of `pygame.py`; optional libra
 
 from collections.abc import Callable, Sequence
 from pathlib import Path
-from typing import Any, Protocol
-
-import numpy as np
+from typing import Protocol
 
 from gamms.plugins import Registry
 from gamms.visual.backends import png, svg
-from gamms.visual.backends.coverage import ByteArray
+from gamms.visual.backends.coverage import ByteArray, PixelArray
 
 Backend = Callable[..., bytes]
 
@@ -36,8 +34,8 @@ class PaintedFrame(Protocol):
     def changes(self) -> list[tuple[int, int, int, int]] | None:
         """Left, top, width and height of where it may differ from the frame before; None: anywhere."""
 
-    def cuts(self, corners: Sequence[tuple[int, int]], side: int) -> "np.ndarray[Any, np.dtype[np.uint32]]":
-        """Squares by their upper left corners, as `copy_bgrx` writes pixels: (squares, side, side)."""
+    def cut(self, corners: Sequence[tuple[int, int]], strip: PixelArray) -> None:
+        """Write squares, by their upper left corners, side by side into a strip (side, sides); see `copy_bgrx`."""
 
 
 class FilmWriter(Protocol):

@@ -32,9 +32,10 @@ class Mp4:
 
         self._size = width, height
         self._frame: Any = av.VideoFrame(width, height, "bgra")
-        self._strip: Any = av.VideoFrame(SIDE, SIDE * STRIP, "bgra")
-        self._pixels, self._squares = planes_of(self._frame)[0], planes_of(self._strip)[0]
+        self._strip: Any = av.VideoFrame(SIDE * STRIP, SIDE, "bgra")
+        self._pixels, self._squares = planes_of(self._frame)[0], planes_of(self._strip)[0].view(np.uint32)
         self._reformatters: tuple[Any, Any] = VideoReformatter(), VideoReformatter()  # each knows one size
+        self._few = _one_thread(self._reformatters[1], self._strip)
         self._converted: Any = None  # the frame before, in the colours of the encoder
         # The index comes first, so that a browser can begin before it has all.
         self._file: Any = av.open(str(path), "w", format="mp4", options={"movflags": "+faststart"})
@@ -55,7 +56,7 @@ class Mp4:
         if tiles is None:
             self._convert(picture)
         elif tiles:
-            self._change(tiles, picture.cuts([tile.corner for tile in tiles], SIDE))
+            self._change(picture, tiles)
         self._converted.pts, self._number = self._number, self._number + 1
         self._converted.time_base = self._time_base
         self._file.mux(self._stream.encode(self._converted))
@@ -81,11 +82,20 @@ class Mp4:
         self._pixels[:] = np.frombuffer(self._buffer, np.uint8).reshape(self._pixels.shape)
         self._converted = self._reformatters[0].reformat(self._frame, format="yuv420p")
 
-    def _change(self, tiles: list[Square], cuts: Any) -> None:
-        """Put tiles into the frame before; an encoder has copied it by now."""
-        planes, rows = planes_of(self._converted), cuts.view(np.uint8).reshape(-1, 4 * SIDE)
+    def _change(self, picture: PaintedFrame, tiles: list[Square]) -> None:
+        """Put tiles of a picture into the frame before; the encoder has copied that by now."""
+        planes = planes_of(self._converted)
         for begin in range(0, len(tiles), STRIP):
-            part = rows[begin * SIDE : (begin + STRIP) * SIDE]
-            self._squares[: len(part)] = part
-            converted = self._reformatters[1].reformat(self._strip, format="yuv420p")
-            paste(planes, planes_of(converted), tiles[begin : begin + STRIP])
+            some = tiles[begin : begin + STRIP]
+            picture.cut([tile.corner for tile in some], self._squares)
+            converted = self._reformatters[1].reformat(self._strip, format="yuv420p", **self._few)
+            paste(planes, planes_of(converted), some)
+
+
+def _one_thread(reformatter: Any, frame: Any) -> dict[str, int]:
+    """What keeps PyAV from sharing out a few pixels among all processors, which takes longer than the work itself."""
+    try:
+        reformatter.reformat(frame, format="yuv420p", threads=1)
+    except TypeError:  # an old version, which does not
+        return {}
+    return {"threads": 1}

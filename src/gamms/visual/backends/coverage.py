@@ -12,6 +12,7 @@ from gamms.ir.graph import FloatArray, IntArray
 from gamms.visual.clipping import extent
 
 ByteArray = np.ndarray[Any, np.dtype[np.uint8]]
+PixelArray = np.ndarray[Any, np.dtype[np.uint32]]  # (rows, columns)  blue, green, red and a byte without meaning
 
 _FINER = 4  # lines per row of pixels on which the sides of a polygon are looked at
 _AT_ONCE = 2_000_000  # pixels that are looked at together, so that memory stays bounded

@@ -18,7 +18,7 @@ import numpy as np
 
 from gamms.errors import BadValue, MissingExtra
 from gamms.ir.graph import FloatArray
-from gamms.visual.backends.coverage import ByteArray, Patch
+from gamms.visual.backends.coverage import ByteArray, Patch, PixelArray
 from gamms.visual.clipping import extent
 from gamms.visual.color import PAPER, Rgb, Rgba
 
@@ -115,10 +115,11 @@ class Canvas:
         """Where this picture may differ from the one before, as far as it is tracked; None: anywhere."""
         return None if self._changed is None or not self.is_tracked else [*self._changed, *self._boxes]
 
-    def cuts(self, corners: Sequence[tuple[int, int]], side: int) -> "np.ndarray[Any, np.dtype[np.uint32]]":
-        """Squares of the picture by their upper left corners, as copy_bgrx writes pixels: (squares, side, side)."""
-        pixels = self._pygame.surfarray.pixels2d(self.surface)
-        return np.stack([pixels[x : x + side, y : y + side].T for x, y in corners])
+    def cut(self, corners: Sequence[tuple[int, int]], strip: PixelArray) -> None:
+        """Write squares of the picture, by their upper left corners, side by side into a strip that is as high."""
+        pixels, side = self._pygame.surfarray.pixels2d(self.surface).T, len(strip)
+        for number, (x, y) in enumerate(corners):
+            strip[:, number * side : (number + 1) * side] = pixels[y : y + side, x : x + side]
 
     def laid(self, paint: "Callable[[], None]") -> "list[Placed] | None":
         """Paint, and return what `stamps` would need to paint the same again; None where that cannot be told."""

@@ -10,9 +10,9 @@ import numpy as np
 
 from gamms.visual.backends.coverage import ByteArray
 
-TILE, BORDER = 64, 8  # pixels; of a square, and around it, for colours are mixed from neighbours
+TILE, BORDER = 64, 4  # pixels; of a square, and around it, for colours are mixed from neighbours
 SIDE = TILE + 2 * BORDER
-STRIP = 16  # squares that are converted at once
+STRIP = 8  # squares that are converted at once, side by side: long rows are what converters are fast with
 MOST = 64  # of more of them it is faster to convert everything
 
 
@@ -64,13 +64,13 @@ def paste(planes: list[ByteArray], parts: list[ByteArray], tiles: list[Square]) 
 
     Args:
         planes: of the picture.
-        parts: of the squares around the tiles, one below the other.
+        parts: of the squares around the tiles, side by side.
         tiles: where they belong.
     """
     for plane, part, share in zip(planes, parts, (1, 2, 2), strict=True):
         side = SIDE // share
         for number, (left, top, (x, y)) in enumerate(tiles):
-            begin, across = number * side + (top - y) // share, (left - x) // share
+            down, across = (top - y) // share, number * side + (left - x) // share
             place = plane[top // share : (top + TILE) // share, left // share : (left + TILE) // share]
             rows, columns = place.shape
-            place[:] = part[begin : begin + rows, across : across + columns]
+            place[:] = part[down : down + rows, across : across + columns]
