@@ -12,6 +12,7 @@ from gamms.typing.graph_engine import OSMEdge
 Point = Sequence[float] | FloatArray  # (3,)
 
 _CORNERS = 48  # of a full circle
+_AROUND = np.linspace(0.0, 2.0 * pi, _CORNERS, endpoint=False)
 _TURNS = np.linspace(0.0, 2.0 * pi, 96, endpoint=False)  # of rays around the rim of a cone: not all reach the ground
 _RINGS = (0.0, 0.25, 0.5, 0.75, 1.0)  # of rays inside a cone, as shares of its half angle
 _RIM = 1e-9  # of a radius: what lies on its rim is inside, however it was rounded
@@ -19,7 +20,7 @@ _RIM = 1e-9  # of a radius: what lies on its rim is inside, however it was round
 
 def disc(x: float, y: float, radius: float) -> FloatArray:
     """Corners (48, 2) of the disc around a place; none (0, 2) where the radius is infinite."""
-    return _arc(x, y, radius, np.linspace(0.0, 2.0 * pi, _CORNERS, endpoint=False))
+    return _arc(x, y, radius, _AROUND)
 
 
 def sector(x: float, y: float, radius: float, heading: tuple[float, float], fov: float) -> FloatArray:

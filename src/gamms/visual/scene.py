@@ -39,9 +39,14 @@ class Part:
         self.painting, self.key = Painting(commands), key
         self.is_static = key is not None
         self.lasts = self.is_static  # at least as long as this turn
-        self.box: tuple[FloatArray, FloatArray] | None = bounds(commands) if len(commands) else None
         self.is_much = len(commands.points) > _FEW
         self.plate = Plate() if self.is_static and self.is_much else None
+
+    @property
+    def box(self) -> tuple[FloatArray, FloatArray] | None:
+        """Lower left and upper right corner; None where nothing is drawn."""
+        commands = self.painting.commands
+        return bounds(commands) if len(commands) else None
 
     def paint(self, canvas: Canvas, camera: Camera) -> None:
         """Paint what the camera sees of it."""
@@ -109,7 +114,7 @@ class Scene:
 
     def fit(self, width: int, height: int, header: float, aside: float = 0.0) -> Camera:
         """A camera that sees everything below a header and left of a legend of so many pixels."""
-        boxes = [part.box for part in self._parts if part.box is not None]
+        boxes = [box for part in self._parts if (box := part.box) is not None]
         low = np.min([box[0] for box in boxes], axis=0) if boxes else np.zeros(2)
         high = np.max([box[1] for box in boxes], axis=0) if boxes else np.zeros(2)
         return fit_box(low, high, width, height, header, aside)

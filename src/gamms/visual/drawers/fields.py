@@ -40,6 +40,8 @@ def field_of_view(ctx: IContext, outline: Any, color: Any) -> None:
 
 def cut(corners: FloatArray, low: FloatArray, high: FloatArray) -> FloatArray:
     """The part (corners, 2) of a polygon that is inside a box, by the algorithm of Sutherland and Hodgman."""
+    if ((corners >= low) & (corners <= high)).all():  # as most are
+        return corners
     for axis in (0, 1):
         corners = _cut_off(corners, axis, low[axis], -1.0)
         corners = _cut_off(corners, axis, high[axis], 1.0)
