@@ -95,6 +95,16 @@ def test_each_frame_is_what_it_would_be_if_it_were_painted_anew(city, case, fram
         assert sum(changes is not None for changes in witness.changes) >= 3
 
 
+def test_what_stays_in_place_is_no_change(city, monkeypatch, tmp_path):
+    witness = Witness(city.visual)
+    monkeypatch.setitem(FILMS._factories, ".mp4", witness)
+    film = city.visual.film(tmp_path / "x.mp4", 10, *SIZE, frames_per_turn=4, title="Nobody walks", note="today")
+    for _ in range(3):
+        city.visual.simulate()
+    film.discard()
+    assert witness.changes[-2:] == [[], []]
+
+
 def roof(ctx, data):
     ctx.visual.render_polygon([(10, 10), (240, 10), (240, 30), (10, 30)], (0, 90, 0, 120))
     ctx.visual.render_lines(np.arange(1600.0).reshape(-1, 2) % 97, np.arange(0, 801, 2), (90, 0, 0))

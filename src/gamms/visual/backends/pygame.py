@@ -36,7 +36,8 @@ _LETTERS = 8  # that are as broad as one is high, at most
 
 Box = tuple[int, int, int, int]  # left, top, width, height, pixels
 Placed = tuple["Surface", tuple[int, int]]  # a surface, and where its upper left corner lies
-_NOTHING: "tuple[None, list[Box]]" = None, []
+Mark = tuple[Box, Placed | None]  # where something was painted, and what it was if it is known
+_NOTHING: "tuple[None, list[Mark]]" = None, []
 
 
 @lru_cache(maxsize=1)
@@ -75,45 +76,46 @@ class Canvas:
         self._pygame = load()
         self.width, self.height = width, height
         self.is_tracked = is_tracked
-        self._laid: list[Placed | None] = []  # in this picture; None is what was painted in another way
         self._below: Surface | None = None
-        self._boxes: list[Box] = []  # over what lies below
-        self._deeper: tuple[Surface | None, list[Box]] = _NOTHING  # what lies deeper, and where it was painted over
-        self._changed: list[Box] | None = None  # before that, since the picture before; None: everything
+        self._over: list[Mark] = []  # over what lies below
+        self._deeper: tuple[Surface | None, list[Mark]] = _NOTHING  # what lies deeper, and what was painted over it
+        self._taken_off: list[Mark] = []  # of the picture before
+        self._changed: list[Box] | None = None  # apart from both, since the picture before; None: everything
         self.surface: Surface = self._pygame.Surface((width, height), 0, 32) if surface is None else surface
 
     def fill(self, color: Rgba) -> None:
         """Paint all of it; transparency does not count here."""
         self.surface.fill(color[:3])
-        self._below, self._boxes, self._changed, self._deeper = None, [], None, _NOTHING
-        self._laid = []
+        self._below, self._over, self._taken_off, self._changed, self._deeper = None, [], [], None, _NOTHING
 
     # -- from picture to picture -----------------------------------------------------------------------------
 
     def show(self, below: "Surface") -> None:
         """Begin a picture with what `keep` gave; where it was shown last, only what was painted over it is restored."""
         if self.is_tracked and below is self._deeper[0]:  # of what lies below, some is to be taken off
-            self._below, self._boxes, self._deeper = below, [*self._deeper[1], *self._boxes], _NOTHING
+            self._below, self._over, self._deeper = below, [*self._deeper[1], *self._over], _NOTHING
         if self.is_tracked and below is self._below:
-            self.surface.blits([(below, box, box) for box in self._boxes], doreturn=False)
-            self._changed = self._boxes
+            self.surface.blits([(below, box, box) for box, _ in self._over], doreturn=False)
+            self._taken_off, self._changed = self._over, []
         else:
             self.surface.blit(below, (0, 0))
-            self._changed, self._deeper = None, _NOTHING
-        self._below, self._boxes, self._laid = below, [], []
+            self._taken_off, self._changed, self._deeper = [], None, _NOTHING
+        self._below, self._over = below, []
 
     def keep(self) -> "Surface":
         """What was painted so far, to `show` it again."""
         below = self.surface.copy()
-        self._deeper = self._below, self._boxes
+        self._deeper = self._below, self._over
         if self._changed is not None:
-            self._changed = [*self._changed, *self._boxes]
-        self._below, self._boxes = below, []
+            self._changed += [box for box, _ in (*self._taken_off, *self._over)]
+        self._below, self._over, self._taken_off = below, [], []
         return below
 
     def changes(self) -> "list[Box] | None":
         """Where this picture may differ from the one before, as far as it is tracked; None: anywhere."""
-        return None if self._changed is None or not self.is_tracked else [*self._changed, *self._boxes]
+        if self._changed is None or not self.is_tracked:
+            return None
+        return self._changed + _differing(self._taken_off, self._over)
 
     def cut(self, corners: Sequence[tuple[int, int]], strip: PixelArray) -> None:
         """Write squares of the picture, by their upper left corners, side by side into a strip that is as high."""
@@ -123,18 +125,17 @@ class Canvas:
 
     def laid(self, paint: "Callable[[], None]") -> "list[Placed] | None":
         """Paint, and return what `stamps` would need to paint the same again; None where that cannot be told."""
-        begin = len(self._laid)
+        begin = len(self._over)
         paint()
-        laid = [one for one in self._laid[begin:] if one is not None]
-        return laid if self.is_tracked and len(laid) == len(self._laid) - begin else None
+        laid = [placed for _, placed in self._over[begin:] if placed is not None]
+        return laid if self.is_tracked and len(laid) == len(self._over) - begin else None
 
     def _lay(self, surface: "Surface", place: tuple[int, int]) -> None:
         self._note(self.surface.blit(surface, place), (surface, place))
 
     def _note(self, box: Any, placed: Placed | None = None) -> None:
         if self.is_tracked:
-            self._boxes.append(tuple(box))
-            self._laid.append(placed)
+            self._over.append((tuple(box), placed))
 
     def pixels(self) -> ByteArray:
         """RGB, as (height, width, 3); a copy, which is read-only."""
@@ -186,8 +187,7 @@ class Canvas:
         placed = list(placed)
         boxes = self.surface.blits([(stamp, place, None, flags) for stamp, place in placed], self.is_tracked)  # type: ignore[arg-type] # it takes flags, too
         if boxes is not None:
-            self._boxes.extend([(x, y, width, height) for x, y, width, height in boxes])
-            self._laid.extend(placed)
+            self._over.extend(((x, y, w, h), one) for (x, y, w, h), one in zip(boxes, placed, strict=True))
 
     def paste(self, surface: "Surface", area: Any = None, flags: int = 0) -> None:
         """Paint a surface, or an area of it, that is as large as the picture."""
@@ -235,6 +235,15 @@ class Canvas:
         """Draw an image file in a square of `side` px around (x, y), turned counter-clockwise by degrees."""
         drawn = _image(path, round(min(side, _MOST_IMAGE_PX)), round(angle % 360.0, 1))
         self._lay(drawn, (round(x - drawn.get_width() / 2), round(y - drawn.get_height() / 2)))
+
+
+def _differing(before: list[Mark], now: list[Mark]) -> list[Box]:
+    """Where a picture differs from the one before; what stays, in the same order, changes nothing."""
+    both = set(before).intersection(now)
+    stay = {mark for mark in both if mark[1] is not None}
+    if [mark for mark in before if mark in stay] != [mark for mark in now if mark in stay]:
+        stay = set()
+    return [mark[0] for mark in (*before, *now) if mark not in stay]
 
 
 def text_width(words: str, font_px: int) -> int:
