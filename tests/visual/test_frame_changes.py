@@ -59,13 +59,15 @@ def city():
 
 
 @pytest.mark.parametrize("frames_per_turn", [1, 2, 4])
-@pytest.mark.parametrize("case", ["plain", "static above", "followed", "declared"])
+@pytest.mark.parametrize("case", ["plain", "static above", "followed", "followed above a band", "declared"])
 def test_each_frame_is_what_it_would_be_if_it_were_painted_anew(city, case, frames_per_turn, monkeypatch, tmp_path):
     if case == "static above":
         above = city.visual.add_artist("roof", {"drawer": roof, "layer": 60})
         above.set_artist_type(gamms.typing.ArtistType.STATIC)
-    elif case == "followed":
+    elif case.startswith("followed"):
         city.visual.follow("walker_1", 90.0)
+        if case != "followed":
+            city.visual.add_artist("band", {"drawer": band, "layer": 12})
     elif case == "declared":
         city.visual.set_graph_visual(node_size=1)
         for i in range(3):
@@ -90,7 +92,7 @@ def test_each_frame_is_what_it_would_be_if_it_were_painted_anew(city, case, fram
     film.discard()
     assert len(anew) == 4 * frames_per_turn
     # A static part above is laid on as glass, which rounds; hairlines of a plate begin elsewhere.
-    assert max(anew) <= (40 if case == "followed" else 1)
+    assert max(anew) <= (40 if case.startswith("followed") else 1)
     if case in ("plain", "declared") and frames_per_turn > 1:
         assert sum(changes is not None for changes in witness.changes) >= 3
 
@@ -108,6 +110,13 @@ def test_what_stays_in_place_is_no_change(city, monkeypatch, tmp_path):
 def roof(ctx, data):
     ctx.visual.render_polygon([(10, 10), (240, 10), (240, 30), (10, 30)], (0, 90, 0, 120))
     ctx.visual.render_lines(np.arange(1600.0).reshape(-1, 2) % 97, np.arange(0, 801, 2), (90, 0, 0))
+
+
+def band(ctx, data):
+    ctx.visual.render_lines(np.arange(1600.0).reshape(-1, 2) % 97, np.arange(0, 801, 2), (226, 226, 226), 3)
+
+
+band.once_a_turn = True
 
 
 boxes = st.lists(

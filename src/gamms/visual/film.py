@@ -120,7 +120,7 @@ class Frames:
         self.scene.draw(artists, draw, is_new_turn=self._is_new_turn)
         self._is_new_turn = False
         camera = self._view(share)
-        is_moving = self.engine.followed is not None  # by whole pixels, which plates are sharp for
+        is_moving = self.engine.followed is not None  # so what does not change is shifted, not painted anew
         self.scene.paint(self._canvas, camera, self._background, is_moving=is_moving)
         self._paint_legend(camera)
         frame_words(self._canvas, self._title, self.engine.noted(self._note), self._background)

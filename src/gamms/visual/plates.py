@@ -1,4 +1,4 @@
-"""Plates: painted surfaces, larger than the view while a camera moves, shifted and scaled until they no longer do."""
+"""Plates: painted surfaces, larger than the view while a camera moves, and shifted until they no longer hold it."""
 
 from typing import Any
 
@@ -6,7 +6,6 @@ from gamms.visual.backends.pygame import Canvas, load, veil
 from gamms.visual.backends.raster import Painting
 from gamms.visual.camera import Camera
 from gamms.visual.color import Rgba
-from gamms.visual.constants import CACHE_ZOOM_MAX
 
 _BORDER = 4  # one fourth of the view on every side
 _BLACK, _WHITE = (0, 0, 0, 255), (255, 255, 255, 255)
@@ -33,27 +32,19 @@ class Plate:
         self._blit(canvas, camera, load().BLEND_PREMULTIPLIED if background is None else 0)
 
     def _serves(self, camera: Camera, *, is_moving: bool) -> bool:
-        """Whether what was painted shows all that the camera sees, and sharply enough."""
+        """Whether what was painted shows all that the camera sees; while it moves, up to half a pixel beside."""
         mine = self._camera
-        if mine is None or not is_moving:
-            return mine is not None and (camera == mine or _is_shifted(mine, camera))
-        return 1 / CACHE_ZOOM_MAX <= camera.scale / mine.scale <= CACHE_ZOOM_MAX and _holds(mine, camera)
+        if mine is None or camera.scale != mine.scale:
+            return False
+        x, y = _shift(mine, camera)
+        is_whole = is_moving or (x == round(x) and y == round(y))
+        is_held = min(x, y) >= 0.0 and x + camera.width <= mine.width and y + camera.height <= mine.height
+        return is_whole and is_held
 
     def _blit(self, canvas: Canvas, camera: Camera, flags: int) -> None:
-        mine = self._camera
-        if mine is None:
-            return
-        x, y = (camera.left - mine.left) * mine.scale, (mine.top - camera.top) * mine.scale
-        if camera.scale == mine.scale:
-            area = (round(x), round(y), camera.width, camera.height)
-            canvas.paste(self._surface, area, flags)
-            return
-        share = mine.scale / camera.scale
-        size = min(round(camera.width * share), mine.width), min(round(camera.height * share), mine.height)
-        left, top = min(max(round(x), 0), mine.width - size[0]), min(max(round(y), 0), mine.height - size[1])
-        part = self._surface.subsurface((left, top, *size))
-        scaled = load().transform.smoothscale(part, (camera.width, camera.height))
-        canvas.paste(scaled, None, flags)
+        if self._camera is not None:
+            x, y = _shift(self._camera, camera)
+            canvas.paste(self._surface, (round(x), round(y), camera.width, camera.height), flags)
 
 
 def _painted(painting: Painting, camera: Camera, background: Rgba | None) -> Any:
@@ -76,18 +67,6 @@ def _larger(camera: Camera) -> Camera:
     )
 
 
-def _holds(mine: Camera, camera: Camera) -> bool:
-    """Whether all that `camera` sees lies within what `mine` sees."""
-    left, top = (camera.left - mine.left) * mine.scale, (mine.top - camera.top) * mine.scale
-    share = mine.scale / camera.scale
-    return (
-        min(left, top) >= 0.0
-        and left + camera.width * share <= mine.width
-        and top + camera.height * share <= mine.height
-    )
-
-
-def _is_shifted(mine: Camera, camera: Camera) -> bool:
-    """Whether `camera` sees a part of what `mine` sees, whole pixels away."""
-    x, y = (camera.left - mine.left) * mine.scale, (mine.top - camera.top) * mine.scale
-    return camera.scale == mine.scale and x == round(x) and y == round(y) and _holds(mine, camera)
+def _shift(mine: Camera, camera: Camera) -> tuple[float, float]:
+    """How many pixels right of and below the corner of `mine` the corner of a camera of the same scale lies."""
+    return (camera.left - mine.left) * mine.scale, (mine.top - camera.top) * mine.scale

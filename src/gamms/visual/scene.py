@@ -40,7 +40,8 @@ class Part:
         self.is_static = key is not None
         self.lasts = self.is_static  # at least as long as this turn
         self.is_much = len(commands.points) > _FEW
-        self.plate = Plate() if self.is_static and self.is_much else None
+        self._plate = Plate() if self.is_much else None
+        self.outlasts_turns = self.is_static
 
     @property
     def box(self) -> tuple[FloatArray, FloatArray] | None:
@@ -48,9 +49,12 @@ class Part:
         commands = self.painting.commands
         return bounds(commands) if len(commands) else None
 
-    def paint(self, canvas: Canvas, camera: Camera) -> None:
-        """Paint what the camera sees of it."""
-        self.painting.paint(canvas, camera)
+    def paint(self, canvas: Canvas, camera: Camera, behind: Rgba | None = None, *, is_moving: bool = False) -> None:
+        """Paint what the camera sees of it, from memory where that is faster; `behind` it is this colour alone."""
+        if self._plate is not None and (self.is_static or (is_moving and self.outlasts_turns)):
+            self._plate.show(self.painting, canvas, camera, behind, is_moving=is_moving)
+        else:
+            self.painting.paint(canvas, camera)
 
     def shows_what(self, commands: DrawCommands) -> bool:
         """Whether these commands would give the same part."""
@@ -99,6 +103,7 @@ class Scene:
                 part = known.get(key) or Part(members, draw(members), key)
             else:
                 part = self._moving_part(members, draw)
+                part.outlasts_turns |= is_new_turn and any(part is other for other in self._before)
             part.lasts = pace is not _Pace.FRAME
             self._parts.append(part)
 
@@ -126,7 +131,7 @@ class Scene:
             canvas: what was there is painted over.
             camera: as large as the canvas.
             background: the colour behind everything.
-            is_moving: the camera is on its way, so that static parts may be shifted by half a pixel and scaled.
+            is_moving: the camera is on its way, so that what does not change may be shifted by half a pixel.
         """
         same = 0 if is_moving else _leading(self._parts, self._before)
         still = same if is_moving or not self._expects_more else self._lasting(same)
@@ -134,11 +139,7 @@ class Scene:
         if begin == 0:
             canvas.fill(background)
         for place, part in enumerate(self._parts[begin:], begin):
-            if part.plate is None:
-                part.paint(canvas, camera)
-            else:
-                behind = background if place == 0 else None
-                part.plate.show(part.painting, canvas, camera, behind, is_moving=is_moving)
+            part.paint(canvas, camera, background if place == 0 else None, is_moving=is_moving)
             if place + 1 in (same, still):
                 self._stages.append((self._parts[: place + 1], camera, background, canvas.keep()))
 
