@@ -7,6 +7,7 @@ import numpy as np
 from gamms.ir.draw import DrawCommands, DrawKind, DrawSpace
 from gamms.ir.graph import FloatArray
 
+CSS_DPI = 96.0  # at which a pixel is what everybody takes for one
 _MARGIN = 0.04  # of the picture's shorter side
 _SMALLEST = 1e-9  # world units; anything smaller is a point
 

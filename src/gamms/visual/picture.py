@@ -10,13 +10,12 @@ from gamms.errors import BadValue, MissingFolder, NotYet, UnknownName
 from gamms.ir.draw import DrawCommands
 from gamms.typing import ArtistType, ColorType, IArtist, ILogger
 from gamms.visual.backends import FORMATS, Backend
-from gamms.visual.camera import Camera, fit
+from gamms.visual.camera import CSS_DPI, Camera, fit
 from gamms.visual.color import rgba
 from gamms.visual.commands import Commands, joined, magnified
 from gamms.visual.legend import Block, Legend
 
 _HEADER_PX = 44.0
-_CSS_DPI = 96.0  # at which a pixel is what everybody takes for one
 
 
 class Sheet(NamedTuple):
@@ -116,7 +115,7 @@ def painted(
     background: ColorType,
 ) -> bytes:
     """Paint the columns and the legend, as the content of a file; no camera sees everything."""
-    fine = sheet.dpi / _CSS_DPI  # so that lines, letters and marks are as large on paper whatever the dpi
+    fine = sheet.dpi / CSS_DPI  # so that lines, letters and marks are as large on paper whatever the dpi
     legend, header = Legend(blocks, sheet.width, sheet.height, fine), fine * header_px(title)
     if camera is None:
         camera = fit(commands, sheet.width, sheet.height, header, legend.aside)

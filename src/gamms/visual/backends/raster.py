@@ -15,7 +15,7 @@ from gamms.ir.draw import DrawCommands, DrawKind, DrawSpace
 from gamms.ir.graph import FloatArray, IntArray
 from gamms.visual.backends import coverage
 from gamms.visual.backends.pygame import Canvas, Placed, stamp
-from gamms.visual.camera import Camera
+from gamms.visual.camera import CSS_DPI, Camera
 from gamms.visual.clipping import clipped, extent, touching
 from gamms.visual.color import PAPER, Rgba, inks
 
@@ -24,7 +24,6 @@ _THINNEST_PX = 1.0  # of lines whose width is in world units
 _BROAD_PX = 200.0  # lines are painted one by one from here on
 _BEYOND_PX = 8.0  # lines are cut so far outside, where nobody sees it
 _LARGEST_STAMP_PX = 96.0
-CSS_DPI = 96.0  # at which a pixel is what everybody takes for one
 _OPAQUE = 255
 _STEPS = 4  # places within a pixel at which a stamp can be
 

@@ -16,13 +16,12 @@ import numpy as np
 from gamms.errors import BadValue
 from gamms.ir.draw import DrawCommands, DrawKind, DrawSpace
 from gamms.ir.graph import FloatArray, IntArray
-from gamms.visual.camera import Camera
+from gamms.visual.camera import CSS_DPI, Camera
 from gamms.visual.clipping import touching
 from gamms.visual.color import PAPER, Rgba, inks
 
 _SMALLEST_RADIUS_PX = 0.5
 _THINNEST_PX = 1.0  # of lines whose width is in world units
-_CSS_DPI = 96.0  # what every viewer takes a pixel for
 _MID_GREY = 128
 _BEYOND_PX = 8.0  # what is drawn so far outside may still reach into the picture
 _HALO = ' stroke="#{:02x}{:02x}{:02x}" stroke-width="3" paint-order="stroke"'.format(*PAPER)
@@ -59,7 +58,7 @@ class _Sheet(NamedTuple):
 
 
 def svg(
-    commands: DrawCommands, camera: Camera, *, title: str, note: str, background: Rgba, dpi: float = _CSS_DPI
+    commands: DrawCommands, camera: Camera, *, title: str, note: str, background: Rgba, dpi: float = CSS_DPI
 ) -> bytes:
     """The whole picture as an SVG file, as large on paper as `dpi` says."""
     sheet = _sheet(commands, camera)
@@ -70,7 +69,7 @@ def svg(
         '<g stroke-linecap="round" stroke-linejoin="round">',
         *(_group(sheet, begin, end) for begin, end in _runs(sheet)),
         "</g>",
-        *_frame(camera, title, note, background, dpi / _CSS_DPI),
+        *_frame(camera, title, note, background, dpi / CSS_DPI),
         "</svg>\n",
     ]
     return "\n".join(line for line in lines if line).encode()
@@ -78,7 +77,7 @@ def svg(
 
 def _opening(camera: Camera, dpi: float) -> str:
     width, height = camera.width, camera.height
-    sides = (f"{side}" if dpi == _CSS_DPI else f"{side / dpi:.6g}in" for side in (width, height))
+    sides = (f"{side}" if dpi == CSS_DPI else f"{side / dpi:.6g}in" for side in (width, height))
     physical = 'width="{}" height="{}"'.format(*sides)
     return (
         f'<svg xmlns="http://www.w3.org/2000/svg" {physical} '
