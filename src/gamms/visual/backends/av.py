@@ -1,6 +1,8 @@
 """The one door to PyAV: MP4 files."""
 
 from pathlib import Path
+from queue import Queue
+from threading import Thread
 from typing import Any
 
 import numpy as np
@@ -9,13 +11,14 @@ from gamms.errors import MissingExtra
 from gamms.visual.backends import PaintedFrame
 from gamms.visual.backends.tiles import SIDE, STRIP, Square, paste, planes_of, squares
 
-# The encoder has threads of its own, which work while the next frame is painted; a thread of ours would wait for the
-# interpreter. They are so many on every machine, so that the same frames give the same bytes.
-_OPTIONS = {"preset": "veryfast", "crf": "20", "threads": "2"}
+_AHEAD = 8  # frames that wait for the encoder
+# A fixed number of threads, so that the same frames give the same bytes on every machine. It is one, for that one works
+# beside the painter already; two cost half as much again in waiting for each other.
+_OPTIONS = {"preset": "veryfast", "crf": "20", "threads": "1"}
 
 
 class Mp4:
-    """Writes H.264.
+    """Writes H.264 beside the program that paints, so that a film takes little longer than its slower half.
 
     Raises:
         MissingExtra: PyAV is not installed.
@@ -44,6 +47,13 @@ class Mp4:
         self._stream = self._file.add_stream("libx264", rate=rate, options=_OPTIONS)
         self._stream.width, self._stream.height, self._stream.pix_fmt = width, height, "yuv420p"
         self._buffer = bytearray(4 * width * height)
+        self._waiting: Queue[Any] = Queue()
+        self._free: Queue[Any] = Queue()  # fresh memory for every frame would cost more than filling it
+        for _ in range(_AHEAD):
+            self._free.put(av.VideoFrame(width, height, "yuv420p"))
+        self._error: BaseException | None = None
+        self._thread = Thread(target=self._encode, name="gamms-film", daemon=True)
+        self._thread.start()
 
     def add(self, picture: PaintedFrame) -> None:
         """Add a frame.
@@ -57,9 +67,12 @@ class Mp4:
             self._convert(picture)
         elif tiles:
             self._change(picture, tiles)
-        self._converted.pts, self._number = self._number, self._number + 1
-        self._converted.time_base = self._time_base
-        self._file.mux(self._stream.encode(self._converted))
+        frame = self._free.get()
+        for mine, its in zip(planes_of(self._converted), planes_of(frame), strict=True):
+            its[:] = mine
+        frame.pts, frame.time_base, self._number = self._number, self._time_base, self._number + 1
+        self._waiting.put(frame)
+        self._raise()
 
     def finish(self) -> None:
         """Write what is left.
@@ -67,14 +80,33 @@ class Mp4:
         Raises:
             OSError: the file cannot be written.
         """
+        self._waiting.put(None)
+        self._thread.join()
         try:
+            self._raise()
             self._file.mux(self._stream.encode(None))
         finally:
             self._file.close()
 
     def discard(self) -> None:
         """Stop; what was written is of no use."""
+        self._waiting.put(None)
+        self._thread.join()
         self._file.close()
+
+    def _encode(self) -> None:
+        while (frame := self._waiting.get()) is not None:
+            try:
+                if self._error is None:
+                    self._file.mux(self._stream.encode(frame))
+            except BaseException as error:  # noqa: BLE001 - it is raised where frames are added
+                self._error = error
+            finally:
+                self._free.put(frame)
+
+    def _raise(self) -> None:
+        if self._error is not None:
+            raise self._error
 
     def _convert(self, picture: PaintedFrame) -> None:
         """Turn all of a picture into the colours of the encoder."""
