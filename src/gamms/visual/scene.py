@@ -39,9 +39,9 @@ class Part:
         self.painting, self.key = Painting(commands), key
         self.is_static = key is not None
         self.lasts = self.is_static  # at least as long as this turn
+        self.outlasts_turns = self.is_static  # was there in the turn before, too
         self.is_much = len(commands.points) > _FEW
         self._plate = Plate() if self.is_much else None
-        self.outlasts_turns = self.is_static
 
     @property
     def box(self) -> tuple[FloatArray, FloatArray] | None:
@@ -49,12 +49,16 @@ class Part:
         commands = self.painting.commands
         return bounds(commands) if len(commands) else None
 
-    def paint(self, canvas: Canvas, camera: Camera, behind: Rgba | None = None, *, is_moving: bool = False) -> None:
-        """Paint what the camera sees of it, from memory where that is faster; `behind` it is this colour alone."""
+    def paint(self, canvas: Canvas, camera: Camera) -> None:
+        """Paint what the camera sees of it."""
+        self.painting.paint(canvas, camera)
+
+    def show(self, canvas: Canvas, camera: Camera, behind: Rgba | None, *, is_moving: bool) -> None:
+        """Paint it, from a plate where that is faster; `behind` is the colour behind it, if nothing else is there."""
         if self._plate is not None and (self.is_static or (is_moving and self.outlasts_turns)):
             self._plate.show(self.painting, canvas, camera, behind, is_moving=is_moving)
         else:
-            self.painting.paint(canvas, camera)
+            self.paint(canvas, camera)
 
     def shows_what(self, commands: DrawCommands) -> bool:
         """Whether these commands would give the same part."""
@@ -103,7 +107,6 @@ class Scene:
                 part = known.get(key) or Part(members, draw(members), key)
             else:
                 part = self._moving_part(members, draw)
-                part.outlasts_turns |= is_new_turn and any(part is other for other in self._before)
             part.lasts = pace is not _Pace.FRAME
             self._parts.append(part)
 
@@ -114,6 +117,7 @@ class Scene:
             is_taken = any(part is other for other in self._parts)  # by others who draw the same, such as nothing
             if not part.is_static and not is_taken and part.shows_what(commands):
                 part.artists = tuple(members.values())
+                part.outlasts_turns |= self._frames == 1
                 return part
         return Part(members, commands)
 
@@ -139,7 +143,7 @@ class Scene:
         if begin == 0:
             canvas.fill(background)
         for place, part in enumerate(self._parts[begin:], begin):
-            part.paint(canvas, camera, background if place == 0 else None, is_moving=is_moving)
+            part.show(canvas, camera, background if place == 0 else None, is_moving=is_moving)
             if place + 1 in (same, still):
                 self._stages.append((self._parts[: place + 1], camera, background, canvas.keep()))
 
