@@ -7,7 +7,7 @@ import os
 import re
 import sys
 from collections import deque
-from collections.abc import Callable, Iterable, Iterator
+from collections.abc import Callable, Iterable, Iterator, Sequence
 from contextlib import contextmanager
 from functools import lru_cache
 from itertools import repeat
@@ -185,7 +185,7 @@ class Canvas:
             fast(placed, flags)
             return
         placed = list(placed)
-        boxes = self.surface.blits([(stamp, place, None, flags) for stamp, place in placed], self.is_tracked)  # type: ignore[arg-type] # it takes flags, too
+        boxes = self.surface.blits([(stamp, place, None, flags) for stamp, place in placed], self.is_tracked)  # type: ignore[misc] # flags, too
         if boxes is not None:
             self._over.extend(((x, y, w, h), one) for (x, y, w, h), one in zip(boxes, placed, strict=True))
 
