@@ -1,12 +1,14 @@
-"""How long films take, by the clock on the wall."""
+"""How long films take, by the clock on the wall, and frames of windows."""
 
+import os
+import random
 import tempfile
 import time
 from fractions import Fraction
 
+from worlds import Spent, fill, grid
 
-class Spent(float):
-    """Seconds per operation that a case has measured itself; the harness takes them instead of its own clock."""
+import gamms
 
 
 def film():
@@ -79,3 +81,82 @@ def film():
             FILMS._factories[".mp4"] = mp4
 
     return ours, floor
+
+
+def quiet_pygame():
+    """The library, without a display and without its greeting."""
+    os.environ.setdefault("SDL_VIDEODRIVER", "dummy")
+    os.environ.setdefault("PYGAME_HIDE_SUPPORT_PROMPT", "1")
+    import pygame
+
+    return pygame
+
+
+def big_map():
+    """A window that nobody sees, on 99,224 edges and ten agents."""
+    size = {"width": 1280, "height": 720, "simulation_time_constant": 0.5}
+    ctx = gamms.create_context(
+        graph_engine=gamms.graph.Engine.MEMORY,
+        vis_engine=gamms.visual.Engine.PYGAME,
+        vis_kwargs=size,
+        logger_config={"level": "CRITICAL"},
+    )
+    fill(ctx.graph.graph, 158)
+    ctx.visual.set_graph_visual(width=1980, height=1080)
+    rng = random.Random(1)
+    for i in range(10):
+        ctx.agent.create_agent(f"a{i}", start_node_id=rng.randrange(158 * 158))
+        ctx.visual.set_agent_visual(f"a{i}", color=(255, 0, 0), size=5)
+    return ctx
+
+
+def first_frame():
+    """The first frame of a window, against drawing each street once."""
+    pygame = quiet_pygame()
+
+    def ours():
+        ctx = big_map()
+        began = time.process_time()
+        ctx.visual.update()
+        spent = time.process_time() - began
+        ctx.terminate()
+        return Spent(spent)
+
+    places, streets = [], []
+    for _, x, y in grid(158)[0]:
+        places.append((x * 0.4 + 300.0, y * 0.4 + 40.0))
+    for _, source, target, _ in grid(158)[1][::2]:
+        streets.append((places[source], places[target]))
+
+    def floor():
+        surface, line = pygame.Surface((1280, 720)), pygame.draw.aaline
+        began = time.process_time()
+        for begin, end in streets:
+            line(surface, (120, 120, 120), begin, end)
+        return Spent(time.process_time() - began)
+
+    return ours, floor
+
+
+def zoom():
+    """The 99th percentile of frames while the camera goes in and out, against making one picture larger."""
+    pygame = quiet_pygame()
+    ctx = big_map()
+    ctx.visual.update()
+    view = ctx.visual._render_manager
+    size, steps = view.camera_size, 200
+
+    def slowest(frame):
+        spent = []
+        for step in range(steps):
+            began = time.process_time()
+            frame(step)
+            spent.append(time.process_time() - began)
+        return Spent(sorted(spent)[int(0.99 * (steps - 1))])
+
+    def zoomed(step):
+        view.camera_size = size * (0.25 + 0.75 * abs(step % 100 / 50 - 1))
+        ctx.visual.update()
+
+    picture = pygame.Surface((1100, 620), 0, 32)
+    return lambda: slowest(zoomed), lambda: slowest(lambda _: pygame.transform.smoothscale(picture, (1280, 720)))
