@@ -158,7 +158,8 @@ class Collected:
         with `most` bytes.
         """
         size = self.size + _BYTES_PER_MOVE * sum(counts)
-        if len(self._moves) + len(moves) > 2 * blocks.MOST_MOVES or size - _BYTES_PER_MOVE * counts[-1] >= most:
+        is_full = size - _BYTES_PER_MOVE * sum(counts[-1:]) >= most
+        if len(self._moves) + len(moves) > 2 * blocks.MOST_MOVES or is_full:
             return False
         self._moves.extend(moves)
         self._turns[0].extend(counts)
