@@ -21,7 +21,20 @@ def test_mutated_games_end_in_recording_errors_or_work():
 
 
 @pytest.mark.parametrize(
-    "name", ["11200c02/367", "q/908", "q/1115", "r/337", "r/489", "r/655", "r/892", "s/2086", "s/2425", "final/1369"]
+    "name",
+    [
+        "11200c02/367",
+        "q/908",
+        "q/1115",
+        "r/337",
+        "r/489",
+        "r/655",
+        "r/892",
+        "s/2086",
+        "s/2425",
+        "final/1369",
+        "nov20/2206",
+    ],
 )
 def test_mutants_that_once_did_harm_do_none(name):
     use(mutant(game(), random.Random(name)))

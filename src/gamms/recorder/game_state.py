@@ -54,7 +54,8 @@ def put(ctx: Any, state: Mapping[str, Any]) -> None:
         memory.clear()
     for name, memory in state.get("memories", {}).items():
         game.memory_of(name).update(deepcopy(memory))
-    game.team_memories = dict(deepcopy(state.get("team_memories", [])))
+    by_team = dict(deepcopy(state.get("team_memories", [])))
+    game.team_memories = {team: dict(memory) for team, memory in by_team.items()}
     put_chance(ctx, state.get("chance"))
     if "events" in state:
         game.events[:] = [dict(event) for event in deepcopy(state["events"])]
