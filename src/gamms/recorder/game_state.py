@@ -174,15 +174,18 @@ class GameWatch:
         self._turn, self.pace = ctx.game.turn, 0
         self._places = _places(ctx)
 
-    def count(self) -> tuple[int, Any] | None:
-        """A turn is over: the event that says how the game counts it, unless it does as it did before."""
+    def count(self, log: Log) -> None:
+        """A turn is over: add the event that says how the game counts it, unless it does as it did before."""
         now, before, pace = self._game.turn, self._turn, self.pace
-        self.pace, self._turn = now - before, now
         if now == before + pace:
-            return None
+            self._turn = now
+            return
+        self.pace, self._turn = now - before, now
         starts = self._game.starts
         is_told = before > 0 or starts.items() <= self._places.items()
-        return (kinds.GAME_TURN, {"turn": now, "pace": self.pace, **({} if is_told else {"starts": plain(starts)})})
+        log.append(
+            (kinds.GAME_TURN, {"turn": now, "pace": self.pace, **({} if is_told else {"starts": plain(starts)})})
+        )
 
     def tell(self, log: Log) -> None:
         """Add the events that say what else has changed."""

@@ -1,9 +1,9 @@
 """One recording while it is being written: what the journal holds becomes the log of each turn."""
 
-import time
 from collections.abc import Callable, Mapping
 from itertools import takewhile
 from operator import attrgetter
+from time import monotonic
 from typing import Any
 
 import numpy as np
@@ -57,10 +57,10 @@ class Session:
         self._make_sink = make_sink
         self._sink: Sink | None = None
         self._logs: list[Log] = []
-        self._turns_here = self._entries_here = 0  # since the last point of rest
+        self._rests_at, self._entries_here = _TURNS_AT_ONCE, 0  # the turn of the next point of rest; since the last one
         self._since_keyframe = 0  # entries
         self._front = 0  # where in the log a change of the map goes: behind what was told before another beginning
-        self._handed_at = time.monotonic()
+        self._waits_until = monotonic() + _PATIENCE_S
         self.turn = 0
         self.is_paused = self.has_failed = False
         self.copied: Callable[[int], state.State | None] | None = None
@@ -85,17 +85,15 @@ class Session:
         journal = self._journal
         if self.copied is None:
             self._tell_changes()
-            if (counted := self._game.count()) is not None:
-                journal.log.append(counted)
+            self._game.count(journal.log)
         log, journal.log, self._front = journal.log, [], 0
+        self._logs.append(log)
+        self._entries_here += len(log)
         self.turn += 1
         if self.world is None:  # a map that comes later is an event, however long it took
             self.world = self._left_out.packed()
-        try:
-            self._keep(log)
-        except RecordingError:
-            self._fail()
-            raise
+        if self.turn >= self._rests_at or self._entries_here >= _ENTRIES_AT_ONCE or monotonic() > self._waits_until:
+            self._write()
 
     def pause(self) -> None:
         """Write nothing until `play`."""
@@ -252,22 +250,23 @@ class Session:
         self._hush()
         self.has_failed, self._logs = True, []
 
-    def _keep(self, log: Log) -> None:
-        self._logs.append(log)
-        self._turns_here += 1
-        self._entries_here += len(log)
-        if self._turns_here >= _TURNS_AT_ONCE or self._entries_here >= _ENTRIES_AT_ONCE:
+    def _write(self) -> None:
+        """Write the turns that wait."""
+        try:
             self._hand_over()
-            self._point_of_rest()
-        elif time.monotonic() - self._handed_at > _PATIENCE_S:
-            self._hand_over()
-            self.sink.flush()
+            if self.turn >= self._rests_at or self._entries_here >= _ENTRIES_AT_ONCE:
+                self._point_of_rest()
+            else:
+                self.sink.flush()
+        except RecordingError:
+            self._fail()
+            raise
 
     def _point_of_rest(self) -> None:
         """Where a keyframe may be: by what was recorded, never by the clock."""
         self._since_keyframe += self._entries_here + self._journal.weight
         self._journal.weight = 0
-        self._turns_here = self._entries_here = 0
+        self._rests_at, self._entries_here = self.turn + _TURNS_AT_ONCE, 0
         if self.copied is not None:
             keyframe = self.copied(self.turn)
         elif self._since_keyframe >= _KEYFRAME_ENTRIES:
@@ -281,7 +280,7 @@ class Session:
     def _hand_over(self) -> None:
         if self._logs:
             self.sink.add(self._logs)
-        self._logs, self._handed_at = [], time.monotonic()
+        self._logs, self._waits_until = [], monotonic() + _PATIENCE_S
 
     def _tell_changes(self) -> None:
         """Write down what nobody notes: a change of the map, before who stands on it, and what the game has come to."""
@@ -300,8 +299,7 @@ class Session:
             log += self._visual_changes()
         if self._agents.columns.left_over:
             log += self._new_carry()
-        if (strategies := self._strategies.changes()) is not None:
-            log += strategies
+        self._strategies.tell(log)
         self._game.tell(log)
 
     def _watch_game(self) -> None:
@@ -353,14 +351,15 @@ class _StrategyWatch:
         self._strategies = [agent.strategy for agent in agents.agents.values()]
         self._named = {name: agent.strategy for name, agent in agents.agents.items()}
 
-    def changes(self) -> Log | None:
-        """Events that say what has changed; None if nothing has."""
-        agents, before = self._agents.agents, self._named
+    def tell(self, log: Log) -> None:
+        """Add the events that say what has changed."""
+        agents = self._agents.agents
         now = [agent.strategy for agent in agents.values()]
         if now == self._strategies:
-            return None
-        self._strategies, self._named = now, {name: agent.strategy for name, agent in agents.items()}
-        return [
+            return
+        before, self._named = self._named, {name: agent.strategy for name, agent in agents.items()}
+        self._strategies = now
+        log += [
             (kinds.AGENT_STRATEGY, {"agent_name": agent.name, "strategy": state.name_of(agent.strategy)})
             for agent in agents.values()
             if agent.strategy is not before.get(agent.name)
