@@ -203,7 +203,8 @@ class GameWatch:
             log.append((kinds.GAME_OVER, self._over or {}))
         if game.facts != self._facts:
             log.append(self._new_facts())
-        if self._memories or self._team_memories or game.team_memories or any(game.memories.values()):
+        has_memories = game.memories and any(game.memories.values())
+        if has_memories or game.team_memories or self._memories or self._team_memories:
             log += self._new_memories()
         if (chance := self._ctx.chance()) is not None and not is_same(chance, self._chance):
             self._chance = plain(chance)
