@@ -45,12 +45,14 @@ def info(file: _File, as_json: Annotated[bool, typer.Option("--json", help="Prin
 
 
 def verify(file: _File, map: _Map = None) -> None:
-    """Check every block of a recording and its index, then replay it and record that: the same bytes must come out."""
+    """Check every block, the index and the keyframes of a recording, and that a replay of it records the same."""
     from gamms import recordings
 
     with one_sentence():
         recordings.verify(file, map)
-    typer.echo(f"{file}: all is well. Checked: every block, the index, and that a replay records the same bytes.")
+    typer.echo(
+        f"{file}: all is well. Checked: every block, the index, the keyframes, and that a replay records the same."
+    )
 
 
 def diff(

@@ -106,20 +106,37 @@ def test_damage_of_any_byte_is_found(game):
         assert done.stderr.startswith("gamms: ")
 
 
-def test_a_recording_that_is_not_its_own_replay_is_named(tmp_path):
+def written_anew(path, monkeypatch, spoil=lambda _: None):
+    """A game of 70 turns in blocks of three, whose keyframe after 64 turns was spoilt."""
+    monkeypatch.setattr("gamms.recorder.session._KEYFRAME_ENTRIES", 1)
     stream = io.BytesIO()
-    played(stream)
+    played(stream, 70)
     reader = recorder.Reader(io.BytesIO(stream.getvalue()))
-    with (tmp_path / "odd.ggr").open("wb") as file:
-        writer = recorder.Writer(file, reader.header, turns=3, seconds=None)  # blocks of another size
-        writer.keyframe(reader.keyframe(0)[1])
+    with path.open("wb") as file:
+        writer = recorder.Writer(file, reader.header, turns=3, seconds=None)
         for turn in range(reader.turns):
+            if turn in (0, 64):
+                at, keyframe = reader.keyframe(turn)
+                assert at == turn
+                if turn:
+                    spoil(keyframe)
+                writer.keyframe(keyframe)
             writer.add_turn(reader.log(turn))
         writer.close()
+
+
+def test_a_recording_that_was_packed_otherwise_is_sound(tmp_path, monkeypatch):
+    written_anew(tmp_path / "odd.ggr", monkeypatch)
+    done = run("verify", tmp_path / "odd.ggr")
+    assert (done.exit_code, done.stderr) == (0, "")
+
+
+def test_a_keyframe_that_says_something_else_than_the_turns_before_it_is_named(tmp_path, monkeypatch):
+    written_anew(tmp_path / "odd.ggr", monkeypatch, lambda keyframe: keyframe["scores"].append(("blue", 7)))
     done = run("verify", tmp_path / "odd.ggr")
     assert done.exit_code == 1
-    assert "another recording: from byte" in done.stderr
-    assert "the games are the same" in done.stderr
+    assert "The keyframe after turn 64" in done.stderr
+    assert "'blue': 7} in the second" in done.stderr
 
 
 # -- diff -------------------------------------------------------------------------------------------------------

@@ -49,7 +49,7 @@ def first_difference(first: Recording, second: Recording) -> Difference | None:
         if turn and _is_same(*pair):
             continue  # from equal states, equal events lead to equal states
         maps = first.map_hash(turn), second.map_hash(turn)
-        found = next(_differences(first[turn], second[turn], maps), None)
+        found = next(differences(first[turn], second[turn], maps), None)
         if found is None and turn:
             found = _of_events(turn, first, second)
         if found is not None:
@@ -66,7 +66,8 @@ def _is_same(one: Any, other: Any) -> bool:
         return False
 
 
-def _differences(first: State, second: State, maps: tuple[str, str]) -> Iterator[Difference]:
+def differences(first: State, second: State, maps: tuple[str, str]) -> Iterator[Difference]:
+    """In what two states differ, the game's map first, whose names are `maps`; then agent by agent."""
     turn = first.turn
     if maps[0] != maps[1]:
         yield Difference(

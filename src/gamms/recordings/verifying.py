@@ -1,19 +1,24 @@
-"""Whether a recording is whole, and gives itself when it is replayed and recorded."""
+"""Whether a recording is whole, agrees with itself, and gives itself when it is replayed and recorded."""
 
 import io
 import os
 from pathlib import Path
+from typing import Any
 
 from gamms.errors import GammsError
-from gamms.recorder import Reader, RecordingError
+from gamms.recorder import Reader, Recording, RecordingError
 from gamms.recorder import open as opened
+from gamms.recorder.formats.values import to_bytes
 from gamms.recorder.maps import HASH
-from gamms.recordings.comparing import first_difference
+from gamms.recordings.comparing import differences
 from gamms.recordings.contexts import with_map
 
 
 def verify(path: str | os.PathLike[str], map: str | os.PathLike[str] | None = None) -> None:
-    """Read all of a recording of version 3, then replay it into a fresh context and record that.
+    """Read all of a recording of version 3, work out its keyframes anew, then replay it and record that.
+
+    What is recorded must be the same events, to the last bit; the same bytes, where the same versions of GAMMS and zlib
+    pack them.
 
     Args:
         path: of the recording.
@@ -21,7 +26,8 @@ def verify(path: str | os.PathLike[str], map: str | os.PathLike[str] | None = No
 
     Raises:
         RecordingError (ValueError): the first thing that is wrong: the recording was not finished, a block or the
-            index is damaged, it cannot be replayed, it comes out otherwise than it went in, or the map is another.
+            index is damaged, a keyframe says something else than the turns before it, it cannot be replayed, it comes
+            out otherwise than it went in, or the map is another.
         BadFile (ValueError): the map is damaged.
         OSError: one of the files cannot be read.
     """
@@ -36,9 +42,55 @@ def verify(path: str | os.PathLike[str], map: str | os.PathLike[str] | None = No
             "What can be read without its map is whole; but this recording does not hold its map, only the SHA-256 of "
             f"it, {name}, and cannot be replayed without. Give that map: --map FILE.gamms."
         )
+    _check_keyframes(path)
     before, after = Path(path).read_bytes(), re_recorded(path, map)
-    if before != after:
-        raise RecordingError(f"Replayed and recorded again, it is another recording: {_parting(before, after)}")
+    if before != after and (part := _parting(before, after)) is not None:
+        raise RecordingError(f"Replayed and recorded again, it is another recording: {part} is not the same.")
+
+
+class _Walker(Reader):
+    """Knows no keyframe but the first, so that every state follows from all turns before."""
+
+    def keyframe_before(self, turn: int) -> int:
+        """The start."""
+        return super().keyframe_before(min(turn, 0))
+
+    def keyframe(self, turn: int) -> tuple[int, dict[str, Any]] | None:
+        """That of the start."""
+        return super().keyframe(min(turn, 0))
+
+
+def _check_keyframes(path: str | os.PathLike[str]) -> None:
+    """Compare what every keyframe says with what follows from the turns before it.
+
+    Raises:
+        RecordingError: one says something else.
+    """
+    with Reader(path) as reader, _Walker(path) as walker:
+        told, walked = Recording(reader), Recording(walker)
+        turns = {reader.keyframe_before(turn) for turn in range(told.turns + 1)}
+        for turn in sorted(turns - {0, -1}):
+            difference = next(differences(walked.state(turn), told.state(turn), ("", "")), None)
+            if difference is not None:
+                raise RecordingError(
+                    f"The keyframe after turn {turn} is not what follows from the turns before it. {difference}."
+                )
+
+
+def _parting(before: bytes, after: bytes) -> str | None:
+    """In which part two recordings differ; None if they only are cut into other blocks, or packed otherwise."""
+    with Reader(io.BytesIO(before)) as first, Reader(io.BytesIO(after)) as second:
+        if first.turns != second.turns:
+            return "the number of turns"
+        if _packed(first.header) != _packed(second.header):
+            return "the header"
+        parting = (turn for turn in range(first.turns) if _packed(first.log(turn)) != _packed(second.log(turn)))
+        turn = next(parting, None)
+        return None if turn is None else f"turn {turn + 1}"
+
+
+def _packed(value: Any) -> bytes:
+    return to_bytes(value, "The recording")
 
 
 def re_recorded(path: str | os.PathLike[str], map: str | os.PathLike[str] | None = None) -> bytes:
@@ -57,13 +109,3 @@ def re_recorded(path: str | os.PathLike[str], map: str | os.PathLike[str] | None
             raise RecordingError(f"It cannot be replayed: {error}") from error
         ctx.record.stop()
     return stream.getvalue()
-
-
-def _parting(before: bytes, after: bytes) -> str:
-    """Where they part, as a sentence."""
-    pairs = enumerate(zip(before, after, strict=False))
-    at = next((at for at, (one, other) in pairs if one != other), min(len(before), len(after)))
-    place = f"from byte {at} on, of {len(before)} and {len(after)}"
-    with opened(io.BytesIO(before)) as first, opened(io.BytesIO(after)) as second:
-        difference = first_difference(first, second)
-    return f"{place}, though the games are the same." if difference is None else f"{place}. {difference}."

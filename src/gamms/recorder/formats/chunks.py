@@ -167,15 +167,16 @@ class Collected:
         self.size = size
         return True
 
-    def body(self) -> bytes:
-        """The body of the block."""
+    def body(self, habit: columns.Habit) -> bytes:
+        """The body of the block; `habit` is how the moves are deflated."""
         moves = np.frombuffer(self._moves, np.int64).reshape(-1, 2)
         # NOTE: all arrays are made before the first is deflated: memory that comes and goes between costs half as much
         # again (benchmarks/README.md, w4).
         self.sequence = self.sequence.of(moves[:, 0])
-        table = [*tracks.columns_of(self.sequence.layout, moves[:, 1]), *self._columns_of_events()]
+        firsts, others = tracks.columns_of(self.sequence.layout, moves[:, 1])
+        table = self._columns_of_events()
         parts = [columns.put_list(column) for column in self._turns]
-        parts.append(self.sequence.column())
+        parts += [self.sequence.column(), columns.put(firsts), columns.put(others, habit.packed)]
         parts += [columns.put(column) for column in table]
         parts.append(blocks.put_bytes(b"".join(self._data)))
         for kind, rows in sorted(self._rows.items()):

@@ -5,6 +5,7 @@ twice its stored size, plus one if it is deflated; then its bytes. Varints are L
 """
 
 import zlib
+from collections.abc import Callable
 from functools import lru_cache
 from typing import Any
 
@@ -21,6 +22,7 @@ _TINY = 24  # bytes, of which deflating takes more time than it could save space
 _SAMPLE = 4096  # bytes that show which way of deflating a plane fits
 _PIECES = 8
 _OF_PATTERNS = (6, zlib.Z_DEFAULT_STRATEGY)
+_TRIED_EVERY = 16
 _STRATEGIES = ((1, zlib.Z_RLE), _OF_PATTERNS)  # the first for numbers without a pattern
 
 
@@ -69,12 +71,39 @@ def varint(value: int) -> bytes:
 
 def packed(data: bytes) -> bytes:
     """Bytes, deflated if that is shorter."""
-    if len(data) <= _TINY:
-        return varint(2 * len(data)) + data
-    best = min(_attempts(data), key=len)
-    if len(best) < len(data):
-        return varint(2 * len(best) + 1) + best
+    return _shorter(data, min(_attempts(data), key=len) if len(data) > _TINY else data)
+
+
+def _shorter(data: bytes, deflated: bytes) -> bytes:
+    if len(deflated) < len(data):
+        return varint(2 * len(deflated) + 1) + deflated
     return varint(2 * len(data)) + data
+
+
+class Habit:
+    """How a column is deflated that is much the same in every block: the other ways are tried in every 16th of them.
+
+    Requires: what was put before is all that it depends on; what is put for now only is put by a `copy`.
+    """
+
+    # NOTE: a second way costs a tenth of all that recording ten agents costs (benchmarks/README.md, w4).
+    def __init__(self) -> None:
+        self._way, self._blocks = _STRATEGIES[0], 0
+
+    def copy(self) -> "Habit":
+        """Another one, of the same experience."""
+        other = Habit()
+        other._way, other._blocks = self._way, self._blocks
+        return other
+
+    def packed(self, data: bytes) -> bytes:
+        """Bytes, deflated if that is shorter; see the function of this name."""
+        if not _TINY < len(data) <= 2 * _SAMPLE:
+            return packed(data)
+        if self._blocks % _TRIED_EVERY == 0:
+            self._way = min(_STRATEGIES, key=lambda way: len(_deflated(data, *way)))
+        self._blocks += 1
+        return _shorter(data, _deflated(data, *self._way))
 
 
 def loosely_packed(data: bytes) -> bytes:
@@ -145,16 +174,17 @@ def from_planes(planes: bytes, dtype: np.dtype[Any]) -> np.ndarray[Any, Any]:
 # -- columns ----------------------------------------------------------------------------------------------------
 
 
-def put(column: IntArray) -> bytes:
-    """A column as bytes."""
+def put(column: IntArray, pack: Callable[[bytes], bytes] = packed) -> bytes:
+    """A column as bytes; `pack` deflates its lowest bytes."""
     if not len(column):
         return b"\0"
     zigzag = ((column << 1) ^ (column >> 63)).view(np.uint64)
     count = max(1, (int(zigzag.max()).bit_length() + 7) // 8)
     if count == 1:
-        return b"\1" + packed(zigzag.astype(np.uint8).tobytes())
+        return b"\1" + pack(zigzag.astype(np.uint8).tobytes())
     planes = zigzag.astype("<u8", copy=False).view(np.uint8).reshape(-1, 8)
-    return bytes([count]) + b"".join(packed(planes[:, i].tobytes()) for i in range(count))
+    packs = (pack, *[packed] * (count - 1))
+    return bytes([count]) + b"".join(one(planes[:, i].tobytes()) for i, one in enumerate(packs))
 
 
 def put_list(numbers: list[int]) -> bytes:

@@ -13,7 +13,7 @@ from typing import Any, BinaryIO
 import numpy as np
 
 from gamms.errors import BadType, BadValue
-from gamms.recorder.formats import blocks, chunks, tracks
+from gamms.recorder.formats import blocks, chunks, columns, tracks
 from gamms.recorder.formats.contents import INDEX_COLUMNS
 from gamms.recorder.formats.output import Output
 
@@ -61,6 +61,7 @@ class Writer:
         self._key = blocks.head_of(head[: blocks.HEAD_SIZE]).crc
         self._file = Output(stream)
         self._index: list[tuple[int, ...]] = []
+        self._habit = columns.Habit()
         self._open = chunks.Collected(0, tracks.Sequence(np.zeros(0, np.int64)))
         self._file.append(blocks.MAGIC + head)
         self._saved_at = clock()  # and so many turns of the open block
@@ -130,7 +131,7 @@ class Writer:
         """
         self._file.check()
         if self._file.can_overwrite and len(self._open) > self._saved:
-            self._file.replace(self._block(blocks.TURNS, self._open.body(), self._open.counts))
+            self._file.replace(self._block(blocks.TURNS, self._open.body(self._habit.copy()), self._open.counts))
         self._saved, self._saved_at = len(self._open), self._clock()
 
     def close(self) -> None:
@@ -144,14 +145,14 @@ class Writer:
         if len(self._open):
             self._close_block()
         begin = self._file.end
-        columns = np.array(self._index, np.int64).reshape(-1, len(INDEX_COLUMNS)).T
-        body = blocks.put_value(dict(zip(INDEX_COLUMNS, columns, strict=True)), "The index")
+        parts = np.array(self._index, np.int64).reshape(-1, len(INDEX_COLUMNS)).T
+        body = blocks.put_value(dict(zip(INDEX_COLUMNS, parts, strict=True)), "The index")
         index = self._block(blocks.INDEX, body, blocks.Counts(self.turns))
         self._file.append(index + blocks.footer(begin))
         self._file.close()
 
     def _close_block(self) -> None:
-        self._put(blocks.TURNS, self._open.body(), self._open.counts)
+        self._put(blocks.TURNS, self._open.body(self._habit), self._open.counts)
         self._open = chunks.Collected(self.turns, self._open.sequence)
         self._saved, self._saved_at = 0, self._clock()
 
