@@ -243,8 +243,8 @@ def test_on_random_worlds_the_ground_looks_like_a_scan_of_all_faces(world, radiu
 @given(worlds(), POINT, RANGES, FOVS, QUATS)
 def test_on_random_worlds_the_view_from_the_air_is_that_of_a_scan(world, eye, radius, fov, quat):
     places, faces, edges, walkers, flyers = world
-    axis = gamms.sensor.quaternion_to_direction(quat)
-    size = sqrt(dot(axis, axis))
+    length_of_quat = sqrt(sum(part * part for part in quat))
+    axis = gamms.sensor.quaternion_to_direction(tuple(part / length_of_quat for part in quat))
 
     def is_ahead(place, widest):
         away = minus(place, eye)
@@ -254,7 +254,7 @@ def test_on_random_worlds_the_view_from_the_air_is_that_of_a_scan(world, eye, ra
         opening = min(fov, widest)
         if length == 0 or opening == 2 * pi:
             return True
-        angle = acos(max(-1.0, min(1.0, dot(away, axis) / length / size)))
+        angle = acos(max(-1.0, min(1.0, dot(away, axis) / length)))
         return angle <= opening / 2 + 1e-7  # the rim is inside, and the arc cosine is not exact there
 
     with built(places, faces, edges, walkers, flyers) as ctx:
