@@ -46,6 +46,9 @@ def _rebuilt(kind: type[GammsError], args: tuple[Any, ...], attributes: dict[str
     return error
 
 
+_FEW = 8  # names that an error message lists
+
+
 def nearest(name: object, known: Iterable[object]) -> str:
     """The hint of an error message: the known name most like `name`, or nothing."""
     from difflib import get_close_matches
@@ -58,7 +61,9 @@ class UnknownName(GammsError, KeyError):
     """A name or id nobody answers to."""
 
     def __init__(self, kind: str, name: object, known: Iterable[object] = ()) -> None:
-        super().__init__(f"Unknown {kind} {name!r}.{nearest(name, known)}")
+        names = list(known)
+        few = f" There is: {', '.join(map(repr, names))}." if 0 < len(names) <= _FEW else ""
+        super().__init__(f"Unknown {kind} {name!r}.{nearest(name, names) or few}")
 
 
 class UnknownType(GammsError, ValueError):

@@ -35,6 +35,18 @@ def test_an_error_survives_the_way_home(error):
         assert (str(again), again.args) == (str(error), error.args)
 
 
+def test_an_unknown_name_is_told_the_nearest_one_or_all_of_a_few():
+    assert (
+        str(errors.UnknownName("map", "vridis", ["viridis", "magma"]))
+        == "Unknown map 'vridis'. Did you mean 'viridis'?"
+    )
+    assert (
+        str(errors.UnknownName("map", "hot", ["viridis", "magma"]))
+        == "Unknown map 'hot'. There is: 'viridis', 'magma'."
+    )
+    assert str(errors.UnknownName("agent", "zoe", [f"a{i}" for i in range(99)])) == "Unknown agent 'zoe'."
+
+
 def ask_for_a_missing_node(_):
     with gamms.create_context(logger_config={"level": "CRITICAL"}) as ctx:
         return ctx.graph.graph.get_node(99)

@@ -64,7 +64,7 @@ def checked(
     ids = np.array([as_int(id, f"An id of {of}") for id in given], np.int64)
     strange = ids[~np.isin(ids, known)].tolist()
     if strange:
-        raise UnknownName(of.removesuffix("s"), strange[0], known.tolist())
+        raise UnknownName(of.removesuffix("s"), strange[0])
     values = _numbers(given.values(), of)
     is_shown = ~np.isnan(values)
     ids, values = ids[is_shown], values[is_shown]
