@@ -1,5 +1,6 @@
 """Files that promise more than they hold, or hold far more than they weigh: refused before memory is taken for it."""
 
+import random
 import tracemalloc
 import zlib
 from contextlib import suppress
@@ -9,8 +10,10 @@ import pytest
 from fuzzing import _block as sealed
 from recordings import HEADER, opened, read_all, walk, written
 
+from gamms.errors import BadFile
 from gamms.recorder import RecordingError
-from gamms.recorder.formats import blocks, columns
+from gamms.recorder.formats import blocks, columns, values
+from gamms.recorder.formats.plain_cbor import Damaged, PlainReader
 
 LIMIT = 200 << 20  # bytes of memory
 
@@ -119,3 +122,57 @@ def test_damage_in_the_middle_is_named_when_it_is_met():
     for call in (lambda: reader.log(4), reader.moves, reader.verify):
         with pytest.raises(RecordingError, match=f"damaged at byte {place}: this block is damaged"):
             call()
+
+
+# -- keys that were made to have one hash ---------------------------------------------------------------------------
+
+ONE, TWO, FIVE = 11400714785074694791, 14029467366897019727, 2870177450012600261  # primes of CPython's hash of tuples
+WHOLE = 1 << 64
+
+
+def turned(number, bits):
+    return (number << bits | number >> (64 - bits)) % WHOLE
+
+
+def alike(count):
+    """Pairs of ints that all have the same hash, as an enemy would work them out."""
+    rng, pairs = random.Random(1), []
+    while len(pairs) < count:
+        first = rng.randrange(1 << 60)
+        before = turned((FIVE + first * TWO) % WHOLE, 31) * ONE % WHOLE
+        lane = turned((12345 - (2 ^ FIVE ^ 3527539)) * pow(ONE, -1, WHOLE) % WHOLE, 33)
+        second = (lane - before) * pow(TWO, -1, WHOLE) % WHOLE
+        second -= WHOLE * (second >> 63)
+        if abs(second) < (1 << 61) - 1 and second != -1:
+            pairs.append((first, second))
+    return pairs
+
+
+def integer(number):
+    return bytes([0x1B if number >= 0 else 0x3B]) + (number if number >= 0 else -1 - number).to_bytes(8, "big")
+
+
+def as_keys(pairs, mark=b"\xe0"):
+    """A map of such keys; without a mark as version 2 has them."""
+    head = b"\x83" + mark if mark else b"\x82"
+    return (
+        b"\xba" + len(pairs).to_bytes(4, "big") + b"".join(head + b"".join(map(integer, one)) + b"\1" for one in pairs)
+    )
+
+
+def test_keys_that_were_made_to_have_one_hash_are_refused():
+    pairs = alike(50_000)  # which would take a minute to read
+    if len(set(map(hash, pairs))) > 1:
+        pytest.skip("tuples have another hash here")
+    with pytest.raises(BadFile, match="keys have the hash of another one"):
+        values.from_bytes(as_keys(pairs))
+    with pytest.raises(Damaged, match="keys have the hash of another one"):
+        PlainReader(as_keys(pairs, b"")).item()
+
+
+@pytest.mark.parametrize("count", [500, 5_000])
+def test_any_number_of_keys_that_happen_to_be_tuples_is_read(count):
+    rng = random.Random(2)
+    value = {(rng.randrange(count), rng.random(), "street"): number for number in range(count)}
+    value |= {1 << 70: {(1, 2), (3, 4)}, "many": set(alike(10))}
+    assert values.from_bytes(values.to_bytes(value, "It")) == value

@@ -5,16 +5,16 @@ a regular expression or a shared reference, comes out as a `Tagged`, unopened. S
 are bounded before anything is allocated.
 """
 
-from collections.abc import Callable
+from collections.abc import Callable, Iterable
 from dataclasses import dataclass
 from struct import Struct
-from typing import Any
+from typing import Any, ClassVar
 
 MOST_BYTES = 1 << 24  # of one record
 MOST_ITEMS = 1 << 20  # in one record: each takes at most some 100 bytes of memory
 MOST_DEPTH = 64
 MOST_BIGNUM_BYTES = 1 << 10
-MOST_COMPOUND_KEYS = 1 << 10  # in one map or set; see `_is_compound`
+MOST_ALIKE = 1 << 6  # keys of one map or set with the hash of another one; see `_is_compound`
 
 SET = 258
 _BIGNUMS = (2, 3)
@@ -43,7 +43,16 @@ class PlainReader:
     """Reads items from bytes, front to back; `position` is where the next one begins.
 
     Every method raises Incomplete or Damaged.
+
+    Attributes:
+        readers: what reads items, by major type, the upper three bits of the first byte.
+        most_items: that one may have, with all that is in it.
+        most_bytes: likewise.
     """
+
+    readers: "ClassVar[list[Callable[[Any, int, int], Any]]]"
+    most_items: ClassVar[int] = MOST_ITEMS
+    most_bytes: ClassVar[int] = MOST_BYTES
 
     def __init__(self, data: bytes | bytearray, position: int = 0) -> None:
         self._data = data
@@ -59,9 +68,9 @@ class PlainReader:
         head = data[position]
         self.position = position + 1
         self._items += 1
-        if self._items > MOST_ITEMS or position - self._begin > MOST_BYTES:
-            raise Damaged(f"it has more than {MOST_ITEMS} items or {MOST_BYTES} bytes")
-        return _READERS[head >> 5](self, head & 31, depth)
+        if self._items > self.most_items or position - self._begin > self.most_bytes:
+            raise Damaged(f"it has more than {self.most_items} items or {self.most_bytes} bytes")
+        return self.readers[head >> 5](self, head & 31, depth)
 
     def _size(self, info: int) -> int:
         if info < 24:
@@ -79,8 +88,8 @@ class PlainReader:
 
     def _bytes(self, info: int) -> bytes:
         size = self._size(info)
-        if size > MOST_BYTES:
-            raise Damaged(f"it holds a text of {size} bytes, more than {MOST_BYTES}")
+        if size > self.most_bytes:
+            raise Damaged(f"it holds a text of {size} bytes, more than {self.most_bytes}")
         begin, end = self.position, self.position + size
         if end > len(self._data):
             raise Incomplete
@@ -89,8 +98,8 @@ class PlainReader:
 
     def _count(self, info: int, depth: int) -> int:
         count = self._size(info)
-        if count > MOST_ITEMS:
-            raise Damaged(f"it holds a collection of {count} items, more than {MOST_ITEMS}")
+        if count > self.most_items:
+            raise Damaged(f"it holds a collection of {count} items, more than {self.most_items}")
         if depth >= MOST_DEPTH:
             raise Damaged(f"it is nested deeper than {MOST_DEPTH}")
         return count
@@ -120,15 +129,12 @@ class PlainReader:
 
     def map(self, info: int, depth: int) -> dict[Any, Any]:
         """A dict, in the order of the file."""
-        count, found, compound = self._count(info, depth), {}, 0
+        count, pairs = self._count(info, depth), []
         for _ in range(count):
             key = self.item(depth + 1)
-            if type(key) is not str:
-                key = _hashable(key)
-                compound += _is_compound(key)
-            found[key] = self.item(depth + 1)
-            if compound > MOST_COMPOUND_KEYS:
-                raise Damaged(f"it holds a map of more than {MOST_COMPOUND_KEYS} compound keys")
+            pairs.append((key if type(key) is str else _hashable(key), self.item(depth + 1)))
+        refuse_alike(key for key, _ in pairs)
+        found = dict(pairs)
         if len(found) != count:
             raise Damaged("it holds a map with a key that is there twice")
         return found
@@ -157,8 +163,7 @@ class PlainReader:
         raise Damaged("it holds a value that is no plain data")
 
 
-# By major type, the upper three bits of the first byte.
-_READERS: list[Callable[[PlainReader, int, int], Any]] = [
+PlainReader.readers = [
     PlainReader.unsigned,
     PlainReader.negative,
     PlainReader.bytes_of,
@@ -188,6 +193,16 @@ def _is_compound(key: Any) -> bool:
 
 def _set_of(values: list[Any]) -> set[Any]:
     keys = [_hashable(value) for value in values]
-    if sum(map(_is_compound, keys)) > MOST_COMPOUND_KEYS:
-        raise Damaged(f"it holds a set of more than {MOST_COMPOUND_KEYS} compound values")
+    refuse_alike(keys)
     return set(keys)
+
+
+def refuse_alike(keys: Iterable[Any]) -> None:
+    """Refuse keys that were made to have the same hash: each would be compared with all others.
+
+    Raises:
+        Damaged: there are some.
+    """
+    hashes = [hash(key) for key in keys if _is_compound(key)]
+    if len(hashes) - len(set(hashes)) > MOST_ALIKE:
+        raise Damaged(f"it holds a map or a set of which more than {MOST_ALIKE} keys have the hash of another one")

@@ -6,6 +6,7 @@ a file is checked before cbor2 sees it: well-formed, nothing longer than the byt
 deep.
 """
 
+import sys
 from collections.abc import Callable
 from functools import cache
 from reprlib import repr as shown
@@ -17,7 +18,9 @@ import numpy as np
 from gamms.errors import BadFile, BadType, BadValue
 from gamms.recorder.formats import columns
 from gamms.recorder.formats.numbered import FEWEST, MOST, numbered, texts_of
+from gamms.recorder.formats.plain_cbor import Damaged, PlainReader, refuse_alike
 
+_FEW_KEYS = 1 << 9  # that may all have the same hash and take no time
 MOST_DEPTH = 32  # containers in each other
 MOST_ITEMS = 1 << 22  # in one value, containers included
 _MOST_DIMENSIONS = 8
@@ -68,11 +71,12 @@ def from_bytes(data: bytes) -> Any:
     Raises:
         BadFile: nobody wrote this.
     """
-    has_marks, cbor2 = _check(data), _cbor2()
+    has_marks, keys = _check(data)
+    cbor2 = _cbor2()
     try:
-        value = cbor2.loads(data)
+        value = cbor2.loads(data) if keys <= _FEW_KEYS else _CarefulReader(data).item()
         return _unmarked(value) if has_marks else value
-    except (cbor2.CBORDecodeError, ValueError, TypeError, OverflowError, KeyError) as error:
+    except (cbor2.CBORDecodeError, Damaged, ValueError, TypeError, OverflowError, KeyError) as error:
         raise BadFile(f"a value is damaged ({error})") from error
 
 
@@ -197,9 +201,21 @@ _WAYS: dict[type, Callable[[Any, int], Any]] = {
 # -- from CBOR --------------------------------------------------------------------------------------------------
 
 
-def _check(data: bytes) -> bool:  # noqa: C901, PLR0912, PLR0915  NOTE: one loop, because calls would double its time
-    """Refuse what cbor2 should not see; whether there are marks in it."""
-    at, end, items, has_marks = 0, len(data), 0, False
+class _CarefulReader(PlainReader):
+    """Reads what was checked as cbor2 does, in ten times the time, but refuses keys that were made to harm."""
+
+    def mark(self, info: int, depth: int) -> Any:
+        """A mark, or what else is neither text nor container."""
+        return _mark(info) if info <= _NUMBERED else self.simple(info, depth)
+
+
+_CarefulReader.readers = [*PlainReader.readers[:-1], _CarefulReader.mark]
+_CarefulReader.most_items, _CarefulReader.most_bytes = MOST_ITEMS, sys.maxsize  # as many bytes as there are
+
+
+def _check(data: bytes) -> tuple[bool, int]:  # noqa: C901, PLR0912, PLR0915  NOTE: one loop; calls would double its time
+    """Refuse what cbor2 should not see; whether there are marks in it, and how many keys are containers."""
+    at, end, items, has_marks, keys = 0, len(data), 0, False, 0
     left, is_map, is_in_key = 1, False, False  # of the container that we are in
     outer: list[tuple[int, bool, bool]] = []
     while True:
@@ -207,7 +223,7 @@ def _check(data: bytes) -> bool:  # noqa: C901, PLR0912, PLR0915  NOTE: one loop
             if not outer:
                 if at != end:
                     raise BadFile(f"{end - at} bytes are left over behind a value")
-                return has_marks
+                return has_marks, keys
             left, is_map, is_in_key = outer.pop()
         if at >= end:
             raise BadFile("a value is cut off")
@@ -228,6 +244,7 @@ def _check(data: bytes) -> bool:  # noqa: C901, PLR0912, PLR0915  NOTE: one loop
                 raise BadFile(f"a container of {size} items is too long or too deep, {start} bytes into its value")
             outer.append((left, is_map, is_in_key))
             is_in_key = is_in_key or (is_map and left & 1 == 1)
+            keys += is_in_key
             if major == 5 and is_in_key:
                 raise BadFile("a dict is in the key of a dict")
             left, is_map = size << (major == 5), major == 5
@@ -250,13 +267,19 @@ def _unmarked(value: Any) -> Any:
             return _MEANINGS[value[0].value](value[1:])
         return kind(_unmarked(one) for one in value)
     if kind is dict:
-        return {_unmarked(key): _unmarked(one) for key, one in value.items()}
+        return _dict([_unmarked(key) for key in value], [_unmarked(one) for one in value.values()])
     if kind not in _PLAIN:
         raise BadFile("a mark stands where none may stand")
     return value
 
 
 _PLAIN = {type(None), bool, int, float, str, bytes, list, tuple, dict}  # what else comes out of cbor2 is a mark
+
+
+def _dict(keys: list[Any], values: list[Any]) -> dict[Any, Any]:
+    if len(keys) > _FEW_KEYS:
+        refuse_alike(keys)
+    return dict(zip(keys, values, strict=True))
 
 
 def _tuple(items: Any) -> Any:
@@ -297,7 +320,10 @@ def _texts(items: Any) -> list[str]:
 
 
 def _set(items: Any) -> set[Any]:
-    return {_unmarked(_key(one)) for one in items}
+    keys = [_unmarked(_key(one)) for one in items]
+    if len(keys) > _FEW_KEYS:
+        refuse_alike(keys)
+    return set(keys)
 
 
 def _frozenset(items: Any) -> frozenset[Any]:
