@@ -47,6 +47,15 @@ def test_agents_come_and_go(ctx):
     assert [name for name in usual.artists() if name in ("red_0", "blue_0", "new")] == ["blue_0", "new"]
 
 
+def test_one_of_many_agents_goes(ctx):
+    for name in "abcdef":
+        ctx.agent.create_agent(name, start_node_id=0)
+    usual = Undeclared(ctx)
+    assert "c" in usual.artists()
+    ctx.agent.delete_agent("c")
+    assert [name for name in usual.artists() if len(name) == 1] == list("abdef")
+
+
 def test_a_sensor_is_drawn_once_it_has_looked_and_in_the_color_of_who_carries_it(ctx):
     usual = Undeclared(ctx)
     assert "sensor_spy" not in usual.artists()

@@ -195,6 +195,7 @@ class AgentEngine(IAgentEngine):
     def _take_out(self, agent: Member) -> None:
         del self.agents[agent.name]
         agent._leave()
+        self.columns.roster += 1
         self._gone.add(agent)
         self._dead += 1
         if self._dead > len(self.agents):  # so that deleting costs each agent its share only once
