@@ -7,9 +7,12 @@ from gamms.context import Context
 from gamms.demo.report import sides
 from gamms.visual import Artist
 from gamms.visual.color import team_colors
+from gamms.visual.primitives import primitives_of
 from gamms.visual.undeclared import legend_of_teams
 
 _LABEL_PX = 19
+_LABEL = 0.09, 0.016, 0.01  # how broad and high a name is, and half a disc, in widths of what is seen
+_ASIDE = "\u00a0" * 2  # as wide as the disc of an agent, for text is placed in world units only
 
 
 def declare(ctx: Context) -> None:
@@ -27,7 +30,13 @@ def declare(ctx: Context) -> None:
 
 
 def draw_names(ctx: Any, data: Mapping[str, Any]) -> None:
-    """Write each agent's name beside it."""
-    for name in data["names"]:
-        x, y = ctx.visual.position_of(name, data.get("_alpha", 1.0))
-        ctx.visual.render_text(name, x + 14, y + 10, (30, 30, 30), font_size=_LABEL_PX)
+    """Write each agent's name right of it, where it would be neither upon another name nor upon an agent."""
+    wide, high, disc = (share * primitives_of(ctx).extent() for share in _LABEL)
+    places = {name: ctx.visual.position_of(name, data.get("_alpha", 1.0)) for name in data["names"]}
+    written: list[tuple[float, float]] = []
+    for name, (x, y) in places.items():
+        agents = [other_x - x for other_x, other_y in places.values() if abs(other_y - y) < high]
+        names = [other_x - x for other_x, other_y in written if abs(other_y - y) < high]
+        if not any(disc < way < wide for way in agents) and not any(abs(way) < wide for way in names):
+            ctx.visual.render_text(_ASIDE + name, x, y + 0.4 * high, (30, 30, 30), font_size=_LABEL_PX)
+            written.append((x, y))
