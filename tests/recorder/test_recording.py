@@ -514,3 +514,19 @@ def test_a_keyframe_is_written_at_the_start_and_after_every_65536_moves(tmp_path
     with Reader(tmp_path / "game.ggr") as reader:
         found = {reader.keyframe(turn)[0] for turn in range(reader.turns)}
     assert sorted(found) == [0, 704, 1408]  # when 64 turns are written, 131,072 numbers after the one before
+
+
+def test_what_takes_long_to_read_has_keyframes_more_often(ctx):
+    stream = io.BytesIO()
+    ctx.record.start(stream)
+    for turn in range(1100):
+        ctx.game.scores["red"] = turn
+        ctx.record.event("note", turn=turn)
+        ctx.visual.simulate()
+    ctx.record.stop()
+    with pytest.raises(RecordingError, match="seek"):  # it stands at its end
+        Reader(stream)
+    stream.seek(0)
+    reader = Reader(stream)
+    found = {reader.keyframe(turn)[0] for turn in range(reader.turns)}
+    assert sorted(found) == [0, 1024]  # after 2,048 events

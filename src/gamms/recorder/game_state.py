@@ -83,8 +83,11 @@ def apply(values: dict[Any, Any], changes: Changes) -> None:
     """Change a dict as `Kept.changes` gave it."""
     values.update(deepcopy(changes.get("set", {})))
     for key, more in changes.get("more", {}).items():
-        known = values[key]
-        values[key] = known | set(more) if isinstance(known, set) else [*known, *deepcopy(more)]
+        known = values[key]  # in place, or lists that grow in every turn would be copied in every turn
+        if isinstance(known, set):
+            known.update(more)
+        else:
+            known.extend(deepcopy(more))
     for key in changes.get("removed", ()):
         values.pop(key, None)
 

@@ -12,7 +12,7 @@ from gamms.recorder import state
 from gamms.recorder.left_out import LeftOut
 from gamms.recorder.plain import plain
 
-_OF_FLIGHT, _OF_NOTE = 7, 15  # weights
+_OF_FLIGHT = 7  # its weight
 
 
 class PlainJournal(Journal):
@@ -24,7 +24,7 @@ class PlainJournal(Journal):
 
     Attributes:
         living: the names of the agents of whom the reader knows, in the order of their creation.
-        weight: what it costs to read what was noted, beside the entries of the log, in such entries.
+        weight: what it costs to read the flights that were noted, beside the entries of the log, in such entries.
     """
 
     def __init__(self, names: list[str], left_out: LeftOut) -> None:
@@ -40,7 +40,6 @@ class PlainJournal(Journal):
         elif kind == journal.AGENT_DELETE:
             self.living.pop(data["name"], None)
         self.log.append((kind, self._creation(data) if kind == journal.AGENT_CREATE else plain(data)))
-        self.weight += _OF_NOTE
 
     def flew(self, row: int, node: int, position: Position) -> None:
         """A flyer is somewhere else, and this is the node below it."""

@@ -23,11 +23,12 @@ _OF_AGENTS = kinds.AGENT_CREATE >> 24
 _DECLARATION = OpCodes.COMPONENT_REGISTER.value
 _TURNS_AT_ONCE = 64
 _ENTRIES_AT_ONCE = 1 << 20  # of logs: what may wait to be written
-_KEYFRAME_ENTRIES = 1 << 17  # of logs between two keyframes: 65,536 moves, which take some milliseconds to read; what
-#                              takes longer weighs more (`PlainJournal.weight`)
+_KEYFRAME_ENTRIES = 1 << 17  # of logs between two keyframes: 65,536 moves, which take some milliseconds to read
+_OF_VALUE = 64  # such entries take as long to read as one event with a value; those of flights: `PlainJournal.weight`
 _PATIENCE_S = 0.5
 
-Sink = Any  # what writes logs in some format: `add(logs)`, `keyframe(state)`, `flush()`, `close()`
+Sink = Any  # what writes logs in some format: `add(logs)`, `keyframe(state)`, `flush()`, `close()`, and
+#            `new_values()`, how many events with a value were written since it was asked last
 
 
 class Session:
@@ -264,7 +265,7 @@ class Session:
 
     def _point_of_rest(self) -> None:
         """Where a keyframe may be: by what was recorded, never by the clock."""
-        self._since_keyframe += self._entries_here + self._journal.weight
+        self._since_keyframe += self._entries_here + self._journal.weight + _OF_VALUE * self.sink.new_values()
         self._journal.weight = 0
         self._rests_at, self._entries_here = self.turn + _TURNS_AT_ONCE, 0
         if self.copied is not None:

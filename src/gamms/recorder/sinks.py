@@ -25,7 +25,7 @@ class Version3Sink:
     """Writes the container of docs/recording-format.md."""
 
     def __init__(self, stream: BinaryIO, session: Session, header: dict[str, Any]) -> None:
-        self._writer = Writer(stream, header)
+        self._writer, self._values = Writer(stream, header), 0
         self._writer.keyframe(session.begin)
 
     def add(self, logs: list[Log]) -> None:
@@ -41,6 +41,11 @@ class Version3Sink:
             self._writer.add_moves([log])
         except TypeError:
             self._writer.add_turn(log)
+
+    def new_values(self) -> int:
+        """How many events with a value were written since it was asked last."""
+        before, self._values = self._values, self._writer.values
+        return self._values - before
 
     def keyframe(self, keyframe: state.State) -> None:
         """Write the whole state."""
@@ -144,6 +149,10 @@ class Version2Sink:
 
     def keyframe(self, keyframe: state.State) -> None:
         """There is no place for it."""
+
+    def new_values(self) -> int:
+        """None that a keyframe would save from being read."""
+        return 0
 
     def flush(self) -> None:
         """Hand over what was written to the system."""

@@ -126,6 +126,11 @@ class Collected:
         return len(self._turns[0])
 
     @property
+    def values(self) -> int:
+        """How many events have a value."""
+        return len(self._data)
+
+    @property
     def counts(self) -> blocks.Counts:
         """What the head of the block says."""
         return blocks.Counts(self.first, len(self), len(self._moves) // 2, len(self._kinds))

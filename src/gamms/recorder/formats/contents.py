@@ -134,6 +134,10 @@ def _check_magic(data: bytes) -> None:
     if data.startswith(blocks.MAGIC[:4]) and len(data) == len(blocks.MAGIC):
         version = int.from_bytes(data[4:], "big")
         raise RecordingError(f"This recording has format version {version} at byte 4; only version 3 is read here.")
+    if not data:
+        raise RecordingError(
+            "This is no recording: nothing is at byte 0. A stream is read from where it stands; try seek(0)."
+        )
     raise RecordingError(f"This is no recording: at byte 0 it begins with {data!r}, and not with {blocks.MAGIC!r}.")
 
 

@@ -61,6 +61,7 @@ class Writer:
         self._key = blocks.head_of(head[: blocks.HEAD_SIZE]).crc
         self._file = Output(stream)
         self._index: list[tuple[int, ...]] = []
+        self._values = 0  # before the open block
         self._habit = columns.Habit()
         self._open = chunks.Collected(0, tracks.Sequence(np.zeros(0, np.int64)))
         self._file.append(blocks.MAGIC + head)
@@ -71,6 +72,11 @@ class Writer:
     def turns(self) -> int:
         """How many turns were added."""
         return self._open.first + len(self._open)
+
+    @property
+    def values(self) -> int:
+        """How many events with a value were added: all but those whose data are but numbers."""
+        return self._values + self._open.values
 
     def add_turn(self, log: Sequence[Any]) -> None:
         """Add the log of the next turn; it may be changed afterwards.
@@ -153,6 +159,7 @@ class Writer:
 
     def _close_block(self) -> None:
         self._put(blocks.TURNS, self._open.body(self._habit), self._open.counts)
+        self._values += self._open.values
         self._open = chunks.Collected(self.turns, self._open.sequence)
         self._saved, self._saved_at = 0, self._clock()
 
