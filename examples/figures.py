@@ -50,7 +50,7 @@ def a_grid_world(folder):
         ctx.agent.get_agent("seeker_0").register_sensor("eyes", eyes)
         eyes.sense(14 * 3 + 3)
         ctx.visual.set_sensor_visual("eyes", color=(0, 114, 178), layer=15)
-        ctx.visual.add_artist("legend", gamms.visual.undeclared.legend_of_teams(ctx))
+        ctx.visual.add_artist("legend", gamms.visual.legend_of_teams(ctx))
         save(ctx, folder / "grid_world", WIDE)
 
 

@@ -5,10 +5,12 @@ import os
 from collections.abc import Iterable, Mapping
 from numbers import Real
 from operator import index
-from pathlib import Path
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
 from gamms.errors import BadType, BadValue, nearest
+
+if TYPE_CHECKING:
+    from pathlib import Path
 
 _INT64 = 2**63
 
@@ -92,7 +94,7 @@ def as_name(value: Any, kind: str) -> str:
     return value
 
 
-def as_path(value: Any, name: str) -> Path:
+def as_path(value: Any, name: str) -> "Path":
     """`value` as a path.
 
     Raises:
@@ -100,6 +102,8 @@ def as_path(value: Any, name: str) -> Path:
     """
     if not isinstance(value, (str, os.PathLike)):
         raise BadType(f"{name} must be a path, not {value!r} ({type(value).__name__}).")
+    from pathlib import Path  # which takes longer to load than most of GAMMS
+
     return Path(value)
 
 

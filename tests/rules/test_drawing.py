@@ -8,7 +8,7 @@ from gamms.ir.draw import DrawKind
 from gamms.rules import capture_flag, tag, territory
 from gamms.visual import Artist
 from gamms.visual.drawers.rules import as_text, in_text
-from gamms.visual.sides import team_rows
+from gamms.visual.undeclared import team_rows
 
 
 @pytest.fixture

@@ -5,10 +5,9 @@ from typing import Any
 
 from gamms.context import Context
 from gamms.demo.report import sides
-from gamms.visual import Artist
+from gamms.visual import Artist, legend_of_teams
 from gamms.visual.color import team_colors
 from gamms.visual.primitives import primitives_of
-from gamms.visual.undeclared import legend_of_teams
 
 _LABEL_PX = 19
 _LABEL = 0.09, 0.016, 0.01  # how broad and high a name is, and half a disc, in widths of what is seen

@@ -1,6 +1,5 @@
 """Shortest paths: distances along edges, and the next step on the way."""
 
-from heapq import heapify, heappop, heappush
 from math import inf
 from typing import NamedTuple
 
@@ -51,6 +50,8 @@ def shortest_distances(arcs: Arcs, rows: IntArray, cutoff: float = inf) -> Float
     Returns:
         (nodes,) infinite where there is no way.
     """
+    from heapq import heapify, heappop, heappush
+
     offsets, ends, weights = (column.tolist() for column in arcs)
     distances = [inf] * (len(offsets) - 1)
     heap = [(0.0, row) for row in rows.tolist()]

@@ -43,14 +43,15 @@ from gamms.visual.drawers import (
 from gamms.visual.engine import PictureEngine
 from gamms.visual.no_engine import NoEngine
 
-_OF_THE_WINDOW = ("PygameVisualizationEngine", "RenderManager", "WindowEngine")
+_LATER = {  # not loaded before somebody wants to see something
+    **dict.fromkeys(("PygameVisualizationEngine", "RenderManager", "WindowEngine"), "gamms.visual.window"),
+    "legend_of_teams": "gamms.visual.undeclared",
+}
 
 
 def __getattr__(name: str) -> Any:
-    if name in _OF_THE_WINDOW:  # not loaded before somebody wants to see it
-        from gamms.visual import window
-
-        return getattr(window, name)
+    if name in _LATER:
+        return getattr(import_module(_LATER[name]), name)
     raise AttributeError(f"module {__name__!r} has no attribute {name!r}")
 
 
@@ -90,6 +91,7 @@ __all__ = [
     "Space",
     "WindowEngine",
     "lazy",
+    "legend_of_teams",
     "notebook",
     "render_aerial_agent",
     "render_aerial_agent_sensor",

@@ -6,18 +6,17 @@ from typing import TYPE_CHECKING, Any
 
 from gamms.arguments import as_float
 from gamms.errors import BadValue, ContextTerminated, GammsError
-from gamms.folders import write_whole
 from gamms.ir.draw import DrawCommands
 from gamms.typing import ArtistType, ColorType, IArtist, IContext
 from gamms.visual.camera import Camera, Follow, Look
 from gamms.visual.color import PAPER
 from gamms.visual.declarations import Declarations
-from gamms.visual.undeclared import Undeclared
 
 if TYPE_CHECKING:
     from gamms.visual.backends.coverage import ByteArray
     from gamms.visual.film import Film
     from gamms.visual.scene import Scene
+    from gamms.visual.undeclared import Undeclared
 
 
 class PictureEngine(Declarations):
@@ -38,7 +37,7 @@ class PictureEngine(Declarations):
         self.width, self.height = 1280, 720
         self.look: Look | None = None
         self.followed: Follow | None = None
-        self._undeclared = Undeclared(ctx)
+        self._undeclared: Undeclared | None = None
         self._films: list[Film] = []
         self._scene: Scene | None = None
 
@@ -130,7 +129,14 @@ class PictureEngine(Declarations):
         """
         if self.ctx.is_terminated():
             raise ContextTerminated("the state to draw")
-        return dict(self._artists) if self._is_declared else self._undeclared.artists() | self._artists
+        return dict(self._artists) if self._is_declared else self._usual_artists() | self._artists
+
+    def _usual_artists(self) -> dict[str, IArtist]:
+        """Who draws where nothing was declared."""
+        from gamms.visual.undeclared import Undeclared
+
+        self._undeclared = self._undeclared or Undeclared(self.ctx)
+        return self._undeclared.artists()
 
     def draw_commands(self) -> DrawCommands:
         """The present state as draw commands.
@@ -183,6 +189,7 @@ class PictureEngine(Declarations):
             MissingExtra (ImportError): PNG needs pygame and Pillow, which are not installed.
             ContextTerminated: the context has ended.
         """
+        from gamms.folders import write_whole
         from gamms.visual import picture
 
         file = picture.place(path)

@@ -4,7 +4,7 @@
 import os
 from collections.abc import Callable, Iterator, Sequence
 from contextlib import contextmanager
-from typing import Any, TypeVar, cast
+from typing import TYPE_CHECKING, Any, TypeVar, cast
 
 import numpy as np
 
@@ -14,9 +14,11 @@ from gamms.ir.graph import GraphColumns
 from gamms.typing import ColorType, IContext, IVisualizationEngine
 from gamms.visual.appearance import BY_DAY
 from gamms.visual.color import Color
-from gamms.visual.commands import Commands
 from gamms.visual.motion import Motion
 from gamms.visual.sides import Happenings
+
+if TYPE_CHECKING:
+    from gamms.visual.commands import Commands
 
 Measured = TypeVar("Measured")
 
@@ -40,8 +42,10 @@ class Primitives(IVisualizationEngine):
         self._measured: tuple[GraphColumns | None, dict[Any, Any]] = None, {}
 
     @contextmanager
-    def _collecting(self) -> Iterator[Commands]:
+    def _collecting(self) -> "Iterator[Commands]":
         """Open a command list: what is drawn inside the block is in it."""
+        from gamms.visual.commands import Commands
+
         outer, self._drawing = self._drawing, Commands()
         try:
             yield self._drawing

@@ -5,7 +5,6 @@ from typing import Any
 
 from gamms.typing import IContext
 from gamms.visual.color import Rgb, team_colors
-from gamms.visual.legend import Row, Rows
 
 
 def side_of(agent: Any) -> Any:
@@ -17,21 +16,6 @@ def side_of(agent: Any) -> Any:
 def side_colors(ctx: IContext, more: Iterable[Any] = ()) -> dict[str, Rgb]:
     """A colour for each side there is, and for more teams, by text; the same in every picture of a game."""
     return team_colors([*map(side_of, ctx.agent.create_iter()), *more])
-
-
-def team_rows(ctx: IContext) -> Rows | None:
-    """The legend of the teams: colour, name and score; None where there are not two."""
-    colors, teams = side_colors(ctx), dict.fromkeys(getattr(agent, "team", None) for agent in ctx.agent.create_iter())
-    game = getattr(ctx, "_game", None)  # a game begins when it is first asked for, which is not our business
-    scores = {} if game is None else game.scores
-    named = [team for team in teams if team is not None]
-    if len(named) < 2:
-        return None
-    return Rows("", tuple(Row(colors[str(team)], str(team), _score(scores.get(team))) for team in named))
-
-
-def _score(score: Any) -> str:
-    return f"{score:g}" if isinstance(score, int | float) else ""
 
 
 class Happenings:

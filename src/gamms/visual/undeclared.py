@@ -31,8 +31,8 @@ from gamms.visual.drawers.rules import (
 )
 from gamms.visual.drawers.sensors import view_of
 from gamms.visual.drawers.tags import render_tags
-from gamms.visual.legend import legend_only
-from gamms.visual.sides import side_colors, side_of, team_rows
+from gamms.visual.legend import Row, Rows, legend_only
+from gamms.visual.sides import side_colors, side_of
 
 MOST_SENSORS = 20  # more of them would hide what happens
 _NOBODYS = (110, 114, 120)
@@ -144,6 +144,21 @@ class Undeclared:
             for agent in self._ctx.agent.create_iter()
             for sensor in getattr(agent, "_sensor_list", {}).values()
         }
+
+
+def team_rows(ctx: IContext) -> Rows | None:
+    """The legend of the teams: colour, name and score; None where there are not two."""
+    colors, teams = side_colors(ctx), dict.fromkeys(getattr(agent, "team", None) for agent in ctx.agent.create_iter())
+    game = getattr(ctx, "_game", None)  # a game begins when it is first asked for, which is not our business
+    scores = {} if game is None else game.scores
+    named = [team for team in teams if team is not None]
+    if len(named) < 2:
+        return None
+    return Rows("", tuple(Row(colors[str(team)], str(team), _score(scores.get(team))) for team in named))
+
+
+def _score(score: Any) -> str:
+    return f"{score:g}" if isinstance(score, int | float) else ""
 
 
 def legend_of_teams(ctx: IContext) -> Artist:
