@@ -68,8 +68,11 @@ def _check_keyframes(path: str | os.PathLike[str]) -> None:
     """
     with Reader(path) as reader, _Walker(path) as walker:
         told, walked = Recording(reader), Recording(walker)
-        turns = {reader.keyframe_before(turn) for turn in range(told.turns + 1)}
-        for turn in sorted(turns - {0, -1}):
+        turns, turn = [], reader.keyframe_before(told.turns)
+        while turn > 0:
+            turns.append(turn)
+            turn = reader.keyframe_before(turn - 1)
+        for turn in reversed(turns):
             difference = next(differences(walked.state(turn), told.state(turn), ("", "")), None)
             if difference is not None:
                 raise RecordingError(
