@@ -2,13 +2,12 @@
 
 from typing import Any
 
-from gamms.visual.backends.pygame import Canvas, load, veil
+from gamms.visual.backends.pygame import Canvas, load, on_glass
 from gamms.visual.backends.raster import Painting
 from gamms.visual.camera import Camera
 from gamms.visual.color import Rgba
 
 _BORDER = 4  # one fourth of the view on every side
-_BLACK, _WHITE = (0, 0, 0, 255), (255, 255, 255, 255)
 
 
 class Plate:
@@ -49,7 +48,7 @@ class Plate:
 
 def _painted(painting: Painting, camera: Camera, background: Rgba | None) -> Any:
     if background is None:
-        return veil(*(_painted(painting, camera, color) for color in (_BLACK, _WHITE)))
+        return on_glass(lambda color: _painted(painting, camera, color))
     canvas = Canvas(camera.width, camera.height)
     canvas.fill(background)
     painting.paint(canvas, camera)

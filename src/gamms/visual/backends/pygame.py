@@ -34,6 +34,8 @@ _MOST_IMAGE_PX = 4096
 _MOST_FONT_PX, _MOST_LETTERS = 2048, 10_000
 _LETTERS = 8  # that are as broad as one is high, at most
 
+BLACK, WHITE = (0, 0, 0, 255), (255, 255, 255, 255)
+
 Box = tuple[int, int, int, int]  # left, top, width, height, pixels
 Placed = tuple["Surface", tuple[int, int]]  # a surface, and where its upper left corner lies
 Mark = tuple[Box, Placed | None]  # where something was painted, and what it was if it is known
@@ -259,6 +261,11 @@ def stamp(coverage: ByteArray, color: Rgba) -> "Surface":
     opacity = coverage if color[3] == 255 else (coverage.astype(np.uint16) * color[3] // 255).astype(np.uint8)
     load().surfarray.pixels_alpha(surface)[:] = opacity.T
     return surface
+
+
+def on_glass(paint: "Callable[[Rgba], Surface]") -> "Surface":
+    """What is painted alike over whatever colour it is given, as `veil` makes it."""
+    return veil(paint(BLACK), paint(WHITE))
 
 
 def veil(over_black: "Surface", over_white: "Surface") -> "Surface":

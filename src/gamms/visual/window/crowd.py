@@ -15,7 +15,7 @@ from gamms.ir.graph import FloatArray
 from gamms.typing import IArtist, IContext, ILogger
 from gamms.typing.agent_engine import AgentType
 from gamms.visual.appearance import AgentData
-from gamms.visual.backends.pygame import Canvas, load, veil
+from gamms.visual.backends.pygame import BLACK, WHITE, Canvas, load, veil
 from gamms.visual.backends.raster import Painting
 from gamms.visual.camera import Camera
 from gamms.visual.color import Rgba, rgba
@@ -26,7 +26,6 @@ from gamms.visual.primitives import EDGE_PX
 
 _STEPS = 4  # places within a pixel
 _ROOM_PX = 4  # around a disc: for its edge
-_BLACK, _WHITE = (0, 0, 0, 255), (255, 255, 255, 255)
 _LARGEST_PX = 64.0  # of a radius; larger discs are few
 
 
@@ -115,8 +114,8 @@ def _sprite(color: Rgba, radius_px: float, least_px: float, step: int) -> tuple[
     x, y = (reach + (part + 0.5) / _STEPS for part in (right, down))
     side = 2 * reach + 1
     canvas = Canvas(2 * side, side)
-    canvas.fill(_BLACK)
-    canvas.rectangle(side, 0, side, side, _WHITE)
+    canvas.fill(BLACK)
+    canvas.rectangle(side, 0, side, side, WHITE)
     _twins(color, radius_px, least_px, side).paint(canvas, Camera(2 * side, side, -x, y, 1.0))
     return veil(*(canvas.surface.subsurface((left, 0, side, side)) for left in (0, side))), reach
 

@@ -2,14 +2,13 @@
 
 from typing import Any
 
-from gamms.visual.backends.pygame import Canvas, load, veil
+from gamms.visual.backends.pygame import Canvas, load, on_glass
 from gamms.visual.backends.raster import Painting
 from gamms.visual.camera import Camera
 from gamms.visual.legend import Block, Legend
 from gamms.visual.window.cards import EDGE_PX, plain_card
 from gamms.visual.window.themes import Theme
 
-_BLACK, _WHITE = (0, 0, 0, 255), (255, 255, 255, 255)
 _FOOT_PX = 64  # of the window, where it asks and names the source of the map
 
 
@@ -47,7 +46,7 @@ class WindowLegend:
         """Paint it from `top` downwards, if there is room for it above the foot of the window."""
         if self.width and top + self.height <= canvas.height - _FOOT_PX:
             if self._glass is None:
-                self._glass = veil(*(self._painted(color) for color in (_BLACK, _WHITE)))
+                self._glass = on_glass(self._painted)
             place = canvas.width - self.width, top
             canvas.surface.blit(self._glass, place, special_flags=load().BLEND_PREMULTIPLIED)
 

@@ -12,7 +12,7 @@ from time import perf_counter
 from typing import Any, NamedTuple
 
 from gamms.ir.graph import FloatArray
-from gamms.visual.backends.pygame import Canvas, load, veil
+from gamms.visual.backends.pygame import Canvas, load, on_glass
 from gamms.visual.backends.raster import Painting
 from gamms.visual.camera import Camera
 from gamms.visual.color import Rgba
@@ -27,7 +27,6 @@ _SLOW = 0.0025  # seconds of a row of tiles; then rows become shorter
 _LONGEST_ROW = 16  # tiles
 _COARSEST, _FINEST = 16.0, 4.0  # how many times coarser or finer a level may be that tiles are cut out of
 _LOST = (3, 3, 3)  # of each colour, give or take one, when a surface is made smaller
-_BLACK, _WHITE = (0, 0, 0, 255), (255, 255, 255, 255)
 
 Place = tuple[int, int]  # column, row
 
@@ -218,7 +217,7 @@ class Tiles:
 
     def _painted(self, camera: Camera) -> Any:
         if self.background is None:
-            return veil(*(self._painted_on(camera, color) for color in (_BLACK, _WHITE)))
+            return on_glass(lambda color: self._painted_on(camera, color))
         return self._painted_on(camera, self.background)
 
     def _painted_on(self, camera: Camera, color: Rgba) -> Any:
