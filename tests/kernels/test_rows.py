@@ -35,6 +35,16 @@ def test_ragged_rows_come_in_the_order_of_their_groups(keys, wanted):
     assert found.tolist() == [row for group in wanted for row, key in enumerate(keys) if key == group]
 
 
+@given(lengths=st.lists(st.integers(0, 4), min_size=1, max_size=8), data=st.data())
+@LAWS
+def test_chosen_runs_come_one_after_the_other(lengths, data):
+    offsets = np.cumsum([0, *lengths])
+    chosen = data.draw(st.lists(st.integers(0, len(lengths) - 1), max_size=8))
+    places, ends = kernels.chosen_runs(offsets, np.array(chosen, np.int64))
+    runs = [places[begin:end].tolist() for begin, end in pairwise(ends.tolist())]
+    assert runs == [list(range(offsets[run], offsets[run + 1])) for run in chosen]
+
+
 @given(
     offsets=st.lists(st.tuples(*[st.floats(-1e6, 1e6)] * 2), max_size=20),
     angle=st.floats(-10, 10),

@@ -5,7 +5,7 @@ Call them as `kernels.name(...)`. May import: numpy, `gamms.ir`.
 """
 
 from gamms.kernels.cells import CellIndex, build_cells, candidate_rows, rows_between
-from gamms.kernels.csr import expand_ranges, group_rows, ragged_rows
+from gamms.kernels.csr import chosen_runs, expand_ranges, group_rows, ragged_rows
 from gamms.kernels.draws import draws_by_name, lots_by_name
 from gamms.kernels.occlusion import blocks, visible
 from gamms.kernels.paths import Arcs, first_steps, make_arcs, tight_arcs
@@ -31,6 +31,7 @@ __all__ = [
     "blocks",
     "build_cells",
     "candidate_rows",
+    "chosen_runs",
     "closed_rings",
     "draws_by_name",
     "expand_ranges",

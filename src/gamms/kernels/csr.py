@@ -31,6 +31,18 @@ def ragged_rows(offsets: IntArray, rows: IntArray, groups: IntArray) -> IntArray
     return found
 
 
+def chosen_runs(offsets: IntArray, chosen: IntArray) -> tuple[IntArray, IntArray]:
+    """The places in some runs, one run after the other, and the offsets that divide them.
+
+    Args:
+        offsets: (runs + 1,) run `i` is `offsets[i]:offsets[i + 1]`.
+        chosen: rows of runs.
+    """
+    counts = offsets[chosen + 1] - offsets[chosen]
+    ends = np.concatenate((np.zeros(1, np.int64), np.cumsum(counts)))
+    return np.arange(ends[-1]) + np.repeat(offsets[chosen] - ends[:-1], counts), ends
+
+
 def expand_ranges(first: IntArray, last: IntArray) -> tuple[IntArray, IntArray]:
     """The places in several ranges, concatenated, and which range each is in.
 

@@ -7,6 +7,7 @@ from typing import Any
 
 import numpy as np
 
+from gamms import kernels
 from gamms.errors import BadFile
 from gamms.ir.graph import IntArray
 from gamms.osm.heights import Wall, WallRules
@@ -84,9 +85,7 @@ class _Footprints:
         inside = np.concatenate(([0], np.cumsum((np.abs(units) <= (180 * _DEGREE, 90 * _DEGREE)).all(axis=1))))
         is_whole = (np.diff(inside[bounds]) == np.diff(bounds)) & (np.diff(bounds) > 1)
         rows, owners = self._rows(is_whole)
-        sizes = np.diff(bounds)[rows]
-        offsets = np.concatenate(([0], np.cumsum(sizes)))
-        positions = np.repeat(bounds[rows] - offsets[:-1], sizes) + np.arange(offsets[-1])
+        positions, offsets = kernels.chosen_runs(bounds, rows)
         return Outlines(offsets, units[positions] / _DEGREE, owners, self.walls)
 
     def _rows(self, is_whole: "np.ndarray[Any, np.dtype[np.bool_]]") -> tuple[IntArray, IntArray]:

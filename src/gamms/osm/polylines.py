@@ -2,6 +2,7 @@
 
 import numpy as np
 
+from gamms import kernels
 from gamms.ir.graph import FloatArray, IntArray
 
 
@@ -13,10 +14,8 @@ def straight_lines(start: FloatArray, end: FloatArray) -> tuple[IntArray, FloatA
 
 def chosen_lines(offsets: IntArray, points: FloatArray, lines: IntArray) -> tuple[IntArray, FloatArray]:
     """Offsets and points of some of the lines, in the order of `lines`."""
-    counts = np.diff(offsets)[lines]
-    chosen = offsets_of(counts)
-    shift = np.repeat(offsets[:-1][lines] - chosen[:-1], counts)
-    return chosen, points[np.arange(chosen[-1]) + shift]
+    take, chosen = kernels.chosen_runs(offsets, lines)
+    return chosen, points[take]
 
 
 def reversed_points(offsets: IntArray) -> IntArray:

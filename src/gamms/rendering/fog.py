@@ -7,10 +7,12 @@ from typing import Any
 
 import numpy as np
 
+from gamms import kernels
 from gamms.errors import BadValue, UnknownName
 from gamms.ir.graph import FloatArray, GraphColumns, IntArray
 from gamms.ir.sensed import SensorView
 from gamms.visual import Artist
+from gamms.visual.clipping import inside
 from gamms.visual.color import Rgb
 from gamms.visual.drawers.graph import one_way_each, polylines
 from gamms.visual.drawers.rules import FLAG_LAYER, TAG_LAYER, flags_in, render_flags, territories_in
@@ -104,7 +106,8 @@ class Fog:
         width = min(_STREET, _SLIM * unit) if is_real else _LINE_PX
         for shade, color in enumerate(_SHADES):
             rows = np.flatnonzero(of_streets == shade)
-            visual.render_lines(*_taken(points, offsets, rows), color, width, in_world=is_real)
+            take, ends_of = kernels.chosen_runs(offsets, rows)
+            visual.render_lines(points[take], ends_of, color, width, in_world=is_real)
             visual.render_circles(columns.xy[shades == shade], _DOT * unit, color)
 
     def _streets(self, columns: GraphColumns) -> tuple[FloatArray, IntArray, IntArray]:
@@ -167,18 +170,5 @@ def _inside(xy: FloatArray, outline: FloatArray) -> Any:
     if len(outline) < 3 or not np.isfinite(outline).all():
         return is_inside
     is_near = ((xy >= outline.min(axis=0)) & (xy <= outline.max(axis=0))).all(axis=1)
-    x, y = xy[is_near].T[:, :, None]
-    begin, end = outline, np.roll(outline, -1, axis=0)
-    crosses = (begin[:, 1] > y) != (end[:, 1] > y)
-    rise = np.where(crosses, end[:, 1] - begin[:, 1], 1.0)
-    beyond = x < begin[:, 0] + (y - begin[:, 1]) / rise * (end[:, 0] - begin[:, 0])
-    is_inside[is_near] = (crosses & beyond).sum(axis=1) % 2 == 1
+    is_inside[is_near] = inside(xy[is_near], outline)
     return is_inside
-
-
-def _taken(points: FloatArray, offsets: IntArray, rows: IntArray) -> tuple[FloatArray, IntArray]:
-    """Points and offsets of some lines."""
-    counts = np.diff(offsets)[rows]
-    ends = np.concatenate([[0], np.cumsum(counts)]).astype(np.int64)
-    take = np.repeat(offsets[rows] - ends[:-1], counts) + np.arange(ends[-1])
-    return points[take], ends

@@ -7,6 +7,7 @@ import numpy as np
 from gamms import kernels
 from gamms.ir.graph import FloatArray, IntArray
 from gamms.ir.obstacles import BoolArray, ObstacleColumns
+from gamms.visual.clipping import inside
 
 _Outline = list[list[float]]  # corners (x, y)
 
@@ -22,8 +23,8 @@ class Footprints(NamedTuple):
 
     def chosen(self, is_chosen: BoolArray) -> tuple[FloatArray, IntArray]:
         """Points and offsets of some footprints."""
-        counts = np.diff(self.offsets)
-        return self.points[np.repeat(is_chosen, counts)], np.cumsum([0, *counts[is_chosen].tolist()])
+        take, offsets = kernels.chosen_runs(self.offsets, np.flatnonzero(is_chosen))
+        return self.points[take], offsets
 
     def boxes(self) -> tuple[FloatArray, FloatArray]:
         """Lower left and upper right corners, (footprints, 2) each."""
@@ -92,13 +93,8 @@ def _is_within(outline: _Outline, other: _Outline) -> bool:
         mine, around = ([point[axis] for point in one] for one in (outline, other))
         if min(mine) < min(around) or max(mine) > max(around):
             return False
-    corners, begin = np.array(outline), np.array(other)
-    x, y = ((corners + np.roll(corners, -1, axis=0)) / 2).T[:, :, None]
-    end = np.roll(begin, -1, axis=0)
-    crosses = (begin[:, 1] > y) != (end[:, 1] > y)
-    rise = np.where(begin[:, 1] == end[:, 1], 1.0, end[:, 1] - begin[:, 1])
-    is_right = begin[:, 0] + (y - begin[:, 1]) / rise * (end[:, 0] - begin[:, 0]) > x
-    return bool(((crosses & is_right).sum(axis=1) % 2 == 1).all())
+    corners = np.array(outline)
+    return bool(inside((corners + np.roll(corners, -1, axis=0)) / 2, np.array(other)).all())
 
 
 def _with_holes(outlines: list[_Outline]) -> _Outline:

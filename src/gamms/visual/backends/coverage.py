@@ -8,6 +8,7 @@ from typing import Any, NamedTuple
 
 import numpy as np
 
+from gamms import kernels
 from gamms.ir.graph import FloatArray, IntArray
 from gamms.visual.clipping import extent
 
@@ -127,9 +128,7 @@ def _crossings(points: FloatArray, offsets: IntArray, lines: int) -> tuple[IntAr
     high, low = np.where((turn > 0)[:, None], begin, end), np.where((turn > 0)[:, None], end, begin)
     first = np.clip(np.ceil(high[:, 1] * _FINER - 0.5), 0, lines).astype(np.int64)
     last = np.clip(np.ceil(low[:, 1] * _FINER - 0.5), 0, lines).astype(np.int64)
-    counts = last - first
-    side = np.repeat(np.arange(len(points)), counts)
-    line = np.arange(len(side)) - np.repeat(np.cumsum(counts) - counts - first, counts)
+    side, line = kernels.expand_ranges(first, last)
     share = ((line + 0.5) / _FINER - high[side, 1]) / (low[side, 1] - high[side, 1])
     polygon = np.repeat(np.arange(len(offsets) - 1), np.diff(offsets))[side]
     return line + lines * polygon, high[side, 0] + share * (low[side, 0] - high[side, 0]), turn[side]

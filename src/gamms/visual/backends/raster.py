@@ -11,6 +11,7 @@ from typing import Any, NamedTuple
 
 import numpy as np
 
+from gamms import kernels
 from gamms.ir.draw import DrawCommands, DrawKind, DrawSpace
 from gamms.ir.graph import FloatArray, IntArray
 from gamms.visual.backends import coverage
@@ -86,9 +87,7 @@ class _Lines:
     """Polylines of one style, as straight pieces with the boxes around them."""
 
     def __init__(self, commands: DrawCommands, rows: IntArray) -> None:
-        begins, ends = commands.offsets[rows], commands.offsets[rows + 1]
-        counts = ends - begins - 1
-        first = np.repeat(begins - (np.cumsum(counts) - counts), counts) + np.arange(int(counts.sum()))
+        _, first = kernels.expand_ranges(commands.offsets[rows], commands.offsets[rows + 1] - 1)
         self.starts, self.ends = commands.points[first], commands.points[first + 1]
         self.low, self.high = np.minimum(self.starts, self.ends), np.maximum(self.starts, self.ends)
         row = int(rows[0])
@@ -232,10 +231,9 @@ class _Polygons:
 
     def __init__(self, commands: DrawCommands, rows: IntArray) -> None:
         self.commands, self.rows = commands, rows
-        self.begins, self.counts = commands.offsets[rows], np.diff(commands.offsets)[rows]
         self.margin_px = float(commands.width[rows[0]])
         self.color = _rgba(commands, int(rows[0]))
-        take, offsets = self._points_of(np.ones(len(rows), bool))
+        take, offsets = kernels.chosen_runs(commands.offsets, rows)
         self.low = np.minimum.reduceat(commands.points[take], offsets[:-1])
         self.high = np.maximum.reduceat(commands.points[take], offsets[:-1])
 
@@ -247,17 +245,11 @@ class _Polygons:
             for row in self.rows[seen].tolist():
                 _polygon(canvas, camera, _Command.of(self.commands, row, camera))
             return
-        take, offsets = self._points_of(seen)
+        take, offsets = kernels.chosen_runs(self.commands.offsets, self.rows[seen])
         points = camera.to_screen(self.commands.points[take])
         patch = coverage.polygons(points, offsets, camera.width, camera.height)
         if patch is not None:
             canvas.cover(patch, self.color)
-
-    def _points_of(self, chosen: Any) -> tuple[IntArray, IntArray]:
-        """The rows of the points of some polygons, and the offsets that divide them."""
-        counts = self.counts[chosen]
-        offsets = np.concatenate(([0], np.cumsum(counts)))
-        return np.repeat(self.begins[chosen] - offsets[:-1], counts) + np.arange(offsets[-1]), offsets
 
 
 class _Command(NamedTuple):

@@ -13,6 +13,7 @@ from typing import NamedTuple
 
 import numpy as np
 
+from gamms import kernels
 from gamms.errors import BadValue
 from gamms.ir.draw import DrawCommands, DrawKind, DrawSpace
 from gamms.ir.graph import FloatArray, IntArray
@@ -103,9 +104,7 @@ def _frame(camera: Camera, title: str, note: str, background: Rgba, fine: float)
 
 def _sheet(commands: DrawCommands, camera: Camera) -> _Sheet:
     rows = _seen(commands, camera)
-    counts = np.diff(commands.offsets)[rows]
-    offsets = np.concatenate([[0], np.cumsum(counts)])
-    take = np.repeat(commands.offsets[rows] - offsets[:-1], counts) + np.arange(offsets[-1])
+    take, offsets = kernels.chosen_runs(commands.offsets, rows)
     points = camera.to_screen(commands.points)
     boxes = np.flatnonzero(commands.kind == DrawKind.RECTANGLE)
     scale = np.where(commands.space == DrawSpace.WORLD, camera.scale, 1.0)

@@ -1,7 +1,6 @@
 """Where the window looks: a camera that can be moved, conversions, and what it does not see."""
 
 from collections.abc import Sequence
-from typing import Any
 
 import numpy as np
 
@@ -10,7 +9,7 @@ from gamms.errors import BadValue
 from gamms.ir.graph import FloatArray
 from gamms.typing import IContext
 from gamms.visual.camera import Camera
-from gamms.visual.clipping import clipped
+from gamms.visual.clipping import clipped, inside
 
 Point = tuple[float, float]
 Margins = tuple[float, float, float, float]  # left, top, right, bottom; pixels
@@ -239,9 +238,8 @@ class RenderManager:
     def check_polygon_culled(self, points: Sequence[Point]) -> bool:
         """Whether a filled polygon is wholly outside; one around everything that is seen is not."""
         corners = np.asarray(points, np.float64).reshape(-1, 2)
-        return not self._is_crossed(corners, np.roll(corners, -1, axis=0)) and not _is_inside(
-            (self._x, self._y), corners
-        )
+        is_crossed = self._is_crossed(corners, np.roll(corners, -1, axis=0))
+        return not (is_crossed or inside(np.array([(self._x, self._y)]), corners).any())
 
     def check_rectangle_culled(self, x: float, y: float, width: float, height: float) -> bool:
         """Whether what `render_rectangle` draws, from its top-left corner and in pixels, is wholly outside."""
@@ -257,15 +255,6 @@ def _shift(margins_px: float, slack_px: float) -> float:
     """How far from the middle, in pixels, what is between margins of such a difference has to be."""
     shift = abs(margins_px) / 2 - slack_px
     return 0.0 if shift <= 0.0 else shift if margins_px > 0.0 else -shift
-
-
-def _is_inside(point: Point, corners: FloatArray) -> bool:
-    """Whether a point is in a polygon, by how often a ray to the right crosses its sides."""
-    (x, y), following = point, np.roll(corners, -1, axis=0)
-    is_crossing = (corners[:, 1] > y) != (following[:, 1] > y)
-    begin, end = corners[is_crossing], following[is_crossing]
-    crossings: Any = begin[:, 0] + (y - begin[:, 1]) * (end[:, 0] - begin[:, 0]) / (end[:, 1] - begin[:, 1])
-    return bool(np.count_nonzero(crossings > x) % 2)
 
 
 def is_near(camera: Camera, before: Camera) -> bool:
