@@ -129,12 +129,13 @@ class PlainReader:
 
     def map(self, info: int, depth: int) -> dict[Any, Any]:
         """A dict, in the order of the file."""
-        count, pairs = self._count(info, depth), []
+        count, found, alike = self._count(info, depth), {}, None
         for _ in range(count):
             key = self.item(depth + 1)
-            pairs.append((key if type(key) is str else _hashable(key), self.item(depth + 1)))
-        refuse_alike(key for key, _ in pairs)
-        found = dict(pairs)
+            if type(key) is not str:
+                key, alike = _hashable(key), alike or _Alike()
+                alike.add(key)
+            found[key] = self.item(depth + 1)
         if len(found) != count:
             raise Damaged("it holds a map with a key that is there twice")
         return found
@@ -197,12 +198,30 @@ def _set_of(values: list[Any]) -> set[Any]:
     return set(keys)
 
 
+class _Alike:
+    """Counts keys that were made to have the same hash: each would be compared with all others."""
+
+    def __init__(self) -> None:
+        self._hashes: set[int] = set()
+        self._count = 0
+
+    def add(self, key: Any) -> None:
+        """Refuse one key too many, before it is put among the others."""
+        if _is_compound(key):
+            self._count += hash(key) in self._hashes
+            self._hashes.add(hash(key))
+            if self._count > MOST_ALIKE:
+                raise Damaged(
+                    f"it holds a map or a set of which more than {MOST_ALIKE} keys have the hash of another one"
+                )
+
+
 def refuse_alike(keys: Iterable[Any]) -> None:
-    """Refuse keys that were made to have the same hash: each would be compared with all others.
+    """Refuse keys of one map or set that were made to harm.
 
     Raises:
         Damaged: there are some.
     """
-    hashes = [hash(key) for key in keys if _is_compound(key)]
-    if len(hashes) - len(set(hashes)) > MOST_ALIKE:
-        raise Damaged(f"it holds a map or a set of which more than {MOST_ALIKE} keys have the hash of another one")
+    alike = _Alike()
+    for key in keys:
+        alike.add(key)
