@@ -14,7 +14,7 @@ import gamms
 SRC = Path(gamms.__file__).parent
 MODULES = sorted(SRC.rglob("*.py"))
 PACKAGES = sorted(path for path in MODULES if path.name == "__init__.py")
-MAX_LINES = 400
+MAX_LINES = 600
 
 FORBIDDEN = {"utils", "helpers", "common", "base", "core", "manager", "impl"}
 HEAVY = [
@@ -41,7 +41,7 @@ HEAVY = [
 # Floors from the ground up; what stands on one floor does not see its neighbours.
 FLOORS = [
     {"errors"},
-    {"plugins", "arguments", "folders", "progress"},
+    {"plugins", "arguments", "folders", "progress", "limits"},
     {"ir"},
     {"kernels"},
     {"typing"},

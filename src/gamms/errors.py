@@ -8,6 +8,7 @@ GammsError
 ├─ BadValue (ValueError)           an argument of the right type with an impossible value
 ├─ BadType (TypeError)             an argument of the wrong type
 ├─ BadFile (ValueError)            a file that is damaged, foreign or too large
+│  └─ TooLarge (also BadValue)     what a file holds or declares takes more memory than is allowed
 ├─ NoPath (ValueError)             no way leads from one node to another
 ├─ PlaceError (ValueError)         a place that is unknown, or has no map
 ├─ NetworkError (ConnectionError)  a map server that cannot be reached, is busy, or answers with nonsense
@@ -94,6 +95,10 @@ class BadType(GammsError, TypeError):
 
 class BadFile(GammsError, ValueError):
     """A file that is damaged, foreign or too large."""
+
+
+class TooLarge(BadFile, BadValue):
+    """What a file holds, or a file or call declares, takes more memory than is allowed."""
 
 
 class NoPath(GammsError, ValueError):

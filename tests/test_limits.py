@@ -1,0 +1,60 @@
+import math
+
+import pytest
+
+from gamms import limits
+from gamms.errors import BadValue, TooLarge
+
+GIB = 1 << 30
+
+
+def test_what_fits_into_the_bound_passes_and_one_byte_more_does_not():
+    limits.refuse_above(2 * GIB, "A grid")
+    with pytest.raises(TooLarge, match=r"A grid would take about 2\.0 GiB .* 2\.0 GiB are allowed.*--max-memory"):
+        limits.refuse_above(2 * GIB + 1, "A grid")
+
+
+@pytest.mark.parametrize("size", [math.inf, math.nan, 10**400])
+def test_sizes_beyond_all_memories_are_refused_in_words(size):
+    with pytest.raises(TooLarge, match="an astronomical amount"):
+        limits.refuse_above(size, "count: 1e30")
+
+
+def test_more_is_allowed_within_the_block_only():
+    with limits.allowing(8 * GIB):
+        assert limits.max_memory() == 8 * GIB
+        limits.refuse_above(5 * GIB, "A grid")
+    assert limits.max_memory() == 2 * GIB
+    with pytest.raises(BadValue, match="positive"), limits.allowing(0):
+        pass
+
+
+def test_values_of_a_file_may_take_memory_in_proportion_to_its_size():
+    small, large = limits.Allowance(0, "game.ggr"), limits.Allowance(1 << 20, "game.ggr")
+    small.charge(1 << 26)
+    with pytest.raises(TooLarge, match=r"game\.ggr unpacks to more than 64 MiB"):
+        small.charge(1)
+    large.charge((1 << 26) + (1 << 30))
+    with pytest.raises(TooLarge):
+        large.charge(1)
+
+
+def test_no_file_may_take_more_than_the_bound():
+    with limits.allowing(1 << 27):
+        allowance = limits.Allowance(1 << 40, "city.gamms")
+    allowance.charge(1 << 27)
+    with pytest.raises(TooLarge):
+        allowance.charge(1)
+
+
+@pytest.mark.parametrize(
+    ("text", "size"), [("100", 100), ("3K", 3072), ("512M", 512 << 20), ("8GiB", 8 * GIB), ("1 tb", 1 << 40)]
+)
+def test_sizes_are_read_with_their_units(text, size):
+    assert limits.parse_memory(text) == size
+
+
+@pytest.mark.parametrize("text", ["", "G", "-1G", "1.5G", "many", "9" * 30])
+def test_texts_that_are_no_sizes_are_named(text):
+    with pytest.raises(BadValue, match="512M or 8G"):
+        limits.parse_memory(text)
