@@ -216,6 +216,8 @@ class Context(IContext):
         """End the scenario: close every room, in the order in which they depend on each other."""
         if not self._alive:
             return
+        if self._game is not None:
+            self._game.close()  # before the recorder stops, which writes how the game ended
         with ExitStack() as closing:  # calls the last one first, and all of them even when one raises
             closing.callback(self._die)
             for room in ("visual_engine", "internal_context", "graph_engine", "sensor_engine", "agent_engine"):

@@ -5,6 +5,7 @@ import random
 import numpy as np
 import pytest
 
+import gamms
 from gamms.agent import AgentType
 from gamms.errors import GammsError
 from gamms.game import IllegalAction, Meddling, Move
@@ -263,6 +264,40 @@ def test_a_game_ends_after_the_turn_in_which_a_rule_says_so_and_the_first_call_c
     assert ctx.game.is_over
     assert not ctx.game.step()
     assert ctx.game.turn == 2
+
+
+def test_a_game_that_no_rule_has_ended_says_why_it_went_no_further(ctx, play):
+    play("a", *range(9))
+    assert (ctx.game.result().reason, ctx.game.result().truncated) == ("unfinished", True)
+    assert ctx.game.run(2).reason == "max_turns"
+    ctx.game.step()
+    assert ctx.game.result().reason == "unfinished"
+    ctx.game.max_turns = 3
+    assert ctx.game.result().reason == "max_turns"
+    ctx.game.max_turns = None
+    ctx.terminate()
+    assert ctx.game.result().reason == "closed"
+
+
+def test_a_context_that_ends_within_a_turn_closes_the_game_and_its_recording_says_so(ctx, play, tmp_path):
+    play("a", *range(9))
+    ctx.record.start(tmp_path / "closed")
+    ctx.visual.after_turn.append(lambda: ctx.game.turn == 3 and ctx.terminate())
+    result = ctx.game.run(5)
+    assert (result.turns, result.reason, result.winner, result.truncated) == (3, "closed", None, True)
+    with gamms.create_context() as again:
+        for _ in again.record.replay(tmp_path / "closed.ggr"):
+            pass
+        assert again.game.over == {"reason": "closed", "winner": None, "truncated": True}
+
+
+@pytest.mark.parametrize("winner", [None, "red"])
+def test_a_context_that_ends_after_the_last_turn_closes_no_game(ctx, play, winner):
+    play("a", *range(9))
+    if winner:
+        ctx.game.add(lambda ctx: ctx.game.turn == 3 and ctx.game.end("home", winner=winner))
+    ctx.visual.after_turn.append(lambda: ctx.game.turn == 3 and ctx.terminate())
+    assert ctx.game.run(3).reason == ("home" if winner else "max_turns")
 
 
 def test_time_that_is_up_truncates_and_more_turns_may_follow(ctx, play):

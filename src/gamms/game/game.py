@@ -68,6 +68,7 @@ class Game(Settings):
         self.scenario: dict[str, Any] | None = None
         self.began: dict[str, Any] = {}
         self.is_deciding = False
+        self._is_stepping = False
         self.begin_anew()
 
     def begin_anew(self) -> None:
@@ -80,6 +81,7 @@ class Game(Settings):
         self.team_memories: dict[Any, dict[Any, Any]] = {}
         self.turn_moves: TurnMoves | None = None
         self._over: dict[str, Any] | None = None
+        self._last: int | None = None  # the turn after which the latest `run` stops
         self._seating: Seating | None = None
         self._seated = (-1, "")
         self._lengths: tuple[int | None, dict[tuple[int, int], float]] = (None, {})
@@ -163,6 +165,14 @@ class Game(Settings):
         self._refuse_while_deciding("step")
         if self._start is None:
             self._start = start.taken(self)
+        self._is_stepping = True
+        try:
+            self._step()
+        finally:
+            self._is_stepping = False
+        return not self.is_over
+
+    def _step(self) -> None:
         self._apply_rules("before")
         turn.play_turn(self)
         self.turn += 1
@@ -171,7 +181,6 @@ class Game(Settings):
         began = perf_counter()
         self.ctx.visual.simulate()
         self.timings["draw"] += perf_counter() - began
-        return not self.is_over
 
     def run(self, max_turns: int | None = None, progress: bool = False) -> Result:
         """Play until a rule ends the game, or for so many turns.
@@ -190,7 +199,7 @@ class Game(Settings):
         if self.ctx.is_terminated():
             raise ContextTerminated("ctx.game")
         turns = as_turns("max_turns", max_turns)
-        last = self.max_turns if turns is None else self.turn + turns
+        last = self._last = self.max_turns if turns is None else self.turn + turns
         if last is None and not any(self._rules.values()):
             raise BadValue("This game has no rule that could end it: give run(max_turns=…) or add a rule.")
         with self._chance.of(self.ctx), chance.shown(self, last, is_shown=progress) as show:
@@ -201,7 +210,7 @@ class Game(Settings):
     def result(self) -> Result:
         """What has come of the game so far."""
         self._tell_moves()
-        over = self._over or {"reason": "max_turns", "winner": None, "truncated": True}
+        over = self._over or {"reason": self._reason_so_far(), "winner": None, "truncated": True}
         agents = self.ctx.agent.agents
         return Result(
             turns=self.turn,
@@ -214,6 +223,21 @@ class Game(Settings):
             collected=self.collectors.tables(),
             **over,
         )
+
+    def _reason_so_far(self) -> str:
+        """Why no more turns were played of a game that no rule has ended."""
+        if self._is_time_up:
+            return "max_turns"
+        return "closed" if self.ctx.is_terminated() else "unfinished"
+
+    @property
+    def _is_time_up(self) -> bool:
+        return self.turn in (self._last, self.max_turns)
+
+    def close(self) -> None:
+        """End the game, because its context ends, if that is in the middle of a turn which is not the last one."""
+        if self._is_stepping and self._over is None and not self._is_time_up:
+            self._over = {"reason": "closed", "winner": None, "truncated": True}
 
     def reset(self, seed: int | None = None) -> None:
         """Begin the game anew, as it was before its first turn here: agents, data, scores, events, streams, graph.

@@ -23,8 +23,8 @@ class Result:
         turns: how many were played.
         scores: by whatever the rules keep scores for.
         winner: whom the rules made the winner; None: nobody.
-        reason: why it ended.
-        truncated: whether time was up rather than the game over.
+        reason: why it ended: what a rule said, "max_turns", "closed" (its context ended) or "unfinished".
+        truncated: whether it stopped before it was over.
         events: what rules emitted, in order: each with `turn` and `kind`.
         agents: name -> what became of it: team, alive, node (where it is), moves (turns in which it went on), blocked
             (by conflicts), illegal, errors, overruns (how often each).
