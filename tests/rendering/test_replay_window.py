@@ -1,5 +1,9 @@
 """`gamms replay --window`: a recording in a window, until somebody closes it."""
 
+import os
+import subprocess
+import sys
+
 import pytest
 from typer.testing import CliRunner
 
@@ -26,14 +30,17 @@ def shown(monkeypatch):
     monkeypatch.setenv("SDL_VIDEODRIVER", "dummy")
     from gamms.visual.window.engine import WindowEngine
 
-    turns, frames = [], []
+    turns, frames, in_view = [], [], []
     draw = WindowEngine.handle_single_draw
 
     def draw_and_close(engine):
         draw(engine)
+        if len(engine.ctx.graph.columns().xy):
+            in_view.append(is_in_view(engine))
         frames.append(engine.ctx.record.is_replaying)
         if len(frames) == 60:
             turns.append(engine.turns)
+            assert all(in_view)
             engine.quit()
 
     monkeypatch.setattr(WindowEngine, "handle_single_draw", draw_and_close)
@@ -45,3 +52,61 @@ def test_a_recording_is_shown_turn_by_turn_and_stays_until_it_is_closed(recordin
     assert result.exit_code == 0, result.output
     assert "4 turns" in result.output
     assert shown == [4]
+
+
+def is_in_view(engine):
+    """Whether the whole map is seen, and takes at least half of the width or of the height."""
+    xy = engine.ctx.graph.columns().xy
+    on_screen = engine._render_manager.camera().to_screen(xy) / (engine.width, engine.height)
+    extent = on_screen.max(axis=0) - on_screen.min(axis=0)
+    return bool(((on_screen >= 0.0) & (on_screen <= 1.0)).all() and extent.max() >= 0.5)
+
+
+DECLARED = {
+    "an agent": lambda visual: visual.set_agent_visual("a_0", color="red", size=0.2),
+    "the graph": lambda visual: visual.set_graph_visual(node_size=0.1),
+    "the graph before it is there": None,
+}
+
+
+@pytest.mark.parametrize("declared", DECLARED)
+def test_what_was_declared_does_not_move_the_map_out_of_the_window(tmp_path, shown, declared):
+    declare = DECLARED[declared]
+    with gamms.create_context(seed=1, logger_config={"level": "CRITICAL"}) as ctx:
+        if declare is None:
+            ctx.visual.set_graph_visual(node_size=0.1)
+        graph = gamms.graph.grid(4, 4, spacing=100.0)
+        ctx.graph.attach_networkx_graph(graph)
+        ctx.agent.create_agent("a_0", start_node_id=0, strategy=random_walk)
+        if declare is not None:
+            declare(ctx.visual)
+        ctx.record.start(tmp_path / "game.ggr")
+        ctx.game.run(3)
+    words = ["replay", str(tmp_path / "game.ggr"), "--window", "--seconds", "0.05"]
+    result = CliRunner().invoke(app, words)
+    assert result.exit_code == 0, result.output
+    assert shown == [3]
+
+
+def test_an_agent_that_was_declared_live_does_not_move_the_map_out_of_the_window(shown):
+    options = {"simulation_time_constant": 0.05}
+    with gamms.create_context(vis_engine=gamms.visual.Engine.PYGAME, vis_kwargs=options) as ctx:
+        ctx.graph.attach_networkx_graph(gamms.graph.grid(4, 4, spacing=100.0))
+        ctx.agent.create_agent("a_0", start_node_id=0)
+        ctx.visual.set_agent_visual("a_0", size=20)
+        ctx.visual.stay_open()
+    assert shown == [0]
+
+
+@pytest.mark.parametrize("program", ["gamms.create_context(vis_engine=gamms.visual.Engine.PYGAME)", "replay"])
+def test_without_a_display_there_is_no_window_at_once(recording, program):
+    pytest.importorskip("pygame")
+    named = ("DISPLAY", "WAYLAND_DISPLAY", "SDL_VIDEODRIVER", "SDL_VIDEO_DRIVER")
+    bare = {name: value for name, value in os.environ.items() if name not in named}
+    words = ["-c", f"import gamms; {program}"]
+    if program == "replay":
+        words = ["-m", "gamms.cli", "replay", str(recording), "--window"]
+    ended = subprocess.run([sys.executable, *words], env=bare, timeout=30, capture_output=True, text=True, check=False)
+    assert ended.returncode == 1
+    assert "No window can be opened here" in ended.stderr
+    assert ("Traceback" in ended.stderr) == (program != "replay")

@@ -12,6 +12,7 @@ from time import sleep
 
 import pytest
 
+import gamms
 from gamms import recorder, recordings
 
 pytestmark = pytest.mark.skipif(
@@ -215,3 +216,23 @@ def test_a_window_that_is_resized_hidden_and_shown_again_plays_on(screen, do, fi
         _, errors = player.communicate(timeout=20)
         assert (player.returncode, errors) == (0, "")
     recordings.verify(tmp_path / "game.ggr")
+
+
+@pytest.mark.skipif(find_library("X11") is None, reason="needs libX11")
+def test_a_replay_opens_its_window_on_the_display_there_is_and_ends_when_it_is_closed(screen, find, tmp_path):
+    with gamms.create_context(logger_config={"level": "ERROR"}) as ctx:
+        ctx.graph.attach_networkx_graph(gamms.graph.grid(3, 3))
+        ctx.agent.create_agent("anna", start_node_id=0)
+        ctx.visual.set_agent_visual("anna", color="red")
+        ctx.record.start(tmp_path / "game")
+        ctx.visual.simulate()
+    words = [sys.executable, "-m", "gamms.cli", "replay", str(tmp_path / "game.ggr"), "--window", "--seconds", "0.1"]
+    unnamed = {name: value for name, value in screen.items() if name != "SDL_VIDEODRIVER"}
+    with subprocess.Popen(words, env=unnamed, stdout=subprocess.PIPE, stderr=subprocess.PIPE, text=True) as player:
+        try:
+            close(screen, find())
+            told, errors = player.communicate(timeout=20)
+        finally:
+            player.kill()
+    assert (player.returncode, "Traceback" in errors) == (0, False)
+    assert "1 turns" in told

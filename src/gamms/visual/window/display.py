@@ -14,6 +14,7 @@ from gamms.visual.backends.pygame import load
 
 _NO_HANDLERS = "SDL_NO_SIGNAL_HANDLERS"  # or else SIGTERM would become one more event, and the process live on
 _RESIZED = "Requested window was forcibly resized"  # as a window manager that tiles does; the caller asks for its size
+_FALLBACK, _DRIVER_CHOSEN = "offscreen", ("SDL_VIDEODRIVER", "SDL_VIDEO_DRIVER")
 _owners: list[object] = []
 
 
@@ -29,6 +30,7 @@ def open_window(owner: object, width: int, height: int, title: str) -> Any:
         warnings.filterwarnings("ignore", message=_RESIZED, category=RuntimeWarning)
         try:
             pygame.display.init()
+            _check_is_seen(pygame)
             surface = pygame.display.set_mode((width, height), pygame.RESIZABLE)
         except pygame.error as error:
             if not _owners:
@@ -38,6 +40,12 @@ def open_window(owner: object, width: int, height: int, title: str) -> Any:
     pygame.key.set_repeat()
     _owners.append(owner)
     return surface
+
+
+def _check_is_seen(pygame: Any) -> None:
+    """Raise pygame.error for the driver that SDL falls back to without a display, unless the user has named one."""
+    if pygame.display.get_driver() == _FALLBACK and not any(map(os.environ.get, _DRIVER_CHOSEN)):
+        raise pygame.error("no display is connected")
 
 
 def close_window(owner: object) -> None:

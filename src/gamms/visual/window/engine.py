@@ -308,8 +308,8 @@ class WindowEngine(Onlookers):
         self._render_manager.set_screen_size(width, height)
 
     def _fit(self) -> None:
-        """See the whole graph, as long as nobody has declared anything or moved the camera."""
-        if self._is_declared or self._render_manager.is_pointed:
+        """See the whole graph, as long as the camera was not moved."""
+        if self._render_manager.is_pointed:
             return
         revision = getattr(self.ctx.graph.graph, "revision", None)
         # Not the width of the legend: with it, the map would jump whenever a score has one more digit.
