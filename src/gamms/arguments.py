@@ -94,6 +94,53 @@ def as_name(value: Any, kind: str) -> str:
     return value
 
 
+_VARIADIC = 0x04  # the flag of code objects that take *args
+
+
+def as_function_of(value: Any, name: str, argument: str, maker: object) -> Any:
+    """`value` as a function that is called with one argument, such as a strategy or a rule.
+
+    Args:
+        value: what the caller passed.
+        name: what it is to be, such as "A strategy".
+        argument: what it is called with, such as "the state".
+        maker: the annotated return type of functions that *make* such functions, such as `gamms.rules.tag`.
+
+    Raises:
+        BadType: it cannot be called so; a maker that was passed uncalled is named.
+    """
+    if not callable(value):
+        raise BadType(f"{name} must be a function of {argument}, not {value!r:.200} ({type(value).__name__}).")
+    made_by = getattr(value, "__name__", "it")
+    if getattr(value, "__annotations__", {}).get("return") == maker:
+        raise BadType(f"{made_by} makes such a function: call it, {made_by}(…), and pass what it returns.")
+    if not _takes_one(value):
+        raise BadType(
+            f"{name} must be a function of {argument} alone, and {made_by}{_shown_signature(value)} is not. If it "
+            f"makes such a function, call it, {made_by}(…), and pass what it returns."
+        )
+    return value
+
+
+def _takes_one(function: Any) -> bool:
+    """Whether a Python function can be called with one argument; True for every other callable."""
+    # NOTE: from the code object, because inspect.signature takes 10 us and every agent comes here.
+    bound = int(hasattr(function, "__self__"))
+    plain = getattr(function, "__func__", function)
+    code = getattr(plain, "__code__", None)
+    if code is None:
+        return True
+    required = code.co_argcount - bound - len(plain.__defaults__ or ())
+    missing = code.co_kwonlyargcount - len(plain.__kwdefaults__ or ())
+    return required <= 1 and missing <= 0 and (code.co_argcount > bound or bool(code.co_flags & _VARIADIC))
+
+
+def _shown_signature(function: Any) -> str:
+    from inspect import signature
+
+    return str(signature(function))
+
+
 def as_path(value: Any, name: str) -> "Path":
     """`value` as a path.
 

@@ -1,9 +1,11 @@
 """Agents that fly: where they are, how they are turned, what they sense and do."""
 
-from math import sqrt
+from math import hypot, sqrt
 
 import numpy as np
 import pytest
+from hypothesis import given
+from hypothesis import strategies as st
 
 import gamms
 from gamms.agent import AerialAgent, AgentType
@@ -404,3 +406,15 @@ def test_a_verb_that_was_kept_does_nothing_after_the_end_either(ctx, kite, anna)
     for move in moves:
         move()
     assert (kite.position, anna.current_node_id) == ((1.0, 1.0, 0.0), 4)
+
+
+@given(st.tuples(*[st.floats(-1.0, 1.0)] * 4).filter(lambda quat: hypot(*quat) > 1e-3), st.floats(-9e-10, 9e-10))
+def test_a_quaternion_of_length_1_to_nine_digits_reads_back_exactly(quat, error):
+    length = hypot(*quat)
+    quat = tuple(part / length * (1.0 + error) for part in quat)
+    with gamms.create_context() as ctx:
+        ctx.graph.add_nodes([0], [0.0], [0.0])
+        kite = ctx.agent.create_agent("kite", type=AgentType.AERIAL, start_node_id=0, speed=1.0)
+        kite.quat = quat
+        camera = ctx.sensor.create_sensor("camera", SensorType.AERIAL, quat=quat)
+        assert (kite.quat, camera.quat) == (quat, quat)

@@ -186,7 +186,7 @@ def test_a_registered_sensor_belongs_to_the_agent_and_a_displaced_one_keeps_its_
 
 @pytest.mark.parametrize("thing", [None, "near", object()])
 def test_only_sensors_can_be_registered(anna, thing):
-    with pytest.raises(TypeError, match="ISensor"):
+    with pytest.raises(TypeError, match="A sensor is an object with"):
         anna.register_sensor("x", thing)
     assert list(anna._sensor_list) == ["near"]
 

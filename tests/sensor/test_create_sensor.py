@@ -50,7 +50,7 @@ def test_each_kind_honours_its_own_keywords_and_ignores_the_rest(ctx, heard, kin
     given = {"type": SensorType[kind], "sensor_range": 5, "fov": 2.5, "orientation": (0, 2), "colour": "red"}
     sensor = ctx.sensor.create_sensor("s", given["type"], **given)
     assert (sensor.range, sensor.fov, sensor.orientation) == (radius, fov, orientation)
-    assert heard == []
+    assert [warning.split(" It takes")[0] for warning in heard] == [f"Sensor 's': {kind} ignores colour=."]
 
 
 def test_the_type_may_be_given_by_name(ctx):
@@ -60,7 +60,31 @@ def test_the_type_may_be_given_by_name(ctx):
 
 def test_a_misspelt_keyword_is_warned_about(ctx, heard):
     ctx.sensor.create_sensor("s", SensorType.RANGE, sensor_rang=5)
-    assert heard == ["Sensor 's': Unknown keyword 'sensor_rang'. Did you mean 'sensor_range'?"]
+    assert heard == ["Sensor 's': RANGE ignores sensor_rang=. Did you mean 'sensor_range'?"]
+
+
+@pytest.mark.parametrize(
+    ("kind", "name", "way_out"),
+    [
+        (SensorType.AGENT_RANGE, "range", "Did you mean 'sensor_range'?"),
+        (SensorType.RANGE, "radius", "Did you mean 'sensor_range'?"),
+        (SensorType.ARC, "angle", "Did you mean 'fov'?"),
+        (SensorType.RANGE, "color", "It takes: at, sensor_range."),
+        (SensorType.MAP, "team", "These kinds take it: AGENT, AGENT_RANGE"),
+        (SensorType.NEIGHBOR, "range", "It takes none."),
+    ],
+)
+def test_a_keyword_that_a_kind_ignores_is_named_with_the_one_it_takes(ctx, heard, kind, name, way_out):
+    ctx.sensor.create_sensor("s", kind, **{name: 60})
+    (warning,) = heard
+    assert warning.startswith(f"Sensor 's': {kind.name} ignores {name}=. {way_out}")
+
+
+def test_an_ignored_keyword_is_warned_about_once_for_each_kind(ctx, heard):
+    for i in range(3):
+        ctx.sensor.create_sensor(f"a{i}", SensorType.RANGE, range=60)
+        ctx.sensor.create_sensor(f"b{i}", SensorType.AGENT_RANGE, range=60)
+    assert [warning.split(" ignores")[0] for warning in heard] == ["Sensor 'a0': RANGE", "Sensor 'b0': AGENT_RANGE"]
 
 
 @pytest.mark.parametrize(
@@ -139,8 +163,42 @@ def test_a_name_is_a_string(ctx, name, error):
 
 
 def test_only_sensors_can_be_added(ctx):
-    with pytest.raises(TypeError, match="ISensor"):
+    with pytest.raises(TypeError, match="'camera' has no sensor_id, type, data, sense, update, set_owner"):
         ctx.sensor.add_sensor("camera")
+
+
+def test_a_class_is_no_sensor_yet(ctx):
+    with pytest.raises(TypeError, match="A sensor is an object with"):
+        ctx.sensor.add_sensor(Plain)
+
+
+class Plain:
+    """A sensor that derives from nothing."""
+
+    sensor_id, type = "plain", SensorType.CUSTOM
+
+    def __init__(self):
+        self.data, self.owner = None, None
+
+    def sense(self, node_id):
+        self.data = [node_id, self.owner]
+
+    def update(self, data):
+        pass
+
+    def set_owner(self, owner):
+        self.owner = owner
+
+
+@pytest.mark.parametrize("given", [["plain"], {"plain": "plain"}, {"plain": Plain()}])
+def test_any_object_with_the_interface_of_a_sensor_is_one(ctx, given):
+    ctx.sensor.add_sensor(Plain())
+    agent = ctx.agent.create_agent("a", start_node_id=2, sensors=given, strategy=lambda state: state.update(action=2))
+    assert agent.get_state()["sensor"] == {"plain": (SensorType.CUSTOM, [2, "a"])}
+    assert ctx.game.run(2).turns == 2
+    ctx.game.reset()
+    agent.deregister_sensor("plain")
+    assert agent.get_state()["sensor"] == {}
 
 
 def test_a_config_is_not_changed(ctx):

@@ -93,7 +93,7 @@ def test_an_impossible_place_is_refused(ctx, at, error):
 def test_kinds_that_know_no_place_say_that_they_ignore_it(ctx, heard):
     ctx.sensor.create_sensor("near", SensorType.NEIGHBOR, at=5)
     ctx.sensor.create_sensor("map", SensorType.MAP, team="red", sensor_range=5.0)
-    assert heard == [
-        "Sensor 'near': NEIGHBOR knows no at= and ignores it.",
-        "Sensor 'map': MAP knows no team= and ignores it.",
+    assert [warning.split(" AGENT")[0] for warning in heard] == [
+        "Sensor 'near': NEIGHBOR ignores at=. These kinds take it: MAP, RANGE, ARC,",
+        "Sensor 'map': MAP ignores team=. These kinds take it:",
     ]

@@ -158,8 +158,8 @@ def test_a_function_that_gives_no_probabilities_is_named(crowd):
 def test_misspelt_words_are_hinted_at(ctx, heard):
     ctx.sensor.create_sensor("s", SensorType.AGENT, detecton=0.5, exclud="red")
     assert heard == [
-        "Sensor 's': Unknown keyword 'detecton'. Did you mean 'detection'?",
-        "Sensor 's': Unknown keyword 'exclud'. Did you mean 'exclude'?",
+        "Sensor 's': AGENT ignores detecton=. Did you mean 'detection'?",
+        "Sensor 's': AGENT ignores exclud=. Did you mean 'exclude'?",
     ]
 
 

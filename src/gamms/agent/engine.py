@@ -15,7 +15,7 @@ from gamms.ir import journal
 from gamms.ir.agents import AgentColumns
 from gamms.typing import IContext
 from gamms.typing.agent_engine import AgentType, IAgentEngine, IMoves, Roll, Standing
-from gamms.typing.sensor_engine import ISensor
+from gamms.typing.sensor_engine import ISensor, is_sensor
 
 _KEYWORDS = (
     "start_node_id",
@@ -91,7 +91,7 @@ class AgentEngine(IAgentEngine):
 
     def delete_agent(self, name: str) -> None:
         """Take an agent out of the world; an unknown name is only warned about."""
-        agent = self.agents.get(name)
+        agent = self.agents.get(as_name(name, "an agent"))
         if agent is None:
             self._ctx.logger.warning(f"{UnknownName('agent', name, self.agents)} Nothing is deleted.")
             return
@@ -217,7 +217,7 @@ class AgentEngine(IAgentEngine):
         found = {}
         for key, sensor in pairs:
             try:
-                found[key] = sensor if isinstance(sensor, ISensor) else self._ctx.sensor.get_sensor(sensor)
+                found[key] = sensor if is_sensor(sensor) else self._ctx.sensor.get_sensor(sensor)
             except KeyError as error:
                 self._ctx.logger.warning(f"Agent {name!r} goes without a sensor: {error}")
         return found

@@ -4,13 +4,13 @@ from collections.abc import Callable, Iterable
 from contextlib import AbstractContextManager, nullcontext
 from typing import Any, ClassVar
 
-from gamms.arguments import as_name
+from gamms.arguments import as_function_of, as_name
 from gamms.errors import BadType, GammsError, MissingKey
 from gamms.ir import journal
 from gamms.ir.agents import AgentColumns, Position
 from gamms.typing import IContext
 from gamms.typing.agent_engine import AgentType, IAgent, IMoves, Strategy
-from gamms.typing.sensor_engine import ISensor, SensorType
+from gamms.typing.sensor_engine import ISensor, SensorType, refuse_no_sensor
 
 _KINDS = tuple(AgentType)
 
@@ -131,8 +131,7 @@ class Member(IAgent):
         Several agents may carry one sensor: it looks with the heading of the one that asks, and leaves that one out.
         """
         as_name(name, "a sensor")
-        if not isinstance(sensor, ISensor):
-            raise BadType(f"A sensor must be an ISensor, such as ctx.sensor.get_sensor returns, not {sensor!r}.")
+        refuse_no_sensor(sensor)
         other = self._ctx.agent.agents.get(getattr(sensor, "_owner", None) or "")
         sensor.set_owner(self.name)
         self._sensor_list[name] = sensor
@@ -144,6 +143,7 @@ class Member(IAgent):
 
     def deregister_sensor(self, name: str) -> None:
         """Carry a sensor no longer; an unknown name is only warned about."""
+        as_name(name, "a sensor")
         sensor = self._sensor_list.pop(name, None)
         if not any(sensor is other for other in self._sensor_list.values()):
             self._shared.pop(id(sensor), None)
@@ -158,10 +158,10 @@ class Member(IAgent):
         """Decide with `strategy` from now on.
 
         Raises:
-            BadType: it is neither callable nor None.
+            BadType: it is neither a function of the state nor None.
         """
-        if strategy is not None and not callable(strategy):
-            raise BadType(f"A strategy must be a function of the state, not {strategy!r}.")
+        if strategy is not None:
+            as_function_of(strategy, "A strategy", "the state", Strategy)
         self.strategy = strategy
 
     def get_state(self) -> dict[str, Any]:

@@ -6,8 +6,8 @@ from types import MappingProxyType
 from typing import TYPE_CHECKING, Any, overload
 
 from gamms import kernels
-from gamms.arguments import as_float, as_int, as_name
-from gamms.errors import BadType, BadValue, ContextTerminated, UnknownName
+from gamms.arguments import as_float, as_function_of, as_int, as_name
+from gamms.errors import BadValue, ContextTerminated, UnknownName
 from gamms.game import chance, start, turn
 from gamms.game.collectors import Collectors
 from gamms.game.errors import Meddling
@@ -54,6 +54,7 @@ class Game(Settings):
         super().__init__()
         self.ctx = ctx
         self._rules: dict[str, list[Rule]] = {"before": [], "after": []}
+        self._unchecked_rules: list[Rule] = []
         self._facts: dict[str, Any] = {}
         self.facts: Mapping[str, Any] = MappingProxyType(self._facts)
         self.data: dict[str, Any] = {}
@@ -70,6 +71,7 @@ class Game(Settings):
         self.is_deciding = False
         self._is_stepping = False
         self.begin_anew()
+        self._is_closed = True
 
     def begin_anew(self) -> None:
         """Forget everything that has happened."""
@@ -95,7 +97,8 @@ class Game(Settings):
     def add(self, rule: Rule | None = None, *, phase: str = "after") -> Any:
         """Let a rule be applied in every turn; also a decorator, with or without `phase`.
 
-        A rule may have two attributes: `prepare(ctx)` is called at once, to look at the map and to publish facts;
+        A rule may have three attributes: `prepare(ctx)` is called at once, to look at the map and to publish facts;
+        `teams` are those that it names, and one that nobody plays for is warned about at the next turn;
         `drawer(ctx, data)` draws it, as an artist called `drawer.artist` unless there is one of that name, and on layer
         `drawer.layer` (12).
 
@@ -104,19 +107,19 @@ class Game(Settings):
             phase: "after" everybody has moved, or "before" anybody observes.
 
         Raises:
-            BadType: it cannot be called.
+            BadType: it is no function of the context, or makes one and was not called.
             BadValue: there is no such phase.
         """
         if phase not in self._rules:
             raise BadValue(f"phase must be 'before' or 'after', not {phase!r}.")
         if rule is None:
             return lambda one: self.add(one, phase=phase)
-        if not callable(rule):
-            raise BadType(f"A rule must be a function of the context, not {rule!r}.")
+        as_function_of(rule, "A rule", "the context", Rule)
         prepare = getattr(rule, "prepare", None)
         if prepare is not None:
             prepare(self.ctx)
         self._rules[phase].append(rule)
+        self._unchecked_rules.append(rule)
         drawer = getattr(rule, "drawer", None)
         if drawer is not None:
             self._propose(drawer, f"rule_{sum(map(len, self._rules.values()))}")
@@ -165,6 +168,7 @@ class Game(Settings):
         self._refuse_while_deciding("step")
         if self._start is None:
             self._start = start.taken(self)
+        self._warn_of_unknown_teams()
         self._is_stepping = True
         try:
             self._step()
@@ -402,6 +406,16 @@ class Game(Settings):
             rule(self.ctx)
         self.timings["rules"] += perf_counter() - began
 
+    def _warn_of_unknown_teams(self) -> None:
+        """Warn about the teams that rules name and nobody plays for, once for each new rule."""
+        for rule in self._unchecked_rules:
+            teams = self.ctx.agent.teams
+            for team in getattr(rule, "teams", ()):
+                if team not in teams:
+                    name = getattr(rule, "__name__", "a rule")
+                    self.ctx.logger.warning(f"{name}: {UnknownName('team', team, teams)} Nobody plays for it.")
+        self._unchecked_rules.clear()
+
     def _tell_moves(self) -> None:
         if self._seating is not None:
             self._seating.tell()
@@ -412,7 +426,7 @@ class Game(Settings):
 
     def _agent(self, agent: Any, verb: str) -> Any:
         self._refuse_while_deciding(verb)
-        return self.ctx.agent.get_agent(agent if isinstance(agent, str) else agent.name)
+        return self.ctx.agent.get_agent(getattr(agent, "name", agent))
 
     def _refuse_while_deciding(self, verb: str) -> None:
         if self.is_deciding:

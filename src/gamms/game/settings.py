@@ -1,10 +1,10 @@
 """What a game is played by: settings that are checked when they are set."""
 
-from collections.abc import Callable
+from collections.abc import Callable, Iterable
 from typing import Any, Literal
 
 from gamms.arguments import as_float, as_int
-from gamms.errors import BadType, BadValue, UnknownName, nearest
+from gamms.errors import BadType, BadValue, GammsError, UnknownName, nearest
 from gamms.typing.game import IConflicts
 
 _CHOICES = {
@@ -13,6 +13,14 @@ _CHOICES = {
     "on_error": ("raise", "stay"),
     "speed_unit": ("edges", "metres"),
 }
+
+
+class UnknownSetting(GammsError, AttributeError):
+    """An attribute of a game is set that it does not have."""
+
+    def __init__(self, name: str, known: Iterable[str]) -> None:
+        hint = nearest(name, known) or f" The settings are: {', '.join(known)}."
+        super().__init__(f"ctx.game has no {name!r}.{hint} What rules remember belongs into ctx.game.data.")
 
 
 class Settings:
@@ -35,6 +43,7 @@ class Settings:
     conflicts: IConflicts | None
     time_budget: float | None
     max_turns: int | None
+    _is_closed = False  # whether all attributes are there, so that another name is a misspelt one
 
     def __init__(self) -> None:
         self.legal, self.on_illegal, self.on_error, self.speed_unit = "edges", "stay", "raise", "edges"
@@ -47,8 +56,11 @@ class Settings:
 
         Raises:
             BadValue, BadType: it cannot be set to that.
+            UnknownSetting (AttributeError): there is no such setting, nor any other attribute of that name.
         """
         check = _CHECKS.get(name)
+        if check is None and self._is_closed and not name.startswith("_") and not hasattr(self, name):
+            raise UnknownSetting(name, _CHECKS)
         object.__setattr__(self, name, value if check is None else check(name, value))
 
     def chosen(self) -> dict[str, Any]:

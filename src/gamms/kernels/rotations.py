@@ -8,7 +8,7 @@ from gamms.ir.graph import FloatArray
 
 Quaternion = tuple[float, float, float, float]
 
-_ROUNDING = 2e-15  # how far the square of a length of 1 is off at most
+_UNIT = 2e-9  # how far the square of a length is from 1 at most, where the length is 1 to 1e-9
 _VERTICAL = 1e-9  # of a length of 1: what points less sideways than this has no heading
 _RIM = 1e-12  # radians: what lies on the rim is inside, however the angles were rounded
 
@@ -32,9 +32,9 @@ def quaternion_to_direction(quat: Quaternion) -> tuple[float, float, float]:
 
 
 def unit_quaternion(quat: Quaternion) -> Quaternion | None:
-    """`quat`, finite, at length 1; None if it is zero."""
+    """`quat`, finite, at length 1; as it is where its length is 1 to 1e-9; None if it is zero."""
     w, x, y, z = quat
-    if abs(w * w + x * x + y * y + z * z - 1.0) < _ROUNDING:  # so that setting what was read changes nothing
+    if abs(w * w + x * x + y * y + z * z - 1.0) < _UNIT:  # programs compare what they set with what they read
         return quat
     scale = max(map(abs, quat))  # first, so that no square overflows or vanishes
     if scale == 0.0:

@@ -57,7 +57,7 @@ def reach(team: Any, nodes: Any = None, *, winner: Any = ITS_TEAM, score: float 
             won = (there[0] if winner is ITS_TEAM else winner) if len(there) == 1 else None
             ctx.game.end(f"{' and '.join(map(str, there))} reached the goal", winner=won)
 
-    return equipped(reach, prepare=prepare)
+    return equipped(reach, prepare=prepare, teams=list(goals))
 
 
 def time_limit(turns: int) -> Rule:

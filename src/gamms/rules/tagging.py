@@ -85,7 +85,7 @@ def tag(  # noqa: PLR0913 - all that a rule is, in one call
         for tagger, other in made:
             follow(ctx, tagger, other)
 
-    return equipped(tag, drawer=tags_drawer)
+    return equipped(tag, drawer=tags_drawer, teams=[side for side in (taggers, tagged) if not callable(side)])
 
 
 def _is_possible(whose: Mapping[int, Any] | None, tagger: Any, tagged: Any) -> bool:

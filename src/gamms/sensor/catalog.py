@@ -90,5 +90,13 @@ KINDS: dict[SensorType, Kind] = {
     SensorType.OCCLUDED_AERIAL_AGENT: Kind(OccludedAerialAgentSensor, _SPHERE, _WHOM, tells_type=False),
 }
 
-KEYWORDS = {"type"}.union(*(kind.names() for kind in KINDS.values()))
-NEVER_IGNORED = {"at", "team", "exclude", "detection"}  # new here: no program for 1.0.0 passes them to every kind
+# Programs for 1.0.0 pass these to every kind; those that do not know them ignore them.
+SHARED_KEYWORDS = {"type", "sensor_range", "fov", "quat", "orientation", "observer_height"}
+SYNONYMS = {  # what callers write for a keyword, where the spelling does not tell
+    **dict.fromkeys(("range", "radius", "distance", "range_m", "max_range"), "sensor_range"),
+    **dict.fromkeys(("angle", "field_of_view", "opening_angle"), "fov"),
+    **dict.fromkeys(("heading", "direction"), "orientation"),
+    **dict.fromkeys(("height", "eye_height"), "observer_height"),
+    **dict.fromkeys(("position", "node", "node_id", "place"), "at"),
+    **dict.fromkeys(("teams", "whom"), "team"),
+}

@@ -1,12 +1,11 @@
 """The sensor room's front: creates sensors and keeps them by name."""
 
-from collections.abc import Callable
+from collections.abc import Callable, Iterable
 from math import hypot, inf
 from typing import Any
 
-from gamms.arguments import as_name, misspelt
+from gamms.arguments import as_name
 from gamms.errors import (
-    BadType,
     BadValue,
     ContextTerminated,
     Duplicate,
@@ -14,11 +13,11 @@ from gamms.errors import (
     UnknownType,
     nearest,
 )
-from gamms.sensor.catalog import KEYWORDS, KINDS, NEVER_IGNORED, Kind
+from gamms.sensor.catalog import KINDS, SHARED_KEYWORDS, SYNONYMS
 from gamms.sensor.function import FunctionSensor
 from gamms.sensor.memory import Memory
 from gamms.typing import IContext
-from gamms.typing.sensor_engine import ISensor, ISensorEngine, SensorType
+from gamms.typing.sensor_engine import ISensor, ISensorEngine, SensorType, refuse_no_sensor
 
 
 class SensorEngine(ISensorEngine):
@@ -33,6 +32,7 @@ class SensorEngine(ISensorEngine):
         self.ctx = ctx
         self.sensors: dict[str, ISensor] = {}
         self.memory = Memory(ctx)
+        self._warned: set[tuple[SensorType, str]] = set()
 
     def create_sensor(self, sensor_id: str, sensor_type: SensorType | None = None, **kwargs: Any) -> ISensor:
         """Create a built-in sensor and keep it."""
@@ -43,8 +43,7 @@ class SensorEngine(ISensorEngine):
         if "orientation" in kind.keywords and "orientation" in kwargs:
             kwargs["orientation"] = _checked_orientation(kwargs["orientation"], sensor_id)
         sensor = kind.create(self.ctx, sensor_id, sensor_type, kwargs)
-        for hint in _hints(sensor_type, kind, kwargs):
-            self.ctx.logger.warning(f"Sensor {sensor_id!r}: {hint}")
+        self._warn_of_ignored(sensor_id, sensor_type, kwargs.keys() - kind.names() - SHARED_KEYWORDS)
         self.sensors[sensor_id] = sensor
         return sensor
 
@@ -56,8 +55,7 @@ class SensorEngine(ISensorEngine):
 
     def add_sensor(self, sensor: ISensor) -> None:
         """Keep a sensor under its own name."""
-        if not isinstance(sensor, ISensor):
-            raise BadType(f"A sensor must be an ISensor, not {sensor!r}. Derive its class from gamms.typing.ISensor.")
+        refuse_no_sensor(sensor)
         self._refuse_name(sensor.sensor_id)
         self.sensors[sensor.sensor_id] = sensor
 
@@ -113,6 +111,13 @@ class SensorEngine(ISensorEngine):
     def terminate(self) -> None:
         """Close the room; sensors stay readable."""
 
+    def _warn_of_ignored(self, sensor_id: str, kind: SensorType, ignored: Iterable[str]) -> None:
+        """Warn about keywords that a kind does not take, once for each kind and keyword."""
+        for name in sorted(ignored):
+            if (kind, name) not in self._warned:
+                self._warned.add((kind, name))
+                self.ctx.logger.warning(f"Sensor {sensor_id!r}: {kind.name} ignores {name}=.{_way_out(kind, name)}")
+
     def _refuse_name(self, sensor_id: str) -> None:
         if self.ctx.is_terminated():
             raise ContextTerminated("ctx.sensor")
@@ -133,10 +138,15 @@ def _checked_type(kind: Any, sensor_id: str) -> SensorType:
     raise UnknownType(f"Unknown sensor type {shown} for sensor {sensor_id!r}.{hint}")
 
 
-def _hints(type: SensorType, kind: Kind, given: dict[str, Any]) -> list[str]:
-    """What to warn about: words that look misspelt, and those that another kind would know."""
-    unheeded = sorted(NEVER_IGNORED.intersection(given) - kind.names())
-    return [*misspelt(given, KEYWORDS), *(f"{type.name} knows no {name}= and ignores it." for name in unheeded)]
+def _way_out(kind: SensorType, name: str) -> str:
+    """What to write instead of a keyword that a kind ignores."""
+    known = KINDS[kind].names()
+    others = [other.name for other, one in KINDS.items() if name in one.names()]
+    if others:
+        return f" These kinds take it: {', '.join(others)}."
+    if SYNONYMS.get(name) in known:
+        return f" Did you mean {SYNONYMS[name]!r}?"
+    return nearest(name, known) or (f" It takes: {', '.join(sorted(known))}." if known else " It takes none.")
 
 
 def _checked_orientation(value: Any, sensor_id: str) -> tuple[float, float]:

@@ -2,6 +2,7 @@
 
 from collections.abc import Iterable, Sequence
 from typing import Any
+from weakref import WeakKeyDictionary
 
 from gamms.arguments import as_int
 from gamms.errors import BadType, MissingKey, UnknownName
@@ -13,6 +14,8 @@ State = dict[str, Any]
 _SHOWING_AGENTS = frozenset(
     {SensorType.AGENT, SensorType.AGENT_RANGE, SensorType.AGENT_ARC, SensorType.OCCLUDED_AGENT}
 )  # the kinds that those on the ground may carry; data: {name: node}
+
+_warned: WeakKeyDictionary[IContext, set[str]] = WeakKeyDictionary()  # context -> strategies warned about
 
 _WAYS_OUT = {
     "legal": "set it to the nodes it may move to, or give the agent a NEIGHBOR sensor",
@@ -80,13 +83,25 @@ def has_speed(ctx: IContext, state: State) -> bool:
 def enemies_in_sight(ctx: IContext, state: State, asker: str) -> dict[str, int]:
     """The nodes of the enemies that the agent's sensors show, by name and in the order of the names."""
     team = told(state, "team", asker)
+    shown = [data for kind, data in state["sensor"].values() if kind in _SHOWING_AGENTS]
+    if not shown:
+        _warn_of_blindness(ctx, asker, state.get("name"))
     seen: dict[str, int] = {}
-    for kind, data in state["sensor"].values():
-        if kind in _SHOWING_AGENTS:
-            seen.update(data)
+    for data in shown:
+        seen.update(data)
     seen.pop(state.get("name", ""), None)  # a sensor at a fixed place shows whoever carries it, too
     teams = {name: getattr(ctx.agent.get_agent(name), "team", None) for name in sorted(seen)}
     return {name: seen[name] for name, other in teams.items() if team is None or other != team}
+
+
+def _warn_of_blindness(ctx: IContext, asker: str, name: str | None) -> None:
+    """Warn once in a context that a strategy is used by an agent which can see no agents."""
+    warned = _warned.setdefault(ctx, set())
+    if asker not in warned:
+        warned.add(asker)
+        kinds = ", ".join(sorted(kind.name for kind in _SHOWING_AGENTS))
+        who = "an agent" if name is None else f"agent {name!r}"
+        ctx.logger.warning(f"{asker}: {who} carries no sensor that shows agents, so it sees no enemy. Give it {kinds}.")
 
 
 def as_known_node(ctx: IContext, value: Any, name: str) -> int:

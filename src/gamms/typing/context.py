@@ -42,7 +42,7 @@ class IContext(ABC):
     @property
     @abstractmethod
     def record(self) -> Any:
-        """The recorder; until it is built, an object whose `record()` is False."""
+        """The recorder."""
 
     @property
     @abstractmethod

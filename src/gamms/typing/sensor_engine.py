@@ -7,7 +7,7 @@ from typing import Any
 
 import numpy as np
 
-from gamms.errors import NotOffered
+from gamms.errors import BadType, NotOffered
 from gamms.ir.sensed import Sensed, SensorView
 
 
@@ -97,6 +97,26 @@ class ISensor(ABC):
         raise NotOffered(self, "last_view, so it cannot be drawn")
 
 
+_INTERFACE = ("sensor_id", "type", "data", "sense", "update", "set_owner")
+
+
+def is_sensor(value: object) -> bool:
+    """Whether `value` can serve as a sensor: an `ISensor`, or any object with its attributes and methods."""
+    return isinstance(value, ISensor) or not _missing(value)
+
+
+def refuse_no_sensor(value: object) -> None:
+    """Raise BadType, naming what is missing, if `value` cannot serve as a sensor."""
+    if not is_sensor(value):
+        missing = ", ".join(_missing(value))
+        raise BadType(f"A sensor is an object with {', '.join(_INTERFACE)}; {value!r:.200} has no {missing}.")
+
+
+def _missing(value: object) -> list[str]:
+    # A class has these names, too, and is no sensor yet.
+    return [name for name in _INTERFACE if isinstance(value, type) or not hasattr(value, name)]
+
+
 class ISensorEngine(ABC):
     """Creates sensors and keeps them by name."""
 
@@ -106,8 +126,8 @@ class ISensorEngine(ABC):
     def create_sensor(self, sensor_id: str, sensor_type: SensorType | None = None, **kwargs: Any) -> ISensor:
         """Create a built-in sensor and keep it.
 
-        `type=` is a synonym of `sensor_type`; other keywords are those of the kind, unknown ones are ignored
-        (with a warning where they look like a misspelling).
+        `type=` is a synonym of `sensor_type`; other keywords are those of the kind; one that the kind ignores
+        is warned about, once for each kind.
 
         Raises:
             UnknownType (ValueError): not a built-in kind.

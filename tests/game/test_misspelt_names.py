@@ -1,0 +1,90 @@
+import pytest
+
+from gamms.rules import capture_flag, last_team, tag, time_limit
+from gamms.strategies import chase, first, random_walk, stay
+
+
+@pytest.mark.parametrize(
+    ("name", "hint"),
+    [("speed_units", "speed_unit"), ("conflict", "conflicts"), ("max_turn", "max_turns"), ("on_ilegal", "on_illegal")],
+)
+def test_a_misspelt_setting_is_refused_with_the_right_name(ctx, name, hint):
+    with pytest.raises(AttributeError, match=f"ctx.game has no '{name}'. Did you mean '{hint}'") as caught:
+        setattr(ctx.game, name, "metres")
+    assert not hasattr(ctx.game, name)
+    assert "ctx.game.data" in str(caught.value)
+
+
+def test_notes_of_a_rule_have_no_place_on_the_game_itself(ctx):
+    with pytest.raises(AttributeError, match="The settings are: legal"):
+        ctx.game.hideouts = {}
+
+
+@pytest.mark.parametrize("maker", [tag, time_limit, capture_flag, last_team])
+def test_a_maker_of_rules_that_was_not_called_is_refused(ctx, maker):
+    with pytest.raises(TypeError, match=rf"{maker.__name__} makes such a function: call it, {maker.__name__}\(…\)"):
+        ctx.game.add(maker)
+
+
+@pytest.mark.parametrize("maker", [chase, first])
+def test_a_maker_of_strategies_that_was_not_called_is_refused(ctx, maker):
+    with pytest.raises(TypeError, match=rf"{maker.__name__} makes such a function"):
+        ctx.agent.create_agent("b", start_node_id=0, strategy=maker)
+    assert "b" not in ctx.agent.agents
+
+
+class Rules:
+    def one(self, ctx):
+        pass
+
+    def two(self, ctx, more):
+        pass
+
+
+def of_nothing():
+    pass
+
+
+def with_more(ctx, *, more):
+    pass
+
+
+@pytest.mark.parametrize("function", [of_nothing, with_more, Rules().two, lambda a, b: None])
+def test_a_function_that_takes_something_else_is_refused_with_its_signature(ctx, function):
+    with pytest.raises(TypeError, match=r"must be a function of the context alone, and .*\(.*\) is not"):
+        ctx.game.add(function)
+
+
+class Callable:
+    def __call__(self, ctx):
+        pass
+
+
+@pytest.mark.parametrize(
+    "function", [Rules().one, lambda c, k=1: None, lambda *a: None, lambda c, *, k=1: None, Callable(), print]
+)
+def test_whatever_can_be_called_with_one_argument_is_taken(ctx, function):
+    ctx.game.add(function)
+    assert ctx.game.run(1).turns == 1
+
+
+@pytest.mark.parametrize("strategy", [stay, random_walk])
+def test_strategies_that_are_functions_of_the_state_are_taken_as_they_are(ctx, strategy):
+    ctx.agent.create_agent("b", start_node_id=0, strategy=strategy)
+    assert ctx.game.run(1).agents["b"]["illegal"] == 0
+
+
+@pytest.mark.parametrize("verb", ["eliminate", "respawn", "start_node", "observation"])
+@pytest.mark.parametrize("nobody", [5, None, [], {}])
+def test_what_is_no_agent_is_named(ctx, verb, nobody):
+    with pytest.raises(KeyError, match="Unknown agent"):
+        getattr(ctx.game, verb)(nobody)
+
+
+@pytest.mark.parametrize("name", [{}, [], 5, None])
+def test_names_that_are_no_texts_are_refused(ctx, name):
+    agent = ctx.agent.create_agent("b", start_node_id=0)
+    with pytest.raises(TypeError, match="The name of a sensor must be a string"):
+        agent.deregister_sensor(name)
+    with pytest.raises(TypeError, match="The name of an agent must be a string"):
+        ctx.agent.delete_agent(name)

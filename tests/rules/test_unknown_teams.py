@@ -1,0 +1,52 @@
+import pytest
+
+import gamms
+from gamms.rules import reach, tag
+from gamms.strategies import chase, flee, guard, stay
+
+
+@pytest.fixture
+def ctx():
+    with gamms.create_context(seed=5) as ctx:
+        ctx.graph.attach_networkx_graph(gamms.graph.grid(3, 3))
+        yield ctx
+
+
+@pytest.fixture
+def game(ctx, heard):
+    for name, team in (("ann", "red"), ("bob", "blue")):
+        ctx.agent.create_agent(name, start_node_id=len(name), team=team, strategy=stay)
+    return ctx.game
+
+
+def test_a_team_that_nobody_plays_for_is_warned_about_at_the_first_turn_and_once(game, heard):
+    game.add(tag("bleu", "red"))
+    assert heard == []
+    game.run(3)
+    game.reset()
+    game.run(1)
+    assert heard == ["tag: Unknown team 'bleu'. Did you mean 'blue'? Nobody plays for it."]
+
+
+def test_a_rule_that_is_added_later_is_looked_at_when_it_begins(game, heard):
+    game.run(1)
+    game.add(reach("green", 3))
+    game.run(1)
+    assert heard == ["reach: Unknown team 'green'. There is: 'blue', 'red'. Nobody plays for it."]
+
+
+def test_sides_that_are_functions_and_teams_that_are_there_are_not_warned_about(game, heard):
+    game.add(tag(lambda agent: agent.name == "ann", "blue"))
+    game.add(reach({"red": 7, "blue": 8}))
+    game.run(2)
+    assert heard == []
+
+
+@pytest.mark.parametrize(("strategy", "extra"), [(chase, ()), (flee, ()), (guard, (5, 100.0))])
+def test_a_strategy_that_looks_for_enemies_says_once_that_its_agents_see_none(game, ctx, heard, strategy, extra):
+    for agent in game.agents:
+        agent.register_strategy(strategy(ctx, *extra))
+    game.run(3)
+    (warning,) = heard
+    assert warning.startswith(f"{strategy.__name__}: agent 'ann' carries no sensor that shows agents")
+    assert "AGENT_RANGE" in warning
