@@ -190,6 +190,8 @@ def test_two_films_at_once_need_two_files(plain, tmp_path):
         ("no/a.mp4", {}, FileNotFoundError, "Create it first"),
         ("a.mp4", {"fps": 0}, BadValue, "fps=0"),
         ("a.mp4", {"width": -1}, BadValue, "positive"),
+        ("a.gif", {"width": 40_000, "height": 40_000}, BadValue, "of memory"),
+        ("a.mp4", {"width": 20_000, "height": 10}, BadValue, "An MP4 has at most 16384 pixels"),
         ("a.mp4", {"frames_per_turn": 0}, BadValue, "at least one frame"),
         ("a.mp4", {"frames_per_turn": 1.5}, BadType, "frames_per_turn"),
         ("a.mp4", {"background": 7}, BadType, "color"),

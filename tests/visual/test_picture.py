@@ -6,7 +6,8 @@ from xml.etree import ElementTree as ET
 import numpy as np
 import pytest
 
-from gamms.errors import BadType, BadValue, NotYet
+from gamms.errors import BadType, BadValue, NotYet, TooLarge
+from gamms.limits import allowing
 from gamms.visual.backends.pillow import pixels_of
 from gamms.visual.camera import fit
 from gamms.visual.color import TEAM_COLORS
@@ -84,6 +85,9 @@ def test_an_empty_scenario_gives_an_empty_picture(ctx, tmp_path):
         (("a.svg", 0, 10), BadValue, "positive width and height, not 0 x 10"),
         (("a.svg", 10, -1), BadValue, "positive"),
         (("a.svg", 10.5, 10), BadType, "width"),
+        (("a.png", float("nan"), 10), BadType, "width"),
+        (("a.png", 40_000, 40_000), TooLarge, "picture of 40000 x 40000 pixels would take about 29.8 GiB"),
+        (("a.png", 1, 10**9), BadValue, "at most 65535 pixels"),
         (("a.bmp",), NotYet, r"as '\.bmp' \(there is: \.svg, \.png\)"),
         (("picture",), NotYet, "there is: .svg"),
         (("no/folder/a.svg",), FileNotFoundError, "Create it first"),
@@ -94,6 +98,19 @@ def test_an_impossible_picture_is_refused_and_nothing_is_written(ctx, tmp_path, 
     with pytest.raises(error, match=words):
         ctx.visual.save(tmp_path / name, *size)
     assert list(tmp_path.iterdir()) == []
+
+
+@pytest.mark.parametrize("dpi", [0, -96, float("nan"), float("inf"), 10_001, 10**9])
+def test_an_impossible_dpi_is_refused(ctx, dpi):
+    with pytest.raises(BadValue, match="dpi"):
+        ctx.visual.picture(".png", 64, 48, dpi=dpi)
+
+
+def test_more_memory_may_be_allowed_for_a_picture(ctx):
+    with allowing(1000), pytest.raises(TooLarge):
+        ctx.visual.picture(".svg", 10, 10)
+    with allowing(2000):
+        ctx.visual.picture(".svg", 10, 10)
 
 
 def test_a_failed_save_keeps_the_old_picture(ctx, tmp_path):

@@ -184,7 +184,7 @@ class PictureEngine(Declarations):
             dpi: pixels per inch: how large the picture is on paper.
 
         Raises:
-            BadValue: a size or dpi that is not positive, or a folder that does not exist.
+            BadValue: a size or dpi that is not positive or too large, or a folder that does not exist.
             NotYet: a format that cannot be written.
             MissingExtra (ImportError): PNG needs pygame and Pillow, which are not installed.
             ContextTerminated: the context has ended.
@@ -210,7 +210,7 @@ class PictureEngine(Declarations):
         """A picture of the present state as bytes; `format` is `.svg`, `.png`, or a name that ends so. See `save`.
 
         Raises:
-            BadValue: a size or dpi that is not positive.
+            BadValue: a size or dpi that is not positive, or too large.
             NotYet: a format that cannot be written.
             MissingExtra (ImportError): PNG needs pygame and Pillow, which are not installed.
             ContextTerminated: the context has ended.
@@ -251,7 +251,7 @@ class PictureEngine(Declarations):
         What STATIC artists drew is kept until the graph, the obstacles or their data change.
 
         Raises:
-            BadValue: a size that is not positive.
+            BadValue: a size that is not positive, or too large.
             MissingExtra (ImportError): pygame is not installed.
             ContextTerminated: the context has ended.
         """

@@ -23,6 +23,7 @@ if TYPE_CHECKING:
     from gamms.visual.engine import PictureEngine
 
 _FASTEST = 240.0  # frames per second
+_LONGEST_MP4_PX = 16_384
 _being_made: WeakValueDictionary[Path, "Film"] = WeakValueDictionary()
 
 
@@ -50,7 +51,7 @@ def film_plan(
         BadValue: an unknown format, or a bad number.
         MissingFolder: the folder is not there.
     """
-    path, (width, height) = as_path(path, "path"), picture.size(width, height)
+    path, (width, height) = as_path(path, "path"), picture.size(width, height, picture.FILM_BYTES)
     if not 0.0 < (fps := as_float(fps, "fps")) <= _FASTEST:
         raise BadValue(f"A film needs between 0 and {_FASTEST:g} frames per second, not fps={fps:g}.")
     if frames_per_turn is None:
@@ -64,6 +65,8 @@ def film_plan(
         raise MissingFolder(path.name, path.parent)
     if suffix == ".mp4":  # its colours are stored for two by two pixels
         width, height = width + width % 2, height + height % 2
+        if max(width, height) > _LONGEST_MP4_PX:
+            raise BadValue(f"An MP4 has at most {_LONGEST_MP4_PX} pixels at each side, not {width} x {height}.")
     return Plan(path, fps, width, height, frames)
 
 

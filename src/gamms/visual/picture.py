@@ -8,6 +8,7 @@ from typing import NamedTuple
 from gamms.arguments import as_float, as_int, as_path
 from gamms.errors import BadValue, MissingFolder, NotYet, UnknownName
 from gamms.ir.draw import DrawCommands
+from gamms.limits import refuse_above
 from gamms.typing import ArtistType, ColorType, IArtist, ILogger
 from gamms.visual.backends import FORMATS, Backend
 from gamms.visual.camera import CSS_DPI, Camera, fit
@@ -16,6 +17,10 @@ from gamms.visual.commands import Commands, joined, magnified
 from gamms.visual.legend import Block, Legend
 
 _HEADER_PX = 44.0
+_LONGEST_PX = 65_535  # as GIF counts them
+_FINEST_DPI = 10_000.0
+_PICTURE_BYTES = 20  # of memory per pixel, measured: the canvas, its copies and the file
+FILM_BYTES = 48  # and what an encoder keeps
 
 
 class Sheet(NamedTuple):
@@ -43,24 +48,28 @@ def sheet(name: str | os.PathLike[str], width: int, height: int, dpi: float) -> 
     """Check everything that can be checked before drawing; the suffix of a name, or a mere suffix, is the format.
 
     Raises:
-        BadValue: a size or dpi that is not positive.
+        BadValue: a size or dpi that is not positive, or too large.
         NotYet: a format that cannot be written.
     """
     path, (width, height) = as_path(name, "path"), size(width, height)
-    if (dpi := as_float(dpi, "dpi")) <= 0:
-        raise BadValue(f"A picture needs a positive number of pixels per inch, not dpi={dpi:g}.")
+    if not 0.0 < (dpi := as_float(dpi, "dpi")) <= _FINEST_DPI:
+        raise BadValue(f"A picture needs between 0 and {_FINEST_DPI:g} pixels per inch, not dpi={dpi:g}.")
     return Sheet(width, height, dpi, _backend(path))
 
 
-def size(width: int, height: int) -> tuple[int, int]:
+def size(width: int, height: int, bytes_per_pixel: int = _PICTURE_BYTES) -> tuple[int, int]:
     """Check a width and height in pixels.
 
     Raises:
-        BadValue: one is not positive.
+        BadValue: one is not positive, or too large.
+        TooLarge (BadValue): it would take more memory than is allowed.
     """
     width, height = as_int(width, "The width of a picture"), as_int(height, "The height of a picture")
     if width <= 0 or height <= 0:
         raise BadValue(f"A picture needs a positive width and height, not {width} x {height}.")
+    if max(width, height) > _LONGEST_PX:
+        raise BadValue(f"A picture has at most {_LONGEST_PX} pixels at each side, not {width} x {height}.")
+    refuse_above(bytes_per_pixel * width * height, f"A picture of {width} x {height} pixels")
     return width, height
 
 
