@@ -37,6 +37,12 @@ _NAMES = ("red", "blue")
 _MOST_AGENTS = 1000
 
 
+_Allow = Annotated[
+    list[str] | None,
+    typer.Option("--allow", help="Let the file name what this installed package defines.", metavar="PACKAGE"),
+]
+
+
 class _Network(StrEnum):
     ALL = "all"
     WALK = "walk"
@@ -100,13 +106,14 @@ def play_scenario(
     strategies: Annotated[
         list[str] | None, typer.Option("--strategy", help="Play a team by a strategy of yours: red=mine.py:strategy.")
     ] = None,
+    allow: _Allow = None,
     out: Annotated[Path, typer.Option(help="The folder for result.json, game.ggr and final.png.")] = Path("gamms-run"),
 ) -> None:
     """Play the game in a scenario file."""
     from gamms import scenario
 
     with one_sentence():
-        game = scenario.load(file).replace(**_changes(changes or []))
+        game = scenario.load(file, allow or ()).replace(**_changes(changes or []))
         if turns is not None:
             game = game.replace(turns=turns)
         found = _found_strategies(strategies or [])
@@ -129,12 +136,13 @@ def play_scenario(
 def check_scenario(
     file: Annotated[Path, typer.Argument(help="A scenario file, YAML or JSON.", show_default=False)],
     build: Annotated[bool, typer.Option("--build", help="Also import the code it names, and build the game.")] = False,
+    allow: _Allow = None,
 ) -> None:
     """Say whether a scenario file can be played, or what is wrong with it; runs none of its code."""
     from gamms import scenario
 
     with one_sentence():
-        game = scenario.load(file)
+        game = scenario.load(file, allow or ())
         done = game.check()
         for one in game.code() if build else []:
             typer.echo(f"imports {one.path}: {one}")

@@ -99,3 +99,14 @@ def test_a_check_names_what_is_wrong(folder, old, new, hint):
 def test_the_schema_is_printed():
     schema = json.loads(run("scenario", "schema").stdout)
     assert schema["$ref"] == "#/$defs/Spec"
+
+
+def test_a_package_is_allowed_by_the_caller(folder):
+    text = (folder / "little.yaml").read_text()
+    (folder / "little.yaml").write_text(text.replace("facts:", "facts:\n  x: {function: 'networkx:freeze'}", 1))
+    for command in (["run"], ["scenario", "check"], ["scenario", "check", "--build"]):
+        done = run(*command, "little.yaml")
+        assert done.exit_code == 1
+        assert "facts.x: the installed package 'networkx' does not offer networkx:freeze to scenarios." in done.stderr
+        done = run(*command, "little.yaml", "--allow", "networkx")
+        assert done.exit_code == 0

@@ -11,6 +11,8 @@ from gamms.typing.agent_engine import Strategy
 
 State = dict[str, Any]
 
+__all__ = ["attacker", "defender", "player"]
+
 _AFRAID_M = 40.0  # an attacker keeps this far away from a defender
 _FEAR = 2.0  # metres of detour that a metre too close is worth
 _BEAT_M = 250.0  # a defender without an intruder in sight stays this close to its flag

@@ -23,6 +23,7 @@ from gamms.typing.opcodes import MAGIC_NUMBER
 from gamms.typing.packed_graph import IPackedGraph, packed_graphs
 
 _BLOBS = ("world",)  # parts of the header that are no words
+_CALLERS = ("folder", "file", "allow")  # what `Scenario(**header["scenario"])` takes as said by the caller
 
 
 def open(source: str | os.PathLike[str] | BinaryIO, *, graph: Any = None) -> "Recording":
@@ -69,6 +70,9 @@ class Recording:
         self._reader, self._owned = reader, owned
         self._given = None if graph is None else given_map(graph, reader.header)
         self.header = {key: value for key, value in reader.header.items() if key not in _BLOBS}
+        for key in _CALLERS:
+            if isinstance(self.header.get("scenario"), dict) and key in self.header["scenario"]:
+                raise RecordingError(f"The scenario in this recording says {key!r}, which only its reader can say.")
         self.warning = reader.warning
         self._turns: int | None = None
         self._fold: Fold | None = None

@@ -13,6 +13,8 @@ from gamms.typing import IContext
 from gamms.typing.game import Rule
 from gamms.visual.drawers.rules import TERRITORIES, TerritoryDrawer
 
+__all__ = ["by_distance", "halves", "published"]
+
 _AXES = ("x", "y")
 
 

@@ -10,7 +10,7 @@ To add a key, write it into `shape.py`, and what it does into `building.py`.
 """
 
 from gamms.scenario.errors import ScenarioError
-from gamms.scenario.scenario import Scenario, load
+from gamms.scenario.scenario import Scenario, from_recording, load
 from gamms.scenario.shape import Spec, schema
 
-__all__ = ["Scenario", "ScenarioError", "Spec", "load", "schema"]
+__all__ = ["Scenario", "ScenarioError", "Spec", "from_recording", "load", "schema"]

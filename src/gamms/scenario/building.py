@@ -5,7 +5,7 @@ from importlib import import_module
 from typing import Any
 
 from gamms.context import Context
-from gamms.scenario.checks import RULES, is_call, sensor_type
+from gamms.scenario.checks import RULES, call_in, sensor_type
 from gamms.scenario.code import Library, called, first_of, needs, rule_of, strategy_of
 from gamms.scenario.errors import ScenarioError, at, joined, shown
 from gamms.scenario.explain import checked
@@ -180,17 +180,18 @@ class Building:
             return [self.value(one, joined(path, number)) for number, one in enumerate(value)]
         if not isinstance(value, Mapping):
             return value
-        if is_call(value):
-            return self._call(value, path)
+        call = call_in(value, path)
+        if call is not None:
+            return self._call(call, path)
         if set(value) == {"node_at"}:
             where = joined(path, "node_at")
             return node_at(self.ctx, checked(value["node_at"], LatLon | tuple[float, float], where), where)
         return {key: self.value(one, joined(path, key)) for key, one in value.items()}
 
-    def _call(self, value: Mapping[str, Any], path: str) -> Any:
+    def _call(self, call: Code, path: str) -> Any:
         """What a function among the parameters gives, or itself if it is one that is called later."""
-        function = self.library.get(value["function"], path)
-        given = self.parameters(value.get("with") or {}, joined(path, "with"))
+        function = self.library.get(call.function, path)
+        given = self.parameters(call.with_, joined(path, "with"))
         first = (self.ctx,) if first_of(function) == "ctx" else ()
         if first_of(function) == "state":
             return strategy_of(function, given, self.ctx, path)

@@ -1,16 +1,15 @@
 """Whether a scenario makes sense beyond the types of its values: everything that can be told without running code."""
 
 from collections.abc import Iterator, Mapping
-from pathlib import Path
 from typing import Any
 
 from gamms.errors import UnknownName, nearest
 from gamms.scenario import worlds
 from gamms.scenario.code import check_parameters, first_of, function_of
-from gamms.scenario.errors import ScenarioError, shown
-from gamms.scenario.explain import unknown_key
+from gamms.scenario.errors import ScenarioError, joined, shown
+from gamms.scenario.explain import checked, unknown_key
 from gamms.scenario.placing import members
-from gamms.scenario.references import Found, find
+from gamms.scenario.references import OFFERED, Found, Sources, find
 from gamms.scenario.shape import ByPriority, Code, From, Rule, Sensor, Spec, Team, said
 from gamms.sensor.catalog import KINDS
 from gamms.typing.sensor_engine import SensorType
@@ -118,76 +117,84 @@ def _known_team(team: Any, spec: Spec, path: str) -> None:
         raise ScenarioError(path, f"unknown team {shown(team)}.{hint}")
 
 
-def references(spec: Spec, folder: Path | None) -> Iterator[Found]:
+def references(spec: Spec, sources: Sources) -> Iterator[Found]:
     """All code that building the scenario would import, in the order of the file.
 
     Raises:
         ScenarioError: some of it is not there.
     """
     if spec.map.generator is not None:
-        yield from _code(spec.map.generator, folder, "map.generator")
+        generator = spec.map.generator
+        yield find(generator if isinstance(generator, str) else generator.function, sources, "map.generator")
     for name, sensor in spec.sensors.items():
         if sensor.function is not None:
-            yield from _code(Code(function=sensor.function, with_=sensor.with_ or {}), folder, f"sensors.{name}")
+            yield from _code(Code(function=sensor.function, with_=sensor.with_ or {}), sources, f"sensors.{name}")
     for path, one in _equipped(spec):
         if one.strategy is not None:
-            yield from _code(one.strategy, folder, f"{path}.strategy")
+            yield from _code(one.strategy, sources, f"{path}.strategy")
+        yield from nested(one.meta, sources, f"{path}.meta")
     for number, rule in enumerate(spec.rules):
         path = f"rules.{number}"
-        yield find(rule if isinstance(rule, str) else rule.rule, folder, path, short=RULES)
-        yield from nested(rule.with_ if isinstance(rule, Rule) else {}, folder, f"{path}.with")
+        yield find(rule if isinstance(rule, str) else rule.rule, sources, path, short=RULES)
+        yield from nested(rule.with_ if isinstance(rule, Rule) else {}, sources, f"{path}.with")
     resolve = spec.conflicts.resolve if spec.conflicts else None
     if isinstance(resolve, str) and resolve not in _RESOLVERS:
         if ":" not in resolve:
             hint = nearest(resolve, _RESOLVERS)
             raise ScenarioError("conflicts.resolve", f"there is no resolver {resolve!r}.{hint}")
-        yield find(resolve, folder, "conflicts.resolve")
-    yield from nested(spec.facts, folder, "facts")
-    yield from nested(spec.data, folder, "data")
+        yield find(resolve, sources, "conflicts.resolve")
+    yield from nested(spec.facts, sources, "facts")
+    yield from nested(spec.data, sources, "data")
 
 
-def nested(value: Any, folder: Path | None, path: str) -> Iterator[Found]:
+def nested(value: Any, sources: Sources, path: str) -> Iterator[Found]:
     """The code that is named inside parameters and facts: `{function: …, with: {…}}`."""
-    if is_call(value):
-        yield from _code(Code(function=value["function"], with_=value.get("with") or {}), folder, path)
+    call = call_in(value, path)
+    if call is not None:
+        yield from _code(call, sources, path)
     elif isinstance(value, Mapping):
         for key, one in value.items():
-            yield from nested(one, folder, f"{path}.{key}")
+            yield from nested(one, sources, joined(path, key))
     elif isinstance(value, list):
         for number, one in enumerate(value):
-            yield from nested(one, folder, f"{path}.{number}")
+            yield from nested(one, sources, joined(path, number))
 
 
-def is_call(value: Any) -> bool:
-    """Whether a value among parameters is `{function: module:function, with: {…}}`."""
-    return (
-        isinstance(value, Mapping)
-        and isinstance(value.get("function"), str)
-        and ":" in value["function"]
-        and set(value) <= {"function", "with"}
-    )
+def call_in(value: Any, path: str) -> Code | None:
+    """The function and its parameters, if a value among parameters is `{function: module:function, with: {…}}`.
+
+    Raises:
+        ScenarioError: the parameters are no mapping.
+    """
+    if not isinstance(value, Mapping) or not set(value) <= {"function", "with"}:
+        return None
+    function = value.get("function")
+    if not isinstance(function, str) or ":" not in function:
+        return None
+    code: Code = checked({key: one for key, one in value.items() if one is not None}, Code, path)
+    return code
 
 
-def _code(given: str | Code, folder: Path | None, path: str) -> Iterator[Found]:
-    yield find(given if isinstance(given, str) else given.function, folder, path)
+def _code(given: str | Code, sources: Sources, path: str) -> Iterator[Found]:
+    yield find(given if isinstance(given, str) else given.function, sources, path)
     if isinstance(given, Code):
-        yield from nested(given.with_, folder, f"{path}.with")
+        yield from nested(given.with_, sources, f"{path}.with")
 
 
-def check_code(spec: Spec, folder: Path | None) -> list[Found]:
+def check_code(spec: Spec, sources: Sources) -> list[Found]:
     """Find all code, and compare parameters with what our own functions take; nobody else's code is run.
 
     Raises:
         ScenarioError: some is not there, or takes no such parameters.
     """
-    found = list(references(spec, folder))
+    found = list(references(spec, sources))
     given = dict(_given(spec))
     for one in found:
-        if one.module.partition(".")[0] == "gamms" and one.path in given:
+        if one.file is None and one.module in OFFERED and one.path in given:
             function = function_of(one, None)
             first = ("ctx",) if first_of(function) in ("ctx", "state") else ()
             check_parameters(function, given[one.path], first, one.path)
-    worlds.map_file(spec.map, folder)
+    worlds.map_file(spec.map, sources.folder)
     return found
 
 

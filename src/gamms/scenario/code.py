@@ -1,9 +1,9 @@
 """Runs the code that a scenario names: imports it, and makes strategies and rules of it."""
 
-import hashlib
 import importlib
 import sys
-from collections.abc import Callable, Mapping
+from collections.abc import Callable, Iterator, Mapping
+from contextlib import contextmanager
 from functools import partial, update_wrapper
 from inspect import Parameter, signature
 from pathlib import Path
@@ -12,7 +12,7 @@ from typing import Any
 
 from gamms.errors import nearest
 from gamms.scenario.errors import ScenarioError, joined, shown
-from gamms.scenario.references import Found, find
+from gamms.scenario.references import Found, Sources, find, is_defined_in, private_package
 
 _stamps: dict[str, dict[Path, tuple[int, int]]] = {}  # private package -> when its files were written, and how long
 
@@ -21,11 +21,11 @@ class Library:
     """The functions that a scenario has asked for; each is looked for once.
 
     Args:
-        folder: of the scenario; None: only installed packages.
+        sources: where they may be.
     """
 
-    def __init__(self, folder: Path | None) -> None:
-        self._folder = folder
+    def __init__(self, sources: Sources) -> None:
+        self._sources = sources
         self._known: dict[str, Callable[..., Any]] = {}
 
     def get(self, text: str, path: str, short: str | None = None) -> Callable[..., Any]:
@@ -36,7 +36,7 @@ class Library:
         """
         key = f"{short}:{text}" if short and ":" not in text else text
         if key not in self._known:
-            self._known[key] = function_of(find(text, self._folder, path, short=short), self._folder)
+            self._known[key] = function_of(find(text, self._sources, path, short=short), self._sources.folder)
         return self._known[key]
 
 
@@ -47,24 +47,42 @@ def function_of(found: Found, folder: Path | None) -> Callable[..., Any]:
     `sys.path` stays as it is. Its neighbours are there by relative imports. Nothing is written beside it.
 
     Raises:
-        ScenarioError: importing it raises, which is then the cause; or it has no such function.
+        ScenarioError: importing it raises, which is then the cause; it has no such function, or one from elsewhere.
+    """
+    with _raising(found.path, f"importing {found.text!r} failed:"):
+        module = importlib.import_module(found.module) if found.file is None else _private(found, folder or Path())
+        function = getattr(module, found.wanted, None)
+    if not callable(function):
+        hint = nearest(found.wanted, [name for name in vars(module) if not name.startswith("_")])
+        raise ScenarioError(found.path, f"there is no function {found.wanted!r} in {found.text!r}.{hint}")
+    if found.owner is not None and not is_defined_in(function, found.owner):
+        raise ScenarioError(
+            found.path,
+            f"{found.wanted!r} in {found.text!r} is from elsewhere, {getattr(function, '__module__', 'nowhere')}. A "
+            "scenario may name what is defined there: write a function that calls it.",
+        )
+    return function  # type: ignore[no-any-return] # it can be called
+
+
+@contextmanager
+def _raising(path: str, what: str) -> Iterator[None]:
+    """Tell whatever the code of a scenario raises by where the scenario names it; SystemExit, too.
+
+    Raises:
+        ScenarioError: in its place.
     """
     try:
-        module = importlib.import_module(found.module) if found.file is None else _private(found, folder or Path())
-    except Exception as error:  # whatever a module does when it is imported
-        raise ScenarioError(found.path, f"importing {found.text!r} failed: {type(error).__name__}: {error}") from error
-    wanted = found.function or "map_strategy"
-    function = getattr(module, wanted, None)
-    if not callable(function):
-        hint = nearest(wanted, [name for name in vars(module) if not name.startswith("_")])
-        raise ScenarioError(found.path, f"there is no function {wanted!r} in {found.text!r}.{hint}")
-    return function  # type: ignore[no-any-return] # it can be called
+        yield
+    except KeyboardInterrupt:
+        raise
+    except BaseException as error:
+        raise ScenarioError(path, f"{what} {type(error).__name__}: {error}") from error
 
 
 def _private(found: Found, folder: Path) -> ModuleType:
     """A module from the folder of a scenario, under a name of its own; anew if its file has changed."""
     folder = folder.resolve()
-    package = f"_gamms_scenario_{hashlib.sha256(str(folder).encode()).hexdigest()[:16]}"
+    package = private_package(folder)
     stamps = _stamps.setdefault(package, {})
     if any(_stamp(file) != stamp for file, stamp in stamps.items()):
         for name in [name for name in sys.modules if name.partition(".")[0] == package]:
@@ -147,11 +165,8 @@ def called(function: Callable[..., Any], given: Mapping[str, Any] | None, first:
         ScenarioError: the parameters do not fit, or the function raises, which is then the cause.
     """
     check_parameters(function, given or {}, first, path)
-    try:
+    with _raising(path, f"{getattr(function, '__name__', function)} raised"):
         return function(*first, **(given or {}))
-    except Exception as error:  # whatever the function does
-        name = getattr(function, "__name__", function)
-        raise ScenarioError(path, f"{name} raised {type(error).__name__}: {error}") from error
 
 
 def check_parameters(function: Callable[..., Any], given: Mapping[str, Any], first: tuple[Any, ...], path: str) -> None:

@@ -1,14 +1,39 @@
-"""Which code a scenario names, and where it is: found by looking, without running any of it."""
+"""Which code a scenario names, and whether it may: found by looking, without importing any of it.
+
+A name in a file may mean three things, and nothing else. In the folder of the file: a function that is defined there.
+Of GAMMS: what the modules in `OFFERED` list. Of an installed package: what an entry point of the group
+`gamms.scenario` names, or, if the caller allows the package, what that defines itself.
+"""
 
 import ast
+import hashlib
 import os
 import sys
+from collections.abc import Iterable
 from importlib.util import find_spec
 from pathlib import Path, PureWindowsPath
-from typing import NamedTuple
+from typing import Any, NamedTuple
 
-from gamms.errors import nearest
-from gamms.scenario.errors import ScenarioError
+from gamms.errors import BadType, BadValue, nearest
+from gamms.limits import refuse_above
+from gamms.scenario.errors import ScenarioError, at, shown
+
+OFFERED = ("gamms.strategies", "gamms.rules", "gamms.rules.territory", "gamms.demo.strategies")
+GROUP = "gamms.scenario"  # of entry points
+_BYTES_PER_LETTER = 1 << 10  # that a file of Python takes as a syntax tree: "f();f();…" takes 720
+_REFUSED = frozenset({"__main__", "gamms", *sys.stdlib_module_names})
+
+
+class Sources(NamedTuple):
+    """Where the code of a scenario may be. The caller says so, never a file.
+
+    Attributes:
+        folder: of the scenario; None: only GAMMS and installed packages.
+        allow: installed packages that may be named without an entry point.
+    """
+
+    folder: Path | None = None
+    allow: tuple[str, ...] = ()
 
 
 class Found(NamedTuple):
@@ -19,11 +44,55 @@ class Found(NamedTuple):
     module: str  # dotted; for a file, below the folder of the scenario
     function: str  # its name in the module; "" for the module's `map_strategy`
     file: Path | None  # None for a module of an installed package
+    owner: str | None  # the package that must define the function; None where its name alone says that it may be used
 
     def __str__(self) -> str:
         """What `gamms run` says about it."""
-        name = f"{self.module}:{self.function or 'map_strategy'}"
+        name = f"{self.module}:{self.wanted}"
         return f"{name}, installed" if self.file is None else f"{name}, from {self.file}"
+
+    @property
+    def wanted(self) -> str:
+        """The name of the function."""
+        return self.function or "map_strategy"
+
+
+def allowed(packages: Iterable[str]) -> tuple[str, ...]:
+    """Packages as the caller allows them.
+
+    Raises:
+        BadType: they are one text, or no texts.
+        BadValue: one is no package, or one whose functions are never offered.
+    """
+    names = (packages,) if isinstance(packages, str) else tuple(packages)
+    if isinstance(packages, str) or not all(isinstance(name, str) for name in names):
+        raise BadType(f"allow must be names of packages, such as ['my_package'], not {packages!r}.")
+    for name in names:
+        if not _is_dotted(name):
+            raise BadValue(f"{name!r} in allow is no name of a package.")
+        if name.partition(".")[0] in _REFUSED:
+            raise BadValue(f"{name!r} cannot be allowed: scenarios never name all of GAMMS, nor of Python itself.")
+    return names
+
+
+def private_package(folder: Path) -> str:
+    """The name under which the modules of a folder are imported."""
+    return f"_gamms_scenario_{hashlib.sha256(str(folder.resolve()).encode()).hexdigest()[:16]}"
+
+
+def is_defined_in(value: Any, package: str) -> bool:
+    """Whether calling a value calls what a package defines: a function, a class or an object of a class of its own."""
+
+    def is_own(part: Any) -> bool:
+        name = getattr(part, "__module__", None)
+        return isinstance(name, str) and (name == package or name.startswith(f"{package}."))
+
+    if not callable(value) or not is_own(value):
+        return False
+    if not isinstance(value, type):
+        return True
+    makers = ((value.__init__, object.__init__), (value.__new__, object.__new__), (type(value).__call__, type.__call__))  # type: ignore[misc] # of the class itself
+    return all(maker is plain or is_own(maker) for maker, plain in makers)
 
 
 def inside(text: str, folder: Path | None, path: str, what: str) -> Path:
@@ -43,43 +112,33 @@ def inside(text: str, folder: Path | None, path: str, what: str) -> Path:
     return file
 
 
-def find(text: str, folder: Path | None, path: str, *, short: str | None = None) -> Found:
-    """Where the code of a reference is; nothing is imported but parts of GAMMS.
+def find(text: str, sources: Sources, path: str, *, short: str | None = None) -> Found:
+    """Where the code of a reference is; nothing is imported but the parts of GAMMS that are offered.
 
     Args:
         text: `module:function`, `file.py:function`, or one of these without `:function`.
-        folder: of the scenario; looked through first. None: only installed packages.
+        sources: where it may be; the folder is looked through first.
         path: where in the scenario the reference stands.
         short: the module of a name without a colon; None if that is a module.
 
     Raises:
-        ScenarioError: there is no such file, module or function, or it is not in the folder nor installed.
+        ScenarioError: there is no such file, module or function, or it may not be named.
     """
-    left, colon, function = text.partition(":")
-    if (colon and not function.isidentifier()) or not left:
-        raise ScenarioError(path, f"{text!r} is no reference to code; write module:function.")
-    if not colon and short is not None:
-        left, function = short, left
-        if not function.isidentifier():
-            raise ScenarioError(path, f"{text!r} is no reference to code; write module:function.")
-    if left.endswith(".py") or "/" in left or "\\" in left:
-        file = inside(left, folder, path, "Python file")
-        if not file.is_file():
-            raise ScenarioError(path, f"there is no file {left!r} in {folder}.{_neighbour(left, folder)}")
-        dotted = ".".join(PureWindowsPath(left).with_suffix("").parts)
-        if not all(part.isidentifier() for part in dotted.split(".")):
-            raise ScenarioError(path, f"{left!r} cannot be imported: it may have letters, digits and _ in its name.")
-        return _known(Found(path, text, dotted, function, file))
-    if not all(part.isidentifier() for part in left.split(".")):
-        raise ScenarioError(path, f"{text!r} is no reference to code; write module:function.")
-    file_or_none = None if folder is None or left.partition(".")[0] == "gamms" else _in_folder(left, folder, path)
-    if file_or_none is None:
-        _check_installed(left, text, folder, path)
-    return _known(Found(path, text, left, function, file_or_none))
+    found = _located(text, sources, path, short)
+    if found.file is not None:
+        own, others = _names_in(found.file, path)
+        if found.wanted in others - own:
+            raise ScenarioError(
+                path, f"{found.wanted!r} is not defined in {found.file}, only imported there. Name it where it is."
+            )
+        _check_known(found, own, found.file)
+    elif found.module in OFFERED:
+        _check_known(found, offered(found.module), found.module)
+    return found
 
 
 def chosen(text: str, path: str) -> tuple[Found, Path]:
-    """Where the code is that a person asks for, and the folder it is in: a file may be anywhere.
+    """Where the code is that a person asks for, and the folder it is in: a file may be anywhere, and import it.
 
     Raises:
         ScenarioError: there is no such file, module or function.
@@ -87,10 +146,56 @@ def chosen(text: str, path: str) -> tuple[Found, Path]:
     left, colon, function = text.rpartition(":")
     if not colon:
         raise ScenarioError(path, f"{text!r} is no reference to code; write mine.py:strategy or module:function.")
-    if not left.endswith(".py"):
-        return find(text, Path.cwd(), path), Path.cwd()
-    file = Path(left).absolute()
-    return find(f"{file.name}:{function}", file.parent, path), file.parent
+    file = Path(left).absolute() if left.endswith(".py") else None
+    folder = Path.cwd() if file is None else file.parent
+    top = left.partition(".")[0]
+    allow = (top,) if file is None and _is_dotted(left) and top not in _REFUSED else ()
+    found = _located(text if file is None else f"{file.name}:{function}", Sources(folder, allow), path)
+    if found.file is not None:
+        _check_known(found, set().union(*_names_in(found.file, path)), found.file)
+    elif found.module in OFFERED:
+        _check_known(found, offered(found.module), found.module)
+    return found._replace(owner=None), folder
+
+
+def offered(module: str) -> list[str]:
+    """What a module of GAMMS offers; empty if it is for programs only."""
+    from importlib import import_module
+
+    if module not in OFFERED:
+        return []
+    found = import_module(module)
+    return [name for name in found.__all__ if callable(getattr(found, name))]
+
+
+def _located(text: str, sources: Sources, path: str, short: str | None = None) -> Found:
+    """Where a reference leads; whether the function is there is not looked at yet."""
+    folder = sources.folder
+    left, colon, function = text.partition(":")
+    if not colon and short is not None:
+        left, colon, function = short, ":", left
+    if (colon and not function.isidentifier()) or not left:
+        raise ScenarioError(path, f"{shown(text)} is no reference to code; write module:function.")
+    if left.endswith(".py") or "/" in left or "\\" in left:
+        file = inside(left, folder, path, "Python file")
+        if not file.is_file():
+            raise ScenarioError(path, f"there is no file {left!r} in {folder}.{_neighbour(left, folder)}")
+        dotted = ".".join(PureWindowsPath(left).with_suffix("").parts)
+        if not _is_dotted(dotted):
+            raise ScenarioError(path, f"{left!r} cannot be imported: it may have letters, digits and _ in its name.")
+        return Found(path, text, dotted, function, file, private_package(folder or Path()))
+    if not _is_dotted(left):
+        raise ScenarioError(path, f"{shown(text)} is no reference to code; write module:function.")
+    if left.partition(".")[0] == "gamms":
+        if left not in OFFERED:
+            hint = nearest(left, OFFERED) or f" Scenarios may name what is in {', '.join(OFFERED)}."
+            raise ScenarioError(path, f"{left!r} is not offered to scenarios.{hint}")
+        return Found(path, text, left, function, None, None)
+    in_folder = None if folder is None else _in_folder(left, folder, path)
+    if folder is not None and in_folder is not None:
+        return Found(path, text, left, function, in_folder, private_package(folder))
+    found = Found(path, text, left, function, None, None)
+    return found._replace(owner=_owner(found, sources))
 
 
 def _in_folder(dotted: str, folder: Path, path: str) -> Path | None:
@@ -102,25 +207,51 @@ def _in_folder(dotted: str, folder: Path, path: str) -> Path | None:
     return None
 
 
-def _check_installed(dotted: str, text: str, folder: Path | None, path: str) -> None:
-    """Refuse a module that is not in an installed package."""
-    top = dotted.split(".", maxsplit=1)[0]
-    if top in sys.stdlib_module_names or top == "__main__":
-        raise ScenarioError(path, f"{text!r} is no code for games: Python's own modules are not offered to scenarios.")
+def _owner(found: Found, sources: Sources) -> str:
+    """The installed package, or the part of it, whose functions may be named.
+
+    Raises:
+        ScenarioError: it is not installed, or nobody has said that it may be named.
+    """
+    dotted, top, path = found.module, found.module.partition(".")[0], found.path
+    if top in _REFUSED:
+        raise ScenarioError(
+            path, f"{found.text!r} is no code for games: Python's own modules are not offered to scenarios."
+        )
     try:
         spec = find_spec(top)
     except (ValueError, ImportError):
         spec = None
     if spec is None:
-        where = "installed" if folder is None else f"in {folder}, nor installed"
-        raise ScenarioError(
-            path, f"there is no module {dotted!r} {where}.{_neighbour(dotted, folder) or _built_in(dotted)}"
-        )
+        where = "installed" if sources.folder is None else f"in {sources.folder}, nor installed"
+        hint = _neighbour(dotted, sources.folder) or _built_in(dotted)
+        raise ScenarioError(path, f"there is no module {dotted!r} {where}.{hint}")
+    for package in sources.allow:
+        if dotted == package or dotted.startswith(f"{package}."):
+            return package
     places = list(spec.submodule_search_locations or ()) or [spec.origin or ""]
     if any(Path(place).resolve().parent in _casual_places() for place in places):
         raise ScenarioError(
             path, f"the module {dotted!r} is in {places[0]}, which is neither the folder of the scenario nor installed."
         )
+    for module, function in _entry_points():
+        if module == dotted and function in ("", found.wanted):
+            return top if function else module
+    raise ScenarioError(
+        path,
+        f"the installed package {top!r} does not offer {dotted}:{found.wanted} to scenarios."
+        f"{_neighbour(dotted, sources.folder)} If you trust this file with all that the package defines: "
+        f"--allow {top}, or allow=[{top!r}] in Python.",
+    )
+
+
+def _entry_points() -> Iterable[tuple[str, str]]:
+    """Module and function of what installed packages offer to scenarios; "" for all that a module defines."""
+    from importlib.metadata import entry_points
+
+    for entry in entry_points(group=GROUP):
+        module, _, function = entry.value.partition("[")[0].partition(":")
+        yield module.strip(), function.strip()
 
 
 def _casual_places() -> set[Path]:
@@ -146,51 +277,44 @@ def _built_in(name: str) -> str:
     return near.replace("Did you mean '", "Did you mean 'gamms.strategies:")
 
 
-def _known(found: Found) -> Found:
-    """The same, if its function can be seen in the file, or in GAMMS itself."""
-    wanted = found.function or "map_strategy"
-    names: set[str] | None = None
-    if found.file is not None:
-        names = _names_in(found.file, found.path)
-    elif found.module.split(".")[0] == "gamms":
-        names = set(offered(found.module))
-    if names is not None and wanted not in names:
-        where = found.file or found.module
-        hint = nearest(wanted, sorted(names)) or (
-            "" if found.function else " Write module:function, or give the module one."
-        )
-        raise ScenarioError(found.path, f"there is no function {wanted!r} in {where}.{hint}")
-    return found
+def _check_known(found: Found, names: Iterable[str], where: object) -> None:
+    """Refuse a function that can be seen not to be there."""
+    if found.wanted in names or "*" in names:
+        return
+    hint = nearest(found.wanted, sorted(names)) or (
+        "" if found.function else " Write module:function, or give the module one."
+    )
+    raise ScenarioError(found.path, f"there is no function {found.wanted!r} in {where}.{hint}")
 
 
-def offered(module: str) -> list[str]:
-    """What a module of GAMMS offers; empty if there is no such module."""
-    from importlib import import_module
-
-    try:
-        found = import_module(module)
-    except ImportError:
-        return []
-    public = [name for name, value in vars(found).items() if callable(value) and not name.startswith("_")]
-    return list(getattr(found, "__all__", public))
+def _is_dotted(text: str) -> bool:
+    return all(part.isidentifier() for part in text.split("."))
 
 
-def _names_in(file: Path, path: str) -> set[str] | None:
-    """The names that a file binds; None where only running it could tell."""
+def _names_in(file: Path, path: str) -> tuple[set[str], set[str]]:
+    """The names that a file binds: those of the folder's own, and those that it imports from elsewhere.
+
+    "*" is among its own where only running it could tell.
+    """
+    with at(path):
+        refuse_above(file.stat().st_size * _BYTES_PER_LETTER, f"reading {file}")
     try:
         tree = ast.parse(file.read_bytes(), str(file))
-    except (SyntaxError, ValueError) as error:
+    except (SyntaxError, ValueError, RecursionError, MemoryError) as error:
         raise ScenarioError(path, f"{file} is no Python: {error}.") from None
-    names: set[str] = set()
+    own: set[str] = set()
+    others: set[str] = set()
     waiting: list[ast.AST] = list(tree.body)
     while waiting:
         node = waiting.pop()
         if isinstance(node, (ast.FunctionDef, ast.AsyncFunctionDef, ast.ClassDef)):
-            names.add(node.name)
+            own.add("*" if node.name == "__getattr__" else node.name)
             continue
-        if isinstance(node, ast.alias):
-            names.add((node.asname or node.name).split(".")[0])
+        if isinstance(node, (ast.Import, ast.ImportFrom)):
+            names = {(alias.asname or alias.name).partition(".")[0] for alias in node.names}
+            is_own = "*" in names or (isinstance(node, ast.ImportFrom) and node.level > 0)
+            (own if is_own else others).update(names)
         elif isinstance(node, ast.Name) and isinstance(node.ctx, ast.Store):
-            names.add(node.id)
+            own.add(node.id)
         waiting.extend(ast.iter_child_nodes(node))
-    return None if "*" in names or "__getattr__" in names else names
+    return own, others

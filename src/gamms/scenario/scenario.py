@@ -1,7 +1,7 @@
 """A game as data: read from a file or made in Python, changed, built and played."""
 
 import os
-from collections.abc import Mapping
+from collections.abc import Iterable, Mapping
 from typing import Any
 
 from gamms.arguments import as_path
@@ -15,7 +15,7 @@ from gamms.scenario.code import Library
 from gamms.scenario.errors import ScenarioError, named
 from gamms.scenario.explain import checked
 from gamms.scenario.placing import members, node_at, place
-from gamms.scenario.references import Found
+from gamms.scenario.references import Found, Sources, allowed
 from gamms.scenario.shape import LatLon, Place, Spec
 from gamms.typing.graph_engine import Engine as GraphEngine
 
@@ -24,26 +24,35 @@ class Scenario:
     """A game, described completely; it does not change.
 
     Args:
-        folder: where code and maps are looked for, besides installed packages; None: nowhere.
+        folder: where code and maps are looked for; None: nowhere.
         file: what errors are told to be about.
-        given: the keys of a scenario file, as plain values.
+        allow: installed packages whose functions may be named, though they have no entry point that says so.
+        given: the keys of a scenario file, as plain values. Those of a stranger go through `load` or
+            `from_recording`: among keywords, `folder` and `allow` would be taken as said by you.
 
     Attributes:
         spec: what it says, typed; see `Spec`.
         folder: see above.
         file: see above.
+        allow: see above.
 
     Raises:
         ScenarioError: it makes no sense; the message names the place and the nearest valid key.
     """
 
     def __init__(
-        self, *, folder: str | os.PathLike[str] | None = None, file: str | os.PathLike[str] | None = None, **given: Any
+        self,
+        *,
+        folder: str | os.PathLike[str] | None = None,
+        file: str | os.PathLike[str] | None = None,
+        allow: Iterable[str] = (),
+        **given: Any,
     ) -> None:
         self.folder = None if folder is None else as_path(folder, "folder").absolute()
         self.file = None if file is None else as_path(file, "file")
+        self.allow = allowed(allow)
         self._world: Any = None
-        self._library = Library(self.folder)
+        self._library = Library(Sources(self.folder, self.allow))
         with named(self.file):
             self._raw: dict[str, Any] = plain.copied(given)
             self.spec: Spec = checked(self._raw, Spec)
@@ -64,7 +73,7 @@ class Scenario:
         """
         with named(self.file):
             raw = plain.changed(self._raw, changes)
-        new = Scenario(folder=self.folder, file=self.file, **raw)
+            new = _from_plain(raw, self.folder, self.file, self.allow)
         if raw.get("map") == self._raw.get("map"):
             new._world = self._world
         new._library = self._library
@@ -97,7 +106,7 @@ class Scenario:
             ScenarioError: some of it is not there.
         """
         with named(self.file):
-            return check_code(self.spec, self.folder)
+            return check_code(self.spec, Sources(self.folder, self.allow))
 
     def check(self) -> list[str]:
         """Do everything that can be done without running code or asking a server; say what was done.
@@ -178,7 +187,7 @@ class Scenario:
 
     def __reduce__(self) -> tuple[Any, ...]:
         # The map is left behind: worker pools load it once each.
-        return _rebuilt, (self.folder, self.file, self._raw)
+        return _from_plain, (self._raw, self.folder, self.file, self.allow)
 
     def _settings(self) -> dict[str, Any]:
         settings = self.spec.settings
@@ -190,12 +199,12 @@ class Scenario:
         return self._world
 
 
-def _rebuilt(folder: Any, file: Any, raw: Mapping[str, Any]) -> Scenario:
-    return Scenario(folder=folder, file=file, **raw)
-
-
-def load(path: str | os.PathLike[str]) -> Scenario:
+def load(path: str | os.PathLike[str], allow: Iterable[str] = ()) -> Scenario:
     """Read a scenario from a YAML or JSON file. Its shape is checked; nothing it names is imported or opened.
+
+    Args:
+        path: the file; code and maps are in its folder.
+        allow: installed packages whose functions it may name, though they have no entry point that says so.
 
     Raises:
         ScenarioError: it is no scenario; the message names the place in the file and the nearest valid key.
@@ -203,10 +212,32 @@ def load(path: str | os.PathLike[str]) -> Scenario:
     """
     file = as_path(path, "path")
     with named(file):
-        raw = files.read(file)
-        if not isinstance(raw, dict):
-            raise ScenarioError("", f"a scenario is a mapping with the keys map and teams, not {type(raw).__name__}.")
-        for key in raw:
-            if key in ("folder", "file") or not isinstance(key, str):
-                raise ScenarioError(str(key), "unknown key.")
-    return Scenario(folder=file.absolute().parent, file=file, **raw)
+        return _from_plain(files.read(file), file.absolute().parent, file, allow)
+
+
+def from_recording(
+    recording: Any, *, folder: str | os.PathLike[str] | None = None, allow: Iterable[str] = ()
+) -> Scenario:
+    """Read the scenario that the game of a recording was built from.
+
+    The recording names code; only GAMMS's own may be meant unless you say more.
+
+    Args:
+        recording: as `gamms.recorder.open` gives it.
+        folder: where its code and maps are; None: nowhere.
+        allow: installed packages whose functions it may name, though they have no entry point that says so.
+
+    Raises:
+        ScenarioError: it was built by a program, or what is in it is no scenario.
+    """
+    return _from_plain(recording.header.get("scenario"), folder, None, allow)
+
+
+def _from_plain(raw: Any, folder: Any, file: Any, allow: Iterable[str]) -> Scenario:
+    """A scenario of plain values that are data: they cannot say where code comes from."""
+    if not isinstance(raw, Mapping):
+        raise ScenarioError("", f"a scenario is a mapping with the keys map and teams, not {type(raw).__name__}.")
+    for key in raw:
+        if key in ("folder", "file", "allow") or not isinstance(key, str):
+            raise ScenarioError(str(key), "unknown key.")
+    return Scenario(folder=folder, file=file, allow=allow, **raw)

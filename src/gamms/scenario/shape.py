@@ -14,7 +14,10 @@ NodeId = Annotated[int, Meta(description="The id of a node.")]
 Xy = Annotated[tuple[float, float], Meta(description="[x, y] on the map; the nearest node is meant.")]
 Name = Annotated[str, Meta(min_length=1)]
 Reference = Annotated[
-    str, Meta(min_length=1, description="module:function, in the folder of the file or in an installed package.")
+    str,
+    Meta(
+        min_length=1, description="module:function, in the folder of the file, of GAMMS or of a package that offers it."
+    ),
 ]
 Travel = Literal["walk", "bike", "drive"]
 Values = dict[str, Any]
