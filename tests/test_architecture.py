@@ -40,6 +40,7 @@ HEAVY = [
 
 # Floors from the ground up; what stands on one floor does not see its neighbours.
 FLOORS = [
+    {"text"},
     {"errors"},
     {"plugins", "arguments", "folders", "progress", "limits"},
     {"ir"},

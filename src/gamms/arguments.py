@@ -8,6 +8,7 @@ from operator import index
 from typing import TYPE_CHECKING, Any
 
 from gamms.errors import BadType, BadValue, nearest
+from gamms.text import shown
 
 if TYPE_CHECKING:
     from pathlib import Path
@@ -23,13 +24,13 @@ def as_int(value: Any, name: str) -> int:
         BadValue: it does not fit into 64 bits.
     """
     if isinstance(value, bool):
-        raise BadType(f"{name} must be an integer, not the bool {value!r}.")
+        raise BadType(f"{name} must be an integer, not the bool {value}.")
     try:
         number = index(value)
     except TypeError:
-        raise BadType(f"{name} must be an integer, not {value!r} ({type(value).__name__}).") from None
+        raise BadType(f"{name} must be an integer, not {shown(value)} ({type(value).__name__}).") from None
     if not -_INT64 <= number < _INT64:
-        raise BadValue(f"{name} must fit into 64 bits, not {number}.")
+        raise BadValue(f"{name} must fit into 64 bits, not {shown(number)}.")
     return number
 
 
@@ -41,11 +42,11 @@ def as_float(value: Any, name: str) -> float:
         BadValue: it is NaN or infinite.
     """
     if isinstance(value, bool) or not (isinstance(value, Real) or hasattr(value, "__float__")):
-        raise BadType(f"{name} must be a number, not {value!r} ({type(value).__name__}).")
+        raise BadType(f"{name} must be a number, not {shown(value)} ({type(value).__name__}).")
     try:
         number = float(value)
     except (TypeError, ValueError, OverflowError) as error:
-        raise BadType(f"{name} must be a number, not {value!r}: {error}.") from None
+        raise BadType(f"{name} must be a number, not {shown(value)}: {error}.") from None
     if not math.isfinite(number):
         raise BadValue(f"{name} must be finite, not {number}.")
     return number
@@ -74,9 +75,9 @@ def as_numbers(value: Any, name: str, form: str) -> list[float]:
         BadValue: there are more or fewer, or one is NaN or infinite.
     """
     if not hasattr(value, "__getitem__") or isinstance(value, (str, bytes, Mapping)):
-        raise BadType(f"{name} must be {form}, not {value!r} ({type(value).__name__}).")
+        raise BadType(f"{name} must be {form}, not {shown(value)} ({type(value).__name__}).")
     if getattr(value, "ndim", 1) != 1 or len(value) != form.count(",") + 1:
-        raise BadValue(f"{name} must be {form}, not {value!r}.")
+        raise BadValue(f"{name} must be {form}, not {shown(value)}.")
     return [as_float(part, f"Every part of {name[:1].lower() + name[1:]} {form}") for part in value]
 
 
@@ -88,7 +89,7 @@ def as_name(value: Any, kind: str) -> str:
         BadValue: it is empty.
     """
     if not isinstance(value, str):
-        raise BadType(f"The name of {kind} must be a string, not {value!r} ({type(value).__name__}).")
+        raise BadType(f"The name of {kind} must be a string, not {shown(value)} ({type(value).__name__}).")
     if not value:
         raise BadValue(f"The name of {kind} must not be empty.")
     return value
@@ -148,7 +149,7 @@ def as_path(value: Any, name: str) -> "Path":
         BadType: `value` is neither a string nor a path.
     """
     if not isinstance(value, (str, os.PathLike)):
-        raise BadType(f"{name} must be a path, not {value!r} ({type(value).__name__}).")
+        raise BadType(f"{name} must be a path, not {shown(value)} ({type(value).__name__}).")
     from pathlib import Path  # which takes longer to load than most of GAMMS
 
     return Path(value)
@@ -158,5 +159,7 @@ def misspelt(given: Iterable[str], known: Iterable[str]) -> list[str]:
     """One sentence for each given keyword that is unknown but looks like a known one."""
     known = list(known)
     return [
-        f"Unknown keyword {name!r}.{hint}" for name in given if name not in known and (hint := nearest(name, known))
+        f"Unknown keyword {shown(name)}.{hint}"
+        for name in given
+        if name not in known and (hint := nearest(name, known))
     ]

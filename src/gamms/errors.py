@@ -25,7 +25,10 @@ GammsError
 """
 
 from collections.abc import Iterable
+from itertools import islice
 from typing import Any
+
+from gamms.text import shown
 
 
 class GammsError(Exception):
@@ -48,23 +51,30 @@ def _rebuilt(kind: type[GammsError], args: tuple[Any, ...], attributes: dict[str
 
 
 _FEW = 8  # names that an error message lists
+_LONG = 80  # characters of a name that are compared
+_MANY = 1 << 10  # names that are searched for a similar one: of more, the search would take longer than the call
 
 
 def nearest(name: object, known: Iterable[object]) -> str:
     """The hint of an error message: the known name most like `name`, or nothing."""
     from difflib import get_close_matches
 
-    near = get_close_matches(str(name), [str(one) for one in known], n=1)
+    names = [_searchable(one) for one in islice(known, _MANY)]
+    near = get_close_matches(_searchable(name), names, n=1)
     return f" Did you mean {near[0]!r}?" if near else ""
+
+
+def _searchable(name: object) -> str:
+    return str.__str__(name)[:_LONG] if isinstance(name, str) else shown(name)
 
 
 class UnknownName(GammsError, KeyError):
     """A name or id nobody answers to."""
 
     def __init__(self, kind: str, name: object, known: Iterable[object] = ()) -> None:
-        names = list(known)
-        few = f" There is: {', '.join(map(repr, names))}." if 0 < len(names) <= _FEW else ""
-        super().__init__(f"Unknown {kind} {name!r}.{nearest(name, names) or few}")
+        names = list(islice(known, _MANY))
+        few = f" There is: {', '.join(map(shown, names))}." if 0 < len(names) <= _FEW else ""
+        super().__init__(f"Unknown {kind} {shown(name)}.{nearest(name, names) or few}")
 
 
 class UnknownType(GammsError, ValueError):
@@ -75,14 +85,16 @@ class Duplicate(GammsError, ValueError):
     """A name that is already taken."""
 
     def __init__(self, kind: str, name: object) -> None:
-        super().__init__(f"There is already {kind} named {name!r}. Choose another name or delete that one first.")
+        super().__init__(f"There is already {kind} named {shown(name)}. Choose another name or delete that one first.")
 
 
 class DuplicateId(GammsError, KeyError):
     """An id that is already in the graph."""
 
     def __init__(self, kind: str, id: int) -> None:
-        super().__init__(f"There is already {kind} with id {id}. Use another id, or the update method to change it.")
+        super().__init__(
+            f"There is already {kind} with id {shown(id)}. Use another id, or the update method to change it."
+        )
 
 
 class BadValue(GammsError, ValueError):
@@ -106,7 +118,7 @@ class NoPath(GammsError, ValueError):
 
     def __init__(self, source: int, target: int) -> None:
         super().__init__(
-            f"No path leads from node {source} to node {target}. "
+            f"No path leads from node {shown(source)} to node {shown(target)}. "
             "Ask graph.distance(source, target) first: it is infinite where there is none."
         )
 

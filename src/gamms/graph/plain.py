@@ -6,12 +6,12 @@ JSON knows no tuples, bytes or dicts with other keys than strings; those are wri
 import json
 import re
 from base64 import b64decode, b64encode
-from reprlib import repr as shown
 from typing import Any
 
 import numpy as np
 
 from gamms.errors import BadFile, BadValue
+from gamms.text import shown
 
 _HALF_PAIR = re.compile("[\ud800-\udfff]")  # lone surrogates, which are no Unicode
 

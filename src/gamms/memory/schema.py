@@ -2,7 +2,6 @@
 
 import math
 from collections.abc import Callable, Mapping, Sequence
-from reprlib import repr as shown
 from typing import Any
 
 import numpy as np
@@ -10,6 +9,7 @@ import numpy as np
 from gamms.errors import BadFile, BadType, BadValue, UnknownName, nearest
 from gamms.memory.errors import BadKeyField
 from gamms.memory.values import number, octets, plain, refuse, text, truth, whole
+from gamms.text import shown
 
 MAX_FIELDS = 1000  # a SQLite table holds no more than 2000 columns
 

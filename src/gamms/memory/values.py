@@ -1,13 +1,13 @@
 """What a field can hold: plain data, always copied, so that every store keeps and returns the same values."""
 
 from collections.abc import Callable
-from reprlib import repr as shown
 from typing import Any
 
 import numpy as np
 
 from gamms.arguments import as_int
 from gamms.errors import BadType, BadValue
+from gamms.text import shown
 
 MAX_DEPTH = 64  # deeper than any data we met, shallow enough for every CBOR reader; also ends a cycle
 

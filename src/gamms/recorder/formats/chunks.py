@@ -13,7 +13,6 @@ agent does next resembles what it did before. The body is columns:
 from array import array
 from collections.abc import Collection, Iterator, Sequence
 from dataclasses import dataclass, field
-from reprlib import repr as shown
 from typing import Any
 
 import numpy as np
@@ -22,6 +21,7 @@ from gamms.errors import BadFile, BadType, BadValue
 from gamms.recorder.formats import blocks, columns, tracks, values
 from gamms.recorder.formats.columns import IntArray
 from gamms.recorder.formats.tracks import FORMS, Layout, Rows, Tracks, steps
+from gamms.text import shown
 
 Log = list[Any]
 """The log of one turn: ints two by two, and tuples."""

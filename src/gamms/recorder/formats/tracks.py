@@ -9,7 +9,6 @@ from array import array
 from collections.abc import Iterator
 from dataclasses import dataclass, field
 from itertools import chain
-from reprlib import repr as shown
 from typing import Any, NamedTuple
 
 import numpy as np
@@ -19,6 +18,7 @@ from gamms.errors import BadFile, BadType, BadValue
 from gamms.ir import journal
 from gamms.recorder.formats import columns
 from gamms.recorder.formats.columns import IntArray
+from gamms.text import shown
 
 FloatArray = npt.NDArray[np.float64]
 

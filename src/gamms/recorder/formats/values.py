@@ -9,7 +9,6 @@ deep.
 import sys
 from collections.abc import Callable
 from functools import cache
-from reprlib import repr as shown
 from types import ModuleType
 from typing import Any
 
@@ -19,6 +18,7 @@ from gamms.errors import BadFile, BadType, BadValue
 from gamms.recorder.formats import columns
 from gamms.recorder.formats.numbered import FEWEST, MOST, numbered, texts_of
 from gamms.recorder.formats.plain_cbor import Damaged, PlainReader, refuse_alike
+from gamms.text import shown
 
 _FEW_KEYS = 1 << 9  # that may all have the same hash and take no time
 MOST_DEPTH = 32  # containers in each other

@@ -1,0 +1,44 @@
+"""Values and texts of any origin in a form that is safe to read: bounded, and without control characters."""
+
+import re
+from reprlib import Repr
+
+_LONG = 200  # bits
+_CONTROLS = re.compile(  # C0 but the line feed, C1, marks of direction, breaks of lines, tags, halves of pairs
+    "[\x00-\x09\x0b-\x1f\x7f-\x9f\u00ad\u061c\u180e\u200b\u200e\u200f\u2028-\u202e\u2060-\u206f\ufeff\ufff9-\ufffb"
+    "\ud800-\udfff\U000e0000-\U000e0fff]"
+)
+
+
+class _Bounded(Repr):
+    """Knows integers that Python refuses to write out, which have more than 4,300 digits."""
+
+    def repr_int(self, value: int, level: int) -> str:
+        """An integer, or how long it is."""
+        if value.bit_length() <= _LONG:
+            return super().repr_int(value, level)
+        return f"<an integer of {value.bit_length()} bits>"
+
+
+_bounded = _Bounded()
+_bounded.maxstring = _bounded.maxlong = _bounded.maxother = 80
+
+
+def shown(value: object) -> str:
+    """Return the `repr` of a value, shortened to what a message can hold; it never raises."""
+    return printable(_bounded.repr(value)).replace("\n", " ")
+
+
+def printable(text: str) -> str:
+    r"""Return a text that a terminal can print: control characters but the line feed become escapes such as \u001b."""
+    return _CONTROLS.sub(lambda found: _escaped(found.group()), text)
+
+
+def printable_line(text: str) -> str:
+    r"""Return a text as `printable` does, and on one line: line feeds become \n."""
+    return printable(text).replace("\n", "\\n")
+
+
+def _escaped(character: str) -> str:
+    code = ord(character)
+    return f"\\u{code:04x}" if code < 1 << 16 else f"\\U{code:08x}"
