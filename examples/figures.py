@@ -22,7 +22,7 @@ CENTER = (386045.0, 6672330.0)  # of Helsinki, metres in EPSG:32635
 
 def a_city(folder):
     """The roads of a city as a graph: every junction is a node, coloured by how far away it is."""
-    with gamms.create_context(seed=1, logger_config={"level": "WARNING"}) as ctx:
+    with gamms.create_context(seed=1) as ctx:
         gamms.osm.helsinki(ctx, resolution=60.0)
         start = ctx.graph.nearest_node(*CENTER)
         ctx.visual.set_graph_visual(node_size=0.0, edge_color=(110, 114, 120))
@@ -33,7 +33,7 @@ def a_city(folder):
 
 def a_grid_world(folder):
     """A grid with walls, two teams, and what one of them sees."""
-    with gamms.create_context(seed=3, logger_config={"level": "WARNING"}) as ctx:
+    with gamms.create_context(seed=3) as ctx:
         ctx.graph.attach_networkx_graph(gamms.graph.grid(9, 14))
         for i, (x0, y0, x1, y1) in enumerate([(45, 15, 45, 45), (85, 35, 85, 75), (85, 35, 105, 35), (15, 55, 35, 55)]):
             ctx.graph.add_obstacle_face(i, (x0, y0, 5), (x1, y1, 5), (x0, y0, 0), (x1, y1, 0), 1)
@@ -56,7 +56,7 @@ def a_grid_world(folder):
 
 def capture_the_flag(folder):
     """Two territories with a flag each, one of which is carried home."""
-    with gamms.create_context(seed=11, logger_config={"level": "WARNING"}) as ctx:
+    with gamms.create_context(seed=11) as ctx:
         gamms.osm.helsinki(ctx, resolution=30.0)
         low, high = ctx.graph.columns().xy.min(axis=0), ctx.graph.columns().xy.max(axis=0)
         bases = {"red": low + (0.3, 0.2) * (high - low), "blue": low + (0.6, 0.8) * (high - low)}
@@ -102,7 +102,7 @@ def is_worth_seeing(ctx):
 
 def from_the_air(folder):
     """A drone over agents on the ground: its field of view, and whom it sees there."""
-    with gamms.create_context(seed=4, logger_config={"level": "WARNING"}) as ctx:
+    with gamms.create_context(seed=4) as ctx:
         gamms.osm.helsinki(ctx, resolution=15.0)
         camera = ctx.sensor.create_sensor("camera", SensorType.AERIAL_AGENT, sensor_range=170.0, team="runners")
         nearby = np.hypot(*(ctx.graph.columns().xy - CENTER).T) < 260.0

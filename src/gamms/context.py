@@ -32,7 +32,6 @@ if TYPE_CHECKING:
     from gamms.recorder import Recorder
 
 _LEVELS = ("DEBUG", "INFO", "WARNING", "ERROR", "CRITICAL")
-_announced: dict[str, int] = {}  # the level that was announced last
 _LOGGER_VERBS = ("debug", "info", "warning", "error", "critical", "setLevel")
 
 
@@ -224,7 +223,7 @@ class Context(IContext):
                 closing.callback(_terminate, getattr(self, room))
             recorder = self._recorder
             if recorder is not None and getattr(recorder, "is_open", recorder.record()):
-                closing.callback(recorder.stop)
+                closing.callback(getattr(recorder, "close", recorder.stop))
 
     def _repr_png_(self) -> bytes | None:
         """The present state, for notebooks; None where it cannot be drawn as PNG."""
@@ -252,7 +251,14 @@ class Context(IContext):
     def __exit__(
         self, kind: type[BaseException] | None, error: BaseException | None, trace: TracebackType | None
     ) -> None:
-        self.terminate()
+        try:
+            self.terminate()
+        except Exception as failure:
+            if error is None:
+                raise
+            # What ended the block is what its author must see; a full disk must not take its place.
+            self.logger.error(f"The context could not be closed properly: {failure}")  # noqa: TRY400 - an `ILogger`
+            error.add_note(f"The context could not be closed properly either: {failure}")
 
 
 def create_context(
@@ -344,7 +350,4 @@ def _configured_logger(config: dict[str, Any]) -> logging.Logger:
     logging.basicConfig(**{**config, "level": level})
     logger = logging.getLogger("gamms")
     logger.setLevel(level)
-    if _announced.get("level") != logger.level:  # once, not in each of ten thousand games
-        _announced["level"] = logger.level
-        logger.info(f"GAMMS logs from level {logger.level} ({logging.getLevelName(logger.level)}) on.")
     return logger

@@ -54,6 +54,16 @@ def test_an_error_in_a_with_statement_ends_the_context_and_goes_on():
     assert ctx.is_terminated()
 
 
+def test_an_error_in_a_with_statement_is_not_hidden_by_one_while_closing(listener):
+    ctx = built_by_hand([], fails=["graph_engine"])
+    ctx.logger = listener
+    with pytest.raises(ZeroDivisionError) as caught, ctx:
+        _ = 1 / 0
+    assert ctx.is_terminated()
+    assert caught.value.__notes__ == ["The context could not be closed properly either: graph_engine"]
+    assert len(listener.heard) == 1
+
+
 def test_the_recorder_stops_first_and_the_graph_is_written_before_the_stores_close():
     notes = []
     ctx = built_by_hand(notes)

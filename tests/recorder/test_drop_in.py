@@ -202,9 +202,17 @@ def test_nothing_is_written_while_paused(ctx, version):
 
 
 @VERSIONS
-def test_a_paused_recording_can_be_stopped_at_once(ctx, version):
-    data = recorded(lambda ctx: (a_game(ctx), ctx.record.pause()), ctx, version=version)
-    assert replayed(data, empty_or_grid(version))[1][-1]["opCode"] == TERMINATE
+def test_a_paused_recording_is_stopped_after_it_goes_on(ctx, version):
+    stream = io.BytesIO()
+    ctx.record.start(stream, version=version)
+    a_game(ctx)
+    ctx.record.pause()
+    with pytest.raises(RuntimeError, match="paused"):
+        ctx.record.stop()
+    assert ctx.record.is_open
+    ctx.record.play()
+    ctx.record.stop()
+    assert replayed(stream.getvalue(), empty_or_grid(version))[1][-1]["opCode"] == TERMINATE
 
 
 # -- write, event, time ---------------------------------------------------------------------------------------------

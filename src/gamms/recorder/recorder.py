@@ -96,7 +96,7 @@ class Recorder(IRecorder):
         if self.ctx.is_terminated():
             return
         if self._session is not None and self._session.has_failed:
-            self.stop()
+            self.close()
         if self._session is not None:
             raise RecorderBusy("A recording is being written already. Call ctx.record.stop() first.")
         options = _checked_options(version, created, provenance)
@@ -123,15 +123,27 @@ class Recorder(IRecorder):
         """End the recording and close its file.
 
         Raises:
-            RecorderBusy (RuntimeError): none is being written.
+            RecorderBusy (RuntimeError): none is being written, or it is paused.
             RecordingError: it cannot be written to its end; what was written stays readable.
+        """
+        if self._session is None:
+            if self.ctx.is_terminated():
+                return
+            raise RecorderBusy("No recording is being written. Call ctx.record.start(path) first.")
+        if self._session.is_paused:
+            raise RecorderBusy("The recording is paused. Call ctx.record.play() first, or terminate the context.")
+        self.close()
+
+    def close(self) -> None:
+        """End the recording if there is one, paused or not, and close its file.
+
+        Raises:
+            RecordingError: see `stop`.
         """
         self._end_copying()
         session = self._session
         if session is None:
-            if self.ctx.is_terminated():
-                return
-            raise RecorderBusy("No recording is being written. Call ctx.record.start(path) first.")
+            return
         self._session = None
         try:
             session.close()
