@@ -10,6 +10,7 @@ from hypothesis import strategies as st
 from gamms import kernels
 from gamms.errors import BadType, BadValue, ContextTerminated
 from gamms.graph.obstacles import Obstacles, checked_face, checked_faces
+from gamms.sensor import SensorType
 from gamms.typing.obstacles import IObstacles
 
 
@@ -41,6 +42,28 @@ def test_an_observer_on_a_wall_sees_only_along_it(ctx):
     targets = [(x, y, 1.6) for x in (0, 1, 2) for y in (-1, 0, 1)]
     seen = ctx.graph.visible((1, 0, 1.6), targets)
     assert [target[:2] for target, is_seen in zip(targets, seen, strict=True) if is_seen] == [(1, -1), (1, 0), (1, 1)]
+
+
+def test_nodes_at_the_ends_of_walls_are_hidden_from_every_kind_of_look(ctx):
+    """The observer is node 0, with a wall from node 2k - 1 to node 2k."""
+    ends = [((k / 7, 1.1 + k), (5.3 + k, k + 1 / 3)) for k in range(1, 40)]
+    places = [(-4.0, -3.0), *(place for pair in ends for place in pair)]
+    ctx.graph.add_nodes(range(79), *zip(*places, strict=True))
+    ctx.graph.add_obstacles([[(*a, 9), (*b, 9), (*a, 0), (*b, 0)] for a, b in ends])
+    for node in range(1, 79):
+        ctx.agent.create_agent(f"at {node}", start_node_id=node)
+    there = [(*place, 1.6) for place in places]
+    assert not ctx.graph.visible(there[0], there[1:]).any()
+    assert not any(ctx.graph.visible(place, there[:1]).any() for place in there[1:])
+    nodes, agents = (
+        ctx.sensor.create_sensor(str(kind), kind) for kind in (SensorType.OCCLUDED_MAP, SensorType.OCCLUDED_AGENT)
+    )
+    nodes.sense(0)
+    agents.sense(0)
+    assert set(nodes.data["nodes"]) == {0}
+    assert not agents.data
+    table = ctx.graph.visibility(500.0, path=False)
+    assert table.from_node(0).tolist() == [0]
 
 
 def test_there_may_be_nothing_to_look_at(any_ctx):

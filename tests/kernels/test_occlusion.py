@@ -2,11 +2,12 @@
 
 import json
 import math
+from fractions import Fraction
 from pathlib import Path
 
 import numpy as np
 import pytest
-from hypothesis import example, given, settings
+from hypothesis import assume, example, given, settings
 from hypothesis import strategies as st
 
 from gamms import kernels
@@ -112,10 +113,97 @@ def test_numbers_too_large_to_multiply_block_nothing_and_warn_of_nothing(huge):
     assert is_blocked(HOME, EAST, wall((5, -1e9), (5, 1e9)))
 
 
-def test_every_line_is_answered_as_by_the_original():
+# -- ends on a face -----------------------------------------------------------------------------------------------
+
+
+def exact_blocks(origin, target, face):
+    """What `blocks` would answer without rounding, of the decimals that were meant."""
+    origin, target, *corners = ([Fraction(f"{x:.6f}") for x in point] for point in (origin, target, *face))
+    tr, tl, br, bl = corners
+    return any(exact_hits(origin, target, *three) for three in ((tl, tr, br), (tl, br, bl)))
+
+
+def exact_hits(origin, target, a, b, c):
+    line, to_observer, first, second = (minus(*two) for two in ((target, origin), (origin, a), (b, a), (c, a)))
+    across, turned = cross(line, second), cross(to_observer, first)
+    det = dot(first, across)
+    u, v, t = (dot(*two) * (1 if det > 0 else -1) for two in ((to_observer, across), (line, turned), (second, turned)))
+    return det != 0 and min(u, v, t) >= 0 and max(u + v, t) <= abs(det)
+
+
+def minus(a, b):
+    return [x - y for x, y in zip(a, b, strict=True)]
+
+
+def cross(a, b):
+    return [a[1] * b[2] - a[2] * b[1], a[2] * b[0] - a[0] * b[2], a[0] * b[1] - a[1] * b[0]]
+
+
+def dot(a, b):
+    return sum(x * y for x, y in zip(a, b, strict=True))
+
+
+def test_every_line_is_answered_as_without_rounding():
+    expected = [exact_blocks(*case[:3]) for case in ANSWERS]
     origins, targets, corners = (np.array([case[i] for case in ANSWERS]) for i in range(3))
-    assert kernels.blocks(origins, targets, corners).tolist() == [case[3] for case in ANSWERS]
-    assert [is_blocked(*case[:3]) for case in ANSWERS] == [case[3] for case in ANSWERS]
+    assert kernels.blocks(origins, targets, corners).tolist() == expected
+    assert [is_blocked(*case[:3]) for case in ANSWERS] == expected
+
+
+def test_a_line_that_the_original_finds_blocked_is_blocked():
+    assert all(is_blocked(*case[:3]) for case in ANSWERS if case[3])
+
+
+tenths = st.integers(-60, 60).map(lambda n: n / 10)
+places = st.tuples(tenths, tenths)
+
+
+@given(
+    places, places, places, places, st.sampled_from([0.2, 1.6, 3.0]), st.sampled_from([(0, 0), (385_000, 6_670_000)])
+)
+@settings(max_examples=300, deadline=None, derandomize=True)
+def test_lines_between_decimal_places_are_answered_as_without_rounding(a, b, origin, target, z, offset):
+    a, b, origin, target = ((x + offset[0], y + offset[1]) for x, y in (a, b, origin, target))
+    face = wall(a, b, 0.2, 3.0)
+    assert is_blocked((*origin, z), (*target, z), face) is exact_blocks((*origin, z), (*target, z), face)
+
+
+thirds = st.floats(-60, 60, width=32).map(lambda x: x / 3)
+thirds_places = st.tuples(thirds, thirds)
+
+
+@given(
+    thirds_places,
+    thirds_places,
+    thirds_places,
+    st.one_of(st.sampled_from([0.0, 1.0]), st.floats(0.0, 1.0)),
+    st.sampled_from([0.0, 1.6, 4.0]),
+    st.sampled_from([(0.0, 0.0), (385_000.1, 6_670_000.7)]),
+)
+@example((1 / 7, 1.1), (5.3, 1 / 3), (-4.0, -3.0), 0.0, 1.6, (0.0, 0.0))
+@settings(max_examples=300, deadline=None, derandomize=True)
+def test_who_is_on_a_wall_neither_sees_nor_is_seen(a, b, other, share, z, offset):
+    a, b, other = (np.add(place, offset) for place in (a, b, other))
+    on_it = a if share == 0.0 else b if share == 1.0 else a + (b - a) * share
+    way, line = b - a, other - on_it
+    area = abs(way[0] * line[1] - way[1] * line[0])
+    assume(math.hypot(*way) > 0.1 and area > 1e-3 * math.hypot(*way) * math.hypot(*line))
+    face = wall(a.tolist(), b.tolist())
+    assert is_blocked((*other, z), (*on_it, z), face)
+    assert is_blocked((*on_it, z), (*other, z), face)
+
+
+@given(thirds_places, thirds_places, st.floats(0.0, 1.0), st.floats(0.1, 3.0))
+@settings(max_examples=200, deadline=None, derandomize=True)
+def test_a_tenth_of_a_millimetre_in_front_of_a_wall_one_is_seen(a, b, share, angle):
+    a, b = np.add(a, (385_000.1, 6_670_000.7)), np.add(b, (385_000.1, 6_670_000.7))
+    way = b - a
+    assume(math.hypot(*way) > 0.1)
+    way /= math.hypot(*way)
+    ahead = np.array([-way[1], way[0]])
+    near = a + (b - a) * share + 1e-4 * ahead
+    far = near + 30.0 * (math.sin(angle) * ahead + math.cos(angle) * way)
+    assert not is_blocked((*far, 1.6), (*near, 1.6), wall(a.tolist(), b.tolist()))
 
 
 # -- the fast form ----------------------------------------------------------------------------------------------

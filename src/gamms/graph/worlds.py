@@ -38,7 +38,7 @@ class World:
 
     def key(self, radius: float, observer_height: float) -> bytes:
         """32 bytes that are others for another world, radius or height."""
-        parts = b"gamms sight 1", self._nodes, self._faces, pack("<dd", radius, observer_height)
+        parts = b"gamms sight 2", self._nodes, self._faces, pack("<dd", radius, observer_height)
         return sha256(b"".join(parts)).digest()
 
     def _revisions_now(self) -> tuple[int, int]:

@@ -2,7 +2,8 @@
 
 The corners of a quadrangle are in the order of `ir.obstacles`: top right, top left, bottom right, bottom left. It is
 the triangles (top left, top right, bottom right) and (top left, bottom right, bottom left), each tested as Möller and
-Trumbore do ("Fast, minimum storage ray/triangle intersection", 1997), all rims included. A sight line that runs along
+Trumbore do ("Fast, minimum storage ray/triangle intersection", 1997), all rims included: a line that touches a triangle
+within the rounding of the coordinates is blocked, and so is one that begins or ends on it. A sight line that runs along
 a triangle passes it; so does one of no length.
 """
 
@@ -16,6 +17,8 @@ from gamms.kernels.csr import expand_ranges
 
 _LEAST = 1e-9  # determinants below are of lines along the triangle
 _GRAIN = 1e-11  # and so are those below this share of |line| * size ** 2: they are rounding
+_ROUNDING = 2.0**-48  # products of three differences are exact to this share of the product of their lengths
+_MOST_SLACK = 1e-5  # what rounding leaves open, at most, as a share of the face and of the line
 # With determinants above `_GRAIN`, rounding moves the point of intersection by less than this share of the distance
 # between observer and face plus twice the size of the face (docs/decisions/0009); the fast form widens faces by it.
 _BLUR = 1e-3
@@ -86,24 +89,31 @@ def _blocks(origins: FloatArray, targets: FloatArray, corners: FloatArray) -> Bo
     second = corners[:, 2:4] - corners[:, 1:2]
     across = _cross(line, second)
     det = _dot(first, across)
-    scale = 1.0 / det
-    u = scale * _dot(to_observer, across)
+    sign = np.copysign(1.0, det)
+    u = sign * _dot(to_observer, across)  # this and what follows times the determinant
     turned = _cross(to_observer, first)
-    v = scale * _dot(line, turned)
-    t = scale * _dot(second, turned)
-    inside = (np.minimum(np.minimum(u, v), t) >= 0.0) & (np.maximum(np.maximum(u, u + v), t) <= 1.0)
+    v = sign * _dot(line, turned)
+    t = sign * _dot(second, turned)
     det = np.abs(det)
-    inside &= (det >= _least_determinant(line, corners)) & (det < np.inf)
+    size, length = _extent(corners[:3].max(axis=1) - corners[:3].min(axis=1)), _extent(line[:, 0])
+    missed_by = np.maximum(np.maximum(u + v, t) - det, -np.minimum(np.minimum(u, v), t))
+    inside = missed_by <= _MOST_SLACK * det
+    inside &= (det >= np.maximum(_GRAIN * length * size * size, _LEAST)) & (det < np.inf)
+    is_close = inside & (missed_by > 0.0)
+    if is_close.any():
+        far = 2.0 * _extent(origins) + _extent(to_observer[:, 0]) + size
+        doubt = np.minimum(_ROUNDING * far * size, _MOST_SLACK * det / (length + size))
+        is_beside = np.maximum(u + v - det, -np.minimum(u, v)) > doubt * length
+        inside &= ~(is_beside | (np.maximum(t - det, -t) > doubt * size))
     blocked: BoolArray = inside[0] | inside[1]
     return blocked
 
 
-def _least_determinant(line: FloatArray, corners: FloatArray) -> FloatArray:
-    size = corners[:3].max(axis=1) - corners[:3].min(axis=1)
-    size = size[0] + size[1] + size[2]
-    length = np.abs(line[:3, 0])
-    least: FloatArray = np.maximum(_GRAIN * (length[0] + length[1] + length[2]) * size * size, _LEAST)
-    return least
+def _extent(vectors: FloatArray) -> FloatArray:
+    """The lengths of vectors as sums over the axes."""
+    lengths = np.abs(vectors[:3])
+    added: FloatArray = lengths[0] + lengths[1] + lengths[2]
+    return added
 
 
 def _cross(a: FloatArray, b: FloatArray) -> FloatArray:
