@@ -1,8 +1,18 @@
 """Agents on the ground that go more than one edge in a turn, or less."""
 
-import pytest
+from fractions import Fraction
+from itertools import pairwise
 
+import pytest
+from hypothesis import given, settings
+from hypothesis import strategies as st
+
+import gamms
 from gamms.errors import NoPath
+from gamms.strategies import goto
+
+LAWS = settings(max_examples=60, deadline=None, derandomize=True)
+SPEEDS = ["0", "0.1", "0.3", "0.5", "1", "1.1", "1.5", "2.75", "3"]
 
 
 def places(agent, result):
@@ -41,19 +51,19 @@ def test_legal_are_the_nodes_in_reach_own_node_first(ctx, play):
     assert sorted(agent.seen[0]["legal"]) == [0, 1, 2, 4, 5, 8]
 
 
-def test_left_over_metres_carry_over_while_the_way_goes_on(ctx, play):
+def test_a_part_of_an_edge_counts_while_the_way_goes_on(ctx, play):
     ctx.game.speed_unit = "metres"
     agent = play("a", 0, *[3] * 6, speed=7.0)
     assert places(agent, ctx.game.run(6)) == [0, 0, 1, 2, 2, 3, 3]
     assert sorted(agent.seen[0]["legal"]) == [0, 1, 4]  # those next to it are, even if they are too far for now
 
 
-def test_who_arrives_or_stays_has_no_metres_left(ctx, play):
+def test_an_agent_that_arrives_or_stays_has_nothing_left(ctx, play):
     ctx.game.speed_unit = "metres"
     agent = play("a", 0, 1, 1, 2, 2, speed=15.0)
     result = ctx.game.run(4)
     assert places(agent, result) == [0, 1, 1, 2, 2]
-    assert agent._columns.carry == [0.0]
+    assert agent._columns.progress == [None]
 
 
 def test_a_speed_of_zero_stays_and_an_endless_one_goes_anywhere(ctx, play):
@@ -83,3 +93,164 @@ def test_an_impossible_speed_is_named_when_the_game_begins(ctx, play, speed):
     play("a", 0, 1, speed=speed)
     with pytest.raises((ValueError, TypeError), match="speed of agent 'a'"):
         ctx.game.step()
+
+
+# -- parts of edges ---------------------------------------------------------------------------------------------
+
+
+def walk_along(lengths, speed, unit, turns, target=None):
+    """The positions, turn by turn, of an agent that goes along a road with edges of these lengths."""
+    with gamms.create_context(seed=1, logger_config={"level": "CRITICAL"}, game={"speed_unit": unit}) as ctx:
+        nodes = range(len(lengths) + 1)
+        ctx.graph.add_nodes(nodes, nodes, [0] * len(nodes))
+        ctx.graph.add_edges(range(len(lengths)), nodes[:-1], nodes[1:], lengths)
+        agent = ctx.agent.create_agent("a", start_node_id=0, speed=float(speed), strategy=goto(ctx, nodes[-1]))
+        found = []
+        for _ in range(turns):
+            ctx.game.step()
+            found.append(agent.current_node_id)
+        return found
+
+
+def test_half_an_edge_a_turn_moves_every_second_turn_and_one_and_a_half_moves_one_two_one_two():
+    assert walk_along([10.0] * 9, 0.5, "edges", 6) == [0, 1, 1, 2, 2, 3]
+    assert walk_along([10.0] * 9, 1.5, "edges", 4) == [1, 3, 4, 6]
+    assert walk_along([10.0] * 3, 0.1, "edges", 30)[8::10] == [0, 1, 2]
+    assert walk_along([10.0] * 3, 0.1, "edges", 30)[9::10] == [1, 2, 3]
+
+
+@LAWS
+@given(
+    lengths=st.lists(st.sampled_from([0.25, 1.0, 2.5, 7.0, 40.0]), min_size=1, max_size=12),
+    speed=st.sampled_from(SPEEDS),
+    unit=st.sampled_from(["edges", "metres"]),
+)
+def test_on_the_way_to_one_node_nothing_is_lost_or_gained(lengths, speed, unit):
+    costs = [Fraction(1) if unit == "edges" else Fraction(length) for length in lengths]
+    ends = [sum(costs[:i]) for i in range(len(costs) + 1)]
+    for turn, node in enumerate(walk_along(lengths, speed, unit, 20), 1):
+        assert node == max(i for i, end in enumerate(ends) if end <= turn * Fraction(speed))
+
+
+def test_metres_cannot_be_banked(ctx, play):
+    ctx.game.speed_unit = "metres"
+    ctx.graph.graph.add_node({"id": 99, "x": 0.0, "y": -5000.0})
+    ctx.graph.graph.add_edge({"id": 999, "source": 0, "target": 99, "length": 5000.0})
+    agent = play("a", 0, *[99] * 15, 3, 3, speed=10.0)
+    assert places(agent, ctx.game.run(17))[-3:] == [0, 1, 2]
+
+
+def set_elsewhere(ctx, agent):
+    agent.state["action"] = 2  # an edge leads from there to the same node
+    agent.set_state()
+
+
+@pytest.mark.parametrize("unit", ["edges", "metres"])
+@pytest.mark.parametrize(
+    "lapse",
+    [
+        set_elsewhere,
+        lambda ctx, agent: setattr(agent, "current_node_id", 5),
+        lambda ctx, agent: ctx.game.respawn(agent),
+        lambda ctx, agent: (ctx.game.eliminate(agent), setattr(agent, "alive", True)),
+        lambda ctx, agent: ctx.graph.graph.remove_edge(edge_of(ctx, 5, 6)),
+    ],
+    ids=["set elsewhere", "set there", "respawned", "out of the game", "edge gone"],
+)
+def test_a_part_of_an_edge_lapses_unless_the_agent_goes_on(ctx, play, unit, lapse):
+    ctx.game.speed_unit = unit
+    agent = play("a", 5, *[6] * 4, speed=0.5 if unit == "edges" else 5.0)
+    ctx.game.run(2)
+    assert agent.current_node_id == 6
+    ctx.game.reset()
+    ctx.game.step()
+    lapse(ctx, agent)
+    ctx.game.step()
+    assert agent.current_node_id != 6
+
+
+def edge_of(ctx, source, target):
+    """The id of the edge between two nodes."""
+    edges = map(ctx.graph.graph.get_edge, ctx.graph.graph.get_edges())
+    return next(edge.id for edge in edges if (edge.source, edge.target) == (source, target))
+
+
+@pytest.mark.parametrize("second", [5, 4, [5, 5, 6], 99], ids=["stays", "turns", "waits", "an illegal action"])
+def test_an_agent_that_stays_or_turns_begins_its_edge_again(ctx, play, second):
+    agent = play("a", 5, 6, second, 6, 6, 6, speed=0.5)
+    assert places(agent, ctx.game.run(4)) == [5, 5, 5, 5, 6]
+
+
+def test_an_agent_that_is_blocked_begins_its_edge_again(ctx, play):
+    ctx.game.conflicts = gamms.rules.Conflicts(1)
+    agent = play("a", 5, *[6] * 5, speed=0.75)
+    play("b", 6, 6, 6, 7)
+    assert places(agent, ctx.game.run(5)) == [5, 5, 5, 5, 6, 6]
+
+
+def test_a_target_is_walked_to_on_the_edge_that_was_begun_where_that_is_as_short(ctx, play):
+    agent = play("a", 0, [4, 8], 5, speed=1.5)  # two edges lead to 5: by 1, the lowest id, and by 4
+    assert places(agent, ctx.game.run(1)) == [0, 4]
+    ctx.game.reset()
+    agent = play("b", 0, [4], 5, 5, speed=0.75)
+    ctx.game.run(2)
+    assert agent.seen[1]["legal"] == (0, 1, 4)
+    assert ctx.game.moves["b"].path == (0, 4)
+
+
+def test_legal_has_what_the_part_of_an_edge_brings_into_reach(ctx, play):
+    agent = play("a", 0, [4, 8, 12], [4, 8, 12], 12, speed=0.5)
+    other = play("b", 0, [1, 2, 3], [2, 3], speed=1.5)
+    ctx.game.run(3)
+    assert sorted(agent.seen[1]["legal"]) == [0, 1, 4]
+    assert sorted(other.seen[0]["legal"]) == [0, 1, 4]
+    assert sorted(other.seen[1]["legal"]) == [0, 1, 2, 3, 5, 6]  # on from 2, and not from 0 or 5
+
+
+@st.composite
+def walks(draw):
+    """A small graph with lengths, and what an agent does on it."""
+    size = draw(st.integers(2, 6))
+    node = st.integers(0, size - 1)
+    edges = draw(st.lists(st.tuples(node, node), min_size=1, max_size=14))
+    lengths = draw(st.lists(st.sampled_from([0.0, 0.5, 1.0, 3.0]), min_size=len(edges), max_size=len(edges)))
+    actions = draw(st.lists(st.one_of(node, st.lists(node, max_size=4)), min_size=1, max_size=12))
+    return size, edges, lengths, actions
+
+
+@LAWS
+@given(walk=walks(), speed=st.sampled_from(SPEEDS), unit=st.sampled_from(["edges", "metres"]))
+def test_no_agent_ever_covers_more_than_its_speed(walk, speed, unit):
+    """In any turns in a row at most speed times turns, and the part of an edge that was covered before them."""
+    size, edges, lengths, actions = walk
+    speed = float(speed)
+    with gamms.create_context(seed=1, logger_config={"level": "CRITICAL"}, game={"speed_unit": unit}) as ctx:
+        ctx.graph.add_nodes(range(size), range(size), [0] * size)
+        ctx.graph.add_edges(range(len(edges)), [a for a, _ in edges], [b for _, b in edges], lengths)
+
+        def strategy(state):
+            state["action"] = actions[state["turn"]]
+
+        agent = ctx.agent.create_agent("a", start_node_id=0, speed=speed, strategy=strategy)
+
+        def cost(source, target):
+            if unit == "edges" or source == target:
+                return float(source != target)
+            return min(length for edge, length in zip(edges, lengths, strict=True) if edge == (source, target))
+
+        covered, before = [], [0.0]
+        for action in actions:
+            here = agent.current_node_id
+            ctx.game.step()
+            covered.append(sum(cost(*pair) for pair in pairwise(ctx.game.moves["a"].path)))
+            progress = agent._columns.progress[0]
+            before.append(progress.share * cost(progress.source, progress.target) if progress else 0.0)
+            assert progress is None or (progress.source == agent.current_node_id and 0.0 < progress.share < 1.0)
+            if isinstance(action, int):  # a target: what is legal is what can be reached
+                legal, near = agent.state["legal"], ctx.graph.graph.neighborhoods[here]
+                assert action not in legal or action in near or agent.current_node_id == action
+                assert action in legal or agent.current_node_id != action
+        for begin in range(len(covered)):
+            for end in range(begin + 1, len(covered) + 1):
+                most = speed * (end - begin) + before[begin]
+                assert sum(covered[begin:end]) + before[end] <= most * (1.0 + 1e-8)

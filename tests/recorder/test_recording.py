@@ -266,7 +266,6 @@ def blank(agents):
         "previous_position": np.full((agents, 3), np.nan),
         "quat": np.full((agents, 4), np.nan),
         "alive": np.ones(agents, np.int64),
-        "carry": np.zeros(agents),
         "teams": [None] * agents,
         "speed": [None] * agents,
         "sensors": [{} for _ in range(agents)],

@@ -201,6 +201,52 @@ def test_flyers_and_agents_with_speed_go_on():
     assert_goes_on_from_anywhere(make, turns=15)
 
 
+@pytest.mark.parametrize(("unit", "speeds"), [("edges", (0.5, 1.5, 0.3)), ("metres", (4.0, 13.0, 25.0))])
+def test_parts_of_edges_go_on_from_any_turn(unit, speeds):
+    def wander(state):
+        state["action"] = 63 if state["rng"].random() < 0.7 else state["legal"][-1]
+
+    def make():
+        ctx = context()
+        ctx.game.speed_unit = unit
+        for i, speed in enumerate(speeds):
+            add_team(ctx, f"team_{i}", (i, 8 * i), goto(ctx, 63) if i else wander, speed=speed)
+        return ctx
+
+    recording = played(make(), 14)
+    for turn in range(14):
+        assert_goes_on(recording, recording.resume(turn, ctx=make()), turn)
+    with recording.resume(5, ctx=make()) as ctx:
+        ends = []
+        for _ in range(2):
+            ctx.game.run(3)
+            ends.append([agent.current_node_id for agent in ctx.agent.create_iter()])
+            ctx.game.reset()
+        assert ends[0] == ends[1] == recording[8].agents["node"].tolist()
+
+
+def test_an_agent_that_was_set_elsewhere_between_turns_has_begun_no_edge_there():
+    def make():
+        ctx = context()
+        add_team(ctx, "red", (0,), goto(ctx, 2), speed=0.5)
+        return ctx
+
+    stream = io.BytesIO()
+    with make() as ctx:
+        ctx.record.start(stream)
+        ctx.game.step()
+        agent = ctx.agent.get_agent("red_0")
+        agent.state["action"] = 9
+        agent.set_state()
+        ctx.visual.simulate()
+        ctx.game.run(3)
+        ctx.record.stop()
+    recording = opened(stream)
+    with recording.resume(2, ctx=make()) as ctx:
+        ctx.game.run(3)
+        assert ctx.agent.get_agent("red_0").current_node_id == recording[5].agents["node"][0]
+
+
 @pytest.mark.parametrize("example", ["grid_world", "capture_the_flag", "air_and_ground"])
 def test_the_games_of_the_examples_go_on(example, monkeypatch, capsys, tmp_path):
     monkeypatch.chdir(tmp_path)  # where they leave their pictures

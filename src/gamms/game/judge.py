@@ -1,6 +1,7 @@
 """What an action means: where it leads, by which way, and whether it is legal."""
 
-from math import inf
+from collections.abc import Iterable
+from math import floor, inf
 from typing import TYPE_CHECKING, Any, NamedTuple
 
 import numpy as np
@@ -9,12 +10,12 @@ from gamms.arguments import as_int
 from gamms.errors import BadType, BadValue, GammsError, NoPath, UnknownName
 from gamms.game.checks import as_heading, flight
 from gamms.game.seats import Seat
-from gamms.ir.agents import Position, Quat
+from gamms.ir.agents import Position, Progress, Quat
 
 if TYPE_CHECKING:
     from gamms.game.game import Game
 
-_SLACK = 1e-9  # of the metres of a turn: a way that is as long as these must not fail by rounding
+_SLACK = 1e-9  # of the edges or metres of a turn: a way that is as long as these must not fail by rounding
 
 
 class Plan(NamedTuple):
@@ -23,7 +24,8 @@ class Plan(NamedTuple):
     end: int  # node id
     path: tuple[int, ...]  # node ids, from where it is to the end
     heading: Any = ()  # (cos, sin) to face from now on, None to follow moves again; () leaves it
-    carry: float = 0.0  # metres left over
+    times: tuple[float, ...] = ()  # when it is at each node of the path, from 0 to 1; (): evenly
+    progress: Progress | None = None  # along the edge behind the end of the path
     position: Position | None = None  # of a flyer
     quat: Quat | None = None
 
@@ -49,17 +51,20 @@ def judged(game: "Game", seat: Seat, here: int, action: Any) -> Plan:
         way, is_route = _checked_way(game, here, action), True
     else:
         way, is_route = [_node(game, action)], False
-    end, path, carry = _walk(game, seat, here, way, is_route=is_route)
-    return Plan(end, path, heading, carry)
+    plan = _walk(game, seat, here, way, is_route=is_route)
+    return plan if heading == () else plan._replace(heading=heading)
 
 
 def reach(game: "Game", seat: Seat, here: int) -> tuple[int, ...]:
     """Where an agent may go: its own node, the next ones, and those that its speed takes it to in this turn."""
-    graph, budget = game.ctx.graph.graph, _budget(game, seat)
+    graph = game.ctx.graph.graph
     if game.legal == "any":
         return (here, *(id for id in graph.get_nodes() if id != here))
-    weight = "length" if game.speed_unit == "metres" else None
-    near = graph.distances(source=here, weight=weight, cutoff=budget if budget < inf else None)
+    speed = seat.speed or 0.0
+    near: Iterable[int] = _around(game, here, _limit(speed))
+    begun, covered = _begun(game, seat, here)
+    if begun is not None:
+        near = (*near, *_around(game, begun, _limit(speed + covered) - _cost(game, here, begun)))
     return tuple(dict.fromkeys((*graph.neighborhoods[here], *near)))
 
 
@@ -85,44 +90,95 @@ def _checked_way(game: "Game", here: int, action: Any) -> list[int]:
     return way
 
 
-def _walk(game: "Game", seat: Seat, here: int, way: list[int], *, is_route: bool) -> tuple[int, tuple[int, ...], float]:
-    """Where the way, or the shortest path to its one node, leads in this turn: end, path, metres left over."""
+def _walk(game: "Game", seat: Seat, here: int, way: list[int], *, is_route: bool) -> Plan:
+    """Where the way, or the shortest path to its one node, leads in this turn."""
     if not way or (way == [here] and not is_route):
-        return here, (here,), 0.0
-    graph = game.ctx.graph.graph
+        return Plan(here, (here,))
     if game.legal == "any":
-        return way[-1], (here, *way), 0.0
+        return Plan(way[-1], (here, *way))
     if seat.speed is None:
-        if len(way) > 1 or way[0] not in graph.neighborhoods[here]:
-            raise BadValue(f"Node {way[-1]} is not next to node {here}; legal are {list(graph.neighborhoods[here])}.")
-        return way[0], (here, way[0]), 0.0
-    weight = "length" if game.speed_unit == "metres" else None
+        near = game.ctx.graph.graph.neighborhoods[here]
+        if len(way) > 1 or way[0] not in near:
+            raise BadValue(f"Node {way[-1]} is not next to node {here}; legal are {list(near)}.")
+        return Plan(way[0], (here, way[0]))
+    begun, covered = _begun(game, seat, here)
     if not is_route:
-        try:
-            way = graph.shortest_path(here, way[0], weight)[1:]
-        except NoPath as error:
-            raise BadValue(str(error)) from None
-    return _as_far_as(game, seat, here, way)
+        way = _shortest(game, here, way[0], begun, covered)
+    return _as_far_as(game, seat.speed, here, way, covered if way[0] == begun else 0.0)
 
 
-def _as_far_as(game: "Game", seat: Seat, here: int, way: list[int]) -> tuple[int, tuple[int, ...], float]:
-    """As far along a way as this turn's edges or metres go."""
-    if game.speed_unit == "edges":
-        path = (here, *way[: int(seat.speed or 0)])
-        return path[-1], path, 0.0
-    left, path = _budget(game, seat), (here,)
+def _shortest(game: "Game", here: int, target: int, begun: int | None, covered: float) -> list[int]:
+    """The shortest way to a node from where an agent really is: on from `here`, or along the edge it has begun."""
+    graph, weight = game.ctx.graph.graph, _weight(game)
+    try:
+        way: list[int] = graph.shortest_path(here, target, weight)[1:]
+        if begun is not None and begun != way[0]:
+            left = _cost(game, here, begun) - covered + graph.distance(begun, target, weight)
+            if left <= graph.distance(here, target, weight):
+                way = graph.shortest_path(begun, target, weight)
+    except NoPath as error:
+        raise BadValue(str(error)) from None
+    return way
+
+
+def _as_far_as(game: "Game", speed: float, here: int, way: list[int], covered: float) -> Plan:
+    """As far along a way as the edges or metres of this turn go, of which so much was covered before it."""
+    budget, gone, path, reached = speed + covered, 0.0, [here], [0.0]
+    limit = _limit(budget)
     for node in way:
-        length = game.length_of(path[-1], node)
-        if length > left * (1.0 + _SLACK):
-            return path[-1], path, left
-        left, path = max(0.0, left - length), (*path, node)
-    return path[-1], path, 0.0
+        cost = _cost(game, path[-1], node)
+        if gone + cost > limit:
+            share = (budget - gone) / cost
+            progress = Progress(path[-1], node, share) if _SLACK < share < 1.0 and node != path[-1] else None
+            break
+        gone += cost
+        path.append(node)
+        reached.append(gone)
+    else:
+        progress = None
+    return Plan(path[-1], tuple(path), times=_times(game, speed, reached, covered), progress=progress)
 
 
-def _budget(game: "Game", seat: Seat) -> float:
-    speed = seat.speed or 0.0
-    carried = game.ctx.agent.columns.carry[seat.row] if game.speed_unit == "metres" else 0.0
-    return speed + carried
+def _times(game: "Game", speed: float, reached: list[float], covered: float) -> tuple[float, ...]:
+    """When an agent is at each node of its path, by how far along it they are; () for evenly from 0 to 1."""
+    if game.speed_unit == "edges":
+        return ()
+    pace = speed if speed < inf else reached[-1]
+    return (0.0, *(min(1.0, max(0.0, far - covered) / pace) if pace else 0.0 for far in reached[1:]))
+
+
+def _begun(game: "Game", seat: Seat, here: int) -> tuple[int | None, float]:
+    """The end of the edge that an agent has covered part of, and how much of it: of one edge, or in metres."""
+    progress = game.columns.progress[seat.row]
+    if progress is None or progress.source != here or progress.target not in game.ctx.graph.graph.neighborhoods[here]:
+        return None, 0.0
+    return progress.target, progress.share * _cost(game, here, progress.target)
+
+
+def _around(game: "Game", node: int, limit: float) -> Iterable[int]:
+    """The nodes at most so far from a node, in the unit of speeds."""
+    if limit < 0.0:
+        return ()
+    # NOTE: the graph keeps what it found for one cutoff, so those of edges are few.
+    cutoff = None if limit == inf else limit if game.speed_unit == "metres" else floor(limit)
+    near: Iterable[int] = game.ctx.graph.graph.distances(source=node, weight=_weight(game), cutoff=cutoff)
+    return near
+
+
+def _limit(budget: float) -> float:
+    """What of a way counts as within a budget."""
+    return budget * (1.0 + _SLACK)
+
+
+def _cost(game: "Game", source: int, target: int) -> float:
+    """How much of a turn's edges or metres it takes to go to the next node; to wait is an edge, and no metre."""
+    if game.speed_unit == "edges":
+        return 1.0
+    return 0.0 if source == target else game.length_of(source, target)
+
+
+def _weight(game: "Game") -> str | None:
+    return "length" if game.speed_unit == "metres" else None
 
 
 def why_not(error: GammsError) -> str:

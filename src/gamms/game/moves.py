@@ -51,6 +51,7 @@ class Moves(Flights):
     def place(self, columns: AgentColumns, row: int, node_id: Any) -> None:
         """Put an agent on a node."""
         columns.node[row] = self._checked(node_id)
+        columns.set_progress(row, None)
         columns.touched.add(row)
 
     def place_previous(self, columns: AgentColumns, row: int, node_id: Any) -> None:

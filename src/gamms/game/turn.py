@@ -62,7 +62,9 @@ class TurnMoves:
                 seat.counts["blocked"] += 1
                 self.ends[i] = self.starts[i]
                 if i in self.plans:
-                    self.plans[i] = self.plans[i]._replace(end=self.starts[i], path=(self.starts[i],), carry=0.0)
+                    self.plans[i] = self.plans[i]._replace(
+                        end=self.starts[i], path=(self.starts[i],), times=(), progress=None
+                    )
         self._by_name = None
 
 
@@ -242,11 +244,10 @@ def _apply(game: "Game", turn: TurnMoves) -> None:
     columns, writer, seating = game.columns, game.ctx.agent.moves, turn.seating
     writer.act_together(columns, seating.ground, seating.of_ground(turn.ends))
     seating.count_moves(turn.starts, turn.ends)
+    for i in seating.paced:
+        columns.set_progress(turn.seats[i].row, turn.plans[i].progress if i in turn.plans else None)
     for i, plan in turn.plans.items():
         seat = turn.seats[i]
-        if columns.carry[seat.row] != plan.carry:
-            columns.carry[seat.row] = plan.carry
-            columns.left_over.add(seat.row)
         if plan.heading != ():
             writer.turn(columns, seat.row, plan.heading)
         if seat.flies:

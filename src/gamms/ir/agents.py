@@ -2,7 +2,7 @@
 
 from collections.abc import Callable, Iterable, Sequence
 from operator import itemgetter
-from typing import Any
+from typing import Any, NamedTuple
 
 import numpy as np
 
@@ -13,6 +13,15 @@ Position = tuple[float, float, float]  # x, y, z; map units
 Quat = tuple[float, float, float, float]  # w, x, y, z; of length 1
 
 UNTURNED: Quat = (1.0, 0.0, 0.0, 0.0)
+
+
+class Progress(NamedTuple):
+    """How much of an edge an agent on the ground has covered, short of its end."""
+
+    source: int  # node id; the agent counts as on it
+    target: int  # node id
+    share: float  # of the edge; more than 0, less than 1
+
 
 BY_ROW = (
     "names",
@@ -26,7 +35,7 @@ BY_ROW = (
     "quat",
     "speed",
     "alive",
-    "carry",
+    "progress",
 )
 
 
@@ -45,8 +54,8 @@ class AgentColumns:
         quat: `(w, x, y, z)` of flyers, of length 1; None on the ground.
         speed: of flyers, map units per step; on the ground what the turn engine lets it move, None for one edge.
         alive: whether it takes part.
-        carry: metres that were left of its last move on the ground.
-        left_over: rows whose `carry` was written; whoever reads them clears it.
+        progress: on the edge that an agent on the ground is moving along; None where it has covered nothing of one.
+        progressed: rows whose `progress` was written; the reader clears it.
         out: the rows of those that are not alive.
         journal: where what happens to agents is noted.
         roster: a number that changes whenever an agent comes, goes, dies, returns, or has another team, speed or
@@ -68,9 +77,9 @@ class AgentColumns:
         "adrift",
         "flying",
         "journal",
-        "left_over",
         "moves",
         "out",
+        "progressed",
         "roster",
         "surveyed",
         "touched",
@@ -93,8 +102,8 @@ class AgentColumns:
         self.quat: list[Quat | None] = []
         self.speed: list[float | None] = []
         self.alive: list[bool] = []
-        self.carry: list[float] = []
-        self.left_over: set[int] = set()
+        self.progress: list[Progress | None] = []
+        self.progressed: set[int] = set()
         self.roster = 0
         self.journal: Journal = NOBODY
         self.touched: set[int] = set()
@@ -123,7 +132,7 @@ class AgentColumns:
         self.quat.append(UNTURNED if flies else None)
         self.speed.append(speed)
         self.alive.append(True)
-        self.carry.append(0.0)
+        self.progress.append(None)
         self.roster += 1
         self.touched.add(row)
         if flies:
@@ -134,14 +143,22 @@ class AgentColumns:
     def copy_row(self, source: "AgentColumns", row: int) -> int:
         """Add the agent in a row of other columns; returns its row here."""
         new = self.append(*(getattr(source, name)[row] for name in ("names", "node", "teams", "position", "speed")))
-        for name in ("previous", "heading", "previous_position", "quat", "carry"):
+        for name in ("previous", "heading", "previous_position", "quat", "progress"):
             getattr(self, name)[new] = getattr(source, name)[row]
         self.set_alive(new, alive=source.alive[row])
         return new
 
+    def set_progress(self, row: int, progress: Progress | None) -> None:
+        """Say how far along an edge an agent is."""
+        if self.progress[row] != progress:
+            self.progress[row] = progress
+            self.progressed.add(row)
+
     def set_alive(self, row: int, *, alive: bool) -> None:
         """Let an agent take part, or no longer."""
         self.alive[row] = alive
+        if not alive:
+            self.set_progress(row, None)
         (self.out.discard if alive else self.out.add)(row)
         self.roster += 1
         self.touched.add(row)
@@ -154,7 +171,7 @@ class AgentColumns:
         self.journal.kept(rows)
         self.moves += 1
         self.roster += 1
-        self.left_over = {i for i, row in enumerate(rows) if row in self.left_over}
+        self.progressed = {i for i, row in enumerate(rows) if row in self.progressed}
         adrift = {i for i, row in enumerate(rows) if row in self.adrift}
         self._forget()
         self.adrift = adrift

@@ -5,7 +5,7 @@ from typing import Any
 import numpy as np
 
 from gamms.recorder.errors import Damaged
-from gamms.recorder.state import State
+from gamms.recorder.state import State, shares
 
 _MOST_AGENTS = 1 << 24  # that one recording may number
 LISTS = ("names", "teams", "speed", "sensors", "attributes", "strategies")
@@ -19,8 +19,11 @@ ARRAYS = {
     "previous_position": (np.float64, (3,)),
     "quat": (np.float64, (4,)),
     "alive": (np.int64, ()),
-    "carry": (np.float64, ()),
+    "edge_source": (np.int64, ()),
+    "edge_target": (np.int64, ()),
+    "edge_share": (np.float64, ()),
 }
+_MAY_LACK = ("edge_source", "edge_target", "edge_share")  # while no agent is on an edge
 
 
 def checked(state: State) -> State:
@@ -30,12 +33,14 @@ def checked(state: State) -> State:
     whole["memories"] = {name: dict(memory) for name, memory in state.get("memories", {}).items()}
     whole["team_memories"] = {team: dict(memory) for team, memory in state.get("team_memories", ())}
     whole["chance"], whole["sensor_kinds"] = state.get("chance"), list(state.get("sensor_kinds", ()))
+    state = dict.fromkeys(_MAY_LACK, np.zeros(len(names))) | state
     for name in LISTS:
         whole[name] = list(state[name])
     for name, (dtype, shape) in ARRAYS.items():
         whole[name] = np.array(state[name], dtype)
         if whole[name].shape != (len(names), *shape):
             raise Damaged(f"{name!r} has the shape {whole[name].shape}, with {len(names)} agents")
+    shares(whole["edge_share"])
     lengths = {name: len(whole[name]) for name in LISTS}
     if set(lengths.values()) != {len(names)}:
         raise Damaged(f"its lists have different lengths: {lengths}")

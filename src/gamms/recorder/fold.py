@@ -12,7 +12,7 @@ from gamms.recorder.errors import DAMAGES, Damaged
 from gamms.recorder.formats.columns import IntArray
 from gamms.recorder.formats.reader import Reader
 from gamms.recorder.formats.tracks import FORMS, Tracks
-from gamms.recorder.state import State, opened
+from gamms.recorder.state import State, opened, shares
 from gamms.recorder.waiting import Batch, Waiting, follow
 
 _FEW = 24  # moves that are made faster one by one
@@ -231,7 +231,9 @@ class Fold:
             "node": int(more.get("node", node)),
             "previous": node,
             "alive": 1,
-            "carry": 0.0,
+            "edge_source": 0,
+            "edge_target": 0,
+            "edge_share": 0.0,
             **places,
         }
 
@@ -244,9 +246,11 @@ class Fold:
             self.state[name] = np.delete(self.state[name], row, axis=0)
         self._recount()
 
-    def carry(self, data: Any) -> None:
-        """So many metres were left of moves."""
-        self.state["carry"][self._rows(np.asarray(data["numbers"], np.int64))] = data["metres"]
+    def progress(self, data: Any) -> None:
+        """Agents are so far along edges."""
+        rows = self._rows(np.asarray(data["numbers"], np.int64))
+        self.state["edge_source"][rows], self.state["edge_target"][rows] = data["edge_source"], data["edge_target"]
+        self.state["edge_share"][rows] = shares(data["edge_share"])
 
     def count(self, data: Any) -> None:
         """The game counted a turn otherwise than the ones before."""
@@ -356,7 +360,7 @@ _EVENTS: dict[int, Callable[[Fold, Any], None]] = {
     journal.AGENT_TEAM: _set("teams", "team"),
     journal.AGENT_ALIVE: _set("alive", "alive", int),
     journal.AGENT_SPEED: _set("speed", "speed"),
-    journal.AGENT_CARRY: Fold.carry,
+    journal.AGENT_PROGRESS: Fold.progress,
     journal.AGENT_STRATEGY: _set("strategies", "strategy"),
     journal.FLYERS_ABOVE: _hover,
     **{kind: _component(happen) for kind, happen in component_fold.EVENTS.items()},

@@ -267,10 +267,10 @@ class Player:
     def _data(self, data: Any) -> None:
         game_state.apply(self._ctx.game.data, data)
 
-    def _carry(self, data: Any) -> None:
+    def _progress(self, data: Any) -> None:
         agents = self._ctx.agent
-        for number, metres in zip(data["numbers"].tolist(), data["metres"].tolist(), strict=True):
-            agents.put(agents.agents[self._numbers[number]], {"carry": float(metres)})
+        for i, number in enumerate(data["numbers"].tolist()):
+            agents.put(agents.agents[self._numbers[number]], {"progress": state.progress_from(data, i)})
 
     def _count(self, data: Any) -> None:
         self._pace = int(data["pace"])
@@ -383,7 +383,7 @@ _EVENTS: dict[int, Callable[[Player, Any], None]] = {
     kinds.AGENT_TEAM: _set("team", "team"),
     kinds.AGENT_ALIVE: _set("alive", "alive"),
     kinds.AGENT_SPEED: _set("speed", "speed"),
-    kinds.AGENT_CARRY: Player._carry,
+    kinds.AGENT_PROGRESS: Player._progress,
     kinds.FLYERS_ABOVE: Player._above,
     kinds.WORLD: Player._world,
     kinds.VISUALS: Player._visuals,

@@ -298,8 +298,8 @@ class Session:
                 log.append((kinds.FLYERS_ABOVE, above))
         if getattr(self._visual, "declarations", 0) != self._declarations:
             log += self._visual_changes()
-        if self._agents.columns.left_over:
-            log += self._new_carry()
+        if self._agents.columns.progressed:
+            log += self._new_progress()
         self._strategies.tell(log)
         self._game.tell(log)
 
@@ -307,15 +307,16 @@ class Session:
         """From now on, tell what becomes other than it is now."""
         self._game, self._strategies = game_state.GameWatch(self.ctx), _StrategyWatch(self.ctx.agent)
         self._sensors = len(self.ctx.sensor.sensors)
-        self.ctx.agent.columns.left_over.clear()
+        self.ctx.agent.columns.progressed.clear()
 
-    def _new_carry(self) -> Log:
-        """What says how many metres were left of moves."""
+    def _new_progress(self) -> Log:
+        """What says how far along edges agents are."""
         columns, ids = self.ctx.agent.columns, self._journal.ids
-        rows = sorted(columns.left_over)
-        columns.left_over.clear()
-        numbers, metres = [ids[row] for row in rows], [columns.carry[row] for row in rows]
-        return [(kinds.AGENT_CARRY, {"numbers": np.array(numbers, np.int64), "metres": np.array(metres, np.float64)})]
+        rows = sorted(columns.progressed)
+        columns.progressed.clear()
+        numbers = np.array([ids[row] for row in rows], np.int64)
+        progress = state.progress_of([columns.progress[row] for row in rows])
+        return [(kinds.AGENT_PROGRESS, {"numbers": numbers, **progress})]
 
     def _new_sensors(self) -> Log:
         """What says that sensors came; none ever goes."""

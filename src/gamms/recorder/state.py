@@ -6,8 +6,10 @@ from typing import Any
 
 import numpy as np
 
+from gamms.ir.agents import Progress
 from gamms.ir.graph import FloatArray, IntArray
 from gamms.recorder import game_state
+from gamms.recorder.errors import Damaged
 from gamms.recorder.plain import plain, plain_part
 
 State = dict[str, Any]
@@ -32,7 +34,7 @@ def captured(ctx: Any) -> State:
         "previous_position": _floats(columns.previous_position, 3),
         "quat": _floats(columns.quat, 4),
         "alive": np.array(columns.alive, np.int64),
-        "carry": np.array(columns.carry, np.float64),
+        **(progress_of(columns.progress) if any(columns.progress) else {}),
         "teams": [plain(team) for team in columns.teams],
         "speed": [plain(speed) for speed in columns.speed],
         "carried": _carried(agents, sensors),
@@ -41,6 +43,40 @@ def captured(ctx: Any) -> State:
         "strategies": [name_of(agent.strategy) for agent in agents],
         **game_state.captured(ctx),
     }
+
+
+def progress_of(progress: list[Progress | None]) -> State:
+    """How far along edges some agents are, as columns; zeros where an agent is on no edge."""
+    sources, targets, shares = zip(*(one or (0, 0, 0.0) for one in progress), strict=True)
+    return {
+        "edge_source": np.array(sources, np.int64),
+        "edge_target": np.array(targets, np.int64),
+        "edge_share": np.array(shares, np.float64),
+    }
+
+
+def progress_from(columns: State, row: int) -> Progress | None:
+    """The inverse of `progress_of`, for one agent; None where there are no such columns.
+
+    Raises:
+        Damaged: it has covered less than nothing, or all, of the edge it is on.
+    """
+    if "edge_share" not in columns or columns["edge_share"][row] == 0.0:
+        return None
+    (share,) = shares(columns["edge_share"][row : row + 1]).tolist()
+    return Progress(int(columns["edge_source"][row]), int(columns["edge_target"][row]), share)
+
+
+def shares(values: Any) -> FloatArray:
+    """How much of their edges agents have covered, (agents,).
+
+    Raises:
+        Damaged: one of them less than nothing, or all.
+    """
+    found: FloatArray = np.asarray(values, np.float64)
+    if not ((found >= 0.0) & (found < 1.0)).all():
+        raise Damaged("an agent has covered less than nothing, or all, of the edge it is on")
+    return found
 
 
 def opened(state: State) -> State:
@@ -182,7 +218,7 @@ def _row_of(state: State, row: int) -> dict[str, Any]:
         "position": _tuple(state["position"][row]),
         "previous_position": _tuple(state["previous_position"][row]),
         "quat": _tuple(state["quat"][row]),
-        "carry": float(state["carry"][row]),
+        "progress": progress_from(state, row),
     }
 
 
