@@ -3,7 +3,7 @@ import math
 import pytest
 
 from gamms import limits
-from gamms.errors import BadValue, TooLarge
+from gamms.errors import BadFile, BadValue, TooLarge
 
 GIB = 1 << 30
 
@@ -58,3 +58,35 @@ def test_sizes_are_read_with_their_units(text, size):
 def test_texts_that_are_no_sizes_are_named(text):
     with pytest.raises(BadValue, match="512M or 8G"):
         limits.parse_memory(text)
+
+
+def test_values_that_are_let_go_are_bounded_by_the_size_of_the_file_alone():
+    with limits.allowing(1 << 20):
+        allowance = limits.Allowance(1 << 30, "game.ggr", is_streamed=True)
+    allowance.charge(1 << 40)
+    with pytest.raises(TooLarge):
+        allowance.charge(1 << 27)
+
+
+PRIME = (1 << 61) - 1  # the hash of an integer is what is left when it is divided by this
+
+
+@pytest.mark.parametrize(
+    "made", [lambda i: PRIME * i + 5, lambda i: (PRIME * i + 5, "a"), lambda i: frozenset([PRIME * i])]
+)
+def test_different_keys_that_were_made_to_have_one_hash_are_refused(made):
+    keys = limits.Keys()
+    for i in range(16, 80):
+        keys.check(made(i))
+        keys.check(made(16))  # is the same one again
+    with pytest.raises(BadFile, match="made to have one hash"):
+        keys.check(made(80))
+
+
+def test_any_number_of_honest_keys_is_taken():
+    keys = limits.Keys()
+    for i in range(40_000):
+        keys.check((i % 100 - 50, i // 100))  # -1 and -2 have one hash
+        keys.check((1 << 70) + i)
+        assert keys.check([i]) == [i]
+        keys.check((i, [i]))

@@ -2,19 +2,22 @@
 
 Readers of files that strangers can send (recordings, maps, scenarios, databases) ask here and keep no bound of their
 own. `refuse_above` is for what a file *declares*: counts, grids, pieces of a line, pixels; it is estimated before it is
-built. `Allowance` is for what a file *holds*: values packed in few bytes; it is charged before they are made.
+built. `Allowance` is for what a file *holds*: values packed in few bytes; it is charged before they are made. `Keys` is
+for the keys of dicts and sets in a file, which take time where they were made to have one hash.
 """
 
 from collections.abc import Iterator
 from contextlib import contextmanager
 from contextvars import ContextVar
+from marshal import dumps
+from typing import Any
 
-from gamms.errors import BadValue, TooLarge
+from gamms.errors import BadFile, BadValue, TooLarge
 
 _GIB = 1 << 30
 _DEFAULT = 2 * _GIB
 _FLOOR = 1 << 26  # bytes of memory that any file may take, however small
-_PER_BYTE = 1 << 10  # bytes of memory for each byte of the file: deflate packs honest values up to 1,000 times
+PER_BYTE = 1 << 10  # bytes of memory for each byte of the file: deflate packs honest values up to 1,000 times
 _UNITS = {"": 1, "K": 1 << 10, "M": 1 << 20, "G": _GIB, "T": 1 << 40}
 
 _max_memory: ContextVar[int] = ContextVar("gamms_max_memory", default=_DEFAULT)
@@ -80,12 +83,18 @@ class Allowance:
     Args:
         file_size: bytes.
         what: the file, for the message.
+        is_streamed: whether values are let go before all are read: then the size of the file alone bounds their sum.
+
+    Attributes:
+        total: how many bytes all values may take.
+        left: how many may still come.
     """
 
-    __slots__ = ("_left", "_total", "_what")
+    __slots__ = ("_what", "left", "total")
 
-    def __init__(self, file_size: int, what: str) -> None:
-        self._total = self._left = min(_FLOOR + _PER_BYTE * file_size, max_memory())
+    def __init__(self, file_size: int, what: str, *, is_streamed: bool = False) -> None:
+        total = _FLOOR + PER_BYTE * file_size
+        self.total = self.left = total if is_streamed else min(total, max_memory())
         self._what = what
 
     def charge(self, size: int) -> None:
@@ -94,12 +103,53 @@ class Allowance:
         Raises:
             TooLarge (ValueError): they are not left.
         """
-        self._left -= size
-        if self._left < 0:
+        self.left -= size
+        if self.left < 0:
             raise TooLarge(
-                f"{self._what} unpacks to more than {_shown(self._total)} of values, which honest files of its size "
+                f"{self._what} unpacks to more than {_shown(self.total)} of values, which honest files of its size "
                 "do not; it is not read further."
             )
+
+
+_MOST_ALIKE = 1 << 6  # different keys of one hash; honest ones have a few, for those of -1 and -2 are the same
+_MOST_HASHES = 1 << 14  # that are kept in mind: who lets others come between has fewer keys of one hash, too
+_WORD = 1 << 64
+
+
+class Keys:
+    """The keys that one file brings for dicts and sets, whichever of these they go into.
+
+    Each key is compared with all others of its hash. Hashes of texts and bytes are secret, and few numbers of 64 bits
+    share one; but any number of tuples, frozen sets and longer integers can be made to.
+    """
+
+    __slots__ = ("_marks_of",)
+
+    def __init__(self) -> None:
+        self._marks_of: dict[int, set[int]] = {}  # hash -> secret hashes of the keys that have it
+
+    def check(self, key: Any) -> Any:
+        """Return a key, or a value that may become one, before it is put into a dict or a set.
+
+        Raises:
+            BadFile: too many different ones have its hash.
+        """
+        kind = type(key)
+        if kind is int:
+            if -_WORD < key < _WORD:
+                return key
+        elif kind is not tuple and kind is not frozenset:
+            return key
+        try:
+            marks = self._marks_of.setdefault(hash(key), set())
+            marks.add(hash(dumps(key)))
+        except (TypeError, ValueError):  # there is a list in it, for example
+            return key
+        if len(marks) > _MOST_ALIKE:
+            raise BadFile(f"it holds more than {_MOST_ALIKE} different keys that were made to have one hash")
+        if len(self._marks_of) > _MOST_HASHES:
+            self._marks_of.clear()
+        return key
 
 
 def _shown(size: float) -> str:
