@@ -7,15 +7,62 @@
         ctx.sensor.create_sensor("near", gamms.sensor.SensorType.NEIGHBOR)
         ctx.agent.create_agent("anna", start_node_id=0, sensors=["near"])
 
-Start reading at `context.py`; every other folder is one room of the house.
+Packages and names are loaded when they are first used. Start reading at `context.py`, which builds and wires the
+others.
 """
 
+import typing as _typing
 from importlib import import_module as _import_module
-from typing import Any as _Any
 
-from gamms import _legacy, agent, graph, memory, sensor, typing, visual
-from gamms.context import Context, InternalContext, create_context
-from gamms.typing import logger
+from gamms import _legacy
+
+if _typing.TYPE_CHECKING:  # for completion and type checkers; at run time names come on first use
+    from gamms import (
+        agent,
+        graph,
+        memory,
+        sensor,
+        typing,
+        visual,
+    )
+    from gamms import (
+        context as context,
+    )
+    from gamms import (
+        errors as errors,
+    )
+    from gamms import (
+        game as game,
+    )
+    from gamms import (
+        limits as limits,
+    )
+    from gamms import (
+        osm as osm,
+    )
+    from gamms import (
+        recorder as recorder,
+    )
+    from gamms import (
+        recordings as recordings,
+    )
+    from gamms import (
+        rendering as rendering,
+    )
+    from gamms import (
+        rules as rules,
+    )
+    from gamms import (
+        scenario as scenario,
+    )
+    from gamms import (
+        strategies as strategies,
+    )
+    from gamms import (
+        testing as testing,
+    )
+    from gamms.context import Context, InternalContext, create_context
+    from gamms.typing import logger
 
 __version__ = "2.0.0.dev0"
 
@@ -32,14 +79,29 @@ __all__ = [
     "visual",
 ]
 
-# Rooms and guests that are loaded when they are first named.
-_WHEN_ASKED = {"game", "osm", "recorder", "recordings", "rules", "scenario", "strategies", "testing"}
+_MODULES = {
+    *("agent", "context", "errors", "game", "graph", "limits", "memory", "osm", "recorder", "recordings", "rendering"),
+    *("rules", "scenario", "sensor", "strategies", "testing", "typing", "visual"),
+}
+_HOMES = {
+    **dict.fromkeys(("Context", "InternalContext", "create_context"), "gamms.context"),
+    "logger": "gamms.typing",
+}
 
 _legacy.install()
 
 
-def __getattr__(name: str) -> _Any:
-    found = _import_module(f"gamms.{name}") if name in _WHEN_ASKED else _legacy.resolve(name)
-    if found is not None:
+if not _typing.TYPE_CHECKING:  # which would take every misspelt name for one that is there
+
+    def __getattr__(name: str) -> _typing.Any:
+        if name in _HOMES:
+            found = globals()[name] = getattr(_import_module(_HOMES[name]), name)
+            return found
+        found = _import_module(f"gamms.{name}") if name in _MODULES else _legacy.resolve(name)
+        if found is None:
+            raise AttributeError(f"module {__name__!r} has no attribute {name!r}")
         return found
-    raise AttributeError(f"module {__name__!r} has no attribute {name!r}")
+
+
+def __dir__() -> list[str]:
+    return sorted({*globals(), *_HOMES, *_MODULES})

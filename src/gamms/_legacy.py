@@ -5,7 +5,7 @@ To retire a path, delete its line.
 """
 
 import sys
-from collections.abc import Callable, Sequence
+from collections.abc import Sequence
 from importlib import import_module
 from importlib.machinery import ModuleSpec
 from types import ModuleType
@@ -49,11 +49,6 @@ _LATER: dict[str, str] = {
 # Old modules whose name says a class once `gamms` is imported, as in 1.0.0; they are there before anybody asks, because
 # an import that loads a module would also put it in the place of the class.
 _SHADOWED = {"gamms.Recorder": ("gamms.recorder", "Recorder")}
-
-# Names that 1.0.0 also offered in a room that is not theirs: room -> (their room, names).
-_GUESTS: dict[str, tuple[str, tuple[str, ...]]] = {
-    "gamms.graph": ("gamms.memory", ("MemoryStore", "SqliteStore", "PathLike")),
-}
 
 
 class _Alias(ModuleType):
@@ -110,15 +105,6 @@ def install() -> None:
     for path in _SHADOWED:
         module = sys.modules.setdefault(path, _Alias(path))
         module.__spec__, module.__path__ = ModuleSpec(path, None, is_package=True), []
-    for room in _GUESTS:
-        _invite(import_module(room))
-
-
-def _invite(room: ModuleType) -> None:
-    """Let a room answer for its guests, too, without loading their homes before they are asked for."""
-    home, names = _GUESTS[room.__name__]
-    own: Callable[[str], Any] = room.__dict__["__getattr__"]
-    room.__dict__["__getattr__"] = lambda name: getattr(import_module(home), name) if name in names else own(name)
 
 
 def _feature_of(path: str) -> str | None:

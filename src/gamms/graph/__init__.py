@@ -6,6 +6,7 @@ May import: typing, kernels, ir and below, never another room. To add a file for
 `contents.Contents` into bytes and back; to add a query, give `IGraph` a slow default and override it in `graph.py`.
 """
 
+from importlib import import_module
 from typing import Any
 
 from gamms.graph.engine import GraphEngine
@@ -16,6 +17,7 @@ from gamms.typing.graph_engine import Engine, IGraph, IGraphEngine, Node, ObsFac
 from gamms.typing.memory_engine import StoreType
 
 SqliteGraph = Graph  # one behaviour, whatever the engine
+_IN_MEMORY = {"MemoryStore", "SqliteStore", "PathLike"}  # 1.0.0 offers these classes here, too
 
 __all__ = [
     "Engine",
@@ -38,4 +40,6 @@ def __getattr__(name: str) -> Any:
         from gamms.ir import geometry
 
         return geometry.line_string_class()
+    if name in _IN_MEMORY:
+        return getattr(import_module("gamms.memory"), name)
     raise AttributeError(f"module {__name__!r} has no attribute {name!r}")
