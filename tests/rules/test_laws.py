@@ -101,9 +101,8 @@ def test_two_games_that_take_turns_with_the_same_rules_do_not_notice_each_other(
     expected = [played(rules, agents, seed=seed) for seed in (1, 2)]
     with open_game(rules, agents, seed=1) as one, open_game(rules, agents, seed=2) as two:
         for _ in range(12):
-            one.game.step()
-            two.game.step()
-        assert [one.game.result(), two.game.result()] == expected
+            results = [one.game.run(1), two.game.run(1)]
+        assert results == expected
 
 
 @pytest.mark.parametrize("game", GAMES)

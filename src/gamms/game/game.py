@@ -6,13 +6,14 @@ from types import MappingProxyType
 from typing import TYPE_CHECKING, Any, overload
 
 from gamms import kernels
-from gamms.arguments import as_float, as_function_of, as_int, as_name
+from gamms.arguments import as_float, as_int, as_name
 from gamms.errors import BadValue, ContextTerminated, UnknownName
 from gamms.game import chance, start, turn
 from gamms.game.collectors import Collectors
 from gamms.game.errors import Meddling
 from gamms.game.memory import frozen
 from gamms.game.result import Result
+from gamms.game.ruleset import NamedRule, RuleSet, check_phase
 from gamms.game.seats import COUNTED, Seating
 from gamms.game.settings import Settings, as_turns
 from gamms.ir.agents import AgentColumns
@@ -53,8 +54,7 @@ class Game(Settings):
     def __init__(self, ctx: Any) -> None:
         super().__init__()
         self.ctx = ctx
-        self._rules: dict[str, list[Rule]] = {"before": [], "after": []}
-        self._unchecked_rules: list[Rule] = []
+        self._ruleset = RuleSet(ctx)
         self._facts: dict[str, Any] = {}
         self.facts: Mapping[str, Any] = MappingProxyType(self._facts)
         self.data: dict[str, Any] = {}
@@ -91,11 +91,11 @@ class Game(Settings):
     # -- what it is played by -----------------------------------------------------------------------------------
 
     @overload
-    def add(self, rule: Rule, *, phase: str = "after") -> Rule: ...
+    def add(self, rule: Rule, *, phase: str = "after", name: str | None = None) -> Rule: ...
     @overload
-    def add(self, rule: None = None, *, phase: str = "after") -> Callable[[Rule], Rule]: ...
-    def add(self, rule: Rule | None = None, *, phase: str = "after") -> Any:
-        """Let a rule be applied in every turn; also a decorator, with or without `phase`.
+    def add(self, rule: None = None, *, phase: str = "after", name: str | None = None) -> Callable[[Rule], Rule]: ...
+    def add(self, rule: Rule | None = None, *, phase: str = "after", name: str | None = None) -> Any:
+        """Add a rule that is applied in every turn; also a decorator, with or without keywords.
 
         A rule may have three attributes: `prepare(ctx)` is called at once, to look at the map and to publish facts;
         `teams` are those that it names, and one that nobody plays for is warned about at the next turn;
@@ -105,30 +105,35 @@ class Game(Settings):
         Args:
             rule: called with the context; rules are called in the order in which they were added.
             phase: "after" everybody has moved, or "before" anybody observes.
+            name: of the rule, for `rules`, `remove` and errors; None: that of the function, with a number where it is
+                taken.
 
         Raises:
             BadType: it is no function of the context, or makes one and was not called.
             BadValue: there is no such phase.
+            Duplicate: there is a rule of this name.
         """
-        if phase not in self._rules:
-            raise BadValue(f"phase must be 'before' or 'after', not {phase!r}.")
+        check_phase(phase)
         if rule is None:
-            return lambda one: self.add(one, phase=phase)
-        as_function_of(rule, "A rule", "the context", Rule)
-        prepare = getattr(rule, "prepare", None)
-        if prepare is not None:
-            prepare(self.ctx)
-        self._rules[phase].append(rule)
-        self._unchecked_rules.append(rule)
-        drawer = getattr(rule, "drawer", None)
-        if drawer is not None:
-            self._propose(drawer, f"rule_{sum(map(len, self._rules.values()))}")
+            return lambda one: self.add(one, phase=phase, name=name)
+        self._ruleset.add(rule, phase, name)
         return rule
 
-    def _propose(self, drawer: Any, name: str) -> None:
-        visual: Any = self.ctx.visual
-        propose = getattr(visual, "propose_artist", visual.add_artist)  # an engine of somebody else's may have none
-        propose(getattr(drawer, "artist", name), {"drawer": drawer, "layer": getattr(drawer, "layer", 12)})
+    def remove(self, rule: str | Rule | NamedRule) -> None:
+        """Remove a rule, given by its name or itself, and the artist that drew it.
+
+        What it has published and kept in `data` stays. A rule that was added twice is removed once.
+
+        Raises:
+            UnknownName (KeyError): there is no such rule.
+        """
+        self._refuse_while_deciding("remove")
+        self._ruleset.remove(rule)
+
+    @property
+    def rules(self) -> tuple[NamedRule, ...]:
+        """The rules in the order in which they are applied: each with `name`, `rule` and `phase`."""
+        return self._ruleset.rules
 
     def publish(self, **facts: Any) -> None:
         """Tell every strategy something: it is in `state["facts"]`, read-only all the way down."""
@@ -162,29 +167,46 @@ class Game(Settings):
         return None if self._over is None else dict(self._over)
 
     def step(self) -> bool:
-        """Play one turn; False, and nothing happens, once the game is over."""
-        if self.ctx.is_terminated() or self.is_over:
+        """Play one turn; False, and nothing happens, once the game is over.
+
+        The global `random` and `numpy.random` are seeded as by `run`. If a rule of "before" ends the game, the turn is
+        not played. If something raises before the agents have moved, the turn is not played either, and the next call
+        begins it again; if a rule raises after they have moved, the turn is played, without the rules that follow.
+
+        Raises:
+            IllegalAction, Meddling, or whatever a strategy or rule raises: see the settings.
+        """
+        with self._chance.of(self.ctx):
+            return self._take_turn()
+
+    def _take_turn(self) -> bool:
+        if self.ctx.is_terminated() or self._over is not None:
             return False
         self._refuse_while_deciding("step")
         if self._start is None:
             self._start = start.taken(self)
-        self._warn_of_unknown_teams()
+        self._ruleset.warn_of_unknown_teams()
+        self._chance.begin_turn()
         self._is_stepping = True
         try:
             self._step()
         finally:
             self._is_stepping = False
-        return not self.is_over
+        return self._over is None
 
     def _step(self) -> None:
         self._apply_rules("before")
+        if self.is_over:
+            return
         turn.play_turn(self)
         self.turn += 1
-        self._apply_rules("after")
-        self.collectors.collect(self)
-        began = perf_counter()
-        self.ctx.visual.simulate()
-        self.timings["draw"] += perf_counter() - began
+        try:
+            self._apply_rules("after")
+            self.collectors.collect(self)
+        finally:  # the agents have moved: the turn counts for recordings and windows, too
+            began = perf_counter()
+            self.ctx.visual.simulate()
+            self.timings["draw"] += perf_counter() - began
 
     def run(self, max_turns: int | None = None, progress: bool = False) -> Result:
         """Play until a rule ends the game, or for so many turns.
@@ -204,10 +226,10 @@ class Game(Settings):
             raise ContextTerminated("ctx.game")
         turns = as_turns("max_turns", max_turns)
         last = self._last = self.max_turns if turns is None else self.turn + turns
-        if last is None and not any(self._rules.values()):
+        if last is None and not self.rules:
             raise BadValue("This game has no rule that could end it: give run(max_turns=…) or add a rule.")
         with self._chance.of(self.ctx), chance.shown(self, last, is_shown=progress) as show:
-            while (last is None or self.turn < last) and self.step():
+            while (last is None or self.turn < last) and self._take_turn():
                 show()
         return self.result()
 
@@ -402,19 +424,8 @@ class Game(Settings):
 
     def _apply_rules(self, phase: str) -> None:
         began = perf_counter()
-        for rule in self._rules[phase]:
-            rule(self.ctx)
+        self._ruleset.apply(phase, self)
         self.timings["rules"] += perf_counter() - began
-
-    def _warn_of_unknown_teams(self) -> None:
-        """Warn about the teams that rules name and nobody plays for, once for each new rule."""
-        for rule in self._unchecked_rules:
-            teams = self.ctx.agent.teams
-            for team in getattr(rule, "teams", ()):
-                if team not in teams:
-                    name = getattr(rule, "__name__", "a rule")
-                    self.ctx.logger.warning(f"{name}: {UnknownName('team', team, teams)} Nobody plays for it.")
-        self._unchecked_rules.clear()
 
     def _tell_moves(self) -> None:
         if self._seating is not None:

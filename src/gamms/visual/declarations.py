@@ -27,6 +27,7 @@ class Declarations(Primitives):
     def __init__(self, ctx: IContext) -> None:
         super().__init__(ctx)
         self._artists: dict[str, IArtist] = {}
+        self._proposed: dict[str, IArtist] = {}
         self._is_declared = False
         self.declarations = 0
 
@@ -141,7 +142,13 @@ class Declarations(Primitives):
     def propose_artist(self, name: str, artist: dict[str, Any]) -> None:
         """Draw an artist unless there is one of that name: for who has no say against the caller, such as a rule."""
         if name not in self._artists:
-            self.add_artist(name, artist)
+            self._proposed[name] = self.add_artist(name, artist)
+
+    def withdraw_artist(self, name: str) -> None:
+        """Remove the artist that was proposed by this name, unless another has taken its place."""
+        artist = self._proposed.pop(name, None)
+        if artist is not None and self._artists.get(name) is artist:
+            self.remove_artist(name)
 
     def _artist_of(self, data: dict[str, Any]) -> Artist:
         drawer = data.get("drawer", data.get("shape", Shape.Circle))

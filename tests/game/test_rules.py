@@ -1,0 +1,238 @@
+"""Rules have names, can be removed, may end the game before a turn, and may fail."""
+
+import functools
+from io import BytesIO
+
+import pytest
+
+import gamms
+
+
+def steps(state):
+    state["action"] = state["legal"][-1]
+
+
+def opened(folder):
+    return gamms.recorder.open(BytesIO((folder / "game.ggr").read_bytes()))
+
+
+def names(ctx):
+    return [rule.name for rule in ctx.game.rules]
+
+
+def test_a_rule_is_called_like_its_function_and_a_second_one_gets_a_number(ctx):
+    def storm(ctx):
+        pass
+
+    class Referee:
+        def __call__(self, ctx):
+            pass
+
+    for rule in (storm, storm, storm, Referee(), functools.partial(lambda ctx, n: None, n=1)):
+        assert ctx.game.add(rule) is rule
+    assert names(ctx) == ["storm", "storm_2", "storm_3", "Referee", "<lambda>"]
+
+
+def test_a_name_may_be_given_once(ctx):
+    ctx.game.add(lambda ctx: None, name="tide", phase="before")
+
+    @ctx.game.add(name="moon")
+    def rule(ctx):
+        pass
+
+    assert [(one.name, one.phase) for one in ctx.game.rules] == [("tide", "before"), ("moon", "after")]
+    assert repr(ctx.game.rules) == "(NamedRule('tide', phase='before'), NamedRule('moon', phase='after'))"
+    with pytest.raises(ValueError, match="There is already a rule named 'tide'"):
+        ctx.game.add(rule, name="tide")
+    with pytest.raises(TypeError, match="name of a rule"):
+        ctx.game.add(rule, name=5)
+
+
+def test_a_rule_can_be_removed_by_its_name_itself_or_its_entry(ctx, play):
+    called = []
+
+    def one(ctx):
+        called.append("one")
+
+    for rule in (one, one, one, one):
+        ctx.game.add(rule)
+    ctx.game.remove("one_2")
+    assert names(ctx) == ["one", "one_3", "one_4"]
+    ctx.game.remove(one)
+    ctx.game.remove(ctx.game.rules[0])
+    assert names(ctx) == ["one_4"]
+    play("a", 0)
+    ctx.game.step()
+    assert called == ["one"]
+
+
+def test_an_unknown_rule_cannot_be_removed(ctx):
+    ctx.game.add(lambda ctx: None, name="storm")
+    with pytest.raises(KeyError, match=r"Unknown rule 'strom'\. Did you mean 'storm'\?"):
+        ctx.game.remove("strom")
+    with pytest.raises(KeyError, match="Unknown rule 'steps'"):
+        ctx.game.remove(steps)
+
+
+def test_a_rule_that_is_added_or_removed_in_a_turn_counts_from_then_on(ctx, play):
+    called = []
+
+    def late(ctx):
+        called.append(("late", ctx.game.turn))
+        if ctx.game.turn == 3:
+            ctx.game.remove("late")
+
+    def first(ctx):
+        called.append(("first", ctx.game.turn))
+        if ctx.game.turn == 2:
+            ctx.game.remove("second")
+            ctx.game.add(late)
+
+    def second(ctx):
+        called.append(("second", ctx.game.turn))
+
+    ctx.game.add(first)
+    ctx.game.add(second)
+    play("a", 0)
+    ctx.game.run(4)
+    assert called == [("first", 1), ("second", 1), ("first", 2), ("late", 2), ("first", 3), ("late", 3), ("first", 4)]
+
+
+def test_the_artist_of_a_removed_rule_goes_unless_another_needs_it_or_has_its_place(ctx):
+    def drawn(artist=None):
+        def rule(ctx):
+            pass
+
+        def drawer(ctx, data):
+            pass
+
+        rule.drawer = drawer
+        if artist is not None:
+            drawer.artist = artist
+        return rule
+
+    def shown():
+        return [name for name in ctx.visual.shown_artists() if name in ("shared", "mine", "rule_other")]
+
+    ctx.game.add(drawn("shared"), name="a")
+    ctx.game.add(drawn("shared"), name="b")
+    ctx.game.add(drawn("mine"), name="c")
+    ctx.game.add(drawn(), name="other")
+    ctx.visual.add_artist("mine", {"drawer": lambda ctx, data: None})
+    for name, left in (
+        ("a", ["mine", "rule_other", "shared"]),
+        ("b", ["mine", "rule_other"]),
+        ("c", ["mine", "rule_other"]),
+        ("other", ["mine"]),
+    ):
+        ctx.game.remove(name)
+        assert sorted(shown()) == left
+
+
+@pytest.mark.parametrize("last", [0, 2])
+def test_a_rule_ahead_of_the_turn_ends_the_game_there_and_then(ctx, play, tmp_path, last):
+    agent = play("a", 0, 1, 2, 3)
+
+    @ctx.game.add(phase="before")
+    def judge(ctx):
+        if ctx.game.turn == last:
+            ctx.game.emit("called off")
+            ctx.game.end("off", winner="b")
+
+    ctx.game.add(lambda ctx: ctx.game.emit("late"), phase="before")
+    ctx.game.add(lambda ctx: ctx.game.scores.update(a=ctx.game.turn))
+    ctx.game.collect("turn", lambda ctx: ctx.game.turn)
+    ctx.record.start(tmp_path / "game")
+    result = ctx.game.run(5)
+    ctx.record.stop()
+    assert (result.turns, result.reason, result.winner, result.truncated) == (last, "off", "b", False)
+    assert [event["kind"] for event in result.events] == ["late"] * last + ["called off"]
+    assert (agent.current_node_id, len(agent.seen), result.scores.get("a", 0)) == (last, last, last)
+    assert result.collected["turn"]["turn"] == list(range(1, last + 1))
+    assert not ctx.game.step()
+    recording = opened(tmp_path)
+    assert recording.turns == last
+    assert [event["kind"] for event in recording.events()] == ["late"] * last + ["called off"]
+    with gamms.create_context(logger_config={"level": "CRITICAL"}) as replayed:
+        list(replayed.record.replay(tmp_path / "game.ggr"))
+        assert replayed.game.over == {"reason": "off", "winner": "b", "truncated": False}
+        assert (replayed.game.turn, replayed.game.events) == (last, result.events)
+    with recording.resume(last) as resumed:
+        resumed.game.add(judge, phase="before")
+        again = resumed.game.run(5)
+        assert (again.turns, again.reason, again.events) == (last, "off", result.events)
+    ctx.game.reset()
+    assert ctx.game.run(5) == result
+
+
+def test_an_error_in_a_rule_names_the_rule_and_the_turn(ctx, play):
+    play("a", 0)
+
+    def toll(ctx):
+        if ctx.game.turn == 2:
+            raise ZeroDivisionError("no toll")
+
+    ctx.game.add(toll)
+    with pytest.raises(ZeroDivisionError) as caught:
+        ctx.game.run(5)
+    assert caught.value.__notes__ == ["In the rule 'toll' (phase 'after'), in turn 2."]
+    ctx.game.add(lambda ctx: 1 / 0, phase="before", name="gate")
+    with pytest.raises(ZeroDivisionError) as caught:
+        ctx.game.step()
+    assert caught.value.__notes__ == ["In the rule 'gate' (phase 'before'), in turn 2."]
+
+
+def test_a_turn_after_which_a_rule_fails_is_played_and_recorded(ctx, play, tmp_path):
+    agent = play("a", 0, 1, 2, 3)
+    followed = []
+
+    @ctx.game.add
+    def toll(ctx):
+        ctx.game.scores["toll"] += 1
+        if ctx.game.turn == 2:
+            raise ZeroDivisionError("no toll")
+
+    ctx.game.add(lambda ctx: followed.append(ctx.game.turn))
+    ctx.record.start(tmp_path / "game")
+    with pytest.raises(ZeroDivisionError):
+        ctx.game.run(3)
+    assert (ctx.game.turn, agent.current_node_id) == (2, 2)
+    result = ctx.game.run(1)
+    ctx.record.stop()
+    recording = opened(tmp_path)
+    assert (result.turns, recording.turns, followed) == (3, 3, [1, 3])
+    for turn in range(4):
+        state = recording.state(turn)
+        nodes = state.agents["node"].tolist()
+        assert (nodes, dict(state.scores).get("toll", 0)) == ([turn], turn)
+
+
+def test_a_turn_before_which_a_rule_fails_is_neither_played_nor_recorded(ctx, play, tmp_path):
+    agent = play("a", 0, 1, 2, 3)
+    weather = iter([True, False, True, True])
+
+    @ctx.game.add(phase="before")
+    def gate(ctx):
+        ctx.game.scores["gate"] += 1
+        if not next(weather):
+            raise ZeroDivisionError("shut")
+
+    ctx.record.start(tmp_path / "game")
+    with pytest.raises(ZeroDivisionError):
+        ctx.game.run(3)
+    assert (ctx.game.turn, agent.current_node_id) == (1, 1)
+    result = ctx.game.run(2)
+    ctx.record.stop()
+    recording = opened(tmp_path)
+    assert (result.turns, recording.turns, agent.current_node_id) == (3, 3, 3)
+    assert [dict(recording.state(turn).scores).get("gate", 0) for turn in range(4)] == [0, 1, 3, 4]
+
+
+def test_a_collector_that_fails_leaves_the_turn_played_and_recorded(ctx, play, tmp_path):
+    play("a", 0, 1, 2)
+    ctx.game.collect("bad", lambda ctx: 1 / (ctx.game.turn - 1))
+    ctx.record.start(tmp_path / "game")
+    with pytest.raises(ZeroDivisionError):
+        ctx.game.run(2)
+    ctx.record.stop()
+    assert (ctx.game.turn, opened(tmp_path).turns) == (1, 1)
