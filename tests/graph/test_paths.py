@@ -132,6 +132,7 @@ def test_an_edit_is_never_answered_from_memory(edges, edits):
     for edit in edits:
         for node in IDS:
             graph.distances(target=node)
+            graph.distance(IDS[0], node)
         if edit in left:
             graph.remove_edge(edit)
             del left[edit]
@@ -139,6 +140,7 @@ def test_an_edit_is_never_answered_from_memory(edges, edits):
             graph.update_edge({"id": id, "length": edge[2] + edit})
             left[id] = (*edge[:2], edge[2] + edit, edge[3])
         fresh, _ = build(left.values())
+        assert [graph.distance(IDS[0], node) for node in IDS] == [fresh.distance(IDS[0], node) for node in IDS]
         assert [graph.distances(target=node) for node in IDS] == [fresh.distances(target=node) for node in IDS]
 
 
@@ -232,6 +234,22 @@ def test_unknown_nodes_are_named(kind):
     for ends in ({}, {"source": 4, "target": 9}):
         with pytest.raises(BadValue, match="source= or target="):
             graph.distances(**ends)
+
+
+def test_of_a_distance_that_is_kept_the_ends_are_checked_too(square):
+    assert [square.distance(1, 5) for _ in range(2)] == [3.0, 3.0]
+    assert square.distance(np.int64(1), np.int64(5)) == 3.0
+    assert type(square.distance(1, 5)) is float
+    for bad in ("1", 1.0, True):
+        for ends in ((bad, 5), (5, bad)):
+            square.distance(5, 1)
+            with pytest.raises(TypeError):
+                square.distance(*ends)
+    with pytest.raises(UnknownName, match="99"):
+        square.distance(99, 5)
+    square.remove_node(1)
+    with pytest.raises(UnknownName, match="1"):
+        square.distance(1, 5)
 
 
 def test_a_default_that_knows_no_attributes_or_places_says_so():
@@ -330,7 +348,7 @@ def test_many_targets_stay_within_the_bound(monkeypatch):
         for target in range(50):
             assert graph.distance(0, target) == target
             assert len(graph.shortest_path(49, target)) == 50 - target
-            assert graph._routes._cache.bytes <= 4096
+            assert graph._routes.cache.bytes <= 4096
 
 
 def test_a_misspelt_weight_is_named_and_a_foreign_one_counts_steps(ctx):

@@ -6,30 +6,34 @@ from typing import Any, TypeVar
 
 import numpy as np
 
-Arrays = TypeVar("Arrays", bound=tuple["np.ndarray[Any, Any]", ...])
+Arrays = TypeVar("Arrays", bound=tuple["np.ndarray[Any, Any] | memoryview", ...])
 
 
 class Cache:
-    """Keeps tuples of arrays by key; the one that nobody asked for longest goes first.
+    """Keeps tuples of arrays by key; the one that `get` was asked for longest ago goes first.
 
     Args:
-        most_bytes: what all of them may take together; a larger one is worked out anew each time.
+        most_bytes: what all of them may take together; a larger one is computed each time.
+
+    Attributes:
+        revision: of the graph that they are of.
+        kept: key -> arrays, to look up without `get`; not to be changed.
     """
 
     def __init__(self, most_bytes: int) -> None:
         self._most_bytes = most_bytes
-        self._revision: int | None = None
-        self._kept: OrderedDict[Hashable, Any] = OrderedDict()
+        self.revision: int | None = None
+        self.kept: OrderedDict[Hashable, Any] = OrderedDict()
         self.bytes = 0
 
     def get(self, revision: int, key: Hashable, make: Callable[[], Arrays]) -> Arrays:
         """What `make` gives at this revision; what is known of another one is forgotten."""
-        if revision != self._revision:
+        if revision != self.revision:
             self.clear()
-            self._revision = revision
-        known: Arrays | None = self._kept.get(key)
+            self.revision = revision
+        known: Arrays | None = self.kept.get(key)
         if known is not None:
-            self._kept.move_to_end(key)
+            self.kept.move_to_end(key)
             return known
         made = make()
         self._keep(key, made)
@@ -37,19 +41,19 @@ class Cache:
 
     def clear(self) -> None:
         """Forget everything."""
-        self._kept.clear()
+        self.kept.clear()
         self.bytes = 0
 
-    def _keep(self, key: Hashable, made: "tuple[np.ndarray[Any, Any], ...]") -> None:
+    def _keep(self, key: Hashable, made: "tuple[np.ndarray[Any, Any] | memoryview, ...]") -> None:
         size = _bytes(made)
         if size > self._most_bytes:
             return
         while self.bytes + size > self._most_bytes:
-            _, oldest = self._kept.popitem(last=False)
+            _, oldest = self.kept.popitem(last=False)
             self.bytes -= _bytes(oldest)
-        self._kept[key] = made
+        self.kept[key] = made
         self.bytes += size
 
 
-def _bytes(arrays: "tuple[np.ndarray[Any, Any], ...]") -> int:
+def _bytes(arrays: "tuple[np.ndarray[Any, Any] | memoryview, ...]") -> int:
     return sum(array.nbytes for array in arrays)

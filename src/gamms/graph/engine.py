@@ -295,7 +295,8 @@ class GraphEngine(IGraphEngine):
 
     def distance(self, source: int, target: int, weight: str | None = "length") -> float:
         """How far it is from one node to another; infinite where there is no way."""
-        return self.graph.distance(source, target, weight)
+        graph = self._graph  # NOTE: not by the property, which takes as long as the rest (benchmarks/README.md, Paths)
+        return (self.graph if graph is None else graph).distance(source, target, weight)
 
     def distances(
         self,

@@ -27,15 +27,19 @@ _MOST_BYTES = 256 * 2**20  # the tables of one goal take 12 bytes a node
 
 
 class Routes:
-    """Finds ways through one graph; see `IGraph` for what each call promises."""
+    """Finds ways through one graph; see `IGraph` for what each call promises.
+
+    Attributes:
+        cache: among others (weight, id of a node) -> the distances to that node, (memoryview by row,).
+    """
 
     def __init__(self, graph: "Graph") -> None:
         self._graph = graph
-        self._cache = Cache(_MOST_BYTES)
+        self.cache = Cache(_MOST_BYTES)
 
     def clear(self) -> None:
         """Forget what is known."""
-        self._cache.clear()
+        self.cache.clear()
 
     def shortest_path(self, source: int, target: int, weight: str | None) -> list[int]:
         """Ids of the nodes on the way, both ends included."""
@@ -55,8 +59,8 @@ class Routes:
         """From one node to another; infinite where there is no way."""
         columns = self._graph.columns()
         row, end = self._row(source), self._row(target)
-        (distances,) = self._distances(columns, np.array([end]), weight, reverse=True)
-        return float(distances[row])
+        found: float = self._distances_to(columns, end, weight)[row]
+        return found
 
     def distances(self, source: Any, target: Any, weight: str | None, cutoff: float | None) -> dict[int, float]:
         """From the nearest source to each node, or from each node to the nearest target."""
@@ -64,7 +68,7 @@ class Routes:
         columns = self._graph.columns()
         rows = self._rows(nodes, "target" if source is None else "source")
         limit = inf if cutoff is None else as_range(cutoff, "cutoff")
-        (found,) = self._distances(columns, rows, weight, reverse=source is None, cutoff=limit)
+        found = self._distances(columns, rows, weight, reverse=source is None, cutoff=limit)
         near = np.flatnonzero(np.isfinite(found))
         return dict(zip(columns.node_ids[near].tolist(), found[near].tolist(), strict=True))
 
@@ -81,28 +85,38 @@ class Routes:
 
         def make() -> tuple[IntArray]:
             goal = np.array([end])
-            (distances,) = self._distances(columns, goal, weight, reverse=True)
+            distances = np.asarray(self._distances_to(columns, end, weight))
             tight = kernels.tight_arcs(self._arcs(columns, weight, reverse=True), distances)
             hops = kernels.shortest_distances(tight, goal)
             return (kernels.first_steps(tight, hops, columns.node_ids).astype(np.int32),)
 
-        return self._cache.get(columns.revision, ("steps", weight, end), make)
+        return self.cache.get(columns.revision, ("steps", weight, end), make)
+
+    def _distances_to(self, columns: GraphColumns, end: int, weight: str | None) -> memoryview:
+        def make() -> tuple[memoryview]:
+            arcs = self._arcs(columns, weight, reverse=True)
+            return (kernels.shortest_distances(arcs, np.array([end])).data,)
+
+        return self.cache.get(columns.revision, (weight, columns.node_ids.item(end)), make)[0]
 
     def _distances(
-        self, columns: GraphColumns, rows: IntArray, weight: str | None, *, reverse: bool, cutoff: float = inf
-    ) -> tuple[FloatArray]:
+        self, columns: GraphColumns, rows: IntArray, weight: str | None, *, reverse: bool, cutoff: float
+    ) -> FloatArray:
+        if reverse and cutoff == inf and len(rows) == 1:
+            return np.asarray(self._distances_to(columns, rows.item(), weight))
+
         def make() -> tuple[FloatArray]:
             return (kernels.shortest_distances(self._arcs(columns, weight, reverse=reverse), rows, cutoff),)
 
         key = ("distances", weight, reverse, cutoff, np.unique(rows).tobytes())
-        return self._cache.get(columns.revision, key, make)
+        return self.cache.get(columns.revision, key, make)[0]
 
     def _arcs(self, columns: GraphColumns, weight: str | None, *, reverse: bool) -> kernels.Arcs:
         def make() -> kernels.Arcs:
             ends = (columns.targets, columns.sources) if reverse else (columns.sources, columns.targets)
             return kernels.make_arcs(*ends, edge_weights(columns, weight), len(columns.node_ids))
 
-        return self._cache.get(columns.revision, ("arcs", weight, reverse), make)
+        return self.cache.get(columns.revision, ("arcs", weight, reverse), make)
 
     def _row(self, node_id: int) -> int:
         return self._graph._nodes.find(records.as_id(node_id, "a node"))

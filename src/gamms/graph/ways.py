@@ -4,6 +4,7 @@ from typing import TYPE_CHECKING, Any, cast
 
 from gamms.graph import coordinates, positions
 from gamms.graph.routes import Routes
+from gamms.graph.tables import NodeTable
 from gamms.ir.graph import FloatArray
 from gamms.typing.graph_engine import IGraph, NodeIds, Numbers
 
@@ -17,6 +18,8 @@ class Ways(IGraph):
     """Ways by the index of routes, places by the index of nodes and the projection of the map."""
 
     _routes: Routes
+    _nodes: NodeTable
+    _revision: int
     _crs: str | None
 
     def shortest_path(self, source: int, target: int, weight: str | None = "length") -> list[int]:
@@ -25,6 +28,13 @@ class Ways(IGraph):
 
     def distance(self, source: int, target: int, weight: str | None = "length") -> float:
         """How far it is from one node to another; infinite where there is no way."""
+        # NOTE: many strategies ask this in each turn, of targets they asked for before (benchmarks/README.md, Paths).
+        cache = self._routes.cache
+        if cache.revision == self._revision and type(source) is int and type(target) is int:
+            known = cache.kept.get((weight, target))
+            if known is not None and (row := self._nodes.index.row(source)) >= 0:
+                far: float = known[0][row]
+                return far
         return self._routes.distance(source, target, weight)
 
     def distances(
