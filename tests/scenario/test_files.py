@@ -3,15 +3,25 @@
 import json
 import os
 import sys
+import time
 from pathlib import Path
 
 import pytest
+import yaml
 
 from gamms import scenario
 from gamms.scenario import ScenarioError
 from gamms.scenario.files import from_json, from_yaml
 
 
+@pytest.fixture(params=["CSafeLoader", "SafeLoader"])
+def parser(request, monkeypatch):
+    """Reads YAML by libyaml, and as where PyYAML comes without it."""
+    if request.param == "SafeLoader":
+        monkeypatch.delattr(yaml, "CSafeLoader")
+
+
+@pytest.mark.usefixtures("parser")
 def test_yaml_means_what_json_means():
     text = "a: yes\nb: on\nc: 1e3\nd: 2024-01-01\ne: 12:30\nf: ~\ng:\nh: true\ni: [1, -2.5]\nno: .inf\n3: x\n"
     assert from_yaml(text) == {
@@ -51,15 +61,46 @@ def test_yaml_means_what_json_means():
         ("true: 2", "a key must be"),
         ("a: 1e999", "too large"),
         ("a: \x07", "no YAML"),
+        ("a: {18446744073709551616: 1}", "a: line 1: a key that is an integer must fit into 64 bits"),
+        ("a: {<<: {b: 1}, <<: {b: 2}}", "there twice"),
+        ("? " * 3000, "nested"),
+        ("a: [b: &x c, d: *x]", "aliases"),
+        ("a: !!float nan_", "could not convert"),
+        ("!!map [1]", "tag"),
     ],
 )
+@pytest.mark.usefixtures("parser")
 def test_yaml_that_is_more_than_data_is_refused(text, hint):
     with pytest.raises(ScenarioError, match=r"^") as raised:
         from_yaml(text)
     assert hint in str(raised.value)
 
 
-@pytest.mark.parametrize("text", ['{"a": 1, "a": 2}', '{"a": NaN}', "[" * 100_000, "{", '{"a": Infinity}'])
+@pytest.mark.parametrize(
+    "text",
+    [
+        "a: {" + ", ".join(f"{(2**61 - 1) * i + 5}: 0" for i in range(40_000)) + "}",  # keys of one hash
+        "a: [" + "1," * 450_000 + "1]",
+        "a: [" + "{}," * 300_000 + "1]",
+        "? " + "k" * 300_000 + "\n: [" + "1," * 300_000 + "1]",
+        "a: " + "[" * 900_000,
+        '"' + "\\x41" * 200_000 + '": 1',
+        "---\n" * 200_000,
+        "- " * 400_000,
+    ],
+    ids=lambda text: text[:12],
+)
+def test_the_time_to_read_a_file_is_bounded_by_its_size(tmp_path, text):
+    (tmp_path / "big.yaml").write_text(text)
+    begun = time.process_time()
+    with pytest.raises(ScenarioError):
+        scenario.load(tmp_path / "big.yaml")
+    assert time.process_time() - begun < 5.0
+
+
+@pytest.mark.parametrize(
+    "text", ['{"a": 1, "a": 2}', '{"a": NaN}', "[" * 100_000, "{", '{"a": Infinity}', '{"a": 1e999}']
+)
 def test_json_that_is_no_json_is_refused(text):
     with pytest.raises(ScenarioError):
         from_json(text)

@@ -4,13 +4,15 @@ from collections.abc import Callable, Mapping
 from importlib import import_module
 from typing import Any
 
+from gamms.arguments import as_int
 from gamms.context import Context
 from gamms.scenario.checks import RULES, call_in, sensor_type
 from gamms.scenario.code import Library, called, first_of, needs, rule_of, strategy_of
-from gamms.scenario.errors import ScenarioError, at, joined, shown
+from gamms.scenario.errors import ScenarioError, at, joined
 from gamms.scenario.explain import checked
 from gamms.scenario.placing import Member, members, node_at, place
 from gamms.scenario.shape import ByPriority, Code, Conflicts, LatLon, Sensor, Spec, said
+from gamms.text import shown
 
 Strategies = Mapping[str, Callable[..., Any]]  # by team or agent
 
@@ -210,6 +212,6 @@ def _as_code(given: str | Code | None) -> Code | None:
 def _as_node(key: str | int, path: str) -> int:
     """A node that is a key: in JSON, all keys are texts."""
     try:
-        return int(key)
+        return as_int(int(key), "A node id")
     except ValueError:
         raise ScenarioError(joined(path, key), "is no node id.") from None

@@ -6,12 +6,13 @@ from typing import Any
 from gamms.errors import UnknownName, nearest
 from gamms.scenario import worlds
 from gamms.scenario.code import check_parameters, first_of, function_of
-from gamms.scenario.errors import ScenarioError, joined, shown
+from gamms.scenario.errors import ScenarioError, joined
 from gamms.scenario.explain import checked, unknown_key
 from gamms.scenario.placing import members
 from gamms.scenario.references import OFFERED, Found, Sources, find
 from gamms.scenario.shape import ByPriority, Code, From, Rule, Sensor, Spec, Team, said
 from gamms.sensor.catalog import KINDS
+from gamms.text import shown
 from gamms.typing.sensor_engine import SensorType
 
 RULES = "gamms.rules"

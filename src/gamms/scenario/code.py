@@ -11,8 +11,9 @@ from types import ModuleType
 from typing import Any
 
 from gamms.errors import nearest
-from gamms.scenario.errors import ScenarioError, joined, shown
+from gamms.scenario.errors import ScenarioError, joined
 from gamms.scenario.references import Found, Sources, find, is_defined_in, private_package
+from gamms.text import shown
 
 _stamps: dict[str, dict[Path, tuple[int, int]]] = {}  # private package -> when its files were written, and how long
 

@@ -6,6 +6,8 @@ from typing import Any
 
 from gamms.errors import GammsError
 
+_LONGEST = 500  # letters of a path
+
 
 class ScenarioError(GammsError, ValueError):
     """A scenario that cannot be played as it is written.
@@ -25,14 +27,9 @@ class ScenarioError(GammsError, ValueError):
 
 
 def joined(path: str, key: Any) -> str:
-    """The path of what `key` leads to."""
-    return f"{path}.{key}" if path else str(key)
-
-
-def shown(value: Any) -> str:
-    """A value of a file, at most a line of it."""
-    text = repr(value)
-    return text if len(text) <= 80 else f"{text[:77]}..."
+    """The path of what `key` leads to; of long ones the beginning, since every value of a file gets one."""
+    text = f"{path}.{key}" if path else str(key)
+    return text if len(text) <= _LONGEST else f"{text[:_LONGEST]}…"
 
 
 @contextmanager

@@ -5,8 +5,9 @@ from collections.abc import Iterable
 from typing import Annotated, Any, Literal, Union, get_args, get_origin
 
 from gamms.errors import nearest
-from gamms.scenario.errors import ScenarioError, joined, shown
+from gamms.scenario.errors import ScenarioError, joined
 from gamms.scenario.shape import converted, fields_of, is_mapping
+from gamms.text import shown
 
 
 def checked(value: Any, kind: Any, path: str = "") -> Any:

@@ -7,9 +7,11 @@ from pathlib import PurePath
 from typing import Any
 
 from gamms.errors import nearest
-from gamms.scenario.errors import ScenarioError, joined, shown
+from gamms.scenario.errors import ScenarioError, joined
+from gamms.text import shown
 
 _DEEPEST = 40
+_INT64 = 1 << 63
 
 
 def copied(value: Any, path: str = "", depth: int = 0) -> Any:
@@ -21,7 +23,7 @@ def copied(value: Any, path: str = "", depth: int = 0) -> Any:
     if depth > _DEEPEST:
         raise ScenarioError(path, f"this is nested more than {_DEEPEST} deep.")
     if isinstance(value, Mapping):
-        return {_key(key, path): copied(one, joined(path, key), depth + 1) for key, one in value.items()}
+        return {checked_key(key, path): copied(one, joined(path, key), depth + 1) for key, one in value.items()}
     if isinstance(value, (list, tuple)):
         return [copied(one, joined(path, number), depth + 1) for number, one in enumerate(value)]
     if isinstance(value, Enum):
@@ -37,9 +39,16 @@ def copied(value: Any, path: str = "", depth: int = 0) -> Any:
     raise ScenarioError(path, f"{shown(value)} is no plain value; a scenario is made of what a file could say.")
 
 
-def _key(key: Any, path: str) -> str | int:
+def checked_key(key: Any, path: str = "") -> str | int:
+    """A key of a mapping: a text, or an integer of 64 bits. Longer ones could be made to have one hash, all of them.
+
+    Raises:
+        ScenarioError: it is something else.
+    """
     if isinstance(key, bool) or not isinstance(key, (str, int)):
-        raise ScenarioError(path, f"a key must be a text or an integer, not {shown(key)}.")
+        raise ScenarioError(path, f"a key must be a text or an integer, not {shown(key)}. Put quotes around it.")
+    if isinstance(key, int) and not -_INT64 <= key < _INT64:
+        raise ScenarioError(path, f"a key that is an integer must fit into 64 bits, not {shown(key)}.")
     return key
 
 

@@ -16,7 +16,8 @@ from typing import Any, NamedTuple
 
 from gamms.errors import BadType, BadValue, nearest
 from gamms.limits import refuse_above
-from gamms.scenario.errors import ScenarioError, at, shown
+from gamms.scenario.errors import ScenarioError, at
+from gamms.text import shown
 
 OFFERED = ("gamms.strategies", "gamms.rules", "gamms.rules.territory", "gamms.demo.strategies")
 GROUP = "gamms.scenario"  # of entry points

@@ -7,9 +7,10 @@ from typing import Any
 from gamms.context import Context, create_context
 from gamms.graph import grid
 from gamms.scenario.code import Library, called
-from gamms.scenario.errors import ScenarioError, at, shown
+from gamms.scenario.errors import ScenarioError, at
 from gamms.scenario.references import inside
 from gamms.scenario.shape import Code, Grid, Helsinki, Map, MapFile, MapPlace, said
+from gamms.text import shown
 
 KINDS = ("grid", "helsinki", "file", "place", "generator")
 
