@@ -63,10 +63,9 @@ class Settings:
             raise UnknownSetting(name, _CHECKS)
         object.__setattr__(self, name, value if check is None else check(name, value))
 
-    def chosen(self) -> dict[str, Any]:
-        """The settings that are plain values and not as they are at first; `configure` takes them."""
-        at_first = {name: choices[0] for name, choices in _CHOICES.items()} | {"time_budget": None, "max_turns": None}
-        return {name: getattr(self, name) for name, value in at_first.items() if getattr(self, name) != value}
+    def plain_settings(self) -> dict[str, Any]:
+        """Return the settings that are plain values, defaults included; `configure` takes them."""
+        return {name: getattr(self, name) for name in (*_CHOICES, "time_budget", "max_turns")}
 
     def configure(self, given: Any) -> None:
         """Set several settings from a dict.

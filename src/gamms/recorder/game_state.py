@@ -32,10 +32,10 @@ def captured(ctx: Any) -> dict[str, Any]:
 
 def told(game: Any) -> dict[str, Any]:
     """What a snapshot has as well, and keyframes are too many for: events so far, facts, where agents began."""
-    starts, settings = game.starts, game.chosen()
+    starts, settings = game.starts, game.plain_settings()
     return {
         "events": plain(game.events),
-        **({"settings": settings} if settings else {}),
+        "settings": settings,
         **({"facts": plain_part(game.facts)} if game.facts else {}),
         **({"starts": plain(starts)} if starts else {}),
     }

@@ -202,7 +202,7 @@ def header_of(ctx: Any, session: Session, options: dict[str, Any]) -> dict[str, 
         "seed": ctx.seed,
         "created": created,
         "provenance": options.get("provenance"),
-        **({} if ctx.game.scenario is None else {"scenario": plain(ctx.game.scenario)}),
+        **({} if ctx.game.scenario is None else {"scenario": {**plain(ctx.game.scenario), "seed": ctx.seed}}),
         "world": ctx.graph.packed() if session.world is None else session.world,
         **({"visuals": session.visuals} if session.visuals["artists"] else {}),
     }

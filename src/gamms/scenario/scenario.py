@@ -12,6 +12,7 @@ from gamms.scenario import files, plain, worlds
 from gamms.scenario.building import Building, Strategies
 from gamms.scenario.checks import check_code, check_sense, unknown_strategies
 from gamms.scenario.code import Library
+from gamms.scenario.defaults import written_out
 from gamms.scenario.errors import ScenarioError, named
 from gamms.scenario.explain import checked
 from gamms.scenario.placing import members, node_at, place
@@ -164,7 +165,7 @@ class Scenario:
             with named(self.file):
                 worlds.put(ctx, world)
                 Building(ctx, self.spec, self._library, given).build()
-            ctx.game.scenario = self.to_dict()
+                ctx.game.scenario = written_out(self.spec, self._library)
         except BaseException:
             ctx.terminate()
             raise

@@ -218,6 +218,12 @@ def converted(value: Any, kind: Any) -> Any:
     return msgspec.convert(value, kind)
 
 
+def plain_of(spec: Spec) -> dict[str, Any]:
+    """Everything that a scenario says, defaults included, as plain values."""
+    plain: dict[str, Any] = msgspec.to_builtins(spec)
+    return plain
+
+
 def is_mapping(kind: Any) -> bool:
     """Whether a type is one of the mappings above."""
     return isinstance(kind, type) and issubclass(kind, msgspec.Struct)

@@ -1,0 +1,97 @@
+"""A recording holds every default of its scenario, so that it plays by them when they have changed."""
+
+from inspect import signature
+from io import BytesIO
+
+import pytest
+
+import gamms
+from gamms import recorder, rules, scenario
+from gamms.game import settings
+from gamms.scenario import Scenario
+
+
+def recorded(game, seed=None):
+    """The recording of a game, and its result."""
+    file = BytesIO()
+    with game.build(seed) as ctx:
+        ctx.record.start(file)
+        result = ctx.game.run()
+        ctx.record.stop()
+    return recorder.open(BytesIO(file.getvalue())), result
+
+
+def test_a_recording_says_every_parameter_of_a_rule(made):
+    said = recorded(made({"rules.1": "referee:count_turns"}))[0].header["scenario"]["rules"]
+    assert said[0]["phase"] == "after"
+    assert set(said[0]["with"]) == set(signature(rules.tag).parameters)
+    assert said[0]["with"] | {"hops": 1, "score": 1, "then": "respawn"} == said[0]["with"]
+    assert said[1] == {"rule": "referee:count_turns", "with": {"step": 1}, "phase": "after"}
+
+
+def test_a_recording_plays_by_the_defaults_that_it_was_made_with(made, monkeypatch):
+    game = made({"sensors.eyes": {"type": "AGENT_RANGE"}})
+    recording, first = recorded(game)
+    assert recorded(scenario.from_recording(recording, folder=game.folder))[1] == first
+    monkeypatch.setitem(rules.tag.__kwdefaults__, "score", 50)
+    assert recorded(game)[1] != first
+    assert recorded(scenario.from_recording(recording, folder=game.folder))[1] == first
+    said = recording.header["scenario"]
+    assert (said["sensors"]["eyes"]["sensor_range"], said["map"]["grid"]["spacing"]) == (30.0, 10.0)
+
+
+@pytest.mark.parametrize("change", [{}, {"on_error": "stay", "legal": "any"}])
+def test_a_recording_goes_on_by_the_settings_that_it_was_made_with(made, monkeypatch, change):
+    recording, _ = recorded(made(settings=change))
+    with recording.resume(3) as ctx:
+        before = ctx.game.plain_settings()
+    monkeypatch.setattr(
+        settings, "_CHOICES", {name: tuple(reversed(choices)) for name, choices in settings._CHOICES.items()}
+    )
+    monkeypatch.setattr(settings.Settings, "__init__", _reversed)
+    with recording.resume(3) as ctx:
+        assert ctx.game.plain_settings() == before
+    with scenario.from_recording(recording, folder=made().folder).build() as ctx:
+        assert {name: getattr(ctx.game, name) for name in before} == before
+
+
+def _reversed(self):
+    """Set every setting to another default."""
+    self.legal, self.on_illegal, self.on_error, self.speed_unit = "any", "raise", "stay", "metres"
+    self.conflicts, self.time_budget, self.max_turns = None, 5.0, 7
+
+
+def test_what_is_written_out_says_the_same_game(made, folder):
+    for change in (
+        {},
+        {"teams.red.strategy": "players"},
+        {"teams.red.strategy": {"function": "players:make", "with": {"node": 3}}},
+        {"facts.halves": {"function": "gamms.rules.territory:halves"}},
+        {"rules.1": {"rule": "referee:count_turns", "phase": "before", "with": {"step": 3}}},
+    ):
+        game = made(change)
+        with game.build() as ctx:
+            said = ctx.game.scenario
+        again = Scenario(folder=folder, **said)
+        with again.build() as ctx:
+            assert ctx.game.scenario == said
+        assert again.play() == game.play()
+
+
+def test_the_scenario_of_a_recording_has_the_seed_that_was_played(made):
+    recording, first = recorded(made(), seed=8)
+    assert recording.header["scenario"]["seed"] == recording.seed == 8
+    assert scenario.from_recording(recording, folder=made().folder).play() == first
+
+
+def test_parameters_that_are_no_plain_values_are_left_out():
+    game = Scenario(
+        seed=1,
+        turns=3,
+        map={"grid": {"width": 3, "height": 3}},
+        teams={"red": {"count": 1, "strategy": "gamms.strategies:random_walk"}},
+        rules=[{"rule": "reach", "with": {"team": "red", "nodes": 8}}],
+    )
+    with game.build() as ctx:
+        assert ctx.game.scenario["rules"][0]["with"] == {"team": "red", "nodes": 8, "score": 0}
+    assert gamms.scenario.Scenario(**ctx.game.scenario).play() == game.play()
