@@ -49,11 +49,12 @@ def test_a_function_may_say_what_follows(road):
     assert ctx.game.scores == {}
 
 
-def test_who_passes_a_tagger_on_an_edge_is_tagged(road):
-    ctx = road(r=("red", 2, 3), b=("blue", 3, 2))
-    ctx.game.add(tag("red", "blue", then="eliminate"))
-    ctx.game.step()
-    assert tags(ctx) == [("r", "b", 2)]
+def test_who_passes_a_tagger_on_an_edge_is_tagged_on_it_behind_the_node_it_came_from(road):
+    for passing, node in ((True, 3), (False, 2)):
+        ctx = road(r=("red", 2, 3), b=("blue", 3, 2))
+        ctx.game.add(tag("red", "blue", then="eliminate", passing=passing))
+        ctx.game.step()
+        assert tags(ctx) == [("r", "b", node)]
 
 
 def test_a_tagger_reaches_as_far_as_the_rule_says(road):

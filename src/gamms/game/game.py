@@ -1,6 +1,6 @@
 """The game room's front: `ctx.game`, which plays turns in which everybody moves at once."""
 
-from collections.abc import Callable, Mapping
+from collections.abc import Callable, Iterable, Mapping
 from time import perf_counter
 from types import MappingProxyType
 from typing import TYPE_CHECKING, Any, overload
@@ -17,7 +17,7 @@ from gamms.game.ruleset import NamedRule, RuleSet, check_phase
 from gamms.game.seats import COUNTED, Seating
 from gamms.game.settings import Settings, as_turns
 from gamms.ir.agents import AgentColumns
-from gamms.typing.game import Move, Rule
+from gamms.typing.game import Move, Rule, Track
 
 if TYPE_CHECKING:
     from numpy.random import Generator
@@ -294,6 +294,16 @@ class Game(Settings):
     def moves(self) -> dict[str, Move]:
         """How the agents on the ground moved in this turn, by name; rules must not change it."""
         return {} if self.turn_moves is None else self.turn_moves.by_name()
+
+    def tracks(self, agents: Iterable[Any]) -> list[Track]:
+        """How agents came to where they are in this turn: for each, the nodes and from 0 to 1 when it was at each.
+
+        An agent that stayed is at its node from 0 on. One that was put elsewhere since its move, or flew, is there
+        only at 1.
+        """
+        if self.turn_moves is None:
+            return [((agent.current_node_id,), (1.0,)) for agent in agents]
+        return self.turn_moves.tracks(agents)
 
     def observation(self, agent: Any) -> dict[str, Any]:
         """What an agent on the move, or the one of that name, would be told now: a state as its strategy gets it.

@@ -144,7 +144,7 @@ def _times(game: "Game", speed: float, reached: list[float], covered: float) -> 
     if game.speed_unit == "edges":
         return ()
     pace = speed if speed < inf else reached[-1]
-    return (0.0, *(min(1.0, max(0.0, far - covered) / pace) if pace else 0.0 for far in reached[1:]))
+    return (0.0, *(min(1.0, round((far - covered) / pace, 9)) if far > covered else 0.0 for far in reached[1:]))
 
 
 def _begun(game: "Game", seat: Seat, here: int) -> tuple[int | None, float]:

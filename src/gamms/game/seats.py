@@ -98,6 +98,7 @@ class Seating:
         see_world_only: whether nobody has a sensor that may look at more than the graph and the agents.
         on_ground: which seats are those of agents on the ground; None: all.
         ground: the rows of these.
+        place_of: name -> which seat.
         paced: which seats are those of agents on the ground that may cover part of an edge.
     """
 
@@ -110,6 +111,7 @@ class Seating:
         self.on_ground = None if len(ground) == len(self.seats) else ground
         self.who = Selection([seat.row for seat in self.seats])
         self.ground = self.who if self.on_ground is None else Selection([self.seats[i].row for i in ground])
+        self.place_of = {seat.name: i for i, seat in enumerate(self.seats)}
         progress = game.columns.progress
         self.paced = [i for i, seat in enumerate(self.seats) if seat.speed is not None or progress[seat.row]]
         self._moved = [0] * len(self.seats)

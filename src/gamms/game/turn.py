@@ -1,5 +1,7 @@
 """One turn: everybody observes the same world, decides, and moves at once."""
 
+from collections.abc import Iterable
+from functools import lru_cache
 from time import perf_counter
 from typing import TYPE_CHECKING, Any
 
@@ -9,7 +11,7 @@ from gamms.game.errors import IllegalAction
 from gamms.game.judge import Plan, judged, reach, why_not
 from gamms.game.seats import Seat, Seating
 from gamms.game.watch import Watch
-from gamms.typing.game import Move
+from gamms.typing.game import Move, Track
 
 if TYPE_CHECKING:
     from gamms.game.game import Game
@@ -49,10 +51,34 @@ class TurnMoves:
         """Agent -> its move, of these seats."""
         moves = {}
         for i in places:
-            seat, start, end, plan = self.seats[i], self.starts[i], self.ends[i], self.plans.get(i)
-            path = plan.path if plan else (start,) if start == end else (start, end)
-            moves[seat.name] = Move(seat.name, seat.team, start, end, path)
+            seat = self.seats[i]
+            moves[seat.name] = Move(seat.name, seat.team, self.starts[i], self.ends[i], self._track(i)[0])
         return moves
+
+    def tracks(self, agents: Iterable[Any]) -> list[Track]:
+        """How agents came to where they are; those that were put there since, or flew there, are there only at 1."""
+        place_of, seats, ends, track = self.seating.place_of, self.seats, self.ends, self._track
+        tracks: list[Track] = []
+        for agent in agents:
+            node, i = agent.current_node_id, place_of.get(agent.name)
+            if i is None or ends[i] != node or seats[i].agent is not agent or (seats[i].flies and self._flew(i)):
+                tracks.append(((node,), (1.0,)))
+            else:
+                tracks.append(track(i))
+        return tracks
+
+    def _track(self, i: int) -> Track:
+        """The nodes of a move, and when an agent is at each."""
+        plan = self.plans.get(i)
+        if plan is not None:
+            return plan.path, plan.times or _evenly(len(plan.path))
+        start, end = self.starts[i], self.ends[i]
+        return ((start,), (0.0,)) if start == end else ((start, end), (0.0, 1.0))
+
+    def _flew(self, i: int) -> bool:
+        """Whether a flyer has changed its position."""
+        plan = self.plans.get(i)
+        return plan is not None and plan.position not in (None, self.seats[i].agent.prev_position)
 
     def stop(self, names: set[str], among: list[int]) -> None:
         """Let these agents stay; they sit in some of the seats given."""
@@ -66,6 +92,12 @@ class TurnMoves:
                         end=self.starts[i], path=(self.starts[i],), times=(), progress=None
                     )
         self._by_name = None
+
+
+@lru_cache(maxsize=256)
+def _evenly(nodes: int) -> tuple[float, ...]:
+    """When an agent is at each of so many nodes if all edges take equally long."""
+    return tuple(k / max(1, nodes - 1) for k in range(nodes))
 
 
 def _ask(game: "Game", seating: Seating) -> TurnMoves:

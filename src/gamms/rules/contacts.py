@@ -1,14 +1,20 @@
-"""Who meets whom: pairs of agents on one node, that passed each other on an edge, or within some distance."""
+"""Who meets whom, and when: pairs of agents on one node, past each other on an edge, or within some distance.
 
+A turn is the time from 0 to 1; `gamms.rules.visits` says where agents are in it.
+"""
+
+from bisect import bisect_right
 from collections import defaultdict
-from collections.abc import Callable, Iterable, Mapping
+from collections.abc import Callable, Iterable, Iterator
 from typing import Any, NamedTuple
 
 from gamms import kernels
 from gamms.arguments import as_range
 from gamms.errors import BadType, BadValue
-from gamms.rules.measures import MEASURES, Distances
+from gamms.rules.measures import MEASURES, Measure, Placed
+from gamms.rules.visits import legs_of, tracks_of, visits_of
 from gamms.typing import AgentType, IContext
+from gamms.typing.game import Track
 
 
 class Contact(NamedTuple):
@@ -17,6 +23,9 @@ class Contact(NamedTuple):
     a: str
     b: str
     distance: float  # 0 on one node, or past each other; else edges, metres or map units, as was asked for
+    time: float = 1.0  # of the turn, from 0 to 1
+    a_node: int = -1  # where `a` was; on an edge, the node that it had passed last
+    b_node: int = -1
 
 
 class Nearness(NamedTuple):
@@ -26,12 +35,15 @@ class Nearness(NamedTuple):
     limit: float
     crossing: bool
     air: bool
+    passing: bool
 
 
 Side = Callable[[Any], bool]
+_Member = tuple[str, Track]  # of a side: the name, and how it came to where it is
+_Meeting = tuple[float, float, bool, str, str, int, int]  # time, distance, on an edge?, a, b, where a was, where b was
 
 
-def contacts(
+def contacts(  # noqa: PLR0913 - all that makes a contact, in one call
     ctx: IContext,
     a: Any,
     b: Any,
@@ -41,8 +53,12 @@ def contacts(
     euclid: float | None = None,
     crossing: bool | None = None,
     air: bool = False,
+    passing: bool = True,
 ) -> list[Contact]:
-    """All pairs of living agents, one of each side, that are in contact: nearest first, equals in an order by lot.
+    """All pairs of living agents, one of each side, that are in contact: first the earliest, then the nearest.
+
+    Equals are in an order by lot. The moments of a turn are numbers from 0 to 1: an agent that goes n edges is at the
+    k-th node at k/n, with speeds in metres when it has gone as far; one that stays is at its node from 0 on.
 
     Args:
         ctx: the context.
@@ -52,14 +68,23 @@ def contacts(
         metres: the same by the lengths of the edges.
         euclid: at most so many map units apart in a straight line; an agent on the ground is at height 0.
             Without any of the three, agents meet on one node.
-        crossing: whether those who went along one edge in opposite directions in this turn have met, too; None: where
-            no distance is given. Who was put elsewhere since has met nobody on its way.
-        air: whether aerial agents take part; each is at the node nearest to it, except for `euclid`.
+        crossing: whether agents that are on one edge in opposite directions meet, too; None: where no distance is
+            given.
+        air: whether aerial agents take part; each is at the node nearest to it, except for `euclid`. One that flew is
+            there at the end of the turn.
+        passing: whether agents meet on their way, too; False: where they are at the end, and if they went along one
+            edge in opposite directions at any time. An agent that was put elsewhere since has met nobody on its way.
+            With a distance, agents are compared whenever one of the two reaches a node; one between two nodes counts as
+            on the one that it has passed.
 
     Raises:
         BadType, BadValue: a distance is none, or there are several.
     """
-    return found(ctx, as_side(a), as_side(b), as_nearness(hops, metres, euclid, crossing=crossing, air=air))
+    nearness = as_nearness(hops, metres, euclid, crossing=crossing, air=air, passing=passing)
+    first: dict[tuple[str, str], Contact] = {}
+    for contact in found(ctx, as_side(a), as_side(b), nearness):
+        first.setdefault(contact[:2], contact)
+    return list(first.values())
 
 
 def one_to_one(met: Iterable[Contact]) -> list[Contact]:
@@ -73,7 +98,9 @@ def one_to_one(met: Iterable[Contact]) -> list[Contact]:
     return pairs
 
 
-def as_nearness(hops: Any, metres: Any, euclid: Any, *, crossing: bool | None = None, air: bool = False) -> Nearness:
+def as_nearness(
+    hops: Any, metres: Any, euclid: Any, *, crossing: bool | None = None, air: bool = False, passing: bool = True
+) -> Nearness:
     """What a caller gave, checked.
 
     Raises:
@@ -84,12 +111,12 @@ def as_nearness(hops: Any, metres: Any, euclid: Any, *, crossing: bool | None = 
     }
     if len(given) > 1:
         raise BadValue(f"Give one distance, not {' and '.join(f'{name}={value!r}' for name, value in given.items())}.")
-    for name, value in (("crossing", crossing), ("air", air)):
+    for name, value in (("crossing", crossing), ("air", air), ("passing", passing)):
         if not isinstance(value, bool) and (name, value) != ("crossing", None):
             raise BadType(f"{name} must be True or False, not {value!r}.")
     for unit, value in given.items():
-        return Nearness(unit, as_range(value, unit), bool(crossing), air)
-    return Nearness(None, 0.0, crossing is not False, air)
+        return Nearness(unit, as_range(value, unit), bool(crossing), air, passing)
+    return Nearness(None, 0.0, crossing is not False, air, passing)
 
 
 def as_side(side: Any) -> Side:
@@ -98,34 +125,84 @@ def as_side(side: Any) -> Side:
 
 
 def found(ctx: Any, is_a: Side, is_b: Side, nearness: Nearness) -> list[Contact]:
-    """What `contacts` promises."""
+    """All contacts of a turn in the order that `contacts` promises; two agents may have several."""
     agents = [agent for agent in ctx.game.agents if nearness.air or agent.type is not AgentType.AERIAL]
     ours, theirs = [agent for agent in agents if is_a(agent)], [agent for agent in agents if is_b(agent)]
     if not ours or not theirs:
         return []
-    distances = MEASURES[nearness.unit](ctx, ours, theirs, nearness.limit)
+    sides = _members(ctx, ours, passing=nearness.passing), _members(ctx, theirs, passing=nearness.passing)
+    if nearness.unit is None:
+        met = list(_on_nodes(*sides))
+    else:
+        flyers = {agent.name: agent.position for agent in agents if agent.type is AgentType.AERIAL}
+        met = list(_near(MEASURES[nearness.unit](ctx.graph.graph, nearness.limit, flyers), *sides))
     if nearness.crossing:
-        distances.update(_crossed(ctx.game.moves, ours, theirs))
-    pairs = [pair for pair in distances if pair[0] != pair[1]]
+        met += _on_edges(*sides) if nearness.passing else _crossed(ctx, ours, theirs)
+    pairs = list({(one[3], one[4]): None for one in met})
     # By name, so that who else meets never changes the order of two.
     lots = kernels.lots_by_name(ctx.seed, ("contacts", ctx.game.turn), list(map(repr, pairs)))
-    ranked = sorted((distances[pair], lot, pair) for pair, lot in zip(pairs, lots, strict=True))
-    return [Contact(*pair, distance) for distance, _, pair in ranked]
+    lot_of = dict(zip(pairs, lots, strict=True))
+    ranked = sorted((*one[:2], lot_of[one[3], one[4]], *one[2:]) for one in met if one[3] != one[4])
+    return [Contact(a, b, distance, time, *nodes) for time, distance, _, _, a, b, *nodes in ranked]
 
 
-def _crossed(moves: Mapping[str, Any], ours: list[Any], theirs: list[Any]) -> Distances:
-    """Who went along an edge that the other went along the other way round."""
-    by_way: dict[tuple[int, int], list[str]] = defaultdict(list)
-    for agent in ours:
-        for way in _ways_of(moves, agent):
-            by_way[way].append(agent.name)
-    steps = ((start, end, agent.name) for agent in theirs for start, end in _ways_of(moves, agent))
-    return {(name, other): 0.0 for start, end, other in steps for name in by_way.get((end, start), ())}
+def _members(ctx: Any, agents: list[Any], *, passing: bool) -> list[_Member]:
+    tracks = tracks_of(ctx, agents, passing=passing)
+    return [(agent.name, track) for agent, track in zip(agents, tracks, strict=True)]
 
 
-def _ways_of(moves: Mapping[str, Any], agent: Any) -> list[tuple[int, int]]:
-    """The edges an agent went along in this turn, as pairs of nodes."""
-    move = moves.get(agent.name)
-    if move is None or move.end != agent.current_node_id:
-        return []
-    return [(start, end) for start, end in zip(move.path, move.path[1:], strict=False) if start != end]
+def _on_nodes(ours: list[_Member], theirs: list[_Member]) -> Iterator[_Meeting]:
+    """Who was at one node at one time."""
+    at: dict[int, list[tuple[str, float, float]]] = defaultdict(list)
+    for name, track in ours:
+        for node, begin, end in visits_of(track):
+            at[node].append((name, begin, end))
+    for other, track in theirs:
+        for node, came, left in visits_of(track):
+            for name, begin, end in at.get(node, ()):
+                if begin <= left and came <= end:
+                    yield max(begin, came), 0.0, False, name, other, node, node
+
+
+def _on_edges(ours: list[_Member], theirs: list[_Member]) -> Iterator[_Meeting]:
+    """Who was on one edge at one time, in opposite directions."""
+    on: dict[tuple[int, int], list[tuple[str, float, float]]] = defaultdict(list)
+    for name, track in ours:
+        for source, target, begin, end in legs_of(track):
+            on[source, target].append((name, begin, end))
+    for other, track in theirs:
+        for source, target, came, left in legs_of(track):
+            for name, begin, end in on.get((target, source), ()):
+                if begin <= left and came <= end:
+                    yield max(begin, came), 0.0, True, name, other, target, source
+
+
+def _crossed(ctx: Any, ours: list[Any], theirs: list[Any]) -> Iterator[_Meeting]:
+    """Who went along one edge in opposite directions, whenever that was."""
+    sides = _members(ctx, ours, passing=True), _members(ctx, theirs, passing=True)
+    whenever = ([(name, (path, (1.0,) * len(path))) for name, (path, _) in side] for side in sides)
+    node_of = {agent.name: agent.current_node_id for agent in (*ours, *theirs)}
+    for time, *_, name, other, _, _ in _on_edges(*whenever):
+        yield time, 0.0, True, name, other, node_of[name], node_of[other]
+
+
+def _near(measure: Measure, ours: list[_Member], theirs: list[_Member]) -> Iterator[_Meeting]:
+    """Who was near enough, at each moment at which one of two agents reached a node."""
+    tracks = dict((*ours, *theirs))
+    inner = {time for _, times in tracks.values() for time in times[1:]} - {1.0}
+    for now in sorted(inner):
+        came = {name for name, (_, times) in tracks.items() if now in times[1:]}
+        sides = _placed(ours, now), _placed(theirs, now)
+        moved = tuple([one for one in side if one[0] in came] for side in sides)
+        where = dict((*sides[0], *sides[1]))
+        for (name, other), distance in (measure(moved[0], sides[1]) | measure(sides[0], moved[1])).items():
+            yield now, distance, False, name, other, where[name], where[other]
+    for (name, other), distance in measure(_placed(ours, 1.0), _placed(theirs, 1.0)).items():
+        since = max(tracks[name][1][-1], tracks[other][1][-1])
+        if since not in inner:  # else it was found then
+            yield since, distance, False, name, other, tracks[name][0][-1], tracks[other][0][-1]
+
+
+def _placed(side: list[_Member], now: float) -> list[Placed]:
+    """Where agents count as being at a moment: on the node that they have passed last."""
+    return [(name, path[bisect_right(times, now) - 1]) for name, (path, times) in side if times[0] <= now]

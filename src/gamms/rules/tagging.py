@@ -11,7 +11,7 @@ from gamms.rules.territory import as_territory
 from gamms.typing.game import Rule
 
 Then = Callable[[Any, Any, Any], Any]  # called with the context, the tagger and who was tagged
-_Tag = tuple[Any, Any]  # tagger, tagged
+_Tag = tuple[Any, Any, Any]  # tagger, tagged, the node where the latter was
 
 
 def _respawn(ctx: Any, _: Any, tagged: Any) -> None:
@@ -34,16 +34,17 @@ def tag(  # noqa: PLR0913 - all that a rule is, in one call
     euclid: float | None = None,
     crossing: bool | None = None,
     air: bool = False,
+    passing: bool = True,
     then: str | Then = "respawn",
     score: float = 1,
     territory: Mapping[int, Any] | str | None = None,
     mutual: bool = False,
 ) -> Rule:
-    """A rule: taggers tag whom they meet, one each, the nearest first.
+    """A rule: taggers tag those they meet on their way in a turn, one each: the earliest, of these the nearest.
 
-    Everybody is in one pair at most, and pairs equally near are chosen by lot. All are found where the agents are when
-    the rule is called; then the tags are counted; then those who were tagged are moved. Each tag is an event `tag`
-    with `agent` (the tagger), `other` and `node` (where the other was).
+    Each agent is in one pair at most, and pairs equally early and near are chosen by lot. All are found before any is
+    moved; then the tags are counted; then those who were tagged are moved. Each tag is an event `tag` with `agent` (the
+    tagger), `other` and `node` (where the other was then, or the node that it had passed last). See `contacts`.
 
     Args:
         taggers: a team, or a function of an agent that says whether it is meant.
@@ -52,18 +53,20 @@ def tag(  # noqa: PLR0913 - all that a rule is, in one call
             other on an edge.
         metres: the same by the lengths of the edges.
         euclid: the same in a straight line, map units.
-        crossing: whether those who passed each other on an edge have met, too; None: where no distance is given.
+        crossing: whether agents that are on one edge in opposite directions meet, too; None: where no distance is
+            given.
         air: whether aerial agents take part.
+        passing: whether agents meet on their way, too; False: where they are at the end of the turn.
         then: "respawn" where it began, "eliminate", or a function `(ctx, tagger, tagged)`.
         score: what the tagger's team gets.
-        territory: node -> team, or the name of the fact that has this: only who is on the ground of the tagger's team
-            can be tagged.
-        mutual: the other side tags, too: both agents of a pair are tagged; with a territory whoever is on the other's.
+        territory: node -> team, or the name of the fact that has this: an agent can be tagged only
+            at a node of the tagger's team.
+        mutual: the other side tags, too: both agents of a pair are tagged; with a territory the one on the other's.
 
     Raises:
         BadType, BadValue: an argument is none of these.
     """
-    nearness = as_nearness(hops, metres, euclid, crossing=crossing, air=air)
+    nearness = as_nearness(hops, metres, euclid, crossing=crossing, air=air, passing=passing)
     sides: tuple[Side, Side] = as_side(taggers), as_side(tagged)
     follow, points, ground = _as_then(then), as_float(score, "score"), as_territory(territory)
     if not isinstance(mutual, bool):
@@ -73,27 +76,20 @@ def tag(  # noqa: PLR0913 - all that a rule is, in one call
         whose = None if ground is None else ground(ctx)
 
         def tags_of(contact: Contact) -> list[_Tag]:
-            pair = ctx.agent.get_agent(contact.a), ctx.agent.get_agent(contact.b)
-            return [both for both in ((pair, pair[::-1]) if mutual else (pair,)) if _is_possible(whose, *both)]
+            a, b = ctx.agent.get_agent(contact.a), ctx.agent.get_agent(contact.b)
+            tags = [(a, b, contact.b_node)] + [(b, a, contact.a_node)] * mutual
+            return [one for one in tags if whose is None or (one[2] in whose and whose[one[2]] == one[0].team)]
 
         tags = {contact: some for contact in found(ctx, *sides, nearness) if (some := tags_of(contact))}
         made = [one for contact in one_to_one(tags) for one in tags[contact]]
-        for tagger, other in made:
-            ctx.game.emit("tag", agent=tagger.name, other=other.name, node=other.current_node_id)
+        for tagger, other, node in made:
+            ctx.game.emit("tag", agent=tagger.name, other=other.name, node=node)
             if points:
                 ctx.game.scores[tagger.team] += score
-        for tagger, other in made:
+        for tagger, other, _ in made:
             follow(ctx, tagger, other)
 
     return equipped(tag, drawer=tags_drawer, teams=[side for side in (taggers, tagged) if not callable(side)])
-
-
-def _is_possible(whose: Mapping[int, Any] | None, tagger: Any, tagged: Any) -> bool:
-    """Whether the ground is the tagger's."""
-    if whose is None:
-        return True
-    node = tagged.current_node_id
-    return node in whose and bool(whose[node] == tagger.team)
 
 
 def _as_then(then: Any) -> Then:

@@ -6,6 +6,7 @@ from typing import TYPE_CHECKING, Any, NamedTuple, Protocol
 if TYPE_CHECKING:
     from gamms.typing.context import IContext
 
+Track = tuple[tuple[int, ...], tuple[float, ...]]  # nodes, and from 0 to 1 when an agent is at each; at the last till 1
 Rule = Callable[[Any], Any]  # called with the context; what it returns is ignored
 
 

@@ -1,0 +1,301 @@
+"""Meeting on the way: when and where agents meet within a turn, by hand and against a tiny simulator."""
+
+from fractions import Fraction
+from math import inf
+
+import pytest
+from hypothesis import given, settings
+from hypothesis import strategies as st
+
+import gamms
+from gamms.agent import AgentType
+from gamms.rules import contacts, tag
+from gamms.strategies import goto, patrol
+
+LAWS = settings(max_examples=80, deadline=None, derandomize=True)
+
+
+def open_road(*agents, nodes=10, unit="edges"):
+    """A game on a road of nodes ten metres apart: agents `(name, team, start, speed, target)`."""
+    ctx = gamms.create_context(seed=5, logger_config={"level": "CRITICAL"}, game={"speed_unit": unit})
+    ctx.graph.attach_networkx_graph(gamms.graph.grid(1, nodes))
+    for name, team, start, speed, target in agents:
+        ctx.agent.create_agent(name, start_node_id=start, team=team, speed=speed, strategy=goto(ctx, target))
+    return ctx
+
+
+def met(ctx, a="red", b="blue", **more):
+    """Who meets whom after one more turn: name, name, time, where the one was and where the other."""
+    ctx.game.step()
+    return [(one.a, one.b, one.time, one.a_node, one.b_node) for one in contacts(ctx, a, b, **more)]
+
+
+# -- by hand ----------------------------------------------------------------------------------------------------
+
+
+@pytest.mark.parametrize("speed", [2, 3, 5])
+def test_a_road_block_stops_whoever_passes_it(speed):
+    ctx = open_road(("runner", "red", 0, speed, 8), ("guard", "blue", 3, None, 3))
+    ctx.game.add(tag("blue", "red", then="eliminate"))
+    result = ctx.game.run(6)
+    assert not result.agents["runner"]["alive"]
+    assert result.events[0]["node"] == 3
+
+
+def test_without_passing_only_the_ends_count():
+    ctx = open_road(("runner", "red", 0, 2, 8), ("guard", "blue", 3, None, 3))
+    ctx.game.add(tag("blue", "red", then="eliminate", passing=False))
+    assert ctx.game.run(6).agents["runner"]["alive"]
+
+
+def test_two_that_go_two_edges_meet_on_the_node_between_them():
+    assert met(open_road(("r", "red", 0, 2, 2), ("b", "blue", 2, 2, 0))) == [("r", "b", 0.5, 1, 1)]
+
+
+def test_two_that_exchange_nodes_meet_on_the_edge_behind_the_node_that_each_has_passed():
+    assert met(open_road(("r", "red", 3, None, 4), ("b", "blue", 4, None, 3))) == [("r", "b", 0.0, 3, 4)]
+    ctx = open_road(("r", "red", 0, 3, 3), ("b", "blue", 3, 1, 2))
+    assert met(ctx) == [("r", "b", 2 / 3, 2, 3)]  # it enters the last edge when the other has been on it for long
+
+
+def test_an_agent_that_leaves_a_node_does_not_meet_there_who_comes_or_stays():
+    ctx = open_road(("r", "red", 3, None, 4), ("b", "blue", 3, None, 3), ("late", "blue", 2, None, 3))
+    assert met(ctx) == []
+    ctx = open_road(("r", "red", 3, 2, 5), ("b", "blue", 5, 2, 7))
+    assert met(ctx) == []  # it comes to 5 when the other is gone
+
+
+def test_those_who_stay_together_are_in_contact_throughout_and_come_first():
+    ctx = open_road(("r", "red", 3, None, 3), ("b", "blue", 3, None, 3), ("late", "blue", 2, None, 3))
+    assert met(ctx) == [("r", "b", 0.0, 3, 3), ("r", "late", 1.0, 3, 3)]
+
+
+def test_the_first_on_the_way_is_met_first_and_each_agent_is_in_one_pair():
+    ctx = open_road(("r", "red", 0, 4, 4), *((f"b{i}", "blue", i, None, i) for i in (1, 2, 4)))
+    assert [one[1:3] for one in met(ctx)] == [("b1", 0.25), ("b2", 0.5), ("b4", 1.0)]
+    ctx = open_road(("r", "red", 0, 4, 4), ("s", "red", 0, 2, 2), *((f"b{i}", "blue", i, None, i) for i in (1, 2)))
+    ctx.game.add(tag("blue", "red"))
+    ctx.game.step()
+    assert [(event["agent"], event["other"]) for event in ctx.game.events if event["kind"] == "tag"] == [
+        ("b1", "r"),  # at 1/4, before the other comes
+        ("b2", "s"),
+    ]
+
+
+def test_lots_decide_who_is_met_of_those_that_are_met_at_once():
+    firsts = set()
+    for seed in range(20):
+        ctx = open_road(("r", "red", 0, 2, 2), ("b", "blue", 1, None, 1), ("c", "blue", 1, None, 1))
+        ctx.reseed(seed)
+        firsts.add(met(ctx)[0][1])
+    assert firsts == {"b", "c"}
+
+
+def test_guards_on_patrol_catch_those_they_pass():
+    ctx = open_road(("thief", "red", 4, None, 4))
+    ctx.agent.create_agent("guard", start_node_id=0, team="blue", speed=3, strategy=patrol(ctx, [9, 0]))
+    ctx.game.add(tag("blue", "red", then="eliminate"))
+    ctx.game.run(4)
+    assert ctx.game.events[0] == {"turn": 2, "kind": "tag", "agent": "guard", "other": "thief", "node": 4}
+
+
+def test_in_metres_the_time_is_the_distance_over_the_speed():
+    ctx = open_road(("r", "red", 0, 25.0, 9), ("b", "blue", 1, None, 1), ("c", "blue", 2, None, 2), unit="metres")
+    assert met(ctx) == [("r", "b", 0.4, 1, 1), ("r", "c", 0.8, 2, 2)]
+
+
+def test_a_part_of_an_edge_that_was_covered_before_makes_an_agent_earlier():
+    ctx = open_road(("r", "red", 0, 15.0, 9), ("b", "blue", 2, None, 2), unit="metres")
+    assert met(ctx) == []  # it is five metres behind 1
+    assert met(ctx) == [("r", "b", round(5 / 15, 9), 2, 2)]
+    ctx = open_road(("r", "red", 0, 0.5, 9), ("b", "blue", 1, None, 1))
+    assert met(ctx) == []
+    assert met(ctx) == [("r", "b", 1.0, 1, 1)]  # in edges it takes the whole turn
+
+
+def test_a_territory_is_asked_where_the_tagged_one_was():
+    west = {node: "blue" if node < 5 else "red" for node in range(10)}
+    ctx = open_road(("r", "red", 3, 3, 6), ("b", "blue", 4, None, 4))  # it ends the turn on its own ground
+    ctx.game.add(tag("blue", "red", territory=west))
+    ctx.game.step()
+    assert [event["node"] for event in ctx.game.events if event["kind"] == "tag"] == [4]
+    ctx = open_road(("r", "red", 6, 3, 3), ("b", "blue", 6, 3, 3))  # side by side: first on red ground, then on blue
+    ctx.game.add(tag("blue", "red", territory=west))
+    ctx.game.step()
+    assert [event["node"] for event in ctx.game.events if event["kind"] == "tag"] == [4]
+
+
+def test_who_was_put_elsewhere_is_there_at_the_end_of_the_turn():
+    ctx = open_road(("r", "red", 0, 4, 4), ("b", "blue", 2, None, 2), ("c", "blue", 0, None, 0))
+    ctx.game.step()
+    ctx.game.respawn("r")
+    assert [(one.b, one.time) for one in contacts(ctx, "red", "blue")] == [("c", 1.0)]
+
+
+def test_with_a_distance_agents_are_compared_when_one_reaches_a_node():
+    ctx = open_road(("r", "red", 0, 4, 8), ("b", "blue", 5, None, 6))
+    assert met(ctx, hops=2) == [("r", "b", 0.75, 3, 5)]  # the other counts as on 5 until it is on 6
+    ctx = open_road(("r", "red", 0, 2, 2), ("b", "blue", 3, None, 3), ("near", "blue", 1, None, 2))
+    assert met(ctx, euclid=10.0) == [("r", "near", 0.5, 1, 1), ("r", "b", 1.0, 2, 3)]
+    ctx = open_road(("r", "red", 5, None, 5), ("b", "blue", 3, None, 3), ("c", "blue", 2, None, 4))
+    assert [one[:3] for one in met(ctx, metres=20)] == [("r", "b", 0.0), ("r", "c", 1.0)]  # earlier, if farther away
+
+
+def test_flyers_that_flew_are_met_at_the_end_and_those_that_hover_throughout():
+    for action, expected in (((0, 0, 0), [0.5]), ((1, 0, 0), [])):
+        ctx = open_road(("r", "red", 0, 2, 2))
+        ctx.agent.create_agent(
+            "b",
+            type=AgentType.AERIAL,
+            team="blue",
+            start_node_id=1,
+            speed=1.0,
+            strategy=lambda s, a=action: s.update(action=a),
+        )
+        assert [one[2] for one in met(ctx, air=True)] == expected
+
+
+def test_an_endless_speed_takes_the_whole_turn():
+    for unit in ("edges", "metres"):
+        assert met(open_road(("r", "red", 0, inf, 4), ("b", "blue", 1, None, 1), unit=unit)) == [("r", "b", 0.25, 1, 1)]
+
+
+# -- against a simulator ----------------------------------------------------------------------------------------
+
+
+class Walker:
+    """An agent that walks along routes, in exact numbers."""
+
+    def __init__(self, node, speed, unit, lengths):
+        self.node, self.speed, self.begun, self.unit, self.lengths = node, speed, (None, Fraction(0)), unit, lengths
+
+    def cost(self, source, target):
+        return Fraction(1) if self.unit == "edges" else self.lengths[source, target]
+
+    def go(self, route):
+        """Walk for one turn; `places[time]` are then the nodes and edges it is at."""
+        ahead, covered = self.begun
+        done = covered if route and route[0] == ahead else Fraction(0)
+        budget, path, far = self.speed + done, [self.node], [Fraction(0)]
+        while len(path) <= len(route) and far[-1] + self.cost(path[-1], route[len(path) - 1]) <= budget:
+            far.append(far[-1] + self.cost(path[-1], route[len(path) - 1]))
+            path.append(route[len(path) - 1])
+        more = route[len(path) - 1 :]
+        self.begun = (more[0], budget - far[-1]) if more else (None, Fraction(0))
+        self.path, self.node = path, path[-1]
+        if self.unit == "edges":
+            self.times = [Fraction(k, max(1, len(path) - 1)) for k in range(len(path))]
+        else:
+            self.times = [max(Fraction(0), one - done) / self.speed if self.speed else Fraction(0) for one in far]
+
+    def places(self, now):
+        """The nodes and edges it is at, at a moment."""
+        found = {
+            ("edge", *self.path[k : k + 2])
+            for k in range(len(self.path) - 1)
+            if self.times[k] <= now <= self.times[k + 1]
+        }
+        found |= {("node", node) for node, time in list(zip(self.path, self.times, strict=True))[1:] if time == now}
+        if now >= self.times[-1] and (len(self.path) == 1 or now > 0):
+            found.add(("node", self.path[-1]))
+        return found
+
+    def passed(self, now):
+        """The node that it has reached last."""
+        return [node for node, time in zip(self.path, self.times, strict=True) if time <= now][-1]
+
+
+def first_meeting(one, other):
+    """The first moment, and where the one and the other are then; None if they do not meet."""
+    for now in sorted({*one.times, *other.times}):
+        here, there = one.places(now), other.places(now)
+        nodes = [place[1] for place in here & there if place[0] == "node"]
+        if nodes:
+            return now, nodes[0], nodes[0]
+        edges = [place for place in here if place[0] == "edge" and ("edge", place[2], place[1]) in there]
+        if edges:
+            return now, edges[0][1], edges[0][2]
+    return None
+
+
+def first_nearness(one, other, hops, limit):
+    """The same within so many edges."""
+    moments = {*one.times[1:], *other.times[1:]} or {Fraction(0)}
+    for now in sorted(moments):
+        a, b = one.passed(now), other.passed(now)
+        if min(hops[a][b], hops[b][a]) <= limit:
+            return now, a, b
+    return None
+
+
+@st.composite
+def games(draw):
+    """A small graph of one-way edges with lengths, and agents that walk along routes on it."""
+    size = draw(st.integers(2, 6))
+    pairs = [(a, b) for a in range(size) for b in range(size) if a != b]
+    edges = draw(st.lists(st.sampled_from(pairs), min_size=2, max_size=14, unique=True))
+    edges += [(b, a) for a, b in edges if (b, a) not in edges and draw(st.booleans())]
+    lengths = {edge: Fraction(draw(st.sampled_from([1, 2, 3, 5])), 2) for edge in edges}
+    unit = draw(st.sampled_from(["edges", "metres"]))
+    speeds = [Fraction(1, 2), Fraction(1), Fraction(3, 2), Fraction(2), Fraction(3)]
+
+    def route(node):
+        ways = []
+        for _ in range(draw(st.integers(0, 5))):
+            onward = [b for a, b in edges if a == node]
+            if not onward:
+                break
+            ways.append(node := draw(st.sampled_from(onward)))
+        return ways
+
+    agents = [(draw(st.integers(0, size - 1)), draw(st.sampled_from(speeds))) for _ in range(draw(st.integers(2, 5)))]
+    return size, lengths, unit, agents, route
+
+
+@LAWS
+@given(game=games(), hops=st.sampled_from([None, None, 0, 1, 2]))
+def test_contacts_and_tags_are_those_of_a_simulator(game, hops):
+    size, lengths, unit, agents, route = game
+    with gamms.create_context(seed=1, logger_config={"level": "CRITICAL"}, game={"speed_unit": unit}) as ctx:
+        ctx.graph.add_nodes(range(size), range(size), [0] * size)
+        ends = list(zip(*lengths, strict=True))
+        ctx.graph.add_edges(range(len(lengths)), *ends, list(map(float, lengths.values())))
+        hops_of = [[ctx.graph.graph.distance(a, b, None) for b in range(size)] for a in range(size)]
+        walkers, routes = {}, {}
+        for i, (node, speed) in enumerate(agents):
+            name = f"{'rb'[i % 2]}{i}"
+            ctx.agent.create_agent(
+                name,
+                start_node_id=node,
+                team="red" if i % 2 == 0 else "blue",
+                speed=float(speed),
+                strategy=lambda state: state.update(action=routes[state["name"]]),
+            )
+            walkers[name] = Walker(node, speed, unit, lengths)
+        ctx.game.add(tag("red", "blue", hops=hops, then=lambda *_: None))
+        for _ in range(3):
+            routes.update({name: route(walker.node) for name, walker in walkers.items()})
+            for name, walker in walkers.items():
+                walker.go(routes[name])
+            ctx.game.step()
+            assert {name: list(move.path) for name, move in ctx.game.moves.items()} == {
+                name: walker.path for name, walker in walkers.items()
+            }
+            expected = {}
+            for a in (name for name in walkers if name[0] == "r"):
+                for b in (name for name in walkers if name[0] == "b"):
+                    pair = walkers[a], walkers[b]
+                    meeting = first_meeting(*pair) if hops is None else first_nearness(*pair, hops_of, hops)
+                    if meeting:
+                        expected[a, b] = (round(float(meeting[0]), 9), *meeting[1:])
+            found = contacts(ctx, "red", "blue", hops=hops)
+            assert {one[:2]: (round(one.time, 9), one.a_node, one.b_node) for one in found} == expected
+            assert [one.time for one in found] == sorted(one.time for one in found)
+            tags = {
+                (one["agent"], one["other"]): one["node"] for one in ctx.game.events if one["turn"] == ctx.game.turn
+            }
+            assert all(expected[pair][2] == node for pair, node in tags.items())
+            busy_since = {name: expected[pair][0] for pair in tags for name in pair}
+            assert len(busy_since) == 2 * len(tags)
+            for (a, b), (time, *_) in expected.items():  # each is tagged, or one of the two had met another before
+                assert min(busy_since.get(a, inf), busy_since.get(b, inf)) <= time
