@@ -280,7 +280,7 @@ def create_context(
         vis_kwargs: keywords of the visual engine.
         logger_config: arguments of `logging.basicConfig`; `level` defaults to $GAMMS_LOG_LEVEL, then INFO.
         seed: the same seed gives the same random streams; None draws one.
-        graph_path: the database file of SQLITE; an existing one is opened. None: a temporary one.
+        graph_path: the database file of SQLITE; an existing one is opened. None: one in memory.
         game: settings of the turn engine, such as `{"on_error": "stay"}`; see `gamms.game.Settings`.
 
     Raises:

@@ -21,6 +21,7 @@ GammsError
 │  ├─ NotYetImportable (ImportError)   ... and was asked for by an import
 │  └─ NotYetAttribute (AttributeError) ... and was asked for by its name
 ├─ Outdated (RuntimeError)         an answer that was worked out before things changed
+├─ WriteConflict (RuntimeError)    a file that another program has written since it was read
 └─ ContextTerminated (AttributeError) the context has ended
 """
 
@@ -197,6 +198,10 @@ class Outdated(GammsError, RuntimeError):
 
     def __init__(self, change: str, way_out: str) -> None:
         super().__init__(f"This no longer holds: {change}. Call {way_out} again.")
+
+
+class WriteConflict(GammsError, RuntimeError):
+    """A file that another program has written since it was read."""
 
 
 class ContextTerminated(GammsError, AttributeError):

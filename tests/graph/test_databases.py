@@ -1,17 +1,16 @@
 """The SQLITE engine: the same graph, and a database file that has it; nothing lies about where it was not asked for."""
 
-import gc
 import os
+import re
 import sqlite3
 import subprocess
 import sys
-import tempfile
-from pathlib import Path
+import time
 from types import SimpleNamespace
 
 import pytest
 
-from gamms.errors import BadFile, BadValue, ContextTerminated, UnknownType
+from gamms.errors import BadFile, BadValue, ContextTerminated, UnknownType, WriteConflict
 from gamms.graph import Engine
 
 
@@ -248,6 +247,137 @@ def test_an_unknown_engine_is_named(open_ctx, engine):
         open_ctx(engine)
 
 
+# -- several programs -------------------------------------------------------------------------------------------
+
+
+def add(ctx, id):
+    ctx.graph.graph.add_node({"id": id, "x": 0.0, "y": 0.0})
+
+
+def nodes_of(ctx):
+    return list(ctx.graph.graph.get_nodes())
+
+
+def test_the_second_of_two_writers_is_refused_and_can_go_on(reopened, tmp_path):
+    first, second = reopened(), reopened()
+    add(first, 1)
+    add(second, 2)
+    first.graph.save()
+    with pytest.raises(WriteConflict, match=re.escape(str(reopened.path))):
+        second.graph.save()
+    with pytest.raises(WriteConflict):
+        second.graph.save(tmp_path / "mine.gamms")
+    assert nodes_of(second) == [2]
+    second.graph.load()
+    assert nodes_of(second) == [1]
+    add(second, 3)
+    second.graph.save()
+    add(first, 4)
+    with pytest.raises(WriteConflict):
+        first.graph.save()
+    first.graph.load(tmp_path / "mine.gamms")
+    assert nodes_of(first) == [2]
+    first.graph.load()
+    assert nodes_of(first) == [1, 3]
+
+
+def test_who_changes_nothing_writes_nothing(reopened):
+    writer, reader = reopened(), reopened()
+    add(writer, 1)
+    writer.graph.save()
+    reader.terminate()
+    add(writer, 2)
+    writer.terminate()
+    assert nodes_of(reopened()) == [1, 2]
+
+
+def test_what_cannot_be_written_at_the_end_is_saved_beside(reopened, ctx):
+    lost = [reopened(), reopened()]
+    winner = reopened()
+    add(winner, 1)
+    winner.terminate()
+    for number, loser in enumerate(lost, 1):
+        add(loser, 10 * number)
+        with pytest.raises(WriteConflict) as caught:
+            loser.terminate()
+        beside = f"{reopened.path}.unsaved-{number}.gamms"
+        assert beside in caught.value.__notes__[0]
+        ctx.graph.load(beside)
+        assert nodes_of(ctx) == [10 * number]
+    assert nodes_of(reopened()) == [1]
+
+
+def test_what_was_saved_elsewhere_after_a_conflict_is_not_saved_again(reopened, tmp_path):
+    winner, loser = reopened(), reopened()
+    add(winner, 1)
+    winner.terminate()
+    add(loser, 2)
+    with pytest.raises(WriteConflict):
+        loser.graph.save(tmp_path / "mine.gamms")
+    loser.terminate()
+    assert sorted(path.name for path in tmp_path.iterdir()) == ["graph.db", "mine.gamms"]
+
+
+def test_a_new_database_is_not_locked_between_saves(reopened):
+    first = reopened()
+    with sqlite3.connect(reopened.path, timeout=0) as theirs:
+        theirs.execute("BEGIN EXCLUSIVE")
+        theirs.execute("ROLLBACK")
+    theirs.close()
+    first.graph.save()
+
+
+_START = """
+import sys, gamms
+from gamms.errors import WriteConflict
+ctx = gamms.create_context(
+    graph_engine=gamms.graph.Engine.SQLITE, graph_path=sys.argv[1], logger_config={"level": "CRITICAL"}
+)
+graph = ctx.graph.graph
+"""
+
+
+def test_of_two_processes_neither_loses_a_node(reopened):
+    script = f"""{_START}
+done = 0
+while done < 15:
+    id = next(n for n in range(1000) if not graph.has_node(n))
+    graph.add_node({{"id": id, "x": float(sys.argv[2]), "y": 0.0}})
+    try:
+        ctx.graph.save()
+        done += 1
+    except WriteConflict:
+        ctx.graph.load()
+ctx.terminate()
+"""
+    running = [subprocess.Popen([sys.executable, "-c", script, reopened.path, name]) for name in "01"]
+    assert [one.wait() for one in running] == [0, 0]
+    ctx = reopened()
+    assert sorted(nodes_of(ctx)) == list(range(30))
+    assert [ctx.graph.graph.get_node(id).x for id in range(30)].count(1.0) == 15
+
+
+def test_a_program_that_is_killed_while_saving_leaves_a_whole_graph(reopened):
+    script = f"""{_START}
+for size in range(1000, 100_000, 1000):
+    graph.add_nodes(range(len(graph), size), [0.0] * (size - len(graph)), [0.0] * (size - len(graph)))
+    ctx.graph.save()
+    print(size, flush=True)
+"""
+    for lines in (1, 4):
+        with subprocess.Popen([sys.executable, "-c", script, reopened.path], stdout=subprocess.PIPE) as running:
+            saved = [int(running.stdout.readline()) for _ in range(lines)][-1]
+            time.sleep(0.004 * lines)
+            running.kill()
+            later = [int(line) for line in running.stdout if line.endswith(b"\n")]
+        ctx = reopened()
+        nodes = nodes_of(ctx)
+        assert nodes == list(range(len(nodes)))
+        assert len(nodes) - [saved, *later][-1] in (0, 1000)
+        ctx.terminate()
+        reopened.path.unlink()
+
+
 # -- nothing lies about -----------------------------------------------------------------------------------------
 
 
@@ -262,24 +392,8 @@ def test_nothing_is_written_into_the_working_directory(open_ctx, fill, tmp_path,
     assert list(tmp_path.iterdir()) == []
 
 
-def temporary_folders():
-    return {path.name for path in Path(tempfile.gettempdir()).glob("gamms-*")}
-
-
-def test_a_temporary_database_goes_with_its_context(open_ctx, fill, tmp_path, monkeypatch):
-    monkeypatch.setattr(tempfile, "tempdir", str(tmp_path))
-    ctx = open_ctx(Engine.SQLITE)
-    fill(ctx)
-    ctx.graph.save()
-    assert len(temporary_folders()) == 1
-    ctx.terminate()
-    del ctx
-    gc.collect()
-    assert temporary_folders() == set()
-
-
-@pytest.mark.parametrize("ending", ["ctx.terminate()", "pass", "raise SystemExit", "ctx.terminate(); del ctx"])
-def test_a_temporary_database_is_gone_when_the_program_ends(tmp_path, ending):
+@pytest.mark.parametrize("ending", ["ctx.terminate()", "pass", "import os; os.kill(os.getpid(), 9)"])
+def test_without_a_path_nothing_is_left_on_the_disk(tmp_path, ending):
     script = f"""
 import gamms
 ctx = gamms.create_context(graph_engine=gamms.graph.Engine.SQLITE, logger_config={{"level": "CRITICAL"}})
@@ -290,7 +404,9 @@ ctx.graph.save()
     folder, cwd = tmp_path / "temporary", tmp_path / "working"
     folder.mkdir()
     cwd.mkdir()
-    subprocess.run([sys.executable, "-c", script], env=os.environ | {"TMPDIR": str(folder)}, cwd=cwd, check=True)
+    subprocess.run(
+        [sys.executable, "-c", script], env=os.environ | {"TMPDIR": str(folder)}, cwd=cwd, check="kill" not in ending
+    )
     assert list(folder.iterdir()) == list(cwd.iterdir()) == []
 
 

@@ -1,11 +1,13 @@
 """A database file: what is kept, what is refused, and that nothing in it is run."""
 
+import contextlib
 import json
+import random
 import sqlite3
 
 import pytest
 
-from gamms.errors import BadFile
+from gamms.errors import BadFile, BadValue
 from gamms.memory import PathLike, SqliteStore
 
 SCHEMA = {"id": int, "a b": list, "X": float}
@@ -175,7 +177,9 @@ def test_a_truncated_file_is_named(database):
         "no json",
         "[]",
         "{}",
-        None,
+        b"\xff",
+        5,
+        "[" * 100_000,
         json.dumps({"table": "nodes", "key": "id", "types": {"id": "int"}, "columns": {"id": 3}}),
         json.dumps({"table": ["nodes"], "key": "id", "types": {}, "columns": {}}),
         json.dumps({"table": "t", "key": "id", "types": [], "columns": 1}),
@@ -183,7 +187,7 @@ def test_a_truncated_file_is_named(database):
     ],
 )
 def test_a_damaged_list_of_maps_is_named(database, place):
-    run(database.path, "CREATE TABLE gamms_maps (name TEXT, place TEXT)")
+    run(database.path, "CREATE TABLE gamms_maps (name TEXT PRIMARY KEY, place TEXT NOT NULL)")
     run(database.path, "INSERT INTO gamms_maps VALUES ('nodes', ?)", place)
     with pytest.raises(BadFile, match="damaged"):
         database()
@@ -191,7 +195,7 @@ def test_a_damaged_list_of_maps_is_named(database, place):
 
 def test_a_list_of_maps_without_its_tables_is_named(database):
     place = {"table": "gone", "key": "id", "types": {"id": "int"}, "columns": {"id": "id"}}
-    run(database.path, "CREATE TABLE gamms_maps (name TEXT, place TEXT)")
+    run(database.path, "CREATE TABLE gamms_maps (name TEXT PRIMARY KEY, place TEXT NOT NULL)")
     run(database.path, "INSERT INTO gamms_maps VALUES ('nodes', ?)", json.dumps(place))
     store = database()
     with pytest.raises(BadFile, match="damaged"):
@@ -200,8 +204,105 @@ def test_a_list_of_maps_without_its_tables_is_named(database):
 
 def test_a_foreign_table_of_our_name_is_named(database):
     run(database.path, "CREATE TABLE gamms_maps (x)")
-    with pytest.raises(BadFile, match="no such column"):
+    with pytest.raises(BadFile, match="not as GAMMS made it"):
         database()
+
+
+ADDED = {
+    "a view": """DROP TABLE nodes; CREATE VIEW nodes AS WITH RECURSIVE c(i) AS (SELECT 1 UNION ALL SELECT i + 1 FROM c)
+                 SELECT i gamms_order, i id, NULL "a b", 0.5 X FROM c""",
+    "a view of the maps": """DROP TABLE gamms_maps; CREATE VIEW gamms_maps AS
+                 WITH RECURSIVE c(i) AS (SELECT 1 UNION ALL SELECT i + 1 FROM c) SELECT i name, i place FROM c""",
+    "a generated column": """DROP TABLE nodes; CREATE TABLE nodes (gamms_order INTEGER PRIMARY KEY,
+                 id INTEGER NOT NULL UNIQUE, "a b" BLOB AS (zeroblob(900000000)), X REAL)""",
+    "a virtual table": """DROP TABLE nodes; CREATE VIRTUAL TABLE nodes USING fts5(gamms_order, id, "a b", X)""",
+    "a table without row numbers": """DROP TABLE nodes; CREATE TABLE nodes (gamms_order INTEGER PRIMARY KEY,
+                 id INTEGER NOT NULL UNIQUE, "a b" BLOB, X REAL) WITHOUT ROWID""",
+    "a check": """DROP TABLE nodes; CREATE TABLE nodes (gamms_order INTEGER PRIMARY KEY,
+                 id INTEGER NOT NULL UNIQUE, "a b" BLOB, X REAL, CHECK (length(zeroblob(900000000)) > 0))""",
+    "a column with a default": "ALTER TABLE nodes ADD COLUMN more DEFAULT 5",
+    "a trigger": "CREATE TRIGGER again AFTER DELETE ON nodes BEGIN INSERT INTO nodes (id) VALUES (OLD.id); END",
+    "a trigger under another case": "CREATE TRIGGER again AFTER DELETE ON NoDeS BEGIN SELECT 1; END",
+    "a trigger on the maps": "CREATE TRIGGER again BEFORE INSERT ON gamms_maps BEGIN SELECT 1; END",
+    "an index": "CREATE INDEX slow ON nodes (length(zeroblob(900000000)))",
+}
+
+
+@pytest.mark.parametrize("added", ADDED)
+def test_what_might_run_when_a_table_is_used_is_refused(database, added):
+    first = database()
+    fill(first)
+    first.close()
+    connection = sqlite3.connect(database.path)
+    connection.executescript(ADDED[added])
+    connection.close()
+    with pytest.raises(BadFile, match=r"not as GAMMS made it|There is an? (trigger|index)"):
+        database().create_map("nodes", SCHEMA, "id")
+
+
+def test_pages_that_refer_to_each_other_are_not_read_for_ever(database):
+    """A tree of five pages with 10 ** 10 leaves, which would take hours to count."""
+    first = database()
+    first.create_map("m", {"id": int}, "id")
+    first.insert_many("m", {"id": list(range(100_000))})
+    ((root,),) = first.connection().execute("SELECT rootpage FROM sqlite_master WHERE name = 'm'").fetchall()
+    ((size,),) = first.connection().execute("PRAGMA page_size").fetchall()
+    first.close()
+    data = bytearray(database.path.read_bytes())
+    pages = [data[at : at + size] for at in range(0, len(data), size)]
+    leaf = next(n for n, page in enumerate(pages, 1) if page[0] == 13 and n > root)
+    inner = [n for n in range(root + 1, root + 12) if n != leaf][:5]
+    for page, child in zip([root, *inner], [*inner, leaf], strict=True):
+        cells = 100
+        first_cell = size - 5 * cells
+        head = b"\x05\0\0" + cells.to_bytes(2, "big") + first_cell.to_bytes(2, "big") + b"\0" + child.to_bytes(4, "big")
+        places = b"".join((first_cell + 5 * i).to_bytes(2, "big") for i in range(cells))
+        tail = b"".join(child.to_bytes(4, "big") + b"\x01" for _ in range(cells))
+        data[(page - 1) * size : page * size] = (head + places).ljust(first_cell, b"\0") + tail
+    database.path.write_bytes(data)
+    again = database()
+    again.create_map("m", {"id": int}, "id")
+    with pytest.raises(BadFile, match="far longer to read than its size explains"):
+        again.read_columns("m")
+
+
+def test_a_value_that_holds_one_list_many_times_is_not_copied_into_a_bomb(database):
+    first = database()
+    fill(first)
+    first.close()
+    # [28([28([28([…]), 29(0)]), …]): each level holds the one below it twice.
+    shared = b"\xd8\x1c\x80"
+    for level in range(40):
+        shared = (
+            b"\xd8\x1c\x82" + shared + b"\xd8\x1d" + (bytes([39 - level]) if level > 15 else bytes([0x18, 39 - level]))
+        )
+    run(database.path, 'UPDATE nodes SET "a b" = ? WHERE id = 2', shared)
+    second = database()
+    second.create_map("nodes", SCHEMA, "id")
+    with pytest.raises(BadFile, match=r"store\.db"):
+        second.read_columns("nodes")
+
+
+def test_no_flipped_byte_leaks_an_error_of_sqlite(database):
+    first = database()
+    fill(first)
+    first.close()
+    data, rng = database.path.read_bytes(), random.Random(4)
+    used = [at for at, byte in enumerate(data) if byte]
+    for at in rng.sample(used, 250):
+        database.path.write_bytes(data[:at] + bytes([data[at] ^ (1 << rng.randrange(8))]) + data[at + 1 :])
+        store = None
+        try:
+            store = database()
+            store.create_map("nodes", SCHEMA, "id")
+            store.read_columns("nodes")
+            store.clear_map("nodes")
+            store.insert_data("nodes", {"id": 7, "a b": [], "X": 0.0})
+        except (BadFile, BadValue, KeyError):
+            pass
+        finally:
+            with contextlib.suppress(BadFile):
+                store and store.close()
 
 
 @pytest.mark.parametrize(

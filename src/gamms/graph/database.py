@@ -4,11 +4,12 @@ from typing import Any
 
 import numpy as np
 
-from gamms.errors import BadFile, BadValue, GammsError
+from gamms.errors import BadFile, BadValue, GammsError, WriteConflict
 from gamms.graph import plain
 from gamms.graph.contents import Contents, checked_columns
 from gamms.graph.obstacles import checked_face
 from gamms.ir.graph import FloatArray, GraphColumns
+from gamms.typing.memory_engine import IPathLike
 
 STORE = ".graph"  # the dot: no store of the program's, and not listed among those
 
@@ -28,11 +29,27 @@ _SCHEMAS: dict[str, dict[str, type]] = {
 }
 
 
-class GraphDatabase:
-    """Writes a graph into a store and reads it again; `store` is a DATABASE store of the memory room."""
+class NoFile(IPathLike):
+    """The path of a database in memory."""
 
-    def __init__(self, store: Any) -> None:  # Any: the bulk methods are the memory room's own, beyond IStore
+    def as_str(self) -> str:
+        """What SQLite calls it."""
+        return ":memory:"
+
+    def exists(self) -> bool:
+        """There is no file."""
+        return False
+
+
+class GraphDatabase:
+    """Writes a graph into a store and reads it again; `store` is a DATABASE store of `ctx.ictx.memory`.
+
+    The table `about` counts the saves, so that no program writes over what it has not read.
+    """
+
+    def __init__(self, store: Any) -> None:  # Any: the bulk methods are the store's own, beyond IStore
         self._store = store
+        self._saves = 0  # that had been made when the graph was read
         if store.is_foreign:
             raise BadFile(f"{store.path().as_str()} is a database of something else, not of a graph.")
         for name, schema in _SCHEMAS.items():
@@ -42,6 +59,13 @@ class GraphDatabase:
                 raise BadFile(
                     f"{store.path().as_str()} cannot be opened as the database of a graph: {error}"
                 ) from error
+        store.flush()
+
+    @property
+    def path(self) -> str:
+        """The path of the file."""
+        path: str = self._store.path().as_str()
+        return path
 
     def read(self) -> Contents:
         """The graph that was written last.
@@ -50,34 +74,45 @@ class GraphDatabase:
             BadFile: the tables do not make a graph.
         """
         try:
-            tables = {name: self._store.read_columns(name) for name in _SCHEMAS}
-            return _contents_of(tables)
+            with self._store.transaction(is_writing=False):
+                tables = {name: self._store.read_columns(name) for name in _SCHEMAS}
+            contents = _contents_of(tables)
+            self._saves = _saves_of(tables["about"])
         except (GammsError, KeyError, ValueError, TypeError) as error:
-            raise BadFile(
-                f"{self._store.path().as_str()} does not hold a graph that GAMMS can load: {error}"
-            ) from error
+            raise BadFile(f"{self.path} does not hold a graph that GAMMS can load: {error}") from error
+        return contents
 
     def write(self, contents: Contents) -> None:
         """Replace what the database holds.
 
         Raises:
             BadValue: an attribute is no plain data; the database keeps the graph it had.
+            WriteConflict: another program has saved since the graph was read; the database keeps what that saved.
+            BadFile: the file cannot be written; it keeps the graph it had.
         """
-        tables = _tables_of(contents)
-        self._store.flush()
-        try:
+        tables = _tables_of(contents, self._saves + 1)
+        with self._store.transaction():
+            if _saves_of(self._store.read_columns("about")) != self._saves:
+                raise WriteConflict(
+                    f"Another program has saved to {self.path} since this context read it, and saving now would undo "
+                    "that. Keep this graph in another file with ctx.graph.save('mine.gamms'), or drop it and read "
+                    "what is in the database with ctx.graph.load()."
+                )
             for name, columns in tables.items():
                 self._store.clear_map(name)
                 self._store.insert_many(name, columns)
-            self._store.flush()
-        except BaseException:
-            self._store.connection().rollback()
-            raise
+        self._saves += 1
 
 
-def _tables_of(contents: Contents) -> dict[str, dict[str, list[Any]]]:
+def _saves_of(about: dict[str, list[Any]]) -> int:
+    """How often the graph was saved; older files do not say."""
+    return int(dict(zip(about["key"], about["value"], strict=True)).get("saves", 0))
+
+
+def _tables_of(contents: Contents, saves: int) -> dict[str, dict[str, list[Any]]]:
     graph, faces = contents.columns, contents.faces
-    about = {key: text for key, text in (("crs", graph.crs), ("attribution", contents.attribution)) if text is not None}
+    texts = (("crs", graph.crs), ("attribution", contents.attribution), ("saves", str(saves)))
+    about = {key: text for key, text in texts if text is not None}
     ids = graph.node_ids
     edges = range(len(graph.edge_ids))
     return {

@@ -4,7 +4,7 @@ import os
 from collections.abc import Iterator
 from typing import TYPE_CHECKING, Any, NamedTuple
 
-from gamms.errors import BadValue, ContextTerminated, UnknownType
+from gamms.errors import BadFile, BadValue, ContextTerminated, UnknownType, WriteConflict
 from gamms.graph.contents import Contents
 from gamms.graph.graph import Graph
 from gamms.graph.obstacles import Obstacles, checked_face, checked_faces
@@ -42,7 +42,7 @@ class GraphEngine(IGraphEngine):
     Args:
         ctx: the context.
         engine: MEMORY writes nothing unless asked; SQLITE answers every call alike and keeps a database file.
-        path: of the database; an existing one is opened. None: a temporary one that goes with the context.
+        path: of the database; an existing one is opened. None: one in memory.
 
     Raises:
         UnknownType (ValueError): `engine` is no member of `Engine`.
@@ -58,6 +58,7 @@ class GraphEngine(IGraphEngine):
         self._tables: VisibilityTables | None = None
         self._place_stream: Generator | None = None
         self._database: GraphDatabase | None = None
+        self._saved: tuple[object, ...] | None = None  # the `_state` that a file has
         if engine is Engine.SQLITE:
             self._open_database(path)
 
@@ -172,33 +173,47 @@ class GraphEngine(IGraphEngine):
         """Write graph, obstacles, CRS and attributes into one file.
 
         Args:
-            path: of the file; None writes into the database file of `Engine.SQLITE`.
+            path: of the file; None writes into the database file of `Engine.SQLITE`, which is written anyway.
 
         Raises:
             BadValue: no path and no database, or an attribute that is no plain data.
+            WriteConflict (RuntimeError): another program has saved to the database since this context read it. The
+                file at `path` is written then.
             OSError: the file cannot be written.
         """
-        contents = self._contents()
-        if self._database is not None:
-            self._database.write(contents)
+        contents, saved = self._contents(), self._state()
         if path is not None:
             from gamms.graph import file
 
             file.save(path, contents)
+            self._saved = saved
         elif self._database is None:
             raise BadValue("A graph in memory needs a path to be saved to: ctx.graph.save('map.gamms').")
+        if self._database is not None:
+            self._database.write(contents)
+            self._saved = saved
 
-    def load(self, path: str | os.PathLike[str]) -> Graph:
+    def load(self, path: str | os.PathLike[str] | None = None) -> Graph:
         """Replace graph and obstacles by those in a file that `save` wrote.
+
+        Args:
+            path: of the file; None reads the database file of `Engine.SQLITE`.
 
         Raises:
             BadFile (ValueError): the file is damaged or foreign; nothing has changed.
+            BadValue: no path and no database.
             OSError: it cannot be read.
         """
         from gamms.graph import file
 
         graph = self.graph
-        self._put(file.load(path))
+        if path is not None:
+            self._put(file.load(path))
+        elif self._database is not None:
+            self._put(self._database.read())
+            self._saved = self._state()
+        else:
+            raise BadValue("A graph in memory needs a path to be loaded from: ctx.graph.load('map.gamms').")
         return graph
 
     def packed(self) -> bytes:
@@ -375,22 +390,36 @@ class GraphEngine(IGraphEngine):
     def _open_database(self, path: "IPathLike | None") -> None:
         from gamms.graph import database
 
-        stores = self._ctx.ictx.memory
         self._is_kept = path is not None
-        path = path or stores.temporary_path("graph.db")
-        self._database = database.GraphDatabase(stores.create_store(StoreType.DATABASE, database.STORE, path))
+        path = path or database.NoFile()
+        store = self._ctx.ictx.memory.create_store(StoreType.DATABASE, database.STORE, path)
+        self._database = database.GraphDatabase(store)
         self._put(self._database.read())
+        self._saved = self._state()
 
     def _write_finally(self, database: "GraphDatabase") -> None:
-        """Write what can be written: at the end there is nobody left who could mend the rest."""
+        """Write what can be written, beside the database if need be: what is not written now is lost."""
+        if self._state() == self._saved:
+            return
         contents = self._contents()
         try:
-            database.write(contents)
-        except BadValue as error:
-            from gamms.graph.contents import savable
+            try:
+                database.write(contents)
+            except BadValue as error:
+                from gamms.graph.contents import savable
 
-            self._ctx.logger.error(f"{error} It is left out of the database.")  # noqa: TRY400 - ILogger has no exception()
-            database.write(savable(contents)[0])
+                self._ctx.logger.error(f"{error} It is left out of the database.")  # noqa: TRY400 - ILogger has no exception()
+                contents = savable(contents)[0]
+                database.write(contents)
+        except (WriteConflict, BadFile) as error:
+            from gamms.graph import file
+
+            error.add_note(f"What this context held is in {file.save_beside(database.path, contents)}.")
+            raise
+
+    def _state(self) -> tuple[object, ...]:
+        """What differs after every change of graph or obstacles."""
+        return self.graph.revision, self.obstacle_revision, self.graph.attribution
 
     def _contents(self) -> Contents:
         return Contents(self.graph.columns(), list(self._obstacles), self.graph.attribution)

@@ -10,6 +10,7 @@ import json
 import os
 import zlib
 from collections.abc import Iterable
+from itertools import count
 from struct import Struct
 from typing import Any
 
@@ -49,6 +50,19 @@ def save(path: str | os.PathLike[str], contents: Contents) -> None:
     if not target.parent.is_dir():
         raise MissingFolder(target.name, target.parent)
     write_whole(target, data)
+
+
+def save_beside(path: str, contents: Contents) -> str:
+    """Write a graph that cannot be written to `path` into a new file next to it; returns the path of that."""
+    for number in count(1):
+        beside = f"{path}.unsaved-{number}.gamms"
+        try:
+            with open(beside, "xb") as made:  # noqa: PTH123 - text, as databases have it
+                made.write(encode(contents))
+        except FileExistsError:
+            continue
+        return beside
+    raise AssertionError
 
 
 def load(path: str | os.PathLike[str]) -> Contents:

@@ -5,7 +5,7 @@ from contextlib import ExitStack
 
 from gamms.errors import BadType, BadValue, Duplicate, NotYet, UnknownName
 from gamms.memory.checked import CheckedStore
-from gamms.memory.store import MemoryStore, temporary_path
+from gamms.memory.store import MemoryStore
 from gamms.typing import IMemoryEngine, IPathLike, StoreType
 
 
@@ -40,10 +40,6 @@ class MemoryEngine(IMemoryEngine):
     def list_stores(self) -> Iterator[str]:
         """Names of the open stores, in the order of their creation, but for those of other rooms (`.name`)."""
         return iter([name for name in self._open() if not name.startswith(".")])
-
-    def temporary_path(self, file_name: str) -> IPathLike:
-        """A path in a new folder outside the working directory, which goes with the path, at the latest at exit."""
-        return temporary_path(file_name)
 
     def terminate(self) -> None:
         """Close every store, even when closing one of them fails."""

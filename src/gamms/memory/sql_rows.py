@@ -8,15 +8,19 @@ from contextlib import AbstractContextManager
 from dataclasses import dataclass
 from typing import Any, Protocol
 
-from gamms.errors import BadFile, GammsError
+from gamms.errors import BadFile, GammsError, TooLarge
+from gamms.limits import Allowance
 from gamms.memory.checked import Rows
 from gamms.memory.errors import DuplicateKey
 from gamms.memory.schema import Field, Schema, check_same, damaged
+from gamms.text import shown
 
 ORDER = "gamms_order"  # our own row number, because an INTEGER PRIMARY KEY of the user would replace SQLite's
 CATALOGUE = "gamms_maps"
 
-_COLUMN_TYPES: dict[type, str] = {int: "INTEGER", float: "REAL", str: "TEXT", bool: "INTEGER", bytes: "BLOB"}
+_COLUMN_TYPES = {"int": "INTEGER", "float": "REAL", "str": "TEXT", "bool": "INTEGER", "bytes": "BLOB"}
+_CATALOGUE_SQL = f"CREATE TABLE {CATALOGUE} (name TEXT PRIMARY KEY, place TEXT NOT NULL)"
+_BYTES_PER_CELL = 48  # of memory, beside the text or the bytes in it
 
 
 class Sql(Protocol):
@@ -26,6 +30,9 @@ class Sql(Protocol):
 
     def read(self, sql: str, values: Sequence[Any] = ()) -> list[tuple[Any, ...]]:
         """All rows of an answer."""
+
+    def allowance(self) -> Allowance:
+        """The memory that what is read may take."""
 
     def write(self, sql: str, values: Sequence[Any] = ()) -> int:
         """Change something; how many rows it touched."""
@@ -72,8 +79,8 @@ class Catalogue:
 
     def __init__(self, sql: Sql) -> None:
         self._sql = sql
-        self.is_foreign = False
         self._places = self._load()
+        self.is_foreign = not self._places and bool(sql.read("SELECT 1 FROM sqlite_master LIMIT 1"))
 
     def find_or_add(self, schema: Schema) -> Place:
         """The place of a map, made when the file has none of that name.
@@ -84,11 +91,11 @@ class Catalogue:
         """
         found = self._places.get(schema.map_name)
         if found is None:
-            return self._add(schema)
+            with self._sql.all_or_nothing():
+                self._places = self._load()  # another program may have added it since
+                found = self._places.get(schema.map_name) or self._add(schema)
         check_same(found.types, found.key, schema, self._sql.path)
-        present = {row[1] for row in self._sql.read(f"PRAGMA table_info({quoted(found.table)})")}
-        if not {ORDER, *found.columns.values()} <= present:
-            raise BadFile(f"The table {found.table!r} of {self._sql.path!r} is not what the file says. It is damaged.")
+        _check_table(self._sql, found.table, _table_sql(found))
         return found
 
     def drop(self, map_name: str) -> None:
@@ -100,16 +107,11 @@ class Catalogue:
 
     def _add(self, schema: Schema) -> Place:
         place = self._plan(schema)
-        definitions = [f"{quoted(ORDER)} INTEGER PRIMARY KEY"]
-        for field in schema.fields:
-            unique = " NOT NULL UNIQUE" if field is schema.key else ""
-            column_type = _COLUMN_TYPES.get(field.python_type, "BLOB")
-            definitions.append(f"{quoted(place.columns[field.name])} {column_type}{unique}")
-        with self._sql.all_or_nothing():
-            self._sql.write(f"CREATE TABLE IF NOT EXISTS {CATALOGUE} (name TEXT PRIMARY KEY, place TEXT NOT NULL)")
-            self._sql.write(f"CREATE TABLE {quoted(place.table)} ({', '.join(definitions)})")
-            values = (schema.map_name, json.dumps(vars(place)))
-            self._sql.write(f"INSERT INTO {CATALOGUE} VALUES (?, ?)", values)  # noqa: S608 - a constant
+        if not self._sql.read("SELECT 1 FROM sqlite_master WHERE name = ?", (CATALOGUE,)):
+            self._sql.write(_CATALOGUE_SQL)
+        self._sql.write(_table_sql(place))
+        values = (schema.map_name, json.dumps(vars(place)))
+        self._sql.write(f"INSERT INTO {CATALOGUE} VALUES (?, ?)", values)  # noqa: S608 - a constant
         self._places[schema.map_name] = place
         return place
 
@@ -125,9 +127,9 @@ class Catalogue:
 
     def _load(self) -> dict[str, Place]:
         if not self._sql.read("SELECT 1 FROM sqlite_master WHERE name = ?", (CATALOGUE,)):
-            self.is_foreign = bool(self._sql.read("SELECT 1 FROM sqlite_master LIMIT 1"))
             return {}
-        rows = self._sql.read(f"SELECT name, place FROM {CATALOGUE}")  # noqa: S608 - a constant
+        _check_table(self._sql, CATALOGUE, _CATALOGUE_SQL)
+        rows = _read_all(self._sql, CATALOGUE, ["name", "place"], ["name", "place"], "")
         return {name: self._parsed(name, text) for name, text in rows}
 
     def _parsed(self, name: Any, text: Any) -> Place:
@@ -136,11 +138,59 @@ class Catalogue:
             columns, types = dict(place.columns), dict(place.types)
             names = [name, place.table, place.key, *columns, *columns.values(), *types, *types.values()]
             is_sound = all(isinstance(one, str) for one in names) and columns.keys() == types.keys()
-        except (TypeError, ValueError):
+        except (TypeError, ValueError, RecursionError):
             is_sound = False
         if not is_sound:
-            raise BadFile(f"The list of maps in {self._sql.path!r} is damaged at {name!r}: {text!r}.")
+            raise BadFile(f"The list of maps in {self._sql.path!r} is damaged at {shown(name)}: {shown(text)}.")
         return place
+
+
+def _table_sql(place: Place) -> str:
+    """What makes the table of a map, as SQLite keeps it."""
+    definitions = [f"{quoted(ORDER)} INTEGER PRIMARY KEY"]
+    for name, type_name in place.types.items():
+        unique = " NOT NULL UNIQUE" if name == place.key else ""
+        definitions.append(f"{quoted(place.columns[name])} {_COLUMN_TYPES.get(type_name, 'BLOB')}{unique}")
+    return f"CREATE TABLE {quoted(place.table)} ({', '.join(definitions)})"
+
+
+def _check_table(sql: Sql, table: str, made_by: str) -> None:
+    """Refuse a table that is not exactly as GAMMS makes it.
+
+    A view, a virtual table, a generated column, a check, a default, a trigger or an index may each compute for ever.
+
+    Raises:
+        BadFile: it is something else, or something was added to it.
+    """
+    found = sql.read("SELECT type, name, sql FROM sqlite_master WHERE tbl_name = ? COLLATE NOCASE", (table,))
+    own = [one for one in found if one[:2] == ("table", table)]
+    if [one[2] for one in own] != [made_by]:
+        raise BadFile(f"The table {shown(table)} of {sql.path!r} is not as GAMMS made it. The file is damaged.")
+    for kind, name, text in found:
+        if kind != "table" and text is not None:
+            raise BadFile(
+                f"There is a {kind} {shown(name)} on the table {shown(table)} of {sql.path!r}. It might run anything "
+                f"when the table is used; remove it, or take another file."
+            )
+
+
+def _read_all(sql: Sql, table: str, columns: Sequence[str], sized: Sequence[str], order: str) -> list[tuple[Any, ...]]:
+    """All rows of a table, after asking how large they are.
+
+    Args:
+        sql: the database.
+        table: its quoted name.
+        columns: their quoted names.
+        sized: those of them that hold text or bytes.
+        order: a clause.
+
+    Raises:
+        TooLarge: the values would take far more memory than the size of the file explains.
+    """
+    sizes = "".join(f" + ifnull(length(CAST({name} AS BLOB)), 0)" for name in sized)
+    ((rows, size),) = sql.read(f"SELECT count(*), total(0{sizes}) FROM {table}")  # noqa: S608 - quoted names
+    sql.allowance().charge(rows * len(columns) * _BYTES_PER_CELL + int(size))
+    return sql.read(f"SELECT {', '.join(columns)} FROM {table} {order}")  # noqa: S608 - quoted names
 
 
 class SqlRows(Rows):
@@ -151,6 +201,7 @@ class SqlRows(Rows):
         self._into = [_encoder(field, sql) for field in schema.fields]
         self._out = [_decoder(field, sql) for field in schema.fields]
         self._columns = [quoted(place.columns[name]) for name in schema.names]
+        self._sized = [name for name, field in zip(self._columns, schema.fields, strict=True) if _has_size(field)]
         self._table = quoted(place.table)
         self._key = self._columns[schema.key_at]
 
@@ -183,16 +234,20 @@ class SqlRows(Rows):
     def keys(self) -> list[Any]:
         """Select the keys in our own order."""
         decode = self._out[self._schema.key_at]
-        return [decode(key) for (key,) in self._select(self._key, f"ORDER BY {quoted(ORDER)}")]
+        return [decode(key) for (key,) in self._read_all([self._key])]
 
     def columns(self) -> list[list[Any]]:
         """Select everything in our own order."""
-        rows = self._select(", ".join(self._columns), f"ORDER BY {quoted(ORDER)}")
+        rows = self._read_all(self._columns)
         return [[decode(row[at]) for row in rows] for at, decode in enumerate(self._out)]
 
     def clear(self) -> None:
         """Delete all rows."""
         self._sql.write(f"DELETE FROM {self._table}")  # noqa: S608 - a quoted name
+
+    def _read_all(self, columns: Sequence[str]) -> list[tuple[Any, ...]]:
+        sized = [name for name in columns if name in self._sized]
+        return _read_all(self._sql, self._table, columns, sized, f"ORDER BY {quoted(ORDER)}")
 
     def _select(self, what: str, which: str, values: Sequence[Any] = ()) -> list[tuple[Any, ...]]:
         return self._sql.read(f"SELECT {what} FROM {self._table} {which}", values)  # noqa: S608 - quoted names
@@ -207,6 +262,11 @@ class SqlRows(Rows):
                 break
             seen.add(key)
         return key
+
+
+def _has_size(field: Field) -> bool:
+    """Whether values may be of any length; a float that is NaN is bytes, too."""
+    return field.python_type not in (int, bool)
 
 
 def _encoder(field: Field, sql: Sql) -> Callable[[Any], Any]:
@@ -234,6 +294,8 @@ def _decoder(field: Field, sql: Sql) -> Callable[[Any], Any]:
             return None
         try:
             return field.stored(read(value))
+        except TooLarge:
+            raise
         except (GammsError, TypeError, ValueError, KeyError, struct.error):
             raise damaged(field.place, sql.path, value) from None
 

@@ -9,6 +9,7 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 from gamms.errors import BadFile
+from gamms.limits import Allowance
 from gamms.memory.checked import CheckedStore, Rows
 from gamms.memory.schema import Schema
 from gamms.memory.sql_rows import Catalogue, SqlRows
@@ -21,6 +22,12 @@ if TYPE_CHECKING:
 # marks the rest.
 _MARKS: dict[type, int] = {tuple: 32, set: 33, frozenset: 34, dict: 35}
 _MARKED: dict[int, type] = {mark: kind for kind, mark in _MARKS.items()}
+
+_STEP = 1_000_000  # instructions of SQLite's machine between two looks at how many there were
+_STEPS_PER_BYTE = 20  # that reading may take for each byte of the file,
+_STEPS_PER_CHANGE = 1_000  # and for each row that was written and need not be in the file yet
+_BYTES_PER_CHANGE = 64
+_BYTES_PER_ITEM = 64  # of memory, for each item of a compound value
 
 
 class SqliteStore(CheckedStore):
@@ -69,6 +76,21 @@ class SqliteStore(CheckedStore):
         self._check_open()
         self._database.begin()
 
+    @contextmanager
+    def transaction(self, *, is_writing: bool = True) -> Iterator[None]:
+        """Commit what the block writes, or nothing of it; let it see the file as it is at one moment.
+
+        While a block that `is_writing` runs, no other program can write.
+        """
+        self.flush()
+        self._database.begin("IMMEDIATE" if is_writing else "DEFERRED")
+        try:
+            yield
+            self._database.commit()
+        except BaseException:
+            self._database.undo()
+            raise
+
     def _make_rows(self, schema: Schema) -> Rows:
         return SqlRows(self._database, schema, self._catalogue.find_or_add(schema))
 
@@ -76,8 +98,10 @@ class SqliteStore(CheckedStore):
         self._catalogue.drop(map_name)
 
     def _release(self) -> None:
-        self._database.commit()
-        self._database.abandon()
+        try:
+            self._database.commit()
+        finally:
+            self._database.abandon()
 
 
 class Database:
@@ -87,7 +111,10 @@ class Database:
         import sqlite3
 
         self.path = path
-        self._integrity_error, self._error = sqlite3.IntegrityError, sqlite3.Error
+        self._integrity_error = sqlite3.IntegrityError
+        # Text that is no UTF-8, also within SQLite's own messages, is a UnicodeError.
+        self._errors = (sqlite3.Error, OSError, UnicodeError)
+        self._steps = 0
         with self._naming_the_file():
             if path != ":memory:":
                 Path(path).parent.mkdir(parents=True, exist_ok=True)
@@ -101,9 +128,20 @@ class Database:
             raise
 
     def read(self, sql: str, values: Sequence[Any] = ()) -> list[tuple[Any, ...]]:
-        """All rows of an answer."""
+        """All rows of an answer, which may take work in proportion to the file."""
+        self._steps = 0
         with self._naming_the_file():
-            return self.connection.execute(sql, values).fetchall()
+            self.connection.set_progress_handler(self._is_too_much, _STEP)
+            try:
+                return self.connection.execute(sql, values).fetchall()
+            finally:
+                self.connection.set_progress_handler(None, 0)
+
+    def allowance(self) -> Allowance:
+        """The memory that what is read from the file may take."""
+        return Allowance(
+            self._size() + _BYTES_PER_CHANGE * self.connection.total_changes, f"The database {self.path!r}"
+        )
 
     def write(self, sql: str, values: Sequence[Any] = ()) -> int:
         """Change something in the running transaction; how many rows it touched."""
@@ -116,8 +154,10 @@ class Database:
         try:
             with self.all_or_nothing():
                 self.connection.executemany(sql, rows)
-        except self._integrity_error:
-            return False
+        except BadFile as error:
+            if isinstance(error.__cause__, self._integrity_error):
+                return False
+            raise
         return True
 
     @contextmanager
@@ -133,20 +173,26 @@ class Database:
         finally:
             self.write("RELEASE gamms")
 
-    def begin(self) -> None:
-        """Start a transaction unless one is running."""
+    def begin(self, kind: str = "IMMEDIATE") -> None:
+        """Start a transaction unless one is running; while an IMMEDIATE one runs, no other program can write."""
         with self._naming_the_file():
             if not self.connection.in_transaction:
-                self.connection.execute("BEGIN")
+                self.connection.execute(f"BEGIN {kind}")
 
     def commit(self) -> None:
         """Make the running transaction permanent."""
         with self._naming_the_file():
             self.connection.commit()
 
+    def undo(self) -> None:
+        """Forget the running transaction."""
+        with self._naming_the_file():
+            self.connection.rollback()
+
     def abandon(self) -> None:
         """Close the connection; what was not committed is lost."""
-        self.connection.close()
+        with self._naming_the_file():
+            self.connection.close()
 
     def blob(self, value: Any) -> bytes:
         """Plain data as CBOR."""
@@ -175,7 +221,10 @@ class Database:
         """
         from cbor2 import CBORSimpleValue, loads
 
+        allowance = Allowance(len(payload), f"A value in the database {self.path!r}")
+
         def unmarked(value: Any) -> Any:
+            allowance.charge(_BYTES_PER_ITEM)  # a value may hold one list many times
             if isinstance(value, list):
                 return [unmarked(one) for one in value]
             if not isinstance(value, dict):
@@ -190,14 +239,25 @@ class Database:
             # Whatever goes wrong in a damaged file, it is the file that is wrong.
             raise BadFile(f"The database {self.path!r} holds a damaged value: {error}.") from error
 
+    def _size(self) -> int:
+        try:
+            return Path(self.path).stat().st_size
+        except OSError:  # a database in memory
+            return 0
+
+    def _is_too_much(self) -> bool:
+        """Whether to stop SQLite: pages may refer to each other so that a small file takes for ever to read."""
+        self._steps += _STEP
+        per_change = _STEPS_PER_CHANGE * self.connection.total_changes
+        return self._steps > _STEP + _STEPS_PER_BYTE * self._size() + per_change
+
     @contextmanager
     def _naming_the_file(self) -> Iterator[None]:
         try:
             yield
-        except self._integrity_error:
-            raise
-        except (self._error, OSError) as error:
+        except self._errors as error:
+            why = "it takes far longer to read than its size explains" if str(error) == "interrupted" else error
             raise BadFile(
-                f"Cannot use {self.path!r} as a database: {error}. "
+                f"Cannot use {self.path!r} as a database: {why}. "
                 "Check that it is a SQLite file that nobody else is writing to, or take another path."
             ) from error

@@ -1,7 +1,6 @@
 """The store that lives in memory, and the path that other stores live at."""
 
 import os
-import weakref
 from collections.abc import Sequence
 from typing import Any
 
@@ -126,20 +125,3 @@ def _path_text(path: object) -> str:
         raise BadType(f"A path must be a str, not {path!r} ({type(path).__name__}).")
     check_name(path, f"The path {path!r}")
     return path
-
-
-def temporary_path(file_name: str) -> PathLike:
-    """A path in a new folder outside the working directory, which goes with the path, at the latest at exit."""
-    from tempfile import mkdtemp
-
-    folder = mkdtemp(prefix="gamms-")
-    path = PathLike(os.path.join(folder, file_name))  # noqa: PTH118 - a PathLike is made of text
-    weakref.finalize(path, _remove_folder, folder, os.getpid())
-    return path
-
-
-def _remove_folder(folder: str, owner: int) -> None:
-    if os.getpid() == owner:  # not in a child process that inherited the path
-        import shutil
-
-        shutil.rmtree(folder, ignore_errors=True)

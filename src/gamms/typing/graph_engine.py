@@ -340,8 +340,12 @@ class IGraphEngine(IObstacles):
         """Write graph, obstacles, CRS and attributes into one file, or into the engine's own database."""
 
     @abstractmethod
-    def load(self, path: str | os.PathLike[str]) -> IGraph:
-        """Replace graph and obstacles by those in a file that `save` wrote (BadFile, a ValueError)."""
+    def load(self, path: str | os.PathLike[str] | None = None) -> IGraph:
+        """Replace graph and obstacles by those in a file that `save` wrote, or in the engine's own database.
+
+        Raises:
+            BadFile (ValueError): the file is damaged or foreign.
+        """
 
     def visibility(
         self,

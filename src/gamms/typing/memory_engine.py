@@ -112,9 +112,5 @@ class IMemoryEngine(ABC):
         """Names of the open stores."""
 
     @abstractmethod
-    def temporary_path(self, file_name: str) -> IPathLike:
-        """A path in a new folder outside the working directory, which goes with the path, at the latest at exit."""
-
-    @abstractmethod
     def terminate(self) -> None:
         """Close every store."""
