@@ -13,7 +13,17 @@ from rich.markup import escape
 
 import gamms
 from gamms import cli_recordings, cli_render
-from gamms.cli_output import console, filmed, in_words, not_made, one_sentence, recorded, rich_table, save_pictures
+from gamms.cli_output import (
+    bounded,
+    console,
+    filmed,
+    in_words,
+    not_made,
+    one_sentence,
+    recorded,
+    rich_table,
+    save_pictures,
+)
 from gamms.demo import Team
 from gamms.errors import GammsError
 
@@ -59,6 +69,7 @@ def about(version: Annotated[bool, typer.Option("--version", help="Show the vers
 
 
 @app.command()
+@bounded
 def demo(
     turns: Annotated[int, typer.Option(min=1, help="The game ends after this many turns at the latest.")] = 600,
     seed: Annotated[int, typer.Option(help="The same seed plays the same game.")] = 1,
@@ -96,6 +107,7 @@ def demo(
 
 
 @app.command("run")
+@bounded
 def play_scenario(
     file: Annotated[Path, typer.Argument(help="A scenario file, YAML or JSON.", show_default=False)],
     seed: Annotated[
@@ -133,6 +145,7 @@ def play_scenario(
 
 
 @scenarios.command("check")
+@bounded
 def check_scenario(
     file: Annotated[Path, typer.Argument(help="A scenario file, YAML or JSON.", show_default=False)],
     build: Annotated[bool, typer.Option("--build", help="Also import the code it names, and build the game.")] = False,
@@ -161,6 +174,7 @@ def scenario_schema() -> None:
 
 
 @maps.command("report")
+@bounded
 def map_report(
     file: Annotated[Path, typer.Argument(help="An OpenStreetMap or GeoJSON file.", show_default=False)],
     resolution: Annotated[float, typer.Option(help="Metres between nodes.")] = 10.0,

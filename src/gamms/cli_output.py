@@ -1,22 +1,43 @@
 """What the commands have in common: errors as sentences, tables, the recording, film and pictures of a game."""
 
-from collections.abc import Iterable, Iterator
-from contextlib import contextmanager
+from collections.abc import Callable, Iterable, Iterator
+from contextlib import contextmanager, nullcontext
+from functools import wraps
+from inspect import Parameter, signature
 from pathlib import Path
-from typing import Any
+from typing import Annotated, Any
 
 import typer
 from rich.console import Console
 from rich.table import Table
 
 from gamms.errors import GammsError, MissingExtra
+from gamms.limits import allowing, parse_memory
 
 RECORDING = "game.ggr"
+_MaxMemory = Annotated[
+    str | None,
+    typer.Option(help="Allow so much memory for what a file holds or declares; 2G by default.", metavar="SIZE"),
+]
 _PICTURE = (1400, 1600)
 _FILMS: dict[str, dict[str, Any]] = {  # the first that can be written; under half a minute for 300 turns
     "game.mp4": {"fps": 25, "width": 700, "height": 800, "frames_per_turn": 2},
     "game.gif": {"fps": 12, "width": 560, "height": 640, "frames_per_turn": 1},
 }
+
+
+def bounded(command: Callable[..., None]) -> Callable[..., None]:
+    """Give a command that reads or makes what may be large the option `--max-memory`."""
+
+    @wraps(command)
+    def run(*args: Any, max_memory: str | None = None, **keywords: Any) -> None:
+        with one_sentence(), nullcontext() if max_memory is None else allowing(parse_memory(max_memory)):
+            command(*args, **keywords)
+
+    known = signature(command)
+    option = Parameter("max_memory", Parameter.KEYWORD_ONLY, default=None, annotation=_MaxMemory)
+    run.__signature__ = known.replace(parameters=[*known.parameters.values(), option])  # type: ignore[attr-defined] # what typer reads
+    return run
 
 
 @contextmanager

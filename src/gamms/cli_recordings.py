@@ -8,7 +8,7 @@ from typing import Annotated, Any
 import typer
 from rich.markup import escape
 
-from gamms.cli_output import console, one_sentence, rich_table
+from gamms.cli_output import bounded, console, one_sentence, rich_table
 from gamms.errors import BadValue
 
 _File = Annotated[Path, typer.Argument(help="A recording, .ggr.", show_default=False)]
@@ -25,7 +25,7 @@ _Map = Annotated[
 def add_to(app: typer.Typer) -> None:
     """Offer these commands."""
     for command in (info, verify, diff, convert, replay):
-        app.command()(command)
+        app.command()(bounded(command))
 
 
 def info(file: _File, as_json: Annotated[bool, typer.Option("--json", help="Print JSON.")] = False) -> None:

@@ -5,13 +5,13 @@ from typing import Annotated
 
 import typer
 
-from gamms.cli_output import one_sentence
+from gamms.cli_output import bounded, one_sentence
 from gamms.progress import progress
 
 
 def add_to(app: typer.Typer) -> None:
     """Offer this command."""
-    app.command()(render)
+    app.command()(bounded(render))
 
 
 def render(  # noqa: PLR0913, PLR0917 - one argument per option

@@ -4,7 +4,7 @@ import networkx as nx
 import pytest
 
 import gamms
-from gamms.errors import BadType, BadValue
+from gamms.errors import BadType, BadValue, TooLarge
 
 
 def test_a_grid_has_its_nodes_row_by_row(ctx):
@@ -51,7 +51,8 @@ def test_the_edges_of_a_grid_have_attributes_of_their_own():
         ((2, 2, 0), BadValue, "spacing must be positive, not 0"),
         ((2, 2, float("inf")), BadValue, "spacing must be finite"),
         ((2, 2, "a"), BadType, "spacing must be a number"),
-        ((10**6, 10**6), BadValue, "too large"),
+        ((10**6, 10**6), TooLarge, "A grid of 1000000 x 1000000 nodes would take"),
+        ((3000, 3000), TooLarge, "--max-memory"),
     ],
 )
 def test_an_impossible_grid_is_refused(arguments, kind, hint):

@@ -7,11 +7,12 @@ import numpy as np
 from gamms.arguments import as_float, as_int
 from gamms.errors import BadValue
 from gamms.graph.networkx import digraph
+from gamms.limits import refuse_above
 
 if TYPE_CHECKING:
     import networkx as nx
 
-_MOST_NODES = 10_000_000  # a node and its edges take about 3 kB in networkx
+_NODE_BYTES = 5_000  # with its edges, measured: 2,600 in networkx, and 2,200 as they are attached
 
 
 def grid(n: int, m: int, spacing: float = 10.0) -> "nx.DiGraph[int]":
@@ -27,12 +28,12 @@ def grid(n: int, m: int, spacing: float = 10.0) -> "nx.DiGraph[int]":
 
     Raises:
         BadValue (ValueError), BadType (TypeError): an impossible number.
+        TooLarge (BadValue): it would take more memory than is allowed.
     """
     rows, columns, step = _side(n, "n"), _side(m, "m"), as_float(spacing, "spacing")
     if step <= 0.0:
         raise BadValue(f"spacing must be positive, not {step}.")
-    if rows * columns > _MOST_NODES:
-        raise BadValue(f"A grid of {rows} x {columns} nodes is too large; at most {_MOST_NODES} nodes are possible.")
+    refuse_above(rows * columns * _NODE_BYTES, f"A grid of {rows} x {columns} nodes")
     ids = np.arange(rows * columns).reshape(rows, columns)
     y, x = np.indices(ids.shape).astype(np.float64) * step
     starts = np.concatenate([ids[:, :-1].ravel(), ids[:-1].ravel()])

@@ -4,12 +4,12 @@ from dataclasses import replace
 
 import numpy as np
 
-from gamms.errors import BadValue
 from gamms.ir.graph import FloatArray, IntArray
+from gamms.limits import refuse_above
 from gamms.osm.network import BoolArray, RoadNetwork
 from gamms.osm.polylines import along, offsets_of
 
-_MOST_PIECES = 5_000_000  # about 10 GB as a networkx graph
+_PIECE_BYTES = 5_000  # with its node, measured: 2,400 in networkx, and 2,200 as they are attached
 _SAME = 1e-9  # of a piece: a vertex this near to a cut is the cut
 
 
@@ -21,7 +21,7 @@ def resample(network: RoadNetwork, resolution: float) -> RoadNetwork:
     three at least, and of whole roads between the same two nodes all but the first are cut in the middle.
 
     Raises:
-        BadValue: the resolution would give an absurd number of pieces.
+        TooLarge (BadValue): the pieces would take more memory than is allowed.
     """
     counts = piece_counts(network.lengths, resolution)
     loop = network.sources == network.targets
@@ -47,15 +47,11 @@ def piece_counts(lengths: FloatArray, resolution: float) -> IntArray:
     """Into how many pieces roads of these lengths are cut; halves are rounded to the even number.
 
     Raises:
-        BadValue: there would be more than fifty million pieces.
+        TooLarge (BadValue): they would take more memory than is allowed.
     """
     with np.errstate(over="ignore"):
         ratio = lengths / resolution
-    if ratio.sum() > _MOST_PIECES:
-        raise BadValue(
-            f"resolution={resolution} cuts {lengths.sum():.0f} m of road into {ratio.sum():.3g} pieces; "
-            f"the most is {_MOST_PIECES}. Use a coarser resolution or a smaller map."
-        )
+    refuse_above(ratio.sum() * _PIECE_BYTES, f"{lengths.sum():.0f} m of road in pieces of resolution={resolution} m")
     return np.where(ratio < 1.5, 1, np.rint(ratio)).astype(np.int64)
 
 

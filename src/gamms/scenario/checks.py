@@ -1,6 +1,7 @@
 """Whether a scenario makes sense beyond the types of its values: everything that can be told without running code."""
 
 from collections.abc import Iterator, Mapping
+from itertools import islice
 from typing import Any
 
 from gamms.errors import UnknownName, nearest
@@ -16,6 +17,7 @@ from gamms.text import shown
 from gamms.typing.sensor_engine import SensorType
 
 RULES = "gamms.rules"
+_FEW = 20  # names that are compared or listed
 _RESOLVERS = ("by_priority", "at_random", "nobody")
 _NAMING_TEAMS = {"tag": ("taggers", "tagged"), "reach": ("team", "winner"), "capture_flag": ("flags",)}
 
@@ -30,10 +32,10 @@ def check_sense(spec: Spec) -> None:
     members(spec)
     for name, sensor in spec.sensors.items():
         _check_sensor(f"sensors.{name}", sensor, spec)
-    earlier: list[str] = []
+    earlier: set[str] = set()
     for name, team in spec.teams.items():
         _check_team(f"teams.{name}", team, earlier, spec)
-        earlier.append(name)
+        earlier.add(name)
     if spec.conflicts is not None and isinstance(spec.conflicts.resolve, ByPriority):
         for number, team_name in enumerate(spec.conflicts.resolve.by_priority):
             _known_team(team_name, spec, f"conflicts.resolve.by_priority.{number}")
@@ -72,7 +74,7 @@ def _check_sensor(path: str, sensor: Sensor, spec: Spec) -> None:
             _known_team(team, spec, f"{path}.{key}")
 
 
-def _check_team(path: str, team: Team, earlier: list[str], spec: Spec) -> None:
+def _check_team(path: str, team: Team, earlier: set[str], spec: Spec) -> None:
     if not team.count and not team.agents:
         raise ScenarioError(path, "this team has nobody. Give it count or agents.")
     if (team.near is None) != (team.within is None):
@@ -103,8 +105,8 @@ def _check_teams_of(rule: Rule, spec: Spec, path: str) -> None:
         where = f"{path}.{parameter}"
         if name == "capture_flag" and isinstance(given, dict):  # a flag may be nobody's
             without = [team for team in spec.teams if team not in given]
-            for team in given:
-                if team not in spec.teams and nearest(team, without):
+            for team in islice((team for team in given if team not in spec.teams), _FEW):
+                if nearest(team, without):
                     _known_team(team, spec, where)
             continue
         for team in given if isinstance(given, dict) else [given]:
@@ -114,7 +116,8 @@ def _check_teams_of(rule: Rule, spec: Spec, path: str) -> None:
 
 def _known_team(team: Any, spec: Spec, path: str) -> None:
     if team not in spec.teams:
-        hint = nearest(team, spec.teams) or f" Teams are: {', '.join(spec.teams)}."
+        few = ", ".join(islice(spec.teams, _FEW))
+        hint = nearest(team, spec.teams) or f" Teams are: {few}{', …' if len(spec.teams) > _FEW else ''}."
         raise ScenarioError(path, f"unknown team {shown(team)}.{hint}")
 
 

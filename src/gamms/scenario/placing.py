@@ -8,9 +8,13 @@ import numpy as np
 from gamms.context import Context
 from gamms.errors import UnknownName
 from gamms.ir.graph import FloatArray, IntArray
+from gamms.limits import refuse_above
 from gamms.scenario.errors import ScenarioError, at, joined
 from gamms.scenario.shape import Agent, From, LatLon, Spec, Team
+from gamms.text import shown
 
+_AGENT_BYTES = 10_000  # that plays; 5,000 measured, and what it remembers
+_SENSOR_BYTES = 2_000  # 1,000 measured, and what it shows
 _TRIES = 20  # as `ctx.graph.place`: when agents have to keep apart, an unlucky beginning may leave no room
 
 
@@ -27,11 +31,15 @@ def members(spec: Spec) -> list[Member]:
     """All agents of a scenario, in its order: of each team the listed ones, then the counted.
 
     Raises:
-        ScenarioError: a name is there twice, or a team has no agent.
+        ScenarioError: a name is there twice, or there are more agents than memory is allowed for.
     """
     found: list[Member] = []
+    total = 0  # bytes
     for team, said in spec.teams.items():
         path = f"teams.{team}"
+        with at(f"{path}.count"):
+            total += said.count * (_AGENT_BYTES + _SENSOR_BYTES * len(said.sensors or ()))
+            refuse_above(total, f"{shown(said.count)} agents")
         listed = [
             Member(agent.name, team, f"{path}.agents.{number}", agent) for number, agent in enumerate(said.agents)
         ]

@@ -12,11 +12,14 @@ Metres = Annotated[float, Meta(ge=0.0, description="Map units; metres on maps of
 Count = Annotated[int, Meta(ge=0)]
 NodeId = Annotated[int, Meta(description="The id of a node.")]
 Xy = Annotated[tuple[float, float], Meta(description="[x, y] on the map; the nearest node is meant.")]
-Name = Annotated[str, Meta(min_length=1)]
+Name = Annotated[str, Meta(min_length=1, max_length=200)]
+Location = Annotated[str, Meta(min_length=1, max_length=1000)]
 Reference = Annotated[
     str,
     Meta(
-        min_length=1, description="module:function, in the folder of the file, of GAMMS or of a package that offers it."
+        min_length=1,
+        max_length=1000,
+        description="module:function, in the folder of the file, of GAMMS or of a package that offers it.",
     ),
 ]
 Travel = Literal["walk", "bike", "drive"]
@@ -65,7 +68,7 @@ class Helsinki(_Mapping, frozen=True, kw_only=True):
 class MapFile(_Mapping, frozen=True, kw_only=True):
     """A map file in the folder of the scenario: OpenStreetMap, GeoJSON or .gamms."""
 
-    path: Name
+    path: Location
     osm_type: Travel | None = None
     resolution: float | None = None
     bidirectional: bool | None = None
@@ -96,8 +99,8 @@ class Map(_Mapping, frozen=True, kw_only=True):
 
     grid: Grid | None = None
     helsinki: Helsinki | None = None
-    file: Name | MapFile | None = None
-    place: Name | MapPlace | None = None
+    file: Location | MapFile | None = None
+    place: Location | MapPlace | None = None
     generator: Reference | Code | None = None
 
 

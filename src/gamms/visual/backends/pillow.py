@@ -39,6 +39,25 @@ def pixels_of(file: bytes) -> ByteArray:
     return np.asarray(_image_module().open(io.BytesIO(file)).convert("RGB"))
 
 
+def image_size(path: str) -> tuple[int, int]:
+    """Width and height of an image file, which is not decoded.
+
+    Raises:
+        OSError: it is no image.
+        MissingExtra: Pillow is not installed.
+    """
+    module = _image_module()
+    most, module.MAX_IMAGE_PIXELS = module.MAX_IMAGE_PIXELS, None  # the caller knows how many pixels are allowed
+    try:
+        with module.open(path) as image:
+            width, height = image.size
+    except (ValueError, SyntaxError) as error:
+        raise OSError(str(error)) from None
+    finally:
+        module.MAX_IMAGE_PIXELS = most
+    return width, height
+
+
 class Gif:
     """Writes an animation frame by frame, with one palette; of each frame only what changed.
 

@@ -18,7 +18,9 @@ import numpy as np
 
 from gamms.errors import BadValue, MissingExtra
 from gamms.ir.graph import FloatArray
+from gamms.limits import refuse_above
 from gamms.visual.backends.coverage import ByteArray, Patch, PixelArray
+from gamms.visual.backends.pillow import image_size
 from gamms.visual.clipping import extent
 from gamms.visual.color import PAPER, Rgb, Rgba
 
@@ -31,6 +33,8 @@ _UNWRITABLE = re.compile("[\x00-\x1f\x7f\ud800-\udfff]")
 _BGRX = (0xFF0000, 0xFF00, 0xFF) if sys.byteorder == "little" else ()  # the masks of such a surface
 _HALO = [(0, 1), (1, 0), (1, 2), (2, 1), (0, 0), (0, 2), (2, 0), (2, 2)]  # around words
 _MOST_IMAGE_PX = 4096
+_IMAGE_BYTES = 12  # per pixel: decoded, copied with transparency and scaled; 9 measured
+_SVG_PX = 1024
 _MOST_FONT_PX, _MOST_LETTERS = 2048, 10_000
 _LETTERS = 8  # that are as broad as one is high, at most
 
@@ -354,9 +358,15 @@ def _opened_image(path: str) -> "Surface":
 
     Raises:
         BadValue: it cannot be read.
+        TooLarge (BadValue): it would take more memory than is allowed.
     """
     pygame = load()
     try:
+        if path.lower().endswith(".svg") and hasattr(pygame.image, "load_sized_svg"):  # pygame-ce
+            drawn: Surface = pygame.image.load_sized_svg(path, (_SVG_PX, _SVG_PX))
+            return drawn
+        width, height = image_size(path)
+        refuse_above(width * height * _IMAGE_BYTES, f"The image {path!r} of {width} x {height} pixels")
         image = pygame.image.load(path)
     except (pygame.error, OSError) as error:
         raise BadValue(f"Cannot read the image {path!r}: {error}") from None
