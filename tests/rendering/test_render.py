@@ -8,7 +8,7 @@ import pytest
 from typer.testing import CliRunner
 
 import gamms
-from gamms import cli, rendering
+from gamms import cli, recordings, rendering
 from gamms.errors import BadValue
 from gamms.rendering import Fog, Wish
 from gamms.rules import capture_flag, territory
@@ -182,3 +182,70 @@ def test_a_pointed_camera_no_longer_follows_and_one_that_is_gone_is_not_missed()
         assert ctx.visual.pointed(100, 50) is None
         with pytest.raises(KeyError, match="anna"):
             ctx.visual.follow("anna", 5.0)
+
+
+@pytest.fixture
+def duel(tmp_path):
+    """Two teams of two that see each other; one of each goes out in turn 2."""
+    with gamms.create_context(seed=1, logger_config=QUIET) as ctx:
+        ctx.graph.attach_networkx_graph(gamms.graph.grid(1, LENGTH))
+        for number, node in enumerate((0, 3, 6, 9)):
+            name = f"{'red' if number % 2 else 'blue'}_{number // 2}"
+            ctx.sensor.create_sensor(f"{name}_eyes", SensorType.AGENT_RANGE, sensor_range=35.0)
+            ctx.agent.create_agent(name, start_node_id=node, team=name[:-2], sensors=[f"{name}_eyes"])
+        ctx.game.add(lambda ctx: ctx.game.turn == 2 and [ctx.game.eliminate(f"{team}_0") for team in ("red", "blue")])
+        ctx.record.start(tmp_path / "duel")
+        ctx.game.run(3)
+    return tmp_path / "duel.ggr"
+
+
+def shown_by_fog(ctx, kind):
+    """Who is drawn, and of which sensors something is."""
+    visible = {name for name, artist in ctx.visual.shown_artists().items() if artist.get_visible()}
+    return {name for name in visible if name.startswith(kind)}
+
+
+def test_the_fog_shows_what_living_members_of_the_team_see_and_no_more(duel):
+    with recordings.context_for(duel) as ctx:
+        fog, told = None, []
+        for _ in ctx.record.replay(str(duel)):
+            if len(told) != ctx.game.turn:
+                fog = fog or Fog(ctx, "blue")
+                fog.look()
+                told.append(shown_by_fog(ctx, "sensor_"))
+        assert told == [{"sensor_blue_0_eyes", "sensor_blue_1_eyes"}, *[{"sensor_blue_1_eyes"}] * 2]
+
+
+def test_who_was_declared_looks_as_before_when_it_comes_out_of_the_fog():
+    with gamms.create_context(logger_config=QUIET) as ctx:
+        ctx.graph.attach_networkx_graph(gamms.graph.grid(1, LENGTH))
+        ctx.sensor.create_sensor("eyes", SensorType.AGENT_RANGE, sensor_range=35.0)
+        ctx.agent.create_agent("blue", start_node_id=0, team="blue", sensors=["eyes"])
+        red = ctx.agent.create_agent("red", start_node_id=2, team="red")
+        declared = ctx.visual.set_agent_visual("red", color="green")
+        fog = Fog(ctx, "blue")
+        for node, is_seen in ((2, True), (20, False), (2, True)):
+            red.current_node_id = node
+            fog.look()
+            assert ctx.visual.shown_artists()["red"].get_visible() == is_seen
+        assert ctx.visual.shown_artists()["red"] is declared
+
+
+@pytest.mark.parametrize("is_declared", [False, True])
+def test_what_rules_draw_is_drawn_in_replays_of_games_that_declare_visuals_too(tmp_path, is_declared):
+    with gamms.create_context(seed=1, logger_config=QUIET) as ctx:
+        ctx.graph.attach_networkx_graph(gamms.graph.grid(1, LENGTH))
+        ctx.agent.create_agent("red_0", start_node_id=0, team="red", strategy=east)
+        ctx.game.add(territory.published(dict.fromkeys(range(15), "red")))
+        ctx.game.add(capture_flag({"blue": 29}, goal=None))
+        if is_declared:
+            ctx.visual.set_agent_visual("red_0", color="green")
+        ctx.record.start(tmp_path / "game")
+        ctx.game.run(2)
+        drawn = {name for name in ctx.visual.shown_artists() if name in ("territory", "flags")}
+    with recordings.context_for(tmp_path / "game.ggr") as again:
+        for _ in again.record.replay(str(tmp_path / "game.ggr")):
+            pass
+        assert {name for name in again.visual.shown_artists() if name in ("territory", "flags")} == drawn
+        assert len(drawn) == 2
+        assert {12, 22} <= set(again.visual.draw_commands().layer.tolist())

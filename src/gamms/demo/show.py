@@ -31,7 +31,9 @@ def declare(ctx: Context) -> None:
 def draw_names(ctx: Any, data: Mapping[str, Any]) -> None:
     """Write each agent's name right of it, where it would be neither upon another name nor upon an agent."""
     wide, high, disc = (share * primitives_of(ctx).extent() for share in _LABEL)
-    places = {name: ctx.visual.position_of(name, data.get("_alpha", 1.0)) for name in data["names"]}
+    share = data.get("_alpha", 1.0)
+    hidden = primitives_of(ctx).hidden_agents(share)
+    places = {name: ctx.visual.position_of(name, share) for name in data["names"] if name not in hidden}
     written: list[tuple[float, float]] = []
     for name, (x, y) in places.items():
         agents = [other_x - x for other_x, other_y in places.values() if abs(other_y - y) < high]

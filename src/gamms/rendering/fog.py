@@ -11,14 +11,19 @@ from gamms import kernels
 from gamms.errors import BadValue, UnknownName
 from gamms.ir.graph import FloatArray, GraphColumns, IntArray
 from gamms.ir.sensed import SensorView
+from gamms.typing import SensorType
 from gamms.visual import Artist
 from gamms.visual.clipping import inside
 from gamms.visual.color import Rgb
 from gamms.visual.drawers.graph import one_way_each, polylines
 from gamms.visual.drawers.rules import FLAG_LAYER, TAG_LAYER, flags_in, render_flags, territories_in
+from gamms.visual.drawers.sensors import render_sight
 from gamms.visual.drawers.tags import render_tags
 from gamms.visual.drawers.values import usual_edge
 from gamms.visual.primitives import primitives_of
+from gamms.visual.sides import side_colors
+from gamms.visual.sights import Sight
+from gamms.visual.undeclared import MOST_SENSORS, RING, SENSOR_LAYER, sight_radius
 
 DARK: Rgb = (20, 22, 26)
 _SHADES: tuple[Rgb, ...] = ((42, 45, 51), (104, 109, 118), (206, 210, 216))  # never seen, seen, seen now
@@ -47,7 +52,8 @@ class Fog:
             raise BadValue(f"No agent of team {team!r} has a sensor in this recording, so it sees nothing.")
         self._seen: set[int] = set()
         self._now: set[int] = set()
-        self._hidden: set[str] = set()
+        self._hidden: dict[str, Any] = {}  # agent -> the artist that it had, if one was declared
+        self._sights: dict[str, Artist] = {}  # of sensors
         self._made: tuple[Any, ...] = ()  # columns, points, offsets, ends of streets
         self._declare()
 
@@ -68,12 +74,14 @@ class Fog:
 
     def look(self) -> None:
         """Ask the team's sensors where its agents are now, and hide whom they do not see."""
-        views = [view for agent in self._own() if agent.alive for view in _views(agent)]
+        sights = [sight for agent in self._own() if agent.alive for sight in self._sights_of(agent)]
+        self._show_sights([sight for sight in sights if sight.sensor.type is not SensorType.NEIGHBOR])
+        views = [sight.view or SensorView() for sight in sights]
         columns = self._ctx.graph.columns()
         own = [agent.current_node_id for agent in self._own() if agent.alive]
         is_seen = np.isin(columns.node_ids, own)
         for view in views:
-            is_seen |= _at(columns.xy, view.nodes) | _inside(columns.xy, view.outline)
+            is_seen |= _at(columns.xy, view.nodes) if len(view.nodes) else _inside(columns.xy, view.outline)
         self._now = set(columns.node_ids[is_seen].tolist())
         self._seen |= self._now
         found = {_rounded(place) for view in views for place in view.agents.tolist()}
@@ -88,11 +96,31 @@ class Fog:
         return _rounded(place) in found or (not flies and agent.current_node_id in self._now)
 
     def _hide(self, names: set[str]) -> None:
-        for name in names - self._hidden:
-            self._ctx.visual.add_artist(name, _hidden(self._ctx))
-        for name in self._hidden - names:
-            self._ctx.visual.remove_artist(name)
-        self._hidden = names
+        visual = self._ctx.visual
+        for name in names - self._hidden.keys():
+            self._hidden[name] = visual.artist(name)
+            visual.add_artist(name, _hidden(self._ctx))
+        for name in self._hidden.keys() - names:
+            declared = self._hidden.pop(name)
+            visual.remove_artist(name)
+            if declared is not None:
+                visual.add_artist(name, declared)
+
+    def _sights_of(self, agent: Any) -> Any:
+        return (self._ctx.visual.carriers.sight(sensor, agent) for sensor in agent._sensor_list.values())
+
+    def _show_sights(self, sights: list[Sight]) -> None:
+        """Draw what the team's sensors see, while they are few, and no others."""
+        color, found = side_colors(self._ctx)[self._team], dict[str, list[Any]]()
+        for sight in sights if len(sights) <= MOST_SENSORS else ():
+            found.setdefault(sight.sensor.sensor_id, []).append((color, sight.view or SensorView()))
+        for name in self._ctx.sensor.sensors.keys() - self._sights.keys():
+            self._sights[name] = Artist(self._ctx, render_sight, SENSOR_LAYER)
+            self._ctx.visual.add_artist(f"sensor_{name}", self._sights[name])
+        radius = RING * sight_radius(self._ctx.graph.columns())
+        for name, artist in self._sights.items():
+            artist.set_visible(name in found)
+            artist.data = {"sights": found.get(name, []), "size": radius, "node_size": 0.5 * radius / RING}
 
     # -- drawers ---------------------------------------------------------------------------------------------
 
@@ -119,7 +147,7 @@ class Fog:
         return points, offsets, ends
 
     def _draw_flags(self, ctx: Any, data: Any) -> None:
-        render_flags(ctx, data | {"hidden": self._hidden})
+        render_flags(ctx, data | {"hidden": set(self._hidden)})
 
     def _draw_tags(self, ctx: Any, data: Any) -> None:
         render_tags(ctx, data | {"of": {agent.name for agent in self._own()}})
@@ -141,15 +169,6 @@ def _hidden(ctx: Any) -> Artist:
     artist = Artist(ctx, lambda *_: None)
     artist.set_visible(False)
     return artist
-
-
-def _views(agent: Any) -> list[SensorView]:
-    """What the sensors of an agent see from where it is."""
-    views = []
-    for sensor in agent._sensor_list.values():
-        sensor.sense(agent.current_node_id)
-        views.append(sensor.last_view())
-    return views
 
 
 def _rounded(place: Any) -> tuple[float, float]:

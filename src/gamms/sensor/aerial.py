@@ -2,7 +2,7 @@
 
 from collections.abc import Sequence
 from math import pi, sqrt
-from typing import Any, NamedTuple, cast
+from typing import Any, NamedTuple, Self, cast
 
 import numpy as np
 
@@ -158,7 +158,9 @@ class AerialSensor(FlyingSensor):
     def last_view(self) -> SensorView:
         """The nodes and edges seen last, and the ground inside the cone they were seen in."""
         pose = self._looked
-        outline = np.zeros((0, 2)) if pose is None else looks.footprint(*pose, self.range, self.fov)
+        outline = np.zeros((0, 2))
+        if pose is not None and not self._is_occluded:  # what walls leave of it is no polygon
+            outline = looks.footprint(*pose, self.range, self.fov)
         return map_view(self.data, outline)
 
     def _seen(self) -> Surroundings:
@@ -239,8 +241,15 @@ class AerialAgentSensor(FlyingSensor):
         """The agents seen last, where they were then, and the shadow of the cone they were seen in."""
         pose = self._looked
         agents = np.array([place[:2] for _, place in self.data.values()], np.float64).reshape(-1, 2)
-        outline = np.zeros((0, 2)) if pose is None else looks.shadow(*pose, self.range, self.fov)
-        return SensorView(agents=agents, outline=outline)
+        outline = np.zeros((0, 2))
+        if pose is not None and not self._is_occluded:
+            outline = looks.shadow(*pose, self.range, self.fov)
+        return SensorView(agents=agents, names=tuple(self.data), outline=outline)
+
+    def _twin(self) -> Self:
+        twin = super()._twin()
+        twin.notice = self.notice.repeated()
+        return twin
 
     def _found(self) -> IntArray:
         """The rows (agents,) of those who are seen."""

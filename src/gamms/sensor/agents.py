@@ -2,7 +2,7 @@
 
 from collections.abc import Sequence
 from math import inf
-from typing import Any
+from typing import Any, Self
 
 import numpy as np
 
@@ -105,7 +105,12 @@ class AgentSensor(GroundSensor):
 
     def last_view(self) -> SensorView:
         """The agents seen last, at their nodes of then, and the field of view from where they were seen."""
-        return SensorView(agents=self.places_of(self.data.values()), outline=self.outline())
+        return SensorView(agents=self.places_of(self.data.values()), names=tuple(self.data), outline=self.outline())
+
+    def _twin(self) -> Self:
+        twin = super()._twin()
+        twin._notice = None if self._notice is None else self._notice.repeated()
+        return twin
 
     def _everyone(self, place: Place) -> dict[str, int]:
         if not isinstance(place, tuple) and not self.ctx.graph.graph.has_node(place):
@@ -182,6 +187,9 @@ class OccludedAgentSensor(AgentSensor):
         now = self._crowd.now()
         nodes = NodeColumns(now.nodes[rows], now.xy[rows])
         return _kept(rows, in_sight(self.ctx, place, nodes, self.range, self.observer_height))
+
+    def _area(self, x: float, y: float, radius: float, heading: Heading, fov: float) -> FloatArray:
+        return memory_of(self.ctx).views_past_obstacles.area((x, y), (radius, heading, fov), self.observer_height)
 
 
 def _kept(rows: list[int], is_kept: "np.ndarray[Any, np.dtype[np.bool_]]") -> list[int]:

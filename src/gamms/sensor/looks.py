@@ -1,6 +1,6 @@
 """What a look covers, as polygons and polylines for whoever draws it: computed when asked for, never while sensing."""
 
-from collections.abc import Iterable, Sequence
+from collections.abc import Callable, Iterable, Sequence
 from itertools import chain
 from math import atan2, inf, pi
 
@@ -15,6 +15,8 @@ _CORNERS = 48  # of a full circle
 _AROUND = np.linspace(0.0, 2.0 * pi, _CORNERS, endpoint=False)
 _TURNS = np.linspace(0.0, 2.0 * pi, 96, endpoint=False)  # of rays around the rim of a cone: not all reach the ground
 _RINGS = (0.0, 0.25, 0.5, 0.75, 1.0)  # of rays inside a cone, as shares of its half angle
+_RAYS = 180  # along which an area in sight is measured
+_HALVINGS, _ROUNDS, _JUMP = 10, 4, 0.05  # of each ray, and of the angle where the next ray reaches so much less far
 _RIM = 1e-9  # of a radius: what lies on its rim is inside, however it was rounded
 
 
@@ -33,6 +35,51 @@ def sector(x: float, y: float, radius: float, heading: tuple[float, float], fov:
     ahead = atan2(heading[1], heading[0])
     arc = _arc(x, y, radius, np.linspace(ahead - fov / 2.0, ahead + fov / 2.0, _CORNERS))
     return np.vstack([[(x, y)], arc]) if len(arc) else arc
+
+
+def area_in_sight(
+    is_visible: Callable[[FloatArray], "np.ndarray[tuple[int, ...], np.dtype[np.bool_]]"],
+    x: float,
+    y: float,
+    radius: float,
+    heading: tuple[float, float],
+    fov: float,
+) -> FloatArray:
+    """Corners (corners, 2) of what of a sector is in sight from its centre; none (0, 2) where the radius is infinite.
+
+    Args:
+        is_visible: whether each of some points (points, 2) is in sight.
+        x: of the centre.
+        y: of the centre.
+        radius: map units.
+        heading: see `sector`.
+        fov: full opening angle in radians.
+    """
+    if radius == inf:
+        return np.zeros((0, 2))
+    is_round = fov >= 2.0 * pi or heading == (0.0, 0.0)
+    ahead, half = (pi, pi) if is_round else (atan2(heading[1], heading[0]), fov / 2.0)
+
+    def reach(angles: FloatArray) -> FloatArray:
+        rays = np.column_stack([np.cos(angles), np.sin(angles)])
+        near, far = np.zeros(len(angles)), np.full(len(angles), radius)
+        middle = far
+        for _ in range(_HALVINGS):
+            is_free = is_visible((x, y) + rays * middle[:, None])
+            near, far = np.where(is_free, middle, near), np.where(is_free, far, middle)
+            middle = (near + far) / 2.0
+        return near
+
+    angles = np.linspace(ahead - half, ahead + half, _RAYS)
+    reaches = reach(angles)
+    for _ in range(_ROUNDS):
+        jumps = np.flatnonzero(np.abs(np.diff(reaches)) > _JUMP * radius)
+        between = (angles[jumps] + angles[jumps + 1]) / 2.0
+        angles, reaches = (
+            np.insert(known, jumps + 1, new) for known, new in ((angles, between), (reaches, reach(between)))
+        )
+    rim = np.column_stack([x + reaches * np.cos(angles), y + reaches * np.sin(angles)])
+    return rim if is_round else np.vstack([[(x, y)], rim])
 
 
 def footprint(position: Point, axis: Point, radius: float, fov: float) -> FloatArray:

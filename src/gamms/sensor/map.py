@@ -113,6 +113,9 @@ class OccludedMapSensor(MapSensor):
         views = self._memory.views_past_obstacles
         return views.look_past(place, self.range, self.fov, heading, self.observer_height)
 
+    def _area(self, x: float, y: float, radius: float, heading: Heading, fov: float) -> FloatArray:
+        return memory_of(self.ctx).views_past_obstacles.area((x, y), (radius, heading, fov), self.observer_height)
+
 
 def ragged(rows: list[list[int]]) -> tuple[IntArray, IntArray]:
     """Offsets (rows + 1,) and values of lists of different lengths."""

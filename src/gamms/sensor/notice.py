@@ -1,6 +1,7 @@
 """Whom of those in view a sensor reports: by team, and by chance."""
 
 from collections.abc import Callable
+from copy import copy
 from numbers import Real
 from typing import Any
 
@@ -56,6 +57,12 @@ class Notice:
     def reset(self) -> None:
         """Forget how many looks there were."""
         self._looks.clear()
+
+    def repeated(self) -> "Notice":
+        """Return a copy whose next look draws what the last one of this turn drew, and changes nothing here."""
+        twin = copy(self)
+        twin._looks = {owner: (turn, look - 1) for owner, (turn, look) in self._looks.items()}
+        return twin
 
     def wanted(self, rows: list[int], teams: list[Any]) -> list[int]:
         """Those rows whose agents are of a team that is reported; `teams` by row."""

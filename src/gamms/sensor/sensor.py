@@ -1,13 +1,15 @@
 """What every built-in sensor has: a name, a kind, an owner, the last result, perhaps a fixed place."""
 
 from collections.abc import Iterable
-from typing import Any
+from copy import copy
+from typing import Any, Self, cast
 
 import numpy as np
 
 from gamms.arguments import as_float, as_int
 from gamms.errors import BadType, BadValue, UnknownName
 from gamms.ir.graph import FloatArray
+from gamms.ir.sensed import SensorView
 from gamms.sensor import looks
 from gamms.sensor.views import FULL_CIRCLE, Place, coordinates
 from gamms.typing import IContext
@@ -18,6 +20,7 @@ __all__ = ["ALL_AROUND", "FULL_CIRCLE", "GroundSensor", "Heading", "Sensor", "ch
 Heading = tuple[float, float]  # (cos, sin); (0.0, 0.0) sees all around
 
 ALL_AROUND: Heading = (0.0, 0.0)
+_OURS = "gamms.sensor."
 
 
 class Sensor(ISensor):
@@ -50,6 +53,22 @@ class Sensor(ISensor):
     def reset(self) -> None:
         """Forget what was sensed."""
         self.data = [] if isinstance(self.data, list) else {}
+
+    def view_from(self, node_id: int | None, owner: str | None) -> SensorView:
+        """Return what it would see now, for drawing; a class of the user's own is not asked, but what it saw last."""
+        if not type(self).__module__.startswith(_OURS):
+            return self.last_view()
+        twin = self._twin()
+        twin._owner = owner
+        try:
+            twin.sense(node_id)  # type: ignore[arg-type] # those that look from the air need no node
+        except UnknownName:  # a node is gone
+            return SensorView()
+        return twin.last_view()
+
+    def _twin(self) -> Self:
+        """A sensor that looks in its place."""
+        return copy(self)
 
     def places_of(self, node_ids: Iterable[int]) -> FloatArray:
         """Where the nodes of a look are (nodes, 2); those that were removed since then are left out."""
@@ -108,6 +127,20 @@ class GroundSensor(Sensor):
         super().reset()
         self._looked = None
 
+    def set_owner(self, owner: str | None) -> None:
+        """Name the agent that carries the sensor, or nobody: then it has no place where it looked last."""
+        self._owner = owner
+        if owner is None:
+            self._looked = None
+
+    def view_from(self, node_id: int | None, owner: str | None) -> SensorView:
+        """Return what it would see now, for drawing."""
+        if node_id is None and self._at is None:
+            if self._looked is None:
+                return SensorView()
+            node_id = cast("int", self._looked[0])
+        return super().view_from(node_id, owner)
+
     def outline(self) -> FloatArray:
         """Corners (corners, 2) of the field of view of the last look; none where it had no end."""
         if self._looked is None:
@@ -117,6 +150,10 @@ class GroundSensor(Sensor):
             x, y = self._where(place)
         except UnknownName:  # its node is gone
             return np.zeros((0, 2))
+        return self._area(x, y, radius, heading, fov)
+
+    def _area(self, x: float, y: float, radius: float, heading: Heading, fov: float) -> FloatArray:
+        """Corners of what it covers from a place."""
         return looks.sector(x, y, radius, heading, fov)
 
     def _where(self, place: Place) -> tuple[float, float]:

@@ -8,13 +8,17 @@ import numpy as np
 
 from gamms import kernels
 from gamms.ir.graph import FloatArray, IntArray
+from gamms.sensor import looks
 from gamms.typing import IContext
 from gamms.typing.graph_engine import IGraph, NodeColumns, Surroundings
 
 FULL_CIRCLE = 2.0 * pi
 
+Sector = tuple[float, tuple[float, float], float]  # radius, heading (cos, sin), full opening angle
 Place = int | tuple[float, ...]  # the id of a node, or (x, y)
 
+_FAR_BEYOND = 3.0  # how far an area is measured, in distances to the farthest node along an axis
+_MOST_AREAS = 1000
 _MOST_WORDS = 1 << 24  # of 8 bytes: what may be remembered in all
 _WORDS_PER_NODE = 12  # of a dict entry
 _WORDS_PER_VIEW = 100  # of its key and its empty containers
@@ -80,20 +84,44 @@ class Views:
 class ViewsPastObstacles(Views):
     """The same, without what is behind an obstacle."""
 
+    def __init__(self, ctx: IContext) -> None:
+        super().__init__(ctx)
+        self._areas: dict[Any, FloatArray] = {}
+
     def look_past(
         self, place: Place, radius: float, fov: float, heading: tuple[float, float], height: float
     ) -> Surroundings:
         """What a map sensor sees whose sight lines run `height` above the ground."""
-        room = self._ctx.graph
-        revision = (room.graph.revision, room.obstacle_revision)
-        if revision != self._revision or None in revision:
-            self._forget(None if None in revision else revision)
+        self._renew()
         kind = (radius, fov, heading, height)
         try:
             return self._seen[kind][place]
         except KeyError:
             ids = self._ids_in_sight(place, radius, fov, heading, height)
-            return self._keep(kind, place, room.graph.among(ids))
+            return self._keep(kind, place, self._ctx.graph.graph.among(ids))
+
+    def area(self, place: tuple[float, float], sector: Sector, height: float) -> FloatArray:
+        """Corners (corners, 2) of what is in sight of a sector, cut off far beyond the map."""
+        self._renew()
+        key = place, sector, height
+        if key not in self._areas:
+            if len(self._areas) >= _MOST_AREAS:
+                self._areas.clear()
+            self._areas[key] = self._area_in_sight(place, sector, height)
+        return self._areas[key]
+
+    def _area_in_sight(self, place: tuple[float, float], sector: Sector, height: float) -> FloatArray:
+        (radius, heading, fov), see = sector, self._ctx.graph.visible
+        end = _FAR_BEYOND * float(np.abs(self._ctx.graph.columns().xy - place).max(initial=0.0))
+        within, origin = min(radius, end) if radius < inf and end > 0.0 else radius, np.array([*place, height])
+        return looks.area_in_sight(lambda points: see(origin, at_height(points, height)), *place, within, heading, fov)
+
+    def _renew(self) -> None:
+        room = self._ctx.graph
+        revision = (room.graph.revision, room.obstacle_revision)
+        if revision != self._revision or None in revision:
+            self._forget(None if None in revision else revision)
+            self._areas.clear()
 
     def _ids_in_sight(
         self, place: Place, radius: float, fov: float, heading: tuple[float, float], height: float

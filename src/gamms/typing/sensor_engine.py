@@ -96,6 +96,20 @@ class ISensor(ABC):
         """
         raise NotOffered(self, "last_view, so it cannot be drawn")
 
+    def view_from(self, node_id: int | None, owner: str | None) -> SensorView:  # noqa: ARG002 - not every sensor can tell
+        """Return what it would see now, for drawing; neither `data` nor what it will see changes.
+
+        This default returns what was seen last.
+
+        Args:
+            node_id: of the agent that carries it; None: from where it looked last.
+            owner: that agent.
+
+        Raises:
+            NotOffered: this sensor cannot be drawn.
+        """
+        return self.last_view()
+
 
 _INTERFACE = ("sensor_id", "type", "data", "sense", "update", "set_owner")
 

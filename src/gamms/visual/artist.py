@@ -1,5 +1,6 @@
 """An artist: a drawer, the data it draws, and the layer it draws on."""
 
+from collections.abc import Iterator, Mapping
 from enum import Enum
 from typing import Any
 
@@ -7,6 +8,7 @@ from gamms.arguments import as_int
 from gamms.errors import BadType
 from gamms.typing import ArtistType, IArtist, IContext
 from gamms.typing.artist import Drawer
+from gamms.visual.appearance import AgentData
 from gamms.visual.constants import Shape
 from gamms.visual.drawers import render_circle, render_rectangle
 
@@ -92,3 +94,12 @@ class Artist(IArtist):
         """Call the drawer with the context and `data`."""
         self._layer_dirty = False
         self._drawer(self._ctx, self.data)
+
+
+def looks_of(artists: Mapping[str, IArtist]) -> Iterator[AgentData]:
+    """How agents look, of those that visible artists show."""
+    for artist in artists.values():
+        data = getattr(artist, "data", None)
+        look = data.get("agent_data") if isinstance(data, dict) and artist.get_visible() else None
+        if isinstance(look, AgentData):
+            yield look

@@ -29,6 +29,7 @@ class Declarations(Primitives):
         self._artists: dict[str, IArtist] = {}
         self._proposed: dict[str, IArtist] = {}
         self._is_declared = False
+        self._is_replayed = False  # whether what was declared was declared elsewhere, where rules drew, too
         self.declarations = 0
 
     def set_graph_visual(self, **kwargs: Any) -> Artist:
@@ -150,6 +151,10 @@ class Declarations(Primitives):
         if artist is not None and self._artists.get(name) is artist:
             self.remove_artist(name)
 
+    def artist(self, name: str) -> IArtist | None:
+        """Return the artist that was declared or added under a name; None if there is none."""
+        return self._artists.get(name)
+
     def _artist_of(self, data: dict[str, Any]) -> Artist:
         drawer = data.get("drawer", data.get("shape", Shape.Circle))
         artist = Artist(self.ctx, drawer, data.get("layer", _ARTISTS))
@@ -191,6 +196,7 @@ class Declarations(Primitives):
         new = {name: one for name, one in made.items() if one is not None and name not in self._artists}
         self._artists |= new
         self._is_declared |= is_declared
+        self._is_replayed = True
         self.declarations += 1
         return frozenset(new)
 

@@ -129,14 +129,35 @@ class PictureEngine(Declarations):
         """
         if self.ctx.is_terminated():
             raise ContextTerminated("the state to draw")
-        return dict(self._artists) if self._is_declared else self._usual_artists() | self._artists
+        return self._with_marks(self._usual_artists() | self._artists)
+
+    def _with_marks(self, artists: dict[str, IArtist]) -> dict[str, IArtist]:
+        """Artists, and one that marks where those of their agents were that went out in the turn that is shown."""
+        if not self.happenings.eliminated():
+            return artists
+        from gamms.visual.artist import Artist, looks_of
+        from gamms.visual.drawers.rules import TAG_LAYER
+        from gamms.visual.drawers.tags import render_eliminated
+
+        marks = Artist(self.ctx, render_eliminated, TAG_LAYER)
+        marks.data = {"colors": {look.name: look.color for look in looks_of(artists)}}
+        return {"eliminated": marks} | artists
 
     def _usual_artists(self) -> dict[str, IArtist]:
-        """Who draws where nothing was declared."""
-        from gamms.visual.undeclared import Undeclared
+        """Who draws in pictures beside the artists that were declared or added."""
+        if self._is_declared and not self._is_replayed:
+            return {}
+        if self._undeclared is None:
+            from gamms.visual.undeclared import Undeclared
 
-        self._undeclared = self._undeclared or Undeclared(self.ctx)
-        return self._undeclared.artists()
+            self._undeclared = Undeclared(self.ctx)
+        return self._undeclared_part(self._undeclared)
+
+    def _undeclared_part(self, usual: "Undeclared") -> dict[str, IArtist]:
+        """All of the default look where nothing was declared; in a replay of what was, what its rules drew."""
+        if self._is_declared:
+            return usual.of_rules() if self._is_replayed else {}
+        return usual.artists()
 
     def draw_commands(self) -> DrawCommands:
         """The present state as draw commands.

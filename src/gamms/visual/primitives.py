@@ -16,6 +16,7 @@ from gamms.visual.appearance import BY_DAY
 from gamms.visual.color import Color
 from gamms.visual.motion import Motion
 from gamms.visual.sides import Happenings
+from gamms.visual.sights import Carriers
 
 if TYPE_CHECKING:
     from gamms.visual.commands import Commands
@@ -37,6 +38,7 @@ class Primitives(IVisualizationEngine):
         self.ctx = ctx
         self.motion = Motion(ctx)
         self.happenings = Happenings(ctx)
+        self.carriers = Carriers(ctx)
         self.wall_tones = BY_DAY
         self._drawing: Commands | None = None
         self._measured: tuple[GraphColumns | None, dict[Any, Any]] = None, {}
@@ -192,6 +194,16 @@ class Primitives(IVisualizationEngine):
             UnknownName (KeyError): there is no such agent.
         """
         return self.motion.position_of(agent_name, share)
+
+    def is_shown(self, agent: Any, share: float = 1.0) -> bool:
+        """Whether an agent is drawn after a share of its last move: one that is out is not, once it has got there."""
+        return getattr(agent, "alive", True) or (share < 1.0 and agent.name in self.happenings.eliminated())
+
+    def hidden_agents(self, share: float = 1.0) -> set[str]:
+        """The names of the agents that are not drawn, after a share of their last moves."""
+        columns, agents = self.ctx.agent.columns, self.ctx.agent.agents  # type: ignore[attr-defined] # of our own engine
+        out = [agents.get(columns.names[row]) for row in columns.out]
+        return {agent.name for agent in out if agent is not None and not self.is_shown(agent, share)}
 
     def extent(self) -> float:
         """How much of the map pictures show, world units, for marks that are as large in all; 0.0 for no map.

@@ -1,19 +1,17 @@
 """What a scenario looks like when nobody said so: grey streets, toned buildings, and agents in colours.
 
-Agents have the colours of their teams, or their own. What few sensors saw is drawn in the colours of those who carry
-them, below the agents. Flags, territories and the tags of this turn are drawn, and a legend tells the teams.
+Agents have the colours of their teams, or their own. What few sensors see is drawn in the colours of the living
+agents that carry them, below the agents. Flags, territories and the tags of this turn are drawn, and a legend tells
+the teams.
 """
 
-from collections.abc import Iterator
-from itertools import islice
 from typing import Any, NamedTuple
 
 import numpy as np
 
-from gamms.errors import NotOffered
 from gamms.ir.graph import GraphColumns
 from gamms.ir.sensed import SensorView
-from gamms.typing import ArtistType, IArtist, IContext, ISensor, SensorType
+from gamms.typing import ArtistType, IArtist, IContext
 from gamms.typing.artist import Drawer
 from gamms.visual.appearance import BY_DAY, AgentData, GraphData, WallTones
 from gamms.visual.artist import Artist
@@ -29,16 +27,18 @@ from gamms.visual.drawers.rules import (
     render_flags,
     territories_in,
 )
-from gamms.visual.drawers.sensors import view_of
+from gamms.visual.drawers.sensors import render_sight, render_still_sight
 from gamms.visual.drawers.tags import render_tags
 from gamms.visual.legend import Row, Rows, legend_only
+from gamms.visual.primitives import primitives_of
 from gamms.visual.sides import side_colors, side_of
+from gamms.visual.sights import Sight, says_something
 
 MOST_SENSORS = 20  # more of them would hide what happens
 _NOBODYS = (110, 114, 120)
-_OBSTACLES, _GRAPH, _SENSORS, _AGENTS = 5, 10, 15, 20  # layers
+_OBSTACLES, _GRAPH, SENSOR_LAYER, _AGENTS = 5, 10, 15, 20  # layers
 _USUAL_PX, _LEAST_PX, _MANY = 6.0, 3.0, 150  # radius of agents; of more than so many a smaller one
-_RING = 1.7  # of a sensed agent, in radii of its disc
+RING = 1.7  # of a sensed agent, in radii of its disc
 _WALL, _THICKEST = 0.3, 0.5  # of a wall: in radii of agents, and at most in metres
 
 
@@ -69,7 +69,7 @@ class Undeclared:
         self._agents_key: Any = None
         self._agents: dict[str, IArtist] = {}
         self._colors: dict[str, Rgb] = {}  # of agents, by name
-        self._views: dict[tuple[str, Rgb, float], IArtist] = {}  # of sensors, by all that they depend on
+        self._views: dict[tuple[str, Drawer], Artist] = {}  # of sensors
         self._territories: dict[str, TerritoryDrawer] = {}  # who know the places
         self._tags, self._legend = Artist(ctx, render_tags, TAG_LAYER), legend_of_teams(ctx)
 
@@ -77,9 +77,9 @@ class Undeclared:
         """Artists of the map, every agent, the sensors while they are few, what rules keep, and the legend, by name."""
         self._renew_map()
         self._renew_agents()
-        return self._map | self._agents | self._sensors() | self._of_rules() | {"legend": self._legend}
+        return self._map | self._agents | self._sensors() | self.of_rules() | {"legend": self._legend}
 
-    def _of_rules(self) -> dict[str, IArtist]:
+    def of_rules(self) -> dict[str, IArtist]:
         """Artists of what rules remember, which is all that a replay has, under the names by which rules draw it."""
         artists: dict[str, IArtist] = {"tags": self._tags}
         for name in territories_in(self._ctx):
@@ -96,7 +96,7 @@ class Undeclared:
         if key == self._map_key and None not in key:  # which are engines that do not count
             return
         columns = graph.columns()
-        self._map_key, self._unit = key, _sight(columns)
+        self._map_key, self._unit = key, sight_radius(columns)
         streets = self._static(render_graph, _GRAPH)
         streets.data = {"graph_data": GraphData(self._tones.nodes, 0.35 * self._unit, self._tones.streets)}
         self._map = {"graph": streets}
@@ -125,25 +125,22 @@ class Undeclared:
             disc.data = {"agent_data": AgentData(name, color, self._unit, least_px=least_px), "_alpha": 1.0}
 
     def _sensors(self) -> dict[str, IArtist]:
-        """Asked for anew each time: a sensor looks when it likes."""
-        telling = _telling_sensors(self._ctx, len(self._ctx.graph.columns().node_ids))
-        carriers, unit = self._carriers() if telling else {}, self._unit
-        looks = [(sensor.sensor_id, carriers.get(id(sensor), _NOBODYS), unit) for sensor in telling]
-        self._views = {look: self._views.get(look) or self._view(*look) for look in looks}
-        return {f"sensor_{name}": artist for (name, *_), artist in self._views.items()}
+        """Artists of what sensors see, asked for anew each time."""
+        nodes, found = len(self._ctx.graph.columns().node_ids), dict[str, list[Sight]]()
+        for sight in primitives_of(self._ctx).carriers.sights(MOST_SENSORS):
+            if sight.view is None or _is_told(sight.view, nodes):
+                found.setdefault(sight.sensor.sensor_id, []).append(sight)
+        before, self._views = self._views, {}
+        for name, sights in found.items():
+            self._draw_sights(name, sights, before)
+        return {f"sensor_{name}": artist for (name, _), artist in self._views.items()}
 
-    def _view(self, name: str, color: Rgb, unit: float) -> Artist:
-        artist = Artist(self._ctx, render_sensor, _SENSORS)
-        artist.data = {"name": name, "color": color, "size": _RING * unit, "node_size": 0.5 * unit}
-        return artist
-
-    def _carriers(self) -> dict[int, Rgb]:
-        """The colour of who carries a sensor, by the sensor's identity."""
-        return {
-            id(sensor): self._colors[agent.name]
-            for agent in self._ctx.agent.create_iter()
-            for sensor in getattr(agent, "_sensor_list", {}).values()
-        }
+    def _draw_sights(self, name: str, sights: list[Sight], before: dict[tuple[str, Drawer], Artist]) -> None:
+        key = name, drawer_of(sights)
+        self._views[key] = artist = before.get(key) or Artist(self._ctx, key[1], SENSOR_LAYER)
+        colors = [_NOBODYS if one.carrier is None else self._colors[one.carrier] for one in sights]
+        artist.data = {"name": name, "color": colors[0], "size": RING * self._unit, "node_size": 0.5 * self._unit}
+        artist.data["sights"] = [(color, one.view) for color, one in zip(colors, sights, strict=True)]
 
 
 def team_rows(ctx: IContext) -> Rows | None:
@@ -168,31 +165,19 @@ def legend_of_teams(ctx: IContext) -> Artist:
     return artist
 
 
-def _telling_sensors(ctx: IContext, nodes: int) -> list[ISensor]:
-    """The sensors whose last view says something; none where too many have looked."""
-    looked = list(islice(_views(ctx), MOST_SENSORS + 1))
-    if len(looked) > MOST_SENSORS:
-        return []
-    return [sensor for sensor, view in looked if len(view.nodes) < nodes or len(view.outline)]  # not the whole map
+def _is_told(view: SensorView, nodes: int) -> bool:
+    """Whether there is something to draw, and not just the whole map, which has so many nodes."""
+    return says_something(view) and (len(view.nodes) < nodes or len(view.outline) > 0)
 
 
-def _views(ctx: IContext) -> Iterator[tuple[ISensor, SensorView]]:
-    """Sensors that have looked, with what they saw; where one may go is no news."""
-    for sensor in ctx.sensor.sensors.values():
-        if sensor.type is SensorType.NEIGHBOR:
-            continue
-        try:
-            view = view_of(sensor)
-        except NotOffered:
-            continue
-        except Exception:  # noqa: BLE001 - a sensor is user code; its artist will fail likewise, which is logged
-            yield sensor, SensorView()
-            continue
-        if any(len(part) for part in (view.nodes, view.lines, view.agents, view.outline)):
-            yield sensor, view
+def drawer_of(sights: list[Sight]) -> Drawer:
+    """Return what draws the sights of one sensor."""
+    if any(one.view is None for one in sights):
+        return render_sensor  # which says what is wrong
+    return render_sight if any(one.view.names for one in sights if one.view) else render_still_sight
 
 
-def _sight(columns: GraphColumns) -> float:
+def sight_radius(columns: GraphColumns) -> float:
     """A radius, in world units, at which agents neither hide streets nor vanish."""
     if len(columns.xy) == 0:
         return 1.0

@@ -10,9 +10,11 @@ import pytest
 
 import gamms
 from gamms.errors import BadValue, MissingFile, UnknownName
+from gamms.sensor import SensorType
 from gamms.typing import ISensor
 from gamms.visual import Artist, Color, Engine, Shape
 from gamms.visual.appearance import BY_DAY, BY_NIGHT
+from gamms.visual.window.crowd import Crowd
 
 
 def has_color(pixels, color):
@@ -296,3 +298,50 @@ def test_a_building_is_filled_in_the_tone_of_the_theme(open_window, seen, theme,
     ctx.visual.look_at(5.0, 5.0, 20.0)
     ctx.visual.update()
     assert seen(ctx)[180, 320].tolist() == filled.tolist()
+
+
+def test_who_is_out_is_neither_shown_nor_found_nor_named_nor_followed_by_a_trail(open_window, person, seen):
+    ctx = open_window(labels=True, trails=4)
+    ctx.sensor.create_sensor("eyes", SensorType.RANGE, sensor_range=4.0)
+    red = ctx.agent.get_agent("red_0")
+    red.register_sensor("eyes", ctx.sensor.get_sensor("eyes"))
+    red.register_strategy(lambda state: state.update(action=1))
+    ctx.game.add(lambda ctx: ctx.game.turn == 2 and ctx.game.eliminate("red_0"))
+    ctx.game.step()
+    ctx.visual.update()
+    x, y = ctx.visual._render_manager.world_to_screen(*ctx.visual.position_of("red_0"))
+    person.click(x, y)
+    ctx.visual.update()
+    assert ctx.visual.pointed_at() is not None
+    assert "sensor_eyes" in ctx.visual._shown | ctx.visual.hints()
+    before = seen(ctx)
+    ctx.game.step()
+    for _ in range(2):  # with the cross, and without
+        ctx.visual.update()
+        assert ctx.visual.pointed_at() is None
+        assert "sensor_eyes" not in ctx.visual._shown | ctx.visual.hints()
+        assert ctx.visual._shown["red_0"].data["agent_data"].current_position is None
+        assert "red_0" not in ctx.visual._shown["trails"].data["colors"]
+        ctx.game.step()
+    ctx.visual.update()
+    assert (before != seen(ctx)).any()
+    assert "left: red 0 · blue 1" in ctx.visual.turn_lines(ctx)
+    ctx.agent.delete_agent("blue_0")
+    assert "left: red 0" in ctx.visual.turn_lines(ctx)
+
+
+def test_a_crowd_shows_its_living(open_window):
+    ctx = open_window()
+    crowd = Crowd(_discs(ctx), ctx.visual, 1.0)
+    assert {look.name for look in crowd.looks} == {"red_0", "blue_0"}
+    ctx.game.add(lambda ctx: ctx.game.eliminate("red_0"))
+    ctx.game.step()
+    assert [look.name for look in Crowd(_discs(ctx), ctx.visual, 1.0).looks] == ["blue_0"]
+    assert [look.name for look in Crowd(_discs(ctx), ctx.visual, 0.5).looks] == ["red_0", "blue_0"]  # on its way
+    ctx.agent.delete_agent("red_0")
+    ctx.agent.create_agent("red_0", start_node_id=0)
+    assert len(Crowd(_discs(ctx), ctx.visual, 1.0).looks) == 2
+
+
+def _discs(ctx):
+    return {name: artist for name, artist in ctx.visual.onstage_artists().items() if name in ctx.agent.agents}

@@ -19,22 +19,29 @@ _ASIDE = "\u00a0" * 4  # as wide as the smallest ring, for text is placed in wor
 
 
 def render_agent(ctx: IContext, data: dict[str, Any]) -> None:
-    """Draw the agent that `data['agent_data']`, an AgentData, names and describes."""
+    """Draw the agent that `data['agent_data']`, an AgentData, names and describes, unless it is out of the game."""
     look: AgentData = data["agent_data"]
     agent = ctx.agent.get_agent(look.name)
     if agent.type == AgentType.AERIAL:
         render_aerial_agent(ctx, data)
         return
-    look.current_position = x, y = primitives_of(ctx).position_of(look.name, data.get("_alpha", 1.0))
-    _body(ctx, look, x, y)
+    place = _place(ctx, look, agent, data.get("_alpha", 1.0))
+    if place is not None:
+        _body(ctx, look, *place)
 
 
 def render_aerial_agent(ctx: IContext, data: dict[str, Any]) -> None:
-    """Draw the agent in the air that `data['agent_data']` names: from above, with its height written beside it."""
+    """Draw the agent in the air that `data['agent_data']` names: from above, with its height written beside it.
+
+    One that is out of the game is not drawn.
+    """
     look: AgentData = data["agent_data"]
     agent = cast("IAerialAgent", ctx.agent.get_agent(look.name))
     (_, _, z), (cos, sin) = agent.position, agent.orientation
-    look.current_position = x, y = primitives_of(ctx).position_of(look.name, data.get("_alpha", 1.0))
+    place = _place(ctx, look, agent, data.get("_alpha", 1.0))
+    if place is None:
+        return
+    x, y = place
     for color, edge_px in ((outline_of(look.color), 2.0), (look.color, 0.0)):  # an edge lifts it off the map
         rings(ctx, [(x, y)], RING * look.size, color, RING_PX, 2.0 + edge_px)
         if (cos, sin) != (0.0, 0.0):  # it does not point straight up or down
@@ -43,6 +50,13 @@ def render_aerial_agent(ctx: IContext, data: dict[str, Any]) -> None:
     _body(ctx, look, x, y)
     if z > 0.0:
         ctx.visual.render_text(_ASIDE + _height(z), x + RING * look.size, y, _DARK, font_size=_HEIGHT_PX)
+
+
+def _place(ctx: IContext, look: AgentData, agent: Any, share: float) -> tuple[float, float] | None:
+    """Where an agent is drawn, which its look is told; None if it is not."""
+    visual = primitives_of(ctx)
+    look.current_position = visual.position_of(look.name, share) if visual.is_shown(agent, share) else None
+    return look.current_position
 
 
 def _body(ctx: IContext, look: AgentData, x: float, y: float) -> None:

@@ -1,15 +1,17 @@
 """Drawer of sensors: what each saw last, whatever its kind, drawn so that what lies below stays visible."""
 
+from dataclasses import replace
 from typing import Any
 
-from gamms.errors import BadType, NotOffered
+import numpy as np
+
 from gamms.ir.sensed import SensorView
 from gamms.typing import IContext
-from gamms.typing.sensor_engine import ISensor
 from gamms.visual.color import Color, Rgba, rgba
 from gamms.visual.drawers.fields import field_of_view
 from gamms.visual.drawers.marks import rings
 from gamms.visual.primitives import primitives_of
+from gamms.visual.sights import view_of
 
 _ALPHA = 150
 _NODE_PX, _RING_PX, _EDGE_PX = 3.0, 10.0, 4.0
@@ -19,14 +21,43 @@ _NODE_RADIUS, _JUNCTION_RADIUS, _AGENT_RADIUS = 2.0, 1.0, 8.0  # world units
 def render_sensor(ctx: IContext, data: dict[str, Any]) -> None:
     """Draw the last view of the sensor that `data['name']` names.
 
-    The field of view lies below, then the edges, marks on the nodes, and rings around the agents. `data` may also
-    have `color`, `node_color`, `edge_color`, `size` (of the rings) and `node_size`, both in world units.
+    Nothing is drawn where all who carry it are out. The field of view lies below, then the edges, marks on the nodes,
+    and rings around the agents. `data` may also have `color`, `node_color`, `edge_color`, `size` (of the rings) and
+    `node_size`, both in world units.
 
     Raises:
         UnknownName (KeyError): there is no such sensor.
         NotOffered: it has no `last_view`.
     """
-    view = view_of(ctx.sensor.get_sensor(data["name"]))
+    sensor = ctx.sensor.get_sensor(data["name"])
+    if not primitives_of(ctx).carriers.is_blind(sensor):
+        _draw(ctx, data, view_of(sensor))
+
+
+def render_sight(ctx: IContext, data: dict[str, Any]) -> None:
+    """Draw what a sensor sees now: `data['sights']` are views, each with the colour of the agent that carries it.
+
+    The rings go with the agents that they are around.
+    """
+    for color, view in data["sights"]:
+        _draw(ctx, {**data, "color": color}, _followed(ctx, view, data.get("_alpha", 1.0)))
+
+
+def render_still_sight(ctx: IContext, data: dict[str, Any]) -> None:
+    """Draw the same of a sensor that sees no agents."""
+    render_sight(ctx, data)
+
+
+def _followed(ctx: IContext, view: SensorView, share: float) -> SensorView:
+    """The view with the agents where they are shown after a share of their last moves."""
+    agents = ctx.agent.agents
+    if not view.names or not all(name in agents for name in view.names):
+        return view
+    position_of = primitives_of(ctx).position_of
+    return replace(view, agents=np.array([position_of(name, share) for name in view.names]))
+
+
+def _draw(ctx: IContext, data: dict[str, Any], view: SensorView) -> None:
     color = data.get("color", data.get("node_color", Color.Cyan))
     if len(view.outline):
         field_of_view(ctx, view.outline, color)
@@ -38,21 +69,6 @@ def render_sensor(ctx: IContext, data: dict[str, Any]) -> None:
         _mark(ctx, view.nodes, data.get("node_size", usual), data.get("node_color", color))
     if len(view.agents):
         rings(ctx, view.agents, data.get("size", _AGENT_RADIUS), color, _RING_PX)
-
-
-def view_of(sensor: ISensor) -> SensorView:
-    """What a sensor saw last.
-
-    Raises:
-        NotOffered: it has no `last_view`.
-        BadType: its `last_view` returns something else.
-    """
-    if not hasattr(sensor, "last_view"):  # a class that is no child of ISensor may be a sensor, too
-        raise NotOffered(sensor, "last_view, so it cannot be drawn")
-    view = sensor.last_view()
-    if not isinstance(view, SensorView):
-        raise BadType(f"last_view of sensor {sensor.sensor_id!r} must return a SensorView, not {view!r}.")
-    return view
 
 
 def _mark(ctx: IContext, centers: Any, radius: float, color: Any) -> None:
@@ -69,6 +85,7 @@ def _see_through(color: Any) -> Rgba:
 
 
 render_sensor.once_a_turn = True  # type: ignore[attr-defined] # between turns nobody looks
+render_still_sight.once_a_turn = True  # type: ignore[attr-defined]
 
 # The names under which 1.0.0 had a drawer per kind.
 render_map_sensor = render_agent_sensor = render_neighbor_sensor = render_aerial_agent_sensor = render_sensor

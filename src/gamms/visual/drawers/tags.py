@@ -1,4 +1,4 @@
-"""Drawer of tags: a cross where somebody was tagged in the turn that is shown, in the colour of the tagger."""
+"""Drawers of marks for the turn that is shown: a cross where an agent was tagged, or went out of the game."""
 
 from typing import Any
 
@@ -27,11 +27,25 @@ def render_tags(ctx: IContext, data: dict[str, Any]) -> None:
         side = side_of(tagger)
         color = data.get("colors", {}).get(side, usual[str(side)])
         place = ctx.graph.graph.get_node(node)
-        x, y = place.x, place.y
-        cross = [(x - arm, y - arm), (x + arm, y + arm), (x - arm, y + arm), (x + arm, y - arm)]
         for ink, more_px in ((_WHITE, _EDGE_PX), (color, 0.0)):
-            visual.render_circles([(x, y)], _REACH * arm, ink, _LINE_PX + more_px)
-            visual.render_lines(cross, [0, 2, 4], ink, _LINE_PX + more_px)
+            visual.render_circles([(place.x, place.y)], _REACH * arm, ink, _LINE_PX + more_px)
+            _cross(ctx, place.x, place.y, arm, ink, _LINE_PX + more_px)
 
 
-render_tags.once_a_turn = True  # type: ignore[attr-defined] # a mark does not glide
+def render_eliminated(ctx: IContext, data: dict[str, Any]) -> None:
+    """Mark where agents went out of the game in this turn; `data["colors"]` has the colours of those that are shown."""
+    visual = primitives_of(ctx)
+    arm = _ARM * visual.extent() or 1.0
+    for name in sorted(visual.happenings.eliminated() & data["colors"].keys() & ctx.agent.agents.keys()):
+        x, y = visual.position_of(name)
+        for ink, more_px in ((_WHITE, _EDGE_PX), (data["colors"][name], 0.0)):
+            _cross(ctx, x, y, arm, ink, _LINE_PX + more_px)
+
+
+def _cross(ctx: IContext, x: float, y: float, arm: float, ink: Any, width_px: float) -> None:
+    cross = [(x - arm, y - arm), (x + arm, y + arm), (x - arm, y + arm), (x + arm, y - arm)]
+    primitives_of(ctx).render_lines(cross, [0, 2, 4], ink, width_px)
+
+
+for _drawer in (render_tags, render_eliminated):
+    _drawer.once_a_turn = True  # type: ignore[attr-defined] # a mark does not glide

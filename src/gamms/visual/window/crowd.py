@@ -12,7 +12,7 @@ import numpy as np
 from gamms.errors import GammsError
 from gamms.ir.draw import DrawCommands
 from gamms.ir.graph import FloatArray
-from gamms.typing import IArtist, IContext, ILogger
+from gamms.typing import IArtist, IContext
 from gamms.typing.agent_engine import AgentType
 from gamms.visual.appearance import AgentData
 from gamms.visual.backends.pygame import BLACK, WHITE, Canvas, load, veil
@@ -21,8 +21,7 @@ from gamms.visual.camera import Camera
 from gamms.visual.color import Rgba, rgba
 from gamms.visual.commands import Commands
 from gamms.visual.drawers.agents import outline_of, render_agent
-from gamms.visual.motion import Motion
-from gamms.visual.primitives import EDGE_PX
+from gamms.visual.primitives import EDGE_PX, Primitives
 
 _STEPS = 4  # places within a pixel
 _ROOM_PX = 4  # around a disc: for its edge
@@ -34,26 +33,28 @@ class Crowd:
 
     Args:
         members: artists by name.
-        motion: of the agents.
+        visual: the engine.
         share: of their last moves.
-        logger: is told about agents that cannot be drawn.
     """
 
     is_static = False
 
-    def __init__(self, members: Mapping[str, IArtist], motion: Motion, share: float, logger: ILogger) -> None:
+    def __init__(self, members: Mapping[str, IArtist], visual: Primitives, share: float) -> None:
         self.artists = tuple(members.values())
         self.looks: list[AgentData] = []
         places: list[tuple[float, float]] = []
-        position_of = motion.position_of
+        position_of, hidden = visual.position_of, visual.hidden_agents(share)
         for name, artist in members.items():
             data = artist.data
             look: AgentData = data["agent_data"]
+            if look.name in hidden:
+                look.current_position = None
+                continue
             try:
                 place = position_of(look.name, share)
             except GammsError as error:
                 kind = type(error).__name__
-                logger.error(f"Artist {name!r} could not be drawn: {kind}: {error}")  # noqa: TRY400 - not in ILogger
+                visual.ctx.logger.error(f"Artist {name!r} could not be drawn: {kind}: {error}")  # noqa: TRY400 - not in ILogger
                 continue
             data["_alpha"], look.current_position = share, place
             self.looks.append(look)

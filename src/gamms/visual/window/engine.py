@@ -256,7 +256,7 @@ class WindowEngine(Onlookers):
         known = self._crowds[1]
         if who not in known:
             known[who] = is_crowd(self.ctx, members, scale)
-        return Crowd(members, self.motion, self._share, self.ctx.logger) if known[who] else None
+        return Crowd(members, self, self._share) if known[who] else None
 
     def _world(self) -> Any:
         """What STATIC artists' drawings depend on; what they paint themselves depends on the camera, too."""

@@ -1,6 +1,5 @@
 """What those who watch want to see: names, trails, one agent's sensors and state."""
 
-from collections.abc import Iterable
 from typing import Any
 
 import numpy as np
@@ -8,11 +7,10 @@ import numpy as np
 from gamms.typing import IArtist, IContext
 from gamms.typing.agent_engine import AgentType
 from gamms.visual.appearance import AgentData
-from gamms.visual.artist import Artist
+from gamms.visual.artist import Artist, looks_of
 from gamms.visual.backends.pygame import Canvas
-from gamms.visual.drawers import render_sensor
 from gamms.visual.drawers.agents import RING, RING_PX
-from gamms.visual.undeclared import Undeclared
+from gamms.visual.undeclared import Undeclared, drawer_of
 from gamms.visual.window.asking import Question, Walk
 from gamms.visual.window.controls import Controls
 from gamms.visual.window.hud import Words, score_line
@@ -40,6 +38,7 @@ class Onlookers(Internals):
     _turns_of_trails: int
     _shown: dict[str, IArtist]
     _share: float
+    _is_fresh: bool
 
     def __init__(self, ctx: IContext, *, simulation_time_constant: float = 2.0) -> None:
         super().__init__(ctx, simulation_time_constant=simulation_time_constant)
@@ -47,32 +46,38 @@ class Onlookers(Internals):
         self.trails = Trails(0)
         self._pinned: str | None = None
         self._fps = (0, "")
+        self._hinted: tuple[str | None, dict[str, IArtist]] = None, {}  # who is pointed at, and what it sees
 
     # -- who is on stage -------------------------------------------------------------------------------------
 
     def onstage_artists(self) -> dict[str, IArtist]:
         """Who draws in the window: those who draw in pictures, in the colours of the theme, and the trails."""
-        artists = dict(self._artists) if self._is_declared else self._usual.artists() | self._artists
+        artists = self._with_marks(self._undeclared_part(self._usual) | self._artists)
         if self.trails.turns:
-            colors = {look.name: look.color for look in _looks(artists)}
+            hidden = self.hidden_agents()
+            colors = {look.name: look.color for look in looks_of(artists) if look.name not in hidden}
             for name, drawer in (("past trails", self.trails.draw_past), ("trails", self.trails.draw_last)):
                 artists[name] = trails = Artist(self.ctx, drawer, _TRAILS_LAYER)
                 trails.data = {"colors": colors}
         return artists
 
     def hints(self) -> dict[str, IArtist]:
-        """Artists of what the agent under the pointer senses, as far as it is not shown already."""
+        """Artists of what the agent under the pointer sees, as far as it is not shown already."""
         name = self._pointed_name()
-        if name is None:
-            return {}
-        sensors = getattr(self.ctx.agent.get_agent(name), "_sensor_list", {})
-        look = next((look for look in _looks(self._shown) if look.name == name), AgentData(name))
+        if self._is_fresh or name != self._hinted[0]:
+            self._hinted = name, {} if name is None else self._hints_of(name)
+        return self._hinted[1]
+
+    def _hints_of(self, name: str) -> dict[str, IArtist]:
+        agent: Any = self.ctx.agent.get_agent(name)
+        look = next((look for look in looks_of(self._shown) if look.name == name), AgentData(name))
         hints: dict[str, IArtist] = {}
-        for sensor in sensors.values():
+        for sensor in getattr(agent, "_sensor_list", {}).values():
             own = f"sensor_{sensor.sensor_id}"
-            if own not in self._shown and hasattr(sensor, "last_view"):
-                hints[own] = artist = Artist(self.ctx, _quietly, _VIEWS_LAYER)
-                artist.data = {"name": sensor.sensor_id, "color": look.color, "size": 1.7 * look.size}
+            sight = self.carriers.sight(sensor, agent)
+            if own not in self._shown and sight.view is not None:
+                hints[own] = artist = Artist(self.ctx, drawer_of([sight]), _VIEWS_LAYER)
+                artist.data = {"size": 1.7 * look.size, "sights": [(look.color, sight.view)]}
         return hints
 
     # -- agents under the pointer ----------------------------------------------------------------------------
@@ -101,7 +106,11 @@ class Onlookers(Internals):
     def _pointed_name(self) -> str | None:
         pointer = self.controls.pointer
         name = None if pointer is None else self._agent_at(pointer)
-        if name is None and self._pinned in self.ctx.agent.agents:
+        if (
+            name is None
+            and self._pinned in self.ctx.agent.agents
+            and self._pinned not in self.hidden_agents(self._share)
+        ):
             name = self._pinned
         return name
 
@@ -131,6 +140,7 @@ class Onlookers(Internals):
         columns = self.ctx.agent.columns  # type: ignore[attr-defined] # of our own engine
         if not columns.out:
             return []
+        self.ctx.agent.settle()  # type: ignore[attr-defined] # so that those who were deleted are not counted
         left = dict.fromkeys((str(team) for team in columns.teams if team is not None), 0)
         for team, is_alive in zip(columns.teams, columns.alive, strict=True):
             if team is not None:
@@ -166,7 +176,7 @@ class Onlookers(Internals):
                 self.words.tag(canvas, str(number), x, y - 24, is_loud=True)
 
     def _placed_looks(self) -> list[AgentData]:
-        return [look for look in _looks(self._shown) if look.current_position is not None]
+        return [look for look in looks_of(self._shown) if look.current_position is not None]
 
     def _flyers(self) -> set[str]:
         return {agent.name for agent in self.ctx.agent.create_iter() if agent.type == AgentType.AERIAL}
@@ -182,23 +192,6 @@ class Onlookers(Internals):
         usual = self._turns_of_trails or _USUAL_TRAILS
         self.trails.turns = 0 if self.trails.turns else usual
         self._shown = {}
-
-
-def _quietly(ctx: IContext, data: dict[str, Any]) -> None:
-    """Draw a sensor's view; one that cannot say what it saw shows nothing."""
-    try:
-        render_sensor(ctx, data)
-    except NotImplementedError:
-        return
-
-
-def _looks(artists: dict[str, IArtist]) -> Iterable[AgentData]:
-    """How agents look, of those that are shown."""
-    for artist in artists.values():
-        data = getattr(artist, "data", None)
-        look = data.get("agent_data") if isinstance(data, dict) and artist.get_visible() else None
-        if isinstance(look, AgentData):
-            yield look
 
 
 def _cells(left: float, top: float, width: float) -> list[tuple[int, int]]:

@@ -1,0 +1,165 @@
+"""Agents that went out of the game are not drawn, nor is what their sensors saw; a cross marks where it happened."""
+
+from math import inf
+
+import numpy as np
+import pytest
+
+import gamms
+from gamms.agent import AgentType
+from gamms.ir.draw import DrawKind
+from gamms.sensor import SensorType
+from gamms.strategies import stay
+from gamms.visual.film import Frames
+
+AGENTS, SENSORS, MARKS = 20, 15, 25  # layers
+
+
+def places(ctx, layer, kind=DrawKind.CIRCLE):
+    """Where something of that kind is drawn on a layer, each place once."""
+    commands = ctx.visual.draw_commands()
+    rows = np.flatnonzero((commands.layer == layer) & (commands.kind == kind))
+    return {tuple(commands.points[commands.offsets[row]].tolist()) for row in rows}
+
+
+def crosses(ctx):
+    """How many crosses are drawn: two lines each, with an edge."""
+    commands = ctx.visual.draw_commands()
+    return int(((commands.layer == MARKS) & (commands.kind == DrawKind.LINE)).sum()) // 4
+
+
+@pytest.fixture
+def road():
+    """A road with an agent at each of ten nodes, who see whom is near, and stay."""
+    with gamms.create_context(seed=1, logger_config={"level": "CRITICAL"}) as ctx:
+        ctx.graph.attach_networkx_graph(gamms.graph.grid(1, 10))
+        for node in range(10):
+            ctx.sensor.create_sensor(f"eyes_{node}", SensorType.AGENT_RANGE, sensor_range=15.0)
+            team = ("red", "blue")[node % 2]
+            ctx.agent.create_agent(f"a_{node}", start_node_id=node, team=team, sensors=[f"eyes_{node}"], strategy=stay)
+        yield ctx
+
+
+def out_in_turn(ctx, turn, *names):
+    @ctx.game.add
+    def rule(ctx):
+        for name in names if ctx.game.turn == turn else ():
+            ctx.game.eliminate(name)
+
+
+def test_a_picture_shows_as_many_agents_as_live(road):
+    out_in_turn(road, 2, *(f"a_{node}" for node in range(7)))
+    road.game.run(2)
+    assert places(road, AGENTS) == {(70.0, 0.0), (80.0, 0.0), (90.0, 0.0)}
+    assert len(road.game.agents) == 3
+
+
+def test_a_cross_marks_the_place_in_the_turn_in_which_it_happened_only(road):
+    out_in_turn(road, 2, "a_3", "a_4")
+    counts = []
+    for _ in range(3):
+        road.game.step()
+        counts.append(crosses(road))
+    assert counts == [0, 2, 0]
+
+
+def test_what_the_eliminated_saw_is_not_drawn(road):
+    out_in_turn(road, 1, *(f"a_{node}" for node in range(9)))
+    road.game.run(1)
+    fields = road.visual.draw_commands()
+    assert int(((fields.layer == SENSORS) & (fields.kind == DrawKind.POLYGON)).sum()) == 2  # filled, and its rim
+    road.game.eliminate("a_9")
+    assert SENSORS not in road.visual.draw_commands().layer
+
+
+def test_declared_agents_and_sensors_vanish_likewise(road):
+    road.visual.set_agent_visual("a_0", color="red")
+    road.visual.set_agent_visual("a_1", color="red")
+    road.visual.set_sensor_visual("eyes_0", layer=SENSORS)
+    out_in_turn(road, 1, "a_0", "a_5")
+    road.game.run(1)
+    assert places(road, AGENTS) == {(10.0, 0.0)}
+    assert SENSORS not in road.visual.draw_commands().layer
+    assert crosses(road) == 1  # a_5 was never shown
+
+
+def test_a_sensor_that_another_living_agent_carries_is_drawn_on(road):
+    road.visual.set_sensor_visual("eyes_0", layer=SENSORS)
+    road.agent.get_agent("a_1").register_sensor("more", road.sensor.get_sensor("eyes_0"))
+    road.game.run(1)
+    road.game.eliminate("a_1")
+    assert SENSORS in road.visual.draw_commands().layer
+    road.game.eliminate("a_0")
+    assert SENSORS not in road.visual.draw_commands().layer
+
+
+def test_who_returns_is_drawn_again(road):
+    road.game.run(1)
+    road.game.eliminate("a_0")
+    assert (0.0, 0.0) not in places(road, AGENTS)
+    road.game.respawn("a_0")
+    assert (0.0, 0.0) in places(road, AGENTS)
+
+
+def test_a_deleted_agent_leaves_no_view_behind(road):
+    road.game.run(1)
+    for node in range(10):
+        road.agent.delete_agent(f"a_{node}")
+    assert set(road.visual.draw_commands().layer.tolist()) == {10}
+
+
+@pytest.mark.parametrize("is_declared", [False, True])
+def test_a_drone_that_is_out_is_not_drawn(road, is_declared):
+    drone = road.agent.create_agent("drone", type=AgentType.AERIAL, start_node_id=0, speed=1.0)
+    drone.position = (35.0, 5.0, 20.0)
+    if is_declared:
+        road.visual.set_agent_visual("drone")
+    assert (35.0, 5.0) in places(road, AGENTS)
+    drone.alive = False
+    assert (35.0, 5.0) not in places(road, AGENTS)
+
+
+def test_a_film_shows_the_last_way_and_then_the_cross_alone(road):
+    walker = road.agent.create_agent("walker", start_node_id=0, strategy=lambda state: state.update(action=1))
+    assert walker.alive
+    out_in_turn(road, 1, "walker")
+    frames = Frames(road.visual, 300, 60, title="", note="", background="white")
+    seen = []
+
+    def spy(ctx, data):
+        artist = ctx.visual.shown_artists()["walker"]
+        seen.append(artist.data["agent_data"].current_position)
+
+    road.visual.add_artist("spy", {"drawer": spy, "layer": 90})
+
+    def tell():
+        road.visual.motion.begin_turn()
+        for share in (0.5, 1.0):
+            frames.at(share)
+
+    road.visual.after_turn.append(tell)
+    road.game.run(1)
+    assert seen == [(5.0, 0.0), None]
+    assert crosses(road) == 1
+
+
+def test_the_legend_and_the_picture_agree_on_the_teams_of_a_replay(road, tmp_path):
+    out_in_turn(road, 2, "a_3")
+    road.record.start(tmp_path / "game")
+    road.game.run(2)
+    live, marks = places(road, AGENTS), crosses(road)
+    fields = road.visual.draw_commands()
+    road.record.stop()
+    with gamms.create_context(logger_config={"level": "CRITICAL"}) as again:
+        for _ in again.record.replay(tmp_path / "game.ggr"):
+            pass
+        assert (places(again, AGENTS), crosses(again)) == (live, marks)
+        assert len(live) == 9
+        replayed = again.visual.draw_commands()
+        assert (replayed.layer == SENSORS).sum() == (fields.layer == SENSORS).sum() > 0
+
+
+def test_a_sensor_of_infinite_range_without_a_place_is_no_error(road):
+    road.sensor.create_sensor("all", SensorType.AGENT_RANGE, sensor_range=inf).sense(0)
+    road.game.run(1)
+    assert road.visual.draw_commands()

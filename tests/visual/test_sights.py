@@ -1,0 +1,218 @@
+"""Sensors that nobody declared show what is seen from where the agents are drawn; asking them changes nothing."""
+
+import numpy as np
+import pytest
+from hypothesis import given, settings
+from hypothesis import strategies as st
+
+import gamms
+from gamms.agent import AgentType
+from gamms.ir.draw import DrawKind
+from gamms.sensor import SensorType
+from gamms.strategies import random_walk
+from gamms.visual.clipping import inside
+
+SENSORS = 15
+QUIET = {"level": "CRITICAL"}
+
+
+def drawn(ctx, kind, layer=SENSORS):
+    """The points of the commands of a kind on a layer."""
+    commands = ctx.visual.draw_commands()
+    rows = np.flatnonzero((commands.layer == layer) & (commands.kind == kind))
+    return [commands.points[commands.offsets[row] : commands.offsets[row + 1]] for row in rows]
+
+
+def rings(ctx):
+    return {tuple(points[0].tolist()) for points in drawn(ctx, DrawKind.CIRCLE)}
+
+
+@pytest.fixture
+def road():
+    """Two agents that walk east along a road, and see each other."""
+    with gamms.create_context(seed=1, logger_config=QUIET) as ctx:
+        ctx.graph.attach_networkx_graph(gamms.graph.grid(1, 20))
+        for number, name in enumerate(("anna", "ben")):
+            ctx.sensor.create_sensor(f"{name}_eyes", SensorType.AGENT_RANGE, sensor_range=25.0)
+            ctx.agent.create_agent(
+                name,
+                start_node_id=2 * number,
+                team=name,
+                sensors=[f"{name}_eyes"],
+                strategy=lambda state: state.update(action=max(state["legal"])),
+            )
+        yield ctx
+
+
+def test_rings_and_fields_are_where_the_agents_are_at_the_end_of_a_turn(road):
+    road.game.run(3)
+    assert rings(road) == {(30.0, 0.0), (50.0, 0.0)}
+    centers = {round(float(field[:, 0].mean()), 6) for field in drawn(road, DrawKind.POLYGON) if field[:, 0].min() > 1}
+    assert centers == {30.0, 50.0}
+
+
+def test_rings_go_with_the_agents_while_a_turn_is_shown(road):
+    shown = []
+
+    def note(ctx, data):
+        shown.append((data["_alpha"], ctx.visual.position_of("ben", data["_alpha"])))
+
+    road.visual.add_artist("note", {"drawer": note, "layer": 60})
+    road.game.step()
+    road.visual.motion.begin_turn()
+    commands = road.visual._drawn(road.visual.shown_artists(), 0.5)
+    rows = np.flatnonzero((commands.layer == SENSORS) & (commands.kind == DrawKind.CIRCLE))
+    places = {tuple(commands.points[commands.offsets[row]].tolist()) for row in rows}
+    assert shown[-1] == (0.5, (25.0, 0.0))
+    assert places == {(5.0, 0.0), (25.0, 0.0)}
+
+
+def test_a_declared_sensor_shows_its_last_data_as_in_1_0_0(road):
+    road.visual.set_sensor_visual("anna_eyes", layer=SENSORS)
+    road.game.run(3)
+    assert rings(road) == {(40.0, 0.0)}  # where ben was when anna looked
+
+
+def test_a_sensor_that_two_carry_is_drawn_for_both_in_their_colors(road):
+    eyes = road.sensor.create_sensor("shared", SensorType.RANGE, sensor_range=12.0)
+    for name in ("anna", "ben"):
+        agent = road.agent.get_agent(name)
+        agent.deregister_sensor(f"{name}_eyes")
+        agent.register_sensor("shared", eyes)
+    road.game.run(1)
+    commands = road.visual.draw_commands()
+    is_field = (commands.layer == SENSORS) & (commands.kind == DrawKind.POLYGON)
+    assert len(set(map(tuple, commands.color[is_field, :3].tolist()))) == 2
+
+
+def test_a_sensor_at_a_fixed_place_shows_who_is_there_now(road):
+    for name in ("anna", "ben"):
+        road.agent.get_agent(name).deregister_sensor(f"{name}_eyes")
+    mast = road.sensor.create_sensor("mast", SensorType.AGENT_RANGE, sensor_range=1e3, at=(0.0, 0.0))
+    mast.sense(None)
+    road.game.run(2)
+    assert rings(road) == {(20.0, 0.0), (40.0, 0.0)}
+    assert mast.data == {"anna": 0, "ben": 2}
+
+
+KINDS = [
+    (SensorType.RANGE, {"sensor_range": 25.0}),
+    (SensorType.AGENT_RANGE, {"sensor_range": 40.0, "detection": 0.5}),
+    (SensorType.AGENT_ARC, {"sensor_range": 40.0, "fov": 2.0, "detection": [(0, 1.0), (50, 0.0)]}),
+    (SensorType.OCCLUDED_MAP, {"sensor_range": 25.0}),
+    (SensorType.OCCLUDED_AGENT, {"sensor_range": 45.0, "detection": 0.7}),
+    (SensorType.AERIAL_AGENT, {"sensor_range": 60.0, "detection": 0.5}),
+    (SensorType.OCCLUDED_AERIAL, {"sensor_range": 60.0}),
+]
+
+
+def played(seed, turns, is_drawn, path=None):
+    """A game of agents with a sensor of each kind, and all that they saw."""
+    log = []
+    with gamms.create_context(seed=seed, logger_config=QUIET) as ctx:
+        ctx.graph.attach_networkx_graph(gamms.graph.grid(5, 5))
+        ctx.graph.add_obstacle_face(0, (15, 0, 9), (15, 25, 9), (15, 0, 0), (15, 25, 0), 1)
+        for number, (kind, given) in enumerate(KINDS):
+            ctx.sensor.create_sensor(f"s_{number}", kind, **given)
+            flies = "AERIAL" in kind.name
+            more = {"type": AgentType.AERIAL, "speed": 5.0} if flies else {"strategy": random_walk}
+            agent = ctx.agent.create_agent(f"a_{number}", start_node_id=3 * number, sensors=[f"s_{number}"], **more)
+            if flies:
+                agent.position = (20.0, 20.0, 30.0)
+        if path is not None:
+            ctx.record.start(path, created=0, provenance="")
+        for _ in range(turns):
+            ctx.game.step()
+            if is_drawn:
+                before = [repr(sensor.data) for sensor in ctx.sensor.sensors.values()]
+                ctx.visual.draw_commands()
+                assert [repr(sensor.data) for sensor in ctx.sensor.sensors.values()] == before
+            log.append({name: repr(agent.state["sensor"]) for name, agent in ctx.agent.agents.items()})
+        result = ctx.game.result()
+    return log, result
+
+
+@settings(max_examples=8)
+@given(seed=st.integers(0, 2**20))
+def test_pictures_change_nothing_that_sensors_see(seed):
+    assert played(seed, 4, is_drawn=True) == played(seed, 4, is_drawn=False)
+
+
+def test_pictures_change_nothing_that_is_recorded(tmp_path):
+    for is_drawn in (True, False):
+        played(1, 4, is_drawn, tmp_path / str(is_drawn))
+    assert (tmp_path / "True.ggr").read_bytes() == (tmp_path / "False.ggr").read_bytes()
+
+
+def test_what_is_drawn_is_what_is_seen_in_the_next_turn():
+    with gamms.create_context(seed=3, logger_config=QUIET) as ctx:
+        ctx.graph.attach_networkx_graph(gamms.graph.grid(6, 6))
+        ctx.sensor.create_sensor("eyes", SensorType.AGENT_RANGE, sensor_range=40.0, detection=0.5)
+        seen = []
+        ctx.agent.create_agent(
+            "anna",
+            start_node_id=14,
+            sensors=["eyes"],
+            strategy=lambda state: (seen.append(set(state["sensor"]["eyes"][1])), state.update(action=14)),
+        )
+        for number in range(12):
+            ctx.agent.create_agent(f"b_{number}", start_node_id=3 * number, strategy=random_walk)
+        ctx.game.step()
+        for _ in range(4):
+            (sight,) = ctx.visual.carriers.sights(20)
+            ctx.game.step()
+            assert set(sight.view.names) == seen[-1]
+        assert len(set(map(frozenset, seen))) > 1
+
+
+# -- behind walls -------------------------------------------------------------------------------------------------
+
+
+@pytest.fixture
+def yard():
+    """A square of 21 by 21 nodes with a wall through it, and an agent before the middle of the wall."""
+    with gamms.create_context(seed=1, logger_config=QUIET) as ctx:
+        ctx.graph.attach_networkx_graph(gamms.graph.grid(21, 21, spacing=5.0))
+        ctx.graph.add_obstacle_face(0, (52.5, 20, 9), (52.5, 80, 9), (52.5, 20, 0), (52.5, 80, 0), 1)
+        ctx.agent.create_agent("anna", start_node_id=10 * 21 + 9)  # at (45, 50)
+        yield ctx
+
+
+@pytest.mark.parametrize("kind", [SensorType.OCCLUDED_MAP, SensorType.OCCLUDED_AGENT])
+def test_the_field_of_an_occluded_sensor_ends_at_the_walls(yard, kind):
+    sensor = yard.sensor.create_sensor("eyes", kind, sensor_range=30.0)
+    yard.agent.get_agent("anna").register_sensor("eyes", sensor)
+    sensor.sense(10 * 21 + 9)
+    for outline in (sensor.last_view().outline, sensor.view_from(10 * 21 + 9, "anna").outline):
+        nodes = yard.graph.columns().xy
+        near = np.hypot(*(nodes - (45.0, 50.0)).T) < 29.0  # not on the rim
+        is_free = yard.graph.visible(np.array([45.0, 50.0, 1.6]), np.column_stack([nodes, np.full(len(nodes), 1.6)]))
+        assert inside(nodes[near], outline).tolist() == is_free[near].tolist()
+        assert 20 < int((near & ~is_free).sum()) < int(near.sum()) / 2
+
+
+def test_the_field_of_an_occluded_sensor_is_a_sector_where_it_looks_ahead(yard):
+    sensor = yard.sensor.create_sensor("eyes", SensorType.OCCLUDED_MAP, sensor_range=20.0, fov=1.0)
+    sensor.sense(10 * 21 + 9)
+    outline = sensor.last_view().outline
+    assert outline[0].tolist() == [45.0, 50.0]
+    assert outline[:, 0].max() == pytest.approx(52.5, abs=0.05)
+    assert outline[:, 0].min() == 45.0
+
+
+@pytest.mark.parametrize("kind", [SensorType.OCCLUDED_AERIAL, SensorType.OCCLUDED_AERIAL_AGENT])
+def test_from_the_air_what_is_seen_past_walls_has_no_field(yard, kind):
+    eye = yard.sensor.create_sensor("eye", kind, sensor_range=60.0)
+    eye.at = (45.0, 50.0, 30.0)
+    eye.sense(None)
+    view = eye.last_view()
+    assert len(view.outline) == 0
+    assert len(view.nodes) if kind is SensorType.OCCLUDED_AERIAL else len(view.agents)
+
+
+def test_areas_are_measured_again_when_a_wall_goes(yard):
+    sensor = yard.sensor.create_sensor("eyes", SensorType.OCCLUDED_MAP, sensor_range=20.0)
+    sensor.sense(10 * 21 + 9)
+    assert sensor.last_view().outline[:, 0].max() < 60.0
+    yard.graph.remove_obstacle_face(0)
+    assert sensor.last_view().outline[:, 0].max() == pytest.approx(65.0, abs=0.1)
