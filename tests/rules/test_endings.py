@@ -43,6 +43,36 @@ def test_the_dead_the_tagged_and_flyers_reach_nothing(road):
     assert ctx.game.run(3).reason == "max_turns"
 
 
+def test_a_goal_that_is_passed_counts_and_the_first_there_wins(road):
+    for passing, winner in ((True, "red"), (False, "blue")):
+        ctx = road(r=("red", 2, 6), b=("blue", 9, 8), late=("red", 7, 8))
+        ctx.agent.get_agent("r").speed = 4
+        ctx.game.add(reach({"red": 4, "blue": 8}, score=1, passing=passing))
+        result = ctx.game.run(3)
+        assert (result.turns, result.winner, result.scores) == (1, winner, {winner: 1})
+    assert [(event["agent"], event["node"]) for event in result.events] == [("b", 8)]
+
+
+def test_those_who_pass_their_goals_at_one_moment_draw_and_who_leaves_a_goal_at_once_is_not_there(road):
+    ctx = road(r=("red", 0, 4), b=("blue", 5, 7))
+    for name, speed in (("r", 4), ("b", 2)):
+        ctx.agent.get_agent(name).speed = speed
+    ctx.game.add(reach({"red": 2, "blue": 6}))
+    assert (ctx.game.run(3).turns, ctx.game.over["winner"]) == (1, None)
+    ctx = road(r=("red", 4, 5))
+    ctx.game.add(reach("red", 4))
+    assert ctx.game.run(3).reason == "max_turns"
+
+
+def test_who_is_tagged_on_its_way_reaches_nothing_behind_or_before(road):
+    ctx = road(r=("red", 2, 6), b=("blue", 5))
+    ctx.agent.get_agent("r").speed = 4
+    ctx.game.add(tag("blue", "red"))
+    ctx.game.add(reach("red", [4, 6]))
+    ctx.game.step()
+    assert [event["kind"] for event in ctx.game.events] == ["tag", "respawned"]
+
+
 def test_time_is_up_and_the_highest_score_wins(road):
     for scores, winner in (
         ({"red": 2, "blue": 1}, "red"),
@@ -88,6 +118,7 @@ def test_impossible_arguments_are_refused_at_once(road):
         (lambda: reach({"red": 1}, 2), "says already"),
         (lambda: reach({"red": 1, "blue": 2}, winner="red"), "is for one team"),
         (lambda: reach("red", 1, score="much"), "score must be a number"),
+        (lambda: reach("red", 1, passing=None), "passing must be True or False"),
         (lambda: time_limit(0), "at least 1"),
         (lambda: time_limit(2.5), "must be an integer"),
     ):

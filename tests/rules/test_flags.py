@@ -2,6 +2,7 @@
 
 import pytest
 
+import gamms
 from gamms.agent import AgentType
 from gamms.rules import capture_flag, tag, territory
 
@@ -165,9 +166,55 @@ def test_impossible_arguments_are_refused(road):
         ({"flags": FLAGS, "score": None}, "score must be a number"),
         ({"flags": FLAGS, "territory": [1]}, "territory must be a mapping"),
         ({"flags": FLAGS, "announce": 1}, "announce must be True or False"),
+        ({"flags": FLAGS, "passing": 1}, "passing must be True or False"),
         ({"flags": FLAGS, "key": ""}, "must not be empty"),
     ):
         with pytest.raises((ValueError, TypeError), match=message):
             capture_flag(**given)
     with pytest.raises(KeyError, match="Unknown node 77"):
         road().game.add(capture_flag({"red": 77}))
+
+
+# -- on the way -------------------------------------------------------------------------------------------------
+
+
+def route(*nodes):
+    """A strategy: go along this way."""
+    return lambda state: state.update(action=list(nodes))
+
+
+def open_way(*agents, seed=5, **flags):
+    """A game on a road of ten nodes with agents `(name, team, start, way)` that go along their whole way in a turn."""
+    ctx = gamms.create_context(seed=seed, logger_config={"level": "CRITICAL"})
+    ctx.graph.attach_networkx_graph(gamms.graph.grid(1, 10))
+    for name, team, start, way in agents:
+        ctx.agent.create_agent(name, start_node_id=start, team=team, speed=len(way), strategy=route(*way))
+    ctx.game.add(capture_flag(**flags))
+    ctx.game.step()
+    return [(event["kind"], event["agent"], event["node"]) for event in ctx.game.events], ctx.game.over
+
+
+def test_a_flag_may_be_taken_and_brought_home_in_one_turn():
+    there_and_back = ("r", "red", 4, (5, 4))
+    assert open_way(there_and_back, flags={"blue": 5})[0] == [("take", "r", 5), ("capture", "r", 4)]
+    assert open_way(there_and_back, flags={"blue": 5}, passing=False)[0] == []
+
+
+def test_the_first_on_the_way_takes_a_flag_and_one_that_left_at_once_does_not():
+    for seed in range(4):
+        taken, _ = open_way(("r", "red", 7, (6, 5, 4)), ("s", "red", 4, (5,)), flags={"blue": 5}, seed=seed)
+        assert taken[0] == ("take", "r", 5)  # at 2/3, and the other at 1
+    assert open_way(("r", "red", 5, (6,)), flags={"blue": 5})[0] == []
+
+
+def test_a_flag_that_was_brought_home_is_taken_again_by_who_comes_later():
+    happened, _ = open_way(("r", "red", 4, (5, 4, 3)), ("s", "red", 6, (5,)), flags={"blue": 5}, goal=None)
+    assert happened == [("take", "r", 5), ("capture", "r", 4), ("take", "s", 5)]
+
+
+def test_the_first_to_reach_the_goal_wins_and_later_moments_do_not_count():
+    flags = {"red": 0, "blue": 9}
+    first, second = ("r", "red", 8, (9, 8, 7, 6)), ("b", "blue", 1, (0, 1, 2))
+    happened, over = open_way(first, second, flags=flags, territory={8: "red", 2: "blue"})
+    assert happened == [("take", "r", 9), ("take", "b", 0), ("capture", "r", 8)]  # at 1/4, 1/3 and 1/2; the other at 1
+    assert over["winner"] == "red"

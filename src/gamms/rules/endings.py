@@ -1,11 +1,12 @@
-"""How games end: somebody is where it wanted to be, time is up, or nobody else is left."""
+"""How games end: an agent gets to where its team wanted to be, time is up, or one team is left."""
 
 from collections.abc import Iterable, Mapping
 from typing import Any
 
 from gamms.arguments import as_float, as_int
-from gamms.errors import BadValue, UnknownName
+from gamms.errors import BadType, BadValue, UnknownName
 from gamms.rules.drawing import equipped
+from gamms.rules.visits import tracks_of, visits_of
 from gamms.typing import AgentType
 from gamms.typing.game import Rule
 
@@ -22,17 +23,20 @@ class _ItsTeam:
 ITS_TEAM = _ItsTeam()
 
 
-def reach(team: Any, nodes: Any = None, *, winner: Any = ITS_TEAM, score: float = 0) -> Rule:
-    """A rule: the game ends when an agent on the ground is at the end of a turn where its team wanted to be.
+def reach(team: Any, nodes: Any = None, *, winner: Any = ITS_TEAM, score: float = 0, passing: bool = True) -> Rule:
+    """A rule: the game ends when an agent on the ground gets to where its team wanted to be.
 
-    Each that is there is an event `reach` with `agent` and `node`. Teams that get there in the same turn draw: there
-    is no winner.
+    The first moment of the turn counts at which one is there: each agent that is there then is an event `reach` with
+    `agent` and `node`, and teams that get there at the same moment draw: there is no winner. See `contacts` for what
+    is when.
 
     Args:
         team: whose agents; or a mapping from teams to what else would be `nodes`, where several compete.
         nodes: a node, several, or the text "starts of X": where the agents of team X began.
         winner: who wins if it is not the team that got there.
         score: what each team that got there gets.
+        passing: whether agents get to the nodes that they pass, too; False: only to those where they are at the end of
+            the turn, and all that are there are there at once.
 
     Raises:
         BadType, BadValue: an argument is none of these, or a winner is given for several teams.
@@ -45,12 +49,14 @@ def reach(team: Any, nodes: Any = None, *, winner: Any = ITS_TEAM, score: float 
         raise BadValue(f"winner={winner!r} is for one team, and {list(given)} compete: the first to arrive wins.")
     goals = {one: _as_goal(goal, one) for one, goal in sorted(given.items(), key=lambda item: str(item[0]))}
     as_float(score, "score")
+    if not isinstance(passing, bool):
+        raise BadType(f"passing must be True or False, not {passing!r}.")
 
     def prepare(ctx: Any) -> None:
         refuse_unknown(ctx, {node for goal in goals.values() if not isinstance(goal, str) for node in goal})
 
     def reach(ctx: Any) -> None:
-        there = [one for one, goal in goals.items() if _arrive(ctx, one, goal)]
+        there = _arrive(ctx, goals, passing=passing)
         for one in there if score else ():
             ctx.game.scores[one] += score
         if there:
@@ -105,13 +111,20 @@ def refuse_unknown(ctx: Any, nodes: Iterable[int]) -> None:
             raise UnknownName("node", node)
 
 
-def _arrive(ctx: Any, team: Any, goal: frozenset[int] | str) -> bool:
-    """Whether agents of a team are where it wanted to be; each is an event."""
-    ends = _starts(ctx, goal) if isinstance(goal, str) else goal
-    arrived = [agent for agent in on_the_ground(ctx, team) if agent.current_node_id in ends]
-    for agent in arrived:
-        ctx.game.emit("reach", agent=agent.name, node=agent.current_node_id)
-    return bool(arrived)
+def _arrive(ctx: Any, goals: Mapping[Any, frozenset[int] | str], *, passing: bool) -> list[Any]:
+    """The teams of the agents that are the first where their team wanted to be; each agent is an event."""
+    arrived = []
+    for team, goal in goals.items():
+        ends = _starts(ctx, goal) if isinstance(goal, str) else goal
+        agents = on_the_ground(ctx, team)
+        for agent, track in zip(agents, tracks_of(ctx, agents, passing=passing), strict=True):
+            found = [(begin, node, agent.name, team) for node, begin, _ in visits_of(track) if node in ends]
+            arrived += found[:1]
+    earliest = min((one[0] for one in arrived), default=None)
+    first = [one for one in arrived if one[0] == earliest]
+    for _, node, name, _ in first:
+        ctx.game.emit("reach", agent=name, node=node)
+    return list(dict.fromkeys(team for *_, team in first))
 
 
 def _leader(ctx: Any) -> Any:

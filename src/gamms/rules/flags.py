@@ -1,14 +1,15 @@
-"""Capture the flag: who stands on a flag of others takes it, and brings it home."""
+"""Capture the flag: an agent on a flag of others takes it, and brings it home."""
 
-from collections.abc import Mapping
+from collections.abc import Iterable, Mapping, Sequence
 from typing import Any
 
 from gamms import kernels
 from gamms.arguments import as_float, as_int, as_name
 from gamms.errors import BadType, BadValue
 from gamms.rules.drawing import equipped, flags_drawer
-from gamms.rules.endings import on_the_ground, refuse_unknown
+from gamms.rules.endings import refuse_unknown
 from gamms.rules.territory import as_territory
+from gamms.rules.visits import Visit, tracks_of, visits_of
 from gamms.typing import AgentType
 from gamms.typing.game import Rule
 
@@ -22,13 +23,15 @@ def capture_flag(
     announce: bool = True,
     key: str = "flags",
     colors: Mapping[Any, Any] | None = None,
+    passing: bool = True,
 ) -> Rule:
     """A rule: agents on the ground take the flags of other teams and bring them home.
 
-    In each turn, in this order: (1) a carrier that is dead, or that was tagged, respawned or eliminated since, drops
-    its flag, which is back on its base at once; (2) a carrier that is home has captured its flag, which is back, too;
-    (3) whoever stands on the base of another team's flag that is there takes it, one flag an agent. Of several one is
-    chosen by lot. Whom no team has (`team=None`) takes none. Rules that tag should be added before this one.
+    At the beginning of each turn a carrier that is dead, or that was tagged, respawned or eliminated since, drops its
+    flag, which is back on its base at once. Then, moment by moment as agents reach nodes on their way (see `contacts`
+    for what is when), in this order: (1) a carrier that comes home has captured its flag, which is back, too; (2) an
+    agent on the base of another team's flag that is there takes it, one flag an agent. Of several one is chosen by lot.
+    Agents of no team (`team=None`) take none. Rules that tag should be added before this one.
 
     Events: `take`, `drop` and `capture`, each with `agent`, `flag` (whose it is) and `node`.
 
@@ -36,19 +39,21 @@ def capture_flag(
         flags: team -> the node that is the base of its flag. Teams without one may take those of others.
         territory: node -> team, or the name of the fact that has this: home is every node of the carrier's team. None:
             the base of its own flag; where its team has none, any node on which one of its agents began.
-        goal: so many captures end the game, and that team wins; two in one turn draw. None: they never end it.
+        goal: so many captures end the game, and that team wins; two at one moment draw. None: they never end it.
         score: what the carrier's team gets for a capture.
         announce: whether strategies are told: `state["facts"][key]` is team -> {"node": base, "carrier": name or
             None}, as of the end of the last turn.
         key: under which name the rule keeps in `ctx.game.data` what it remembers: `bases`, `carriers` and `captures` by
             team. It is drawn as the artist of that name.
         colors: team -> colour of its flag; None: those of the agents where nothing else is declared.
+        passing: whether flags are taken and brought home on nodes that are passed, too; False: only where agents are at
+            the end of the turn.
 
     Raises:
         BadType, BadValue: an argument is none of these.
         UnknownName (KeyError): when it is added to a game, a base is no node of the map.
     """
-    game = _Flags(flags, territory, goal, score, announce=announce, key=key)
+    game = _Flags(flags, territory, goal, score, announce=announce, key=key, passing=passing)
 
     def capture_flag(ctx: Any) -> None:
         game.play(ctx)
@@ -59,7 +64,9 @@ def capture_flag(
 class _Flags:
     """The rule itself: what it was made with. What happens in a game is in `ctx.game.data`."""
 
-    def __init__(self, flags: Any, territory: Any, goal: Any, score: Any, *, announce: Any, key: Any) -> None:
+    def __init__(
+        self, flags: Any, territory: Any, goal: Any, score: Any, *, announce: Any, key: Any, passing: Any
+    ) -> None:
         if not isinstance(flags, Mapping) or not flags:
             raise BadType(f"flags must be a mapping from teams to nodes, not {flags!r}.")
         bases = ((team, as_int(flags[team], f"The base of the flag of {team!r}")) for team in sorted(flags, key=str))
@@ -69,8 +76,10 @@ class _Flags:
         if self.goal is not None and self.goal < 1:
             raise BadValue(f"goal must be at least 1, not {goal}. None never ends the game.")
         as_float(score, "score")
-        if not isinstance(announce, bool):
-            raise BadType(f"announce must be True or False, not {announce!r}.")
+        for name, value in (("announce", announce), ("passing", passing)):
+            if not isinstance(value, bool):
+                raise BadType(f"{name} must be True or False, not {value!r}.")
+        self.passing = passing
         self.score, self.announce, self.key = score, announce, as_name(key, "what the rule remembers")
 
     def prepare(self, ctx: Any) -> None:
@@ -89,8 +98,13 @@ class _Flags:
         data = self._kept(ctx)
         carriers: dict[Any, str | None] = data["carriers"]
         self._drop(ctx, carriers, _stopped(ctx.game.events[data["seen"] :]))
-        self._capture(ctx, carriers, data["captures"])
-        self._take(ctx, carriers)
+        turn = _Turn(ctx, carriers, self.bases.values(), passing=self.passing)
+        for now in turn.moments:
+            turn.now = now
+            self._capture(turn, data["captures"])
+            self._take(turn)
+            if self._win(ctx, data["captures"]):
+                break
         data["seen"] = len(ctx.game.events)
         self._tell(ctx, carriers)
 
@@ -102,20 +116,22 @@ class _Flags:
                 ctx.game.emit("drop", agent=name, flag=flag, node=node)
                 carriers[flag] = None
 
-    def _capture(self, ctx: Any, carriers: dict[Any, str | None], captures: dict[Any, int]) -> None:
-        for flag, name in carriers.items():
-            carrier = None if name is None else ctx.agent.get_agent(name)
-            if carrier is not None and self._is_home(ctx, carrier):
-                ctx.game.emit("capture", agent=name, flag=flag, node=carrier.current_node_id)
+    def _capture(self, turn: "_Turn", captures: dict[Any, int]) -> None:
+        ctx = turn.ctx
+        for flag, name in turn.carriers.items():
+            if name is None:
+                continue
+            carrier = ctx.agent.get_agent(name)
+            nodes = turn.reached(name, after=turn.taken_at.get(flag, -1.0))
+            home = [node for node in nodes if self._is_home(ctx, carrier, node)]
+            if home:
+                ctx.game.emit("capture", agent=name, flag=flag, node=home[0])
                 ctx.game.scores[carrier.team] += self.score
                 captures[carrier.team] = captures.get(carrier.team, 0) + 1
-                carriers[flag] = None
-        won = [team for team, number in captures.items() if self.goal is not None and number >= self.goal]
-        if won:
-            ctx.game.end("flags captured", winner=won[0] if len(won) == 1 else None)
+                turn.carriers[flag] = None
 
-    def _is_home(self, ctx: Any, carrier: Any) -> bool:
-        node, team = carrier.current_node_id, carrier.team
+    def _is_home(self, ctx: Any, carrier: Any, node: int) -> bool:
+        team = carrier.team
         if self.ground is not None:
             whose = self.ground(ctx)
             return node in whose and bool(whose[node] == team)
@@ -124,22 +140,64 @@ class _Flags:
         own = (agent for agent in ctx.agent.teams[team] if agent.type is not AgentType.AERIAL)
         return any(ctx.game.start_node(agent) == node for agent in own)
 
-    def _take(self, ctx: Any, carriers: dict[Any, str | None]) -> None:
-        teams = [team for team in ctx.agent.teams if team is not None]
+    def _take(self, turn: "_Turn") -> None:
+        ctx = turn.ctx
         for flag, base in self.bases.items():
-            busy = set(carriers.values())
-            enemies = (agent for team in teams if team != flag for agent in on_the_ground(ctx, team))
-            there = [agent.name for agent in enemies if agent.current_node_id == base and agent.name not in busy]
-            if carriers[flag] is None and there:
+            busy = set(turn.carriers.values())
+            enemies = (agent for agent in turn.agents_at(base) if agent.team is not None and agent.team != flag)
+            there = [agent.name for agent in enemies if agent.name not in busy]
+            if turn.carriers[flag] is None and there:
                 lots = kernels.lots_by_name(ctx.seed, ("capture_flag", self.key, str(flag), ctx.game.turn), there)
-                carriers[flag] = taker = min(zip(lots, there, strict=True))[1]
+                turn.carriers[flag] = taker = min(zip(lots, there, strict=True))[1]
+                turn.taken_at[flag] = turn.now
                 ctx.game.emit("take", agent=taker, flag=flag, node=base)
+
+    def _win(self, ctx: Any, captures: Mapping[Any, int]) -> bool:
+        """End the game if a team has captured enough flags."""
+        won = [team for team, number in captures.items() if self.goal is not None and number >= self.goal]
+        if won:
+            ctx.game.end("flags captured", winner=won[0] if len(won) == 1 else None)
+        return bool(won)
 
     def _tell(self, ctx: Any, carriers: Mapping[Any, str | None]) -> None:
         if self.announce:
             flags = {team: {"node": base, "carrier": carriers[team]} for team, base in self.bases.items()}
             if ctx.game.facts.get(self.key) != flags:
                 ctx.game.publish(**{self.key: flags})
+
+
+class _Turn:
+    """The moments of a turn at which flags may be taken and brought home.
+
+    Attributes:
+        ctx: the context.
+        carriers: flag -> the name of its carrier, or None.
+        now: the moment.
+        moments: those at which carriers, and agents that come to a base, reach nodes.
+        taken_at: flag -> the moment at which it was taken in this turn.
+    """
+
+    def __init__(self, ctx: Any, carriers: dict[Any, str | None], bases: Iterable[int], *, passing: bool) -> None:
+        self.ctx, self.carriers, self.now = ctx, carriers, 1.0
+        self.taken_at: dict[Any, float] = {}
+        agents = [agent for agent in ctx.game.agents if agent.type is not AgentType.AERIAL]
+        self._visits: dict[str, Sequence[Visit]] = {}
+        self._at: dict[int, list[tuple[Any, float, float]]] = {base: [] for base in bases}
+        for agent, track in zip(agents, tracks_of(ctx, agents, passing=passing), strict=True):
+            self._visits[agent.name] = visits = visits_of(track)
+            for node, begin, end in visits:
+                if node in self._at:
+                    self._at[node].append((agent, begin, end))
+        involved = {agent.name for those in self._at.values() for agent, _, _ in those} | set(carriers.values())
+        self.moments = sorted({begin for name in involved for _, begin, _ in self._visits.get(name or "", ())})
+
+    def reached(self, name: str, after: float) -> list[int]:
+        """The nodes that an agent reaches now, if that is later than some moment."""
+        return [node for node, begin, _ in self._visits[name] if begin == self.now > after]
+
+    def agents_at(self, base: int) -> list[Any]:
+        """The agents that are on a base now."""
+        return [agent for agent, begin, end in self._at[base] if begin <= self.now <= end]
 
 
 def _stopped(events: list[dict[str, Any]]) -> set[str]:
