@@ -1,7 +1,11 @@
 """Beginning anew: as before the first turn, and equal to a fresh build."""
 
-import numpy as np
+from io import BytesIO
 
+import numpy as np
+import pytest
+
+import gamms
 from gamms.agent import AgentType
 from gamms.sensor import SensorType
 
@@ -164,3 +168,156 @@ def test_a_thousand_games_leave_nothing_behind(grid):
         assert len(ctx.game.events) == 2
         assert len(ctx.game.memories) == 1
         assert {result.turns for result in results} == {2}
+
+
+class Nobody:
+    """Conflicts in which nobody moves."""
+
+    def resolve(self, moves, ctx):
+        return set(moves)
+
+
+def upset(ctx):
+    """Change every setting, the rules, the collectors, the facts and the sensors."""
+    game = ctx.game
+    game.legal, game.on_illegal, game.on_error, game.speed_unit = "any", "raise", "stay", "metres"
+    game.conflicts, game.time_budget, game.max_turns = Nobody(), 60.0, 3
+    game.remove("calm")
+    game.add(lambda ctx: ctx.game.scores.update(storm=1), name="storm")
+    game.collect("late", lambda ctx: ctx.game.turn)
+    game.publish(open=True)
+    sensor = ctx.sensor.create_sensor("late", SensorType.NEIGHBOR)
+    ctx.agent.get_agent("a").register_sensor("late", sensor)
+    eyes = ctx.sensor.get_sensor("eyes")
+    eyes.range, eyes.fov, eyes.orientation, eyes.at = 5.0, 1.0, (0.0, 1.0), 3
+    eyes.notice.team, eyes.notice.exclude, eyes.notice.detection = "red", "blue", 0.5
+
+
+def settled(ctx):
+    """All that `upset` changes."""
+    eyes = ctx.sensor.get_sensor("eyes")
+    return (
+        ctx.game.settings(),
+        ctx.game.rules,
+        ctx.game.result().collected,
+        dict(ctx.game.facts),
+        list(ctx.sensor.sensors),
+        sorted(ctx.agent.get_agent("a").get_state()["sensor"]),
+        (eyes.range, eyes.fov, eyes.orientation, eyes.at),
+        (eyes.notice.team, eyes.notice.exclude, eyes.notice.detection),
+        sorted(ctx.visual.shown_artists()),
+    )
+
+
+@pytest.fixture
+def calm(ctx, play):
+    """A game of one agent that a rule may upset in turn 2."""
+    play("a", 0, 1, 2, 3, 7, 6)
+    ctx.agent.get_agent("a").register_sensor("eyes", ctx.sensor.create_sensor("eyes", SensorType.AGENT_ARC))
+
+    def calm(ctx):
+        ctx.game.scores["calm"] += 1
+
+    calm.drawer = lambda ctx, data: None
+    ctx.game.add(calm)
+    ctx.game.collect("turn", lambda ctx: ctx.game.turn)
+    ctx.game.publish(open=False)
+    ctx.game.max_turns = 6
+    return ctx
+
+
+def test_what_a_rule_changes_in_mid_game_is_taken_back(calm):
+    calm.game.add(lambda ctx: upset(ctx) if ctx.game.turn == 2 else None)
+    before = settled(calm)
+    first = calm.game.run()
+    assert settled(calm) != before
+    for _ in range(2):
+        calm.game.reset()
+        assert settled(calm) == before
+        assert calm.game.run() == first
+    calm.game.reset(9)
+    assert settled(calm) == before
+
+
+def test_what_the_program_changes_between_turns_is_taken_back(calm):
+    before = settled(calm)
+    calm.game.run(2)
+    upset(calm)
+    calm.game.run(2)
+    calm.game.reset()
+    assert settled(calm) == before
+
+
+def test_what_is_changed_before_the_first_turn_is_part_of_the_start(calm):
+    calm.game.run(1)
+    calm.game.reset()
+    upset(calm)
+    before = settled(calm)
+    first = calm.game.run()
+    calm.game.reset()
+    assert settled(calm) == before
+    assert calm.game.run() == first
+
+
+def test_to_ask_where_an_agent_began_does_not_begin_the_game(ctx, play):
+    agent = play("a", 0, 6)
+    assert ctx.game.start_node("a") == 0
+    ctx.game.respawn("a", 5)
+    ctx.game.data["n"] = 1
+    assert ctx.game.start_node("a") == 5
+    ctx.game.step()
+    assert ctx.game.start_node("a") == 5
+    ctx.game.reset()
+    assert (agent.current_node_id, ctx.game.data) == (5, {"n": 1})
+
+
+def test_a_reset_without_a_seed_repeats_the_game_that_was_played_last(grid):
+    with build(grid) as ctx:
+        ctx.rng.random()  # what the program draws before the first turn belongs to the game
+        first = ctx.game.run()
+        ctx.game.reset(8)
+        second = ctx.game.run()
+        ctx.game.reset()
+        assert (ctx.seed, ctx.game.run()) == (8, second)
+        ctx.game.reset(5)
+        ctx.game.reset(3)
+        ctx.game.reset()
+        assert (ctx.seed, ctx.game.run()) == (3, first)
+
+
+def test_an_agent_that_comes_with_a_sensor_in_mid_game_can_come_again(ctx, play, tmp_path):
+    play("a", 0, 1, 2, 3)
+
+    @ctx.game.add
+    def reinforce(ctx):
+        if ctx.game.turn == 2:
+            ctx.sensor.create_sensor("new", SensorType.AGENT)
+            ctx.agent.create_agent("b", start_node_id=3, sensors=["new"])
+
+    ctx.record.start(tmp_path / "game")
+    first = ctx.game.run(3)
+    ctx.game.reset()
+    assert ctx.game.run(3) == first
+    ctx.record.stop()
+    with gamms.recorder.open(tmp_path / "game") as recording:
+        assert recording.turns == 6
+        assert [recording.state(turn).agents["name"].tolist() for turn in (1, 2, 4, 5)] == [["a"], ["a", "b"]] * 2
+    with gamms.create_context(logger_config={"level": "CRITICAL"}) as replayed:
+        list(replayed.record.replay(tmp_path / "game.ggr"))
+        assert list(replayed.agent.agents) == ["a", "b"]
+
+
+def test_a_recording_made_after_a_reset_is_that_of_a_fresh_game(grid):
+    def recorded(ctx):
+        file = BytesIO()
+        ctx.record.start(file)
+        ctx.game.run(5)
+        ctx.record.stop()
+        return file.getvalue()
+
+    with build(grid) as ctx, build(grid) as fresh, build(grid, seed=8) as other:
+        ctx.game.run()
+        ctx.game.reset()
+        assert recorded(ctx) == recorded(fresh)
+        ctx.game.reset(8)
+        assert recorded(ctx) == recorded(other)

@@ -51,8 +51,13 @@ class Collectors:
         """What was collected so far, by name."""
         return {name: {key: list(values) for key, values in one.columns.items()} for name, one in self._all.items()}
 
-    def clear(self) -> None:
-        """Forget the values; the collectors stay."""
+    def kept(self) -> dict[str, _Collector]:
+        """Return the collectors there are, for `restore`."""
+        return dict(self._all)
+
+    def restore(self, before: dict[str, _Collector]) -> None:
+        """Keep these collectors and no others, without values."""
+        self._all = dict(before)
         for one in self._all.values():
             for values in one.columns.values():
                 values.clear()

@@ -63,6 +63,7 @@ class Game(Settings):
         self.memories: dict[str, dict[Any, Any]] = {}
         self._streams: dict[str, Generator] = {}
         self._start: start.Start | None = None
+        self._has_begun = False  # since the last reset
         self._chance = chance.GlobalChance()
         self.after_reset: list[Callable[[], None]] = []
         self.after_observing: list[Callable[[list[Any], list[dict[str, Any]]], None]] = []
@@ -183,8 +184,8 @@ class Game(Settings):
         if self.ctx.is_terminated() or self._over is not None:
             return False
         self._refuse_while_deciding("step")
-        if self._start is None:
-            self._start = start.taken(self)
+        if not self._has_begun:
+            self._start, self._has_begun = start.taken(self, self._start), True
         self._ruleset.warn_of_unknown_teams()
         self._chance.begin_turn()
         self._is_stepping = True
@@ -266,22 +267,29 @@ class Game(Settings):
             self._over = {"reason": "closed", "winner": None, "truncated": True}
 
     def reset(self, seed: int | None = None) -> None:
-        """Begin the game anew, as it was before its first turn here: agents, data, scores, events, streams, graph.
+        """Begin the game again, as it was before its first turn: agents, map, rules, settings, data, scores, streams.
 
-        What strategies and rules keep elsewhere than in `state["memory"]` and `ctx.game.data` stays as it is.
+        What was there or was changed before the first turn is part of the start, after a reset as well; what anybody
+        has changed since then is taken back. What strategies and rules keep elsewhere than in `state["memory"]` and
+        `ctx.game.data` stays as it is.
 
         Args:
             seed: all random streams follow from it; None repeats the game.
         """
         self._refuse_while_deciding("reset")
-        if self._start is not None:
-            self._start.restore(self, None if seed is None else as_int(seed, "seed"))
-            for tell in self.after_reset:
-                tell()
-        elif seed is not None:
-            self.ctx.reseed(as_int(seed, "seed"))
-            self._streams.clear()
-            self._chance.forget()
+        wanted = None if seed is None else as_int(seed, "seed")
+        begun, self._has_begun = self._has_begun, False
+        if not begun and wanted is None:
+            return
+        last = self.ctx.seed
+        if begun and self._start is not None:
+            last = self._start.seed
+            self._start.restore(self)
+        new = last if wanted is None else wanted
+        self.ctx.reseed(new, None if self._start is None else self._start.chance_of(new))
+        self.forget_streams()
+        for tell in self.after_reset:
+            tell()
 
     # -- for rules ----------------------------------------------------------------------------------------------
 
@@ -355,9 +363,7 @@ class Game(Settings):
         one = self._agent(agent, "start_node")
         if one.name in self.began:
             return self.began[one.name]
-        if self._start is None:
-            self._start = start.taken(self)
-        return self._start.place_of(one)
+        return self._place_of(one)
 
     # -- for the recorder ---------------------------------------------------------------------------------------
 
@@ -366,13 +372,13 @@ class Game(Settings):
         """Agent -> where it began, once the game has begun."""
         if self._start is None:
             return dict(self.began)
-        return {name: self._start.place_of(agent) for name, agent in self.ctx.agent.agents.items()} | self.began
+        return {name: self._place_of(agent) for name, agent in self.ctx.agent.agents.items()} | self.began
 
     def begin_from_here(self) -> None:
         """Forget everything that has happened, and let `reset` come back to how things are at the next turn."""
         self.begin_anew()
         self.forget_streams()
-        self._start = None
+        self._start, self._has_begun = None, False
 
     def publish_anew(self, facts: Mapping[str, Any]) -> None:
         """Tell every strategy this, and nothing that was published before."""
@@ -427,6 +433,10 @@ class Game(Settings):
             self._lengths = graph.revision, lengths
         return as_float(lengths[source, target], "length")
 
+    def restore_rules(self, rules: tuple[NamedRule, ...]) -> None:
+        """Let these be the rules."""
+        self._ruleset.restore(rules)
+
     def forget_streams(self) -> None:
         """Let every agent's stream, and the global ones, begin anew."""
         self._streams.clear()
@@ -436,6 +446,12 @@ class Game(Settings):
         began = perf_counter()
         self._ruleset.apply(phase, self)
         self.timings["rules"] += perf_counter() - began
+
+    def _place_of(self, agent: Any) -> Any:
+        """Where an agent began: a node id, or (x, y, z)."""
+        if self._has_begun and self._start is not None:
+            return self._start.place_of(agent)
+        return getattr(agent, "position", agent.current_node_id)
 
     def _tell_moves(self) -> None:
         if self._seating is not None:

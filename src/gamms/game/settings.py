@@ -63,6 +63,10 @@ class Settings:
             raise UnknownSetting(name, _CHECKS)
         object.__setattr__(self, name, value if check is None else check(name, value))
 
+    def settings(self) -> dict[str, Any]:
+        """Return all settings; `configure` takes them."""
+        return {name: getattr(self, name) for name in _CHECKS}
+
     def plain_settings(self) -> dict[str, Any]:
         """Return the settings that are plain values, defaults included; `configure` takes them."""
         return {name: getattr(self, name) for name in (*_CHOICES, "time_budget", "max_turns")}

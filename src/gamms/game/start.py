@@ -3,6 +3,8 @@
 from copy import deepcopy
 from typing import TYPE_CHECKING, Any, NamedTuple
 
+from gamms.game.ruleset import NamedRule
+
 if TYPE_CHECKING:
     from gamms.game.game import Game
 
@@ -12,8 +14,13 @@ class Start(NamedTuple):
 
     seed: int
     chance: Any  # where the context's own stream stood, None where it had not been asked for
-    agents: Any  # as the agent room keeps them
-    world: Any  # as the graph room keeps it
+    first: tuple[int, Any]  # seed and chance of the first start in this context
+    agents: Any  # as the agent engine keeps them
+    world: Any  # as the graph engine keeps it
+    sensors: Any  # as the sensor engine keeps them
+    settings: dict[str, Any]
+    rules: tuple[NamedRule, ...]
+    collectors: Any
     data: dict[str, Any]
     scores: dict[Any, float]
     events: list[dict[str, Any]]
@@ -26,23 +33,27 @@ class Start(NamedTuple):
         """Where an agent began: a node id, or (x, y, z)."""
         return self.agents.place_of(agent)
 
-    def restore(self, game: "Game", seed: int | None) -> None:
-        """Let everything be as it was, with the streams of another seed if there is one."""
+    def chance_of(self, seed: int) -> Any:
+        """Where the context's own stream stood at the start with this seed; None: at its beginning."""
+        known = dict([self.first, (self.seed, self.chance)])
+        return known.get(seed)
+
+    def restore(self, game: "Game") -> None:
+        """Restore everything but the random streams."""
         ctx = game.ctx
         ctx.graph.restore(self.world)
         ctx.agent.restore(self.agents)
-        ctx.sensor.reset()
-        is_same = seed is None or seed == self.seed
-        ctx.reseed(self.seed if seed is None else seed, self.chance if is_same else None)
-        game.forget_streams()
+        ctx.sensor.restore(self.sensors)
         game.begin_anew()
+        game.configure(self.settings)
+        game.restore_rules(self.rules)
+        game.collectors.restore(self.collectors)
         for memory in game.memories.values():
             memory.clear()
         for name, memory in self.memories.items():
             game.memory_of(name).update(deepcopy(memory))
         game.team_memories = deepcopy(self.team_memories)
         game.turn = self.turn
-        game.collectors.clear()
         game.data.clear()
         game.data.update(deepcopy(self.data))
         game.scores.clear()
@@ -52,14 +63,20 @@ class Start(NamedTuple):
         game._facts.update(self.facts)
 
 
-def taken(game: "Game") -> Start:
-    """How a game stands now."""
+def taken(game: "Game", before: Start | None) -> Start:
+    """Return how a game stands now; `before` is its last start, if it has had one."""
     ctx = game.ctx
+    chance = ctx.chance()
     return Start(
         ctx.seed,
-        ctx.chance(),
+        chance,
+        (ctx.seed, chance) if before is None else before.first,
         ctx.agent.kept(),
         ctx.graph.kept(),
+        ctx.sensor.kept(),
+        game.settings(),
+        game.rules,
+        game.collectors.kept(),
         deepcopy(game.data),
         dict(game.scores),
         [dict(event) for event in game.events],

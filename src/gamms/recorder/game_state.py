@@ -30,15 +30,23 @@ def captured(ctx: Any) -> dict[str, Any]:
     }
 
 
-def told(game: Any) -> dict[str, Any]:
-    """What a snapshot has as well, and keyframes are too many for: events so far, facts, where agents began."""
-    starts, settings = game.starts, game.plain_settings()
+def told(ctx: Any) -> dict[str, Any]:
+    """What a snapshot has as well, and keyframes are too many for: settings, events, facts, where agents began."""
+    game = ctx.game
     return {
         "events": plain(game.events),
-        "settings": settings,
+        "settings": game.plain_settings(),
         **({"facts": plain_part(game.facts)} if game.facts else {}),
-        **({"starts": plain(starts)} if starts else {}),
+        **({"starts": plain(game.starts)} if game.starts else {}),
     }
+
+
+def told_first(ctx: Any) -> dict[str, Any]:
+    """The same for the beginning of a recording, where agents began where they are unless it says otherwise."""
+    first = told(ctx)
+    if first.get("starts") == _places(ctx):
+        del first["starts"]
+    return first
 
 
 def put(ctx: Any, state: Mapping[str, Any]) -> None:

@@ -72,7 +72,7 @@ class Session:
         self._left_out.look_over()
         self._declarations, self.visuals = self._declarations_now(), state.shown(ctx)
         self._listen()
-        self.begin = state.captured(ctx) | game_state.told(ctx.game) | state.of_components(ctx)
+        self.begin = state.captured(ctx) | game_state.told_first(ctx) | state.of_components(ctx)
         self._revised = _REVISIONS(self._room)
         self._watch_game()
 
@@ -117,7 +117,7 @@ class Session:
         # Those who come back do so in their order, and so do all who follow them.
         kept = [name for name, other in takewhile(lambda pair: pair[0] == pair[1], zip(left, now, strict=False))]
         gone = [(kinds.AGENT_DELETE, {"name": name}) for name in known if name not in kept]
-        snapshot = state.captured(self.ctx) | game_state.told(self.ctx.game)
+        snapshot = state.captured(self.ctx) | game_state.told(self.ctx)
         self._front = len(waiting)
         self._journal.log = [*waiting, *gone, (kinds.SNAPSHOT, snapshot)]
         self._watch_game()

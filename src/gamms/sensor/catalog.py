@@ -51,6 +51,16 @@ class Kind(NamedTuple):
                 given[name] = value
         return given
 
+    def apply(self, sensor: Any, keywords: dict[str, Any]) -> None:
+        """Set a sensor as `keywords_of` said."""
+        for name in self.keywords:
+            setattr(sensor, _ATTRIBUTES.get(name, name), keywords[name])
+        for setting in self.settings:
+            part, _, name = setting.rpartition(".")
+            owner = getattr(sensor, part) if part else sensor
+            if getattr(owner, name) is not keywords.get(name):
+                setattr(owner, name, keywords.get(name))
+
     def names(self) -> set[str]:
         """All keywords it honours."""
         return {*self.keywords, *(setting.rpartition(".")[2] for setting in self.settings)}

@@ -16,8 +16,11 @@ from gamms.errors import (
 from gamms.sensor.catalog import KINDS, SHARED_KEYWORDS, SYNONYMS
 from gamms.sensor.function import FunctionSensor
 from gamms.sensor.memory import Memory
+from gamms.sensor.sensor import Sensor
 from gamms.typing import IContext
 from gamms.typing.sensor_engine import ISensor, ISensorEngine, SensorType, refuse_no_sensor
+
+KeptSensors = list[tuple[ISensor, dict[str, Any] | None]]  # each with its keywords, if it is of a built-in kind
 
 
 class SensorEngine(ISensorEngine):
@@ -101,9 +104,20 @@ class SensorEngine(ISensorEngine):
             return None
         return self.create_sensor(described["id"], kind, **described["keywords"])
 
-    def reset(self) -> None:
-        """Let every sensor forget what it has sensed, as if it had just been made."""
-        for sensor in self.sensors.values():
+    def kept(self) -> KeptSensors:
+        """Return the sensors there are, and how those of built-in kinds are set, for `restore`."""
+        return [
+            (sensor, KINDS[sensor.type].keywords_of(sensor) if _is_built_in(sensor) else None)
+            for sensor in self.sensors.values()
+        ]
+
+    def restore(self, before: KeptSensors) -> None:
+        """Keep these sensors and no others, set as they were, and let them forget what they have sensed."""
+        self.sensors.clear()
+        for sensor, keywords in before:
+            self.sensors[sensor.sensor_id] = sensor
+            if keywords is not None:
+                KINDS[sensor.type].apply(sensor, keywords)
             forget = getattr(sensor, "reset", None)
             if forget is not None:
                 forget()
@@ -123,6 +137,10 @@ class SensorEngine(ISensorEngine):
             raise ContextTerminated("ctx.sensor")
         if as_name(sensor_id, "a sensor") in self.sensors:
             raise Duplicate("a sensor", sensor_id)
+
+
+def _is_built_in(sensor: ISensor) -> bool:
+    return isinstance(sensor, Sensor) and sensor.type in KINDS
 
 
 def _checked_type(kind: Any, sensor_id: str) -> SensorType:
