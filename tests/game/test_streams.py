@@ -5,6 +5,8 @@ import pickle
 
 import pytest
 
+from gamms import kernels
+
 
 def test_what_is_drawn_in_a_turn_follows_from_the_turn_alone(grid):
     def drawn(skipped):
@@ -38,16 +40,74 @@ def test_agents_and_seeds_draw_differently(grid):
     assert len(set(drawn)) == 12
 
 
+@pytest.mark.parametrize("drawn", [0, 1, 3])
+@pytest.mark.parametrize("key", ["rng", "draw"])
 @pytest.mark.parametrize("copied", [copy.deepcopy, lambda rng: pickle.loads(pickle.dumps(rng))], ids=["copy", "pickle"])
-def test_a_copy_of_a_stream_goes_on_where_it_was(grid, copied):
+def test_a_copy_of_a_stream_goes_on_where_it_was(grid, copied, key, drawn):
     draws = []
 
     def strategy(state):
-        state["rng"].random()
-        other = copied(state["rng"])
-        draws.append((other.random(), state["rng"].random()))
+        for _ in range(drawn):
+            state[key].random()
+        other = copied(state[key])
+        draws.append((other.random(), state[key].random()))
 
     with grid() as ctx:
         ctx.agent.create_agent("a", start_node_id=0, strategy=strategy)
         ctx.game.run(max_turns=2)
     assert [one == other for one, other in draws] == [True, True]
+
+
+def test_draws_of_a_turn_follow_from_seed_name_turn_and_count_alone(grid):
+    def drawn(names, *, skipped=()):
+        seen = {}
+
+        def strategy(state):
+            if state["turn"] not in skipped:
+                draw = state["draw"]
+                seen[state["name"], state["turn"]] = (draw.bits(), draw.below(6), draw.random(), draw.choice("abc"))
+
+        with grid(seed=5) as ctx:
+            for name in names:
+                ctx.agent.create_agent(name, start_node_id=0, strategy=strategy)
+            ctx.game.run(max_turns=4)
+        return seen
+
+    everything = drawn("abc")
+    assert len({bits for bits, *_ in everything.values()}) == 12
+    assert drawn("ca", skipped=(0, 2)) == {key: everything[key] for key in everything if key[0] in "ac" and key[1] % 2}
+
+
+def test_what_is_drawn_equals_the_kernels_numbers(grid):
+    drawn = []
+    with grid(seed=5) as ctx:
+        strategy = lambda state: drawn.extend(state["draw"].bits() for _ in range(3))
+        ctx.agent.create_agent("a", start_node_id=0, strategy=strategy)
+        ctx.game.step()
+        purpose = kernels.purpose_key(ctx.seed, "agent")
+    assert drawn == [kernels.draw_bits(purpose, kernels.name_key("a"), 0, k) for k in range(3)]
+
+
+@pytest.mark.parametrize("n", [0, -1, 2**32 + 1])
+def test_numbers_below_nothing_are_refused(grid, n):
+    with grid() as ctx:
+        agent = ctx.agent.create_agent("a", start_node_id=0, strategy=lambda state: state["draw"].below(n))
+        with pytest.raises(ValueError, match=r"needs 1 <= n <= 2 \*\* 32"):
+            ctx.game.step()
+        agent.register_strategy(lambda state: state["draw"].choice([]))
+        with pytest.raises(ValueError, match="not 0"):
+            ctx.game.step()
+
+
+def test_a_seed_that_is_set_before_the_first_turn_counts(grid):
+    def first_draws(ctx):
+        drawn = []
+        strategy = lambda state: drawn.append((state["draw"].bits(), state["rng"].random()))
+        ctx.agent.create_agent("a", start_node_id=0, strategy=strategy)
+        assert ctx.game.agents
+        ctx.game.reset(seed=8)
+        ctx.game.step()
+        return drawn
+
+    with grid(seed=5) as ctx, grid(seed=8) as other:
+        assert first_draws(ctx) == first_draws(other)

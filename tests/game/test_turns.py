@@ -41,6 +41,7 @@ def test_a_strategy_is_told_who_it_is_and_what_it_may_do(ctx, play, everything):
         "team",
         "turn",
         "legal",
+        "draw",
         "rng",
         "memory",
         "team_memory",

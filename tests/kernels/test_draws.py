@@ -1,44 +1,65 @@
-"""Lots and draws by name: the same on every machine, whoever else draws."""
+"""Keyed draws: what they follow from, that both forms agree, and that they are spread evenly."""
 
 import numpy as np
+import pytest
+from hypothesis import given
+from hypothesis import strategies as st
 
-from gamms.kernels import draws_by_name, lots_by_name
+from gamms import kernels
 
-
-def test_a_lot_follows_from_seed_purpose_and_name_alone():
-    anna, ben = lots_by_name(7, ("conflicts", 3), ["anna", "ben"])
-    assert lots_by_name(7, ("conflicts", 3), ["ben", "carl", "anna"])[::2] == [ben, anna]
-    others = [(8, ("conflicts", 3)), (7, ("conflicts", 4)), (7, ("weather", 3))]
-    assert len({anna, ben, *(lots_by_name(*other, ["anna"])[0] for other in others)}) == 5
-
-
-def test_lots_are_the_same_everywhere():
-    assert lots_by_name(7, ("conflicts", 3), ["anna"]) == [0x8A0EEAC9B0960A75]
+KEY = kernels.purpose_key(7, "conflicts")
+WORDS = st.integers(0, 2**64 - 1)
 
 
-def test_a_draw_follows_from_seed_purpose_and_name_alone():
-    anna, ben = draws_by_name(7, ("detection", "s", 3), ["anna", "ben"])
-    assert draws_by_name(7, ("detection", "s", 3), ["ben", "carl", "anna"])[::2].tolist() == [ben, anna]
-    others = [(8, ("detection", "s", 3)), (7, ("detection", "s", 4)), (7, ("detection", "t", 3))]
-    assert len({anna, ben, *(draws_by_name(*other, ["anna"])[0] for other in others)}) == 5
+def draws(seed=7, purpose="conflicts", name="anna", turn=3, k=0):
+    return kernels.draw_bits(kernels.purpose_key(seed, purpose), kernels.name_key(name), turn, k)
 
 
-def test_draws_are_the_same_everywhere():
-    assert draws_by_name(7, ("detection",), ["anna", "ben"]).tolist() == PINNED
+def test_a_draw_follows_from_seed_purpose_name_turn_and_count():
+    assert draws() == draws()
+    others = [draws(seed=8), draws(purpose="contacts"), draws(name="ben"), draws(turn=4), draws(k=1)]
+    assert len({draws(), *others}) == 6
 
 
-def test_draws_are_uniform_over_names_and_over_purposes():
-    names = [f"agent_{i}" for i in range(20_000)]
-    by_name = draws_by_name(1, ("detection",), names)
-    by_purpose = np.concatenate([draws_by_name(1, ("detection", look), ["anna", "ben"]) for look in range(5_000)])
-    for draws in (by_name, by_purpose):
-        counts, _ = np.histogram(draws, bins=10, range=(0.0, 1.0))
-        assert counts.sum() == len(draws)
-        assert abs(counts - len(draws) / 10).max() < 5 * np.sqrt(len(draws) / 10)
+def test_draws_are_the_same_on_every_machine():
+    assert [draws(), draws(name="ünï"), draws(turn=-1), draws(turn=2**70)] == PINNED
 
 
-def test_nobody_draws_nothing():
-    assert draws_by_name(1, (), []).shape == (0,)
+@given(WORDS, st.lists(st.text(), max_size=5), st.integers(-(2**70), 2**70), st.integers(0, 2**40))
+def test_the_array_form_gives_the_same_bits(purpose, names, turn, k):
+    many = kernels.draw_bits_many(purpose, kernels.name_keys(names), turn, k)
+    assert many.tolist() == [kernels.draw_bits(purpose, kernels.name_key(name), turn, k) for name in names]
 
 
-PINNED = [0.8665741820466719, 0.17505995256263085]
+@given(st.lists(st.tuples(WORDS, st.integers(1, 2**32)), min_size=1, max_size=5))
+def test_numbers_below_n_and_fractions_agree_in_both_forms(pairs):
+    bits, n = np.array([pair[0] for pair in pairs], np.uint64), np.array([pair[1] for pair in pairs])
+    numbers, fractions = [kernels.below(*pair) for pair in pairs], [kernels.fraction(pair[0]) for pair in pairs]
+    assert kernels.below_many(bits, n).tolist() == numbers
+    assert kernels.fraction_many(bits).tolist() == fractions
+    assert all(0 <= number < most for number, (_, most) in zip(numbers, pairs, strict=True))
+    assert all(0.0 <= one < 1.0 for one in fractions)
+
+
+@pytest.mark.parametrize("n", [1, 2, 3, 10])
+def test_every_number_below_n_is_drawn_equally_often(n):
+    bits = [kernels.draw_bits(KEY, kernels.name_key("anna"), turn, k) for turn in range(200) for k in range(50)]
+    counts = np.bincount([kernels.below(one, n) for one in bits], minlength=n)
+    expected = len(bits) / n
+    assert ((counts - expected) ** 2 / expected).sum() < 30.0
+
+
+def test_draws_of_names_turns_and_counts_are_even_and_independent():
+    names = kernels.name_keys(f"agent_{i}" for i in range(5_000))
+    columns = [
+        kernels.fraction_many(kernels.draw_bits_many(KEY, names, turn, k)) for turn in range(4) for k in range(3)
+    ]
+    assert all(abs(column.mean() - 0.5) < 0.02 and abs(column.std() - 12**-0.5) < 0.02 for column in columns)
+    assert np.abs(np.corrcoef(columns) - np.eye(len(columns))).max() < 0.06
+
+
+def test_no_names_make_no_draws():
+    assert kernels.draw_bits_many(KEY, kernels.name_keys([]), 1).shape == (0,)
+
+
+PINNED = [11684458540500591110, 10111729621371350149, 15481013040109963802, 17476478018880879392]

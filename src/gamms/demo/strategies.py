@@ -40,13 +40,13 @@ def attacker(ctx: Context) -> Strategy:
         (enemy,) = (team for team in flags if team != state["team"])
         home = flags[enemy]["carrier"] == state["name"]
         goal = flags[state["team"] if home else enemy]["node"]
-        is_afraid = whose.get(state["curr_pos"]) == enemy and state["rng"].random() >= _BOLD
+        is_afraid = whose.get(state["curr_pos"]) == enemy and state["draw"].random() >= _BOLD
         threats = _places(ctx, state, enemy) if is_afraid else []
 
         def cost(option: int) -> float:
             _, x, y = graph.get_node(option)
             fears = (_AFRAID_M - hypot(x - there_x, y - there_y) for _, there_x, there_y in threats)
-            whim = _WHIM_M * float(state["rng"].random())
+            whim = _WHIM_M * float(state["draw"].random())
             return graph.distance(option, goal) + _FEAR * sum(max(0.0, fear) for fear in fears) + whim
 
         state["action"] = min(_steps(state), key=cost)
@@ -74,7 +74,7 @@ def defender(ctx: Context) -> Strategy:
         elif graph.distance(state["curr_pos"], flag) > _BEAT_M:
             state["action"] = min(steps, key=lambda step: graph.distance(step, flag))
         else:
-            state["action"] = steps[state["rng"].integers(len(steps))]
+            state["action"] = state["draw"].choice(steps)
 
     return strategy
 

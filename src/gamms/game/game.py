@@ -5,7 +5,6 @@ from time import perf_counter
 from types import MappingProxyType
 from typing import TYPE_CHECKING, Any, overload
 
-from gamms import kernels
 from gamms.arguments import as_float, as_int, as_name
 from gamms.errors import BadValue, ContextTerminated, UnknownName
 from gamms.game import chance, start, turn
@@ -20,8 +19,6 @@ from gamms.ir.agents import AgentColumns
 from gamms.typing.game import Move, Rule, Track
 
 if TYPE_CHECKING:
-    from numpy.random import Generator
-
     from gamms.game.turn import TurnMoves
 
 _OVER = {"reason", "winner", "truncated"}
@@ -61,7 +58,6 @@ class Game(Settings):
         self.scores = Scores()
         self.collectors = Collectors()
         self.memories: dict[str, dict[Any, Any]] = {}
-        self._streams: dict[str, Generator] = {}
         self._start: start.Start | None = None
         self._has_begun = False  # since the last reset
         self._chance = chance.GlobalChance()
@@ -412,14 +408,6 @@ class Game(Settings):
             self._seating, self._seated = Seating(self), key
         return self._seating
 
-    def rng_of(self, name: str) -> "Generator":
-        """The random stream of an agent: in every turn another, which follows from the seed, the name and the turn."""
-        if name not in self._streams:
-            from gamms.game.streams import TurnGenerator
-
-            self._streams[name] = TurnGenerator(kernels.stream_key(self.ctx.seed, "agent", name), self)
-        return self._streams[name]
-
     def length_of(self, source: int, target: int) -> float:
         """How long the shortest edge from one node to another is, map units."""
         revision, lengths = self._lengths
@@ -438,8 +426,8 @@ class Game(Settings):
         self._ruleset.restore(rules)
 
     def forget_streams(self) -> None:
-        """Let every agent's stream, and the global ones, begin anew."""
-        self._streams.clear()
+        """Let all draws follow from the seed of the context as it is now."""
+        self._seating = None  # the agents' draws live in it
         self._chance.forget()
 
     def _apply_rules(self, phase: str) -> None:

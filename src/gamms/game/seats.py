@@ -5,6 +5,7 @@ from typing import TYPE_CHECKING, Any
 
 from gamms.arguments import as_range
 from gamms.errors import GammsError
+from gamms.game.streams import Draws, TurnGenerator
 from gamms.ir.agents import Selection
 from gamms.typing import AgentType
 
@@ -56,7 +57,8 @@ class Seat:
                 "team": self.team,
                 "turn": 0,
                 "legal": (),
-                "rng": game.rng_of(self.name),
+                "draw": Draws(game.ctx.seed, game, self.name),
+                "rng": TurnGenerator(game, self.name),
                 "memory": game.memory_of(self.name),
                 "team_memory": None,
                 "facts": game.facts,

@@ -6,7 +6,20 @@ Call them as `kernels.name(...)`. May import: numpy, `gamms.ir`.
 
 from gamms.kernels.cells import CellIndex, build_cells, candidate_rows, rows_between
 from gamms.kernels.csr import chosen_runs, expand_ranges, group_rows, ragged_rows
-from gamms.kernels.draws import draws_by_name, lots_by_name
+from gamms.kernels.draws import (
+    below,
+    below_many,
+    bits_at,
+    draw_bits,
+    draw_bits_many,
+    fraction,
+    fraction_many,
+    lots,
+    name_key,
+    name_keys,
+    purpose_key,
+    turn_key,
+)
 from gamms.kernels.occlusion import blocks, visible
 from gamms.kernels.paths import Arcs, first_steps, make_arcs, tight_arcs
 from gamms.kernels.rings import closed_rings
@@ -28,21 +41,30 @@ __all__ = [
     "CellIndex",
     "Quaternion",
     "about_z",
+    "below",
+    "below_many",
+    "bits_at",
     "blocks",
     "build_cells",
     "candidate_rows",
     "chosen_runs",
     "closed_rings",
-    "draws_by_name",
+    "draw_bits",
+    "draw_bits_many",
     "expand_ranges",
     "first_steps",
+    "fraction",
+    "fraction_many",
     "group_rows",
     "in_cone",
     "in_view",
     "is_in_cone",
-    "lots_by_name",
+    "lots",
     "make_arcs",
     "multiply_quaternions",
+    "name_key",
+    "name_keys",
+    "purpose_key",
     "quaternion_to_direction",
     "ragged_rows",
     "rows_between",
@@ -50,6 +72,7 @@ __all__ = [
     "stream",
     "stream_key",
     "tight_arcs",
+    "turn_key",
     "unit_quaternion",
     "visible",
     "yaw",

@@ -1,62 +1,115 @@
-"""One random number per name: who else is there never changes anybody's draw."""
+"""Keyed draws: random bits that follow from seed, purpose, name, turn and a count, and from nothing else.
 
+So a further agent, sensor, thread or world never changes what others draw. The bits are those of SplitMix64 (Steele,
+Lea and Flood, "Fast splittable pseudorandom number generators", OOPSLA 2014) in wrapping 64-bit integers, so the scalar
+and the array form give the same numbers on every machine:
+
+    key = mix(hash(seed, purpose) ^ hash(name));  key = mix(key + turn * GAMMA);  bits = mix(key + (k + 1) * GAMMA)
+"""
+
+from collections.abc import Iterable
 from functools import lru_cache
-from typing import TYPE_CHECKING
 
 import numpy as np
 
-from gamms.ir.graph import FloatArray
+from gamms.ir.graph import FloatArray, IntArray
 
-if TYPE_CHECKING:
-    from hashlib import blake2b
+BitArray = np.ndarray[tuple[int, ...], np.dtype[np.uint64]]  # 64 random bits each, or the hashes of names
 
-
-def draws_by_name(seed: int, purpose: tuple[str | int, ...], names: list[str]) -> FloatArray:
-    """Uniform numbers in [0, 1) that follow from the seed, the purpose and each name alone.
-
-    The hashes of purpose and name are mixed by the finalizer of SplitMix64 (Steele, Lea and Flood, "Fast splittable
-    pseudorandom number generators", OOPSLA 2014); the same arguments give the same draws on every machine.
-
-    Returns:
-        (names,)
-    """
-    mixed = np.array([_hash_of_name(name) for name in names], np.uint64) ^ np.uint64(_hash(repr((seed, *purpose))))
-    for shift, factor in ((30, 0xBF58476D1CE4E5B9), (27, 0x94D049BB133111EB)):
-        mixed = (mixed ^ (mixed >> np.uint64(shift))) * np.uint64(factor)
-    mixed ^= mixed >> np.uint64(31)
-    found: FloatArray = (mixed >> np.uint64(11)).astype(np.float64) * 2.0**-53
-    return found
+_MASK = (1 << 64) - 1
+_GAMMA = 0x9E3779B97F4A7C15
+_FACTORS = (0xBF58476D1CE4E5B9, 0x94D049BB133111EB)
 
 
-def lots_by_name(seed: int, purpose: tuple[str | int, ...], names: list[str]) -> list[int]:
-    """64 random bits for each name, which follow from the seed, the purpose and that name alone.
-
-    A hash each: for the few names of one contest that is ten times as fast as arrays.
-    """
-    hashed = _begun(seed, purpose)
-    lots = []
-    for name in names:
-        lot = hashed.copy()
-        lot.update(name.encode())
-        lots.append(int.from_bytes(lot.digest(), "little"))
-    return lots
+@lru_cache(maxsize=1 << 12)
+def purpose_key(seed: int, *purpose: str | int) -> int:
+    """Return the 64-bit hash of a seed and a purpose."""
+    return _hash(repr((seed, *purpose)))
 
 
 @lru_cache(maxsize=1 << 16)
-def _hash_of_name(name: str) -> int:
+def name_key(name: str) -> int:
+    """Return the 64-bit hash of a name."""
     return _hash(name)
 
 
+def name_keys(names: Iterable[str]) -> BitArray:
+    """Return the hashes of names, (names,)."""
+    return np.array([name_key(name) for name in names], np.uint64)
+
+
+def turn_key(purpose: int, name: int, turn: int) -> int:
+    """Return what all draws of one purpose, name and turn start from; see `draw_bits`."""
+    return _mix(_mix(purpose ^ name) + turn * _GAMMA)
+
+
+def bits_at(key: int, k: int) -> int:
+    """Return draw number `k`, from 0, of a `turn_key`: 64 random bits."""
+    return _mix(key + (k + 1) * _GAMMA)
+
+
+def draw_bits(purpose: int, name: int, turn: int, k: int = 0) -> int:
+    """Return 64 random bits.
+
+    Args:
+        purpose: a `purpose_key`.
+        name: a `name_key`.
+        turn: any integer.
+        k: the number of the draw.
+    """
+    return bits_at(turn_key(purpose, name, turn), k)
+
+
+def draw_bits_many(purpose: int, names: BitArray, turn: int, k: int = 0) -> BitArray:
+    """Return what `draw_bits` returns for each name: (names,) 64-bit integers."""
+    turned = np.uint64(turn * _GAMMA & _MASK)
+    counted = np.uint64((k + 1) * _GAMMA & _MASK)
+    return _mix_many(_mix_many(_mix_many(names ^ np.uint64(purpose)) + turned) + counted)
+
+
+def lots(purpose: int, names: Iterable[str], turn: int) -> list[int]:
+    """Return 64 random bits for each name, (names,): for few names faster than arrays."""
+    return [draw_bits(purpose, name_key(name), turn) for name in names]
+
+
+def below(bits: int, n: int) -> int:
+    """Return a number from 0 to `n - 1` that random bits choose, by multiply and shift; `n` is at most 2 ** 32."""
+    return (bits >> 32) * n >> 32
+
+
+def below_many(bits: BitArray, n: IntArray | int) -> IntArray:
+    """Return what `below` returns for each: (draws,); `n` is one number or one for each draw."""
+    found: IntArray = ((bits >> np.uint64(32)) * np.asarray(n).astype(np.uint64) >> np.uint64(32)).astype(np.int64)
+    return found
+
+
+def fraction(bits: int) -> float:
+    """Return a number in [0, 1) that random bits choose, a multiple of 2 ** -53."""
+    return (bits >> 11) * 2.0**-53
+
+
+def fraction_many(bits: BitArray) -> FloatArray:
+    """Return what `fraction` returns for each: (draws,)."""
+    found: FloatArray = (bits >> np.uint64(11)).astype(np.float64) * 2.0**-53
+    return found
+
+
+def _mix(bits: int) -> int:
+    """The finalizer of SplitMix64."""
+    bits &= _MASK
+    bits = (bits ^ bits >> 30) * _FACTORS[0] & _MASK
+    bits = (bits ^ bits >> 27) * _FACTORS[1] & _MASK
+    return bits ^ bits >> 31
+
+
+def _mix_many(bits: BitArray) -> BitArray:
+    for shift, factor in zip((30, 27), _FACTORS, strict=True):
+        bits = (bits ^ bits >> np.uint64(shift)) * np.uint64(factor)
+    mixed: BitArray = bits ^ bits >> np.uint64(31)
+    return mixed
+
+
 def _hash(text: str) -> int:
-    return int.from_bytes(_hasher(text).digest(), "little")
-
-
-@lru_cache(maxsize=1)  # because all contests of a turn begin alike
-def _begun(seed: int, purpose: tuple[str | int, ...]) -> "blake2b":
-    return _hasher(repr((seed, *purpose)))
-
-
-def _hasher(text: str) -> "blake2b":
     from hashlib import blake2b
 
-    return blake2b(text.encode(), digest_size=8)
+    return int.from_bytes(blake2b(text.encode(errors="surrogatepass"), digest_size=8).digest(), "little")

@@ -140,7 +140,7 @@ def found(ctx: Any, is_a: Side, is_b: Side, nearness: Nearness) -> list[Contact]
         met += _on_edges(*sides) if nearness.passing else _crossed(ctx, ours, theirs)
     pairs = list({(one[3], one[4]): None for one in met})
     # By name, so that who else meets never changes the order of two.
-    lots = kernels.lots_by_name(ctx.seed, ("contacts", ctx.game.turn), list(map(repr, pairs)))
+    lots = kernels.lots(kernels.purpose_key(ctx.seed, "contacts"), map(repr, pairs), ctx.game.turn)
     lot_of = dict(zip(pairs, lots, strict=True))
     ranked = sorted((*one[:2], lot_of[one[3], one[4]], *one[2:]) for one in met if one[3] != one[4])
     return [Contact(a, b, distance, time, *nodes) for time, distance, _, _, a, b, *nodes in ranked]

@@ -147,7 +147,8 @@ class _Flags:
             enemies = (agent for agent in turn.agents_at(base) if agent.team is not None and agent.team != flag)
             there = [agent.name for agent in enemies if agent.name not in busy]
             if turn.carriers[flag] is None and there:
-                lots = kernels.lots_by_name(ctx.seed, ("capture_flag", self.key, str(flag), ctx.game.turn), there)
+                purpose = kernels.purpose_key(ctx.seed, "capture_flag", self.key, str(flag))
+                lots = kernels.lots(purpose, there, ctx.game.turn)
                 turn.carriers[flag] = taker = min(zip(lots, there, strict=True))[1]
                 turn.taken_at[flag] = turn.now
                 ctx.game.emit("take", agent=taker, flag=flag, node=base)

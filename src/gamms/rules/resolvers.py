@@ -50,7 +50,8 @@ def at_random() -> Resolver:
 
     def at_random(contest: Contest, ctx: Any) -> list[Move]:
         movers = contest.movers
-        lots = kernels.lots_by_name(ctx.seed, ("conflicts", ctx.game.turn), [mover.agent for mover in movers])
+        purpose = kernels.purpose_key(ctx.seed, "conflicts")
+        lots = kernels.lots(purpose, (mover.agent for mover in movers), ctx.game.turn)
         order = sorted(range(len(movers)), key=lots.__getitem__)
         return [movers[number] for number in order[: contest.places]]
 

@@ -90,10 +90,9 @@ class Notice:
                 f"detection of {self._sensor_id!r} must give a probability from 0 to 1 for each of "
                 f"{len(distances)} distances, not {chances!r}."
             )
-        purpose = ("detection", self._sensor_id, "" if owner is None else owner, turn, look)
-        noticed: np.ndarray[tuple[int, ...], np.dtype[np.bool_]] = (
-            kernels.draws_by_name(ctx.seed, purpose, names) < chances
-        )
+        purpose = kernels.purpose_key(ctx.seed, "detection", self._sensor_id, "" if owner is None else owner)
+        bits = kernels.draw_bits_many(purpose, kernels.name_keys(names), turn, look - 1)
+        noticed: np.ndarray[tuple[int, ...], np.dtype[np.bool_]] = kernels.fraction_many(bits) < chances
         return noticed
 
 

@@ -5,7 +5,7 @@ from typing import Any
 
 from gamms.arguments import as_float
 from gamms.errors import BadValue
-from gamms.strategies.knowledge import State, as_strategy, told
+from gamms.strategies.knowledge import State, as_strategy, drawn_fraction
 from gamms.typing.agent_engine import Strategy
 
 
@@ -32,7 +32,7 @@ def first(*strategies: Strategy) -> Strategy:
 
 
 def mix(p: float, a: Strategy, b: Strategy) -> Strategy:
-    """Ask `a` with the probability `p`, else `b`; drawn anew at every turn, one number from `state["rng"]`.
+    """Ask `a` with the probability `p`, else `b`; drawn at every turn, one number from `state["draw"]`.
 
     Raises:
         BadType, BadValue: `p` is not from 0 to 1, or `a` or `b` is no function.
@@ -43,7 +43,7 @@ def mix(p: float, a: Strategy, b: Strategy) -> Strategy:
     options = as_strategy(b, "b of mix"), as_strategy(a, "a of mix")
 
     def strategy(state: State) -> None:
-        options[told(state, "rng", "mix").random() < chance](state)
+        options[drawn_fraction(state, "mix") < chance](state)
 
     return strategy
 

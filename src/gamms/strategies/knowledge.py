@@ -39,6 +39,20 @@ def told(state: State, key: str, asker: str) -> Any:
         ) from None
 
 
+def drawn_fraction(state: State, asker: str) -> float:
+    """Draw a number in [0, 1): from `state["draw"]`, or from `state["rng"]` in a loop that has only that."""
+    if "draw" in state:
+        return float(state["draw"].random())
+    return float(told(state, "rng", asker).random())
+
+
+def drawn_below(state: State, n: int, asker: str) -> int:
+    """Draw an integer from 0 to `n - 1`, likewise."""
+    if "draw" in state:
+        return int(state["draw"].below(n))
+    return int(told(state, "rng", asker).integers(n))
+
+
 def is_flying(state: State) -> bool:
     """Whether the state is that of an aerial agent."""
     return isinstance(state["curr_pos"], tuple)

@@ -2,7 +2,7 @@
 
 from math import cos, pi, sin
 
-from gamms.strategies.knowledge import State, is_flying, legal_nodes, told
+from gamms.strategies.knowledge import State, drawn_below, drawn_fraction, is_flying, legal_nodes
 
 
 def stay(state: State) -> None:
@@ -16,12 +16,11 @@ def random_walk(state: State) -> None:
     Without `state["legal"]`, the legal nodes are those that a NEIGHBOR sensor shows.
 
     Raises:
-        MissingKey: there is no `state["rng"]`, or nothing that says where it may go.
+        MissingKey: there is neither `state["draw"]` nor `state["rng"]`, or nothing that says where it may go.
     """
-    rng = told(state, "rng", "random_walk")
     if is_flying(state):
-        angle = 2.0 * pi * rng.random()
+        angle = 2.0 * pi * drawn_fraction(state, "random_walk")
         state["action"] = (cos(angle), sin(angle), 0.0)
     else:
         legal = legal_nodes(state, "random_walk")
-        state["action"] = legal[int(rng.integers(len(legal)))]
+        state["action"] = legal[drawn_below(state, len(legal), "random_walk")]

@@ -7,7 +7,7 @@ from typing import Any
 from gamms.game import Meddling
 from gamms.testing.games import Play
 
-_OWN = ("action", "memory", "team_memory", "rng", "sensor")  # a sensor's data is fresh, and may be used up
+_OWN = ("action", "memory", "team_memory", "draw", "rng", "sensor")  # a sensor's data is fresh, and may be used up
 
 
 def check_strategy(
