@@ -1,7 +1,6 @@
 """What an action means: where it leads, by which way, and whether it is legal."""
 
-from collections.abc import Iterable
-from math import floor, inf
+from math import inf
 from typing import TYPE_CHECKING, Any, NamedTuple
 
 import numpy as np
@@ -61,11 +60,12 @@ def reach(game: "Game", seat: Seat, here: int) -> tuple[int, ...]:
     if game.legal == "any":
         return (here, *(id for id in graph.get_nodes() if id != here))
     speed = seat.speed or 0.0
-    near: Iterable[int] = _around(game, here, _limit(speed))
+    near = [*graph.neighborhoods[here], *_around(game, here, speed)]
     begun, covered = _begun(game, seat, here)
     if begun is not None:
-        near = (*near, *_around(game, begun, _limit(speed + covered) - _cost(game, here, begun)))
-    return tuple(dict.fromkeys((*graph.neighborhoods[here], *near)))
+        left = _limit(speed + covered) - _cost(game, here, begun)  # less than the speed
+        near += [node for node, far in _around(game, begun, speed).items() if far <= left]
+    return tuple(dict.fromkeys(near))
 
 
 def _node(game: "Game", action: Any) -> int:
@@ -155,13 +155,11 @@ def _begun(game: "Game", seat: Seat, here: int) -> tuple[int | None, float]:
     return progress.target, progress.share * _cost(game, here, progress.target)
 
 
-def _around(game: "Game", node: int, limit: float) -> Iterable[int]:
-    """The nodes at most so far from a node, in the unit of speeds."""
-    if limit < 0.0:
-        return ()
-    # NOTE: the graph keeps what it found for one cutoff, so those of edges are few.
-    cutoff = None if limit == inf else limit if game.speed_unit == "metres" else floor(limit)
-    near: Iterable[int] = game.ctx.graph.graph.distances(source=node, weight=_weight(game), cutoff=cutoff)
+def _around(game: "Game", node: int, speed: float) -> dict[int, float]:
+    """How far the nodes are to which a speed takes an agent in a turn."""
+    # NOTE: always by a speed, because the graph keeps what it has found around a node for one cutoff.
+    cutoff = None if speed == inf else _limit(speed)
+    near: dict[int, float] = game.ctx.graph.graph.distances(source=node, weight=_weight(game), cutoff=cutoff)
     return near
 
 

@@ -3,15 +3,14 @@
 A turn is the time from 0 to 1; `gamms.rules.visits` says where agents are in it.
 """
 
-from bisect import bisect_right
 from collections import defaultdict
-from collections.abc import Callable, Iterable, Iterator
+from collections.abc import Callable, Iterable, Iterator, Mapping
 from typing import Any, NamedTuple
 
 from gamms import kernels
 from gamms.arguments import as_range
 from gamms.errors import BadType, BadValue
-from gamms.rules.measures import MEASURES, Measure, Placed
+from gamms.rules.measures import MEASURES, Distances, Measure, Place
 from gamms.rules.visits import legs_of, tracks_of, visits_of
 from gamms.typing import AgentType, IContext
 from gamms.typing.game import Track
@@ -39,6 +38,7 @@ class Nearness(NamedTuple):
 
 
 Side = Callable[[Any], bool]
+_Flyers = Mapping[str, Place]  # name -> its position, where that is measured
 _Member = tuple[str, Track]  # of a side: the name, and how it came to where it is
 _Meeting = tuple[float, float, bool, str, str, int, int]  # time, distance, on an edge?, a, b, where a was, where b was
 
@@ -134,8 +134,9 @@ def found(ctx: Any, is_a: Side, is_b: Side, nearness: Nearness) -> list[Contact]
     if nearness.unit is None:
         met = list(_on_nodes(*sides))
     else:
-        flyers = {agent.name: agent.position for agent in agents if agent.type is AgentType.AERIAL}
-        met = list(_near(MEASURES[nearness.unit](ctx.graph.graph, nearness.limit, flyers), *sides))
+        in_space = agents if nearness.unit == "euclid" and nearness.air else ()
+        flyers = {agent.name: agent.position for agent in in_space if agent.type is AgentType.AERIAL}
+        met = list(_near(MEASURES[nearness.unit](ctx.graph.graph, nearness.limit), *sides, flyers))
     if nearness.crossing:
         met += _on_edges(*sides) if nearness.passing else _crossed(ctx, ours, theirs)
     pairs = list({(one[3], one[4]): None for one in met})
@@ -186,23 +187,61 @@ def _crossed(ctx: Any, ours: list[Any], theirs: list[Any]) -> Iterator[_Meeting]
         yield time, 0.0, True, name, other, node_of[name], node_of[other]
 
 
-def _near(measure: Measure, ours: list[_Member], theirs: list[_Member]) -> Iterator[_Meeting]:
+def _near(measure: Measure, ours: list[_Member], theirs: list[_Member], flyers: _Flyers) -> Iterator[_Meeting]:
     """Who was near enough, at each moment at which one of two agents reached a node."""
-    tracks = dict((*ours, *theirs))
-    inner = {time for _, times in tracks.values() for time in times[1:]} - {1.0}
-    for now in sorted(inner):
-        came = {name for name, (_, times) in tracks.items() if now in times[1:]}
-        sides = _placed(ours, now), _placed(theirs, now)
-        moved = tuple([one for one in side if one[0] in came] for side in sides)
-        where = dict((*sides[0], *sides[1]))
-        for (name, other), distance in (measure(moved[0], sides[1]) | measure(sides[0], moved[1])).items():
-            yield now, distance, False, name, other, where[name], where[other]
-    for (name, other), distance in measure(_placed(ours, 1.0), _placed(theirs, 1.0)).items():
+    tracks, (a, b) = dict((*ours, *theirs)), (_Standing(ours, flyers), _Standing(theirs, flyers))
+    inner: dict[float, dict[str, int]] = defaultdict(dict)  # moment -> name -> the node that is reached
+    for name, (path, times) in tracks.items():
+        for node, now in zip(path[1:], times[1:], strict=True) if len(path) > 1 else ():
+            inner[now][name] = node
+    ends = inner.pop(1.0, {}) | {name: path[-1] for name, (path, times) in tracks.items() if times[0] == 1.0}
+    for now, came in sorted(inner.items()):
+        new_a, new_b = a.put(came), b.put(came)
+        for near in (measure(new_a, b.at), measure(a.at, new_b)):
+            for name, other, distance in _pairs(near, a, b):
+                if name in came or other in came:
+                    yield now, distance, False, name, other, a.node_of[name], b.node_of[other]
+    a.put(ends)
+    b.put(ends)
+    for name, other, distance in _pairs(measure(a.at, b.at), a, b):
         since = max(tracks[name][1][-1], tracks[other][1][-1])
         if since not in inner:  # else it was found then
-            yield since, distance, False, name, other, tracks[name][0][-1], tracks[other][0][-1]
+            yield since, distance, False, name, other, a.node_of[name], b.node_of[other]
 
 
-def _placed(side: list[_Member], now: float) -> list[Placed]:
-    """Where agents count as being at a moment: on the node that they have passed last."""
-    return [(name, path[bisect_right(times, now) - 1]) for name, (path, times) in side if times[0] <= now]
+class _Standing:
+    """Where the agents of one side count as being while a turn goes on: on the nodes that they have passed last.
+
+    Attributes:
+        at: place -> the names of those that are there, as keys.
+        node_of: name -> node id.
+    """
+
+    def __init__(self, side: list[_Member], flyers: _Flyers) -> None:
+        self._names, self._flyers = {name for name, _ in side}, flyers
+        self.at: dict[Place, dict[str, None]] = {}
+        self.node_of: dict[str, int] = {}
+        self.put({name: path[0] for name, (path, times) in side if times[0] == 0.0})
+
+    def put(self, came: Mapping[str, int]) -> list[Place]:
+        """Put those that are of this side on nodes; gives the places."""
+        places = []
+        for name in came.keys() & self._names:
+            if name in self.node_of:
+                before = self._flyers.get(name, self.node_of[name])
+                del self.at[before][name]
+                if not self.at[before]:
+                    del self.at[before]
+            self.node_of[name] = node = came[name]
+            place = self._flyers.get(name, node)
+            self.at.setdefault(place, {})[name] = None
+            places.append(place)
+        return places
+
+
+def _pairs(near: Distances, a: _Standing, b: _Standing) -> Iterator[tuple[str, str, float]]:
+    """The names of agents at places that are near each other."""
+    for (one, other), distance in near.items():
+        for name in a.at[one]:
+            for other_name in b.at[other]:
+                yield name, other_name, distance

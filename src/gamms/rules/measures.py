@@ -1,8 +1,8 @@
 """How far apart agents are: by edges, by road, in a straight line."""
 
-from collections import defaultdict
-from collections.abc import Callable, Mapping
+from collections.abc import Callable, Collection, Mapping
 from math import inf
+from typing import Any
 
 import numpy as np
 
@@ -10,13 +10,12 @@ from gamms.graph import Graph
 from gamms.ir.agents import Position
 from gamms.ir.graph import FloatArray
 
-Placed = tuple[str, int]  # the name of an agent, and the id of the node it counts as on
-Distances = dict[tuple[str, str], float]  # by the names of two agents
-Measure = Callable[[list[Placed], list[Placed]], Distances]  # of all pairs that are near enough
-_Flyers = Mapping[str, Position]  # by name
+Place = int | Position  # where an agent counts as being: a node id; (x, y, z) of a flyer, where that is measured
+Distances = dict[tuple[Place, Place], float]
+Measure = Callable[[Collection[Place], Collection[Place]], Distances]  # of all pairs that are near enough
 
 
-def _by_hops(graph: Graph, limit: float, _: _Flyers) -> Measure:
+def _by_hops(graph: Graph, limit: float) -> Measure:
     near = graph.neighborhoods
 
     def reached(node: int) -> dict[int, float]:
@@ -31,7 +30,7 @@ def _by_hops(graph: Graph, limit: float, _: _Flyers) -> Measure:
     return _by_way(reached)
 
 
-def _by_metres(graph: Graph, limit: float, _: _Flyers) -> Measure:
+def _by_metres(graph: Graph, limit: float) -> Measure:
     return _by_way(lambda node: graph.distances(source=node, cutoff=limit))
 
 
@@ -44,54 +43,45 @@ def _by_way(search: Callable[[int], Mapping[int, float]]) -> Measure:
             known[node] = search(node)
         return known[node]
 
-    def measure(ours: list[Placed], theirs: list[Placed]) -> Distances:
-        if not ours or not theirs:
-            return {}
-        at_a, at_b = _by_node(ours), _by_node(theirs)
-        apart: dict[tuple[int, int], float] = {}
-        for node in at_a:
+    def measure(ours: Collection[Any], theirs: Collection[Any]) -> Distances:
+        ours, theirs = dict.fromkeys(ours).keys(), dict.fromkeys(theirs).keys()
+        apart: Distances = {}
+        for node in ours if theirs else ():
             ways = reached(node)
-            apart.update(((node, other), ways[other]) for other in ways.keys() & at_b.keys())
-        for node in at_b:
+            apart.update(((node, other), ways[other]) for other in ways.keys() & theirs)
+        for node in theirs if ours else ():
             ways = reached(node)
-            for other in ways.keys() & at_a.keys():
+            for other in ways.keys() & ours:
                 apart[other, node] = min(ways[other], apart.get((other, node), inf))
-        return {(a, b): far for (node, other), far in apart.items() for a in at_a[node] for b in at_b[other]}
+        return apart
 
     return measure
 
 
-def _straight(graph: Graph, limit: float, flyers: _Flyers) -> Measure:
-    def places(agents: list[Placed]) -> FloatArray:
-        """Where agents are, (agents, 3)."""
-        flat = graph.positions([node for _, node in agents])
-        found = np.column_stack([flat, np.zeros(len(agents))])
-        for row, (name, _) in enumerate(agents):
-            if name in flyers:
-                found[row] = flyers[name]
-        return found
+def _straight(graph: Graph, limit: float) -> Measure:
+    known: dict[Place, tuple[float, ...]] = {}
 
-    def measure(ours: list[Placed], theirs: list[Placed]) -> Distances:
-        if not ours or not theirs:
-            return {}
-        ways = places(ours)[:, None, :] - places(theirs)[None, :, :]
+    def located(places: Collection[Place]) -> FloatArray:
+        """Where places are, (places, 3)."""
+        new = [place for place in places if place not in known]
+        nodes = [place for place in new if not isinstance(place, tuple)]
+        known.update((place, place) for place in new if isinstance(place, tuple))
+        known.update((node, (x, y, 0.0)) for node, (x, y) in zip(nodes, graph.positions(nodes).tolist(), strict=True))
+        return np.array([known[place] for place in places]).reshape(-1, 3)
+
+    def measure(ours: Collection[Place], theirs: Collection[Place]) -> Distances:
+        a, b = list(ours), list(theirs)
+        ways = located(a)[:, None, :] - located(b)[None, :, :]
         far = np.hypot(np.hypot(ways[..., 0], ways[..., 1]), ways[..., 2])
         rows, columns = np.nonzero(far <= limit)
         pairs = zip(rows.tolist(), columns.tolist(), far[rows, columns].tolist(), strict=True)
-        return {(ours[i][0], theirs[k][0]): distance for i, k, distance in pairs}
+        return {(a[i], b[k]): distance for i, k, distance in pairs}
 
     return measure
 
 
-MEASURES: dict[str, Callable[[Graph, float, _Flyers], Measure]] = {
+MEASURES: dict[str, Callable[[Graph, float], Measure]] = {
     "hops": _by_hops,
     "metres": _by_metres,
     "euclid": _straight,
 }
-
-
-def _by_node(agents: list[Placed]) -> dict[int, list[str]]:
-    at: dict[int, list[str]] = defaultdict(list)
-    for name, node in agents:
-        at[node].append(name)
-    return at
