@@ -12,7 +12,7 @@ def test_as_long_as_nothing_changes_the_artists_are_the_same(ctx):
     ctx.sensor.get_sensor("spy").sense(0)
     usual = Undeclared(ctx)
     first = usual.artists()
-    assert list(first) == ["graph", "obstacles", "red_0", "blue_0", "sensor_spy", "tags", "legend"]
+    assert list(first) == ["graph", "obstacles", "red_0", "blue_0", "sensor_spy", "rings", "tags", "legend"]
     assert usual.artists() == first
 
 

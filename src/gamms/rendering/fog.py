@@ -17,13 +17,12 @@ from gamms.visual.clipping import inside
 from gamms.visual.color import Rgb
 from gamms.visual.drawers.graph import one_way_each, polylines
 from gamms.visual.drawers.rules import FLAG_LAYER, TAG_LAYER, flags_in, render_flags, territories_in
-from gamms.visual.drawers.sensors import render_sight
 from gamms.visual.drawers.tags import render_tags
 from gamms.visual.drawers.values import usual_edge
 from gamms.visual.primitives import primitives_of
 from gamms.visual.sides import side_colors
 from gamms.visual.sights import Sight
-from gamms.visual.undeclared import MOST_SENSORS, RING, SENSOR_LAYER, sight_radius
+from gamms.visual.undeclared import MOST_SENSORS, artists_of_sights, sight_radius
 
 DARK: Rgb = (20, 22, 26)
 _SHADES: tuple[Rgb, ...] = ((42, 45, 51), (104, 109, 118), (206, 210, 216))  # never seen, seen, seen now
@@ -111,16 +110,17 @@ class Fog:
 
     def _show_sights(self, sights: list[Sight]) -> None:
         """Draw what the team's sensors see, while they are few, and no others."""
-        color, found = side_colors(self._ctx)[self._team], dict[str, list[Any]]()
+        visual, color, found = self._ctx.visual, side_colors(self._ctx)[self._team], dict[str, list[Any]]()
         for sight in sights if len(sights) <= MOST_SENSORS else ():
             found.setdefault(sight.sensor.sensor_id, []).append((color, sight.view or SensorView()))
-        for name in self._ctx.sensor.sensors.keys() - self._sights.keys():
-            self._sights[name] = Artist(self._ctx, render_sight, SENSOR_LAYER)
-            self._ctx.visual.add_artist(f"sensor_{name}", self._sights[name])
-        radius = RING * sight_radius(self._ctx.graph.columns())
+        for name in self._sights:
+            if visual.artist(name) is not None:  # which a recording may have replaced
+                visual.remove_artist(name)
+        hidden = {f"sensor_{name}": _hidden(self._ctx) for name in self._ctx.sensor.sensors}
+        unit = sight_radius(self._ctx.graph.columns())
+        self._sights = {"rings": _hidden(self._ctx), **hidden, **artists_of_sights(self._ctx, found, unit)}
         for name, artist in self._sights.items():
-            artist.set_visible(name in found)
-            artist.data = {"sights": found.get(name, []), "size": radius, "node_size": 0.5 * radius / RING}
+            visual.add_artist(name, artist)
 
     # -- drawers ---------------------------------------------------------------------------------------------
 

@@ -5,7 +5,9 @@ agents that carry them, below the agents. Flags, territories and the tags of thi
 the teams.
 """
 
-from typing import Any, NamedTuple
+from collections.abc import Mapping
+from types import MappingProxyType
+from typing import Any, NamedTuple, cast
 
 import numpy as np
 
@@ -16,6 +18,7 @@ from gamms.typing.artist import Drawer
 from gamms.visual.appearance import BY_DAY, AgentData, GraphData, WallTones
 from gamms.visual.artist import Artist
 from gamms.visual.color import Rgb
+from gamms.visual.declarations import Declarations
 from gamms.visual.drawers import render_agent, render_graph, render_obstacles, render_sensor
 from gamms.visual.drawers.graph import usual
 from gamms.visual.drawers.rules import (
@@ -27,7 +30,7 @@ from gamms.visual.drawers.rules import (
     render_flags,
     territories_in,
 )
-from gamms.visual.drawers.sensors import render_sight, render_still_sight
+from gamms.visual.drawers.sensors import render_rings, render_sight
 from gamms.visual.drawers.tags import render_tags
 from gamms.visual.legend import Row, Rows, legend_only
 from gamms.visual.primitives import primitives_of
@@ -40,6 +43,9 @@ _OBSTACLES, _GRAPH, SENSOR_LAYER, _AGENTS = 5, 10, 15, 20  # layers
 _USUAL_PX, _LEAST_PX, _MANY = 6.0, 3.0, 150  # radius of agents; of more than so many a smaller one
 RING = 1.7  # of a sensed agent, in radii of its disc
 _WALL, _THICKEST = 0.3, 0.5  # of a wall: in radii of agents, and at most in metres
+
+
+ColoredSights = Mapping[str, list[tuple[Rgb, SensorView | None]]]
 
 
 class MapTones(NamedTuple):
@@ -69,7 +75,7 @@ class Undeclared:
         self._agents_key: Any = None
         self._agents: dict[str, IArtist] = {}
         self._colors: dict[str, Rgb] = {}  # of agents, by name
-        self._views: dict[tuple[str, Drawer], Artist] = {}  # of sensors
+        self._views: dict[str, Artist] = {}  # of sensors
         self._territories: dict[str, TerritoryDrawer] = {}  # who know the places
         self._tags, self._legend = Artist(ctx, render_tags, TAG_LAYER), legend_of_teams(ctx)
 
@@ -130,17 +136,45 @@ class Undeclared:
         for sight in primitives_of(self._ctx).carriers.sights(MOST_SENSORS):
             if sight.view is None or _is_told(sight.view, nodes):
                 found.setdefault(sight.sensor.sensor_id, []).append(sight)
-        before, self._views = self._views, {}
-        for name, sights in found.items():
-            self._draw_sights(name, sights, before)
-        return {f"sensor_{name}": artist for (name, _), artist in self._views.items()}
+        colored = {name: [(self._color_of(one.carrier), one.view) for one in sights] for name, sights in found.items()}
+        self._views = artists_of_sights(self._ctx, colored, self._unit, self._views)
+        return dict(self._views)
 
-    def _draw_sights(self, name: str, sights: list[Sight], before: dict[tuple[str, Drawer], Artist]) -> None:
-        key = name, drawer_of(sights)
-        self._views[key] = artist = before.get(key) or Artist(self._ctx, key[1], SENSOR_LAYER)
-        colors = [_NOBODYS if one.carrier is None else self._colors[one.carrier] for one in sights]
-        artist.data = {"name": name, "color": colors[0], "size": RING * self._unit, "node_size": 0.5 * self._unit}
-        artist.data["sights"] = [(color, one.view) for color, one in zip(colors, sights, strict=True)]
+    def _color_of(self, carrier: str | None) -> Rgb:
+        return _NOBODYS if carrier is None else self._colors[carrier]
+
+
+def artists_of_sights(
+    ctx: IContext, sights: ColoredSights, unit: float, before: Mapping[str, Artist] = MappingProxyType({})
+) -> dict[str, Artist]:
+    """Return artists of what sensors see: one for each, and one for the rings of all that are drawn so.
+
+    Args:
+        ctx: the context.
+        sights: sensor -> a colour and a view for each of its carriers; a view that is None cannot be drawn.
+        unit: the radius of agents.
+        before: artists to be used again.
+    """
+    artists, look = dict[str, Artist](), {"size": RING * unit, "node_size": 0.5 * unit}
+    for name, views in sights.items():
+        drawer = (
+            render_sensor if any(view is None for _, view in views) else render_sight
+        )  # the first says what is wrong
+        artists[f"sensor_{name}"] = artist = before.get(f"sensor_{name}") or Artist(ctx, drawer, SENSOR_LAYER)
+        artist.set_drawer(drawer)
+        artist.data = {"name": name, "color": views[0][0], "sights": views, **look}
+    declared = cast("Declarations", ctx.visual).artist
+    ringed = [
+        (color, view)
+        for name, views in sights.items()
+        if declared(f"sensor_{name}") is None
+        for color, view in views
+        if view is not None and view.names
+    ]
+    if ringed:
+        artists["rings"] = rings = before.get("rings") or Artist(ctx, render_rings, SENSOR_LAYER)
+        rings.data = {"sights": ringed, **look}
+    return artists
 
 
 def team_rows(ctx: IContext) -> Rows | None:
@@ -168,13 +202,6 @@ def legend_of_teams(ctx: IContext) -> Artist:
 def _is_told(view: SensorView, nodes: int) -> bool:
     """Whether there is something to draw, and not just the whole map, which has so many nodes."""
     return says_something(view) and (len(view.nodes) < nodes or len(view.outline) > 0)
-
-
-def drawer_of(sights: list[Sight]) -> Drawer:
-    """Return what draws the sights of one sensor."""
-    if any(one.view is None for one in sights):
-        return render_sensor  # which says what is wrong
-    return render_sight if any(one.view.names for one in sights if one.view) else render_still_sight
 
 
 def sight_radius(columns: GraphColumns) -> float:

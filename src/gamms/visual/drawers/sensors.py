@@ -3,8 +3,6 @@
 from dataclasses import replace
 from typing import Any
 
-import numpy as np
-
 from gamms.ir.sensed import SensorView
 from gamms.typing import IContext
 from gamms.visual.color import Color, Rgba, rgba
@@ -35,26 +33,20 @@ def render_sensor(ctx: IContext, data: dict[str, Any]) -> None:
 
 
 def render_sight(ctx: IContext, data: dict[str, Any]) -> None:
-    """Draw what a sensor sees now: `data['sights']` are views, each with the colour of the agent that carries it.
+    """Draw what a sensor sees now: `data["sights"]` are views, each with the colour of the agent that carries it.
 
-    The rings go with the agents that they are around.
+    The rings around agents that are known by name are left to `render_rings`.
     """
     for color, view in data["sights"]:
-        _draw(ctx, {**data, "color": color}, _followed(ctx, view, data.get("_alpha", 1.0)))
+        _draw(ctx, {**data, "color": color}, replace(view, agents=view.agents[:0]) if view.names else view)
 
 
-def render_still_sight(ctx: IContext, data: dict[str, Any]) -> None:
-    """Draw the same of a sensor that sees no agents."""
-    render_sight(ctx, data)
-
-
-def _followed(ctx: IContext, view: SensorView, share: float) -> SensorView:
-    """The view with the agents where they are shown after a share of their last moves."""
-    agents = ctx.agent.agents
-    if not view.names or not all(name in agents for name in view.names):
-        return view
-    position_of = primitives_of(ctx).position_of
-    return replace(view, agents=np.array([position_of(name, share) for name in view.names]))
+def render_rings(ctx: IContext, data: dict[str, Any]) -> None:
+    """Draw the rings of such views around the agents where they are shown."""
+    position_of, share, agents = primitives_of(ctx).position_of, data.get("_alpha", 1.0), ctx.agent.agents
+    for color, view in data["sights"]:
+        places = [position_of(name, share) for name in view.names if name in agents]
+        rings(ctx, places, data["size"], color, _RING_PX)
 
 
 def _draw(ctx: IContext, data: dict[str, Any], view: SensorView) -> None:
@@ -85,7 +77,7 @@ def _see_through(color: Any) -> Rgba:
 
 
 render_sensor.once_a_turn = True  # type: ignore[attr-defined] # between turns nobody looks
-render_still_sight.once_a_turn = True  # type: ignore[attr-defined]
+render_sight.once_a_turn = True  # type: ignore[attr-defined] # it is seen from where agents will be at the end
 
 # The names under which 1.0.0 had a drawer per kind.
 render_map_sensor = render_agent_sensor = render_neighbor_sensor = render_aerial_agent_sensor = render_sensor

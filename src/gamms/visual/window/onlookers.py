@@ -9,8 +9,9 @@ from gamms.typing.agent_engine import AgentType
 from gamms.visual.appearance import AgentData
 from gamms.visual.artist import Artist, looks_of
 from gamms.visual.backends.pygame import Canvas
+from gamms.visual.color import rgba
 from gamms.visual.drawers.agents import RING, RING_PX
-from gamms.visual.undeclared import Undeclared, drawer_of
+from gamms.visual.undeclared import Undeclared, artists_of_sights
 from gamms.visual.window.asking import Question, Walk
 from gamms.visual.window.controls import Controls
 from gamms.visual.window.hud import Words, score_line
@@ -19,7 +20,7 @@ from gamms.visual.window.pointing import facts_about, nearest
 from gamms.visual.window.themes import Theme
 from gamms.visual.window.trails import Trails
 
-_TRAILS_LAYER, _VIEWS_LAYER = 14, 15
+_TRAILS_LAYER = 14
 _USUAL_TRAILS = 8  # turns, where they are switched on by key
 _BESIDE_PX = 10.0  # between an agent and its panel
 _CELL_PX = 9  # of the grid that keeps labels apart
@@ -71,14 +72,11 @@ class Onlookers(Internals):
     def _hints_of(self, name: str) -> dict[str, IArtist]:
         agent: Any = self.ctx.agent.get_agent(name)
         look = next((look for look in looks_of(self._shown) if look.name == name), AgentData(name))
-        hints: dict[str, IArtist] = {}
-        for sensor in getattr(agent, "_sensor_list", {}).values():
-            own = f"sensor_{sensor.sensor_id}"
-            sight = self.carriers.sight(sensor, agent)
-            if own not in self._shown and sight.view is not None:
-                hints[own] = artist = Artist(self.ctx, drawer_of([sight]), _VIEWS_LAYER)
-                artist.data = {"size": 1.7 * look.size, "sights": [(look.color, sight.view)]}
-        return hints
+        sights = [self.carriers.sight(sensor, agent) for sensor in getattr(agent, "_sensor_list", {}).values()]
+        unseen = [one for one in sights if one.view is not None and f"sensor_{one.sensor.sensor_id}" not in self._shown]
+        colored = {one.sensor.sensor_id: [(rgba(look.color)[:3], one.view)] for one in unseen}
+        hints: dict[str, IArtist] = {**artists_of_sights(self.ctx, colored, look.size)}
+        return {"rings of the hint" if key == "rings" else key: artist for key, artist in hints.items()}
 
     # -- agents under the pointer ----------------------------------------------------------------------------
 
