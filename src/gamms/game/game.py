@@ -42,6 +42,7 @@ class Game(Settings):
         data: what rules remember, as plain values; `reset` restores it.
         events: what was emitted, in order: dicts with `turn` and `kind`.
         errors: what strategies did wrong, in order.
+        draw_start: called by `reset` with another seed, to draw what the start has from the seed; None: nothing.
         after_reset: called when the game has begun anew, in order.
         after_observing: called in every turn with the agents and their states before anybody decides, in order.
         scenario: what the game was built from, as plain values, for whoever records it; None: by a program.
@@ -61,6 +62,7 @@ class Game(Settings):
         self._start: start.Start | None = None
         self._has_begun = False  # since the last reset
         self._chance = chance.GlobalChance()
+        self.draw_start: Callable[[], None] | None = None
         self.after_reset: list[Callable[[], None]] = []
         self.after_observing: list[Callable[[list[Any], list[dict[str, Any]]], None]] = []
         self.scenario: dict[str, Any] | None = None
@@ -282,8 +284,10 @@ class Game(Settings):
             last = self._start.seed
             self._start.restore(self)
         new = last if wanted is None else wanted
-        self.ctx.reseed(new, None if self._start is None else self._start.chance_of(new))
-        self.forget_streams()
+        if self.draw_start is None or new == last:
+            self._reseed(new)
+        else:
+            self._draw_start(new, last)
         for tell in self.after_reset:
             tell()
 
@@ -420,6 +424,22 @@ class Game(Settings):
                 lengths[start_id, end_id] = length if known is None else min(known, length)
             self._lengths = graph.revision, lengths
         return as_float(lengths[source, target], "length")
+
+    def _reseed(self, seed: int) -> None:
+        """Let every stream follow from a seed, and the context's own go on as at the start with this seed."""
+        self.ctx.reseed(seed, None if self._start is None else self._start.chance_of(seed))
+        self.forget_streams()
+
+    def _draw_start(self, seed: int, last: int) -> None:
+        """Let everything follow from a seed, the start too; from the last one again if that cannot be."""
+        self.ctx.reseed(seed)
+        self.forget_streams()
+        try:
+            if self.draw_start is not None:
+                self.draw_start()
+        except BaseException:
+            self._reseed(last)
+            raise
 
     def restore_rules(self, rules: tuple[NamedRule, ...]) -> None:
         """Let these be the rules."""

@@ -1,20 +1,37 @@
 """From a checked scenario to a context that is ready to play."""
 
 from collections.abc import Callable, Mapping
+from copy import deepcopy
+from dataclasses import dataclass
 from importlib import import_module
 from typing import Any
 
 from gamms.arguments import as_int
 from gamms.context import Context
+from gamms.recorder.plain import is_same
 from gamms.scenario.checks import RULES, call_in, sensor_type
 from gamms.scenario.code import Library, called, first_of, needs, rule_of, strategy_of
 from gamms.scenario.errors import ScenarioError, at, joined
 from gamms.scenario.explain import checked
 from gamms.scenario.placing import Member, members, node_at, place
+from gamms.scenario.redrawing import move_start, put_back, take_out, values_of
 from gamms.scenario.shape import ByPriority, Code, Conflicts, LatLon, Sensor, Spec, said
 from gamms.text import shown
+from gamms.typing.game import Rule
 
 Strategies = Mapping[str, Callable[..., Any]]  # by team or agent
+
+
+@dataclass
+class _Built:
+    """What was built for an agent."""
+
+    agent: Any
+    node: int
+    start: Any  # the node, or (x, y, z)
+    meta: dict[str, Any]
+    functions: dict[str, tuple[Any, Any]]  # sensor -> itself and its function
+    strategy: Any = None
 
 
 class Building:
@@ -30,6 +47,10 @@ class Building:
     def __init__(self, ctx: Context, spec: Spec, library: Library, strategies: Strategies) -> None:
         self.ctx, self.spec, self.library, self.given = ctx, spec, library, strategies
         self.members = members(spec)
+        self._agents: dict[str, _Built] = {}
+        self._rules: dict[str, Rule] = {}  # by their names in the game
+        self._values = values_of(ctx.game)
+        self._map: Any = None  # as it was before the code of the scenario changed it, if that did
 
     def build(self) -> None:
         """Put agents, facts, strategies, rules and conflicts into the context.
@@ -37,34 +58,110 @@ class Building:
         Raises:
             ScenarioError: something cannot be done as it is written.
         """
+        map = self.ctx.graph.kept()
         nodes = place(self.ctx, self.spec, self.members)
         for member in self.members:
-            self._add_agent(member, nodes[member.name])
+            self._agents[member.name] = self._add_agent(member, nodes[member.name])
+        game = self.ctx.game
+        self._add_values()
+        for name, strategy in self._strategies().items():
+            self._agents[name].agent.register_strategy(strategy)
+            self._agents[name].strategy = strategy
+        for number, given in enumerate(self.spec.rules):
+            with at(f"rules.{number}"):
+                rule, phase = self._rule(given, f"rules.{number}")
+                game.add(rule, phase=phase)
+            self._rules[game.rules[-1].name] = rule
+        if self.spec.conflicts is not None:
+            with at("conflicts"):
+                game.conflicts = self._conflicts(self.spec.conflicts)
+        self._values = values_of(game)
+        if (map.revision, map.obstacle_revision) != (self.ctx.graph.graph.revision, self.ctx.graph.obstacle_revision):
+            self._map = map
+
+    def draw_again(self) -> None:
+        """Make again what follows from the seed of the context, which is another one than that of the last time.
+
+        These are places, what functions give, strategies and rules. What was changed since then stays as it is: an
+        agent that was moved, another strategy, a fact that was published.
+
+        Raises:
+            ScenarioError: something cannot be done as it is written; not all agents can be placed, for example.
+        """
+        if self._map is not None:
+            self.ctx.graph.restore(self._map)
+        nodes = place(self.ctx, self.spec, self.members)
+        for member in self.members:
+            self._draw_agent(member, nodes[member.name])
+        game = self.ctx.game
+        changes = take_out(game, self._values)
+        self._add_values()
+        for name, strategy in self._strategies().items():
+            built = self._agents[name]
+            if built.agent.strategy is built.strategy:
+                built.agent.register_strategy(strategy)
+            built.strategy = strategy
+        self._draw_rules()
+        self._values = values_of(game)
+        put_back(game, *changes)
+
+    def _draw_rules(self) -> None:
+        """Make the rules again, prepare them, and let them take the places of those that are still there."""
+        now = self.ctx.game.rules
+        for (name, before), (number, given) in zip(list(self._rules.items()), enumerate(self.spec.rules), strict=True):
+            with at(f"rules.{number}"):
+                rule, _ = self._rule(given, f"rules.{number}")
+                if hasattr(rule, "prepare"):
+                    rule.prepare(self.ctx)
+            now = tuple(one._replace(rule=rule) if one.name == name and one.rule is before else one for one in now)
+            self._rules[name] = rule
+        self.ctx.game.restore_rules(now)
+
+    def _add_values(self) -> None:
         game = self.ctx.game
         with at("facts"):
             game.publish(**self.parameters(self.spec.facts, "facts"))
         game.data.update(self.parameters(self.spec.data, "data"))
-        self._add_strategies()
-        for number, rule in enumerate(self.spec.rules):
-            self._add_rule(rule, f"rules.{number}")
-        if self.spec.conflicts is not None:
-            with at("conflicts"):
-                game.conflicts = self._conflicts(self.spec.conflicts)
 
     # -- agents and sensors -------------------------------------------------------------------------------------
 
-    def _add_agent(self, member: Member, node: int) -> None:
+    def _add_agent(self, member: Member, node: int) -> "_Built":
         team, own = self.spec.teams[member.team], member.told
-        wish = {key: _first_given(getattr(own, key, None), getattr(team, key)) for key in ("speed", "altitude")}
-        keywords: dict[str, Any] = {"team": member.team, "meta": self.config(member)["meta"]}
-        if self.kind_of(member) == "aerial":
-            x, y = self.ctx.graph.graph.get_node(node)[1:3]
-            keywords |= {"type": "AERIAL", "position": (x, y, wish["altitude"] or 0.0)}
-        if wish["speed"] is not None:
-            keywords["speed"] = wish["speed"]
+        start, meta = self._start(member, node), self.config(member)["meta"]
+        keywords: dict[str, Any] = {"team": member.team, "meta": meta}
+        if isinstance(start, tuple):
+            keywords |= {"type": "AERIAL", "position": start}
+        speed = _first_given(getattr(own, "speed", None), team.speed)
+        if speed is not None:
+            keywords["speed"] = speed
         with at(member.path):
             sensors = {name: self._sensor(name, member) for name in self.sensors_of(member)}
-            self.ctx.agent.create_agent(member.name, start_node_id=node, sensors=sensors, **keywords)
+            agent = self.ctx.agent.create_agent(member.name, start_node_id=node, sensors=sensors, **keywords)
+        functions = {name: sensor for name, sensor in sensors.items() if self.spec.sensors[name].function is not None}
+        return _Built(
+            agent, node, start, deepcopy(meta), {name: (one, one.function) for name, one in functions.items()}
+        )
+
+    def _draw_agent(self, member: Member, node: int) -> None:
+        built, start, meta = self._agents[member.name], self._start(member, node), self.config(member)["meta"]
+        agent = built.agent
+        move_start(agent, built.start, start)
+        if is_same(getattr(agent, "meta", None), built.meta):
+            agent.meta = meta
+        for name, (sensor, before) in built.functions.items():
+            with at(f"sensors.{name}"):
+                function = self._function(self.spec.sensors[name], f"sensors.{name}")
+                if sensor.function is before:
+                    sensor.function = function
+            built.functions[name] = sensor, function
+        built.node, built.start, built.meta = node, start, deepcopy(meta)
+
+    def _start(self, member: Member, node: int) -> Any:
+        """Where an agent begins: a node, or (x, y, z) above it."""
+        if self.kind_of(member) != "aerial":
+            return node
+        altitude = _first_given(getattr(member.told, "altitude", None), self.spec.teams[member.team].altitude)
+        return (*self.ctx.graph.graph.get_node(node)[1:3], altitude or 0.0)
 
     def kind_of(self, member: Member) -> str:
         """Whether an agent is "basic" or "aerial"."""
@@ -88,29 +185,28 @@ class Building:
         sensor, path, id = self.spec.sensors[name], f"sensors.{name}", f"{member.name}/{name}"
         with at(path):
             if sensor.function is not None:
-                return self._function_sensor(sensor, id, path)
+                return self.ctx.sensor.from_function(id, self._function(sensor, path))
             keywords = said(sensor)
             kind = sensor_type(keywords.pop("type"))
             if isinstance(sensor.at, tuple):
                 keywords["at"] = (float(sensor.at[0]), float(sensor.at[1]))
             return self.ctx.sensor.create_sensor(id, kind, **keywords)
 
-    def _function_sensor(self, sensor: Sensor, id: str, path: str) -> Any:
-        """A sensor whose data is what a function returns, or what one that is made with parameters does."""
+    def _function(self, sensor: Sensor, path: str) -> Any:
+        """The function of a sensor, or what it makes if it is made with parameters."""
         function = self.library.get(sensor.function or "", path)
         given = self.parameters(sensor.with_ or {}, f"{path}.with")
         if given or first_of(function) == "ctx":
             function = called(function, given, (self.ctx,) if first_of(function) == "ctx" else (), path)
-        return self.ctx.sensor.from_function(id, function)
+        return function
 
     # -- strategies ---------------------------------------------------------------------------------------------
 
-    def _add_strategies(self) -> None:
+    def _strategies(self) -> dict[str, Any]:
+        """Agent -> its strategy, of those that have one."""
         mapped: dict[str, Mapping[str, Any]] = {}
-        for member in self.members:
-            strategy = self._strategy(member, mapped)
-            if strategy is not None:
-                self.ctx.agent.get_agent(member.name).register_strategy(strategy)
+        made = {member.name: self._strategy(member, mapped) for member in self.members}
+        return {name: strategy for name, strategy in made.items() if strategy is not None}
 
     def _strategy(self, member: Member, mapped: dict[str, Mapping[str, Any]]) -> Any:
         given = self.given.get(member.name, self.given.get(member.team))
@@ -131,10 +227,7 @@ class Building:
         """What a module's `map_strategy` says for an agent: it is asked once for all that name the module there."""
         if path not in mapped:
             listed = [one for one in self.members if path in (f"teams.{one.team}.strategy", f"{one.path}.strategy")]
-            config = {
-                one.name: {"start_node_id": self.ctx.agent.get_agent(one.name).current_node_id, **self.config(one)}
-                for one in listed
-            }
+            config = {one.name: {"start_node_id": self._agents[one.name].node, **self.config(one)} for one in listed}
             function = self.library.get(code.function, path)
             answer = called(function, self.parameters(code.with_, f"{path}.with"), (config,), path)
             if not isinstance(answer, Mapping):
@@ -151,13 +244,12 @@ class Building:
 
     # -- rules, conflicts, values -------------------------------------------------------------------------------
 
-    def _add_rule(self, given: Any, path: str) -> None:
+    def _rule(self, given: Any, path: str) -> tuple[Rule, str]:
+        """A rule, and its phase."""
         name, parameters, phase = (
             (given, {}, "after") if isinstance(given, str) else (given.rule, given.with_, given.phase)
         )
-        rule = rule_of(self.library.get(name, path, RULES), self.parameters(parameters, f"{path}.with"), path)
-        with at(path):
-            self.ctx.game.add(rule, phase=phase)
+        return rule_of(self.library.get(name, path, RULES), self.parameters(parameters, f"{path}.with"), path), phase
 
     def _conflicts(self, given: Conflicts) -> Any:
         rules, path = import_module(RULES), "conflicts.resolve"

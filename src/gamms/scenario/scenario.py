@@ -164,11 +164,18 @@ class Scenario:
         try:
             with named(self.file):
                 worlds.put(ctx, world)
-                Building(ctx, self.spec, self._library, given).build()
+                building = Building(ctx, self.spec, self._library, given)
+                building.build()
                 ctx.game.scenario = written_out(self.spec, self._library)
         except BaseException:
             ctx.terminate()
             raise
+
+        def draw_again() -> None:
+            with named(self.file):
+                building.draw_again()
+
+        ctx.game.draw_start = draw_again
         return ctx
 
     def play(self, seed: int | None = None, strategies: Strategies | None = None) -> Result:

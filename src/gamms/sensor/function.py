@@ -33,8 +33,17 @@ class FunctionSensor(Sensor):
     def __init__(self, ctx: IContext, sensor_id: str, fn: Callable[..., Any]) -> None:
         super().__init__(ctx, sensor_id, SensorType.CUSTOM)
         self.data: Any = None
+        self.function = fn
+
+    @property
+    def function(self) -> Callable[..., Any]:
+        """What is called; settable."""
+        return self._function
+
+    @function.setter
+    def function(self, fn: Callable[..., Any]) -> None:
+        self._takes = _parameters(fn, self.sensor_id)
         self._function = fn
-        self._takes = _parameters(fn, sensor_id)
 
     def reset(self) -> None:
         """Forget what was sensed."""

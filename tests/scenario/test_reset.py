@@ -1,0 +1,265 @@
+"""One seed, one game: a reset with another seed draws again what the scenario draws from the seed."""
+
+from io import BytesIO
+
+import pytest
+from hypothesis import given, settings
+from hypothesis import strategies as st
+
+from gamms import recorder, scenario
+from gamms.demo.match import FILE
+from gamms.scenario import Scenario, ScenarioError
+
+WALK = "gamms.strategies:random_walk"
+CODE = """
+import numpy as np
+
+def drawn_node(ctx, name):
+    return int(ctx.stream("test", name).integers(36))
+
+def bases(ctx):
+    return {"red": drawn_node(ctx, "red base"), "blue": drawn_node(ctx, "blue base")}
+
+def weather(ctx):
+    return {"wind": [float(ctx.rng.random()), float(ctx.rng.random())], "map": np.arange(3) + ctx.rng.integers(9)}
+
+def plan(ctx):
+    turn = int(ctx.stream("test", "plan").integers(4))
+    def decide(state):
+        legal = state["legal"]
+        state["action"] = legal[(state["turn"] + turn + state["facts"]["shift"]) % len(legal)]
+    return decide
+
+def noise(ctx):
+    level = float(ctx.stream("test", "noise").random())
+    return lambda node_id, agent: (agent.name, node_id * level)
+
+def map_strategy(agent_config):
+    def make(start):
+        def decide(state):
+            state["action"] = state["legal"][(start + state["turn"]) % len(state["legal"])]
+        return decide
+    return {name: make(config["start_node_id"] + config["meta"]["luck"]) for name, config in agent_config.items()}
+
+def toll(ctx, price):
+    ctx.game.scores["tolls"] += price
+    ctx.game.data["paid"] = ctx.game.data.get("paid", 0) + price
+
+class Floods:
+    __name__ = "floods"
+
+    def prepare(self, ctx):
+        edges = sorted(ctx.graph.graph.get_edges())
+        closed = int(ctx.stream("test", "flood").integers(len(edges)))
+        ctx.graph.graph.remove_edge(edges[closed])
+        ctx.game.publish(flooded=closed)
+        ctx.game.emit("flood", edge=closed)
+        ctx.game.scores["floods"] = closed
+
+    def drawer(self, ctx, data):
+        pass
+
+    def __call__(self, ctx):
+        ctx.game.scores["rain"] += ctx.game.facts["flooded"]
+
+def floods():
+    return Floods()
+"""
+GRID = {"map": {"grid": {"width": 6, "height": 6}}, "turns": 8, "seed": 1}
+
+
+def drawn(name):
+    return {"function": "drawing:drawn_node", "with": {"name": name}}
+
+
+GAMES = {
+    "random places": {
+        "teams": {
+            "red": {"count": 3, "strategy": WALK},
+            "blue": {"count": 2, "apart": 20, "from": {"team": "red", "at_least": 10}, "strategy": WALK},
+        }
+    },
+    "flags, territory and tags": {
+        "sensors": {"eyes": {"type": "AGENT_RANGE", "sensor_range": 30}},
+        "teams": {
+            "red": {"count": 2, "near": 0, "within": 20, "sensors": ["eyes"], "strategy": WALK},
+            "blue": {"count": 2, "near": 35, "within": 20, "sensors": ["eyes"], "strategy": "gamms.strategies:chase"},
+        },
+        "facts": {
+            "ground": {"function": "gamms.rules.territory:by_distance", "with": {"bases": {"red": 0, "blue": 35}}}
+        },
+        "rules": [
+            {"rule": "tag", "with": {"taggers": "blue", "tagged": "red", "hops": 1, "territory": "ground"}},
+            {"rule": "capture_flag", "with": {"flags": {"red": 0, "blue": 35}, "territory": "ground", "goal": None}},
+        ],
+        "conflicts": {"capacity": 1},
+    },
+    "what functions draw": {
+        "sensors": {"noise": {"function": "drawing:noise"}, "near": {"type": "NEIGHBOR"}},
+        "teams": {
+            "red": {
+                "count": 2,
+                "sensors": ["noise", "near"],
+                "strategy": "drawing:plan",
+                "meta": {"luck": drawn("luck")},
+            },
+            "blue": {
+                "agents": [{"name": "ann"}, {"name": "bob", "node": 7}],
+                "strategy": "drawing",
+                "meta": {"luck": drawn("fate")},
+            },
+            "air": {"count": 2, "type": "aerial", "speed": 3, "altitude": 9, "strategy": "drawing:plan_flight"},
+        },
+        "facts": {"weather": {"function": "drawing:weather"}, "shift": drawn("shift")},
+        "data": {"prize": {"at": drawn("prize"), "weather": {"function": "drawing:weather"}}},
+        "rules": [
+            {"rule": "capture_flag", "with": {"flags": {"function": "drawing:bases"}, "goal": None}},
+            {"rule": "drawing:toll", "with": {"price": drawn("price")}},
+            "drawing:floods",
+            {"rule": "reach", "with": {"team": "red", "nodes": drawn("goal")}},
+        ],
+    },
+}
+CODE += """
+def plan_flight(ctx):
+    way = tuple(ctx.stream("test", "flight").normal(size=3).tolist())
+    def decide(state):
+        state["action"] = way
+    return decide
+"""
+
+
+@pytest.fixture(scope="module", params=GAMES)
+def game(request, tmp_path_factory):
+    folder = tmp_path_factory.mktemp("games")
+    (folder / "drawing.py").write_text(CODE)
+    return Scenario(folder=folder, **GRID, **GAMES[request.param])
+
+
+def recorded(ctx):
+    """A game's result, its recording, and what its agents were told last."""
+    file = BytesIO()
+    with ctx:
+        ctx.record.start(file, sensed=True)
+        result = ctx.game.run()
+        ctx.record.stop()
+        states = [agent.state for agent in ctx.agent.create_iter()]
+        shown = [(state["sensor"], repr(state["facts"])) for state in states if state]
+        return result, file.getvalue(), repr(shown), list(ctx.visual.shown_artists())
+
+
+@settings(max_examples=4, deadline=None)
+@given(seeds=st.lists(st.integers(0, 2**40), min_size=1, max_size=3), plays=st.booleans())
+def test_a_game_that_is_reset_to_a_seed_is_the_game_of_that_seed(game, seeds, plays):
+    ctx = game.build()
+    for seed in seeds:
+        if plays:
+            ctx.game.run(3)
+        ctx.game.reset(seed)
+    assert recorded(ctx) == recorded(game.build(seed=seeds[-1]))
+
+
+def test_the_demo_is_drawn_again():
+    game = scenario.load(FILE).replace(turns=4)
+    with game.build() as ctx:
+        ctx.game.run()
+        ctx.game.reset(5)
+        assert ctx.game.run() == game.play(seed=5)
+
+
+def test_a_recording_after_a_reset_says_what_was_played(game):
+    ctx = game.build()
+    ctx.game.reset(5)
+    result, data, *_ = recorded(ctx)
+    assert result == game.play(seed=5)
+    with recorder.open(BytesIO(data)) as recording:
+        assert recording.seed == 5
+        again = scenario.from_recording(recording, folder=game.folder)
+        assert again.play() == result
+        with again.build() as other, recording.resume(2, ctx=other) as resumed:
+            assert resumed.game.run().scores == result.scores
+
+
+def test_the_first_seed_plays_the_first_game_again(game):
+    with game.build() as ctx:
+        first = ctx.game.run()
+        ctx.game.reset(5)
+        second = ctx.game.run()
+        ctx.game.reset()
+        assert ctx.game.run() == second
+        ctx.game.reset(ctx.game.scenario["seed"])
+        assert ctx.game.run() == first == game.play()
+
+
+def test_what_the_program_has_changed_before_the_first_turn_stays(tmp_path):
+    (tmp_path / "drawing.py").write_text(CODE)
+    game = Scenario(folder=tmp_path, **GRID, **GAMES["what functions draw"])
+
+    def mine(state):
+        state["action"] = state["curr_pos"]
+
+    def rule(ctx):
+        pass
+
+    def change(ctx):
+        ctx.agent.get_agent("red_0").current_node_id = 20
+        ctx.agent.get_agent("red_1").strategy = mine
+        ctx.agent.get_agent("air_0").position = (1.0, 2.0, 3.0)
+        ctx.agent.get_agent("ann").meta = {"luck": 3}
+        ctx.agent.delete_agent("bob")
+        ctx.sensor.get_sensor("red_0/noise").function = lambda: "silence"
+        ctx.game.publish(shift=1, extra=2)
+        ctx.game.data["paid"] = 7
+        del ctx.game.data["prize"]
+        ctx.game.scores["bonus"] = 4
+        ctx.game.emit("hello")
+        ctx.game.remove("reach")
+        ctx.game.add(rule, name="mine")
+        ctx.game.collect("turn", lambda ctx: ctx.game.turn)
+
+    def seen(ctx):
+        with ctx:
+            game = ctx.game
+            return [(one.name, one.phase) for one in game.rules], game.run(), repr(game.data), repr(game.facts)
+
+    first, second = game.build(), game.build(seed=5)
+    change(first)
+    first.game.run(2)
+    first.game.reset(5)
+    change(second)
+    assert seen(first) == seen(second)
+    assert first.agent.get_agent("red_1").strategy is mine
+
+
+def test_a_seed_by_which_not_all_can_be_placed_leaves_the_game_as_it_was(tmp_path):
+    teams = {
+        "red": {"count": 1, "strategy": WALK},
+        "blue": {"count": 1, "from": {"team": "red", "at_least": 45}, "strategy": WALK},
+    }
+    game = Scenario(**GRID, teams=teams)
+
+    def fits(seed):
+        try:
+            game.build(seed).terminate()
+        except ScenarioError:
+            return False
+        return True
+
+    good, bad = (next(seed for seed in range(100) if fits(seed) is wanted) for wanted in (True, False))
+    with game.build(good) as ctx:
+        first = ctx.game.run()
+        with pytest.raises(ScenarioError, match="only 0 of 1 agents could be placed"):
+            ctx.game.reset(bad)
+        assert ctx.seed == good
+        assert ctx.game.run() == first
+
+
+def test_places_are_drawn_again_for_every_seed():
+    game = Scenario(**GRID, **GAMES["random places"])
+    with game.build() as ctx:
+        starts = set()
+        for seed in range(20):
+            ctx.game.reset(seed)
+            starts.add(tuple(agent.current_node_id for agent in ctx.game.agents))
+            assert ctx.game.start_node("red_0") == ctx.agent.get_agent("red_0").prev_node_id
+    assert len(starts) == 20
