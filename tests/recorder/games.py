@@ -39,7 +39,7 @@ def recorded(play, ctx=None, **options):
     ctx, stream = ctx or grid_context(), io.BytesIO()
     ctx.record.start(stream, **options)
     play(ctx)
-    ctx.record.stop()
+    ctx.record.close()  # which may be paused
     return stream.getvalue()
 
 

@@ -7,7 +7,7 @@ from pathlib import Path
 import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
-from recordings import HEADER, logs_of, opened, read_all, walk, written
+from recordings import HEADER, fly, logs_of, opened, read_all, walk, written
 
 from gamms.recorder import Reader, RecordingError, Writer
 
@@ -73,7 +73,7 @@ def test_at_every_byte_that_is_written_no_saved_turn_is_lost(turns):
         writer.add_turn(log)
         saved.append(len(tape.changes))
     writer.close()
-    for number, state in moments_of(tape.changes, 3):
+    for number, state in moments_of(tape.changes, 7):
         if number >= begin:
             reader, logs = read_all(state)
             assert sum(changes <= number for changes in saved) <= len(logs)
@@ -97,14 +97,19 @@ def test_turns_are_on_the_disk_a_second_after_the_last_time():
     assert opened(stream.getvalue()).turns == 7
 
 
-def test_flushing_saves_all_turns_and_grows_the_file_only_by_them():
+@given(st.lists(st.booleans(), min_size=24, max_size=24), st.sampled_from([3, 7, 64]))
+@settings(max_examples=20, deadline=None)
+def test_flushing_saves_all_turns_and_leaves_the_finished_bytes_as_they_are(flushes, turns):
+    logs = [*MIXED, *fly(3, 6), *walk(4, 6)]
     stream = io.BytesIO()
-    writer = Writer(stream, {}, seconds=None)
-    for turn, log in enumerate(MIXED):
+    writer = Writer(stream, {}, turns=turns, seconds=None)
+    for turn, (log, is_flushed) in enumerate(zip(logs, flushes, strict=True)):
         writer.add_turn(log)
-        writer.flush()
-        assert logs_of(opened(stream.getvalue())) == MIXED[: turn + 1]
-        assert stream.getvalue() == written(MIXED[: turn + 1], {}, turns=turn + 1, close=False)
+        if is_flushed:
+            writer.flush()
+            assert repr(logs_of(opened(stream.getvalue()))) == repr(logs[: turn + 1])
+    writer.close()
+    assert stream.getvalue() == written(logs, {}, turns=turns)
 
 
 @given(st.integers(0, 10**6), st.integers(0, 255))

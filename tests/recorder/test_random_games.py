@@ -261,7 +261,7 @@ def test_a_recording_that_begins_in_the_middle_of_a_replay_comes_to_the_same(bef
     ctx, stream = empty_context(seed=2), io.BytesIO()
     replayed_into(data, ctx, lambda: ctx.record.start(stream), upon)
     ctx.record.play()
-    ctx.record.stop()
+    ctx.record.close()
     again, _ = replayed(stream.getvalue())
     assert everything(again) == everything(ctx)
 

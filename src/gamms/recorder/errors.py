@@ -7,6 +7,10 @@ class RecordingError(GammsError, ValueError):
     """A recording that is damaged, foreign or absurdly large, or that can no longer be written."""
 
 
+class RecorderBusy(GammsError, RuntimeError):
+    """What was asked for does not go with what the recorder is doing."""
+
+
 DAMAGES = (KeyError, TypeError, ValueError, IndexError, AttributeError, OverflowError)  # of what a stranger wrote
 
 

@@ -1,6 +1,5 @@
 """The recorder room's front: `ctx.record`, which writes what happens and plays it again."""
 
-import io
 import os
 import time
 from collections.abc import Callable, Iterator, KeysView
@@ -8,11 +7,12 @@ from copy import deepcopy
 from typing import Any, BinaryIO
 
 from gamms.arguments import as_int
-from gamms.errors import BadType, BadValue, ContextTerminated, GammsError
+from gamms.errors import BadType, BadValue, ContextTerminated
 from gamms.ir import journal as kinds
 from gamms.recorder.components import Components
-from gamms.recorder.errors import RecordingError
+from gamms.recorder.errors import RecorderBusy, RecordingError
 from gamms.recorder.formats import version2
+from gamms.recorder.formats.output import Output
 from gamms.recorder.formats.reader import Reader
 from gamms.recorder.maps import without_map
 from gamms.recorder.plain import is_plain, plain
@@ -20,15 +20,11 @@ from gamms.recorder.records import TURN_NS, Record, check_record
 from gamms.recorder.replaying import Player
 from gamms.recorder.session import Session
 from gamms.recorder.sinks import Version2Sink, Version3Sink, header_of
-from gamms.recorder.streams import readable, writable
+from gamms.recorder.streams import Target, locks, readable
 from gamms.typing.opcodes import MAGIC_NUMBER, OpCodes
 from gamms.typing.recorder import IRecorder
 
 _VERSIONS = (2, 3)
-
-
-class RecorderBusy(GammsError, RuntimeError):
-    """What was asked for does not go with what the recorder is doing."""
 
 
 class Recorder(IRecorder):
@@ -47,8 +43,7 @@ class Recorder(IRecorder):
         self.is_replaying = False
         self.clock = 0
         self._session: Session | None = None
-        self._stream: BinaryIO | None = None
-        self._is_owned = False
+        self._target: Target | None = None
         self._source: Reader | None = None
         self._kept = self.components.kept()  # when the recording was paused
         self._is_copying = False
@@ -77,6 +72,7 @@ class Recorder(IRecorder):
         provenance: Any = None,
         sensed: bool = False,
         embed_graph: bool = True,
+        overwrite: bool = False,
     ) -> None:
         """Begin a recording; it begins with how things are now.
 
@@ -87,10 +83,12 @@ class Recorder(IRecorder):
             provenance: plain values to be kept in the header.
             sensed: write down what agents sense in the turns of `ctx.game`, too, for `Recording.observation`.
             embed_graph: whether the recording holds the map; else only its SHA-256, and who replays it needs the map.
+            overwrite: whether it may take the place of a file, once it has begun well.
 
         Raises:
             FileExistsError: there is such a file.
-            RecorderBusy (RuntimeError): a recording is being written already.
+            RecorderBusy (RuntimeError): a recording is being written already, or the file to be overwritten is in use.
+            RecordingError: it cannot be written.
             BadType (TypeError), BadValue (ValueError): an argument is impossible.
         """
         if self.ctx.is_terminated():
@@ -101,21 +99,24 @@ class Recorder(IRecorder):
             raise RecorderBusy("A recording is being written already. Call ctx.record.stop() first.")
         options = _checked_options(version, created, provenance)
 
-        def make_sink(session: Session) -> Any:
-            if version == 2:
-                return Version2Sink(stream, session)
-            header = header_of(self.ctx, session, options) if session.header is None else session.header
-            return Version3Sink(stream, session, header if embed_graph else without_map(header))
+        def header(session: Session) -> dict[str, Any]:
+            told = header_of(self.ctx, session, options) if session.header is None else session.header
+            return told if embed_graph else without_map(told)
 
-        session = Session(
-            self.ctx, make_sink, with_sensed=bool(sensed)
-        )  # before there is a file: not every map can be written
+        session = Session(self.ctx, with_sensed=bool(sensed))  # before there is a file: not every map can be written
+        target: Target | None = None
         try:
-            stream, self._is_owned = writable(path)
+            target = Target(path, overwrite=overwrite)
+            output = Output(target.stream)
+            sink = Version2Sink(output) if version == 2 else Version3Sink(output, header)
+            session.write_to(sink, in_background=target.is_owned)
+            target.keep()
         except BaseException:
             session.abandon()
+            if target is not None:
+                target.discard()
             raise
-        self._stream, self._session, self._version = stream, session, version
+        self._target, self._session, self._version = target, session, version
         for name, data in self.components.snapshot():
             self._component_event(name, data)
 
@@ -149,9 +150,9 @@ class Recorder(IRecorder):
             session.close()
         finally:
             session.abandon()
-            stream, self._stream = self._stream, None
-            if stream is not None and (self._is_owned or not isinstance(stream, io.BytesIO)):
-                stream.close()
+            target, self._target = self._target, None
+            if target is not None and not target.close():
+                self.ctx.logger.warning("The file of the recording was removed while it was written; it is lost.")
 
     def pause(self) -> None:
         """Write nothing until `play`."""
@@ -225,6 +226,8 @@ class Recorder(IRecorder):
         if self.is_replaying:
             raise RecorderBusy("A recording is being replayed already.")
         stream, is_owned = readable(path)
+        if is_owned:
+            locks(stream, alone=False)
         self.is_replaying = True
         try:
             magic = stream.read(8)

@@ -1,9 +1,9 @@
 """One recording while it is being written: what the journal holds becomes the log of each turn."""
 
-from collections.abc import Callable, Mapping
+from collections.abc import Callable, Iterator, Mapping
+from contextlib import contextmanager
 from itertools import takewhile
 from operator import attrgetter
-from time import monotonic
 from typing import Any
 
 import numpy as np
@@ -11,10 +11,10 @@ import numpy as np
 from gamms.ir import journal as kinds
 from gamms.ir.journal import NOBODY, Log
 from gamms.recorder import game_state, sensed, state
-from gamms.recorder.errors import RecordingError
 from gamms.recorder.left_out import LeftOut
 from gamms.recorder.maps import is_map_of
 from gamms.recorder.noting import PlainJournal
+from gamms.recorder.saving import Saving
 from gamms.typing.opcodes import OpCodes
 
 _SOMEBODY_ELSE = object()
@@ -25,10 +25,10 @@ _TURNS_AT_ONCE = 64
 _ENTRIES_AT_ONCE = 1 << 20  # of logs: what may wait to be written
 _KEYFRAME_ENTRIES = 1 << 17  # of logs between two keyframes: 65,536 moves, which take some milliseconds to read
 _OF_VALUE = 64  # such entries take as long to read as one event with a value; those of flights: `PlainJournal.weight`
-_PATIENCE_S = 0.5
 
-Sink = Any  # what writes logs in some format: `add(logs)`, `keyframe(state)`, `flush()`, `close()`, and
-#            `new_values()`, how many events with a value were written since it was asked last
+Sink = Any  # what writes logs in some format: `begin(session, is_final)`, `add(logs)`, `keyframe(state)`, `flush()`,
+#            `close()`; `new_values()`, how many events with a value were written since it was asked last; `mark()` and
+#            `back_to(mark)`, which forgets what was written since; `is_current`, whether what was flushed can be read
 
 
 class Session:
@@ -36,7 +36,6 @@ class Session:
 
     Args:
         ctx: the context.
-        make_sink: makes the sink when the first turn is over, so that a map may be loaded until then.
         with_sensed: whether what agents sense is written, too.
 
     Attributes:
@@ -50,18 +49,19 @@ class Session:
         turn: how many turns were recorded.
     """
 
-    def __init__(self, ctx: Any, make_sink: Callable[["Session"], Sink], *, with_sensed: bool = False) -> None:
+    def __init__(self, ctx: Any, *, with_sensed: bool = False) -> None:
         self.ctx = ctx
         self._with_sensed = with_sensed
         self._room, self._visual, self._agents = ctx.graph, ctx.visual, ctx.agent
         self._all_sensors = ctx.sensor.sensors
-        self._make_sink = make_sink
-        self._sink: Sink | None = None
+        self._sink: Sink = None
+        self._has_begun = False  # for good: until the first turn is over, a map may be loaded
         self._logs: list[Log] = []
         self._rests_at, self._entries_here = _TURNS_AT_ONCE, 0  # the turn of the next point of rest; since the last one
         self._since_keyframe = 0  # entries
         self._front = 0  # where in the log a change of the map goes: behind what was told before another beginning
-        self._waits_until = monotonic() + _PATIENCE_S
+        self._writes_at = 1  # the turn at whose end the turns are written that wait: the first, then the points of rest
+        self._saving = Saving(self._save)
         self.turn = 0
         self.is_paused = self.has_failed = False
         self.copied: Callable[[int], state.State | None] | None = None
@@ -75,6 +75,17 @@ class Session:
         self.begin = state.captured(ctx) | game_state.told_first(ctx) | state.of_components(ctx)
         self._revised = _REVISIONS(self._room)
         self._watch_game()
+
+    def write_to(self, sink: Sink, *, in_background: bool) -> None:
+        """Begin to write.
+
+        Args:
+            sink: what writes.
+            in_background: whether another thread writes turns that wait for long; else every turn is written at its
+                end, if it can be read then.
+        """
+        self._sink, self._in_background = sink, in_background
+        sink.begin(self, is_final=False)
 
     @property
     def log(self) -> Log:
@@ -93,7 +104,7 @@ class Session:
         self.turn += 1
         if self.world is None:  # a map that comes later is an event, however long it took
             self.world = self._left_out.packed()
-        if self.turn >= self._rests_at or self._entries_here >= _ENTRIES_AT_ONCE or monotonic() > self._waits_until:
+        if self.turn >= self._writes_at or self._entries_here >= _ENTRIES_AT_ONCE:
             self._write()
 
     def pause(self) -> None:
@@ -125,7 +136,7 @@ class Session:
     def close(self) -> None:
         """Write what is left, and listen no longer."""
         self._hush()
-        if self.has_failed:
+        if self.has_failed or self._leave():
             return  # and has said so
         if not self.is_paused and self.copied is None:
             self._tell_changes()
@@ -133,24 +144,15 @@ class Session:
         if log:
             log.append((kinds.UNFINISHED, {}))
             self._logs.append(log)
-        try:
+        with self._writing():
             self._hand_over()
-            self.sink.close()
-        except RecordingError:
-            self._fail()
-            raise
-
-    @property
-    def sink(self) -> Sink:
-        """What writes; made when it is first needed."""
-        if self._sink is None:
-            self._sink = self._make_sink(self)
-        return self._sink
+            self._sink.close()
+            self._saving.end()
 
     @property
     def is_new(self) -> bool:
         """Whether nothing has happened yet but that classes of components were declared."""
-        is_new = self._sink is None and not self.turn and not self.begin["names"] and not self.is_paused
+        is_new = not self._has_begun and not self.turn and not self.begin["names"] and not self.is_paused
         return is_new and all(entry[0] == _DECLARATION for entry in self.log if type(entry) is tuple)
 
     def begins_like(self, header: dict[str, Any]) -> bool:
@@ -204,6 +206,7 @@ class Session:
     def abandon(self) -> None:
         """Listen no longer, and write nothing more."""
         self._hush()
+        self._saving.end()
 
     def renumber(self, names: list[str], numbers: list[int], following: int) -> None:
         """Let agents have the numbers that a replayed recording gives them, and the next new one this."""
@@ -248,24 +251,60 @@ class Session:
 
     def _fail(self) -> None:
         """Write nothing any more."""
-        self._hush()
+        self.abandon()
         self.has_failed, self._logs = True, []
 
     def _write(self) -> None:
         """Write the turns that wait."""
-        try:
+        if self._leave():
+            return
+        with self._writing():
+            if self._in_background:
+                self._in_background = self._saving.begin()
             self._hand_over()
             if self.turn >= self._rests_at or self._entries_here >= _ENTRIES_AT_ONCE:
                 self._point_of_rest()
+            if self._sink.is_current and not self._in_background:
+                self._sink.flush()
             else:
-                self.sink.flush()
-        except RecordingError:
+                self._writes_at = self._rests_at
+
+    def _leave(self) -> bool:
+        """Whether this is another process than the one that records, which then writes nothing more."""
+        if self._saving.is_inherited:
             self._fail()
+            self.ctx.logger.warning("A recording goes on in the process that began it only, and not in this one.")
+        return self.has_failed
+
+    @contextmanager
+    def _writing(self) -> Iterator[None]:
+        """Write all of it or end the recording; or, if that is interrupted by Ctrl-C, let nothing have been written."""
+        with self._saving.lock:
+            before, logs, weight, sink = dict(vars(self)), self._logs[:], self._journal.weight, self._sink.mark()
+            try:
+                self._saving.check()
+                yield
+            except Exception:
+                self._fail()
+                raise
+            except BaseException:
+                vars(self).update(before)
+                self._logs[:], self._journal.weight = logs, weight
+                self._sink.back_to(sink)
+                raise
+
+    def _save(self) -> None:
+        """Write the turns that wait, which no later turn has done; or let the next one say what went wrong."""
+        try:
+            self._hand_over()
+            self._sink.flush()
+        except Exception:
+            self._writes_at = 0
             raise
 
     def _point_of_rest(self) -> None:
         """Where a keyframe may be: by what was recorded, never by the clock."""
-        self._since_keyframe += self._entries_here + self._journal.weight + _OF_VALUE * self.sink.new_values()
+        self._since_keyframe += self._entries_here + self._journal.weight + _OF_VALUE * self._sink.new_values()
         self._journal.weight = 0
         self._rests_at, self._entries_here = self.turn + _TURNS_AT_ONCE, 0
         if self.copied is not None:
@@ -275,13 +314,16 @@ class Session:
         else:
             keyframe = None
         if keyframe is not None:
-            self.sink.keyframe(keyframe)
+            self._sink.keyframe(keyframe)
             self._since_keyframe = 0
 
     def _hand_over(self) -> None:
-        if self._logs:
-            self.sink.add(self._logs)
-        self._logs, self._waits_until = [], monotonic() + _PATIENCE_S
+        if not self._has_begun:
+            self._has_begun = True
+            self._sink.begin(self, is_final=True)
+        if waiting := self._logs[:]:
+            self._sink.add(waiting)
+            del self._logs[: len(waiting)]  # others may have joined, behind them
 
     def _tell_changes(self) -> None:
         """Write down what nobody notes: a change of the map, before who stands on it, and what the game has come to."""

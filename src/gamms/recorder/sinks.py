@@ -2,15 +2,16 @@
 
 import io
 import os
-import time
+from collections.abc import Callable
 from functools import cache
-from typing import Any, BinaryIO
+from typing import Any
 
 from gamms.ir import journal as kinds
 from gamms.ir.journal import Log
 from gamms.recorder import state
 from gamms.recorder.formats.output import Output
 from gamms.recorder.formats.tracks import FORMS
+from gamms.recorder.formats.values import to_bytes
 from gamms.recorder.formats.version2 import Version2Writer
 from gamms.recorder.formats.writer import Writer
 from gamms.recorder.plain import plain
@@ -18,15 +19,48 @@ from gamms.recorder.records import TURN_NS, Record, named, records_of, records_o
 from gamms.recorder.session import Session
 
 _MOST_WAITING = 1 << 16  # bytes
-_PATIENCE_S = 0.5
 
 
 class Version3Sink:
-    """Writes the container of docs/recording-format.md."""
+    """Writes the container of docs/recording-format.md.
 
-    def __init__(self, stream: BinaryIO, session: Session, header: dict[str, Any]) -> None:
-        self._writer, self._values = Writer(stream, header), 0
-        self._writer.keyframe(session.begin)
+    Args:
+        output: where to.
+        header: what the header says of a session.
+    """
+
+    def __init__(self, output: Output, header: Callable[[Session], dict[str, Any]]) -> None:
+        self._output, self._header = output, header
+        self._writer: Writer = None  # type: ignore[assignment] # until it begins
+        self._beginning: tuple[bytes, state.State] | None = None
+        self._values = 0
+
+    @property
+    def is_current(self) -> bool:
+        """Whether what was flushed can be read at once."""
+        return self._output.can_overwrite
+
+    def begin(self, session: Session, *, is_final: bool) -> None:
+        """Write how the recording begins, unless that is there: for now, so that it opens, or for good."""
+        if not is_final and not self._output.can_overwrite:
+            return
+        header = self._header(session)
+        beginning = to_bytes(header, "The header"), session.begin
+        if self._beginning is None or self._beginning[0] != beginning[0] or self._beginning[1] is not beginning[1]:
+            self._output.back_to(0)
+            self._writer = Writer(self._output, header)
+            self._writer.keyframe(session.begin)
+            self._beginning = beginning
+
+    def mark(self) -> Any:
+        """How far it has come, for `back_to`."""
+        return self._writer, self._beginning, self._values, None if self._beginning is None else self._writer.mark()
+
+    def back_to(self, mark: Any) -> None:
+        """Forget what was written since."""
+        self._writer, self._beginning, self._values, written = mark
+        if written:
+            self._writer.back_to(written)
 
     def add(self, logs: list[Log]) -> None:
         """Write the logs of turns."""
@@ -63,16 +97,35 @@ class Version3Sink:
 class Version2Sink:
     """Writes what gamms 1.0.0 reads; what that does not know is left out."""
 
-    def __init__(self, stream: BinaryIO, session: Session) -> None:
-        self._output = Output(stream)
+    is_current = True
+
+    def __init__(self, output: Output) -> None:
+        self._output = output
         self._waiting = io.BytesIO()
         self._writer = Version2Writer(self._waiting)
-        self._flushed_at = time.monotonic()
         self._turn = 0
         self._since = 0, 0  # a turn, and its time stamp, from which those of the others follow
         self._end: Record | None = None  # how a recording ended that was copied, and nothing came after it
+
+    def begin(self, session: Session, *, is_final: bool) -> None:  # noqa: ARG002 - nothing of it changes later
+        """Write what is in front of the records."""
         self._names: list[str] = list(session.begin["names"])
         self._nodes: dict[str, int] = dict(zip(self._names, session.begin["node"].tolist(), strict=True))
+        self.flush()
+
+    def mark(self) -> Any:
+        """How far it has come, for `back_to`."""
+        known = {**vars(self), "_names": self._names[:], "_nodes": self._nodes.copy()}
+        return known, self._waiting.getvalue(), self._output.end
+
+    def back_to(self, mark: Any) -> None:
+        """Forget what was written since."""
+        known, waiting, end = mark
+        vars(self).update(known)
+        self._waiting.seek(0)
+        self._waiting.truncate()
+        self._waiting.write(waiting)
+        self._output.back_to(end)
 
     def add(self, logs: list[Log]) -> None:
         """Write the logs of turns."""
@@ -98,7 +151,7 @@ class Version2Sink:
         if is_over:
             self._write(*records_of(kinds.SIMULATE, {}, self._timestamp(self._turn)))
         self._turn += 1
-        if self._waiting.tell() > _MOST_WAITING or time.monotonic() - self._flushed_at > _PATIENCE_S:
+        if self._waiting.tell() > _MOST_WAITING:
             self.flush()
 
     def _timestamp(self, turn: int) -> int:
@@ -156,10 +209,10 @@ class Version2Sink:
 
     def flush(self) -> None:
         """Hand over what was written to the system."""
-        self._output.append(self._waiting.getvalue())
-        self._waiting.seek(0)
-        self._waiting.truncate()
-        self._flushed_at = time.monotonic()
+        if self._waiting.tell():
+            self._output.append(self._waiting.getvalue())
+            self._waiting.seek(0)
+            self._waiting.truncate()
 
     def close(self) -> None:
         """Write the end."""

@@ -6,26 +6,85 @@ from pathlib import Path
 from typing import Any, BinaryIO
 
 from gamms.errors import BadType
+from gamms.recorder.errors import RecorderBusy
 
 _SUFFIX = ".ggr"
 
 
-def writable(path: Any) -> tuple[BinaryIO, bool]:
-    """A stream to write to, and whether it was opened here.
+class Target:
+    """The stream that a recording is written to: of the caller's own, or of a new file.
+
+    Attributes:
+        stream: to write to.
+        is_owned: whether it is a file that was opened here.
+
+    Args:
+        path: of the file, which gets the suffix if it has none; or a binary stream.
+        overwrite: whether the file may take the place of another: as soon as `keep` says so.
 
     Raises:
         FileExistsError: there is such a file.
+        RecorderBusy (RuntimeError): it is being recorded or replayed.
         BadType (TypeError): this is neither a path nor a binary stream.
     """
-    if isinstance(path, (str, os.PathLike)):
+
+    def __init__(self, path: Any, *, overwrite: bool = False) -> None:
+        self.is_owned = isinstance(path, str | os.PathLike)
+        self._old: BinaryIO | None = None
+        if self.is_owned:
+            self.stream: BinaryIO = self._new_file(path, overwrite=overwrite)
+        elif hasattr(path, "write") and not isinstance(path, io.TextIOBase):
+            self.stream = path
+        else:
+            raise BadType(f"A recording is written to a path or a binary stream, not to {path!r}.")
+
+    def _new_file(self, path: str | os.PathLike[str], *, overwrite: bool) -> BinaryIO:
         file = Path(path)
         file = file if file.name.endswith(_SUFFIX) else Path(f"{file}{_SUFFIX}")
-        if file.exists():
-            raise FileExistsError(f"There is a file {str(file)!r} already; choose another name or delete it first.")
-        return file.open("xb"), True
-    if hasattr(path, "write") and not isinstance(path, io.TextIOBase):
-        return path, False
-    raise BadType(f"A recording is written to a path or a binary stream, not to {path!r}.")
+        self._at = self._path = Path(os.path.realpath(file)) if overwrite else file
+        if self._path.exists():
+            if not overwrite:
+                raise FileExistsError(
+                    f"There is a file {str(file)!r} already; choose another name, or write over it with overwrite=True."
+                )
+            self._old = self._path.open("rb")
+            if not locks(self._old, alone=True):
+                self._close_old()
+                raise RecorderBusy(
+                    f"{str(file)!r} is being recorded or replayed; choose another name or stop that first."
+                )
+            self._at = self._path.with_name(f".{self._path.name}.{os.getpid()}.part")
+        try:
+            stream = self._at.open("xb" if self._old is None else "wb")
+        except OSError:
+            self._close_old()
+            raise
+        locks(stream, alone=True)
+        return stream
+
+    def keep(self) -> None:
+        """Let the file be where it belongs, now that something is in it."""
+        if self._old is not None:
+            self._at.replace(self._path)
+            self._close_old()
+
+    def discard(self) -> None:
+        """Leave everything as it was."""
+        if self.is_owned:
+            self.stream.close()
+            self._at.unlink(missing_ok=True)
+        self._close_old()
+
+    def _close_old(self) -> None:
+        if self._old is not None:
+            self._old.close()
+
+    def close(self) -> bool:
+        """Close the stream, unless the caller goes on with it; False if the file was removed meanwhile."""
+        has_name = not self.is_owned or self.stream.closed or os.fstat(self.stream.fileno()).st_nlink > 0
+        if self.is_owned or not isinstance(self.stream, io.BytesIO):
+            self.stream.close()
+        return has_name
 
 
 def readable(path: Any) -> tuple[BinaryIO, bool]:
@@ -41,6 +100,21 @@ def readable(path: Any) -> tuple[BinaryIO, bool]:
             file = Path(f"{file}{_SUFFIX}")
         return file.open("rb"), True
     if hasattr(path, "read") and not isinstance(path, io.TextIOBase):
-        stream: BinaryIO = path if path.seekable() else io.BytesIO(path.read())
-        return stream, False
+        return path if path.seekable() else io.BytesIO(path.read()), False
     raise BadType(f"A recording is read from a path or a binary stream, not from {path!r}.")
+
+
+def locks(stream: BinaryIO, *, alone: bool) -> bool:
+    """Lock a file as long as it is open, alone or together with others; False if others keep it from that.
+
+    Where a system or its file has no locks nothing happens.
+    """
+    try:
+        import fcntl
+
+        fcntl.flock(stream.fileno(), (fcntl.LOCK_EX if alone else fcntl.LOCK_SH) | fcntl.LOCK_NB)
+    except BlockingIOError:
+        return False
+    except (ImportError, OSError):
+        pass
+    return True

@@ -96,13 +96,21 @@ def _packed(value: Any) -> bytes:
     return to_bytes(value, "The recording")
 
 
+class _Whole(io.BytesIO):
+    """Bytes that nobody reads before the recording is finished, so that no turn has to be there at its end."""
+
+    def seekable(self) -> bool:
+        """Not while it is written."""
+        return False
+
+
 def re_recorded(path: str | os.PathLike[str], map: str | os.PathLike[str] | None = None) -> bytes:
     """What comes out when a recording of version 3 is replayed into a fresh context and recorded there.
 
     Raises:
         RecordingError (ValueError): it cannot be replayed.
     """
-    stream = io.BytesIO()
+    stream = _Whole()
     with with_map(map) as ctx:
         ctx.record.start(stream)
         try:

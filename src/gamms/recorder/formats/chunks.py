@@ -13,7 +13,7 @@ agent does next resembles what it did before. The body is columns:
 from array import array
 from collections.abc import Collection, Iterator, Sequence
 from dataclasses import dataclass, field
-from typing import Any
+from typing import Any, NamedTuple
 
 import numpy as np
 
@@ -104,6 +104,17 @@ def _check_pairs(size: int) -> None:
 # -- collecting and writing -------------------------------------------------------------------------------------
 
 
+class Mark(NamedTuple):
+    """How much there was of the turns that wait for their block."""
+
+    turns: int = 0
+    moves: int = 0  # times two
+    events: int = 0
+    values: int = 0
+    rows: dict[int, tuple[int, int]] = {}  # noqa: RUF012 - never changed
+    size: int = 0
+
+
 class Collected:
     """The turns that wait for their block.
 
@@ -171,6 +182,31 @@ class Collected:
         self._turns[1].extend(bytes(len(counts)))
         self.size = size
         return True
+
+    def mark(self) -> Mark:
+        """How much there is."""
+        rows = {kind: (len(rows.ints), len(rows.floats)) for kind, rows in self._rows.items()}
+        return Mark(len(self), len(self._moves), len(self._kinds), len(self._data), rows, self.size)
+
+    def cut(self, mark: Mark) -> None:
+        """Forget what is behind a mark, be it half a turn."""
+        # Copies: what was interrupted may still look at these.
+        self._turns = self._turns[0][: mark.turns], self._turns[1][: mark.turns]
+        self._moves, self._after = self._moves[: mark.moves], self._after[: mark.events]
+        self._kinds, self._data = self._kinds[: mark.events], self._data[: mark.values]
+        self._rows = {kind: self._rows[kind].until(*sizes) for kind, sizes in mark.rows.items()}
+        self.size = mark.size
+
+    def since(self, mark: Mark, sequence: tracks.Sequence) -> "Collected":
+        """The turns behind a mark, for a block of their own."""
+        part = Collected(self.first + mark.turns, sequence)
+        part._moves = self._moves[mark.moves :]
+        part._turns = self._turns[0][mark.turns :], self._turns[1][mark.turns :]
+        part._after = array("q", [after - mark.moves // 2 for after in self._after[mark.events :]])
+        part._kinds, part._data = self._kinds[mark.events :], self._data[mark.values :]
+        rows = {kind: rows.since(*mark.rows.get(kind, (0, 0))) for kind, rows in self._rows.items()}
+        part._rows = {kind: some for kind, some in rows.items() if some.numbers}
+        return part
 
     def body(self, habit: columns.Habit) -> bytes:
         """The body of the block; `habit` is how the moves are deflated."""

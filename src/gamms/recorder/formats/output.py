@@ -1,5 +1,6 @@
-"""The stream that a recording is written into: whole blocks, the last of which may be replaced by a longer one."""
+"""The stream that a recording is written into: whole blocks, the last of which may be replaced by one longer block."""
 
+import os
 from collections.abc import Iterator
 from contextlib import contextmanager, suppress
 from typing import Any, BinaryIO
@@ -10,7 +11,7 @@ _TROUBLES = (OSError, ValueError, TypeError, AttributeError)  # full, gone, clos
 
 
 class Output:
-    """What is settled, and behind it perhaps a block that will be replaced."""
+    """What is settled, and behind it perhaps provisional blocks, which will be replaced."""
 
     def __init__(self, stream: BinaryIO) -> None:
         self.end = 0  # of what is settled, in bytes from where the recording begins
@@ -21,6 +22,8 @@ class Output:
             # What a buffer could not write it would try again when it is closed, and fail for the second time.
             self._stream: Any = getattr(stream, "raw", stream)
             self.can_overwrite = _can_overwrite(stream)
+            # A buffer that is read as well keeps what it has read until it is told to seek the end.
+            self._readable = stream if stream is not self._stream and stream.readable() else None
             self._begin = stream.tell() if self.can_overwrite else 0
 
     def check(self) -> None:
@@ -29,12 +32,7 @@ class Output:
             raise RecordingError(f"Nothing more can be recorded: this recording ended after byte {self._length}.")
 
     def append(self, data: bytes) -> None:
-        """Write what stays."""
-        self.replace(data)
-        self.end = self._length
-
-    def replace(self, data: bytes) -> None:
-        """Write behind what is settled, instead of what is there, which stays readable until that is done."""
+        """Write what stays, instead of what is provisional, which stays readable until that is done."""
         with self._watch():
             if self._length > self.end:
                 self._write(max(self._length, self.end + len(data)), data)
@@ -43,7 +41,24 @@ class Output:
                 self._stream.truncate(self._begin + self.end + len(data))
             else:
                 self._write(self.end, data)
-            self._length = self.end + len(data)
+            self._length = self.end = self.end + len(data)
+            self._show()
+
+    def extend(self, data: bytes) -> None:
+        """Write a provisional block behind all that is there.
+
+        Requires: `can_overwrite`.
+        """
+        with self._watch():
+            self._write(self._length, data)
+            self._length += len(data)
+            self._show()
+
+    def back_to(self, end: int) -> None:
+        """Let all that is there from a byte on be provisional, even if writing it was interrupted."""
+        self.end = end
+        if self.can_overwrite:
+            self._length = self._stream.seek(0, os.SEEK_END) - self._begin
 
     def close(self) -> None:
         """Let nothing more be written."""
@@ -59,6 +74,11 @@ class Output:
                 raise BlockingIOError("it takes nothing more at the moment")
             left = left[written:]
         self._stream.flush()
+
+    def _show(self) -> None:
+        """Let the program find in its own object what was written."""
+        if self._readable is not None:
+            self._readable.seek(0, os.SEEK_END)
 
     @contextmanager
     def _watch(self) -> Iterator[None]:

@@ -194,6 +194,14 @@ class Rows:
         self.ints.extend(other.ints)
         self.floats.extend(other.floats)
 
+    def since(self, ints: int, floats: int) -> "Rows":
+        """Those behind so many numbers."""
+        return Rows(self.ints[ints:], self.floats[floats:])
+
+    def until(self, ints: int, floats: int) -> "Rows":
+        """Those in front of so many numbers."""
+        return Rows(self.ints[:ints], self.floats[:floats])
+
     def body(self, kind: int) -> Iterator[bytes]:
         """What stands in the block."""
         nodes, floats = FORMS[kind]

@@ -1,8 +1,9 @@
 """Write a recording, so that it can be read up to the last second whenever the program dies.
 
-Blocks close by what is in them, never by the clock. What the clock forces out early is a shorter block at the end of
-the file, which the next, longer one replaces: that one is first written behind it, then over it, and then the file is
-cut. So at every moment one of them is whole, and a finished file does not know how long anything took.
+Blocks close by what is in them, never by the clock. What the clock forces out early are shorter, provisional blocks at
+the end of the file, which the one block of the same turns replaces later: that one is first written behind them, then
+over them, and then the file is cut. So at every moment one or the other is whole, and a finished file does not know how
+long anything took.
 """
 
 import time
@@ -29,7 +30,7 @@ class Writer:
 
     def __init__(
         self,
-        stream: BinaryIO,
+        stream: BinaryIO | Output,
         header: dict[str, Any],
         *,
         turns: int = 64,
@@ -40,7 +41,7 @@ class Writer:
         """Begin a recording.
 
         Args:
-            stream: open for writing; the recording begins where it stands.
+            stream: open for writing; the recording begins where it stands, or takes the place of what is provisional.
             header: plain values and NumPy arrays, whatever describes the recording.
             turns: a block closes after so many turns, 1 to 65,536.
             seconds: how often open blocks are written too; None for never.
@@ -59,14 +60,15 @@ class Writer:
         head = blocks.block(blocks.HEADER, body, 0, blocks.Counts())
         self._turns, self._seconds, self._size, self._clock = turns, seconds, size, clock
         self._key = blocks.head_of(head[: blocks.HEAD_SIZE]).crc
-        self._file = Output(stream)
+        self._file = stream if isinstance(stream, Output) else Output(stream)
         self._index: list[tuple[int, ...]] = []
         self._values = 0  # before the open block
         self._habit = columns.Habit()
         self._open = chunks.Collected(0, tracks.Sequence(np.zeros(0, np.int64)))
         self._file.append(blocks.MAGIC + head)
-        self._saved_at = clock()  # and so many turns of the open block
-        self._saved = 0
+        self._saved_at = clock()
+        self._saved = chunks.Mark()  # what there is of the open block in provisional blocks
+        self._provisional = self._open.sequence  # that of the last of these
 
     @property
     def turns(self) -> int:
@@ -110,6 +112,25 @@ class Writer:
         for log in logs:
             self.add_turn(log)
 
+    def mark(self) -> tuple[Any, ...]:
+        """How far it has come, for `back_to`."""
+        return (
+            self._open,
+            self._open.mark(),
+            self._saved,
+            self._values,
+            self._habit.copy(),
+            len(self._index),
+            self._file.end,
+        )
+
+    def back_to(self, mark: tuple[Any, ...]) -> None:
+        """Forget what was added since, even if that was interrupted anywhere."""
+        self._open, collected, self._saved, self._values, self._habit, entries, end = mark
+        self._open.cut(collected)
+        del self._index[entries:]
+        self._file.back_to(end)
+
     def _close_or_flush(self) -> None:
         if len(self._open) >= self._turns or self._open.size >= self._size:
             self._close_block()
@@ -130,15 +151,17 @@ class Writer:
         self._put(blocks.KEYFRAME, body, blocks.Counts(self.turns))
 
     def flush(self) -> None:
-        """Write all turns that were added, if the stream can take back the last block of a file.
+        """Write all turns that were added, if the stream can take back the last blocks of a file.
 
         Raises:
             RecordingError: see `add_turn`.
         """
         self._file.check()
-        if self._file.can_overwrite and len(self._open) > self._saved:
-            self._file.replace(self._block(blocks.TURNS, self._open.body(self._habit.copy()), self._open.counts))
-        self._saved, self._saved_at = len(self._open), self._clock()
+        if self._file.can_overwrite and len(self._open) > self._saved.turns:
+            part = self._open.since(self._saved, self._provisional)
+            self._file.extend(self._block(blocks.TURNS, part.body(columns.Habit()), part.counts))
+            self._saved, self._provisional = self._open.mark(), part.sequence
+        self._saved_at = self._clock()
 
     def close(self) -> None:
         """Write all turns, the index and the footer; calls after the first do nothing, nor do those after an error.
@@ -161,7 +184,7 @@ class Writer:
         self._put(blocks.TURNS, self._open.body(self._habit), self._open.counts)
         self._values += self._open.values
         self._open = chunks.Collected(self.turns, self._open.sequence)
-        self._saved, self._saved_at = 0, self._clock()
+        self._saved, self._saved_at = chunks.Mark(), self._clock()
 
     def _put(self, type: int, body: bytes, counts: blocks.Counts) -> None:
         data = self._block(type, body, counts)
