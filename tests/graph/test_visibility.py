@@ -13,6 +13,7 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
+from gamms import limits
 from gamms.errors import BadFile, BadType, BadValue, MissingFolder, NotOffered, Outdated, UnknownName
 from gamms.graph import lookouts, sight_file
 from gamms.graph.sights import Scene, Seen
@@ -443,12 +444,12 @@ def test_a_small_file_is_not_believed_to_hold_a_large_table():
     nodes = 20_000
     bomb = sight_file.encode(Seen(np.full(nodes, 1, np.int32), np.arange(nodes, dtype=np.int32)), KEY, 5.0, 1.6)
     bomb = sealed(bomb[:72] + (nodes * nodes).to_bytes(8, "little") + bomb[80:])
-    with pytest.raises(BadFile, match="do not fit"):
+    with pytest.raises(BadFile, match=r"do not fit|honest files"):
         sight_file.decode(bomb, KEY, nodes)
 
 
 def test_a_table_of_an_open_field_is_believed(monkeypatch):
-    monkeypatch.setattr(sight_file, "_MOST_BYTES", 1000)
+    monkeypatch.setattr(limits, "_FLOOR", 1000)
     nodes = 300  # all see all, which would pack into next to nothing
     field = Seen(np.full(nodes, nodes, np.int32), np.tile(np.arange(nodes, dtype=np.int32), nodes))
     found = sight_file.decode(sight_file.encode(field, KEY, math.inf, 1.6), KEY, nodes)

@@ -4,11 +4,12 @@ from typing import Any
 
 import numpy as np
 
-from gamms.errors import BadFile, BadValue, GammsError, WriteConflict
+from gamms.errors import BadFile, BadValue, GammsError, TooLarge, WriteConflict
 from gamms.graph import plain
 from gamms.graph.contents import Contents, checked_columns
 from gamms.graph.obstacles import checked_face
 from gamms.ir.graph import FloatArray, GraphColumns
+from gamms.text import shown
 from gamms.typing.memory_engine import IPathLike
 
 STORE = ".graph"  # the dot: no store of the program's, and not listed among those
@@ -76,10 +77,11 @@ class GraphDatabase:
         try:
             with self._store.transaction(is_writing=False):
                 tables = {name: self._store.read_columns(name) for name in _SCHEMAS}
-            contents = _contents_of(tables)
+            contents = _contents_of(tables, plain.Texts(self._store.allowance()))
             self._saves = _saves_of(tables["about"])
         except (GammsError, KeyError, ValueError, TypeError) as error:
-            raise BadFile(f"{self.path} does not hold a graph that GAMMS can load: {error}") from error
+            kind = TooLarge if isinstance(error, TooLarge) else BadFile
+            raise kind(f"{self.path} does not hold a graph that GAMMS can load: {error}") from error
         return contents
 
     def write(self, contents: Contents) -> None:
@@ -142,7 +144,7 @@ def _tables_of(contents: Contents, saves: int) -> dict[str, dict[str, list[Any]]
     }
 
 
-def _contents_of(tables: dict[str, dict[str, list[Any]]]) -> Contents:
+def _contents_of(tables: dict[str, dict[str, list[Any]]], texts: plain.Texts) -> Contents:
     nodes, edges, faces = tables["nodes"], tables["edges"], tables["obstacle_face"]
     about = dict(zip(tables["about"]["key"], tables["about"]["value"], strict=True))
     row_of = {id: row for row, id in enumerate(nodes["id"])}
@@ -155,7 +157,7 @@ def _contents_of(tables: dict[str, dict[str, list[Any]]]) -> Contents:
         "lengths": np.array(edges["length"], np.float64),
     }
     bends = {row: _points(data) for row, data in enumerate(edges["linestring"]) if data is not None}
-    attributes = (_attributes(nodes["attributes"]), _attributes(edges["attributes"]))
+    attributes = (_attributes(nodes["attributes"], texts), _attributes(edges["attributes"], texts))
     graph: GraphColumns = checked_columns(arrays, bends, attributes, about.get("crs"))
     corners = zip(*(faces[name] for name in _CORNERS), strict=True)
     checked = [
@@ -178,20 +180,16 @@ def _attribute_texts(attributes: Any, rows: int, kind: str) -> list[str | None]:
     return texts
 
 
-def _attributes(texts: list[str | None]) -> dict[str, dict[int, Any]]:
+def _attributes(column: list[str | None], texts: plain.Texts) -> dict[str, dict[int, Any]]:
     attributes: dict[str, dict[int, Any]] = {}
-    for row, text in enumerate(texts):
+    for row, text in enumerate(column):
         if text is not None:
-            for name, value in _attribute_dict(text).items():
+            given = texts.read(text)
+            if not isinstance(given, dict) or not all(isinstance(name, str) for name in given):
+                raise BadValue(f"attributes must be a dict by name, not {shown(given)}")
+            for name, value in given.items():
                 attributes.setdefault(name, {})[row] = value
     return attributes
-
-
-def _attribute_dict(text: str) -> dict[str, Any]:
-    given = plain.from_text(text)
-    if not isinstance(given, dict) or not all(isinstance(name, str) for name in given):
-        raise BadValue(f"attributes must be a dict by name, not {given!r}")
-    return given
 
 
 def _bytes(bend: FloatArray | None) -> bytes | None:

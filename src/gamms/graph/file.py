@@ -11,28 +11,27 @@ import os
 import zlib
 from collections.abc import Iterable
 from itertools import count
+from math import prod
 from struct import Struct
 from typing import Any
 
 import numpy as np
 
 from gamms.arguments import as_path
-from gamms.errors import BadFile, GammsError, MissingFolder
+from gamms.errors import BadFile, BadValue, GammsError, MissingFolder
 from gamms.folders import write_whole
-from gamms.graph import plain
+from gamms.graph import plain, records
 from gamms.graph.contents import Contents, checked_columns
 from gamms.graph.obstacles import checked_face
 from gamms.ir.graph import FloatArray, GraphColumns
+from gamms.limits import Allowance
 from gamms.typing.graph_engine import ObsFace
 
 MAGIC = b"GAMMSMAP"
 VERSION = 1
 
 _HEAD = Struct("<8sIII")
-_MOST_HEADER = 1 << 24
-_MOST_BYTES = 1 << 28  # decompressed, or _MOST_RATIO times the file where that is more
-_MOST_RATIO = 256
-_BYTES_PER_LETTER = 16  # what a list takes in memory for each letter of its text, at most about
+_MOST_HEADER = 1 << 21  # more than 10,000 attributes, each of which takes three columns
 _DTYPES: dict[str, np.dtype[Any]] = {"int64": np.dtype("<i8"), "float64": np.dtype("<f8"), "uint8": np.dtype("u1")}
 _GRAPH = ("node_ids", "xy", "edge_ids", "sources", "targets", "lengths")
 _OTHERS = ("bend_rows", "bend_sizes", "bend_points", "face_ids", "face_types", "face_corners")
@@ -76,15 +75,13 @@ def load(path: str | os.PathLike[str]) -> Contents:
     try:
         return decode(data)
     except BadFile as error:
-        raise BadFile(f"{path} is not a graph that GAMMS can load: {error}.") from error
+        raise type(error)(f"{path} is not a graph that GAMMS can load: {error}.") from error
 
 
 def encode(contents: Contents) -> bytes:
     """A graph as the bytes of a file; the same graph gives the same bytes."""
     columns = _columns_of(contents)
-    stored = [_pack(array, level=9) for array in columns.values()]
-    if sum(array.nbytes for array in columns.values()) > _most_bytes(sum(map(len, stored))):
-        stored = [_pack(array, level=0) for array in columns.values()]  # so regular that `load` would not believe it
+    stored = [_pack(array) for array in columns.values()]
     header = {
         "crs": contents.columns.crs,
         "attribution": contents.attribution,
@@ -94,6 +91,8 @@ def encode(contents: Contents) -> bytes:
         ],
     }
     text = json.dumps(header, separators=(",", ":"), ensure_ascii=False).encode("utf-8", "surrogatepass")
+    if len(text) > _MOST_HEADER:
+        raise BadValue(f"A graph cannot be saved whose attribution and names of attributes take {len(text)} bytes.")
     return b"".join([_HEAD.pack(MAGIC, VERSION, len(text), zlib.crc32(text)), text, *stored])
 
 
@@ -105,19 +104,15 @@ def decode(data: bytes) -> Contents:
     """
     header, position = _read_header(data)
     try:
-        columns = _unpack_all(data, position, header["columns"])
-        attributes = _attributes_of(columns, limit=_most_bytes(len(data)))
-        return _contents_of(columns, attributes, _text(header["crs"]), _text(header["attribution"]))
+        allowance = Allowance(len(data), "it")
+        columns = _unpack_all(data, position, header["columns"], allowance)
+        attributes = _attributes_of(columns, plain.Texts(allowance))
+        crs, attribution = (records.as_text(header[key], key) for key in ("crs", "attribution"))
+        return _contents_of(columns, attributes, crs, attribution)
     except BadFile:
         raise
     except (KeyError, ValueError, TypeError, OverflowError, IndexError, GammsError) as error:
         raise BadFile(f"its contents are damaged ({error})") from error
-
-
-def _text(value: Any) -> str | None:
-    if value is None or isinstance(value, str):
-        return value
-    raise BadFile("its header is damaged")
 
 
 # -- columns <-> bytes ------------------------------------------------------------------------------------------
@@ -141,30 +136,27 @@ def _read_header(data: bytes) -> tuple[dict[str, Any], int]:
     return header, _HEAD.size + size
 
 
-def _most_bytes(size: int) -> int:
-    """How much memory the columns of a file of this size may take."""
-    return max(_MOST_BYTES, _MOST_RATIO * size)
-
-
-def _pack(array: np.ndarray[Any, Any], level: int) -> bytes:
+def _pack(array: np.ndarray[Any, Any]) -> bytes:
     flat = array.reshape(-1)
     if array.dtype.kind == "i":
         flat = np.diff(flat, prepend=flat.dtype.type(0))
     size = array.dtype.itemsize
     flat = np.ascontiguousarray(flat.astype(array.dtype.newbyteorder("<")))
-    return zlib.compress(flat.view(np.uint8).reshape(-1, size).T.tobytes(), level)
+    return zlib.compress(flat.view(np.uint8).reshape(-1, size).T.tobytes(), 9)
 
 
-def _unpack_all(data: bytes, position: int, entries: list[Any]) -> dict[str, np.ndarray[Any, Any]]:
-    columns, total = {}, 0
+def _unpack_all(
+    data: bytes, position: int, entries: list[Any], allowance: Allowance
+) -> dict[str, np.ndarray[Any, Any]]:
+    columns = {}
     for name, dtype_name, shape, size, crc in entries:
         dtype = _DTYPES[dtype_name]
         if not all(isinstance(n, int) and 0 <= n < 2**40 for n in (*shape, size)) or len(shape) > 2:
             raise BadFile(f"column {name!r} has an impossible size")
-        raw = dtype.itemsize * int(np.prod(shape, dtype=object))
-        total += raw
-        if total > _most_bytes(len(data)):
-            raise BadFile(f"it would take {total} bytes of memory, far more than its size explains")
+        raw = dtype.itemsize * prod(shape)
+        if not raw and ":" in name:
+            raise BadFile(f"the column {name!r} is empty")  # an attribute that nobody has is not written
+        allowance.charge(raw)
         blob = data[position : position + size]
         if len(blob) < size or zlib.crc32(blob) != crc:
             raise BadFile(f"column {name!r} is damaged or cut off")
@@ -259,8 +251,8 @@ def _faces_of(columns: dict[str, np.ndarray[Any, Any]]) -> Iterable[ObsFace]:
         yield checked_face(id, tr, tl, br, bl, type)
 
 
-def _attributes_of(columns: dict[str, np.ndarray[Any, Any]], limit: int) -> _Attributes:
-    """The attributes of nodes and of edges, taken out of the columns; lists and dicts share the limit in bytes."""
+def _attributes_of(columns: dict[str, np.ndarray[Any, Any]], texts: plain.Texts) -> _Attributes:
+    """The attributes of nodes and of edges, taken out of the columns; rows of one text share its value."""
     found: dict[str, dict[str, dict[int, Any]]] = {"node": {}, "edge": {}}
     for key in [key for key in columns if key.endswith(":rows")]:
         kind, name = key.removesuffix(":rows").split(":", 1)
@@ -268,17 +260,6 @@ def _attributes_of(columns: dict[str, np.ndarray[Any, Any]], limit: int) -> _Att
         lines = text.tobytes().decode("utf-8", "surrogatepass").split("\n")
         if len(rows) != len(codes) or (len(codes) and not 0 <= int(codes.min()) <= int(codes.max()) < len(lines)):
             raise BadFile(f"attribute {name!r} is damaged")
-        values = [plain.from_text(line) for line in lines]
-        uses = np.bincount(codes, minlength=len(lines)).tolist()
-        # A list or dict is read again for each row, so that no two rows share one.
-        fresh = [isinstance(value, list | dict | tuple) for value in values]
-        limit -= _BYTES_PER_LETTER * sum(
-            n * len(line) for n, line, is_one in zip(uses, lines, fresh, strict=True) if is_one
-        )
-        if limit < 0:
-            raise BadFile(f"attribute {name!r} would take far more memory than the size of the file explains")
-        found[kind][name] = {
-            row: plain.from_text(lines[code]) if fresh[code] else values[code]
-            for row, code in zip(rows.tolist(), codes.tolist(), strict=True)
-        }
+        values = [texts.read(line) for line in lines]
+        found[kind][name] = dict(zip(rows.tolist(), (values[code] for code in codes.tolist()), strict=True))
     return found["node"], found["edge"]

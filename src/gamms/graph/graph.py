@@ -27,13 +27,7 @@ if TYPE_CHECKING:
 
 
 class Graph(Copied, Ways):
-    """A graph over columns; see `IGraph` for what each call promises.
-
-    Attributes:
-        attribution: whom the data is by, to be shown where the graph is shown; None when nobody asks for it.
-    """
-
-    attribution: str | None
+    """A graph over columns; see `IGraph` for what each call promises."""
 
     def __init__(self) -> None:
         self._neighborhoods = Neighborhoods(self)
@@ -49,7 +43,7 @@ class Graph(Copied, Ways):
         self._columns: GraphColumns | None = None
         self._revision += 1
         self._crs: str | None = None
-        self.attribution = None
+        self._attribution: str | None = None
 
     @property
     def revision(self) -> int:
@@ -63,8 +57,17 @@ class Graph(Copied, Ways):
 
     @crs.setter
     def crs(self, crs: str | None) -> None:
-        self._crs = crs
+        self._crs = records.as_text(crs, "graph.crs")
         self._revision += 1
+
+    @property
+    def attribution(self) -> str | None:
+        """Whom the data is by, to be shown where the graph is shown; None when nobody asks for it."""
+        return self._attribution
+
+    @attribution.setter
+    def attribution(self, attribution: str | None) -> None:
+        self._attribution = records.as_text(attribution, "graph.attribution")
 
     def __len__(self) -> int:
         """How many nodes there are."""

@@ -1,5 +1,6 @@
 """The bridge to networkx: any of its graphs in, ours out."""
 
+from collections import defaultdict
 from collections.abc import Hashable, Iterable
 from itertools import count
 from operator import index
@@ -9,6 +10,7 @@ import numpy as np
 
 from gamms.errors import BadType, BadValue
 from gamms.graph import records
+from gamms.graph.copies import CONTAINERS, own
 from gamms.graph.graph import Graph
 from gamms.ir import geometry
 from gamms.ir.graph import FloatArray, IntArray
@@ -101,9 +103,13 @@ class _Import:
         bends, lengths = self._take_shapes(places)
         nodes.index.refuse_duplicates(node_ids, nodes.kind)
         edges.index.refuse_duplicates(self.edge_ids, edges.kind)
+        node_attributes = _by_name(nodes.count, self.node_data)
+        edge_attributes = _by_name(edges.count, [data for _, _, data in self.edges])
+        given = {key: str(self.about[key]) for key in ("crs", "attribution") if self.about.get(key) is not None}
+        about = {key: records.as_text(text, f"its {key}") for key, text in given.items()}
 
         first = nodes.extend(node_ids, xy=xy)
-        _add_attributes(nodes.attributes, first, self.node_data)
+        _merge(nodes.attributes, node_attributes)
         for row, label in enumerate(self.id_of, first):
             if _as_label_id(label) is None:
                 nodes.set_attributes(row, {LABEL: label})
@@ -111,10 +117,9 @@ class _Import:
         source_rows, target_rows = (nodes.index.rows(end, "node") for end in ends.T)
         first = edges.extend(self.edge_ids, sources=source_rows, targets=target_rows, lengths=lengths)
         edges.bends.update({first + i: bend for i, bend in bends.items()})
-        _add_attributes(edges.attributes, first, [data for _, _, data in self.edges])
-        for key in ("crs", "attribution"):
-            if self.about.get(key) is not None:
-                setattr(self.graph, key, str(self.about[key]))
+        _merge(edges.attributes, edge_attributes)
+        for key, text in about.items():
+            setattr(self.graph, key, text)
         self.graph._forget_indexes()
 
     def _take_xy(self) -> FloatArray:
@@ -202,7 +207,26 @@ def _polylines(given: list[tuple[Any, Any]]) -> dict[int, FloatArray]:
     return found
 
 
-def _add_attributes(columns: dict[str, dict[int, Any]], first: int, rows: list[dict[Any, Any]]) -> None:
+def _by_name(first: int, rows: list[dict[Any, Any]]) -> dict[str, dict[int, Any]]:
+    """The attributes of rows from `first` on, name -> row -> value.
+
+    Raises:
+        BadValue: two names are one as text, or a value is nested too deeply.
+    """
+    columns: defaultdict[Any, dict[int, Any]] = defaultdict(dict)
     for row, data in enumerate(rows, first):
         for name, value in data.items():
-            columns.setdefault(str(name), {})[row] = value
+            columns[name][row] = own(value) if type(value) in CONTAINERS else value
+    named: dict[str, dict[int, Any]] = {}
+    for name, values in columns.items():
+        others = named.setdefault(str(name), values)
+        if others is not values:
+            if not others.keys().isdisjoint(values):
+                raise BadValue(f"two of its attributes are called {str(name)!r}")
+            others.update(values)
+    return named
+
+
+def _merge(columns: dict[str, dict[int, Any]], given: dict[str, dict[int, Any]]) -> None:
+    for name, values in given.items():
+        columns.setdefault(name, {}).update(values)

@@ -8,8 +8,10 @@ import numpy as np
 
 from gamms.arguments import as_float, as_int
 from gamms.errors import BadType, BadValue
+from gamms.graph.copies import own
 from gamms.ir.geometry import points_of
 from gamms.ir.graph import FloatArray, IntArray
+from gamms.text import shown
 
 NODE_KEYS = frozenset(("id", "x", "y"))
 EDGE_KEYS = frozenset(("id", "source", "target", "length", "linestring"))
@@ -25,14 +27,31 @@ def required(record: Any, key: str, kind: str) -> Any:
     try:
         return record[key]
     except KeyError:
-        raise BadValue(f"{kind} needs the key {key!r}; got only {sorted(map(str, record))}.") from None
+        raise BadValue(f"{kind} needs the key {key!r}; got only {', '.join(sorted(map(shown, record)))}.") from None
     except TypeError:
-        raise BadType(f"{kind} must be given as a dict, not {record!r}.") from None
+        raise BadType(f"{kind} must be given as a dict, not {shown(record)}.") from None
 
 
 def as_id(value: Any, kind: str) -> int:
     """An id as a plain int."""
     return value if type(value) is int and -(2**63) <= value < 2**63 else as_int(value, f"The id of {kind}")
+
+
+def as_text(value: Any, name: str) -> str | None:
+    """`value` as plain Unicode text, or None.
+
+    Raises:
+        BadType: it is no text.
+        BadValue: there is half a surrogate pair in it, which no file can hold.
+    """
+    if value is None:
+        return None
+    if not isinstance(value, str):
+        raise BadType(f"{name} must be a string or None, not {shown(value)} ({type(value).__name__}).")
+    text = str.__str__(value)
+    if any("\ud800" <= one <= "\udfff" for one in text):
+        raise BadValue(f"{name} must be valid Unicode, not {shown(value)}: it has a lone surrogate.")
+    return text
 
 
 def as_coordinate(value: Any, axis: str, id: int) -> float:
@@ -65,11 +84,14 @@ def extras(record: dict[str, Any], keys: frozenset[str]) -> dict[str, Any]:
 
     Raises:
         BadType: a key is no string.
+        BadValue: a value is nested too deeply, or holds itself.
     """
-    given = {key: value for key, value in record.items() if key not in keys}
-    for key in given:
-        if not isinstance(key, str):
-            raise BadType(f"The name of an attribute must be a string, not {key!r}.")
+    given = {}
+    for key, value in record.items():
+        if key not in keys:
+            if not isinstance(key, str):
+                raise BadType(f"The name of an attribute must be a string, not {shown(key)}.")
+            given[str.__str__(key)] = own(value)
     return given
 
 

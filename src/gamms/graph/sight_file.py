@@ -15,6 +15,7 @@ import numpy as np
 
 from gamms.errors import BadFile
 from gamms.graph.sights import RowArray, Seen
+from gamms.limits import Allowance
 
 MAGIC = b"GAMMSEYE"
 VERSION = 1
@@ -22,15 +23,11 @@ VERSION = 1
 _HEAD = Struct("<8sII32sddQQQQ")
 _CHECKED = 16  # bytes before those that the CRC-32 is of
 _LEAST_BYTES = 1024  # that a file may take beyond 5 for each number
-_MOST_BYTES = 1 << 28  # decompressed, or _MOST_RATIO times the file where that is more
-_MOST_RATIO = 256
 
 
 def encode(seen: Seen, key: bytes, radius: float, observer_height: float) -> bytes:
     """A table as the bytes of a file."""
-    stored = [_pack(column, 6) for column in seen]
-    if sum(column.nbytes for column in seen) > _most_bytes(sum(map(len, stored))):
-        stored = [_pack(column, 0) for column in seen]  # so regular that `decode` would not believe it
+    stored = [_pack(column) for column in seen]
     sizes = len(seen.counts), len(seen.rows), *map(len, stored)
     head = _HEAD.pack(MAGIC, VERSION, 0, key, radius, observer_height, *sizes)
     body = b"".join((head[_CHECKED:], *stored))
@@ -95,8 +92,9 @@ def _check_head(data: bytes, size: int, nodes: int) -> None:
         raise BadFile(f"it has format version {version}, this GAMMS reads {VERSION}")
     if count != nodes or seen > nodes * nodes or first + second != size - _HEAD.size:
         raise BadFile("it is damaged or cut off")
-    if size > 5 * (nodes + seen) + _LEAST_BYTES or 4 * (nodes + seen) > _most_bytes(size):
+    if size > 5 * (nodes + seen) + _LEAST_BYTES:
         raise BadFile("its size and what it says of its contents do not fit")
+    Allowance(size, "it").charge(4 * (nodes + seen))
 
 
 def _check(table: Seen) -> None:
@@ -112,13 +110,9 @@ def _check(table: Seen) -> None:
         raise BadFile("its rows are damaged")
 
 
-def _most_bytes(size: int) -> int:
-    return max(_MOST_BYTES, _MOST_RATIO * size)
-
-
-def _pack(column: RowArray, level: int) -> bytes:
+def _pack(column: RowArray) -> bytes:
     steps = np.diff(column, prepend=np.int32(0)).astype("<i4")
-    return zlib.compress(steps.view(np.uint8).reshape(-1, 4).T.tobytes(), level)
+    return zlib.compress(steps.view(np.uint8).reshape(-1, 4).T.tobytes(), 6)
 
 
 def _unpack(stored: bytes, count: int) -> RowArray:

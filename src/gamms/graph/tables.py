@@ -8,6 +8,7 @@ from typing import Any, ClassVar
 import numpy as np
 
 from gamms.errors import ContextTerminated, DuplicateId, UnknownName
+from gamms.graph.copies import own
 from gamms.ir.graph import FloatArray, IntArray
 
 _START = 16
@@ -225,7 +226,7 @@ class Table:
 
     def attributes_of(self, row: int) -> dict[str, Any]:
         """The attributes of one row, a fresh dict."""
-        return {name: values[row] for name, values in self.attributes.items() if row in values}
+        return {name: own(values[row]) for name, values in self.attributes.items() if row in values}
 
     def set_attributes(self, row: int, given: dict[str, Any]) -> None:
         """Change some attributes of one row."""

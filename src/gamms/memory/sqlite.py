@@ -91,6 +91,10 @@ class SqliteStore(CheckedStore):
             self._database.undo()
             raise
 
+    def allowance(self) -> Allowance:
+        """The memory that what is read from the file may take."""
+        return self._database.allowance()
+
     def _make_rows(self, schema: Schema) -> Rows:
         return SqlRows(self._database, schema, self._catalogue.find_or_add(schema))
 
