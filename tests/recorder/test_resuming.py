@@ -403,6 +403,36 @@ def test_a_reset_of_the_recorded_game_is_no_obstacle():
             assert [agent.current_node_id for agent in ctx.agent.create_iter()] == found[12].agents["node"].tolist()
 
 
+def test_a_game_that_was_reset_to_another_seed_goes_on_by_that_seed():
+    teams = {"red": {"count": 2, "strategy": "gamms.strategies:random_walk"}}
+    game = scenario.Scenario(seed=1, map={"grid": {"width": 6, "height": 6}}, teams=teams)
+    stream = io.BytesIO()
+    with game.build() as ctx:
+        ctx.record.start(stream)
+        ctx.game.run(4)
+        ctx.game.reset(5)
+        ctx.game.run(6)
+        ctx.record.stop()
+        end = ctx.game.result()
+    recording = opened(stream)
+    assert (recording.seed, recording.turns) == (1, 10)
+    for turn, seed in ((2, 1), (4, 1), (5, 5), (8, 5)):
+        with recording.resume(turn, ctx=game.build()) as ctx:
+            assert ctx.seed == seed
+            if seed == 5:
+                ctx.game.run(10 - turn)
+                assert [agent.current_node_id for agent in ctx.game.agents] == [
+                    one["node"] for one in end.agents.values()
+                ]
+                begun = game.build(seed=5)
+                assert [ctx.game.start_node(agent) for agent in ctx.game.agents] == [
+                    agent.current_node_id for agent in begun.game.agents
+                ]
+                begun.terminate()
+    with recording.resume(8, seed=3) as ctx:
+        assert ctx.seed == 3
+
+
 def test_facts_that_a_reset_took_back_are_gone_in_a_replay_too():
     stream = io.BytesIO()
     with race() as ctx:

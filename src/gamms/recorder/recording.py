@@ -226,7 +226,7 @@ class Recording:
 
         then, turn = self.state(turn), as_int(turn, "turn")
         maps = resuming.Maps(self.map_hash(0), self.map_hash(turn), lambda: then.graph.packed)
-        seed = resuming.as_seed(seed, self.seed)
+        seed = resuming.as_seed(seed, resuming.seed_at(self._reader, turn))
         live = resuming.opened_context(seed, vis_engine, is_quiet=is_quiet) if ctx is None else ctx
         try:
             live.reseed(seed)

@@ -103,7 +103,7 @@ def resume(ctx: Any, reader: "Reader", turn: int, fold: "Fold", maps: Maps, *, i
     _attach(ctx, maps)
     strategies = {name: agent.strategy for name, agent in ctx.agent.agents.items()}
     facts = dict(ctx.game.facts)
-    chance = fold.state["chance"] if ctx.seed == reader.header.get("seed") else None
+    chance = fold.state["chance"] if ctx.seed == seed_at(reader, turn) else None
     ctx.game.begin_from_here()
     try:
         told = _told(reader, turn)
@@ -140,6 +140,12 @@ def register(ctx: Any, strategies: Strategies) -> None:
         strategy = strategies.get(name, strategies.get(agent.team))
         if strategy is not None:
             agent.register_strategy(strategy)
+
+
+def seed_at(reader: "Reader", turn: int) -> Any:
+    """Return the seed of the game after so many turns: that of the recording, unless it was reset to another one."""
+    later = [data["seed"] for _, data in _before(reader, turn, (kinds.SNAPSHOT,)) if "seed" in data]
+    return later[-1] if later else reader.header.get("seed")
 
 
 def as_seed(given: Any, recorded: Any) -> int:

@@ -47,6 +47,7 @@ class Session:
             over; None before that.
         header: of the recording that was replayed first of all; None: this one has its own.
         turn: how many turns were recorded.
+        seed: of the context when the first turn was over.
     """
 
     def __init__(self, ctx: Any, *, with_sensed: bool = False) -> None:
@@ -62,7 +63,7 @@ class Session:
         self._front = 0  # where in the log a change of the map goes: behind what was told before another beginning
         self._writes_at = 1  # the turn at whose end the turns are written that wait: the first, then the points of rest
         self._saving = Saving(self._save)
-        self.turn = 0
+        self.turn, self.seed = 0, ctx.seed
         self.is_paused = self.has_failed = False
         self.copied: Callable[[int], state.State | None] | None = None
         self.header: dict[str, Any] | None = None
@@ -95,6 +96,8 @@ class Session:
     def end_turn(self) -> None:
         """Write the turn, which is over."""
         journal = self._journal
+        if not self.turn:
+            self.seed = self.ctx.seed
         if self.copied is None:
             self._tell_changes()
             self._game.count(journal.log)
@@ -128,7 +131,7 @@ class Session:
         # Those who come back do so in their order, and so do all who follow them.
         kept = [name for name, other in takewhile(lambda pair: pair[0] == pair[1], zip(left, now, strict=False))]
         gone = [(kinds.AGENT_DELETE, {"name": name}) for name in known if name not in kept]
-        snapshot = state.captured(self.ctx) | game_state.told(self.ctx)
+        snapshot = state.captured(self.ctx) | game_state.told(self.ctx) | {"seed": self.ctx.seed}
         self._front = len(waiting)
         self._journal.log = [*waiting, *gone, (kinds.SNAPSHOT, snapshot)]
         self._watch_game()

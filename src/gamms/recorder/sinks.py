@@ -252,10 +252,10 @@ def header_of(ctx: Any, session: Session, options: dict[str, Any]) -> dict[str, 
     return {
         "format": 3,
         "package": _package(),
-        "seed": ctx.seed,
+        "seed": session.seed,
         "created": created,
         "provenance": options.get("provenance"),
-        **({} if ctx.game.scenario is None else {"scenario": {**plain(ctx.game.scenario), "seed": ctx.seed}}),
+        **({} if ctx.game.scenario is None else {"scenario": {**plain(ctx.game.scenario), "seed": session.seed}}),
         "world": ctx.graph.packed() if session.world is None else session.world,
         **({"visuals": session.visuals} if session.visuals["artists"] else {}),
     }
