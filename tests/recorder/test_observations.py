@@ -25,7 +25,7 @@ def look_and_spoil(seen):
     """A strategy that keeps a copy of all it is told, and then spoils what it may."""
 
     def strategy(state):
-        told = {key: value for key, value in state.items() if key != "rng"}
+        told = {key: value for key, value in state.items() if key not in ("rng", "draw")}
         seen[state["turn"] + 1, state["name"]] = copy.deepcopy({**told, "facts": dict(state["facts"])})
         seen[state["turn"] + 1, state["name"]]["lots"] = rng_of(state)
         state["memory"].setdefault("been", set()).add(state["curr_pos"])
@@ -97,7 +97,7 @@ def test_an_observation_is_the_very_state_that_the_strategy_got(game):
     for (turn, name), told in seen.items():
         state = recording.observation(turn, name)
         lots = rng_of(state)
-        del state["rng"]
+        del state["rng"], state["draw"]
         assert list(state) == [key for key in told if key != "lots"]
         assert {**state, "facts": dict(state["facts"]), "lots": lots} == told, (turn, name)
 
@@ -124,6 +124,49 @@ def test_the_table_of_what_was_sensed_has_nodes_and_agents(game):
     assert set(others) <= {"walker_1", "walker_2"}
     assert list(table) == ["turn", "agent", "sensor", "node", "other"]
     assert len(recording.table("sensed", 5, 5)["node"]) == 0
+
+
+@pytest.mark.parametrize("kind", [SensorType.AERIAL_AGENT, SensorType.OCCLUDED_AERIAL_AGENT])
+def test_the_table_has_the_agents_that_flyers_saw_and_the_nodes_below_them(kind):
+    stream = io.BytesIO()
+    with gamms.create_context(seed=1, logger_config=QUIET) as ctx:
+        ctx.graph.attach_networkx_graph(gamms.graph.grid(3, 3, 10.0))
+        ctx.sensor.create_sensor("cam", kind, sensor_range=100.0)
+        ctx.agent.create_agent("anna", start_node_id=4, strategy=lambda state: state.update(action=5))
+        for name, place in (("drone", (0.0, 0.0, 30.0)), ("kite", (19.0, 1.0, 20.0))):
+            ctx.agent.create_agent(name, type="AERIAL", start_node_id=0, speed=5, strategy=lambda state: None)
+            ctx.agent.get_agent(name).position = place
+        ctx.agent.get_agent("drone").register_sensor("cam", ctx.sensor.get_sensor("cam"))
+        ctx.record.start(stream, sensed=True)
+        ctx.game.run(2)
+        seen = ctx.sensor.get_sensor("cam").data
+    assert set(seen) == {"anna", "kite"}
+    with recorder.open(io.BytesIO(stream.getvalue())) as recording:
+        rows = [column.tolist() for column in recording.table("sensed").values()]
+        told = recording.observation(1, "drone")["sensor"]["cam"]
+    assert sorted(zip(*rows, strict=True)) == [
+        (1, "drone", "cam", 2, "kite"),
+        (1, "drone", "cam", 4, "anna"),
+        (2, "drone", "cam", 2, "kite"),
+        (2, "drone", "cam", 5, "anna"),
+    ]
+    assert told[0] is kind
+    assert told[1]["kite"] == seen["kite"]
+
+
+@pytest.mark.parametrize("given", [[1, 2, 3], {"anna": 5}, {"nodes": {1: None}, "edges": []}])
+def test_what_a_function_returns_is_not_taken_for_nodes_or_agents(given):
+    stream = io.BytesIO()
+    with gamms.create_context(seed=1, logger_config=QUIET) as ctx:
+        ctx.graph.attach_networkx_graph(gamms.graph.grid(3, 3, 10.0))
+        ctx.sensor.from_function("dice", lambda: given)
+        ctx.sensor.create_sensor("near", SensorType.NEIGHBOR)
+        ctx.agent.create_agent("anna", start_node_id=0, sensors=["dice", "near"], strategy=lambda state: None)
+        ctx.record.start(stream, sensed=True)
+        ctx.game.run(1)
+    with recorder.open(io.BytesIO(stream.getvalue())) as recording:
+        assert set(recording.table("sensed")["sensor"]) == {"near"}
+        assert recording.observation(1, "anna")["sensor"]["dice"][1] == given
 
 
 def test_a_recording_with_what_was_sensed_replays_to_itself(game):
@@ -170,7 +213,7 @@ def test_what_was_not_observed_is_refused(game):
 
 
 def test_damaged_columns_are_refused():
-    data = sensed.packed([(0, {"near": (SensorType.NEIGHBOR, [1, 2])})], {"anna": 0})
+    data = sensed.packed([(0, {"near": (SensorType.NEIGHBOR, [1, 2])})], {"anna": 0}, {"anna": 0})
     assert [look.first for _, look in sensed.looks_of(data, 0)] == [[1, 2]]
     for key, value in (("counts", np.array([2])), ("which", np.array([5])), ("sensors", [3]), ("forms", np.array([3]))):
         with pytest.raises((KeyError, ValueError, TypeError, IndexError)):

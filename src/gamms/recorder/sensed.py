@@ -11,8 +11,14 @@ from gamms.typing import AgentType
 
 Results = Mapping[str, tuple[Any, Any]]  # sensor -> (kind, data), as in a state
 
-_IDS, _MAP, _AGENTS, _OTHER = range(4)  # forms of data: ids of nodes; nodes and edges; agents and nodes; anything else
+# Forms of data: ids of nodes; nodes and edges; agents and nodes; anything else; agents in space, and the nodes below.
+_IDS, _MAP, _AGENTS, _OTHER, _IN_SPACE = range(5)
+_WITH_OTHER = (_OTHER, _IN_SPACE)
 _OF_AGENTS_IN_SPACE = ("AERIAL_AGENT", "OCCLUDED_AERIAL_AGENT")  # which see (kind, position) of each
+# Kinds whose ids are those of nodes, and whose names are those of agents; others may mean anything by them.
+_OF_NODES = ("NEIGHBOR", "MAP", "RANGE", "ARC", "AERIAL", "OCCLUDED_MAP", "OCCLUDED_AERIAL")
+_OF_AGENTS = ("AGENT", "AGENT_RANGE", "AGENT_ARC", "OCCLUDED_AGENT", *_OF_AGENTS_IN_SPACE)
+_SEEING = frozenset((*_OF_NODES, *_OF_AGENTS))
 _INT64 = range(-(1 << 63), 1 << 63)
 
 
@@ -27,12 +33,15 @@ class Look(NamedTuple):
     other: Any
 
 
-def packed(results: Iterable[tuple[int, Results]], numbers: Mapping[str, int]) -> dict[str, Any]:
+def packed(
+    results: Iterable[tuple[int, Results]], numbers: Mapping[str, int], nodes: Mapping[str, int]
+) -> dict[str, Any]:
     """The data of an event.
 
     Args:
         results: the number of each agent, and what it sensed.
         numbers: agent -> its number.
+        nodes: agent -> the node it is on, or above.
     """
     agents, counts = [], []
     sensors: dict[tuple[str, str], int] = {}
@@ -42,7 +51,7 @@ def packed(results: Iterable[tuple[int, Results]], numbers: Mapping[str, int]) -
         agents.append(agent)
         counts.append(len(sensed))
         for name, (kind, data) in sensed.items():
-            look = _look(name, getattr(kind, "name", str(kind)), data, numbers)
+            look = _look(name, getattr(kind, "name", str(kind)), data, numbers, nodes)
             looks.append(look)
             which.append(sensors.setdefault((look.sensor, look.kind), len(sensors)))
     sizes = [(len(look.first), len(look.second)) for look in looks]
@@ -54,7 +63,7 @@ def packed(results: Iterable[tuple[int, Results]], numbers: Mapping[str, int]) -
         "forms": np.array([look.form for look in looks], np.uint8),
         "sizes": np.array(sizes, np.int64).reshape(-1, 2),
         "ids": np.array(list(chain.from_iterable((*look.first, *look.second) for look in looks)), np.int64),
-        "others": [look.other for look in looks if look.form == _OTHER],
+        "others": [look.other for look in looks if look.form in _WITH_OTHER],
     }
 
 
@@ -69,14 +78,14 @@ def looks_of(data: Mapping[str, Any], agent: int | None = None) -> list[tuple[in
         raise ValueError("its columns have different lengths")
     owners = np.repeat(agents, counts)  # no more than there are looks
     ends = np.cumsum(data["sizes"].reshape(-1)).tolist()
-    others = np.cumsum(data["forms"] == _OTHER).tolist()
+    others = np.cumsum(np.isin(data["forms"], _WITH_OTHER)).tolist()
     rows = range(len(owners)) if agent is None else np.flatnonzero(owners == agent).tolist()
     found = []
     for row in rows:
         sensor, kind = data["sensors"][int(data["which"][row])]
         begin, middle, end = ends[2 * row - 1] if row else 0, ends[2 * row], ends[2 * row + 1]
         form = int(data["forms"][row])
-        other = data["others"][others[row] - 1] if form == _OTHER else None
+        other = data["others"][others[row] - 1] if form in _WITH_OTHER else None
         first, second = data["ids"][begin:middle].tolist(), data["ids"][middle:end].tolist()
         found.append((int(owners[row]), Look(sensor, kind, form, first, second, other)))
     return found
@@ -100,6 +109,9 @@ def data_of(look: Look, graph: Any, names: Mapping[int, str]) -> Any:
         return {"nodes": nodes, "edges": [graph.get_edge(edge) for edge in look.second]}
     if look.form == _AGENTS:
         return {names[agent]: node for agent, node in zip(look.first, look.second, strict=True)}
+    if look.form == _IN_SPACE:
+        seen = zip(look.first, look.other, strict=True)
+        return {names[agent]: (AgentType(kind), tuple(place)) for agent, (kind, place) in seen}
     if look.kind in _OF_AGENTS_IN_SPACE:
         return {name: (AgentType(kind), tuple(place)) for name, (kind, place) in look.other.items()}
     return look.other
@@ -107,7 +119,9 @@ def data_of(look: Look, graph: Any, names: Mapping[int, str]) -> Any:
 
 def seen_by(look: Look) -> tuple[list[int], list[int]]:
     """The nodes that a look saw, and of each the number of the agent there; -1 where a node itself was seen."""
-    if look.form == _AGENTS:
+    if look.kind not in _SEEING:
+        return [], []
+    if look.form in (_AGENTS, _IN_SPACE):
         return look.second, look.first
     return (look.first, [-1] * len(look.first)) if look.form in (_IDS, _MAP) else ([], [])
 
@@ -118,14 +132,18 @@ def _ints(column: Any) -> "np.ndarray[Any, Any]":
     return column
 
 
-def _look(sensor: str, kind: str, data: Any, numbers: Mapping[str, int]) -> Look:
+def _look(sensor: str, kind: str, data: Any, numbers: Mapping[str, int], nodes: Mapping[str, int]) -> Look:
     if type(data) is list and _are_ids(data):
         return Look(sensor, kind, _IDS, data, [], None)
     if type(data) is dict:
         if data.keys() == {"nodes", "edges"} and isinstance(data["nodes"], dict):
             edges: list[Any] = [getattr(edge, "id", None) for edge in data["edges"]]
-            if _are_ids(data["nodes"]) and _are_ids(edges):
+            are_nodes = kind in _SEEING or all(getattr(node, "id", None) == key for key, node in data["nodes"].items())
+            if are_nodes and _are_ids(data["nodes"]) and _are_ids(edges):
                 return Look(sensor, kind, _MAP, list(data["nodes"]), edges, None)
+        elif kind in _OF_AGENTS_IN_SPACE and data.keys() <= numbers.keys():
+            below = [nodes[name] for name in data]
+            return Look(sensor, kind, _IN_SPACE, [numbers[name] for name in data], below, plain(list(data.values())))
         elif _are_ids(data.values()) and all(name in numbers for name in data):
             return Look(sensor, kind, _AGENTS, [numbers[name] for name in data], list(data.values()), None)
     return Look(sensor, kind, _OTHER, [], [], plain(data))

@@ -235,10 +235,11 @@ class Session:
     def _note_sensed(self, agents: list[Any], states: list[dict[str, Any]]) -> None:
         """Write down what agents are about to decide by, after what has become so before."""
         self._tell_changes()
-        journal, rows = self._journal, self.ctx.agent.columns.names
-        numbers = dict(zip(rows, journal.ids, strict=False))
+        journal, columns = self._journal, self.ctx.agent.columns
+        numbers = dict(zip(columns.names, journal.ids, strict=False))
+        nodes = dict(zip(columns.names, columns.node, strict=True))
         results = [(numbers[agent.name], told["sensor"]) for agent, told in zip(agents, states, strict=True)]
-        journal.log.append((kinds.SENSED, sensed.packed(results, numbers)))
+        journal.log.append((kinds.SENSED, sensed.packed(results, numbers, nodes)))
 
     def _hush(self) -> None:
         agents = self.ctx.agent
