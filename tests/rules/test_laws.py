@@ -13,7 +13,7 @@ from gamms.agent import AgentType
 from gamms.rules import Conflicts, capture_flag, contacts, last_team, one_to_one, reach, tag, territory, time_limit
 from gamms.strategies import random_walk
 
-LAWS = settings(max_examples=60, deadline=None, derandomize=True, suppress_health_check=[HealthCheck.too_slow])
+LAWS = settings(max_examples=40, deadline=None, derandomize=True, suppress_health_check=[HealthCheck.too_slow])
 SIDE = 4
 
 
@@ -47,7 +47,8 @@ def open_game(rules, agents, seed=3):
     ctx = gamms.create_context(seed=seed, logger_config={"level": "CRITICAL"})
     ctx.graph.attach_networkx_graph(gamms.graph.grid(SIDE, SIDE))
     for name, (team, node) in agents.items():
-        kind = {"type": AgentType.AERIAL, "speed": 8.0} if name.startswith("drone") else {}
+        speed = {"0": 2, "1": 1.5, "2": 0.5}.get(name[-1])
+        kind = {"type": AgentType.AERIAL, "speed": 8.0} if name.startswith("drone") else {"speed": speed}
         ctx.agent.create_agent(name, start_node_id=node, team=team, strategy=random_walk, **kind)
     for rule in rules:
         ctx.game.add(rule)

@@ -74,15 +74,21 @@ def test_who_goes_several_edges_a_turn_arrives_sooner(world):
 
 @pytest.mark.parametrize("make", [goto, lambda ctx, node: patrol(ctx, [node, node]), lambda ctx, _: chase(ctx)])
 @pytest.mark.parametrize("speed", [4.0, 15.0, 25.0])
-def test_no_metre_of_a_turn_is_lost_on_the_way(world, make, speed):
-    world.ctx.game.speed_unit = "metres"
-    world.add("anna", 0, make(world.ctx, 35), speed=speed, team=1)
+@pytest.mark.parametrize("unit", ["edges", "metres"])
+def test_no_part_of_a_turn_is_lost_on_the_way(world, make, speed, unit):
+    world.ctx.game.speed_unit = unit
+    world.add("anna", 0, make(world.ctx, 35), speed=speed / (10.0 if unit == "edges" else 1.0), team=1)
     world.add("bert", 35, stay, team=2)
     edges = [len(world.ctx.graph.graph.shortest_path(0, node)) - 1 for node in play(world, 20)["anna"]]
     assert edges == [min(10, int(turn * speed / 10.0)) for turn in range(21)]
 
 
-@given(start=NODES, post=NODES, speed=st.integers(1, 4), rounds=st.lists(NODES, min_size=1, max_size=3))
+@given(
+    start=NODES,
+    post=NODES,
+    speed=st.sampled_from([0.5, 1, 1.5, 2, 3, 4]),
+    rounds=st.lists(NODES, min_size=1, max_size=3),
+)
 @settings(max_examples=15, deadline=None)
 @pytest.mark.parametrize("unit", ["edges", "metres"])
 def test_a_guard_with_a_speed_stays_near_its_post_as_well(open_world, unit, start, post, speed, rounds):
