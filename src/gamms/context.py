@@ -245,6 +245,15 @@ class Context(IContext):
     def _die(self) -> None:
         self._alive = False
 
+    def __repr__(self) -> str:
+        """Show the seed, how many nodes and agents there are, and the turn of the game."""
+        if self.is_terminated():
+            return f"Context(seed={self._seed}, terminated)"
+        turn = 0 if self._game is None else self._game.turn
+        return (
+            f"Context(seed={self._seed}, nodes={len(self.graph.graph)}, agents={len(self.agent.agents)}, turn={turn})"
+        )
+
     def __enter__(self) -> Self:
         return self
 

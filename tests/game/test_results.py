@@ -190,3 +190,80 @@ def test_teams_are_listed_with_their_agents(ctx):
         ("blue", ["a"]),
         ("red", ["c", "b"]),
     ]
+
+
+@pytest.fixture
+def logged(ctx):
+    """The warnings of the context, one after the other."""
+    lines = []
+
+    class Logger:
+        warning = staticmethod(lines.append)
+        debug = info = error = critical = exception = setLevel = staticmethod(lambda *_: None)
+
+    ctx.logger = Logger()
+    return lines
+
+
+def test_a_run_says_in_one_line_that_strategies_erred(ctx, play, logged):
+    ctx.game.on_error = "stay"
+    play("a", 0, 9, 9, 1)
+    ctx.agent.create_agent("b", start_node_id=0, strategy=lambda state: 1 / (state["turn"] - 1))
+    result = ctx.game.run(4)
+    assert [error["kind"] for error in result.errors].count("illegal") == 5
+    assert len(logged) == 1
+    assert logged[0].startswith(
+        "Strategies erred (1 error, 5 illegal), that of agent 'a' first, in turn 0: BadValue: Node 9"
+    )
+    assert logged[0].endswith("See result.errors.")
+    ctx.game.run(1)
+    assert logged[1].startswith("Strategies erred (1 illegal), that of agent 'b' first, in turn 4: IllegalAction")
+    ctx.agent.delete_agent("b")
+    ctx.game.run(3)
+    assert len(logged) == 2
+
+
+def test_an_agent_that_was_deleted_stays_in_the_result(ctx, play):
+    for name, start in (("a", 0), ("b", 4), ("c", 8), ("d", 12)):
+        play(name, start, start + 1, start + 2, team=name.upper())
+    ctx.agent.get_agent("d").alive = False
+
+    @ctx.game.add(phase="before")
+    def early(ctx):
+        if ctx.game.turn == 0:
+            ctx.agent.delete_agent("c")
+            ctx.agent.delete_agent("d")
+
+    @ctx.game.add
+    def late(ctx):
+        if ctx.game.turn == 1:
+            ctx.game.eliminate("a")
+            ctx.agent.create_agent("e", start_node_id=0)
+        if ctx.game.turn == 2:
+            ctx.agent.delete_agent("a")
+            ctx.agent.delete_agent("b")
+            ctx.agent.delete_agent("e")
+            ctx.agent.create_agent("b", start_node_id=9, team="new")
+
+    result = ctx.game.run(3)
+    seen = {name: (one["team"], one["alive"], one["node"], one["moves"]) for name, one in result.agents.items()}
+    assert seen == {
+        "a": ("A", False, 1, 1),
+        "b": ("new", True, 9, 2),
+        "c": ("C", False, 8, 0),
+        "d": ("D", False, 12, 0),
+        "e": (None, False, 0, 0),
+    }
+    assert result.table("agents")["alive"].tolist() == [False, True, False, False, False]
+    ctx.game.reset()
+    assert sorted(ctx.game.result().agents) == ["a", "b", "c", "d"]
+    assert ctx.game.run(3) == result
+
+
+def test_a_context_shows_its_seed_its_size_and_its_turn(grid):
+    with grid(seed=7) as ctx:
+        assert repr(ctx) == "Context(seed=7, nodes=16, agents=0, turn=0)"
+        ctx.agent.create_agent("a", start_node_id=0)
+        ctx.game.run(2)
+        assert repr(ctx) == "Context(seed=7, nodes=16, agents=1, turn=2)"
+    assert repr(ctx) == "Context(seed=7, terminated)"

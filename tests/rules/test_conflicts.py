@@ -211,3 +211,9 @@ def test_among_must_be_all_or_team():
 def test_allow_swaps_must_be_true_or_false():
     with pytest.raises(TypeError, match="allow_swaps must be True or False, not 'no'"):
         Conflicts(allow_swaps="no")
+
+
+def test_conflicts_show_their_arguments():
+    assert repr(Conflicts()) == "Conflicts(capacity=1, among='all', allow_swaps=True, resolve=at_random)"
+    priority = Conflicts({3: None}, "team", allow_swaps=False, resolve=by_priority(["red"]))
+    assert repr(priority) == "Conflicts(capacity={3: None}, among='team', allow_swaps=False, resolve=by_priority)"

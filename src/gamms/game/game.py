@@ -1,5 +1,6 @@
 """The game room's front: `ctx.game`, which plays turns in which everybody moves at once."""
 
+from collections import Counter
 from collections.abc import Callable, Iterable, Mapping
 from time import perf_counter
 from types import MappingProxyType
@@ -16,6 +17,7 @@ from gamms.game.ruleset import NamedRule, RuleSet, check_phase
 from gamms.game.seats import COUNTED, Seating
 from gamms.game.settings import Settings, as_turns
 from gamms.ir.agents import AgentColumns
+from gamms.text import printable_line
 from gamms.typing.game import Move, Rule, Track
 
 if TYPE_CHECKING:
@@ -81,6 +83,7 @@ class Game(Settings):
         self.timings = dict.fromkeys(_PHASES, 0.0)
         self.team_memories: dict[Any, dict[Any, Any]] = {}
         self.turn_moves: TurnMoves | None = None
+        self._players: dict[str, Any] = {}  # all agents that have taken part, also those that were deleted since
         self._over: dict[str, Any] | None = None
         self._last: int | None = None  # the turn after which the latest `run` stops
         self._seating: Seating | None = None
@@ -184,6 +187,7 @@ class Game(Settings):
         self._refuse_while_deciding("step")
         if not self._has_begun:
             self._start, self._has_begun = start.taken(self, self._start), True
+            self._players.update(self.ctx.agent.agents)
         self._ruleset.warn_of_unknown_teams()
         self._chance.begin_turn()
         self._is_stepping = True
@@ -208,7 +212,7 @@ class Game(Settings):
             self.timings["draw"] += perf_counter() - began
 
     def run(self, max_turns: int | None = None, progress: bool = False) -> Result:
-        """Play until a rule ends the game, or for so many turns.
+        """Play until a rule ends the game, or for so many turns; warn once if strategies have erred.
 
         With a seed given to the context or to `reset`, the global `random` and `numpy.random` are seeded for the game,
         too, and afterwards as they were before.
@@ -227,9 +231,11 @@ class Game(Settings):
         last = self._last = self.max_turns if turns is None else self.turn + turns
         if last is None and not self.rules:
             raise BadValue("This game has no rule that could end it: give run(max_turns=…) or add a rule.")
+        known = len(self.errors)
         with self._chance.of(self.ctx), chance.shown(self, last, is_shown=progress) as show:
             while (last is None or self.turn < last) and self._take_turn():
                 show()
+        self._warn_of_errors(self.errors[known:])
         return self.result()
 
     def result(self) -> Result:
@@ -237,11 +243,12 @@ class Game(Settings):
         self._tell_moves()
         over = self._over or {"reason": self._reason_so_far(), "winner": None, "truncated": True}
         agents = self.ctx.agent.agents
+        everybody = self._players | agents
         return Result(
             turns=self.turn,
             scores=dict(self.scores),
             events=[dict(event) for event in self.events],
-            agents={name: self._summary(agents[name]) for name in sorted(agents)},
+            agents={name: self._summary(one, is_there=name in agents) for name, one in sorted(everybody.items())},
             errors=[dict(error) for error in self.errors],
             timings=dict(self.timings),
             seed=self.ctx.seed,
@@ -410,6 +417,7 @@ class Game(Settings):
         if self._seating is None or self._seated != key:
             self._tell_moves()
             self._seating, self._seated = Seating(self), key
+            self._players.update((seat.name, seat.agent) for seat in self._seating.seats)
         return self._seating
 
     def length_of(self, source: int, target: int) -> float:
@@ -461,13 +469,23 @@ class Game(Settings):
             return self._start.place_of(agent)
         return getattr(agent, "position", agent.current_node_id)
 
+    def _warn_of_errors(self, errors: list[dict[str, Any]]) -> None:
+        """Say in one line what strategies did wrong."""
+        if errors:
+            kinds = ", ".join(f"{number} {kind}" for kind, number in sorted(Counter(e["kind"] for e in errors).items()))
+            first = errors[0]
+            self.ctx.logger.warning(
+                f"Strategies erred ({kinds}), that of agent {first['agent']!r} first, in turn {first['turn']}: "
+                f"{printable_line(first['message']):.200}. See result.errors."
+            )
+
     def _tell_moves(self) -> None:
         if self._seating is not None:
             self._seating.tell()
 
-    def _summary(self, agent: Any) -> dict[str, Any]:
+    def _summary(self, agent: Any, *, is_there: bool) -> dict[str, Any]:
         counts = self.counts.get(agent.name) or dict.fromkeys(COUNTED, 0)
-        return {"team": agent.team, "alive": agent.alive, "node": agent.current_node_id, **counts}
+        return {"team": agent.team, "alive": agent.alive and is_there, "node": agent.current_node_id, **counts}
 
     def _agent(self, agent: Any, verb: str) -> Any:
         self._refuse_while_deciding(verb)

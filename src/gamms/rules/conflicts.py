@@ -50,6 +50,8 @@ class Conflicts(IConflicts):
             raise BadValue(f"among must be 'all' or 'team', not {among!r}.{nearest(str(among), _AMONG)}")
         if not isinstance(allow_swaps, bool):
             raise BadType(f"allow_swaps must be True or False, not {allow_swaps!r}.")
+        name = "at_random" if resolve is None else getattr(resolve, "__name__", repr(resolve))
+        self._given = {"capacity": repr(capacity), "among": repr(among), "allow_swaps": allow_swaps, "resolve": name}
         self._limits = as_limits(capacity)
         self._resolve = at_random() if resolve is None else as_resolver(resolve)
         self._allow_swaps = allow_swaps
@@ -57,6 +59,10 @@ class Conflicts(IConflicts):
         self._place_of = attrgetter("end", "team") if per_team else attrgetter("end")  # where it counts if it moves
         self._home_of = attrgetter("start", "team") if per_team else attrgetter("start")  # and where if it stays
         self._way_of = attrgetter("start", "end", "team") if per_team else attrgetter("start", "end")
+
+    def __repr__(self) -> str:
+        """Show the arguments."""
+        return f"Conflicts({', '.join(f'{name}={value}' for name, value in self._given.items())})"
 
     def resolve(self, moves: Mapping[str, Move], ctx: Any) -> set[str]:
         """The names of the agents that must stay; of those who stay anyway, none.
