@@ -8,7 +8,8 @@ import pytest
 from typer.testing import CliRunner
 
 import gamms
-from gamms import cli, recorder
+from gamms import cli, recorder, recordings
+from gamms.recorder import RecordingError
 
 SAMPLES = Path(__file__).parent / "samples/version2"
 QUIET = {"level": "CRITICAL"}
@@ -246,6 +247,35 @@ def test_every_event_becomes_a_line_of_json(game, tmp_path):
     assert lines[2] == {"turn": 1, "event": "MOVE", "agent": "anna", "node": lines[2]["node"]}
     assert sum(line["event"] == "MOVE" for line in lines) == 12
     assert [line["data"]["agent"] for line in lines if line["event"] == "GAME_EVENT"] == ["bert"]
+
+
+def test_half_of_a_surrogate_pair_is_escaped_in_json(tmp_path):
+    with gamms.create_context(logger_config=QUIET) as ctx:
+        ctx.record.start(tmp_path / "game")
+        ctx.record.event("odd", text="a\udc80b", nested={"\ud800": "\u00e4"})
+        ctx.visual.simulate()
+    assert run("convert", tmp_path / "game.ggr", tmp_path / "game.jsonl").exit_code == 0
+    lines = [json.loads(line) for line in (tmp_path / "game.jsonl").read_text("utf-8").splitlines()]
+    assert lines[2]["data"] == {"kind": "odd", "text": "a\udc80b", "nested": {"\ud800": "\u00e4"}}
+
+
+def test_a_conversion_that_fails_leaves_no_file(game, tmp_path, monkeypatch):
+    damaged = bytearray(game.read_bytes())
+    damaged[len(damaged) // 2] ^= 1
+    (tmp_path / "damaged.ggr").write_bytes(damaged)
+    before = sorted(tmp_path.iterdir())
+    with pytest.raises(RecordingError):
+        recordings.to_json_lines(tmp_path / "damaged.ggr", tmp_path / "out.jsonl")
+    with pytest.raises(FileExistsError, match="already"):
+        recordings.to_json_lines(game, game)
+
+    def interrupt(*_):
+        raise KeyboardInterrupt
+
+    monkeypatch.setattr("gamms.recordings.converting._replay", interrupt)
+    with pytest.raises(KeyboardInterrupt):
+        recordings.to_version_3(SAMPLES / "basic.ggr", tmp_path / "out")
+    assert sorted(tmp_path.iterdir()) == before
 
 
 def test_conversions_that_make_no_sense_are_refused(game, tmp_path):

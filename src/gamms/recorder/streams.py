@@ -11,6 +11,12 @@ from gamms.recorder.errors import RecorderBusy
 _SUFFIX = ".ggr"
 
 
+def named(path: str | os.PathLike[str]) -> Path:
+    """The path of a new recording: with the suffix, if it has none."""
+    file = Path(path)
+    return file if file.name.endswith(_SUFFIX) else Path(f"{file}{_SUFFIX}")
+
+
 class Target:
     """The stream that a recording is written to: of the caller's own, or of a new file.
 
@@ -39,8 +45,7 @@ class Target:
             raise BadType(f"A recording is written to a path or a binary stream, not to {path!r}.")
 
     def _new_file(self, path: str | os.PathLike[str], *, overwrite: bool) -> BinaryIO:
-        file = Path(path)
-        file = file if file.name.endswith(_SUFFIX) else Path(f"{file}{_SUFFIX}")
+        file = named(path)
         self._at = self._path = Path(os.path.realpath(file)) if overwrite else file
         if self._path.exists():
             if not overwrite:

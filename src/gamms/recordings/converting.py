@@ -13,12 +13,14 @@ import numpy as np
 
 from gamms.context import Context
 from gamms.errors import BadValue, GammsError
+from gamms.folders import whole_file
 from gamms.ir import journal
 from gamms.recorder import Recording, RecordingError
 from gamms.recorder import open as opened
 from gamms.recorder.maps import HASH
 from gamms.recorder.plain import plain
 from gamms.recorder.replaying import Player
+from gamms.recorder.streams import named
 from gamms.recordings.contexts import records_of, version_of, with_nodes_made_up
 
 _PROVENANCE = {"converted": "from a recording of version 2"}
@@ -56,8 +58,12 @@ def to_version_3(
             _replay(ctx, records_of(path))
         except RecordingError as error:
             return str(error)
-        finally:
+        except BaseException:
             ctx.record.stop()
+            named(out).unlink()
+            raise
+        finally:
+            ctx.record.close()
     return None
 
 
@@ -137,19 +143,22 @@ def _is_move(ctx: Context, before: _Record, after: _Record) -> bool:
 def to_json_lines(path: str | os.PathLike[str], out: str | os.PathLike[str]) -> str | None:
     """Write every event of a recording of version 3 as a line of JSON, after one for the header and one for the start.
 
-    Bytes are in base64; NaN is null. The map is told by its size only.
+    Bytes are in base64; NaN is null. The map is told by its size only. Halves of surrogate pairs are escaped.
 
     Returns:
         What is missing of a recording that was not finished.
 
     Raises:
-        RecordingError (ValueError): it is damaged.
+        RecordingError (ValueError): it is damaged; nothing is written then.
         FileExistsError: there is a file at `out`.
         OSError: one of the files cannot be read or written.
     """
-    with opened(path) as recording, Path(out).open("x", encoding="utf-8") as file:
-        lines = (json.dumps(_json(line), ensure_ascii=False, allow_nan=False) for line in _lines(recording))
-        file.writelines(f"{line}\n" for line in lines)
+    if Path(out).exists():
+        raise FileExistsError(f"There is a file {str(out)!r} already; choose another name or delete it first.")
+    with opened(path) as recording, whole_file(Path(out)) as beside:
+        with beside.open("w", encoding="utf-8", errors="backslashreplace") as file:  # as JSON escapes them, too
+            lines = (json.dumps(_json(line), ensure_ascii=False, allow_nan=False) for line in _lines(recording))
+            file.writelines(f"{line}\n" for line in lines)
         return recording.warning
 
 
@@ -179,4 +188,4 @@ def _json(value: Any) -> Any:
         return b64encode(value).decode()
     if isinstance(value, float) and not isfinite(value):
         return None if isnan(value) else str(value)
-    return value.encode("utf-8", "replace").decode() if isinstance(value, str) else value
+    return value
