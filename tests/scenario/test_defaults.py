@@ -26,7 +26,7 @@ def test_a_recording_says_every_parameter_of_a_rule(made):
     assert said[0]["phase"] == "after"
     assert set(said[0]["with"]) == set(signature(rules.tag).parameters)
     assert said[0]["with"] | {"hops": 1, "score": 1, "then": "respawn"} == said[0]["with"]
-    assert said[1] == {"rule": "referee:count_turns", "with": {"step": 1}, "phase": "after"}
+    assert said[1] == {"rule": "referee:count_turns", "with": {"step": 1}, "phase": "after", "name": None}
 
 
 def test_a_recording_plays_by_the_defaults_that_it_was_made_with(made, monkeypatch):

@@ -214,3 +214,14 @@ def test_a_generator_that_gives_no_graph_is_an_error():
     given["map"] = {"generator": {"function": "networkx:density", "with": {"G": 3}}}
     with pytest.raises(ScenarioError, match=r"^map\.generator: density raised AttributeError"):
         Scenario(allow=["networkx"], **given).build()
+
+
+def test_a_rule_has_the_name_that_the_file_gives_it(made):
+    game = made({"rules.0.name": "catch", "rules.1.phase": "before"})
+    with game.build() as ctx:
+        assert [(rule.name, rule.phase) for rule in ctx.game.rules] == [("catch", "after"), ("count_turns", "before")]
+        ctx.game.remove("catch")
+        assert not [event for event in ctx.game.run().events if event["kind"] == "tag"]
+    assert game.replace(**{"rules.catch.with.score": 9}).spec.rules[0].with_["score"] == 9
+    with pytest.raises(ScenarioError, match=r"rules\.1.*There is already a rule named 'catch'"):
+        made({"rules.0.name": "catch", "rules.1.name": "catch"}).build()

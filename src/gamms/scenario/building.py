@@ -69,8 +69,9 @@ class Building:
             self._agents[name].strategy = strategy
         for number, given in enumerate(self.spec.rules):
             with at(f"rules.{number}"):
-                rule, phase = self._rule(given, f"rules.{number}")
-                game.add(rule, phase=phase)
+                rule = self._rule(given, f"rules.{number}")
+                keywords: dict[str, Any] = {} if isinstance(given, str) else {"phase": given.phase, "name": given.name}
+                game.add(rule, **keywords)
             self._rules[game.rules[-1].name] = rule
         if self.spec.conflicts is not None:
             with at("conflicts"):
@@ -110,7 +111,7 @@ class Building:
         now = self.ctx.game.rules
         for (name, before), (number, given) in zip(list(self._rules.items()), enumerate(self.spec.rules), strict=True):
             with at(f"rules.{number}"):
-                rule, _ = self._rule(given, f"rules.{number}")
+                rule = self._rule(given, f"rules.{number}")
                 if hasattr(rule, "prepare"):
                     rule.prepare(self.ctx)
             now = tuple(one._replace(rule=rule) if one.name == name and one.rule is before else one for one in now)
@@ -244,12 +245,11 @@ class Building:
 
     # -- rules, conflicts, values -------------------------------------------------------------------------------
 
-    def _rule(self, given: Any, path: str) -> tuple[Rule, str]:
-        """A rule, and its phase."""
-        name, parameters, phase = (
-            (given, {}, "after") if isinstance(given, str) else (given.rule, given.with_, given.phase)
-        )
-        return rule_of(self.library.get(name, path, RULES), self.parameters(parameters, f"{path}.with"), path), phase
+    def _rule(self, given: Any, path: str) -> Rule:
+        """The function that a rule names, or what it makes."""
+        function, parameters = (given, {}) if isinstance(given, str) else (given.rule, given.with_)
+        rule: Rule = rule_of(self.library.get(function, path, RULES), self.parameters(parameters, f"{path}.with"), path)
+        return rule
 
     def _conflicts(self, given: Conflicts) -> Any:
         rules, path = import_module(RULES), "conflicts.resolve"

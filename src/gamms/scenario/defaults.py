@@ -46,7 +46,9 @@ class _Defaults:
         return said
 
     def _rule(self, given: Any, path: str) -> dict[str, Any]:
-        rule: dict[str, Any] = {"rule": given, "with": {}, "phase": "after"} if isinstance(given, str) else given
+        rule: dict[str, Any] = (
+            {"rule": given, "with": {}, "phase": "after", "name": None} if isinstance(given, str) else given
+        )
         function = self._library.get(rule["rule"], path, RULES)
         return {**rule, "with": self._with(function, rule["with"], f"{path}.with")}
 

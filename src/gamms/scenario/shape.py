@@ -163,6 +163,7 @@ class Rule(_Mapping, frozen=True, kw_only=True):
     rule: Reference
     with_: Values = {}
     phase: Literal["after", "before"] = "after"
+    name: Name | None = None
 
 
 class ByPriority(_Mapping, frozen=True, kw_only=True):
