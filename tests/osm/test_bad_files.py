@@ -7,7 +7,7 @@ import os
 
 import pytest
 
-from gamms.errors import BadFile, BadType, BadValue, MissingExtra
+from gamms.errors import BadFile, BadType, BadValue, MissingExtra, TooLarge
 from gamms.ir import projection
 from gamms.osm import graph_from_xml, osmium
 
@@ -69,8 +69,8 @@ def test_a_file_that_unpacks_absurdly_is_refused(tmp_path, pack):
     path = tmp_path / "bomb.osm.gz"
     with pack.open(path, "wb") as stream:
         stream.write(b'<osm version="0.6">')
-        for _ in range(70):
-            stream.write(bytes([32]) * (1 << 20))
+        for _ in range(140):
+            stream.write(bytes([32]) * (1 << 19) + b"<a/>")
         stream.write(b"</osm>")
     with pytest.raises(BadFile, match="unpacks to more than"):
         graph_from_xml(path)
@@ -139,7 +139,7 @@ def test_a_resolution_is_a_number(make_map, cross, resolution):
 
 def test_a_resolution_that_would_fill_the_memory_is_refused(make_map, cross):
     for resolution in (1e-7, 5e-324):
-        with pytest.raises(BadValue, match="coarser"):
+        with pytest.raises(BadValue, match="would take about"):
             graph_from_xml(make_map(cross, ([1, 2], ROAD)), resolution=resolution)
 
 
@@ -171,9 +171,27 @@ def test_without_the_extra_the_error_prints_the_pip_command(make_map, cross, mon
 
 
 def test_a_map_with_too_many_points_is_refused(make_map, cross, monkeypatch):
-    monkeypatch.setattr(osmium, "_MOST_POSITIONS", 2)
-    with pytest.raises(BadFile, match="smaller area"):
+    monkeypatch.setattr(osmium, "BYTES_PER_POINT", 1 << 26)
+    with pytest.raises(TooLarge, match="honest files of its size"):
         graph_from_xml(make_map(cross, ([1, 2, 3], ROAD)))
+
+
+def test_a_road_that_is_all_repetition_is_refused_at_once(tmp_path):
+    path = tmp_path / "road.osm.gz"
+    places = b"".join(b'<node id="%d" lat="60.1%d" lon="24.9"/>' % (n, n) for n in (1, 2))
+    road = b'<way id="1">' + 900_000 * b'<nd ref="1"/><nd ref="2"/>' + b'<tag k="highway" v="x"/></way>'
+    path.write_bytes(gzip.compress(b'<osm version="0.6">' + places + road + b"</osm>"))
+    assert path.stat().st_size < 60_000
+    with pytest.raises(TooLarge, match="honest files of its size"):
+        graph_from_xml(path)
+
+
+@pytest.mark.parametrize("pack", [gzip, bz2], ids=["gzip", "bzip2"])
+def test_a_tag_that_never_ends_is_not_kept(tmp_path, pack):
+    path = tmp_path / "tag.osm.packed"
+    path.write_bytes(pack.compress(b'<osm version="0.6"><node id="1" user="' + bytes([97]) * (5 << 20) + b'"/></osm>'))
+    with pytest.raises(BadFile, match="a tag of more than"):
+        graph_from_xml(path)
 
 
 def test_no_junction_is_a_mile_wide(tmp_path):

@@ -11,7 +11,7 @@ import shapely
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from gamms.errors import BadFile, BadType, BadValue, MissingExtra
+from gamms.errors import BadFile, BadType, BadValue, MissingExtra, TooLarge
 from gamms.osm import faces_of_features, footprints, obstacle_from_file, obstacle_from_osm
 
 HOUSE = {"building": "house"}
@@ -123,9 +123,20 @@ def test_a_bad_filter_is_refused_before_any_server_is_asked(make_map):
 
 
 def test_a_map_with_too_many_points_is_refused(make_map, monkeypatch):
-    monkeypatch.setattr(footprints, "_MOST_POSITIONS", 3)
-    with pytest.raises(BadFile, match="more than 3 points"):
+    monkeypatch.setattr(footprints, "BYTES_PER_POINT", 1 << 25)
+    with pytest.raises(TooLarge, match="honest files of its size"):
         obstacle_from_file(make_map(NODES, (BLOCK, HOUSE)))
+
+
+def test_a_way_that_many_relations_share_is_not_copied_into_a_bomb(tmp_path):
+    path = tmp_path / "shared.osm.gz"
+    nodes = "".join(f'<node id="{n}" lat="{60 + n * 1e-5}" lon="{25 + n % 7 * 1e-5}"/>' for n in range(1, 1000))
+    way = '<way id="1">' + "".join(f'<nd ref="{n}"/>' for n in range(1, 1000)) + "</way>"
+    house = '<member type="way" ref="1" role="outer"/><tag k="type" v="multipolygon"/><tag k="building" v="yes"/>'
+    relations = "".join(f'<relation id="{n}">{house}</relation>' for n in range(3000))
+    path.write_bytes(gzip.compress(f'<osm version="0.6">{nodes}{way}{relations}</osm>'.encode()))
+    with pytest.raises(TooLarge, match="honest files of its size"):
+        obstacle_from_file(path)
 
 
 def test_without_the_extra_the_error_prints_the_pip_command(make_map, monkeypatch):

@@ -6,8 +6,9 @@ import sys
 import networkx as nx
 import pytest
 
-from gamms.errors import BadFile, BadType, BadValue
-from gamms.osm import geojson, graph_from_file, graph_from_geojson, is_geojson
+from gamms import limits
+from gamms.errors import BadFile, BadType, BadValue, TooLarge
+from gamms.osm import graph_from_file, graph_from_geojson, is_geojson
 
 NO_CUT = 1e6
 A, B, C, D = [24.94, 60.17], [24.941, 60.17], [24.942, 60.17], [24.941, 60.1705]
@@ -207,10 +208,14 @@ def test_collections_inside_collections_end_somewhere(write):
         graph_from_geojson(write(nested))
 
 
-def test_a_file_of_absurd_size_is_not_even_opened(write, monkeypatch):
-    monkeypatch.setattr(geojson, "_MOST_BYTES", 20)
-    with pytest.raises(BadFile, match="smaller area"):
+def test_a_file_of_absurd_size_is_not_even_opened(write):
+    with limits.allowing(1000), pytest.raises(TooLarge, match="max-memory"):
         graph_from_geojson(write(line(A, B)))
+
+
+def test_a_line_that_would_be_cut_into_millions_of_pieces_is_refused(write):
+    with pytest.raises(TooLarge, match="m of road in pieces"):
+        graph_from_geojson(write(line([24.0, 60.0], [25.0, 60.0])), resolution=0.1)
 
 
 def test_lines_at_the_pole_are_refused(write):

@@ -7,7 +7,7 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 from gamms.arguments import as_range
-from gamms.errors import BadFile, BadType, BadValue
+from gamms.errors import BadFile, BadType, BadValue, TooLarge
 from gamms.ir.graph import FloatArray
 from gamms.ir.projection import WGS84, crs_of, project, project_back_and_forth, utm_crs
 from gamms.osm.constants import OSM_OBSTACLE_TAGS, wall_estimates
@@ -213,6 +213,8 @@ def _crs_of_roads(file: Path) -> str | None:
 
     try:
         segments = segments_of(read_ways(file, _silent))
+    except TooLarge:
+        raise
     except BadFile:  # the buildings of the same file could be read, so it lacks nothing but roads
         return None
     return utm_crs(largest_part(segments).lonlat) if len(segments.sources) else None

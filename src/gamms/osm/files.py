@@ -7,14 +7,12 @@ from pathlib import Path
 
 from gamms.arguments import as_path
 from gamms.errors import BadFile
+from gamms.limits import Allowance
 from gamms.osm.pbf import unpacked_size
 
 _CHUNK = 1 << 20
-_MOST_EXPANSION = 200  # map data shrinks 10 to 30 times
-_ALWAYS_ALLOWED = 64 << 20  # bytes: this much is never a bomb
-_GZIP_EXPANSION = 1032  # deflate cannot do better
-_BZIP2_EXPANSION = _ALWAYS_ALLOWED  # bytes per byte: runs of one value shrink without a useful bound
-_PBF_EXPANSION = 50  # real extracts shrink 2 to 5 times
+_MEMORY_PER_XML = 5  # bytes that osmium takes at most for one of XML; map data shrinks 10 to 30 times
+_MEMORY_PER_PBF = 16  # … for one of PBF, where a reference to a node may take one; it shrinks 2 to 5 times
 WAY_OUT = (
     "Give an .osm, .xml, .osm.gz, .osm.bz2 or .osm.pbf file, "
     "such as an export from openstreetmap.org, the Overpass API or Geofabrik."
@@ -51,10 +49,10 @@ def file_format(file: Path) -> str:
     if not head:
         raise BadFile(f"{str(file)!r} is empty. {WAY_OUT}")
     if head.startswith(b"\x1f\x8b"):
-        _refuse_bomb(file, _GZIP_EXPANSION, gzip.GzipFile)
+        _refuse_bomb(file, gzip.GzipFile)
         return "osm.gz"
     if head.startswith(b"BZh"):
-        _refuse_bomb(file, _BZIP2_EXPANSION, bz2.BZ2File)
+        _refuse_bomb(file, bz2.BZ2File)
         return "osm.bz2"
     if b"OSMHeader" in head[:32]:
         _refuse_pbf_bomb(file)
@@ -64,30 +62,23 @@ def file_format(file: Path) -> str:
     raise BadFile(f"{str(file)!r} is not an OpenStreetMap file: it starts with {head[:16]!r}. {WAY_OUT}")
 
 
+def allowance_of(file: Path) -> Allowance:
+    """The memory that what is read of a map file may take; it is let go before the next part is made of it."""
+    return Allowance(file.stat().st_size, repr(str(file)), is_streamed=True)
+
+
 def _refuse_pbf_bomb(file: Path) -> None:
     # osmium unpacks a block to no more than it says it has, and none to more than 32 MiB: their sum is a bound.
-    packed, unpacked = file.stat().st_size, unpacked_size(file)
-    if unpacked > max(_ALWAYS_ALLOWED, packed * _PBF_EXPANSION):
-        raise BadFile(
-            f"{str(file)!r} has {packed} bytes and unpacks to {unpacked}: no map shrinks that much. Download it again."
-        )
+    allowance_of(file).charge(_MEMORY_PER_PBF * unpacked_size(file))
 
 
-def _refuse_bomb(file: Path, expansion: int, unpack: type[gzip.GzipFile] | type[bz2.BZ2File]) -> None:
-    packed = file.stat().st_size
-    if packed * expansion <= _ALWAYS_ALLOWED:
-        return
-    allowed, unpacked = max(_ALWAYS_ALLOWED, packed * _MOST_EXPANSION), 0
+def _refuse_bomb(file: Path, unpack: type[gzip.GzipFile] | type[bz2.BZ2File]) -> None:
+    allowance = allowance_of(file)
     try:
         with unpack(file) as stream:
             while chunk := stream.read(_CHUNK):
-                unpacked += len(chunk)
-                if unpacked > allowed:
-                    break
+                allowance.charge(_MEMORY_PER_XML * len(chunk))
+                if len(chunk) == _CHUNK and b">" not in chunk:  # a single tag, which a parser has to keep
+                    raise BadFile(f"{str(file)!r} is damaged: it has a tag of more than {_CHUNK} bytes.")
     except (EOFError, OSError, zlib.error) as error:
         raise BadFile(f"{str(file)!r} is damaged: {error}. Download it again.") from error
-    if unpacked > allowed:
-        raise BadFile(
-            f"{str(file)!r} has {packed} bytes and unpacks to more than {allowed}: no map shrinks that much. "
-            "Unpack it yourself and give the .osm file if you trust it."
-        )

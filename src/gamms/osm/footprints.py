@@ -8,22 +8,23 @@ from typing import Any
 import numpy as np
 
 from gamms import kernels
-from gamms.errors import BadFile
 from gamms.ir.graph import IntArray
+from gamms.limits import Allowance
+from gamms.osm.files import allowance_of
 from gamms.osm.heights import Wall, WallRules
-from gamms.osm.osmium import errors_of, places_of, source_of
+from gamms.osm.osmium import BYTES_PER_POINT, errors_of, places_of, source_of
 from gamms.osm.polygons import Outlines
 
 _DEGREE = 10_000_000  # osmium counts in units of 1e-7 degrees
 _NOWHERE = 2**31 - 1
-_MOST_POSITIONS = 100_000_000
 _ROLES = ("outer", "inner", "")
 
 
 class _Lines:
-    """Ways while they are being read: each once, whoever needs it."""
+    """Ways while they are being read, each once."""
 
-    def __init__(self) -> None:
+    def __init__(self, allowance: Allowance) -> None:
+        self.allowance = allowance
         self.offsets, self.refs = array("q", (0,)), array("q")
         self.x, self.y = array("q"), array("q")
         self.row_of: dict[int, int] = {}  # way id -> row
@@ -31,6 +32,7 @@ class _Lines:
     def add(self, way: Any) -> None:
         if way.id in self.row_of:
             return
+        self.allowance.charge(BYTES_PER_POINT * len(way.nodes))
         for node in way.nodes:
             place = node.location
             self.refs.append(node.ref)
@@ -51,9 +53,9 @@ class _Lines:
 class _Footprints:
     """Which lines enclose what, while a file is being read."""
 
-    def __init__(self, rules: WallRules) -> None:
+    def __init__(self, rules: WallRules, allowance: Allowance) -> None:
         self.rules = rules
-        self.lines = _Lines()
+        self.lines = _Lines(allowance)
         self.walls: list[Wall] = []
         self.ways_of: list[list[int]] = []  # ids of the ways around each footprint
         self.relations: set[int] = set()
@@ -85,6 +87,8 @@ class _Footprints:
         inside = np.concatenate(([0], np.cumsum((np.abs(units) <= (180 * _DEGREE, 90 * _DEGREE)).all(axis=1))))
         is_whole = (np.diff(inside[bounds]) == np.diff(bounds)) & (np.diff(bounds) > 1)
         rows, owners = self._rows(is_whole)
+        # Several relations may share a way.
+        self.lines.allowance.charge(BYTES_PER_POINT * int(np.diff(bounds)[rows].sum()))
         positions, offsets = kernels.chosen_runs(bounds, rows)
         return Outlines(offsets, units[positions] / _DEGREE, owners, self.walls)
 
@@ -104,11 +108,9 @@ def read_footprints(file: Path, rules: WallRules) -> Outlines:
         MissingExtra: osmium is not installed.
     """
     source = source_of(file)
-    found = _Footprints(rules)
+    found = _Footprints(rules, allowance_of(file))
     with errors_of(file):
         _read(source, found)
-    if len(found.lines.refs) > _MOST_POSITIONS:
-        raise BadFile(f"{str(file)!r} cannot be used: its footprints have more than {_MOST_POSITIONS} points.")
     return found.outlines()
 
 
@@ -122,8 +124,6 @@ def _read(source: Any, found: _Footprints) -> None:
     members = {way for ways in found.ways_of for way in ways}
     for way in _ways(source, KeyFilter(*found.rules.keys)):
         found.add_way(way)
-        if len(found.lines.refs) > _MOST_POSITIONS:
-            return
     if members:
         for way in _ways(source):
             if way.id in members and not way.deleted:

@@ -12,11 +12,12 @@ from typing import Any, NoReturn
 import numpy as np
 
 from gamms.errors import BadFile
+from gamms.limits import refuse_above
 from gamms.osm.files import as_file
 from gamms.osm.polylines import offsets_of
 from gamms.osm.ways import Ways, is_against, is_one_way
 
-_MOST_BYTES = 512 << 20  # Python needs about ten times as much memory for what it reads
+_MEMORY_PER_BYTE = 10  # that Python needs for what it reads
 _MOST_LEVELS = 32  # of geometry collections inside geometry collections
 _LINES = {"LineString", "MultiLineString"}
 _NO_TAGS = frozenset(("id", "linestring", "geometry", "length", "reversed"))  # names of our own
@@ -80,10 +81,7 @@ def is_geojson(filepath: str | os.PathLike[str]) -> bool:
 
 
 def _document(file: Path) -> dict[str, Any]:
-    if file.stat().st_size > _MOST_BYTES:
-        _refuse(
-            file, f"it has {file.stat().st_size} bytes, and the most is {_MOST_BYTES}. Cut a smaller area out of it"
-        )
+    refuse_above(_MEMORY_PER_BYTE * file.stat().st_size, f"reading {str(file)!r}")
     try:
         document = json.loads(file.read_text(encoding="utf-8-sig"), parse_constant=_no_number)
     except (ValueError, RecursionError, MemoryError) as error:

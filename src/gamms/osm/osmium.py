@@ -9,7 +9,8 @@ from typing import TYPE_CHECKING, Any, NoReturn
 import numpy as np
 
 from gamms.errors import BadFile, MissingExtra
-from gamms.osm.files import WAY_OUT, file_format
+from gamms.limits import Allowance
+from gamms.osm.files import WAY_OUT, allowance_of, file_format
 from gamms.osm.travel import OSMType
 from gamms.osm.ways import Ways, is_against, is_open_to, kept_tags, traffic_rule
 
@@ -18,15 +19,15 @@ if TYPE_CHECKING:
 
 _DEGREE = 10_000_000  # osmium counts in units of 1e-7 degrees
 _NOWHERE = 2**31 - 1
-_MOST_POSITIONS = 100_000_000
+BYTES_PER_POINT = 1_000  # of memory, from the file to the graph
 _SHOW_EVERY = 4096  # ways
 
 
 class _Columns:
     """Ways while they are being read."""
 
-    def __init__(self, osm_type: OSMType | None) -> None:
-        self.osm_type = osm_type
+    def __init__(self, osm_type: OSMType | None, allowance: Allowance) -> None:
+        self.osm_type, self.allowance = osm_type, allowance
         self.offsets, self.refs = array("q", (0,)), array("q")
         self.x, self.y = array("q"), array("q")
         self.against = array("b")
@@ -37,6 +38,7 @@ class _Columns:
         tags = {tag.k: tag.v for tag in way.tags}
         if way.deleted or way.id in self.osmids or not is_open_to(self.osm_type, tags):
             return
+        self.allowance.charge(BYTES_PER_POINT * len(way.nodes))
         for node in way.nodes:
             place = node.location
             self.refs.append(node.ref)
@@ -64,21 +66,17 @@ def read_ways(file: Path, show: "Callable[[str], None]", osm_type: OSMType | Non
         MissingExtra: osmium is not installed.
     """
     source = source_of(file)
-    columns = _Columns(osm_type)
+    columns = _Columns(osm_type, allowance_of(file))
     show(f"Reading {file.name}")
     with errors_of(file):
         for count, way in enumerate(_road_ways(source)):
             columns.add(way)
-            if len(columns.refs) > _MOST_POSITIONS:
-                break
             if count % _SHOW_EVERY == _SHOW_EVERY - 1:
                 show(f"Reading {file.name}: {count} roads")
         missing = _missing(columns)
         if missing:
             show(f"Reading {file.name}: looking for {len(missing)} nodes")
             _find(columns, places_of(source, missing))
-    if len(columns.refs) > _MOST_POSITIONS:
-        _refuse(file, f"its roads have more than {_MOST_POSITIONS} points. Cut a smaller area out of it.")
     if not columns.tags:
         whose = "" if osm_type is None else f" for {osm_type}"
         _refuse(
@@ -134,6 +132,8 @@ def errors_of(file: Path) -> Iterator[None]:
 
     try:
         yield
+    except BadFile:
+        raise
     except (RuntimeError, ValueError, MemoryError, OverflowError, InvalidLocationError) as error:
         raise BadFile(f"{str(file)!r} cannot be read as OpenStreetMap data: {error}. {WAY_OUT}") from error
 

@@ -51,7 +51,10 @@ def piece_counts(lengths: FloatArray, resolution: float) -> IntArray:
     """
     with np.errstate(over="ignore"):
         ratio = lengths / resolution
-    refuse_above(ratio.sum() * _PIECE_BYTES, f"{lengths.sum():.0f} m of road in pieces of resolution={resolution} m")
+    refuse_above(
+        np.maximum(ratio, 1.0).sum() * _PIECE_BYTES,
+        f"{lengths.sum():.0f} m of road in pieces of resolution={resolution} m",
+    )
     return np.where(ratio < 1.5, 1, np.rint(ratio)).astype(np.int64)
 
 
