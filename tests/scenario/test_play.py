@@ -13,7 +13,8 @@ import yaml
 
 import gamms
 from gamms import scenario
-from gamms.errors import UnknownName
+from gamms.errors import Outdated, UnknownName
+from gamms.graph import visibility_tables
 from gamms.scenario import Scenario, ScenarioError
 
 CODE = """
@@ -179,6 +180,61 @@ def make():
     assert one.replace(turns=3).play().turns == 3
     with one.build() as ctx:
         assert ctx.graph.graph.has_node(40)
+
+
+WALL = {"face_id": 0, "tr": (15, 12, 9), "tl": (15, -2, 9), "br": (15, 12, 0), "bl": (15, -2, 0), "type": 0}
+
+
+@pytest.fixture
+def tables_made(monkeypatch):
+    """How many visibility tables were worked out."""
+    made, work_out = [], visibility_tables.all_seen
+    monkeypatch.setattr(visibility_tables, "all_seen", lambda *given: made.append(given) or work_out(*given))
+    return made
+
+
+def test_games_of_one_scenario_share_their_visibility_tables(made, tables_made):
+    one = made()
+    first = [table_of(game) for game in (one, one, one.replace(turns=3))]
+    assert len(tables_made) == 1
+    assert first[0] == first[1] == first[2]
+    table_of(made())
+    assert len(tables_made) == 2
+
+
+def test_no_game_gets_the_visibility_table_of_another_map(made, tables_made):
+    one = made()
+    free = table_of(one)
+    walled = table_of(one, lambda ctx: ctx.graph.add_obstacle_face(**WALL))
+    without = table_of(one, lambda ctx: ctx.graph.graph.remove_node(1))
+    assert len(tables_made) == 3
+    assert table_of(one) == free
+    assert table_of(one, lambda ctx: ctx.graph.add_obstacle_face(**WALL)) == walled
+    assert len(tables_made) == 3
+    assert 2 in free[0]
+    assert 2 not in walled[0]
+    assert 1 not in without[0]
+
+
+def test_a_shared_visibility_table_follows_the_changes_of_its_own_game(made):
+    one = made()
+    table_of(one)
+    with one.build() as ctx:
+        before = ctx.graph.visibility(radius=30.0, path=False)
+        ctx.graph.add_obstacle_face(**WALL)
+        with pytest.raises(Outdated):
+            before.from_node(0)
+        assert 2 not in ctx.graph.visibility(radius=30.0, path=False).from_node(0)
+        with pytest.raises(ValueError, match="read-only"):
+            before.seen.rows[0] = 1
+    assert 2 in table_of(one)[0]
+
+
+def table_of(one, change=lambda ctx: None):
+    with one.build() as ctx:
+        change(ctx)
+        table = ctx.graph.visibility(radius=30.0, path=False)
+        return {node: table.from_node(node).tolist() for node in ctx.graph.graph.get_nodes()}
 
 
 def test_many_games_leave_nothing_behind(made, tmp_path, monkeypatch):

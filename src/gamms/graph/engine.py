@@ -5,6 +5,7 @@ from collections.abc import Iterator
 from typing import TYPE_CHECKING, Any, NamedTuple
 
 from gamms.errors import BadFile, BadValue, ContextTerminated, UnknownType, WriteConflict
+from gamms.graph.cache import Cache
 from gamms.graph.contents import Contents
 from gamms.graph.graph import Graph
 from gamms.graph.obstacles import Obstacles, checked_face, checked_faces
@@ -26,6 +27,9 @@ if TYPE_CHECKING:
     from gamms.typing.memory_engine import IPathLike
 
 
+_SIGHT_BYTES = 256 << 20
+
+
 class KeptWorld(NamedTuple):
     """Graph and obstacles at one moment."""
 
@@ -34,6 +38,7 @@ class KeptWorld(NamedTuple):
     attribution: str | None
     revision: int
     obstacle_revision: int
+    sights: Cache
 
 
 class GraphEngine(IGraphEngine):
@@ -43,6 +48,9 @@ class GraphEngine(IGraphEngine):
         ctx: the context.
         engine: MEMORY writes nothing unless asked; SQLITE answers every call alike and keeps a database file.
         path: of the database; an existing one is opened. None: one in memory.
+
+    Attributes:
+        sights: the rows of visibility tables by the content they were made of, which several engines may share.
 
     Raises:
         UnknownType (ValueError): `engine` is no member of `Engine`.
@@ -56,6 +64,7 @@ class GraphEngine(IGraphEngine):
         self._graph: Graph | None = Graph()
         self._obstacles = Obstacles()
         self._tables: VisibilityTables | None = None
+        self.sights = Cache(_SIGHT_BYTES)
         self._place_stream: Generator | None = None
         self._database: GraphDatabase | None = None
         self._saved: tuple[object, ...] | None = None  # the `_state` that a file has
@@ -132,7 +141,7 @@ class GraphEngine(IGraphEngine):
         if self._tables is None:
             from gamms.graph.visibility_tables import VisibilityTables
 
-            self._tables = VisibilityTables(self.graph, self._present(), self._ctx)
+            self._tables = VisibilityTables(self.graph, self._present(), self._ctx, self.sights)
         return self._tables.get(radius, observer_height, path, progress=progress, workers=workers)
 
     def visibility_table(self, observer_height: float, radius: float) -> "Visibility | None":
@@ -255,7 +264,12 @@ class GraphEngine(IGraphEngine):
         """Graph and obstacles as they are now, for `restore`."""
         attribution = self.graph.attribution
         return KeptWorld(
-            self.columns(), self.obstacle_columns(), attribution, self.graph.revision, self.obstacle_revision
+            self.columns(),
+            self.obstacle_columns(),
+            attribution,
+            self.graph.revision,
+            self.obstacle_revision,
+            self.sights,
         )
 
     def restore(self, before: "KeptWorld") -> None:

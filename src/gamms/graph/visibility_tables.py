@@ -9,6 +9,7 @@ from gamms.arguments import as_float, as_int, as_path, as_range
 from gamms.errors import BadFile, BadValue, MissingFolder
 from gamms.folders import cache_folder, write_whole
 from gamms.graph import sight_file
+from gamms.graph.cache import Cache
 from gamms.graph.graph import Graph
 from gamms.graph.lookouts import all_seen
 from gamms.graph.obstacles import Obstacles
@@ -30,10 +31,11 @@ class VisibilityTables:
         graph: whose nodes see each other.
         obstacles: what they cannot see through.
         ctx: whose logger is told of files that cannot be used.
+        sights: the rows of tables, of other engines too, by the key of their world.
     """
 
-    def __init__(self, graph: Graph, obstacles: Obstacles, ctx: IContext) -> None:
-        self._graph, self._obstacles, self._ctx = graph, obstacles, ctx
+    def __init__(self, graph: Graph, obstacles: Obstacles, ctx: IContext, sights: Cache) -> None:
+        self._graph, self._obstacles, self._ctx, self._sights = graph, obstacles, ctx, sights
         self._tables: dict[tuple[float, float], Visibility] = {}
 
     def find(self, observer_height: float, radius: float) -> Visibility | None:
@@ -58,7 +60,8 @@ class VisibilityTables:
         place = self._place(path, key)
         kept = self._read(place, key, len(world.node_ids))
         if table is None:
-            seen = kept or _made(Scene(world.xy, world.corners, reach, height), workers, is_shown=progress)
+            scene = Scene(world.xy, world.corners, reach, height)
+            seen = self._sights.get(0, key, lambda: kept or _made(scene, workers, is_shown=progress))
             table = self._tables[reach, height] = Visibility(world, reach, height, seen)
         if place is not None and kept is None:
             self._write(place, sight_file.encode(table.seen, key, reach, height))
@@ -116,7 +119,10 @@ class _Place(NamedTuple):
 
 def _made(scene: Scene, workers: int | None, *, is_shown: bool) -> Seen:
     with shown(0.0) if is_shown else nullcontext(_say_nothing) as show:
-        return all_seen(scene, workers, show)
+        seen = all_seen(scene, workers, show)
+    for array in seen:
+        array.flags.writeable = False  # other engines may share it
+    return seen
 
 
 def _say_nothing(_: str) -> None:

@@ -2,6 +2,7 @@
 
 import os
 from collections.abc import Iterable, Mapping
+from functools import cache, partial
 from typing import Any
 
 from gamms.arguments import as_path
@@ -52,12 +53,12 @@ class Scenario:
         self.folder = None if folder is None else as_path(folder, "folder").absolute()
         self.file = None if file is None else as_path(file, "file")
         self.allow = allowed(allow)
-        self._world: Any = None
         self._library = Library(Sources(self.folder, self.allow))
         with named(self.file):
             self._raw: dict[str, Any] = plain.copied(given)
             self.spec: Spec = checked(self._raw, Spec)
             check_sense(self.spec)
+        self._loaded = cache(partial(worlds.load, self.spec.map, self.folder, self._library))
 
     def to_dict(self) -> dict[str, Any]:
         """What it says as plain values: `Scenario(**scenario.to_dict())` says the same."""
@@ -67,7 +68,7 @@ class Scenario:
     def replace(self, **changes: Any) -> "Scenario":
         """The same scenario with other values: `replace(**{"turns": 50, "teams.red.count": 8})`.
 
-        A part of a path is a key, or the number or the name of an item of a list. The loaded map is shared.
+        A part of a path is a key, or the number or the name of an item of a list. The map is shared.
 
         Raises:
             ScenarioError: a path leads nowhere, or the value cannot be there.
@@ -76,7 +77,7 @@ class Scenario:
             raw = plain.changed(self._raw, changes)
             new = _from_plain(raw, self.folder, self.file, self.allow)
         if raw.get("map") == self._raw.get("map"):
-            new._world = self._world
+            new._loaded = self._loaded
         new._library = self._library
         return new
 
@@ -150,7 +151,7 @@ class Scenario:
         given = dict(strategies or {})
         unknown_strategies(given, self.spec)
         with named(self.file):
-            if self._world is None:
+            if not self._loaded.cache_info().currsize:
                 self.code()
             world = self._loaded()
         keywords = {} if vis_engine is None else {"vis_engine": vis_engine}
@@ -200,11 +201,6 @@ class Scenario:
     def _settings(self) -> dict[str, Any]:
         settings = self.spec.settings
         return {name: getattr(settings, name) for name in settings.__struct_fields__}
-
-    def _loaded(self) -> Any:
-        if self._world is None:
-            self._world = worlds.load(self.spec.map, self.folder, self._library)
-        return self._world
 
 
 def load(path: str | os.PathLike[str], allow: Iterable[str] = ()) -> Scenario:

@@ -81,7 +81,8 @@ def load(map: Map, folder: Path | None, library: Library) -> Any:
 
 
 def put(ctx: Context, world: Any) -> None:
-    """Let the graph room of a new context have a loaded map; it may change it as it likes."""
+    """Give a new context a loaded map, which it may change as it likes, and the visibility tables of earlier games."""
+    ctx.graph.sights = world.sights
     ctx.graph.graph.replace(world.columns)
     ctx.graph.graph.attribution = world.attribution
     if len(world.obstacles.ids):
