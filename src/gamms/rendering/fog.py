@@ -16,9 +16,10 @@ from gamms.visual import Artist
 from gamms.visual.clipping import inside
 from gamms.visual.color import Rgb
 from gamms.visual.drawers.graph import one_way_each, polylines
-from gamms.visual.drawers.rules import FLAG_LAYER, TAG_LAYER, flags_in, render_flags, territories_in
+from gamms.visual.drawers.rules import flags_in, render_flags, territories_in
 from gamms.visual.drawers.tags import render_tags
 from gamms.visual.drawers.values import usual_edge
+from gamms.visual.layers import Layer
 from gamms.visual.primitives import primitives_of
 from gamms.visual.sides import side_colors
 from gamms.visual.sights import Sight
@@ -27,7 +28,6 @@ from gamms.visual.undeclared import MOST_SENSORS, artists_of_sights, sight_radiu
 DARK: Rgb = (20, 22, 26)
 _SHADES: tuple[Rgb, ...] = ((42, 45, 51), (104, 109, 118), (206, 210, 216))  # never seen, seen, seen now
 _STREET, _SLIM, _DOT, _LINE_PX = 2.0, 0.2, 0.08, 1.5  # as broad as in other pictures
-_GRAPH_LAYER = 10
 _DIGITS = 6  # of the coordinates by which agents and nodes are found again
 
 
@@ -61,13 +61,13 @@ class Fog:
 
     def _declare(self) -> None:
         visual = self._ctx.visual
-        streets = Artist(self._ctx, _TurnDrawer(self._draw_streets), _GRAPH_LAYER)
+        streets = Artist(self._ctx, _TurnDrawer(self._draw_streets), Layer.GRAPH)
         visual.add_artist("graph", streets)
         for name in territories_in(self._ctx):
             visual.add_artist(name, _hidden(self._ctx))
         for key in flags_in(self._ctx):
-            visual.add_artist(key, {"drawer": self._draw_flags, "layer": FLAG_LAYER, "key": key})
-        visual.add_artist("tags", {"drawer": _TurnDrawer(self._draw_tags), "layer": TAG_LAYER})
+            visual.add_artist(key, {"drawer": self._draw_flags, "layer": Layer.FLAGS, "key": key})
+        visual.add_artist("tags", {"drawer": _TurnDrawer(self._draw_tags), "layer": Layer.TAGS})
 
     # -- what is known ---------------------------------------------------------------------------------------
 

@@ -10,8 +10,9 @@ from typing import Any
 import numpy as np
 
 from gamms.typing.game import Rule
-from gamms.visual.drawers.rules import FLAG_LAYER, TAG_LAYER, as_text, render_flags
+from gamms.visual.drawers.rules import as_text, render_flags
 from gamms.visual.drawers.tags import render_tags
+from gamms.visual.layers import Layer
 
 
 def equipped(rule: Rule, **extras: Any) -> Rule:
@@ -26,7 +27,7 @@ def flags_drawer(key: str, colors: Mapping[Any, Any] | None) -> Any:
     def drawer(ctx: Any, data: Any) -> None:
         render_flags(ctx, {**data, "key": key, "colors": colors})
 
-    drawer.__dict__.update(artist=key, layer=FLAG_LAYER)
+    drawer.__dict__.update(artist=key, layer=Layer.FLAGS)
     return drawer
 
 
@@ -44,4 +45,4 @@ def tags_drawer(ctx: Any, data: Any) -> None:
     render_tags(ctx, data)
 
 
-tags_drawer.__dict__.update(artist="tags", layer=TAG_LAYER, once_a_turn=True)
+tags_drawer.__dict__.update(artist="tags", layer=Layer.TAGS, once_a_turn=True)

@@ -12,9 +12,8 @@ from gamms.visual.colormaps import Colorize
 from gamms.visual.constants import Shape
 from gamms.visual.described import artist_of, words_of
 from gamms.visual.drawers import render_agent, render_graph, render_obstacles, render_sensor
+from gamms.visual.layers import Layer
 from gamms.visual.primitives import Primitives
-
-_OBSTACLES, _GRAPH, _VALUES, _AGENTS, _ARTISTS, _SENSORS = 5, 10, 13, 20, 30, 40  # layers
 
 
 class Declarations(Primitives):
@@ -35,7 +34,7 @@ class Declarations(Primitives):
     def set_graph_visual(self, **kwargs: Any) -> Artist:
         """Declare how the graph looks: `node_color`, `node_size`, `edge_color`, `draw_id`."""
         look = _known(kwargs, "node_color", "node_size", "edge_color", "draw_id")
-        artist = Artist(self.ctx, render_graph, _GRAPH)
+        artist = Artist(self.ctx, render_graph, Layer.GRAPH)
         artist.set_artist_type(ArtistType.STATIC)
         artist.data = {"graph_data": GraphData(**look)}
         return self._declare("graph", artist)
@@ -46,7 +45,7 @@ class Declarations(Primitives):
         Where `fill` is true, what walls stand around is filled: in the colour of its type in `color_map`, or else in
         a tone that says how high it is. Otherwise only the top edges of faces are drawn.
         """
-        artist = Artist(self.ctx, render_obstacles, _OBSTACLES)
+        artist = Artist(self.ctx, render_obstacles, Layer.OBSTACLES)
         artist.set_artist_type(ArtistType.STATIC)
         artist.data = {"color_map": {}, "boundary_thickness": 1.0}
         artist.data |= _known(kwargs, "color_map", "boundary_thickness", "fill")
@@ -55,13 +54,13 @@ class Declarations(Primitives):
     def set_agent_visual(self, name: str, **kwargs: Any) -> Artist:
         """Declare how an agent looks: `color`, `size` (world units), `image_path`; it need not exist yet."""
         look = AgentData(name, image=kwargs.get("image_path"), **_known(kwargs, "color", "size"))
-        artist = Artist(self.ctx, render_agent, _AGENTS)
+        artist = Artist(self.ctx, render_agent, Layer.AGENTS)
         artist.data = {"agent_data": look, "_alpha": 1.0}
         return self._declare(name, artist)
 
     def set_sensor_visual(self, name: str, **kwargs: Any) -> Artist:
         """Declare how a sensor's last view looks: `color`, `size`, or `node_color`, `edge_color`; `layer`."""
-        artist = Artist(self.ctx, render_sensor, kwargs.get("layer", _SENSORS))
+        artist = Artist(self.ctx, render_sensor, kwargs.get("layer", Layer.SENSORS))
         artist.data = {"name": name, **_known(kwargs, "color", "size", "node_color", "edge_color")}
         return self._declare(f"sensor_{name}", artist)
 
@@ -89,7 +88,7 @@ class Declarations(Primitives):
             name: of the artist; another than "values" is the title of the legend.
 
         Returns:
-            The artist, on layer 13; None where nothing is shown.
+            The artist, on layer `Layer.VALUES`; None where nothing is shown.
 
         Raises:
             UnknownName (KeyError): no such node, edge or colour map.
@@ -109,7 +108,7 @@ class Declarations(Primitives):
             return None
         columns = self.ctx.graph.columns()
         of, known = ("edges", columns.edge_ids) if nodes is None else ("nodes", columns.node_ids)
-        artist = Artist(self.ctx, render_values, _VALUES)
+        artist = Artist(self.ctx, render_values, Layer.VALUES)
         title = "" if name == "values" else name
         shown = values.checked(of, given, known, cmap, (vmin, vmax), title)
         artist.data = {"values": shown, "legend": shown.legend}
@@ -157,7 +156,7 @@ class Declarations(Primitives):
 
     def _artist_of(self, data: dict[str, Any]) -> Artist:
         drawer = data.get("drawer", data.get("shape", Shape.Circle))
-        artist = Artist(self.ctx, drawer, data.get("layer", _ARTISTS))
+        artist = Artist(self.ctx, drawer, data.get("layer", Layer.ARTISTS))
         artist.data = data
         return artist
 

@@ -11,6 +11,7 @@ from gamms.typing import ArtistType, ColorType, IArtist, IContext
 from gamms.visual.camera import Camera, Follow, Look
 from gamms.visual.color import PAPER
 from gamms.visual.declarations import Declarations
+from gamms.visual.layers import Layer
 
 if TYPE_CHECKING:
     from gamms.visual.backends.coverage import ByteArray
@@ -136,10 +137,9 @@ class PictureEngine(Declarations):
         if not self.happenings.eliminated():
             return artists
         from gamms.visual.artist import Artist, looks_of
-        from gamms.visual.drawers.rules import TAG_LAYER
         from gamms.visual.drawers.tags import render_eliminated
 
-        marks = Artist(self.ctx, render_eliminated, TAG_LAYER)
+        marks = Artist(self.ctx, render_eliminated, Layer.TAGS)
         marks.data = {"colors": {look.name: look.color for look in looks_of(artists)}}
         return {"eliminated": marks} | artists
 

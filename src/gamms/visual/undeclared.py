@@ -22,9 +22,6 @@ from gamms.visual.declarations import Declarations
 from gamms.visual.drawers import render_agent, render_graph, render_obstacles, render_sensor
 from gamms.visual.drawers.graph import usual
 from gamms.visual.drawers.rules import (
-    FLAG_LAYER,
-    TAG_LAYER,
-    TERRITORY_LAYER,
     TerritoryDrawer,
     flags_in,
     render_flags,
@@ -32,6 +29,7 @@ from gamms.visual.drawers.rules import (
 )
 from gamms.visual.drawers.sensors import render_rings, render_sight
 from gamms.visual.drawers.tags import render_tags
+from gamms.visual.layers import Layer
 from gamms.visual.legend import Row, Rows, legend_only
 from gamms.visual.primitives import primitives_of
 from gamms.visual.sides import side_colors, side_of
@@ -39,7 +37,6 @@ from gamms.visual.sights import Sight, says_something
 
 MOST_SENSORS = 20  # more of them would hide what happens
 _NOBODYS = (110, 114, 120)
-_OBSTACLES, _GRAPH, SENSOR_LAYER, _AGENTS = 5, 10, 15, 20  # layers
 _USUAL_PX, _LEAST_PX, _MANY = 6.0, 3.0, 150  # radius of agents; of more than so many a smaller one
 RING = 1.7  # of a sensed agent, in radii of its disc
 _WALL, _THICKEST = 0.3, 0.5  # of a wall: in radii of agents, and at most in metres
@@ -77,7 +74,7 @@ class Undeclared:
         self._colors: dict[str, Rgb] = {}  # of agents, by name
         self._views: dict[str, Artist] = {}  # of sensors
         self._territories: dict[str, TerritoryDrawer] = {}  # who know the places
-        self._tags, self._legend = Artist(ctx, render_tags, TAG_LAYER), legend_of_teams(ctx)
+        self._tags, self._legend = Artist(ctx, render_tags, Layer.TAGS), legend_of_teams(ctx)
 
     def artists(self) -> dict[str, IArtist]:
         """Artists of the map, every agent, the sensors while they are few, what rules keep, and the legend, by name."""
@@ -90,9 +87,9 @@ class Undeclared:
         artists: dict[str, IArtist] = {"tags": self._tags}
         for name in territories_in(self._ctx):
             drawer = self._territories.setdefault(name, TerritoryDrawer(name))
-            artists[name] = Artist(self._ctx, drawer, TERRITORY_LAYER)
+            artists[name] = Artist(self._ctx, drawer, Layer.TERRITORIES)
         for key in flags_in(self._ctx):
-            artists[key] = flags = Artist(self._ctx, render_flags, FLAG_LAYER)
+            artists[key] = flags = Artist(self._ctx, render_flags, Layer.FLAGS)
             flags.data = {"key": key}
         return artists
 
@@ -103,12 +100,12 @@ class Undeclared:
             return
         columns = graph.columns()
         self._map_key, self._unit = key, sight_radius(columns)
-        streets = self._static(render_graph, _GRAPH)
+        streets = self._static(render_graph, Layer.GRAPH)
         streets.data = {"graph_data": GraphData(self._tones.nodes, 0.35 * self._unit, self._tones.streets)}
         self._map = {"graph": streets}
         if len(graph.obstacle_columns().ids):
             thickness = _WALL * self._unit if columns.crs is None else min(_WALL * self._unit, _THICKEST)
-            self._map["obstacles"] = walls = self._static(render_obstacles, _OBSTACLES)
+            self._map["obstacles"] = walls = self._static(render_obstacles, Layer.OBSTACLES)
             walls.data = {"fill": True, "boundary_thickness": thickness, "tones": self._tones.walls}
 
     def _static(self, drawer: Drawer, layer: int) -> Artist:
@@ -127,7 +124,7 @@ class Undeclared:
         self._agents_key, self._agents = key, {}
         self._colors = {name: by_side[side] for name, side in sides.items()}
         for name, color in self._colors.items():
-            self._agents[name] = disc = Artist(self._ctx, render_agent, _AGENTS)
+            self._agents[name] = disc = Artist(self._ctx, render_agent, Layer.AGENTS)
             disc.data = {"agent_data": AgentData(name, color, self._unit, least_px=least_px), "_alpha": 1.0}
 
     def _sensors(self) -> dict[str, IArtist]:
@@ -160,7 +157,7 @@ def artists_of_sights(
         drawer = (
             render_sensor if any(view is None for _, view in views) else render_sight
         )  # the first says what is wrong
-        artists[f"sensor_{name}"] = artist = before.get(f"sensor_{name}") or Artist(ctx, drawer, SENSOR_LAYER)
+        artists[f"sensor_{name}"] = artist = before.get(f"sensor_{name}") or Artist(ctx, drawer, Layer.SEEN)
         artist.set_drawer(drawer)
         artist.data = {"name": name, "color": views[0][0], "sights": views, **look}
     declared = cast("Declarations", ctx.visual).artist
@@ -172,7 +169,7 @@ def artists_of_sights(
         if view is not None and view.names
     ]
     if ringed:
-        artists["rings"] = rings = before.get("rings") or Artist(ctx, render_rings, SENSOR_LAYER)
+        artists["rings"] = rings = before.get("rings") or Artist(ctx, render_rings, Layer.SEEN)
         rings.data = {"sights": ringed, **look}
     return artists
 

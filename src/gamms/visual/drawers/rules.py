@@ -15,11 +15,11 @@ from gamms.typing import IContext
 from gamms.visual.color import rgba
 from gamms.visual.drawers.graph import one_way_each, polylines
 from gamms.visual.drawers.values import usual_edge
+from gamms.visual.layers import Layer
 from gamms.visual.primitives import primitives_of
 from gamms.visual.sides import side_colors
 
 TERRITORIES = "territories"  # in `ctx.game.data`: name -> team -> ids of its nodes, as text
-TERRITORY_LAYER, FLAG_LAYER, TAG_LAYER = 12, 22, 25  # on the streets, with the agents, above all
 _MOST = 100  # flags, territories, and teams that have them
 _TINT, _DOT_PX, _BASE_PX = 70, 5.0, 8.0
 _BAND = 0.75  # the breadth of a territory's streets, in lengths of a usual edge
@@ -127,7 +127,7 @@ class TerritoryDrawer:
     once_a_turn = True
 
     def __init__(self, name: str, colors: Mapping[Any, Any] | None = None) -> None:
-        self.artist, self.layer = name, TERRITORY_LAYER
+        self.artist, self.layer = name, Layer.TERRITORIES
         self._name, self._given = name, colors
         self._seen: Any = None  # the map and the territory for which the discs were worked out
         self._places: dict[Any, _Ground] = {}

@@ -18,6 +18,7 @@ from gamms.visual.backends.pygame import Canvas, hold_image, load
 from gamms.visual.camera import Camera
 from gamms.visual.color import Color
 from gamms.visual.drawers import render_input_overlay
+from gamms.visual.layers import Layer
 from gamms.visual.legend import blocks_of
 from gamms.visual.picture import size
 from gamms.visual.undeclared import Undeclared
@@ -36,7 +37,6 @@ from gamms.visual.window.view import RenderManager, is_near
 _OPTIONS = (
     "width", "height", "simulation_time_constant", "input_overlay", "max_fps", "theme", "trails", "labels", "title",
 )  # fmt: skip
-_OVERLAY_LAYER, _SENSOR_LAYER = 50, 30
 _SMALLEST = 0.1  # world units: half the width that a graph without extent is seen in
 _FOR_TILES = 0.005  # seconds of a frame
 _ZOOM_RESTS = 0.12  # seconds after which a camera that was zooming is at rest
@@ -361,7 +361,7 @@ class WindowEngine(Onlookers):
         last_view = getattr(type(sensor), "last_view", None)
         if last_view is None or last_view is ISensor.last_view:
             raise BadValue(f"Sensor {name!r} cannot be drawn: give {type(sensor).__name__} a method last_view.")
-        return super().set_sensor_visual(name, **{"layer": _SENSOR_LAYER, **kwargs})
+        return super().set_sensor_visual(name, **{"layer": Layer.WINDOW_SENSORS, **kwargs})
 
     def render_image(
         self, x: float, y: float, image: Any, size: float, angle: float = 0.0, perform_culling_test: bool = True
@@ -373,7 +373,7 @@ class WindowEngine(Onlookers):
             super().render_image(x, y, image, size, angle, perform_culling_test)
 
     def _declare_overlay(self, look: dict[str, Any]) -> None:
-        artist = Artist(self.ctx, render_input_overlay, _OVERLAY_LAYER)
+        artist = Artist(self.ctx, render_input_overlay, Layer.OPTIONS)
         known = {name: look[name] for name in ("node_color", "node_size", "edge_color")}
         artist.data = {"graph_data": GraphData(**known)}
         self._artists["input_overlay"] = artist

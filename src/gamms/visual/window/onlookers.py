@@ -11,6 +11,7 @@ from gamms.visual.artist import Artist, looks_of
 from gamms.visual.backends.pygame import Canvas
 from gamms.visual.color import rgba
 from gamms.visual.drawers.agents import RING, RING_PX
+from gamms.visual.layers import Layer
 from gamms.visual.undeclared import Undeclared, artists_of_sights
 from gamms.visual.window.asking import Question, Walk
 from gamms.visual.window.controls import Controls
@@ -20,7 +21,6 @@ from gamms.visual.window.pointing import facts_about, nearest
 from gamms.visual.window.themes import Theme
 from gamms.visual.window.trails import Trails
 
-_TRAILS_LAYER = 14
 _USUAL_TRAILS = 8  # turns, where they are switched on by key
 _BESIDE_PX = 10.0  # between an agent and its panel
 _CELL_PX = 9  # of the grid that keeps labels apart
@@ -58,7 +58,7 @@ class Onlookers(Internals):
             hidden = self.hidden_agents()
             colors = {look.name: look.color for look in looks_of(artists) if look.name not in hidden}
             for name, drawer in (("past trails", self.trails.draw_past), ("trails", self.trails.draw_last)):
-                artists[name] = trails = Artist(self.ctx, drawer, _TRAILS_LAYER)
+                artists[name] = trails = Artist(self.ctx, drawer, Layer.TRAILS)
                 trails.data = {"colors": colors}
         return artists
 
