@@ -39,5 +39,7 @@ def legs_of(track: Track) -> Sequence[Leg]:
     path, times = track
     if len(path) == 1:
         return ()
+    if len(path) == 2 and path[0] != path[1]:  # as above
+        return ((path[0], path[1], times[0], times[1]),)
     ends = zip(pairwise(path), pairwise(times), strict=True)
     return [(*edge, *span) for edge, span in ends if edge[0] != edge[1]]
