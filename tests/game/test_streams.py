@@ -111,3 +111,18 @@ def test_a_seed_that_is_set_before_the_first_turn_counts(grid):
 
     with grid(seed=5) as ctx, grid(seed=8) as other:
         assert first_draws(ctx) == first_draws(other)
+
+
+def test_draws_are_equal_if_they_draw_the_same_from_here(grid):
+    pairs = []
+
+    def strategy(state):
+        before = copy.deepcopy(state["draw"])
+        equal = before == state["draw"]
+        state["draw"].bits()
+        pairs.append((equal, before == state["draw"], before == 5))
+
+    with grid() as ctx:
+        ctx.agent.create_agent("a", start_node_id=0, strategy=strategy)
+        ctx.game.run(max_turns=2)
+    assert pairs == [(True, False, False)] * 2

@@ -37,8 +37,20 @@ class Draws:
 
     def __reduce__(self) -> tuple[Any, ...]:
         # A copy goes on by itself from here: the game stays where it is.
+        return _draws_at, self._point
+
+    def __eq__(self, other: object) -> bool:
+        """Whether both draw the same from here."""
+        if not isinstance(other, Draws):
+            return NotImplemented
+        return self._point == other._point
+
+    __hash__ = None  # type: ignore[assignment] # what draws moves on
+
+    @property
+    def _point(self) -> tuple[int, str, int, int]:
         now = self._clock.turn
-        return _draws_from, (self._seed, _Moment(now), self._name, self._count if now == self._turn else 0)
+        return self._seed, self._name, now, self._count if now == self._turn else 0
 
     def bits(self) -> int:
         """Return 64 random bits."""
@@ -80,8 +92,8 @@ class _Moment(NamedTuple):
     turn: int
 
 
-def _draws_from(seed: int, moment: _Moment, name: str, count: int) -> Draws:
-    draws = Draws(seed, moment, name)
+def _draws_at(seed: int, name: str, turn: int, count: int) -> Draws:
+    draws = Draws(seed, _Moment(turn), name)
     for _ in range(count):
         draws.bits()
     return draws
