@@ -11,6 +11,7 @@ from contextlib import suppress
 import numpy as np
 from recordings import HEADER, fly, read_all, walk, written
 
+from gamms.limits import Allowance
 from gamms.recorder import RecordingError
 from gamms.recorder.formats import blocks, columns, values
 from gamms.recorder.formats.tracks import FORMS
@@ -30,6 +31,7 @@ BYTES = [
     b"\x81" * 40,
 ]
 SYNC = blocks.SYNC
+MOST = 1 << 30
 EVENTS = [
     (1, {"name": "a", "kwargs": {"start_node_id": 3, "meta": (1, 2.5)}}),
     (2, ["x", None, True, 2**70, b"bytes", -1.5]),
@@ -194,7 +196,7 @@ def _change_body(chance, parts):
 def _change_value(chance, parts):
     found = [part for part in parts if part[0] != blocks.TURNS and part[1]]
     part = chance.choice(found or parts)
-    cbor = blocks.take_bytes(columns.Cursor(part[1]))
+    cbor = blocks.take_bytes(columns.Cursor(part[1]), MOST)
     part[1] = blocks.put_bytes(damaged(chance, cbor))
 
 
@@ -203,7 +205,7 @@ def _change_column(chance, parts):
     part = chance.choice([part for part in parts if part[0] == blocks.TURNS] or parts)
     cursor = columns.Cursor(part[1])
     table = _columns_of(cursor, part[2])
-    data = blocks.take_bytes(cursor)
+    data = blocks.take_bytes(cursor, MOST)
     tracks = list(_tracks_of(cursor, table[6]))
     column = chance.choice([*table, *(one for one in tracks if type(one) is not bytes)])
     if chance.random() < 0.4 or not len(column):
@@ -248,7 +250,7 @@ def _shuffle(chance, parts):
 def _change_index(chance, parts):
     for part in parts:
         if part[0] == blocks.INDEX:
-            index = blocks.take_value(part[1]) if part[1] else {}
+            index = blocks.take_value(part[1], values.Decoder(Allowance(MOST, "It")), None) if part[1] else {}
             name = chance.choice(["type", "size", "turns", "moves", "events", "more"])
             column = np.array(index.get(name, []), np.int64)
             if len(column) and chance.random() < 0.8:

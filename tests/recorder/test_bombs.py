@@ -161,12 +161,12 @@ def as_keys(pairs, mark=b"\xe0"):
 
 
 def test_keys_that_were_made_to_have_one_hash_are_refused():
-    pairs = alike(50_000)  # which would take a minute to read
+    pairs = alike(5_000)
     if len(set(map(hash, pairs))) > 1:
         pytest.skip("tuples have another hash here")
-    with pytest.raises(BadFile, match="keys have the hash of another one"):
+    with pytest.raises(BadFile, match="made to have one hash"):
         values.from_bytes(as_keys(pairs))
-    with pytest.raises(Damaged, match="keys have the hash of another one"):
+    with pytest.raises(Damaged, match="made to have one hash"):
         PlainReader(as_keys(pairs, b"")).item()
 
 

@@ -264,7 +264,7 @@ def changed(data, change):
 @pytest.mark.parametrize(
     "change",
     [
-        lambda body: body + b"\0",
+        lambda body: body + b"\1",
         lambda body: body[:-1],
         lambda body: body.replace(b"\1" + columns.put(np.array([1])), b"\3" + columns.put(np.array([1])), 1),
         lambda body: body.replace(columns.put(np.array([0])) + b"\0\0", columns.put(np.array([1])) + b"\1\2\0", 1),

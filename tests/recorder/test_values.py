@@ -12,6 +12,7 @@ from hypothesis.extra import numpy as hnp
 from test_container import plain
 
 from gamms.errors import BadFile, BadType, BadValue
+from gamms.limits import Allowance
 from gamms.recorder.formats import values
 
 DTYPES = list(values._DTYPES)
@@ -182,9 +183,8 @@ def test_what_nobody_wrote_is_refused(data):
         values.from_bytes(data)
 
 
-def test_a_value_has_at_most_four_million_items():
-    data = b"\x9a\x00\x40\x00\x00" + b"\xf6" * 2**22
-    with pytest.raises(BadFile, match="more than 4194304 items"):
-        values.from_bytes(data)
-    with pytest.raises(BadValue, match="Use NumPy arrays"):
-        values.to_bytes([None] * 2**22, "It")
+def test_a_value_may_have_any_number_of_items_that_its_size_explains():
+    assert values.from_bytes(b"\x9a\x00\x10\x00\x00" + b"\xf6" * 2**20) == [None] * 2**20
+    decoder = values.Decoder(Allowance(0, "it"))
+    with pytest.raises(BadFile, match="it unpacks to more than 64 MiB"):
+        decoder.value(b"\x9a\x00\x20\x00\x00" + b"\xf6" * 2**21)

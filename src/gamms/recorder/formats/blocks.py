@@ -8,6 +8,7 @@ from struct import Struct
 from typing import Any, NamedTuple
 
 from gamms.errors import BadFile, BadValue
+from gamms.limits import PER_BYTE
 from gamms.recorder.formats import columns, values
 
 MAGIC = b"MMGR\0\0\0\3"  # the last four bytes are the format version, which is big-endian as in older versions
@@ -18,8 +19,9 @@ MOST_BODY = (1 << 32) - 1
 MOST_MOVES = 1 << 22  # in one block
 MOST_EVENTS = 1 << 20
 MOST_TURNS = 1 << 16
-MOST_BYTES = 1 << 23  # of one value or of the events of a block, or `MOST_RATIO` times what is stored
-MOST_RATIO = 64
+
+# Bytes of memory, or as much time as these would take: what is counted in heads is charged before it is read.
+_OF_TURN, _OF_MOVE, _OF_EVENT = 128, 32, 64
 
 _HEAD = Struct("<3sBIIIIIIII")
 _FOOTER = Struct("<QI4s")
@@ -53,6 +55,16 @@ class Counts(NamedTuple):
     turns: int = 0
     moves: int = 0
     events: int = 0
+
+
+def cost_of(turns: int, moves: int, events: int) -> int:
+    """How much memory turns take, without the values of events, in bytes."""
+    return _OF_TURN * turns + _OF_MOVE * moves + _OF_EVENT * events
+
+
+def padded(body: bytes, cost: int) -> bytes:
+    """A body, with zeros behind it where it would be smaller than readers believe of what takes so much memory."""
+    return body + bytes(max(0, -(-cost // PER_BYTE) - HEAD_SIZE - len(body)))
 
 
 def block(type: int, body: bytes, key: int, counts: Counts) -> bytes:
@@ -102,46 +114,44 @@ def index_at(data: bytes) -> int | None:
     return int(at) if end == _END and zlib.crc32(data[:8]) == crc else None
 
 
-# -- long stretches of bytes, and values ------------------------------------------------------------------------
+# -- values -----------------------------------------------------------------------------------------------------
 
 
 def put_bytes(data: bytes) -> bytes:
-    """Bytes, packed; those that are so regular that nobody would believe it are packed less."""
-    packed = columns.packed(data)
-    if len(data) > most_bytes(len(packed)):
-        packed = columns.loosely_packed(data)
-    return columns.varint(len(data)) + packed
+    """Bytes, packed."""
+    return columns.varint(len(data)) + columns.packed(data)
 
 
-def take_bytes(cursor: columns.Cursor) -> bytes:
+def take_bytes(cursor: columns.Cursor, most: int) -> bytes:
     """The next packed bytes.
 
     Raises:
-        BadFile: they are damaged, or would take far more memory than their size explains.
+        BadFile: they are damaged, or more than `most`.
     """
     size = cursor.varint()
-    if size > most_bytes(len(cursor.data)):
-        raise BadFile(f"{size} bytes of memory are far more than the size of the block explains")
+    if size > most:
+        raise BadFile(f"{size} bytes of memory are far more than the size of the file explains")
     return columns.unpacked(cursor, size)
-
-
-def most_bytes(size: int) -> int:
-    """How much memory stored bytes may take."""
-    return max(MOST_BYTES, MOST_RATIO * size)
 
 
 def put_value(value: Any, where: str) -> bytes:
     """A plain value as the body of a block."""
-    return put_bytes(values.to_bytes(value, where))
+    data = values.to_bytes(value, where)
+    return padded(put_bytes(data), values.cost_of(data))
 
 
-def take_value(body: bytes) -> Any:
+def take_value(body: bytes, decoder: values.Decoder, place: object) -> Any:
     """The plain value in the body of a block.
 
+    Args:
+        body: of the block.
+        decoder: of the file.
+        place: of the block in the file.
+
     Raises:
-        BadFile: it is damaged.
+        BadFile: it is damaged, or takes far more memory than its size explains.
     """
     cursor = columns.Cursor(body)
-    data = take_bytes(cursor)
+    data = take_bytes(cursor, decoder.most_bytes)
     cursor.finish()
-    return values.from_bytes(data)
+    return decoder.value(data, place)

@@ -18,6 +18,7 @@ from typing import Any, NamedTuple
 import numpy as np
 
 from gamms.errors import BadFile, BadType, BadValue
+from gamms.limits import PER_BYTE
 from gamms.recorder.formats import blocks, columns, tracks, values
 from gamms.recorder.formats.columns import IntArray
 from gamms.recorder.formats.tracks import FORMS, Layout, Rows, Tracks, steps
@@ -222,7 +223,11 @@ class Collected:
         parts.append(blocks.put_bytes(b"".join(self._data)))
         for kind, rows in sorted(self._rows.items()):
             parts += rows.body(kind)
-        return b"".join(parts)
+        body = b"".join(parts)
+        cost = blocks.cost_of(*self.counts[1:])
+        if PER_BYTE * len(body) < cost + values.MOST_OF_BYTE * sum(map(len, self._data)):
+            cost += sum(map(values.cost_of, self._data))
+        return blocks.padded(body, cost)
 
     def _columns_of_events(self) -> list[IntArray]:
         """How many moves come before each event, its kind, and the size of its data."""
@@ -247,8 +252,7 @@ class Chunk:
     moves: IntArray  # (moves, 2): row, node
     after: IntArray  # (events,): moves of the block before it
     kinds: IntArray  # (events,)
-    data_ends: IntArray  # (events + 1,)
-    data: bytes
+    values: values.Values  # of the events
     tracks: dict[int, Tracks]  # the events whose data are but numbers, by their kind
 
     def numbers_of(self, first: int, last: int, kinds: Collection[int] | None = None) -> IntArray:
@@ -273,7 +277,7 @@ class Chunk:
             if kind in rows:
                 yield next(rows[kind])
             else:
-                yield values.from_bytes(self.data[self.data_ends[number] : self.data_ends[number + 1]])
+                yield self.values[number]
 
     def tracks_of(self, kind: int, numbers: IntArray) -> Tracks:
         """Some events of a kind whose data are but numbers."""
@@ -299,8 +303,14 @@ class Chunk:
         return log + flat[at:]
 
 
-def chunk_of(head: blocks.Head, body: bytes) -> Chunk:
+def chunk_of(head: blocks.Head, body: bytes, decoder: values.Decoder, place: object) -> Chunk:
     """The turns of a block.
+
+    Args:
+        head: of the block.
+        body: of the block.
+        decoder: of the file.
+        place: of the block in the file.
 
     Raises:
         BadFile: it is damaged.
@@ -314,7 +324,7 @@ def chunk_of(head: blocks.Head, body: bytes) -> Chunk:
     after = np.cumsum(columns.take(cursor, head.events), dtype=np.int64)
     kinds = columns.take(cursor, head.events)
     sizes = columns.take(cursor, head.events)
-    data = blocks.take_bytes(cursor)
+    data = blocks.take_bytes(cursor, decoder.most_bytes)
     data_ends = _ends(sizes, len(data), "bytes")
     found = _take_tracks(cursor, kinds, sizes)
     cursor.finish()
@@ -322,7 +332,8 @@ def chunk_of(head: blocks.Head, body: bytes) -> Chunk:
     turns = np.repeat(np.arange(head.turns), np.diff(event_ends))  # of the events
     if (after < move_ends[turns]).any() or (after > move_ends[turns + 1]).any() or (after[1:] < after[:-1]).any():
         raise BadFile("an event is out of place")
-    return Chunk(head.first, move_ends, event_ends, moves, after, kinds, data_ends, data, found)
+    told = values.Values(data, data_ends, decoder, place)
+    return Chunk(head.first, move_ends, event_ends, moves, after, kinds, told, found)
 
 
 def _take_tracks(cursor: columns.Cursor, kinds: IntArray, sizes: IntArray) -> dict[int, Tracks]:

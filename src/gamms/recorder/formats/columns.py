@@ -51,9 +51,10 @@ class Cursor:
         raise BadFile("a number is too long")
 
     def finish(self) -> None:
-        """Refuse bytes that nobody read."""
-        if self.at != len(self.data):
-            raise BadFile(f"{len(self.data) - self.at} bytes are left over")
+        """Refuse bytes that nobody read, unless they are zeros (see `blocks.padded`)."""
+        rest = self.data[self.at :]
+        if rest.count(0) != len(rest):
+            raise BadFile(f"{len(rest)} bytes are left over")
 
 
 def varint(value: int) -> bytes:
@@ -104,12 +105,6 @@ class Habit:
             self._way = min(_STRATEGIES, key=lambda way: len(_deflated(data, *way)))
         self._blocks += 1
         return _shorter(data, _deflated(data, *self._way))
-
-
-def loosely_packed(data: bytes) -> bytes:
-    """Bytes, deflated to an eighth at least."""
-    loose = _deflated(data, 1, zlib.Z_HUFFMAN_ONLY)
-    return varint(2 * len(loose) + 1) + loose
 
 
 def unpacked(cursor: Cursor, size: int) -> bytes:

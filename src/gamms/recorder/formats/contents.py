@@ -13,7 +13,7 @@ import numpy as np
 
 from gamms.errors import BadFile
 from gamms.recorder.errors import RecordingError
-from gamms.recorder.formats import blocks
+from gamms.recorder.formats import blocks, values
 
 INDEX_COLUMNS = ("type", "size", "turns", "moves", "events")
 
@@ -56,7 +56,7 @@ class at_byte:  # noqa: N801  # it reads as a word in `with at_byte(at):`
 
     def __exit__(self, kind: object, error: BaseException | None, trace: object) -> None:
         if isinstance(error, _DAMAGES) and not isinstance(error, RecordingError):
-            reason = str(error) or type(error).__name__
+            reason = str(error).rstrip(".") or type(error).__name__
             raise RecordingError(f"This recording is damaged at byte {self._at}: {reason}.") from error
 
 
@@ -103,7 +103,7 @@ class Input:
         return head, body
 
 
-def contents_of(source: Input) -> Contents:
+def contents_of(source: Input, decoder: values.Decoder) -> Contents:
     """Look a recording over.
 
     Raises:
@@ -114,7 +114,7 @@ def contents_of(source: Input) -> Contents:
     with at_byte(at):
         head = blocks.head_of(source.read(at, min(blocks.HEAD_SIZE, source.size - at)))
         _, body = source.body(_block(at, head), 0)
-        header = blocks.take_value(body)
+        header = blocks.take_value(body, decoder, at)
         if head.type != blocks.HEADER or not isinstance(header, dict):
             raise BadFile("the header is not here")
     begin, end = at + head.total, source.size - blocks.FOOTER_SIZE
@@ -123,7 +123,7 @@ def contents_of(source: Input) -> Contents:
         return Contents(header, head.crc, *_by_heads(source, begin, head.crc, "was not finished"))
     try:
         with at_byte(index_at):
-            return Contents(header, head.crc, _by_index(source, begin, index_at, head.crc), None)
+            return Contents(header, head.crc, _by_index(source, begin, index_at, head.crc, decoder), None)
     except RecordingError:
         return Contents(header, head.crc, *_by_heads(source, begin, head.crc, "has a damaged index"))
 
@@ -148,12 +148,12 @@ def _block(at: int, head: blocks.Head) -> Block:
 # -- by the index -----------------------------------------------------------------------------------------------
 
 
-def _by_index(source: Input, begin: int, at: int, key: int) -> list[Block]:
+def _by_index(source: Input, begin: int, at: int, key: int, decoder: values.Decoder) -> list[Block]:
     head = blocks.head_of(source.read(at, blocks.HEAD_SIZE))
     if head.type != blocks.INDEX or at + head.total + blocks.FOOTER_SIZE != source.size:
         raise BadFile("no index is here")
     _, body = source.body(_block(at, head), key)
-    index = blocks.take_value(body)
+    index = blocks.take_value(body, decoder, at)
     columns = [index[name] for name in INDEX_COLUMNS]
     if any(not isinstance(column, np.ndarray) or column.dtype != np.int64 or column.ndim != 1 for column in columns):
         raise BadFile("the index is damaged")

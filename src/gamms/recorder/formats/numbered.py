@@ -7,7 +7,7 @@ import numpy as np
 
 from gamms.errors import BadFile
 
-FEWEST, MOST = 32, 1 << 18  # texts: of fewer there is nothing to save, and more could fill the memory of a reader
+FEWEST = 32  # texts: of fewer there is nothing to save
 _LONGEST = 64  # characters before the number
 _MOST_STEMS = 256
 _MOST_DIGITS = 18
@@ -59,13 +59,14 @@ def _of_several_stems(texts: Sequence[str]) -> Numbered | None:
     return Numbered(list(stems), np.array(which, np.uint8), np.array(numbers, np.int64))
 
 
-def texts_of(stems: Any, which: Any, numbers: Any) -> list[str]:
+def texts_of(stems: Any, which: "np.ndarray[Any, Any]", numbers: "np.ndarray[Any, Any]") -> list[str]:
     """The texts again.
 
     Raises:
         BadFile: nobody wrote this.
     """
-    if not _are_stems(stems) or not len(which) == len(numbers) <= MOST:
+    is_whole = which.dtype == np.uint8 and numbers.dtype == np.int64 and which.shape == numbers.shape == (len(which),)
+    if not is_whole or not _are_stems(stems):
         raise BadFile("a list of numbered texts is damaged")
     if len(which) and int(which.max()) >= len(stems):
         raise BadFile("a list of numbered texts has a text without a stem")
@@ -73,4 +74,4 @@ def texts_of(stems: Any, which: Any, numbers: Any) -> list[str]:
 
 
 def _are_stems(stems: Iterable[Any]) -> bool:
-    return type(stems) is list and all(type(stem) is str and len(stem) <= _LONGEST for stem in stems)
+    return type(stems) is list and all(type(one) is str and len(one) <= _LONGEST and one.isascii() for one in stems)

@@ -5,16 +5,18 @@ a regular expression or a shared reference, comes out as a `Tagged`, unopened. S
 are bounded before anything is allocated.
 """
 
-from collections.abc import Callable, Iterable
+from collections.abc import Callable
 from dataclasses import dataclass
 from struct import Struct
 from typing import Any, ClassVar
+
+from gamms.errors import BadFile
+from gamms.limits import Keys
 
 MOST_BYTES = 1 << 24  # of one record
 MOST_ITEMS = 1 << 20  # in one record: each takes at most some 100 bytes of memory
 MOST_DEPTH = 64
 MOST_BIGNUM_BYTES = 1 << 10
-MOST_ALIKE = 1 << 6  # keys of one map or set with the hash of another one; see `_is_compound`
 
 SET = 258
 _BIGNUMS = (2, 3)
@@ -44,6 +46,11 @@ class PlainReader:
 
     Every method raises Incomplete or Damaged.
 
+    Args:
+        data: the bytes.
+        position: where the first item begins.
+        keys: those of the file that were read before.
+
     Attributes:
         readers: what reads items, by major type, the upper three bits of the first byte.
         most_items: that one may have, with all that is in it.
@@ -54,8 +61,9 @@ class PlainReader:
     most_items: ClassVar[int] = MOST_ITEMS
     most_bytes: ClassVar[int] = MOST_BYTES
 
-    def __init__(self, data: bytes | bytearray, position: int = 0) -> None:
+    def __init__(self, data: bytes | bytearray, position: int = 0, keys: Keys | None = None) -> None:
         self._data = data
+        self._keys = keys or Keys()
         self.position = position
         self._begin = position
         self._items = 0
@@ -129,12 +137,11 @@ class PlainReader:
 
     def map(self, info: int, depth: int) -> dict[Any, Any]:
         """A dict, in the order of the file."""
-        count, found, alike = self._count(info, depth), {}, None
+        count, found = self._count(info, depth), {}
         for _ in range(count):
             key = self.item(depth + 1)
             if type(key) is not str:
-                key, alike = _hashable(key), alike or _Alike()
-                alike.add(key)
+                key = self._key(key)
             found[key] = self.item(depth + 1)
         if len(found) != count:
             raise Damaged("it holds a map with a key that is there twice")
@@ -150,10 +157,17 @@ class PlainReader:
             if len(value) > MOST_BIGNUM_BYTES:
                 raise Damaged(f"it holds a number of {len(value)} bytes, more than {MOST_BIGNUM_BYTES}")
             size = int.from_bytes(value, "big")
-            return size if number == _BIGNUMS[0] else -1 - size
+            return self._key(size if number == _BIGNUMS[0] else -1 - size)
         if number == SET and isinstance(value, list):
-            return _set_of(value)
+            return set(map(self._key, value))
         return Tagged(number, value)
+
+    def _key(self, value: Any) -> Any:
+        """A value as a key."""
+        try:
+            return self._keys.check(_hashable(value))
+        except BadFile as error:
+            raise Damaged(str(error)) from error
 
     def simple(self, info: int, depth: int) -> Any:  # noqa: ARG002 - see `unsigned`
         """A truth value, None, or a floating-point number."""
@@ -185,43 +199,3 @@ def _hashable(value: Any) -> Any:
     if isinstance(value, dict | Tagged):
         raise Damaged("it holds a key that is no plain value")
     return value
-
-
-def _is_compound(key: Any) -> bool:
-    """Whether any number of keys with the same hash as this one could be made on purpose."""
-    return isinstance(key, tuple | frozenset) or (isinstance(key, int) and key.bit_length() > 64)
-
-
-def _set_of(values: list[Any]) -> set[Any]:
-    keys = [_hashable(value) for value in values]
-    refuse_alike(keys)
-    return set(keys)
-
-
-class _Alike:
-    """Counts keys that were made to have the same hash: each would be compared with all others."""
-
-    def __init__(self) -> None:
-        self._hashes: set[int] = set()
-        self._count = 0
-
-    def add(self, key: Any) -> None:
-        """Refuse one key too many, before it is put among the others."""
-        if _is_compound(key):
-            self._count += hash(key) in self._hashes
-            self._hashes.add(hash(key))
-            if self._count > MOST_ALIKE:
-                raise Damaged(
-                    f"it holds a map or a set of which more than {MOST_ALIKE} keys have the hash of another one"
-                )
-
-
-def refuse_alike(keys: Iterable[Any]) -> None:
-    """Refuse keys of one map or set that were made to harm.
-
-    Raises:
-        Damaged: there are some.
-    """
-    alike = _Alike()
-    for key in keys:
-        alike.add(key)

@@ -10,10 +10,12 @@ import numpy as np
 
 from gamms.arguments import as_path
 from gamms.errors import BadFile, BadValue
+from gamms.limits import Allowance
 from gamms.recorder.formats import blocks, chunks
 from gamms.recorder.formats.columns import IntArray
 from gamms.recorder.formats.contents import Block, Contents, Input, at_byte, contents_of, turns_of
 from gamms.recorder.formats.tracks import Stretch, concatenated
+from gamms.recorder.formats.values import Decoder
 
 _KEPT = 4  # blocks of turns that are kept as arrays
 _TURNS_AT_ONCE = 64
@@ -43,11 +45,11 @@ class Reader:
             self._owned = as_path(source, "path").open("rb")
         try:
             self._input = Input(self._owned or source)  # type: ignore[arg-type]  # a path would have been opened
-            contents = contents_of(self._input)
+            self._decoder = Decoder(Allowance(self._input.size, "it", is_streamed=True))
+            self._take(contents_of(self._input, self._decoder))
         except BaseException:
             self.close()
             raise
-        self._take(contents)
 
     def _take(self, contents: Contents) -> None:
         self.header, self.warning, self._key = contents.header, contents.warning, contents.key
@@ -57,6 +59,9 @@ class Reader:
         self._firsts = [block.first for block in self._chunks]
         self._keyframe_turns = [block.first for block in self._keyframes]
         self._kept: OrderedDict[int, chunks.Chunk] = OrderedDict()
+        for block in self._chunks:
+            with at_byte(block.at):
+                self._decoder.allowance.charge(blocks.cost_of(block.turns, block.moves, block.events))
 
     def __enter__(self) -> Self:
         return self
@@ -170,7 +175,8 @@ class Reader:
             return None
         block = self._keyframes[number]
         with at_byte(block.at):
-            state = blocks.take_value(self._body(block)[1])
+            head, body = self._body(block)
+            state = blocks.take_value(body, self._decoder, (block.at, head.crc))
             if not isinstance(state, dict):
                 raise BadFile("this is no keyframe")
         return block.first, state
@@ -211,11 +217,15 @@ class Reader:
 
     def _chunk(self, number: int) -> chunks.Chunk:
         with at_byte(self._chunks[number].at):
-            chunk = self._kept.pop(number, None) or chunks.chunk_of(*self._body(self._chunks[number]))
+            chunk = self._kept.pop(number, None) or self._read(self._chunks[number])
         self._kept[number] = chunk
         if len(self._kept) > _KEPT:
             self._kept.popitem(last=False)
         return chunk
+
+    def _read(self, block: Block) -> chunks.Chunk:
+        head, body = self._body(block)
+        return chunks.chunk_of(head, body, self._decoder, (block.at, head.crc))
 
     def _body(self, block: Block) -> tuple[blocks.Head, bytes]:
         return self._input.body(block, self._key)

@@ -3,7 +3,7 @@
 CBOR has no tuples, arrays of numbers, integers beyond 64 bits, text that is not Unicode or sets, or only as tags, of
 which some run code. Those are arrays here that begin with a simple value, 0 to 6; tags are refused. What comes from
 a file is checked before cbor2 sees it: well-formed, nothing longer than the bytes that are there, at most `MOST_DEPTH`
-deep.
+deep. What it takes in memory is estimated in the same pass, and charged to the allowance of the file.
 """
 
 import sys
@@ -15,18 +15,27 @@ from typing import Any
 import numpy as np
 
 from gamms.errors import BadFile, BadType, BadValue
+from gamms.limits import Allowance, Keys
 from gamms.recorder.formats import columns
-from gamms.recorder.formats.numbered import FEWEST, MOST, numbered, texts_of
-from gamms.recorder.formats.plain_cbor import Damaged, PlainReader, refuse_alike
+from gamms.recorder.formats.numbered import FEWEST, numbered, texts_of
+from gamms.recorder.formats.plain_cbor import Damaged, PlainReader
 from gamms.text import shown
 
-_FEW_KEYS = 1 << 9  # that may all have the same hash and take no time
 MOST_DEPTH = 32  # containers in each other
-MOST_ITEMS = 1 << 22  # in one value, containers included
+_FEW_KEYS = 16  # containers among the keys of one value, which may all have one hash and take no time
 _MOST_DIMENSIONS = 8
 _SMALL = 256  # bytes of an array in which differences are not worth a look
 _SAMPLE = 1 << 14  # bytes that show whether differences fit an array
 
+# Bytes of memory, copies that are made of a state included.
+_OF_ITEM = 48
+_OF_CONTAINER = 160
+_OF_ENTRY = 100  # of a map
+_OF_TEXT_BYTE = 4
+_OF_BYTE = 16  # one of nine that may be a text of 80 letters
+MOST_OF_BYTE = _OF_ITEM + _OF_CONTAINER + _OF_ENTRY // 2  # of any byte of a value: each may be an empty list
+
+_PLAINLY, _MARKED, _CAREFUL = range(1, 4)  # forms: as cbor2 gives them; with marks; with keys that may do harm
 _TUPLE, _ARRAY, _BIG, _TEXT, _SET, _FROZENSET, _NUMBERED = range(7)
 _LAST_MARK = 0xE0 + _NUMBERED
 _BIGGEST = 1 << 64
@@ -57,27 +66,103 @@ def to_bytes(value: Any, where: str) -> bytes:
         ) from None
     except RecursionError:
         raise BadValue(f"{where} cannot be recorded: more than {MOST_DEPTH} containers are in each other.") from None
-    if len(data) > MOST_ITEMS:
-        try:
-            _check(data)
-        except BadFile as error:
-            raise BadValue(f"{where} cannot be recorded: {error}. Use NumPy arrays for long lists.") from None
     return data
 
 
 def from_bytes(data: bytes) -> Any:
-    """The value that was written.
+    """The value that was written, where it is all that a file has.
 
     Raises:
         BadFile: nobody wrote this.
     """
-    has_marks, keys = _check(data)
-    cbor2 = _cbor2()
-    try:
-        value = cbor2.loads(data) if keys <= _FEW_KEYS else _CarefulReader(data).item()
-        return _unmarked(value) if has_marks else value
-    except (cbor2.CBORDecodeError, Damaged, ValueError, TypeError, OverflowError, KeyError) as error:
-        raise BadFile(f"a value is damaged ({error})") from error
+    return Decoder(Allowance(len(data), "A value")).value(data)
+
+
+class Decoder:
+    """Decodes the values of one file, which may take time and memory in proportion to its size.
+
+    Args:
+        allowance: what all of them together may take; what is read again is not charged again.
+
+    Attributes:
+        most_bytes: of values at one place.
+    """
+
+    def __init__(self, allowance: Allowance) -> None:
+        self.allowance, self.keys = allowance, Keys()
+        self.most_bytes = allowance.total // _OF_TEXT_BYTE
+        self._forms: dict[object, bytearray] = {}
+
+    def value(self, data: bytes, place: object = None) -> Any:
+        """The value that was written, the only one at its place in the file.
+
+        Raises:
+            BadFile: nobody wrote this.
+        """
+        return Values(data, np.array([0, len(data)]), self, place)[0]
+
+    def forms(self, place: object, size: int) -> bytearray:
+        """What is known of the values at a place in the file: 0 of those that were not read yet."""
+        return bytearray(size) if place is None else self._forms.setdefault(place, bytearray(size))
+
+    def check(self, data: bytes) -> int:
+        """The form of a value that was not read yet.
+
+        Raises:
+            BadFile: nobody wrote this, or the file has too much of it.
+        """
+        has_marks, keys, cost = _check(data, self.allowance)
+        self.allowance.charge(cost)
+        return _CAREFUL if keys > _FEW_KEYS else _MARKED if has_marks else _PLAINLY
+
+    def decoded(self, data: bytes, form: int) -> Any:
+        """A value that was checked.
+
+        Raises:
+            BadFile: nobody wrote this.
+        """
+        cbor2 = _cbor2()
+        try:
+            if form == _CAREFUL:
+                return _CarefulReader(data, keys=self.keys).item()
+            value = cbor2.loads(data)
+            return _unmarked(value, self.keys) if form == _MARKED else value
+        except (cbor2.CBORDecodeError, Damaged, ValueError, TypeError, OverflowError, KeyError) as error:
+            raise BadFile(f"a value is damaged ({error})") from error
+
+
+class Values:
+    """The values at one place in a file, each decoded when it is asked for.
+
+    Args:
+        data: one behind the other.
+        ends: (values + 1,), where each ends, after a 0.
+        decoder: of the file.
+        place: where they are in it.
+    """
+
+    __slots__ = ("_data", "_decoder", "_ends", "_forms")
+
+    def __init__(self, data: bytes, ends: columns.IntArray, decoder: Decoder, place: object) -> None:
+        self._data, self._ends, self._decoder = data, ends, decoder
+        self._forms = decoder.forms(place, len(ends) - 1)
+
+    def __getitem__(self, number: int) -> Any:
+        """One of them.
+
+        Raises:
+            BadFile: nobody wrote this.
+        """
+        data = self._data[self._ends[number] : self._ends[number + 1]]
+        form = self._forms[number]
+        if not form:
+            form = self._forms[number] = self._decoder.check(data)
+        return self._decoder.decoded(data, form)
+
+
+def cost_of(data: bytes) -> int:
+    """How much memory a value takes that was written, in bytes."""
+    return _check(data, _UNBOUNDED)[2]
 
 
 # -- to CBOR ----------------------------------------------------------------------------------------------------
@@ -136,7 +221,7 @@ def _of_tuple(value: tuple[Any, ...], depth: int) -> Any:
 
 def _of_list(value: list[Any], depth: int) -> Any:
     depth = _inside(depth)
-    if FEWEST <= len(value) <= MOST and depth and (texts := numbered(value)) is not None:
+    if len(value) >= FEWEST and depth and (texts := numbered(value)) is not None:
         return [_mark(_NUMBERED), texts.stems, _of_array(texts.which, depth), _of_array(texts.numbers, depth)]
     kinds = set(map(type, value))
     if kinds <= _AS_IS or (kinds == {str} and all(map(str.isascii, value))):
@@ -202,7 +287,14 @@ _WAYS: dict[type, Callable[[Any, int], Any]] = {
 
 
 class _CarefulReader(PlainReader):
-    """Reads what was checked as cbor2 does, in ten times the time, but refuses keys that were made to harm."""
+    """Reads what was checked, in ten times the time of cbor2, but looks at keys before they are put into dicts."""
+
+    most_items = most_bytes = sys.maxsize  # as many as there are
+
+    def array(self, info: int, depth: int) -> Any:
+        """A list, or what its mark says."""
+        items = super().array(info, depth)
+        return _meaning(items, self._keys) if items and type(items[0]) is type(_mark(0)) else items
 
     def mark(self, info: int, depth: int) -> Any:
         """A mark, or what else is neither text nor container."""
@@ -210,12 +302,16 @@ class _CarefulReader(PlainReader):
 
 
 _CarefulReader.readers = [*PlainReader.readers[:-1], _CarefulReader.mark]
-_CarefulReader.most_items, _CarefulReader.most_bytes = MOST_ITEMS, sys.maxsize  # as many bytes as there are
+_CarefulReader.readers[4] = _CarefulReader.array
 
 
-def _check(data: bytes) -> tuple[bool, int]:  # noqa: C901, PLR0912, PLR0915  NOTE: one loop; calls would double its time
-    """Refuse what cbor2 should not see; whether there are marks in it, and how many keys are containers."""
-    at, end, items, has_marks, keys = 0, len(data), 0, False, 0
+def _check(data: bytes, allowance: Allowance) -> tuple[bool, int, int]:  # noqa: C901, PLR0912, PLR0915  NOTE: one loop; calls would double its time
+    """Refuse what cbor2 should not see.
+
+    Returns:
+        Whether there are marks in it, how many keys are containers, and about how many bytes of memory it takes.
+    """
+    at, end, has_marks, keys, cost = 0, len(data), False, 0, _OF_ITEM
     left, is_map, is_in_key = 1, False, False  # of the container that we are in
     outer: list[tuple[int, bool, bool]] = []
     while True:
@@ -223,14 +319,12 @@ def _check(data: bytes) -> tuple[bool, int]:  # noqa: C901, PLR0912, PLR0915  NO
             if not outer:
                 if at != end:
                     raise BadFile(f"{end - at} bytes are left over behind a value")
-                return has_marks, keys
+                return has_marks, keys, cost
             left, is_map, is_in_key = outer.pop()
         if at >= end:
             raise BadFile("a value is cut off")
         start, major, size = at, data[at] >> 5, data[at] & 31
-        at, items, left = at + 1, items + 1, left - 1
-        if items > MOST_ITEMS:
-            raise BadFile(f"a value has more than {MOST_ITEMS} items")
+        at, left = at + 1, left - 1
         if size > 23:
             if size > 27:
                 raise BadFile(f"a value has a length without end or meaning, {at - 1} bytes from its start")
@@ -239,8 +333,9 @@ def _check(data: bytes) -> tuple[bool, int]:  # noqa: C901, PLR0912, PLR0915  NO
             at += width
         if major in {2, 3}:
             at += size
+            cost += size * (_OF_BYTE if major == 2 else _OF_TEXT_BYTE)
         elif major in {4, 5}:
-            if size > min(end - at, MOST_ITEMS) or len(outer) >= MOST_DEPTH:
+            if size > end - at or len(outer) >= MOST_DEPTH:
                 raise BadFile(f"a container of {size} items is too long or too deep, {start} bytes into its value")
             outer.append((left, is_map, is_in_key))
             is_in_key = is_in_key or (is_map and left & 1 == 1)
@@ -248,6 +343,9 @@ def _check(data: bytes) -> tuple[bool, int]:  # noqa: C901, PLR0912, PLR0915  NO
             if major == 5 and is_in_key:
                 raise BadFile("a dict is in the key of a dict")
             left, is_map = size << (major == 5), major == 5
+            cost += _OF_CONTAINER + left * _OF_ITEM + size * _OF_ENTRY * is_map
+            if cost > allowance.left:
+                allowance.charge(cost)
         elif major == 6:
             raise BadFile(f"a value has the tag {size}, and tags are not read, {start} bytes from its start")
         elif major == 7:
@@ -260,14 +358,14 @@ def _check(data: bytes) -> tuple[bool, int]:  # noqa: C901, PLR0912, PLR0915  NO
             raise BadFile(f"a value is cut off, {start} bytes from its start")
 
 
-def _unmarked(value: Any) -> Any:
+def _unmarked(value: Any, keys: Keys) -> Any:
     kind = type(value)
     if kind is list or kind is tuple:
         if value and type(value[0]) not in _PLAIN:
-            return _MEANINGS[value[0].value](value[1:])
-        return kind(_unmarked(one) for one in value)
+            return _meaning([value[0], *(_unmarked(one, keys) for one in value[1:])], keys)
+        return kind(_unmarked(one, keys) for one in value)
     if kind is dict:
-        return _dict([_unmarked(key) for key in value], [_unmarked(one) for one in value.values()])
+        return {_unmarked(key, keys): _unmarked(one, keys) for key, one in value.items()}
     if kind not in _PLAIN:
         raise BadFile("a mark stands where none may stand")
     return value
@@ -276,14 +374,10 @@ def _unmarked(value: Any) -> Any:
 _PLAIN = {type(None), bool, int, float, str, bytes, list, tuple, dict}  # what else comes out of cbor2 is a mark
 
 
-def _dict(keys: list[Any], values: list[Any]) -> dict[Any, Any]:
-    if len(keys) > _FEW_KEYS:
-        refuse_alike(keys)
-    return dict(zip(keys, values, strict=True))
-
-
-def _tuple(items: Any) -> Any:
-    return tuple(_unmarked(one) for one in items)
+def _meaning(items: list[Any], keys: Keys) -> Any:
+    """What an array means that begins with a mark."""
+    mark, *rest = items
+    return keys.check(_MEANINGS[mark.value](rest))
 
 
 def _big(items: Any) -> int:
@@ -314,20 +408,8 @@ def _array(items: Any) -> np.ndarray[Any, Any]:
 
 
 def _texts(items: Any) -> list[str]:
-    stems, *pair = items
-    which, numbers = (_is(np.ndarray, _unmarked(column)) for column in pair)
-    return texts_of(stems, which, numbers)
-
-
-def _set(items: Any) -> set[Any]:
-    keys = [_unmarked(_key(one)) for one in items]
-    if len(keys) > _FEW_KEYS:
-        refuse_alike(keys)
-    return set(keys)
-
-
-def _frozenset(items: Any) -> frozenset[Any]:
-    return frozenset(_set(items))
+    stems, which, numbers = items
+    return texts_of(stems, _is(np.ndarray, which), _is(np.ndarray, numbers))
 
 
 def _is(kind: type, value: Any) -> Any:
@@ -337,11 +419,12 @@ def _is(kind: type, value: Any) -> Any:
 
 
 _MEANINGS: dict[int, Callable[[Any], Any]] = {
-    _TUPLE: _tuple,
+    _TUPLE: tuple,
     _ARRAY: _array,
     _BIG: _big,
     _TEXT: _text,
-    _SET: _set,
-    _FROZENSET: _frozenset,
+    _SET: set,
+    _FROZENSET: frozenset,
     _NUMBERED: _texts,
 }
+_UNBOUNDED = Allowance(1 << 60, "A value", is_streamed=True)

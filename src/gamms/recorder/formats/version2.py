@@ -14,6 +14,7 @@ from typing import Any, BinaryIO
 import numpy as np
 
 from gamms.errors import BadType, BadValue
+from gamms.limits import Keys
 from gamms.recorder.errors import RecordingError
 from gamms.recorder.formats import plain_cbor
 from gamms.recorder.formats.plain_cbor import Damaged, Incomplete, PlainReader, Tagged
@@ -91,6 +92,7 @@ class _Window:
         self._behind = 0  # bytes of the stream that `data` no longer holds
         self.data = b""
         self.position = 0
+        self.keys = Keys()
 
     @property
     def offset(self) -> int:
@@ -139,11 +141,11 @@ def _next_record(window: _Window) -> Record:
         begin, time, code, opcode, rest = _FRONT.unpack_from(data, position)
         marks = (data[position + _MARKS_AT[0]], data[position + _MARKS_AT[1]])
         if (begin, code, rest) == _FRONT_TEXTS and marks == _MARKS:
-            reader = PlainReader(data, position + _FRONT.size)
+            reader = PlainReader(data, position + _FRONT.size, window.keys)
             record: Record = {"timestamp": time, "opCode": opcode, "data": reader.item(1)}
             window.position = reader.position
             return record
-    reader = PlainReader(data, position)
+    reader = PlainReader(data, position, window.keys)
     found = reader.item()
     if type(found) is not dict:
         raise Damaged("it is no map")

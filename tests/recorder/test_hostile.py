@@ -1,0 +1,87 @@
+"""What a recording holds costs time and memory in proportion to its size, and whatever GAMMS writes is within that."""
+
+import io
+import tracemalloc
+from contextlib import suppress
+
+import hostile
+import numpy as np
+import pytest
+from recordings import logs_of, opened, read_all, written
+
+from gamms import limits
+from gamms.ir import journal
+from gamms.recorder import RecordingError
+from gamms.recorder import open as opened_recording
+
+FLOOR = 1 << 20
+
+
+@pytest.fixture
+def low_floor(monkeypatch):
+    monkeypatch.setattr(limits, "_FLOOR", FLOOR)
+
+
+def everything(data):
+    """Read a recording in the ways that commands do."""
+    with opened_recording(io.BytesIO(data)) as recording:
+        for _ in recording.steps():
+            pass
+        return recording[0], recording[-1], list(recording.events())
+
+
+@pytest.mark.parametrize("made", hostile.COLLISIONS.values(), ids=hostile.COLLISIONS.keys())
+def test_keys_of_one_hash_are_refused_wherever_they_are(made):
+    with pytest.raises(RecordingError, match="made to have one hash"):
+        everything(made(200))
+    everything(made(20))
+
+
+@pytest.mark.parametrize("made", hostile.MEMORY.values(), ids=hostile.MEMORY.keys())
+@pytest.mark.usefixtures("low_floor")
+def test_a_small_file_does_not_take_much_memory(made):
+    data = made(200_000)
+    assert len(data) < 10_000
+    tracemalloc.start()
+    try:
+        with suppress(RecordingError):
+            everything(data)
+        assert tracemalloc.get_traced_memory()[1] < 4 * (FLOOR + limits.PER_BYTE * len(data))
+    finally:
+        tracemalloc.stop()
+
+
+LISTS = [[]] * 30_000
+REGULAR = {
+    "empty lists": [[(3, LISTS)]],
+    "lists and dicts": [[(3, [{"a": (1, {2})}, None] * 5_000)]] * 3,
+    "zeros": [[(3, np.zeros(10**6))], [(3, bytes(10**6))]],
+    "numbered texts": [[(3, hostile.texts(10_000))]],
+    "other texts": [[(3, ["a\ud800", "ü" * 100, "a"] * 10_000)]],
+    "moves to one node": [[0, 0] * 50_000] * 2,
+    "turns without events": [[]] * 20_000,
+    "events of one kind": [[(3, {"a": 1, "b": {"c": 0.5}})] * 20_000],
+    "flights": [[(journal.AERIAL_AGENT_FLIGHT, (0, 0, 0.0, 0.0, 0.0))] * 20_000],
+}
+
+
+@pytest.mark.parametrize("logs", REGULAR.values(), ids=REGULAR.keys())
+def test_whatever_is_written_can_be_read_however_regular_it_is(logs, monkeypatch):
+    monkeypatch.setattr(limits, "_FLOOR", 0)
+    data = written(logs, {"a": LISTS}, turns=1 << 16)
+    assert str(logs_of(opened(data))) == str(logs)
+    read_all(data)  # several times, all of which is charged once
+
+
+@pytest.mark.usefixtures("low_floor")
+def test_what_unpacks_to_too_much_says_so():
+    with pytest.raises(RecordingError, match=r"damaged at byte \d+: it unpacks to more than 3 MiB of values"):
+        opened(hostile.recording([[]] * 200_000, turns=1 << 16))
+
+
+def test_turns_of_an_ordinary_game_are_not_padded():
+    logs = [[row for agent in range(50) for row in (agent, agent * turn % 97)] for turn in range(64)]
+    logs[7].append((4, {"kind": "met", "agents": [f"agent {i}" for i in range(50)]}))
+    data = written(logs)
+    with hostile.unpadded():
+        assert written(logs) == data
