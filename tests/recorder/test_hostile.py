@@ -3,6 +3,7 @@
 import io
 import tracemalloc
 from contextlib import suppress
+from time import process_time
 
 import hostile
 import numpy as np
@@ -13,6 +14,7 @@ from gamms import limits
 from gamms.ir import journal
 from gamms.recorder import RecordingError
 from gamms.recorder import open as opened_recording
+from gamms.recorder.roster import Roster
 
 FLOOR = 1 << 20
 
@@ -85,3 +87,41 @@ def test_turns_of_an_ordinary_game_are_not_padded():
     data = written(logs)
     with hostile.unpadded():
         assert written(logs) == data
+
+
+@pytest.mark.parametrize("made", hostile.TIME.values(), ids=hostile.TIME.keys())
+def test_agents_come_and_go_without_looking_at_all_others(made, monkeypatch):
+    touched = [0]
+
+    def counting(name):
+        whole = getattr(Roster, name)
+
+        def counted(self, *args):
+            touched[0] += self._size + len(self._new) if name == "settle" and self._gone else len(self._new)
+            return whole(self, *args)
+
+        return counted
+
+    for name in ("settle", "_add_new"):
+        monkeypatch.setattr(Roster, name, counting(name))
+    count = 1_000
+    with suppress(RecordingError), opened_recording(io.BytesIO(made(count))) as recording:
+        recording.state(recording.turns)
+    assert touched[0] < 12 * count
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize(
+    ("made", "size"),
+    [
+        *((made, 10_000) for made in hostile.COLLISIONS.values()),
+        *((made, 4_000_000) for made in hostile.MEMORY.values()),
+        *((made, 30_000) for made in hostile.TIME.values()),
+    ],
+)
+def test_a_small_file_does_not_take_much_time(made, size):
+    data = made(size)
+    begin = process_time()
+    with suppress(RecordingError):
+        everything(data)
+    assert process_time() - begin < 10  # seconds; a fifth of it on an idle machine

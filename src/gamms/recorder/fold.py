@@ -12,10 +12,10 @@ from gamms.recorder.errors import DAMAGES, Damaged
 from gamms.recorder.formats.columns import IntArray
 from gamms.recorder.formats.reader import Reader
 from gamms.recorder.formats.tracks import FORMS, Tracks
+from gamms.recorder.roster import Roster
 from gamms.recorder.state import State, opened, shares
 from gamms.recorder.waiting import Batch, Waiting, follow
-
-_FEW = 24  # moves that are made faster one by one
+from gamms.text import shown
 
 
 class Fold:
@@ -30,11 +30,11 @@ class Fold:
     Attributes:
         state: as `recorder.state.opened` gives it.
         following: the number that the next new agent gets.
-        roster: a number that changes whenever agents come or go, or any of the lists does.
+        changes: a number that changes whenever agents come or go, or any of the lists does.
     """
 
     def __init__(self, state: State, at: int = 0) -> None:
-        self.roster = 0
+        self.changes = 0
         self._log = at  # the one whose events happen
         self._begin(state)
 
@@ -46,19 +46,8 @@ class Fold:
             self._clock = int(state.get("turn", 0)), self._log, int(state.get("pace", 0))
         except DAMAGES as error:
             raise Damaged(f"the whole state is not right ({type(error).__name__}: {error})") from error
-        self._recount()
-
-    def _recount(self) -> None:
-        """Work out who is in which row."""
-        numbers, names = self.state["numbers"], self.state["names"]
-        self._row_of = {number: row for row, number in enumerate(numbers.tolist())}
-        self._row_of_name = {name: row for row, name in enumerate(names)}
-        if not len(self._row_of) == len(self._row_of_name) == len(names):
-            raise Damaged("two agents have the same name or number")
-        self._order = numbers.argsort(kind="stable")
-        self._sorted = numbers[self._order]
-        self._is_counted = np.array_equal(numbers, np.arange(len(numbers)))  # rows are numbers
-        self.roster += 1
+        self._roster = Roster(self.state)
+        self.changes += 1
 
     def game_turn(self, turns: int) -> int:
         """How the game counted the last of so many turns."""
@@ -73,35 +62,30 @@ class Fold:
                 self.happen(*entry)
             else:
                 self._move_one(entry, next(entries))
+        self._roster.settle()
 
     def advance(self, reader: Reader, start: int, stop: int) -> None:
         """Let the turns `start` to `stop - 1` of a recording happen; of these, a few at a time are in memory."""
         for begin, end in reader.pieces(start, stop):
             self._advance(reader, begin, end)
+        self._roster.settle()
 
     def _advance(self, reader: Reader, start: int, stop: int) -> None:
         waiting = Waiting(reader, start, stop, _OTHERS)
-        in_order = not self._are_walkers(waiting.numbers)
+        in_order = not self._roster.are_walkers(waiting.numbers)
         apart = _APART - _OF_FLYERS if waiting.has_flyers else _APART
-        new: list[Any] = []  # agents who come one after the other come together
         for event, (turn, place, kind, data) in enumerate(reader.events(start, stop, _OTHERS)):
             if (in_order or kind not in apart) and (batch := waiting.before(event, turn, place)):
-                self._enter(new)
                 self._go(batch, in_order=in_order)
-            if kind == journal.AGENT_CREATE:
-                new.append(data)
-                continue
-            self._enter(new)
             self._log = turn
             self.happen(kind, data)
             in_order = in_order or kind == journal.SNAPSHOT
-        self._enter(new)
         self._go(waiting.rest(), in_order=in_order)
 
     def _go(self, batch: Batch, *, in_order: bool) -> None:
         """Let moves, flights and turns happen, in their order if moves may be those of flyers."""
         done, flights = 0, batch.flights
-        if in_order and not self._are_walkers(batch.numbers):
+        if in_order and not self._roster.are_walkers(batch.numbers):
             for i, after in enumerate(batch.after.tolist()):
                 self.move(batch.numbers[done:after], batch.nodes[done:after])
                 self.fly(flights.at(slice(i, i + 1)))
@@ -113,19 +97,20 @@ class Fold:
 
     def move(self, numbers: IntArray, nodes: IntArray) -> None:
         """Let moves happen: numbers of agents and nodes, (moves,) each, in their order."""
-        if len(numbers) < _FEW:
+        if self._roster.are_few(numbers):
             for number, end in zip(numbers.tolist(), nodes.tolist(), strict=True):
                 self._move_one(number, end)
             return
-        follow(self.state, self._rows(numbers), {"node": ("previous", nodes)})
+        rows = self._roster.rows(numbers)
+        follow(self.state, rows, {"node": ("previous", nodes)})
 
     def fly(self, flights: Tracks) -> None:
         """Let flights happen, in their order."""
-        if len(flights.numbers) < _FEW:
+        if self._roster.are_few(flights.numbers):
             for data in flights.data():
                 self.happen(journal.AERIAL_AGENT_FLIGHT, data)
             return
-        rows = self._rows(flights.numbers)
+        rows = self._roster.rows(flights.numbers)
         if not self.state["kind"][rows].all():
             row = rows[self.state["kind"][rows] == 0][0]
             raise _grounded(self.state["names"][row])
@@ -135,36 +120,14 @@ class Fold:
     def turn(self, turns: Tracks) -> None:
         """Let flyers turn in space, in their order."""
         if len(turns.numbers):
-            self.state["quat"][self._rows(turns.numbers)] = turns.floats  # of several at one row, the last one stays
+            rows = self._roster.rows(turns.numbers)
+            self.state["quat"][rows] = turns.floats  # of several at one row, the last one stays
 
     def _move_one(self, number: int, end: int) -> None:
-        row, node = self.row_of(number), self.state["node"]
+        row = self.row_of(number)
+        node = self.state["node"]
         self.state["previous"][row] = node[row]
         node[row] = end
-
-    def _rows(self, numbers: IntArray) -> IntArray:
-        """Rows of agents by their numbers."""
-        if self._are_rows(numbers):
-            return numbers
-        places = self._sorted.searchsorted(numbers)
-        places[places == len(self._sorted)] = 0
-        is_known = self._sorted[places] == numbers if len(self._sorted) else np.zeros(len(numbers), np.bool_)
-        if not is_known.all():
-            raise _stranger(int(numbers[~is_known][0]))
-        rows: IntArray = self._order[places]
-        return rows
-
-    def _are_rows(self, numbers: IntArray) -> bool:
-        """Whether these numbers are the rows themselves."""
-        is_counted = self._is_counted and len(numbers) > 0
-        return is_counted and int(numbers.min()) >= 0 and int(numbers.max()) < len(self._order)
-
-    def _are_walkers(self, numbers: IntArray) -> bool:
-        """Whether all these are agents on the ground who are here now: then no flight is one of their moves."""
-        if not self.state["kind"].any() and self._are_rows(numbers):
-            return True
-        walkers = self.state["numbers"][self.state["kind"] == 0]
-        return bool(np.isin(numbers, walkers).all())
 
     def happen(self, kind: int, data: Any) -> None:
         """Let an event other than a move happen; one that is not known does nothing."""
@@ -180,38 +143,17 @@ class Fold:
 
     def row(self, name: str) -> int:
         """The row of an agent by its name."""
-        return self._row_of_name[name]
+        return self._roster.row(name)
 
     def row_of(self, number: int) -> int:
         """The row of an agent by its number."""
-        row = self._row_of.get(number)
-        if row is None:
-            raise _stranger(number)
-        return row
+        return self._roster.row_of(number)
 
     def enter(self, data: Any) -> None:
         """An agent was created."""
-        self._enter([data])
-
-    def _enter(self, new: list[Any]) -> None:
-        """Agents were created, one after the other; the list is empty afterwards."""
-        if not new:
-            return
-        try:
-            entered = [self._values_of(data, self.following + i) for i, data in enumerate(new)]
-            columns = {
-                name: np.array([one[name] for one in entered], dtype).reshape(-1, *shape)
-                for name, (dtype, shape) in ARRAYS.items()
-            }
-        except DAMAGES as error:
-            raise _misfit(journal.AGENT_CREATE, error) from error
-        for name in LISTS:
-            self.state[name].extend(one[name] for one in entered)
-        for name, column in columns.items():
-            self.state[name] = np.concatenate([self.state[name], column])
-        self.following += len(new)
-        new.clear()
-        self._recount()
+        self._roster.enter(self._values_of(data, self.following))
+        self.following += 1
+        self.changes += 1
 
     def _values_of(self, data: Any, number: int) -> dict[str, Any]:
         """The row of a new agent."""
@@ -239,16 +181,12 @@ class Fold:
 
     def leave(self, data: Any) -> None:
         """An agent was deleted."""
-        row = self.row(data["name"])
-        for name in LISTS:
-            del self.state[name][row]
-        for name in ARRAYS:
-            self.state[name] = np.delete(self.state[name], row, axis=0)
-        self._recount()
+        self._roster.leave(data["name"])
+        self.changes += 1
 
     def progress(self, data: Any) -> None:
         """Agents are so far along edges."""
-        rows = self._rows(np.asarray(data["numbers"], np.int64))
+        rows = self._roster.rows(np.asarray(data["numbers"], np.int64))
         self.state["edge_source"][rows], self.state["edge_target"][rows] = data["edge_source"], data["edge_target"]
         self.state["edge_share"][rows] = shares(data["edge_share"])
 
@@ -265,7 +203,7 @@ class Fold:
 
     def equip(self, data: Any) -> None:
         """Sensors came."""
-        self.state["sensor_kinds"] = [*self.state["sensor_kinds"], *data["sensor_kinds"]]
+        self.state["sensor_kinds"].extend(data["sensor_kinds"])
 
     def replace(self, data: Any) -> None:
         """A snapshot was written, which says nothing of components."""
@@ -274,12 +212,8 @@ class Fold:
         self.state |= kept
 
 
-def _stranger(number: int) -> Damaged:
-    return Damaged(f"agent number {number} moves and is not there")
-
-
 def _grounded(name: str) -> Damaged:
-    return Damaged(f"agent {name!r} flies and is on the ground")
+    return Damaged(f"agent {shown(name)} flies and is on the ground")
 
 
 def _misfit(kind: int, error: Exception) -> Damaged:
@@ -292,8 +226,9 @@ def _sensors_of(given: Any) -> dict[str, str]:
 
 def _set(column: str, key: str, convert: Callable[[Any], Any] = lambda value: value) -> Callable[[Fold, Any], None]:
     def happen(fold: Fold, data: Any) -> None:
-        fold.state[column][fold.row(data["agent_name"])] = convert(data[key])
-        fold.roster += column in LISTS
+        row = fold.row(data["agent_name"])  # which may make the columns longer
+        fold.state[column][row] = convert(data[key])
+        fold.changes += column in LISTS
 
     return happen
 
@@ -329,15 +264,18 @@ def _fly_by_number(fold: Fold, data: Any) -> None:
 
 def _turn(fold: Fold, data: Any) -> None:
     number, *quat = data
-    fold.state["quat"][fold.row_of(number)] = quat
+    row = fold.row_of(number)
+    fold.state["quat"][row] = quat
 
 
 def _register(fold: Fold, data: Any) -> None:
-    fold.state["sensors"][fold.row(data["agent_name"])][data["name"]] = data["sensor_id"]
+    row = fold.row(data["agent_name"])
+    fold.state["sensors"][row][data["name"]] = data["sensor_id"]
 
 
 def _deregister(fold: Fold, data: Any) -> None:
-    fold.state["sensors"][fold.row(data["agent_name"])].pop(data["name"], None)
+    row = fold.row(data["agent_name"])
+    fold.state["sensors"][row].pop(data["name"], None)
 
 
 def _component(happen: Callable[[State, Any], None]) -> Callable[[Fold, Any], None]:

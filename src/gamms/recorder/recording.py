@@ -136,8 +136,8 @@ class Recording:
             raise BadValue(f"There is no state after {turn} turns: this recording has {self.turns} turns.")
         try:
             fold = self._folded(turn)
-            if self._roster[0] != fold.roster:
-                self._roster = fold.roster, roster_of(fold.state)
+            if self._roster[0] != fold.changes:
+                self._roster = fold.changes, roster_of(fold.state)
             return state_of(fold.state, turn, self._roster[1], lambda: self._map_at(turn))
         except Damaged as error:
             self._fold = None
@@ -171,6 +171,7 @@ class Recording:
             if "components" not in found[1]:  # as in the first recordings of version 3
                 for _, _, kind, data in self._reader.events(0, self._at, component_fold.EVENTS):
                     fold.happen(kind, data)
+        self._fold = None  # if the next line fails, it is somewhere between
         fold.advance(self._reader, self._at, turn)
         self._fold, self._at = fold, turn
         return fold

@@ -254,6 +254,7 @@ class Chunk:
     kinds: IntArray  # (events,)
     values: values.Values  # of the events
     tracks: dict[int, Tracks]  # the events whose data are but numbers, by their kind
+    places: dict[int, IntArray]  # which events these are
 
     def numbers_of(self, first: int, last: int, kinds: Collection[int] | None = None) -> IntArray:
         """Which events happen in the turns from `first` of the block on and before `last`, or those of some kinds."""
@@ -281,7 +282,7 @@ class Chunk:
 
     def tracks_of(self, kind: int, numbers: IntArray) -> Tracks:
         """Some events of a kind whose data are but numbers."""
-        return self.tracks[kind].at(np.flatnonzero(self.kinds == kind).searchsorted(numbers))
+        return self.tracks[kind].at(self.places[kind].searchsorted(numbers))
 
     def log(self, turn: int) -> Log:
         """What was added as a turn of the recording."""
@@ -333,7 +334,8 @@ def chunk_of(head: blocks.Head, body: bytes, decoder: values.Decoder, place: obj
     if (after < move_ends[turns]).any() or (after > move_ends[turns + 1]).any() or (after[1:] < after[:-1]).any():
         raise BadFile("an event is out of place")
     told = values.Values(data, data_ends, decoder, place)
-    return Chunk(head.first, move_ends, event_ends, moves, after, kinds, told, found)
+    places = {kind: np.flatnonzero(kinds == kind) for kind in found}
+    return Chunk(head.first, move_ends, event_ends, moves, after, kinds, told, found, places)
 
 
 def _take_tracks(cursor: columns.Cursor, kinds: IntArray, sizes: IntArray) -> dict[int, Tracks]:

@@ -18,7 +18,7 @@ from gamms.recorder.formats.tracks import Stretch, concatenated
 from gamms.recorder.formats.values import Decoder
 
 _KEPT = 4  # blocks of turns that are kept as arrays
-_TURNS_AT_ONCE = 64
+_TURNS_AT_ONCE = 256
 
 
 class Reader:
