@@ -42,7 +42,8 @@ HEAVY = [
 FLOORS = [
     {"text"},
     {"errors"},
-    {"plugins", "arguments", "folders", "progress", "limits"},
+    {"plugins", "arguments", "folders", "progress", "limits", "readonly"},
+    {"deciding"},
     {"ir"},
     {"kernels"},
     {"typing"},

@@ -9,6 +9,7 @@ from typing import TYPE_CHECKING, Any, Self
 
 from gamms import agent, graph, kernels, memory, sensor, visual
 from gamms.arguments import as_int, as_path
+from gamms.deciding import DecidePhase, Guarded, refused_while_deciding
 from gamms.errors import BadType, BadValue
 from gamms.game.moves import Moves
 from gamms.typing import (
@@ -70,17 +71,18 @@ class InternalContext(IInternalContext):
                 engine.terminate()
 
 
-class Context(IContext):
+class Context(Guarded, IContext):
     """One running scenario. Usable in a `with` statement, which terminates it.
 
     The rooms are attributes, so that a program may build a context of its own engines.
     """
 
+    _called = "ctx"
+
     agent_engine: Any
     graph_engine: Any
     sensor_engine: Any
     visual_engine: Any
-    internal_context: Any
 
     def __init__(
         self,
@@ -92,7 +94,8 @@ class Context(IContext):
         recorder: Any = None,
         logger: Any = None,
     ) -> None:
-        self.internal_context = internal_context
+        self._phase = DecidePhase()
+        self._internal_context: Any = internal_context
         self.agent_engine = agent_engine
         self.sensor_engine = sensor_engine
         self.visual_engine = visual_engine
@@ -136,7 +139,8 @@ class Context(IContext):
         if self._recorder is None:
             from gamms.recorder import Recorder
 
-            self._recorder = Recorder(self)
+            with self._phase.suspended():
+                self._recorder = Recorder(self)
         return self._recorder
 
     @recorder.setter
@@ -154,8 +158,18 @@ class Context(IContext):
 
     @property
     def ictx(self) -> IInternalContext:
-        """Engines that serve other engines."""
+        """Engines that serve other engines; not for strategies."""
         return self.internal_context  # type: ignore[no-any-return] # a program may put its own there
+
+    @property
+    def internal_context(self) -> Any:
+        """The same as `ictx`; settable."""
+        self._phase.refuse("use ctx.ictx")
+        return self._internal_context
+
+    @internal_context.setter
+    def internal_context(self, internal_context: Any) -> None:
+        self._internal_context = internal_context
 
     @property
     def logger(self) -> ILogger:
@@ -176,11 +190,13 @@ class Context(IContext):
 
     @property
     def rng(self) -> "Generator":
-        """The scenario's own random stream."""
+        """The scenario's own random stream; not for strategies, which have `state['rng']`."""
+        self._phase.refuse("draw from ctx.rng, which all share instead of state['rng']")
         if self._rng is None:
             self._rng = self.stream("context")
         return self._rng
 
+    @refused_while_deciding
     def reseed(self, seed: int, chance: Any = None) -> None:
         """Let every stream follow from another seed; `chance` is where `rng` goes on, as `chance()` told it."""
         self._seed, self.is_seeded, self._rng = as_int(seed, "seed"), True, None
@@ -203,6 +219,7 @@ class Context(IContext):
         plain = (str(name) if isinstance(name, str) else as_int(name, "The name of a stream") for name in names)
         return kernels.stream(self._seed, *plain)
 
+    @refused_while_deciding
     def set_alive(self) -> None:
         """Begin."""
         self._alive = True
@@ -211,6 +228,7 @@ class Context(IContext):
         """Whether the scenario has ended (or has not begun)."""
         return not self._alive
 
+    @refused_while_deciding
     def terminate(self) -> None:
         """End the scenario: close every room, in the order in which they depend on each other."""
         if not self._alive:

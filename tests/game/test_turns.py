@@ -173,7 +173,7 @@ def test_a_strategy_cannot_move_anybody_but_by_its_action(ctx, play):
         state["action"] = 1
 
     cheater = ctx.agent.create_agent("cheater", start_node_id=0, strategy=cheat)
-    with pytest.raises(Meddling, match="strategy of agent 'cheater' changed the agents"):
+    with pytest.raises(Meddling, match=r"strategy of agent .cheater. may not set agent\.current_node_id"):
         ctx.game.step()
     assert (victim.current_node_id, victim.team, victim.alive) == (5, None, True)
     ctx.game.on_error = "stay"
@@ -195,9 +195,9 @@ def test_a_strategy_cannot_play_the_referee(ctx, verb):
 
 def test_a_strategy_that_changes_the_map_is_stopped(ctx):
     ctx.agent.create_agent("a", start_node_id=0, strategy=lambda state: ctx.graph.graph.remove_node(15))
-    ctx.game.on_error = "stay"
-    with pytest.raises(Meddling, match="changed the graph"):
+    with pytest.raises(Meddling, match=r"may not call ctx\.graph\.graph\.remove_node"):
         ctx.game.step()
+    assert ctx.graph.graph.has_node(15)
 
 
 def test_rules_run_in_order_after_everybody_moved_and_before_rules_ahead_of_it(ctx, play):

@@ -5,6 +5,7 @@ from typing import Any
 
 from gamms import kernels
 from gamms.agent.member import Member
+from gamms.deciding import refused_while_deciding
 from gamms.errors import GammsError
 from gamms.ir.agents import Position, Quat
 from gamms.typing import IContext
@@ -95,6 +96,7 @@ class AerialAgent(Member, IAerialAgent):
         """How far it moves at each step, map units."""
         return self._columns.speed[self._row]  # type: ignore[return-value] # as above
 
+    @refused_while_deciding
     def sense(self) -> dict[str, tuple[SensorType, Any]]:
         """Ask all sensors: name -> (kind, data)."""
         if self._carried:
@@ -103,7 +105,8 @@ class AerialAgent(Member, IAerialAgent):
 
     def get_state(self) -> dict[str, Any]:
         """Sense; a fresh dict with `curr_pos`, `quat` and `sensor`."""
-        self._state = state = self._state_of(self.sense())
+        sensed = self.sense()
+        self._last[0] = state = self._state_of(sensed)
         return state
 
     def _state_of(self, sensed: dict[str, Any]) -> dict[str, Any]:

@@ -10,9 +10,11 @@ from gamms.agent.agent import Agent
 from gamms.agent.kept import KeptAgents, kept, restore
 from gamms.agent.member import Member
 from gamms.arguments import as_name, misspelt
+from gamms.deciding import Guarded, phase_of, refused_while_deciding
 from gamms.errors import BadType, ContextTerminated, Duplicate, MissingKey, UnknownName, nearest
 from gamms.ir import journal
 from gamms.ir.agents import AgentColumns
+from gamms.readonly import ReadOnlyMapping, frozen
 from gamms.typing import IContext
 from gamms.typing.agent_engine import AgentType, IAgentEngine, IMoves, Roll, Standing
 from gamms.typing.sensor_engine import ISensor, is_sensor
@@ -32,28 +34,44 @@ _KEYWORDS = (
 )
 
 
-class AgentEngine(IAgentEngine):
-    """The agents of one context.
+class AgentEngine(Guarded, IAgentEngine):
+    """The agents of one context."""
 
-    Attributes:
-        agents: the agents by name, in the order of their creation.
-        columns: their rows, and for a while those of deleted agents.
-        moves: the one writer of where they are.
-    """
+    _called = "ctx.agent"
 
     def __init__(self, ctx: IContext, moves: IMoves) -> None:
+        self._phase = phase_of(ctx)
         self._ctx = ctx
-        self.moves = moves
-        self.agents: dict[str, Member] = {}
-        self.columns = AgentColumns()
+        self._moves = moves
+        self._agents: dict[str, Member] = {}
+        self._columns = AgentColumns()
         self._dead = 0  # rows of deleted agents
         self._gone: WeakSet[Member] = WeakSet()  # deleted agents that somebody still holds
 
+    @property
+    def agents(self) -> dict[str, Member]:  # type: ignore[override] # an attribute, in the contract
+        """The agents by name, in the order of their creation; read-only while agents decide."""
+        is_open = self._phase.agent is None
+        return self._agents if is_open else ReadOnlyMapping(self._agents)  # type: ignore[return-value] # it reads like it
+
+    @property
+    def columns(self) -> AgentColumns:
+        """Their rows, and for a while those of deleted agents; not for strategies."""
+        self._phase.refuse("use ctx.agent.columns")
+        return self._columns
+
+    @property
+    def moves(self) -> IMoves:  # type: ignore[override] # an attribute, in the contract
+        """The one writer of where they are; not for strategies."""
+        self._phase.refuse("use ctx.agent.moves")
+        return self._moves
+
+    @refused_while_deciding
     def create_agent(self, name: str, **kwargs: Any) -> Member:
         """Create an agent; nothing has changed when this raises."""
         if self._ctx.is_terminated():
             raise ContextTerminated("ctx.agent")
-        if as_name(name, "an agent") in self.agents:
+        if as_name(name, "an agent") in self._agents:
             raise Duplicate("an agent", name)
         if "sensors" in kwargs:
             kwargs["sensors"] = _listed(kwargs["sensors"])
@@ -69,14 +87,14 @@ class AgentEngine(IAgentEngine):
         agent.register_strategy(strategy)
         for hint in hints:
             self._ctx.logger.warning(f"Agent {name!r}: {hint} It is kept as an attribute.")
-        agent._live_in(self.columns)
-        self.agents[name] = agent  # before its sensors: one may ask who its owner is
-        log = self.columns.journal
-        self.columns.journal = journal.Muted(log)  # what follows is a part of the creation
+        agent._live_in(self._columns)
+        self._agents[name] = agent  # before its sensors: one may ask who its owner is
+        log = self._columns.journal
+        self._columns.journal = journal.Muted(log)  # what follows is a part of the creation
         try:
             self._equip(agent, sensors)
         finally:
-            self.columns.journal = log
+            self._columns.journal = log
         if log is not journal.NOBODY:
             log.entered(agent._row, name)
             log.note(journal.AGENT_CREATE, {"name": name, "kwargs": given, "state": self._more_of(agent._row)})
@@ -85,18 +103,19 @@ class AgentEngine(IAgentEngine):
     def get_agent(self, name: str) -> Member:
         """An agent by name (KeyError)."""
         try:
-            return self.agents[name]
+            return self._agents[name]
         except (KeyError, TypeError):
-            raise UnknownName("agent", name, self.agents) from None
+            raise UnknownName("agent", name, self._agents) from None
 
+    @refused_while_deciding
     def delete_agent(self, name: str) -> None:
         """Take an agent out of the world; an unknown name is only warned about."""
-        agent = self.agents.get(as_name(name, "an agent"))
+        agent = self._agents.get(as_name(name, "an agent"))
         if agent is None:
-            self._ctx.logger.warning(f"{UnknownName('agent', name, self.agents)} Nothing is deleted.")
+            self._ctx.logger.warning(f"{UnknownName('agent', name, self._agents)} Nothing is deleted.")
             return
         self._take_out(agent)
-        self.columns.journal.note(journal.AGENT_DELETE, {"name": name})
+        self._columns.journal.note(journal.AGENT_DELETE, {"name": name})
 
     def create_iter(self) -> "Living":
         """The agents in the order of their creation; each loop over it takes those of its beginning that are left."""
@@ -106,7 +125,7 @@ class AgentEngine(IAgentEngine):
     def teams(self) -> dict[Any, list[Member]]:
         """Team -> its agents in the order of their creation, dead ones too; the teams in the order of their text."""
         teams: dict[Any, list[Member]] = {}
-        for agent in self.agents.values():
+        for agent in self._agents.values():
             teams.setdefault(agent.team, []).append(agent)
         return dict(sorted(teams.items(), key=lambda item: str(item[0])))
 
@@ -114,60 +133,66 @@ class AgentEngine(IAgentEngine):
         """Bring everything that is kept about the agents up to date."""
         if self._dead:
             self._sweep()
-        if self.columns.flying:
-            self.moves.locate(self.columns)
-        self.columns.settle()
+        if self._columns.flying:
+            self._moves.locate(self._columns)
+        self._columns.settle()
 
     def roll(self) -> Roll:
         """Who is where, as arrays."""
         if self._dead:
             self._sweep()
-        columns = self.columns
+        columns = self._columns
         if columns.flying:
-            self.moves.locate(columns)
+            self._moves.locate(columns)
         nodes, moves = columns.nodes()
-        return Roll(columns.names, nodes, moves, columns.teams, *columns.places(), columns.out)
+        return self._phase.shown(Roll(columns.names, nodes, moves, columns.teams, *columns.places(), columns.out))
 
     def standing(self) -> Standing:
         """Who stands on which node."""
         # NOTE: asked after every single move: no call but the one that follows it (benchmarks/README.md, w3).
         if self._dead:
             self._sweep()
-        columns = self.columns
+        columns = self._columns
         if columns.flying:
-            self.moves.locate(columns)
+            self._moves.locate(columns)
         crowds = columns.crowds()
         rest = columns.node, columns.teams, crowds.at, crowds.taken
-        return tuple.__new__(Standing, (columns.names, *rest, columns.moves))
+        standing = tuple.__new__(Standing, (columns.names, *rest, columns.moves))
+        return standing if self._phase.agent is None else frozen(standing)
 
+    @refused_while_deciding
     def write_by(self, moves: IMoves) -> None:
         """Let all agents be moved by another writer, those that come later, too."""
-        self.moves = moves
-        for agent in (*self.agents.values(), *self._gone):
+        self._moves = moves
+        for agent in (*self._agents.values(), *self._gone):
             agent._write_by(moves)
 
+    @refused_while_deciding
     def kept(self) -> KeptAgents:
         """All agents as they are now, for `restore`."""
         self.settle()
         return kept(self)
 
+    @refused_while_deciding
     def restore(self, before: KeptAgents) -> None:
         """Let all agents be as they were, those that came or went since then included."""
         self.settle()
         restore(self, before)
 
+    @refused_while_deciding
     def put(self, agent: Member, values: dict[str, Any]) -> None:
         """Let the columns say of an agent what they said once, unchecked; for who plays a recording."""
-        columns, row = self.columns, agent._row
+        columns, row = self._columns, agent._row
         for name, value in values.items():
             getattr(columns, name)[row] = value
         columns.touched.add(row)
         if columns.kind[row]:
             columns.adrift.add(row)
 
+    @refused_while_deciding
     def terminate(self) -> None:
         """Close the room: agents stay readable and do nothing."""
-        for agent in (*self.agents.values(), *self._gone):
+        for agent in (*self._agents.values(), *self._gone):
             agent._rest()
 
     def _equip(self, agent: Member, sensors: dict[str, ISensor]) -> None:
@@ -186,25 +211,25 @@ class AgentEngine(IAgentEngine):
 
     def _more_of(self, row: int) -> dict[str, Any]:
         """What does not follow from the keywords of a new agent alone: how it is turned, where it flies."""
-        columns = self.columns
+        columns = self._columns
         more = {name: getattr(columns, name)[row] for name in ("heading", "position", "previous_position", "quat")}
         if columns.kind[row]:
-            more["node"] = self.moves.nearest(columns, row)
+            more["node"] = self._moves.nearest(columns, row)
         return {name: value for name, value in more.items() if value is not None}
 
     def _take_out(self, agent: Member) -> None:
-        del self.agents[agent.name]
+        del self._agents[agent.name]
         agent._leave()
-        self.columns.roster += 1
+        self._columns.roster += 1
         self._gone.add(agent)
         self._dead += 1
-        if self._dead > len(self.agents):  # so that deleting costs each agent its share only once
+        if self._dead > len(self._agents):  # so that deleting costs each agent its share only once
             self._sweep()
 
     def _sweep(self) -> None:
         """Drop the rows of deleted agents."""
-        living = list(self.agents.values())
-        self.columns.keep([agent._row for agent in living])
+        living = list(self._agents.values())
+        self._columns.keep([agent._row for agent in living])
         for row, agent in enumerate(living):
             agent._row = row
         self._dead = 0
@@ -267,11 +292,11 @@ class Living(Iterator[Member]):
         self._loop: Iterator[Member] | None = None
 
     def __len__(self) -> int:
-        return len(self._engine.agents)
+        return len(self._engine._agents)
 
     def __iter__(self) -> Iterator[Member]:  # noqa: PYI034 - every loop is one of its own
-        columns = self._engine.columns
-        for agent in list(self._engine.agents.values()):
+        columns = self._engine._columns
+        for agent in list(self._engine._agents.values()):
             if agent._columns is columns:
                 yield agent
 

@@ -28,9 +28,9 @@ class KeptAgents(NamedTuple):
 
 def kept(engine: "AgentEngine") -> KeptAgents:
     """The agents as they are now."""
-    columns = {name: list(getattr(engine.columns, name)) for name in BY_ROW}
+    columns = {name: list(getattr(engine._columns, name)) for name in BY_ROW}
     agents = [
-        (agent, _copied(agent.__dict__), agent.strategy, dict(agent._sensor_list)) for agent in engine.agents.values()
+        (agent, _copied(agent.__dict__), agent.strategy, dict(agent._sensor_list)) for agent in engine._agents.values()
     ]
     return KeptAgents(columns, agents, {id(agent): row for row, (agent, *_) in enumerate(agents)})
 
@@ -38,21 +38,21 @@ def kept(engine: "AgentEngine") -> KeptAgents:
 def restore(engine: "AgentEngine", before: KeptAgents) -> None:
     """Let the agents be as they were: those that came are gone, those that went are back."""
     there = {id(agent) for agent, *_ in before.agents}
-    for agent in [agent for agent in engine.agents.values() if id(agent) not in there]:
+    for agent in [agent for agent in engine._agents.values() if id(agent) not in there]:
         engine.delete_agent(agent.name)
-    if [agent for agent, *_ in before.agents] != list(engine.agents.values()):
-        engine.columns, columns = AgentColumns(), engine.columns
-        engine.columns.journal = columns.journal
-        engine.agents = {}
+    if [agent for agent, *_ in before.agents] != list(engine._agents.values()):
+        engine._columns, columns = AgentColumns(), engine._columns
+        engine._columns.journal = columns.journal
+        engine._agents = {}
         for agent, *_ in before.agents:
-            agent._live_in(engine.columns)
-            engine.agents[agent.name] = agent
-    engine.columns.write_back(before.columns)
+            agent._live_in(engine._columns)
+            engine._agents[agent.name] = agent
+    engine._columns.write_back(before.columns)
     for agent, attributes, strategy, sensors in before.agents:
         if attributes or agent.__dict__:
             agent.__dict__.clear()
             agent.__dict__.update(_copied(attributes))
-        agent.strategy, agent._state = strategy, {}
+        agent.strategy, agent._last[0] = strategy, {}
         if agent._sensor_list != sensors:
             for name in [name for name in agent._sensor_list if name not in sensors]:
                 agent.deregister_sensor(name)

@@ -5,6 +5,7 @@ from contextlib import AbstractContextManager, nullcontext
 from typing import Any, ClassVar
 
 from gamms.arguments import as_function_of, as_name
+from gamms.deciding import DecidePhase, Guarded, phase_of, refused_while_deciding
 from gamms.errors import BadType, GammsError, MissingKey
 from gamms.ir import journal
 from gamms.ir.agents import AgentColumns, Position
@@ -13,13 +14,14 @@ from gamms.typing.agent_engine import AgentType, IAgent, IMoves, Strategy
 from gamms.typing.sensor_engine import ISensor, SensorType, refuse_no_sensor
 
 _KINDS = tuple(AgentType)
+_SCALARS = frozenset({str, bytes, int, float, bool, type(None)})
 
 
 class NoStrategy(GammsError, AttributeError):
     """An agent was told to decide and has no strategy."""
 
 
-class Member(IAgent):
+class Member(Guarded, IAgent):
     """An agent of any kind; a subclass says where it begins, where it is and how it acts.
 
     Args:
@@ -32,19 +34,23 @@ class Member(IAgent):
         AttributeError: a keyword that is the name of a method or of something read-only.
     """
 
-    # NOTE: slots keep its own attributes close together; the caller's are in __dict__ (benchmarks/README.md, w2).
+    # NOTE: slots keep its own attributes close together; the caller's are in __dict__. The last state is in a list,
+    # because setting an attribute asks whether a strategy is running (benchmarks/README.md, w2).
     __slots__ = (
         "_act",
         "_carried",
         "_columns",
         "_ctx",
+        "_last",
         "_moves",
+        "_phase",
         "_row",
         "_sensor_list",
         "_shared",
-        "_state",
         "strategy",
     )
+
+    _called = "agent"
 
     _SETTABLE: ClassVar = frozenset({"alive", "current_node_id", "prev_node_id", "orientation", "speed", "team"})
     _ACTION: ClassVar[str]  # what a strategy is to choose
@@ -56,12 +62,13 @@ class Member(IAgent):
         for key in attributes:
             if key not in self._SETTABLE and hasattr(type(self), key):
                 raise AttributeError(f"{key!r} cannot be set when an agent is created.")
+        self._phase: DecidePhase = phase_of(ctx)
         self._ctx = ctx
         self._moves = ctx.agent.moves
         self._sensor_list: dict[str, ISensor] = {}
         self._shared: dict[int, ISensor] = {}  # by id(): those that another agent carries, too
         self._carried: tuple[tuple[str, Any], ...] = ()  # the same as the list, in the form that is read fastest
-        self._state: dict[str, Any] = {}
+        self._last: list[dict[str, Any]] = [{}]  # what `get_state` returned last
         self.strategy = None
         self._row = 0
         self._columns = AgentColumns()  # of its own, until the engine takes it in
@@ -70,6 +77,14 @@ class Member(IAgent):
     def __repr__(self) -> str:
         """Name the agent and where it stands."""
         return f"{type(self).__name__}({self.name!r}, current_node_id={self.current_node_id})"
+
+    def __setattr__(self, name: str, value: Any) -> None:
+        """Set an attribute; refused while a strategy is running."""
+        if name[0] != "_":
+            self._phase.refuse(f"set agent.{name}")
+            if type(value) not in _SCALARS and not hasattr(type(self), name):
+                setattr(Member, name, _Attribute(name))
+        object.__setattr__(self, name, value)
 
     # -- what it is ---------------------------------------------------------------------------------------------
 
@@ -111,8 +126,11 @@ class Member(IAgent):
 
     @property
     def state(self) -> dict[str, Any]:
-        """What `get_state` returned last; `{}` before the first time."""
-        return self._state
+        """What `get_state` returned last; `{}` before the first time. While agents decide, each sees only its own."""
+        phase = self._phase
+        if phase.agent is not None and phase.agent is not self:
+            phase.refuse(f"look into the state of agent {self.name!r}")
+        return self._last[0]
 
     @property
     def prev_node_id(self) -> int:
@@ -125,6 +143,7 @@ class Member(IAgent):
 
     # -- sensing, deciding, acting ------------------------------------------------------------------------------
 
+    @refused_while_deciding
     def register_sensor(self, name: str, sensor: ISensor) -> None:
         """Carry a sensor; its results appear in the state under `name`.
 
@@ -141,6 +160,7 @@ class Member(IAgent):
             other._share(sensor)
             self._share(sensor)
 
+    @refused_while_deciding
     def deregister_sensor(self, name: str) -> None:
         """Carry a sensor no longer; an unknown name is only warned about."""
         as_name(name, "a sensor")
@@ -154,6 +174,7 @@ class Member(IAgent):
             self._note(journal.AGENT_SENSOR_DEREGISTER, name=name, sensor_id=sensor.sensor_id)
             self._disown(sensor)
 
+    @refused_while_deciding
     def register_strategy(self, strategy: Strategy | None) -> None:
         """Decide with `strategy` from now on.
 
@@ -170,23 +191,28 @@ class Member(IAgent):
         sensed = {}
         for name, sensor in self._carried:
             sensor.sense(node)
-            sensed[name] = (sensor.type, sensor.data)
-        self._state = state = {"curr_pos": node, "sensor": sensed}
+            sensed[name] = (sensor.type, sensor._last[0])
+        if not sensed:  # NOTE: else a sensor has refused (benchmarks/README.md, w2)
+            self._phase.refuse("call agent.get_state")
+        self._last[0] = state = {"curr_pos": node, "sensor": sensed}
         return state
 
+    @refused_while_deciding
     def sense(self) -> dict[str, tuple[SensorType, Any]]:
         """Ask all sensors: name -> (kind, data); what `get_state` has under `sensor`."""
         node = self._columns.node[self._row]
         sensed = {}
         for name, sensor in self._carried:
             sensor.sense(node)
-            sensed[name] = (sensor.type, sensor.data)
+            sensed[name] = (sensor.type, sensor._last[0])
         return sensed
 
     def set_state(self) -> None:
         """Do what `state['action']` says."""
+        if self._phase.agent is not None:
+            self._phase.refuse("call agent.set_state")
         try:
-            action = self._state["action"]
+            action = self._last[0]["action"]
         except KeyError:
             raise MissingKey(
                 f"The state of agent {self.name!r} has no 'action': its strategy must set state['action'] to "
@@ -200,9 +226,10 @@ class Member(IAgent):
         Raises:
             NoStrategy (AttributeError): there is no strategy.
         """
-        if self.strategy is None:
+        strategy = self.strategy
+        if strategy is None:
             raise NoStrategy(f"Agent {self.name!r} has no strategy. Give it one with register_strategy.")
-        self.strategy(self.get_state())
+        strategy(self.get_state())
         self.set_state()
 
     # -- coming and going ---------------------------------------------------------------------------------------
@@ -234,7 +261,7 @@ class Member(IAgent):
     def _rest(self) -> None:
         """Do nothing from now on: the context has ended, and a loop that is ending should end quietly."""
         # NOTE: set on the instance, so that living agents need not ask at every step (benchmarks/README.md, w2).
-        last = self._state or self._state_of(self._unasked())
+        last = self._last[0] or self._state_of(self._unasked())
         self._moves = _NoMoves()
         self._act = self._moves.act
         for name, quiet in (("get_state", lambda: last), ("set_state", _do_nothing), ("step", _do_nothing)):
@@ -255,10 +282,9 @@ class Member(IAgent):
         self._carry()
 
     def _carry(self) -> None:
-        own = self.name
         self._columns.roster += 1
         self._carried = tuple(
-            (name, _Borrowed(sensor, own) if id(sensor) in self._shared else sensor)
+            (name, sensor if _is_own(sensor, self._shared) else _Carried(sensor, self, self._shared))
             for name, sensor in self._sensor_list.items()
         )
 
@@ -267,16 +293,44 @@ class Member(IAgent):
             sensor.set_owner(None)
 
 
-class _Borrowed:
-    """A sensor that several agents carry, as one of them uses it."""
+class _Attribute:
+    """An attribute of the caller's, of whose value strategies see a read-only copy."""
 
-    __slots__ = ("_name", "_sensor")
+    def __init__(self, name: str) -> None:
+        self._name = name
 
-    def __init__(self, sensor: ISensor, name: str) -> None:
-        self._sensor, self._name = sensor, name
+    def __get__(self, agent: Any, owner: type) -> Any:
+        if agent is None or self._name not in agent.__dict__:
+            raise AttributeError(f"{owner.__name__!r} object has no attribute {self._name!r}")
+        return agent._phase.shown(agent.__dict__[self._name])
+
+    def __set__(self, agent: Any, value: Any) -> None:
+        agent.__dict__[self._name] = value
+
+    def __delete__(self, agent: Any) -> None:
+        del agent.__dict__[self._name]
+
+
+def _is_own(sensor: ISensor, shared: dict[int, ISensor]) -> bool:
+    """Whether a sensor is a built-in one that no other agent carries."""
+    return type(sensor).__module__.startswith("gamms.sensor.") and id(sensor) not in shared
+
+
+class _Carried:
+    """A sensor of a caller's class, or one that several agents carry, as one of them uses it."""
+
+    __slots__ = ("_is_shared", "_name", "_phase", "_sensor")
+
+    def __init__(self, sensor: ISensor, agent: Member, shared: dict[int, ISensor]) -> None:
+        self._sensor, self._is_shared = sensor, id(sensor) in shared
+        self._name, self._phase = agent.name, agent._phase
 
     def sense(self, node_id: int) -> None:
         sensor = self._sensor
+        self._phase.refuse("call agent.get_state")
+        if not self._is_shared:
+            sensor.sense(node_id)
+            return
         owner = getattr(sensor, "_owner", self._name)
         sensor.set_owner(self._name)
         try:
@@ -290,8 +344,8 @@ class _Borrowed:
         return self._sensor.type
 
     @property
-    def data(self) -> Any:
-        return self._sensor.data
+    def _last(self) -> tuple[Any]:
+        return (self._sensor.data,)
 
 
 def _do_nothing(*_: Any, **__: Any) -> None:

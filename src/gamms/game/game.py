@@ -3,20 +3,19 @@
 from collections import Counter
 from collections.abc import Callable, Iterable, Mapping
 from time import perf_counter
-from types import MappingProxyType
 from typing import TYPE_CHECKING, Any, overload
 
 from gamms.arguments import as_float, as_int, as_name
+from gamms.deciding import Protected, phase_of, refused_while_deciding
 from gamms.errors import BadValue, ContextTerminated, UnknownName
 from gamms.game import chance, start, turn
 from gamms.game.collectors import Collectors
-from gamms.game.errors import Meddling
-from gamms.game.memory import frozen
 from gamms.game.result import Result
 from gamms.game.ruleset import NamedRule, RuleSet, check_phase
 from gamms.game.seats import COUNTED, Seating
 from gamms.game.settings import Settings, as_turns
 from gamms.ir.agents import AgentColumns
+from gamms.readonly import ReadOnlyMapping, frozen, published
 from gamms.text import printable_line
 from gamms.typing.game import Move, Rule, Track
 
@@ -51,43 +50,53 @@ class Game(Settings):
         began: agent -> where it began, for a game that began before this context did; see `start_node`.
     """
 
+    data: Protected[dict[str, Any]] = Protected()
+    events: Protected[list[dict[str, Any]]] = Protected()
+    errors: Protected[list[dict[str, Any]]] = Protected()
+    team_memories: Protected[dict[Any, dict[Any, Any]]] = Protected()
+    counts: Protected[dict[str, dict[str, int]]] = Protected()
+    timings: Protected[dict[str, float]] = Protected()
+    after_reset: Protected[list[Callable[[], None]]] = Protected()
+    after_observing: Protected[list[Callable[[list[Any], list[dict[str, Any]]], None]]] = Protected()
+    scenario: Protected[dict[str, Any] | None] = Protected()
+    began: Protected[dict[str, Any]] = Protected()
+
     def __init__(self, ctx: Any) -> None:
         super().__init__()
+        self._phase = phase_of(ctx)
         self.ctx = ctx
         self._ruleset = RuleSet(ctx)
         self._facts: dict[str, Any] = {}
-        self.facts: Mapping[str, Any] = MappingProxyType(self._facts)
-        self.data: dict[str, Any] = {}
-        self.scores = Scores()
-        self.collectors = Collectors()
-        self.memories: dict[str, dict[Any, Any]] = {}
+        self.facts: Mapping[str, Any] = ReadOnlyMapping(self._facts)
+        self.data = {}
+        self._scores = Scores()
+        self._collectors = Collectors()
+        self._memories: dict[str, dict[Any, Any]] = {}
         self._start: start.Start | None = None
         self._has_begun = False  # since the last reset
         self._chance = chance.GlobalChance()
         self.draw_start: Callable[[], None] | None = None
-        self.after_reset: list[Callable[[], None]] = []
-        self.after_observing: list[Callable[[list[Any], list[dict[str, Any]]], None]] = []
-        self.scenario: dict[str, Any] | None = None
-        self.began: dict[str, Any] = {}
+        self.after_reset = []
+        self.after_observing = []
+        self.scenario = None
+        self.began = {}
         self.is_deciding = False
         self._is_stepping = False
         self.begin_anew()
         self._is_closed = True
 
+    @refused_while_deciding
     def begin_anew(self) -> None:
         """Forget everything that has happened."""
         self.turn = 0
-        self.events: list[dict[str, Any]] = []
-        self.errors: list[dict[str, Any]] = []
-        self.counts: dict[str, dict[str, int]] = {}
+        self.events, self.errors, self.counts, self.team_memories = [], [], {}, {}
         self.timings = dict.fromkeys(_PHASES, 0.0)
-        self.team_memories: dict[Any, dict[Any, Any]] = {}
-        self.turn_moves: TurnMoves | None = None
+        self._turn_moves: TurnMoves | None = None
         self._players: dict[str, Any] = {}  # all agents that have taken part, also those that were deleted since
         self._over: dict[str, Any] | None = None
         self._last: int | None = None  # the turn after which the latest `run` stops
         self._seating: Seating | None = None
-        self._seated = (-1, "")
+        self._seating_key = (-1, "")
         self._lengths: tuple[int | None, dict[tuple[int, int], float]] = (None, {})
 
     # -- what it is played by -----------------------------------------------------------------------------------
@@ -96,6 +105,7 @@ class Game(Settings):
     def add(self, rule: Rule, *, phase: str = "after", name: str | None = None) -> Rule: ...
     @overload
     def add(self, rule: None = None, *, phase: str = "after", name: str | None = None) -> Callable[[Rule], Rule]: ...
+    @refused_while_deciding
     def add(self, rule: Rule | None = None, *, phase: str = "after", name: str | None = None) -> Any:
         """Add a rule that is applied in every turn; also a decorator, with or without keywords.
 
@@ -121,6 +131,7 @@ class Game(Settings):
         self._ruleset.add(rule, phase, name)
         return rule
 
+    @refused_while_deciding
     def remove(self, rule: str | Rule | NamedRule) -> None:
         """Remove a rule, given by its name or itself, and the artist that drew it.
 
@@ -129,7 +140,6 @@ class Game(Settings):
         Raises:
             UnknownName (KeyError): there is no such rule.
         """
-        self._refuse_while_deciding("remove")
         self._ruleset.remove(rule)
 
     @property
@@ -137,10 +147,12 @@ class Game(Settings):
         """The rules in the order in which they are applied: each with `name`, `rule` and `phase`."""
         return self._ruleset.rules
 
+    @refused_while_deciding
     def publish(self, **facts: Any) -> None:
         """Tell every strategy something: it is in `state["facts"]`, read-only all the way down."""
-        self._facts.update((name, frozen(value)) for name, value in facts.items())
+        self._facts.update([(name, published(name, value)) for name, value in facts.items()])
 
+    @refused_while_deciding
     def collect(self, name: str, fn: Callable[[Any], Any], every: int = 1, per: str = "game") -> None:
         """Collect a value after the rules of every turn, or of every few; the result has it as a table.
 
@@ -154,7 +166,12 @@ class Game(Settings):
             BadValue, BadType: an argument is impossible.
             Duplicate: the name is taken.
         """
-        self.collectors.add(as_name(name, "a collector"), fn, as_int(every, "every"), per)
+        self._collectors.add(as_name(name, "a collector"), fn, as_int(every, "every"), per)
+
+    @property
+    def scores(self) -> "Scores":
+        """Numbers by team, agent or whatever the rules like; one that was not set is 0."""
+        return self._scores if self._phase.agent is None else ReadOnlyMapping(Scores(frozen(self._scores)))  # type: ignore[return-value] # it reads like them
 
     # -- playing ------------------------------------------------------------------------------------------------
 
@@ -166,8 +183,9 @@ class Game(Settings):
     @property
     def over(self) -> dict[str, Any] | None:
         """Why the game is over, who has won, and whether time was up; None while it goes on."""
-        return None if self._over is None else dict(self._over)
+        return None if self._over is None else self._phase.shown(dict(self._over))
 
+    @refused_while_deciding
     def step(self) -> bool:
         """Play one turn; False, and nothing happens, once the game is over.
 
@@ -184,7 +202,6 @@ class Game(Settings):
     def _take_turn(self) -> bool:
         if self.ctx.is_terminated() or self._over is not None:
             return False
-        self._refuse_while_deciding("step")
         if not self._has_begun:
             self._start, self._has_begun = start.taken(self, self._start), True
             self._players.update(self.ctx.agent.agents)
@@ -205,12 +222,13 @@ class Game(Settings):
         self.turn += 1
         try:
             self._apply_rules("after")
-            self.collectors.collect(self)
+            self._collectors.collect(self)
         finally:  # the agents have moved: the turn counts for recordings and windows, too
             began = perf_counter()
             self.ctx.visual.simulate()
             self.timings["draw"] += perf_counter() - began
 
+    @refused_while_deciding
     def run(self, max_turns: int | None = None, progress: bool = False) -> Result:
         """Play until a rule ends the game, or for so many turns; warn once if strategies have erred.
 
@@ -252,7 +270,7 @@ class Game(Settings):
             errors=[dict(error) for error in self.errors],
             timings=dict(self.timings),
             seed=self.ctx.seed,
-            collected=self.collectors.tables(),
+            collected=self._collectors.tables(),
             **over,
         )
 
@@ -266,11 +284,13 @@ class Game(Settings):
     def _is_time_up(self) -> bool:
         return self.turn in (self._last, self.max_turns)
 
+    @refused_while_deciding
     def close(self) -> None:
         """End the game, because its context ends, if that is in the middle of a turn which is not the last one."""
         if self._is_stepping and self._over is None and not self._is_time_up:
             self._over = {"reason": "closed", "winner": None, "truncated": True}
 
+    @refused_while_deciding
     def reset(self, seed: int | None = None) -> None:
         """Begin the game again, as it was before its first turn: agents, map, rules, settings, data, scores, streams.
 
@@ -281,7 +301,6 @@ class Game(Settings):
         Args:
             seed: all random streams follow from it; None repeats the game.
         """
-        self._refuse_while_deciding("reset")
         wanted = None if seed is None else as_int(seed, "seed")
         begun, self._has_begun = self._has_begun, False
         if not begun and wanted is None:
@@ -303,12 +322,13 @@ class Game(Settings):
     @property
     def agents(self) -> list[Any]:
         """The living agents, in the order of their names."""
-        return [seat.agent for seat in self.seating().seats]
+        seating = self._seating if self._phase.agent is not None else None
+        return [seat.agent for seat in (seating or self.seating()).seats]
 
     @property
     def moves(self) -> dict[str, Move]:
         """How the agents on the ground moved in this turn, by name; rules must not change it."""
-        return {} if self.turn_moves is None else self.turn_moves.by_name()
+        return {} if self._turn_moves is None else self._phase.shown(self._turn_moves.by_name())
 
     def tracks(self, agents: Iterable[Any]) -> list[Track]:
         """How agents came to where they are in this turn: for each, the nodes and from 0 to 1 when it was at each.
@@ -316,10 +336,11 @@ class Game(Settings):
         An agent that stayed is at its node from 0 on. One that was put elsewhere since its move, or flew, is there
         only at 1.
         """
-        if self.turn_moves is None:
+        if self._turn_moves is None:
             return [((agent.current_node_id,), (1.0,)) for agent in agents]
-        return self.turn_moves.tracks(agents)
+        return self._turn_moves.tracks(agents)
 
+    @refused_while_deciding
     def observation(self, agent: Any) -> dict[str, Any]:
         """What an agent on the move, or the one of that name, would be told now: a state as its strategy gets it.
 
@@ -328,33 +349,35 @@ class Game(Settings):
         Raises:
             UnknownName (KeyError): there is no such agent, or it is out of the game.
         """
-        one = self._agent(agent, "observation")
+        one = self._agent(agent)
         for seat in self.seating().seats:
             if seat.agent is one:
                 return turn.observed(self, seat)
         raise UnknownName("living agent", one.name, [seat.name for seat in self.seating().seats])
 
+    @refused_while_deciding
     def emit(self, kind: str, **data: Any) -> None:
         """Note that something happened; it is in `events` and in the result. Values should be plain."""
-        self._refuse_while_deciding("emit")
         self.events.append({"turn": self.turn, "kind": as_name(kind, "a kind of event"), **data})
 
+    @refused_while_deciding
     def end(self, reason: str, winner: Any = None, truncated: bool = False) -> None:
         """End the game after this turn; of several calls the first counts."""
-        self._refuse_while_deciding("end")
         if self._over is None:
             self._over = {"reason": str(reason), "winner": winner, "truncated": bool(truncated)}
 
+    @refused_while_deciding
     def eliminate(self, agent: Any) -> None:
         """Take an agent, or the one of that name, out of the game; who is out already stays so."""
-        one = self._agent(agent, "eliminate")
+        one = self._agent(agent)
         if one.alive:
             one.alive = False
             self.emit("eliminated", agent=one.name, node=one.current_node_id)
 
+    @refused_while_deciding
     def respawn(self, agent: Any, node: int | None = None) -> None:
         """Put an agent, dead or alive, on a node, as if it had always been there; None: where it began."""
-        one = self._agent(agent, "respawn")
+        one = self._agent(agent)
         where = self.start_node(one) if node is None else node
         if isinstance(where, tuple):
             one.position = where
@@ -367,7 +390,7 @@ class Game(Settings):
 
     def start_node(self, agent: Any) -> Any:
         """The node an agent began on, or (x, y, z) of one that flies."""
-        one = self._agent(agent, "start_node")
+        one = self._agent(agent)
         if one.name in self.began:
             return self.began[one.name]
         return self._place_of(one)
@@ -381,26 +404,36 @@ class Game(Settings):
             return dict(self.began)
         return {name: self._place_of(agent) for name, agent in self.ctx.agent.agents.items()} | self.began
 
+    @refused_while_deciding
     def begin_from_here(self) -> None:
         """Forget everything that has happened, and let `reset` come back to how things are at the next turn."""
         self.begin_anew()
         self.forget_streams()
         self._start, self._has_begun = None, False
 
+    @refused_while_deciding
     def publish_anew(self, facts: Mapping[str, Any]) -> None:
         """Tell every strategy this, and nothing that was published before."""
         self._facts.clear()
         self.publish(**facts)
 
+    @refused_while_deciding
     def take_over(self, over: dict[str, Any] | None) -> None:
         """Be over for this reason, or not; for who plays a recording."""
         if over is not None and set(over) != _OVER:
             raise BadValue(f"A game is over with {sorted(_OVER)}, not with {over!r:.100}.")
         self._over = None if over is None else dict(over)
 
+    @property
+    def memories(self) -> Mapping[str, dict[Any, Any]]:
+        """Agent -> what it remembers. While agents decide, each sees only its own."""
+        agent = self._phase.agent
+        return self._memories if agent is None else frozen({agent.name: self._memories.get(agent.name, {})})
+
+    @refused_while_deciding
     def memory_of(self, name: str) -> dict[Any, Any]:
         """What an agent remembers; to be written to."""
-        return self.memories.setdefault(name, {})
+        return self._memories.setdefault(name, {})
 
     # -- for the parts of the engine ----------------------------------------------------------------------------
 
@@ -410,13 +443,14 @@ class Game(Settings):
         columns: AgentColumns = self.ctx.agent.columns
         return columns
 
+    @refused_while_deciding
     def seating(self) -> Seating:
         """Who is asked in a turn."""
         self.ctx.agent.settle()
         key = (self.columns.roster, self.legal)
-        if self._seating is None or self._seated != key:
+        if self._seating is None or self._seating_key != key:
             self._tell_moves()
-            self._seating, self._seated = Seating(self), key
+            self._seating, self._seating_key = Seating(self), key
             self._players.update((seat.name, seat.agent) for seat in self._seating.seats)
         return self._seating
 
@@ -449,10 +483,12 @@ class Game(Settings):
             self._reseed(last)
             raise
 
+    @refused_while_deciding
     def restore_rules(self, rules: tuple[NamedRule, ...]) -> None:
         """Let these be the rules."""
         self._ruleset.restore(rules)
 
+    @refused_while_deciding
     def forget_streams(self) -> None:
         """Let all draws follow from the seed of the context as it is now."""
         self._seating = None  # the agents' draws live in it
@@ -487,10 +523,5 @@ class Game(Settings):
         counts = self.counts.get(agent.name) or dict.fromkeys(COUNTED, 0)
         return {"team": agent.team, "alive": agent.alive and is_there, "node": agent.current_node_id, **counts}
 
-    def _agent(self, agent: Any, verb: str) -> Any:
-        self._refuse_while_deciding(verb)
+    def _agent(self, agent: Any) -> Any:
         return self.ctx.agent.get_agent(getattr(agent, "name", agent))
-
-    def _refuse_while_deciding(self, verb: str) -> None:
-        if self.is_deciding:
-            raise Meddling(f"A strategy may not call ctx.game.{verb}: it may only set state['action'].")

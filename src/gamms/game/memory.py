@@ -1,8 +1,6 @@
 """What teams remember together: everybody writes into a copy, and the copies become one between two turns."""
 
-from collections.abc import Mapping
 from copy import deepcopy
-from types import MappingProxyType
 from typing import Any
 
 _PLAIN = (str, bytes, int, float, bool, type(None))
@@ -32,17 +30,6 @@ def merged(before: dict[Any, Any], writes: Writes) -> dict[Any, Any]:
         if value is not _NOTHING:
             after[key] = value
     return after
-
-
-def frozen(value: Any) -> Any:
-    """A value that cannot be written to: dicts, lists and sets all the way down become read-only."""
-    if isinstance(value, Mapping):
-        return MappingProxyType({key: frozen(one) for key, one in value.items()})
-    if isinstance(value, (list, tuple)):
-        return tuple(map(frozen, value))
-    if isinstance(value, (set, frozenset)):
-        return frozenset(value)
-    return value
 
 
 def differs(value: Any, other: Any) -> bool:

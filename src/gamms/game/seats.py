@@ -26,6 +26,7 @@ class Seat:
         is_plain: whether it moves along one edge, on the ground.
         template: its state, but for what changes from turn to turn.
         sees_world_only: whether all its sensors are built-in ones, which look at nothing but the graph and the agents.
+        foreign: the names of its sensors that are not of GAMMS.
         counts: how often what happened to it; see `COUNTED`.
     """
 
@@ -33,6 +34,7 @@ class Seat:
         "agent",
         "counts",
         "flies",
+        "foreign",
         "is_plain",
         "name",
         "row",
@@ -64,7 +66,9 @@ class Seat:
                 "facts": game.facts,
             }
         )
-        self.sees_world_only = all(_is_built_in(type(sensor)) for sensor in agent._sensor_list.values())
+        sensors = agent._sensor_list.items()
+        self.foreign = [name for name, sensor in sensors if not type(sensor).__module__.startswith("gamms.sensor.")]
+        self.sees_world_only = all(_sees_world_only(type(sensor)) for _, sensor in sensors)
         self.counts = game.counts.setdefault(self.name, dict.fromkeys(COUNTED, 0))
 
 
@@ -85,7 +89,7 @@ def _with_shared_keys(template: dict[str, Any]) -> dict[str, Any]:
     return instance.__dict__
 
 
-def _is_built_in(kind: type) -> bool:
+def _sees_world_only(kind: type) -> bool:
     return kind.__module__.startswith("gamms.sensor.") and kind.__module__ != "gamms.sensor.function"
 
 

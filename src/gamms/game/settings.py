@@ -4,6 +4,7 @@ from collections.abc import Callable, Iterable
 from typing import Any, Literal
 
 from gamms.arguments import as_float, as_int
+from gamms.deciding import Guarded, refused_while_deciding
 from gamms.errors import BadType, BadValue, GammsError, UnknownName, nearest
 from gamms.typing.game import IConflicts
 
@@ -23,7 +24,7 @@ class UnknownSetting(GammsError, AttributeError):
         super().__init__(f"ctx.game has no {name!r}.{hint} What rules remember belongs into ctx.game.data.")
 
 
-class Settings:
+class Settings(Guarded):
     """The settings of one game.
 
     Attributes:
@@ -43,6 +44,7 @@ class Settings:
     conflicts: IConflicts | None
     time_budget: float | None
     max_turns: int | None
+    _called = "ctx.game"
     _is_closed = False  # whether all attributes are there, so that another name is a misspelt one
 
     def __init__(self) -> None:
@@ -59,6 +61,8 @@ class Settings:
             UnknownSetting (AttributeError): there is no such setting, nor any other attribute of that name.
         """
         check = _CHECKS.get(name)
+        if name[0] != "_":
+            self._phase.refuse(f"set ctx.game.{name}")
         if check is None and self._is_closed and not name.startswith("_") and not hasattr(self, name):
             raise UnknownSetting(name, _CHECKS)
         object.__setattr__(self, name, value if check is None else check(name, value))
@@ -71,6 +75,7 @@ class Settings:
         """Return the settings that are plain values, defaults included; `configure` takes them."""
         return {name: getattr(self, name) for name in (*_CHOICES, "time_budget", "max_turns")}
 
+    @refused_while_deciding
     def configure(self, given: Any) -> None:
         """Set several settings from a dict.
 

@@ -47,7 +47,7 @@ class Start(NamedTuple):
         game.begin_anew()
         game.configure(self.settings)
         game.restore_rules(self.rules)
-        game.collectors.restore(self.collectors)
+        game._collectors.restore(self.collectors)
         for memory in game.memories.values():
             memory.clear()
         for name, memory in self.memories.items():
@@ -76,7 +76,7 @@ def taken(game: "Game", before: Start | None) -> Start:
         ctx.sensor.kept(),
         game.settings(),
         game.rules,
-        game.collectors.kept(),
+        game._collectors.kept(),
         deepcopy(game.data),
         dict(game.scores),
         [dict(event) for event in game.events],

@@ -10,7 +10,7 @@ from gamms.game import memory
 from gamms.game.errors import IllegalAction
 from gamms.game.judge import Plan, judged, reach, why_not
 from gamms.game.seats import Seat, Seating
-from gamms.game.watch import Watch
+from gamms.readonly import copied
 from gamms.typing.game import Move, Track
 
 if TYPE_CHECKING:
@@ -20,7 +20,7 @@ if TYPE_CHECKING:
 def play_turn(game: "Game") -> None:
     """Observe, decide, resolve, apply."""
     began = perf_counter()
-    turn = game.turn_moves = _ask(game, game.seating())
+    turn = game._turn_moves = _ask(game, game.seating())
     decided = perf_counter()
     if game.conflicts is not None:
         _resolve(game, turn)
@@ -103,16 +103,14 @@ def _evenly(nodes: int) -> tuple[float, ...]:
 def _ask(game: "Game", seating: Seating) -> TurnMoves:
     """Let everybody observe and decide.
 
-    Nobody sees what others decide: strategies cannot change the world, so what is seen right before an agent decides
-    is what all see. Where a sensor may look at more than the world, all observe first.
+    Nobody sees what others decide: while a strategy runs, nothing can be changed, so what is seen right before an agent
+    decides is what all see. Where a sensor may look at more than the world, all observe first.
     """
-    asked = _Asked(game, seating)
-    seen = _seen_before(game, seating)
-    usual = seating.usual
+    asked, seen, usual = _Asked(game, seating), _seen_before(game, seating), seating.usual
     if seen is not None or game.time_budget is not None or game.team_memories:
         usual = [(agent, None) for agent, _ in usual]
     starts, near, turn = seating.who.of(game.columns.node), game.ctx.graph.graph.neighborhoods, game.turn
-    end, touched, note = asked.ends.append, asked.watch.rows, asked.note
+    end, note, phase = asked.ends.append, asked.note, game._phase
     game.is_deciding = True
     try:
         for here, (agent, template) in zip(starts, usual, strict=True):
@@ -124,29 +122,29 @@ def _ask(game: "Game", seating: Seating) -> TurnMoves:
             sensed = {}
             for key, sensor in agent._carried:
                 sensor.sense(here)
-                sensed[key] = (sensor.type, sensor.data)
-            agent._state = state = template.copy()
+                sensed[key] = (sensor.type, sensor._last[0])
+            agent._last[0] = state = template.copy()
             state["curr_pos"], state["sensor"], state["turn"] = here, sensed, turn
             state["legal"] = legal = near[here]
             noted: dict[Any, Any] = {}
             state["team_memory"] = noted
+            phase.agent = agent
             try:
                 strategy(state)
+                phase.agent = None
                 action = state["action"]
             except Exception as error:  # noqa: BLE001 - a strategy is anybody's code
+                phase.agent = None
                 end(asked.failed(here, state, error))
                 continue
-            if type(action) is not int or action not in legal or touched:
+            if type(action) is not int or action not in legal:
                 action = asked.judge(here, state)
             if noted:
                 note(noted)
             end(action)
     finally:
-        game.is_deciding = False
-        asked.watch.restore()
-    asked.watch.check_world()
-    if asked.written:
-        _share(game, asked.written)
+        phase.agent, game.is_deciding = None, False
+    asked.close()
     return TurnMoves(seating, starts, asked.ends, asked.plans)
 
 
@@ -165,25 +163,36 @@ class _Asked:
 
     def __init__(self, game: "Game", seating: Seating) -> None:
         self.game, self.seats = game, seating.seats
-        self.watch = Watch(game)
         self.ends: list[int] = []
         self.plans: dict[int, Plan] = {}
         self.written: list[tuple[Seat, Any]] = []
+        self.noted: list[tuple[Seat, str, str]] = []  # what went wrong: not told before all have decided
+
+    def close(self) -> None:
+        """Tell what went wrong, and make one memory of each team's, once all have decided."""
+        for seat, kind, message in self.noted:
+            _note(self.game, seat, kind, message)
+        if self.written:
+            _share(self.game, self.written)
 
     def ask(self, here: int, seen: list[dict[str, Any]] | None) -> int:
         """Let one agent of any kind decide; where it goes."""
         game, seat = self.game, self._seat
         agent = seat.agent
-        agent._state = state = observed(game, seat) if seen is None else seen[len(self.ends)]
+        agent._last[0] = state = observed(game, seat) if seen is None else seen[len(self.ends)]
         if agent.strategy is None:
             return here
         begun = perf_counter()
+        game._phase.agent = agent
         try:
             agent.strategy(state)
         except Exception as error:  # noqa: BLE001 - a strategy is anybody's code
+            game._phase.agent = None
             return self.failed(here, state, error)
+        finally:
+            game._phase.agent = None
         if game.time_budget is not None and perf_counter() - begun > game.time_budget:
-            _note(game, seat, "overrun", f"took longer than {game.time_budget} s")
+            self.noted.append((seat, "overrun", f"took longer than {game.time_budget} s"))
             end = here
         else:
             end = self.judge(here, state)
@@ -198,16 +207,14 @@ class _Asked:
     def judge(self, here: int, state: dict[str, Any]) -> int:
         """Where an agent goes by what its strategy has set."""
         game, seat = self.game, self._seat
-        if self.watch.rows:
-            return self.failed(here, state, self.watch.undone(seat.name))
         try:
             if "action" not in state:
-                raise IllegalAction(f"its strategy set no state['action']; legal are {list(state['legal'])}")
+                raise IllegalAction(f"its strategy set no state['action']; legal are {list(_legal(game, seat, here))}")
             plan = judged(game, seat, here, state["action"])
         except GammsError as error:
             if game.on_illegal == "raise":
                 raise IllegalAction(f"Agent {seat.name!r} in turn {game.turn}: {error}") from error
-            _note(game, seat, "illegal", why_not(error))
+            self.noted.append((seat, "illegal", why_not(error)))
             return here
         self.plans[len(self.ends)] = plan
         return plan.end
@@ -217,12 +224,10 @@ class _Asked:
         game, seat = self.game, self._seat
         if isinstance(error, KeyError) and "action" not in state and error.args == ("action",):
             return self.judge(here, state)  # not the strategy's error: it has set no action
-        if self.watch.rows:
-            self.watch.undone(seat.name)
         if game.on_error == "raise":
             error.add_note(f"In the strategy of agent {seat.name!r}, in turn {game.turn}.")
             raise error
-        _note(game, seat, "error", f"{type(error).__name__}: {error}")
+        self.noted.append((seat, "error", f"{type(error).__name__}: {error}"))
         return here
 
     @property
@@ -235,17 +240,35 @@ def observed(game: "Game", seat: Seat) -> dict[str, Any]:
     """The state of an agent of any kind."""
     columns, row = game.columns, seat.row
     state = seat.template.copy()
-    state["sensor"] = seat.agent.sense()
+    state["sensor"] = sensed = seat.agent.sense()
+    for name in seat.foreign:
+        sensed[name] = _own_copy(name, *sensed[name])
     here = columns.node[row]
     if seat.flies:
         state["curr_pos"], state["quat"] = columns.position[row], columns.quat[row]
     else:
         state["curr_pos"] = here
-        state["legal"] = game.ctx.graph.graph.neighborhoods[here] if seat.is_plain else reach(game, seat, here)
+        state["legal"] = _legal(game, seat, here)
     state["turn"] = game.turn
     known = game.team_memories.get(seat.team)
     state["team_memory"] = memory.copied(known) if known else {}
     return state
+
+
+def _own_copy(name: str, kind: Any, data: Any) -> tuple[Any, Any]:
+    """What a sensor of a caller's class shows, as an agent's own: it may show the same to several."""
+    try:
+        return kind, copied(data)
+    except Exception as error:
+        error.add_note(f"What the sensor {name!r} shows is copied: every agent gets its own.")
+        raise
+
+
+def _legal(game: "Game", seat: Seat, here: int) -> tuple[int, ...]:
+    """The nodes that an agent may move to, its own first; none for those that fly."""
+    if seat.flies:
+        return ()
+    return game.ctx.graph.graph.neighborhoods[here] if seat.is_plain else reach(game, seat, here)
 
 
 def _share(game: "Game", written: list[tuple[Seat, Any]]) -> None:

@@ -4,6 +4,7 @@ import os
 from collections.abc import Iterator
 from typing import TYPE_CHECKING, Any, NamedTuple
 
+from gamms.deciding import Guarded, phase_of, refused_while_deciding
 from gamms.errors import BadFile, BadValue, ContextTerminated, UnknownType, WriteConflict
 from gamms.graph.cache import Cache
 from gamms.graph.contents import Contents
@@ -41,7 +42,7 @@ class KeptWorld(NamedTuple):
     sights: Cache
 
 
-class GraphEngine(IGraphEngine):
+class GraphEngine(Guarded, IGraphEngine):
     """Owns the graph; with `Engine.SQLITE`, also keeps it in a database file.
 
     Args:
@@ -49,22 +50,23 @@ class GraphEngine(IGraphEngine):
         engine: MEMORY writes nothing unless asked; SQLITE answers every call alike and keeps a database file.
         path: of the database; an existing one is opened. None: one in memory.
 
-    Attributes:
-        sights: the rows of visibility tables by the content they were made of, which several engines may share.
-
     Raises:
         UnknownType (ValueError): `engine` is no member of `Engine`.
         BadFile (ValueError): there is something else at `path`.
     """
 
+    _called = "ctx.graph"
+
     def __init__(self, ctx: IContext, engine: Engine = Engine.MEMORY, path: "IPathLike | None" = None) -> None:
         if not isinstance(engine, Engine):
             raise UnknownType(f"Unknown graph engine {engine!r}. Use Engine.MEMORY or Engine.SQLITE.")
         self._ctx = ctx
+        self._phase = phase_of(ctx)
         self._graph: Graph | None = Graph()
+        self._graph._phase = self._phase
         self._obstacles = Obstacles()
         self._tables: VisibilityTables | None = None
-        self.sights = Cache(_SIGHT_BYTES)
+        self._sights = Cache(_SIGHT_BYTES)
         self._place_stream: Generator | None = None
         self._database: GraphDatabase | None = None
         self._saved: tuple[object, ...] | None = None  # the `_state` that a file has
@@ -78,12 +80,24 @@ class GraphEngine(IGraphEngine):
             raise ContextTerminated("ctx.graph")
         return self._graph
 
+    @property
+    def sights(self) -> Cache:
+        """The rows of visibility tables by what they were made of; engines may share them. Not for strategies."""
+        self._phase.refuse("use ctx.graph.sights")
+        return self._sights
+
+    @sights.setter
+    def sights(self, sights: Cache) -> None:
+        self._sights = sights
+
     # -- obstacles ----------------------------------------------------------------------------------------------
 
+    @refused_while_deciding
     def add_obstacle_face(self, face_id: int, tr: Corner, tl: Corner, br: Corner, bl: Corner, type: int) -> None:
         """Add a quadrangle."""
         self._present().add(checked_face(face_id, tr, tl, br, bl, type))
 
+    @refused_while_deciding
     def add_obstacles(self, faces: Any, ids: Any = None, types: Any = 0) -> list[int]:
         """Add many quadrangles at once, all or none; returns their ids.
 
@@ -103,6 +117,7 @@ class GraphEngine(IGraphEngine):
         added: list[int] = new.ids.tolist()
         return added
 
+    @refused_while_deciding
     def remove_obstacle_face(self, face_id: int) -> None:
         """Remove a quadrangle."""
         self._present().remove(face_id)
@@ -141,7 +156,7 @@ class GraphEngine(IGraphEngine):
         if self._tables is None:
             from gamms.graph.visibility_tables import VisibilityTables
 
-            self._tables = VisibilityTables(self.graph, self._present(), self._ctx, self.sights)
+            self._tables = VisibilityTables(self.graph, self._present(), self._ctx, self._sights)
         return self._tables.get(radius, observer_height, path, progress=progress, workers=workers)
 
     def visibility_table(self, observer_height: float, radius: float) -> "Visibility | None":
@@ -150,6 +165,7 @@ class GraphEngine(IGraphEngine):
 
     # -- in and out ---------------------------------------------------------------------------------------------
 
+    @refused_while_deciding
     def attach_networkx_graph(self, G: "nx.Graph[Any] | PackedGraph") -> Graph:  # noqa: N803 - published name
         """Add any networkx graph, or the map of a recording, to what is there, all or nothing.
 
@@ -178,6 +194,7 @@ class GraphEngine(IGraphEngine):
 
         return labels(self.graph)
 
+    @refused_while_deciding
     def save(self, path: str | os.PathLike[str] | None = None) -> None:
         """Write graph, obstacles, CRS and attributes into one file.
 
@@ -202,6 +219,7 @@ class GraphEngine(IGraphEngine):
             self._database.write(contents)
             self._saved = saved
 
+    @refused_while_deciding
     def load(self, path: str | os.PathLike[str] | None = None) -> Graph:
         """Replace graph and obstacles by those in a file that `save` wrote.
 
@@ -250,6 +268,7 @@ class GraphEngine(IGraphEngine):
             contents, left_out = savable(self._contents())
             return file.encode(contents), left_out
 
+    @refused_while_deciding
     def unpack(self, data: bytes) -> None:
         """Replace graph and obstacles by what `packed` gave.
 
@@ -260,6 +279,7 @@ class GraphEngine(IGraphEngine):
 
         self._put(file.decode(data))
 
+    @refused_while_deciding
     def kept(self) -> "KeptWorld":
         """Graph and obstacles as they are now, for `restore`."""
         attribution = self.graph.attribution
@@ -269,9 +289,10 @@ class GraphEngine(IGraphEngine):
             attribution,
             self.graph.revision,
             self.obstacle_revision,
-            self.sights,
+            self._sights,
         )
 
+    @refused_while_deciding
     def restore(self, before: "KeptWorld") -> None:
         """Let graph and obstacles be as they were; what has not changed is left alone, its indexes too."""
         if self.graph.revision != before.revision:
@@ -281,6 +302,7 @@ class GraphEngine(IGraphEngine):
             self._obstacles.replace(())
             self._obstacles.add_many(before.obstacles)
 
+    @refused_while_deciding
     def terminate(self) -> None:
         """Write what a database has to hold, and let go of the graph."""
         if self._graph is None:
@@ -298,10 +320,12 @@ class GraphEngine(IGraphEngine):
         """The graph as read-only arrays that stay as they are now."""
         return self.graph.columns()
 
+    @refused_while_deciding
     def add_nodes(self, ids: Any, x: Any, y: Any) -> None:
         """Add many nodes at once; see `Graph.add_nodes`."""
         self.graph.add_nodes(ids, x, y)
 
+    @refused_while_deciding
     def add_edges(self, ids: Any, sources: Any, targets: Any, lengths: Any = None) -> None:
         """Add many straight edges at once; see `Graph.add_edges`."""
         self.graph.add_edges(ids, sources, targets, lengths)
@@ -373,9 +397,11 @@ class GraphEngine(IGraphEngine):
         Without `rng` they come from a stream of their own, which follows from the seed of the context.
         """
         if rng is None:
+            self._phase.refuse("call ctx.graph.place without rng=state['rng']")
             rng = self._place_stream = self._place_stream or self._ctx.stream("graph", "place")
         return self.graph.place(n, near, radius, apart, rng)
 
+    @refused_while_deciding
     def forget_chance(self) -> None:
         """Let the stream that `place` draws from begin anew."""
         self._place_stream = None

@@ -1,6 +1,7 @@
 """The mutable graph: every change and every query of nodes and edges goes through here."""
 
 from collections.abc import Iterator, Sequence
+from dataclasses import fields
 from math import inf, pi
 from typing import TYPE_CHECKING, Any
 
@@ -8,6 +9,7 @@ import numpy as np
 
 from gamms import kernels
 from gamms.arguments import as_float
+from gamms.deciding import Guarded, refused_while_deciding
 from gamms.errors import BadValue, DuplicateId, UnknownName
 from gamms.graph import records
 from gamms.graph.bulk import checked_edges, checked_nodes
@@ -18,6 +20,7 @@ from gamms.graph.tables import Closed, EdgeTable, NodeTable
 from gamms.graph.ways import Ways
 from gamms.graph.weights import edge_weights
 from gamms.ir.graph import FloatArray, GraphColumns, IntArray
+from gamms.readonly import ReadOnlyMapping, frozen
 from gamms.typing.graph_engine import Node, NodeColumns, OSMEdge, Surroundings
 
 if TYPE_CHECKING:
@@ -26,29 +29,33 @@ if TYPE_CHECKING:
     from gamms.graph.packed import PackedGraph
 
 
-class Graph(Copied, Ways):
+class Graph(Guarded, Copied, Ways):
     """A graph over columns; see `IGraph` for what each call promises."""
+
+    _called = "ctx.graph.graph"
 
     def __init__(self) -> None:
         self._neighborhoods = Neighborhoods(self)
         self._routes = Routes(self)
-        self._revision = -1
+        self._changes = [-1]  # how many there were, in a list: setting an attribute asks whether a strategy is running
         self.clear()
 
+    @refused_while_deciding
     def clear(self) -> None:
         """Remove every node and edge."""
         self._nodes = NodeTable()
         self._edges = EdgeTable()
         self._indexes = Indexes(self._nodes, self._edges, self._neighborhoods)
         self._columns: GraphColumns | None = None
-        self._revision += 1
+        self._shown: GraphColumns | None = None  # read-only all the way down, for strategies
+        self._changes[0] += 1
         self._crs: str | None = None
         self._attribution: str | None = None
 
     @property
     def revision(self) -> int:
         """A number that changes with every change of the graph."""
-        return self._revision
+        return self._changes[0]
 
     @property
     def crs(self) -> str | None:
@@ -58,7 +65,7 @@ class Graph(Copied, Ways):
     @crs.setter
     def crs(self, crs: str | None) -> None:
         self._crs = records.as_text(crs, "graph.crs")
-        self._revision += 1
+        self._changes[0] += 1
 
     @property
     def attribution(self) -> str | None:
@@ -81,6 +88,8 @@ class Graph(Copied, Ways):
 
     def add_node(self, node_data: dict[str, Any]) -> None:
         """Add a node."""
+        if self._phase.agent is not None:
+            self._phase.refuse("call ctx.graph.graph.add_node")
         id = records.as_id(records.required(node_data, "id", "A node"), "a node")
         x = records.as_coordinate(records.required(node_data, "x", "A node"), "x", id)
         y = records.as_coordinate(records.required(node_data, "y", "A node"), "y", id)
@@ -93,10 +102,12 @@ class Graph(Copied, Ways):
             nodes.set_attributes(row, given)
         if self._indexes.is_built:
             self._indexes.node_added(row)
-        self._revision += 1
+        self._changes[0] += 1
 
     def add_edge(self, edge_data: dict[str, Any]) -> None:
         """Add an edge."""
+        if self._phase.agent is not None:
+            self._phase.refuse("call ctx.graph.graph.add_edge")
         id = records.as_id(records.required(edge_data, "id", "An edge"), "an edge")
         length = records.as_length(records.required(edge_data, "length", "An edge"), id)
         source, target = self._end_rows(edge_data, id)
@@ -114,7 +125,7 @@ class Graph(Copied, Ways):
             edges.set_attributes(row, given)
         if self._indexes.is_built:
             self._indexes.edge_added(row, source, target)
-        self._revision += 1
+        self._changes[0] += 1
 
     def get_node(self, node_id: int) -> Node:
         """The node with that id."""
@@ -129,6 +140,8 @@ class Graph(Copied, Ways):
 
     def update_node(self, node_data: dict[str, Any]) -> None:
         """Change the given keys of a node."""
+        if self._phase.agent is not None:
+            self._phase.refuse("call ctx.graph.graph.update_node")
         id = records.as_id(records.required(node_data, "id", "An update of a node"), "a node")
         nodes, row = self._nodes, self._nodes.find(id)
         x, y = nodes.xy[2 * row], nodes.xy[2 * row + 1]
@@ -140,10 +153,12 @@ class Graph(Copied, Ways):
             nodes.own()
             nodes.xy[2 * row], nodes.xy[2 * row + 1] = new_x, new_y
             self._indexes.node_moved(row)
-        self._revision += 1
+        self._changes[0] += 1
 
     def update_edge(self, edge_data: dict[str, Any]) -> None:
         """Change the given keys of an edge."""
+        if self._phase.agent is not None:
+            self._phase.refuse("call ctx.graph.graph.update_edge")
         id = records.as_id(records.required(edge_data, "id", "An update of an edge"), "an edge")
         edges, row = self._edges, self._edges.find(id)
         old_ends = (edges.sources[row], edges.targets[row])
@@ -167,10 +182,12 @@ class Graph(Copied, Ways):
             edges.bends[row] = bend
         edges.set_attributes(row, given)
         self._indexes.edge_changed(row, old_ends, ends)
-        self._revision += 1
+        self._changes[0] += 1
 
     def remove_node(self, node_id: int) -> None:
         """Remove a node and the edges at it."""
+        if self._phase.agent is not None:
+            self._phase.refuse("call ctx.graph.graph.remove_node")
         row = self._nodes.index.row(records.as_id(node_id, "a node"))
         if row < 0:
             return
@@ -178,13 +195,15 @@ class Graph(Copied, Ways):
             self._drop_edge(edge)
         self._nodes.remove(row)
         self._indexes.node_removed(row)
-        self._revision += 1
+        self._changes[0] += 1
         self._compact()
 
     def remove_edge(self, edge_id: int) -> None:
         """Remove an edge."""
+        if self._phase.agent is not None:
+            self._phase.refuse("call ctx.graph.graph.remove_edge")
         self._drop_edge(self._edges.find(records.as_id(edge_id, "an edge")))
-        self._revision += 1
+        self._changes[0] += 1
         self._compact()
 
     # -- queries ------------------------------------------------------------------------------------------------
@@ -208,7 +227,8 @@ class Graph(Copied, Ways):
     @property
     def neighborhoods(self) -> Neighborhoods:
         """Live and read-only: node id -> the node itself, then its neighbours."""
-        return self._neighborhoods
+        is_open = self._phase.agent is None
+        return self._neighborhoods if is_open else ReadOnlyMapping(self._neighborhoods)  # type: ignore[return-value] # it reads like them
 
     def has_node(self, node_id: int) -> bool:
         """Whether there is a node with that id."""
@@ -243,14 +263,17 @@ class Graph(Copied, Ways):
 
     def node_attributes(self, node_id: int) -> dict[str, Any]:
         """The attributes of a node that are not `id`, `x` or `y`; a fresh dict (KeyError)."""
-        return self._nodes.attributes_of(self._nodes.find(records.as_id(node_id, "a node")))
+        found = self._nodes.attributes_of(self._nodes.find(records.as_id(node_id, "a node")))
+        return self._phase.shown(found)
 
     def edge_attributes(self, edge_id: int) -> dict[str, Any]:
         """The attributes of an edge beyond ends, length and linestring; a fresh dict (KeyError)."""
-        return self._edges.attributes_of(self._edges.find(records.as_id(edge_id, "an edge")))
+        found = self._edges.attributes_of(self._edges.find(records.as_id(edge_id, "an edge")))
+        return self._phase.shown(found)
 
     # -- as arrays ----------------------------------------------------------------------------------------------
 
+    @refused_while_deciding
     def add_nodes(self, ids: Any, x: Any, y: Any) -> None:
         """Add many nodes at once.
 
@@ -266,6 +289,7 @@ class Graph(Copied, Ways):
         self._nodes.extend(ids, xy=xy)
         self._forget_indexes()
 
+    @refused_while_deciding
     def add_edges(self, ids: Any, sources: Any, targets: Any, lengths: Any = None) -> None:
         """Add many straight edges at once.
 
@@ -283,16 +307,28 @@ class Graph(Copied, Ways):
 
     def weights(self, weight: str | None = "length") -> FloatArray:
         """What each edge costs, (edges,) in insertion order."""
-        return edge_weights(self.columns(), weight)
+        return edge_weights(self._snapshot(), weight)
 
     def columns(self) -> GraphColumns:
         """The graph as read-only arrays that stay as they are now."""
+        columns = self._snapshot()
+        if self._phase.agent is None:
+            return columns
+        shown = self._shown
+        if shown is None or shown.revision != columns.revision:
+            parts = {field.name: frozen(getattr(columns, field.name)) for field in fields(columns)}
+            shown = self._shown = GraphColumns(**parts)
+        return shown
+
+    def _snapshot(self) -> GraphColumns:
+        """The columns themselves, whose attributes are not copied."""
         known = self._columns
-        if known is None or known.revision != self._revision:
+        if known is None or known.revision != self._changes[0]:
             self._compact(fully=True)
-            known = self._columns = snapshot(self._nodes, self._edges, self._revision, self.crs)
+            known = self._columns = snapshot(self._nodes, self._edges, self._changes[0], self.crs)
         return known
 
+    @refused_while_deciding
     def replace(self, columns: GraphColumns) -> None:
         """Become the graph that `columns` describe."""
         self.clear()
@@ -304,6 +340,7 @@ class Graph(Copied, Ways):
         self._edges.attributes = {name: dict(values) for name, values in columns.edge_attributes.items()}
         self._crs = columns.crs
 
+    @refused_while_deciding
     def attach_networkx_graph(self, G: "nx.Graph[Any] | PackedGraph") -> "Graph":  # noqa: N803 - published name
         """Add any networkx graph, or the map of a recording, to what is there, all or nothing."""
         from gamms.graph import networkx, packed
@@ -320,6 +357,7 @@ class Graph(Copied, Ways):
 
         return export(self)
 
+    @refused_while_deciding
     def close(self) -> None:
         """Let go of everything; whatever is asked of the graph from now on raises ContextTerminated."""
         self._neighborhoods.clear()
@@ -356,7 +394,7 @@ class Graph(Copied, Ways):
 
     def _forget_indexes(self) -> None:
         self._indexes = Indexes(self._nodes, self._edges, self._neighborhoods)
-        self._revision += 1
+        self._changes[0] += 1
 
     def _compact(self, *, fully: bool = False) -> None:
         """Drop the dead rows, as a rule once they outnumber the living: so each costs its share only once."""

@@ -43,7 +43,7 @@ class Routes:
 
     def shortest_path(self, source: int, target: int, weight: str | None) -> list[int]:
         """Ids of the nodes on the way, both ends included."""
-        columns = self._graph.columns()
+        columns = self._graph._snapshot()
         row, end = self._row(source), self._row(target)
         (steps,) = self._steps(columns, end, weight)
         next_of, ids = steps.data, columns.node_ids.data
@@ -57,7 +57,7 @@ class Routes:
 
     def distance(self, source: int, target: int, weight: str | None) -> float:
         """From one node to another; infinite where there is no way."""
-        columns = self._graph.columns()
+        columns = self._graph._snapshot()
         row, end = self._row(source), self._row(target)
         found: float = self._distances_to(columns, end, weight)[row]
         return found
@@ -65,7 +65,7 @@ class Routes:
     def distances(self, source: Any, target: Any, weight: str | None, cutoff: float | None) -> dict[int, float]:
         """From the nearest source to each node, or from each node to the nearest target."""
         nodes = one_end(source, target)
-        columns = self._graph.columns()
+        columns = self._graph._snapshot()
         rows = self._rows(nodes, "target" if source is None else "source")
         limit = inf if cutoff is None else as_range(cutoff, "cutoff")
         found = self._distances(columns, rows, weight, reverse=source is None, cutoff=limit)
@@ -74,7 +74,7 @@ class Routes:
 
     def distance_matrix(self, sources: Any, targets: Any, weight: str | None) -> FloatArray:
         """From each source (rows) to each target (columns); infinite where there is no way."""
-        columns = self._graph.columns()
+        columns = self._graph._snapshot()
         starts, ends = self._rows(sources, "sources"), self._rows(targets, "targets")
         return between(partial(self._arcs, columns, weight), starts, ends)
 

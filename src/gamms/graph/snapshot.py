@@ -4,6 +4,7 @@ from copy import deepcopy
 from typing import Any, Self
 
 from gamms import kernels
+from gamms.deciding import DecidePhase
 from gamms.graph.tables import EdgeTable, NodeTable
 from gamms.ir.graph import GraphColumns
 
@@ -33,18 +34,20 @@ def snapshot(nodes: NodeTable, edges: EdgeTable, revision: int, crs: str | None)
 class Copied:
     """Copies and pickles a graph by what it holds; its indexes are made anew."""
 
-    columns: Any
+    _snapshot: Any
     replace: Any
     attribution: str | None
+    _phase: DecidePhase
 
     def __reduce__(self) -> tuple[Any, ...]:
         """Pickle."""
-        return _rebuilt, (type(self), self.columns(), self.attribution)
+        return _rebuilt, (type(self), self._snapshot(), self.attribution)
 
     def __deepcopy__(self, memo: dict[int, Any]) -> Self:
         """Copy, for a look ahead into a game that goes on elsewhere."""
         copied = memo[id(self)] = type(self)()
-        copied.replace(deepcopy(self.columns(), memo))
+        copied._phase = deepcopy(self._phase, memo)
+        copied.replace(deepcopy(self._snapshot(), memo))
         copied.attribution = self.attribution
         return copied
 

@@ -1,7 +1,7 @@
 """A visibility table in memory: which nodes see which, and the questions that it answers."""
 
 from collections.abc import Iterable
-from typing import Any
+from typing import Any, ClassVar
 
 import numpy as np
 
@@ -26,6 +26,8 @@ class Visibility(IVisibility):
         observer_height: see `IVisibility`.
         seen: the rows of the nodes that each node sees.
     """
+
+    _strategies_cannot_change: ClassVar = True  # see `readonly.frozen`
 
     def __init__(self, world: World, radius: float, observer_height: float, seen: Seen) -> None:
         self._world = world

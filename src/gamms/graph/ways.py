@@ -19,7 +19,7 @@ class Ways(IGraph):
 
     _routes: Routes
     _nodes: NodeTable
-    _revision: int
+    _changes: list[int]
     _crs: str | None
 
     def shortest_path(self, source: int, target: int, weight: str | None = "length") -> list[int]:
@@ -30,7 +30,7 @@ class Ways(IGraph):
         """How far it is from one node to another; infinite where there is no way."""
         # NOTE: many strategies ask this in each turn, of targets they asked for before (benchmarks/README.md, Paths).
         cache = self._routes.cache
-        if cache.revision == self._revision and type(source) is int and type(target) is int:
+        if cache.revision == self._changes[0] and type(source) is int and type(target) is int:
             known = cache.kept.get((weight, target))
             if known is not None and (row := self._nodes.index.row(source)) >= 0:
                 far: float = known[0][row]

@@ -3,6 +3,7 @@
 from collections.abc import Callable, Iterator, KeysView
 from typing import Any
 
+from gamms.deciding import UNDECIDED, DecidePhase, Guarded, refused_while_deciding
 from gamms.errors import BadType, Duplicate, UnknownName
 from gamms.recorder import struct_types
 from gamms.recorder.component_class import (
@@ -27,13 +28,16 @@ _MOST_CLASSES = 10_000  # that recordings may declare
 _MOST_FIELDS = 1_000
 
 
-class Components:
+class Components(Guarded):
     """Components by name and component classes by module and qualified name.
 
     Whatever happens is checked first, then reported to `on_event`, then done: when the report fails, nothing changed.
     """
 
-    def __init__(self, on_event: OnEvent) -> None:
+    _called = "ctx.record"
+
+    def __init__(self, on_event: OnEvent, phase: DecidePhase = UNDECIDED) -> None:
+        self._phase = phase
         self._on_event = on_event
         self._component_registry: dict[Key, type] = {}
         self._components: dict[Any, Any] = {}
@@ -43,6 +47,7 @@ class Components:
 
     # -- what 1.0.0 offers ----------------------------------------------------------------------------------------
 
+    @refused_while_deciding
     def component(self, struct: Any) -> Callable[[Any], Any]:
         """Decorate a class: each field of the struct, a dict of names to types, is recorded whenever it is set.
 
@@ -74,6 +79,7 @@ class Components:
             raise UnknownName("component", name, self._components)
         return self._components[name]
 
+    @refused_while_deciding
     def delete_component(self, name: Any) -> None:
         """Forget a component; the object lives on, unrecorded.
 
@@ -88,6 +94,7 @@ class Components:
         """The names of all components."""
         return self._components.keys()
 
+    @refused_while_deciding
     def add_component(self, name: Any, obj: Any) -> None:
         """Keep any object under a name. A deleted component that comes back is recorded again.
 
@@ -105,6 +112,7 @@ class Components:
         """Whether a class is registered, by module and qualified name."""
         return tuple(key) in self._component_registry
 
+    @refused_while_deciding
     def unregister_component(self, key: Key) -> None:
         """Forget a class; its components stay.
 
@@ -208,6 +216,7 @@ class Components:
 
     # -- what a recording says ------------------------------------------------------------------------------------
 
+    @refused_while_deciding
     def apply(self, opcode_name: str, data: dict[str, Any], *, lenient: bool = False) -> None:
         """Do what a record of the five operation codes says. Nothing is imported or evaluated.
 
@@ -309,6 +318,7 @@ class Components:
 
     # -- within ---------------------------------------------------------------------------------------------------
 
+    @refused_while_deciding
     def _register(self, cls: type, fields: dict[str, FieldType], texts: dict[str, str]) -> None:
         """Make a checked class a component; of two classes with one key and the same fields the first is kept."""
         key = key_of(cls)

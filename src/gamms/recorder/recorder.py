@@ -7,6 +7,7 @@ from copy import deepcopy
 from typing import Any, BinaryIO
 
 from gamms.arguments import as_int
+from gamms.deciding import Guarded, phase_of, refused_while_deciding
 from gamms.errors import BadType, BadValue, ContextTerminated
 from gamms.ir import journal as kinds
 from gamms.recorder.components import Components
@@ -27,7 +28,7 @@ from gamms.typing.recorder import IRecorder
 _VERSIONS = (2, 3)
 
 
-class Recorder(IRecorder):
+class Recorder(Guarded, IRecorder):
     """The recorder of one context.
 
     Attributes:
@@ -37,9 +38,12 @@ class Recorder(IRecorder):
         clock: the time stamp of what is being replayed.
     """
 
+    _called = "ctx.record"
+
     def __init__(self, ctx: Any) -> None:
+        self._phase = phase_of(ctx)
         self.ctx = ctx
-        self.components = Components(self._component_event)
+        self.components = Components(self._component_event, self._phase)
         self.is_replaying = False
         self.clock = 0
         self._session: Session | None = None
@@ -63,6 +67,7 @@ class Recorder(IRecorder):
         """Whether a recording was started and not stopped yet, paused or not."""
         return self._session is not None
 
+    @refused_while_deciding
     def start(
         self,
         path: str | os.PathLike[str] | BinaryIO,
@@ -120,6 +125,7 @@ class Recorder(IRecorder):
         for name, data in self.components.snapshot():
             self._component_event(name, data)
 
+    @refused_while_deciding
     def stop(self) -> None:
         """End the recording and close its file.
 
@@ -135,6 +141,7 @@ class Recorder(IRecorder):
             raise RecorderBusy("The recording is paused. Call ctx.record.play() first, or terminate the context.")
         self.close()
 
+    @refused_while_deciding
     def close(self) -> None:
         """End the recording if there is one, paused or not, and close its file.
 
@@ -154,6 +161,7 @@ class Recorder(IRecorder):
             if target is not None and not target.close():
                 self.ctx.logger.warning("The file of the recording was removed while it was written; it is lost.")
 
+    @refused_while_deciding
     def pause(self) -> None:
         """Write nothing until `play`."""
         if self.ctx.is_terminated():
@@ -165,6 +173,7 @@ class Recorder(IRecorder):
         self._session.pause()
         self._kept = self.components.kept()
 
+    @refused_while_deciding
     def play(self) -> None:
         """Write again, beginning with how things are now."""
         if self.ctx.is_terminated():
@@ -176,6 +185,7 @@ class Recorder(IRecorder):
         for name, data in self.components.since(self._kept):
             self._component_event(name, data)
 
+    @refused_while_deciding
     def write(self, opCode: OpCodes, data: dict[str, Any]) -> None:  # noqa: N803 - published name
         """Write one record, just so; SIMULATE ends a turn.
 
@@ -193,6 +203,7 @@ class Recorder(IRecorder):
         else:
             self._log().append((opCode.value, plain(data)))
 
+    @refused_while_deciding
     def event(self, kind: str, **data: Any) -> None:
         """Write something of the program's own, as plain values; nothing while no recording is being written.
 
@@ -212,6 +223,7 @@ class Recorder(IRecorder):
 
     # -- playing ------------------------------------------------------------------------------------------------
 
+    @refused_while_deciding
     def replay(self, path: str | os.PathLike[str] | BinaryIO) -> Iterator[Record]:
         """Apply a recording to this context, and yield what it says, record by record, as 1.0.0 did.
 
@@ -299,16 +311,19 @@ class Recorder(IRecorder):
         """
         return self._is_copying and self.record()
 
+    @refused_while_deciding
     def copy(self, *entries: Any) -> None:
         """Write events of a replayed recording, as they are there."""
         if self.record():
             self._log().extend(entries)
 
+    @refused_while_deciding
     def renumber(self, names: list[str], numbers: list[int], following: int) -> None:
         """Let agents have the numbers that a replayed recording gives them, and the next new one this."""
         if self.is_copying and self._session is not None:
             self._session.renumber(names, numbers, following)
 
+    @refused_while_deciding
     def tell_anew(self) -> None:
         """Write how things are, which a replay has set."""
         if self.record() and self._session is not None:

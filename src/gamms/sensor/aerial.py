@@ -8,6 +8,7 @@ import numpy as np
 
 from gamms import kernels
 from gamms.arguments import as_numbers, as_range
+from gamms.deciding import refused_while_deciding
 from gamms.errors import BadValue
 from gamms.ir.graph import FloatArray, IntArray
 from gamms.ir.sensed import Sensed, SensorView
@@ -53,7 +54,6 @@ class FlyingSensor(Sensor):
         super().__init__(ctx, sensor_id, sensor_type)
         self.quat = quat
         self._at: Axis | None = None
-        self._looked: Pose | None = None  # from where and whither it looked last
 
     @property
     def quat(self) -> Quaternion:
@@ -73,6 +73,7 @@ class FlyingSensor(Sensor):
     def at(self, at: Any) -> None:
         self._at = None if at is None else _checked_point(at, f"at of {self.sensor_id!r}")
 
+    @refused_while_deciding
     def set_owner(self, owner: str | None) -> None:
         """Name the aerial agent that carries the sensor, or nobody.
 
@@ -97,10 +98,10 @@ class FlyingSensor(Sensor):
         turned = kernels.multiply_quaternions(owner.quat, self._quat)
         return Pose(np.array(owner.position), kernels.quaternion_to_direction(turned))
 
+    @refused_while_deciding
     def reset(self) -> None:
         """Forget what was sensed, and how often."""
         super().reset()
-        self._looked = None
         notice = getattr(self, "notice", None)
         if notice is not None:
             notice.reset()
@@ -141,30 +142,31 @@ class AerialSensor(FlyingSensor):
         super().__init__(ctx, sensor_id, self._type, quat)
         self.range = as_range(sensor_range, f"sensor_range of {sensor_id!r}")
         self.fov = min(as_range(fov, f"fov of {sensor_id!r}"), _WIDEST)
-        self.data: dict[str, Any] = {}
+        self._last[0] = {}
 
     def sense(self, node_id: int | None = None) -> None:  # noqa: ARG002 - it looks from the air
         """Look at the ground."""
-        nodes, edges = self._seen()
-        self.data = {"nodes": nodes, "edges": edges}
+        if self._phase.agent is not None:
+            self._phase.refuse("call sensor.sense")
+        pose = self.pose()
+        nodes, edges = self._seen(pose)
+        self._last[:] = {"nodes": nodes, "edges": edges}, pose
 
     def sense_many(self, node_ids: Sequence[int] | np.ndarray[Any, Any]) -> Sensed:
         """Look once for each node asked about, always from where the sensor is. `data` stays as it is."""
-        last, (nodes, edges) = self._looked, self._seen()
-        self._looked = last
+        nodes, edges = self._seen(self.pose())
         looks = len(node_ids)
         return Sensed(*ragged([[*nodes]] * looks), Sensed(*ragged([[edge.id for edge in edges]] * looks)))
 
     def last_view(self) -> SensorView:
         """The nodes and edges seen last, and the ground inside the cone they were seen in."""
-        pose = self._looked
+        pose: Pose | None = self._last[1]
         outline = np.zeros((0, 2))
         if pose is not None and not self._is_occluded:  # what walls leave of it is no polygon
             outline = looks.footprint(*pose, self.range, self.fov)
         return map_view(self.data, outline)
 
-    def _seen(self) -> Surroundings:
-        self._looked = pose = self.pose()
+    def _seen(self, pose: Pose | None) -> Surroundings:
         if pose is None:
             return Surroundings({}, [])
         x, y, _ = pose.position.tolist()
@@ -212,34 +214,39 @@ class AerialAgentSensor(FlyingSensor):
     ) -> None:
         super().__init__(ctx, sensor_id, self._type, quat)
         self.range = as_range(sensor_range, f"sensor_range of {sensor_id!r}")
-        self.fov = as_range(fov, f"fov of {sensor_id!r}")
-        self.data: dict[str, tuple[AgentType, Axis]] = {}
-        self.notice = Notice(sensor_id)
+        self.fov = fov
+        self._last[0] = {}
+        self.notice = Notice(sensor_id, self._phase)
         self._crowd = memory_of(ctx).crowd
 
     def sense(self, node_id: int | None = None) -> None:  # noqa: ARG002 - it looks from the air
         """Look for agents."""
-        rows, now = self._found(), self._crowd.now()
+        if self._phase.agent is not None:
+            self._phase.refuse("call sensor.sense")
+        pose = self.pose()
+        rows, now = self._found(pose), self._crowd.now()
         kinds = (AgentType.BASIC, AgentType.AERIAL)
-        self.data = {
+        data = {
             now.names[row]: (kinds[is_flying], (x, y, z))
             for row, is_flying, (x, y, z) in zip(
                 rows.tolist(), now.is_flying[rows].tolist(), now.xyz[rows].tolist(), strict=True
             )
         }
+        self._last[:] = data, pose
 
     def sense_many(self, node_ids: Sequence[int] | np.ndarray[Any, Any]) -> Sensed:
         """Look once for each node asked about, always from where the sensor is; values are positions in `names`.
 
         `data` stays as it is.
         """
-        last, looks = self._looked, [self._found().tolist() for _ in node_ids]
-        self._looked = last
-        return Sensed(*ragged(looks), names=tuple(self._crowd.now().names))
+        pose = self.pose()
+        with self.notice.on_trial():
+            looks = [self._found(pose).tolist() for _ in node_ids]
+            return Sensed(*ragged(looks), names=tuple(self._crowd.now().names))
 
     def last_view(self) -> SensorView:
         """The agents seen last, where they were then, and the shadow of the cone they were seen in."""
-        pose = self._looked
+        pose: Pose | None = self._last[1]
         agents = np.array([place[:2] for _, place in self.data.values()], np.float64).reshape(-1, 2)
         outline = np.zeros((0, 2))
         if pose is not None and not self._is_occluded:
@@ -251,9 +258,8 @@ class AerialAgentSensor(FlyingSensor):
         twin.notice = self.notice.repeated()
         return twin
 
-    def _found(self) -> IntArray:
+    def _found(self, pose: Pose | None) -> IntArray:
         """The rows (agents,) of those who are seen."""
-        self._looked = pose = self.pose()
         if pose is None:
             return np.zeros(0, np.int64)
         now, own = self._crowd.now(), self._owner if self._at is None else None

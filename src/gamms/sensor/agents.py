@@ -7,7 +7,7 @@ from typing import Any, Self
 import numpy as np
 
 from gamms import kernels
-from gamms.arguments import as_float, as_range
+from gamms.arguments import as_range
 from gamms.errors import UnknownName
 from gamms.ir.graph import FloatArray
 from gamms.ir.sensed import Sensed, SensorView
@@ -60,9 +60,9 @@ class AgentSensor(GroundSensor):
     ) -> None:
         super().__init__(ctx, sensor_id, sensor_type)
         self.range = as_range(sensor_range, f"sensor_range of {sensor_id!r}")
-        self.fov = as_range(fov, f"fov of {sensor_id!r}")
+        self.fov = fov
         self.orientation = orientation
-        self.data: dict[str, int] = {}
+        self._last[0] = {}
         self._notice: Notice | None = None
         self._owner = owner
         self._crowd: Crowd = memory_of(ctx).crowd
@@ -71,7 +71,7 @@ class AgentSensor(GroundSensor):
     def notice(self) -> Notice:
         """Whom of those in view it reports: by team, and by chance."""
         if self._notice is None:  # NOTE: made when asked for, so that a look touches less memory (see `Crowd._disc`)
-            self._notice = Notice(self.sensor_id)
+            self._notice = Notice(self.sensor_id, self._phase)
         return self._notice
 
     def reset(self) -> None:
@@ -82,6 +82,8 @@ class AgentSensor(GroundSensor):
 
     def sense(self, node_id: int | None = None) -> None:
         """Look around."""
+        if self._phase.agent is not None:
+            self._phase.refuse("call sensor.sense")
         place = self.place(node_id) if node_id is None or self._at is not None else node_id
         heading = ALL_AROUND if self.fov == FULL_CIRCLE else self.heading()
         if self.range == inf and heading == ALL_AROUND and not self._is_occluded and self._notice is None:
@@ -92,15 +94,15 @@ class AgentSensor(GroundSensor):
             data = {names[row]: nodes[row] for row in rows}
         if self._owner is not None and self._at is None:
             data.pop(self._owner, None)
-        self._looked = place, self.range, self.fov, heading
-        self.data = data
+        self._last[:] = data, (place, self.range, self.fov, heading)
 
     def sense_many(self, node_ids: Sequence[int] | np.ndarray[Any, Any]) -> Sensed:
         """Look from many nodes; values are positions in `names`. `data` stays as it is."""
         heading = ALL_AROUND if self.fov == FULL_CIRCLE else self.heading()
-        names = tuple(self.ctx.agent.standing().names)
         own = self._owner if self._at is None else None
-        looks = [self._found(self.place(int(node_id)), heading)[1] for node_id in node_ids]
+        with self._phase.suspended() if self._notice is None else self._notice.on_trial():
+            names = tuple(self.ctx.agent.standing().names)
+            looks = [self._found(self.place(int(node_id)), heading)[1] for node_id in node_ids]
         return Sensed(*ragged([[row for row in look if names[row] != own] for look in looks]), names=names)
 
     def last_view(self) -> SensorView:
@@ -181,7 +183,7 @@ class OccludedAgentSensor(AgentSensor):
         observer_height: float = 1.6,
     ) -> None:
         super().__init__(ctx, sensor_id, sensor_type, sensor_range, fov, orientation, owner)
-        self.observer_height = as_float(observer_height, f"observer_height of {sensor_id!r}")
+        self.observer_height = observer_height
 
     def _in_sight(self, place: Place, rows: list[int]) -> list[int]:
         now = self._crowd.now()

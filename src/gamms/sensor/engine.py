@@ -1,10 +1,10 @@
 """The sensor room's front: creates sensors and keeps them by name."""
 
 from collections.abc import Callable, Iterable
-from math import hypot, inf
 from typing import Any
 
 from gamms.arguments import as_name
+from gamms.deciding import Guarded, phase_of, refused_while_deciding
 from gamms.errors import (
     BadValue,
     ContextTerminated,
@@ -13,6 +13,7 @@ from gamms.errors import (
     UnknownType,
     nearest,
 )
+from gamms.readonly import ReadOnlyMapping
 from gamms.sensor.catalog import KINDS, SHARED_KEYWORDS, SYNONYMS
 from gamms.sensor.function import FunctionSensor
 from gamms.sensor.memory import Memory
@@ -23,52 +24,64 @@ from gamms.typing.sensor_engine import ISensor, ISensorEngine, SensorType, refus
 KeptSensors = list[tuple[ISensor, dict[str, Any] | None]]  # each with its keywords, if it is of a built-in kind
 
 
-class SensorEngine(ISensorEngine):
-    """The sensors of one context.
+class SensorEngine(Guarded, ISensorEngine):
+    """The sensors of one context."""
 
-    Attributes:
-        sensors: the sensors by name.
-        memory: what the built-in sensors share.
-    """
+    _called = "ctx.sensor"
 
     def __init__(self, ctx: IContext) -> None:
+        self._phase = phase_of(ctx)
         self.ctx = ctx
-        self.sensors: dict[str, ISensor] = {}
-        self.memory = Memory(ctx)
+        self._sensors: dict[str, ISensor] = {}
+        self._memory = Memory(ctx)
         self._warned: set[tuple[SensorType, str]] = set()
 
+    @property
+    def sensors(self) -> dict[str, ISensor]:  # type: ignore[override] # an attribute, in the contract
+        """The sensors by name; read-only while agents decide."""
+        is_open = self._phase.agent is None
+        return self._sensors if is_open else ReadOnlyMapping(self._sensors)  # type: ignore[return-value] # it reads like it
+
+    @property
+    def memory(self) -> Memory:
+        """What the built-in sensors share; not for strategies."""
+        self._phase.refuse("use ctx.sensor.memory")
+        return self._memory
+
+    @refused_while_deciding
     def create_sensor(self, sensor_id: str, sensor_type: SensorType | None = None, **kwargs: Any) -> ISensor:
         """Create a built-in sensor and keep it."""
         synonym = kwargs.pop("type", None)
         sensor_type = _checked_type(synonym if sensor_type is None else sensor_type, sensor_id)
         kind = KINDS[sensor_type]
         self._refuse_name(sensor_id)
-        if "orientation" in kind.keywords and "orientation" in kwargs:
-            kwargs["orientation"] = _checked_orientation(kwargs["orientation"], sensor_id)
         sensor = kind.create(self.ctx, sensor_id, sensor_type, kwargs)
         self._warn_of_ignored(sensor_id, sensor_type, kwargs.keys() - kind.names() - SHARED_KEYWORDS)
-        self.sensors[sensor_id] = sensor
+        self._sensors[sensor_id] = sensor
         return sensor
 
+    @refused_while_deciding
     def from_function(self, sensor_id: str, fn: Callable[..., Any]) -> FunctionSensor:
         """Create a sensor whose `data` is what a function returns, and keep it."""
         self._refuse_name(sensor_id)
-        sensor = self.sensors[sensor_id] = FunctionSensor(self.ctx, sensor_id, fn)
+        sensor = self._sensors[sensor_id] = FunctionSensor(self.ctx, sensor_id, fn)
         return sensor
 
+    @refused_while_deciding
     def add_sensor(self, sensor: ISensor) -> None:
         """Keep a sensor under its own name."""
         refuse_no_sensor(sensor)
         self._refuse_name(sensor.sensor_id)
-        self.sensors[sensor.sensor_id] = sensor
+        self._sensors[sensor.sensor_id] = sensor
 
     def get_sensor(self, sensor_id: str) -> ISensor:
         """A sensor by name (KeyError)."""
         try:
-            return self.sensors[sensor_id]
+            return self._sensors[sensor_id]
         except (KeyError, TypeError):
-            raise UnknownName("sensor", sensor_id, self.sensors) from None
+            raise UnknownName("sensor", sensor_id, self._sensors) from None
 
+    @refused_while_deciding
     def custom(self, name: str) -> Callable[[type], type]:
         """Decorator: the class senses a kind of its own, `SensorType.<name>`.
 
@@ -90,12 +103,13 @@ class SensorEngine(ISensorEngine):
     def described(self) -> list[dict[str, Any]]:
         """Every sensor in words: `id`, `type`, and for built-in kinds the `keywords` to make it again."""
         described: list[dict[str, Any]] = []
-        for sensor_id, sensor in self.sensors.items():
+        for sensor_id, sensor in self._sensors.items():
             kind = KINDS.get(sensor.type)
             keywords = {} if kind is None else kind.keywords_of(sensor)
             described.append({"id": sensor_id, "type": sensor.type.name, "keywords": keywords})
         return described
 
+    @refused_while_deciding
     def make(self, described: dict[str, Any]) -> ISensor | None:
         """A sensor as `described` told it; None, and a warning, for one of a kind that is not built in."""
         kind = SensorType.__members__.get(str(described["type"]))
@@ -104,24 +118,27 @@ class SensorEngine(ISensorEngine):
             return None
         return self.create_sensor(described["id"], kind, **described["keywords"])
 
+    @refused_while_deciding
     def kept(self) -> KeptSensors:
         """Return the sensors there are, and how those of built-in kinds are set, for `restore`."""
         return [
             (sensor, KINDS[sensor.type].keywords_of(sensor) if _is_built_in(sensor) else None)
-            for sensor in self.sensors.values()
+            for sensor in self._sensors.values()
         ]
 
+    @refused_while_deciding
     def restore(self, before: KeptSensors) -> None:
         """Keep these sensors and no others, set as they were, and let them forget what they have sensed."""
-        self.sensors.clear()
+        self._sensors.clear()
         for sensor, keywords in before:
-            self.sensors[sensor.sensor_id] = sensor
+            self._sensors[sensor.sensor_id] = sensor
             if keywords is not None:
                 KINDS[sensor.type].apply(sensor, keywords)
             forget = getattr(sensor, "reset", None)
             if forget is not None:
                 forget()
 
+    @refused_while_deciding
     def terminate(self) -> None:
         """Close the room; sensors stay readable."""
 
@@ -135,7 +152,7 @@ class SensorEngine(ISensorEngine):
     def _refuse_name(self, sensor_id: str) -> None:
         if self.ctx.is_terminated():
             raise ContextTerminated("ctx.sensor")
-        if as_name(sensor_id, "a sensor") in self.sensors:
+        if as_name(sensor_id, "a sensor") in self._sensors:
             raise Duplicate("a sensor", sensor_id)
 
 
@@ -165,17 +182,6 @@ def _way_out(kind: SensorType, name: str) -> str:
     if SYNONYMS.get(name) in known:
         return f" Did you mean {SYNONYMS[name]!r}?"
     return nearest(name, known) or (f" It takes: {', '.join(sorted(known))}." if known else " It takes none.")
-
-
-def _checked_orientation(value: Any, sensor_id: str) -> tuple[float, float]:
-    try:
-        x, y = (float(part) for part in value)
-    except (TypeError, ValueError):
-        raise BadValue(f"orientation of {sensor_id!r} must be a pair (cos, sin), not {value!r}.") from None
-    length = hypot(x, y)
-    if not 0.0 < length < inf:
-        raise BadValue(f"orientation of {sensor_id!r} must be finite and not (0, 0), not {value!r}.")
-    return x / length, y / length
 
 
 def _custom_member(name: Any, ctx: IContext) -> SensorType:

@@ -1,25 +1,22 @@
 """A sensor made of a plain function."""
 
-import copy
 from collections.abc import Callable
 from typing import Any
 
-import numpy as np
-
+from gamms.deciding import refused_while_deciding
 from gamms.errors import BadType
+from gamms.readonly import copied
 from gamms.sensor.sensor import Sensor
 from gamms.typing import IContext
 from gamms.typing.sensor_engine import SensorType
-
-_CONTAINERS = (list, dict, set, bytearray, np.ndarray)
 
 
 class FunctionSensor(Sensor):
     """`data`: what a function returns.
 
     The function is called as `fn()`, `fn(node_id)` or `fn(node_id, agent)`, by how many parameters it has; `agent` is
-    the owner, or None. A list, dict, set or array that it returns is copied, so that it may return one that it
-    goes on writing to.
+    the owner, or None. What it returns is copied all the way down: it may return what it goes on writing to, and what
+    an agent writes into what it has sensed is seen by no other.
 
     Args:
         ctx: the context.
@@ -32,7 +29,6 @@ class FunctionSensor(Sensor):
 
     def __init__(self, ctx: IContext, sensor_id: str, fn: Callable[..., Any]) -> None:
         super().__init__(ctx, sensor_id, SensorType.CUSTOM)
-        self.data: Any = None
         self.function = fn
 
     @property
@@ -45,15 +41,24 @@ class FunctionSensor(Sensor):
         self._takes = _parameters(fn, self.sensor_id)
         self._function = fn
 
+    @refused_while_deciding
     def reset(self) -> None:
         """Forget what was sensed."""
-        self.data = None
+        self._last[0] = None
 
     def sense(self, node_id: int | None = None) -> None:
         """Call the function."""
+        if self._phase.agent is not None:
+            self._phase.refuse("call sensor.sense")
         agent = None if self._owner is None or self._takes < 2 else self.ctx.agent.get_agent(self._owner)
         sensed = self._function(*(node_id, agent)[: self._takes])
-        self.data = copy.copy(sensed) if isinstance(sensed, _CONTAINERS) else sensed
+        try:
+            self._last[0] = copied(sensed)
+        except Exception as error:
+            error.add_note(
+                f"What the function of sensor {self.sensor_id!r} returns is copied: every agent gets its own."
+            )
+            raise
 
 
 def _parameters(fn: Any, sensor_id: str) -> int:

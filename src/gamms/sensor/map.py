@@ -5,7 +5,7 @@ from typing import Any
 
 import numpy as np
 
-from gamms.arguments import as_float, as_range
+from gamms.arguments import as_range
 from gamms.ir.graph import FloatArray, IntArray
 from gamms.ir.sensed import Sensed, SensorView
 from gamms.sensor import looks
@@ -48,18 +48,19 @@ class MapSensor(GroundSensor):
     ) -> None:
         super().__init__(ctx, sensor_id, sensor_type)
         self.range = as_range(sensor_range, f"sensor_range of {sensor_id!r}")
-        self.fov = as_range(fov, f"fov of {sensor_id!r}")
+        self.fov = fov
         self.orientation = orientation
-        self.data: dict[str, Any] = {}
+        self._last[0] = {}
         self._memory = memory_of(ctx)
 
     def sense(self, node_id: int | None = None) -> None:
         """Look around."""
+        if self._phase.agent is not None:
+            self._phase.refuse("call sensor.sense")
         place = self.place(node_id) if node_id is None or self._at is not None else node_id
         heading = ALL_AROUND if self.fov == FULL_CIRCLE else self.heading()
         nodes, edges = self._look(place, heading)
-        self.data = {"nodes": nodes.copy(), "edges": edges.copy()}
-        self._looked = place, self.range, self.fov, heading
+        self._last[:] = {"nodes": nodes.copy(), "edges": edges.copy()}, (place, self.range, self.fov, heading)
 
     def sense_many(self, node_ids: Sequence[int] | np.ndarray[Any, Any]) -> Sensed:
         """Look from many nodes; values are ids of nodes, and `edges` has ids of edges. `data` stays as it is."""
@@ -107,7 +108,7 @@ class OccludedMapSensor(MapSensor):
         observer_height: float = 1.6,
     ) -> None:
         super().__init__(ctx, sensor_id, sensor_type, sensor_range, fov, orientation)
-        self.observer_height = as_float(observer_height, f"observer_height of {sensor_id!r}")
+        self.observer_height = observer_height
 
     def _look(self, place: Place, heading: Heading) -> Surroundings:
         views = self._memory.views_past_obstacles

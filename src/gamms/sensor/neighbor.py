@@ -19,7 +19,7 @@ class NeighborSensor(Sensor):
 
     def __init__(self, ctx: IContext, sensor_id: str, sensor_type: SensorType = SensorType.NEIGHBOR) -> None:
         super().__init__(ctx, sensor_id, sensor_type)
-        self.data: list[int] = []
+        self._last[0] = []
         self._neighborhoods = ctx.graph.graph.neighborhoods
 
     def sense_many(self, node_ids: Sequence[int] | np.ndarray[Any, Any]) -> Sensed:
@@ -29,7 +29,9 @@ class NeighborSensor(Sensor):
 
     def sense(self, node_id: int) -> None:
         """Look around."""
-        self.data = list(self._neighborhoods[node_id])
+        if self._phase.agent is not None:
+            self._phase.refuse("call sensor.sense")
+        self._last[0] = list(self._neighborhoods[node_id])
 
     def last_view(self) -> SensorView:
         """The nodes seen last."""

@@ -1,6 +1,7 @@
 """Whom of those in view a sensor reports: by team, and by chance."""
 
-from collections.abc import Callable
+from collections.abc import Callable, Iterator
+from contextlib import contextmanager
 from copy import copy
 from numbers import Real
 from typing import Any
@@ -8,13 +9,14 @@ from typing import Any
 import numpy as np
 
 from gamms import kernels
+from gamms.deciding import UNDECIDED, DecidePhase, Guarded, refused_while_deciding
 from gamms.errors import BadType, BadValue
 from gamms.ir.graph import FloatArray
 
 Chance = Callable[[FloatArray], FloatArray]  # distances -> probabilities
 
 
-class Notice:
+class Notice(Guarded):
     """Settings of one sensor that looks for agents; as they are at first, everybody in view is reported.
 
     Attributes:
@@ -26,13 +28,16 @@ class Notice:
             many looks there were in it before, and the agent's name.
     """
 
-    def __init__(self, sensor_id: str) -> None:
+    _called = "sensor.notice"
+
+    def __init__(self, sensor_id: str, phase: DecidePhase = UNDECIDED) -> None:
         self._sensor_id = sensor_id
         self.team: Any = None
         self.exclude: Any = None
         self._detection: Any = None
         self._chance: Chance | None = None
         self._looks: dict[str | None, tuple[int, int]] = {}  # by owner: the turn of the last look, and which of it
+        self._phase = phase
 
     @property
     def is_everybody(self) -> bool:
@@ -54,6 +59,7 @@ class Notice:
         self._chance = _chance_of(detection, f"detection of {self._sensor_id!r}")
         self._detection = detection
 
+    @refused_while_deciding
     def reset(self) -> None:
         """Forget how many looks there were."""
         self._looks.clear()
@@ -63,6 +69,19 @@ class Notice:
         twin = copy(self)
         twin._looks = {owner: (turn, look - 1) for owner, (turn, look) in self._looks.items()}
         return twin
+
+    @contextmanager
+    def on_trial(self) -> Iterator[None]:
+        """Let looks of a strategy that is running count for nothing: what the sensor notices stays as it would be."""
+        if self._phase.agent is None:
+            yield
+            return
+        looks = self._looks.copy()
+        try:
+            with self._phase.suspended():
+                yield
+        finally:
+            self._looks = looks
 
     def wanted(self, rows: list[int], teams: list[Any]) -> list[int]:
         """Those rows whose agents are of a team that is reported; `teams` by row."""
@@ -75,6 +94,7 @@ class Notice:
             return False
         return self.exclude is None or team not in _teams(self.exclude)
 
+    @refused_while_deciding
     def is_noticed(
         self, ctx: Any, owner: str | None, names: list[str], distances: FloatArray
     ) -> "np.ndarray[tuple[int, ...], np.dtype[np.bool_]]":

@@ -1,12 +1,14 @@
 """What every built-in sensor has: a name, a kind, an owner, the last result, perhaps a fixed place."""
 
-from collections.abc import Iterable
+from collections.abc import Callable, Iterable
 from copy import copy
-from typing import Any, Self, cast
+from math import hypot, inf
+from typing import Any, ClassVar, Self, cast
 
 import numpy as np
 
-from gamms.arguments import as_float, as_int
+from gamms.arguments import as_float, as_int, as_name, as_range
+from gamms.deciding import DecidePhase, Guarded, phase_of, refused_while_deciding
 from gamms.errors import BadType, BadValue, UnknownName
 from gamms.ir.graph import FloatArray
 from gamms.ir.sensed import SensorView
@@ -21,19 +23,25 @@ Heading = tuple[float, float]  # (cos, sin); (0.0, 0.0) sees all around
 
 ALL_AROUND: Heading = (0.0, 0.0)
 _OURS = "gamms.sensor."
+_UNIT = 1e-9  # how much the length of a direction that is given may miss 1, to be read back as it was given
 
 
-class Sensor(ISensor):
+class Sensor(Guarded, ISensor):
     """A built-in sensor; a subclass writes `sense`."""
 
-    # NOTE: slots, not properties: the paper's loop reads them at every step (benchmarks/README.md, w2).
-    __slots__ = ("_owner", "ctx", "data", "sensor_id", "type")
+    # NOTE: slots, not properties, and what changes with every look in a list, because setting an attribute asks whether
+    # a strategy is running: the paper's loop reads and writes them at every step (benchmarks/README.md, w2).
+    __slots__ = ("_last", "_owner", "_phase", "ctx", "sensor_id", "type")
+
+    _called = "sensor"
+    _CHECKS: ClassVar[dict[str, Callable[[Any, str], Any]]]  # attribute -> what it may be set to
 
     type: SensorType
-    data: Any
     sensor_id: str
 
     def __init__(self, ctx: IContext, sensor_id: str, sensor_type: SensorType) -> None:
+        self._phase: DecidePhase = phase_of(ctx)
+        self._last: list[Any] = [None, None]  # `data`, and whence and whither the last look was
         self.ctx = ctx
         self.sensor_id = sensor_id
         self.type = sensor_type
@@ -43,17 +51,45 @@ class Sensor(ISensor):
         """Name the sensor, its kind and its owner."""
         return f"{type(self).__name__}({self.sensor_id!r}, {self.type}, owner={self._owner!r})"
 
+    def __setattr__(self, name: str, value: Any) -> None:
+        """Set an attribute after a look at it; refused while a strategy is running.
+
+        Raises:
+            BadValue, BadType: it cannot be set to that.
+        """
+        if name[0] != "_":
+            self._phase.refuse(f"set sensor.{name}")
+            check = self._CHECKS.get(name)
+            value = value if check is None else check(value, f"{name} of {getattr(self, 'sensor_id', None)!r}")
+        object.__setattr__(self, name, value)
+
+    @property
+    def data(self) -> Any:
+        """What was sensed last; settable. While agents decide, it is read-only, and that of others is not shown."""
+        phase = self._phase
+        if phase.agent is not None and self._owner not in (None, phase.agent.name):
+            phase.refuse(f"look at what the sensor {self.sensor_id!r} of agent {self._owner!r} has seen")
+        return phase.shown(self._last[0])
+
+    @data.setter
+    def data(self, data: Any) -> None:
+        self._last[0] = data
+
+    @refused_while_deciding
     def update(self, data: dict[str, Any]) -> None:
         """Ignore `data`: a built-in sensor sees for itself."""
 
+    @refused_while_deciding
     def set_owner(self, owner: str | None) -> None:
         """Name the agent that carries the sensor, or nobody."""
-        self._owner = owner
+        self._owner = None if owner is None else as_name(owner, "the owner of a sensor")
 
+    @refused_while_deciding
     def reset(self) -> None:
         """Forget what was sensed."""
-        self.data = [] if isinstance(self.data, list) else {}
+        self._last[:] = [] if isinstance(self._last[0], list) else {}, None
 
+    @refused_while_deciding
     def view_from(self, node_id: int | None, owner: str | None) -> SensorView:
         """Return what it would see now, for drawing; a class of the user's own is not asked, but what it saw last."""
         if not type(self).__module__.startswith(_OURS):
@@ -68,7 +104,9 @@ class Sensor(ISensor):
 
     def _twin(self) -> Self:
         """A sensor that looks in its place."""
-        return copy(self)
+        twin = copy(self)
+        twin._last = list(self._last)
+        return twin
 
     def places_of(self, node_ids: Iterable[int]) -> FloatArray:
         """Where the nodes of a look are (nodes, 2); those that were removed since then are left out."""
@@ -86,7 +124,7 @@ class GroundSensor(Sensor):
         at: a node id or (x, y) to look from, whatever node is asked about; None looks from that node.
     """
 
-    __slots__ = ("_at", "_looked", "fov", "orientation", "range")
+    __slots__ = ("_at", "fov", "orientation", "range")
 
     range: float
     fov: float
@@ -95,7 +133,6 @@ class GroundSensor(Sensor):
     def __init__(self, ctx: IContext, sensor_id: str, sensor_type: SensorType) -> None:
         super().__init__(ctx, sensor_id, sensor_type)
         self._at: Place | None = None
-        self._looked: tuple[Place, float, float, Heading] | None = None  # whence, how far, how wide, whither
 
     @property
     def at(self) -> Place | None:
@@ -122,30 +159,27 @@ class GroundSensor(Sensor):
         x, y = self.orientation
         return (x * cos - y * sin, x * sin + y * cos)
 
-    def reset(self) -> None:
-        """Forget what was sensed."""
-        super().reset()
-        self._looked = None
-
     def set_owner(self, owner: str | None) -> None:
         """Name the agent that carries the sensor, or nobody: then it has no place where it looked last."""
-        self._owner = owner
+        super().set_owner(owner)
         if owner is None:
-            self._looked = None
+            self._last[1] = None
 
+    @refused_while_deciding
     def view_from(self, node_id: int | None, owner: str | None) -> SensorView:
         """Return what it would see now, for drawing."""
         if node_id is None and self._at is None:
-            if self._looked is None:
+            if self._last[1] is None:
                 return SensorView()
-            node_id = cast("int", self._looked[0])
+            node_id = cast("int", self._last[1][0])
         return super().view_from(node_id, owner)
 
     def outline(self) -> FloatArray:
         """Corners (corners, 2) of the field of view of the last look; none where it had no end."""
-        if self._looked is None:
+        looked: tuple[Place, float, float, Heading] | None = self._last[1]  # whence, how far, how wide, whither
+        if looked is None:
             return np.zeros((0, 2))
-        place, radius, fov, heading = self._looked
+        place, radius, fov, heading = looked
         try:
             x, y = self._where(place)
         except UnknownName:  # its node is gone
@@ -174,3 +208,35 @@ def checked_place(ctx: IContext, at: Any, name: str) -> Place:
     if len(at) != 2:
         raise BadValue(f"{name} must be the id of a node or a pair (x, y), not {at!r}.")
     return as_float(at[0], name), as_float(at[1], name)
+
+
+def checked_orientation(value: Any, name: str) -> Heading:
+    """`(cos, sin)` of length 1 from what a caller passed.
+
+    Raises:
+        BadValue: it is no pair of finite numbers, or (0, 0).
+    """
+    try:
+        x, y = (as_float(part, name) for part in value)
+    except (TypeError, ValueError):
+        raise BadValue(f"{name} must be a pair (cos, sin), not {value!r}.") from None
+    length = hypot(x, y)
+    if not 0.0 < length < inf:
+        raise BadValue(f"{name} must be finite and not (0, 0), not {value!r}.")
+    return (x, y) if abs(length - 1.0) <= _UNIT else (x / length, y / length)
+
+
+def _checked_type(value: Any, name: str) -> SensorType:
+    if not isinstance(value, SensorType):
+        raise BadType(f"{name} must be a SensorType, not {value!r}.")
+    return value
+
+
+Sensor._CHECKS = {
+    "sensor_id": lambda value, _: as_name(value, "a sensor"),
+    "type": _checked_type,
+    "range": as_range,
+    "fov": as_range,
+    "orientation": checked_orientation,
+    "observer_height": as_float,
+}

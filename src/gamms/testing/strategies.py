@@ -75,8 +75,8 @@ class _Watched:
         try:
             self._strategy(state)
         except Exception as error:
-            advice = " What is published in state['facts'] is read-only." if "mappingproxy" in str(error) else ""
-            raise AssertionError(f"{turn} raised {type(error).__name__}: {error}.{advice}") from error
+            advice = " What is published in state['facts'] is read-only." if "ReadOnlyMapping" in str(error) else ""
+            raise AssertionError(f"{turn} raised {type(error).__name__}: {str(error).rstrip('.')}.{advice}") from error
         for key in dict.fromkeys([*before, *state]):
             _refuse_writing(turn, key, before, state, kept)
         self._actions.append((state.get("turn", -1), _shown(state.get("action"))))

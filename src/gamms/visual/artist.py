@@ -5,6 +5,7 @@ from enum import Enum
 from typing import Any
 
 from gamms.arguments import as_int
+from gamms.deciding import Guarded, Protected, phase_of, refused_while_deciding
 from gamms.errors import BadType
 from gamms.typing import ArtistType, IArtist, IContext
 from gamms.typing.artist import Drawer
@@ -22,11 +23,16 @@ class RenderMode(Enum):
     NON_CACHED = 2
 
 
-class Artist(IArtist):
+class Artist(Guarded, IArtist):
     """Draws one thing: `drawer(ctx, data)`, or a shape that is described by `data`."""
 
+    _called = "artist"
+
+    data: Protected[dict[str, Any]] = Protected()
+
     def __init__(self, ctx: IContext, drawer: Drawer | Shape, layer: int = 30) -> None:
-        self.data: dict[str, Any] = {}
+        self._phase = phase_of(ctx)
+        self.data = {}
         self._ctx = ctx
         self._layer = as_int(layer, "The layer of an artist")
         self._layer_dirty = False
@@ -35,6 +41,7 @@ class Artist(IArtist):
         self._render_mode = RenderMode.NON_CACHED
         self.set_drawer(drawer)
 
+    @refused_while_deciding
     def set_layer(self, layer: int) -> None:
         """Move to another layer; lower layers are painted first."""
         layer = as_int(layer, "The layer of an artist")
@@ -45,6 +52,7 @@ class Artist(IArtist):
         """The layer."""
         return self._layer
 
+    @refused_while_deciding
     def set_visible(self, visible: bool) -> None:
         """Show or hide."""
         self._visible = bool(visible)
@@ -53,6 +61,7 @@ class Artist(IArtist):
         """Whether it is shown."""
         return self._visible
 
+    @refused_while_deciding
     def set_drawer(self, drawer: Drawer | Shape) -> None:
         """Draw with another function or shape."""
         if isinstance(drawer, Shape):
@@ -65,6 +74,7 @@ class Artist(IArtist):
         """The function that draws."""
         return self._drawer
 
+    @refused_while_deciding
     def set_artist_type(self, artist_type: ArtistType) -> None:
         """Say whether it changes from frame to frame."""
         if not isinstance(artist_type, ArtistType):
@@ -75,6 +85,7 @@ class Artist(IArtist):
         """Static or dynamic."""
         return self._artist_type
 
+    @refused_while_deciding
     def set_render_mode(self, render_mode: RenderMode) -> None:
         """Say whether it is painted anew or shown from memory; for information only."""
         if not isinstance(render_mode, RenderMode):
@@ -90,6 +101,7 @@ class Artist(IArtist):
         """Whether the layer changed since it was last painted."""
         return self._layer_dirty
 
+    @refused_while_deciding
     def draw(self) -> None:
         """Call the drawer with the context and `data`."""
         self._layer_dirty = False

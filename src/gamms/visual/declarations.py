@@ -4,6 +4,7 @@ from collections.abc import Mapping
 from typing import Any
 
 from gamms.arguments import as_name
+from gamms.deciding import refused_while_deciding
 from gamms.errors import BadType, BadValue
 from gamms.typing import ArtistType, IArtist, IContext
 from gamms.visual.appearance import AgentData, GraphData
@@ -31,6 +32,7 @@ class Declarations(Primitives):
         self._is_replayed = False  # whether what was declared was declared elsewhere, where rules drew, too
         self.declarations = 0
 
+    @refused_while_deciding
     def set_graph_visual(self, **kwargs: Any) -> Artist:
         """Declare how the graph looks: `node_color`, `node_size`, `edge_color`, `draw_id`."""
         look = _known(kwargs, "node_color", "node_size", "edge_color", "draw_id")
@@ -39,6 +41,7 @@ class Declarations(Primitives):
         artist.data = {"graph_data": GraphData(**look)}
         return self._declare("graph", artist)
 
+    @refused_while_deciding
     def set_obstacle_visual(self, **kwargs: Any) -> Artist:
         """Declare how obstacles look: `color_map` (type -> colour), `boundary_thickness` (world units), `fill`.
 
@@ -51,6 +54,7 @@ class Declarations(Primitives):
         artist.data |= _known(kwargs, "color_map", "boundary_thickness", "fill")
         return self._declare("obstacles", artist)
 
+    @refused_while_deciding
     def set_agent_visual(self, name: str, **kwargs: Any) -> Artist:
         """Declare how an agent looks: `color`, `size` (world units), `image_path`; it need not exist yet."""
         look = AgentData(name, image=kwargs.get("image_path"), **_known(kwargs, "color", "size"))
@@ -58,12 +62,14 @@ class Declarations(Primitives):
         artist.data = {"agent_data": look, "_alpha": 1.0}
         return self._declare(name, artist)
 
+    @refused_while_deciding
     def set_sensor_visual(self, name: str, **kwargs: Any) -> Artist:
         """Declare how a sensor's last view looks: `color`, `size`, or `node_color`, `edge_color`; `layer`."""
         artist = Artist(self.ctx, render_sensor, kwargs.get("layer", Layer.SENSORS))
         artist.data = {"name": name, **_known(kwargs, "color", "size", "node_color", "edge_color")}
         return self._declare(f"sensor_{name}", artist)
 
+    @refused_while_deciding
     def set_values(
         self,
         *,
@@ -122,6 +128,7 @@ class Declarations(Primitives):
             self.declarations += 1
         return artist
 
+    @refused_while_deciding
     def add_artist(self, name: str, artist: IArtist | dict[str, Any]) -> IArtist:
         """Draw an artist; one of that name is replaced.
 
@@ -139,11 +146,13 @@ class Declarations(Primitives):
             self.declarations += 1
         return artist
 
+    @refused_while_deciding
     def propose_artist(self, name: str, artist: dict[str, Any]) -> None:
         """Draw an artist unless there is one of that name: for who has no say against the caller, such as a rule."""
         if name not in self._artists:
             self._proposed[name] = self.add_artist(name, artist)
 
+    @refused_while_deciding
     def withdraw_artist(self, name: str) -> None:
         """Remove the artist that was proposed by this name, unless another has taken its place."""
         artist = self._proposed.pop(name, None)
@@ -160,6 +169,7 @@ class Declarations(Primitives):
         artist.data = data
         return artist
 
+    @refused_while_deciding
     def remove_artist(self, name: str) -> None:
         """Draw an artist no longer; a missing one is only warned about."""
         if self.ctx.is_terminated():
@@ -173,6 +183,7 @@ class Declarations(Primitives):
         artists = [words_of(name, artist) for name, artist in self._artists.items()]
         return {"artists": [one for one in artists if one is not None], "is_declared": self._is_declared}
 
+    @refused_while_deciding
     def show(self, described: dict[str, Any], own: frozenset[str] = frozenset()) -> frozenset[str]:
         """Add the artists that `described` told, but for those whose names are taken.
 

@@ -5,6 +5,7 @@ from collections.abc import Callable, Mapping
 from typing import TYPE_CHECKING, Any
 
 from gamms.arguments import as_float
+from gamms.deciding import Protected, outside_of_deciding, refused_while_deciding
 from gamms.errors import BadValue, ContextTerminated, GammsError
 from gamms.ir.draw import DrawCommands
 from gamms.typing import ArtistType, ColorType, IArtist, IContext
@@ -31,9 +32,11 @@ class PictureEngine(Declarations):
         followed: whom they keep in the middle instead; None: nobody.
     """
 
+    after_turn: Protected[list[Callable[[], None]]] = Protected()
+
     def __init__(self, ctx: IContext, *, simulation_time_constant: float = 2.0) -> None:
         super().__init__(ctx)
-        self.after_turn: list[Callable[[], None]] = []
+        self.after_turn = []
         self.turn_seconds = as_float(simulation_time_constant, "simulation_time_constant")
         self.width, self.height = 1280, 720
         self.look: Look | None = None
@@ -44,6 +47,7 @@ class PictureEngine(Declarations):
 
     # -- turns -----------------------------------------------------------------------------------------------
 
+    @refused_while_deciding
     def simulate(self) -> None:
         """Tell those who count turns that one is over, and add it to the films that are being made."""
         self.happenings.end_turn()
@@ -65,6 +69,7 @@ class PictureEngine(Declarations):
         position: int | tuple[float, ...] = state["curr_pos"]
         return (0.0, 0.0, 0.0) if isinstance(position, tuple) else position
 
+    @refused_while_deciding
     def terminate(self) -> None:
         """Close the room: films that are being made end here."""
         for film in tuple(self._films):
@@ -72,6 +77,7 @@ class PictureEngine(Declarations):
 
     # -- where pictures look ---------------------------------------------------------------------------------
 
+    @refused_while_deciding
     def look_at(self, x: float, y: float, width: float) -> None:
         """Let frames and films show `width` world units around (x, y), instead of everything.
 
@@ -83,10 +89,12 @@ class PictureEngine(Declarations):
             raise BadValue(f"A view needs a positive width in world units, not {width:g}.")
         self.look, self.followed = Look(x, y, width), None
 
+    @refused_while_deciding
     def look_at_all(self) -> None:
         """Let frames and films show everything that is drawn."""
         self.look = self.followed = None
 
+    @refused_while_deciding
     def follow(self, agent_name: str, width: float) -> None:
         """Let pictures, frames and films keep an agent in the middle of `width` world units, until they look elsewhere.
 
@@ -99,6 +107,7 @@ class PictureEngine(Declarations):
         self.look_at(*self.position_of(agent_name), width)
         self.followed = Follow(agent_name, float(width))
 
+    @outside_of_deciding
     def pointed(self, width: int, height: int, share: float = 1.0) -> Camera | None:
         """The camera of a picture of so many pixels, after a share of the agents' last moves; None sees everything."""
         if self.followed is not None:
@@ -122,6 +131,7 @@ class PictureEngine(Declarations):
 
     # -- pictures --------------------------------------------------------------------------------------------
 
+    @outside_of_deciding
     def shown_artists(self) -> dict[str, IArtist]:
         """Who draws: the artists that were declared, or those of the default look.
 
@@ -159,6 +169,7 @@ class PictureEngine(Declarations):
             return usual.of_rules() if self._is_replayed else {}
         return usual.artists()
 
+    @outside_of_deciding
     def draw_commands(self) -> DrawCommands:
         """The present state as draw commands.
 
@@ -182,6 +193,7 @@ class PictureEngine(Declarations):
             picture.paint(artists, commands, self.ctx.logger)
         return commands.freeze()
 
+    @outside_of_deciding
     def save(
         self,
         path: str | os.PathLike[str],
@@ -217,6 +229,7 @@ class PictureEngine(Declarations):
         content = self.picture(file, width, height, title=title, note=note, background=background, dpi=dpi)
         write_whole(file, content)
 
+    @outside_of_deciding
     def picture(
         self,
         format: str | os.PathLike[str],
@@ -244,6 +257,7 @@ class PictureEngine(Declarations):
         camera, note = self.pointed(sheet.width, sheet.height), self.noted(note)
         return picture.painted(sheet, commands, blocks, camera, title=title, note=note, background=background)
 
+    @outside_of_deciding
     def as_html(self) -> str:
         """The present state as an element of a page: a PNG, or an SVG where that cannot be made."""
         from gamms.visual import notebook
@@ -256,6 +270,7 @@ class PictureEngine(Declarations):
 
         return picture.with_attribution(note, getattr(self.ctx.graph, "attribution", None))
 
+    @outside_of_deciding
     def frame(
         self,
         width: int | None = None,
@@ -286,6 +301,7 @@ class PictureEngine(Declarations):
 
     # -- films -----------------------------------------------------------------------------------------------
 
+    @refused_while_deciding
     def film(
         self,
         path: str | os.PathLike[str],

@@ -8,6 +8,7 @@ from typing import TYPE_CHECKING, Any, TypeVar, cast
 
 import numpy as np
 
+from gamms.deciding import Guarded, phase_of
 from gamms.errors import BadType, BadValue
 from gamms.ir.draw import DrawSpace
 from gamms.ir.graph import GraphColumns
@@ -27,14 +28,17 @@ _FONT_PX = 36
 EDGE_PX = 3.0  # of a disc; half of it is hidden
 
 
-class Primitives(IVisualizationEngine):
+class Primitives(Guarded, IVisualizationEngine):
     """The part of an engine that drawers draw with.
 
     Attributes:
         wall_tones: of obstacles that are filled, on the background that is usual here.
     """
 
+    _called = "ctx.visual"
+
     def __init__(self, ctx: IContext) -> None:
+        self._phase = phase_of(ctx)
         self.ctx = ctx
         self.motion = Motion(ctx)
         self.happenings = Happenings(ctx)

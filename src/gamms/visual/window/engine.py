@@ -9,6 +9,7 @@ from typing import Any
 import numpy as np
 
 from gamms.arguments import as_int, misspelt
+from gamms.deciding import outside_of_deciding, refused_while_deciding
 from gamms.errors import BadValue, MissingFile
 from gamms.ir.draw import DrawCommands
 from gamms.typing import ArtistType, IArtist, IContext, ISensor
@@ -112,6 +113,7 @@ class WindowEngine(Onlookers):
         self._screen = open_window(self, self.width, self.height, title)
         self.resized(*self._screen.get_size())
 
+    @refused_while_deciding
     def quit(self) -> None:
         """End the context because the window was closed; in the midst of a turn of `ctx.game`, when it is over."""
         self._will_quit = True
@@ -126,6 +128,7 @@ class WindowEngine(Onlookers):
 
     # -- frames ----------------------------------------------------------------------------------------------
 
+    @outside_of_deciding
     def update(self) -> None:
         """Do what keys and mouse say, and draw one frame, without waiting."""
         self._is_fresh = True
@@ -145,6 +148,7 @@ class WindowEngine(Onlookers):
         self.trails.add_turn(self.motion)
         self._frames_while(lambda: self._waiting_simulation)
 
+    @outside_of_deciding
     def human_input(self, agent_name: str, state: dict[str, Any]) -> int | tuple[float, float, float]:
         """Ask a person what an agent does: the node it goes to, or the way (dx, dy, dz) it flies.
 
@@ -165,6 +169,7 @@ class WindowEngine(Onlookers):
             self._show_options(None)
         return super().human_input(agent_name, state) if asked.answer is None else asked.answer
 
+    @refused_while_deciding
     def stay_open(self) -> None:
         """Show how things are until somebody closes the window, or a key handler or drawer ends the context."""
         self._frames_while(lambda: True)
@@ -291,6 +296,7 @@ class WindowEngine(Onlookers):
         super().look_at_all()
         self.see_everything()
 
+    @refused_while_deciding
     def see_everything(self) -> None:
         """Let the window show the whole graph."""
         if not self.ctx.is_terminated():
@@ -337,6 +343,7 @@ class WindowEngine(Onlookers):
                 self._render_manager.camera_size = max(float(np.ptp(xy, axis=0).max()), _SMALLEST)
         return artist
 
+    @refused_while_deciding
     def set_agent_visual(self, name: str, **kwargs: Any) -> Artist:
         """Declare how an agent looks: `color`, `size` (world units), `image_path`; it need not exist yet.
 

@@ -4,6 +4,7 @@ from typing import Any
 
 import numpy as np
 
+from gamms.deciding import refused_while_deciding
 from gamms.typing import IArtist, IContext
 from gamms.typing.agent_engine import AgentType
 from gamms.visual.appearance import AgentData
@@ -80,10 +81,12 @@ class Onlookers(Internals):
 
     # -- agents under the pointer ----------------------------------------------------------------------------
 
+    @refused_while_deciding
     def pin(self, at: tuple[float, float]) -> None:
         """Keep the panel of the agent at a point of the screen; where there is none, keep none."""
         self._pinned = self._agent_at(at)
 
+    @refused_while_deciding
     def unpin(self) -> None:
         """Keep no panel."""
         self._pinned = None
@@ -181,10 +184,12 @@ class Onlookers(Internals):
 
     # -- wishes ----------------------------------------------------------------------------------------------
 
+    @refused_while_deciding
     def toggle_labels(self) -> None:
         """Show names, or hide them."""
         self.has_labels = not self.has_labels
 
+    @refused_while_deciding
     def toggle_trails(self) -> None:
         """Show trails, or hide them."""
         usual = self._turns_of_trails or _USUAL_TRAILS

@@ -1,0 +1,140 @@
+"""The part of a turn in which strategies decide: nothing may be changed then, and what can be read is read-only.
+
+A `DecidePhase` belongs to a context and is shared by its engines. The turn engine sets its `agent` while a strategy
+runs. A verb that changes something is marked with `@refused_while_deciding`, a class whose attributes may not be set is
+`Guarded`, and an attribute that holds what can change is `Protected`.
+"""
+
+from collections.abc import Callable, Iterator
+from contextlib import contextmanager
+from functools import wraps
+from typing import Any, ClassVar, Generic, Self, TypeVar, cast, overload
+
+from gamms.errors import Meddling
+from gamms.readonly import frozen
+
+T = TypeVar("T")
+Method = TypeVar("Method", bound=Callable[..., Any])
+
+
+class DecidePhase:
+    """Which agent of a context decides.
+
+    Attributes:
+        agent: the one whose strategy is running; None: no strategy is. Any: the agent engine's own class.
+    """
+
+    __slots__ = ("agent",)
+
+    def __init__(self) -> None:
+        self.agent: Any = None
+
+    def __deepcopy__(self, memo: dict[int, Any]) -> "DecidePhase":
+        """Copy a context as one in which no agent decides, so that a strategy may look ahead in a copy."""
+        return DecidePhase()
+
+    def refuse(self, deed: str) -> None:
+        """Raise Meddling if a strategy is running."""
+        if self.agent is not None:
+            raise Meddling(
+                f"The strategy of agent {self.agent.name!r} may not {deed}: while agents decide, nothing changes. "
+                "It may set state['action'], and write into state['memory'] and state['team_memory']. What changes "
+                "anything else belongs into a rule: ctx.game.add(rule)."
+            )
+
+    def shown(self, value: T) -> T:
+        """The value; while a strategy is running, a read-only copy of it."""
+        return value if self.agent is None else cast("T", frozen(value))
+
+    @contextmanager
+    def suspended(self) -> Iterator[None]:
+        """Run the program's own code on behalf of a strategy: drawers, the handlers of a window."""
+        agent, self.agent = self.agent, None
+        try:
+            yield
+        finally:
+            self.agent = agent
+
+
+UNDECIDED = DecidePhase()  # of what belongs to no context: no agent ever decides
+
+
+def phase_of(ctx: Any) -> DecidePhase:
+    """The phase of a context; of a context of another class one in which no agent ever decides."""
+    phase = getattr(ctx, "_phase", None)
+    return phase if isinstance(phase, DecidePhase) else UNDECIDED
+
+
+class Guarded:
+    """Mix-in: while a strategy is running, public attributes can be neither set nor deleted."""
+
+    __slots__ = ()
+
+    _phase: DecidePhase = UNDECIDED
+    _called: ClassVar[str] = "it"  # what programs call such an object
+    _strategies_cannot_change: ClassVar = True  # see `readonly.frozen`
+
+    def __setattr__(self, name: str, value: Any) -> None:
+        """Set an attribute; refused while a strategy is running."""
+        if name[0] != "_" and self._phase.agent is not None:
+            self._phase.refuse(f"set {self._called}.{name}")
+        object.__setattr__(self, name, value)
+
+    def __setstate__(self, state: Any) -> None:
+        """Become a copy: what was set is not checked again."""
+        attributes, slots = state if isinstance(state, tuple) else (state, None)
+        for name, value in {**(attributes or {}), **(slots or {})}.items():
+            object.__setattr__(self, name, value)
+
+    def __delattr__(self, name: str) -> None:
+        """Delete an attribute; refused while a strategy is running."""
+        if name[0] != "_" and self._phase.agent is not None:
+            self._phase.refuse(f"delete {self._called}.{name}")
+        object.__delattr__(self, name)
+
+
+def refused_while_deciding(method: Method) -> Method:
+    """Refuse a verb while a strategy is running, before it does anything."""
+
+    @wraps(method)
+    def guarded(self: Guarded, /, *args: Any, **kwargs: Any) -> Any:
+        phase = self._phase
+        if phase.agent is not None:
+            phase.refuse(f"call {self._called}.{method.__name__}")
+        return method(self, *args, **kwargs)
+
+    return cast("Method", guarded)
+
+
+def outside_of_deciding(method: Method) -> Method:
+    """Let a verb that only reads run the program's own code, such as drawers, as if no strategy were running."""
+
+    @wraps(method)
+    def suspending(self: Guarded, /, *args: Any, **kwargs: Any) -> Any:
+        if self._phase.agent is None:
+            return method(self, *args, **kwargs)
+        with self._phase.suspended():
+            return method(self, *args, **kwargs)
+
+    return cast("Method", suspending)
+
+
+class Protected(Generic[T]):
+    """An attribute of a `Guarded` object, of whose value strategies see a read-only copy."""
+
+    def __set_name__(self, owner: type, name: str) -> None:
+        self._name = f"_{name}"
+
+    @overload
+    def __get__(self, instance: None, owner: type) -> Self: ...
+    @overload
+    def __get__(self, instance: Any, owner: type) -> T: ...
+    def __get__(self, instance: Any, owner: type) -> Any:
+        if instance is None:
+            return self
+        value = getattr(instance, self._name)
+        phase = instance._phase
+        return value if phase.agent is None else frozen(value)
+
+    def __set__(self, instance: Any, value: T) -> None:
+        object.__setattr__(instance, self._name, value)

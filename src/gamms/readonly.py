@@ -1,0 +1,192 @@
+"""Copies that cannot be written to, and copies that share nothing with the original."""
+
+from collections import deque
+from collections.abc import Callable, Iterator, Mapping
+from copy import deepcopy
+from dataclasses import fields, is_dataclass
+from enum import Enum
+from functools import partial
+from types import BuiltinFunctionType, FunctionType, MethodType, ModuleType, NoneType
+from typing import Any
+
+import numpy as np
+
+from gamms.errors import BadType, BadValue, GammsError
+
+_SCALARS = frozenset({str, bytes, int, float, complex, bool, NoneType})
+_IMMUTABLE = (str, bytes, int, float, complex, Enum, range, slice, type)
+_CODE = (FunctionType, BuiltinFunctionType, MethodType, partial, ModuleType)
+_VALUES = frozenset({"datetime", "decimal", "fractions", "pathlib", "re", "uuid", "zoneinfo"})  # modules of values
+
+Otherwise = Callable[[Any], Any]  # what becomes of an object of which nothing is known
+
+
+class ReadOnlyMapping(Mapping[Any, Any]):
+    """A mapping that shows a dict and cannot be written to.
+
+    Unlike `types.MappingProxyType` it can be copied and pickled, and hands the dict to no operator of another object.
+    """
+
+    __slots__ = ("_values",)
+
+    def __init__(self, values: Mapping[Any, Any]) -> None:
+        self._values = values
+
+    def __getitem__(self, key: Any) -> Any:
+        return self._values[key]
+
+    def __iter__(self) -> Iterator[Any]:
+        return iter(self._values)
+
+    def __len__(self) -> int:
+        return len(self._values)
+
+    def __contains__(self, key: object) -> bool:
+        return key in self._values
+
+    def __repr__(self) -> str:
+        return repr(self._values)
+
+    def __or__(self, other: Mapping[Any, Any]) -> dict[Any, Any]:
+        return {**self, **other}
+
+    def __ror__(self, other: Mapping[Any, Any]) -> dict[Any, Any]:
+        return {**other, **self}
+
+    def __deepcopy__(self, memo: dict[int, Any]) -> "ReadOnlyMapping":
+        return ReadOnlyMapping(deepcopy(self._values, memo))
+
+    def __reduce__(self) -> tuple[Any, ...]:
+        return ReadOnlyMapping, (self._values,)
+
+    def get(self, key: Any, default: Any = None) -> Any:
+        """The value of a key, or the default."""
+        return self._values.get(key, default)
+
+    def copy(self) -> dict[Any, Any]:
+        """A dict that may be written to; what is in it may not."""
+        return dict(self._values)
+
+
+class Unfreezable(GammsError):
+    """An object may change, and is no container of which a read-only copy could be made."""
+
+
+def frozen(value: Any) -> Any:
+    """A read-only copy, all the way down.
+
+    Mappings become a `ReadOnlyMapping`, lists and deques tuples, sets frozensets, bytearrays bytes, arrays locked
+    copies. What cannot change stays itself, functions and the engines of a context included; of any other object it
+    is a deep copy.
+
+    Raises:
+        BadValue: it is too deep, or contains itself.
+    """
+    return _walked(value, _frozen, deepcopy)
+
+
+def published(name: str, value: Any) -> Any:
+    """A read-only copy that many may share: see `frozen`, but any other object is refused.
+
+    Raises:
+        BadType: there is an object in it that may change.
+        BadValue: it is too deep, or contains itself.
+    """
+    try:
+        return _walked(value, _frozen, _refused)
+    except Unfreezable as error:
+        raise BadType(
+            f"The fact {name!r} has {error} in it, which may change. Publish plain values and arrays, or make the "
+            "class an enum, a NamedTuple or a frozen dataclass of such."
+        ) from None
+
+
+def copied(value: Any) -> Any:
+    """A copy that shares nothing that can change; its containers and arrays may be written to.
+
+    Raises:
+        BadValue: it is too deep, or contains itself.
+    """
+    return _walked(value, _copied, deepcopy)
+
+
+def _walked(value: Any, walk: Callable[[Any, Otherwise], Any], otherwise: Otherwise) -> Any:
+    try:
+        return walk(value, otherwise)
+    except RecursionError:
+        raise BadValue("A value is nested too deeply, or contains itself.") from None
+
+
+def _frozen(value: Any, otherwise: Otherwise) -> Any:  # noqa: PLR0911 - one line for each kind of container
+    if type(value) in _SCALARS:
+        return value
+    if isinstance(value, Mapping):
+        return ReadOnlyMapping({key: _frozen(one, otherwise) for key, one in value.items()})
+    if isinstance(value, tuple):
+        return _tuple_of(value, [_frozen(one, otherwise) for one in tuple.__iter__(value)])
+    if isinstance(value, (list, deque)):
+        return tuple([_frozen(one, otherwise) for one in value])
+    if isinstance(value, (set, frozenset)):
+        return frozenset(value)
+    if isinstance(value, (bytearray, memoryview)):
+        return bytes(value)
+    if type(value) is np.ndarray:
+        return _locked(value, otherwise)
+    return value if _cannot_change(value) else otherwise(value)
+
+
+def _copied(value: Any, otherwise: Otherwise) -> Any:
+    kind = type(value)
+    if kind in _SCALARS:
+        return value
+    if kind is dict:
+        return {key: _copied(one, otherwise) for key, one in value.items()}
+    if kind in (list, set, deque):
+        return kind(_copied(one, otherwise) for one in value)
+    if isinstance(value, tuple):
+        return _tuple_of(value, [_copied(one, otherwise) for one in tuple.__iter__(value)])
+    return value if _cannot_change(value) else otherwise(value)
+
+
+def _tuple_of(value: tuple[Any, ...], items: list[Any]) -> tuple[Any, ...]:
+    """The tuple itself if these are its items, else one of its class with them."""
+    if all(item is own for item, own in zip(items, tuple.__iter__(value), strict=True)):
+        return value
+    make: Callable[[list[Any]], tuple[Any, ...]] = getattr(type(value), "_make", tuple)
+    return make(items)
+
+
+def _locked(array: "np.ndarray[Any, Any]", otherwise: Otherwise) -> "np.ndarray[Any, Any]":
+    """A copy that cannot be written to, nor be made so: its memory is that of `bytes`."""
+    memory: Any = array.base
+    if isinstance(memory, bytes):
+        return array
+    if not array.dtype.hasobject:
+        return np.ndarray(array.shape, array.dtype, array.tobytes())
+    copy = np.empty(array.shape, object)
+    for place in np.ndindex(array.shape):
+        copy[place] = _frozen(array[place], otherwise)
+    copy.setflags(write=False)
+    return copy
+
+
+def _cannot_change(value: Any) -> bool:
+    kind = type(value)
+    if isinstance(value, np.generic):
+        return kind is not np.void
+    if isinstance(value, (*_IMMUTABLE, *_CODE)) or kind.__module__ in _VALUES or kind is type(Ellipsis):
+        return True
+    if getattr(kind, "_strategies_cannot_change", False) or kind.__module__.startswith("shapely."):
+        return True
+    if is_dataclass(value) and kind.__dataclass_params__.frozen:
+        parts = [getattr(value, field.name) for field in fields(value)]
+        return all(_frozen(part, _changed) is part for part in parts)
+    return False
+
+
+def _changed(_: Any) -> Any:
+    return object()
+
+
+def _refused(value: Any) -> Any:
+    raise Unfreezable(f"an object of the class {type(value).__module__}.{type(value).__qualname__}")

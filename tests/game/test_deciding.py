@@ -1,0 +1,767 @@
+"""While agents decide, nothing can be changed: every verb and every setter refuses, and what can be read is a copy."""
+
+import copy
+import inspect
+from collections.abc import Mapping
+from functools import partial
+from operator import setitem
+from types import SimpleNamespace
+
+import numpy as np
+import pytest
+
+import gamms
+from gamms.deciding import Guarded
+from gamms.game import Meddling
+from gamms.readonly import ReadOnlyMapping, frozen
+from gamms.rules import Conflicts
+from gamms.sensor import SensorType
+from gamms.typing import AgentType
+
+WALL = ((0, 0, 9), (1, 0, 9), (0, 0, 0), (1, 0, 0))
+
+
+def world(grid, cheat, **settings):
+    """A game of `cheater`, `other` and `drone`, in which the cheater's strategy is `cheat(ctx, state)`."""
+    ctx = grid(side=3, **settings)
+    ctx.graph.add_obstacle_face(0, *WALL, 0)
+    ctx.graph.graph.update_node({"id": 4, "tags": ["park"]})
+    for name, kind in (("eyes", "AGENT"), ("far", "RANGE"), ("tower", "AGENT_RANGE"), ("camera", "AERIAL_AGENT")):
+        ctx.sensor.create_sensor(name, SensorType[kind])
+    ctx.sensor.create_sensor("others", SensorType.AGENT)
+    ctx.sensor.from_function("inbox", lambda node_id, agent: ctx.game.data["inbox"])
+
+    def strategy(state):
+        state["action"] = state["curr_pos"]
+        cheat(ctx, state)
+
+    def stay(state):
+        state["action"] = (0, 0, 0) if isinstance(state["curr_pos"], tuple) else state["curr_pos"]
+
+    ctx.agent.create_agent("cheater", start_node_id=0, team="red", sensors=["eyes", "inbox"], strategy=strategy)
+    ctx.agent.create_agent(
+        "other", start_node_id=4, team="blue", sensors=["others", "far"], strategy=stay, meta={"hp": [3]}, color="blue"
+    )
+    ctx.agent.create_agent(
+        "drone", type=AgentType.AERIAL, start_node_id=8, speed=2.0, sensors=["camera"], strategy=stay
+    )
+    ctx.visual.set_agent_visual("other", color="red")
+    game = ctx.game
+    game.publish(heat=np.arange(3.0), nested={"rows": [np.zeros(2)], "log": bytearray(b"abc")})
+    game.data.update(inbox=[{"seen": []}], wind=np.ones(2))
+    game.scores["red"] = 1
+    game.memory_of("other")["plan"] = [4]
+    game.emit("begun")
+    game.conflicts = Conflicts()
+    game.collect("wind", lambda ctx: 0)
+    game.add(lambda ctx: None, name="weather")
+    return ctx
+
+
+def other(ctx):
+    return ctx.agent.get_agent("other")
+
+
+def sensor(ctx, name="others"):
+    return ctx.sensor.get_sensor(name)
+
+
+def plain(value):
+    """A value in a form that can be compared."""
+    if isinstance(value, np.ndarray):
+        return ("array", value.dtype.str, value.tolist())
+    if isinstance(value, Mapping):
+        return {key: plain(one) for key, one in value.items()}
+    if isinstance(value, list | tuple):
+        return [plain(one) for one in value]
+    return value if isinstance(value, str | int | float | bytes | bytearray | set | type(None)) else repr(value)
+
+
+def public(ctx):
+    """What a program can see of a context, but for the count of turns and what strategies did wrong."""
+    game, graph = ctx.game, ctx.graph
+    names = ("name", "team", "type", "alive", "current_node_id", "prev_node_id", "orientation", "speed", "strategy")
+    columns = graph.columns()
+    return plain(
+        {
+            "agents": [
+                {name: getattr(agent, name) for name in names}
+                | {"own": vars(agent), "sensors": {key: id(one) for key, one in agent._sensor_list.items()}}
+                | {"position": getattr(agent, "position", None), "quat": getattr(agent, "quat", None)}
+                for agent in ctx.agent.agents.values()
+            ],
+            "sensors": ctx.sensor.described(),
+            "owners": {name: one._owner for name, one in ctx.sensor.sensors.items()},
+            "graph": [getattr(columns, name) for name in columns.__dataclass_fields__],
+            "obstacles": list(graph.obstacle_columns()),
+            "attribution": graph.attribution,
+            "data": game.data,
+            "scores": game.scores,
+            "facts": game.facts,
+            "events": game.events,
+            "over": game.over,
+            "rules": [rule.name for rule in game.rules],
+            "settings": [
+                game.legal,
+                game.on_illegal,
+                game.speed_unit,
+                game.conflicts,
+                game.time_budget,
+                game.max_turns,
+            ],
+            "memories": {name: memory for name, memory in game.memories.items() if memory},
+            "teams": {team: memory for team, memory in game.team_memories.items() if memory},
+            "visual": ctx.visual.described(),
+            "camera": [ctx.visual.look, ctx.visual.followed, ctx.visual.width, len(ctx.visual.after_turn)],
+            "seed": [ctx.seed, ctx.chance()],
+            "context": [ctx.is_terminated(), ctx.record.is_open, ctx.record.record(), id(ctx.logger)],
+        }
+    )
+
+
+def setter(find, name, value):
+    return lambda ctx, state: setattr(find(ctx), name, value)
+
+
+SETTERS = {
+    f"{path} {name}": setter(find, name, value)
+    for path, find, given in (
+        (
+            "agent",
+            other,
+            {
+                "current_node_id": 0,
+                "prev_node_id": 1,
+                "orientation": (1, 0),
+                "speed": 9.0,
+                "team": "red",
+                "alive": False,
+                "strategy": None,
+                "color": "red",
+                "new": 1,
+                "meta": {},
+                "step": print,
+            },
+        ),
+        ("own agent", lambda ctx: ctx.agent.get_agent("cheater"), {"speed": 9.0, "current_node_id": 5, "hp": [1]}),
+        (
+            "drone",
+            lambda ctx: ctx.agent.get_agent("drone"),
+            {"position": (0, 0, 0), "quat": (0, 0, 0, 1), "orientation": (0, 1), "current_node_id": 0},
+        ),
+        (
+            "sensor",
+            sensor,
+            {
+                "range": 1e9,
+                "fov": 1.0,
+                "orientation": (0, 1),
+                "at": 0,
+                "data": {},
+                "sensor_id": "x",
+                "type": SensorType.MAP,
+                "sense": print,
+                "own": 1,
+                "ctx": None,
+            },
+        ),
+        (
+            "camera",
+            lambda ctx: sensor(ctx, "camera"),
+            {"range": 1.0, "fov": 1.0, "quat": (1, 0, 0, 0), "at": (0, 0, 0)},
+        ),
+        ("notice", lambda ctx: sensor(ctx).notice, {"team": "red", "exclude": "blue", "detection": 0.0}),
+        (
+            "game",
+            lambda ctx: ctx.game,
+            {
+                "legal": "any",
+                "on_illegal": "raise",
+                "on_error": "stay",
+                "speed_unit": "metres",
+                "conflicts": None,
+                "time_budget": 1.0,
+                "max_turns": 1,
+                "turn": 77,
+                "data": {},
+                "scores": {},
+                "events": [],
+                "errors": [],
+                "emit": print,
+                "facts": {},
+                "scenario": {},
+                "is_deciding": False,
+            },
+        ),
+        ("graph", lambda ctx: ctx.graph.graph, {"crs": "EPSG:32635", "attribution": "me", "get_node": print}),
+        ("graph engine", lambda ctx: ctx.graph, {"visible": print}),
+        ("visual", lambda ctx: ctx.visual, {"width": 5, "look": None, "after_turn": [], "turn_seconds": 9.0, "own": 1}),
+        ("artist", lambda ctx: ctx.visual.shown_artists()["other"], {"data": {}, "own": 1}),
+        ("recorder", lambda ctx: ctx.record, {"clock": 5, "is_replaying": True}),
+        (
+            "context",
+            lambda ctx: ctx,
+            {"logger": None, "agent_engine": None, "recorder": None, "is_seeded": False, "stream": print},
+        ),
+        ("sensor engine", lambda ctx: ctx.sensor, {"get_sensor": print}),
+        ("agent engine", lambda ctx: ctx.agent, {"get_agent": print}),
+    )
+    for name, value in given.items()
+}
+
+VERBS = {
+    "create_agent": lambda ctx, s: ctx.agent.create_agent("m", start_node_id=0),
+    "delete_agent": lambda ctx, s: ctx.agent.delete_agent("other"),
+    "delete itself": lambda ctx, s: ctx.agent.delete_agent("cheater"),
+    "agents cleared": lambda ctx, s: ctx.agent.agents.clear(),
+    "columns": lambda ctx, s: setitem(ctx.agent.columns.node, 1, 0),
+    "moves": lambda ctx, s: ctx.agent.moves,
+    "write_by": lambda ctx, s: ctx.agent.write_by(None),
+    "register_sensor": lambda ctx, s: other(ctx).register_sensor("x", sensor(ctx, "tower")),
+    "deregister_sensor": lambda ctx, s: other(ctx).deregister_sensor("others"),
+    "register_strategy": lambda ctx, s: other(ctx).register_strategy(lambda s: None),
+    "step": lambda ctx, s: other(ctx).step(),
+    "own step": lambda ctx, s: ctx.agent.get_agent("cheater").step(),
+    "set_state": lambda ctx, s: other(ctx).set_state(),
+    "own set_state": lambda ctx, s: ctx.agent.get_agent("cheater").set_state(),
+    "get_state": lambda ctx, s: other(ctx).get_state(),
+    "agent sense": lambda ctx, s: other(ctx).sense(),
+    "drone step": lambda ctx, s: ctx.agent.get_agent("drone").step(),
+    "drone get_state": lambda ctx, s: ctx.agent.get_agent("drone").get_state(),
+    "other state": lambda ctx, s: other(ctx).state,
+    "del color": lambda ctx, s: delattr(other(ctx), "color"),
+    "create_sensor": lambda ctx, s: ctx.sensor.create_sensor("new", SensorType.MAP),
+    "from_function": lambda ctx, s: ctx.sensor.from_function("new", lambda: 1),
+    "add_sensor": lambda ctx, s: ctx.sensor.add_sensor(sensor(ctx)),
+    "custom": lambda ctx, s: ctx.sensor.custom("CHEAT"),
+    "sensors cleared": lambda ctx, s: ctx.sensor.sensors.clear(),
+    "sensor memory": lambda ctx, s: ctx.sensor.memory,
+    "sense": lambda ctx, s: sensor(ctx).sense(0),
+    "sense inbox": lambda ctx, s: sensor(ctx, "inbox").sense(0),
+    "sense camera": lambda ctx, s: sensor(ctx, "camera").sense(),
+    "sense far": lambda ctx, s: sensor(ctx, "far").sense(0),
+    "set_owner": lambda ctx, s: sensor(ctx).set_owner("cheater"),
+    "camera set_owner": lambda ctx, s: sensor(ctx, "camera").set_owner(None),
+    "sensor reset": lambda ctx, s: sensor(ctx).reset(),
+    "sensor update": lambda ctx, s: sensor(ctx).update({}),
+    "sensors reset": lambda ctx, s: ctx.sensor.reset(),
+    "data of others' sensors": lambda ctx, s: sensor(ctx).data,
+    "notice reset": lambda ctx, s: sensor(ctx).notice.reset(),
+    "graph add_node": lambda ctx, s: ctx.graph.graph.add_node({"id": 99, "x": 0.0, "y": 0.0}),
+    "graph add_edge": lambda ctx, s: ctx.graph.graph.add_edge({"id": 99, "source": 0, "target": 8, "length": 1.0}),
+    "update_node": lambda ctx, s: ctx.graph.graph.update_node({"id": 4, "x": 99.0}),
+    "update_edge": lambda ctx, s: ctx.graph.graph.update_edge({"id": 0, "length": 0.1}),
+    "remove_node": lambda ctx, s: ctx.graph.graph.remove_node(4),
+    "remove_edge": lambda ctx, s: ctx.graph.graph.remove_edge(0),
+    "graph clear": lambda ctx, s: ctx.graph.graph.clear(),
+    "add_nodes": lambda ctx, s: ctx.graph.add_nodes([99], [0], [0]),
+    "add_edges": lambda ctx, s: ctx.graph.add_edges([99], [0], [8]),
+    "attach": lambda ctx, s: ctx.graph.attach_networkx_graph(gamms.graph.grid(2, 2)),
+    "add_obstacle_face": lambda ctx, s: ctx.graph.add_obstacle_face(1, *WALL, 0),
+    "remove_obstacle_face": lambda ctx, s: ctx.graph.remove_obstacle_face(0),
+    "graph save": lambda ctx, s: ctx.graph.save(),
+    "unpack": lambda ctx, s: ctx.graph.unpack(b""),
+    "graph terminate": lambda ctx, s: ctx.graph.terminate(),
+    "place": lambda ctx, s: ctx.graph.place(1),
+    "neighborhoods": lambda ctx, s: setitem(ctx.graph.graph.neighborhoods, 0, (0, 8)),
+    "columns of the graph": lambda ctx, s: setitem(ctx.graph.columns().xy, 0, 9.0),
+    "attributes in columns": lambda ctx, s: ctx.graph.columns().node_attributes["tags"].clear(),
+    "scores": lambda ctx, s: setitem(ctx.game.scores, "red", 100),
+    "scores update": lambda ctx, s: ctx.game.scores.update(red=100),
+    "data": lambda ctx, s: setitem(ctx.game.data, "x", 1),
+    "data inside": lambda ctx, s: ctx.game.data["inbox"].append(1),
+    "data deep inside": lambda ctx, s: ctx.game.data["inbox"][0]["seen"].append(1),
+    "array in data": lambda ctx, s: ctx.game.data["wind"].fill(9),
+    "events": lambda ctx, s: ctx.game.events.append({}),
+    "event": lambda ctx, s: ctx.game.events[0].clear(),
+    "errors": lambda ctx, s: ctx.game.errors.append({}),
+    "counts": lambda ctx, s: ctx.game.counts["other"].clear(),
+    "others' memory": lambda ctx, s: ctx.game.memories["other"].clear(),
+    "team memory": lambda ctx, s: setitem(ctx.game.team_memories, "blue", {}),
+    "memory_of": lambda ctx, s: ctx.game.memory_of("other").clear(),
+    "fact": lambda ctx, s: setitem(s["facts"], "x", 1),
+    "array in a fact": lambda ctx, s: setitem(s["facts"]["heat"], 0, 9.0),
+    "array in a fact unlocked": lambda ctx, s: s["facts"]["heat"].setflags(write=True),
+    "array deep in a fact": lambda ctx, s: s["facts"]["nested"]["rows"][0].fill(9),
+    "bytes in a fact": lambda ctx, s: s["facts"]["nested"]["log"].append(1),
+    "publish": lambda ctx, s: ctx.game.publish(x=1),
+    "publish_anew": lambda ctx, s: ctx.game.publish_anew({}),
+    "add": lambda ctx, s: ctx.game.add(lambda ctx: None),
+    "remove": lambda ctx, s: ctx.game.remove("weather"),
+    "collect": lambda ctx, s: ctx.game.collect("x", lambda ctx: 1),
+    "configure": lambda ctx, s: ctx.game.configure({"legal": "any"}),
+    "emit": lambda ctx, s: ctx.game.emit("x"),
+    "end": lambda ctx, s: ctx.game.end("x", winner="red"),
+    "take_over": lambda ctx, s: ctx.game.take_over({"reason": "x", "winner": "red", "truncated": False}),
+    "eliminate": lambda ctx, s: ctx.game.eliminate("other"),
+    "respawn": lambda ctx, s: ctx.game.respawn("other", 0),
+    "game step": lambda ctx, s: ctx.game.step(),
+    "game run": lambda ctx, s: ctx.game.run(1),
+    "game reset": lambda ctx, s: ctx.game.reset(),
+    "observation": lambda ctx, s: ctx.game.observation("other"),
+    "begin_anew": lambda ctx, s: ctx.game.begin_anew(),
+    "begin_from_here": lambda ctx, s: ctx.game.begin_from_here(),
+    "seating": lambda ctx, s: ctx.game.seating(),
+    "game close": lambda ctx, s: ctx.game.close(),
+    "after_reset": lambda ctx, s: ctx.game.after_reset.append(print),
+    "after_observing": lambda ctx, s: ctx.game.after_observing.clear(),
+    "set_graph_visual": lambda ctx, s: ctx.visual.set_graph_visual(),
+    "set_agent_visual": lambda ctx, s: ctx.visual.set_agent_visual("other", color="green"),
+    "set_sensor_visual": lambda ctx, s: ctx.visual.set_sensor_visual("others"),
+    "set_obstacle_visual": lambda ctx, s: ctx.visual.set_obstacle_visual(),
+    "set_values": lambda ctx, s: ctx.visual.set_values(nodes={0: 1.0}),
+    "add_artist": lambda ctx, s: ctx.visual.add_artist("x", {}),
+    "remove_artist": lambda ctx, s: ctx.visual.remove_artist("other"),
+    "artist": lambda ctx, s: ctx.visual.shown_artists()["other"].set_visible(False),
+    "inside an artist's data": lambda ctx, s: ctx.visual.shown_artists()["other"].data.clear(),
+    "simulate": lambda ctx, s: ctx.visual.simulate(),
+    "look_at": lambda ctx, s: ctx.visual.look_at(0, 0, 5),
+    "follow": lambda ctx, s: ctx.visual.follow("other", 5),
+    "film": lambda ctx, s: ctx.visual.film("cheat.gif"),
+    "after_turn": lambda ctx, s: ctx.visual.after_turn.clear(),
+    "visual terminate": lambda ctx, s: ctx.visual.terminate(),
+    "record start": lambda ctx, s: ctx.record.start("cheat"),
+    "record stop": lambda ctx, s: ctx.record.stop(),
+    "record pause": lambda ctx, s: ctx.record.pause(),
+    "record play": lambda ctx, s: ctx.record.play(),
+    "record event": lambda ctx, s: ctx.record.event("x"),
+    "record write": lambda ctx, s: ctx.record.write(gamms.typing.OpCodes.SIMULATE, {}),
+    "record replay": lambda ctx, s: ctx.record.replay("cheat"),
+    "add_component": lambda ctx, s: ctx.record.add_component("x", object()),
+    "delete_component": lambda ctx, s: ctx.record.components.delete_component("x"),
+    "component": lambda ctx, s: ctx.record.component({"x": int})(type("X", (), {})),
+    "terminate": lambda ctx, s: ctx.terminate(),
+    "ctx exit": lambda ctx, s: ctx.__exit__(None, None, None),
+    "set_alive": lambda ctx, s: ctx.set_alive(),
+    "reseed": lambda ctx, s: ctx.reseed(5),
+    "rng": lambda ctx, s: ctx.rng.random(),
+    "ictx": lambda ctx, s: ctx.ictx.terminate(),
+    "user's attribute": lambda ctx, s: setitem(other(ctx).meta, "hp", 0),
+    "inside a user's attribute": lambda ctx, s: other(ctx).meta["hp"].append(0),
+    "rules": lambda ctx, s: ctx.game.rules.clear(),
+}
+
+HARMLESS = {  # on what is a copy, or the strategy's own
+    "roll": lambda ctx, s: vandalise(ctx.agent.roll()),
+    "standing": lambda ctx, s: vandalise(ctx.agent.standing()),
+    "teams": lambda ctx, s: vandalise(ctx.agent.teams),
+    "agents of the game": lambda ctx, s: vandalise(ctx.game.agents),
+    "described sensors": lambda ctx, s: vandalise(ctx.sensor.described()),
+    "described visuals": lambda ctx, s: vandalise(ctx.visual.described()),
+    "node_attributes": lambda ctx, s: vandalise(ctx.graph.node_attributes(4)),
+    "neighborhoods": lambda ctx, s: vandalise(ctx.graph.graph.neighborhoods),
+    "columns": lambda ctx, s: [vandalise(part) for part in ctx.graph.columns().bends.values()],
+    "obstacle_columns": lambda ctx, s: vandalise(ctx.graph.obstacle_columns()),
+    "weights": lambda ctx, s: vandalise(ctx.graph.weights(None)),
+    "distances": lambda ctx, s: vandalise(ctx.graph.distances(source=0)),
+    "shortest_path": lambda ctx, s: vandalise(ctx.graph.shortest_path(0, 8)),
+    "visibility": lambda ctx, s: vandalise(ctx.graph.visibility(30.0).from_node(0)),
+    "result": lambda ctx, s: vandalise(vars(ctx.game.result())),
+    "settings": lambda ctx, s: vandalise(ctx.game.plain_settings()),
+    "starts": lambda ctx, s: vandalise(ctx.game.starts),
+    "start_node": lambda ctx, s: ctx.game.start_node("other"),
+    "sense_many": lambda ctx, s: vandalise(sensor(ctx, "tower").sense_many([0, 4, 8])),
+    "sense_many of others": lambda ctx, s: vandalise(sensor(ctx).sense_many([0, 4])),
+    "last_view": lambda ctx, s: vandalise(sensor(ctx, "tower").last_view()),
+    "own data": lambda ctx, s: vandalise(sensor(ctx, "inbox").data),
+    "sensed": lambda ctx, s: vandalise(s["sensor"]),
+    "own state": lambda ctx, s: s.clear(),
+    "own state legal": lambda ctx, s: s.update(legal=(8,)),
+    "no legal": lambda ctx, s: s.pop("legal"),
+    "moves of the last turn": lambda ctx, s: vandalise(ctx.game.moves),
+    "tracks": lambda ctx, s: vandalise(ctx.game.tracks(ctx.game.agents)),
+    "picture": lambda ctx, s: ctx.visual.picture(".svg"),
+    "draw_commands": lambda ctx, s: ctx.visual.draw_commands(),
+    "stream": lambda ctx, s: ctx.stream("x").random(),
+    "copy": lambda ctx, s: look_ahead(copy.deepcopy(ctx)),
+}
+
+
+def look_ahead(ctx):
+    for agent in ctx.agent.create_iter():
+        agent.register_strategy(None)
+    assert ctx.game.run(ctx.game.turn + 1).agents["other"]["alive"]
+
+
+def vandalise(value):
+    """Change whatever can be changed."""
+    if isinstance(value, np.ndarray):
+        if value.flags.writeable:
+            value.fill(77)
+        return
+    parts = (
+        list(value.values()) if isinstance(value, Mapping) else list(value) if isinstance(value, list | tuple) else ()
+    )
+    for part in parts:
+        vandalise(part)
+    for spoil in ("clear", "reverse"):
+        if hasattr(value, spoil):
+            getattr(value, spoil)()
+
+
+@pytest.mark.parametrize("name", [*SETTERS, *VERBS])
+def test_a_strategy_cannot_change_anything_but_by_its_action(grid, name):
+    caught = []
+
+    def cheat(ctx, state):
+        with pytest.raises((Meddling, TypeError, AttributeError, ValueError, KeyError)) as raised:
+            (SETTERS | VERBS)[name](ctx, state)
+        caught.append(raised.value)
+
+    with world(grid, cheat) as ctx:
+        before = public(ctx)
+        result = ctx.game.run(2)
+        assert len(caught) == 2
+        if name in SETTERS:
+            assert isinstance(caught[0], Meddling)
+            assert f"may not set {'ctx' if 'engine' in name else ''}" in str(caught[0])
+        assert public(ctx) == before
+        assert (result.turns, result.reason, result.errors) == (2, "max_turns", [])
+
+
+@pytest.mark.parametrize("name", ["create_agent", "delete_agent", "record stop", "agent alive", "data", "terminate"])
+@pytest.mark.parametrize("is_recorded", [False, True])
+def test_a_cheat_that_is_not_caught_stops_the_game_or_is_counted(grid, tmp_path, name, is_recorded):
+    with world(grid, (SETTERS | VERBS)[name]) as ctx:
+        if is_recorded:
+            ctx.record.start(tmp_path / "game")
+        before = public(ctx)
+        with pytest.raises((Meddling, TypeError)) as raised:
+            ctx.game.run(2)
+        assert raised.value.__notes__[-1] == "In the strategy of agent 'cheater', in turn 0."
+        assert (public(ctx), ctx.game.turn) == (before, 0)
+        ctx.game.on_error = "stay"
+        before = public(ctx)
+        result = ctx.game.run(2)
+        assert public(ctx) == before
+        assert (result.turns, result.agents["cheater"]["errors"], result.agents["other"]["errors"]) == (2, 2, 0)
+        ctx.game.reset()
+        ctx.game.on_error = "stay"
+        assert ctx.game.run(2) == result
+
+
+def test_a_recording_of_a_game_full_of_cheats_is_that_of_a_game_without(grid, tmp_path):
+    def every_cheat(ctx, state):
+        for cheat in (SETTERS | VERBS).values():
+            with pytest.raises((Meddling, TypeError, AttributeError, ValueError, KeyError)):
+                cheat(ctx, state)
+
+    recorded = []
+    for name, cheat in (("fair", lambda ctx, state: None), ("cheats", every_cheat)):
+        with world(grid, cheat) as ctx:
+            ctx.record.start(tmp_path / name)
+            ctx.game.run(3)
+            ctx.record.stop()
+            recorded.append((tmp_path / f"{name}.ggr").read_bytes())
+    assert recorded[0] == recorded[1]
+
+
+@pytest.mark.parametrize("name", HARMLESS)
+def test_what_a_strategy_is_handed_is_a_copy(grid, name):
+    with world(grid, lambda ctx, state: None) as fair:
+        expected = fair.game.run(2)
+    with world(grid, HARMLESS[name]) as ctx:
+        before = public(ctx)
+        result = ctx.game.run(2)
+        assert public(ctx) == before
+        assert result.agents["other"] == expected.agents["other"]
+        assert ctx.agent.get_agent("other").get_state()["sensor"]["others"][1] == {"cheater": 0, "drone": 8}
+
+
+@pytest.mark.parametrize("spoil", [dict.clear, lambda state: state.pop("legal"), lambda state: state.pop("action")])
+@pytest.mark.parametrize("speed", [None, 2])
+def test_a_state_without_an_action_is_no_action_whatever_else_is_gone(grid, spoil, speed):
+    def strategy(state):
+        state["action"] = "nonsense"
+        spoil(state)
+        state.pop("action", None)
+
+    with grid() as ctx:
+        agent = ctx.agent.create_agent("a", start_node_id=0, strategy=strategy, speed=speed)
+        result = ctx.game.run(2)
+        assert (agent.current_node_id, result.agents["a"]["illegal"]) == (0, 2)
+        assert "legal are [0, 1, 4" in result.errors[0]["message"]
+        ctx.game.on_illegal = "raise"
+        with pytest.raises(gamms.game.IllegalAction, match="set no state"):
+            ctx.game.step()
+
+
+@pytest.mark.parametrize("error", [KeyboardInterrupt, SystemExit, GeneratorExit])
+@pytest.mark.parametrize("budget", [None, 9.0])
+def test_an_interrupt_changes_nothing_and_closes_the_phase(grid, error, budget):
+    def interrupted(ctx, state):
+        with pytest.raises(Meddling):
+            other(ctx).current_node_id = 0
+        raise error
+
+    with world(grid, interrupted, time_budget=budget) as ctx:
+        before = public(ctx)
+        with pytest.raises(error):
+            ctx.game.run(2)
+        assert (public(ctx), ctx.game.turn, ctx.game.is_deciding) == (before, 0, False)
+        other(ctx).current_node_id = 0
+        ctx.game.data["x"] = 1
+        ctx.agent.get_agent("cheater").register_strategy(None)
+        assert ctx.game.run(1).turns == 1
+
+
+def test_what_one_agent_did_wrong_is_told_when_all_have_decided(grid):
+    seen = []
+    with grid(on_error="stay") as ctx:
+        ctx.agent.create_agent("a", start_node_id=0, strategy=lambda state: state["nothing"])
+        ctx.agent.create_agent("b", start_node_id=1, strategy=lambda state: seen.append(len(ctx.game.errors)))
+        assert len(ctx.game.run(2).errors) == 4
+        assert seen == [0, 2]
+
+
+def test_an_agent_sees_its_own_memory_and_state_and_no_other(grid):
+    seen = []
+
+    def look(state):
+        state["memory"]["n"] = state["memory"].get("n", 0) + 1
+        seen.append((ctx.game.memories, ctx.agent.get_agent(state["name"]).state is state))
+        with pytest.raises(Meddling, match="look into the state of agent"):
+            ctx.agent.get_agent({"a": "b", "b": "a"}[state["name"]]).state["action"]
+
+    with grid(on_illegal="stay") as ctx:
+        for name in "ab":
+            ctx.agent.create_agent(name, start_node_id=0, strategy=look)
+        ctx.game.run(1)
+        assert seen == [({"a": {"n": 1}}, True), ({"b": {"n": 1}}, True)]
+        assert ctx.game.memories == {"a": {"n": 1}, "b": {"n": 1}}
+
+
+def test_looks_that_a_strategy_tries_do_not_change_what_is_noticed(grid):
+    def play(is_trying):
+        with grid(side=5, seed=4) as ctx:
+            eyes = ctx.sensor.create_sensor("eyes", SensorType.AGENT_RANGE, sensor_range=99, detection=0.5)
+
+            def look(state):
+                if is_trying:
+                    eyes.sense_many([0, 1, 2])
+                    with pytest.raises(Meddling):
+                        eyes.notice.is_noticed(ctx, "b", ["a"], np.zeros(1))
+                seen.append(dict(state["sensor"].get("eyes", (None, {}))[1]))
+
+            seen = []
+            for i, name in enumerate("abcdef"):
+                ctx.agent.create_agent(name, start_node_id=i, sensors=["eyes"], strategy=look)
+            ctx.game.run(3)
+            return seen
+
+    assert play(is_trying=True) == play(is_trying=False)
+
+
+def test_nested_lists_of_function_sensors_are_no_channel(grid):
+    with grid() as ctx:
+        ctx.game.data["inbox"] = [{"seen": []}, np.zeros(2)]
+        ctx.sensor.from_function("inbox", lambda node_id, agent: ctx.game.data["inbox"])
+
+        def write(state):
+            inbox = state["sensor"]["inbox"][1]
+            assert inbox[0]["seen"] == []
+            assert inbox[1].sum() == 0
+            inbox[0]["seen"].append(7)
+            inbox[1][0] = 7
+
+        for name in "ab":
+            ctx.agent.create_agent(name, start_node_id=0, sensors=["inbox"], strategy=write)
+        ctx.game.run(2)
+        assert ctx.game.data["inbox"][0] == {"seen": []}
+
+
+def test_what_sensors_of_a_class_of_its_own_show_is_copied_in_a_game(grid):
+    class Shared:
+        def __init__(self):
+            self.sensor_id, self.type, self.data = "shared", SensorType.CUSTOM, {"log": []}
+
+        def sense(self, node_id):
+            pass
+
+        update = set_owner = sense
+
+    with grid() as ctx:
+        ctx.sensor.add_sensor(Shared())
+        for name in "ab":
+            strategy = lambda state: state["sensor"]["shared"][1]["log"].append(1)
+            ctx.agent.create_agent(name, start_node_id=0, sensors=["shared"], strategy=strategy)
+        ctx.game.run(2)
+        assert ctx.sensor.get_sensor("shared").data == {"log": []}
+        state = ctx.agent.get_agent("a").get_state()
+        assert state["sensor"]["shared"][1] is ctx.sensor.get_sensor("shared").data  # in a loop of one's own
+
+
+def test_rules_and_other_contexts_are_free(grid):
+    with grid() as ctx, grid() as planned:
+        ahead = planned.agent.create_agent("a", start_node_id=0)
+
+        def plan(state):
+            ahead.current_node_id = state["curr_pos"] + 1
+            planned.game.data["n"] = 1
+
+        agent = ctx.agent.create_agent("a", start_node_id=0, strategy=plan, meta={"hp": 3})
+
+        @ctx.game.add
+        def rule(ctx):
+            agent.meta["hp"] -= 1
+            agent.current_node_id = 5
+            ctx.game.data["n"] = 1
+
+        ctx.game.run(1)
+        assert (ahead.current_node_id, agent.current_node_id, agent.meta) == (1, 5, {"hp": 2})
+
+
+# -- that nothing is forgotten -----------------------------------------------------------------------------------------
+
+READERS = {
+    "Context": "chance is_terminated stream",
+    "Game": "length_of plain_settings result settings start_node tracks",
+    "AgentEngine": "create_iter get_agent roll settle standing",
+    "Agent": "",
+    "AerialAgent": "",
+    "SensorEngine": "described get_sensor",
+    "Sensor": "heading last_view outline place places_of pose sense_many",
+    "Notice": "on_trial repeated wanted",
+    "GraphEngine": """columns distance distance_matrix distances edge_attributes from_latlon get_obstacle_face
+        get_obstacle_faces nearest_node networkx_labels node_attributes obstacle_columns packed packed_part place
+        shortest_path to_latlon to_networkx visibility visibility_table visible weights""",
+    "Graph": """among columns distance distance_matrix distances edge_attributes from_latlon get_edge get_edges
+        get_neighbors get_node get_nodes has_node nearest_node node_attributes nodes_near place positions
+        shortest_path to_latlon to_networkx weights within""",
+    "NoEngine": """artist as_html clear_layer create_layer described draw_commands extent fill_layer frame get_viewport
+        human_input is_shown noted of_map picture pointed position_of render_circle render_circles render_discs
+        render_image render_layer render_line render_lines render_linestring render_polygon render_polygons
+        render_rectangle
+        render_text save shown_artists stay_open update""",
+    "Artist": "get_artist_type get_drawer get_layer get_render_mode get_visible",
+    "Recorder": "component_iter get_component is_component_registered record time",
+    "Components": "component_iter get_component is_component_registered kept since snapshot told",
+}
+OWN = {"Components": {"begin", "abandon", "assign"}, "Recorder": {"component"}}  # of the program's own objects
+PARTS = {
+    "NoEngine": {"motion", "happenings", "carriers"},
+    "Game": {"conflicts"},
+    "Agent": {"state"},
+}  # see docs/game.md
+
+
+def objects(ctx):
+    yield from (ctx, ctx.game, ctx.agent, *ctx.agent.agents.values(), ctx.sensor, *ctx.sensor.sensors.values())
+    yield from (sensor(ctx).notice, ctx.graph, ctx.graph.graph, ctx.visual, ctx.visual.shown_artists()["other"])
+    yield from (ctx.record, ctx.record.components)
+
+
+def kind_of(thing):
+    return "Sensor" if hasattr(thing, "sensor_id") else type(thing).__name__
+
+
+def members(thing):
+    """Public name -> whether it is a verb."""
+    names = {name for name in (*dir(type(thing)), *getattr(thing, "__dict__", {})) if not name.startswith("_")}
+    return {name: callable(inspect.getattr_static(thing, name, None)) for name in sorted(names)}
+
+
+def arguments(verb):
+    """One argument for each that is needed."""
+    parameters = inspect.signature(verb).parameters.values()
+    needed = [one for one in parameters if one.default is one.empty and one.kind is one.POSITIONAL_OR_KEYWORD]
+    return [None] * len(needed)
+
+
+def is_fixed(value):
+    """Whether a value cannot be changed: a read-only copy of it is itself, or it refuses."""
+    if isinstance(value, ReadOnlyMapping):
+        return all(map(is_fixed, value.values()))
+    if isinstance(value, tuple):
+        return all(map(is_fixed, tuple.__iter__(value)))
+    return isinstance(value, Guarded) or frozen(value) is value
+
+
+def complaints(thing):
+    kind = kind_of(thing)
+    for name, is_verb in members(thing).items():
+        if is_verb:
+            if name not in READERS[kind].split() and name not in OWN.get(kind, ()):
+                verb = getattr(thing, name)
+                yield from refusal(f"{kind}.{name}()", partial(verb, *arguments(verb)))
+            continue
+        yield from refusal(f"{kind}.{name} =", partial(setattr, thing, name, 5))
+        try:
+            value = getattr(thing, name)
+        except (Meddling, AttributeError):
+            continue
+        is_copy = getattr(thing, name) is not value
+        if name not in ("ctx", "logger", *PARTS.get(kind, ())) and not is_copy and not is_fixed(value):
+            yield f"{kind}.{name} hands out {value!r:.80}"
+
+
+def refusal(what, deed):
+    try:
+        deed()
+    except Meddling:
+        return
+    except Exception as error:  # noqa: BLE001 - whatever it is, it is no refusal
+        yield f"{what} raises {error!r:.80}"
+    else:
+        yield f"{what} is not refused"
+
+
+def test_no_verb_setter_or_attribute_is_forgotten(grid):
+    """Where this fails, mark the verb `@refused_while_deciding`, make the attribute `Protected`, or list the reader."""
+    found = []
+
+    def look(ctx, state):
+        found.extend(complaint for thing in objects(ctx) for complaint in complaints(thing))
+
+    with world(grid, look) as ctx:
+        for kind in SensorType:
+            if kind not in (SensorType.CUSTOM, SensorType.NEIGHBOR) and kind.value < 14:
+                ctx.sensor.create_sensor(f"one more {kind.name}", kind)
+        ctx.game.run(1)
+    assert found == [], "\n".join(found)
+
+
+def test_a_read_only_copy_is_one_all_the_way_down():
+    class Thing:
+        def __init__(self):
+            self.parts = []
+
+    thing = Thing()
+    given = {"list": [1, {2}], "array": np.ones((2, 2)), "bytes": bytearray(b"a"), "thing": thing, "row": (1, [2])}
+    shown = frozen(given)
+    assert shown == {**given, "list": (1, frozenset({2})), "array": shown["array"], "bytes": b"a", "row": (1, (2,))} | {
+        "thing": shown["thing"]
+    }
+    assert shown["thing"] is not thing
+    for array in (shown["array"], frozen(np.zeros(0)), frozen(np.array("2024-01-01", "M8[D]"))):
+        with pytest.raises(ValueError, match="WRITEABLE"):
+            array.setflags(write=True)
+    objects = frozen(np.array([[1], [2, 3]], object))
+    assert objects.tolist() == [(1,), (2, 3)]
+    assert not objects.flags.writeable
+
+
+@pytest.mark.parametrize("value", [SimpleNamespace(x=1), [{"a": SimpleNamespace()}], np.random.default_rng(1)])
+def test_a_fact_that_may_change_is_refused_by_name(grid, value):
+    with grid() as ctx:
+        with pytest.raises(TypeError, match="fact 'thing' has an object of the class"):
+            ctx.game.publish(fine=1, thing=value)
+        assert ctx.game.facts == {}
+
+
+def test_facts_may_be_of_kinds_that_cannot_change(grid):
+    with grid() as ctx:
+        table = ctx.graph.visibility(20.0)
+        agent = ctx.agent.create_agent("a", start_node_id=0)
+        facts = {"kind": SensorType.MAP, "node": ctx.graph.graph.get_node(0), "edge": ctx.graph.graph.get_edge(0)}
+        facts |= {"table": table, "agent": agent, "far": ctx.graph.distance, "number": np.float64(2), "on": Meddling}
+        ctx.game.publish(**facts)
+        assert all(ctx.game.facts[name] is fact for name, fact in facts.items() if name != "far")
+
+
+def test_a_published_array_may_be_written_to_afterwards_and_the_fact_stays(grid):
+    heat = np.zeros(3)
+    with grid() as ctx:
+        ctx.game.publish(heat=heat)
+        heat[0] = 9
+        assert ctx.game.facts["heat"].tolist() == [0, 0, 0]
