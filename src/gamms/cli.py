@@ -26,6 +26,7 @@ from gamms.cli_output import (
 )
 from gamms.demo import Team
 from gamms.errors import GammsError
+from gamms.text import printable_line
 
 app = typer.Typer(
     name="gamms",
@@ -130,7 +131,7 @@ def play_scenario(
             game = game.replace(turns=turns)
         found = _found_strategies(strategies or [])
         for line in _code_of(game, found):
-            typer.echo(f"imports {line}")
+            typer.echo(f"imports {printable_line(line)}")
         with game.build(seed, {team: _imported(*one) for team, one in found.items()}) as ctx:
             with recorded(ctx, out) as recording:
                 result = ctx.game.run(progress=True)
@@ -158,7 +159,7 @@ def check_scenario(
         game = scenario.load(file, allow or ())
         done = game.check()
         for one in game.code() if build else []:
-            typer.echo(f"imports {one.path}: {one}")
+            typer.echo(f"imports {printable_line(f'{one.path}: {one}')}")
         if build:
             game.build().terminate()
             done.append("the whole game, built once")
@@ -245,14 +246,16 @@ def _code_of(game: Any, chosen: dict[str, Any]) -> Iterator[str]:
 
 def _tell_result(out: Console, game: Any, result: Any) -> None:
     """Print what came of a scenario."""
-    out.print(f"\n[bold]{escape(game.spec.name or 'A game')}[/], seed {result.seed}")
+    out.print(f"\n[bold]{escape(printable_line(game.spec.name or 'A game'))}[/], seed {result.seed}")
     end = f"{result.winner} wins" if result.winner is not None else "nobody wins"
-    out.print(f"[bold]{escape(f'{end} after {result.turns} turns: {result.reason}')}[/]\n")
+    out.print(f"[bold]{escape(printable_line(f'{end} after {result.turns} turns: {result.reason}'))}[/]\n")
     rows = []
     for team in game.spec.teams:
         agents = [agent for agent in result.agents.values() if agent["team"] == team]
         alive, moves = sum(agent["alive"] for agent in agents), sum(agent["moves"] for agent in agents)
-        rows.append((team, str(len(agents)), str(alive), str(moves), f"{result.scores.get(team, 0):g}"))
+        rows.append(
+            (escape(printable_line(team)), str(len(agents)), str(alive), str(moves), f"{result.scores.get(team, 0):g}")
+        )
     out.print(rich_table(("team", "agents", "alive", "moves", "score"), rows))
     if result.errors:
         out.print(f"\n{len(result.errors)} actions were replaced by staying; errors in result.json says which.")

@@ -3,6 +3,7 @@
 import json
 
 import pytest
+import yaml
 from typer.testing import CliRunner
 
 from gamms import cli
@@ -110,3 +111,19 @@ def test_a_package_is_allowed_by_the_caller(folder):
         assert "facts.x: the installed package 'networkx' does not offer networkx:freeze to scenarios." in done.stderr
         done = run(*command, "little.yaml", "--allow", "networkx")
         assert done.exit_code == 0
+
+
+def test_names_cannot_command_the_terminal(folder):
+    given = json.loads(json.dumps(yaml.safe_load((folder / "little.yaml").read_text())))
+    given["name"] = "little \x1b[2J"
+    given["teams"]["\x1b]0;green\x07"] = {"count": 1, "strategy": "players:wander"}
+    (folder / "odd.json").write_text(json.dumps(given))
+    played, checked = run("run", "odd.json"), run("scenario", "check", "odd.json", "--build")
+    assert r"imports teams.\u001b]0;green\u0007.strategy: players:wander" in played.stdout
+    given["teams"]["\x1b]0;green\x07"]["\x1b[2J"] = 3
+    (folder / "odd.json").write_text(json.dumps(given))
+    refused = run("run", "odd.json")
+    assert refused.exit_code == 1
+    for done in (played, checked, refused):
+        assert "\x1b" not in done.output
+        assert "\x07" not in done.output

@@ -203,6 +203,21 @@ def test_what_a_file_only_imports_is_told_by_a_check(folder, made):
         made({"teams.red.strategy": "helper:alias"}).build()
 
 
+def test_no_package_on_the_way_to_a_file_leads_out_of_the_folder(folder, made):
+    (folder.parent / "outside.py").write_text("raise RuntimeError('this was run')\n")
+    (folder / "sub").mkdir()
+    (folder / "sub" / "__init__.py").symlink_to(folder.parent / "outside.py")
+    (folder / "sub" / "own.py").write_text("def local(state): state['action'] = state['curr_pos']\n")
+    for name in ("sub.own:local", "sub/own.py:local"):
+        with pytest.raises(ScenarioError, match=r"sub/__init__\.py' leads out of the folder"):
+            made({"teams.red.strategy": name}).check()
+
+
+def test_what_the_caller_replaces_is_not_imported(folder, made):
+    (folder / "players.py").write_text("raise RuntimeError('this was run')\ndef wander(state): pass\n")
+    assert made().play(strategies={"red": gamms.strategies.stay}).agents["red_0"]["moves"] == 0
+
+
 def test_a_package_offers_what_its_entry_points_name(made, package):
     name = package("PACKAGE.players:raid", "PACKAGE:walk", "PACKAGE.players:system", "yaml", "os:system")
     made({"teams.red.strategy": f"{name}.players:raid"}).play()

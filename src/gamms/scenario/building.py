@@ -47,6 +47,9 @@ class Building:
     def __init__(self, ctx: Context, spec: Spec, library: Library, strategies: Strategies) -> None:
         self.ctx, self.spec, self.library, self.given = ctx, spec, library, strategies
         self.members = members(spec)
+        self.by_team: dict[str, list[Member]] = {}
+        for member in self.members:
+            self.by_team.setdefault(member.team, []).append(member)
         self._agents: dict[str, _Built] = {}
         self._rules: dict[str, Rule] = {}  # by their names in the game
         self._values = values_of(ctx.game)
@@ -227,7 +230,8 @@ class Building:
     def _mapped(self, member: Member, code: Code, path: str, mapped: dict[str, Mapping[str, Any]]) -> Any:
         """What a module's `map_strategy` says for an agent: it is asked once for all that name the module there."""
         if path not in mapped:
-            listed = [one for one in self.members if path in (f"teams.{one.team}.strategy", f"{one.path}.strategy")]
+            is_of_team = member.told is None or member.told.strategy is None
+            listed = self.by_team[member.team] if is_of_team else [member]
             config = {one.name: {"start_node_id": self._agents[one.name].node, **self.config(one)} for one in listed}
             function = self.library.get(code.function, path)
             answer = called(function, self.parameters(code.with_, f"{path}.with"), (config,), path)

@@ -35,10 +35,18 @@ class Library:
         Raises:
             ScenarioError: there is none; it names the path.
         """
-        key = f"{short}:{text}" if short and ":" not in text else text
+        key = _key(text, short)
         if key not in self._known:
             self._known[key] = function_of(find(text, self._sources, path, short=short), self._sources.folder)
         return self._known[key]
+
+    def known(self, text: str, short: str | None = None) -> Callable[..., Any] | None:
+        """Return the function of a reference if something has asked for it; else None, and nothing is imported."""
+        return self._known.get(_key(text, short))
+
+
+def _key(text: str, short: str | None) -> str:
+    return f"{short}:{text}" if short and ":" not in text else text
 
 
 def function_of(found: Found, folder: Path | None) -> Callable[..., Any]:

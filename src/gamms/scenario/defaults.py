@@ -15,12 +15,10 @@ _GIVEN_LATER = ("ctx", "state")  # parameters of functions that the game calls
 
 
 def written_out(spec: Spec, library: Library) -> dict[str, Any]:
-    """Return what a scenario says as plain values, with the defaults of its keys and of the functions that it names.
+    """Return what a scenario says as plain values, with the defaults of its keys and of the functions that were used.
 
-    A default that is no plain value, such as a function, is left out.
-
-    Raises:
-        ScenarioError: code that the scenario names is not there.
+    A default that is no plain value, such as a function, is left out. Nothing is imported: what has been replaced by
+    the caller, such as a strategy, stays as it is written.
     """
     return _Defaults(library).of(copied(plain_of(spec)))
 
@@ -49,7 +47,7 @@ class _Defaults:
         rule: dict[str, Any] = (
             {"rule": given, "with": {}, "phase": "after", "name": None} if isinstance(given, str) else given
         )
-        function = self._library.get(rule["rule"], path, RULES)
+        function = self._library.known(rule["rule"], RULES)
         return {**rule, "with": self._with(function, rule["with"], f"{path}.with")}
 
     def _sensor(self, sensor: dict[str, Any], path: str) -> dict[str, Any]:
@@ -57,19 +55,21 @@ class _Defaults:
             kind = sensor_type(sensor["type"])
             usual = {} if kind is None else copied(KINDS[kind].keywords)
             return {**sensor, **{name: value for name, value in usual.items() if sensor[name] is None}}
-        function = self._library.get(sensor["function"], path)
+        function = self._library.known(sensor["function"])
         given = sensor["with"] or {}
-        is_made = given or first_of(function) == "ctx"  # else it is called in every turn
+        is_made = given or (function is not None and first_of(function) == "ctx")  # else it is called in every turn
         return {**sensor, "with": self._with(function, given, f"{path}.with") if is_made else None}
 
     def _code(self, given: Any, path: str) -> Any:
         """A strategy, a generator, or a call among parameters."""
         code: dict[str, Any] = {"function": given, "with": {}} if isinstance(given, str) else given
-        function = self._library.get(code["function"], path)
+        function = self._library.known(code["function"])
         return {**code, "with": self._with(function, code.get("with") or {}, f"{path}.with")}
 
-    def _with(self, function: Callable[..., Any], given: Mapping[str, Any], path: str) -> dict[str, Any]:
+    def _with(self, function: Callable[..., Any] | None, given: Mapping[str, Any], path: str) -> dict[str, Any]:
         written = self._values(given, path)
+        if function is None:
+            return written
         first = (None,) if first_of(function) in _GIVEN_LATER else ()
         if not given and needs(function, first):
             return written  # it is taken as it is: with parameters it would be called

@@ -5,6 +5,7 @@ from contextlib import contextmanager
 from typing import Any
 
 from gamms.errors import GammsError
+from gamms.text import printable
 
 _LONGEST = 500  # letters of a path
 
@@ -19,7 +20,7 @@ class ScenarioError(GammsError, ValueError):
 
     def __init__(self, path: str, message: str, file: object = None) -> None:
         self.path, self.message, self.file = path, message, None if file is None else str(file)
-        super().__init__(": ".join(part for part in (self.file, path, message) if part))
+        super().__init__(printable(": ".join(part for part in (self.file, path, message) if part)))
 
     def within(self, file: object) -> "ScenarioError":
         """The same error, with the file it is about."""

@@ -184,7 +184,7 @@ def _located(text: str, sources: Sources, path: str, short: str | None = None) -
         dotted = ".".join(PureWindowsPath(left).with_suffix("").parts)
         if not _is_dotted(dotted):
             raise ScenarioError(path, f"{left!r} cannot be imported: it may have letters, digits and _ in its name.")
-        return Found(path, text, dotted, function, file, private_package(folder or Path()))
+        return _in(folder or Path(), Found(path, text, dotted, function, file, None))
     if not _is_dotted(left):
         raise ScenarioError(path, f"{shown(text)} is no reference to code; write module:function.")
     if left.partition(".")[0] == "gamms":
@@ -194,9 +194,17 @@ def _located(text: str, sources: Sources, path: str, short: str | None = None) -
         return Found(path, text, left, function, None, None)
     in_folder = None if folder is None else _in_folder(left, folder, path)
     if folder is not None and in_folder is not None:
-        return Found(path, text, left, function, in_folder, private_package(folder))
+        return _in(folder, Found(path, text, left, function, in_folder, None))
     found = Found(path, text, left, function, None, None)
     return found._replace(owner=_owner(found, sources))
+
+
+def _in(folder: Path, found: Found) -> Found:
+    """The same, if no package that is imported on the way to it leads out of the folder."""
+    *packages, _ = found.module.split(".")
+    for depth in range(1, len(packages) + 1):
+        inside("/".join([*packages[:depth], "__init__.py"]), folder, found.path, "Python file")
+    return found._replace(owner=private_package(folder))
 
 
 def _in_folder(dotted: str, folder: Path, path: str) -> Path | None:
