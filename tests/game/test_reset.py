@@ -307,6 +307,30 @@ def test_an_agent_that_comes_with_a_sensor_in_mid_game_can_come_again(ctx, play,
         assert list(replayed.agent.agents) == ["a", "b"]
 
 
+@pytest.mark.parametrize("phase", ["before", "after"])
+def test_a_rule_may_reset_the_game(ctx, play, phase):
+    agent = play("a", 0, 1, 2, 3, 7)
+    again = iter([False, False, True] + [False] * 9)
+
+    @ctx.game.add(phase=phase)
+    def restart(ctx):
+        if next(again):
+            ctx.game.reset(9)
+
+    ctx.game.run(3)
+    ctx.game.run(2)
+    ctx.game.reset()
+    assert (ctx.game.turn, agent.current_node_id, ctx.seed) == (0, 0, 9)
+
+
+def test_a_reset_to_the_seed_it_has_changes_nothing_before_the_first_turn(grid):
+    with grid(seed=3) as ctx, grid(seed=3) as other:
+        drawn = ctx.rng.random(), other.rng.random()
+        ctx.game.reset(3)
+        assert drawn[0] == drawn[1]
+        assert ctx.rng.random() == other.rng.random()
+
+
 def test_a_recording_made_after_a_reset_is_that_of_a_fresh_game(grid):
     def recorded(ctx):
         file = BytesIO()

@@ -3,7 +3,7 @@
 from io import BytesIO
 
 import pytest
-from hypothesis import given, settings
+from hypothesis import example, given, settings
 from hypothesis import strategies as st
 
 from gamms import recorder, scenario
@@ -149,6 +149,8 @@ def recorded(ctx):
 
 
 @settings(max_examples=4, deadline=None)
+@example(seeds=[1], plays=False)
+@example(seeds=[5, 1], plays=True)
 @given(seeds=st.lists(st.integers(0, 2**40), min_size=1, max_size=3), plays=st.booleans())
 def test_a_game_that_is_reset_to_a_seed_is_the_game_of_that_seed(game, seeds, plays):
     ctx = game.build()
@@ -252,6 +254,18 @@ def test_a_seed_by_which_not_all_can_be_placed_leaves_the_game_as_it_was(tmp_pat
             ctx.game.reset(bad)
         assert ctx.seed == good
         assert ctx.game.run() == first
+
+
+def test_a_game_that_goes_on_from_a_recording_begins_there_with_any_seed(game):
+    data = recorded(game.build())[1]
+    with recorder.open(BytesIO(data)) as recording, recording.resume(4, ctx=game.build()) as ctx:
+        nodes, facts = [agent.current_node_id for agent in ctx.game.agents], repr(ctx.game.facts)
+        ctx.game.reset(5)
+        assert ([agent.current_node_id for agent in ctx.game.agents], repr(ctx.game.facts)) == (nodes, facts)
+        ctx.game.run(2)
+        ctx.game.reset(6)
+        assert (ctx.game.turn, ctx.seed) == (4, 6)
+        assert ([agent.current_node_id for agent in ctx.game.agents], repr(ctx.game.facts)) == (nodes, facts)
 
 
 def test_places_are_drawn_again_for_every_seed():

@@ -203,8 +203,7 @@ class Game(Settings):
         if self.ctx.is_terminated() or self._over is not None:
             return False
         if not self._has_begun:
-            self._start, self._has_begun = start.taken(self, self._start), True
-            self._players.update(self.ctx.agent.agents)
+            self._begin()
         self._ruleset.warn_of_unknown_teams()
         self._chance.begin_turn()
         self._is_stepping = True
@@ -214,10 +213,17 @@ class Game(Settings):
             self._is_stepping = False
         return self._over is None
 
+    def _begin(self) -> None:
+        """Keep how everything is before the first turn."""
+        self._start, self._has_begun = start.taken(self, self._start), True
+        self._players.update(self.ctx.agent.agents)
+
     def _step(self) -> None:
         self._apply_rules("before")
         if self.is_over:
             return
+        if not self._has_begun:  # a rule has reset the game
+            self._begin()
         turn.play_turn(self)
         self.turn += 1
         try:
@@ -302,20 +308,20 @@ class Game(Settings):
             seed: all random streams follow from it; None repeats the game.
         """
         wanted = None if seed is None else as_int(seed, "seed")
-        begun, self._has_begun = self._has_begun, False
-        if not begun and wanted is None:
-            return
-        last = self.ctx.seed
-        if begun and self._start is not None:
-            last = self._start.seed
+        if self._has_begun and self._start is not None:
+            self._has_begun = False
             self._start.restore(self)
-        new = last if wanted is None else wanted
-        if self.draw_start is None or new == last:
-            self._reseed(new)
-        else:
-            self._draw_start(new, last)
-        for tell in self.after_reset:
-            tell()
+            self._reseed(self._start.seed)
+        elif wanted is None:
+            return
+        try:
+            if wanted == self.ctx.seed:
+                self.ctx.is_seeded = True
+            elif wanted is not None:
+                self._begin_with(wanted)
+        finally:
+            for tell in self.after_reset:
+                tell()
 
     # -- for rules ----------------------------------------------------------------------------------------------
 
@@ -409,7 +415,7 @@ class Game(Settings):
         """Forget everything that has happened, and let `reset` come back to how things are at the next turn."""
         self.begin_anew()
         self.forget_streams()
-        self._start, self._has_begun = None, False
+        self._start, self._has_begun, self.draw_start = None, False, None
 
     @refused_while_deciding
     def publish_anew(self, facts: Mapping[str, Any]) -> None:
@@ -472,15 +478,18 @@ class Game(Settings):
         self.ctx.reseed(seed, None if self._start is None else self._start.chance_of(seed))
         self.forget_streams()
 
-    def _draw_start(self, seed: int, last: int) -> None:
-        """Let everything follow from a seed, the start too; from the last one again if that cannot be."""
+    def _begin_with(self, seed: int) -> None:
+        """Let everything follow from another seed, the start too; from the last one again if that cannot be."""
+        if self.draw_start is None:
+            self._reseed(seed)
+            return
+        last, chance = self.ctx.seed, self.ctx.chance()
         self.ctx.reseed(seed)
         self.forget_streams()
         try:
-            if self.draw_start is not None:
-                self.draw_start()
+            self.draw_start()
         except BaseException:
-            self._reseed(last)
+            self.ctx.reseed(last, chance)
             raise
 
     @refused_while_deciding
