@@ -63,7 +63,7 @@ def test_what_is_declared_after_the_start_looks_the_same(ctx, tmp_path):
     assert copied(data) == data
 
 
-def test_what_is_declared_in_the_first_turn_is_in_the_header_whenever_it_is_written(monkeypatch):
+def test_what_is_declared_in_the_first_turn_is_in_the_header_whenever_it_is_written(tmp_path):
     def play(ctx):
         ctx.visual.set_graph_visual(node_size=4.5)
         a_game(ctx)
@@ -75,8 +75,10 @@ def test_what_is_declared_in_the_first_turn_is_in_the_header_whenever_it_is_writ
         (graph,) = rec.header["visuals"]["artists"]
         assert graph["keywords"]["node_size"] == 4.5
         assert rec.counts()["VISUALS"] == 1
-    monkeypatch.setattr("gamms.recorder.session._PATIENCE_S", 0.0)
-    assert recorded(play) == data
+    with grid_context() as ctx:
+        ctx.record.start(tmp_path / "game")
+        play(ctx)
+    assert (tmp_path / "game.ggr").read_bytes() == data
 
 
 def test_artists_of_the_context_stay_as_they_are(ctx):
