@@ -33,9 +33,12 @@ def write_whole(path: Path, data: bytes) -> None:
 def whole_file(path: Path) -> Iterator[Path]:
     """A file to be written in the `with` block, which is put in its place at the end; an error leaves nothing of it.
 
+    What a symbolic link leads to is written, and the link stays.
+
     Raises:
         OSError: it cannot be put there; nothing has changed then.
     """
+    path = Path(os.path.realpath(path))
     beside = path.with_name(f".{path.name}.{os.getpid()}.part")
     try:
         yield beside

@@ -38,6 +38,27 @@ def helsinki():
     return cloud([(385_000, 6_672_000), (386_000, 6_672_000), (386_000, 6_673_000)], "EPSG:32635")
 
 
+def test_degrees_off_the_map_have_no_nearest_node(helsinki):
+    lat, lon = helsinki.to_latlon(385_500, 6_672_500)
+    assert helsinki.nearest_node(lat=lat, lon=lon) in (100, 101, 102)
+    assert helsinki.nearest_node(lat=lat, lon=lon + 0.02) == 101  # 1.1 km east of it, and the map is 1.4 km wide
+    for far, km in (((61.5, 23.8), "159"), ((48.1, 24.9), "1,34")):
+        with pytest.raises(BadValue, match=rf"is {km}.* km from the nearest node: the map reaches from lat=60\.1"):
+            helsinki.nearest_node(lat=far[0], lon=far[1])
+    with pytest.raises(BadValue, match=r"lat=61\.5, lon=23\.8 is"):
+        helsinki.nearest_node(lat=[lat, 61.5], lon=[lon, 23.8])
+    assert helsinki.nearest_node(0, 0) == 100
+
+
+@pytest.mark.parametrize("crs", sorted(ZONES))
+def test_near_a_single_node_degrees_find_it(crs):
+    lat, lon = ZONES[crs]
+    graph = cloud([Graph.from_latlon(cloud([], crs), lat=lat, lon=lon)], crs)
+    assert graph.nearest_node(lat=lat + 0.005, lon=lon) == 100
+    with pytest.raises(BadValue, match="km from the nearest node"):
+        graph.nearest_node(lat=lat + 0.02, lon=lon)
+
+
 # -- degrees ----------------------------------------------------------------------------------------------------
 
 

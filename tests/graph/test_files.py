@@ -554,6 +554,19 @@ def test_a_graph_with_too_many_names_is_not_saved(ctx, tmp_path):
     assert not (tmp_path / "map").exists()
 
 
+def test_a_symbolic_link_stays_one(ctx, tmp_path):
+    (tmp_path / "there").mkdir()
+    for name in ("there/a.gamms", "there/none.gamms"):
+        link, target = tmp_path / name.replace("/", "-"), tmp_path / name
+        ctx.graph.save(tmp_path / "there" / "a.gamms")
+        link.symlink_to(target)
+        ctx.graph.graph.add_nodes([len(ctx.graph.graph)], [0], [0])
+        ctx.graph.save(link)
+        assert link.is_symlink()
+        assert target.read_bytes() == ctx.graph.packed()
+    assert sorted(path.name for path in (tmp_path / "there").iterdir()) == ["a.gamms", "none.gamms"]
+
+
 def test_a_missing_folder_is_named_before_anything_is_written(ctx, tmp_path):
     with pytest.raises(FileNotFoundError, match=r"no folder .*missing.* Create it first"):
         ctx.graph.save(tmp_path / "missing" / "a.gamms")

@@ -5,7 +5,7 @@ import pytest
 from shapely import LineString
 
 from gamms.errors import BadType, BadValue
-from gamms.osm import process_osm_graph
+from gamms.osm import obstacle_from_file, process_osm_graph
 
 
 def street(**about):
@@ -31,6 +31,14 @@ def test_both_directions_of_a_curved_street_share_nodes(bidirectional):
     assert graph.graph["crs"] == "EPSG:32635"
     attributes = {"id", "length", "linestring", "name", "oneway", "speed_kph", "travel_time"}
     assert all(set(data) == attributes for *_, data in graph.edges(data=True))
+
+
+@pytest.mark.parametrize("crs", ["EPSG:2263", "EPSG:2277", "+proj=utm +zone=35 +units=km"])
+def test_a_map_in_feet_is_not_taken_for_one_in_metres(crs, tmp_path):
+    with pytest.raises(BadValue, match=r"counts in .*, and lengths and heights of maps are in metres"):
+        process_osm_graph(street(crs=crs))
+    with pytest.raises(BadValue, match="in metres"):
+        obstacle_from_file(tmp_path / "any.osm", crs=crs)
 
 
 def test_directions_are_honoured_only_if_asked_for():

@@ -294,6 +294,9 @@ def test_an_impossible_argument_is_refused_before_anything_is_asked(server, chan
     assert server.asked == []
 
 
+DATE_LINE = shapely.MultiPolygon([shapely.box(179.99, -17, 180, -16.9), shapely.box(-180, -17, -179.99, -16.9)])
+
+
 @pytest.mark.parametrize(
     ("call", "error", "words"),
     [
@@ -311,6 +314,9 @@ def test_an_impossible_argument_is_refused_before_anything_is_asked(server, chan
         (lambda: graph_from_polygon("POLYGON ((0 0, 1 0, 0 1, 0 0))"), TypeError, "polygon must be a shapely"),
         (lambda: graph_from_polygon(shapely.Point(24, 60)), TypeError, "polygon must be a shapely"),
         (lambda: graph_from_polygon(shapely.Polygon()), ValueError, "outline is empty"),
+        (lambda: graph_from_point(-16.8, 180.0, 900), ValueError, "both sides of the 180th meridian"),
+        (lambda: graph_from_point(-16.8, 179.999, 900), ValueError, "both sides of the 180th meridian"),
+        (lambda: graph_from_polygon(DATE_LINE), ValueError, "both sides of the 180th meridian"),
         (lambda: graph_from_polygon(shapely.box(3.8e5, 6.6e6, 3.9e5, 6.7e6)), ValueError, "not degrees"),
         (
             lambda: graph_from_polygon(shapely.Polygon([(24, 60), (25, 61), (25, 60), (24, 61)])),

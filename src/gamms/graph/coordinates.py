@@ -8,6 +8,7 @@ from gamms.errors import BadType, BadValue
 from gamms.ir import projection
 from gamms.ir.graph import FloatArray
 
+_NEAR_M = 1_000.0  # from which a place is never too far
 _MOST_LAT, _MOST_LON = 90.0, 360.0  # degrees; both -10 and 350 are in use for the same meridian
 
 
@@ -37,6 +38,32 @@ def places_of(crs: str | None, xy: tuple[Any, Any], latlon: tuple[Any, Any]) -> 
     if all(is_latlon) and not any(is_xy):
         return _projected(crs, *latlon, "graph.nearest_node(lat=, lon=)")
     raise BadType("Give a place as nearest_node(x, y) or as nearest_node(lat=…, lon=…).")
+
+
+def refuse_far(crs: str, nodes: FloatArray, places: FloatArray, nearest: FloatArray) -> None:
+    """Refuse places that are meant to be on a map, and are not.
+
+    Args:
+        crs: of the map.
+        nodes: (nodes, 2) of the map; one at least.
+        places: (places, 2)
+        nearest: (places, 2) the nodes nearest to them.
+
+    Raises:
+        BadValue: a place is farther from the map than the map is wide, and farther than a kilometre.
+    """
+    bounds = np.stack((nodes.min(axis=0), nodes.max(axis=0)))
+    south_west, north_east = projection.project(bounds, crs, projection.WGS84)
+    width = float(projection.ellipsoid_lengths(south_west[None], north_east[None])[0])
+    there, near = (projection.project(points, crs, projection.WGS84) for points in (places, nearest))
+    off = projection.ellipsoid_lengths(there, near)
+    far = np.flatnonzero(off > max(width, _NEAR_M))
+    if len(far):
+        (west, south), (east, north), (lon, lat) = (point.tolist() for point in (south_west, north_east, there[far[0]]))
+        raise BadValue(
+            f"lat={lat:.6g}, lon={lon:.6g} is {off[far[0]] / 1000.0:,.1f} km from the nearest node: the map reaches "
+            f"from lat={south:.6g}, lon={west:.6g} to lat={north:.6g}, lon={east:.6g}. Is this the right map?"
+        )
 
 
 def pairs(first: Any, second: Any, names: tuple[str, str]) -> FloatArray:

@@ -10,7 +10,7 @@ import numpy as np
 from gamms import kernels
 from gamms.arguments import as_float
 from gamms.deciding import Guarded, refused_while_deciding
-from gamms.errors import BadValue, DuplicateId, UnknownName
+from gamms.errors import BadValue, DuplicateId, MissingKey, UnknownName
 from gamms.graph import records
 from gamms.graph.bulk import checked_edges, checked_nodes
 from gamms.graph.indexes import Indexes, Neighborhoods
@@ -21,6 +21,7 @@ from gamms.graph.ways import Ways
 from gamms.graph.weights import edge_weights
 from gamms.ir.graph import FloatArray, GraphColumns, IntArray
 from gamms.readonly import ReadOnlyMapping, frozen
+from gamms.text import shown
 from gamms.typing.graph_engine import Node, NodeColumns, OSMEdge, Surroundings
 
 if TYPE_CHECKING:
@@ -377,7 +378,10 @@ class Graph(Guarded, Copied, Ways):
 
     def _end_rows(self, edge: dict[str, Any], id: int) -> tuple[int, int]:
         row_of = self._nodes.index.row
-        source, target = edge["source"], edge["target"]
+        try:
+            source, target = edge["source"], edge["target"]
+        except KeyError as error:  # as 1.0.0 has it; for what else is missing it has a ValueError
+            raise MissingKey(f"Edge {id} needs the key {error}; got only {', '.join(map(shown, edge))}.") from None
         ends = row_of(records.as_id(source, "a node")), row_of(records.as_id(target, "a node"))
         if ends[0] < 0 or ends[1] < 0:
             raise UnknownName(f"node at the end of edge {id}:", source if ends[0] < 0 else target)

@@ -8,7 +8,7 @@ import numpy as np
 from gamms import kernels
 from gamms.arguments import as_float, as_int, as_range
 from gamms.errors import BadType, BadValue
-from gamms.graph.coordinates import places_of
+from gamms.graph.coordinates import places_of, refuse_far
 from gamms.ir.graph import FloatArray, IntArray
 
 if TYPE_CHECKING:
@@ -26,6 +26,9 @@ def nearest_node(graph: "Graph", xy: tuple[Any, Any], latlon: tuple[Any, Any]) -
         raise BadValue("The graph has no nodes, so none is nearest. Add nodes first.")
     nearest = graph._indexes.nearest
     rows = np.array([nearest(x, y) for x, y in places.reshape(-1, 2).tolist()], np.int64)
+    if latlon[0] is not None and graph.crs is not None:
+        known = graph._nodes.array("xy")
+        refuse_far(graph.crs, known[graph._nodes.living()], places.reshape(-1, 2), known[rows])
     ids = graph._nodes.array("ids")[rows]
     return int(ids[0]) if places.ndim == 1 else ids
 

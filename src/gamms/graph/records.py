@@ -140,8 +140,16 @@ def is_everywhere(d: float, x: float, y: float) -> bool:
     """Whether the disc of radius d around (x, y) is meant to be the whole plane.
 
     Raises:
-        BadValue: one of them is NaN.
+        BadType: one of them is no number.
+        BadValue: one of them is NaN, or a finite disc has no finite middle.
     """
-    if isnan(d) or isnan(x) or isnan(y):
-        raise BadValue(f"A place and a distance must be numbers, not d={d}, x={x}, y={y}.")
-    return d < 0 or d == inf
+    try:
+        is_bad = isnan(d) or not isfinite(x) or not isfinite(y)
+    except (TypeError, OverflowError):
+        raise BadType(
+            f"A place and a distance must be numbers, not d={shown(d)}, x={shown(x)}, y={shown(y)}."
+        ) from None
+    is_all = d < 0 or d == inf
+    if is_bad and (isnan(d) or isnan(x) or isnan(y) or not is_all):
+        raise BadValue(f"A place must be finite, and a distance a number, not d={d}, x={x}, y={y}.")
+    return is_all

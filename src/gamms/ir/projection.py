@@ -83,17 +83,24 @@ def ellipsoid_lengths(start: FloatArray, end: FloatArray) -> FloatArray:
 
 
 def crs_of(crs: Any) -> tuple[str, bool]:
-    """The text of a CRS that a graph names, and whether it counts in degrees.
+    """The text of a CRS that a graph names, and whether it counts in degrees; else it counts in metres.
 
     Raises:
-        BadValue: it names no CRS.
+        BadValue: it names no CRS, or one that counts in something else, such as feet.
     """
     pyproj = _pyproj()
     try:
         known = pyproj.CRS.from_user_input(crs)
     except pyproj.exceptions.CRSError as error:
         raise BadValue(f"graph['crs'] is {crs!r}, which names no CRS. Give one such as 'EPSG:32635'.") from error
-    return str(known.to_string()), bool(known.is_geographic)
+    name = str(known.to_string())
+    for axis in known.axis_info[:2]:
+        if not known.is_geographic and axis.unit_conversion_factor not in (0.0, 1.0):  # 0: unknown
+            raise BadValue(
+                f"{name:.80} counts in {axis.unit_name}, and lengths and heights of maps are in metres. Project the "
+                "map to a CRS in metres, such as that of its UTM zone."
+            )
+    return name, bool(known.is_geographic)
 
 
 def _is_in_zone(lonlat: FloatArray, crs: str) -> "np.ndarray[Any, np.dtype[np.bool_]]":

@@ -38,6 +38,7 @@ _SEARCH_S = 30.0  # Nominatim answers at once, unlike Overpass
 _MOST_KM2 = 20_000.0
 _KM_PER_DEGREE = 111.32
 _FARTHEST = (180.0, 90.0)
+_DATE_LINE = "it lies on both sides of the 180th meridian, where map servers end; take one side, or read a file"
 _OTHER_PLACE = "Check the spelling, or use graph_from_point or graph_from_bbox."
 _OTHER_STREETS = "Try a larger area, or another osm_type or custom_filter."
 _OTHER_TAGS = "Try a larger area, or other tags."
@@ -305,9 +306,11 @@ def _fault_of(polygon: Any) -> str:
     """Why no map can be made of the area inside a shapely shape, in words."""
     if polygon.geom_type not in ("Polygon", "MultiPolygon"):
         return f"it is a {polygon.geom_type}, not an area"
+    west, south, east, north = polygon.bounds
+    if max(-west, east) <= _FARTHEST[0] < east - west:  # of a circle around the meridian, the outline crosses itself
+        return _DATE_LINE
     if polygon.is_empty or not polygon.is_valid:
         return "its outline is empty or crosses itself"
-    west, south, east, north = polygon.bounds
     if max(-west, east) > _FARTHEST[0] or max(-south, north) > _FARTHEST[1]:
         return f"its bounds {polygon.bounds} are not degrees of longitude and latitude"
     km2 = polygon.area * _KM_PER_DEGREE**2 * math.cos(math.radians((south + north) / 2.0))

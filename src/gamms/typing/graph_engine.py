@@ -279,7 +279,8 @@ class IGraph(ABC):
         The straight line counts. Of several equally near nodes, the first in insertion order is meant.
 
         Raises:
-            BadValue (ValueError): the graph has no nodes, or the place is none.
+            BadValue (ValueError): the graph has no nodes, or the place is none; or degrees are farther from the
+                nearest node than the map is wide, and farther than a kilometre.
             BadType (TypeError): not exactly one of (x, y) and (lat, lon) is given.
         """
         raise NotOffered(self, "nearest_node")

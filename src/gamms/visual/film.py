@@ -159,7 +159,7 @@ class Film:
         self._place = plan.path.resolve()
         if self._place in _being_made:
             raise Duplicate("a film that is being made", str(plan.path))
-        self._part = plan.path.with_name(f".{plan.path.name}.{os.getpid()}.part")
+        self._part = self._place.with_name(f".{self._place.name}.{os.getpid()}.part")
         self._writer: FilmWriter | None = FILMS[plan.path.suffix.lower()](self._part, plan.width, plan.height, plan.fps)
         _being_made[self._place] = self
         self.frames = 0
@@ -189,7 +189,7 @@ class Film:
         try:
             if self.frames:
                 writer.finish()
-                self._part.replace(self.plan.path)
+                self._part.replace(self._place)
             else:
                 writer.discard()
                 self._frames.engine.ctx.logger.warning(
