@@ -168,7 +168,7 @@ def consolidated_graph(osmg: Any, tolerance: float) -> "nx.MultiDiGraph[int]":
     """Merge the nodes of a networkx graph that make up one junction; the result can be cut by `process_osm_graph`.
 
     Junctions, where three roads or more end, that a road of at most twice the tolerance joins become one
-    node, unless it would be wider than four tolerances. What is near and not joined stays apart.
+    node, unless it would be wider than three tolerances. What is near and not joined stays apart.
 
     Args:
         osmg: as for `process_osm_graph`.
