@@ -7,7 +7,7 @@ from contextlib import suppress
 from threading import Event, Lock, Thread
 from time import sleep
 
-INTERVAL_S = 0.5
+INTERVAL_S = 0.25
 
 
 class Saving:
