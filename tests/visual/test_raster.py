@@ -223,7 +223,7 @@ def test_stamps_look_the_same_whether_or_not_changes_are_tracked():
     for is_tracked in (False, True):
         canvas = Canvas(100, 50, is_tracked=is_tracked)
         canvas.fill(WHITE)
-        canvas.stamps(zip(spots * 3, [(-2, 3), (0, 4), (50, 20), (52, 22), (98, 48), (200, 10)], strict=True))
+        canvas.stamps(zip(spots * 3, [(-2, 3), (0, 4), (50, 20), (52, 22), (98, 48), (200, 10)], strict=True), 6)
         pictures.append(canvas.pixels())
     assert (pictures[0] == pictures[1]).all()
     assert (pictures[0] != 255).any()

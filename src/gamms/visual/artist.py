@@ -2,7 +2,7 @@
 
 from collections.abc import Iterator, Mapping
 from enum import Enum
-from typing import Any
+from typing import Any, ClassVar
 
 from gamms.arguments import as_int
 from gamms.deciding import Guarded, Protected, phase_of, refused_while_deciding
@@ -24,7 +24,13 @@ class RenderMode(Enum):
 
 
 class Artist(Guarded, IArtist):
-    """Draws one thing: `drawer(ctx, data)`, or a shape that is described by `data`."""
+    """Draws one thing: `drawer(ctx, data)`, or a shape that is described by `data`.
+
+    Attributes:
+        edits: a number that changes whenever anything but the data of any artist does.
+    """
+
+    edits: ClassVar[int] = 0
 
     _called = "artist"
 
@@ -47,6 +53,7 @@ class Artist(Guarded, IArtist):
         layer = as_int(layer, "The layer of an artist")
         self._layer_dirty |= layer != self._layer
         self._layer = layer
+        Artist.edits += 1
 
     def get_layer(self) -> int:
         """The layer."""
@@ -56,6 +63,7 @@ class Artist(Guarded, IArtist):
     def set_visible(self, visible: bool) -> None:
         """Show or hide."""
         self._visible = bool(visible)
+        Artist.edits += 1
 
     def get_visible(self) -> bool:
         """Whether it is shown."""
@@ -69,6 +77,7 @@ class Artist(Guarded, IArtist):
         if not callable(drawer):
             raise BadType(f"A drawer is a function (ctx, data) or a Shape, not {drawer!r}.")
         self._drawer: Drawer = drawer
+        Artist.edits += 1
 
     def get_drawer(self) -> Drawer:
         """The function that draws."""
@@ -80,6 +89,7 @@ class Artist(Guarded, IArtist):
         if not isinstance(artist_type, ArtistType):
             raise BadType(f"An artist type is ArtistType.STATIC or ArtistType.DYNAMIC, not {artist_type!r}.")
         self._artist_type = artist_type
+        Artist.edits += 1
 
     def get_artist_type(self) -> ArtistType:
         """Static or dynamic."""

@@ -1,7 +1,7 @@
 """Collects draw commands, one by one or in bulk, and freezes them into columns."""
 
 from array import array
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import replace
 from typing import Any, NamedTuple
 
@@ -11,24 +11,22 @@ from gamms.arguments import as_float, as_range
 from gamms.errors import BadValue
 from gamms.ir.draw import DrawCommands, DrawKind, DrawSpace
 from gamms.ir.graph import FloatArray, IntArray
-from gamms.visual.color import Rgba, rgba
+from gamms.visual.color import rgba
 
 _ONE = array("q", (1,))  # point, of as many commands as it is repeated
+_CIRCLES = 4  # that make a disc: two edges and two areas, in world units and in pixels
 _FARTHEST = 1e12  # beyond it, differences of coordinates lose their metres
+_COLUMNS = {"kind": "q", "layer": "q", "space": "q", "size": "d", "width": "d", "angle": "d"}  # and their type codes
 
 
-class _Run(NamedTuple):
-    """Commands in a row that differ in nothing but their points."""
+class Disc(NamedTuple):
+    """The look of a disc with an edge: `radius` in world units, but at least some pixels."""
 
-    commands: int
-    kind: int
-    layer: int
-    space: int
-    size: float
-    width: float
-    angle: float
-    color: Rgba
-    text: str
+    radius: float
+    at_least_px: float
+    color: Any
+    edge: Any
+    edge_px: float = 3.0  # half of it is hidden
 
 
 class Commands:
@@ -36,7 +34,8 @@ class Commands:
 
     def __init__(self) -> None:
         self.layer = 0
-        self._runs: list[_Run] = []
+        self._columns = {name: array(code) for name, code in _COLUMNS.items()}
+        self._color, self._text = bytearray(), list[str]()
         self._points: list[FloatArray] = []
         self._counts = array("q")  # of points, of each command
 
@@ -47,17 +46,23 @@ class Commands:
         points = _as_points(centers)
         self._add(DrawKind.CIRCLE, points, _ONE * len(points), color, space=space, size=radius, width=width)
 
-    def add_discs(self, centers: Any, radius: float, at_least_px: float, color: Any, edge: Any, edge_px: float) -> None:
-        """Draw equal discs with an edge, `radius` in world units but never less than some pixels."""
-        points, ink, rim = _as_points(centers), rgba(color), rgba(edge)
-        radius, least = _as_extent(radius, "size"), _as_extent(at_least_px, "size")
-        # Both edges come first, so that the larger disc hides the edge of the smaller.
-        for width, paint in ((_as_extent(edge_px, "width"), rim), (0.0, ink)):
-            for size, space in ((radius, DrawSpace.WORLD), (least, DrawSpace.SCREEN)):
-                run = _Run(len(points), DrawKind.CIRCLE, self.layer, space, size, width, 0.0, paint, "")
-                self._runs.append(run)
-                self._points.append(points)
-                self._counts.extend(_ONE * len(points))
+    def add_discs(self, centers: Any, discs: Sequence[Disc], looks: IntArray) -> None:
+        """Draw discs around `centers` (discs, 2), each above those before it; `looks` (discs,) are rows of `discs`."""
+        points, n = np.repeat(_as_points(centers), _CIRCLES, axis=0), _CIRCLES * len(looks)
+        sizes, widths, inks = [], [], []
+        for disc in discs:
+            radius, least = _as_extent(disc.radius, "size"), _as_extent(disc.at_least_px, "size")
+            edge_px, edge, ink = _as_extent(disc.edge_px, "width"), rgba(disc.edge), rgba(disc.color)
+            # Both edges come first, so that the larger disc hides the edge of the smaller.
+            sizes.append((radius, least, radius, least))
+            widths.append((edge_px, edge_px, 0.0, 0.0))
+            inks.append((edge, edge, ink, ink))
+        spaces = np.tile(np.array((DrawSpace.WORLD, DrawSpace.SCREEN), np.int64), n // 2)
+        size, width = (np.array(column, np.float64)[looks] for column in (sizes, widths))
+        values = {"kind": DrawKind.CIRCLE, "layer": self.layer, "space": spaces, "size": size, "width": width}
+        self._append(n, values | {"angle": 0.0}, np.array(inks, np.uint8)[looks].tobytes(), "")
+        self._points.append(points)
+        self._counts.extend(_ONE * n)
 
     def add_lines(
         self, points: Any, offsets: Any, color: Any, width: float = 1.0, space: DrawSpace = DrawSpace.SCREEN
@@ -132,35 +137,36 @@ class Commands:
         text: str = "",
     ) -> None:
         size, width = _as_extent(size, "size"), _as_extent(width, "width")
-        self._runs.append(_Run(len(counts), kind, self.layer, space, size, width, angle, rgba(color), text))
+        values = {"kind": kind, "layer": self.layer, "space": space, "size": size, "width": width, "angle": angle}
+        self._append(len(counts), values, bytes(rgba(color)) * len(counts), text)
         self._points.append(points)
         if isinstance(counts, np.ndarray):
             self._counts.frombytes(counts.astype(np.int64).tobytes())
         else:
             self._counts.extend(counts)
 
+    def _append(self, commands: int, values: Mapping[str, Any], color: bytes, text: str) -> None:
+        """Append a value for all commands, or an array with one for each, to every column."""
+        for name, column in self._columns.items():
+            value = values[name]
+            if isinstance(value, np.ndarray):
+                column.frombytes(value.tobytes())
+            elif commands == 1:
+                column.append(value)
+            else:
+                column.extend(array(column.typecode, (value,)) * commands)
+        self._color += color
+        self._text += [text] * commands
+
     def freeze(self) -> DrawCommands:
         """Everything added so far, as read-only columns."""
-        runs = np.array([run.commands for run in self._runs], np.int64)
-        columns: list[Any] = list(zip(*self._runs, strict=True)) or [()] * len(_Run._fields)
-        values, texts = dict(zip(_Run._fields, columns, strict=True)), list[str]()
-        for run in self._runs:
-            texts += [run.text] * run.commands
-
-        def column(name: str, dtype: type[np.generic]) -> "np.ndarray[Any, Any]":
-            return _read_only(np.repeat(np.array(values[name], dtype), runs, axis=0))
-
+        columns = {name: _read_only(np.array(column)) for name, column in self._columns.items()}
         return DrawCommands(
-            kind=column("kind", np.int64),
-            layer=column("layer", np.int64),
-            space=column("space", np.int64),
-            size=column("size", np.float64),
-            width=column("width", np.float64),
-            angle=column("angle", np.float64),
-            color=_read_only(column("color", np.uint8).reshape(-1, 4)),
+            **columns,
+            color=_read_only(np.array(self._color, np.uint8).reshape(-1, 4)),
             offsets=_read_only(np.concatenate(([0], np.cumsum(np.array(self._counts, np.int64))))),
             points=_read_only(np.concatenate([np.empty((0, 2)), *self._points])),
-            text=tuple(texts),
+            text=tuple(self._text),
         )
 
 

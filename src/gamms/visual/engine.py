@@ -1,14 +1,15 @@
 """What every visual engine can do: draw the present state as commands, pictures, frames and films."""
 
 import os
-from collections.abc import Callable, Mapping
+from collections.abc import Callable
 from typing import TYPE_CHECKING, Any
 
 from gamms.arguments import as_float
 from gamms.deciding import Protected, outside_of_deciding, refused_while_deciding
 from gamms.errors import BadValue, ContextTerminated, GammsError
 from gamms.ir.draw import DrawCommands
-from gamms.typing import ArtistType, ColorType, IArtist, IContext
+from gamms.typing import ColorType, IArtist, IContext
+from gamms.visual.artist_group import ArtistGroup
 from gamms.visual.camera import Camera, Follow, Look
 from gamms.visual.color import PAPER
 from gamms.visual.declarations import Declarations
@@ -170,8 +171,8 @@ class PictureEngine(Declarations):
         return usual.artists()
 
     @outside_of_deciding
-    def draw_commands(self) -> DrawCommands:
-        """The present state as draw commands.
+    def draw_commands(self, share: float = 1.0) -> DrawCommands:
+        """Return the present state as draw commands, after a share of the agents' last moves from 0.0 to 1.0.
 
         Where no visual was declared, the graph and the agents are drawn in a default look. A drawer that
         raises is logged, and the others draw on.
@@ -179,18 +180,12 @@ class PictureEngine(Declarations):
         Raises:
             ContextTerminated: the context has ended.
         """
-        return self._drawn(self.shown_artists())
+        return self._drawn(ArtistGroup(self.ctx, self.shown_artists()), share)
 
-    def _drawn(self, artists: Mapping[str, IArtist], share: float = 1.0) -> DrawCommands:
+    def _drawn(self, group: ArtistGroup, share: float = 1.0) -> DrawCommands:
         """What artists draw after a share of the agents' last moves, from 0.0 to 1.0."""
-        from gamms.visual import picture
-
-        for artist in artists.values():
-            data = getattr(artist, "data", None)
-            if isinstance(data, dict) and artist.get_artist_type() is ArtistType.DYNAMIC:
-                data["_alpha"] = share
         with self._collecting() as commands:
-            picture.paint(artists, commands, self.ctx.logger)
+            group.draw(commands, share)
         return commands.freeze()
 
     @outside_of_deciding
@@ -253,7 +248,7 @@ class PictureEngine(Declarations):
         from gamms.visual.legend import blocks_of
 
         sheet, artists = picture.sheet(format, width, height, dpi), self.shown_artists()
-        commands, blocks = self._drawn(artists), blocks_of(self.ctx, artists)
+        commands, blocks = self._drawn(ArtistGroup(self.ctx, artists)), blocks_of(self.ctx, artists)
         camera, note = self.pointed(sheet.width, sheet.height), self.noted(note)
         return picture.painted(sheet, commands, blocks, camera, title=title, note=note, background=background)
 

@@ -8,7 +8,6 @@ from weakref import WeakValueDictionary
 
 from gamms.arguments import as_float, as_int, as_path
 from gamms.errors import BadValue, Duplicate, MissingFolder
-from gamms.ir.draw import DrawCommands
 from gamms.typing import ColorType, IArtist
 from gamms.visual import picture
 from gamms.visual.backends import FILMS, FilmWriter
@@ -94,7 +93,7 @@ class Frames:
         background: ColorType,
         scene: Scene | None = None,
     ) -> None:
-        self.engine, self.scene = engine, scene or Scene(self._world)
+        self.engine, self.scene = engine, scene or Scene(engine.ctx, self._world)
         self._title, self._note, self._background = title, note, rgba(background)
         self._canvas = Canvas(width, height, is_tracked=True)
         self._camera: Camera | None = None
@@ -117,10 +116,7 @@ class Frames:
             self.begin_turn()
         artists = self._artists or {}
 
-        def draw(members: dict[str, IArtist]) -> DrawCommands:
-            return self.engine._drawn(members, share)
-
-        self.scene.draw(artists, draw, is_new_turn=self._is_new_turn)
+        self.scene.draw(artists, lambda group: self.engine._drawn(group, share), is_new_turn=self._is_new_turn)
         self._is_new_turn = False
         camera = self._view(share)
         is_moving = self.engine.followed is not None  # so what does not change is shifted, not painted anew

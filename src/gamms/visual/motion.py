@@ -1,11 +1,13 @@
-"""Where agents are between two turns: on their way along the street they took, or through the air."""
+"""Positions of agents between two turns: on their way along the street they took, or through the air."""
 
 from bisect import bisect_right
+from collections.abc import Sequence
 from typing import Any, NamedTuple, cast
 
 import numpy as np
 
-from gamms.errors import ContextTerminated, UnknownName
+from gamms import kernels
+from gamms.errors import ContextTerminated
 from gamms.ir.graph import FloatArray, GraphColumns, IntArray
 from gamms.typing import IAerialAgent, IAgent, IContext
 from gamms.typing.agent_engine import AgentType
@@ -13,32 +15,53 @@ from gamms.typing.agent_engine import AgentType
 _Point = tuple[float, float]
 
 
-class Way(NamedTuple):
-    """A polyline, and how far along it each of its points lies, from 0.0 to 1.0."""
+class Paths(NamedTuple):
+    """Polylines of moves, and how far along them each of their points lies, from 0.0 to 1.0."""
 
-    points: list[_Point]
-    shares: list[float]
+    points: FloatArray  # (points, 2)
+    shares: FloatArray  # (points,)
+    offsets: IntArray  # (paths + 1,)  path `i` is `points[offsets[i]:offsets[i + 1]]`
 
     @classmethod
-    def through(cls, points: FloatArray) -> "Way":
-        """The way through points (points, 2)."""
-        lengths = np.hypot(*np.diff(points, axis=0).T)
-        shares = np.concatenate([[0.0], np.cumsum(lengths)]) / (float(lengths.sum()) or 1.0)
-        return cls([(x, y) for x, y in points.tolist()], shares.tolist())
+    def through(cls, straight: FloatArray, bends: Sequence[FloatArray]) -> "Paths":
+        """Paths from start to end, (paths, 2, 2), then paths along polylines, (points, 2) each."""
+        counts = np.array([*[2] * len(straight), *map(len, bends)], np.int64)
+        is_long = (straight[:, 0] != straight[:, 1]).any(axis=1)
+        shares = np.column_stack([np.zeros(len(straight)), is_long]).ravel()
+        points = np.concatenate([straight.reshape(-1, 2), *bends])
+        offsets = np.concatenate(([0], np.cumsum(counts)))
+        return cls(points, np.concatenate([shares, *map(_shares, bends)]), offsets)
 
-    def at(self, share: float) -> _Point:
-        """The point after a share of the way's length."""
-        place = min(max(bisect_right(self.shares, share), 1), len(self.points) - 1)
-        (x0, y0), (x1, y1) = self.points[place - 1 : place + 1]
-        step = self.shares[place] - self.shares[place - 1]
-        part = (share - self.shares[place - 1]) / step if step > 0.0 else 1.0
-        return x0 + part * (x1 - x0), y0 + part * (y1 - y0)
+    def at(self, share: float) -> FloatArray:
+        """The points (paths, 2) after a share of each path's length."""
+        if len(self.points) == 0:
+            return np.empty((0, 2))
+        first, last = self.offsets[:-1], self.offsets[1:] - 1
+        end = first + np.clip(np.add.reduceat(self.shares <= share, first, dtype=np.int64), 1, last - first)
+        start = self.points[end - 1]
+        behind, step = share - self.shares[end - 1], self.shares[end] - self.shares[end - 1]
+        part = np.divide(behind, step, out=np.ones(len(step)), where=step > 0.0)
+        found: FloatArray = start + part[:, None] * (self.points[end] - start)
+        return found
 
-    def until(self, share: float) -> list[_Point]:
-        """The points up to a share of the way's length."""
-        if share >= 1.0:
-            return self.points
-        return [*self.points[: bisect_right(self.shares, share)], self.at(share)]
+    def until(self, row: int, share: float, end: _Point) -> list[_Point]:
+        """The points of a path up to a share of its length, which is at `end`."""
+        part = slice(self.offsets[row], self.offsets[row + 1])
+        points = [(x, y) for x, y in self.points[part].tolist()]
+        return points if share >= 1.0 else [*points[: bisect_right(self.shares[part].tolist(), share)], end]
+
+
+def _shares(points: FloatArray) -> FloatArray:
+    lengths = np.hypot(*np.diff(points, axis=0).T)
+    shares: FloatArray = np.concatenate([[0.0], np.cumsum(lengths)]) / (float(lengths.sum()) or 1.0)
+    return shares
+
+
+class Moves(NamedTuple):
+    """The agents that moved in a turn, each with the row of its path."""
+
+    rows: dict[str, int]
+    paths: Paths
 
 
 class Motion:
@@ -46,61 +69,97 @@ class Motion:
 
     def __init__(self, ctx: IContext) -> None:
         self._ctx = ctx
-        self._ways: dict[str, Way] = {}
+        self.moves = Moves({}, Paths.through(np.empty((0, 2, 2)), ()))
         self._steps: dict[str, tuple[Any, Any]] = {}
+        self._now: tuple[float, FloatArray, list[_Point]] | None = None  # where all that moved are after a share
         self._columns: GraphColumns | None = None
         self._sorted: IntArray = np.empty(0, np.int64)  # node rows by id
 
     def begin_turn(self) -> None:
-        """Look up how everybody moved; who has the move of the turn before has not moved since."""
+        """Look up how each agent moved; one whose move is that of the turn before has not moved since."""
         steps = {agent.name: _step(agent) for agent in self._ctx.agent.create_iter()}
         moved = {name: step for name, step in steps.items() if step[0] != step[1] and self._steps.get(name) != step}
-        self._steps = steps
-        self._ways = {name: way for name, step in moved.items() if (way := self._way(*step)) is not None}
-
-    def ways(self) -> dict[str, Way]:
-        """How agents move in this turn, by name; who stays has no way."""
-        return dict(self._ways)
+        self._steps, self._now = steps, None
+        flights = {name: step for name, step in moved.items() if isinstance(step[1], tuple)}
+        names = [name for name in moved if name not in flights]
+        ends = self._rows_of([moved[name] for name in names])
+        is_known = (ends >= 0).all(axis=1)  # or else the node that it came from is gone
+        bends = self._bends(ends) if is_known.any() else {}
+        straight = [row for row in np.flatnonzero(is_known).tolist() if row not in bends]
+        lines = np.array([(before[:2], now[:2]) for before, now in flights.values()], np.float64).reshape(-1, 2, 2)
+        if straight:
+            lines = np.concatenate([lines, self._ctx.graph.columns().xy[ends[straight]]])
+        order = [*flights, *(names[row] for row in (*straight, *bends))]
+        row_of = {name: row for row, name in enumerate(order)}
+        rows = {name: row_of[name] for name in moved if name in row_of}
+        self.moves = Moves(rows, Paths.through(lines, list(bends.values())))
 
     def position_of(self, name: str, share: float) -> _Point:
-        """Where an agent is after a share of its last move, from 0.0 (before it) to 1.0 (where it stands).
+        """Return the position of an agent after a share of its last move, from 0.0 (before it) to 1.0 (after it).
 
         Raises:
             UnknownName (KeyError): there is no such agent, or no such node any more.
         """
-        if share < 1.0 and name in self._ways:
-            return self._ways[name].at(share)
+        row = self.moves.rows.get(name) if share < 1.0 else None
+        if row is not None:
+            return self._moved(share)[1][row]
         agent = self._ctx.agent.get_agent(name)
         if agent.type == AgentType.AERIAL:
             return cast("IAerialAgent", agent).position[:2]
         node = self._ctx.graph.graph.get_node(agent.current_node_id)
         return node.x, node.y
 
-    def _way(self, before: Any, now: Any) -> Way | None:
-        if isinstance(now, tuple):
-            return Way.through(np.array([before[:2], now[:2]], float))
-        try:
-            points = self._street(before, now)
-            if points is None:
-                points = self._ctx.graph.graph.positions([before, now])
-        except (UnknownName, ContextTerminated):  # where it came from is gone
-            return None
-        return Way.through(points)
+    def positions_of(self, agents: Sequence[IAgent], share: float) -> FloatArray:
+        """Return the positions (agents, 2) of agents on the ground, as `position_of` does.
 
-    def _street(self, source: int, target: int) -> FloatArray | None:
-        """The polyline of the first edge from one node to another; None where it is straight or there is none."""
-        columns = self._ctx.graph.columns()
+        Raises:
+            UnknownName (KeyError): the node of an agent is gone.
+        """
+        positions: FloatArray = self._ctx.graph.graph.positions([agent.current_node_id for agent in agents])
+        if share < 1.0 and self.moves.rows:
+            rows = np.array([self.moves.rows.get(agent.name, -1) for agent in agents])
+            positions[rows >= 0] = self._moved(share)[0][rows[rows >= 0]]
+        return positions
+
+    def _moved(self, share: float) -> tuple[FloatArray, list[_Point]]:
+        if self._now is None or self._now[0] != share:
+            places = self.moves.paths.at(share)
+            self._now = share, places, [(x, y) for x, y in places.tolist()]
+        return self._now[1:]
+
+    def _rows_of(self, steps: list[tuple[int, int]]) -> IntArray:
+        """The rows (steps, 2) of the nodes of steps; -1 is a node that is gone."""
+        if not steps:
+            return np.empty((0, 2), np.int64)
+        try:
+            columns = self._ctx.graph.columns()
+        except ContextTerminated:
+            return np.full((len(steps), 2), -1)
         if columns is not self._columns:
             self._columns, self._sorted = columns, np.argsort(columns.node_ids, kind="stable")
-        ends = np.searchsorted(columns.node_ids, [source, target], sorter=self._sorted)
-        begin, end = self._sorted[np.minimum(ends, len(self._sorted) - 1)].tolist()
-        edges = columns.out_edges[columns.offsets[begin] : columns.offsets[begin + 1]]
-        leading = edges[columns.targets[edges] == end]
-        return columns.bends.get(int(leading[0])) if len(leading) else None
+        if len(columns.node_ids) == 0:
+            return np.full((len(steps), 2), -1)
+        ids = np.array(steps, np.int64)
+        places = np.searchsorted(columns.node_ids, ids, sorter=self._sorted)
+        rows = self._sorted[np.minimum(places, len(self._sorted) - 1)]
+        return np.where(columns.node_ids[rows] == ids, rows, -1)
+
+    def _bends(self, ends: IntArray) -> dict[int, FloatArray]:
+        """The polylines of the first edges between nodes, for the steps (steps, 2) that have one."""
+        columns = self._ctx.graph.columns()
+        if not columns.bends:
+            return {}
+        rows = np.flatnonzero((ends >= 0).all(axis=1))
+        begin = ends[rows, 0]
+        step, place = kernels.expand_ranges(columns.offsets[begin], columns.offsets[begin + 1])
+        edges = columns.out_edges[place]
+        is_taken = columns.targets[edges] == ends[rows[step], 1]
+        first = dict(zip(rows[step[is_taken]][::-1].tolist(), edges[is_taken][::-1].tolist(), strict=True))
+        return {row: columns.bends[edge] for row, edge in sorted(first.items()) if edge in columns.bends}
 
 
 def _step(agent: IAgent) -> tuple[Any, Any]:
-    """Where an agent was before its last move, and where it is: nodes, or positions in the air."""
+    """The nodes, or positions in the air, of an agent before and after its last move."""
     if agent.type == AgentType.AERIAL:
         flyer = cast("IAerialAgent", agent)
         return flyer.prev_position, flyer.position

@@ -1,7 +1,6 @@
 """From artists to a picture file: draw, point the camera, hand the columns to a backend, write."""
 
 import os
-from collections.abc import Mapping
 from pathlib import Path
 from typing import NamedTuple
 
@@ -9,11 +8,11 @@ from gamms.arguments import as_float, as_int, as_path
 from gamms.errors import BadValue, MissingFolder, NotYet, UnknownName
 from gamms.ir.draw import DrawCommands
 from gamms.limits import refuse_above
-from gamms.typing import ArtistType, ColorType, IArtist, ILogger
+from gamms.typing import ColorType
 from gamms.visual.backends import FORMATS, Backend
 from gamms.visual.camera import CSS_DPI, Camera, fit
 from gamms.visual.color import rgba
-from gamms.visual.commands import Commands, joined, magnified
+from gamms.visual.commands import joined, magnified
 from gamms.visual.legend import Block, Legend
 
 _HEADER_PX = 44.0
@@ -79,26 +78,6 @@ def _backend(path: Path) -> Backend:
     except UnknownName:
         known = ", ".join(FORMATS)
         raise NotYet(f"saving a picture as {path.suffix or path.name!r} (there is: {known})") from None
-
-
-def paint(artists: Mapping[str, IArtist], commands: Commands, logger: ILogger) -> None:
-    """Let every visible artist draw, lowest layer first; one that fails is logged, and the others draw on."""
-    for name, artist in sorted(artists.items(), key=painting_order):
-        if not artist.get_visible():
-            continue
-        commands.layer = artist.get_layer()
-        try:
-            artist.draw()
-        except Exception as error:  # noqa: BLE001 - a drawer is user code; the contract is to log and go on
-            logger.error(  # noqa: TRY400 - ILogger has no `exception`
-                "Artist %r could not be drawn: %s: %s", name, type(error).__name__, error
-            )
-
-
-def painting_order(item: tuple[str, IArtist]) -> tuple[int, bool]:
-    """By layer, and within it what never changes first."""
-    artist = item[1]
-    return artist.get_layer(), artist.get_artist_type() is not ArtistType.STATIC
 
 
 def header_px(title: str) -> float:

@@ -20,12 +20,12 @@ from gamms.visual.sides import Happenings
 from gamms.visual.sights import Carriers
 
 if TYPE_CHECKING:
-    from gamms.visual.commands import Commands
+    from gamms.ir.graph import IntArray
+    from gamms.visual.commands import Commands, Disc
 
 Measured = TypeVar("Measured")
 
 _FONT_PX = 36
-EDGE_PX = 3.0  # of a disc; half of it is hidden
 
 
 class Primitives(Guarded, IVisualizationEngine):
@@ -239,7 +239,14 @@ class Primitives(Guarded, IVisualizationEngine):
     ) -> None:
         """Fill many equal discs with a thin edge; `radius` in world units, but never less than some pixels."""
         if self._drawing is not None:
-            self._drawing.add_discs(centers, radius, at_least_px, color, edge, EDGE_PX)
+            from gamms.visual.commands import Disc
+
+            self.render_all_discs(centers, [Disc(radius, at_least_px, color, edge)], np.zeros(len(centers), np.int64))
+
+    def render_all_discs(self, centers: Any, discs: "Sequence[Disc]", looks: "IntArray") -> None:
+        """Draw discs of several looks, each above those before it; `looks` (discs,) are rows of `discs`."""
+        if self._drawing is not None:
+            self._drawing.add_discs(centers, discs, looks)
 
     def render_layer(self, layer_id: int) -> None:
         """Do nothing: layers are painted with the picture."""

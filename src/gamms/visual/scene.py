@@ -16,26 +16,28 @@ import numpy as np
 
 from gamms.ir.draw import DrawCommands
 from gamms.ir.graph import FloatArray
-from gamms.typing import ArtistType, IArtist
+from gamms.typing import ArtistType, IArtist, IContext
 from gamms.typing.artist import Drawer
+from gamms.visual.artist import Artist
+from gamms.visual.artist_group import ArtistGroup, in_painting_order
 from gamms.visual.backends.pygame import Canvas
 from gamms.visual.backends.raster import Painting
 from gamms.visual.camera import Camera, bounds, fit_box
 from gamms.visual.color import Rgba
-from gamms.visual.picture import painting_order
 from gamms.visual.plates import Plate
 
 _FEW = 400  # points that are painted anew faster than shown from memory
 _STAGES = 2
 
-Draw = Callable[[dict[str, IArtist]], DrawCommands]
+Draw = Callable[[ArtistGroup], DrawCommands]
+_Groups = list[tuple["_Pace", dict[str, IArtist], ArtistGroup]]
 
 
 class Part:
     """Artists that follow each other, as commands that are ready to be painted."""
 
-    def __init__(self, members: Mapping[str, IArtist], commands: DrawCommands, key: Any = None) -> None:
-        self.artists = tuple(members.values())
+    def __init__(self, group: ArtistGroup, commands: DrawCommands, key: Any = None) -> None:
+        self.artists = group.artists
         self.painting, self.key = Painting(commands), key
         self.is_static = key is not None
         self.lasts = self.is_static  # at least as long as this turn
@@ -76,11 +78,13 @@ class Scene:
     """The parts of the present state, and the surfaces that save painting them.
 
     Args:
+        ctx: the context.
         world: what else than its data a STATIC artist's drawing depends on, such as the revision of the graph.
     """
 
-    def __init__(self, world: Callable[[], Any]) -> None:
-        self._world = world
+    def __init__(self, ctx: IContext, world: Callable[[], Any]) -> None:
+        self._ctx, self._world = ctx, world
+        self._grouped: tuple[Mapping[str, IArtist], int, _Groups] | None = None  # artists, their edits, and groups
         self._frames, self._expects_more = 0, False  # of this turn; whether there will be more, as there were before
         self._parts: list[Part] = []
         self._before: list[Part] = []
@@ -94,32 +98,41 @@ class Scene:
         if is_new_turn:
             self._expects_more, self._frames = self._frames > 1, 0
         self._frames += 1
-        shown = [item for item in sorted(artists.items(), key=painting_order) if item[1].get_visible()]
         world, known = self._world(), {part.key: part for part in self._parts if part.is_static}
         asked = {} if is_new_turn else {part.artists: part for part in self._parts}
         self._before, self._parts = self._parts, []
-        for (pace, *_), group in groupby(shown, _likeness):
-            members = dict(group)
-            if pace is not _Pace.FRAME and tuple(members.values()) in asked:
-                part = asked[tuple(members.values())]
+        for pace, members, group in self._groups(artists, is_new_turn=is_new_turn):
+            if pace is not _Pace.FRAME and group.artists in asked:
+                part = asked[group.artists]
             elif pace is _Pace.STATIC:
                 key = (world, *(_key_of(name, artist) for name, artist in members.items()))
-                part = known.get(key) or Part(members, draw(members), key)
+                part = known.get(key) or Part(group, draw(group), key)
             else:
-                part = self._moving_part(members, draw)
+                part = self._moving_part(group, draw)
             part.lasts = pace is not _Pace.FRAME
             self._parts.append(part)
 
-    def _moving_part(self, members: dict[str, IArtist], draw: Draw) -> Part:
+    def _groups(self, artists: Mapping[str, IArtist], *, is_new_turn: bool) -> _Groups:
+        """Artists in painting order, those together that make one part; within a turn they are sorted once."""
+        if self._grouped is not None and not is_new_turn and self._grouped[:2] == (artists, Artist.edits):
+            return self._grouped[2]
+        by_likeness = groupby(in_painting_order(artists), _likeness)
+        parts = [(pace, dict(members)) for (pace, *_), members in by_likeness]
+        groups = [(pace, members, ArtistGroup(self._ctx, members)) for pace, members in parts]
+        are_counted = all(isinstance(artist, Artist) for artist in artists.values())  # others may change unseen
+        self._grouped = (artists, Artist.edits, groups) if are_counted else None
+        return groups
+
+    def _moving_part(self, group: ArtistGroup, draw: Draw) -> Part:
         """The part of the frame before, where it would look the same."""
-        commands = draw(members)
+        commands = draw(group)
         for part in self._before:
             is_taken = any(part is other for other in self._parts)  # by others who draw the same, such as nothing
             if not part.is_static and not is_taken and part.shows_what(commands):
-                part.artists = tuple(members.values())
+                part.artists = group.artists
                 part.outlasts_turns |= self._frames == 1
                 return part
-        return Part(members, commands)
+        return Part(group, commands)
 
     def fit(self, width: int, height: int, header: float, aside: float = 0.0) -> Camera:
         """A camera that sees everything below a header and left of a legend of so many pixels."""

@@ -1,4 +1,4 @@
-"""Tiles and crowds: what was painted once and shifted is what would be painted now."""
+"""Tiles: what was painted once and shifted is what would be painted now."""
 
 from itertools import chain
 
@@ -148,7 +148,7 @@ def test_a_change_behind_glass_is_seen(ctx, seen):
     assert (seen(ctx) == (0, 0, 255)).all(axis=2).any()
 
 
-def test_a_crowd_looks_as_its_members_would_one_by_one(ctx, seen):
+def test_many_agents_look_as_in_a_picture(ctx, seen):
     ctx.visual.set_graph_visual(node_size=2)
     rng = np.random.default_rng(1)
     for i, node in enumerate(rng.integers(0, 900, 60).tolist()):

@@ -4,6 +4,7 @@ import numpy as np
 import pytest
 
 from gamms.agent import AgentType
+from gamms.visual.artist_group import ArtistGroup
 
 
 class Clock:
@@ -200,7 +201,9 @@ def test_trails_remember_the_last_turns(play):
         agent.get_state()["action"] = node
         agent.set_state()
         ctx.visual.simulate()
-    commands = ctx.visual._draw_members({name: ctx.visual._shown[name] for name in ("past trails", "trails")})
+    commands = ctx.visual._draw_members(
+        ArtistGroup(ctx, {name: ctx.visual._shown[name] for name in ("past trails", "trails")})
+    )
     lines = [commands.points[a:b].tolist() for a, b in zip(commands.offsets, commands.offsets[1:], strict=False)]
     assert lines == [[[10.0, 0.0], [0.0, 0.0]], [[0.0, 0.0], [10.0, 0.0]]]
     assert commands.color[:, 3].tolist()[0] < commands.color[:, 3].tolist()[1]

@@ -14,7 +14,6 @@ from gamms.sensor import SensorType
 from gamms.typing import ISensor
 from gamms.visual import Artist, Color, Engine, Shape
 from gamms.visual.appearance import BY_DAY, BY_NIGHT
-from gamms.visual.window.crowd import Crowd
 
 
 def has_color(pixels, color):
@@ -329,20 +328,3 @@ def test_who_is_out_is_neither_shown_nor_found_nor_named_nor_followed_by_a_trail
     assert "left: red 0 · blue 1" in ctx.visual.turn_lines(ctx)
     ctx.agent.delete_agent("blue_0")
     assert "left: red 0" in ctx.visual.turn_lines(ctx)
-
-
-def test_a_crowd_shows_its_living(open_window):
-    ctx = open_window()
-    crowd = Crowd(_discs(ctx), ctx.visual, 1.0)
-    assert {look.name for look in crowd.looks} == {"red_0", "blue_0"}
-    ctx.game.add(lambda ctx: ctx.game.eliminate("red_0"))
-    ctx.game.step()
-    assert [look.name for look in Crowd(_discs(ctx), ctx.visual, 1.0).looks] == ["blue_0"]
-    assert [look.name for look in Crowd(_discs(ctx), ctx.visual, 0.5).looks] == ["red_0", "blue_0"]  # on its way
-    ctx.agent.delete_agent("red_0")
-    ctx.agent.create_agent("red_0", start_node_id=0)
-    assert len(Crowd(_discs(ctx), ctx.visual, 1.0).looks) == 2
-
-
-def _discs(ctx):
-    return {name: artist for name, artist in ctx.visual.onstage_artists().items() if name in ctx.agent.agents}

@@ -36,6 +36,7 @@ _MOST_IMAGE_PX = 4096
 _IMAGE_BYTES = 12  # per pixel: decoded, copied with transparency and scaled; 9 measured
 _SVG_PX = 1024
 _MOST_FONT_PX, _MOST_LETTERS = 2048, 10_000
+_MOST_TRACKED = 256  # surfaces that are painted together
 _LETTERS = 8  # that are as broad as one is high, at most
 
 BLACK, WHITE = (0, 0, 0, 255), (255, 255, 255, 255)
@@ -184,16 +185,19 @@ class Canvas:
         """Blend a colour in as far as a patch covers the picture."""
         self._lay(stamp(patch.coverage, color), (patch.left, patch.top))
 
-    def stamps(self, placed: Iterable[Placed], flags: int = 0) -> None:
-        """Paint many surfaces, in order, all with the same flags."""
-        fast = None if self.is_tracked else getattr(self.surface, "fblits", None)  # of pygame-ce; names no boxes
-        if fast is not None:
-            fast(placed, flags)
+    def stamps(self, placed: Iterable[Placed], count: int) -> None:
+        """Paint so many surfaces, in order; of many it is faster to track none than each."""
+        if self.is_tracked and count <= _MOST_TRACKED:
+            placed = list(placed)
+            boxes = self.surface.blits(placed, doreturn=True)
+            self._over.extend(((x, y, w, h), one) for (x, y, w, h), one in zip(boxes or (), placed, strict=True))
             return
-        placed = list(placed)
-        boxes = self.surface.blits([(stamp, place, None, flags) for stamp, place in placed], self.is_tracked)  # type: ignore[misc] # flags, too
-        if boxes is not None:
-            self._over.extend(((x, y, w, h), one) for (x, y, w, h), one in zip(boxes, placed, strict=True))
+        self._note((0, 0, self.width, self.height))
+        fast = getattr(self.surface, "fblits", None)  # of pygame-ce
+        if fast is None:
+            self.surface.blits(placed, doreturn=False)
+        else:
+            fast(placed)
 
     def paste(self, surface: "Surface", area: Any = None, flags: int = 0) -> None:
         """Paint a surface, or an area of it, that is as large as the picture."""

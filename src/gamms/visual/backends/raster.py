@@ -14,6 +14,7 @@ import numpy as np
 from gamms import kernels
 from gamms.ir.draw import DrawCommands, DrawKind, DrawSpace
 from gamms.ir.graph import FloatArray, IntArray
+from gamms.ir.obstacles import BoolArray
 from gamms.visual.backends import coverage
 from gamms.visual.backends.pygame import Canvas, Placed, stamp
 from gamms.visual.camera import CSS_DPI, Camera
@@ -27,6 +28,9 @@ _BEYOND_PX = 8.0  # lines are cut so far outside, where nobody sees it
 _LARGEST_STAMP_PX = 96.0
 _OPAQUE = 255
 _STEPS = 4  # places within a pixel at which a stamp can be
+_BITS = (10, 10, 11, 2, 2, 8, 8, 8)  # of a stamp's radius, width, reach, two steps, red, green and blue
+_NEXT = 4  # circles make a disc
+_EDGES_PX = 1.2  # the smooth edges of two circles, and what their radii are rounded by
 
 
 class Painting:
@@ -41,7 +45,7 @@ class Painting:
     def paint(self, canvas: Canvas, camera: Camera) -> None:
         """Paint what the camera sees, from back to front."""
         if canvas.is_tracked and self._laid[0] == camera:
-            canvas.stamps(self._laid[1])
+            canvas.stamps(self._laid[1], len(self._laid[1]))
             return
         laid = canvas.laid(lambda: self._paint_anew(canvas, camera))
         self._laid = (None, []) if laid is None else (camera, laid)
@@ -154,38 +158,55 @@ class _Circles:
             paint(canvas, centers[rows], radius[rows], width[rows], color[rows])
 
 
-def _stretches(flags: Any) -> Iterator[tuple[bool, int, int]]:
-    if len(flags):
-        changes = np.flatnonzero(flags[1:] != flags[:-1]) + 1
-        for begin, end in pairwise([0, *changes.tolist(), len(flags)]):
-            yield bool(flags[begin]), begin, end
+def _stretches(values: Any) -> Iterator[tuple[int, int, int]]:
+    """Equal values that follow each other: the value, the first place and the last place + 1."""
+    if len(values):
+        changes = np.flatnonzero(values[1:] != values[:-1]) + 1
+        for begin, end in pairwise([0, *changes.tolist(), len(values)]):
+            yield int(values[begin]), begin, end
+
+
+def _are_hidden(centers: FloatArray, radius: FloatArray, width: FloatArray, color: Any) -> BoolArray:
+    """Which circles lie wholly below one of the next few around the same point, as do those that make one disc."""
+    hidden, outer = np.zeros(len(centers), bool), radius + width / 2
+    covers = (width == 0.0) & (color[:, 3] == _OPAQUE)
+    for ahead in range(1, _NEXT):
+        is_same = (centers[ahead:, 0] == centers[:-ahead, 0]) & (centers[ahead:, 1] == centers[:-ahead, 1])
+        if not is_same.any():
+            break
+        hidden[:-ahead] |= is_same & covers[ahead:] & (outer[:-ahead] + _EDGES_PX <= radius[ahead:])
+    return hidden
 
 
 def _stamped(canvas: Canvas, centers: FloatArray, radius: FloatArray, width: FloatArray, color: Any) -> None:
+    is_hidden = _are_hidden(centers, radius, width, color)
+    if is_hidden.any():
+        centers, radius, width, color = (column[~is_hidden] for column in (centers, radius, width, color))
     reach = np.ceil(radius + width / 2) + 1
     corner = centers - reach[:, None]
     whole = np.floor(corner)
     step = np.minimum(((corner - whole) * _STEPS).astype(np.int64), _STEPS - 1)
-    look = np.column_stack([np.rint(np.column_stack([radius, width, reach]) * 10).astype(np.int64), color])
+    look = np.zeros(len(centers), np.int64)  # all that makes a stamp, in the bits of one number
+    sizes = np.rint(np.column_stack([radius, width, reach]) * 10).astype(np.int64)
+    for column, bits in zip((*sizes.T, *step.T, *color.T[:3].astype(np.int64)), _BITS, strict=True):
+        look = look << bits | column
     x, y = whole.astype(np.int64).T.tolist()
-    changes = (look[1:] != look[:-1]).any(axis=1)
-    if 8 * np.count_nonzero(changes) > len(look):
-        pairs = zip(look.tolist(), step.tolist(), strict=True)
-        canvas.stamps(zip((_stamp(*one, *where) for one, where in pairs), zip(x, y, strict=True), strict=True))
-        return
-    code = (_STEPS * step[:, 0] + step[:, 1]).tolist()
-    for begin, end in pairwise([0, *(np.flatnonzero(changes) + 1).tolist(), len(look)]):
-        one = look[begin].tolist()
-        stamps = {number: _stamp(*one, *divmod(number, _STEPS)) for number in set(code[begin:end])}
+    for alpha, begin, end in _stretches(color[:, 3]):
+        looks = look[begin:end].tolist()
+        stamps = {one: _stamp(one, alpha) for one in set(looks)}
         places = zip(x[begin:end], y[begin:end], strict=True)
         # NOTE: never a list of pairs, whose making wakes the garbage collector (first frame of 100,000 edges).
-        canvas.stamps(zip(map(stamps.__getitem__, code[begin:end]), places, strict=True))
+        canvas.stamps(zip(map(stamps.__getitem__, looks), places, strict=True), end - begin)
 
 
 @lru_cache(maxsize=8192)
-def _stamp(radius: int, width: int, reach: int, *rest: int) -> Any:
-    """One circle as a surface: tenths of pixels, the colour, and the place within the pixel."""
-    red, green, blue, alpha, right, down = rest
+def _stamp(look: int, alpha: int) -> Any:
+    """One circle as a surface: tenths of pixels, the place within the pixel and the colour, as `_BITS` are put."""
+    parts = []
+    for bits in _BITS[::-1]:
+        parts.append(look & ((1 << bits) - 1))
+        look >>= bits
+    blue, green, red, down, right, reach, width, radius = parts
     side = 2 * reach // 10 + 1
     x, y = (reach / 10 + (step + 0.5) / _STEPS for step in (right, down))
     outer, inner = _ring(radius / 10, width / 10)

@@ -1,11 +1,15 @@
 """Drawers of agents: on the ground an outlined disc, or a picture; in the air also a ring, a nose and the height."""
 
+from functools import lru_cache
 from typing import Any, cast
+
+import numpy as np
 
 from gamms.typing import IAerialAgent, IContext
 from gamms.typing.agent_engine import AgentType
 from gamms.visual.appearance import AgentData
 from gamms.visual.color import Rgb, rgba
+from gamms.visual.commands import Disc
 from gamms.visual.drawers.marks import rings
 from gamms.visual.primitives import primitives_of
 
@@ -52,6 +56,31 @@ def render_aerial_agent(ctx: IContext, data: dict[str, Any]) -> None:
         ctx.visual.render_text(_ASIDE + _height(z), x + RING * look.size, y, _DARK, font_size=_HEIGHT_PX)
 
 
+def render_agents(ctx: IContext, looks: list[AgentData], share: float) -> bool:
+    """Draw agents on the ground together, after a share of their last moves, as `render_agent` draws each.
+
+    Returns:
+        False if one of them has an image: nothing was drawn.
+    """
+    visual, agents = primitives_of(ctx), ctx.agent.agents
+    hidden = visual.hidden_agents(share)
+    if hidden:
+        for look in looks:
+            if look.name in hidden:
+                look.current_position = None
+        looks = [look for look in looks if look.name not in hidden]
+    if any(look.image is not None for look in looks):
+        return False
+    styles: dict[tuple[Any, ...], int] = {}
+    rows = [styles.setdefault((look.color, look.size, look.least_px), len(styles)) for look in looks]
+    positions = visual.motion.positions_of([agents[look.name] for look in looks], share)
+    discs = [Disc(size, least_px, color, outline_of(color)) for color, size, least_px in styles]
+    visual.render_all_discs(positions, discs, np.array(rows, np.int64))
+    for look, (x, y) in zip(looks, positions.tolist(), strict=True):
+        look.current_position = x, y
+    return True
+
+
 def _place(ctx: IContext, look: AgentData, agent: Any, share: float) -> tuple[float, float] | None:
     """Where an agent is drawn, which its look is told; None if it is not."""
     visual = primitives_of(ctx)
@@ -71,6 +100,7 @@ def _height(z: float) -> str:
     return f"{z:.0f} m" if z >= 10.0 else f"{z:.2g} m"
 
 
+@lru_cache(maxsize=256)
 def outline_of(color: Any) -> Rgb:
     """Dark around bright colours, white around the others."""
     red, green, blue, _ = rgba(color)

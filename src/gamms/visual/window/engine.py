@@ -15,6 +15,7 @@ from gamms.ir.draw import DrawCommands
 from gamms.typing import ArtistType, IArtist, IContext, ISensor
 from gamms.visual.appearance import GraphData
 from gamms.visual.artist import Artist
+from gamms.visual.artist_group import ArtistGroup
 from gamms.visual.backends.pygame import Canvas, hold_image, load
 from gamms.visual.camera import Camera
 from gamms.visual.color import Color
@@ -25,7 +26,6 @@ from gamms.visual.picture import size
 from gamms.visual.undeclared import Undeclared
 from gamms.visual.window.asking import Question, Walk, question
 from gamms.visual.window.controls import Controls
-from gamms.visual.window.crowd import Crowd, is_crowd
 from gamms.visual.window.display import close_window, open_window, window_surface
 from gamms.visual.window.hud import Hud, Words
 from gamms.visual.window.onlookers import Onlookers
@@ -103,13 +103,12 @@ class WindowEngine(Onlookers):
         self.words = Words(self, self._theme)
         self.controls = Controls(self)
         self._render_manager = RenderManager(ctx, screen_width=self.width, screen_height=self.height)
-        self._stage = Stage(self._world, self._crowd_of)
+        self._stage = Stage(ctx, self._world)
         self._share, self._has_painters = 1.0, False
         self._is_fresh, self._shown = True, dict[str, IArtist]()
         self._last_camera: Camera | None = None
         self._last_frame = self._zoomed = -math.inf
         self._fitted: Any = None
-        self._crowds: tuple[float, dict[tuple[IArtist, ...], bool]] = (0.0, {})  # scale, and who is one
         self._screen = open_window(self, self.width, self.height, title)
         self.resized(*self._screen.get_size())
 
@@ -242,26 +241,17 @@ class WindowEngine(Onlookers):
             return 1.0
         return min(self._simulation_time / self.turn_seconds, 1.0)
 
-    def _draw_members(self, members: dict[str, IArtist]) -> DrawCommands:
+    def _draw_members(self, members: ArtistGroup) -> DrawCommands:
         self._overlay = None
-        for artist in members.values():
+        for artist in members.artists:
             if isinstance(getattr(artist, "data", None), dict) and "agent_data" in artist.data:
                 artist.data["_waiting_simulation"] = self._waiting_simulation
         commands = self._drawn(members, self._share)
-        self._stage.note_overlay(tuple(members.values()), self._overlay)
+        self._stage.note_overlay(members.artists, self._overlay)
         if self._overlay is not None:
-            kinds = {artist.get_artist_type() for artist in members.values()}
+            kinds = {artist.get_artist_type() for artist in members.artists}
             self._has_painters = self._has_painters or ArtistType.STATIC in kinds
         return commands
-
-    def _crowd_of(self, members: Mapping[str, IArtist]) -> Crowd | None:
-        scale, who = self._render_manager.scale, tuple(members.values())
-        if self._crowds[0] != scale or self._is_fresh:
-            self._crowds = scale, {}
-        known = self._crowds[1]
-        if who not in known:
-            known[who] = is_crowd(self.ctx, members, scale)
-        return Crowd(members, self, self._share) if known[who] else None
 
     def _world(self) -> Any:
         """What STATIC artists' drawings depend on; what they paint themselves depends on the camera, too."""

@@ -97,6 +97,8 @@ class Onlookers(Internals):
         Also where it is on the screen, and how many pixels beside it there is room for words.
         """
         name = self._pointed_name()
+        if name is None:
+            return None
         look = next((look for look in self._placed_looks() if look.name == name), None)
         if look is None or look.current_position is None:
             return None

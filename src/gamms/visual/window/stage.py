@@ -1,30 +1,27 @@
 """The stage: a scene that is shown through a moving camera, in tiles, crowds and what drawers paint themselves."""
 
-from collections.abc import Callable, Mapping
-from typing import Any, cast
+from collections.abc import Callable
+from typing import Any
 
-from gamms.typing import IArtist
+from gamms.typing import IArtist, IContext
 from gamms.visual.backends.pygame import Canvas
 from gamms.visual.camera import Camera
 from gamms.visual.color import Rgba
-from gamms.visual.scene import Draw, Part, Scene
+from gamms.visual.scene import Part, Scene
 from gamms.visual.window.sheets import Sheets
 from gamms.visual.window.tiles import Haste, Tiles
-
-CrowdOf = Callable[[Mapping[str, IArtist]], Any]
 
 
 class Stage(Scene):
     """The parts of the present state, as a window shows them.
 
     Args:
+        ctx: the context.
         world: what else than its data a STATIC artist's drawing depends on.
-        crowd_of: makes a crowd of artists, or None where they are something else.
     """
 
-    def __init__(self, world: Callable[[], Any], crowd_of: CrowdOf) -> None:
-        super().__init__(world)
-        self._crowd_of = crowd_of
+    def __init__(self, ctx: IContext, world: Callable[[], Any]) -> None:
+        super().__init__(ctx, world)
         self._tiles: dict[Part, Tiles] = {}
         self._sheets = Sheets()
         self._overlays: dict[tuple[IArtist, ...], Any] = {}
@@ -35,10 +32,6 @@ class Stage(Scene):
             self._overlays.pop(artists, None)
         else:
             self._overlays[artists] = surface
-
-    def _moving_part(self, members: dict[str, IArtist], draw: Draw) -> Part:
-        crowd = self._crowd_of(members)
-        return super()._moving_part(members, draw) if crowd is None else cast("Part", crowd)  # painted in its own way
 
     def show(self, canvas: Canvas, camera: Camera, background: Rgba, haste: Haste) -> None:
         """Paint all of it."""

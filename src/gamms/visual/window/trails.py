@@ -8,7 +8,7 @@ import numpy as np
 
 from gamms.typing import IContext
 from gamms.visual.color import rgba
-from gamms.visual.motion import Motion, Way
+from gamms.visual.motion import Motion, Moves
 from gamms.visual.primitives import primitives_of
 
 _ALPHA = 150
@@ -24,12 +24,12 @@ class Trails:
 
     def __init__(self, turns: int) -> None:
         self.turns = turns
-        self._ways: deque[dict[str, Way]] = deque()
+        self._ways: deque[Moves] = deque()
 
     def add_turn(self, motion: Motion) -> None:
-        """Remember how everybody just moved."""
+        """Add the moves of the turn that was just played."""
         if self.turns:
-            self._ways.append(motion.ways())
+            self._ways.append(motion.moves)
             while len(self._ways) > self.turns:
                 self._ways.popleft()
 
@@ -47,12 +47,13 @@ class Trails:
             _draw(ctx, self._ways[-1], float(data.get("_alpha", 1.0)), data["colors"], _ALPHA)
 
 
-def _draw(ctx: IContext, ways: dict[str, Way], share: float, colors: dict[str, Any], alpha: int) -> None:
+def _draw(ctx: IContext, moves: Moves, share: float, colors: dict[str, Any], alpha: int) -> None:
     by_color: dict[Any, list[list[tuple[float, float]]]] = {}
-    for name, way in ways.items():
+    paths, ends = moves.paths, [(x, y) for x, y in moves.paths.at(share).tolist()]
+    for name, row in moves.rows.items():
         if name in colors:
-            by_color.setdefault(rgba(colors[name]), []).append(way.until(share))
-    width = _WIDTH_PX if len(ways) <= _FEW else _THIN_PX
+            by_color.setdefault(rgba(colors[name]), []).append(paths.until(row, share, ends[row]))
+    width = _WIDTH_PX if len(moves.rows) <= _FEW else _THIN_PX
     for color, lines in by_color.items():
         points, offsets = list(chain.from_iterable(lines)), np.cumsum([0, *map(len, lines)])
         primitives_of(ctx).render_lines(points, offsets, (*color[:3], alpha), width)

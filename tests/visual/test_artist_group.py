@@ -1,0 +1,128 @@
+"""Agents that are discs are drawn together, and look as if each had drawn itself."""
+
+import numpy as np
+import pytest
+from hypothesis import given, settings
+from hypothesis import strategies as st
+
+import gamms
+from gamms.ir.draw import DrawSpace
+from gamms.visual import Artist
+from gamms.visual.artist_group import ArtistGroup
+from gamms.visual.backends.raster import painted
+from gamms.visual.camera import Camera
+from gamms.visual.commands import Commands, Disc
+from gamms.visual.drawers import render_agent
+from gamms.visual.motion import Paths
+
+COLUMNS = ("kind", "layer", "space", "size", "width", "angle", "color", "offsets", "points")
+
+
+@pytest.fixture
+def town():
+    """Twenty agents of changing looks on a grid with one bend, one move after the start."""
+    with gamms.create_context(seed=1, logger_config={"level": "ERROR"}) as ctx:
+        ctx.graph.attach_networkx_graph(gamms.graph.grid(3, 3))
+        edge = next(ctx.graph.graph.get_edges())
+        ctx.graph.graph.update_edge({"id": edge, "linestring": [(0, 0), (4, 3), (10, 0)]})
+        for i in range(20):
+            agent = ctx.agent.create_agent(f"a{i}", start_node_id=i % 9)
+            ctx.visual.set_agent_visual(f"a{i}", color=(10 * i, 200 * (i % 2), 40), size=1 + i % 3)
+            agent.get_state()["action"] = next(ctx.graph.graph.get_neighbors(i % 9))
+            agent.set_state()
+        yield ctx
+
+
+class Alone(Artist):
+    """An artist that draws in its own way, so that it is never drawn with others."""
+
+    def draw(self):
+        super().draw()
+
+
+def drawn(ctx, artists, share=1.0):
+    return ctx.visual._drawn(ArtistGroup(ctx, artists), share)
+
+
+def alone(ctx):
+    """The same artists, each drawn by itself."""
+    artists = {}
+    for name in ctx.agent.agents:
+        artists[name] = Alone(ctx, render_agent, 20)
+        artists[name].data = ctx.visual.artist(name).data
+    return artists
+
+
+def looks(ctx):
+    return {name: ctx.visual.artist(name) for name in ctx.agent.agents}
+
+
+@pytest.mark.parametrize("share", [0.0, 0.3, 0.5, 1.0])
+def test_agents_together_draw_what_each_would_draw(town, share):
+    town.visual.motion.begin_turn()
+    one_by_one, places = drawn(town, alone(town), share), positions(town)
+    together = drawn(town, looks(town), share)
+    for column in COLUMNS:
+        np.testing.assert_array_equal(getattr(together, column), getattr(one_by_one, column))
+    assert positions(town) == places
+
+
+def positions(ctx):
+    return [ctx.visual.artist(name).data["agent_data"].current_position for name in ctx.agent.agents]
+
+
+def test_an_agent_that_cannot_be_drawn_leaves_the_others(town, caplog):
+    town.visual.artist("a3").data["agent_data"].color = "no such color"
+    assert len(drawn(town, looks(town))) == 4 * 19
+    assert "a3" in caplog.text
+
+
+def test_an_agent_that_is_out_is_drawn_on_its_last_way_only(town):
+    town.game.add(lambda ctx: ctx.game.eliminate("a3"))
+    town.game.step()
+    assert len(drawn(town, looks(town))) == 4 * 19
+    assert town.visual.artist("a3").data["agent_data"].current_position is None
+    assert len(drawn(town, looks(town), 0.5)) == 4 * 20
+    town.agent.delete_agent("a3")
+    town.agent.create_agent("a3", start_node_id=0)
+    assert len(drawn(town, looks(town))) == 4 * 20
+
+
+numbers = st.floats(0.0, 12.0)
+looks_of_discs = st.builds(
+    Disc, numbers, numbers, st.sampled_from([(200, 0, 0), (0, 90, 0, 120)]), st.just("white"), st.just(3.0)
+)
+discs = st.lists(looks_of_discs, min_size=1, max_size=5)
+
+
+@settings(max_examples=30, deadline=None)
+@given(discs, st.lists(st.tuples(numbers, numbers), min_size=5, max_size=5))
+def test_circles_below_others_are_left_out_without_a_trace(styles, places):
+    pytest.importorskip("pygame")
+    whole, commands = Commands(), Commands()
+    commands.add_discs(places, styles, np.arange(5) % len(styles))
+    frozen, camera = commands.freeze(), Camera(48, 48, -12.0, 36.0, 1.0)
+    for row in range(len(frozen)):  # a text in between, so that no circle is painted with the next
+        [(x, y)], color = frozen.points[[row]].tolist(), tuple(frozen.color[row].tolist())
+        whole.add_circles([(x, y)], frozen.size[row], color, frozen.width[row], DrawSpace(frozen.space[row]))
+        whole.add_text("", 0, 0, "black", 10)
+    words = {"title": "", "note": "", "background": (255, 255, 255, 255)}
+    one, other = (painted(each, camera, **words).pixels() for each in (frozen, whole.freeze()))
+    np.testing.assert_array_equal(one, other)
+
+
+points = st.tuples(st.integers(-5, 5), st.integers(-5, 5))
+lines = st.lists(st.lists(points, min_size=2, max_size=5), min_size=1, max_size=4)
+
+
+@given(lines, st.floats(0.0, 1.0))
+def test_a_share_of_a_path_is_a_share_of_its_length(lines, share):
+    from shapely import LineString
+
+    paths = Paths.through(np.empty((0, 2, 2)), [np.array(line, float) for line in lines])
+    for row, (line, place) in enumerate(zip(lines, paths.at(share).tolist(), strict=True)):
+        expected = LineString(line).interpolate(share, normalized=True)
+        np.testing.assert_allclose(place, (expected.x, expected.y), atol=1e-9)
+        so_far = paths.until(row, share, tuple(place))
+        assert so_far[0] == line[0]
+        np.testing.assert_allclose(so_far[-1], place, atol=1e-9)
