@@ -212,3 +212,11 @@ with gamms.create_context(logger_config={{"level": "CRITICAL"}}) as ctx:
 print([m for m in {HEAVY} if m in sys.modules])
 """
     assert subprocess.check_output([sys.executable, "-W", "error", "-c", code], text=True).strip() == "[]"
+
+
+@pytest.mark.parametrize("path", sorted(SRC.glob("cli*.py")), ids=shown)
+def test_commands_print_by_way_of_one_file(path):
+    text = path.read_text()
+    assert path.name == "cli_output.py" or not re.search(r"typer\.echo|(?<![.\w])print\(|Console\(", text), (
+        f"{shown(path)} prints on its own: use echo and console of cli_output, which escape control characters"
+    )

@@ -3,6 +3,7 @@
 import math
 import os
 from collections.abc import Iterable, Mapping
+from itertools import islice
 from numbers import Real
 from operator import index
 from typing import TYPE_CHECKING, Any
@@ -155,11 +156,11 @@ def as_path(value: Any, name: str) -> "Path":
     return Path(value)
 
 
+_MANY = 16  # keywords
+
+
 def misspelt(given: Iterable[str], known: Iterable[str]) -> list[str]:
-    """One sentence for each given keyword that is unknown but looks like a known one."""
+    """One sentence for each given keyword that is unknown but looks like a known one; of many, for the first."""
     known = list(known)
-    return [
-        f"Unknown keyword {shown(name)}.{hint}"
-        for name in given
-        if name not in known and (hint := nearest(name, known))
-    ]
+    unknown = islice((name for name in given if name not in known), _MANY)
+    return [f"Unknown keyword {shown(name)}.{hint}" for name in unknown if (hint := nearest(name, known))]

@@ -16,6 +16,7 @@ from gamms import cli_recordings, cli_render
 from gamms.cli_output import (
     bounded,
     console,
+    echo,
     filmed,
     in_words,
     not_made,
@@ -65,7 +66,7 @@ class _Network(StrEnum):
 def about(version: Annotated[bool, typer.Option("--version", help="Show the version and exit.")] = False) -> None:
     """Games between teams of agents on graphs and real road networks."""
     if version:
-        typer.echo(f"gamms {gamms.__version__}")
+        echo(f"gamms {gamms.__version__}")
         raise typer.Exit
 
 
@@ -101,7 +102,7 @@ def demo(
             _tell(ctx, played, sides, map_name)
     named = "" if film_file is None else f", {film_file} (the game as a film)"
     wanted = [out / name for name in ("game.mp4",) * film + ("final.png",)]
-    typer.echo(
+    echo(
         f"\nWrote {out / 'result.json'} (every event), {recording} (every move; gamms replay){named} and "
         f"{in_words(pictures)} (the last turn).{not_made(wanted, [film_file, *pictures])}"
     )
@@ -131,7 +132,7 @@ def play_scenario(
             game = game.replace(turns=turns)
         found = _found_strategies(strategies or [])
         for line in _code_of(game, found):
-            typer.echo(f"imports {printable_line(line)}")
+            echo(f"imports {printable_line(line)}")
         with game.build(seed, {team: _imported(*one) for team, one in found.items()}) as ctx:
             with recorded(ctx, out) as recording:
                 result = ctx.game.run(progress=True)
@@ -139,7 +140,7 @@ def play_scenario(
             title = f"{game.spec.name or file.stem}: {result.reason} after {result.turns} turns"
             pictures = save_pictures(ctx, out, title)
             _tell_result(console(), game, result)
-    typer.echo(
+    echo(
         f"\nWrote {out / 'result.json'} (what came of it), {recording} (every move; gamms replay) and "
         f"{in_words(pictures)} (the last turn).{not_made([out / 'final.png'], pictures)}"
     )
@@ -159,11 +160,11 @@ def check_scenario(
         game = scenario.load(file, allow or ())
         done = game.check()
         for one in game.code() if build else []:
-            typer.echo(f"imports {printable_line(f'{one.path}: {one}')}")
+            echo(f"imports {printable_line(f'{one.path}: {one}')}")
         if build:
             game.build().terminate()
             done.append("the whole game, built once")
-    typer.echo(f"{file}: all is well. Checked: {'; '.join(done)}.")
+    echo(f"{file}: all is well. Checked: {'; '.join(done)}.")
 
 
 @scenarios.command("schema")
@@ -171,7 +172,7 @@ def scenario_schema() -> None:
     """Print the JSON Schema of scenario files, for editors."""
     from gamms import scenario
 
-    typer.echo(json.dumps(scenario.schema(), indent=2))
+    echo(json.dumps(scenario.schema(), indent=2))
 
 
 @maps.command("report")
@@ -188,7 +189,7 @@ def map_report(
     with one_sentence():
         found = _fidelity(file, network, resolution=resolution, tolerance=tolerance, retain_all=retain_all)
     if as_json:
-        typer.echo(json.dumps(found.to_dict(), indent=2))
+        echo(json.dumps(found.to_dict(), indent=2))
         return
     console().print(rich_table(("fidelity", ""), found.rows(), right=False))
 
@@ -198,7 +199,7 @@ def main() -> None:
     try:
         app()
     except (GammsError, OSError) as error:
-        typer.echo(f"gamms: {error}", err=True)
+        echo(f"gamms: {error}", err=True)
         raise SystemExit(1) from None
 
 

@@ -13,6 +13,7 @@ from rich.table import Table
 
 from gamms.errors import GammsError, MissingExtra
 from gamms.limits import allowing, parse_memory
+from gamms.text import printable, printable_line, reason
 
 RECORDING = "game.ggr"
 _MaxMemory = Annotated[
@@ -20,6 +21,7 @@ _MaxMemory = Annotated[
     typer.Option(help="Allow so much memory for what a file holds or declares; 2G by default.", metavar="SIZE"),
 ]
 _PICTURE = (1400, 1600)
+_MOST_ROWS = 500  # of a table that is printed
 _FILMS: dict[str, dict[str, Any]] = {  # the first that can be written; under half a minute for 300 turns
     "game.mp4": {"fps": 25, "width": 700, "height": 800, "frames_per_turn": 2},
     "game.gif": {"fps": 12, "width": 560, "height": 640, "frames_per_turn": 1},
@@ -46,22 +48,38 @@ def one_sentence() -> Iterator[None]:
     try:
         yield
     except (GammsError, OSError) as error:
-        typer.echo(f"gamms: {error}", err=True)
+        echo(f"gamms: {reason(error)}", err=True)
         raise typer.Exit(1) from None
+
+
+def echo(text: str, *, err: bool = False) -> None:
+    """Print a text, of which nothing reaches the terminal but what can be read."""
+    typer.echo(printable(text), err=err)
+
+
+class _Console(Console):
+    """Prints texts with style, of which nothing else reaches the terminal."""
+
+    def print(self, *objects: Any, **options: Any) -> None:
+        """Print texts, and tables made by `rich_table`."""
+        super().print(*(printable(one) if isinstance(one, str) else one for one in objects), **options)
 
 
 def console() -> Console:
     """Where commands print what has style."""
-    return Console(highlight=False, soft_wrap=True)
+    return _Console(highlight=False, soft_wrap=True)
 
 
 def rich_table(header: tuple[str, ...], rows: Iterable[tuple[str, ...]], *, right: bool = True) -> Table:
-    """A table without lines; all columns but the first are to the right."""
+    """A table without lines; all columns but the first are to the right. Of many rows, the first are shown."""
     table = Table(box=None, pad_edge=False, padding=(0, 2, 0, 0))
     for i, title in enumerate(header):
         table.add_column(title, justify="right" if i and right else "left")
-    for row in rows:
-        table.add_row(*row)
+    every = list(rows)
+    for row in every[:_MOST_ROWS]:
+        table.add_row(*map(printable_line, row))
+    if len(every) > _MOST_ROWS:
+        table.add_row(f"and {len(every) - _MOST_ROWS:,} more")
     return table
 
 

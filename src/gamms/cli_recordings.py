@@ -8,8 +8,11 @@ from typing import Annotated, Any
 import typer
 from rich.markup import escape
 
-from gamms.cli_output import bounded, console, one_sentence, rich_table
+from gamms.cli_output import bounded, console, echo, one_sentence, rich_table
 from gamms.errors import BadValue
+from gamms.text import as_text, shown
+
+_LONG = 64  # bits
 
 _File = Annotated[Path, typer.Argument(help="A recording, .ggr.", show_default=False)]
 _Map = Annotated[
@@ -37,7 +40,7 @@ def info(file: _File, as_json: Annotated[bool, typer.Option("--json", help="Prin
         found: dict[str, Any] = {"file": file.name, "version": version, "bytes": file.stat().st_size}
         found |= _of_version_2(file) if version < 3 else _of_version_3(file)
     if as_json:
-        typer.echo(json.dumps(found, indent=2, default=str))
+        echo(json.dumps(recordings.as_json(found), indent=2, default=str))
         return
     rows = [(key, _text(value)) for key, value in found.items() if key != "events"]
     rows += [(f"event {kind}", f"{count:,}") for kind, count in found["events"].items()]
@@ -50,9 +53,7 @@ def verify(file: _File, map: _Map = None) -> None:
 
     with one_sentence():
         recordings.verify(file, map)
-    typer.echo(
-        f"{file}: all is well. Checked: every block, the index, the keyframes, and that a replay records the same."
-    )
+    echo(f"{file}: all is well. Checked: every block, the index, the keyframes, and that a replay records the same.")
 
 
 def diff(
@@ -65,9 +66,9 @@ def diff(
     with one_sentence(), recorder.open(first) as one, recorder.open(second) as other:
         turns, found = one.turns, recordings.first_difference(one, other)
     if found is not None:
-        typer.echo(str(found))
+        echo(str(found))
         raise typer.Exit(1)
-    typer.echo(f"{first} and {second} are the same game of {turns} turns.")
+    echo(f"{first} and {second} are the same game of {turns} turns.")
 
 
 def convert(
@@ -87,9 +88,9 @@ def convert(
         if map is not None and not is_old:
             raise BadValue("--map is for recordings of version 2 only: others hold their map.")
         warning = recordings.to_json_lines(file, out) if is_text else recordings.to_version_3(file, out, map)
-    typer.echo(f"Wrote {out if out.suffix in ('.ggr', '.jsonl') else f'{out}.ggr'}.")
+    echo(f"Wrote {out if out.suffix in ('.ggr', '.jsonl') else f'{out}.ggr'}.")
     if warning:
-        typer.echo(f"gamms: {warning} All before that has been converted.", err=True)
+        echo(f"gamms: {warning} All before that has been converted.", err=True)
         raise typer.Exit(1)
 
 
@@ -121,7 +122,7 @@ def replay(
             if window:
                 ctx.visual.stay_open()
     if warning:
-        typer.echo(f"gamms: {warning}", err=True)
+        echo(f"gamms: {warning}", err=True)
         raise typer.Exit(1)
 
 
@@ -133,7 +134,7 @@ def _of_version_3(file: Path) -> dict[str, Any]:
         names = {name for state in (first, last) for name in state.agents["name"].tolist()}
         return {
             "complete": "yes" if recording.is_complete else recording.warning,
-            "made by": f"gamms {recording.header.get('package')}",
+            "made by": f"gamms {as_text(recording.header.get('package'))}",
             "created": recording.header.get("created"),
             "provenance": recording.header.get("provenance"),
             "seed": recording.seed,
@@ -148,7 +149,7 @@ def _of_version_3(file: Path) -> dict[str, Any]:
 def _of_the_map(recording: Any) -> dict[str, Any]:
     """How large the map is; of one that is not in the file, its SHA-256."""
     if "world_sha256" in recording.header:
-        return {"map": f"not in the file; its SHA-256 is {recording.header['world_sha256']}"}
+        return {"map": f"not in the file; its SHA-256 is {as_text(recording.header['world_sha256'])}"}
     columns = recording.graph.columns()
     return {"nodes": len(columns.node_ids), "edges": len(columns.edge_ids)}
 
@@ -182,7 +183,16 @@ def _of_version_2(file: Path) -> dict[str, Any]:
 def _text(value: Any) -> str:
     if value is None:
         return "-"
-    return f"{value:,}" if type(value) is int else str(value)
+    if type(value) is int:
+        return f"{value:,}" if value.bit_length() <= _LONG else shown(value)
+    return as_text(value)
+
+
+def _score(score: Any) -> str:
+    try:
+        return f"{score:g}"
+    except (OverflowError, TypeError, ValueError):  # rules may keep anything as a score
+        return _text(score)
 
 
 def _tell(ctx: Any, file: Path, turns: int) -> None:
@@ -192,10 +202,10 @@ def _tell(ctx: Any, file: Path, turns: int) -> None:
     rows = []
     for agent in ctx.agent.create_iter():
         place = ", ".join(f"{part:.6g}" for part in agent.position) if agent.type else str(agent.current_node_id)
-        team = "-" if agent.team is None else str(agent.team)
+        team = _text(agent.team)
         rows.append(tuple(map(escape, (agent.name, team, "yes" if agent.alive else "no", place))))
     out.print(rich_table(("agent", "team", "alive", "at"), rows, right=False))
     if ctx.game.scores:
         out.print()
-        scores = [(escape(str(of)), f"{score:g}") for of, score in ctx.game.scores.items()]
+        scores = [(escape(_text(of)), escape(_score(score))) for of, score in ctx.game.scores.items()]
         out.print(rich_table(("scores of", ""), scores))

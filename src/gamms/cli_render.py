@@ -5,7 +5,7 @@ from typing import Annotated
 
 import typer
 
-from gamms.cli_output import bounded, one_sentence
+from gamms.cli_output import bounded, echo, one_sentence
 from gamms.progress import progress
 
 
@@ -43,7 +43,7 @@ def render(  # noqa: PLR0913, PLR0917 - one argument per option
         wish = rendering.Wish(first, last, follow, view, fog, width, height, fps, frames_per_turn, title)
         shown = rendering.render(file, out, wish, map=map, show=show)
     is_film = out.suffix.lower() in (".mp4", ".gif")
-    typer.echo(f"Wrote {out} ({f'{shown} turns' if is_film else f'after turn {shown}'}).")
+    echo(f"Wrote {out} ({f'{shown} turns' if is_film else f'after turn {shown}'}).")
 
 
 def _parsed_turns(text: str) -> tuple[int | None, int | None]:

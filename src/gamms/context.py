@@ -12,6 +12,7 @@ from gamms.arguments import as_int, as_path
 from gamms.deciding import DecidePhase, Guarded, refused_while_deciding
 from gamms.errors import BadType, BadValue
 from gamms.game.moves import Moves
+from gamms.text import printable
 from gamms.typing import (
     IAgentEngine,
     IComputeEngine,
@@ -377,4 +378,11 @@ def _configured_logger(config: dict[str, Any]) -> logging.Logger:
     logging.basicConfig(**{**config, "level": level})
     logger = logging.getLogger("gamms")
     logger.setLevel(level)
+    logger.addFilter(_made_printable)
     return logger
+
+
+def _made_printable(record: logging.LogRecord) -> bool:
+    """Let no name of a file reach a terminal with the codes that control it."""
+    record.msg, record.args = printable(record.getMessage()), None
+    return True

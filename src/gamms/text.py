@@ -4,6 +4,7 @@ import re
 from reprlib import Repr
 
 _LONG = 200  # bits
+_MOST = 1000  # characters of what an error says
 _CONTROLS = re.compile(  # C0 but the line feed, C1, marks of direction, breaks of lines, tags, halves of pairs
     "[\x00-\x09\x0b-\x1f\x7f-\x9f\u00ad\u061c\u180e\u200b\u200e\u200f\u2028-\u202e\u2060-\u206f\ufeff\ufff9-\ufffb"
     "\ud800-\udfff\U000e0000-\U000e0fff]"
@@ -27,6 +28,31 @@ _bounded.maxstring = _bounded.maxlong = _bounded.maxother = 80
 def shown(value: object) -> str:
     """Return the `repr` of a value, shortened to what a message can hold; it never raises."""
     return printable(_bounded.repr(value)).replace("\n", " ")
+
+
+def as_text(value: object) -> str:
+    """Return the `str` of a plain value, or what `shown` says where Python refuses to write an integer in it."""
+    try:
+        return str(value)
+    except ValueError:
+        return shown(value)
+
+
+def written(value: object) -> str:
+    """Return the whole `repr` of a plain value, or a shortened one where Python refuses to write an integer in it."""
+    try:
+        return repr(value)
+    except ValueError:
+        return shown(value)
+
+
+def reason(error: BaseException) -> str:
+    """Return what an error says, shortened to what another message can hold; else what kind of error it is."""
+    try:
+        text = str(error)
+    except ValueError:  # the key of a KeyError may be an integer that is not written out
+        text = ""
+    return (text if len(text) <= _MOST else f"{text[:_MOST]} …") or type(error).__name__
 
 
 def printable(text: str) -> str:

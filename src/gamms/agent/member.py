@@ -9,6 +9,7 @@ from gamms.deciding import DecidePhase, Guarded, phase_of, refused_while_decidin
 from gamms.errors import BadType, GammsError, MissingKey
 from gamms.ir import journal
 from gamms.ir.agents import AgentColumns, Position
+from gamms.text import shown
 from gamms.typing import IContext
 from gamms.typing.agent_engine import AgentType, IAgent, IMoves, Strategy
 from gamms.typing.sensor_engine import ISensor, SensorType, refuse_no_sensor
@@ -106,9 +107,9 @@ class Member(Guarded, IAgent):
     @team.setter
     def team(self, team: Any) -> None:
         try:
-            hash(team)
-        except TypeError:
-            raise BadType(f"A team must be a value such as a text or a number, not {team!r:.100}.") from None
+            hash(team), str(team)
+        except (TypeError, ValueError):  # an integer that is not written out has no place in legends
+            raise BadType(f"A team must be a value such as a text or a number, not {shown(team)}.") from None
         self._columns.teams[self._row] = team
         self._note(journal.AGENT_TEAM, team=team)
         self._columns.roster += 1

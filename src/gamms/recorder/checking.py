@@ -6,6 +6,7 @@ import numpy as np
 
 from gamms.recorder.errors import Damaged
 from gamms.recorder.state import State, shares
+from gamms.text import shown
 
 _MOST_AGENTS = 1 << 24  # that one recording may number
 LISTS = ("names", "teams", "speed", "sensors", "attributes", "strategies")
@@ -39,7 +40,7 @@ def checked(state: State) -> State:
     for name, (dtype, shape) in ARRAYS.items():
         whole[name] = np.array(state[name], dtype)
         if whole[name].shape != (len(names), *shape):
-            raise Damaged(f"{name!r} has the shape {whole[name].shape}, with {len(names)} agents")
+            raise Damaged(f"{shown(name)} has the shape {whole[name].shape}, with {len(names)} agents")
     shares(whole["edge_share"])
     lengths = {name: len(whole[name]) for name in LISTS}
     if set(lengths.values()) != {len(names)}:
@@ -54,7 +55,7 @@ def text(name: Any) -> str:
         Damaged: it is no text.
     """
     if not isinstance(name, str):
-        raise Damaged(f"{name!r} is no name of an agent")
+        raise Damaged(f"{shown(name)} is no name of an agent")
     return name
 
 

@@ -12,6 +12,7 @@ from typing import Any, Protocol
 from gamms.errors import BadType
 from gamms.recorder import struct_types
 from gamms.recorder.struct_types import FieldType
+from gamms.text import shown
 
 Key = tuple[str, str]  # module and qualified name of a class
 
@@ -57,7 +58,7 @@ def declared_fields(struct: Any) -> dict[str, FieldType]:
         BadType (TypeError): it is no dict, or a name or a type is not possible.
     """
     if not isinstance(struct, Mapping):
-        raise BadType(f"The struct of a component must be a dict of field names to types, not {struct!r}.")
+        raise BadType(f"The struct of a component must be a dict of field names to types, not {shown(struct)}.")
     return {checked_name(name): struct_types.of_hint(hint).or_none() for name, hint in struct.items()}
 
 
@@ -68,9 +69,9 @@ def checked_name(name: Any) -> str:
         BadType (TypeError): it is no text, or reserved.
     """
     if not isinstance(name, str):
-        raise BadType(f"The name of a field must be a str, not {name!r}.")
+        raise BadType(f"The name of a field must be a str, not {shown(name)}.")
     if name in ("name", STORE, _KIND) or (name.startswith("__") and name.endswith("__")):
-        raise BadType(f"A field cannot be called {name!r}: the name is reserved. Choose another.")
+        raise BadType(f"A field cannot be called {shown(name)}: the name is reserved. Choose another.")
     return name
 
 
@@ -81,7 +82,7 @@ def check_class(cls: Any, fields: Mapping[str, FieldType]) -> None:
         BadType (TypeError): it is no class, has no room for the values, or its names clash with the fields.
     """
     if not isinstance(cls, type):
-        raise BadType(f"Only a class can be a component, not {cls!r}.")
+        raise BadType(f"Only a class can be a component, not {shown(cls)}.")
     if not cls.__dictoffset__:
         raise BadType(f"{cls.__qualname__} has __slots__ and no __dict__: a component needs one for its fields.")
     taken = [field for field in fields if hasattr(cls, field)]
@@ -134,7 +135,7 @@ def _property_of(field: str, keeper: Keeper) -> property:
     def put(self: Any, value: Any) -> None:
         keeper.assign(self, field, value)
 
-    return property(get, put, doc=f"The recorded field {field!r}; a list is handed out as a copy.")
+    return property(get, put, doc=f"The recorded field {shown(field)}; a list is handed out as a copy.")
 
 
 def _init_of(kind: Kind, keeper: Keeper) -> Callable[..., None]:

@@ -20,6 +20,7 @@ from gamms.recorder.component_class import (
 )
 from gamms.recorder.errors import RecordingError
 from gamms.recorder.struct_types import FieldType
+from gamms.text import reason, shown
 
 Kept = tuple[set[Key], dict[Any, tuple[Any, dict[str, Any]]]]  # classes; components by name, with their values
 OnEvent = Callable[[str, dict[str, Any]], None]  # the name of an operation code, and its data
@@ -233,7 +234,7 @@ class Components(Guarded):
         """
         doing = _APPLIED.get(opcode_name)
         if doing is None:
-            raise RecordingError(f"{opcode_name!r} is no operation on components.")
+            raise RecordingError(f"{shown(opcode_name)} is no operation on components.")
         if not isinstance(data, dict):
             raise RecordingError(f"The data of {opcode_name} is no map.")
         doing(self, data, lenient)
@@ -258,7 +259,7 @@ class Components(Guarded):
         try:
             check_class(cls, fields)
         except BadType as error:
-            raise RecordingError(f"The recording declares an impossible component class: {error}") from error
+            raise RecordingError(f"The recording declares an impossible component class: {reason(error)}") from error
         self._built += 1
         self._register(cls, fields, texts)
 
@@ -269,7 +270,7 @@ class Components(Guarded):
         if name in self._components:
             if lenient:
                 return
-            raise RecordingError(f"The recording makes a second component named {name!r}.")
+            raise RecordingError(f"The recording makes a second component named {shown(name)}.")
         cls, kind = self._classes[key]
         component = self._made(cls, kind, name)
         self._on_event(*_creation(component))
@@ -285,7 +286,9 @@ class Components(Guarded):
                 kind.original_init(component)
             kind.begin(component, name)
         except Exception as error:
-            raise RecordingError(f"The component {name!r} of class {kind.key} cannot be made: {error}.") from error
+            raise RecordingError(
+                f"The component {shown(name)} of class {kind.key} cannot be made: {reason(error)}."
+            ) from error
         finally:
             self._is_silent = False
         return component
@@ -296,9 +299,11 @@ class Components(Guarded):
             return
         kind = self._kind(self._components.get(name), name)
         if kind is None:
-            raise RecordingError(f"The recording changes {name!r}, which is no recorded component.")
+            raise RecordingError(f"The recording changes {shown(name)}, which is no recorded component.")
         if not isinstance(field, str) or field not in kind.fields:
-            raise RecordingError(f"The recording sets {field!r} of {name!r}, which is no field of {kind.key}.")
+            raise RecordingError(
+                f"The recording sets {shown(field)} of {shown(name)}, which is no field of {kind.key}."
+            )
         value = kind.fields[field].shaped(data.get("value"))
         self.assign(self._components[name], field, value)
 
@@ -307,7 +312,7 @@ class Components(Guarded):
         if name in self._components:
             self.delete_component(name)
         elif not lenient:
-            raise RecordingError(f"The recording deletes the unknown component {name!r}.")
+            raise RecordingError(f"The recording deletes the unknown component {shown(name)}.")
 
     def _apply_unregister(self, data: dict[str, Any], lenient: bool) -> None:
         key = _key_in(data, "key")
@@ -404,4 +409,4 @@ def _fields_in(struct: Any) -> dict[str, FieldType]:
     try:
         return {checked_name(name): struct_types.parse(text) for name, text in struct.items()}
     except BadType as error:
-        raise RecordingError(f"The recording declares an impossible component class: {error}") from error
+        raise RecordingError(f"The recording declares an impossible component class: {reason(error)}") from error

@@ -15,7 +15,7 @@ from gamms.recorder.formats.tracks import FORMS, Tracks
 from gamms.recorder.roster import Roster
 from gamms.recorder.state import State, opened, shares
 from gamms.recorder.waiting import Batch, Waiting, follow
-from gamms.text import shown
+from gamms.text import reason, shown
 
 
 class Fold:
@@ -45,7 +45,7 @@ class Fold:
             self.state |= component_fold.nothing() if told is None else component_fold.opened(told)
             self._clock = int(state.get("turn", 0)), self._log, int(state.get("pace", 0))
         except DAMAGES as error:
-            raise Damaged(f"the whole state is not right ({type(error).__name__}: {error})") from error
+            raise Damaged(f"the whole state is not right ({type(error).__name__}: {reason(error)})") from error
         self._roster = Roster(self.state)
         self.changes += 1
 
@@ -217,7 +217,7 @@ def _grounded(name: str) -> Damaged:
 
 
 def _misfit(kind: int, error: Exception) -> Damaged:
-    return Damaged(f"an event of kind {kind:#010x} does not fit ({type(error).__name__}: {error})")
+    return Damaged(f"an event of kind {kind:#010x} does not fit ({type(error).__name__}: {reason(error)})")
 
 
 def _sensors_of(given: Any) -> dict[str, str]:

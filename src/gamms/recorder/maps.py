@@ -7,6 +7,7 @@ from typing import Any
 
 from gamms.errors import BadType
 from gamms.recorder.errors import RecordingError
+from gamms.text import shown
 
 HASH = "world_sha256"  # what a header has instead of "world"
 
@@ -64,7 +65,7 @@ def packed_of(graph: Any) -> bytes:
     if not isinstance(packed, bytes):
         raise BadType(
             "graph= is a context, a graph of a recording, or the path of a file that ctx.graph.save wrote, "
-            f"not {graph!r}."
+            f"not {shown(graph)}."
         )
     return packed
 

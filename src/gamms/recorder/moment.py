@@ -10,6 +10,7 @@ import numpy as np
 from gamms.ir.tables import table_of
 from gamms.recorder import state
 from gamms.recorder.errors import Damaged
+from gamms.text import reason
 from gamms.typing.packed_graph import IPackedGraph
 
 _KINDS = np.array(["BASIC", "AERIAL"])  # the names of AgentType
@@ -77,7 +78,7 @@ def state_of(
     try:
         scores = dict(folded["scores"])
     except (TypeError, ValueError) as error:
-        raise Damaged(f"its scores are none ({error})") from error
+        raise Damaged(f"its scores are none ({reason(error)})") from error
     data, over, components = (deepcopy(folded[name]) for name in ("data", "over", "components"))
     return State(turn, agents, scores, data, over, components, map_then)
 

@@ -22,6 +22,7 @@ from gamms.recorder.replaying import Player
 from gamms.recorder.session import Session
 from gamms.recorder.sinks import Version2Sink, Version3Sink, header_of
 from gamms.recorder.streams import Target, locks, readable
+from gamms.text import shown
 from gamms.typing.opcodes import MAGIC_NUMBER, OpCodes
 from gamms.typing.recorder import IRecorder
 
@@ -211,7 +212,7 @@ class Recorder(Guarded, IRecorder):
             BadType: a value is not plain.
         """
         if not is_plain(data):
-            raise BadType(f"What is recorded must be plain values, not {data!r}.")
+            raise BadType(f"What is recorded must be plain values, not {shown(data)}.")
         if self.record():
             self._log().append((kinds.USER_EVENT, {"kind": str(kind), **plain(data)}))
 
@@ -396,9 +397,9 @@ class Recorder(Guarded, IRecorder):
 
 def _checked_options(version: Any, created: Any, provenance: Any) -> dict[str, Any]:
     if version not in _VERSIONS:
-        raise BadValue(f"version must be 2 or 3, not {version!r}.")
+        raise BadValue(f"version must be 2 or 3, not {shown(version)}.")
     if not is_plain(provenance):
-        raise BadType(f"provenance must be plain values, not {provenance!r}.")
+        raise BadType(f"provenance must be plain values, not {shown(provenance)}.")
     return {"created": None if created is None else as_int(created, "created"), "provenance": plain(provenance)}
 
 

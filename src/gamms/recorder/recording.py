@@ -19,6 +19,7 @@ from gamms.recorder.formats.reader import Reader
 from gamms.recorder.maps import given_map, has_map, hash_in, hash_of
 from gamms.recorder.moment import State, roster_of, state_of
 from gamms.recorder.streams import readable
+from gamms.text import reason
 from gamms.typing.opcodes import MAGIC_NUMBER
 from gamms.typing.packed_graph import IPackedGraph, packed_graphs
 
@@ -141,7 +142,7 @@ class Recording:
             return state_of(fold.state, turn, self._roster[1], lambda: self._map_at(turn))
         except Damaged as error:
             self._fold = None
-            raise RecordingError(f"The state after turn {turn} cannot be worked out: {error}.") from error
+            raise RecordingError(f"The state after turn {turn} cannot be worked out: {reason(error)}.") from error
 
     @overload
     def __getitem__(self, turn: int) -> State: ...
@@ -363,7 +364,7 @@ class Recording:
         try:
             fold = self._folded(log)
         except Damaged as error:
-            raise RecordingError(f"The state after turn {log} cannot be worked out: {error}.") from error
+            raise RecordingError(f"The state after turn {log} cannot be worked out: {reason(error)}.") from error
         return dict(zip(fold.state["numbers"].tolist(), fold.state["names"], strict=True)), fold.following
 
     def _logs_of(self, start: int | None, stop: int | None) -> tuple[int, int]:

@@ -8,6 +8,7 @@ from gamms.ir import journal as kinds
 from gamms.ir.journal import Log
 from gamms.recorder.formats.version2 import FIELDS
 from gamms.recorder.plain import is_plain
+from gamms.text import shown
 from gamms.typing.opcodes import OpCodes
 
 Record = dict[str, Any]
@@ -22,11 +23,11 @@ def check_record(opcode: Any, data: Any) -> None:
         BadType, BadValue: it cannot.
     """
     if not isinstance(opcode, OpCodes):
-        raise BadType(f"opCode must be one of gamms.typing.OpCodes, not {opcode!r}.")
+        raise BadType(f"opCode must be one of gamms.typing.OpCodes, not {shown(opcode)}.")
     if opcode is OpCodes.TERMINATE:
         raise BadValue("TERMINATE is written by ctx.record.stop().")
     if not isinstance(data, dict) or not is_plain(data):
-        raise BadType(f"What is recorded must be a dict of plain values, not {data!r}.")
+        raise BadType(f"What is recorded must be a dict of plain values, not {shown(data)}.")
     missing = sorted(FIELDS[opcode.value] - data.keys())
     if missing:
         raise BadValue(f"The data of {opcode.name} must have {', '.join(map(repr, missing))}, not only {list(data)}.")

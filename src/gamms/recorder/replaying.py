@@ -15,6 +15,7 @@ from gamms.recorder.formats.reader import Reader
 from gamms.recorder.formats.tracks import FORMS
 from gamms.recorder.maps import has_map, hash_in, is_map_of
 from gamms.recorder.records import TURN_NS, Record, named, records_of, records_of_move, steps_of
+from gamms.text import reason, shown
 from gamms.typing.opcodes import OpCodes
 
 
@@ -56,7 +57,7 @@ class Player:
         except ContextTerminated:
             raise
         except UNFIT as error:
-            raise RecordingError(f"This recording cannot begin here: {error}") from error
+            raise RecordingError(f"This recording cannot begin here: {reason(error)}") from error
 
     def play_until(self, log: kinds.Log, kind: int, names: dict[int, str], following: int) -> Any:
         """Play a turn as far as an event of some kind, and give the data of it; None if there is none.
@@ -105,7 +106,7 @@ class Player:
                 name = self._numbers[number]
                 row = agents.agents[name]._row
             except KeyError as error:
-                raise RecordingError(f"Turn {turn} moves agent number {number}: {error}") from error
+                raise RecordingError(f"Turn {turn} moves agent number {number}: {reason(error)}") from error
             before = agents.columns.node[row]
             moves = unnoted if is_copying else agents.moves
             try:
@@ -140,7 +141,7 @@ class Player:
                 if not is_copying:
                     columns.journal.turned(agent._row, parts)
         except (GammsError, KeyError) as error:
-            raise RecordingError(f"An event of kind {kind:#010x} cannot happen here: {error}") from error
+            raise RecordingError(f"An event of kind {kind:#010x} cannot happen here: {reason(error)}") from error
         if is_copying:
             self._recorder.copy((kind, data))
         return named((kind, data), agent.name)
@@ -171,7 +172,7 @@ class Player:
             except ContextTerminated:
                 raise
             except UNFIT as error:
-                raise RecordingError(f"An event of kind {kind:#010x} cannot happen here: {error}") from error
+                raise RecordingError(f"An event of kind {kind:#010x} cannot happen here: {reason(error)}") from error
         elif kind in COMPONENTS:
             self._recorder.components.apply(COMPONENTS[kind], data, lenient=self._is_version_2)
             return  # the components have reported it
@@ -213,9 +214,19 @@ class Player:
         places = {name: tuple(map(float, value)) for name, value in given if name in _PLACES}
         for name, numbers in places.items():
             if len(numbers) != _PLACES[name]:
-                raise BadValue(f"{name!r} has {_PLACES[name]} numbers, and not {numbers!r:.100}.")
-        agent = self._ctx.agent.create_agent(data["name"], **data["kwargs"])
+                raise BadValue(f"{shown(name)} has {_PLACES[name]} numbers, and not {shown(numbers)}.")
+        agent = self._ctx.agent.create_agent(data["name"], **self._with_known_sensors(data["kwargs"]))
         self._ctx.agent.put(agent, places)
+
+    def _with_known_sensors(self, given: dict[str, Any]) -> dict[str, Any]:
+        """The keywords of an agent without sensors that are not here."""
+        sensors, known = given.get("sensors") or (), self._ctx.sensor.sensors
+        if all(sensor_id in known for sensor_id in (sensors.values() if isinstance(sensors, dict) else sensors)):
+            return given
+        self._ctx.logger.error("Sensors that are not here are left out of the replay.")
+        if isinstance(sensors, dict):
+            return given | {"sensors": {name: one for name, one in sensors.items() if one in known}}
+        return given | {"sensors": [one for one in sensors if one in known]}
 
     def _was_refused(self, name: Any, given: Any) -> bool:
         """Whether 1.0.0 made no agent of this after it had written it down."""
@@ -223,14 +234,22 @@ class Player:
         return name in self._ctx.agent.agents or "start_node_id" not in given or (flies and "speed" not in given)
 
     def _delete(self, data: Any) -> None:
+        if not self._is_version_2:
+            self._ctx.agent.get_agent(data["name"])
+        elif data["name"] not in self._ctx.agent.agents:  # 1.0.0 wrote it down all the same
+            return
         self._ctx.agent.delete_agent(data["name"])
 
     def _register(self, data: Any) -> None:
         agent = self._ctx.agent.get_agent(data["agent_name"])
+        sensor = self._ctx.sensor.sensors.get(data["sensor_id"])
+        if sensor is None:
+            self._ctx.logger.error(f"Sensor {shown(data['sensor_id'])} is not here: it is left out of the replay.")
+            return
         try:
-            agent.register_sensor(data["name"], self._ctx.sensor.get_sensor(data["sensor_id"]))
+            agent.register_sensor(data["name"], sensor)
         except GammsError as error:
-            self._ctx.logger.error(f"{error} The sensor is left out of the replay.")  # noqa: TRY400 - ILogger has none
+            self._ctx.logger.error(f"{reason(error)} The sensor is left out of the replay.")  # noqa: TRY400 - ILogger has none
 
     def _deregister(self, data: Any) -> None:
         self._ctx.agent.get_agent(data["agent_name"]).deregister_sensor(data["name"])
@@ -258,7 +277,9 @@ class Player:
         try:
             self._visuals(visuals)
         except UNFIT as error:
-            raise RecordingError(f"What this recording looks like is not right ({error!r}).") from error
+            raise RecordingError(
+                f"What this recording looks like is not right ({type(error).__name__}: {reason(error)})."
+            ) from error
 
     def _scores(self, data: Any) -> None:
         self._ctx.game.scores.clear()
@@ -317,7 +338,7 @@ class Player:
             try:
                 self._ctx.graph.unpack(header["world"])
             except BadFile as error:
-                raise RecordingError(f"The map of this recording is damaged: {error}") from error
+                raise RecordingError(f"The map of this recording is damaged: {reason(error)}") from error
         elif not is_map_of(self._ctx.graph.packed_part()[0], header):
             raise RecordingError(
                 "The graph or the obstacles of this context are not those of the recording. Replay it into a context "

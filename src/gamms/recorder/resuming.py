@@ -12,6 +12,7 @@ from gamms.recorder import game_state, sensed, state
 from gamms.recorder.errors import UNFIT, RecordingError
 from gamms.recorder.maps import hash_of
 from gamms.recorder.replaying import COMPONENTS, Player
+from gamms.text import reason, shown
 from gamms.typing import SensorType
 from gamms.typing.context import contexts
 
@@ -21,6 +22,7 @@ if TYPE_CHECKING:
 
 Strategies = Mapping[str, Any]  # agent or team -> its strategy
 
+_SEED_BITS = 63
 _TOLD = (kinds.SNAPSHOT, kinds.GAME_EVENT, kinds.GAME_FACTS, kinds.GAME_TURN)
 
 
@@ -63,14 +65,16 @@ def observation(ctx: Any, log: kinds.Log, fold: "Fold", turn: int, agent: str) -
     except UnknownName:
         raise
     except UNFIT as error:
-        raise RecordingError(f"Agent {agent!r} cannot be asked in turn {turn}: {error}.") from error
+        raise RecordingError(f"Agent {shown(agent)} cannot be asked in turn {turn}: {reason(error)}.") from error
     numbers = {name: number for number, name in names.items()}
     try:
         looks = sensed.looks_of(told, numbers[agent])
         graph = ctx.graph.graph
         state["sensor"] = {look.sensor: (_kind_of(look), sensed.data_of(look, graph, names)) for _, look in looks}
     except UNFIT as error:
-        raise RecordingError(f"What was sensed in turn {turn} is damaged: {error!r}.") from error
+        raise RecordingError(
+            f"What was sensed in turn {turn} is damaged: {type(error).__name__}: {reason(error)}."
+        ) from error
     return state
 
 
@@ -114,7 +118,7 @@ def resume(ctx: Any, reader: "Reader", turn: int, fold: "Fold", maps: Maps, *, i
         with ctx.agent.moves.trusting():
             state.put(ctx, {**fold.state, **told, "chance": chance, "turn": fold.game_turn(turn)})
     except UNFIT as error:
-        raise RecordingError(f"This game cannot go on from turn {turn}: {error}") from error
+        raise RecordingError(f"This game cannot go on from turn {turn}: {reason(error)}") from error
     for name, agent in ctx.agent.agents.items():
         agent.strategy = strategies.get(name)
     looks = [data for _, data in _before(reader, turn, (kinds.VISUALS,))]
@@ -131,7 +135,7 @@ def register(ctx: Any, strategies: Strategies) -> None:
         UnknownName (KeyError): there is no such agent or team.
     """
     if not isinstance(strategies, Mapping):
-        raise BadType(f"strategies must be a mapping from teams or agents to strategies, not {strategies!r}.")
+        raise BadType(f"strategies must be a mapping from teams or agents to strategies, not {shown(strategies)}.")
     agents, teams = ctx.agent.agents, ctx.agent.teams
     for name in strategies:
         if name not in agents and name not in teams:
@@ -156,8 +160,8 @@ def as_seed(given: Any, recorded: Any) -> int:
     """
     if given is not None:
         return as_int(given, "seed")
-    if type(recorded) is not int:
-        raise RecordingError(f"The seed of this recording is {recorded!r}, which is none: give resume(…, seed=…).")
+    if type(recorded) is not int or recorded.bit_length() > _SEED_BITS:
+        raise RecordingError(f"The seed of this recording is {shown(recorded)}, which is none: give resume(…, seed=…).")
     return recorded
 
 
@@ -173,7 +177,7 @@ def _attach(ctx: Any, maps: Maps) -> None:
         try:
             ctx.graph.unpack(maps.packed())
         except BadFile as error:
-            raise RecordingError(f"The map of this recording is damaged: {error}") from error
+            raise RecordingError(f"The map of this recording is damaged: {reason(error)}") from error
 
 
 def _make_room(ctx: Any, names: list[str]) -> None:

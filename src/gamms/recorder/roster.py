@@ -8,6 +8,7 @@ from gamms.recorder.checking import ARRAYS, LISTS
 from gamms.recorder.errors import DAMAGES, Damaged
 from gamms.recorder.formats.columns import IntArray
 from gamms.recorder.state import State
+from gamms.text import reason, shown
 
 _FEW = 24  # agents that are found faster one by one
 _SHARE = 64  # of all agents: fewer than one of so many are found one by one, too
@@ -165,7 +166,7 @@ class Roster:
             try:
                 self._room(name, begin)[begin : self._size] = [row[name] for row in new]
             except DAMAGES as error:
-                raise Damaged(f"an agent comes whose {name!r} is not right ({error})") from error
+                raise Damaged(f"an agent comes whose {shown(name)} is not right ({reason(error)})") from error
             self._state[name] = self._columns[name][: self._size]
 
     def _room(self, name: str, begin: int) -> "np.ndarray[Any, Any]":

@@ -7,6 +7,7 @@ from typing import Any, NamedTuple
 import numpy as np
 
 from gamms.recorder.plain import plain
+from gamms.text import shown
 from gamms.typing import AgentType
 
 Results = Mapping[str, tuple[Any, Any]]  # sensor -> (kind, data), as in a state
@@ -128,7 +129,7 @@ def seen_by(look: Look) -> tuple[list[int], list[int]]:
 
 def _ints(column: Any) -> "np.ndarray[Any, Any]":
     if not isinstance(column, np.ndarray) or column.dtype.kind not in "iu" or not column.ndim:
-        raise TypeError(f"{column!r:.100} is no column of integers")
+        raise TypeError(f"{shown(column)} is no column of integers")
     return column
 
 

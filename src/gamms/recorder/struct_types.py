@@ -20,6 +20,7 @@ import numpy as np
 
 from gamms.errors import BadType
 from gamms.recorder.errors import RecordingError
+from gamms.text import shown
 
 _SCALARS: dict[str, type] = {
     "int": int,
@@ -153,7 +154,7 @@ def _of_hint(hint: Any) -> FieldType:
         return FieldType((Array(tuple, items, is_open),))
     if origin is list and len(inside) == 1:
         return FieldType((Array(list, (_of_hint(inside[0]),), is_open=True),))
-    raise BadType(f"A field of a component cannot be {hint!r}. Use {_ALLOWED}.")
+    raise BadType(f"A field of a component cannot be {shown(hint)}. Use {_ALLOWED}.")
 
 
 # -- from text --------------------------------------------------------------------------------------------------

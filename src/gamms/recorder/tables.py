@@ -14,6 +14,7 @@ from gamms.recorder.formats.reader import Reader
 from gamms.recorder.formats.tracks import FORMS
 from gamms.recorder.records import named, steps_of
 from gamms.recorder.sensed import looks_of, seen_by
+from gamms.text import reason, shown
 from gamms.typing.opcodes import OpCodes
 
 Table = dict[str, np.ndarray[Any, Any]]
@@ -36,7 +37,7 @@ def events(reader: Reader, start: int, stop: int) -> Iterator[dict[str, Any]]:
     """What rules emitted and programs recorded in these logs."""
     for log, _, _, data in reader.events(start, stop, _TOLD):
         if not (isinstance(data, dict) and isinstance(data.get("kind"), str)):
-            raise RecordingError(f"An event of turn {log + 1} has no kind: {data!r}.")
+            raise RecordingError(f"An event of turn {log + 1} has no kind: {shown(data)}.")
         yield {"turn": log + 1, **data}
 
 
@@ -70,7 +71,9 @@ def _roster_after(kind: int, data: Any, names: dict[int, str], following: int) -
         names[following] = data["name"]  # in place, for a thousand may come one by one
         return names, following + 1
     except DAMAGES as error:
-        raise RecordingError(f"An event of kind {KINDS[kind]} is damaged ({error!r}).") from error
+        raise RecordingError(
+            f"An event of kind {KINDS[kind]} is damaged ({type(error).__name__}: {reason(error)})."
+        ) from error
 
 
 def table(reader: Reader, name: str, start: int, stop: int, names_at: NamesAt) -> Table:
@@ -86,7 +89,8 @@ def table(reader: Reader, name: str, start: int, stop: int, names_at: NamesAt) -
             raise
         except DAMAGES as error:
             raise RecordingError(
-                f"The table {name!r} cannot be made: an event in it is damaged ({error!r})."
+                f"The table {shown(name)} cannot be made: an event in it is damaged "
+                f"({type(error).__name__}: {reason(error)})."
             ) from error
     rows = [event for event in events(reader, start, stop) if event["kind"] == name]
     if not rows:
@@ -137,7 +141,7 @@ def _named(numbers: IntArray, known: dict[int, str]) -> np.ndarray[Any, Any]:
     try:
         return np.array([known[number] for number in distinct.tolist()])[places]
     except KeyError as error:
-        raise RecordingError(f"Agent number {error} moves and is not there.") from error
+        raise RecordingError(f"Agent number {reason(error)} moves and is not there.") from error
 
 
 def _positions(reader: Reader, start: int, stop: int, names_at: NamesAt) -> Table:

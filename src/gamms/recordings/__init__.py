@@ -6,11 +6,12 @@ would. Read `contexts.py` first: a fresh context for any recording.
 
 from gamms.recordings.comparing import Difference, first_difference
 from gamms.recordings.contexts import context_for, records_of, version_of, with_nodes_made_up
-from gamms.recordings.converting import to_json_lines, to_version_3
+from gamms.recordings.converting import as_json, to_json_lines, to_version_3
 from gamms.recordings.verifying import re_recorded, verify
 
 __all__ = [
     "Difference",
+    "as_json",
     "context_for",
     "first_difference",
     "re_recorded",

@@ -7,6 +7,7 @@ from typing import Any, NamedTuple
 import numpy as np
 
 from gamms.recorder import Recording, RecordingError, State
+from gamms.text import written
 
 
 class Difference(NamedTuple):
@@ -30,7 +31,8 @@ class Difference(NamedTuple):
     def __str__(self) -> str:
         """Say it in one line."""
         whose = "" if self.agent is None else f"agent {self.agent!r}, "
-        return f"Turn {self.turn}, {whose}{self.field}: {self.first!r} in the first, {self.second!r} in the second"
+        pair = written(self.first), written(self.second)
+        return f"Turn {self.turn}, {whose}{self.field}: {pair[0]} in the first, {pair[1]} in the second"
 
 
 def first_difference(first: Recording, second: Recording) -> Difference | None:

@@ -22,9 +22,11 @@ from gamms.recorder.plain import plain
 from gamms.recorder.replaying import Player
 from gamms.recorder.streams import named
 from gamms.recordings.contexts import records_of, version_of, with_nodes_made_up
+from gamms.text import as_text, reason, written
 
 _PROVENANCE = {"converted": "from a recording of version 2"}
 _Record = dict[str, Any]
+_MOST_BITS = 14_000  # of an integer that Python writes out
 
 
 def to_version_3(
@@ -106,7 +108,9 @@ class _Happening:
         try:
             special(record["data"])
         except (GammsError, KeyError, TypeError, ValueError, AttributeError) as error:
-            raise RecordingError(f"An event of kind {record['opCode']:#010x} cannot happen here: {error}") from error
+            raise RecordingError(
+                f"An event of kind {record['opCode']:#010x} cannot happen here: {reason(error)}"
+            ) from error
 
     def _create(self, data: Any) -> None:
         data = plain(data)
@@ -157,7 +161,7 @@ def to_json_lines(path: str | os.PathLike[str], out: str | os.PathLike[str]) -> 
         raise FileExistsError(f"There is a file {str(out)!r} already; choose another name or delete it first.")
     with opened(path) as recording, whole_file(Path(out)) as beside:
         with beside.open("w", encoding="utf-8", errors="backslashreplace") as file:  # as JSON escapes them, too
-            lines = (json.dumps(_json(line), ensure_ascii=False, allow_nan=False) for line in _lines(recording))
+            lines = (json.dumps(as_json(line), ensure_ascii=False, allow_nan=False) for line in _lines(recording))
             file.writelines(f"{line}\n" for line in lines)
         return recording.warning
 
@@ -176,16 +180,16 @@ def _lines(recording: Recording) -> Iterator[_Record]:
     yield from recording.steps()
 
 
-def _json(value: Any) -> Any:
-    """What JSON can hold of a plain value."""
+def as_json(value: Any) -> Any:
+    """What JSON can hold of a plain value; integers of more than 4,300 digits become texts in hexadecimal."""
     if isinstance(value, dict):
-        return {key if isinstance(key, str) else str(key): _json(one) for key, one in value.items()}
+        return {key if isinstance(key, str) else as_text(key): as_json(one) for key, one in value.items()}
     if isinstance(value, (list, tuple, set, frozenset)):
-        return [_json(one) for one in (sorted(value, key=repr) if isinstance(value, (set, frozenset)) else value)]
+        return [as_json(one) for one in (sorted(value, key=written) if isinstance(value, (set, frozenset)) else value)]
     if isinstance(value, np.ndarray):
-        return _json(value.tolist())
+        return as_json(value.tolist())
     if isinstance(value, bytes):
         return b64encode(value).decode()
     if isinstance(value, float) and not isfinite(value):
         return None if isnan(value) else str(value)
-    return value
+    return hex(value) if isinstance(value, int) and value.bit_length() > _MOST_BITS else value

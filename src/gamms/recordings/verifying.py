@@ -12,6 +12,7 @@ from gamms.recorder.formats.values import to_bytes
 from gamms.recorder.maps import HASH
 from gamms.recordings.comparing import differences
 from gamms.recordings.contexts import with_map
+from gamms.text import as_text, reason
 
 
 def verify(path: str | os.PathLike[str], map: str | os.PathLike[str] | None = None) -> None:
@@ -40,7 +41,7 @@ def verify(path: str | os.PathLike[str], map: str | os.PathLike[str] | None = No
     if name is not None and map is None:
         raise RecordingError(
             "What can be read without its map is whole; but this recording does not hold its map, only the SHA-256 of "
-            f"it, {name}, and cannot be replayed without. Give that map: --map FILE.gamms."
+            f"it, {as_text(name)}, and cannot be replayed without. Give that map: --map FILE.gamms."
         )
     _check_keyframes(path)
     before, after = Path(path).read_bytes(), re_recorded(path, map)
@@ -117,6 +118,6 @@ def re_recorded(path: str | os.PathLike[str], map: str | os.PathLike[str] | None
             for _ in ctx.record.replay(path):
                 pass
         except GammsError as error:
-            raise RecordingError(f"It cannot be replayed: {error}") from error
+            raise RecordingError(f"It cannot be replayed: {reason(error)}") from error
         ctx.record.stop()
     return stream.getvalue()

@@ -22,7 +22,7 @@ from gamms.limits import PER_BYTE
 from gamms.recorder.formats import blocks, columns, tracks, values
 from gamms.recorder.formats.columns import IntArray
 from gamms.recorder.formats.tracks import FORMS, Layout, Rows, Tracks, steps
-from gamms.text import shown
+from gamms.text import reason, shown
 
 Log = list[Any]
 """The log of one turn: ints two by two, and tuples."""
@@ -86,7 +86,9 @@ def _moves(numbers: Log) -> "array[int]":
     try:
         return array("q", numbers)
     except TypeError as error:
-        raise BadType(f"A log has ints and tuples (kind, data); this one has something else ({error}).") from None
+        raise BadType(
+            f"A log has ints and tuples (kind, data); this one has something else ({reason(error)})."
+        ) from None
     except OverflowError:
         raise BadValue(f"Rows and nodes have 64 bits; {shown(numbers)} has more.") from None
 

@@ -14,6 +14,7 @@ import numpy as np
 from gamms.errors import BadFile
 from gamms.recorder.errors import RecordingError
 from gamms.recorder.formats import blocks, values
+from gamms.text import reason
 
 INDEX_COLUMNS = ("type", "size", "turns", "moves", "events")
 
@@ -56,8 +57,9 @@ class at_byte:  # noqa: N801  # it reads as a word in `with at_byte(at):`
 
     def __exit__(self, kind: object, error: BaseException | None, trace: object) -> None:
         if isinstance(error, _DAMAGES) and not isinstance(error, RecordingError):
-            reason = str(error).rstrip(".") or type(error).__name__
-            raise RecordingError(f"This recording is damaged at byte {self._at}: {reason}.") from error
+            raise RecordingError(
+                f"This recording is damaged at byte {self._at}: {reason(error).rstrip('.')}."
+            ) from error
 
 
 class Input:

@@ -18,7 +18,7 @@ from gamms.errors import BadFile, BadType, BadValue
 from gamms.ir import journal
 from gamms.recorder.formats import columns
 from gamms.recorder.formats.columns import IntArray
-from gamms.text import shown
+from gamms.text import reason, shown
 
 FloatArray = npt.NDArray[np.float64]
 
@@ -185,7 +185,7 @@ class Rows:
                 array("d", chain.from_iterable([data[1 + nodes :] for data in events])),
             )
         except TypeError as error:
-            raise BadType(f"An event of kind {kind:#010x} has something else than numbers ({error}).") from None
+            raise BadType(f"An event of kind {kind:#010x} has something else than numbers ({reason(error)}).") from None
         except OverflowError:
             raise BadValue(f"An event of kind {kind:#010x} has a number of more than 64 bits.") from None
 

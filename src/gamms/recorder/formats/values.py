@@ -19,7 +19,7 @@ from gamms.limits import Allowance, Keys
 from gamms.recorder.formats import columns
 from gamms.recorder.formats.numbered import FEWEST, numbered, texts_of
 from gamms.recorder.formats.plain_cbor import Damaged, PlainReader
-from gamms.text import shown
+from gamms.text import reason, shown
 
 MOST_DEPTH = 32  # containers in each other
 _FEW_KEYS = 16  # containers among the keys of one value, which may all have one hash and take no time
@@ -61,7 +61,7 @@ def to_bytes(value: Any, where: str) -> bytes:
         data: bytes = _cbor2().dumps(_marked(value, MOST_DEPTH))
     except TypeError as error:
         raise BadType(
-            f"{where} cannot be recorded: {error}. Only None, bool, int, float, str, bytes, list, tuple, set, "
+            f"{where} cannot be recorded: {reason(error)}. Only None, bool, int, float, str, bytes, list, tuple, set, "
             f"dict and NumPy arrays of numbers can; convert it first."
         ) from None
     except RecursionError:
@@ -128,7 +128,7 @@ class Decoder:
             value = cbor2.loads(data)
             return _unmarked(value, self.keys) if form == _MARKED else value
         except (cbor2.CBORDecodeError, Damaged, ValueError, TypeError, OverflowError, KeyError) as error:
-            raise BadFile(f"a value is damaged ({error})") from error
+            raise BadFile(f"a value is damaged ({reason(error)})") from error
 
 
 class Values:

@@ -18,6 +18,7 @@ from gamms.limits import Keys
 from gamms.recorder.errors import RecordingError
 from gamms.recorder.formats import plain_cbor
 from gamms.recorder.formats.plain_cbor import Damaged, Incomplete, PlainReader, Tagged
+from gamms.text import reason
 from gamms.typing.opcodes import MAGIC_NUMBER, OpCodes
 
 Record = dict[str, Any]  # timestamp, opCode, data
@@ -204,9 +205,9 @@ class Version2Writer:
             if opcode in _USERS:
                 PlainReader(encoded).item()
         except self._errors as error:
-            raise BadType(f"{OpCodes(opcode).name} cannot be recorded: {error}. Use plain data.") from error
+            raise BadType(f"{OpCodes(opcode).name} cannot be recorded: {reason(error)}. Use plain data.") from error
         except (Damaged, RecursionError) as error:
-            raise BadValue(f"{OpCodes(opcode).name} cannot be recorded: {error}.") from error
+            raise BadValue(f"{OpCodes(opcode).name} cannot be recorded: {reason(error)}.") from error
         self._stream.write(encoded)
 
     def _plain(self, value: Any) -> Any:
