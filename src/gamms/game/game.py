@@ -300,9 +300,9 @@ class Game(Settings):
     def reset(self, seed: int | None = None) -> None:
         """Begin the game again, as it was before its first turn: agents, map, rules, settings, data, scores, streams.
 
-        What was there or was changed before the first turn is part of the start, after a reset as well; what anybody
-        has changed since then is taken back. What strategies and rules keep elsewhere than in `state["memory"]` and
-        `ctx.game.data` stays as it is.
+        What is changed before the first turn is part of the start, also between a reset and the turn that follows; what
+        is changed later, by rules or between turns, is taken back. What strategies and rules keep elsewhere than in
+        `state["memory"]` and `ctx.game.data` stays as it is.
 
         Args:
             seed: all random streams follow from it; None repeats the game.

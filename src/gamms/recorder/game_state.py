@@ -41,8 +41,8 @@ def told(ctx: Any) -> dict[str, Any]:
     }
 
 
-def told_first(ctx: Any) -> dict[str, Any]:
-    """The same for the beginning of a recording, where agents began where they are unless it says otherwise."""
+def at_the_start(ctx: Any) -> dict[str, Any]:
+    """Return the same for the beginning of a recording, without the starts of agents that are all there still."""
     first = told(ctx)
     if first.get("starts") == _places(ctx):
         del first["starts"]

@@ -73,7 +73,7 @@ class Session:
         self._left_out.look_over()
         self._declarations, self.visuals = self._declarations_now(), state.shown(ctx)
         self._listen()
-        self.begin = state.captured(ctx) | game_state.told_first(ctx) | state.of_components(ctx)
+        self.begin = state.captured(ctx) | game_state.at_the_start(ctx) | state.of_components(ctx)
         self._revised = _REVISIONS(self._room)
         self._watch_game()
 
