@@ -11,7 +11,7 @@ INTERVAL_S = 0.25
 
 
 class Saving:
-    """Saves a recording every half second.
+    """Saves a recording four times a second.
 
     Args:
         save: writes what waits.
