@@ -437,6 +437,20 @@ class Game(Settings):
         return self._memories if agent is None else frozen({agent.name: self._memories.get(agent.name, {})})
 
     @refused_while_deciding
+    def recorded(self) -> tuple[Any, ...]:
+        """Give what recordings hold of a game, itself: events, scores, data, over, facts, memories, team memories."""
+        # NOTE: asked in every turn; seven attributes that are checked one by one take 2 us (benchmarks/README.md, w4).
+        return (
+            self._events,  # type: ignore[attr-defined] # `Protected`, like two others
+            self._scores,
+            self._data,  # type: ignore[attr-defined]
+            self._over,
+            self._facts,
+            self._memories,
+            self._team_memories,  # type: ignore[attr-defined]
+        )
+
+    @refused_while_deciding
     def memory_of(self, name: str) -> dict[Any, Any]:
         """What an agent remembers; to be written to."""
         return self._memories.setdefault(name, {})

@@ -200,22 +200,22 @@ class GameWatch:
 
     def tell(self, log: Log) -> None:
         """Add the events that say what else has changed."""
-        game = self._game
-        if len(game.events) != self._events:
-            log += [(kinds.GAME_EVENT, plain(event)) for event in game.events[self._events :]]
-            self._events = len(game.events)
-        if game.scores != self._scores:
-            self._scores = plain(game.scores)
+        events, scores, data, over, facts, memories, team_memories = self._game.recorded()
+        if len(events) != self._events:
+            log += [(kinds.GAME_EVENT, plain(event)) for event in events[self._events :]]
+            self._events = len(events)
+        if scores != self._scores:
+            self._scores = plain(scores)
             log.append((kinds.GAME_SCORES, {"scores": list(self._scores.items())}))
-        if (game.data or self._data.values) and (found := self._data.changes(game.data)) is not None:
+        if (data or self._data.values) and (found := self._data.changes(data)) is not None:
             log.append((kinds.GAME_DATA, found))
-        if game.over != self._over:
-            self._over = plain(game.over)
+        if over != self._over:
+            self._over = plain(over)
             log.append((kinds.GAME_OVER, self._over or {}))
-        if game.facts != self._facts:
+        if facts != self._facts:
             log.append(self._new_facts())
-        has_memories = game.memories and any(game.memories.values())
-        if has_memories or game.team_memories or self._memories or self._team_memories:
+        has_memories = memories and any(memories.values())
+        if has_memories or team_memories or self._memories or self._team_memories:
             log += self._new_memories()
         if (chance := self._ctx.chance()) is not None and not is_same(chance, self._chance):
             self._chance = plain(chance)
