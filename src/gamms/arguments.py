@@ -112,7 +112,7 @@ def as_function_of(value: Any, name: str, argument: str, maker: object) -> Any:
         BadType: it cannot be called so; a maker that was passed uncalled is named.
     """
     if not callable(value):
-        raise BadType(f"{name} must be a function of {argument}, not {value!r:.200} ({type(value).__name__}).")
+        raise BadType(f"{name} must be a function of {argument}, not {shown(value)} ({type(value).__name__}).")
     made_by = getattr(value, "__name__", "it")
     if getattr(value, "__annotations__", {}).get("return") == maker:
         raise BadType(f"{made_by} makes such a function: call it, {made_by}(…), and pass what it returns.")

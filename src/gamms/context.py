@@ -12,7 +12,7 @@ from gamms.arguments import as_int, as_path
 from gamms.deciding import DecidePhase, Guarded, refused_while_deciding
 from gamms.errors import BadType, BadValue
 from gamms.game.moves import Moves
-from gamms.text import printable
+from gamms.text import printable, shown
 from gamms.typing import (
     IAgentEngine,
     IComputeEngine,
@@ -181,7 +181,7 @@ class Context(Guarded, IContext):
     def logger(self, logger: ILogger) -> None:
         missing = [verb for verb in _LOGGER_VERBS if not callable(getattr(logger, verb, None))]
         if missing:
-            raise BadType(f"A logger needs the methods of gamms.logger.ILogger; {logger!r} lacks {missing}.")
+            raise BadType(f"A logger needs the methods of gamms.logger.ILogger; {shown(logger)} lacks {missing}.")
         self._logger = logger
 
     @property
@@ -359,13 +359,15 @@ def _visual_engine(ctx: Context, engine: Any, keywords: dict[str, Any]) -> IVisu
     if engine is visual.Engine.PYGAME:
         engine_class: Callable[..., IVisualizationEngine] = visual.PygameVisualizationEngine
         return engine_class(ctx, **keywords)
-    raise NotImplementedError(f"Unknown visual engine {engine!r}. Use gamms.visual.Engine.NO_VIS, PYGAME or OFFSCREEN.")
+    raise NotImplementedError(
+        f"Unknown visual engine {shown(engine)}. Use gamms.visual.Engine.NO_VIS, PYGAME or OFFSCREEN."
+    )
 
 
 def _database_path(engine: Any, path: str | os.PathLike[str] | None) -> "memory.PathLike | None":
     if engine is not graph.Engine.SQLITE:
         if path is not None:
-            raise BadValue(f"graph_path={path!r} needs graph_engine=gamms.graph.Engine.SQLITE.")
+            raise BadValue(f"graph_path={shown(path)} needs graph_engine=gamms.graph.Engine.SQLITE.")
         return None
     return None if path is None else memory.PathLike(str(as_path(path, "graph_path")))
 

@@ -13,6 +13,7 @@ from marshal import dumps
 from typing import Any
 
 from gamms.errors import BadFile, BadValue, TooLarge
+from gamms.text import shown
 
 _GIB = 1 << 30
 _DEFAULT = 2 * _GIB
@@ -54,7 +55,7 @@ def parse_memory(text: str) -> int:
     unit = number[-1:] if number[-1:] in {"K", "M", "G", "T"} else ""
     digits = number.removesuffix(unit).strip()
     if not digits.isdecimal() or len(digits) > 18:
-        raise BadValue(f"A size of memory is a number with a unit, such as 512M or 8G, not {text!r:.60}.")
+        raise BadValue(f"A size of memory is a number with a unit, such as 512M or 8G, not {shown(text)}.")
     return int(digits) * _UNITS[unit]
 
 

@@ -15,6 +15,7 @@ from gamms.errors import BadType, ContextTerminated, Duplicate, MissingKey, Unkn
 from gamms.ir import journal
 from gamms.ir.agents import AgentColumns
 from gamms.readonly import ReadOnlyMapping, frozen
+from gamms.text import shown
 from gamms.typing import IContext
 from gamms.typing.agent_engine import AgentType, IAgentEngine, IMoves, Roll, Standing
 from gamms.typing.sensor_engine import ISensor, is_sensor
@@ -82,11 +83,11 @@ class AgentEngine(Guarded, IAgentEngine):
         hints = misspelt(kwargs, _KEYWORDS)
         for needed, what in _NEEDED[kind].items():
             if needed not in kwargs:
-                raise MissingKey(" ".join([f"Agent {name!r} needs {needed}=, {what}.", *hints]))
+                raise MissingKey(" ".join([f"Agent {shown(name)} needs {needed}=, {what}.", *hints]))
         agent = _CLASSES[kind](self._ctx, name, **kwargs)
         agent.register_strategy(strategy)
         for hint in hints:
-            self._ctx.logger.warning(f"Agent {name!r}: {hint} It is kept as an attribute.")
+            self._ctx.logger.warning(f"Agent {shown(name)}: {hint} It is kept as an attribute.")
         agent._live_in(self._columns)
         self._agents[name] = agent  # before its sensors: one may ask who its owner is
         log = self._columns.journal
@@ -237,14 +238,16 @@ class AgentEngine(Guarded, IAgentEngine):
     def _found_sensors(self, name: str, given: Any) -> dict[str, ISensor]:
         """The sensors an agent is to carry, by the name it knows them by."""
         if isinstance(given, str) or not isinstance(given, Iterable):
-            raise BadType(f"sensors= of agent {name!r} must be a list of sensor ids or a dict, not {given!r}.")
+            raise BadType(
+                f"sensors= of agent {shown(name)} must be a list of sensor ids or a dict, not {shown(given)}."
+            )
         pairs = given.items() if isinstance(given, Mapping) else ((sensor_id, sensor_id) for sensor_id in given)
         found = {}
         for key, sensor in pairs:
             try:
                 found[key] = sensor if is_sensor(sensor) else self._ctx.sensor.get_sensor(sensor)
             except KeyError as error:
-                self._ctx.logger.warning(f"Agent {name!r} goes without a sensor: {error}")
+                self._ctx.logger.warning(f"Agent {shown(name)} goes without a sensor: {error}")
         return found
 
     def _kind_of(self, name: str, kwargs: dict[str, Any]) -> AgentType:
@@ -255,8 +258,8 @@ class AgentEngine(Guarded, IAgentEngine):
         given = kwargs.pop("type", AgentType.BASIC)
         kind = _as_type(given)
         if kind is None:
-            hint = nearest(str(given).upper(), AgentType.__members__)
-            self._ctx.logger.warning(f"Agent {name!r}: unknown type {given!r}, so it is BASIC.{hint}")
+            hint = nearest(shown(given).upper(), AgentType.__members__)
+            self._ctx.logger.warning(f"Agent {shown(name)}: unknown type {shown(given)}, so it is BASIC.{hint}")
         return AgentType.AERIAL if AgentType.AERIAL in (kind, _as_type(kwargs.get("agent_type"))) else AgentType.BASIC
 
 

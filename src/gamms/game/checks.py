@@ -9,6 +9,7 @@ from gamms import kernels
 from gamms.arguments import as_float, as_int, as_numbers
 from gamms.errors import BadType, BadValue
 from gamms.ir.agents import UNTURNED, AgentColumns, Position, Quat
+from gamms.text import shown
 
 
 def as_node(value: Any) -> int:
@@ -17,7 +18,7 @@ def as_node(value: Any) -> int:
         return as_int(value, "A node id")
     except BadType:
         raise BadType(
-            f"An action must be a node id or a dict with 'node_id', not {value!r} ({type(value).__name__})."
+            f"An action must be a node id or a dict with 'node_id', not {shown(value)} ({type(value).__name__})."
         ) from None
 
 
@@ -26,7 +27,7 @@ def as_heading(heading: Any) -> tuple[float, float]:
     try:
         x, y = heading
     except (TypeError, ValueError):
-        raise BadValue(f"An orientation must be a pair (cos, sin), not {heading!r}.") from None
+        raise BadValue(f"An orientation must be a pair (cos, sin), not {shown(heading)}.") from None
     x, y = as_float(x, "An orientation"), as_float(y, "An orientation")
     scale = max(abs(x), abs(y))  # first, so that no square overflows or vanishes
     if scale == 0.0:
@@ -75,7 +76,7 @@ def flight(columns: AgentColumns, row: int, action: Any) -> tuple[Position | Non
         return _ahead(columns, row, action), None
     raise BadType(
         "The action of an aerial agent must be a tuple (dx, dy, dz) or a dict with 'direction' or 'quat', "
-        f"not {action!r} ({type(action).__name__})."
+        f"not {shown(action)} ({type(action).__name__})."
     )
 
 

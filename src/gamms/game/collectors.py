@@ -5,6 +5,7 @@ from copy import deepcopy
 from typing import TYPE_CHECKING, Any, NamedTuple
 
 from gamms.errors import BadType, BadValue, Duplicate
+from gamms.text import shown
 
 if TYPE_CHECKING:
     from gamms.game.game import Game
@@ -28,11 +29,11 @@ class Collectors:
         if name in self._all:
             raise Duplicate("a collector", name)
         if not callable(fn):
-            raise BadType(f"Collector {name!r} needs a function, not {fn!r}.")
+            raise BadType(f"Collector {shown(name)} needs a function, not {shown(fn)}.")
         if every < 1:
             raise BadValue(f"every must be at least 1, not {every}.")
         if per not in ("game", "agent"):
-            raise BadValue(f"per must be 'game' or 'agent', not {per!r}.")
+            raise BadValue(f"per must be 'game' or 'agent', not {shown(per)}.")
         names = ("turn", "value") if per == "game" else ("turn", "agent", "value")
         self._all[name] = _Collector(fn, every, per, {column: [] for column in names})
 

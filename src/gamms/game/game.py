@@ -16,7 +16,7 @@ from gamms.game.seats import COUNTED, Seating
 from gamms.game.settings import Settings, as_turns
 from gamms.ir.agents import AgentColumns
 from gamms.readonly import ReadOnlyMapping, frozen, published
-from gamms.text import printable_line
+from gamms.text import printable_line, shown
 from gamms.typing.game import Move, Rule, Track
 
 if TYPE_CHECKING:
@@ -427,7 +427,7 @@ class Game(Settings):
     def take_over(self, over: dict[str, Any] | None) -> None:
         """Be over for this reason, or not; for who plays a recording."""
         if over is not None and set(over) != _OVER:
-            raise BadValue(f"A game is over with {sorted(_OVER)}, not with {over!r:.100}.")
+            raise BadValue(f"A game is over with {sorted(_OVER)}, not with {shown(over)}.")
         self._over = None if over is None else dict(over)
 
     @property

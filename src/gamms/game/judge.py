@@ -10,6 +10,7 @@ from gamms.errors import BadType, BadValue, GammsError, NoPath, UnknownName
 from gamms.game.checks import as_heading, flight
 from gamms.game.seats import Seat
 from gamms.ir.agents import Position, Progress, Quat
+from gamms.text import shown
 
 if TYPE_CHECKING:
     from gamms.game.game import Game
@@ -72,7 +73,7 @@ def _node(game: "Game", action: Any) -> int:
     try:
         node = as_int(action, "A node id")
     except BadType:
-        raise BadType(f"An action must be a node id or a dict with 'node_id', not {action!r}.") from None
+        raise BadType(f"An action must be a node id or a dict with 'node_id', not {shown(action)}.") from None
     if not game.ctx.graph.graph.has_node(node):
         raise UnknownName("node", node)
     return node

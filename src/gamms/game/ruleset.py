@@ -4,6 +4,7 @@ from typing import TYPE_CHECKING, Any, NamedTuple
 
 from gamms.arguments import as_function_of, as_name
 from gamms.errors import BadValue, Duplicate, UnknownName
+from gamms.text import shown
 from gamms.typing.game import Rule
 
 if TYPE_CHECKING:
@@ -112,7 +113,7 @@ class RuleSet:
 def check_phase(phase: object) -> None:
     """Raise BadValue unless this is a phase."""
     if phase not in _PHASES:
-        raise BadValue(f"phase must be 'before' or 'after', not {phase!r}.")
+        raise BadValue(f"phase must be 'before' or 'after', not {shown(phase)}.")
 
 
 def _artist_of(named: NamedRule) -> str | None:

@@ -6,6 +6,7 @@ from typing import Any, Literal
 from gamms.arguments import as_float, as_int
 from gamms.deciding import Guarded, refused_while_deciding
 from gamms.errors import BadType, BadValue, GammsError, UnknownName, nearest
+from gamms.text import shown
 from gamms.typing.game import IConflicts
 
 _CHOICES = {
@@ -84,7 +85,7 @@ class Settings(Guarded):
             BadValue, BadType: as for one setting.
         """
         if not isinstance(given, dict):
-            raise BadType(f"game= must be a dict of settings, not {given!r}.")
+            raise BadType(f"game= must be a dict of settings, not {shown(given)}.")
         for name in given:
             if name not in _CHECKS:
                 raise UnknownName("setting of a game", name, _CHECKS)
@@ -97,14 +98,14 @@ def _choice(name: str, value: Any) -> str:
     known = _CHOICES[name]
     if value not in known:
         hint = nearest(value, known) or f" Use one of: {', '.join(map(repr, known))}."
-        raise BadValue(f"ctx.game.{name} cannot be {value!r}.{hint}")
+        raise BadValue(f"ctx.game.{name} cannot be {shown(value)}.{hint}")
     return str(value)
 
 
 def _conflicts(name: str, value: Any) -> Any:
     if value is not None and not callable(getattr(value, "resolve", None)):
         raise BadType(
-            f"ctx.game.{name} must have a method resolve(moves, ctx), such as gamms.rules.Conflicts; {value!r}."
+            f"ctx.game.{name} must have a method resolve(moves, ctx), such as gamms.rules.Conflicts; {shown(value)}."
         )
     return value
 

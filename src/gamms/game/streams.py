@@ -9,6 +9,7 @@ from numpy.random import Generator, Philox
 
 from gamms import kernels
 from gamms.errors import BadValue
+from gamms.text import shown
 
 if TYPE_CHECKING:
     from gamms.game.game import Game
@@ -74,7 +75,7 @@ class Draws:
             BadValue: `n` is not between 1 and 2 ** 32.
         """
         if not 1 <= n <= 1 << 32:
-            raise BadValue(f"state['draw'].below(n) needs 1 <= n <= 2 ** 32, not {n!r:.50}.")
+            raise BadValue(f"state['draw'].below(n) needs 1 <= n <= 2 ** 32, not {shown(n)}.")
         return kernels.below(self.bits(), n)
 
     def choice(self, options: Sequence[T]) -> T:

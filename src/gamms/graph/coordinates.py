@@ -7,6 +7,7 @@ import numpy as np
 from gamms.errors import BadType, BadValue
 from gamms.ir import projection
 from gamms.ir.graph import FloatArray
+from gamms.text import shown
 
 _NEAR_M = 1_000.0  # from which a place is never too far
 _MOST_LAT, _MOST_LON = 90.0, 360.0  # degrees; both -10 and 350 are in use for the same meridian
@@ -109,7 +110,7 @@ def _numbers(values: Any, name: str) -> FloatArray:
     if array.size == 0:
         array = array.astype(np.float64)
     if array.dtype.kind not in "iuf":
-        raise BadType(f"{name} must be a number or an array of numbers, not {values!r}.")
+        raise BadType(f"{name} must be a number or an array of numbers, not {shown(values)}.")
     array = array.astype(np.float64, copy=False)
     wrong = array[~np.isfinite(array)]
     if wrong.size:

@@ -13,6 +13,7 @@ from gamms.graph.obstacles import Obstacles, checked_face, checked_faces
 from gamms.graph.packed import PackedGraph
 from gamms.ir.graph import FloatArray, GraphColumns
 from gamms.ir.obstacles import BoolArray, ObstacleColumns
+from gamms.text import shown
 from gamms.typing import IContext
 from gamms.typing.graph_engine import Corner, Engine, IGraphEngine, NodeIds, Numbers, ObsFace
 from gamms.typing.memory_engine import StoreType
@@ -59,7 +60,7 @@ class GraphEngine(Guarded, IGraphEngine):
 
     def __init__(self, ctx: IContext, engine: Engine = Engine.MEMORY, path: "IPathLike | None" = None) -> None:
         if not isinstance(engine, Engine):
-            raise UnknownType(f"Unknown graph engine {engine!r}. Use Engine.MEMORY or Engine.SQLITE.")
+            raise UnknownType(f"Unknown graph engine {shown(engine)}. Use Engine.MEMORY or Engine.SQLITE.")
         self._ctx = ctx
         self._phase = phase_of(ctx)
         self._graph: Graph | None = Graph()

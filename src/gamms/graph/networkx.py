@@ -14,6 +14,7 @@ from gamms.graph.copies import CONTAINERS, own
 from gamms.graph.graph import Graph
 from gamms.ir import geometry
 from gamms.ir.graph import FloatArray, IntArray
+from gamms.text import shown
 
 if TYPE_CHECKING:
     import networkx as nx
@@ -85,7 +86,7 @@ class _Import:
 
     def __init__(self, graph: Graph, G: "nx.Graph[Any]") -> None:  # noqa: N803 - published name
         if not (hasattr(G, "nodes") and hasattr(G, "edges") and hasattr(G, "is_directed")):
-            raise BadType(f"it must be a networkx graph, not {G!r}")
+            raise BadType(f"it must be a networkx graph, not {shown(G)}")
         self.graph, self.about = graph, dict(G.graph)
         crs = self.about.get("crs")
         if len(graph) and None not in (crs, graph.crs) and str(crs) != graph.crs:
@@ -181,7 +182,7 @@ def _directed(G: "nx.Graph[Any]") -> Iterable[tuple[Any, Any, dict[str, Any]]]: 
             back = {key: value for key, value in data.items() if key != "id"}
             for key in ("linestring", "geometry"):
                 if back.get(key) is not None:
-                    back[key] = geometry.points_of(back[key], f"The {key} of edge {u!r}-{v!r}")[::-1]
+                    back[key] = geometry.points_of(back[key], f"The {key} of edge {shown(u)}-{shown(v)}")[::-1]
             yield v, u, back
 
 

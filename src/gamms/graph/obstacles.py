@@ -15,6 +15,7 @@ from gamms.graph.records import is_everywhere
 from gamms.graph.walls import Walls, surroundings
 from gamms.ir.graph import FloatArray, IntArray
 from gamms.ir.obstacles import BoolArray, ObstacleColumns
+from gamms.text import shown
 from gamms.typing.graph_engine import Corner, ObsFace
 
 _ROOM = 16  # faces
@@ -243,7 +244,7 @@ def _face_of_record(record: Any) -> ObsFace:
     face = [records.required(record, key, "An obstacle face") for key in _KEYS]
     for key in record if len(record) > len(_KEYS) else ():
         if key not in _KEYS:
-            raise BadValue(f"An obstacle face has no {key!r}, only {', '.join(_KEYS)}.")
+            raise BadValue(f"An obstacle face has no {shown(key)}, only {', '.join(_KEYS)}.")
     return checked_face(*face)
 
 
@@ -252,7 +253,7 @@ def _iterator(faces: Any) -> Iterator[Any]:
         return iter(faces)
     except TypeError:
         raise BadType(
-            f"faces must be an array (faces, 4, 3) or dicts with {', '.join(_KEYS)}, not {faces!r}."
+            f"faces must be an array (faces, 4, 3) or dicts with {', '.join(_KEYS)}, not {shown(faces)}."
         ) from None
 
 
@@ -300,8 +301,8 @@ def _corner(value: Any, name: str, id: int) -> Corner:
     try:
         numbers = tuple(value)
     except TypeError:
-        raise BadType(f"{where} must be three numbers (x, y, z), not {value!r}.") from None
+        raise BadType(f"{where} must be three numbers (x, y, z), not {shown(value)}.") from None
     if len(numbers) != 3:
-        raise BadValue(f"{where} must be three numbers (x, y, z), not {value!r}.")
+        raise BadValue(f"{where} must be three numbers (x, y, z), not {shown(value)}.")
     x, y, z = (as_float(number, where) for number in numbers)
     return (x, y, z)

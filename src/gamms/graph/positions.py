@@ -10,6 +10,7 @@ from gamms.arguments import as_float, as_int, as_range
 from gamms.errors import BadType, BadValue
 from gamms.graph.coordinates import places_of, refuse_far
 from gamms.ir.graph import FloatArray, IntArray
+from gamms.text import shown
 
 if TYPE_CHECKING:
     from numpy.random import Generator
@@ -130,7 +131,7 @@ def _point(near: Any) -> tuple[float, float]:
     try:
         x, y = near
     except (TypeError, ValueError):
-        raise BadType(f"near must be the id of a node or a pair (x, y), not {near!r}.") from None
+        raise BadType(f"near must be the id of a node or a pair (x, y), not {shown(near)}.") from None
     return as_float(x, "x of near"), as_float(y, "y of near")
 
 

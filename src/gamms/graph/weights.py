@@ -7,6 +7,7 @@ import numpy as np
 from gamms.arguments import as_range
 from gamms.errors import BadType, UnknownName, nearest
 from gamms.ir.graph import FloatArray, GraphColumns
+from gamms.text import shown
 
 
 def edge_weights(columns: GraphColumns, weight: str | None) -> FloatArray:
@@ -27,7 +28,9 @@ def edge_weights(columns: GraphColumns, weight: str | None) -> FloatArray:
     if weight == "length":
         return columns.lengths
     if weight is not None and not isinstance(weight, str):
-        raise BadType(f"weight must be 'length', the name of an edge attribute, or None for steps, not {weight!r}.")
+        raise BadType(
+            f"weight must be 'length', the name of an edge attribute, or None for steps, not {shown(weight)}."
+        )
     known = ("length", *columns.edge_attributes)
     if weight is not None and weight not in known and nearest(weight, known):
         raise UnknownName("weight", weight, known)

@@ -7,6 +7,7 @@ import numpy as np
 
 from gamms.errors import BadValue
 from gamms.ir.graph import FloatArray
+from gamms.text import shown
 
 if TYPE_CHECKING:
     from shapely import LineString, Polygon
@@ -46,11 +47,11 @@ def points_of(shape: Any, name: str) -> FloatArray:
             raise TypeError("text and bools are no numbers")  # noqa: TRY301 - the except says which shape it was
         points = given.astype(np.float64)
     except (TypeError, ValueError, NotImplementedError) as error:
-        raise BadValue(f"{name} must be a LineString or a list of (x, y) pairs, not {shape!r}: {error}") from error
+        raise BadValue(f"{name} must be a LineString or a list of (x, y) pairs, not {shown(shape)}: {error}") from error
     if points.ndim != 2 or points.shape[0] < 2 or points.shape[1] != 2:
-        raise BadValue(f"{name} needs at least two (x, y) points, not {shape!r}.")
+        raise BadValue(f"{name} needs at least two (x, y) points, not {shown(shape)}.")
     if not np.isfinite(points).all():
-        raise BadValue(f"{name} has a coordinate that is not finite: {shape!r}.")
+        raise BadValue(f"{name} has a coordinate that is not finite: {shown(shape)}.")
     points.setflags(write=False)
     return points
 
@@ -65,7 +66,7 @@ def points_of_many(shapes: Sequence[Any]) -> tuple[FloatArray, "np.ndarray[Any, 
 
     for shape in shapes:
         if not isinstance(shape, shapely.LineString) or shape.is_empty:
-            raise BadValue(f"A linestring or geometry must be a LineString with points, not {shape!r}.")
+            raise BadValue(f"A linestring or geometry must be a LineString with points, not {shown(shape)}.")
     points, lines = shapely.get_coordinates(shapes, return_index=True)
     points.setflags(write=False)
     offsets = np.searchsorted(lines, np.arange(len(shapes) + 1))

@@ -7,6 +7,7 @@ import numpy as np
 
 from gamms.errors import BadValue, MissingExtra
 from gamms.ir.graph import FloatArray
+from gamms.text import shown
 
 WGS84 = "EPSG:4326"
 _UTM_REACH = 84.0  # degrees of latitude
@@ -92,7 +93,7 @@ def crs_of(crs: Any) -> tuple[str, bool]:
     try:
         known = pyproj.CRS.from_user_input(crs)
     except pyproj.exceptions.CRSError as error:
-        raise BadValue(f"graph['crs'] is {crs!r}, which names no CRS. Give one such as 'EPSG:32635'.") from error
+        raise BadValue(f"graph['crs'] is {shown(crs)}, which names no CRS. Give one such as 'EPSG:32635'.") from error
     name = str(known.to_string())
     for axis in known.axis_info[:2]:
         if not known.is_geographic and axis.unit_conversion_factor not in (0.0, 1.0):  # 0: unknown
@@ -129,7 +130,7 @@ def _transformer(source: Any, target: Any) -> Any:
         return pyproj.Transformer.from_crs(source, target, always_xy=True)
     except pyproj.exceptions.ProjError as error:
         raise BadValue(
-            f"There is no way from {source!r} to {target!r}: {error}. Give a CRS such as 'EPSG:32635'."
+            f"There is no way from {shown(source)} to {shown(target)}: {error}. Give a CRS such as 'EPSG:32635'."
         ) from error
 
 

@@ -8,6 +8,7 @@ from gamms.arguments import as_name
 from gamms.errors import BadValue, Duplicate, UnknownName
 from gamms.memory.errors import UnknownMap
 from gamms.memory.schema import Schema, check_name
+from gamms.text import shown
 from gamms.typing import IStore
 
 
@@ -84,7 +85,7 @@ class CheckedStore(IStore):
         self._check_open()
         if as_name(map_name, "a map") in self._maps:
             raise Duplicate("a map", map_name)
-        check_name(map_name, f"The map name {map_name!r}")
+        check_name(map_name, f"The map name {shown(map_name)}")
         checked = Schema(map_name, schema, primary_key)
         self._maps[map_name] = checked, self._make_rows(checked)
 

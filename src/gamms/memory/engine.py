@@ -6,6 +6,7 @@ from contextlib import ExitStack
 from gamms.errors import BadType, BadValue, Duplicate, NotYet, UnknownName
 from gamms.memory.checked import CheckedStore
 from gamms.memory.store import MemoryStore
+from gamms.text import shown
 from gamms.typing import IMemoryEngine, IPathLike, StoreType
 
 
@@ -59,14 +60,16 @@ def _store_type(value: object) -> StoreType:
         return StoreType(value)  # type: ignore[arg-type]  # the enum is the check
     except ValueError:
         known = ", ".join(f"StoreType.{one.name}" for one in StoreType)
-        raise BadValue(f"Unknown store type {value!r}. Use one of {known}.") from None
+        raise BadValue(f"Unknown store type {shown(value)}. Use one of {known}.") from None
 
 
 def _database(name: str, path: IPathLike | None) -> CheckedStore:
     if path is None:
         raise BadValue(f"The database store {name!r} needs a path, such as PathLike('game.db').")
     if not isinstance(path, IPathLike):
-        raise BadType(f"The path of store {name!r} must be a PathLike, not {path!r}. Write PathLike({path!r}).")
+        raise BadType(
+            f"The path of store {name!r} must be a PathLike, not {shown(path)}. Write PathLike({shown(path)})."
+        )
     from gamms.memory.sqlite import SqliteStore
 
     return SqliteStore(name, path)

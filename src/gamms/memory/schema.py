@@ -213,14 +213,14 @@ def damaged(place: str, path: str, found: object) -> BadFile:
 
 def _check_types(schema: Any) -> None:
     if not isinstance(schema, dict) or not schema:
-        raise BadType(f"A schema must be a dict of field names to types with at least one field, not {schema!r}.")
+        raise BadType(f"A schema must be a dict of field names to types with at least one field, not {shown(schema)}.")
     if len(schema) > MAX_FIELDS:
         raise BadValue(f"A map holds at most {MAX_FIELDS} fields, not {len(schema)}. Put some into a dict field.")
     for name, python_type in schema.items():
         if not isinstance(name, str):
-            raise BadType(f"A field name must be a str, not {name!r} ({type(name).__name__}).")
+            raise BadType(f"A field name must be a str, not {shown(name)} ({type(name).__name__}).")
         if not isinstance(python_type, type):
-            raise BadType(f"The type of field {name!r} must be a type such as int, not {python_type!r}.")
+            raise BadType(f"The type of field {name!r} must be a type such as int, not {shown(python_type)}.")
         if issubclass(python_type, np.ndarray):
             raise BadType(f"Field {name!r} cannot be an array. Make it a list and store array.tolist().")
         check_name(name, f"The field name {name!r}")
@@ -228,8 +228,9 @@ def _check_types(schema: Any) -> None:
 
 def _check_key(schema: dict[str, type], primary_key: str) -> None:
     if primary_key not in schema:
-        raise BadKeyField(f"The primary key {primary_key!r} is not a field.{nearest(primary_key, schema)}")
+        raise BadKeyField(f"The primary key {shown(primary_key)} is not a field.{nearest(primary_key, schema)}")
     if schema[primary_key] not in KEY_TYPES:
         raise BadKeyField(
-            f"The primary key {primary_key!r} must be int, float, str, bool or bytes, not {schema[primary_key]!r}."
+            f"The primary key {shown(primary_key)} must be int, float, str, bool or bytes, "
+            f"not {shown(schema[primary_key])}."
         )

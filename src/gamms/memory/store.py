@@ -9,6 +9,7 @@ from gamms.memory.checked import CheckedStore, Rows
 from gamms.memory.errors import DuplicateKey
 from gamms.memory.schema import Schema, check_name
 from gamms.memory.values import plain
+from gamms.text import shown
 from gamms.typing import IPathLike, StoreType
 
 LazyMapping = dict  # the old name of what `get_data` returns; rows are read at once now
@@ -122,6 +123,6 @@ def _path_text(path: object) -> str:
         BadValue: it is empty, or no file can have it.
     """
     if not isinstance(path, str):
-        raise BadType(f"A path must be a str, not {path!r} ({type(path).__name__}).")
-    check_name(path, f"The path {path!r}")
+        raise BadType(f"A path must be a str, not {shown(path)} ({type(path).__name__}).")
+    check_name(path, f"The path {shown(path)}")
     return path

@@ -21,6 +21,7 @@ from gamms.osm.networkx import network_of_edges
 from gamms.osm.source import read_any_network
 from gamms.osm.travel import OSMType
 from gamms.progress import progress
+from gamms.text import shown
 
 _LENGTH_ERROR = 0.001
 _SLACK = 1e-9
@@ -165,7 +166,7 @@ def _edges_of(graph: Any) -> tuple[RoadNetwork, dict[str, Any]]:
     if isinstance(columns, GraphColumns):
         return network_of_columns(columns), {}
     if not hasattr(graph, "is_directed"):
-        raise BadType(f"graph must be a networkx graph, ctx.graph or its columns, not {graph!r}.")
+        raise BadType(f"graph must be a networkx graph, ctx.graph or its columns, not {shown(graph)}.")
     drawn = all("linestring" in data and "length" in data for _, _, data in graph.edges(data=True))
     return (network_of_edges(graph) if drawn else network_in_metres(graph)), dict(graph.graph)
 

@@ -9,6 +9,7 @@ from gamms.arguments import as_path
 from gamms.errors import BadFile
 from gamms.limits import Allowance
 from gamms.osm.pbf import unpacked_size
+from gamms.text import shown
 
 _CHUNK = 1 << 20
 _MEMORY_PER_XML = 5  # bytes that osmium takes at most for one of XML; map data shrinks 10 to 30 times
@@ -59,7 +60,7 @@ def file_format(file: Path) -> str:
         return "pbf"
     if head.removeprefix(b"\xef\xbb\xbf").lstrip().startswith(b"<"):
         return "osm"
-    raise BadFile(f"{str(file)!r} is not an OpenStreetMap file: it starts with {head[:16]!r}. {WAY_OUT}")
+    raise BadFile(f"{str(file)!r} is not an OpenStreetMap file: it starts with {shown(head[:16])}. {WAY_OUT}")
 
 
 def allowance_of(file: Path) -> Allowance:

@@ -6,6 +6,7 @@ from typing import Any, NamedTuple
 
 from gamms.arguments import as_float, as_int
 from gamms.errors import BadType, BadValue
+from gamms.text import shown
 
 HeightEstimates = Mapping[tuple[str, str], tuple[float, int]]  # (key, value or "*") -> (height in metres, type)
 TagFilter = Mapping[str, bool | str | Iterable[str]]  # key -> True for every value, or the values
@@ -88,7 +89,7 @@ def _plausible(text: str, unit: float) -> float | None:
 
 def _checked_filter(tags: Any) -> dict[str, frozenset[str] | None]:
     if not isinstance(tags, Mapping):
-        raise BadType(f"tags must be a dict such as {{'building': True}}, not {tags!r}.")
+        raise BadType(f"tags must be a dict such as {{'building': True}}, not {shown(tags)}.")
     checked: dict[str, frozenset[str] | None] = {}
     for key, values in tags.items():
         if isinstance(values, str):
@@ -98,22 +99,22 @@ def _checked_filter(tags: Any) -> dict[str, frozenset[str] | None]:
         elif isinstance(values, Iterable):
             checked[key] = frozenset(values)
         else:
-            raise BadType(f"tags[{key!r}] must be True, a value or a list of values, not {values!r}.")
+            raise BadType(f"tags[{shown(key)}] must be True, a value or a list of values, not {shown(values)}.")
     return checked
 
 
 def _checked_estimates(estimates: Any) -> dict[tuple[str, str], tuple[float, int]]:
     if not isinstance(estimates, Mapping):
-        raise BadType(f"height_estimates must be a dict, not {estimates!r}. Start from HEIGHT_ESTIMATES_TYPES.")
+        raise BadType(f"height_estimates must be a dict, not {shown(estimates)}. Start from HEIGHT_ESTIMATES_TYPES.")
     checked: dict[tuple[str, str], tuple[float, int]] = {}
     for row, estimate in estimates.items():
-        name = f"height_estimates[{row!r}]"
+        name = f"height_estimates[{shown(row)}]"
         if not (isinstance(row, tuple) and len(row) == 2 and all(isinstance(part, str) for part in row)):
             raise BadType(f"{name}: its key must be two strings such as ('building', 'house').")
         try:
             height, type = estimate
         except (TypeError, ValueError):
-            raise BadType(f"{name} must be (height in metres, type), not {estimate!r}.") from None
+            raise BadType(f"{name} must be (height in metres, type), not {shown(estimate)}.") from None
         metres = as_float(height, f"The height in {name}")
         if metres <= 0.0:
             raise BadValue(f"The height in {name} must be more than 0 metres, not {metres}.")

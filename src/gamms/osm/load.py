@@ -22,6 +22,7 @@ from gamms.osm.simplify import simplify as simplified
 from gamms.osm.source import read_line_network, read_network
 from gamms.osm.travel import OSMType
 from gamms.progress import progress
+from gamms.text import shown
 
 if TYPE_CHECKING:
     import networkx as nx
@@ -104,7 +105,9 @@ def graph_from_file(
     Returns, Raises: as `graph_from_xml`.
     """
     if osm_type is not None and not isinstance(osm_type, OSMType):
-        raise BadType(f"osm_type must be an OSMType such as OSMType.DRIVE, or None for all roads, not {osm_type!r}.")
+        raise BadType(
+            f"osm_type must be an OSMType such as OSMType.DRIVE, or None for all roads, not {shown(osm_type)}."
+        )
     both = osm_type in (None, OSMType.WALK) if bidirectional is None else bidirectional
     recipe = recipe_of(
         resolution, tolerance, bidirectional=both, retain_all=retain_all, simplify=simplify, osm_type=osm_type

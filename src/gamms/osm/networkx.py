@@ -13,6 +13,7 @@ from gamms.osm.labels import first_seen
 from gamms.osm.network import RoadNetwork, network_of_lines
 from gamms.osm.polylines import reversed_points
 from gamms.osm.speeds import speed_kph, travel_times
+from gamms.text import shown
 
 if TYPE_CHECKING:
     import networkx as nx
@@ -114,7 +115,7 @@ def network_of_graph(graph: Any) -> RoadNetwork:
     import networkx as nx
 
     if not isinstance(graph, nx.Graph):
-        raise BadType(f"osmg must be a networkx graph, not {graph!r} ({type(graph).__name__}).")
+        raise BadType(f"osmg must be a networkx graph, not {shown(graph)} ({type(graph).__name__}).")
     rows = {node: row for row, node in enumerate(graph)}
     xy = np.array([_position(node, data) for node, data in graph.nodes(data=True)], np.float64).reshape(-1, 2)
     edges = list(graph.edges(data=True))
@@ -155,7 +156,9 @@ def _position(node: object, data: Mapping[str, Any]) -> tuple[float, float]:
     except (KeyError, TypeError, ValueError):
         x = y = math.nan
     if not (math.isfinite(x) and math.isfinite(y)):
-        raise BadValue(f"Node {node!r} has no position: it needs finite numbers 'x' and 'y', not {dict(data)!r}.")
+        raise BadValue(
+            f"Node {shown(node)} has no position: it needs finite numbers 'x' and 'y', not {shown(dict(data))}."
+        )
     return x, y
 
 
@@ -169,7 +172,7 @@ def _length(u: object, v: object, data: Mapping[str, Any]) -> float:
         length = math.nan
     if not 0.0 <= length < math.inf:
         raise BadValue(
-            f"Edge ({u!r}, {v!r}) has the length {value!r}. "
+            f"Edge ({shown(u)}, {shown(v)}) has the length {shown(value)}. "
             "Give metres, or leave 'length' out and it follows from the geometry."
         )
     return length

@@ -24,6 +24,7 @@ from gamms.osm.answers import fault_of_areas, fault_of_places, fault_of_streets,
 from gamms.osm.cache import AnswerCache
 from gamms.osm.requests import MapServer
 from gamms.progress import progress
+from gamms.text import shown
 
 _EXTRA = ("Loading places by name", "osm-online")
 _BROKEN = ("2.0.0", "2.0.5", "2.0.6", "2.0.7", "2.1.0")  # the last four project one graph to two projections
@@ -76,7 +77,9 @@ def streets_of_place(location: Location, options: StreetOptions, show: Show, *, 
 def streets_of_polygon(polygon: Any, name: str, options: StreetOptions, show: Show, *, offline: bool) -> Any:
     """The streets inside a shapely Polygon or MultiPolygon in degrees; raises what `streets_of_place` raises."""
     if getattr(polygon, "geom_type", None) not in ("Polygon", "MultiPolygon"):
-        raise BadType(f"polygon must be a shapely Polygon or MultiPolygon of (longitude, latitude), not {polygon!r}.")
+        raise BadType(
+            f"polygon must be a shapely Polygon or MultiPolygon of (longitude, latitude), not {shown(polygon)}."
+        )
     fault = _fault_of(polygon)
     if fault:
         raise BadValue(f"The area {name} is impossible: {fault}.")
@@ -283,23 +286,23 @@ def _check_location(location: object) -> None:
         if not all(isinstance(text, str) for text in texts):
             raise BadType(
                 f"location must be the name of a place, a dict such as {{'city': 'Turku'}} or a list of these, "
-                f"not {location!r} ({type(location).__name__})."
+                f"not {shown(location)} ({type(location).__name__})."
             )
         if not any(text.strip() for text in texts):
-            raise BadValue(f"location must name a place, not {location!r}.")
+            raise BadValue(f"location must name a place, not {shown(location)}.")
     if not places:
         raise BadValue("location must name a place, not be an empty list.")
 
 
 def _check_tags(tags: object) -> None:
     if not isinstance(tags, dict):
-        raise BadType(f"tags must be a dict such as {{'building': True}}, not {tags!r} ({type(tags).__name__}).")
+        raise BadType(f"tags must be a dict such as {{'building': True}}, not {shown(tags)} ({type(tags).__name__}).")
     if not tags:
         raise BadValue("tags must name what to look for, such as {'building': True}, not be empty.")
     for key, value in tags.items():
         values = value if isinstance(value, list) else [value]
         if not isinstance(key, str) or not (value is True or all(isinstance(one, str) for one in values)):
-            raise BadType(f"tags[{key!r}] must be True, a text or a list of texts, not {value!r}.")
+            raise BadType(f"tags[{shown(key)}] must be True, a text or a list of texts, not {shown(value)}.")
 
 
 def _fault_of(polygon: Any) -> str:

@@ -21,6 +21,7 @@ from gamms.osm.networkx import network_of_graph
 from gamms.osm.osmnx import Location, StreetOptions, streets_of_place, streets_of_polygon
 from gamms.osm.travel import OSMType
 from gamms.progress import progress
+from gamms.text import shown
 
 if TYPE_CHECKING:
     import networkx as nx
@@ -164,7 +165,9 @@ def get_network_type(osm_type: OSMType) -> str:
         BadType: it is no OSMType.
     """
     if not isinstance(osm_type, OSMType):
-        raise BadType(f"osm_type must be OSMType.WALK, BIKE or DRIVE, not {osm_type!r} ({type(osm_type).__name__}).")
+        raise BadType(
+            f"osm_type must be OSMType.WALK, BIKE or DRIVE, not {shown(osm_type)} ({type(osm_type).__name__})."
+        )
     return osm_type.name.lower()
 
 
@@ -227,9 +230,11 @@ def _check_filter(custom_filter: object) -> None:
     if custom_filter is None:
         return
     if not all(isinstance(one, str) for one in filters):
-        raise BadType(f"custom_filter must be text or a list of texts, not {custom_filter!r}.")
+        raise BadType(f"custom_filter must be text or a list of texts, not {shown(custom_filter)}.")
     if not filters or not all(one.strip().startswith("[") and one.strip().endswith("]") for one in filters):
-        raise BadValue(f"""custom_filter must look like '["highway"~"primary|secondary"]', not {custom_filter!r}.""")
+        raise BadValue(
+            f"""custom_filter must look like '["highway"~"primary|secondary"]', not {shown(custom_filter)}."""
+        )
 
 
 def _box(left: float, bottom: float, right: float, top: float) -> list[tuple[float, float]]:

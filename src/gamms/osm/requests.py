@@ -12,6 +12,7 @@ from typing import Any, NoReturn
 from urllib.parse import urlsplit
 
 from gamms.errors import NetworkError, PlaceError
+from gamms.text import shown
 
 _CONNECTING_S = 10.0  # a server that is there takes the call at once
 _BUSY = (429, 503, 504)
@@ -178,7 +179,7 @@ class MapServer:
             fault = self.fault_of(data)
         except (ValueError, RecursionError) as error:
             raise NetworkError(
-                f"{self.host} did not answer with JSON data, but with {_excerpt(answer)!r} ({error}). "
+                f"{self.host} did not answer with JSON data, but with {shown(_excerpt(answer))} ({error}). "
                 f"It was cut short, or comes from a login page between you and {self.url!r}. {_LATER}"
             ) from error
         if fault:

@@ -5,6 +5,7 @@ from typing import TYPE_CHECKING
 
 from gamms.errors import BadType, BadValue
 from gamms.osm.load import resample_columns
+from gamms.text import shown
 from gamms.typing import IContext
 
 if TYPE_CHECKING:
@@ -29,7 +30,7 @@ def helsinki(
         BadValue: the context has a graph or obstacles already, or the resolution is impossible.
     """
     if not isinstance(ctx, IContext):
-        raise BadType(f"helsinki takes the context to load the map into, not {ctx!r}.")
+        raise BadType(f"helsinki takes the context to load the map into, not {shown(ctx)}.")
     graph = ctx.graph.graph
     if [*graph.get_nodes(), *ctx.graph.get_obstacle_faces()]:
         raise BadValue("The context has a graph or obstacles already. Load the map into a new context.")

@@ -11,6 +11,7 @@ from gamms import kernels
 from gamms.errors import BadValue, UnknownName
 from gamms.ir.graph import FloatArray, GraphColumns, IntArray
 from gamms.ir.sensed import SensorView
+from gamms.text import shown
 from gamms.typing import SensorType
 from gamms.visual import Artist
 from gamms.visual.clipping import inside
@@ -48,7 +49,7 @@ class Fog:
         if not any(True for _ in self._own()):
             raise UnknownName("team", team, {str(agent.team) for agent in ctx.agent.create_iter()})
         if not any(agent._sensor_list for agent in self._own()):
-            raise BadValue(f"No agent of team {team!r} has a sensor in this recording, so it sees nothing.")
+            raise BadValue(f"No agent of team {shown(team)} has a sensor in this recording, so it sees nothing.")
         self._seen: set[int] = set()
         self._now: set[int] = set()
         self._hidden: dict[str, Any] = {}  # agent -> the artist that it had, if one was declared

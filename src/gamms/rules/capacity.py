@@ -7,6 +7,7 @@ from typing import Any, Protocol
 from gamms.arguments import as_int
 from gamms.errors import BadType, BadValue, UnknownName
 from gamms.graph import Graph
+from gamms.text import shown
 
 UNLIMITED = maxsize  # no graph has room for more agents
 
@@ -99,7 +100,7 @@ def as_limits(capacity: Any) -> ILimits | None:
     except BadType:
         raise BadType(
             "capacity must be an integer, a mapping from node ids to integers, the name of a node attribute, or None, "
-            f"not {capacity!r} ({type(capacity).__name__})."
+            f"not {shown(capacity)} ({type(capacity).__name__})."
         ) from None
     if number < 1:
         raise BadValue(f"capacity must be at least 1, not {number}: nobody could move. Use None for no limit.")

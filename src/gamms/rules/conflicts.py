@@ -9,6 +9,7 @@ from typing import Any
 from gamms.errors import BadType, BadValue, nearest
 from gamms.rules.capacity import UNLIMITED, Capacity, ILimits, as_limits
 from gamms.rules.resolvers import Contest, Resolver, as_resolver, at_random, winners_of
+from gamms.text import shown
 from gamms.typing.game import IConflicts, Move
 
 _AMONG = ("all", "team")
@@ -47,9 +48,9 @@ class Conflicts(IConflicts):
         resolve: Resolver | None = None,
     ) -> None:
         if among not in _AMONG:
-            raise BadValue(f"among must be 'all' or 'team', not {among!r}.{nearest(str(among), _AMONG)}")
+            raise BadValue(f"among must be 'all' or 'team', not {shown(among)}.{nearest(among, _AMONG)}")
         if not isinstance(allow_swaps, bool):
-            raise BadType(f"allow_swaps must be True or False, not {allow_swaps!r}.")
+            raise BadType(f"allow_swaps must be True or False, not {shown(allow_swaps)}.")
         name = "at_random" if resolve is None else getattr(resolve, "__name__", repr(resolve))
         self._given = {"capacity": repr(capacity), "among": repr(among), "allow_swaps": allow_swaps, "resolve": name}
         self._limits = as_limits(capacity)

@@ -12,6 +12,7 @@ from gamms.arguments import as_range
 from gamms.errors import BadType, BadValue
 from gamms.rules.measures import MEASURES, Distances, Measure, Place
 from gamms.rules.visits import legs_of, tracks_of, visits_of
+from gamms.text import shown
 from gamms.typing import AgentType, IContext
 from gamms.typing.game import Track
 
@@ -110,10 +111,12 @@ def as_nearness(
         name: value for name, value in (("hops", hops), ("metres", metres), ("euclid", euclid)) if value is not None
     }
     if len(given) > 1:
-        raise BadValue(f"Give one distance, not {' and '.join(f'{name}={value!r}' for name, value in given.items())}.")
+        raise BadValue(
+            f"Give one distance, not {' and '.join(f'{name}={shown(value)}' for name, value in given.items())}."
+        )
     for name, value in (("crossing", crossing), ("air", air), ("passing", passing)):
         if not isinstance(value, bool) and (name, value) != ("crossing", None):
-            raise BadType(f"{name} must be True or False, not {value!r}.")
+            raise BadType(f"{name} must be True or False, not {shown(value)}.")
     for unit, value in given.items():
         return Nearness(unit, as_range(value, unit), bool(crossing), air, passing)
     return Nearness(None, 0.0, crossing is not False, air, passing)

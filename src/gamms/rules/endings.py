@@ -7,6 +7,7 @@ from gamms.arguments import as_float, as_int
 from gamms.errors import BadType, BadValue, UnknownName
 from gamms.rules.drawing import equipped
 from gamms.rules.visits import tracks_of, visits_of
+from gamms.text import shown
 from gamms.typing import AgentType
 from gamms.typing.game import Rule
 
@@ -44,13 +45,13 @@ def reach(team: Any, nodes: Any = None, *, winner: Any = ITS_TEAM, score: float 
     """
     given = team if isinstance(team, Mapping) else {team: nodes}
     if isinstance(team, Mapping) and nodes is not None:
-        raise BadValue(f"nodes={nodes!r} is too much: {team!r} says already who is to reach what.")
+        raise BadValue(f"nodes={shown(nodes)} is too much: {shown(team)} says already who is to reach what.")
     if winner is not ITS_TEAM and len(given) > 1:
-        raise BadValue(f"winner={winner!r} is for one team, and {list(given)} compete: the first to arrive wins.")
+        raise BadValue(f"winner={shown(winner)} is for one team, and {list(given)} compete: the first to arrive wins.")
     goals = {one: _as_goal(goal, one) for one, goal in sorted(given.items(), key=lambda item: str(item[0]))}
     as_float(score, "score")
     if not isinstance(passing, bool):
-        raise BadType(f"passing must be True or False, not {passing!r}.")
+        raise BadType(f"passing must be True or False, not {shown(passing)}.")
 
     def prepare(ctx: Any) -> None:
         refuse_unknown(ctx, {node for goal in goals.values() if not isinstance(goal, str) for node in goal})
@@ -138,12 +139,14 @@ def _as_goal(goal: Any, team: Any) -> frozenset[int] | str:
     """Nodes, or the text of the team at whose starts the goal is."""
     if isinstance(goal, str):
         if not goal.startswith(_STARTS) or goal == _STARTS:
-            raise BadValue(f"Team {team!r} is to reach {goal!r}: give nodes, or a text such as 'starts of blue'.")
+            raise BadValue(
+                f"Team {shown(team)} is to reach {shown(goal)}: give nodes, or a text such as 'starts of blue'."
+            )
         return goal.removeprefix(_STARTS)
     several = isinstance(goal, Iterable)
-    nodes = frozenset(as_int(node, f"A node for team {team!r} to reach") for node in (goal if several else [goal]))
+    nodes = frozenset(as_int(node, f"A node for team {shown(team)} to reach") for node in (goal if several else [goal]))
     if not nodes:
-        raise BadValue(f"Team {team!r} needs a node to reach.")
+        raise BadValue(f"Team {shown(team)} needs a node to reach.")
     return nodes
 
 

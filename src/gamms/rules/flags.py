@@ -10,6 +10,7 @@ from gamms.rules.drawing import equipped, flags_drawer
 from gamms.rules.endings import refuse_unknown
 from gamms.rules.territory import as_territory
 from gamms.rules.visits import Visit, tracks_of, visits_of
+from gamms.text import shown
 from gamms.typing import AgentType
 from gamms.typing.game import Rule
 
@@ -68,8 +69,10 @@ class _Flags:
         self, flags: Any, territory: Any, goal: Any, score: Any, *, announce: Any, key: Any, passing: Any
     ) -> None:
         if not isinstance(flags, Mapping) or not flags:
-            raise BadType(f"flags must be a mapping from teams to nodes, not {flags!r}.")
-        bases = ((team, as_int(flags[team], f"The base of the flag of {team!r}")) for team in sorted(flags, key=str))
+            raise BadType(f"flags must be a mapping from teams to nodes, not {shown(flags)}.")
+        bases = (
+            (team, as_int(flags[team], f"The base of the flag of {shown(team)}")) for team in sorted(flags, key=str)
+        )
         self.bases: dict[Any, int] = dict(bases)
         self.ground = as_territory(territory)
         self.goal = None if goal is None else as_int(goal, "goal")
@@ -78,7 +81,7 @@ class _Flags:
         as_float(score, "score")
         for name, value in (("announce", announce), ("passing", passing)):
             if not isinstance(value, bool):
-                raise BadType(f"{name} must be True or False, not {value!r}.")
+                raise BadType(f"{name} must be True or False, not {shown(value)}.")
         self.passing = passing
         self.score, self.announce, self.key = score, announce, as_name(key, "what the rule remembers")
 

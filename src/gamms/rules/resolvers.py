@@ -5,6 +5,7 @@ from typing import Any, NamedTuple
 
 from gamms import kernels
 from gamms.errors import BadType, BadValue, MissingKey, nearest
+from gamms.text import shown
 from gamms.typing.game import Move
 
 
@@ -36,7 +37,7 @@ def by_priority(teams_or_key: Sequence[Any] | Callable[[Any], Any]) -> Resolver:
     if isinstance(teams_or_key, (str, bytes)) or not isinstance(teams_or_key, Sequence):
         raise BadType(
             "by_priority needs a list of teams, the first to win first, or a function of an agent, "
-            f"not {teams_or_key!r} ({type(teams_or_key).__name__})."
+            f"not {shown(teams_or_key)} ({type(teams_or_key).__name__})."
         )
     return _by_team(tuple(teams_or_key))
 
@@ -80,7 +81,7 @@ def as_resolver(resolve: Any) -> Resolver:
         if resolve is factory:
             raise BadType(f"resolve={factory.__name__} only makes a resolver: call it, as in {factory.__name__}(…).")
     if not callable(resolve):
-        raise BadType(f"resolve must be a function (contest, ctx) -> winners, not {resolve!r}.")
+        raise BadType(f"resolve must be a function (contest, ctx) -> winners, not {shown(resolve)}.")
     return resolve  # type: ignore[no-any-return] # what it takes and gives shows when it is called
 
 
@@ -93,11 +94,15 @@ def winners_of(contest: Contest, resolve: Resolver, ctx: Any) -> set[str]:
     """
     answer: Any = resolve(contest, ctx)
     if isinstance(answer, (str, Move)) or not isinstance(answer, Iterable):
-        raise BadType(f"{_told(resolve, contest)} must give a list of the winners, names or moves, not {answer!r}.")
+        raise BadType(
+            f"{_told(resolve, contest)} must give a list of the winners, names or moves, not {shown(answer)}."
+        )
     winners = {winner.agent if isinstance(winner, Move) else _as_name(winner, resolve, contest) for winner in answer}
     names = [mover.agent for mover in contest.movers]
     for winner in sorted(winners.difference(names)):
-        raise BadValue(f"{_told(resolve, contest)} let {winner!r} win, not one of {names}.{nearest(winner, names)}")
+        raise BadValue(
+            f"{_told(resolve, contest)} let {shown(winner)} win, not one of {names}.{nearest(winner, names)}"
+        )
     if len(winners) > contest.places:
         few = f"contest.places is {contest.places}"
         raise BadValue(f"{_told(resolve, contest)} let {len(winners)} win, {sorted(winners)}, but {few}.")
@@ -107,7 +112,7 @@ def winners_of(contest: Contest, resolve: Resolver, ctx: Any) -> set[str]:
 def _as_name(winner: Any, resolve: Resolver, contest: Contest) -> str:
     if isinstance(winner, str):
         return winner
-    raise BadType(f"{_told(resolve, contest)} must name winners or give their moves, not {winner!r}.")
+    raise BadType(f"{_told(resolve, contest)} must name winners or give their moves, not {shown(winner)}.")
 
 
 def _told(resolve: Resolver, contest: Contest) -> str:
@@ -131,8 +136,8 @@ def _by_team(teams: tuple[Any, ...]) -> Resolver:
         for mover in contest.movers:
             if mover.team not in rank_of:
                 raise MissingKey(
-                    f"by_priority has no place for team {mover.team!r} of agent {mover.agent!r}. "
-                    f"Put it into the list {list(teams)!r}."
+                    f"by_priority has no place for team {shown(mover.team)} of agent {mover.agent!r}. "
+                    f"Put it into the list {shown(list(teams))}."
                 )
         return _first(contest, [rank_of[mover.team] for mover in contest.movers])
 
@@ -143,7 +148,7 @@ def _ranks(teams: tuple[Any, ...]) -> Mapping[Any, int]:
     ranks: dict[Any, int] = {}
     for rank, team in enumerate(teams):
         if team in ranks:
-            raise BadValue(f"by_priority lists team {team!r} twice: {list(teams)!r}.")
+            raise BadValue(f"by_priority lists team {shown(team)} twice: {shown(list(teams))}.")
         ranks[team] = rank
     if not ranks:
         raise BadValue("by_priority needs at least one team.")
@@ -155,6 +160,6 @@ def _first(contest: Contest, ranks: list[Any]) -> list[Move]:
     try:
         order = sorted(range(len(ranks)), key=ranks.__getitem__)
     except TypeError:
-        shown = ", ".join(f"{mover.agent}: {rank!r}" for mover, rank in zip(contest.movers, ranks, strict=True))
-        raise BadType(f"by_priority cannot compare what its key gave for {shown}.") from None
+        ranked = ", ".join(f"{mover.agent}: {shown(rank)}" for mover, rank in zip(contest.movers, ranks, strict=True))
+        raise BadType(f"by_priority cannot compare what its key gave for {ranked}.") from None
     return [contest.movers[number] for number in order[: contest.places]]

@@ -8,6 +8,7 @@ from gamms.errors import BadType, BadValue, nearest
 from gamms.rules.contacts import Contact, Side, as_nearness, as_side, found, one_to_one
 from gamms.rules.drawing import equipped, tags_drawer
 from gamms.rules.territory import as_territory
+from gamms.text import shown
 from gamms.typing.game import Rule
 
 Then = Callable[[Any, Any, Any], Any]  # called with the context, the tagger and who was tagged
@@ -70,7 +71,7 @@ def tag(  # noqa: PLR0913 - all that a rule is, in one call
     sides: tuple[Side, Side] = as_side(taggers), as_side(tagged)
     follow, points, ground = _as_then(then), as_float(score, "score"), as_territory(territory)
     if not isinstance(mutual, bool):
-        raise BadType(f"mutual must be True or False, not {mutual!r}.")
+        raise BadType(f"mutual must be True or False, not {shown(mutual)}.")
 
     def tag(ctx: Any) -> None:
         whose = None if ground is None else ground(ctx)
@@ -95,9 +96,11 @@ def tag(  # noqa: PLR0913 - all that a rule is, in one call
 def _as_then(then: Any) -> Then:
     if isinstance(then, str):
         if then not in _THEN:
-            raise BadValue(f"then must be 'respawn', 'eliminate' or a function, not {then!r}.{nearest(then, _THEN)}")
+            raise BadValue(
+                f"then must be 'respawn', 'eliminate' or a function, not {shown(then)}.{nearest(then, _THEN)}"
+            )
         return _THEN[then]
     if not callable(then):
-        raise BadType(f"then must be 'respawn', 'eliminate' or a function (ctx, tagger, tagged), not {then!r}.")
+        raise BadType(f"then must be 'respawn', 'eliminate' or a function (ctx, tagger, tagged), not {shown(then)}.")
     follow: Then = then
     return follow

@@ -9,6 +9,7 @@ import numpy as np
 from gamms.arguments import as_int, as_name
 from gamms.errors import BadType, BadValue, UnknownName
 from gamms.rules.drawing import equipped, packed
+from gamms.text import shown
 from gamms.typing import IContext
 from gamms.typing.game import Rule
 from gamms.visual.drawers.rules import TERRITORIES, TerritoryDrawer
@@ -36,11 +37,13 @@ def by_distance(
         UnknownName (KeyError), BadType: a base is no node of the map, or there is no such attribute.
     """
     if not isinstance(bases, Mapping):
-        raise BadType(f"bases must be a mapping from teams to nodes, not {bases!r}.")
+        raise BadType(f"bases must be a mapping from teams to nodes, not {shown(bases)}.")
     graph, nearest, whose = ctx.graph.graph, dict[int, float](), dict[int, Any]()
     for team in sorted(bases, key=str):
         base: Any = bases[team]
-        nodes = [as_int(node, f"The base of {team!r}") for node in (base if isinstance(base, Iterable) else [base])]
+        nodes = [
+            as_int(node, f"The base of {shown(team)}") for node in (base if isinstance(base, Iterable) else [base])
+        ]
         for ways in (graph.distances(source=nodes, weight=weight), graph.distances(target=nodes, weight=weight)):
             for node, metres in ways.items():
                 if metres < nearest.get(node, inf):
@@ -64,7 +67,7 @@ def halves(ctx: IContext, axis: str = "x", teams: Iterable[Any] | None = None) -
         BadValue: there is no such axis, or there are not two teams.
     """
     if axis not in _AXES:
-        raise BadValue(f"axis must be 'x' or 'y', not {axis!r}.")
+        raise BadValue(f"axis must be 'x' or 'y', not {shown(axis)}.")
     agents: Any = ctx.agent  # our own, which knows of teams
     sides = [team for team in agents.teams if team is not None] if teams is None else list(teams)
     if len(sides) != 2:
@@ -124,6 +127,7 @@ def _published_as(ctx: Any, name: str) -> Mapping[int, Any]:
 def _checked(territory: Any) -> dict[int, Any]:
     if not isinstance(territory, Mapping):
         raise BadType(
-            f"A territory must be a mapping from nodes to teams, or the name of a published one, not {territory!r}."
+            "A territory must be a mapping from nodes to teams, or the name of a published one, "
+            f"not {shown(territory)}."
         )
     return {as_int(node, "A node of a territory"): team for node, team in territory.items()}

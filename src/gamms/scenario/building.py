@@ -217,7 +217,7 @@ class Building:
         own = None if member.told is None else member.told.strategy
         path = f"{f'teams.{member.team}' if own is None else member.path}.strategy"
         if given is not None:
-            return strategy_of(given, None, self.ctx, f"strategies[{member.team!r}]")
+            return strategy_of(given, None, self.ctx, f"strategies[{shown(member.team)}]")
         code = _as_code(self.spec.teams[member.team].strategy if own is None else own)
         if code is None:
             return None

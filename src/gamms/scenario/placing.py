@@ -50,7 +50,8 @@ def members(spec: Spec) -> list[Member]:
         if member.name in seen:
             where = joined(member.path, "name" if member.told else "count")
             raise ScenarioError(
-                where, f"there is already an agent named {member.name!r}, in {seen[member.name].path}. Choose another."
+                where,
+                f"there is already an agent named {shown(member.name)}, in {seen[member.name].path}. Choose another.",
             )
         seen[member.name] = member
     return found

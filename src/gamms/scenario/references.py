@@ -67,12 +67,12 @@ def allowed(packages: Iterable[str]) -> tuple[str, ...]:
     """
     names = (packages,) if isinstance(packages, str) else tuple(packages)
     if isinstance(packages, str) or not all(isinstance(name, str) for name in names):
-        raise BadType(f"allow must be names of packages, such as ['my_package'], not {packages!r}.")
+        raise BadType(f"allow must be names of packages, such as ['my_package'], not {shown(packages)}.")
     for name in names:
         if not _is_dotted(name):
-            raise BadValue(f"{name!r} in allow is no name of a package.")
+            raise BadValue(f"{shown(name)} in allow is no name of a package.")
         if name.partition(".")[0] in _REFUSED:
-            raise BadValue(f"{name!r} cannot be allowed: scenarios never name all of GAMMS, nor of Python itself.")
+            raise BadValue(f"{shown(name)} cannot be allowed: scenarios never name all of GAMMS, nor of Python itself.")
     return names
 
 

@@ -18,6 +18,7 @@ from gamms.sensor.catalog import KINDS, SHARED_KEYWORDS, SYNONYMS
 from gamms.sensor.function import FunctionSensor
 from gamms.sensor.memory import Memory
 from gamms.sensor.sensor import Sensor
+from gamms.text import shown
 from gamms.typing import IContext
 from gamms.typing.sensor_engine import ISensor, ISensorEngine, SensorType, refuse_no_sensor
 
@@ -167,10 +168,10 @@ def _checked_type(kind: Any, sensor_id: str) -> SensorType:
     if isinstance(kind, SensorType):
         hint = " A custom sensor is an object of your own class: ctx.sensor.add_sensor(obj)."
     else:
-        hint = nearest(str(kind).upper().removeprefix("SENSORTYPE."), known).replace("'", "")
+        hint = nearest(shown(kind).upper().removeprefix("SENSORTYPE."), known).replace("'", "")
         hint = hint.replace("Did you mean ", "Did you mean SensorType.") or f" Use a SensorType: {', '.join(known)}."
-    shown = kind if isinstance(kind, SensorType) else repr(kind)
-    raise UnknownType(f"Unknown sensor type {shown} for sensor {sensor_id!r}.{hint}")
+    seen = str(kind) if isinstance(kind, SensorType) else shown(kind)
+    raise UnknownType(f"Unknown sensor type {seen} for sensor {shown(sensor_id)}.{hint}")
 
 
 def _way_out(kind: SensorType, name: str) -> str:
@@ -191,7 +192,7 @@ def _custom_member(name: Any, ctx: IContext) -> SensorType:
         ctx.logger.warning(f"SensorType.{name} exists already and is used again.")
         return SensorType[name]
     if not name.isidentifier() or hasattr(SensorType, name) or hasattr(SensorType.CUSTOM, name):
-        raise BadValue(f"{name!r} cannot be the name of a kind of sensor; use another identifier.")
+        raise BadValue(f"{shown(name)} cannot be the name of a kind of sensor; use another identifier.")
     member = object.__new__(SensorType)
     member._name_, member._value_ = name, len(SensorType)
     type.__setattr__(SensorType, name, member)

@@ -7,6 +7,7 @@ from gamms.deciding import refused_while_deciding
 from gamms.errors import BadType
 from gamms.readonly import copied
 from gamms.sensor.sensor import Sensor
+from gamms.text import shown
 from gamms.typing import IContext
 from gamms.typing.sensor_engine import SensorType
 
@@ -67,7 +68,7 @@ def _parameters(fn: Any, sensor_id: str) -> int:
 
     wanted = f"The function of sensor {sensor_id!r} must take (), (node_id) or (node_id, agent)"
     if not callable(fn):
-        raise BadType(f"{wanted}; {fn!r} is no function.")
+        raise BadType(f"{wanted}; {shown(fn)} is no function.")
     try:
         parameters = list(signature(fn).parameters.values())
     except (TypeError, ValueError):  # some builtins do not tell
@@ -76,6 +77,6 @@ def _parameters(fn: Any, sensor_id: str) -> int:
     needed = [one for one in positional if one.default is Parameter.empty]
     keywords = [one for one in parameters if one.kind is Parameter.KEYWORD_ONLY and one.default is Parameter.empty]
     if len(needed) > 2 or keywords:
-        raise BadType(f"{wanted}; {fn!r} takes {signature(fn)}.")
+        raise BadType(f"{wanted}; {shown(fn)} takes {signature(fn)}.")
     is_open = any(one.kind is Parameter.VAR_POSITIONAL for one in parameters)
     return 2 if is_open else len(needed) or min(len(positional), 1)

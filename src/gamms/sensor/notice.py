@@ -12,6 +12,7 @@ from gamms import kernels
 from gamms.deciding import UNDECIDED, DecidePhase, Guarded, refused_while_deciding
 from gamms.errors import BadType, BadValue
 from gamms.ir.graph import FloatArray
+from gamms.text import shown
 
 Chance = Callable[[FloatArray], FloatArray]  # distances -> probabilities
 
@@ -108,7 +109,7 @@ class Notice(Guarded):
         if chances.shape != distances.shape or not ((chances >= 0.0) & (chances <= 1.0)).all():
             raise BadValue(
                 f"detection of {self._sensor_id!r} must give a probability from 0 to 1 for each of "
-                f"{len(distances)} distances, not {chances!r}."
+                f"{len(distances)} distances, not {shown(chances)}."
             )
         purpose = kernels.purpose_key(ctx.seed, "detection", self._sensor_id, "" if owner is None else owner)
         bits = kernels.draw_bits_many(purpose, kernels.name_keys(names), turn, look - 1)
@@ -125,9 +126,9 @@ def _chance_of(detection: Any, name: str) -> Chance | None:
         return detection  # type: ignore[no-any-return] # None or a function
     points = _points_of([(0.0, detection)] if isinstance(detection, Real) else detection, name)
     if not np.isfinite(points).all() or (points[:, 1] < 0.0).any() or (points[:, 1] > 1.0).any():
-        raise BadValue(f"{name} must be made of probabilities from 0 to 1, not {detection!r}.")
+        raise BadValue(f"{name} must be made of probabilities from 0 to 1, not {shown(detection)}.")
     if (np.diff(points[:, 0]) <= 0.0).any():
-        raise BadValue(f"The distances of {name} must ascend, not {detection!r}.")
+        raise BadValue(f"The distances of {name} must ascend, not {shown(detection)}.")
     return lambda distances: np.interp(distances, points[:, 0], points[:, 1])
 
 
@@ -137,7 +138,7 @@ def _points_of(detection: Any, name: str) -> FloatArray:
     except (TypeError, ValueError):
         raise BadType(
             f"{name} must be a probability, pairs (distance, probability) or a function of distances, "
-            f"not {detection!r}."
+            f"not {shown(detection)}."
         ) from None
     if not len(points):
         raise BadValue(f"{name} needs at least one pair (distance, probability).")

@@ -14,6 +14,7 @@ from gamms.ir.graph import FloatArray
 from gamms.ir.sensed import SensorView
 from gamms.sensor import looks
 from gamms.sensor.views import FULL_CIRCLE, Place, coordinates
+from gamms.text import shown
 from gamms.typing import IContext
 from gamms.typing.sensor_engine import ISensor, SensorType
 
@@ -206,7 +207,7 @@ def checked_place(ctx: IContext, at: Any, name: str) -> Place:
         ctx.graph.graph.get_node(node)
         return node
     if len(at) != 2:
-        raise BadValue(f"{name} must be the id of a node or a pair (x, y), not {at!r}.")
+        raise BadValue(f"{name} must be the id of a node or a pair (x, y), not {shown(at)}.")
     return as_float(at[0], name), as_float(at[1], name)
 
 
@@ -219,16 +220,16 @@ def checked_orientation(value: Any, name: str) -> Heading:
     try:
         x, y = (as_float(part, name) for part in value)
     except (TypeError, ValueError):
-        raise BadValue(f"{name} must be a pair (cos, sin), not {value!r}.") from None
+        raise BadValue(f"{name} must be a pair (cos, sin), not {shown(value)}.") from None
     length = hypot(x, y)
     if not 0.0 < length < inf:
-        raise BadValue(f"{name} must be finite and not (0, 0), not {value!r}.")
+        raise BadValue(f"{name} must be finite and not (0, 0), not {shown(value)}.")
     return (x, y) if abs(length - 1.0) <= _UNIT else (x / length, y / length)
 
 
 def _checked_type(value: Any, name: str) -> SensorType:
     if not isinstance(value, SensorType):
-        raise BadType(f"{name} must be a SensorType, not {value!r}.")
+        raise BadType(f"{name} must be a SensorType, not {shown(value)}.")
     return value
 
 

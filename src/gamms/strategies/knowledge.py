@@ -6,6 +6,7 @@ from weakref import WeakKeyDictionary
 
 from gamms.arguments import as_int
 from gamms.errors import BadType, MissingKey, UnknownName
+from gamms.text import shown
 from gamms.typing import IContext
 from gamms.typing.sensor_engine import SensorType
 
@@ -133,7 +134,7 @@ def as_known_node(ctx: IContext, value: Any, name: str) -> int:
 def as_known_nodes(ctx: IContext, values: Any, name: str) -> tuple[int, ...]:
     """Several nodes of the map; one at least."""
     if isinstance(values, str) or not isinstance(values, Iterable):
-        raise BadType(f"{name} must be several node ids, not {values!r} ({type(values).__name__}).")
+        raise BadType(f"{name} must be several node ids, not {shown(values)} ({type(values).__name__}).")
     return tuple(as_known_node(ctx, value, f"Each of {name}") for value in values)
 
 
@@ -144,5 +145,5 @@ def as_strategy(value: Any, name: str) -> Any:
         BadType: it cannot be called.
     """
     if not callable(value):
-        raise BadType(f"{name} must be a function of the state, not {value!r} ({type(value).__name__}).")
+        raise BadType(f"{name} must be a function of the state, not {shown(value)} ({type(value).__name__}).")
     return value

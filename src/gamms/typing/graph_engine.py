@@ -12,6 +12,7 @@ import numpy as np
 from gamms import kernels
 from gamms.errors import BadValue, NotOffered
 from gamms.ir.graph import FloatArray, GraphColumns
+from gamms.text import shown
 from gamms.typing.graph_routes import Routes, one_end
 from gamms.typing.graph_values import Corner, Engine, Node, NodeColumns, ObsFace, OSMEdge, Surroundings
 from gamms.typing.obstacles import IObstacles
@@ -188,7 +189,9 @@ class IGraph(ABC):
     def weights(self, weight: str | None = "length") -> FloatArray:
         """What each edge costs, (edges,) in insertion order."""
         if weight not in ("length", None):
-            raise BadValue(f"{type(self).__name__} reads no attribute {weight!r} of its edges: override `weights`.")
+            raise BadValue(
+                f"{type(self).__name__} reads no attribute {shown(weight)} of its edges: override `weights`."
+            )
         edges = [self.get_edge(id) for id in self.get_edges()]
         return np.array([edge.length if weight else 1.0 for edge in edges], np.float64)
 

@@ -9,6 +9,7 @@ import numpy as np
 
 from gamms.errors import BadType, NotOffered
 from gamms.ir.sensed import Sensed, SensorView
+from gamms.text import shown
 
 
 class SensorType(Enum):
@@ -123,7 +124,7 @@ def refuse_no_sensor(value: object) -> None:
     """Raise BadType, naming what is missing, if `value` cannot serve as a sensor."""
     if not is_sensor(value):
         missing = ", ".join(_missing(value))
-        raise BadType(f"A sensor is an object with {', '.join(_INTERFACE)}; {value!r:.200} has no {missing}.")
+        raise BadType(f"A sensor is an object with {', '.join(_INTERFACE)}; {shown(value)} has no {missing}.")
 
 
 def _missing(value: object) -> list[str]:

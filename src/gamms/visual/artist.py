@@ -7,6 +7,7 @@ from typing import Any, ClassVar
 from gamms.arguments import as_int
 from gamms.deciding import Guarded, Protected, phase_of, refused_while_deciding
 from gamms.errors import BadType
+from gamms.text import shown
 from gamms.typing import ArtistType, IArtist, IContext
 from gamms.typing.artist import Drawer
 from gamms.visual.appearance import AgentData
@@ -75,7 +76,7 @@ class Artist(Guarded, IArtist):
         if isinstance(drawer, Shape):
             drawer = _SHAPES[drawer]
         if not callable(drawer):
-            raise BadType(f"A drawer is a function (ctx, data) or a Shape, not {drawer!r}.")
+            raise BadType(f"A drawer is a function (ctx, data) or a Shape, not {shown(drawer)}.")
         self._drawer: Drawer = drawer
         Artist.edits += 1
 
@@ -87,7 +88,7 @@ class Artist(Guarded, IArtist):
     def set_artist_type(self, artist_type: ArtistType) -> None:
         """Say whether it changes from frame to frame."""
         if not isinstance(artist_type, ArtistType):
-            raise BadType(f"An artist type is ArtistType.STATIC or ArtistType.DYNAMIC, not {artist_type!r}.")
+            raise BadType(f"An artist type is ArtistType.STATIC or ArtistType.DYNAMIC, not {shown(artist_type)}.")
         self._artist_type = artist_type
         Artist.edits += 1
 
@@ -99,7 +100,7 @@ class Artist(Guarded, IArtist):
     def set_render_mode(self, render_mode: RenderMode) -> None:
         """Say whether it is painted anew or shown from memory; for information only."""
         if not isinstance(render_mode, RenderMode):
-            raise BadType(f"A render mode is RenderMode.CACHED or RenderMode.NON_CACHED, not {render_mode!r}.")
+            raise BadType(f"A render mode is RenderMode.CACHED or RenderMode.NON_CACHED, not {shown(render_mode)}.")
         self._render_mode = render_mode
 
     def get_render_mode(self) -> RenderMode:

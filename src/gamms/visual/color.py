@@ -6,6 +6,7 @@ from typing import Any
 
 from gamms.arguments import as_float
 from gamms.errors import BadType, BadValue, nearest
+from gamms.text import shown
 
 Rgb = tuple[int, int, int]
 Rgba = tuple[int, int, int, int]
@@ -86,7 +87,7 @@ def string_to_color(text: str) -> Rgb:
     try:
         red, green, blue = bytes.fromhex(name.removeprefix("#"))
     except ValueError:
-        raise BadValue(f"Unknown color {text!r}; give a name or '#rrggbb'.{nearest(name, _NAMES)}") from None
+        raise BadValue(f"Unknown color {shown(text)}; give a name or '#rrggbb'.{nearest(name, _NAMES)}") from None
     return red, green, blue
 
 
@@ -110,8 +111,10 @@ def _rgba(color: Any) -> Rgba:
     try:
         values = [as_float(value, "A color's component") for value in color]
     except TypeError as error:
-        raise BadType(f"A color is (red, green, blue) or (red, green, blue, alpha), not {color!r}: {error}") from None
+        raise BadType(
+            f"A color is (red, green, blue) or (red, green, blue, alpha), not {shown(color)}: {error}"
+        ) from None
     if len(values) not in (3, 4):
-        raise BadValue(f"A color has three or four components, not {len(values)}: {color!r}.")
+        raise BadValue(f"A color has three or four components, not {len(values)}: {shown(color)}.")
     red, green, blue, alpha = (min(255, max(0, round(value))) for value in [*values, 255.0][:4])
     return red, green, blue, alpha

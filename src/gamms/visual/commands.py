@@ -11,6 +11,7 @@ from gamms.arguments import as_float, as_range
 from gamms.errors import BadValue
 from gamms.ir.draw import DrawCommands, DrawKind, DrawSpace
 from gamms.ir.graph import FloatArray, IntArray
+from gamms.text import shown
 from gamms.visual.color import rgba
 
 _ONE = array("q", (1,))  # point, of as many commands as it is repeated
@@ -208,7 +209,7 @@ def _as_points(points: Sequence[Any] | FloatArray) -> FloatArray:
         # A copy: the caller may go on using his array.
         array = np.array(points, dtype=np.float64)
     except (TypeError, ValueError) as error:
-        raise BadValue(f"Points are (x, y) pairs of numbers, not {points!r}: {error}") from None
+        raise BadValue(f"Points are (x, y) pairs of numbers, not {shown(points)}: {error}") from None
     if array.size == 0:
         return np.empty((0, 2))
     if array.ndim != 2 or array.shape[1] != 2:

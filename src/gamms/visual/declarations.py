@@ -6,6 +6,7 @@ from typing import Any
 from gamms.arguments import as_name
 from gamms.deciding import refused_while_deciding
 from gamms.errors import BadType, BadValue
+from gamms.text import shown
 from gamms.typing import ArtistType, IArtist, IContext
 from gamms.visual.appearance import AgentData, GraphData
 from gamms.visual.artist import Artist
@@ -140,7 +141,9 @@ class Declarations(Primitives):
         if isinstance(artist, dict):
             artist = self._artist_of(artist)
         if not isinstance(artist, IArtist):
-            raise BadType(f"Artist {name!r} must be an Artist or a dict, not {artist!r} ({type(artist).__name__}).")
+            raise BadType(
+                f"Artist {shown(name)} must be an Artist or a dict, not {shown(artist)} ({type(artist).__name__})."
+            )
         if not self.ctx.is_terminated():
             self._artists[as_name(name, "an artist")] = artist
             self.declarations += 1

@@ -4,6 +4,7 @@ from collections.abc import Callable
 from typing import Any, NamedTuple
 
 from gamms.errors import BadType
+from gamms.text import shown
 from gamms.typing import ArtistType, IArtist, IContext
 from gamms.typing.artist import Drawer
 from gamms.visual.appearance import AgentData, Circle, GraphData, Rectangle
@@ -80,7 +81,7 @@ def artist_of(ctx: IContext, words: dict[str, Any]) -> Artist | None:
     if kind is None:
         return None
     if not isinstance(words["keywords"], dict):
-        raise BadType(f"The keywords of artist {words['name']!r} must be a dict, not {words['keywords']!r}.")
+        raise BadType(f"The keywords of artist {shown(words['name'])} must be a dict, not {shown(words['keywords'])}.")
     artist = Artist(ctx, kind.drawer, words["layer"])
     artist.data = kind.data_of({key: value for key, value in words["keywords"].items() if key in kind.names})
     artist.set_visible(words["visible"])

@@ -10,6 +10,7 @@ from typing import Any, NamedTuple
 
 from gamms.errors import BadType
 from gamms.ir.draw import DrawCommands, DrawSpace
+from gamms.text import shown
 from gamms.typing import IArtist, IContext
 from gamms.visual.camera import Camera
 from gamms.visual.color import PAPER, Rgb, Rgba, inks
@@ -69,7 +70,9 @@ def blocks_of(ctx: IContext, artists: Mapping[str, IArtist]) -> tuple[Block, ...
             if block is None:
                 continue
             if not isinstance(block, Bar | Rows):
-                raise BadType(f"The legend of artist {name!r} must be a Bar or Rows, or a list of such, not {block!r}.")
+                raise BadType(
+                    f"The legend of artist {shown(name)} must be a Bar or Rows, or a list of such, not {shown(block)}."
+                )
             found.append(block)
     return tuple(found)
 

@@ -12,6 +12,7 @@ from gamms.deciding import Guarded, phase_of
 from gamms.errors import BadType, BadValue
 from gamms.ir.draw import DrawSpace
 from gamms.ir.graph import GraphColumns
+from gamms.text import shown
 from gamms.typing import ColorType, IContext, IVisualizationEngine
 from gamms.visual.appearance import BY_DAY
 from gamms.visual.color import Color
@@ -273,7 +274,7 @@ def primitives_of(ctx: IContext) -> Primitives:
 
 def _image_path(image: Any) -> str:
     if not isinstance(image, str | os.PathLike):
-        raise BadType(f"An image is given by the path of its file here, not by {image!r}.")
+        raise BadType(f"An image is given by the path of its file here, not by {shown(image)}.")
     if not os.path.isfile(image):  # noqa: PTH113 - pathlib is not loaded for a game without pictures
         raise BadValue(f"There is no image file {str(image)!r}.")
     return str(image)

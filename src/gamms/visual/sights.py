@@ -6,6 +6,7 @@ from typing import Any, NamedTuple
 
 from gamms.errors import BadType, NotOffered
 from gamms.ir.sensed import SensorView
+from gamms.text import shown
 from gamms.typing import IContext, ISensor, SensorType
 
 
@@ -81,7 +82,7 @@ def view_of(sensor: ISensor) -> SensorView:
         raise NotOffered(sensor, "last_view, so it cannot be drawn")
     view = sensor.last_view()
     if not isinstance(view, SensorView):
-        raise BadType(f"last_view of sensor {sensor.sensor_id!r} must return a SensorView, not {view!r}.")
+        raise BadType(f"last_view of sensor {sensor.sensor_id!r} must return a SensorView, not {shown(view)}.")
     return view
 
 

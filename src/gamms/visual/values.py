@@ -9,6 +9,7 @@ import numpy as np
 from gamms.arguments import as_float, as_int
 from gamms.errors import BadType, BadValue, UnknownName
 from gamms.ir.graph import FloatArray, IntArray
+from gamms.text import shown
 from gamms.visual.color import Rgb, rgba
 from gamms.visual.colormaps import DIVERGING, LEVELS, Colorize, colorized, levels, table
 from gamms.visual.legend import Bar, Block, Row, Rows
@@ -60,7 +61,7 @@ def checked(
         UnknownName (KeyError): no such node or edge, or no such colour map.
     """
     if not isinstance(given, Mapping):
-        raise BadType(f"{of} must be a mapping from ids to values, not {given!r} ({type(given).__name__}).")
+        raise BadType(f"{of} must be a mapping from ids to values, not {shown(given)} ({type(given).__name__}).")
     ids = np.array([as_int(id, f"An id of {of}") for id in given], np.int64)
     strange = ids[~np.isin(ids, known)].tolist()
     if strange:

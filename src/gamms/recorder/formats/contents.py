@@ -14,7 +14,7 @@ import numpy as np
 from gamms.errors import BadFile
 from gamms.recorder.errors import RecordingError
 from gamms.recorder.formats import blocks, values
-from gamms.text import reason
+from gamms.text import reason, shown
 
 INDEX_COLUMNS = ("type", "size", "turns", "moves", "events")
 
@@ -140,7 +140,9 @@ def _check_magic(data: bytes) -> None:
         raise RecordingError(
             "This is no recording: nothing is at byte 0. A stream is read from where it stands; try seek(0)."
         )
-    raise RecordingError(f"This is no recording: at byte 0 it begins with {data!r}, and not with {blocks.MAGIC!r}.")
+    raise RecordingError(
+        f"This is no recording: at byte 0 it begins with {shown(data)}, and not with {shown(blocks.MAGIC)}."
+    )
 
 
 def _block(at: int, head: blocks.Head) -> Block:

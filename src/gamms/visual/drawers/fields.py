@@ -6,6 +6,7 @@ import numpy as np
 
 from gamms.errors import BadValue
 from gamms.ir.graph import FloatArray, GraphColumns, IntArray
+from gamms.text import shown
 from gamms.typing import IContext
 from gamms.visual.color import Rgba, rgba
 from gamms.visual.primitives import primitives_of
@@ -22,7 +23,7 @@ def field_of_view(ctx: IContext, outline: Any, color: Any) -> None:
     """
     corners, box = np.asarray(outline, np.float64), primitives_of(ctx).of_map(_around_the_map)
     if corners.ndim != 2 or corners.shape[1] != 2 or not np.isfinite(corners).all():
-        raise BadValue(f"The outline of a field of view is (x, y) pairs of finite numbers, not {outline!r}.")
+        raise BadValue(f"The outline of a field of view is (x, y) pairs of finite numbers, not {shown(outline)}.")
     if box is not None:
         corners = cut(corners, *box)
     if len(corners) < 3:

@@ -3,6 +3,7 @@
 from typing import NamedTuple
 
 from gamms.errors import BadValue, nearest
+from gamms.text import shown
 from gamms.visual.appearance import BY_NIGHT
 from gamms.visual.color import PAPER, Rgba
 from gamms.visual.undeclared import ON_PAPER, MapTones
@@ -49,5 +50,5 @@ def theme_called(name: str) -> Theme:
         BadValue: there is none.
     """
     if name not in THEMES:
-        raise BadValue(f"Unknown theme {name!r}; there is: {', '.join(THEMES)}.{nearest(str(name), THEMES)}")
+        raise BadValue(f"Unknown theme {shown(name)}; there is: {', '.join(THEMES)}.{nearest(name, THEMES)}")
     return THEMES[name]
