@@ -184,6 +184,12 @@ MEMORY = {
 # -- time -------------------------------------------------------------------------------------------------------
 
 TIME = {
+    "a long name among many": lambda n: recording(
+        [[0, 0] * n], crowd(n) | {"names": ["x" * n, *crowd(n)["names"][1:]]}
+    ),
+    "events of many kinds of columns": lambda n: recording(
+        [[(journal.USER_EVENT, {"kind": "a", f"{i}": i}) for i in range(n)]]
+    ),
     "sensors come one by one": lambda n: recording([[sensors(i) for i in range(n)]]),
     "agents come one by one": lambda n: recording(
         [[one for i in range(n) for one in (created(f"agent {i}"), team_of("anna"))]]

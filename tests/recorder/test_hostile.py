@@ -11,6 +11,7 @@ import pytest
 from recordings import logs_of, opened, read_all, written
 
 from gamms import limits
+from gamms.errors import TooLarge
 from gamms.ir import journal
 from gamms.recorder import RecordingError
 from gamms.recorder import open as opened_recording
@@ -125,3 +126,19 @@ def test_a_small_file_does_not_take_much_time(made, size):
     with suppress(RecordingError):
         everything(data)
     assert process_time() - begin < 10  # seconds; a fifth of it on an idle machine
+
+
+def test_tables_take_memory_in_proportion_to_what_is_in_them():
+    count = 4_000
+    data = hostile.TIME["a long name among many"](count)
+    tracemalloc.start()
+    try:
+        with opened_recording(io.BytesIO(data)) as recording:
+            assert len(recording.table("moves")["agent"][0]) == len(recording[0].agents["name"][0]) == count
+        assert tracemalloc.get_traced_memory()[1] < 32 << 20
+    finally:
+        tracemalloc.stop()
+    with opened_recording(io.BytesIO(hostile.TIME["events of many kinds of columns"](count))) as recording:
+        assert len(recording.table("a")) == count + 1
+        with limits.allowing(64 << 20), pytest.raises(TooLarge, match="4,000 rows and 4,001 columns"):
+            recording.table("a")

@@ -5,21 +5,34 @@ from typing import Any
 
 import numpy as np
 
+from gamms.limits import refuse_above
+
+_OF_EMPTY = 64  # bytes
+_MOST_CHARACTERS, _SHARE = 1 << 18, 16  # of texts in an array, if they are more than so many times their lengths
+
 Rows = Sequence[Mapping[str, Any]] | Mapping[str, Sequence[Any]]
 
 
 def table_of(rows: Rows) -> dict[str, "np.ndarray[Any, Any]"]:
-    """Columns of equal length: integers, floats, bools and texts as such, anything else, or None, as objects."""
+    """Columns of equal length: integers, floats, bools and texts as such, anything else, or None, as objects.
+
+    Texts are objects, too, where one of them is so long that an array for all would be almost empty.
+
+    Raises:
+        TooLarge (ValueError): rows have so many columns of their own that a table of them does not fit into memory.
+    """
     if isinstance(rows, Mapping):
         return {name: _column(list(values)) for name, values in rows.items()}
     names = dict.fromkeys(name for row in rows for name in row)
+    empty = len(names) * len(rows) - sum(map(len, rows))
+    refuse_above(_OF_EMPTY * empty, f"A table of {len(rows):,} rows and {len(names):,} columns, most of it empty,")
     return {name: _column([row.get(name) for row in rows]) for name in names}
 
 
 def _column(values: list[Any]) -> "np.ndarray[Any, Any]":
     kinds = {type(value) for value in values}
     for kind, dtype in ((bool, np.bool_), (int, np.int64), (str, np.str_)):
-        if kinds == {kind}:
+        if kinds == {kind} and (kind is not str or _are_even(values)):
             return _made(values, dtype)
     if kinds and kinds <= {int, float}:
         return _made(values, np.float64)
@@ -27,6 +40,12 @@ def _column(values: list[Any]) -> "np.ndarray[Any, Any]":
     for place, value in enumerate(values):  # not at once: lists of equal length would become a matrix
         column[place] = value
     return column
+
+
+def _are_even(texts: list[str]) -> bool:
+    """Whether the longest of these texts is not far longer than the others."""
+    lengths = list(map(len, texts))
+    return max(lengths) * len(texts) <= _MOST_CHARACTERS + _SHARE * sum(lengths)
 
 
 def _made(values: list[Any], dtype: Any) -> "np.ndarray[Any, Any]":

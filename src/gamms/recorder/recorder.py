@@ -337,10 +337,10 @@ class Recorder(Guarded, IRecorder):
         self._is_copying = self._is_copying_records = False
 
     def _copied_keyframe(self, turn: int) -> Any:
-        if self._source is None or turn > self._source.turns:
+        if self._source is None or turn > self._source.turns or self._source.keyframe_before(turn) != turn:
             return None
         found = self._source.keyframe(turn)
-        return found[1] if found is not None and found[0] == turn else None
+        return None if found is None else found[1]
 
     def _log(self) -> list[Any]:
         assert self._session is not None  # noqa: S101 - asked only while there is one

@@ -1,6 +1,7 @@
 """A recording that is open: any state of it, its events and its tables, without a context."""
 
 import os
+from bisect import bisect_right
 from collections import Counter
 from collections.abc import Callable, Iterator, Mapping
 from html import escape
@@ -292,7 +293,8 @@ class Recording:
         """The turn in which the map became what it was after this one; 0: it was so at the start."""
         if self._map_turns is None:
             self._map_turns = sorted({log + 1 for log, *_ in self._reader.events(kinds={journal.WORLD})})
-        return max((one for one in self._map_turns if one <= turn), default=0)
+        place = bisect_right(self._map_turns, turn)
+        return self._map_turns[place - 1] if place else 0
 
     def _map_at(self, turn: int) -> IPackedGraph:
         last = self._map_turn(turn)

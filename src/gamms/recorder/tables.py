@@ -139,7 +139,7 @@ def _named(numbers: IntArray, known: dict[int, str]) -> np.ndarray[Any, Any]:
         return np.zeros(0, np.str_)
     distinct, places = np.unique(numbers, return_inverse=True)
     try:
-        return np.array([known[number] for number in distinct.tolist()])[places]
+        return table_of({"names": [known[number] for number in distinct.tolist()]})["names"][places]
     except KeyError as error:
         raise RecordingError(f"Agent number {reason(error)} moves and is not there.") from error
 

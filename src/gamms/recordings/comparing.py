@@ -7,6 +7,7 @@ from typing import Any, NamedTuple
 import numpy as np
 
 from gamms.recorder import Recording, RecordingError, State
+from gamms.recorder.formats.values import to_bytes
 from gamms.text import written
 
 
@@ -63,9 +64,11 @@ def first_difference(first: Recording, second: Recording) -> Difference | None:
 
 def _is_same(one: Any, other: Any) -> bool:
     try:
-        return bool(one == other)
+        if one == other:
+            return True
     except ValueError:  # arrays are compared item by item
-        return False
+        pass
+    return to_bytes(one, "A log") == to_bytes(other, "A log")  # as NaN is, too
 
 
 def differences(first: State, second: State, maps: tuple[str, str]) -> Iterator[Difference]:

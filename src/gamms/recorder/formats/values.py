@@ -363,6 +363,8 @@ def _unmarked(value: Any, keys: Keys) -> Any:
     if kind is list or kind is tuple:
         if value and type(value[0]) not in _PLAIN:
             return _meaning([value[0], *(_unmarked(one, keys) for one in value[1:])], keys)
+        if _SCALARS.issuperset(map(type, value)):
+            return value
         return kind(_unmarked(one, keys) for one in value)
     if kind is dict:
         return {_unmarked(key, keys): _unmarked(one, keys) for key, one in value.items()}
@@ -371,7 +373,8 @@ def _unmarked(value: Any, keys: Keys) -> Any:
     return value
 
 
-_PLAIN = {type(None), bool, int, float, str, bytes, list, tuple, dict}  # what else comes out of cbor2 is a mark
+_SCALARS = {type(None), bool, int, float, str, bytes}
+_PLAIN = _SCALARS | {list, tuple, dict}  # what else comes out of cbor2 is a mark
 
 
 def _meaning(items: list[Any], keys: Keys) -> Any:
