@@ -28,6 +28,9 @@ KINDS |= {
 }  # the same by number
 KINDS |= {code.value: code.name for code in OpCodes}
 
+_LONG_NAME = 64  # characters; arrays of texts have room for the longest in each row
+_MOST_CHARACTERS = 1 << 18
+
 _ROSTER = {journal.AGENT_CREATE, journal.SNAPSHOT}
 _FLIGHTS_BY_NAME = {journal.AERIAL_AGENT_POSITION}
 _TOLD = {journal.GAME_EVENT, journal.USER_EVENT}
@@ -139,9 +142,11 @@ def _named(numbers: IntArray, known: dict[int, str]) -> np.ndarray[Any, Any]:
         return np.zeros(0, np.str_)
     distinct, places = np.unique(numbers, return_inverse=True)
     try:
-        return table_of({"names": [known[number] for number in distinct.tolist()]})["names"][places]
+        names = [known[number] for number in distinct.tolist()]
     except KeyError as error:
         raise RecordingError(f"Agent number {reason(error)} moves and is not there.") from error
+    is_long = max(map(len, names)) > max(_LONG_NAME, _MOST_CHARACTERS // len(numbers))
+    return np.array(names, object if is_long else np.str_)[places]
 
 
 def _positions(reader: Reader, start: int, stop: int, names_at: NamesAt) -> Table:
