@@ -79,7 +79,7 @@ def walls(pbf: Path, crs: str) -> Faces:
     west_south, east_north = (WEST, SOUTH), (EAST, NORTH)
     is_there = ~shapely.is_empty(shapes)
     is_there[is_there] = ((centers >= west_south) & (centers <= east_north)).all(axis=1)
-    chosen = [wall for wall, is_in in zip(outlines.walls, is_there.tolist(), strict=True) if is_in]
+    chosen = [wall for wall, is_in in zip(outlines.about, is_there.tolist(), strict=True) if is_in]
     tolerances = MIN_TOLERANCE, RELATIVE_TOLERANCE
     faces = faces_of(shapes[is_there], chosen, lambda points: project(points, WGS84, crs), *tolerances)
     return replace(faces, corners=np.round(faces.corners * GRID) / GRID)

@@ -23,6 +23,7 @@ HEAVY = [
     "pygame",
     "osmnx",
     "pandas",
+    "requests",
     "matplotlib",
     "numba",
     "scipy",

@@ -13,7 +13,6 @@ GammsError
 ├─ PlaceError (ValueError)         a place that is unknown, or has no map
 ├─ NetworkError (ConnectionError)  a map server that cannot be reached, is busy, or answers with nonsense
 ├─ MissingExtra (ImportError)      an optional library is needed and absent
-├─ WrongVersion (ImportError)      an optional library is there in a version that does not work
 ├─ MissingKey (KeyError)           a dict or call without something it needs
 ├─ MissingFolder (FileNotFoundError) a file is to be written into a folder that is not there
 ├─ NotOffered (NotImplementedError) a graph of somebody else's that does not override this call
@@ -140,10 +139,6 @@ class NoDisplay(GammsError, RuntimeError):
             f"No window can be opened here ({reason}). To film a game without a display, use "
             "vis_engine=gamms.visual.Engine.OFFSCREEN; to run a window program unseen, set SDL_VIDEODRIVER=dummy."
         )
-
-
-class WrongVersion(GammsError, ImportError):
-    """An optional library is there in a version that does not work."""
 
 
 class PlaceError(GammsError, ValueError):

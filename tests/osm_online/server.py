@@ -1,7 +1,7 @@
 """A map server on this computer: it answers like Nominatim and Overpass, from a real extract, or misbehaves on request.
 
-It understands the questions that OSMnx asks: `(way["highway"]["area"!~"yes"](poly:'60.1 24.9 ...');>;);out;` and
-`(node['building'](poly:'...');(._;>;););`. Areas are taken by their exact outline.
+It understands questions such as `(way["highway"]["area"!~"^(yes)$"](poly:'60.1 24.9 ...'););(._;>;);out;`.
+Areas are taken by their exact outline.
 """
 
 import gzip

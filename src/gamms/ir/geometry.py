@@ -73,13 +73,6 @@ def points_of_many(shapes: Sequence[Any]) -> tuple[FloatArray, "np.ndarray[Any, 
     return points, offsets
 
 
-def shape_error() -> type[Exception]:
-    """The class of everything that shapely raises on its own."""
-    import shapely
-
-    return shapely.errors.ShapelyError  # type: ignore[no-any-return] # shapely has no types
-
-
 def line_string_class() -> "type[LineString]":
     """Shapely's LineString itself, which 1.0.0 could be asked for."""
     import shapely

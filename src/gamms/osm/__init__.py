@@ -3,16 +3,18 @@
     G = gamms.osm.graph_from_xml("city.osm", resolution=10.0)
     ctx.graph.attach_networkx_graph(G)
 
-`create_osm_graph("Kluuvi, Helsinki")` asks OpenStreetMap's servers: `places.py`, with `osmnx.py` as the door to them.
+`create_osm_graph("Kluuvi, Helsinki")` asks OpenStreetMap's servers: `places.py`; `overpass.py` knows their language,
+`servers.py` asks them and keeps their answers, and `settings.py` says which they are.
 `gamms.osm.helsinki(ctx)` does the same with the map that comes with the package, and needs no optional library.
 
 Read `load.py` first: it names the steps. `osmium.py` reads the file, `ways.py` and `network.py` hold the
 roads as columns, `junctions.py` merges junctions, `resample.py` cuts them, `networkx.py` makes the graph,
 `fidelity.py` compares it with the map. `buildings.py` makes obstacles of the same maps.
-May import: `gamms.typing` and below, never another room. To read another kind of map, make a `RoadNetwork` of it;
+May import: `gamms.typing` and below, never another engine. To read another kind of map, make a `RoadNetwork` of it;
 everything after that is the same.
 """
 
+from gamms.osm import settings
 from gamms.osm.buildings import (
     extract_osm_polygon_faces,
     faces_of_features,
@@ -61,5 +63,6 @@ __all__ = [
     "process_osm_graph",
     "report",
     "resample_columns",
+    "settings",
     "wall_estimates",
 ]

@@ -22,7 +22,7 @@ def fault_of_places(answer: Any) -> str:
 
 def fault_of_streets(answer: Any) -> str:
     """The fault of Overpass's answer to the question for streets; an empty one has none."""
-    fault = fault_of_features(answer)
+    fault = _fault_of_elements(answer)
     if fault:
         return fault
     nodes = {element["id"] for element in answer["elements"] if element["type"] == "node"}
@@ -33,7 +33,7 @@ def fault_of_streets(answer: Any) -> str:
 
 def fault_of_areas(answer: Any) -> str:
     """The fault of Overpass's answer to the question for buildings and the like; an empty one has none."""
-    fault = fault_of_features(answer)
+    fault = _fault_of_elements(answer)
     if fault:
         return fault
     nodes = {element["id"] for element in answer["elements"] if element["type"] == "node"}
@@ -42,8 +42,7 @@ def fault_of_areas(answer: Any) -> str:
     return f"it lacks nodes of {cut} of its {len(ways)} ways" if cut > _MOST_CUT * len(ways) else ""
 
 
-def fault_of_features(answer: Any) -> str:
-    """The fault of any answer of Overpass; an empty one has none."""
+def _fault_of_elements(answer: Any) -> str:
     if not isinstance(answer, dict) or not isinstance(answer.get("elements"), list):
         return "it has no list of elements"
     if answer.get("remark"):
@@ -51,24 +50,8 @@ def fault_of_features(answer: Any) -> str:
     return next((f"{str(one)[:100]} is no element" for one in answer["elements"] if not _is_element(one)), "")
 
 
-def has_shapes(answer: Any) -> bool:
-    """Whether an answer holds a street, an area or the like, not only nodes."""
-    return isinstance(answer, dict) and any(element["type"] != "node" for element in answer["elements"])
-
-
-def without_cut_ways(answer: dict[str, Any]) -> dict[str, Any]:
-    """The answer without ways that lack nodes: where a server has a cut map, OSMnx cannot make shapes of them."""
-    nodes = {element["id"] for element in answer["elements"] if element["type"] == "node"}
-    whole = [one for one in answer["elements"] if one["type"] != "way" or _is_whole(one["nodes"], nodes)]
-    return {**answer, "elements": whole}
-
-
-def _is_whole(refs: list[int], nodes: set[int]) -> bool:
-    return len(refs) >= 2 and nodes.issuperset(refs)
-
-
 def _fault_of_place(place: dict[str, Any]) -> str:
-    if "importance" not in place:
+    if not _are_numbers([place.get("importance")]):
         return "a place has no importance"
     shape = place.get("geojson")
     if shape is None:

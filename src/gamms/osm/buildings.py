@@ -70,7 +70,7 @@ def obstacle_from_file(
         to_metres = _projection(_crs_of_roads(file) or utm_crs(outlines.lonlat))
     else:
         to_metres = _checked_projection(target)
-    return _records(faces_of(footprints_of(outlines), outlines.walls, to_metres, *tolerances))
+    return _records(faces_of(footprints_of(outlines), outlines.about, to_metres, *tolerances))
 
 
 def obstacle_from_xml(
@@ -104,11 +104,11 @@ def obstacle_from_osm(
     Raises:
         BadValue, BadType: an argument is impossible.
         PlaceError, NetworkError: there is no such place, nothing in it, or no answer.
-        MissingExtra: osmnx is not installed.
+        MissingExtra: requests or pyproj is not installed.
     """
     rules, tolerances = _rules(tags, height_estimates), _tolerances(min_tolerance, relative_tolerance)
     projection = _chosen_projection(crs)
-    from gamms.osm.osmnx import features_of_place
+    from gamms.osm.overpass import features_of_place
 
     return _records_of_features(features_of_place(location, tags, offline=offline), rules, tolerances, projection)
 

@@ -1,10 +1,9 @@
 """Road networks of places, by name or by area, from OpenStreetMap's servers or from what they answered before.
 
-`osmnx.py` has the streets downloaded; the rest is what is done to the streets of a file, too.
+`overpass.py` has the streets downloaded; the rest is what is done to the streets of a file, too.
 """
 
 from collections.abc import Callable
-from dataclasses import replace
 from typing import TYPE_CHECKING, Any, NamedTuple
 
 import numpy as np
@@ -13,12 +12,10 @@ from gamms.arguments import as_float
 from gamms.errors import BadType, BadValue, PlaceError
 from gamms.ir.geometry import polygon as polygon_of
 from gamms.ir.projection import WGS84, project, utm_crs
-from gamms.osm.directions import joined_directions
 from gamms.osm.junctions import consolidate
 from gamms.osm.load import Recipe, cut, recipe_of
-from gamms.osm.network import RoadNetwork, connected, projected
-from gamms.osm.networkx import network_of_graph
-from gamms.osm.osmnx import Location, StreetOptions, streets_of_place, streets_of_polygon
+from gamms.osm.network import RoadNetwork
+from gamms.osm.overpass import Location, Show, StreetOptions, streets_of_place, streets_of_polygon
 from gamms.osm.travel import OSMType
 from gamms.progress import progress
 from gamms.text import shown
@@ -30,8 +27,8 @@ _MOST_RADIUS_M = 75_000.0
 _CORNERS = 64  # of a circle
 
 
-class _Wishes(NamedTuple):
-    """What the caller wants of the streets, checked."""
+class _Options(NamedTuple):
+    """The options of a caller, checked."""
 
     recipe: Recipe
     streets: StreetOptions
@@ -72,13 +69,13 @@ def create_osm_graph(
         PlaceError: the place is unknown, has no streets of this type, or offline was never downloaded.
         NetworkError: a server cannot be reached, is busy, or answers with nonsense.
         BadValue, BadType: an argument is impossible.
-        MissingExtra, WrongVersion: OSMnx is not installed, or in a release that does not work.
+        MissingExtra: requests or pyproj is not installed.
     """
-    wishes = _wishes(
+    options = _options(
         osm_type, resolution, simplify, retain_all, truncate_by_edge, custom_filter, tolerance, bidirectional, offline
     )
     return _graph(
-        lambda show: streets_of_place(location, wishes.streets, show, offline=wishes.offline), wishes, repr(location)
+        lambda show: streets_of_place(location, options.streets, show, offline=options.offline), options, repr(location)
     )
 
 
@@ -102,11 +99,11 @@ def graph_from_bbox(
 
     The other arguments, the result and the errors are those of `create_osm_graph`.
     """
-    wishes = _wishes(
+    options = _options(
         osm_type, resolution, simplify, retain_all, truncate_by_edge, custom_filter, tolerance, bidirectional, offline
     )
     box = _box(left, bottom, right, top)
-    return _graph_of_area(polygon_of(box), f"the box {(left, bottom, right, top)}", wishes)
+    return _graph_of_area(polygon_of(box), f"the box {(left, bottom, right, top)}", options)
 
 
 def graph_from_point(
@@ -128,11 +125,11 @@ def graph_from_point(
 
     The other arguments, the result and the errors are those of `create_osm_graph`.
     """
-    wishes = _wishes(
+    options = _options(
         osm_type, resolution, simplify, retain_all, truncate_by_edge, custom_filter, tolerance, bidirectional, offline
     )
     circle = _circle(lat, lon, radius_m)
-    return _graph_of_area(polygon_of(circle), f"the circle of {radius_m} m around lat={lat}, lon={lon}", wishes)
+    return _graph_of_area(polygon_of(circle), f"the circle of {radius_m} m around lat={lat}, lon={lon}", options)
 
 
 def graph_from_polygon(
@@ -152,14 +149,14 @@ def graph_from_polygon(
 
     The other arguments, the result and the errors are those of `create_osm_graph`.
     """
-    wishes = _wishes(
+    options = _options(
         osm_type, resolution, simplify, retain_all, truncate_by_edge, custom_filter, tolerance, bidirectional, offline
     )
-    return _graph_of_area(polygon, f"the polygon {str(polygon)[:60]}", wishes)
+    return _graph_of_area(polygon, f"the polygon {str(polygon)[:60]}", options)
 
 
 def get_network_type(osm_type: OSMType) -> str:
-    """The word of OSMnx for a way of moving: walk, bike or drive.
+    """Return the network type of OSMnx for a way of moving: walk, bike or drive.
 
     Raises:
         BadType: it is no OSMType.
@@ -171,40 +168,24 @@ def get_network_type(osm_type: OSMType) -> str:
     return osm_type.name.lower()
 
 
-def _graph_of_area(polygon: Any, name: str, wishes: _Wishes) -> "nx.DiGraph[int]":
+def _graph_of_area(polygon: Any, name: str, options: _Options) -> "nx.DiGraph[int]":
     return _graph(
-        lambda show: streets_of_polygon(polygon, name, wishes.streets, show, offline=wishes.offline), wishes, name
+        lambda show: streets_of_polygon(polygon, name, options.streets, show, offline=options.offline), options, name
     )
 
 
-def _graph(download: Callable[[Callable[[str], None]], Any], wishes: _Wishes, name: str) -> "nx.DiGraph[int]":
-    # Servers take their time before they say a first word: show at once what is asked.
-    with progress(1.0 if wishes.offline else 0.0) as show:
-        network = network_of_streets(download(show))
+def _graph(download: Callable[[Show], RoadNetwork], options: _Options, name: str) -> "nx.DiGraph[int]":
+    # Servers take their time before they answer: show at once what is asked.
+    with progress(1.0 if options.offline else 0.0) as show:
+        network = download(show)
         show(f"Joining {len(network.sources)} streets")
-        joined = consolidate(network, wishes.recipe.tolerance)
+        joined = consolidate(network, options.recipe.tolerance)
         if not len(joined.sources):
-            raise PlaceError(f"All of {name} is within the tolerance of {wishes.recipe.tolerance} m. Lower it.")
-        return cut(joined, wishes.recipe, show)
+            raise PlaceError(f"All of {name} is within the tolerance of {options.recipe.tolerance} m. Lower it.")
+        return cut(joined, options.recipe, show)
 
 
-def network_of_streets(streets: Any) -> RoadNetwork:
-    """The roads of OSMnx's graph in degrees, in UTM; the two edges of a two-way street are one road.
-
-    Lengths are measured on the ellipsoid: those of OSMnx are on a sphere, and wrong by up to half a percent.
-    """
-    network = network_of_graph(streets)
-    tags = [{name: _ordered(value) for name, value in of_way.items()} for of_way in network.tags]
-    unmeasured = replace(network, lengths=np.full(len(network.sources), np.nan), tags=tags)
-    return joined_directions(connected(projected(unmeasured, WGS84)))
-
-
-def _ordered(value: Any) -> Any:
-    """The values of a street that several ways make up come out of a set, in any order."""
-    return sorted(value, key=lambda one: (type(one).__name__, one)) if isinstance(value, list) else value
-
-
-def _wishes(
+def _options(
     osm_type: OSMType,
     resolution: float,
     simplify: bool,
@@ -214,15 +195,15 @@ def _wishes(
     tolerance: float,
     bidirectional: bool | None,
     offline: bool,
-) -> _Wishes:
-    network_type = get_network_type(osm_type)
+) -> _Options:
+    get_network_type(osm_type)  # checks it
     _check_filter(custom_filter)
     both = osm_type is OSMType.WALK if bidirectional is None else bidirectional
     recipe = recipe_of(
         resolution, tolerance, bidirectional=both, retain_all=retain_all, simplify=simplify, osm_type=osm_type
     )
-    streets = StreetOptions(network_type, recipe.simplify, recipe.retain_all, bool(truncate_by_edge), custom_filter)
-    return _Wishes(recipe, streets, bool(offline))
+    streets = StreetOptions(osm_type, recipe.simplify, recipe.retain_all, bool(truncate_by_edge), custom_filter)
+    return _Options(recipe, streets, bool(offline))
 
 
 def _check_filter(custom_filter: object) -> None:

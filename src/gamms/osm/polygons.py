@@ -1,5 +1,6 @@
 """The one door to shapely's polygons: assemble, repair and simplify footprints in bulk, and stand walls on them."""
 
+import math
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 from typing import Any
@@ -7,9 +8,12 @@ from typing import Any
 import numpy as np
 
 from gamms.ir.graph import FloatArray, IntArray
+from gamms.ir.projection import WGS84, project, utm_crs
+from gamms.limits import refuse_above
 from gamms.osm.heights import Wall
 
 _POLYGON = 3  # shapely's number of the type
+_BYTES_PER_CELL = 1 << 20  # of the map in a cell
 
 BoolArray = np.ndarray[Any, np.dtype[np.bool_]]
 Shapes = np.ndarray[Any, np.dtype[np.object_]]
@@ -21,8 +25,8 @@ class Outlines:
 
     offsets: IntArray  # (lines + 1,)
     lonlat: FloatArray  # (positions, 2)  degrees
-    owners: IntArray  # (lines,)  rows of `walls`, ascending
-    walls: Sequence[Wall]  # (footprints,)
+    owners: IntArray  # (lines,)  rows of `about`, ascending
+    about: Sequence[Any]  # (footprints,)  the wall of each, or its tags
 
 
 @dataclass(slots=True, frozen=True, eq=False)
@@ -41,7 +45,7 @@ def footprints_of(outlines: Outlines) -> Shapes:
     """
     import shapely
 
-    shapes: Shapes = np.full(len(outlines.walls), shapely.Polygon(), object)
+    shapes: Shapes = np.full(len(outlines.about), shapely.Polygon(), object)
     is_alone = np.bincount(outlines.owners, minlength=len(shapes))[outlines.owners] == 1
     is_ring = is_alone & _is_ring(outlines)
     # A closed way keeps its points and their order; everything else is assembled.
@@ -84,6 +88,80 @@ def coordinates_of(shapes: Shapes) -> FloatArray:
     return points
 
 
+def is_inside(area: Any, xy: FloatArray) -> BoolArray:
+    """Which points (points, 2) lie in an area or on its outline."""
+    import shapely
+
+    shapely.prepare(area)
+    inside: BoolArray = shapely.intersects_xy(area, xy)
+    return inside
+
+
+def meets(area: Any, shapes: Shapes) -> BoolArray:
+    """Which shapes have a point in common with an area."""
+    import shapely
+
+    shapely.prepare(area)
+    met: BoolArray = shapely.intersects(area, shapes)
+    return met
+
+
+def area_of(geojson: Sequence[dict[str, Any]]) -> Any:
+    """The union of some outlines in GeoJSON, as a shapely shape."""
+    import shapely
+
+    return shapely.union_all([shapely.geometry.shape(one) for one in geojson])
+
+
+def widened(area: Any, metres: float) -> Any:
+    """An area of degrees with a margin, as a shapely shape in degrees."""
+    crs, in_metres = _in_metres(area)
+    return _in_degrees(in_metres.buffer(metres), crs)
+
+
+def outlines_of(area: Any, most_m2: float) -> list[FloatArray]:
+    """Simple outlines in degrees that together cover an area of degrees, none larger than `most_m2`."""
+    import shapely
+
+    crs, in_metres = _in_metres(area)
+    hull = in_metres.convex_hull
+    if in_metres.geom_type == "Polygon" and in_metres.area <= most_m2:
+        hull = in_metres
+    parts = [hull] if hull.area <= most_m2 else [part.convex_hull for part in shapely.get_parts(in_metres)]
+    cells = [cell for part in parts for cell in _cells(part, most_m2)]
+    return [shapely.get_coordinates(_in_degrees(cell, crs).exterior) for cell in cells]
+
+
+def _cells(area: Any, most_m2: float) -> list[Any]:
+    """A convex area, cut into squares where it is too large."""
+    import shapely
+
+    if area.area <= most_m2:
+        return [area]
+    west, south, east, north = area.bounds
+    columns, rows = (math.ceil(side / math.sqrt(most_m2)) for side in (east - west, north - south))
+    refuse_above(_BYTES_PER_CELL * columns * rows, f"A map asked for in {columns} x {rows} parts")
+    x, y = np.linspace(west, east, columns + 1), np.linspace(south, north, rows + 1)
+    squares = shapely.box(
+        *(side.ravel() for side in np.meshgrid(x[:-1], y[:-1])), *(side.ravel() for side in np.meshgrid(x[1:], y[1:]))
+    )
+    cut = shapely.intersection(area, squares)
+    return [cell for cell in cut if cell.geom_type == "Polygon" and cell.area]
+
+
+def _in_metres(area: Any) -> tuple[str, Any]:
+    import shapely
+
+    crs = utm_crs(shapely.get_coordinates(area))
+    return crs, shapely.transform(area, lambda points: project(points, WGS84, crs))
+
+
+def _in_degrees(area: Any, crs: str) -> Any:
+    import shapely
+
+    return shapely.transform(area, lambda points: project(points, crs, WGS84))
+
+
 def faces_of(
     shapes: Shapes,
     walls: Sequence[Wall],
@@ -94,7 +172,7 @@ def faces_of(
     """Walls along the edges of polygons, around courtyards too; `to_metres` projects points (points, 2)."""
     import shapely
 
-    polygons, owner = shapely.get_parts(_repaired(shapely.transform(shapes, to_metres)), return_index=True)
+    polygons, owner = shapely.get_parts(repaired(shapely.transform(shapes, to_metres)), return_index=True)
     is_area = shapely.get_type_id(polygons) == _POLYGON
     polygons, owner = polygons[is_area], owner[is_area]
     perimeters = shapely.length(shapely.get_exterior_ring(polygons))
@@ -112,8 +190,8 @@ def _standing(start: FloatArray, end: FloatArray, owners: IntArray, walls: Seque
     return Faces(np.stack(corners, axis=1).reshape(-1, 4, 3), types)
 
 
-def _repaired(shapes: Shapes) -> Shapes:
-    """The shapes, with what crosses itself assembled anew from its lines."""
+def repaired(shapes: Shapes) -> Shapes:
+    """The shapes; those that cross themselves are assembled again from their lines."""
     import shapely
 
     broken = ~shapely.is_valid(shapes)

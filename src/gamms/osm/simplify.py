@@ -8,7 +8,7 @@ import numpy as np
 
 from gamms import kernels
 from gamms.ir.graph import IntArray
-from gamms.osm.network import RoadNetwork, chosen_roads
+from gamms.osm.network import RoadNetwork, chosen_roads, without_unused_nodes
 from gamms.osm.polylines import offsets_of, reversed_points
 
 
@@ -40,7 +40,7 @@ def simplify(network: RoadNetwork) -> RoadNetwork:
         ways=ways,
         tags=tags,
     )
-    return _without_unused_nodes(joined)
+    return without_unused_nodes(joined)
 
 
 def _partners(network: RoadNetwork) -> IntArray:
@@ -105,9 +105,3 @@ def _joined_tags(
         ids = list(dict.fromkeys(tags[way].get("osmid") for way in chain.tolist()))
         joined.append(first if len(ids) == 1 else {**first, "osmid": ids})
     return np.arange(len(joined)), joined
-
-
-def _without_unused_nodes(network: RoadNetwork) -> RoadNetwork:
-    used, rows = np.unique(np.concatenate((network.sources, network.targets)), return_inverse=True)
-    half = len(network.sources)
-    return replace(network, xy=network.xy[used], sources=rows[:half], targets=rows[half:])

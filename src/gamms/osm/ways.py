@@ -1,6 +1,6 @@
 """The ways of a map file as columns, and the pieces of road between their vertices."""
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import dataclass
 from typing import Any
 
@@ -94,10 +94,12 @@ def is_one_way(oneway: Any, junction: Any) -> bool:
     return oneway is True or oneway in _ONE_WAY or (oneway is None and junction == "roundabout")
 
 
-def kept_tags(osmid: int, tags: Mapping[str, str], osm_type: OSMType | None = None) -> dict[str, Any]:
+def kept_tags(
+    osmid: int, tags: Mapping[str, str], osm_type: OSMType | None = None, names: Iterable[str] = KEPT_TAGS
+) -> dict[str, Any]:
     """The attributes of a way: its tags under their own names, `oneway` as a bool."""
     kept: dict[str, Any] = {"osmid": osmid}
-    kept.update((name, tags[name]) for name in KEPT_TAGS if name in tags)
+    kept.update((name, tags[name]) for name in names if name in tags)
     kept["oneway"] = is_one_way(traffic_rule(osm_type, tags), tags.get("junction"))
     return kept
 

@@ -1,0 +1,336 @@
+"""Ask Nominatim and Overpass within bounds of time, size and patience, and keep their answers on disk.
+
+The only file that knows the HTTP library. An answer is checked before it is kept and again when it is read.
+"""
+
+import hashlib
+import json
+import math
+import re
+import time
+import warnings
+from collections.abc import Callable
+from contextlib import suppress
+from dataclasses import dataclass
+from datetime import UTC, datetime
+from http import HTTPStatus
+from ipaddress import ip_address
+from pathlib import Path
+from threading import RLock, Thread
+from typing import Any, NoReturn
+from urllib.parse import urlencode, urlsplit
+
+from gamms.arguments import as_float
+from gamms.errors import BadValue, MissingExtra, NetworkError, PlaceError, TooLarge
+from gamms.folders import cache_folder, write_whole
+from gamms.limits import max_memory
+from gamms.osm.settings import setting
+from gamms.text import shown
+
+_CONNECT_S = 10.0  # a server that is there accepts a connection at once
+_SEARCH_S = 30.0  # Nominatim answers at once, unlike Overpass
+_ANSWER_FACTOR = 3.0  # a whole answer may take so many times the time in which it must begin
+_BUSY = (HTTPStatus.TOO_MANY_REQUESTS, HTTPStatus.SERVICE_UNAVAILABLE, HTTPStatus.GATEWAY_TIMEOUT)
+_PAUSES_S = (5.0, 30.0)  # before the second and the third try at a busy server
+_SEARCH_PAUSE_S = 1.0  # Nominatim's rule: at most one question per second
+_STATUS_PAUSE_S = 5.0  # between two questions for a free slot
+_MOST_PAUSE_S = 300.0  # all pauses of one call together
+_MOST_PAUSES = 60
+_LOCAL_PAUSE_S = 0.1  # a server on this computer needs no politeness
+_MEMORY_PER_BYTE = 8  # that the values of an answer in JSON take
+_CHUNK = 4096
+_LATER = "Try again later; what was downloaded before works with offline=True."
+_ONE_AT_A_TIME = RLock()  # threads take turns at the servers
+
+Fault = Callable[[Any], str]  # what is wrong with the data of an answer; "" if nothing
+
+
+@dataclass(slots=True, frozen=True)
+class _Answer:
+    """An answer of a server, before anything is made of it."""
+
+    status: int
+    reason: str
+    content: bytes
+    retry_after: str
+
+    @property
+    def text(self) -> str:
+        """The begin of the content as text."""
+        return self.content[:4000].decode("utf-8", "replace")
+
+
+class MapServers:
+    """The two servers, as one call on the places named `name` uses them.
+
+    Raises:
+        BadValue, BadType: a setting is impossible.
+        MissingExtra: requests is not installed; offline it need not be.
+    """
+
+    def __init__(self, name: str, show: Callable[[str], None], *, offline: bool) -> None:
+        if not offline:
+            _check_requests()
+        timeout = as_float(setting("requests_timeout"), "gamms.osm.settings.requests_timeout")
+        if timeout <= 0.0:
+            raise BadValue(f"gamms.osm.settings.requests_timeout must be more than 0 seconds, not {timeout}.")
+        self._name, self._show, self._offline, self._timeout_s = name, show, offline, timeout
+        self._folder = Path(setting("cache_folder") or cache_folder("places"))
+        self._nominatim, self._overpass = _address("nominatim_url"), _address("overpass_url")
+        self._paused_s, self._pauses = 0.0, 0
+        self._unsaved: list[tuple[Path, bytes]] = []
+
+    def search(self, query: str | dict[str, str], fault_of: Fault) -> Any:
+        """Ask Nominatim for places, with their outlines.
+
+        Raises:
+            PlaceError: offline, this was never asked; or the server does not understand it.
+            NetworkError: there is no answer, or it is of no use.
+            TooLarge: the answer takes more memory than is allowed.
+        """
+        asked = {"format": "json", "polygon_geojson": "1", "dedupe": "0", "limit": "50"}
+        asked |= {"q": query} if isinstance(query, str) else dict(sorted(query.items()))
+        if setting("nominatim_key") is not None:
+            asked["key"] = setting("nominatim_key")
+        url = f"{self._nominatim}/search"
+        self._show(f"Asking {self._nominatim} where {self._name} is")
+        patience_s = min(self._timeout_s, _SEARCH_S)
+        return self._kept(url, asked, fault_of, lambda: self._search(url, asked, patience_s))
+
+    def query(self, query: str, fault_of: Fault) -> Any:
+        """Ask Overpass a question in its own language, without its settings; raises what `search` raises."""
+        memory = setting("overpass_memory")
+        size = "" if memory is None else f"[maxsize:{memory}]"
+        asked = {"data": f"[out:json][timeout:{math.ceil(self._timeout_s)}]{size};{query}"}
+        url = f"{self._overpass}/interpreter"
+        return self._kept(url, asked, fault_of, lambda: self._interpret(url, asked))
+
+    def save_rest(self) -> None:
+        """Keep answers without a shape, too: the map is made, so they were no mistake."""
+        for path, content in self._unsaved:
+            self._save(path, content)
+
+    def _kept(self, url: str, asked: dict[str, str], fault_of: Fault, ask: Callable[[], _Answer]) -> Any:
+        """The answer from the disk, or else from the server."""
+        key = hashlib.sha256(f"{url}?{urlencode(asked)}".encode()).hexdigest()
+        path, damage = self._folder / f"{key}.json", ""
+        if (setting("use_cache") or self._offline) and path.is_file():
+            try:
+                data = _parsed(path.read_bytes())
+                damage = fault_of(data)
+                if not damage:
+                    return data
+            except (OSError, ValueError, RecursionError) as error:
+                damage = str(error)
+        if self._offline:
+            what = f"what was kept of it is damaged ({damage})" if damage else "it was never downloaded"
+            raise PlaceError(
+                f"There is no map of {self._name} on this computer: {what}. Run this once without offline=True, with "
+                f"a connection and otherwise the same arguments and settings; answers are kept in '{self._folder}'."
+            )
+        with _ONE_AT_A_TIME:
+            answer = ask()
+        data = _checked(url, answer, fault_of)
+        if setting("use_cache"):
+            if _has_shapes(data):
+                self._save(path, answer.content)
+            else:
+                self._unsaved.append((path, answer.content))
+        return data
+
+    def _save(self, path: Path, content: bytes) -> None:
+        try:
+            path.parent.mkdir(parents=True, exist_ok=True)
+            write_whole(path, content)
+        except OSError as error:
+            warnings.warn(
+                f"The map of {self._name} cannot be kept in {str(self._folder)!r} for later: {error}. "
+                "Set gamms.osm.settings.cache_folder to a folder that you may write into.",
+                RuntimeWarning,
+                stacklevel=2,
+            )
+
+    def _search(self, url: str, asked: dict[str, str], patience_s: float) -> _Answer:
+        self._pause(url, _SEARCH_PAUSE_S)
+        return self._patiently("GET", url, patience_s, params=asked)
+
+    def _interpret(self, url: str, asked: dict[str, str]) -> _Answer:
+        while setting("overpass_rate_limit"):
+            status = _request("GET", f"{self._overpass}/status", self._timeout_s, self._show).text
+            pause_s = _seconds_to_slot(status)
+            if not pause_s:
+                break
+            self._pause(url, pause_s)
+        return self._patiently("POST", url, self._timeout_s, data=asked)
+
+    def _patiently(self, method: str, url: str, patience_s: float, **options: Any) -> _Answer:
+        for pause_s in _PAUSES_S:
+            answer = _request(method, url, patience_s, self._show, **options)
+            if answer.status not in _BUSY:
+                return answer
+            wanted_s = float(answer.retry_after) if answer.retry_after.isdecimal() else 0.0
+            self._pause(url, max(pause_s, wanted_s))
+        return _request(method, url, patience_s, self._show, **options)
+
+    def _pause(self, url: str, seconds: float) -> None:
+        """Wait, but neither too long nor too often in one call."""
+        if is_local(url):
+            seconds = min(seconds, _LOCAL_PAUSE_S)
+        self._pauses += 1
+        self._paused_s += seconds
+        if self._paused_s > _MOST_PAUSE_S or self._pauses > _MOST_PAUSES:
+            raise NetworkError(f"{_host(url)} is busy, and would have us wait for {self._paused_s:.0f} s. {_LATER}")
+        if seconds > 1.0:
+            self._show(f"{_host(url)} is busy: waiting {seconds:.0f} s")
+        time.sleep(seconds)
+
+
+def is_local(url: str) -> bool:
+    """Whether a server runs on this computer."""
+    host = urlsplit(url).hostname or ""
+    try:
+        return host == "localhost" or ip_address(host).is_loopback
+    except ValueError:
+        return False
+
+
+# -- one request ------------------------------------------------------------------------------------------------
+
+
+def _request(method: str, url: str, patience_s: float, show: Callable[[str], None], **options: Any) -> _Answer:
+    """Ask in a thread of its own: reading from a server that sends one byte at a time cannot be interrupted."""
+    outcome: list[_Answer | Exception] = []
+    most_bytes = max_memory() // _MEMORY_PER_BYTE  # asked here: threads do not inherit it
+
+    def ask() -> None:
+        try:
+            outcome.append(_read(method, url, patience_s, most_bytes, show, options))
+        except Exception as error:  # noqa: BLE001 - raised again below, in the thread that waits for it
+            outcome.append(error)
+
+    thread = Thread(target=ask, daemon=True)
+    thread.start()
+    thread.join(_ANSWER_FACTOR * patience_s + min(_CONNECT_S, patience_s))
+    if not outcome:
+        _too_slow(url, patience_s)
+    if isinstance(outcome[0], Exception):
+        raise outcome[0]
+    return outcome[0]
+
+
+def _read(
+    method: str, url: str, patience_s: float, most_bytes: int, show: Callable[[str], None], options: dict[str, Any]
+) -> _Answer:
+    import requests
+
+    named = {"User-Agent": "http_user_agent", "Referer": "http_referer", "Accept-Language": "http_accept_language"}
+    headers = {header: value for header, name in named.items() if (value := setting(name))}
+    timeout = (min(_CONNECT_S, patience_s), patience_s)
+    options = {"headers": headers, **setting("requests_kwargs"), **options, "stream": True, "timeout": timeout}
+    deadline = time.monotonic() + _ANSWER_FACTOR * patience_s
+    content = bytearray()
+    try:
+        with requests.request(method, url, **options) as response:  # noqa: S113 - it is among the options
+            for chunk in response.iter_content(_CHUNK):
+                content += chunk
+                if len(content) % (1 << 20) < _CHUNK:
+                    show(f"Downloading from {_host(url)}: {len(content) / 1e6:.0f} MB")
+                if len(content) > most_bytes:
+                    raise TooLarge(
+                        f"The answer of {_host(url)} has more than {most_bytes} bytes. Choose a smaller area, or allow "
+                        "more memory with gamms.limits.allowing(bytes)."
+                    )
+                if time.monotonic() > deadline:
+                    _too_slow(url, patience_s)
+            retry_after = response.headers.get("Retry-After", "")
+            return _Answer(response.status_code, str(response.reason), bytes(content), retry_after)
+    except requests.exceptions.RequestException as error:
+        reason = _first_cause(error)
+        if isinstance(reason, TimeoutError) or "timed out" in str(error):
+            _too_slow(url, patience_s)
+        raise NetworkError(
+            f"{_host(url)} cannot be reached, or broke off: {reason}. Check the connection and the address {url!r} "
+            "(gamms.osm.settings); what was downloaded before works with offline=True."
+        ) from error
+
+
+def _checked(url: str, answer: _Answer, fault_of: Fault) -> Any:
+    """The data of an answer that is what was asked for."""
+    host, said = _host(url), " ".join(re.sub(r"<[^>]*>", " ", answer.text).split())[:120]
+    if answer.status >= HTTPStatus.BAD_REQUEST:
+        refusal = f"{host} answers {answer.status} {answer.reason}, saying {said!r}."
+        if answer.status == HTTPStatus.BAD_REQUEST:
+            raise PlaceError(f"{refusal} It does not understand the question: check location, custom_filter and tags.")
+        if answer.status in _BUSY:
+            raise NetworkError(f"{refusal} It is busy, after {len(_PAUSES_S) + 1} tries. {_LATER}")
+        raise NetworkError(f"{refusal} Check the address {url!r} (gamms.osm.settings). {_LATER}")
+    try:
+        data = _parsed(answer.content)
+        fault = fault_of(data)
+    except (ValueError, RecursionError) as error:
+        raise NetworkError(
+            f"{host} did not answer with JSON data, but with {shown(said)} ({error}). "
+            f"It was cut short, or comes from a login page between you and {url!r}. {_LATER}"
+        ) from error
+    if fault:
+        raise NetworkError(f"The answer of {host} is of no use: {fault}. Choose a smaller area. {_LATER}")
+    return data
+
+
+def _parsed(content: bytes) -> Any:
+    return json.loads(content, parse_constant=_refuse_constant)
+
+
+def _refuse_constant(name: str) -> NoReturn:
+    raise ValueError(f"{name} is no number")
+
+
+def _has_shapes(data: Any) -> bool:
+    """Whether an answer holds a street, an area or the like, not only nodes or nothing."""
+    return isinstance(data, dict) and any(element["type"] != "node" for element in data["elements"])
+
+
+def _seconds_to_slot(status: str) -> float:
+    """The seconds until Overpass has a free slot, by its own status page; 0 where that says nothing."""
+    if "slots available now" in status or re.search(r"Rate limit: 0\b", status):
+        return 0.0
+    with suppress(ValueError):
+        free = [datetime.fromisoformat(time) for time in re.findall(r"Slot available after: (\S+Z)", status)]
+        if free:
+            return max(1.0, (min(free) - datetime.now(UTC)).total_seconds())
+    return _STATUS_PAUSE_S if "Currently running queries" in status else 0.0
+
+
+def _too_slow(url: str, patience_s: float) -> NoReturn:
+    raise NetworkError(
+        f"{_host(url)} timed out: an answer must begin within {patience_s:g} s and be there within "
+        f"{_ANSWER_FACTOR * patience_s:g} s (gamms.osm.settings.requests_timeout). Choose a smaller area. {_LATER}"
+    )
+
+
+def _first_cause(error: BaseException) -> BaseException:
+    """The error that began it: requests wraps it several times."""
+    inner = error.__cause__ or error.__context__
+    return error if inner is None else _first_cause(inner)
+
+
+def _host(url: str) -> str:
+    return urlsplit(url).netloc or url
+
+
+def _address(name: str) -> str:
+    url = str(setting(name))
+    parts = urlsplit(url)
+    if parts.scheme not in ("http", "https") or not parts.hostname:
+        raise BadValue(
+            f"gamms.osm.settings.{name} is {url!r}, which is no address of a server. "
+            "Set one that begins with http:// or https://."
+        )
+    return url.rstrip("/")
+
+
+def _check_requests() -> None:
+    try:
+        import requests  # noqa: F401 - whether it is there
+    except ImportError as error:
+        raise MissingExtra("Loading places by name", "osm-online") from error
