@@ -67,7 +67,7 @@ class Game(Settings):
         self.ctx = ctx
         self._ruleset = RuleSet(ctx)
         self._facts: dict[str, Any] = {}
-        self.facts: Mapping[str, Any] = ReadOnlyMapping(self._facts)
+        self.facts = ReadOnlyMapping(self._facts)
         self.data = {}
         self._scores = Scores()
         self._collectors = Collectors()

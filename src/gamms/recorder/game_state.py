@@ -3,6 +3,7 @@
 from collections.abc import Mapping
 from copy import deepcopy
 from marshal import dumps
+from operator import is_not
 from typing import Any
 
 from gamms.ir import journal as kinds
@@ -13,6 +14,7 @@ Changes = dict[str, Any]  # of a dict: what is `set`, what is `removed`, and wha
 
 _NO_REFERENCES = 2  # the last version of marshal that writes a value whether or not it was written before
 _MARKED = (bool, int, float, str, bytes, type(None), list, tuple, set, frozenset, dict)
+_NUMBERS = (int, float)
 _HEAD = 5  # bytes before the items of a list: its type and length
 
 
@@ -180,7 +182,7 @@ class GameWatch:
         self._over = plain(ctx.game.over)
         self._memories = {name: Kept(memory) for name, memory in ctx.game.memories.items() if memory}
         self._team_memories = {team: Kept(memory) for team, memory in ctx.game.team_memories.items() if memory}
-        self._facts = dict(ctx.game.facts)
+        self._facts = ctx.game.facts.copy()
         self._chance = plain(ctx.chance())
         self._turn, self.pace = ctx.game.turn, 0
         self._places = _places(ctx)
@@ -204,16 +206,15 @@ class GameWatch:
         if len(events) != self._events:
             log += [(kinds.GAME_EVENT, plain(event)) for event in events[self._events :]]
             self._events = len(events)
-        if scores != self._scores:
+        if _is_other(scores, self._scores):
             self._scores = plain(scores)
             log.append((kinds.GAME_SCORES, {"scores": list(self._scores.items())}))
         if (data or self._data.values) and (found := self._data.changes(data)) is not None:
             log.append((kinds.GAME_DATA, found))
-        if over != self._over:
-            self._over = plain(over)
-            log.append((kinds.GAME_OVER, self._over or {}))
-        if facts != self._facts:
-            log.append(self._new_facts())
+        if over is not None or self._over is not None:
+            log += self._new_end(over)
+        if facts.keys() != self._facts.keys() or any(map(is_not, facts.values(), self._facts.values())):
+            log += self._new_facts(dict(facts))
         has_memories = memories and any(memories.values())
         if has_memories or team_memories or self._memories or self._team_memories:
             log += self._new_memories()
@@ -221,12 +222,19 @@ class GameWatch:
             self._chance = plain(chance)
             log.append((kinds.GAME_CHANCE, {"chance": self._chance}))
 
-    def _new_facts(self) -> tuple[int, Any]:
-        before, now = self._facts, dict(self._game.facts)
-        self._facts = now
-        changed = {name: fact for name, fact in now.items() if name not in before or before[name] != fact}
+    def _new_end(self, over: dict[str, Any] | None) -> Log:
+        before, self._over = self._over, plain(over)
+        return [] if is_same(before, self._over) else [(kinds.GAME_OVER, self._over or {})]
+
+    def _new_facts(self, now: dict[str, Any]) -> Log:
+        before, self._facts = self._facts, now
+        changed = {
+            name: fact
+            for name, fact in now.items()
+            if name not in before or not (fact is before[name] or is_same(plain(fact), plain(before[name])))
+        }
         removed = [name for name in before if name not in now]
-        return (kinds.GAME_FACTS, {"set": plain_part(changed), "removed": removed})
+        return [(kinds.GAME_FACTS, {"set": plain_part(changed), "removed": removed})] if changed or removed else []
 
     def _new_memories(self) -> Log:
         agents = _each(self._game.memories, self._memories)
@@ -236,6 +244,13 @@ class GameWatch:
             if agents or teams
             else []
         )
+
+
+def _is_other(scores: Mapping[Any, Any], before: Any) -> bool:
+    """Whether scores are others than `plain` gave them, arrays among them, too."""
+    if all(type(score) in _NUMBERS for score in scores.values()):
+        return bool(scores != before)
+    return not is_same(plain(scores), before)
 
 
 def _each(now: Mapping[Any, dict[Any, Any]], kept: dict[Any, Kept]) -> dict[Any, Changes]:
