@@ -133,10 +133,23 @@ def test_an_unknown_agent_is_a_key_error_with_the_nearest_name(ctx, anna):
 
 
 def test_unknown_sensors_are_warned_about_and_skipped(ctx, heard):
-    agent = ctx.agent.create_agent("a", start_node_id=0, sensors=iter(["nearr", "near", ["odd"]]))
+    agent = ctx.agent.create_agent("a", start_node_id=0, sensors=iter(["nearr", "near"]))
     assert list(agent._sensor_list) == ["near"]
-    assert len(heard) == 2
+    assert len(heard) == 1
     assert "'a' goes without a sensor: Unknown sensor 'nearr'. Did you mean 'near'?" in heard[0]
+
+
+@pytest.mark.parametrize("sensors", [[5], {"e": 5}, ["near", ["odd"]], {5: "near"}, {"": "near"}, 5, "near"])
+def test_what_is_neither_a_sensor_nor_an_id_is_refused_before_anything_has_changed(ctx, sensors):
+    with pytest.raises((TypeError, ValueError)):
+        ctx.agent.create_agent("a", start_node_id=0, sensors=sensors)
+    assert not ctx.agent.agents
+    assert ctx.sensor.get_sensor("near")._owner is None
+
+
+def test_a_sensor_itself_may_be_in_a_list(ctx):
+    agent = ctx.agent.create_agent("a", start_node_id=0, sensors=[ctx.sensor.get_sensor("near")])
+    assert list(agent.get_state()["sensor"]) == ["near"]
 
 
 def test_a_misspelt_keyword_is_warned_about_and_kept_as_an_attribute(ctx, heard):

@@ -1,10 +1,15 @@
 """A 4 x 4 grid of streets in both directions, 10 metres apart; node `4 * row + column`."""
 
+import sys
+from pathlib import Path
+
 import pytest
 
 import gamms
 from gamms.graph import Engine
 from gamms.sensor import SensorType
+
+sys.path.insert(0, str(Path(__file__).parent))  # the tests of games find what they share beside them
 
 
 def grid(seed=1, engine=Engine.MEMORY, side=4, **settings):

@@ -89,10 +89,13 @@ def test_a_node_that_no_way_leads_to_is_not_legal(ctx, play):
 
 
 @pytest.mark.parametrize("speed", [-1, float("nan"), "fast"])
-def test_an_impossible_speed_is_named_when_the_game_begins(ctx, play, speed):
-    play("a", 0, 1, speed=speed)
+def test_an_impossible_speed_is_named_when_it_is_set(ctx, play, speed):
     with pytest.raises((ValueError, TypeError), match="speed of agent 'a'"):
-        ctx.game.step()
+        play("a", 0, 1, speed=speed)
+    agent = play("a", 0, 1, speed=2)
+    with pytest.raises((ValueError, TypeError), match="speed of agent 'a'"):
+        agent.speed = speed
+    assert agent.speed == 2
 
 
 # -- parts of edges ---------------------------------------------------------------------------------------------

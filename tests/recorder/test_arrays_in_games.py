@@ -40,7 +40,7 @@ def play(path=None, repeat=1, **values):
         lambda turn: np.array([turn]),
         lambda turn: np.zeros((0, 2)),
         lambda turn: np.array(turn > 2),
-        lambda turn: np.float64(turn),
+        np.float64,
     ],
     ids=["several", "one", "none", "no dimension", "a number of NumPy"],
 )

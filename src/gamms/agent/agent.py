@@ -4,6 +4,7 @@ from math import hypot
 from typing import Any
 
 from gamms.agent.member import Member
+from gamms.arguments import as_range
 from gamms.errors import ContextTerminated, UnknownName
 from gamms.ir import journal
 from gamms.typing import IContext
@@ -50,6 +51,8 @@ class Agent(Member):
 
     @speed.setter
     def speed(self, speed: Any) -> None:
+        if speed is not None:
+            as_range(speed, f"speed of agent {self.name!r}")
         self._columns.speed[self._row] = speed
         self._note(journal.AGENT_SPEED, speed=speed)
         self._columns.roster += 1

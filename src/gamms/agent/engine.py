@@ -244,8 +244,15 @@ class AgentEngine(Guarded, IAgentEngine):
         pairs = given.items() if isinstance(given, Mapping) else ((sensor_id, sensor_id) for sensor_id in given)
         found = {}
         for key, sensor in pairs:
+            is_id = isinstance(sensor, str)
+            if not is_id and not is_sensor(sensor):
+                raise BadType(f"Agent {name!r} cannot carry {shown(sensor)}: sensors= takes sensors and their ids.")
+            if isinstance(given, Mapping):
+                as_name(key, "a sensor")
             try:
-                found[key] = sensor if is_sensor(sensor) else self._ctx.sensor.get_sensor(sensor)
+                found[key if is_id or isinstance(given, Mapping) else sensor.sensor_id] = (
+                    self._ctx.sensor.get_sensor(sensor) if is_id else sensor
+                )
             except KeyError as error:
                 self._ctx.logger.warning(f"Agent {shown(name)} goes without a sensor: {error}")
         return found

@@ -83,6 +83,8 @@ class Member(Guarded, IAgent):
         """Set an attribute; refused while a strategy is running."""
         if name[0] != "_":
             self._phase.refuse(f"set agent.{name}")
+            if name == "strategy" and value is not None:
+                as_function_of(value, "A strategy", "the state", Strategy)
             if type(value) not in _SCALARS and not hasattr(type(self), name):
                 setattr(Member, name, _Attribute(name))
         object.__setattr__(self, name, value)
@@ -182,8 +184,6 @@ class Member(Guarded, IAgent):
         Raises:
             BadType: it is neither a function of the state nor None.
         """
-        if strategy is not None:
-            as_function_of(strategy, "A strategy", "the state", Strategy)
         self.strategy = strategy
 
     def get_state(self) -> dict[str, Any]:

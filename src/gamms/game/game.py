@@ -424,9 +424,9 @@ class Game(Settings):
         self.publish(**facts)
 
     @refused_while_deciding
-    def take_over(self, over: dict[str, Any] | None) -> None:
+    def take_over(self, over: Any) -> None:
         """Be over for this reason, or not; for who plays a recording."""
-        if over is not None and set(over) != _OVER:
+        if over is not None and (not isinstance(over, Mapping) or set(over) != _OVER):
             raise BadValue(f"A game is over with {sorted(_OVER)}, not with {shown(over)}.")
         self._over = None if over is None else dict(over)
 

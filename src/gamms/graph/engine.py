@@ -5,7 +5,7 @@ from collections.abc import Iterator
 from typing import TYPE_CHECKING, Any, NamedTuple
 
 from gamms.deciding import Guarded, phase_of, refused_while_deciding
-from gamms.errors import BadFile, BadValue, ContextTerminated, UnknownType, WriteConflict
+from gamms.errors import BadFile, BadType, BadValue, ContextTerminated, UnknownType, WriteConflict
 from gamms.graph.cache import Cache
 from gamms.graph.contents import Contents
 from gamms.graph.graph import Graph
@@ -275,9 +275,12 @@ class GraphEngine(Guarded, IGraphEngine):
 
         Raises:
             BadFile (ValueError): the bytes are damaged or foreign; nothing has changed.
+            BadType (TypeError): they are no bytes.
         """
         from gamms.graph import file
 
+        if not isinstance(data, (bytes, bytearray, memoryview)):
+            raise BadType(f"A packed graph is bytes, not {shown(data)}.")
         self._put(file.decode(data))
 
     @refused_while_deciding

@@ -102,6 +102,12 @@ class Components(Guarded):
         Raises:
             Duplicate (ValueError): the name is taken.
         """
+        try:
+            hash(name)
+        except TypeError:
+            raise BadType(
+                f"The name of a component must be a text or another key of a dict, not {shown(name)}."
+            ) from None
         if name in self._components:
             raise Duplicate("a component", name)
         if self._is_recorded(obj, name):

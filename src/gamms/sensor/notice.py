@@ -135,7 +135,7 @@ def _chance_of(detection: Any, name: str) -> Chance | None:
 def _points_of(detection: Any, name: str) -> FloatArray:
     try:
         points = np.array([(float(distance), float(chance)) for distance, chance in detection])
-    except (TypeError, ValueError):
+    except (TypeError, ValueError, OverflowError):
         raise BadType(
             f"{name} must be a probability, pairs (distance, probability) or a function of distances, "
             f"not {shown(detection)}."

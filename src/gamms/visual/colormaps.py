@@ -27,13 +27,13 @@ _TABLES = {
 NAMES = tuple(_TABLES)
 
 
-def table(name: str) -> tuple[Rgb, ...]:
+def table(name: Any) -> tuple[Rgb, ...]:
     """The colours of a map from low to high, LEVELS of them.
 
     Raises:
         UnknownName (KeyError): there is no such map.
     """
-    if name not in _TABLES:
+    if not isinstance(name, str) or name not in _TABLES:
         raise UnknownName("colour map", name, _TABLES)
     known = np.array([list(bytes.fromhex(color)) for color in _TABLES[name].split()], float)
     places = np.linspace(0.0, len(known) - 1.0, LEVELS)
