@@ -27,6 +27,12 @@ def test_a_plain_value_comes_back(value):
     assert repr(there_and_back(value)) == repr(value)
 
 
+@given(plain)
+def test_what_a_value_costs_is_never_more_than_its_bytes_say_at_a_glance(value):
+    data = values.to_bytes(value, "It")
+    assert 0 < values.cost_of(data) <= values.most_cost_of(data)
+
+
 @given(
     st.sampled_from(DTYPES).flatmap(lambda name: hnp.arrays(name, hnp.array_shapes(min_dims=0, max_dims=4, min_side=0)))
 )

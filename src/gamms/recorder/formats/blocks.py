@@ -137,7 +137,8 @@ def take_bytes(cursor: columns.Cursor, most: int) -> bytes:
 def put_value(value: Any, where: str) -> bytes:
     """A plain value as the body of a block."""
     data = values.to_bytes(value, where)
-    return padded(put_bytes(data), values.cost_of(data))
+    body = put_bytes(data)
+    return body if PER_BYTE * len(body) >= values.most_cost_of(data) else padded(body, values.cost_of(data))
 
 
 def take_value(body: bytes, decoder: values.Decoder, place: object) -> Any:

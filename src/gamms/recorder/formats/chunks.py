@@ -222,12 +222,13 @@ class Collected:
         parts = [columns.put_list(column) for column in self._turns]
         parts += [self.sequence.column(), columns.put(firsts), columns.put(others, habit.packed)]
         parts += [columns.put(column) for column in table]
-        parts.append(blocks.put_bytes(b"".join(self._data)))
+        data = b"".join(self._data)
+        parts.append(blocks.put_bytes(data))
         for kind, rows in sorted(self._rows.items()):
             parts += rows.body(kind)
         body = b"".join(parts)
         cost = blocks.cost_of(*self.counts[1:])
-        if PER_BYTE * len(body) < cost + values.MOST_OF_BYTE * sum(map(len, self._data)):
+        if PER_BYTE * len(body) < cost + values.most_cost_of(data):
             cost += sum(map(values.cost_of, self._data))
         return blocks.padded(body, cost)
 
