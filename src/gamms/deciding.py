@@ -120,10 +120,17 @@ def outside_of_deciding(method: Method) -> Method:
 
 
 class Protected(Generic[T]):
-    """An attribute of a `Guarded` object, of whose value strategies see a read-only copy."""
+    """An attribute of a `Guarded` object, of whose value strategies see a read-only copy.
+
+    Args:
+        part: the attribute of the object that holds the value under the same name; None: the object itself does.
+    """
+
+    def __init__(self, part: str | None = None) -> None:
+        self._part = part
 
     def __set_name__(self, owner: type, name: str) -> None:
-        self._name = f"_{name}"
+        self._name = f"_{name}" if self._part is None else name
 
     @overload
     def __get__(self, instance: None, owner: type) -> Self: ...
@@ -132,9 +139,8 @@ class Protected(Generic[T]):
     def __get__(self, instance: Any, owner: type) -> Any:
         if instance is None:
             return self
-        value = getattr(instance, self._name)
-        phase = instance._phase
-        return value if phase.agent is None else frozen(value)
+        value = getattr(instance if self._part is None else getattr(instance, self._part), self._name)
+        return value if instance._phase.agent is None else frozen(value)
 
     def __set__(self, instance: Any, value: T) -> None:
-        object.__setattr__(instance, self._name, value)
+        object.__setattr__(instance if self._part is None else getattr(instance, self._part), self._name, value)

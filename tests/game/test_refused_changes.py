@@ -92,7 +92,6 @@ CALLS = {  # a call that works, of each verb: what it is called on, its name, it
     "run": (lambda ctx: ctx.game.run, (), {"max_turns": 0}),
     "reset": (lambda ctx: ctx.game.reset, (), {"seed": 5}),
     "emit": (lambda ctx: ctx.game.emit, ("seen",), {}),
-    "take_over": (lambda ctx: ctx.game.take_over, ({"reason": "x", "winner": 1, "truncated": False},), {}),
     "eliminate": (lambda ctx: ctx.game.eliminate, ("other",), {}),
     "respawn": (lambda ctx: ctx.game.respawn, ("other", 0), {}),
     "respawn a drone": (lambda ctx: ctx.game.respawn, ("drone", 0), {}),

@@ -14,7 +14,9 @@ class KeptAgents(NamedTuple):
     """The columns, and of each agent what is not in them."""
 
     columns: dict[str, list[Any]]
-    agents: "list[tuple[Member, dict[str, Any], Any, dict[str, Any]]]"  # agent, attributes, strategy, sensors
+    roster: tuple[AgentColumns, int]  # which agents there are, and which team, speed and sensors they have
+    agents: "list[tuple[Member, dict[str, Any], Any, dict[str, Any], dict[str, Any]]]"
+    # agent, attributes, strategy, sensors, last state
     rows: dict[int, int]  # id() of an agent -> its row
 
     def place_of(self, agent: Any) -> Any:
@@ -30,13 +32,37 @@ def kept(engine: "AgentEngine") -> KeptAgents:
     """The agents as they are now."""
     columns = {name: list(getattr(engine._columns, name)) for name in BY_ROW}
     agents = [
-        (agent, _copied(agent.__dict__), agent.strategy, dict(agent._sensor_list)) for agent in engine._agents.values()
+        (agent, _copied(agent.__dict__), agent.strategy, agent._sensor_list.copy(), agent._last[0])
+        for agent in engine._agents.values()
     ]
-    return KeptAgents(columns, agents, {id(agent): row for row, (agent, *_) in enumerate(agents)})
+    roster = engine._columns, engine._columns.roster
+    return KeptAgents(columns, roster, agents, {id(agent): row for row, (agent, *_) in enumerate(agents)})
 
 
 def restore(engine: "AgentEngine", before: KeptAgents) -> None:
     """Let the agents be as they were: those that came are gone, those that went are back."""
+    columns = engine._columns
+    if before.roster == (columns, columns.roster):
+        columns.move_back(before.columns)
+    else:
+        _restore_agents(engine, before)
+        engine._columns.write_back(before.columns)
+    for agent, attributes, strategy, sensors, last in before.agents:
+        if attributes or agent.__dict__:
+            agent.__dict__.clear()
+            agent.__dict__.update(_copied(attributes))
+        if agent.strategy is not strategy:
+            agent.strategy = strategy
+        agent._last[0] = last
+        if agent._sensor_list != sensors:
+            for name in [name for name in agent._sensor_list if name not in sensors]:
+                agent.deregister_sensor(name)
+            for name, sensor in sensors.items():
+                agent.register_sensor(name, sensor)
+
+
+def _restore_agents(engine: "AgentEngine", before: KeptAgents) -> None:
+    """Let those agents live that lived then, in the same order."""
     there = {id(agent) for agent, *_ in before.agents}
     for agent in [agent for agent in engine._agents.values() if id(agent) not in there]:
         engine.delete_agent(agent.name)
@@ -47,17 +73,6 @@ def restore(engine: "AgentEngine", before: KeptAgents) -> None:
         for agent, *_ in before.agents:
             agent._live_in(engine._columns)
             engine._agents[agent.name] = agent
-    engine._columns.write_back(before.columns)
-    for agent, attributes, strategy, sensors in before.agents:
-        if attributes or agent.__dict__:
-            agent.__dict__.clear()
-            agent.__dict__.update(_copied(attributes))
-        agent.strategy, agent._last[0] = strategy, {}
-        if agent._sensor_list != sensors:
-            for name in [name for name in agent._sensor_list if name not in sensors]:
-                agent.deregister_sensor(name)
-            for name, sensor in sensors.items():
-                agent.register_sensor(name, sensor)
 
 
 def _copied(attributes: dict[str, Any]) -> dict[str, Any]:

@@ -1,7 +1,7 @@
-"""The game room: who may write where agents are, and `ctx.game`, which plays turns in which all move at once.
+"""The game engine: `ctx.game`, which plays turns in which all agents move at once, and the one writer of moves.
 
-Read `game.py` first, then `turn.py`; `moves.py` is the one writer of moves. A rule is a plain function; a new one needs
-nothing here. May import: typing, kernels, ir and below, never another room.
+Read `game.py` first, then `turn.py`; the state is `gamms.ir.game_state`. A rule is a plain function; a new one needs
+nothing here. May import: typing, kernels, ir and below, never another engine.
 """
 
 from importlib import import_module
@@ -11,17 +11,26 @@ from gamms.game.moves import Moves
 from gamms.typing.game import Move
 
 if TYPE_CHECKING:
-    from gamms.game.errors import IllegalAction, Meddling
+    from gamms.errors import Meddling
     from gamms.game.game import Game
+    from gamms.game.legality import IllegalAction
     from gamms.game.result import Result
     from gamms.game.settings import Settings
+    from gamms.game.snapshots import Snapshot
 
-__all__ = ["Game", "IllegalAction", "Meddling", "Move", "Moves", "Result", "Settings"]
+__all__ = ["Game", "IllegalAction", "Meddling", "Move", "Moves", "Result", "Settings", "Snapshot"]
 
-_HOMES = {"Game": "game", "IllegalAction": "errors", "Meddling": "errors", "Result": "result", "Settings": "settings"}
+_HOMES = {
+    "Game": "game.game",
+    "IllegalAction": "game.legality",
+    "Meddling": "errors",
+    "Result": "game.result",
+    "Settings": "game.settings",
+    "Snapshot": "game.snapshots",
+}
 
 
 def __getattr__(name: str) -> Any:
-    if name in _HOMES:  # loaded when they are asked for: the paper's own loop needs none of them
-        return getattr(import_module(f"gamms.game.{_HOMES[name]}"), name)
+    if name in _HOMES:  # loaded on first use: the paper's own loop needs none of them
+        return getattr(import_module(f"gamms.{_HOMES[name]}"), name)
     raise AttributeError(f"module {__name__!r} has no attribute {name!r}")

@@ -1,103 +1,91 @@
-"""The game room's front: `ctx.game`, which plays turns in which everybody moves at once."""
+"""The front of the turn engine: `ctx.game`, which plays turns in which all agents move at once."""
 
 from collections import Counter
-from collections.abc import Callable, Iterable, Mapping
+from collections.abc import Callable, Iterable, Iterator, Mapping
+from contextlib import contextmanager
 from time import perf_counter
-from typing import TYPE_CHECKING, Any, overload
+from typing import Any, NamedTuple, overload
 
-from gamms.arguments import as_float, as_int, as_name
+from gamms.arguments import as_int, as_name
 from gamms.deciding import Protected, phase_of, refused_while_deciding
 from gamms.errors import BadValue, ContextTerminated, UnknownName
-from gamms.game import chance, start, turn
-from gamms.game.collectors import Collectors
-from gamms.game.result import Result
+from gamms.game.random_streams import GlobalRandom
+from gamms.game.result import Collectors, Result
 from gamms.game.ruleset import NamedRule, RuleSet, check_phase
-from gamms.game.seats import COUNTED, Seating
 from gamms.game.settings import Settings, as_turns
-from gamms.ir.agents import AgentColumns
+from gamms.game.snapshots import Snapshot, SnapshotTaker
+from gamms.game.turn import COUNTED, Observer, TurnEngine
+from gamms.ir.game_state import GameState, Scores
+from gamms.progress import progress as progress_line
 from gamms.readonly import ReadOnlyMapping, frozen, published
-from gamms.text import printable_line, shown
+from gamms.text import printable_line
 from gamms.typing.game import Move, Rule, Track
 
-if TYPE_CHECKING:
-    from gamms.game.turn import TurnMoves
 
-_OVER = {"reason", "winner", "truncated"}
-_PHASES = ("decide", "resolve", "apply", "rules", "draw")
+class Start(NamedTuple):
+    """How a game stood before its first turn."""
 
+    snapshot: Snapshot
+    rng: Any  # the state of the context's own stream
+    first_seed: tuple[int, Any]  # the seed and that state of the first start in this context
 
-class Scores(dict[Any, float]):
-    """Scores by whatever the rules keep them for; one that was not set is 0."""
-
-    def __missing__(self, key: Any) -> float:
-        return 0
+    def rng_of(self, seed: int) -> Any:
+        """Return the state of the context's own stream at the start with this seed; None: at its beginning."""
+        return dict([self.first_seed, (self.snapshot.seed, self.rng)]).get(seed)
 
 
 class Game(Settings):
     """The turn engine of one context; see `Settings` for what can be set.
 
     Attributes:
-        ctx: the context; Any: the hall's own class, whose rooms meet here.
-        turn: how many times everybody has moved.
-        scores: numbers by team, agent or whatever the rules like; one that was not set is 0.
+        ctx: the context; Any: its own class, which knows this one.
+        turn: how many turns were played.
         data: what rules remember, as plain values; `reset` restores it.
         events: what was emitted, in order: dicts with `turn` and `kind`.
         errors: what strategies did wrong, in order.
+        facts: what was published.
         draw_start: called by `reset` with another seed, to draw what the start has from the seed; None: nothing.
-        after_reset: called when the game has begun anew, in order.
-        after_observing: called in every turn with the agents and their states before anybody decides, in order.
-        scenario: what the game was built from, as plain values, for whoever records it; None: by a program.
-        began: agent -> where it began, for a game that began before this context did; see `start_node`.
+        after_reset: called after each reset, in order.
+        after_observing: called in every turn with the agents and their states before any agent decides, in order.
+        scenario: what the game was built from, as plain values, for the recorder; None: by a program.
     """
 
-    data: Protected[dict[str, Any]] = Protected()
-    events: Protected[list[dict[str, Any]]] = Protected()
-    errors: Protected[list[dict[str, Any]]] = Protected()
-    team_memories: Protected[dict[Any, dict[Any, Any]]] = Protected()
-    counts: Protected[dict[str, dict[str, int]]] = Protected()
-    timings: Protected[dict[str, float]] = Protected()
+    turn: Protected[int] = Protected("_state")
+    data: Protected[dict[str, Any]] = Protected("_state")
+    events: Protected[list[dict[str, Any]]] = Protected("_state")
+    errors: Protected[list[dict[str, Any]]] = Protected("_state")
+    team_memories: Protected[dict[Any, dict[Any, Any]]] = Protected("_state")
+    counts: Protected[dict[str, dict[str, int]]] = Protected("_state")
+    timings: Protected[dict[str, float]] = Protected("_state")
     after_reset: Protected[list[Callable[[], None]]] = Protected()
-    after_observing: Protected[list[Callable[[list[Any], list[dict[str, Any]]], None]]] = Protected()
+    after_observing: Protected[list[Observer]] = Protected()
     scenario: Protected[dict[str, Any] | None] = Protected()
-    began: Protected[dict[str, Any]] = Protected()
 
     def __init__(self, ctx: Any) -> None:
         super().__init__()
         self._phase = phase_of(ctx)
         self.ctx = ctx
+        self._state = GameState()
         self._ruleset = RuleSet(ctx)
-        self._facts: dict[str, Any] = {}
-        self.facts = ReadOnlyMapping(self._facts)
-        self.data = {}
-        self._scores = Scores()
         self._collectors = Collectors()
-        self._memories: dict[str, dict[Any, Any]] = {}
-        self._start: start.Start | None = None
-        self._has_begun = False  # since the last reset
-        self._chance = chance.GlobalChance()
+        self._global_random = GlobalRandom()
+        self._turns = TurnEngine(ctx, self, self._state, self._phase)
+        self._snapshots = SnapshotTaker(
+            ctx, self._state, self, self._ruleset, self._collectors, self._turns, self._global_random
+        )
+        self.facts = ReadOnlyMapping(self._state.facts)
         self.draw_start: Callable[[], None] | None = None
         self.after_reset = []
         self.after_observing = []
         self.scenario = None
-        self.began = {}
-        self.is_deciding = False
         self._is_stepping = False
-        self.begin_anew()
         self._is_closed = True
 
-    @refused_while_deciding
-    def begin_anew(self) -> None:
-        """Forget everything that has happened."""
-        self.turn = 0
-        self.events, self.errors, self.counts, self.team_memories = [], [], {}, {}
-        self.timings = dict.fromkeys(_PHASES, 0.0)
-        self._turn_moves: TurnMoves | None = None
-        self._players: dict[str, Any] = {}  # all agents that have taken part, also those that were deleted since
-        self._over: dict[str, Any] | None = None
-        self._last: int | None = None  # the turn after which the latest `run` stops
-        self._seating: Seating | None = None
-        self._seating_key = (-1, "")
-        self._lengths: tuple[int | None, dict[tuple[int, int], float]] = (None, {})
+    @property
+    def state(self) -> GameState:
+        """The state of the game, itself; not for strategies."""
+        self._phase.refuse("use ctx.game.state")
+        return self._state
 
     # -- what it is played by -----------------------------------------------------------------------------------
 
@@ -150,7 +138,7 @@ class Game(Settings):
     @refused_while_deciding
     def publish(self, **facts: Any) -> None:
         """Tell every strategy something: it is in `state["facts"]`, read-only all the way down."""
-        self._facts.update([(name, published(name, value)) for name, value in facts.items()])
+        self._state.facts.update([(name, published(name, value)) for name, value in facts.items()])
 
     @refused_while_deciding
     def collect(self, name: str, fn: Callable[[Any], Any], every: int = 1, per: str = "game") -> None:
@@ -169,21 +157,23 @@ class Game(Settings):
         self._collectors.add(as_name(name, "a collector"), fn, as_int(every, "every"), per)
 
     @property
-    def scores(self) -> "Scores":
-        """Numbers by team, agent or whatever the rules like; one that was not set is 0."""
-        return self._scores if self._phase.agent is None else ReadOnlyMapping(Scores(frozen(self._scores)))  # type: ignore[return-value] # it reads like them
+    def scores(self) -> Scores:
+        """Numbers by team, agent or any other key; one that was not set is 0."""
+        scores = self._state.scores
+        return scores if self._phase.agent is None else ReadOnlyMapping(Scores(frozen(scores)))  # type: ignore[return-value] # it reads like them
 
     # -- playing ------------------------------------------------------------------------------------------------
 
     @property
     def is_over(self) -> bool:
         """Whether a rule has ended the game."""
-        return self._over is not None
+        return self._state.over is not None
 
     @property
     def over(self) -> dict[str, Any] | None:
         """Why the game is over, who has won, and whether time was up; None while it goes on."""
-        return None if self._over is None else self._phase.shown(dict(self._over))
+        over = self._state.over
+        return None if over is None else self._phase.shown(dict(over))
 
     @refused_while_deciding
     def step(self) -> bool:
@@ -196,43 +186,45 @@ class Game(Settings):
         Raises:
             IllegalAction, Meddling, or whatever a strategy or rule raises: see the settings.
         """
-        with self._chance.of(self.ctx):
+        with self._global_random.of(self.ctx):
             return self._take_turn()
 
     def _take_turn(self) -> bool:
-        if self.ctx.is_terminated() or self._over is not None:
+        if self.ctx.is_terminated() or self.is_over:
             return False
-        if not self._has_begun:
+        if not self._state.has_begun:
             self._begin()
         self._ruleset.warn_of_unknown_teams()
-        self._chance.begin_turn()
+        self._global_random.begin_turn()
         self._is_stepping = True
         try:
             self._step()
         finally:
             self._is_stepping = False
-        return self._over is None
+        return not self.is_over
 
     def _begin(self) -> None:
-        """Keep how everything is before the first turn."""
-        self._start, self._has_begun = start.taken(self, self._start), True
-        self._players.update(self.ctx.agent.agents)
+        """Take the snapshot to which `reset` returns."""
+        state, snapshot = self._state, self._snapshots.take()
+        seeds = (self.ctx.seed, self.ctx.chance()) if state.start is None else state.start.first_seed
+        state.start, state.has_begun = Start(snapshot, self.ctx.chance(), seeds), True
+        state.players.update(self.ctx.agent.agents)
 
     def _step(self) -> None:
         self._apply_rules("before")
         if self.is_over:
             return
-        if not self._has_begun:  # a rule has reset the game
+        if not self._state.has_begun:  # a rule has reset the game
             self._begin()
-        turn.play_turn(self)
-        self.turn += 1
+        self._turns.play(self.after_observing)
+        self._state.turn += 1
         try:
             self._apply_rules("after")
-            self._collectors.collect(self)
+            self._collectors.collect(self._state.turn, self.ctx, lambda: self.agents)
         finally:  # the agents have moved: the turn counts for recordings and windows, too
             began = perf_counter()
             self.ctx.visual.simulate()
-            self.timings["draw"] += perf_counter() - began
+            self._state.timings["draw"] += perf_counter() - began
 
     @refused_while_deciding
     def run(self, max_turns: int | None = None, progress: bool = False) -> Result:
@@ -252,27 +244,28 @@ class Game(Settings):
         if self.ctx.is_terminated():
             raise ContextTerminated("ctx.game")
         turns = as_turns("max_turns", max_turns)
-        last = self._last = self.max_turns if turns is None else self.turn + turns
+        last = self._state.last_turn = self.max_turns if turns is None else self.turn + turns
         if last is None and not self.rules:
             raise BadValue("This game has no rule that could end it: give run(max_turns=…) or add a rule.")
         known = len(self.errors)
-        with self._chance.of(self.ctx), chance.shown(self, last, is_shown=progress) as show:
-            while (last is None or self.turn < last) and self._take_turn():
+        with self._global_random.of(self.ctx), self._progress(last, is_shown=progress) as show:
+            while (last is None or self._state.turn < last) and self._take_turn():
                 show()
         self._warn_of_errors(self.errors[known:])
         return self.result()
 
     def result(self) -> Result:
         """What has come of the game so far."""
-        self._tell_moves()
-        over = self._over or {"reason": self._reason_so_far(), "winner": None, "truncated": True}
+        state = self._state
+        self._turns.update_counts()
+        over = state.over or {"reason": self._reason_so_far(), "winner": None, "truncated": True}
         agents = self.ctx.agent.agents
-        everybody = self._players | agents
+        players = state.players | agents
         return Result(
             turns=self.turn,
             scores=dict(self.scores),
             events=[dict(event) for event in self.events],
-            agents={name: self._summary(one, is_there=name in agents) for name, one in sorted(everybody.items())},
+            agents={name: self._summary(one, is_there=name in agents) for name, one in sorted(players.items())},
             errors=[dict(error) for error in self.errors],
             timings=dict(self.timings),
             seed=self.ctx.seed,
@@ -288,13 +281,13 @@ class Game(Settings):
 
     @property
     def _is_time_up(self) -> bool:
-        return self.turn in (self._last, self.max_turns)
+        return self._state.turn in (self._state.last_turn, self.max_turns)
 
     @refused_while_deciding
     def close(self) -> None:
         """End the game, because its context ends, if that is in the middle of a turn which is not the last one."""
-        if self._is_stepping and self._over is None and not self._is_time_up:
-            self._over = {"reason": "closed", "winner": None, "truncated": True}
+        if self._is_stepping and not self.is_over and not self._is_time_up:
+            self._state.over = {"reason": "closed", "winner": None, "truncated": True}
 
     @refused_while_deciding
     def reset(self, seed: int | None = None) -> None:
@@ -308,10 +301,12 @@ class Game(Settings):
             seed: all random streams follow from it; None repeats the game.
         """
         wanted = None if seed is None else as_int(seed, "seed")
-        if self._has_begun and self._start is not None:
-            self._has_begun = False
-            self._start.restore(self)
-            self._reseed(self._start.seed)
+        state, start = self._state, self._state.start
+        if state.has_begun and start is not None:
+            self._snapshots.restore(start.snapshot)
+            state.start, state.has_begun, state.last_turn = start, False, None
+            state.players.clear()
+            self._reseed(start.snapshot.seed)
         elif wanted is None:
             return
         try:
@@ -328,13 +323,13 @@ class Game(Settings):
     @property
     def agents(self) -> list[Any]:
         """The living agents, in the order of their names."""
-        seating = self._seating if self._phase.agent is not None else None
-        return [seat.agent for seat in (seating or self.seating()).seats]
+        return [slot.agent for slot in self._turns.order().slots]
 
     @property
     def moves(self) -> dict[str, Move]:
         """How the agents on the ground moved in this turn, by name; rules must not change it."""
-        return {} if self._turn_moves is None else self._phase.shown(self._turn_moves.by_name())
+        moves = self._state.moves
+        return {} if moves is None else self._phase.shown(moves.by_name())
 
     def tracks(self, agents: Iterable[Any]) -> list[Track]:
         """How agents came to where they are in this turn: for each, the nodes and from 0 to 1 when it was at each.
@@ -342,9 +337,11 @@ class Game(Settings):
         An agent that stayed is at its node from 0 on. One that was put elsewhere since its move, or flew, is there
         only at 1.
         """
-        if self._turn_moves is None:
+        moves = self._state.moves
+        if moves is None:
             return [((agent.current_node_id,), (1.0,)) for agent in agents]
-        return self._turn_moves.tracks(agents)
+        tracks: list[Track] = moves.tracks(agents)
+        return tracks
 
     @refused_while_deciding
     def observation(self, agent: Any) -> dict[str, Any]:
@@ -356,21 +353,22 @@ class Game(Settings):
             UnknownName (KeyError): there is no such agent, or it is out of the game.
         """
         one = self._agent(agent)
-        for seat in self.seating().seats:
-            if seat.agent is one:
-                return turn.observed(self, seat)
-        raise UnknownName("living agent", one.name, [seat.name for seat in self.seating().seats])
+        slots = self._turns.order().slots
+        for slot in slots:
+            if slot.agent is one:
+                return self._turns.observation(slot)
+        raise UnknownName("living agent", one.name, [slot.name for slot in slots])
 
     @refused_while_deciding
     def emit(self, kind: str, **data: Any) -> None:
         """Note that something happened; it is in `events` and in the result. Values should be plain."""
-        self.events.append({"turn": self.turn, "kind": as_name(kind, "a kind of event"), **data})
+        self._state.events.append({"turn": self._state.turn, "kind": as_name(kind, "a kind of event"), **data})
 
     @refused_while_deciding
     def end(self, reason: str, winner: Any = None, truncated: bool = False) -> None:
         """End the game after this turn; of several calls the first counts."""
-        if self._over is None:
-            self._over = {"reason": str(reason), "winner": winner, "truncated": bool(truncated)}
+        if self._state.over is None:
+            self._state.over = {"reason": str(reason), "winner": winner, "truncated": bool(truncated)}
 
     @refused_while_deciding
     def eliminate(self, agent: Any) -> None:
@@ -397,100 +395,36 @@ class Game(Settings):
     def start_node(self, agent: Any) -> Any:
         """The node an agent began on, or (x, y, z) of one that flies."""
         one = self._agent(agent)
-        if one.name in self.began:
-            return self.began[one.name]
+        if one.name in self._state.began:
+            return self._state.began[one.name]
         return self._place_of(one)
-
-    # -- for the recorder ---------------------------------------------------------------------------------------
 
     @property
     def starts(self) -> dict[str, Any]:
         """Agent -> where it began, once the game has begun."""
-        if self._start is None:
-            return dict(self.began)
-        return {name: self._place_of(agent) for name, agent in self.ctx.agent.agents.items()} | self.began
-
-    @refused_while_deciding
-    def begin_from_here(self) -> None:
-        """Forget everything that has happened, and let `reset` come back to how things are at the next turn."""
-        self.begin_anew()
-        self.forget_streams()
-        self._start, self._has_begun, self.draw_start = None, False, None
-
-    @refused_while_deciding
-    def publish_anew(self, facts: Mapping[str, Any]) -> None:
-        """Tell every strategy this, and nothing that was published before."""
-        self._facts.clear()
-        self.publish(**facts)
-
-    @refused_while_deciding
-    def take_over(self, over: Any) -> None:
-        """Be over for this reason, or not; for who plays a recording."""
-        if over is not None and (not isinstance(over, Mapping) or set(over) != _OVER):
-            raise BadValue(f"A game is over with {sorted(_OVER)}, not with {shown(over)}.")
-        self._over = None if over is None else dict(over)
+        began = self._state.began
+        if self._state.start is None:
+            return dict(began)
+        return {name: self._place_of(agent) for name, agent in self.ctx.agent.agents.items()} | began
 
     @property
     def memories(self) -> Mapping[str, dict[Any, Any]]:
         """Agent -> what it remembers. While agents decide, each sees only its own."""
-        agent = self._phase.agent
-        return self._memories if agent is None else frozen({agent.name: self._memories.get(agent.name, {})})
-
-    @refused_while_deciding
-    def recorded(self) -> tuple[Any, ...]:
-        """Give what recordings hold of a game, itself: events, scores, data, over, facts, memories, team memories."""
-        # NOTE: asked in every turn; seven attributes that are checked one by one take 2 us (benchmarks/README.md, w4).
-        return (
-            self._events,  # type: ignore[attr-defined] # `Protected`, like two others
-            self._scores,
-            self._data,  # type: ignore[attr-defined]
-            self._over,
-            self._facts,
-            self._memories,
-            self._team_memories,  # type: ignore[attr-defined]
-        )
-
-    @refused_while_deciding
-    def memory_of(self, name: str) -> dict[Any, Any]:
-        """What an agent remembers; to be written to."""
-        return self._memories.setdefault(name, {})
-
-    # -- for the parts of the engine ----------------------------------------------------------------------------
+        agent, memories = self._phase.agent, self._state.memories
+        return memories if agent is None else frozen({agent.name: memories.get(agent.name, {})})
 
     @property
-    def columns(self) -> AgentColumns:
-        """The columns of all agents."""
-        columns: AgentColumns = self.ctx.agent.columns
-        return columns
+    def is_deciding(self) -> bool:
+        """Whether agents observe and decide right now."""
+        return self._turns.is_deciding
 
-    @refused_while_deciding
-    def seating(self) -> Seating:
-        """Who is asked in a turn."""
-        self.ctx.agent.settle()
-        key = (self.columns.roster, self.legal)
-        if self._seating is None or self._seating_key != key:
-            self._tell_moves()
-            self._seating, self._seating_key = Seating(self), key
-            self._players.update((seat.name, seat.agent) for seat in self._seating.seats)
-        return self._seating
-
-    def length_of(self, source: int, target: int) -> float:
-        """How long the shortest edge from one node to another is, map units."""
-        revision, lengths = self._lengths
-        graph = self.ctx.graph.graph
-        if revision is None or revision != graph.revision:
-            columns, lengths = graph.columns(), {}
-            ends = columns.node_ids[columns.sources].tolist(), columns.node_ids[columns.targets].tolist()
-            for start_id, end_id, length in zip(*ends, columns.lengths.tolist(), strict=True):
-                known = lengths.get((start_id, end_id))
-                lengths[start_id, end_id] = length if known is None else min(known, length)
-            self._lengths = graph.revision, lengths
-        return as_float(lengths[source, target], "length")
+    # -- inside -------------------------------------------------------------------------------------------------
 
     def _reseed(self, seed: int) -> None:
         """Let every stream follow from a seed, and the context's own go on as at the start with this seed."""
-        self.ctx.reseed(seed, None if self._start is None else self._start.chance_of(seed))
-        self.forget_streams()
+        start = self._state.start
+        self.ctx.reseed(seed, None if start is None else start.rng_of(seed))
+        self._restart_streams()
 
     def _begin_with(self, seed: int) -> None:
         """Let everything follow from another seed, the start too; from the last one again if that cannot be."""
@@ -499,7 +433,7 @@ class Game(Settings):
             return
         last, chance = self.ctx.seed, self.ctx.chance()
         self.ctx.reseed(seed)
-        self.forget_streams()
+        self._restart_streams()
         try:
             self.draw_start()
         except BaseException:
@@ -511,21 +445,20 @@ class Game(Settings):
         """Let these be the rules."""
         self._ruleset.restore(rules)
 
-    @refused_while_deciding
-    def forget_streams(self) -> None:
+    def _restart_streams(self) -> None:
         """Let all draws follow from the seed of the context as it is now."""
-        self._seating = None  # the agents' draws live in it
-        self._chance.forget()
+        self._state.stream_version += 1
+        self._global_random.forget()
 
     def _apply_rules(self, phase: str) -> None:
         began = perf_counter()
-        self._ruleset.apply(phase, self)
-        self.timings["rules"] += perf_counter() - began
+        self._ruleset.apply(phase, self._state)
+        self._state.timings["rules"] += perf_counter() - began
 
     def _place_of(self, agent: Any) -> Any:
         """Where an agent began: a node id, or (x, y, z)."""
-        if self._has_begun and self._start is not None:
-            return self._start.place_of(agent)
+        if self._state.has_begun and self._state.start is not None:
+            return self._state.start.snapshot.place_of(agent)
         return getattr(agent, "position", agent.current_node_id)
 
     def _warn_of_errors(self, errors: list[dict[str, Any]]) -> None:
@@ -538,9 +471,15 @@ class Game(Settings):
                 f"{printable_line(first['message']):.200}. See result.errors."
             )
 
-    def _tell_moves(self) -> None:
-        if self._seating is not None:
-            self._seating.tell()
+    @contextmanager
+    def _progress(self, last: int | None, *, is_shown: bool) -> Iterator[Callable[[], None]]:
+        """Show the turn on one line of stderr."""
+        if not is_shown:
+            yield lambda: None
+            return
+        of = "" if last is None else f" of {last}"
+        with progress_line() as say:
+            yield lambda: say(f"turn {self._state.turn}{of}")
 
     def _summary(self, agent: Any, *, is_there: bool) -> dict[str, Any]:
         counts = self.counts.get(agent.name) or dict.fromkeys(COUNTED, 0)

@@ -1,18 +1,21 @@
-"""What came of a game."""
+"""What came of a game, and the values that are collected while it is played."""
 
 import json
 import os
-from collections.abc import Mapping
+from collections.abc import Callable, Mapping
+from copy import deepcopy
 from dataclasses import dataclass, field
 from pathlib import Path
-from typing import Any
+from typing import Any, NamedTuple
 
 import numpy as np
 
 from gamms.arguments import as_path
-from gamms.errors import MissingFolder, UnknownName
+from gamms.errors import BadType, BadValue, Duplicate, MissingFolder, UnknownName
 from gamms.folders import write_whole
+from gamms.ir.game_state import LogHistory, LogPoint
 from gamms.ir.tables import table_of
+from gamms.text import shown
 
 
 @dataclass(eq=False)
@@ -112,3 +115,61 @@ def _plain(value: Any) -> Any:
     if isinstance(value, np.ndarray):
         return value.tolist()
     return value if isinstance(value, (str, int, float, bool, type(None))) else str(value)
+
+
+class _Collector(NamedTuple):
+    fn: Callable[[Any], Any]
+    every: int
+    per: str
+    columns: dict[str, list[Any]]
+    histories: dict[str, LogHistory]
+
+
+class Collectors:
+    """The collectors of one game, by name."""
+
+    def __init__(self) -> None:
+        self._all: dict[str, _Collector] = {}
+
+    def add(self, name: str, fn: Callable[[Any], Any], every: int, per: str) -> None:
+        """Add a collector; see `Game.collect`."""
+        if name in self._all:
+            raise Duplicate("a collector", name)
+        if not callable(fn):
+            raise BadType(f"Collector {shown(name)} needs a function, not {shown(fn)}.")
+        if every < 1:
+            raise BadValue(f"every must be at least 1, not {every}.")
+        if per not in ("game", "agent"):
+            raise BadValue(f"per must be 'game' or 'agent', not {shown(per)}.")
+        names = ("turn", "value") if per == "game" else ("turn", "agent", "value")
+        columns: dict[str, list[Any]] = {column: [] for column in names}
+        self._all[name] = _Collector(fn, every, per, columns, {column: LogHistory() for column in names})
+
+    def collect(self, turn: int, ctx: Any, agents: Callable[[], list[Any]]) -> None:
+        """Take the values of a turn; `agents` gives the living agents."""
+        for fn, every, per, columns, _ in self._all.values():
+            if turn % every:
+                continue
+            for agent in agents() if per == "agent" else (None,):
+                columns["turn"].append(turn)
+                if agent is not None:
+                    columns["agent"].append(agent.name)
+                columns["value"].append(deepcopy(fn(ctx if agent is None else agent)))
+
+    def tables(self) -> dict[str, dict[str, list[Any]]]:
+        """Return what was collected so far, by name."""
+        return {name: {key: list(values) for key, values in one.columns.items()} for name, one in self._all.items()}
+
+    def snapshot(self) -> dict[str, tuple[_Collector, dict[str, LogPoint]]]:
+        """Return the collectors and what they have collected, for `restore`."""
+        return {
+            name: (one, {key: history.mark(one.columns[key]) for key, history in one.histories.items()})
+            for name, one in self._all.items()
+        }
+
+    def restore(self, before: dict[str, tuple[_Collector, dict[str, LogPoint]]]) -> None:
+        """Restore the collectors and what they had collected."""
+        self._all = {name: one for name, (one, _) in before.items()}
+        for one, points in before.values():
+            for key, point in points.items():
+                one.histories[key].go_to(one.columns[key], point)

@@ -1,14 +1,12 @@
 """The rules of one game: named, in the order in which they are applied, and drawn by artists."""
 
-from typing import TYPE_CHECKING, Any, NamedTuple
+from typing import Any, NamedTuple
 
 from gamms.arguments import as_function_of, as_name
 from gamms.errors import BadValue, Duplicate, UnknownName
+from gamms.ir.game_state import GameState
 from gamms.text import shown
 from gamms.typing.game import Rule
-
-if TYPE_CHECKING:
-    from gamms.game.game import Game
 
 _PHASES = ("before", "after")
 
@@ -71,7 +69,7 @@ class RuleSet:
             if named not in before or _artist_of(named) in gone:
                 self._propose(named)
 
-    def apply(self, phase: str, game: "Game") -> None:
+    def apply(self, phase: str, state: GameState) -> None:
         """Call the rules of a phase, those that other rules add meanwhile too, and those that they remove no longer.
 
         A game that ends before a turn ends at once.
@@ -83,9 +81,9 @@ class RuleSet:
                     try:
                         named.rule(self._ctx)
                     except Exception as error:
-                        error.add_note(f"In the rule {named.name!r} (phase {phase!r}), in turn {game.turn}.")
+                        error.add_note(f"In the rule {named.name!r} (phase {phase!r}), in turn {state.turn}.")
                         raise
-                    if phase == "before" and game.is_over:
+                    if phase == "before" and state.over is not None:
                         return
             if self.rules is seen:
                 return

@@ -176,6 +176,13 @@ class AgentColumns:
         self._forget()
         self.adrift = adrift
 
+    def move_back(self, values: dict[str, list[Any]]) -> None:
+        """Restore where agents were; there are the same agents, with the same teams, speeds and sensors."""
+        for name in ("node", "previous", "heading", "position", "previous_position", "quat", "progress"):
+            getattr(self, name)[:] = values[name]
+        self.touched.update(range(len(self.names)))
+        self.adrift.update(self.flying)
+
     def write_back(self, values: dict[str, list[Any]]) -> None:
         """Give as many rows as there are the values that they had, by the names of the columns."""
         for name, column in values.items():

@@ -6,13 +6,16 @@ from marshal import dumps
 from operator import is_not
 from typing import Any
 
+from gamms.errors import BadValue
 from gamms.ir import journal as kinds
 from gamms.ir.journal import Log
 from gamms.recorder.plain import is_same, plain, plain_part
+from gamms.text import shown
 
 Changes = dict[str, Any]  # of a dict: what is `set`, what is `removed`, and what lists and sets have `more`
 
 _NO_REFERENCES = 2  # the last version of marshal that writes a value whether or not it was written before
+_OVER = {"reason", "winner", "truncated"}
 _MARKED = (bool, int, float, str, bytes, type(None), list, tuple, set, frozenset, dict)
 _NUMBERS = (int, float)
 _HEAD = 5  # bytes before the items of a list: its type and length
@@ -53,12 +56,12 @@ def at_the_start(ctx: Any) -> dict[str, Any]:
 
 def put(ctx: Any, state: Mapping[str, Any]) -> None:
     """Let a game be as a keyframe or a snapshot says."""
-    game = ctx.game
+    game = ctx.game.state
     game.scores.clear()
     game.scores.update((key, value) for key, value in state["scores"])
     game.data.clear()
     game.data.update(deepcopy(state["data"]))
-    game.take_over(state["over"])
+    put_over(ctx, state["over"])
     game.turn = int(state.get("turn", 0))
     for memory in game.memories.values():
         memory.clear()
@@ -69,9 +72,22 @@ def put(ctx: Any, state: Mapping[str, Any]) -> None:
     put_chance(ctx, state.get("chance"))
     if "events" in state:
         game.events[:] = [dict(event) for event in deepcopy(state["events"])]
-        game.publish_anew(deepcopy(state.get("facts", {})))
+        publish_only(ctx, deepcopy(state.get("facts", {})))
     if "starts" in state:
         game.began = dict(state["starts"])
+
+
+def put_over(ctx: Any, over: Any) -> None:
+    """Let a game be over for this reason, or not."""
+    if over is not None and (not isinstance(over, Mapping) or set(over) != _OVER):
+        raise BadValue(f"A game is over with {sorted(_OVER)}, not with {shown(over)}.")
+    ctx.game.state.over = None if over is None else dict(over)
+
+
+def publish_only(ctx: Any, facts: dict[str, Any]) -> None:
+    """Publish these facts and no others."""
+    ctx.game.state.facts.clear()
+    ctx.game.publish(**facts)
 
 
 def put_chance(ctx: Any, chance: Any) -> None:
@@ -82,7 +98,7 @@ def put_chance(ctx: Any, chance: Any) -> None:
 
 def remember(ctx: Any, data: Mapping[str, Any]) -> None:
     """Let agents and teams remember what an event says."""
-    game = ctx.game
+    game = ctx.game.state
     for name, changes in data["agents"].items():
         apply(game.memory_of(name), changes)
     for team, changes in data["teams"]:
@@ -175,7 +191,7 @@ class GameWatch:
     """
 
     def __init__(self, ctx: Any) -> None:
-        self._ctx, self._game = ctx, ctx.game
+        self._ctx, self._game, self._state = ctx, ctx.game, ctx.game.state
         self._events = len(ctx.game.events)
         self._scores = plain(ctx.game.scores)
         self._data = Kept(ctx.game.data)
@@ -184,12 +200,12 @@ class GameWatch:
         self._team_memories = {team: Kept(memory) for team, memory in ctx.game.team_memories.items() if memory}
         self._facts = ctx.game.facts.copy()
         self._chance = plain(ctx.chance())
-        self._turn, self.pace = ctx.game.turn, 0
+        self._turn, self.pace = self._state.turn, 0
         self._places = _places(ctx)
 
     def count(self, log: Log) -> None:
         """A turn is over: add the event that says how the game counts it, unless it does as it did before."""
-        now, before, pace = self._game.turn, self._turn, self.pace
+        now, before, pace = self._state.turn, self._turn, self.pace
         if now == before + pace:
             self._turn = now
             return
@@ -202,7 +218,9 @@ class GameWatch:
 
     def tell(self, log: Log) -> None:
         """Add the events that say what else has changed."""
-        events, scores, data, over, facts, memories, team_memories = self._game.recorded()
+        game = self._state
+        events, scores, data, over, facts = game.events, game.scores, game.data, game.over, game.facts
+        memories, team_memories = game.memories, game.team_memories
         if len(events) != self._events:
             log += [(kinds.GAME_EVENT, plain(event)) for event in events[self._events :]]
             self._events = len(events)

@@ -296,7 +296,7 @@ class Player:
     def _count(self, data: Any) -> None:
         self._pace = int(data["pace"])
         self._ctx.game.turn = int(data["turn"]) - self._pace  # until the turn is over
-        self._ctx.game.began |= data.get("starts", {})
+        self._ctx.game.state.began |= data.get("starts", {})
 
     def _remember(self, data: Any) -> None:
         game_state.remember(self._ctx, data)
@@ -304,7 +304,7 @@ class Player:
     def _facts(self, data: Any) -> None:
         game = self._ctx.game
         known = {name: fact for name, fact in game.facts.items() if name not in data["removed"]}
-        game.publish_anew(known | deepcopy(data["set"]))
+        game_state.publish_only(self._ctx, known | deepcopy(data["set"]))
 
     def _chance(self, data: Any) -> None:
         game_state.put_chance(self._ctx, data["chance"])
@@ -316,7 +316,7 @@ class Player:
         self._ctx.game.events.append(dict(deepcopy(data)))
 
     def _over(self, data: Any) -> None:
-        self._ctx.game.take_over(data or None)
+        game_state.put_over(self._ctx, data or None)
 
     # -- around them --------------------------------------------------------------------------------------------
 

@@ -108,7 +108,8 @@ def resume(ctx: Any, reader: "Reader", turn: int, fold: "Fold", maps: Maps, *, i
     strategies = {name: agent.strategy for name, agent in ctx.agent.agents.items()}
     facts = dict(ctx.game.facts)
     chance = fold.state["chance"] if ctx.seed == seed_at(reader, turn) else None
-    ctx.game.begin_from_here()
+    ctx.game.draw_start = None
+    ctx.game.state.begin_from_here()
     try:
         told = _told(reader, turn)
         told["facts"] = facts | told["facts"]  # for those which a recording cannot hold

@@ -25,7 +25,7 @@ def take_out(game: Any, built: Values) -> tuple[Values, list[str]]:
     """Empty a game; return what was added or changed since it held `built`, and which keys of `data` were removed."""
     now = values_of(game)
     removed = [key for key in built.data if key not in now.data]
-    game.publish_anew({})
+    game.state.facts.clear()
     game.data.clear()
     game.scores.clear()
     game.events.clear()

@@ -1,0 +1,289 @@
+"""Which actions are legal and where they lead; and the checks of nodes, headings and positions in actions."""
+
+from math import hypot, inf, isfinite
+from typing import Any, NamedTuple, Protocol
+
+import numpy as np
+
+from gamms import kernels
+from gamms.arguments import as_float, as_int, as_numbers
+from gamms.errors import BadType, BadValue, GammsError, NoPath, UnknownName
+from gamms.game.settings import Settings
+from gamms.ir.agents import UNTURNED, AgentColumns, Position, Progress, Quat
+from gamms.text import shown
+
+_SLACK = 1e-9  # of the edges or metres of a turn: a path that is as long as these must not fail by rounding
+
+
+class IllegalAction(GammsError, ValueError):
+    """An action that is malformed, or not legal."""
+
+
+class Mover(Protocol):
+    """What of an agent decides which actions are legal."""
+
+    row: int
+    flies: bool
+    is_plain: bool  # whether it moves along one edge, on the ground
+    speed: float | None  # in the unit of the game; None for one edge
+
+
+class ResolvedAction(NamedTuple):
+    """What one agent is going to do."""
+
+    end: int  # node id
+    path: tuple[int, ...]  # node ids, from the agent's node to the end
+    heading: Any = ()  # (cos, sin) to face from now on, None to follow moves again; () leaves it
+    times: tuple[float, ...] = ()  # when it is at each node of the path, from 0 to 1; (): evenly
+    progress: Progress | None = None  # along the edge behind the end of the path
+    position: Position | None = None  # of a flyer
+    quat: Quat | None = None
+
+
+class Legality:
+    """Which actions of agents are legal, and where they lead.
+
+    Args:
+        ctx: the context, whose graph and agents count.
+        settings: of the game.
+    """
+
+    def __init__(self, ctx: Any, settings: Settings) -> None:
+        self._ctx, self._settings = ctx, settings
+        self._lengths: tuple[int | None, dict[tuple[int, int], float]] = (None, {})
+
+    def resolve(self, mover: Mover, here: int, action: Any) -> ResolvedAction:
+        """Return what an action leads to.
+
+        Raises:
+            GammsError: it is malformed, or not legal; the message says why.
+        """
+        if mover.flies:
+            position, quat = flight(self._ctx.agent.columns, mover.row, action)
+            return ResolvedAction(here, (here,), position=position, quat=quat)
+        heading: Any = ()
+        if isinstance(action, dict):
+            if "node_id" not in action:
+                raise BadValue(f"An action dict needs 'node_id'; got only {sorted(map(str, action))}.")
+            if "orientation" in action:
+                heading = action["orientation"]
+                heading = None if heading is None else as_heading(heading)
+            action = action["node_id"]
+        if isinstance(action, (list, np.ndarray)) and np.ndim(action) == 1:
+            path, is_route = self._checked_path(here, action), True
+        else:
+            path, is_route = [self._node(action)], False
+        resolved = self._walk(mover, here, path, is_route=is_route)
+        return resolved if heading == () else resolved._replace(heading=heading)
+
+    def reachable(self, mover: Mover, here: int) -> tuple[int, ...]:
+        """Return the nodes that an agent may move to in this turn, its own first; none for a flyer."""
+        if mover.flies:
+            return ()
+        graph = self._ctx.graph.graph
+        if mover.is_plain:
+            return graph.neighborhoods[here]  # type: ignore[no-any-return] # the context is any context
+        if self._settings.legal == "any":
+            return (here, *(id for id in graph.get_nodes() if id != here))
+        speed = mover.speed or 0.0
+        near = [*graph.neighborhoods[here], *self._around(here, speed)]
+        begun, covered = self._begun(mover, here)
+        if begun is not None:
+            left = _limit(speed + covered) - self._cost(here, begun)  # less than the speed
+            near += [node for node, far in self._around(begun, speed).items() if far <= left]
+        return tuple(dict.fromkeys(near))
+
+    def _node(self, action: Any) -> int:
+        node = as_node(action)
+        if not self._ctx.graph.graph.has_node(node):
+            raise UnknownName("node", node)
+        return node
+
+    def _checked_path(self, here: int, action: Any) -> list[int]:
+        """Return a list of nodes that was given as an action, without the node the agent is on."""
+        path = [self._node(node) for node in action]
+        path = path[1:] if path and path[0] == here else path
+        near = self._ctx.graph.graph.neighborhoods
+        if self._settings.legal == "edges":
+            for start, end in zip([here, *path], path, strict=False):
+                if end not in near[start]:
+                    raise BadValue(f"No edge leads from node {start} to node {end}.")
+        return path
+
+    def _walk(self, mover: Mover, here: int, path: list[int], *, is_route: bool) -> ResolvedAction:
+        """Return where a path, or the shortest one to its only node, leads in this turn."""
+        if not path or (path == [here] and not is_route):
+            return ResolvedAction(here, (here,))
+        if self._settings.legal == "any":
+            return ResolvedAction(path[-1], (here, *path))
+        if mover.speed is None:
+            near = self._ctx.graph.graph.neighborhoods[here]
+            if len(path) > 1 or path[0] not in near:
+                raise BadValue(f"Node {path[-1]} is not next to node {here}; legal are {list(near)}.")
+            return ResolvedAction(path[0], (here, path[0]))
+        begun, covered = self._begun(mover, here)
+        if not is_route:
+            path = self._shortest(here, path[0], begun, covered)
+        return self._as_far_as(mover.speed, here, path, covered if path[0] == begun else 0.0)
+
+    def _shortest(self, here: int, target: int, begun: int | None, covered: float) -> list[int]:
+        """Return the shortest path to a node, on from `here` or along the edge that the agent has begun."""
+        graph, weight = self._ctx.graph.graph, self._weight()
+        try:
+            path: list[int] = graph.shortest_path(here, target, weight)[1:]
+            if begun is not None and begun != path[0]:
+                left = self._cost(here, begun) - covered + graph.distance(begun, target, weight)
+                if left <= graph.distance(here, target, weight):
+                    path = graph.shortest_path(begun, target, weight)
+        except NoPath as error:
+            raise BadValue(str(error)) from None
+        return path
+
+    def _as_far_as(self, speed: float, here: int, route: list[int], covered: float) -> ResolvedAction:
+        """Follow a path as far as the edges or metres of this turn go; `covered` is what was gone before it."""
+        budget, gone, path, reached = speed + covered, 0.0, [here], [0.0]
+        limit = _limit(budget)
+        for node in route:
+            cost = self._cost(path[-1], node)
+            if gone + cost > limit:
+                share = (budget - gone) / cost
+                progress = Progress(path[-1], node, share) if _SLACK < share < 1.0 and node != path[-1] else None
+                break
+            gone += cost
+            path.append(node)
+            reached.append(gone)
+        else:
+            progress = None
+        return ResolvedAction(path[-1], tuple(path), times=self._times(speed, reached, covered), progress=progress)
+
+    def _times(self, speed: float, reached: list[float], covered: float) -> tuple[float, ...]:
+        """Return when an agent is at each node of its path, by their distances; () for evenly from 0 to 1."""
+        if self._settings.speed_unit == "edges":
+            return ()
+        pace = speed if speed < inf else reached[-1]
+        return (0.0, *(min(1.0, round((far - covered) / pace, 9)) if far > covered else 0.0 for far in reached[1:]))
+
+    def _begun(self, mover: Mover, here: int) -> tuple[int | None, float]:
+        """Return the end of the edge that an agent has covered part of, and how much of it in edges or metres."""
+        progress = self._ctx.agent.columns.progress[mover.row]
+        if (
+            progress is None
+            or progress.source != here
+            or progress.target not in self._ctx.graph.graph.neighborhoods[here]
+        ):
+            return None, 0.0
+        return progress.target, progress.share * self._cost(here, progress.target)
+
+    def _around(self, node: int, speed: float) -> dict[int, float]:
+        """Return the nodes within one turn at a speed, with their distances."""
+        # NOTE: always by a speed, because the graph keeps what it has found around a node for one cutoff.
+        cutoff = None if speed == inf else _limit(speed)
+        near: dict[int, float] = self._ctx.graph.graph.distances(source=node, weight=self._weight(), cutoff=cutoff)
+        return near
+
+    def _cost(self, source: int, target: int) -> float:
+        """Return the edges or metres to the next node; to wait costs one edge, and no metres."""
+        if self._settings.speed_unit == "edges":
+            return 1.0
+        return 0.0 if source == target else self._length_of(source, target)
+
+    def _weight(self) -> str | None:
+        return "length" if self._settings.speed_unit == "metres" else None
+
+    def _length_of(self, source: int, target: int) -> float:
+        """Return the length of the shortest edge from one node to another, map units."""
+        revision, lengths = self._lengths
+        graph = self._ctx.graph.graph
+        if revision is None or revision != graph.revision:
+            columns, lengths = graph.columns(), {}
+            ends = columns.node_ids[columns.sources].tolist(), columns.node_ids[columns.targets].tolist()
+            for start_id, end_id, length in zip(*ends, columns.lengths.tolist(), strict=True):
+                known = lengths.get((start_id, end_id))
+                lengths[start_id, end_id] = length if known is None else min(known, length)
+            self._lengths = graph.revision, lengths
+        return as_float(lengths[source, target], "length")
+
+
+def _limit(budget: float) -> float:
+    """Return the largest length that counts as within a budget."""
+    return budget * (1.0 + _SLACK)
+
+
+def as_node(value: Any) -> int:
+    """Return an action that must be a node id."""
+    try:
+        return as_int(value, "A node id")
+    except BadType:
+        raise BadType(
+            f"An action must be a node id or a dict with 'node_id', not {shown(value)} ({type(value).__name__})."
+        ) from None
+
+
+def as_heading(heading: Any) -> tuple[float, float]:
+    """Return `(cos, sin)` of length 1 from a pair of any length."""
+    try:
+        x, y = heading
+    except (TypeError, ValueError):
+        raise BadValue(f"An orientation must be a pair (cos, sin), not {shown(heading)}.") from None
+    x, y = as_float(x, "An orientation"), as_float(y, "An orientation")
+    scale = max(abs(x), abs(y))  # first, so that no square overflows or vanishes
+    if scale == 0.0:
+        raise BadValue("An orientation must not be (0, 0). Use None to have none set.")
+    x, y = x / scale, y / scale
+    length = hypot(x, y)
+    return x / length, y / length
+
+
+def as_position(value: Any) -> Position:
+    """Return `(x, y, z)`, finite."""
+    x, y, z = as_numbers(value, "A position", "(x, y, z)")
+    return (x, y, z)
+
+
+def as_quat(value: Any) -> Quat:
+    """Return `(w, x, y, z)` of length 1 from one of any length; all zeros mean unturned."""
+    w, x, y, z = as_numbers(value, "A quat", "(w, x, y, z)")
+    return kernels.unit_quaternion((w, x, y, z)) or UNTURNED
+
+
+def one_step(position: Position, direction: Any, speed: float) -> Position:
+    """Return the position after one step of `speed` map units; a direction of length 0 leaves it."""
+    parts = as_numbers(direction, "A direction", "(dx, dy, dz)")
+    scale = max(map(abs, parts))
+    if scale == 0.0:
+        return position
+    parts = [part / scale for part in parts]
+    length = hypot(*parts)
+    x, y, z = (at + part / length * speed for at, part in zip(position, parts, strict=True))
+    if not (isfinite(x) and isfinite(y) and isfinite(z)):
+        raise BadValue(f"A step of {speed} from {position} leads beyond all numbers. Use a smaller speed.")
+    return (x, y, z)
+
+
+def flight(columns: AgentColumns, row: int, action: Any) -> tuple[Position | None, Quat | None]:
+    """Return the position and the quaternion after a flyer's action; None for what does not change.
+
+    Raises:
+        BadType, BadValue: it is not an action of a flyer.
+    """
+    if isinstance(action, dict):
+        quat = as_quat(action["quat"]) if "quat" in action else None
+        return (_ahead(columns, row, action["direction"]) if "direction" in action else None), quat
+    if isinstance(action, (tuple, np.ndarray)):
+        return _ahead(columns, row, action), None
+    raise BadType(
+        "The action of an aerial agent must be a tuple (dx, dy, dz) or a dict with 'direction' or 'quat', "
+        f"not {shown(action)} ({type(action).__name__})."
+    )
+
+
+def position_of(columns: AgentColumns, row: int) -> Position:
+    """Return the position of a flyer."""
+    position = columns.position[row]
+    if position is None:
+        raise BadType(f"Agent {columns.names[row]!r} does not fly.")
+    return position
+
+
+def _ahead(columns: AgentColumns, row: int, direction: Any) -> Position:
+    return one_step(position_of(columns, row), direction, columns.speed[row] or 0.0)

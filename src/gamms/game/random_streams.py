@@ -1,0 +1,239 @@
+"""Random numbers of a game: those of agents, which follow from the turn, and the global generators."""
+
+import random
+from collections.abc import Callable, Iterator, Sequence
+from contextlib import contextmanager
+from copy import deepcopy
+from functools import wraps
+from typing import Any, NamedTuple, TypeVar
+
+import numpy as np
+from numpy.random import Generator, Philox
+from numpy.random.mtrand import get_bit_generator, set_bit_generator
+
+from gamms import kernels
+from gamms.errors import BadValue
+from gamms.ir.game_state import GameState
+from gamms.text import shown
+
+T = TypeVar("T")
+
+
+class _Moment(NamedTuple):
+    """A turn that stays as it is."""
+
+    turn: int
+
+
+class Draws:
+    """The keyed draws of one agent: `state["draw"]`.
+
+    Draw number k of a turn follows from the seed, the agent's name, the turn and k alone (`kernels.draws`), so no other
+    agent's draws change it. Each agent has draws of its own; what `choice` takes a fraction of a microsecond for takes
+    NumPy's generators seven.
+
+    Args:
+        seed: of the game.
+        clock: its `turn` counts: the state of the game, or the moment at which a copy was made.
+        name: of the agent.
+    """
+
+    __slots__ = ("_clock", "_count", "_key", "_name", "_seed", "_turn")
+
+    def __init__(self, seed: int, clock: GameState | _Moment, name: str) -> None:
+        self._seed, self._clock, self._name = seed, clock, name
+        self._turn, self._key, self._count = -1, 0, 0
+
+    def __reduce__(self) -> tuple[Any, ...]:
+        # A copy goes on by itself from here: the game stays where it is.
+        return _draws_at, self._point
+
+    def __eq__(self, other: object) -> bool:
+        """Whether both draw the same from here."""
+        if not isinstance(other, Draws):
+            return NotImplemented
+        return self._point == other._point
+
+    __hash__ = None  # type: ignore[assignment] # what draws moves on
+
+    @property
+    def _point(self) -> tuple[int, str, int, int]:
+        now = self._clock.turn
+        return self._seed, self._name, now, self._count if now == self._turn else 0
+
+    def mark(self) -> tuple[int, int] | None:
+        """Return what was drawn in this turn, for `go_to`; None: nothing."""
+        return (self._key, self._count) if self._turn == self._clock.turn else None
+
+    def go_to(self, mark: tuple[int, int] | None) -> None:
+        """Go on from a mark of this turn."""
+        self._turn = -1 if mark is None else self._clock.turn
+        self._key, self._count = mark or (0, 0)
+
+    def bits(self) -> int:
+        """Return 64 random bits."""
+        turn = self._clock.turn
+        if turn != self._turn:
+            purpose = kernels.purpose_key(self._seed, "agent")
+            self._turn, self._count = turn, 0
+            self._key = kernels.turn_key(purpose, kernels.name_key(self._name), turn)
+        count = self._count
+        self._count = count + 1
+        return kernels.bits_at(self._key, count)
+
+    def random(self) -> float:
+        """Return a number in [0, 1)."""
+        return kernels.fraction(self.bits())
+
+    def below(self, n: int) -> int:
+        """Return an integer from 0 to `n - 1`, each as likely.
+
+        Raises:
+            BadValue: `n` is not between 1 and 2 ** 32.
+        """
+        if not 1 <= n <= 1 << 32:
+            raise BadValue(f"state['draw'].below(n) needs 1 <= n <= 2 ** 32, not {shown(n)}.")
+        return kernels.below(self.bits(), n)
+
+    def choice(self, options: Sequence[T]) -> T:
+        """Return one of the options, each as likely.
+
+        Raises:
+            BadValue: there is none.
+        """
+        return options[self.below(len(options))]
+
+
+def _draws_at(seed: int, name: str, turn: int, count: int) -> Draws:
+    draws = Draws(seed, _Moment(turn), name)
+    for _ in range(count):
+        draws.bits()
+    return draws
+
+
+class TurnGenerator(Generator):
+    """A NumPy generator whose draws follow from its key and the turn alone: `state["rng"]`.
+
+    Args:
+        seed: of the game.
+        clock: the state of the game, whose `turn` counts.
+        name: of the agent.
+    """
+
+    # NOTE: made when something is drawn, not with the agent: most agents never ask, and a Philox takes 15 us and
+    # 1.7 kB (benchmarks/README.md, turns).
+
+    def __init__(self, seed: int, clock: GameState, name: str) -> None:
+        self._seed, self._clock, self._name = seed, clock, name
+        self._turn = -1
+        self._begin: Any = None
+
+    def seek(self) -> None:
+        """Begin the stream of this turn."""
+        if self._begin is None:
+            super().__init__(Philox(key=kernels.stream_key(self._seed, "agent", self._name)))
+            self._begin = super().bit_generator.state
+        self._turn = self._clock.turn
+        self._begin["state"]["counter"][2] = self._turn
+        super().bit_generator.state = self._begin
+
+    def mark(self) -> Any:
+        """Return the state in this turn, for `go_to`; None: nothing was drawn."""
+        return super().bit_generator.state if self._turn == self._clock.turn else None
+
+    def go_to(self, mark: Any) -> None:
+        """Go on from a mark of this turn."""
+        self._turn = -1
+        if mark is not None:
+            self.seek()
+            super().bit_generator.state = mark
+
+    @property
+    def bit_generator(self) -> Any:
+        """The Philox of this turn."""
+        if self._turn != self._clock.turn:
+            self.seek()
+        return super().bit_generator
+
+    def __reduce__(self) -> Any:
+        # A copy is a generator of NumPy's that goes on from here.
+        return Generator, (deepcopy(self.bit_generator),)
+
+
+def _drawing(method: Callable[..., Any]) -> Callable[..., Any]:
+    @wraps(method)
+    def draw(self: TurnGenerator, *args: Any, **kwargs: Any) -> Any:
+        if self._turn != self._clock.turn:
+            self.seek()
+        return method(self, *args, **kwargs)
+
+    return draw
+
+
+for _name, _method in list(vars(Generator).items()):
+    if not _name.startswith("_") and callable(_method):
+        setattr(TurnGenerator, _name, _drawing(_method))
+
+
+class GlobalRandom:
+    """Lend a game states of its own for `random` and `numpy.random`, from which programs for 1.0.0 draw."""
+
+    def __init__(self) -> None:
+        self._state: Any = None  # of `random` in the game, where its draws have come to; None before the first
+        self._bits: np.random.BitGenerator | None = None  # of `numpy.random` in the game
+        self._is_lent = False
+
+    def snapshot(self) -> tuple[Any, Any]:
+        """Return the states of both streams between two turns, for `restore`."""
+        return self._state, None if self._bits is None else self._bits.state
+
+    def restore(self, states: tuple[Any, Any]) -> None:
+        """Restore the states of both streams."""
+        self._state, bits = states
+        if bits is None:
+            self._bits = None
+            return
+        if self._bits is None:
+            self._bits = np.random.MT19937()
+        self._bits.state = bits
+
+    def forget(self) -> None:
+        """Start both streams again from the seed of the context."""
+        self._state = self._bits = None
+
+    @contextmanager
+    def of(self, ctx: Any) -> Iterator[None]:
+        """Lend the game's generators for the block, if the context has a seed; afterwards both are as before."""
+        if self._is_lent or not ctx.is_seeded:
+            yield
+            return
+        # NOTE: the generator of NumPy is exchanged, not copied: `step` does this in every turn (benchmarks, turns).
+        state, bits = random.getstate(), get_bit_generator()
+        numpy_state = np.random.get_state(legacy=False)  # noqa: NPY002 - for the normal number that it may keep
+        self._is_lent = True
+        try:
+            self._begin(ctx)
+            yield
+        finally:
+            self._is_lent = False
+            self._state = random.getstate()
+            random.setstate(state)
+            set_bit_generator(bits)
+            if numpy_state["has_gauss"]:
+                np.random.set_state(numpy_state)  # noqa: NPY002 - as above
+
+    def begin_turn(self) -> None:
+        """Drop the normal number that NumPy has drawn ahead, so that turns one by one are as those of a run."""
+        if self._is_lent and self._bits is not None:
+            set_bit_generator(self._bits)
+
+    def _begin(self, ctx: Any) -> None:
+        if self._bits is not None:
+            random.setstate(self._state)
+            set_bit_generator(self._bits)
+            return
+        stream = ctx.stream("game", "global")
+        random.seed(int(stream.integers(2**62)))
+        self._bits = np.random.MT19937()
+        set_bit_generator(self._bits)
+        np.random.seed(int(stream.integers(2**32)))  # noqa: NPY002 - what programs for 1.0.0 draw from

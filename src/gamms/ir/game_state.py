@@ -1,0 +1,126 @@
+"""The state of a game at a moment, apart from the agents and the world."""
+
+from dataclasses import dataclass, field
+from typing import Any
+
+PHASES = ("decide", "resolve", "apply", "rules", "draw")
+
+
+class Scores(dict[Any, float]):
+    """Scores by team, agent or any other key; one that was not set is 0."""
+
+    def __missing__(self, key: Any) -> float:
+        return 0
+
+
+class LogPoint:
+    """A point in the history of an append-only log: the point before it, and the entries since then."""
+
+    __slots__ = ("before", "entries", "length")
+
+    def __init__(self, before: "LogPoint | None", entries: list[Any], length: int) -> None:
+        self.before, self.entries, self.length = before, entries, length
+
+
+_EMPTY = LogPoint(None, [], 0)  # where all histories begin
+
+
+class LogHistory:
+    """The points of one append-only log, to which it can return, in any order.
+
+    A point costs what was appended since the one before, not what the log holds.
+    """
+
+    __slots__ = ("_last",)
+
+    def __init__(self) -> None:
+        self._last = _EMPTY
+
+    def mark(self, log: list[Any]) -> LogPoint:
+        """Return the point at which a log is now."""
+        last, length = self._last, len(log)
+        if length < last.length:  # it was cleared: its history begins again
+            last = _EMPTY
+        if length != last.length:
+            last = LogPoint(last, log[last.length :], length)
+        self._last = last
+        return last
+
+    def go_to(self, log: list[Any], point: LogPoint) -> None:
+        """Cut or extend a log so that it is as it was at a point of its own."""
+        here, there, missing = self.mark(log), point, []
+        while here is not there:
+            if there.length > here.length:
+                missing.append(there.entries)
+                there = there.before or _EMPTY
+            else:
+                here = here.before or _EMPTY
+        del log[here.length :]
+        for entries in reversed(missing):
+            log += entries
+        self._last = point
+
+
+@dataclass(eq=False, slots=True)
+class GameState:
+    """What a game has come to: plain values, which the turn engine, rules and the recorder read and write.
+
+    Attributes:
+        turn: the number of turns that were played.
+        scores: numbers by any key; this dict is never replaced.
+        data: the plain values that rules remember.
+        events: what was emitted, in order; append-only: dicts with `turn` and `kind`.
+        errors: what strategies did wrong, in order; append-only.
+        facts: what was published, read-only values; this dict is never replaced.
+        memories: agent -> what it remembers; this dict is never replaced, nor are those in it.
+        team_memories: team -> what it remembers.
+        over: reason, winner and truncated of a game that has ended; None while it goes on.
+        counts: agent -> how often it moved, was blocked, and so on.
+        timings: seconds by phase.
+        moves: of the last turn; None before the first. Any: the turn engine's own class.
+        players: all agents that have taken part, by name, deleted ones too.
+        last_turn: the turn after which the latest `run` stops; None: no such.
+        began: agent -> where it began, for a game that was resumed from a recording.
+        start: the snapshot to which `reset` returns; None before the first turn. Any: it holds what all engines gave.
+        has_begun: whether a turn was played since the game was created, reset or resumed.
+        stream_version: changes whenever all random streams begin again.
+        event_history, error_history: of the two logs, for snapshots.
+    """
+
+    turn: int = 0
+    scores: Scores = field(default_factory=Scores)
+    data: dict[str, Any] = field(default_factory=dict)
+    events: list[dict[str, Any]] = field(default_factory=list)
+    errors: list[dict[str, Any]] = field(default_factory=list)
+    facts: dict[str, Any] = field(default_factory=dict)
+    memories: dict[str, dict[Any, Any]] = field(default_factory=dict)
+    team_memories: dict[Any, dict[Any, Any]] = field(default_factory=dict)
+    over: dict[str, Any] | None = None
+    counts: dict[str, dict[str, int]] = field(default_factory=dict)
+    timings: dict[str, float] = field(default_factory=lambda: dict.fromkeys(PHASES, 0.0))
+    moves: Any = None
+    players: dict[str, Any] = field(default_factory=dict)
+    last_turn: int | None = None
+    began: dict[str, Any] = field(default_factory=dict)
+    start: Any = None
+    has_begun: bool = False
+    stream_version: int = 0
+    event_history: LogHistory = field(default_factory=LogHistory)
+    error_history: LogHistory = field(default_factory=LogHistory)
+
+    def memory_of(self, name: str) -> dict[Any, Any]:
+        """Return the memory of an agent, to be written to."""
+        return self.memories.setdefault(name, {})
+
+    def clear_history(self) -> None:
+        """Forget what has happened in the game; scores, data, facts and agents' memories stay."""
+        self.turn, self.over, self.last_turn, self.moves = 0, None, None, None
+        self.events, self.errors, self.counts, self.team_memories, self.players = [], [], {}, {}, {}
+        self.event_history, self.error_history = LogHistory(), LogHistory()
+        self.timings = dict.fromkeys(PHASES, 0.0)
+
+    def begin_from_here(self) -> None:
+        """Forget what has happened, and take the game at its next turn for its start."""
+        self.clear_history()
+        self.start, self.has_begun = None, False
+        self.stream_version += 1
