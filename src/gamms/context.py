@@ -353,7 +353,7 @@ def _visual_engine(ctx: Context, engine: Any, keywords: dict[str, Any]) -> IVisu
     if engine is visual.Engine.NO_VIS:
         return visual.NoEngine(ctx, **keywords)
     if engine is visual.Engine.OFFSCREEN:
-        from gamms.visual.offscreen import OffscreenEngine
+        from gamms.visual.engine import OffscreenEngine
 
         return OffscreenEngine(ctx, **keywords)
     if engine is visual.Engine.PYGAME:

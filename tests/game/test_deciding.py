@@ -522,15 +522,15 @@ READERS = {
     "Graph": """among columns distance distance_matrix distances edge_attributes from_latlon get_edge get_edges
         get_neighbors get_node get_nodes has_node nearest_node node_attributes nodes_near place positions
         shortest_path to_latlon to_networkx weights within""",
-    "NoEngine": """artist as_html clear_layer create_layer described draw_commands extent fill_layer frame get_viewport
-        human_input is_shown noted of_map picture pointed position_of save shown_artists stay_open update""",
+    "NoEngine": """artist as_html clear_layer create_layer described draw_commands fill_layer frame get_viewport
+        human_input picture position_of save shown_artists stay_open update""",
     "Artist": "get_artist_type get_drawer get_layer get_render_mode get_visible",
     "Recorder": "component_iter get_component is_component_registered record time",
     "Components": "component_iter get_component is_component_registered kept since snapshot told",
 }
 OWN = {"Components": {"begin", "abandon", "assign"}, "Recorder": {"component"}}  # of the program's own objects
 PARTS = {
-    "NoEngine": {"motion", "happenings", "carriers"},
+    "NoEngine": {"motion", "drawing"},
     "Game": {"conflicts"},
     "Agent": {"state"},
 }  # see docs/game.md

@@ -31,7 +31,7 @@ def a_game(ctx):
 
 
 def picture(ctx, tmp_path):
-    ctx.visual._artists.pop("mine", None)  # what a function draws is not in a recording
+    ctx.visual.artists.declared.pop("mine", None)  # what a function draws is not in a recording
     path = tmp_path / "picture.svg"
     ctx.visual.save(path)
     return path.read_text()
@@ -42,7 +42,7 @@ def test_a_replay_looks_the_same(ctx, tmp_path):
     data = recorded(a_game, ctx)
     again, _ = replayed(data)
     assert picture(again, tmp_path) == picture(ctx, tmp_path)
-    assert list(again.visual._artists) == ["graph", "obstacles", "a", "sensor_near", "disc", "box"]
+    assert list(again.visual.artists.declared) == ["graph", "obstacles", "a", "sensor_near", "disc", "box"]
     assert copied(data) == data
 
 
@@ -88,8 +88,8 @@ def test_artists_of_the_context_stay_as_they_are(ctx):
     again = empty_context()
     mine = again.visual.set_agent_visual("a", size=7.0)
     replayed(data, again)
-    assert again.visual._artists["a"] is mine
-    assert again.visual._artists["b"].data["agent_data"].size == 3.0
+    assert again.visual.artists.declared["a"] is mine
+    assert again.visual.artists.declared["b"].data["agent_data"].size == 3.0
 
 
 def test_a_replay_that_is_part_of_another_recording_takes_its_look_along(ctx, tmp_path):
@@ -99,7 +99,7 @@ def test_a_replay_that_is_part_of_another_recording_takes_its_look_along(ctx, tm
     other.agent.create_agent("c", start_node_id=3)
     again, _ = replayed(recorded(lambda ctx: replayed(data, ctx), other))
     assert picture(again, tmp_path) == picture(other, tmp_path)
-    assert "disc" in again.visual._artists
+    assert "disc" in again.visual.artists.declared
 
 
 def test_a_game_that_is_resumed_looks_as_it_did_then(ctx):
@@ -112,14 +112,14 @@ def test_a_game_that_is_resumed_looks_as_it_did_then(ctx):
     with gamms.recorder.open(io.BytesIO(recorded(play, ctx))) as rec:
         for turn, size in ((3, 3), (4, 9.0)):
             with rec.resume(turn) as again:
-                assert again.visual._artists["a"].data["agent_data"].size == size
-                assert list(again.visual._artists) == ["graph", "obstacles", "a", "sensor_near", "disc", "box"]
+                assert again.visual.artists.declared["a"].data["agent_data"].size == size
+                assert list(again.visual.artists.declared) == ["graph", "obstacles", "a", "sensor_near", "disc", "box"]
 
 
 def test_no_path_of_a_picture_is_told(ctx):
     ctx.visual.set_agent_visual("a", image_path="/home/me/picture.png", size=3.0)
     data = recorded(a_game, ctx)
-    look = replayed(data)[0].visual._artists["a"].data["agent_data"]
+    look = replayed(data)[0].visual.artists.declared["a"].data["agent_data"]
     assert (look.size, look.image) == (3.0, None)
     with gamms.recorder.open(io.BytesIO(data)) as rec:
         assert "picture.png" not in repr(rec.header)
@@ -147,11 +147,11 @@ def test_a_look_that_nobody_recorded_is_refused(visuals, ctx):
     Writer(stream, {"world": ctx.graph.packed(), "visuals": visuals}).close()
     with pytest.raises(RecordingError, match="looks like"):
         replayed(stream.getvalue(), ctx)
-    assert not ctx.visual._artists
+    assert not ctx.visual.artists.declared
 
 
 def test_kinds_and_keywords_of_later_versions_are_passed_over(ctx):
     words = {"name": "a", "keywords": {"color": (1, 2, 3), "new": 5, "name": "a"}, "layer": 1, "visible": True}
     artists = [{**words, "kind": "agent"}, {**words, "kind": "cloud", "name": "b"}]
     ctx.visual.show({"artists": artists, "is_declared": True})
-    assert list(ctx.visual._artists) == ["a"]
+    assert list(ctx.visual.artists.declared) == ["a"]

@@ -175,11 +175,11 @@ def test_a_pointed_camera_no_longer_follows_and_one_that_is_gone_is_not_missed()
         ctx.graph.add_nodes([0, 1], x=[0.0, 10.0], y=[0.0, 0.0])
         ctx.agent.create_agent("anna", start_node_id=1)
         ctx.visual.follow("anna", 5.0)
-        assert ctx.visual.pointed(100, 50).left == 7.5
+        assert ctx.visual.viewpoint.camera(100, 50).left == 7.5
         ctx.agent.delete_agent("anna")
-        assert ctx.visual.pointed(100, 50).left == 7.5
+        assert ctx.visual.viewpoint.camera(100, 50).left == 7.5
         ctx.visual.look_at_all()
-        assert ctx.visual.pointed(100, 50) is None
+        assert ctx.visual.viewpoint.camera(100, 50) is None
         with pytest.raises(KeyError, match="anna"):
             ctx.visual.follow("anna", 5.0)
 

@@ -39,7 +39,7 @@ def shown(monkeypatch):
             in_view.append(is_in_view(engine))
         frames.append(engine.ctx.record.is_replaying)
         if len(frames) == 60:
-            turns.append(engine.turns)
+            turns.append(engine.overlay.turns)
             assert all(in_view)
             engine.quit()
 

@@ -8,8 +8,8 @@ from gamms.ir.draw import DrawKind
 from gamms.rules import capture_flag, tag, territory
 from gamms.visual import Artist
 from gamms.visual.artist_group import ArtistGroup
+from gamms.visual.default_scene import team_rows
 from gamms.visual.drawers.rules import as_text, in_text
-from gamms.visual.undeclared import team_rows
 
 
 @pytest.fixture
@@ -75,7 +75,7 @@ def test_a_carried_flag_glides_with_its_carrier_and_leaves_a_ring(game):
     agent.set_state()
     game.visual.motion.begin_turn()
     share = {name: artist for name, artist in game.visual.shown_artists().items() if name == "flags"}
-    half = game.visual._drawn(ArtistGroup(game, share), 0.5)
+    half = ArtistGroup(game, share).commands(0.5)
     lines = half.points[half.offsets[:-1][half.kind == DrawKind.LINE]]
     assert lines.tolist() == [[85.0, 0.0], [0.0, 0.0]]
     rings = half.points[half.offsets[:-1][(half.kind == DrawKind.CIRCLE) & (half.width > 0)]]

@@ -41,7 +41,7 @@ class Alone(Artist):
 
 
 def drawn(ctx, artists, share=1.0):
-    return ctx.visual._drawn(ArtistGroup(ctx, artists), share)
+    return ArtistGroup(ctx, artists).commands(share)
 
 
 def alone(ctx):

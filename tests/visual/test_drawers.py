@@ -148,9 +148,7 @@ def test_a_sensor_of_the_users_own_kind_without_a_view_is_an_error_of_its_artist
     ],
 )
 def test_a_circle_is_described_by_data_or_by_a_circle(ctx, data):
-    with ctx.visual._collecting() as commands:
-        render_circle(ctx, data)
-    circle = commands.freeze()
+    circle = ctx.visual.drawing.record(lambda _: render_circle(ctx, data))
     assert (circle.points.tolist(), circle.size.tolist()) == ([[1, 2]], [3])
     assert circle.color.tolist() == [[9, 9, 9, 255]]
 

@@ -10,7 +10,7 @@ import gamms
 from gamms.sensor import SensorType
 from gamms.visual.backends import FILMS
 from gamms.visual.backends.tiles import MOST, SIDE, TILE, paste, planes_of, squares
-from gamms.visual.film import Frames
+from gamms.visual.film import Frames, Source
 
 SIZE = 420, 260
 
@@ -82,7 +82,13 @@ def test_each_frame_is_what_it_would_be_if_it_were_painted_anew(city, case, fram
     add = witness.add
 
     def compared(canvas):
-        fresh = Frames(city.visual, *SIZE, title="Walk", note="", background=(252, 252, 250))
+        fresh = Frames(
+            Source(city, city.visual.drawing, city.visual.artists),
+            *SIZE,
+            title="Walk",
+            note="",
+            background=(252, 252, 250),
+        )
         fresh._camera = film._frames._camera
         anew.append(np.abs(at(fresh, painted[-1]).pixels().astype(int) - canvas.pixels()).max())
         add(canvas)

@@ -42,9 +42,9 @@ def test_an_artist_is_added_replaced_and_removed(ctx):
     first, second = Artist(ctx, draw_nothing), Artist(ctx, draw_nothing)
     assert ctx.visual.add_artist("one", first) is first
     assert ctx.visual.add_artist("one", second) is second
-    assert ctx.visual._artists == {"one": second}
+    assert ctx.visual.artists.declared == {"one": second}
     ctx.visual.remove_artist("one")
-    assert ctx.visual._artists == {}
+    assert ctx.visual.artists.declared == {}
 
 
 def test_a_dict_becomes_the_data_of_a_new_artist(ctx):
@@ -97,6 +97,6 @@ def test_after_the_end_nothing_is_kept_and_nothing_is_drawn(ctx, tmp_path):
     assert isinstance(ctx.visual.add_artist("late", {"drawer": draw_nothing}), Artist)
     ctx.visual.remove_artist("kept")
     ctx.visual.remove_artist("ghost")
-    assert list(ctx.visual._artists) == ["kept"]
+    assert list(ctx.visual.artists.declared) == ["kept"]
     with pytest.raises(ContextTerminated):
         ctx.visual.save(tmp_path / "late.svg")

@@ -14,7 +14,7 @@ from gamms.ir.draw import DrawKind
 from gamms.ir.sensed import SensorView
 from gamms.sensor import SensorType
 from gamms.typing import ISensor
-from gamms.visual import drawers, undeclared
+from gamms.visual import default_scene, drawers
 from gamms.visual.color import TEAM_COLORS
 from gamms.visual.drawers.fields import cut
 
@@ -221,7 +221,7 @@ def test_a_sensor_that_nobody_carries_is_grey(town):
 
 
 def test_more_sensors_than_can_be_told_apart_are_left_out(town):
-    for number in range(undeclared.MOST_SENSORS):
+    for number in range(default_scene.MOST_SENSORS):
         town.sensor.create_sensor(f"mast_{number}", SensorType.RANGE).sense(number)
     assert 15 in town.visual.draw_commands().layer
     look_around(town)

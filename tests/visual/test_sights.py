@@ -159,7 +159,7 @@ def test_what_is_drawn_is_what_is_seen_in_the_next_turn():
             ctx.agent.create_agent(f"b_{number}", start_node_id=3 * number, strategy=random_walk)
         ctx.game.step()
         for _ in range(4):
-            (sight,) = ctx.visual.carriers.sights(20)
+            (sight,) = ctx.visual.drawing.carriers.sights(20)
             ctx.game.step()
             assert set(sight.view.names) == seen[-1]
         assert len(set(map(frozenset, seen))) > 1

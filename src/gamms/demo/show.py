@@ -7,7 +7,7 @@ from gamms.context import Context
 from gamms.demo.report import sides
 from gamms.visual import Artist, legend_of_teams
 from gamms.visual.color import team_colors
-from gamms.visual.primitives import primitives_of
+from gamms.visual.drawing import drawing_of
 
 _LABEL_PX = 19
 _LABEL = 0.09, 0.016, 0.01  # how broad and high a name is, and half a disc, in widths of what is seen
@@ -30,9 +30,9 @@ def declare(ctx: Context) -> None:
 
 def draw_names(ctx: Any, data: Mapping[str, Any]) -> None:
     """Write each agent's name right of it, where it would be neither upon another name nor upon an agent."""
-    wide, high, disc = (share * primitives_of(ctx).extent() for share in _LABEL)
+    wide, high, disc = (share * drawing_of(ctx).extent() for share in _LABEL)
     share = data.get("_alpha", 1.0)
-    hidden = primitives_of(ctx).hidden_agents(share)
+    hidden = drawing_of(ctx).hidden_agents(share)
     places = {name: ctx.visual.position_of(name, share) for name in data["names"] if name not in hidden}
     written: list[tuple[float, float]] = []
     for name, (x, y) in places.items():

@@ -13,8 +13,8 @@ from gamms.rendering.fog import DARK, Fog
 from gamms.visual.backends import FILMS
 from gamms.visual.color import PAPER
 from gamms.visual.drawers.values import usual_edge
+from gamms.visual.drawing import longer_side
 from gamms.visual.legend import Rows, legend_only
-from gamms.visual.primitives import longer_side
 
 FRAMES_PER_TURN = 5  # a sixth of a second
 _VIEW_M, _VIEW_EDGES = 400.0, 30.0  # around who is followed: on a real map, and on any other

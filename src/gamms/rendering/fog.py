@@ -16,15 +16,15 @@ from gamms.typing import SensorType
 from gamms.visual import Artist
 from gamms.visual.clipping import inside
 from gamms.visual.color import Rgb
+from gamms.visual.default_scene import MOST_SENSORS, artists_of_sights, sight_radius
 from gamms.visual.drawers.graph import one_way_each, polylines
 from gamms.visual.drawers.rules import flags_in, render_flags, territories_in
 from gamms.visual.drawers.tags import render_tags
 from gamms.visual.drawers.values import usual_edge
+from gamms.visual.drawing import drawing_of
 from gamms.visual.layers import Layer
-from gamms.visual.primitives import primitives_of
-from gamms.visual.sides import side_colors
 from gamms.visual.sights import Sight
-from gamms.visual.undeclared import MOST_SENSORS, artists_of_sights, sight_radius
+from gamms.visual.teams import side_colors
 
 DARK: Rgb = (20, 22, 26)
 _SHADES: tuple[Rgb, ...] = ((42, 45, 51), (104, 109, 118), (206, 210, 216))  # never seen, seen, seen now
@@ -107,7 +107,7 @@ class Fog:
                 visual.add_artist(name, declared)
 
     def _sights_of(self, agent: Any) -> Any:
-        return (self._ctx.visual.carriers.sight(sensor, agent) for sensor in agent._sensor_list.values())
+        return (self._ctx.visual.drawing.carriers.sight(sensor, agent) for sensor in agent._sensor_list.values())
 
     def _show_sights(self, sights: list[Sight]) -> None:
         """Draw what the team's sensors see, while they are few, and no others."""
@@ -119,7 +119,8 @@ class Fog:
                 visual.remove_artist(name)
         hidden = {f"sensor_{name}": _hidden(self._ctx) for name in self._ctx.sensor.sensors}
         unit = sight_radius(self._ctx.graph.columns())
-        self._sights = {"rings": _hidden(self._ctx), **hidden, **artists_of_sights(self._ctx, found, unit)}
+        shown = artists_of_sights(self._ctx, found, unit, visual.artists.declared)
+        self._sights = {"rings": _hidden(self._ctx), **hidden, **shown}
         for name, artist in self._sights.items():
             visual.add_artist(name, artist)
 
@@ -130,7 +131,7 @@ class Fog:
         points, offsets, ends = self._streets(columns)
         shades = np.isin(columns.node_ids, list(self._seen)).astype(np.int64)
         shades += np.isin(columns.node_ids, list(self._now))
-        of_streets, unit, visual = shades[ends].min(axis=1), usual_edge(columns), primitives_of(ctx)
+        of_streets, unit, visual = shades[ends].min(axis=1), usual_edge(columns), drawing_of(ctx)
         is_real = columns.crs is not None
         width = min(_STREET, _SLIM * unit) if is_real else _LINE_PX
         for shade, color in enumerate(_SHADES):

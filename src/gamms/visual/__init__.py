@@ -1,13 +1,13 @@
-"""The visual room: what a scenario looks like, and pictures of it.
+"""The visual engines: what a scenario looks like, and pictures, films and windows of it.
 
-What lives here: the engine without a window (`no_engine.py`), artists (`artist.py`) and their drawers
-(`drawers/`), the drawing primitives (`primitives.py`), which collect draw commands (`commands.py`), the backends
-that turn draw commands into files (`backends/`), and the window (`window/`). `picture.py` goes from artists to a file.
-Values become colours in `values.py`, and `legend.py` explains them.
-Read `no_engine.py` first, then `primitives.py`.
+An engine (`engine.py`, read it first) is a front for parts: `drawing.py` has the primitives, which collect draw
+commands (`commands.py`); `artists.py` keeps the artists (`artist.py`) that were declared, and `default_scene.py` those
+of a scenario that declares none; `camera.py` says where pictures look; `pictures.py` saves them. Drawers (`drawers/`)
+say what a thing looks like, backends (`backends/`) turn draw commands into files, and `window/` shows them on a screen.
+Values become colours in `values.py`, and `legend.py` explains them. `compat.py` has names of 1.0.0's window.
 May import: `gamms.typing`, `gamms.kernels`, `gamms.ir`, `gamms.plugins`, `gamms.arguments`, `gamms.errors`.
 To extend: something to draw is one function in `drawers/`; a way to show it is one file in `backends/` and
-one line in its `__init__`. The room only reads the scenario; it never changes it.
+one line in its `__init__`. Drawing only reads the scenario; it never changes it.
 """
 
 from importlib import import_module
@@ -40,12 +40,12 @@ from gamms.visual.drawers import (
     render_rectangle,
     render_sensor,
 )
-from gamms.visual.engine import PictureEngine
-from gamms.visual.no_engine import NoEngine
+from gamms.visual.engine import NoEngine, PictureEngine
 
 _LATER = {  # not loaded before somebody wants to see something
-    **dict.fromkeys(("PygameVisualizationEngine", "RenderManager", "WindowEngine"), "gamms.visual.window"),
-    "legend_of_teams": "gamms.visual.undeclared",
+    **dict.fromkeys(("PygameVisualizationEngine", "WindowEngine"), "gamms.visual.window.engine"),
+    "RenderManager": "gamms.visual.compat",
+    "legend_of_teams": "gamms.visual.default_scene",
 }
 
 

@@ -4,12 +4,14 @@ from collections.abc import Mapping
 from itertools import groupby
 from typing import Any
 
+from gamms.ir.draw import DrawCommands
 from gamms.typing import ArtistType, IArtist, IContext
 from gamms.typing.agent_engine import AgentType
 from gamms.visual.appearance import AgentData
 from gamms.visual.artist import Artist
 from gamms.visual.commands import Commands
 from gamms.visual.drawers.agents import render_agent, render_agents
+from gamms.visual.drawing import drawing_of
 
 _Item = tuple[str, IArtist]
 
@@ -40,8 +42,14 @@ class ArtistGroup:
         by_step = groupby(items, lambda item: (item[1].get_layer(), _is_disc(ctx, item[1])))
         self._steps = [(layer, are_discs, list(members)) for (layer, are_discs), members in by_step]
 
-    def draw(self, commands: Commands, share: float) -> None:
-        """Let all draw after a share of the agents' last moves; an artist that fails is logged, and the others draw."""
+    def commands(self, share: float = 1.0) -> DrawCommands:
+        """Return what all draw after a share of the agents' last moves, from 0.0 to 1.0.
+
+        An artist that fails is logged, and the others draw.
+        """
+        return drawing_of(self._ctx).record(lambda commands: self._draw(commands, share))
+
+    def _draw(self, commands: Commands, share: float) -> None:
         for layer, are_discs, members in self._steps:
             commands.layer = layer
             for _, artist in members:

@@ -1,11 +1,16 @@
 """Where a picture looks: from world coordinates, y up, to pixels, y down."""
 
+from collections.abc import Callable
 from typing import NamedTuple
 
 import numpy as np
 
+from gamms.arguments import as_float
+from gamms.deciding import Guarded, outside_of_deciding, phase_of, refused_while_deciding
+from gamms.errors import BadValue, GammsError
 from gamms.ir.draw import DrawCommands, DrawKind, DrawSpace
 from gamms.ir.graph import FloatArray
+from gamms.typing import IContext
 
 CSS_DPI = 96.0  # at which a pixel is what everybody takes for one
 _MARGIN = 0.04  # of the picture's shorter side
@@ -51,6 +56,61 @@ class Follow(NamedTuple):
         camera = Look(*place, self.world_width).camera(width, height)
         left, top = round(camera.left * camera.scale) / camera.scale, round(camera.top * camera.scale) / camera.scale
         return camera._replace(left=left, top=top)
+
+
+class Viewpoint(Guarded):
+    """Where pictures, frames and films look.
+
+    Args:
+        ctx: the context.
+        position_of: of an agent, by name, after a share of its last move.
+
+    Attributes:
+        look: None sees everything that is drawn.
+        followed: the agent that is kept in the middle, if any.
+    """
+
+    _called = "ctx.visual"
+
+    def __init__(self, ctx: IContext, position_of: Callable[[str, float], tuple[float, float]]) -> None:
+        self._phase, self._position_of = phase_of(ctx), position_of
+        self.look: Look | None = None
+        self.followed: Follow | None = None
+
+    @refused_while_deciding
+    def look_at(self, x: float, y: float, width: float) -> None:
+        """Look at `width` world units around (x, y), instead of everything.
+
+        Raises:
+            BadType, BadValue: not finite numbers, or a width that is not positive.
+        """
+        x, y, width = as_float(x, "x"), as_float(y, "y"), as_float(width, "width")
+        if width <= 0.0:
+            raise BadValue(f"A view needs a positive width in world units, not {width:g}.")
+        self.look, self.followed = Look(x, y, width), None
+
+    @refused_while_deciding
+    def look_at_all(self) -> None:
+        """Look at everything that is drawn."""
+        self.look = self.followed = None
+
+    @refused_while_deciding
+    def follow(self, agent_name: str, width: float) -> None:
+        """Keep an agent in the middle of `width` world units; where it is gone, stay where it was last."""
+        self.followed = Follow(agent_name, float(width))
+
+    @outside_of_deciding
+    def camera(self, width: int, height: int, share: float = 1.0) -> Camera | None:
+        """The camera of a picture of so many pixels, after a share of the agents' last moves; None sees everything."""
+        if self.followed is not None:
+            try:
+                x, y = self._position_of(self.followed.name, share)
+            except GammsError:  # it is gone
+                self.followed = None
+            else:
+                self.look = Look(x, y, self.followed.world_width)
+                return self.followed.camera((x, y), width, height)
+        return None if self.look is None else self.look.camera(width, height)
 
 
 def fit(commands: DrawCommands, width: int, height: int, header: float = 0.0, aside: float = 0.0) -> Camera:

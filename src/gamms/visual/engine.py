@@ -1,80 +1,169 @@
-"""What every visual engine can do: draw the present state as commands, pictures, frames and films."""
+"""The visual engine: takes every call of 1.0.0's, and draws when a picture or a film is asked for.
 
+`PictureEngine` is a front for four parts: `drawing` (primitives to commands), `artists`, `viewpoint` and `pictures`.
+The engine with a window is in `window/`.
+"""
+
+import atexit
 import os
 from collections.abc import Callable
-from typing import TYPE_CHECKING, Any
+from typing import Any, Concatenate, Generic, ParamSpec, TypeVar, cast
 
-from gamms.arguments import as_float
-from gamms.deciding import Protected, outside_of_deciding, refused_while_deciding
-from gamms.errors import BadValue, ContextTerminated, GammsError
+from gamms.arguments import as_float, misspelt
+from gamms.deciding import Guarded, Protected, outside_of_deciding, phase_of, refused_while_deciding
 from gamms.ir.draw import DrawCommands
-from gamms.typing import ColorType, IArtist, IContext
+from gamms.typing import IContext, IVisualizationEngine
+from gamms.visual import notebook
 from gamms.visual.artist_group import ArtistGroup
-from gamms.visual.camera import Camera, Follow, Look
-from gamms.visual.color import PAPER
-from gamms.visual.declarations import Declarations
-from gamms.visual.layers import Layer
+from gamms.visual.artists import Artists
+from gamms.visual.camera import Follow, Look
+from gamms.visual.drawing import Drawing
+from gamms.visual.motion import Motion
+from gamms.visual.picture import size
+from gamms.visual.pictures import Pictures
 
-if TYPE_CHECKING:
-    from gamms.visual.backends.coverage import ByteArray
-    from gamms.visual.film import Film
-    from gamms.visual.scene import Scene
-    from gamms.visual.undeclared import Undeclared
+_OFFSCREEN_OPTIONS = ("width", "height", "video", "fps", "frames_per_turn", "simulation_time_constant", "title", "note")
+
+_P = ParamSpec("_P")
+_R = TypeVar("_R")
+_T = TypeVar("_T")
 
 
-class PictureEngine(Declarations):
-    """The common part of engines with and without a window.
+class _Method:
+    """A method of a part that an engine offers as its own."""
+
+    def __init__(self, part: str, method: Callable[..., Any]) -> None:
+        self._part, self._method = part, method
+
+    def __call__(self, engine: Any, *args: Any, **kwargs: Any) -> Any:
+        return self.__get__(engine, type(engine))(*args, **kwargs)
+
+    def __get__(self, engine: Any, owner: type) -> Any:
+        return self._method if engine is None else getattr(getattr(engine, self._part), self._method.__name__)
+
+
+def _of(part: str, method: Callable[Concatenate[Any, _P], _R]) -> Callable[Concatenate[Any, _P], _R]:
+    return cast("Callable[Concatenate[Any, _P], _R]", _Method(part, method))
+
+
+class _Attribute(Generic[_T]):
+    """An attribute of a part that an engine offers as its own."""
+
+    def __init__(self, part: str, name: str) -> None:
+        self._part, self._name = part, name
+
+    def __get__(self, engine: Any, owner: type) -> _T:
+        value: _T = getattr(getattr(engine, self._part), self._name)
+        return value
+
+    def __set__(self, engine: Any, value: _T) -> None:
+        setattr(getattr(engine, self._part), self._name, value)
+
+
+class PictureEngine(Guarded, IVisualizationEngine):
+    """The engine without a window.
 
     Attributes:
         after_turn: called by `simulate`, in order.
+        drawing: what drawers draw with.
+        artists: those that draw.
+        pictures: of the present state, and films.
         turn_seconds: how long a turn is shown; 1.0.0 calls it the simulation time constant.
         width, height: of a frame, pixels.
-        look: where pictures look; None sees everything that is drawn.
-        followed: whom they keep in the middle instead; None: nobody.
+        declarations: a number that changes whenever an artist is declared, added or removed.
     """
+
+    _called = "ctx.visual"
 
     after_turn: Protected[list[Callable[[], None]]] = Protected()
 
-    def __init__(self, ctx: IContext, *, simulation_time_constant: float = 2.0) -> None:
-        super().__init__(ctx)
+    def __init__(self, ctx: IContext, *, simulation_time_constant: float = 2.0, drawing: Drawing | None = None) -> None:
+        self._phase = phase_of(ctx)
+        self.ctx = ctx
         self.after_turn = []
-        self.turn_seconds = as_float(simulation_time_constant, "simulation_time_constant")
-        self.width, self.height = 1280, 720
-        self.look: Look | None = None
-        self.followed: Follow | None = None
-        self._undeclared: Undeclared | None = None
-        self._films: list[Film] = []
-        self._scene: Scene | None = None
+        self.drawing = drawing or Drawing(ctx)
+        self.viewpoint = self.drawing.viewpoint
+        self.artists = Artists(ctx, self.drawing.events)
+        seconds = as_float(simulation_time_constant, "simulation_time_constant")
+        self.pictures = Pictures(ctx, self.drawing, self.artists, seconds)
 
-    # -- turns -----------------------------------------------------------------------------------------------
+    turn_seconds = _Attribute[float]("pictures", "turn_seconds")
+    width, height = _Attribute[int]("pictures", "width"), _Attribute[int]("pictures", "height")
+    motion = _Attribute[Motion]("drawing", "motion")
+    look, followed = _Attribute[Look | None]("viewpoint", "look"), _Attribute[Follow | None]("viewpoint", "followed")
 
-    @refused_while_deciding
-    def simulate(self) -> None:
-        """Tell those who count turns that one is over, and add it to the films that are being made."""
-        self.happenings.end_turn()
-        for tell in self.after_turn:
-            tell()
-        if self._films and not self.ctx.is_terminated():
-            self.motion.begin_turn()
-            for film in tuple(self._films):
-                film.add_turn()
+    # -- drawing: 1.0.0's primitives, and those that draw many things at once ---------------------------------
 
-    def update(self) -> None:
-        """Do nothing: there is no window to draw a frame in."""
+    render_text = _of("drawing", Drawing.render_text)
+    render_rectangle = _of("drawing", Drawing.render_rectangle)
+    render_circle = _of("drawing", Drawing.render_circle)
+    render_line = _of("drawing", Drawing.render_line)
+    render_linestring = _of("drawing", Drawing.render_linestring)
+    render_polygon = _of("drawing", Drawing.render_polygon)
+    render_image = _of("drawing", Drawing.render_image)
+    render_lines = _of("drawing", Drawing.render_lines)
+    render_polygons = _of("drawing", Drawing.render_polygons)
+    render_circles = _of("drawing", Drawing.render_circles)
+    render_discs = _of("drawing", Drawing.render_discs)
+    position_of = _of("drawing", Drawing.position_of)
 
-    def stay_open(self) -> None:
-        """Do nothing: there is no window that somebody could close."""
+    def render_layer(self, layer_id: int) -> None:
+        """Do nothing: layers are painted with the picture."""
 
-    def human_input(self, agent_name: str, state: dict[str, Any]) -> int | tuple[float, float, float]:  # noqa: ARG002 - nobody to ask
-        """Stay: the agent's own node, or no movement for an agent that flies."""
-        position: int | tuple[float, ...] = state["curr_pos"]
-        return (0.0, 0.0, 0.0) if isinstance(position, tuple) else position
+    def create_layer(self, layer_id: int, *args: Any, **kwargs: Any) -> None:
+        """Do nothing: a layer is there as soon as an artist is on it."""
 
-    @refused_while_deciding
-    def terminate(self) -> None:
-        """Close the room: films that are being made end here."""
-        for film in tuple(self._films):
-            film.finish()
+    def clear_layer(self, layer_id: int) -> None:
+        """Do nothing: every picture begins empty."""
+
+    def fill_layer(self, layer_id: int, *args: Any, **kwargs: Any) -> None:
+        """Do nothing: layers have no background of their own."""
+
+    # -- artists ---------------------------------------------------------------------------------------------
+
+    set_graph_visual = _of("artists", Artists.set_graph_visual)  # type: ignore[arg-type] # returns more than 1.0.0's
+    set_obstacle_visual = _of("artists", Artists.set_obstacle_visual)  # type: ignore[arg-type] # returns more than 1.0.0's
+    set_agent_visual = _of("artists", Artists.set_agent_visual)  # type: ignore[arg-type] # returns more than 1.0.0's
+    set_sensor_visual = _of("artists", Artists.set_sensor_visual)  # type: ignore[arg-type] # returns more than 1.0.0's
+    set_values = _of("artists", Artists.set_values)
+    add_artist = _of("artists", Artists.add_artist)
+    remove_artist = _of("artists", Artists.remove_artist)
+    propose_artist = _of("artists", Artists.propose_artist)
+    withdraw_artist = _of("artists", Artists.withdraw_artist)
+    artist = _of("artists", Artists.get)
+    shown_artists = _of("artists", Artists.shown)
+    described = _of("artists", Artists.specs)
+    show = _of("artists", Artists.add_specs)
+    declarations = _Attribute[int]("artists", "edits")
+
+    # -- pictures --------------------------------------------------------------------------------------------
+
+    save = _of("pictures", Pictures.save)
+    picture = _of("pictures", Pictures.picture)
+    frame = _of("pictures", Pictures.frame)
+    film = _of("pictures", Pictures.film)
+
+    @outside_of_deciding
+    def draw_commands(self, share: float = 1.0) -> DrawCommands:
+        """Return the present state as draw commands, after a share of the agents' last moves from 0.0 to 1.0.
+
+        Where no visual was declared, the graph and the agents are drawn in the default scene. A drawer that
+        raises is logged, and the others draw on.
+
+        Raises:
+            ContextTerminated: the context has ended.
+        """
+        return ArtistGroup(self.ctx, self.artists.shown()).commands(share)
+
+    @outside_of_deciding
+    def as_html(self) -> str:
+        """Return the present state as an element of a page: a PNG, or an SVG where that cannot be made."""
+        return notebook.html(self)
+
+    @property
+    def is_filming(self) -> bool:
+        """Whether a film is being made."""
+        return bool(self.pictures.films)
 
     # -- where pictures look ---------------------------------------------------------------------------------
 
@@ -85,15 +174,12 @@ class PictureEngine(Declarations):
         Raises:
             BadType, BadValue: not finite numbers, or a width that is not positive.
         """
-        x, y, width = as_float(x, "x"), as_float(y, "y"), as_float(width, "width")
-        if width <= 0.0:
-            raise BadValue(f"A view needs a positive width in world units, not {width:g}.")
-        self.look, self.followed = Look(x, y, width), None
+        self.viewpoint.look_at(x, y, width)
 
     @refused_while_deciding
     def look_at_all(self) -> None:
         """Let frames and films show everything that is drawn."""
-        self.look = self.followed = None
+        self.viewpoint.look_at_all()
 
     @refused_while_deciding
     def follow(self, agent_name: str, width: float) -> None:
@@ -106,249 +192,104 @@ class PictureEngine(Declarations):
             BadType, BadValue: a width that is no positive number.
         """
         self.look_at(*self.position_of(agent_name), width)
-        self.followed = Follow(agent_name, float(width))
-
-    @outside_of_deciding
-    def pointed(self, width: int, height: int, share: float = 1.0) -> Camera | None:
-        """The camera of a picture of so many pixels, after a share of the agents' last moves; None sees everything."""
-        if self.followed is not None:
-            try:
-                x, y = self.position_of(self.followed.name, share)
-            except GammsError:  # it is gone
-                self.followed = None
-            else:
-                self.look = Look(x, y, self.followed.world_width)
-                return self.followed.camera((x, y), width, height)
-        return None if self.look is None else self.look.camera(width, height)
-
-    @property
-    def is_filming(self) -> bool:
-        """Whether a film is being made."""
-        return bool(self._films)
+        self.viewpoint.follow(agent_name, width)
 
     def get_viewport(self) -> tuple[float, float, float, float, float] | None:
         """None: nothing is shown."""
         return None
 
-    # -- pictures --------------------------------------------------------------------------------------------
-
-    @outside_of_deciding
-    def shown_artists(self) -> dict[str, IArtist]:
-        """Who draws: the artists that were declared, or those of the default look.
-
-        Raises:
-            ContextTerminated: the context has ended.
-        """
-        if self.ctx.is_terminated():
-            raise ContextTerminated("the state to draw")
-        return self._with_marks(self._usual_artists() | self._artists)
-
-    def _with_marks(self, artists: dict[str, IArtist]) -> dict[str, IArtist]:
-        """Artists, and one that marks where those of their agents were that went out in the turn that is shown."""
-        if not self.happenings.eliminated():
-            return artists
-        from gamms.visual.artist import Artist, looks_of
-        from gamms.visual.drawers.tags import render_eliminated
-
-        marks = Artist(self.ctx, render_eliminated, Layer.TAGS)
-        marks.data = {"colors": {look.name: look.color for look in looks_of(artists)}}
-        return {"eliminated": marks} | artists
-
-    def _usual_artists(self) -> dict[str, IArtist]:
-        """Who draws in pictures beside the artists that were declared or added."""
-        if self._is_declared and not self._is_replayed:
-            return {}
-        if self._undeclared is None:
-            from gamms.visual.undeclared import Undeclared
-
-            self._undeclared = Undeclared(self.ctx)
-        return self._undeclared_part(self._undeclared)
-
-    def _undeclared_part(self, usual: "Undeclared") -> dict[str, IArtist]:
-        """All of the default look where nothing was declared; in a replay of what was, what its rules drew."""
-        if self._is_declared:
-            return usual.of_rules() if self._is_replayed else {}
-        return usual.artists()
-
-    @outside_of_deciding
-    def draw_commands(self, share: float = 1.0) -> DrawCommands:
-        """Return the present state as draw commands, after a share of the agents' last moves from 0.0 to 1.0.
-
-        Where no visual was declared, the graph and the agents are drawn in a default look. A drawer that
-        raises is logged, and the others draw on.
-
-        Raises:
-            ContextTerminated: the context has ended.
-        """
-        return self._drawn(ArtistGroup(self.ctx, self.shown_artists()), share)
-
-    def _drawn(self, group: ArtistGroup, share: float = 1.0) -> DrawCommands:
-        """What artists draw after a share of the agents' last moves, from 0.0 to 1.0."""
-        with self._collecting() as commands:
-            group.draw(commands, share)
-        return commands.freeze()
-
-    @outside_of_deciding
-    def save(
-        self,
-        path: str | os.PathLike[str],
-        width: int = 1280,
-        height: int = 720,
-        *,
-        title: str = "",
-        note: str = "",
-        background: ColorType = PAPER,
-        dpi: float = 96.0,
-    ) -> None:
-        """Save a picture of the present state; the suffix of `path` names the format (`.svg`, `.png`).
-
-        Args:
-            path: an existing file is replaced.
-            width: pixels.
-            height: pixels.
-            title: a line above the picture.
-            note: small print in its lower right corner; the source of the map is added to it.
-            background: the colour behind everything.
-            dpi: pixels per inch: how large the picture is on paper.
-
-        Raises:
-            BadValue: a size or dpi that is not positive or too large, or a folder that does not exist.
-            NotYet: a format that cannot be written.
-            MissingExtra (ImportError): PNG needs pygame and Pillow, which are not installed.
-            ContextTerminated: the context has ended.
-        """
-        from gamms.folders import write_whole
-        from gamms.visual import picture
-
-        file = picture.place(path)
-        content = self.picture(file, width, height, title=title, note=note, background=background, dpi=dpi)
-        write_whole(file, content)
-
-    @outside_of_deciding
-    def picture(
-        self,
-        format: str | os.PathLike[str],
-        width: int = 1280,
-        height: int = 720,
-        *,
-        title: str = "",
-        note: str = "",
-        background: ColorType = PAPER,
-        dpi: float = 96.0,
-    ) -> bytes:
-        """A picture of the present state as bytes; `format` is `.svg`, `.png`, or a name that ends so. See `save`.
-
-        Raises:
-            BadValue: a size or dpi that is not positive, or too large.
-            NotYet: a format that cannot be written.
-            MissingExtra (ImportError): PNG needs pygame and Pillow, which are not installed.
-            ContextTerminated: the context has ended.
-        """
-        from gamms.visual import picture
-        from gamms.visual.legend import blocks_of
-
-        sheet, artists = picture.sheet(format, width, height, dpi), self.shown_artists()
-        commands, blocks = self._drawn(ArtistGroup(self.ctx, artists)), blocks_of(self.ctx, artists)
-        camera, note = self.pointed(sheet.width, sheet.height), self.noted(note)
-        return picture.painted(sheet, commands, blocks, camera, title=title, note=note, background=background)
-
-    @outside_of_deciding
-    def as_html(self) -> str:
-        """The present state as an element of a page: a PNG, or an SVG where that cannot be made."""
-        from gamms.visual import notebook
-
-        return notebook.html(self)
-
-    def noted(self, note: str) -> str:
-        """The note, and the source of the map unless the note already names it."""
-        from gamms.visual import picture
-
-        return picture.with_attribution(note, getattr(self.ctx.graph, "attribution", None))
-
-    @outside_of_deciding
-    def frame(
-        self,
-        width: int | None = None,
-        height: int | None = None,
-        *,
-        title: str = "",
-        note: str = "",
-        background: ColorType = PAPER,
-    ) -> "ByteArray":
-        """The present state as pixels: red, green and blue from 0 to 255, (height, width, 3); see `save`.
-
-        The size is that of the engine, 1280 x 720 if it was given none.
-
-        What STATIC artists drew is kept until the graph, the obstacles or their data change.
-
-        Raises:
-            BadValue: a size that is not positive, or too large.
-            MissingExtra (ImportError): pygame is not installed.
-            ContextTerminated: the context has ended.
-        """
-        from gamms.visual.film import Frames
-        from gamms.visual.picture import size
-
-        width, height = size(self.width if width is None else width, self.height if height is None else height)
-        frames = Frames(self, width, height, title=title, note=note, background=background, scene=self._scene)
-        self._scene = frames.scene
-        return frames.at(1.0).pixels().copy()  # which may be written to
-
-    # -- films -----------------------------------------------------------------------------------------------
+    # -- turns -----------------------------------------------------------------------------------------------
 
     @refused_while_deciding
-    def film(
+    def simulate(self) -> None:
+        """End the turn: call the listeners, and add it to the films that are being made."""
+        self.drawing.events.end_turn()
+        for listener in self.after_turn:
+            listener()
+        self.pictures.add_turn()
+
+    def update(self) -> None:
+        """Do nothing: there is no window to draw a frame in."""
+
+    def stay_open(self) -> None:
+        """Do nothing: there is no window to close."""
+
+    def human_input(self, agent_name: str, state: dict[str, Any]) -> int | tuple[float, float, float]:  # noqa: ARG002 - there is no window to ask in
+        """Stay: the agent's own node, or no movement for an agent that flies."""
+        position: int | tuple[float, ...] = state["curr_pos"]
+        return (0.0, 0.0, 0.0) if isinstance(position, tuple) else position
+
+    @refused_while_deciding
+    def terminate(self) -> None:
+        """End the films that are being made."""
+        self.pictures.finish_films()
+
+
+class NoEngine(PictureEngine):
+    """Takes every call of an engine with a window, and shows nothing."""
+
+    def __init__(self, ctx: IContext, **kwargs: Any) -> None:
+        super().__init__(ctx, simulation_time_constant=kwargs.get("simulation_time_constant", 2.0))
+
+    def get_viewport(self) -> None:
+        """None: nothing is shown."""
+        return
+
+
+class OffscreenEngine(PictureEngine):
+    """Films the turns of a context without a display; `frame`, `save` and `film` work as everywhere.
+
+    Args:
+        ctx: the context.
+        width: pixels, of the film and of frames.
+        height: pixels.
+        video: the file of the film, `.mp4` or `.gif`; None films nothing.
+        fps: frames per second.
+        frames_per_turn: default: so many that a turn takes `simulation_time_constant` seconds.
+        simulation_time_constant: seconds per turn.
+        title: a line above the film.
+        note: small print in its lower right corner.
+        kwargs: options of other engines are no error.
+
+    Raises:
+        BadValue, BadType: see `film`.
+        MissingExtra (ImportError): pygame, or what writes the film, is not installed.
+    """
+
+    def __init__(  # noqa: PLR0913 - the options of `vis_kwargs`
         self,
-        path: str | os.PathLike[str],
-        fps: float = 30,
+        ctx: IContext,
+        *,
         width: int = 1280,
         height: int = 720,
+        video: str | os.PathLike[str] | None = None,
+        fps: float = 30,
         frames_per_turn: int | None = None,
-        *,
+        simulation_time_constant: float = 2.0,
         title: str = "",
         note: str = "",
-        background: ColorType = PAPER,
-    ) -> "Film":
-        """Film the turns that are played inside a `with` block; the suffix of `path` names the format.
+        **kwargs: Any,
+    ) -> None:
+        super().__init__(ctx, simulation_time_constant=simulation_time_constant)
+        from gamms.visual.backends.pygame import load
 
-        Each `simulate()`, and so each turn of `ctx.game`, adds frames in which the agents glide to where they are
-        now. Time is counted in frames, never by the clock. The film ends with the block or with the context.
+        load()
+        self.pictures.width, self.pictures.height = size(width, height)
+        for sentence in misspelt(kwargs, _OFFSCREEN_OPTIONS):
+            ctx.logger.warning("vis_kwargs: %s", sentence)
+        if video is not None:
+            self.pictures.new_film(video, fps, self.width, self.height, frames_per_turn, title=title, note=note)
+            atexit.register(self.terminate)  # a program that does not end its context keeps its film, too
 
-        Args:
-            path: `.mp4` or `.gif`; an existing file is replaced when the film has ended without an error.
-            fps: frames per second.
-            width: pixels; for MP4, odd sizes are rounded up.
-            height: pixels.
-            frames_per_turn: default: so many that a turn takes `simulation_time_constant` seconds.
-            title: a line above the picture.
-            note: small print in the lower right corner; the source of the map is added to it.
-            background: the colour behind everything.
+    def terminate(self) -> None:
+        """End the films that are being made."""
+        atexit.unregister(self.terminate)
+        super().terminate()
 
-        Raises:
-            BadValue: an unknown format, a bad number, a folder that does not exist, or a film that is being made there.
-            MissingExtra (ImportError): a library is not installed.
-            ContextTerminated: the context has ended.
-        """
-        if self.ctx.is_terminated():
-            raise ContextTerminated("the state to film")
-        return self._new_film(path, fps, width, height, frames_per_turn, title=title, note=note, background=background)
-
-    def _new_film(
-        self,
-        path: str | os.PathLike[str],
-        fps: float,
-        width: int,
-        height: int,
-        frames_per_turn: int | None,
-        *,
-        title: str,
-        note: str,
-        background: ColorType = PAPER,
-    ) -> "Film":
-        from gamms.visual.film import Film, Frames, film_plan
-
-        plan = film_plan(path, fps, width, height, frames_per_turn, self.turn_seconds)
-        frames = Frames(self, plan.width, plan.height, title=title, note=note, background=background)
-        film = Film(frames, plan, self._films)
-        self._films.append(film)
-        return film
+    def get_viewport(self) -> tuple[float, float, float, float, float] | None:
+        """`(left, right, low end, high end, pixels per unit)` where `look_at` was called; None sees everything."""
+        if self.viewpoint.look is None:
+            return None
+        camera = self.viewpoint.look.camera(self.width, self.height)
+        right, low = camera.left + camera.width / camera.scale, camera.top - camera.height / camera.scale
+        return camera.left, right, low, camera.top, camera.scale

@@ -3,23 +3,22 @@
 import os
 from pathlib import Path
 from types import TracebackType
-from typing import TYPE_CHECKING, Any, NamedTuple, Self
+from typing import Any, NamedTuple, Self
 from weakref import WeakValueDictionary
 
 from gamms.arguments import as_float, as_int, as_path
 from gamms.errors import BadValue, Duplicate, MissingFolder
-from gamms.typing import ColorType, IArtist
+from gamms.typing import ColorType, IArtist, IContext
 from gamms.visual import picture
+from gamms.visual.artists import Artists
 from gamms.visual.backends import FILMS, FilmWriter
 from gamms.visual.backends.pygame import Canvas
 from gamms.visual.backends.raster import Painting, frame_words
 from gamms.visual.camera import Camera
 from gamms.visual.color import rgba
+from gamms.visual.drawing import Drawing
 from gamms.visual.legend import Block, Legend, blocks_of
 from gamms.visual.scene import Scene
-
-if TYPE_CHECKING:
-    from gamms.visual.engine import PictureEngine
 
 _FASTEST = 240.0  # frames per second
 _LONGEST_MP4_PX = 16_384
@@ -69,11 +68,19 @@ def film_plan(
     return Plan(path, fps, width, height, frames)
 
 
+class Source(NamedTuple):
+    """What the frames of a context are made from."""
+
+    ctx: IContext
+    drawing: Drawing
+    artists: Artists
+
+
 class Frames:
     """Paints the state of a context at any time between two turns, always through the same camera.
 
     Args:
-        engine: of the context.
+        source: of the context.
         width: pixels.
         height: pixels.
         title: a line above the picture.
@@ -84,7 +91,7 @@ class Frames:
 
     def __init__(
         self,
-        engine: "PictureEngine",
+        source: Source,
         width: int,
         height: int,
         *,
@@ -93,7 +100,8 @@ class Frames:
         background: ColorType,
         scene: Scene | None = None,
     ) -> None:
-        self.engine, self.scene = engine, scene or Scene(engine.ctx, self._world)
+        self.ctx, self.scene = source.ctx, scene or Scene(source.ctx, self._world)
+        self._shown, self._viewpoint = source.artists.shown, source.drawing.viewpoint
         self._title, self._note, self._background = title, note, rgba(background)
         self._canvas = Canvas(width, height, is_tracked=True)
         self._camera: Camera | None = None
@@ -104,9 +112,9 @@ class Frames:
         self._painted_legend: tuple[Legend, Camera, Painting] | None = None
 
     def begin_turn(self) -> None:
-        """Ask anew who is to be drawn."""
-        self._artists, self._is_new_turn = self.engine.shown_artists(), True
-        blocks = blocks_of(self.engine.ctx, self._artists)
+        """Look up which artists draw in this turn."""
+        self._artists, self._is_new_turn = self._shown(), True
+        blocks = blocks_of(self.ctx, self._artists)
         if blocks != self._blocks:
             self._blocks, self._legend = blocks, Legend(blocks, self._canvas.width, self._canvas.height)
 
@@ -116,13 +124,13 @@ class Frames:
             self.begin_turn()
         artists = self._artists or {}
 
-        self.scene.draw(artists, lambda group: self.engine._drawn(group, share), is_new_turn=self._is_new_turn)
+        self.scene.draw(artists, lambda group: group.commands(share), is_new_turn=self._is_new_turn)
         self._is_new_turn = False
         camera = self._view(share)
-        is_moving = self.engine.followed is not None  # so what does not change is shifted, not painted anew
+        is_moving = self._viewpoint.followed is not None  # so what does not change is shifted, not painted anew
         self.scene.paint(self._canvas, camera, self._background, is_moving=is_moving)
         self._paint_legend(camera)
-        frame_words(self._canvas, self._title, self.engine.noted(self._note), self._background)
+        frame_words(self._canvas, self._title, picture.noted(self.ctx, self._note), self._background)
         return self._canvas
 
     def _paint_legend(self, camera: Camera) -> None:
@@ -134,11 +142,11 @@ class Frames:
 
     def _world(self) -> Any:
         """What changes when the graph or the obstacles do."""
-        graph = self.engine.ctx.graph
+        graph = self.ctx.graph
         return getattr(graph.graph, "revision", None), getattr(graph, "obstacle_revision", None)
 
     def _view(self, share: float) -> Camera:
-        pointed = self.engine.pointed(self._canvas.width, self._canvas.height, share)
+        pointed = self._viewpoint.camera(self._canvas.width, self._canvas.height, share)
         if pointed is not None:
             return pointed
         if self._camera is None:
@@ -188,9 +196,7 @@ class Film:
                 self._part.replace(self._place)
             else:
                 writer.discard()
-                self._frames.engine.ctx.logger.warning(
-                    "The film %r has no turn: it is not written.", self.plan.path.name
-                )
+                self._frames.ctx.logger.warning("The film %r has no turn: it is not written.", self.plan.path.name)
         finally:
             self._close()
 

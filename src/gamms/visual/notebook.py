@@ -1,17 +1,18 @@
 """What notebooks show: a picture of the present state, as PNG, or as SVG where pygame or Pillow is missing."""
 
 from base64 import b64encode
-from typing import TYPE_CHECKING
+from typing import Protocol
 
 from gamms.errors import MissingExtra
-
-if TYPE_CHECKING:
-    from gamms.visual.engine import PictureEngine
 
 WIDTH, HEIGHT = 900, 600
 
 
-def png(engine: "PictureEngine") -> bytes | None:
+class _Pictured(Protocol):
+    def picture(self, format: str, /, width: int, height: int) -> bytes: ...
+
+
+def png(engine: _Pictured) -> bytes | None:
     """The present state as a PNG file; None where there is nothing to make it with."""
     try:
         return engine.picture(".png", WIDTH, HEIGHT)
@@ -19,7 +20,7 @@ def png(engine: "PictureEngine") -> bytes | None:
         return None
 
 
-def html(engine: "PictureEngine") -> str:
+def html(engine: _Pictured) -> str:
     """The present state as an element of a page."""
     kind, content = "png", png(engine)
     if content is None:

@@ -8,7 +8,7 @@ from gamms.arguments import as_float, as_int, as_path
 from gamms.errors import BadValue, MissingFolder, NotYet, UnknownName
 from gamms.ir.draw import DrawCommands
 from gamms.limits import refuse_above
-from gamms.typing import ColorType
+from gamms.typing import ColorType, IContext
 from gamms.visual.backends import FORMATS, Backend
 from gamms.visual.camera import CSS_DPI, Camera, fit
 from gamms.visual.color import rgba
@@ -85,8 +85,9 @@ def header_px(title: str) -> float:
     return _HEADER_PX if title else 0.0
 
 
-def with_attribution(note: str, attribution: str | None) -> str:
+def noted(ctx: IContext, note: str) -> str:
     """The note, and the source of the map unless the note already names it."""
+    attribution: str | None = getattr(ctx.graph, "attribution", None)
     if attribution and attribution not in note:
         return f"{note} · {attribution}" if note else attribution
     return note

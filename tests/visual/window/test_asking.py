@@ -87,7 +87,7 @@ def test_options_are_the_out_neighbours_in_order(ctx, person):
     overlay = ctx.visual._dynamic_artists["input_overlay"]
     ctx.visual.hud = lambda ctx: seen.update(overlay.data) or []
     person.press("w")  # which is no answer
-    ctx.visual.controls._keys[__import__("pygame").K_F1] = lambda: person.press("7")
+    ctx.visual.input._keys[__import__("pygame").K_F1] = lambda: person.press("7")
     person.press("F1")
     assert ask(ctx) == 7
     assert seen["_waiting_agent_name"] == "anna"

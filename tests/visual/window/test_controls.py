@@ -25,11 +25,11 @@ def ctx(open_window):
 def test_a_held_key_moves_the_camera_half_its_size_per_second(ctx, person, key, way):
     person.press(key)
     ctx.visual.handle_input()
-    ctx.visual.controls.glide(0.5)
+    ctx.visual.input.glide(0.5)
     assert camera(ctx) == (8.0 * way[0], 8.0 * way[1], 32.0)
     person.release(key)
     ctx.visual.handle_input()
-    ctx.visual.controls.glide(0.5)
+    ctx.visual.input.glide(0.5)
     assert camera(ctx) == (8.0 * way[0], 8.0 * way[1], 32.0)
 
 
@@ -40,11 +40,11 @@ def test_keys_zoom_a_notch_and_as_long_as_they_are_held(ctx, person, key, factor
     notch = 1.05 if factor > 1 else 1 / 1.05
     assert camera(ctx) == pytest.approx((0, 0, 32 * notch))
     for _ in range(10):
-        ctx.visual.controls.glide(0.1)
+        ctx.visual.input.glide(0.1)
     assert camera(ctx) == pytest.approx((0, 0, 32 * notch * factor))
     person.release(key)
     ctx.visual.handle_input()
-    ctx.visual.controls.glide(1.0)
+    ctx.visual.input.glide(1.0)
     assert camera(ctx) == pytest.approx((0, 0, 32 * notch * factor))
 
 
@@ -107,23 +107,18 @@ def test_the_camera_stays_where_somebody_pointed_it_while_the_graph_grows(open_w
 
 
 def test_keys_hide_the_words_and_show_help_names_and_trails(ctx, person):
-    visual = ctx.visual
-    assert (visual.words.is_shown, visual.words.has_help, visual.has_labels, visual.trails.turns) == (
-        True,
-        False,
-        False,
-        0,
-    )
+    visual, overlay, hud = ctx.visual, ctx.visual.overlay, ctx.visual.overlay.hud
+    assert (hud.is_shown, hud.has_help, overlay.has_labels, overlay.trails.turns) == (True, False, False, 0)
     person.press("h", "F1", "l", "t")
     visual.update()
-    assert not visual.words.is_shown
-    assert visual.words.has_help
-    assert visual.has_labels
-    assert visual.trails.turns > 0
+    assert not hud.is_shown
+    assert hud.has_help
+    assert overlay.has_labels
+    assert overlay.trails.turns > 0
     person.press("h", "F1", "l", "t")
     visual.update()
-    assert visual.words.is_shown
-    assert visual.trails.turns == 0
+    assert hud.is_shown
+    assert overlay.trails.turns == 0
 
 
 def test_a_pointer_that_leaves_does_not_stop_the_keys(ctx, person):
@@ -131,9 +126,9 @@ def test_a_pointer_that_leaves_does_not_stop_the_keys(ctx, person):
     person.point(5, 5)
     person._do("WINDOWLEAVE")
     ctx.visual.handle_input()
-    ctx.visual.controls.glide(0.5)
+    ctx.visual.input.glide(0.5)
     assert camera(ctx) == (8, 0, 32)
-    assert ctx.visual.controls.pointer is None
+    assert ctx.visual.input.pointer is None
 
 
 def test_a_window_that_loses_the_focus_lets_go_of_everything(ctx, person):
@@ -142,6 +137,6 @@ def test_a_window_that_loses_the_focus_lets_go_of_everything(ctx, person):
     ctx.visual.handle_input()
     person._do("WINDOWFOCUSLOST")
     ctx.visual.handle_input()
-    ctx.visual.controls.glide(1.0)
+    ctx.visual.input.glide(1.0)
     assert camera(ctx) == (0, 0, 32)
-    assert ctx.visual.controls.pointer is None
+    assert ctx.visual.input.pointer is None

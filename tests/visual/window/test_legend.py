@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 
 from gamms.visual.legend import Row, Rows
-from gamms.visual.window import legend
+from gamms.visual.window import hud
 
 YELLOW = (253, 231, 37)  # the last colour of viridis
 RISK = {"nodes": {0: 0, 1: 1.25, 2: 5}, "name": "risk"}
@@ -14,9 +14,9 @@ RISK = {"nodes": {0: 0, 1: 1.25, 2: 5}, "name": "risk"}
 def said(monkeypatch):
     """Everything that is written in a frame."""
     words = []
-    text = legend.Canvas.text
+    text = hud.Canvas.text
     monkeypatch.setattr(
-        legend.Canvas, "text", lambda self, line, *rest, **more: words.append(line) or text(self, line, *rest, **more)
+        hud.Canvas, "text", lambda self, line, *rest, **more: words.append(line) or text(self, line, *rest, **more)
     )
     return words
 
@@ -57,7 +57,7 @@ def test_what_is_declared_explains_itself_and_nothing_else_is_explained(ctx, sai
     assert "fire" in frame(ctx, said)
     artist.set_visible(False)
     ctx.visual.update()
-    assert ctx.visual.words.legend.width == 0
+    assert ctx.visual.overlay.hud.legend.width == 0
 
 
 def test_it_is_written_only_when_it_changes(ctx, said):
@@ -100,22 +100,22 @@ def test_the_map_and_panels_leave_it_alone(open_window, seen, person):
     ctx.visual.set_values(**RISK)
     ctx.visual.update()
     place = ctx.visual._render_manager.world_to_screen(10.0, 10.0)
-    assert place[0] <= 400 - ctx.visual.words.legend.width
+    assert place[0] <= 400 - ctx.visual.overlay.hud.legend.width
     before = corner(seen(ctx))
     person.point(*place)
     ctx.visual.update()
-    assert ctx.visual.pointed_at() is not None
+    assert ctx.visual.overlay.pointed_at() is not None
     assert (corner(seen(ctx))[:, 30:] == before[:, 30:]).all()
 
 
 def test_a_window_that_was_made_smaller_has_none_and_sees_the_whole_map(ctx, person):
     ctx.visual.set_values(**RISK)
     ctx.visual.update()
-    assert ctx.visual.words.legend.width > 0
+    assert ctx.visual.overlay.hud.legend.width > 0
     person._do("VIDEORESIZE", w=90, h=60, size=(90, 60))
-    ctx.visual._screen = person.pygame.display.set_mode((90, 60), person.pygame.RESIZABLE)
+    ctx.visual.screen = person.pygame.display.set_mode((90, 60), person.pygame.RESIZABLE)
     ctx.visual.update()
-    assert ctx.visual.words.legend.width == 0
+    assert ctx.visual.overlay.hud.legend.width == 0
     left, right, low, high, _ = ctx.visual.get_viewport()
     assert left < 0 < 12 < right
     assert low < 0 < 10 < high

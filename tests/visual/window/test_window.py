@@ -274,12 +274,12 @@ def test_resizing_the_window_resizes_the_view(ctx):
 
 def test_a_frame_after_which_nothing_changed_has_the_same_artists(ctx):
     ctx.visual.update()
-    shown = ctx.visual._shown
+    shown = ctx.visual.overlay.shown
     ctx.visual.update()
-    assert ctx.visual._shown is shown
+    assert ctx.visual.overlay.shown == shown
     ctx.agent.get_agent("blue_0").team = "red"
     ctx.visual.update()
-    assert ctx.visual._shown is not shown
+    assert ctx.visual.overlay.shown != shown
 
 
 @pytest.mark.parametrize(("theme", "tone"), [("light", BY_DAY), ("dark", BY_NIGHT)])
@@ -311,20 +311,20 @@ def test_who_is_out_is_neither_shown_nor_found_nor_named_nor_followed_by_a_trail
     x, y = ctx.visual._render_manager.world_to_screen(*ctx.visual.position_of("red_0"))
     person.click(x, y)
     ctx.visual.update()
-    assert ctx.visual.pointed_at() is not None
-    assert "sensor_eyes" in ctx.visual._shown
+    assert ctx.visual.overlay.pointed_at() is not None
+    assert "sensor_eyes" in ctx.visual.overlay.shown
     before = seen(ctx)
     ctx.game.step()
     for _ in range(2):  # with the cross, and without
         ctx.visual.update()
-        assert ctx.visual.pointed_at() is None
-        assert "sensor_eyes" not in ctx.visual._shown
-        assert not ctx.visual.hints()
-        assert ctx.visual._shown["red_0"].data["agent_data"].current_position is None
-        assert "red_0" not in ctx.visual._shown["trails"].data["colors"]
+        assert ctx.visual.overlay.pointed_at() is None
+        assert "sensor_eyes" not in ctx.visual.overlay.shown
+        assert not ctx.visual.overlay.hints()
+        assert ctx.visual.overlay.shown["red_0"].data["agent_data"].current_position is None
+        assert "red_0" not in ctx.visual.overlay.shown["trails"].data["colors"]
         ctx.game.step()
     ctx.visual.update()
     assert (before != seen(ctx)).any()
-    assert "left: red 0 · blue 1" in ctx.visual.turn_lines(ctx)
+    assert "left: red 0 · blue 1" in ctx.visual.overlay.turn_lines(ctx)
     ctx.agent.delete_agent("blue_0")
-    assert "left: red 0" in ctx.visual.turn_lines(ctx)
+    assert "left: red 0" in ctx.visual.overlay.turn_lines(ctx)

@@ -102,10 +102,10 @@ def test_pointing_at_an_agent_shows_its_sensors_even_where_others_are_declared(c
     ctx.visual.set_agent_visual("red_0")
     ctx.agent.get_agent("red_0").get_state()
     ctx.visual.update()
-    assert ctx.visual.hints() == {}
+    assert ctx.visual.overlay.hints() == {}
     person.point(*ctx.visual._render_manager.world_to_screen(0.0, 0.0))
     ctx.visual.update()
-    assert list(ctx.visual.hints()) == ["sensor_near"]
+    assert list(ctx.visual.overlay.hints()) == ["sensor_near"]
 
 
 def test_names_are_written_where_there_is_room(open_window, said):
@@ -119,9 +119,9 @@ def test_names_are_written_where_there_is_room(open_window, said):
 
 def test_the_source_of_the_map_is_always_named(ctx, said):
     ctx.graph.graph.attribution = "© somebody"
-    ctx.visual.words.toggle()
+    ctx.visual.overlay.hud.toggle()
     assert frame(ctx, said) == ["© somebody"]
-    ctx.visual.words.toggle()
+    ctx.visual.overlay.hud.toggle()
     assert {"© somebody", "F1: keys", "turn 0"} <= set(frame(ctx, said))
 
 

@@ -1,7 +1,7 @@
 """Drawers: functions `(ctx, data)` that say what a thing looks like, with the primitives of `ctx.visual`.
 
 One file per topic. A new thing to draw is one function here; every backend can show it. Where the same thing
-is drawn many times, use the bulk primitives `render_lines` and `render_circles` (see `primitives.py`).
+is drawn many times, use the bulk primitives `render_lines` and `render_circles` (see `drawing.py`).
 """
 
 from gamms.visual.drawers.agents import render_aerial_agent, render_agent

@@ -11,7 +11,7 @@ from gamms.visual.appearance import AgentData
 from gamms.visual.color import Rgb, rgba
 from gamms.visual.commands import Disc
 from gamms.visual.drawers.marks import rings
-from gamms.visual.primitives import primitives_of
+from gamms.visual.drawing import drawing_of
 
 _BRIGHT = 170.0
 _WHITE, _DARK = (255, 255, 255), (60, 60, 60)
@@ -50,7 +50,7 @@ def render_aerial_agent(ctx: IContext, data: dict[str, Any]) -> None:
         rings(ctx, [(x, y)], RING * look.size, color, RING_PX, 2.0 + edge_px)
         if (cos, sin) != (0.0, 0.0):  # it does not point straight up or down
             nose = (x + _NOSE * look.size * cos, y + _NOSE * look.size * sin)
-            primitives_of(ctx).render_lines([(x, y), nose], [0, 2], color, 3.0 + edge_px)
+            drawing_of(ctx).render_lines([(x, y), nose], [0, 2], color, 3.0 + edge_px)
     _body(ctx, look, x, y)
     if z > 0.0:
         ctx.visual.render_text(_ASIDE + _height(z), x + RING * look.size, y, _DARK, font_size=_HEIGHT_PX)
@@ -62,7 +62,7 @@ def render_agents(ctx: IContext, looks: list[AgentData], share: float) -> bool:
     Returns:
         False if one of them has an image: nothing was drawn.
     """
-    visual, agents = primitives_of(ctx), ctx.agent.agents
+    visual, agents = drawing_of(ctx), ctx.agent.agents
     hidden = visual.hidden_agents(share)
     if hidden:
         for look in looks:
@@ -83,7 +83,7 @@ def render_agents(ctx: IContext, looks: list[AgentData], share: float) -> bool:
 
 def _place(ctx: IContext, look: AgentData, agent: Any, share: float) -> tuple[float, float] | None:
     """Where an agent is drawn, which its look is told; None if it is not."""
-    visual = primitives_of(ctx)
+    visual = drawing_of(ctx)
     look.current_position = visual.position_of(look.name, share) if visual.is_shown(agent, share) else None
     return look.current_position
 
@@ -93,7 +93,7 @@ def _body(ctx: IContext, look: AgentData, x: float, y: float) -> None:
         ctx.visual.render_image(x, y, look.image, look.size)
     else:
         edge = outline_of(look.color)
-        primitives_of(ctx).render_discs([(x, y)], look.size, look.color, edge, at_least_px=look.least_px)
+        drawing_of(ctx).render_discs([(x, y)], look.size, look.color, edge, at_least_px=look.least_px)
 
 
 def _height(z: float) -> str:

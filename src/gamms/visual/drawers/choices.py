@@ -8,7 +8,7 @@ from gamms.ir.graph import FloatArray
 from gamms.typing import IContext
 from gamms.visual.appearance import GraphData
 from gamms.visual.drawers.graph import polylines
-from gamms.visual.primitives import primitives_of
+from gamms.visual.drawing import drawing_of
 
 _EDGE_PX, _RING_PX = 3.0, 11.0
 
@@ -30,8 +30,8 @@ def render_input_overlay(ctx: IContext, data: dict[str, Any]) -> None:
     ways = [_between_rings(polylines(columns, row)[0], radius) for row in rows[:, None]]
     if ways:
         offsets = np.cumsum([0, *map(len, ways)])
-        primitives_of(ctx).render_lines(np.vstack(ways), offsets, look.edge_color, _EDGE_PX)
-    primitives_of(ctx).render_circles(places, radius, look.node_color, _EDGE_PX)
+        drawing_of(ctx).render_lines(np.vstack(ways), offsets, look.edge_color, _EDGE_PX)
+    drawing_of(ctx).render_circles(places, radius, look.node_color, _EDGE_PX)
 
 
 def _between_rings(way: FloatArray, radius: float) -> FloatArray:

@@ -9,7 +9,7 @@ from gamms.ir.graph import FloatArray, GraphColumns, IntArray
 from gamms.text import shown
 from gamms.typing import IContext
 from gamms.visual.color import Rgba, rgba
-from gamms.visual.primitives import primitives_of
+from gamms.visual.drawing import drawing_of
 
 _SPILL = 0.2  # of the map's longer side: how far a field may reach beyond it, or else it would shrink the picture
 _FILL_ALPHA, _RIM_ALPHA = 30, 130
@@ -21,7 +21,7 @@ def field_of_view(ctx: IContext, outline: Any, color: Any) -> None:
     Raises:
         BadValue: a corner that is no pair of finite numbers.
     """
-    corners, box = np.asarray(outline, np.float64), primitives_of(ctx).of_map(_around_the_map)
+    corners, box = np.asarray(outline, np.float64), drawing_of(ctx).of_map(_around_the_map)
     if corners.ndim != 2 or corners.shape[1] != 2 or not np.isfinite(corners).all():
         raise BadValue(f"The outline of a field of view is (x, y) pairs of finite numbers, not {shown(outline)}.")
     if box is not None:
@@ -31,7 +31,7 @@ def field_of_view(ctx: IContext, outline: Any, color: Any) -> None:
     goes_on = np.zeros(len(corners), bool) if box is None else _is_on_a_side(corners, *box)
     if goes_on.all():
         return
-    visual, rim = primitives_of(ctx), _faint(color, _RIM_ALPHA)
+    visual, rim = drawing_of(ctx), _faint(color, _RIM_ALPHA)
     visual.render_polygon(corners.tolist(), _faint(color, _FILL_ALPHA))
     if goes_on.any():
         visual.render_lines(*_without(corners, goes_on), rim)

@@ -8,7 +8,7 @@ from gamms.ir.graph import FloatArray, GraphColumns, IntArray
 from gamms.ir.obstacles import BoolArray
 from gamms.typing import IContext
 from gamms.visual.appearance import GraphData
-from gamms.visual.primitives import primitives_of
+from gamms.visual.drawing import drawing_of
 
 _FEW = 2_000  # up to so many edges there is room for broader streets
 _ID_PX, _INK = 17, (60, 60, 60)
@@ -20,7 +20,7 @@ def render_graph(ctx: IContext, data: dict[str, Any]) -> None:
     """Draw the graph as `data['graph_data']`, a GraphData, describes it; a two-way street is drawn once."""
     look: GraphData = data["graph_data"]
     columns = ctx.graph.columns()
-    visual = primitives_of(ctx)
+    visual = drawing_of(ctx)
     points, offsets, breadth = _streets(columns, look)
     if columns.crs is None:
         visual.render_lines(points, offsets, look.edge_color, 1.5 if len(offsets) <= _FEW else 1.0)

@@ -10,8 +10,8 @@ from gamms.ir.palette import COLOR_TYPES, OTHER_OBSTACLE
 from gamms.typing import IContext
 from gamms.visual.appearance import WallTones
 from gamms.visual.color import Rgb, Rgba, rgba
+from gamms.visual.drawing import Drawing, drawing_of
 from gamms.visual.footprints import Footprints, footprints
-from gamms.visual.primitives import Primitives, primitives_of
 
 _STEPS = 6  # tones that are told apart
 _LOWEST, _TALLEST = 5.0, 95.0  # percentiles of heights: between them the tones change
@@ -28,7 +28,7 @@ def render_obstacles(ctx: IContext, data: dict[str, Any]) -> None:
     Faces of one type are drawn at once, the types in the order of their first face.
     """
     columns = ctx.graph.obstacle_columns()
-    visual, thickness = primitives_of(ctx), data.get("boundary_thickness", 1.0)
+    visual, thickness = drawing_of(ctx), data.get("boundary_thickness", 1.0)
     if data.get("fill"):
         _draw_buildings(ctx, columns, data.get("color_map", {}), thickness, data.get("tones") or visual.wall_tones)
         return
@@ -38,7 +38,7 @@ def render_obstacles(ctx: IContext, data: dict[str, Any]) -> None:
         _draw_tops(visual, columns, columns.types == type, colors.get(type, OTHER_OBSTACLE), thickness)
 
 
-def _draw_tops(visual: Primitives, columns: ObstacleColumns, chosen: BoolArray, color: Any, thickness: float) -> None:
+def _draw_tops(visual: Drawing, columns: ObstacleColumns, chosen: BoolArray, color: Any, thickness: float) -> None:
     tops = columns.corners[chosen, 1::-1, :2]  # from top left to top right
     if len(tops):
         offsets = np.arange(0, 2 * len(tops) + 1, 2)
@@ -52,7 +52,7 @@ def _draw_buildings(
     ctx: IContext, columns: ObstacleColumns, colors: dict[int, Any], thickness: float, tones: WallTones
 ) -> None:
     """Fill what closes, the highest last; then draw all top edges."""
-    visual, built = primitives_of(ctx), footprints(columns)
+    visual, built = drawing_of(ctx), footprints(columns)
     is_filled = ~_is_fence(ctx, built)
     own, step = np.isin(built.types, list(colors)), _steps(built.heights)
     for number in range(_STEPS):
@@ -68,7 +68,7 @@ def _draw_buildings(
         _draw_tops(visual, columns, (columns.types == type) & ~is_around, color, thickness)
 
 
-def _fill(visual: Primitives, built: Footprints, chosen: BoolArray, color: Any) -> None:
+def _fill(visual: Drawing, built: Footprints, chosen: BoolArray, color: Any) -> None:
     if chosen.any():
         visual.render_polygons(*built.chosen(chosen), color)
 

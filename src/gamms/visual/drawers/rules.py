@@ -15,9 +15,9 @@ from gamms.typing import IContext
 from gamms.visual.color import rgba
 from gamms.visual.drawers.graph import one_way_each, polylines
 from gamms.visual.drawers.values import usual_edge
+from gamms.visual.drawing import drawing_of
 from gamms.visual.layers import Layer
-from gamms.visual.primitives import primitives_of
-from gamms.visual.sides import side_colors
+from gamms.visual.teams import side_colors
 
 TERRITORIES = "territories"  # in `ctx.game.data`: name -> team -> ids of its nodes, as text
 _MOST = 100  # flags, territories, and teams that have them
@@ -68,7 +68,7 @@ def render_flags(ctx: IContext, data: dict[str, Any]) -> None:
     `data` may have `colors` by team, and names of agents as `hidden`: a flag that one of them carries is not shown.
     """
     kept = flags_in(ctx).get(data["key"], {"bases": {}, "carriers": {}})
-    visual, graph, carriers = primitives_of(ctx), ctx.graph.graph, kept["carriers"]
+    visual, graph, carriers = drawing_of(ctx), ctx.graph.graph, kept["carriers"]
     for team, color in team_colors_of(ctx, kept["bases"], data.get("colors")).items():
         carrier, base = carriers.get(team), kept["bases"][team]
         if carrier in data.get("hidden", ()):
@@ -84,7 +84,7 @@ def render_flags(ctx: IContext, data: dict[str, Any]) -> None:
 
 
 def _pennant(ctx: IContext, x: float, y: float, color: Any) -> None:
-    visual = primitives_of(ctx)
+    visual = drawing_of(ctx)
     height = _FLAG * visual.extent()
     top = y + height
     visual.render_lines([(x, y), (x, top)], [0, 2], color, 2.5)
@@ -139,7 +139,7 @@ class TerritoryDrawer:
         if self._seen is None or self._seen[0] is not columns or self._seen[1] != owned:
             self._seen, self._breadth = (columns, owned), _BAND * usual_edge(columns)
             self._places = _places(columns, owned)
-        visual = primitives_of(ctx)
+        visual = drawing_of(ctx)
         for team, color in team_colors_of(ctx, self._places, self._given).items():
             tint, ground = (*rgba(color)[:3], _TINT), self._places[team]
             visual.render_lines(ground.points, ground.offsets, tint, self._breadth, in_world=True)

@@ -8,7 +8,7 @@ from gamms.typing import IContext
 from gamms.visual.color import Color, Rgba, rgba
 from gamms.visual.drawers.fields import field_of_view
 from gamms.visual.drawers.marks import rings
-from gamms.visual.primitives import primitives_of
+from gamms.visual.drawing import drawing_of
 from gamms.visual.sights import view_of
 
 _ALPHA = 150
@@ -28,7 +28,7 @@ def render_sensor(ctx: IContext, data: dict[str, Any]) -> None:
         NotOffered: it has no `last_view`.
     """
     sensor = ctx.sensor.get_sensor(data["name"])
-    if not primitives_of(ctx).carriers.is_blind(sensor):
+    if not drawing_of(ctx).carriers.is_blind(sensor):
         _draw(ctx, data, view_of(sensor))
 
 
@@ -43,7 +43,7 @@ def render_sight(ctx: IContext, data: dict[str, Any]) -> None:
 
 def render_rings(ctx: IContext, data: dict[str, Any]) -> None:
     """Draw the rings of such views around the agents where they are shown."""
-    position_of, share, agents = primitives_of(ctx).position_of, data.get("_alpha", 1.0), ctx.agent.agents
+    position_of, share, agents = drawing_of(ctx).position_of, data.get("_alpha", 1.0), ctx.agent.agents
     for color, view in data["sights"]:
         places = [position_of(name, share) for name in view.names if name in agents]
         rings(ctx, places, data["size"], color, _RING_PX)
@@ -55,7 +55,7 @@ def _draw(ctx: IContext, data: dict[str, Any], view: SensorView) -> None:
         field_of_view(ctx, view.outline, color)
     if len(view.lines):
         edge_color = _see_through(data.get("edge_color", color))
-        primitives_of(ctx).render_lines(view.lines, view.offsets, edge_color, _EDGE_PX)
+        drawing_of(ctx).render_lines(view.lines, view.offsets, edge_color, _EDGE_PX)
     if len(view.nodes):
         usual = _JUNCTION_RADIUS if len(view.lines) else _NODE_RADIUS
         _mark(ctx, view.nodes, data.get("node_size", usual), data.get("node_color", color))
@@ -65,7 +65,7 @@ def _draw(ctx: IContext, data: dict[str, Any], view: SensorView) -> None:
 
 def _mark(ctx: IContext, centers: Any, radius: float, color: Any) -> None:
     """A ring, and a small dot for when the ring is too small: whoever stands there keeps its own colour."""
-    visual = primitives_of(ctx)
+    visual = drawing_of(ctx)
     visual.render_circles(centers, radius, color, 2.0)
     visual.render_circles(centers, _NODE_PX, _see_through(color), in_pixels=True)
 

@@ -3,8 +3,8 @@
 from typing import Any
 
 from gamms.typing import IContext
-from gamms.visual.primitives import primitives_of
-from gamms.visual.sides import side_colors, side_of
+from gamms.visual.drawing import drawing_of
+from gamms.visual.teams import side_colors, side_of
 
 _ARM, _REACH = 0.011, 1.5  # half of a cross, in widths of what is seen; radius of its ring, in such halves
 _WHITE, _LINE_PX, _EDGE_PX = (255, 255, 255), 3.0, 3.0
@@ -15,8 +15,8 @@ def render_tags(ctx: IContext, data: dict[str, Any]) -> None:
 
     `data` may have `colors` by team, and names of agents as `of`: tags without any of these are left out.
     """
-    visual, of = primitives_of(ctx), data.get("of")
-    tags = [tag for tag in visual.happenings.of_kind("tag") if of is None or {tag.get("agent"), tag.get("other")} & of]
+    visual, of = drawing_of(ctx), data.get("of")
+    tags = [tag for tag in visual.events.of_kind("tag") if of is None or {tag.get("agent"), tag.get("other")} & of]
     if not tags:
         return
     arm, usual = _ARM * visual.extent() or 1.0, side_colors(ctx)
@@ -34,9 +34,9 @@ def render_tags(ctx: IContext, data: dict[str, Any]) -> None:
 
 def render_eliminated(ctx: IContext, data: dict[str, Any]) -> None:
     """Mark where agents went out of the game in this turn; `data["colors"]` has the colours of those that are shown."""
-    visual = primitives_of(ctx)
+    visual = drawing_of(ctx)
     arm = _ARM * visual.extent() or 1.0
-    for name in sorted(visual.happenings.eliminated() & data["colors"].keys() & ctx.agent.agents.keys()):
+    for name in sorted(visual.events.eliminated() & data["colors"].keys() & ctx.agent.agents.keys()):
         x, y = visual.position_of(name)
         for ink, more_px in ((_WHITE, _EDGE_PX), (data["colors"][name], 0.0)):
             _cross(ctx, x, y, arm, ink, _LINE_PX + more_px)
@@ -44,7 +44,7 @@ def render_eliminated(ctx: IContext, data: dict[str, Any]) -> None:
 
 def _cross(ctx: IContext, x: float, y: float, arm: float, ink: Any, width_px: float) -> None:
     cross = [(x - arm, y - arm), (x + arm, y + arm), (x - arm, y + arm), (x + arm, y - arm)]
-    primitives_of(ctx).render_lines(cross, [0, 2, 4], ink, width_px)
+    drawing_of(ctx).render_lines(cross, [0, 2, 4], ink, width_px)
 
 
 for _drawer in (render_tags, render_eliminated):

@@ -7,7 +7,7 @@ import numpy as np
 from gamms.ir.graph import FloatArray, GraphColumns, IntArray
 from gamms.typing import IContext
 from gamms.visual.drawers.graph import polylines, usual
-from gamms.visual.primitives import primitives_of
+from gamms.visual.drawing import drawing_of
 from gamms.visual.values import Values
 
 _NODE, _EDGE = 0.5, 0.35  # radius of a disc and width of a line, in lengths of a usual edge
@@ -37,7 +37,7 @@ def usual_edge(columns: GraphColumns) -> float:
 
 
 def _draw_nodes(ctx: IContext, columns: GraphColumns, rows: IntArray, unit: float, color: Any) -> None:
-    visual, centers = primitives_of(ctx), columns.xy[rows]
+    visual, centers = drawing_of(ctx), columns.xy[rows]
     visual.render_circles(centers, _NODE * unit, color)
     visual.render_circles(centers, _NODE_PX, color, in_pixels=True)
 
@@ -45,8 +45,8 @@ def _draw_nodes(ctx: IContext, columns: GraphColumns, rows: IntArray, unit: floa
 def _draw_edges(ctx: IContext, columns: GraphColumns, rows: IntArray, unit: float, color: Any) -> None:
     points: FloatArray
     points, offsets = polylines(columns, rows)
-    primitives_of(ctx).render_lines(points, offsets, color, _EDGE * unit, in_world=True)
-    primitives_of(ctx).render_lines(points, offsets, color, _EDGE_PX)
+    drawing_of(ctx).render_lines(points, offsets, color, _EDGE * unit, in_world=True)
+    drawing_of(ctx).render_lines(points, offsets, color, _EDGE_PX)
 
 
 def _rows(known: IntArray, ids: IntArray) -> tuple[IntArray, "np.ndarray[Any, np.dtype[np.bool_]]"]:

@@ -1,16 +1,7 @@
 """The window: a scenario as it happens, on a screen.
 
-What lives here: the engine (`engine.py`, read it first) and its parts, one file per responsibility: where it looks
-(`view.py`), what keys and mouse do (`controls.py`), how time passes (`pacing.py`), questions to people (`asking.py`),
-words (`hud.py`) and the legend (`legend.py`) on `cards.py`, what is shown on demand (`onlookers.py`, `pointing.py`,
-`trails.py`), and how frames are painted fast (`stage.py`, `tiles.py`, `sheets.py`, `crowd.py`). `internals.py` has the
-names that programs for 1.0.0 reach into.
-Imported only when a window is asked for.
+The engine (`engine.py`, read it first) is a loop over parts, none of which knows it: the camera (`camera.py`), keys and
+mouse (`input.py`), how time passes (`pacing.py`), questions to people (`asking.py`), and what is shown beside the
+artists (`overlay.py`) with its text and legend (`hud.py`), `pointing.py` and `trails.py`. Frames are painted fast by
+`stage.py` and `tiles.py`. Imported only when a window is asked for.
 """
-
-from gamms.visual.window.engine import WindowEngine
-from gamms.visual.window.view import RenderManager
-
-PygameVisualizationEngine = WindowEngine
-
-__all__ = ["PygameVisualizationEngine", "RenderManager", "WindowEngine"]

@@ -1,4 +1,4 @@
-"""The engine with a window: shows every turn, takes the wishes of those who watch, and asks people where to go."""
+"""The engine with a window: a loop that shows every turn, handles keys and mouse, and asks people where to go."""
 
 import math
 import os
@@ -12,28 +12,30 @@ from gamms.arguments import as_int, misspelt
 from gamms.deciding import outside_of_deciding, refused_while_deciding
 from gamms.errors import BadValue, MissingFile
 from gamms.ir.draw import DrawCommands
-from gamms.typing import ArtistType, IArtist, IContext, ISensor
+from gamms.typing import ArtistType, IContext, ISensor
 from gamms.visual.appearance import GraphData
 from gamms.visual.artist import Artist
 from gamms.visual.artist_group import ArtistGroup
 from gamms.visual.backends.pygame import Canvas, hold_image, load
 from gamms.visual.camera import Camera
 from gamms.visual.color import Color
+from gamms.visual.compat import RenderManager, WindowNames
 from gamms.visual.drawers import render_input_overlay
+from gamms.visual.drawing import Drawing, image_path
+from gamms.visual.engine import PictureEngine
 from gamms.visual.layers import Layer
 from gamms.visual.legend import blocks_of
 from gamms.visual.picture import size
-from gamms.visual.undeclared import Undeclared
 from gamms.visual.window.asking import Question, Walk, question
-from gamms.visual.window.controls import Controls
+from gamms.visual.window.camera import is_near
 from gamms.visual.window.display import close_window, open_window, window_surface
-from gamms.visual.window.hud import Hud, Words
-from gamms.visual.window.onlookers import Onlookers
+from gamms.visual.window.hud import HudLines
+from gamms.visual.window.input import Handlers, Input
+from gamms.visual.window.overlay import Overlay
 from gamms.visual.window.pacing import Pace
 from gamms.visual.window.stage import Stage
 from gamms.visual.window.themes import theme_called
 from gamms.visual.window.tiles import Haste
-from gamms.visual.window.view import RenderManager, is_near
 
 _OPTIONS = (
     "width", "height", "simulation_time_constant", "input_overlay", "max_fps", "theme", "trails", "labels", "title",
@@ -48,7 +50,7 @@ _MARGINS = (
 )  # at the sides, above and below a whole graph: pixels, share of the height
 
 
-class WindowEngine(Onlookers):
+class WindowEngine(WindowNames, PictureEngine):
     """Shows a scenario in a window; see docs/pictures.md.
 
     Args:
@@ -66,6 +68,13 @@ class WindowEngine(Onlookers):
 
     Attributes:
         hud: what is written in the upper left corner: a function of the context that returns lines, or None.
+        camera: what the window shows.
+        pace: how time passes in it.
+        input: keys and mouse.
+        overlay: what is shown beside the artists.
+        question: that a person is asked, if any.
+        screen: the surface of the window.
+        glass: what a drawer has painted on with pygame itself, if any did in this frame.
 
     Raises:
         BadValue, BadType: an option that is impossible.
@@ -88,29 +97,52 @@ class WindowEngine(Onlookers):
         title: str = "GAMMS",
         **kwargs: Any,
     ) -> None:
-        super().__init__(ctx, simulation_time_constant=simulation_time_constant)
-        self.width, self.height = size(width, height)
-        self.pace, self._theme = Pace(max_fps), theme_called(theme)
-        self._usual, self.wall_tones = Undeclared(ctx, self._theme.map), self._theme.map.walls
-        self._turns_of_trails, self.has_labels = as_int(trails, "trails"), bool(labels)
-        self.trails.turns = max(self._turns_of_trails, 0)
+        theme_ = theme_called(theme)
+        drawing = Drawing(ctx, theme_.map.walls, _held)
+        super().__init__(ctx, simulation_time_constant=simulation_time_constant, drawing=drawing)
+        width, height = size(width, height)
+        self.camera = RenderManager(ctx, screen_width=width, screen_height=height)
+        self.pace, self._background = Pace(max_fps), theme_.background
+        self.overlay = Overlay(ctx, self.drawing, self.artists, self.camera, self.pace, theme_)
+        self.overlay.keep_trails(as_int(trails, "trails"))
+        self.overlay.has_labels = bool(labels)
+        self.hud: HudLines | None = self.overlay.turn_lines
+        self.question: Question | None = None
+        self.input = Input(self.camera, self._handlers())
+        self.overlay.pointer = lambda: self.input.pointer
         look = {"node_color": Color.Green, "node_size": 4.0, "edge_color": Color.Green, **(input_overlay or {})}
-        self._declare_overlay(look)
+        self._declare_options(look)
         for sentence in misspelt(kwargs, _OPTIONS):
             ctx.logger.warning("vis_kwargs: %s", sentence)
-        self.question: Question | None = None
-        self.hud: Hud | None = self.turn_lines
-        self.words = Words(self, self._theme)
-        self.controls = Controls(self)
-        self._render_manager = RenderManager(ctx, screen_width=self.width, screen_height=self.height)
-        self._stage = Stage(ctx, self._world)
-        self._share, self._has_painters = 1.0, False
-        self._is_fresh, self._shown = True, dict[str, IArtist]()
+        self._stage, self.glass = Stage(ctx, self._world), None
+        self._has_painters = self._will_quit = False
+        self._is_fresh = True
         self._last_camera: Camera | None = None
         self._last_frame = self._zoomed = -math.inf
         self._fitted: Any = None
-        self._screen = open_window(self, self.width, self.height, title)
-        self.resized(*self._screen.get_size())
+        self.screen = open_window(self, width, height, title)
+        self.resized(*self.screen.get_size())
+
+    def _handlers(self) -> Handlers:
+        pace, overlay = self.pace, self.overlay
+        keys = {
+            "SPACE": pace.pause,
+            **dict.fromkeys(("PERIOD", "KP_PERIOD"), pace.step),
+            **dict.fromkeys(("PLUS", "EQUALS", "KP_PLUS"), lambda: pace.faster(1)),
+            **dict.fromkeys(("MINUS", "KP_MINUS"), lambda: pace.faster(-1)),
+            "HOME": self.see_everything,
+            "h": overlay.hud.toggle,
+            "F1": overlay.hud.toggle_help,
+            "l": overlay.toggle_labels,
+            "t": overlay.toggle_trails,
+            "ESCAPE": overlay.unpin,
+        }
+        is_over = self.ctx.is_terminated
+        return Handlers(keys, overlay.pin, self.quit, self.resized, lambda: self.question, self._map_extent, is_over)
+
+    def _map_extent(self) -> float | None:
+        xy = self.ctx.graph.columns().xy
+        return float((xy.max(axis=0) - xy.min(axis=0)).max()) if len(xy) > 1 else None
 
     @refused_while_deciding
     def quit(self) -> None:
@@ -121,7 +153,7 @@ class WindowEngine(Onlookers):
             self.ctx.terminate()
 
     def terminate(self) -> None:
-        """Close the room and its window."""
+        """End the films that are being made, and close the window."""
         super().terminate()
         close_window(self)
 
@@ -140,12 +172,13 @@ class WindowEngine(Onlookers):
             self.quit()
         if self.ctx.is_terminated():
             return
-        self._has_begun = bool(self._films)  # which have looked up the moves already
-        self.turns += 1
+        if not self.is_filming:  # or else the moves are looked up already
+            self.drawing.motion.begin_turn()
+        self.overlay.turns += 1
         self._is_fresh = True
-        self._toggle_waiting_simulation(True)
-        self.trails.add_turn(self.motion)
-        self._frames_while(lambda: self._waiting_simulation)
+        self.pace.begin_turn()
+        self.overlay.trails.add_turn(self.drawing.motion)
+        self._frames_while(lambda: self.pace.is_showing)
 
     @outside_of_deciding
     def human_input(self, agent_name: str, state: dict[str, Any]) -> int | tuple[float, float, float]:
@@ -170,7 +203,7 @@ class WindowEngine(Onlookers):
 
     @refused_while_deciding
     def stay_open(self) -> None:
-        """Show how things are until somebody closes the window, or a key handler or drawer ends the context."""
+        """Show how things are until the window is closed, or a key handler or drawer ends the context."""
         self._frames_while(lambda: True)
 
     def _frames_while(self, goes_on: Callable[[], bool]) -> None:
@@ -194,73 +227,55 @@ class WindowEngine(Onlookers):
     def handle_input(self) -> None:
         """Do what happened to keys, mouse and window since the last frame."""
         if not self.ctx.is_terminated():
-            self.controls.handle(load().event.get())
+            self.input.handle(load().event.get())
 
     def handle_tick(self) -> None:
         """End a frame: where its pace is capped, wait until it is time for the next one."""
         if self.ctx.is_terminated():
             return
-        is_over = self._waiting_simulation and self._simulation_time >= self.turn_seconds and not self.pace.stands
-        seconds, shown = self.pace.tick()
-        if self._waiting_simulation:
-            self._simulation_time += shown
-        if is_over:
-            self._toggle_waiting_simulation(False)
-        self.controls.glide(min(seconds, 0.1))
+        self.input.glide(min(self.pace.tick(self.turn_seconds), 0.1))
 
     def handle_single_draw(self) -> None:
         """Draw the present state and the words on it; it is seen after the next flip of the display."""
         if self.ctx.is_terminated():
             return
-        self._screen = window_surface() or self._screen
-        if self._is_fresh or not self._shown:
-            self._ask_who_is_shown()
+        self.screen = window_surface() or self.screen
+        overlay = self.overlay
+        if self._is_fresh or not overlay.shown:
+            overlay.begin_turn()
+            overlay.hud.legend.explain(blocks_of(self.ctx, overlay.shown), *self.screen.get_size())
         self._fit()
-        self._share = self._turn_share()
-        self._stage.draw(
-            self._shown | self.hints(), self._draw_members, is_new_turn=self._is_fresh or self._has_painters
-        )
+        share = self.pace.share(self.turn_seconds)
+        is_new_turn = self._is_fresh or self._has_painters
+        self._stage.draw(overlay.at(share), lambda group: self._draw(group, share), is_new_turn=is_new_turn)
         self._is_fresh = False
         if self.ctx.is_terminated():  # by a drawer
             return
-        width, height = self._screen.get_size()
-        canvas = Canvas(width, height, self._screen)
-        self._stage.show(canvas, self._render_manager.camera(), self._theme.background, self._haste())
-        self.paint_labels(canvas)
-        self.words.paint(canvas)
+        width, height = self.screen.get_size()
+        canvas = Canvas(width, height, self.screen)
+        self._stage.show(canvas, self.camera.camera(), self._background, self._haste())
+        overlay.paint(canvas, self.hud, self.question)
 
-    def _ask_who_is_shown(self) -> None:
-        shown = self.onstage_artists()
-        if self._is_declared or shown != self._shown:  # what one declares one may also change from outside
-            self._shown = shown
-        self.words.legend.explain(blocks_of(self.ctx, shown), *self._screen.get_size())
-
-    def _turn_share(self) -> float:
-        """How much of the turn is shown."""
-        if not self._waiting_simulation or self.turn_seconds <= 0.0:
-            return 1.0
-        return min(self._simulation_time / self.turn_seconds, 1.0)
-
-    def _draw_members(self, members: ArtistGroup) -> DrawCommands:
-        self._overlay = None
-        for artist in members.artists:
+    def _draw(self, group: ArtistGroup, share: float) -> DrawCommands:
+        self.glass = None
+        for artist in group.artists:
             if isinstance(getattr(artist, "data", None), dict) and "agent_data" in artist.data:
-                artist.data["_waiting_simulation"] = self._waiting_simulation
-        commands = self._drawn(members, self._share)
-        self._stage.note_overlay(members.artists, self._overlay)
-        if self._overlay is not None:
-            kinds = {artist.get_artist_type() for artist in members.artists}
+                artist.data["_waiting_simulation"] = self.pace.is_showing
+        commands = group.commands(share)
+        self._stage.note_overlay(group.artists, self.glass)
+        if self.glass is not None:
+            kinds = {artist.get_artist_type() for artist in group.artists}
             self._has_painters = self._has_painters or ArtistType.STATIC in kinds
         return commands
 
     def _world(self) -> Any:
         """What STATIC artists' drawings depend on; what they paint themselves depends on the camera, too."""
         graph = self.ctx.graph
-        seen = self._render_manager.camera() if self._has_painters else None
+        seen = self.camera.camera() if self._has_painters else None
         return getattr(graph.graph, "revision", None), getattr(graph, "obstacle_revision", None), seen
 
     def _haste(self) -> Haste:
-        now, camera, last = monotonic(), self._render_manager.camera(), self._last_camera
+        now, camera, last = monotonic(), self.camera.camera(), self._last_camera
         is_leaping = last is None or not is_near(camera, last)
         if last is not None and camera.scale != last.scale:
             is_leaping = is_leaping or now - self._last_frame > 2 * _ZOOM_RESTS
@@ -278,7 +293,7 @@ class WindowEngine(Onlookers):
             BadType, BadValue: not finite numbers, or a width that is not positive.
         """
         super().look_at(x, y, width)
-        view = self._render_manager
+        view = self.camera
         view.camera_x, view.camera_y, view.camera_size = float(x), float(y), float(width) / 2
 
     def look_at_all(self) -> None:
@@ -294,22 +309,22 @@ class WindowEngine(Onlookers):
 
     def get_viewport(self) -> tuple[float, float, float, float, float]:
         """`(left, right, low end, high end, pixels per unit)` of what is seen."""
-        view = self._render_manager
+        view = self.camera
         return view.bound_left, view.bound_right, view.bound_top, view.bound_bottom, view.scale
 
     def resized(self, width: int, height: int) -> None:
         """The window has another size now."""
-        self._screen = window_surface() or self._screen
+        self.screen = window_surface() or self.screen
         self.width, self.height = width, height
-        self._render_manager.set_screen_size(width, height)
+        self.camera.set_screen_size(width, height)
 
     def _fit(self) -> None:
         """See the whole graph, as long as the camera was not moved."""
-        if self._render_manager.is_pointed:
+        if self.camera.is_pointed:
             return
         revision = getattr(self.ctx.graph.graph, "revision", None)
         # Not the width of the legend: with it, the map would jump whenever a score has one more digit.
-        now = revision, self._screen.get_size(), len(self.words.legend.blocks)
+        now = revision, self.screen.get_size(), len(self.overlay.hud.legend.blocks)
         if revision is None or now != self._fitted:
             self._fitted = now
             self._see_graph()
@@ -318,19 +333,19 @@ class WindowEngine(Onlookers):
         xy = self.ctx.graph.columns().xy
         if len(xy):
             side, top, low = (min(px, share * self.height) for px, share in _MARGINS)
-            margins = side, top, max(side, self.words.legend.width), low
-            self._render_manager.look_at_box(xy.min(axis=0), xy.max(axis=0), margins, is_pointed=is_pointed)
+            margins = side, top, max(side, self.overlay.hud.legend.width), low
+            self.camera.look_at_box(xy.min(axis=0), xy.max(axis=0), margins, is_pointed=is_pointed)
 
     # -- what is declared ------------------------------------------------------------------------------------
 
     def set_graph_visual(self, **kwargs: Any) -> Artist:
         """Declare how the graph looks, and look at it: `node_color`, `node_size`, `edge_color`, `draw_id`."""
-        artist = super().set_graph_visual(**kwargs)
+        artist = self.artists.set_graph_visual(**kwargs)
         if not self.ctx.is_terminated():
             xy = self.ctx.graph.columns().xy
             if len(xy):
-                self._render_manager.set_origin(*xy.mean(axis=0).tolist())
-                self._render_manager.camera_size = max(float(np.ptp(xy, axis=0).max()), _SMALLEST)
+                self.camera.set_origin(*xy.mean(axis=0).tolist())
+                self.camera.camera_size = max(float(np.ptp(xy, axis=0).max()), _SMALLEST)
         return artist
 
     @refused_while_deciding
@@ -343,7 +358,7 @@ class WindowEngine(Onlookers):
         path = kwargs.get("image_path")
         if path is not None and not os.path.isfile(path):  # noqa: PTH113 - as elsewhere in the room
             raise MissingFile(f"the image of agent {name!r}", path)
-        return super().set_agent_visual(name, **kwargs)
+        return self.artists.set_agent_visual(name, **kwargs)
 
     def set_sensor_visual(self, name: str, **kwargs: Any) -> Artist:
         """Declare how a sensor's last view looks: `color`, `size`, or `node_color`, `edge_color`; `layer`.
@@ -353,35 +368,33 @@ class WindowEngine(Onlookers):
             BadValue: it is of a kind of its own that does not say what it saw.
         """
         if self.ctx.is_terminated():
-            return super().set_sensor_visual(name, **kwargs)
+            return self.artists.set_sensor_visual(name, **kwargs)
         sensor = self.ctx.sensor.get_sensor(name)
         last_view = getattr(type(sensor), "last_view", None)
         if last_view is None or last_view is ISensor.last_view:
             raise BadValue(f"Sensor {name!r} cannot be drawn: give {type(sensor).__name__} a method last_view.")
-        return super().set_sensor_visual(name, **{"layer": Layer.WINDOW_SENSORS, **kwargs})
+        return self.artists.set_sensor_visual(name, **{"layer": Layer.WINDOW_SENSORS, **kwargs})
 
-    def render_image(
-        self, x: float, y: float, image: Any, size: float, angle: float = 0.0, perform_culling_test: bool = True
-    ) -> None:
-        """Draw an image file, or a loaded image, with side `2 * size`, turned by `angle` degrees."""
-        if self._drawing is not None and isinstance(image, load().Surface):
-            self._drawing.add_image(hold_image(image), x, y, size, angle)
-        else:
-            super().render_image(x, y, image, size, angle, perform_culling_test)
-
-    def _declare_overlay(self, look: dict[str, Any]) -> None:
+    def _declare_options(self, look: dict[str, Any]) -> None:
         artist = Artist(self.ctx, render_input_overlay, Layer.OPTIONS)
         known = {name: look[name] for name in ("node_color", "node_size", "edge_color")}
         artist.data = {"graph_data": GraphData(**known)}
-        self._artists["input_overlay"] = artist
+        self.artists.declared["input_overlay"] = artist
         self._show_options(None)
 
     def _show_options(self, asked: Question | None) -> None:
-        artist, is_asked = self._artists["input_overlay"], asked is not None
-        self._waiting_user_input, self._waiting_agent_name = is_asked, asked.name if asked is not None else None
+        artist = self.artists.declared["input_overlay"]
         artist.data |= {
             "_input_options": dict(asked.options) if isinstance(asked, Walk) else {},
-            "_waiting_user_input": is_asked,
-            "_waiting_agent_name": self._waiting_agent_name,
+            "_waiting_user_input": asked is not None,
+            "_waiting_agent_name": None if asked is None else asked.name,
         }
-        artist.set_visible(is_asked)
+        artist.set_visible(asked is not None)
+
+
+def _held(image: Any) -> str:
+    """The path of an image file, or a name for a loaded image."""
+    return hold_image(image) if isinstance(image, load().Surface) else image_path(image)
+
+
+PygameVisualizationEngine = WindowEngine  # as 1.0.0 names it

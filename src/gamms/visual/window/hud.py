@@ -1,60 +1,64 @@
-"""Words on the window: turn and scores, the legend, questions, the panel of an agent, the source of the map."""
+"""Text on the window: turn and scores, the legend, questions, the panel of an agent, the source of the map."""
 
 from collections.abc import Callable, Iterable, Mapping, Sequence
 from functools import lru_cache
-from typing import TYPE_CHECKING, Any
+from typing import Any
 
 from gamms.typing import IContext
-from gamms.visual.backends.pygame import Canvas, text_width
-from gamms.visual.window.cards import EDGE_PX, plain_card
-from gamms.visual.window.controls import HELP
-from gamms.visual.window.legend import WindowLegend
+from gamms.visual.backends.pygame import Canvas, load, on_glass, text_width
+from gamms.visual.backends.raster import Painting
+from gamms.visual.camera import Camera
+from gamms.visual.color import Rgba
+from gamms.visual.legend import Block, Legend
+from gamms.visual.window.camera import Point
+from gamms.visual.window.input import HELP
 from gamms.visual.window.themes import Theme
 
-if TYPE_CHECKING:
-    from gamms.visual.window.engine import WindowEngine
+HudLines = Callable[[IContext], Iterable[Any]]
 
-Hud = Callable[[IContext], Iterable[Any]]
-
+EDGE_PX = 12  # between a panel and the edge of the window
 _FONT_PX, _LINE_PX, _PAD_PX = 21, 20, 10
 _SMALL_PX, _PROMPT_PX, _ABOVE_NOTE_PX = 17, 56, 14
+_FOOT_PX = 64  # of the window, where it asks and names the source of the map
 _HINT = "F1: keys"
 _LONGEST = 90  # letters of a line
 
 
-class Words:
-    """Paints all words that belong to the window and not to the world."""
+class Hud:
+    """Paints the text that belongs to the window and not to the world.
 
-    def __init__(self, engine: "WindowEngine", theme: Theme) -> None:
-        self._engine, self.theme = engine, theme
+    Attributes:
+        legend: in the upper right corner.
+        is_shown: whether lines, legend and help are.
+        has_help: whether the keys are explained.
+    """
+
+    def __init__(self, theme: Theme) -> None:
+        self.theme = theme
         self.is_shown, self.has_help = True, False
         self.legend = WindowLegend(theme)
-        self._failed: Any = None
 
     def toggle(self) -> None:
-        """Hide the words, or show them."""
+        """Hide the text, or show it."""
         self.is_shown = not self.is_shown
 
     def toggle_help(self) -> None:
-        """Say what the keys do, or do not."""
+        """Explain the keys, or do not."""
         self.has_help = not self.has_help
 
-    def paint(self, canvas: Canvas) -> None:
-        """Paint what is to be said at the moment."""
-        lines = self._hud_lines() if self.is_shown else []
-        if self._engine.ctx.is_terminated():  # by the function that writes them
-            return
-        prompt, low = self._prompt(), canvas.height - EDGE_PX
+    def paint(self, canvas: Canvas, lines: Iterable[str], prompt: list[str], credit: str, *, has_hint: bool) -> None:
+        """Paint lines in the upper left corner, the legend, a prompt at the bottom, and the source of the map."""
+        low = canvas.height - EDGE_PX
         if self.is_shown:
-            hud = self._card(canvas, lines, EDGE_PX, EDGE_PX)
-            self._paint_legend(canvas, hud)
+            right, bottom = self._panel(canvas, [_short(line) for line in lines], EDGE_PX, EDGE_PX)
+            # Right of the lines, or below them where they are too wide.
+            self.legend.paint(canvas, bottom if right + EDGE_PX > canvas.width - self.legend.width else 0)
             raised = _PROMPT_PX if prompt else _ABOVE_NOTE_PX
-            self._card(canvas, HELP if self.has_help else (), EDGE_PX, low - raised, align=(0.0, 1.0))
-            if self._engine.hud == self._engine.turn_lines and not self.has_help:  # who replaced it wants just that
+            self._panel(canvas, HELP if self.has_help else (), EDGE_PX, low - raised, align=(0.0, 1.0))
+            if has_hint and not self.has_help:
                 self._foot(canvas, _HINT)
-        self._foot(canvas, self._engine.noted(""), is_right=True)
-        self._card(canvas, prompt, canvas.width / 2, low - _ABOVE_NOTE_PX, align=(0.5, 1.0))
-        self._panel(canvas)
+        self._foot(canvas, credit, is_right=True)
+        self._panel(canvas, prompt, canvas.width / 2, low - _ABOVE_NOTE_PX, align=(0.5, 1.0))
 
     def _foot(self, canvas: Canvas, words: str, *, is_right: bool = False) -> None:
         """Small print in a lower corner."""
@@ -62,56 +66,27 @@ class Words:
         if words:
             canvas.text(words, x, y, _SMALL_PX, self.theme.faint, align_right=is_right, edge=edge)
 
-    def _prompt(self) -> list[str]:
-        """What is asked, or how to go on."""
-        engine = self._engine
-        if engine.question is not None:
-            return [engine.question.words]
-        return ["paused: space goes on, . shows one turn"] if engine.pace.is_paused else []
-
-    def _paint_legend(self, canvas: Canvas, hud: tuple[int, int]) -> None:
-        """Paint the legend right of the HUD, or below it where that is too wide."""
-        right, bottom = hud
-        self.legend.paint(canvas, bottom if right + EDGE_PX > canvas.width - self.legend.width else 0)
-
-    # -- cards -----------------------------------------------------------------------------------------------
-
-    def _hud_lines(self) -> list[str]:
-        hud = self._engine.hud
-        if hud is None:
-            return []
-        try:
-            return [_short(str(line)) for line in hud(self._engine.ctx)]
-        except Exception as error:  # noqa: BLE001 - user code, as a drawer is
-            if self._failed is not hud:  # once, not in each of sixty frames a second
-                self._failed = hud
-                self._engine.ctx.logger.error(f"The HUD could not be written: {type(error).__name__}: {error}")  # noqa: TRY400
-            return []
-
-    def _panel(self, canvas: Canvas) -> None:
-        """What is known about an agent: right of it, or left where there is no room or the legend is."""
-        found = self._engine.pointed_at()
-        if found is None:
-            return
-        told, (x, y), beside = found
-        lines = _wrapped(tuple(map(_short, told)), canvas.width)
+    def paint_facts(self, canvas: Canvas, facts: list[str], at: Point, beside_px: float) -> None:
+        """Paint facts right of a point, or left of it where there is no room or the legend is."""
+        x, y = at
+        lines = _wrapped(tuple(map(_short, facts)), canvas.width)
         width, height = _size(lines)
         top = min(max(y - height / 2, EDGE_PX), canvas.height - height - EDGE_PX)
         is_beside_legend = self.is_shown and top < self.legend.height
         right = canvas.width - max(EDGE_PX, is_beside_legend * self.legend.width)
-        left = x + beside if x + beside + width <= right else x - beside - width
-        self._card(canvas, lines, max(left, EDGE_PX), top)
+        left = x + beside_px if x + beside_px + width <= right else x - beside_px - width
+        self._panel(canvas, lines, max(left, EDGE_PX), top)
 
-    def _card(
+    def _panel(
         self, canvas: Canvas, lines: Sequence[str], x: float, y: float, align: tuple[float, float] = (0.0, 0.0)
     ) -> tuple[int, int]:
-        """Lines on a card; `align` is the share of the card left of and above (x, y). Where it ends: right, bottom."""
+        """Paint lines on a panel, a share `align` of it left of and above (x, y); return its right and lower end."""
         if not lines:
             return 0, 0
         lines = _wrapped(tuple(lines), canvas.width)
         width, height = _size(lines)
         left, top = round(x - align[0] * width), round(y - align[1] * height)
-        canvas.surface.blit(plain_card(width, height, self.theme.card, self.theme.border), (left, top))
+        canvas.surface.blit(plain_panel(width, height, self.theme.card, self.theme.border), (left, top))
         for row, line in enumerate(lines):
             canvas.text(line, left + _PAD_PX, top + _PAD_PX + row * _LINE_PX, _FONT_PX, self.theme.ink)
         return left + width, top + height
@@ -122,7 +97,7 @@ class Words:
             canvas.text(words, x, y, _SMALL_PX, self.theme.ink, edge=self.theme.background[:3])
             return
         width = max(text_width(words, _FONT_PX) + 10, 22)
-        card = plain_card(width, 22, self.theme.accent, radius=11)
+        card = plain_panel(width, 22, self.theme.accent, radius=11)
         canvas.surface.blit(card, (round(x - width / 2), round(y - 11)))
         canvas.text(words, x - text_width(words, _FONT_PX) / 2, y - 6, _FONT_PX, self.theme.background)
 
@@ -138,7 +113,7 @@ def _short(line: str) -> str:
 
 @lru_cache(maxsize=256)
 def _wrapped(lines: tuple[str, ...], width_px: int) -> tuple[str, ...]:
-    """The lines of a card as narrow as the window."""
+    """The lines of a panel as narrow as the window."""
     room, narrow = width_px - 2 * (EDGE_PX + _PAD_PX), list[str]()
     for line in lines:
         narrow.append("")
@@ -155,3 +130,63 @@ def _wrapped(lines: tuple[str, ...], width_px: int) -> tuple[str, ...]:
 def _size(words: tuple[str, ...]) -> tuple[int, int]:
     widest = max(text_width(line, _FONT_PX) for line in words)
     return widest + 2 * _PAD_PX, len(words) * _LINE_PX + 2 * _PAD_PX - 5
+
+
+class WindowLegend:
+    """What colours mean, in the upper right corner of the window."""
+
+    def __init__(self, theme: Theme) -> None:
+        self._theme = theme
+        self._explained: tuple[tuple[Block, ...], int, int] = ((), 1, 1)
+        self._legend = Legend(*self._explained)
+        self._glass: Any = None
+
+    @property
+    def blocks(self) -> tuple[Block, ...]:
+        """What it explains."""
+        return self._explained[0]
+
+    @property
+    def width(self) -> int:
+        """Pixels from the right edge of the window; 0 where there is no legend, or no room for it."""
+        return round(self._legend.aside)
+
+    @property
+    def height(self) -> int:
+        """Likewise, downwards."""
+        return round(self._legend.depth)
+
+    def explain(self, blocks: tuple[Block, ...], width: int, height: int) -> None:
+        """Say this from now on, in a window of so many pixels."""
+        if (blocks, width, height) != self._explained:
+            self._explained, self._glass = (blocks, width, height), None
+            self._legend = Legend(blocks, width, height - _FOOT_PX)
+
+    def paint(self, canvas: Canvas, top: int) -> None:
+        """Paint it from `top` downwards, if there is room for it above the foot of the window."""
+        if self.width and top + self.height <= canvas.height - _FOOT_PX:
+            if self._glass is None:
+                self._glass = on_glass(self._painted)
+            place = canvas.width - self.width, top
+            canvas.surface.blit(self._glass, place, special_flags=load().BLEND_PREMULTIPLIED)
+
+    def _painted(self, behind: Any) -> Any:
+        canvas, theme = Canvas(self.width, self.height), self._theme
+        canvas.fill(behind)
+        card = plain_panel(self.width - EDGE_PX, self.height - EDGE_PX, theme.card, theme.border)
+        canvas.surface.blit(card, (0, EDGE_PX))
+        camera = Camera(canvas.width, canvas.height, 0.0, 0.0, 1.0)
+        Painting(self._legend.commands(camera, background=theme.card, ground=0)).paint(canvas, camera)
+        return canvas.surface
+
+
+@lru_cache(maxsize=64)
+def plain_panel(width: int, height: int, color: Rgba, border: Rgba | None = None, radius: int = 8) -> Any:
+    """An empty panel with round corners, as a surface."""
+    pygame = load()
+    surface = pygame.Surface((width, height), pygame.SRCALPHA, 32)
+    if border is not None:
+        pygame.draw.rect(surface, border, surface.get_rect(), border_radius=radius)
+    inside = surface.get_rect() if border is None else surface.get_rect().inflate(-2, -2)
+    pygame.draw.rect(surface, color, inside, border_radius=radius - (border is not None))
+    return surface

@@ -20,6 +20,8 @@ class Pace:
         clock: of the library.
         is_capped: whether frames wait for their time.
         is_paused: whether turns stand still.
+        is_showing: whether a turn is being shown.
+        shown_seconds: how much of it was shown.
     """
 
     def __init__(self, max_fps: float) -> None:
@@ -28,6 +30,7 @@ class Pace:
         self.max_fps = max_fps
         self.clock: Any = load().time.Clock()
         self.is_capped = self.is_paused = self.is_stepping = False
+        self.is_showing, self.shown_seconds = False, 0.0
         self._speed = _SPEEDS.index(1.0)
 
     @property
@@ -52,16 +55,33 @@ class Pace:
         """Show one turn, then stand still."""
         self.is_paused = self.is_stepping = True
 
+    def begin_turn(self) -> None:
+        """Begin to show a turn."""
+        self.is_showing, self.shown_seconds = True, 0.0
+        self.clock.tick()
+
     def end_turn(self) -> None:
-        """A turn has been shown."""
-        self.is_stepping = False
+        """End the turn that is shown."""
+        self.is_showing, self.shown_seconds, self.is_stepping = False, 0.0, False
+        self.clock.tick()
+
+    def share(self, turn_seconds: float) -> float:
+        """How much of a turn of so many seconds is shown, from 0.0 to 1.0."""
+        if not self.is_showing or turn_seconds <= 0.0:
+            return 1.0
+        return min(self.shown_seconds / turn_seconds, 1.0)
+
+    def tick(self, turn_seconds: float) -> float:
+        """End a frame, and the turn if all of it is shown: seconds since the frame before."""
+        is_over = self.is_showing and self.shown_seconds >= turn_seconds and not self.stands
+        seconds = float(self.clock.tick(self.max_fps if self.is_capped else 0)) / 1000.0
+        if self.is_showing and not self.stands:
+            self.shown_seconds += seconds * self.speed
+        if is_over:
+            self.end_turn()
+        return seconds
 
     @staticmethod
     def now() -> float:
         """Seconds since some moment."""
         return monotonic()
-
-    def tick(self) -> tuple[float, float]:
-        """End a frame: seconds since the one before, and how much of them counts for the turn that is shown."""
-        seconds = self.clock.tick(self.max_fps if self.is_capped else 0) / 1000.0
-        return seconds, 0.0 if self.stands else seconds * self.speed

@@ -6,7 +6,7 @@ from gamms.errors import BadValue, nearest
 from gamms.text import shown
 from gamms.visual.appearance import BY_NIGHT
 from gamms.visual.color import PAPER, Rgba
-from gamms.visual.undeclared import ON_PAPER, MapTones
+from gamms.visual.default_scene import ON_PAPER, MapTones
 
 
 class Theme(NamedTuple):

@@ -8,8 +8,8 @@ import numpy as np
 
 from gamms.typing import IContext
 from gamms.visual.color import rgba
+from gamms.visual.drawing import drawing_of
 from gamms.visual.motion import Motion, Moves
-from gamms.visual.primitives import primitives_of
 
 _ALPHA = 150
 _FEW, _WIDTH_PX, _THIN_PX = 200, 3.0, 1.0  # so many are drawn broad; more of them fast
@@ -56,4 +56,4 @@ def _draw(ctx: IContext, moves: Moves, share: float, colors: dict[str, Any], alp
     width = _WIDTH_PX if len(moves.rows) <= _FEW else _THIN_PX
     for color, lines in by_color.items():
         points, offsets = list(chain.from_iterable(lines)), np.cumsum([0, *map(len, lines)])
-        primitives_of(ctx).render_lines(points, offsets, (*color[:3], alpha), width)
+        drawing_of(ctx).render_lines(points, offsets, (*color[:3], alpha), width)

@@ -1,13 +1,13 @@
-"""What a scenario looks like when nobody said so: grey streets, toned buildings, and agents in colours.
+"""The default scene of a scenario that declares no visuals: grey streets, toned buildings, and agents in colours.
 
 Agents have the colours of their teams, or their own. What few sensors see is drawn in the colours of the living
 agents that carry them, below the agents. Flags, territories and the tags of this turn are drawn, and a legend tells
 the teams.
 """
 
-from collections.abc import Mapping
+from collections.abc import Container, Mapping
 from types import MappingProxyType
-from typing import Any, NamedTuple, cast
+from typing import Any, NamedTuple
 
 import numpy as np
 
@@ -18,7 +18,6 @@ from gamms.typing.artist import Drawer
 from gamms.visual.appearance import BY_DAY, AgentData, GraphData, WallTones
 from gamms.visual.artist import Artist
 from gamms.visual.color import Rgb
-from gamms.visual.declarations import Declarations
 from gamms.visual.drawers import render_agent, render_graph, render_obstacles, render_sensor
 from gamms.visual.drawers.graph import usual
 from gamms.visual.drawers.rules import (
@@ -29,11 +28,11 @@ from gamms.visual.drawers.rules import (
 )
 from gamms.visual.drawers.sensors import render_rings, render_sight
 from gamms.visual.drawers.tags import render_tags
+from gamms.visual.drawing import drawing_of
 from gamms.visual.layers import Layer
 from gamms.visual.legend import Row, Rows, legend_only
-from gamms.visual.primitives import primitives_of
-from gamms.visual.sides import side_colors, side_of
 from gamms.visual.sights import Sight, says_something
+from gamms.visual.teams import side_colors, side_of
 
 MOST_SENSORS = 20  # more of them would hide what happens
 _NOBODYS = (110, 114, 120)
@@ -56,7 +55,7 @@ class MapTones(NamedTuple):
 ON_PAPER = MapTones((165, 168, 172), (140, 143, 148), BY_DAY)
 
 
-class Undeclared:
+class DefaultScene:
     """The artists of a scenario that declares none, kept as long as what they depend on stays the same.
 
     Args:
@@ -76,11 +75,11 @@ class Undeclared:
         self._territories: dict[str, TerritoryDrawer] = {}  # who know the places
         self._tags, self._legend = Artist(ctx, render_tags, Layer.TAGS), legend_of_teams(ctx)
 
-    def artists(self) -> dict[str, IArtist]:
+    def artists(self, declared: Container[str]) -> dict[str, IArtist]:
         """Artists of the map, every agent, the sensors while they are few, what rules keep, and the legend, by name."""
         self._renew_map()
         self._renew_agents()
-        return self._map | self._agents | self._sensors() | self.of_rules() | {"legend": self._legend}
+        return self._map | self._agents | self._sensors(declared) | self.of_rules() | {"legend": self._legend}
 
     def of_rules(self) -> dict[str, IArtist]:
         """Artists of what rules remember, which is all that a replay has, under the names by which rules draw it."""
@@ -127,14 +126,14 @@ class Undeclared:
             self._agents[name] = disc = Artist(self._ctx, render_agent, Layer.AGENTS)
             disc.data = {"agent_data": AgentData(name, color, self._unit, least_px=least_px), "_alpha": 1.0}
 
-    def _sensors(self) -> dict[str, IArtist]:
+    def _sensors(self, declared: Container[str]) -> dict[str, IArtist]:
         """Artists of what sensors see, asked for anew each time."""
         nodes, found = len(self._ctx.graph.columns().node_ids), dict[str, list[Sight]]()
-        for sight in primitives_of(self._ctx).carriers.sights(MOST_SENSORS):
+        for sight in drawing_of(self._ctx).carriers.sights(MOST_SENSORS):
             if sight.view is None or _is_told(sight.view, nodes):
                 found.setdefault(sight.sensor.sensor_id, []).append(sight)
         colored = {name: [(self._color_of(one.carrier), one.view) for one in sights] for name, sights in found.items()}
-        self._views = artists_of_sights(self._ctx, colored, self._unit, self._views)
+        self._views = artists_of_sights(self._ctx, colored, self._unit, declared, self._views)
         return dict(self._views)
 
     def _color_of(self, carrier: str | None) -> Rgb:
@@ -142,7 +141,11 @@ class Undeclared:
 
 
 def artists_of_sights(
-    ctx: IContext, sights: ColoredSights, unit: float, before: Mapping[str, Artist] = MappingProxyType({})
+    ctx: IContext,
+    sights: ColoredSights,
+    unit: float,
+    declared: Container[str],
+    before: Mapping[str, Artist] = MappingProxyType({}),
 ) -> dict[str, Artist]:
     """Return artists of what sensors see: one for each, and one for the rings of all that are drawn so.
 
@@ -150,6 +153,7 @@ def artists_of_sights(
         ctx: the context.
         sights: sensor -> a colour and a view for each of its carriers; a view that is None cannot be drawn.
         unit: the radius of agents.
+        declared: names of artists that were declared.
         before: artists to be used again.
     """
     artists, look = dict[str, Artist](), {"size": RING * unit, "node_size": 0.5 * unit}
@@ -160,11 +164,10 @@ def artists_of_sights(
         artists[f"sensor_{name}"] = artist = before.get(f"sensor_{name}") or Artist(ctx, drawer, Layer.SEEN)
         artist.set_drawer(drawer)
         artist.data = {"name": name, "color": views[0][0], "sights": views, **look}
-    declared = cast("Declarations", ctx.visual).artist
     ringed = [
         (color, view)
         for name, views in sights.items()
-        if declared(f"sensor_{name}") is None
+        if f"sensor_{name}" not in declared
         for color, view in views
         if view is not None and view.names
     ]

@@ -1,14 +1,12 @@
 """What keys, mouse and window buttons do."""
 
-from collections.abc import Callable
-from typing import TYPE_CHECKING, Any
+from collections.abc import Callable, Mapping
+from typing import Any, NamedTuple
 
 from gamms.visual.backends.pygame import load
-from gamms.visual.window.asking import Flight, Walk
+from gamms.visual.window.asking import Flight, Question, Walk
+from gamms.visual.window.camera import Point, WindowCamera
 from gamms.visual.window.pointing import nearest
-
-if TYPE_CHECKING:
-    from gamms.visual.window.engine import WindowEngine
 
 _ZOOM = 1.05  # of a notch of the wheel, or a tap on a key
 _KEY_ZOOM = 4.0  # per second
@@ -26,21 +24,35 @@ HELP = (
 )
 
 
-class Controls:
+class Handlers(NamedTuple):
+    """What a window does for a person."""
+
+    keys: Mapping[str, Callable[[], None]]  # by the names of keys, as in pygame
+    click: Callable[[Point], None]  # on a point of the screen
+    quit: Callable[[], None]
+    resize: Callable[[int, int], None]  # to a width and height, pixels
+    question: Callable[[], Question | None]  # that the person is asked
+    map_extent: Callable[[], float | None]  # world units
+    is_over: Callable[[], bool]
+
+
+class Input:
     """Turns events into what the window does.
 
     Attributes:
         pointer: where the mouse is, in pixels; None while it is elsewhere.
     """
 
-    def __init__(self, engine: "WindowEngine") -> None:
-        self._engine = engine
-        self.pointer: tuple[float, float] | None = None
+    def __init__(self, camera: WindowCamera, handlers: Handlers) -> None:
+        self._camera, self._do = camera, handlers
+        self.pointer: Point | None = None
         self._held: set[int] = set()
-        self._drag: tuple[float, float] | None = None
+        self._drag: Point | None = None
         self._dragged_px = 0.0
         pygame = load()
-        self._events, self._keys = self._event_actions(pygame), self._key_actions(pygame)
+        self._events = self._event_actions(pygame)
+        zooms = {"PAGEUP": lambda: self._zoom(1 / _ZOOM), "PAGEDOWN": lambda: self._zoom(_ZOOM)}
+        self._keys = {getattr(pygame, f"K_{name}"): action for name, action in {**zooms, **handlers.keys}.items()}
         self._ways = {
             pygame.K_w: (0, 1, 0), pygame.K_s: (0, -1, 0), pygame.K_a: (-1, 0, 0), pygame.K_d: (1, 0, 0),
             pygame.K_UP: (0, 1, 0), pygame.K_DOWN: (0, -1, 0), pygame.K_LEFT: (-1, 0, 0), pygame.K_RIGHT: (1, 0, 0),
@@ -62,32 +74,10 @@ class Controls:
             pygame.VIDEORESIZE: self._resize,
         }
 
-    def _key_actions(self, pygame: Any) -> dict[int, Callable[[], None]]:
-        engine = self._engine
-        pace, words = engine.pace, engine.words
-        return {
-            pygame.K_SPACE: pace.pause,
-            pygame.K_PERIOD: pace.step,
-            pygame.K_KP_PERIOD: pace.step,
-            pygame.K_PLUS: lambda: pace.faster(1),
-            pygame.K_EQUALS: lambda: pace.faster(1),
-            pygame.K_KP_PLUS: lambda: pace.faster(1),
-            pygame.K_MINUS: lambda: pace.faster(-1),
-            pygame.K_KP_MINUS: lambda: pace.faster(-1),
-            pygame.K_PAGEUP: lambda: self._zoom(1 / _ZOOM),
-            pygame.K_PAGEDOWN: lambda: self._zoom(_ZOOM),
-            pygame.K_HOME: engine.see_everything,
-            pygame.K_h: words.toggle,
-            pygame.K_F1: words.toggle_help,
-            pygame.K_l: engine.toggle_labels,
-            pygame.K_t: engine.toggle_trails,
-            pygame.K_ESCAPE: engine.unpin,
-        }
-
     def handle(self, events: list[Any]) -> None:
         """Do what the events say, in order; after the window was closed, nothing more."""
         for event in events:
-            if self._engine.ctx.is_terminated():
+            if self._do.is_over():
                 return
             action = self._events.get(event.type)
             if action is not None:
@@ -95,7 +85,7 @@ class Controls:
 
     def glide(self, seconds: float) -> None:
         """Move the camera by the keys that are held: by half a half width, or four times as near, per second."""
-        view = self._engine._render_manager
+        view = self._camera
         across, up, out = (sum(self._ways[key][axis] for key in self._held) for axis in range(3))
         if out:
             self._zoom(_KEY_ZOOM ** (out * seconds))
@@ -106,16 +96,16 @@ class Controls:
     # -- the window ------------------------------------------------------------------------------------------
 
     def _quit(self, event: Any) -> None:  # noqa: ARG002
-        self._engine.quit()
+        self._do.quit()
 
     def _resize(self, event: Any) -> None:
-        self._engine.resized(event.w, event.h)
+        self._do.resize(event.w, event.h)
 
     def _leave(self, event: Any) -> None:  # noqa: ARG002
         self.pointer, self._drag = None, None
 
     def _lose_focus(self, event: Any) -> None:
-        """Let go of everything: what is released meanwhile is told to somebody else."""
+        """Release all keys and buttons: another window gets the events of their release."""
         self._leave(event)
         self._held.clear()
 
@@ -133,7 +123,7 @@ class Controls:
         self._held.discard(event.key)
 
     def _answer_by_key(self, key: int) -> bool:
-        pygame, asked = load(), self._engine.question
+        pygame, asked = load(), self._do.question()
         if asked is None:
             return False
         if key in self._digits:
@@ -158,7 +148,7 @@ class Controls:
             self._drag, self._dragged_px = event.pos, 0.0
 
     def _answer_by_click(self, x: float, y: float) -> bool:
-        asked, view = self._engine.question, self._engine._render_manager
+        asked, view = self._do.question(), self._camera
         if isinstance(asked, Flight):
             asked.point_at(*view.screen_to_world(x, y))
             return True
@@ -176,21 +166,19 @@ class Controls:
         right, down = event.pos[0] - self._drag[0], event.pos[1] - self._drag[1]
         self._dragged_px += abs(right) + abs(down)
         if self._dragged_px >= _CLICK_PX:
-            self._engine._render_manager.move_by(right, down)
+            self._camera.move_by(right, down)
             self._drag = event.pos
 
     def _let_go(self, event: Any) -> None:
         is_click = self._drag is not None and self._dragged_px < _CLICK_PX
         self._drag = None
         if is_click and event.button == 1:
-            self._engine.pin(event.pos)
+            self._do.click(event.pos)
 
     def _wheel(self, event: Any) -> None:
         notches = getattr(event, "precise_y", 0.0) or event.y
         self._zoom(_ZOOM**-notches)
 
     def _zoom(self, factor: float) -> None:
-        view = self._engine._render_manager
-        xy = self._engine.ctx.graph.columns().xy
-        extent = float((xy.max(axis=0) - xy.min(axis=0)).max()) if len(xy) > 1 else _CLOSEST * _ACROSS
-        view.zoom(factor, self.pointer, min(_CLOSEST, extent / _ACROSS))
+        extent = self._do.map_extent() or _CLOSEST * _ACROSS
+        self._camera.zoom(factor, self.pointer, min(_CLOSEST, extent / _ACROSS))

@@ -1,31 +1,24 @@
-"""Where the window looks: a camera that can be moved, conversions, and what it does not see."""
-
-from collections.abc import Sequence
-
-import numpy as np
+"""The camera of a window, which keys, mouse and programs move."""
 
 from gamms.arguments import as_float, as_int
 from gamms.errors import BadValue
 from gamms.ir.graph import FloatArray
-from gamms.typing import IContext
 from gamms.visual.camera import Camera
-from gamms.visual.clipping import clipped, inside
 
 Point = tuple[float, float]
 Margins = tuple[float, float, float, float]  # left, top, right, bottom; pixels
-_HALF_WIDTH = 15.0  # world units, of a camera that nobody has pointed anywhere
+_HALF_WIDTH = 15.0  # world units, of a camera that was not pointed anywhere
 _CLOSEST = 1e-6  # world units: half the width of the closest look
 _NO_MARGINS = (0.0, 0.0, 0.0, 0.0)
 _STEADY, _STEP = 1.3, 0.5  # a camera that sees so many times as much, or moves by such a share of its view, leaps
 
 
-class RenderManager:
+class WindowCamera:
     """The camera of a window; setting one of its values changes the next frame.
 
     World coordinates are y up; screen coordinates are pixels, y down; viewport coordinates go from 0.0 to 1.0.
 
     Args:
-        ctx: the context.
         camera_x: the world point in the middle of the screen.
         camera_y: likewise.
         camera_size: half the visible width, in world units.
@@ -35,17 +28,15 @@ class RenderManager:
 
     def __init__(
         self,
-        ctx: IContext,
         camera_x: float = 0.0,
         camera_y: float = 0.0,
         camera_size: float = _HALF_WIDTH,
         screen_width: int = 1280,
         screen_height: int = 720,
     ) -> None:
-        self.ctx = ctx
         self._x, self._y, self._size = camera_x, camera_y, camera_size
         self._width, self._height = screen_width, screen_height
-        self.is_pointed = False  # whether somebody has said where to look
+        self.is_pointed = False  # whether a person or a program has said where to look
 
     # -- what can be set -------------------------------------------------------------------------------------
 
@@ -106,10 +97,6 @@ class RenderManager:
         if width <= 0 or height <= 0:
             raise BadValue(f"A screen needs a positive width and height, not {width} x {height}.")
         self._width, self._height = width, height
-
-    def set_origin(self, x: float, y: float, graph_width: float = 0.0, graph_height: float = 0.0) -> None:  # noqa: ARG002 - 1.0.0 takes and ignores them
-        """Look at a world point, cut to whole units."""
-        self.camera_x, self.camera_y = int(x), int(y)
 
     def look_at_box(
         self, low: FloatArray, high: FloatArray, margins: Margins = _NO_MARGINS, *, is_pointed: bool = False
@@ -191,64 +178,6 @@ class RenderManager:
     def screen_to_world(self, x: float, y: float) -> Point:
         """A point in pixels as a world point."""
         return self.bound_left + x / self.scale, self.bound_bottom - y / self.scale
-
-    def world_to_screen_scale(self, world_size: float) -> float:
-        """A length in world units as pixels."""
-        return world_size * self.scale
-
-    def screen_to_world_scale(self, screen_size: float) -> float:
-        """A length in pixels as world units."""
-        return screen_size / self.scale
-
-    def viewport_to_screen(self, x: float, y: float) -> Point:
-        """A share of the screen in pixels."""
-        return x * self._width, y * self._height
-
-    def screen_to_viewport(self, x: float, y: float) -> Point:
-        """A point in pixels as shares of the screen."""
-        return x / self._width, y / self._height
-
-    def viewport_to_screen_scale(self, viewport_size: float) -> float:
-        """A share of the width in pixels."""
-        return viewport_size * self._width
-
-    def screen_to_viewport_scale(self, screen_size: float) -> float:
-        """A length in pixels as a share of the width."""
-        return screen_size / self._width
-
-    # -- culling: whether nothing of it is seen --------------------------------------------------------------
-
-    def check_circle_culled(self, x: float, y: float, radius: float) -> bool:
-        """Whether a disc is wholly outside."""
-        beyond = (
-            max(self.bound_left - x, x - self.bound_right, 0.0),
-            max(self.bound_top - y, y - self.bound_bottom, 0.0),
-        )
-        return float(np.hypot(*beyond)) > radius
-
-    def check_line_culled(self, x1: float, y1: float, x2: float, y2: float) -> bool:
-        """Whether a line is wholly outside."""
-        return self.check_lines_culled([(x1, y1), (x2, y2)])
-
-    def check_lines_culled(self, points: Sequence[Point]) -> bool:
-        """Whether a polyline is wholly outside."""
-        corners = np.asarray(points, np.float64).reshape(-1, 2)
-        return not self._is_crossed(corners[:-1], corners[1:])
-
-    def check_polygon_culled(self, points: Sequence[Point]) -> bool:
-        """Whether a filled polygon is wholly outside; one around everything that is seen is not."""
-        corners = np.asarray(points, np.float64).reshape(-1, 2)
-        is_crossed = self._is_crossed(corners, np.roll(corners, -1, axis=0))
-        return not (is_crossed or inside(np.array([(self._x, self._y)]), corners).any())
-
-    def check_rectangle_culled(self, x: float, y: float, width: float, height: float) -> bool:
-        """Whether what `render_rectangle` draws, from its top-left corner and in pixels, is wholly outside."""
-        left, top = self.world_to_screen(x, y)
-        return left > self._width or top > self._height or left + width < 0.0 or top + height < 0.0
-
-    def _is_crossed(self, starts: FloatArray, ends: FloatArray) -> bool:
-        box = (self.bound_left, self.bound_top), (self.bound_right, self.bound_bottom)
-        return len(clipped(starts, ends, *box)[0]) > 0
 
 
 def _shift(margins_px: float, slack_px: float) -> float:

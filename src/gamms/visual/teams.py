@@ -1,4 +1,4 @@
-"""Sides: whose colour an agent has, who the teams are, and what has happened in the turn that is shown."""
+"""Colours of teams, and the events of the turn that is shown."""
 
 from collections.abc import Iterable
 from typing import Any
@@ -18,8 +18,8 @@ def side_colors(ctx: IContext, more: Iterable[Any] = ()) -> dict[str, Rgb]:
     return team_colors([*map(side_of, ctx.agent.create_iter()), *more])
 
 
-class Happenings:
-    """Which events of `ctx.game` belong to the turn that is shown; replays tell them, too."""
+class TurnEvents:
+    """The events of `ctx.game`, or of its replay, in the turn that is shown."""
 
     def __init__(self, ctx: IContext) -> None:
         self._ctx = ctx

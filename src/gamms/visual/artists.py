@@ -1,0 +1,343 @@
+"""Artists by name: declared with keywords, added by the caller, or made from the specs of a recording."""
+
+from collections.abc import Callable, Mapping
+from typing import TYPE_CHECKING, Any, NamedTuple
+
+from gamms.arguments import as_name
+from gamms.deciding import Guarded, Protected, outside_of_deciding, phase_of, refused_while_deciding
+from gamms.errors import BadType, BadValue, ContextTerminated
+from gamms.text import shown
+from gamms.typing import ArtistType, IArtist, IContext
+from gamms.typing.artist import Drawer
+from gamms.visual.appearance import AgentData, Circle, GraphData, Rectangle
+from gamms.visual.artist import Artist, looks_of
+from gamms.visual.colormaps import Colorize
+from gamms.visual.constants import Shape
+from gamms.visual.drawers import (
+    render_agent,
+    render_circle,
+    render_graph,
+    render_obstacles,
+    render_rectangle,
+    render_sensor,
+)
+from gamms.visual.layers import Layer
+from gamms.visual.teams import TurnEvents
+
+if TYPE_CHECKING:
+    from gamms.visual.default_scene import DefaultScene
+
+_Data = dict[str, Any]
+
+
+class _Kind(NamedTuple):
+    """What one drawer draws."""
+
+    drawer: Drawer
+    names: tuple[str, ...]  # of the keywords
+    keyspec_of: Callable[[_Data], _Data]  # may have more, and may raise where the data are the caller's
+    data_of: Callable[[_Data], _Data]
+    is_static: bool = False
+
+
+def _of_shape(kind: type) -> Callable[[_Data], _Data]:
+    return lambda data: next((value.__dict__ for value in data.values() if isinstance(value, kind)), data)
+
+
+_KINDS = {
+    "graph": _Kind(
+        render_graph,
+        ("node_color", "node_size", "edge_color", "draw_id"),
+        lambda data: data["graph_data"].__dict__,
+        lambda given: {"graph_data": GraphData(**given)},
+        is_static=True,
+    ),
+    "obstacles": _Kind(render_obstacles, ("color_map", "boundary_thickness", "fill"), dict, dict, is_static=True),
+    "agent": _Kind(
+        render_agent,
+        ("name", "color", "size"),
+        lambda data: data["agent_data"].__dict__,
+        lambda given: {"agent_data": AgentData(**given), "_alpha": 1.0},
+    ),
+    "sensor": _Kind(render_sensor, ("name", "color", "size", "node_color", "node_size", "edge_color"), dict, dict),
+    "circle": _Kind(render_circle, ("x", "y", "radius", "scale", "color"), _of_shape(Circle), dict),
+    "rectangle": _Kind(render_rectangle, ("x", "y", "width", "height", "color"), _of_shape(Rectangle), dict),
+}
+_NAME_OF = {kind.drawer: name for name, kind in _KINDS.items()}
+
+
+def spec_of(name: str, artist: IArtist) -> dict[str, Any] | None:
+    """Describe an artist: `name`, `kind`, `keywords`, `layer`, `visible`; None unless its drawer is built in."""
+    kind = _NAME_OF.get(artist.get_drawer())  # type: ignore[arg-type]  # None is in no table
+    if kind is None:
+        return None
+    try:
+        given = _KINDS[kind].keyspec_of(artist.data)
+        keywords = {key: given[key] for key in _KINDS[kind].names if key in given}
+    except (KeyError, TypeError, ValueError, AttributeError):  # data of the caller's own, which do not draw, either
+        return None
+    layer, visible = artist.get_layer(), artist.get_visible()
+    return {"name": name, "kind": kind, "keywords": keywords, "layer": layer, "visible": visible}
+
+
+def artist_of(ctx: IContext, spec: dict[str, Any]) -> Artist | None:
+    """Make an artist from its spec; None if it is of an unknown kind.
+
+    Raises:
+        KeyError, BadType, TypeError: this is no spec.
+    """
+    kind = _KINDS.get(spec["kind"])
+    if kind is None:
+        return None
+    if not isinstance(spec["keywords"], dict):
+        raise BadType(f"The keywords of artist {shown(spec['name'])} must be a dict, not {shown(spec['keywords'])}.")
+    artist = Artist(ctx, kind.drawer, spec["layer"])
+    artist.data = kind.data_of({key: value for key, value in spec["keywords"].items() if key in kind.names})
+    artist.set_visible(spec["visible"])
+    if kind.is_static:
+        artist.set_artist_type(ArtistType.STATIC)
+    return artist
+
+
+class Artists(Guarded):
+    """The artists of a context by name: those that were declared or added, and those of the default scene.
+
+    Args:
+        ctx: the context.
+        events: of the turn that is shown.
+
+    Attributes:
+        declared: every artist that was declared or added.
+        is_declared: whether visuals were declared, so that there is no default scene.
+        edits: a number that changes whenever an artist is declared, added or removed.
+    """
+
+    _called = "ctx.visual"
+
+    declared: Protected[dict[str, IArtist]] = Protected()
+
+    def __init__(self, ctx: IContext, events: TurnEvents) -> None:
+        self._phase = phase_of(ctx)
+        self._ctx, self._events = ctx, events
+        self.declared = {}
+        self._proposed: dict[str, IArtist] = {}
+        self.is_declared = False
+        self._is_replayed = False  # declared visuals are those of a recording, where rules drew, too
+        self._default: DefaultScene | None = None
+        self.edits = 0
+
+    # -- shown -----------------------------------------------------------------------------------------------
+
+    @outside_of_deciding
+    def shown(self, scene: "DefaultScene | None" = None) -> dict[str, IArtist]:
+        """The artists that draw: the declared ones, and those of a default scene as far as none were declared.
+
+        Raises:
+            ContextTerminated: the context has ended.
+        """
+        if self._ctx.is_terminated():
+            raise ContextTerminated("the state to draw")
+        artists = self._of_default(scene) | self.declared
+        if not self._events.eliminated():
+            return artists
+        from gamms.visual.drawers.tags import render_eliminated
+
+        marks = Artist(self._ctx, render_eliminated, Layer.TAGS)
+        marks.data = {"colors": {look.name: look.color for look in looks_of(artists)}}
+        return {"eliminated": marks} | artists
+
+    def _of_default(self, scene: "DefaultScene | None") -> dict[str, IArtist]:
+        """All of the default scene where nothing was declared; in a replay of declared visuals, what its rules drew."""
+        if self.is_declared and not self._is_replayed:
+            return {}
+        if scene is None:
+            from gamms.visual.default_scene import DefaultScene
+
+            scene = self._default = self._default or DefaultScene(self._ctx)
+        return scene.of_rules() if self.is_declared else scene.artists(self.declared)
+
+    # -- declared --------------------------------------------------------------------------------------------
+
+    @refused_while_deciding
+    def set_graph_visual(self, **kwargs: Any) -> Artist:
+        """Declare how the graph looks: `node_color`, `node_size`, `edge_color`, `draw_id`."""
+        look = _known(kwargs, "node_color", "node_size", "edge_color", "draw_id")
+        artist = Artist(self._ctx, render_graph, Layer.GRAPH)
+        artist.set_artist_type(ArtistType.STATIC)
+        artist.data = {"graph_data": GraphData(**look)}
+        return self._declare("graph", artist)
+
+    @refused_while_deciding
+    def set_obstacle_visual(self, **kwargs: Any) -> Artist:
+        """Declare how obstacles look: `color_map` (type -> colour), `boundary_thickness` (world units), `fill`.
+
+        Where `fill` is true, what walls stand around is filled: in the colour of its type in `color_map`, or else in
+        a tone that says how high it is. Otherwise only the top edges of faces are drawn.
+        """
+        artist = Artist(self._ctx, render_obstacles, Layer.OBSTACLES)
+        artist.set_artist_type(ArtistType.STATIC)
+        artist.data = {"color_map": {}, "boundary_thickness": 1.0}
+        artist.data |= _known(kwargs, "color_map", "boundary_thickness", "fill")
+        return self._declare("obstacles", artist)
+
+    @refused_while_deciding
+    def set_agent_visual(self, name: str, **kwargs: Any) -> Artist:
+        """Declare how an agent looks: `color`, `size` (world units), `image_path`; it need not exist yet."""
+        look = AgentData(name, image=kwargs.get("image_path"), **_known(kwargs, "color", "size"))
+        artist = Artist(self._ctx, render_agent, Layer.AGENTS)
+        artist.data = {"agent_data": look, "_alpha": 1.0}
+        return self._declare(name, artist)
+
+    @refused_while_deciding
+    def set_sensor_visual(self, name: str, **kwargs: Any) -> Artist:
+        """Declare how a sensor's last view looks: `color`, `size`, or `node_color`, `edge_color`; `layer`."""
+        artist = Artist(self._ctx, render_sensor, kwargs.get("layer", Layer.SENSORS))
+        artist.data = {"name": name, **_known(kwargs, "color", "size", "node_color", "edge_color")}
+        return self._declare(f"sensor_{name}", artist)
+
+    @refused_while_deciding
+    def set_values(
+        self,
+        *,
+        nodes: Mapping[int, float] | None = None,
+        edges: Mapping[int, float] | None = None,
+        cmap: str | Colorize = "viridis",
+        vmin: float | None = None,
+        vmax: float | None = None,
+        name: str = "values",
+    ) -> Artist | None:
+        """Show a value of each node, or of each edge, as a colour, and explain the colours in a legend.
+
+        Calling it again replaces what was shown under that name; with neither nodes nor edges it is shown no longer.
+
+        Args:
+            nodes: id -> value. One that is NaN, or not there, leaves the node as it is.
+            edges: the same for edges; the higher value is on top where two edges share a street.
+            cmap: "viridis", "magma", "cividis" or "diverging" (palest at 0, unless `vmin` or `vmax` is given), or a
+                function from a value to a colour.
+            vmin: what has the first colour, and all below it; default: the lowest value.
+            vmax: what has the last colour, and all above it; default: the highest value.
+            name: of the artist; another than "values" is the title of the legend.
+
+        Returns:
+            The artist, on layer `Layer.VALUES`; None where nothing is shown.
+
+        Raises:
+            UnknownName (KeyError): no such node, edge or colour map.
+            BadType, BadValue: no mapping to numbers, both nodes and edges, or `vmin` not below `vmax`.
+        """
+        from gamms.visual import values
+        from gamms.visual.drawers.values import render_values
+
+        as_name(name, "values")
+        if nodes is not None and edges is not None:
+            raise BadValue("Give nodes or edges; a second call with another name shows both.")
+        if self._ctx.is_terminated():
+            return None
+        given = edges if nodes is None else nodes
+        if given is None:
+            self.declared.pop(name, None)
+            return None
+        columns = self._ctx.graph.columns()
+        of, known = ("edges", columns.edge_ids) if nodes is None else ("nodes", columns.node_ids)
+        artist = Artist(self._ctx, render_values, Layer.VALUES)
+        title = "" if name == "values" else name
+        shown = values.checked(of, given, known, cmap, (vmin, vmax), title)
+        artist.data = {"values": shown, "legend": shown.legend}
+        self.declared[name] = artist
+        return artist
+
+    def _declare(self, name: str, artist: Artist) -> Artist:
+        if not self._ctx.is_terminated():
+            self.declared[as_name(name, "a visual")] = artist
+            self.is_declared = True
+            self.edits += 1
+        return artist
+
+    @refused_while_deciding
+    def add_artist(self, name: str, artist: IArtist | dict[str, Any]) -> IArtist:
+        """Draw an artist; one of that name is replaced.
+
+        A dict becomes the `data` of a new artist; its keys `drawer` (or `shape`) and `layer` say how.
+
+        Raises:
+            BadType: neither an artist nor a dict.
+        """
+        if isinstance(artist, dict):
+            artist = self._artist_of(artist)
+        if not isinstance(artist, IArtist):
+            raise BadType(
+                f"Artist {shown(name)} must be an Artist or a dict, not {shown(artist)} ({type(artist).__name__})."
+            )
+        if not self._ctx.is_terminated():
+            self.declared[as_name(name, "an artist")] = artist
+            self.edits += 1
+        return artist
+
+    @refused_while_deciding
+    def propose_artist(self, name: str, artist: dict[str, Any]) -> None:
+        """Draw an artist unless there is one of that name, as rules do, which never override the caller."""
+        if name not in self.declared:
+            self._proposed[name] = self.add_artist(name, artist)
+
+    @refused_while_deciding
+    def withdraw_artist(self, name: str) -> None:
+        """Remove the artist that was proposed by this name, unless another has taken its place."""
+        artist = self._proposed.pop(name, None)
+        if artist is not None and self.declared.get(name) is artist:
+            self.remove_artist(name)
+
+    def get(self, name: str) -> IArtist | None:
+        """Return the artist that was declared or added under a name; None if there is none."""
+        return self.declared.get(name)
+
+    def _artist_of(self, data: dict[str, Any]) -> Artist:
+        drawer = data.get("drawer", data.get("shape", Shape.Circle))
+        artist = Artist(self._ctx, drawer, data.get("layer", Layer.ARTISTS))
+        artist.data = data
+        return artist
+
+    @refused_while_deciding
+    def remove_artist(self, name: str) -> None:
+        """Draw an artist no longer; a missing one is only warned about."""
+        if self._ctx.is_terminated():
+            return
+        self.edits += 1
+        if self.declared.pop(name, None) is None:
+            self._ctx.logger.warning("There is no artist named %r to remove.", name)
+
+    def specs(self) -> dict[str, Any]:
+        """Describe the `artists` of built-in drawers as plain values, and whether visuals were declared."""
+        artists = [spec_of(name, artist) for name, artist in self.declared.items()]
+        return {"artists": [one for one in artists if one is not None], "is_declared": self.is_declared}
+
+    @refused_while_deciding
+    def add_specs(self, specs: dict[str, Any], own: frozenset[str] = frozenset()) -> frozenset[str]:
+        """Add the artists that `specs` describe, but for those whose names are taken.
+
+        Args:
+            specs: of this or another context.
+            own: the result of an earlier call, whose artists are replaced.
+
+        Returns:
+            The names of the artists that were added.
+
+        Raises:
+            KeyError, BadType (TypeError), TypeError: these are no specs; nothing has changed.
+        """
+        made = {as_name(one["name"], "an artist"): artist_of(self._ctx, one) for one in specs["artists"]}
+        is_declared = bool(specs["is_declared"])
+        if self._ctx.is_terminated():
+            return own
+        for name in own:
+            self.declared.pop(name, None)
+        new = {name: one for name, one in made.items() if one is not None and name not in self.declared}
+        self.declared |= new
+        self.is_declared |= is_declared
+        self._is_replayed = True
+        self.edits += 1
+        return frozenset(new)
+
+
+def _known(given: dict[str, Any], *names: str) -> dict[str, Any]:
+    return {name: given[name] for name in names if name in given}

@@ -1,0 +1,208 @@
+"""Pictures, frames and films of a context."""
+
+import os
+from typing import TYPE_CHECKING
+
+from gamms.deciding import Guarded, Protected, outside_of_deciding, phase_of, refused_while_deciding
+from gamms.errors import ContextTerminated
+from gamms.typing import ColorType, IContext
+from gamms.visual.artist_group import ArtistGroup
+from gamms.visual.artists import Artists
+from gamms.visual.color import PAPER
+from gamms.visual.drawing import Drawing
+
+if TYPE_CHECKING:
+    from gamms.visual.backends.coverage import ByteArray
+    from gamms.visual.film import Film
+    from gamms.visual.scene import Scene
+
+
+class Pictures(Guarded):
+    """Saves what the artists of a context draw.
+
+    Args:
+        ctx: the context.
+        drawing: what they draw with, and where pictures look.
+        artists: those that draw.
+
+    Attributes:
+        films: those that are being made.
+        width, height: of a frame, pixels.
+        turn_seconds: how long a film shows a turn.
+    """
+
+    _called = "ctx.visual"
+
+    films: Protected[list["Film"]] = Protected()
+
+    def __init__(self, ctx: IContext, drawing: Drawing, artists: Artists, turn_seconds: float) -> None:
+        self._phase = phase_of(ctx)
+        self._ctx, self._drawing, self._artists = ctx, drawing, artists
+        self.films = []
+        self.width, self.height, self.turn_seconds = 1280, 720, turn_seconds
+        self._scene: Scene | None = None
+
+    def add_turn(self) -> None:
+        """Add the turn that was just played to the films that are being made."""
+        if self.films and not self._ctx.is_terminated():
+            self._drawing.motion.begin_turn()
+            for film in tuple(self.films):
+                film.add_turn()
+
+    def finish_films(self) -> None:
+        """End the films that are being made."""
+        for film in tuple(self.films):
+            film.finish()
+
+    @outside_of_deciding
+    def save(
+        self,
+        path: str | os.PathLike[str],
+        width: int = 1280,
+        height: int = 720,
+        *,
+        title: str = "",
+        note: str = "",
+        background: ColorType = PAPER,
+        dpi: float = 96.0,
+    ) -> None:
+        """Save a picture of the present state; the suffix of `path` names the format (`.svg`, `.png`).
+
+        Args:
+            path: an existing file is replaced.
+            width: pixels.
+            height: pixels.
+            title: a line above the picture.
+            note: small print in its lower right corner; the source of the map is added to it.
+            background: the colour behind everything.
+            dpi: pixels per inch: how large the picture is on paper.
+
+        Raises:
+            BadValue: a size or dpi that is not positive or too large, or a folder that does not exist.
+            NotYet: a format that cannot be written.
+            MissingExtra (ImportError): PNG needs pygame and Pillow, which are not installed.
+            ContextTerminated: the context has ended.
+        """
+        from gamms.folders import write_whole
+        from gamms.visual import picture
+
+        file = picture.place(path)
+        content = self.picture(file, width, height, title=title, note=note, background=background, dpi=dpi)
+        write_whole(file, content)
+
+    @outside_of_deciding
+    def picture(
+        self,
+        format: str | os.PathLike[str],
+        width: int = 1280,
+        height: int = 720,
+        *,
+        title: str = "",
+        note: str = "",
+        background: ColorType = PAPER,
+        dpi: float = 96.0,
+    ) -> bytes:
+        """A picture of the present state as bytes; `format` is `.svg`, `.png`, or a name that ends so. See `save`.
+
+        Raises:
+            BadValue: a size or dpi that is not positive, or too large.
+            NotYet: a format that cannot be written.
+            MissingExtra (ImportError): PNG needs pygame and Pillow, which are not installed.
+            ContextTerminated: the context has ended.
+        """
+        from gamms.visual import picture
+        from gamms.visual.legend import blocks_of
+
+        sheet, artists = picture.sheet(format, width, height, dpi), self._artists.shown()
+        commands, blocks = ArtistGroup(self._ctx, artists).commands(), blocks_of(self._ctx, artists)
+        camera, note = self._drawing.viewpoint.camera(sheet.width, sheet.height), picture.noted(self._ctx, note)
+        return picture.painted(sheet, commands, blocks, camera, title=title, note=note, background=background)
+
+    @outside_of_deciding
+    def frame(
+        self,
+        width: int | None = None,
+        height: int | None = None,
+        *,
+        title: str = "",
+        note: str = "",
+        background: ColorType = PAPER,
+    ) -> "ByteArray":
+        """The present state as pixels: red, green and blue from 0 to 255, (height, width, 3); see `save`.
+
+        The size is that of the engine, 1280 x 720 if it was given none.
+
+        What STATIC artists drew is kept until the graph, the obstacles or their data change.
+
+        Raises:
+            BadValue: a size that is not positive, or too large.
+            MissingExtra (ImportError): pygame is not installed.
+            ContextTerminated: the context has ended.
+        """
+        from gamms.visual.film import Frames, Source
+        from gamms.visual.picture import size
+
+        width, height = size(self.width if width is None else width, self.height if height is None else height)
+        source = Source(self._ctx, self._drawing, self._artists)
+        frames = Frames(source, width, height, title=title, note=note, background=background, scene=self._scene)
+        self._scene = frames.scene
+        return frames.at(1.0).pixels().copy()  # which may be written to
+
+    @refused_while_deciding
+    def film(
+        self,
+        path: str | os.PathLike[str],
+        fps: float = 30,
+        width: int = 1280,
+        height: int = 720,
+        frames_per_turn: int | None = None,
+        *,
+        title: str = "",
+        note: str = "",
+        background: ColorType = PAPER,
+    ) -> "Film":
+        """Film the turns that are played inside a `with` block; the suffix of `path` names the format.
+
+        Each `simulate()`, and so each turn of `ctx.game`, adds frames in which the agents glide to where they are
+        now. Time is counted in frames, never by the clock. The film ends with the block or with the context.
+
+        Args:
+            path: `.mp4` or `.gif`; an existing file is replaced when the film has ended without an error.
+            fps: frames per second.
+            width: pixels; for MP4, odd sizes are rounded up.
+            height: pixels.
+            frames_per_turn: default: so many that a turn takes `simulation_time_constant` seconds.
+            title: a line above the picture.
+            note: small print in the lower right corner; the source of the map is added to it.
+            background: the colour behind everything.
+
+        Raises:
+            BadValue: an unknown format, a bad number, a folder that does not exist, or a film that is being made there.
+            MissingExtra (ImportError): a library is not installed.
+            ContextTerminated: the context has ended.
+        """
+        if self._ctx.is_terminated():
+            raise ContextTerminated("the state to film")
+        return self.new_film(path, fps, width, height, frames_per_turn, title=title, note=note, background=background)
+
+    def new_film(
+        self,
+        path: str | os.PathLike[str],
+        fps: float,
+        width: int,
+        height: int,
+        frames_per_turn: int | None,
+        *,
+        title: str,
+        note: str,
+        background: ColorType = PAPER,
+    ) -> "Film":
+        """Begin a film; see `film`."""
+        from gamms.visual.film import Film, Frames, Source, film_plan
+
+        plan = film_plan(path, fps, width, height, frames_per_turn, self.turn_seconds)
+        source = Source(self._ctx, self._drawing, self._artists)
+        frames = Frames(source, plan.width, plan.height, title=title, note=note, background=background)
+        film = Film(frames, plan, self.films)
+        self.films.append(film)
+        return film
