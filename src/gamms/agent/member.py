@@ -188,13 +188,13 @@ class Member(Guarded, IAgent):
 
     def get_state(self) -> dict[str, Any]:
         """Sense; a fresh dict with `curr_pos` and `sensor`."""
+        if self._phase.agent is not None:
+            self._phase.refuse("call agent.get_state")
         node = self._columns.node[self._row]
         sensed = {}
         for name, sensor in self._carried:
             sensor.sense(node)
             sensed[name] = (sensor.type, sensor._last[0])
-        if not sensed:  # NOTE: else a sensor has refused (benchmarks/README.md, w2)
-            self._phase.refuse("call agent.get_state")
         self._last[0] = state = {"curr_pos": node, "sensor": sensed}
         return state
 
@@ -284,8 +284,9 @@ class Member(Guarded, IAgent):
 
     def _carry(self) -> None:
         self._columns.roster += 1
+        own = self.name
         self._carried = tuple(
-            (name, sensor if _is_own(sensor, self._shared) else _Carried(sensor, self, self._shared))
+            (name, sensor if _is_own(sensor, self._shared) else _Carried(sensor, own, self._shared))
             for name, sensor in self._sensor_list.items()
         )
 
@@ -320,15 +321,13 @@ def _is_own(sensor: ISensor, shared: dict[int, ISensor]) -> bool:
 class _Carried:
     """A sensor of a caller's class, or one that several agents carry, as one of them uses it."""
 
-    __slots__ = ("_is_shared", "_name", "_phase", "_sensor")
+    __slots__ = ("_is_shared", "_name", "_sensor")
 
-    def __init__(self, sensor: ISensor, agent: Member, shared: dict[int, ISensor]) -> None:
-        self._sensor, self._is_shared = sensor, id(sensor) in shared
-        self._name, self._phase = agent.name, agent._phase
+    def __init__(self, sensor: ISensor, name: str, shared: dict[int, ISensor]) -> None:
+        self._sensor, self._name, self._is_shared = sensor, name, id(sensor) in shared
 
     def sense(self, node_id: int) -> None:
         sensor = self._sensor
-        self._phase.refuse("call agent.get_state")
         if not self._is_shared:
             sensor.sense(node_id)
             return

@@ -31,7 +31,7 @@ class NeighborSensor(Sensor):
         """Look around."""
         if self._phase.agent is not None:
             self._phase.refuse("call sensor.sense")
-        self._last[0] = list(self._neighborhoods[node_id])
+        self._last[0] = [*self._neighborhoods[node_id]]
 
     def last_view(self) -> SensorView:
         """The nodes seen last."""
