@@ -1,25 +1,42 @@
-"""The store that lives in memory, and the path that other stores live at."""
+"""The stores: named maps from a key to a row of typed fields, in memory or in a SQLite database."""
 
+import json
+import math
 import os
-from collections.abc import Sequence
-from typing import Any
+import struct
+from abc import ABC, abstractmethod
+from collections.abc import Iterator, Mapping, Sequence
+from contextlib import contextmanager
+from dataclasses import dataclass
+from typing import TYPE_CHECKING, Any
 
-from gamms.errors import BadType
-from gamms.memory.checked import CheckedStore, Rows
-from gamms.memory.errors import DuplicateKey
-from gamms.memory.schema import Schema, check_name
-from gamms.memory.values import plain
+from gamms.arguments import as_name
+from gamms.errors import BadFile, BadType, BadValue, Duplicate, GammsError, TooLarge, UnknownName
+from gamms.limits import Allowance
+from gamms.memory.database import Database, from_cbor, quoted, to_cbor
+from gamms.memory.fields import DuplicateKey, Field, Schema, UnknownMap, check_name, plain
 from gamms.text import shown
-from gamms.typing import IPathLike, StoreType
+from gamms.typing import IPathLike, IStore, StoreType
+
+if TYPE_CHECKING:
+    import sqlite3
 
 LazyMapping = dict  # the old name of what `get_data` returns; rows are read at once now
+
+_ORDER = quoted("gamms_order")  # our own row number: an INTEGER PRIMARY KEY of the user would replace SQLite's
+_LIST = "gamms_maps"
+_LIST_SQL = f"CREATE TABLE {_LIST} (name TEXT PRIMARY KEY, place TEXT NOT NULL)"
+_COLUMN_TYPES = {"int": "INTEGER", "float": "REAL", "str": "TEXT", "bool": "INTEGER", "bytes": "BLOB"}
 
 
 class PathLike(IPathLike):
     """A path as text: equal by value, `':memory:'` for a database without a file."""
 
     def __init__(self, path: str) -> None:
-        self._path = _path_text(path)
+        if not isinstance(path, str):
+            raise BadType(f"A path must be a str, not {shown(path)} ({type(path).__name__}).")
+        check_name(path, f"The path {shown(path)}")
+        self._path = path
 
     @property
     def path(self) -> str:
@@ -27,7 +44,7 @@ class PathLike(IPathLike):
         return self._path
 
     def as_str(self) -> str:
-        """The path as text."""
+        """Return the path as text."""
         return self._path
 
     def exists(self) -> bool:
@@ -44,7 +61,129 @@ class PathLike(IPathLike):
         return hash(self._path)
 
 
-class MemoryStore(CheckedStore):
+class Store(IStore):
+    """Checks each call, so that stores of all kinds answer alike; a kind says where the rows of a map are."""
+
+    def __init__(self, name: str) -> None:
+        self._name = as_name(name, "a store")
+        self._maps: dict[str, Rows] = {}
+        self._is_closed = False
+
+    @abstractmethod
+    def _rows_of(self, schema: Schema) -> "Rows":
+        """Find or make the place for the rows of a map."""
+
+    def _drop(self, map_name: str) -> None:
+        """Give up the place of a map."""
+
+    def _release(self) -> None:
+        """Let go of what the store holds."""
+
+    @property
+    def is_closed(self) -> bool:
+        """Whether `close` was called."""
+        return self._is_closed
+
+    def name(self) -> str:
+        """Return the store's name."""
+        return self._name
+
+    def create_map(self, map_name: str, schema: dict[str, type], primary_key: str) -> None:
+        """Begin a map, or go on with the one of that name in the store's file."""
+        self._check_open()
+        if as_name(map_name, "a map") in self._maps:
+            raise Duplicate("a map", map_name)
+        check_name(map_name, f"The map name {shown(map_name)}")
+        self._maps[map_name] = self._rows_of(Schema(map_name, schema, primary_key))
+
+    def delete_map(self, map_name: str) -> None:
+        """Drop a map and its rows."""
+        self._check_open()
+        if not self._has(map_name):
+            raise UnknownName("map", map_name, self._maps)
+        self._drop(map_name)
+        del self._maps[map_name]
+
+    def list_maps(self) -> list[str]:
+        """Return the names of the maps, in the order of their creation."""
+        self._check_open()
+        return list(self._maps)
+
+    def insert_data(self, map_name: str, struct: Mapping[str, Any]) -> None:
+        """Add a row; the caller's dict is neither changed nor kept."""
+        found = self._map(map_name)
+        found.append(found.schema.row(struct))
+
+    def insert_many(self, map_name: str, columns: Mapping[str, Sequence[Any]]) -> None:
+        """Add many rows at once, given as one equally long list per field; all or none.
+
+        Raises:
+            DuplicateKey: a key has a row already, or comes twice.
+            BadValue: a field is missing, unknown, or of another length.
+        """
+        found = self._map(map_name)
+        found.append(found.schema.columns(columns))
+
+    def get_data(self, map_name: str, key: Any) -> Mapping[str, Any]:
+        """Return a row by key, as a fresh dict."""
+        found = self._map(map_name)
+        row = found.row(found.schema.lookup(key))
+        if row is None:
+            raise found.schema.unknown_key(key)
+        return {field.name: field.given(value) for field, value in zip(found.schema.fields, row, strict=True)}
+
+    def read_columns(self, map_name: str) -> dict[str, list[Any]]:
+        """Return all rows in insertion order, as one fresh list per field."""
+        found = self._map(map_name)
+        return {
+            field.name: column if field.is_scalar else [field.given(value) for value in column]
+            for field, column in zip(found.schema.fields, found.columns(), strict=True)
+        }
+
+    def update_data(self, map_name: str, struct: Mapping[str, Any]) -> None:
+        """Change the given fields of the row whose key is in `struct`; all or none."""
+        found = self._map(map_name)
+        key, changes = found.schema.change(struct)
+        if not found.change(key, changes):
+            raise found.schema.unknown_key(key)
+
+    def delete_data(self, map_name: str, key: Any) -> None:
+        """Remove a row."""
+        found = self._map(map_name)
+        if not found.remove(found.schema.lookup(key)):
+            raise found.schema.unknown_key(key)
+
+    def clear_map(self, map_name: str) -> None:
+        """Remove all rows and keep the map."""
+        self._map(map_name).clear()
+
+    def query_keys(self, map_name: str) -> Iterator[Any]:
+        """Return all keys as of now, in insertion order; the map may change while you iterate."""
+        return iter(self._map(map_name).keys())
+
+    def close(self) -> None:
+        """Release the store; it is unusable afterwards. Closing it again does nothing."""
+        if self._is_closed:
+            return
+        self._release()
+        self._maps.clear()
+        self._is_closed = True
+
+    def _map(self, map_name: str) -> "Rows":
+        self._check_open()
+        if not self._has(map_name):
+            raise UnknownMap(map_name, self._maps)
+        return self._maps[map_name]
+
+    def _has(self, map_name: object) -> bool:
+        return isinstance(map_name, str) and map_name in self._maps
+
+    def _check_open(self) -> None:
+        if self._is_closed:
+            raise BadValue(f"The store {self._name!r} is closed. Create a new store.")
+
+
+class MemoryStore(Store):
     """Keeps its maps in memory; they are gone when it is closed."""
 
     def __init__(self, name: str, path: IPathLike | None = None) -> None:
@@ -52,7 +191,7 @@ class MemoryStore(CheckedStore):
         self._path = path
 
     def path(self) -> IPathLike | None:
-        """What the caller named; nothing is ever written there."""
+        """Return the path that the caller named; nothing is ever written there."""
         return self._path
 
     @property
@@ -60,42 +199,166 @@ class MemoryStore(CheckedStore):
         """In memory."""
         return StoreType.MEMORY
 
-    def _make_rows(self, schema: Schema) -> Rows:
-        return _RowsInMemory(schema)
+    def _rows_of(self, schema: Schema) -> "Rows":
+        return _DictRows(schema)
 
-    def _drop_rows(self, map_name: str) -> None:
-        """Nothing to do: the rows go with the map."""
+
+class SqliteStore(Store):
+    """Keeps its maps in a SQLite database; `create_map` with its schema goes on with a map of the file."""
+
+    def __init__(self, name: str, path: IPathLike) -> None:
+        super().__init__(name)
+        self._path = path
+        self._database = Database(path.as_str())
+        try:
+            self._places = _read_places(self._database)
+            self._is_foreign = not self._places and bool(self._database.read("SELECT 1 FROM sqlite_master LIMIT 1"))
+        except BaseException:
+            self._database.abandon()
+            raise
+
+    def path(self) -> IPathLike:
+        """Return where the database is."""
+        return self._path
+
+    @property
+    def type(self) -> StoreType:
+        """In a database."""
+        return StoreType.DATABASE
+
+    @property
+    def is_foreign(self) -> bool:
+        """Whether the file already held tables, and none of ours, when it was opened."""
+        return self._is_foreign
+
+    def connection(self) -> "sqlite3.Connection":
+        """Return the open connection, for SQL of your own."""
+        self._check_open()
+        return self._database.connection
+
+    def cursor(self) -> "sqlite3.Cursor":
+        """Return a new cursor on the connection."""
+        return self.connection().cursor()
+
+    def flush(self) -> None:
+        """Commit: what was written until now survives a crash."""
+        self._check_open()
+        self._database.commit()
+
+    def mark_dirty(self) -> None:
+        """Begin a transaction, so that what you write through `cursor` waits for `flush` as well."""
+        self._check_open()
+        self._database.begin()
+
+    @contextmanager
+    def transaction(self, *, is_writing: bool = True) -> Iterator[None]:
+        """Commit what the block writes, or nothing of it; let it see the file as it is at one moment.
+
+        While a block that `is_writing` runs, no other program can write.
+        """
+        self.flush()
+        self._database.begin("IMMEDIATE" if is_writing else "DEFERRED")
+        try:
+            yield
+            self._database.commit()
+        except BaseException:
+            self._database.undo()
+            raise
+
+    def allowance(self) -> Allowance:
+        """Return the memory that what is read from the file may take."""
+        return self._database.allowance()
+
+    def _rows_of(self, schema: Schema) -> "Rows":
+        place = self._places.get(schema.map_name)
+        if place is None:
+            with self._database.all_or_nothing():
+                self._places = _read_places(self._database)  # another program may have added it since
+                place = self._places.get(schema.map_name) or _add_place(self._database, schema)
+                self._places[schema.map_name] = place
+        return _SqlRows(self._database, schema, place)
+
+    def _drop(self, map_name: str) -> None:
+        with self._database.all_or_nothing():
+            self._database.write(f"DROP TABLE {quoted(self._places[map_name].table)}")
+            self._database.write(f"DELETE FROM {_LIST} WHERE name = ?", (map_name,))  # noqa: S608 - a constant
+        del self._places[map_name]
 
     def _release(self) -> None:
-        """Nothing to do: the rows go with the maps."""
+        try:
+            self._database.commit()
+        finally:
+            self._database.abandon()
 
 
-class _RowsInMemory(Rows):
-    """A dict keeps insertion order, and a row's place when it changes."""
+# -- the rows of a map ------------------------------------------------------------------------------------------
+
+
+class Rows(ABC):
+    """The rows of one map in insertion order; values are plain and checked, and those that come out are fresh."""
+
+    schema: Schema
+
+    @abstractmethod
+    def append(self, columns: list[list[Any]]) -> None:
+        """Add rows, given as one list per field; all or none (DuplicateKey)."""
+
+    @abstractmethod
+    def row(self, key: Any) -> Sequence[Any] | None:
+        """Return the row with a key."""
+
+    @abstractmethod
+    def change(self, key: Any, values: dict[int, Any]) -> bool:
+        """Replace values by their position in the row, all or none; return False if there is no such row."""
+
+    @abstractmethod
+    def remove(self, key: Any) -> bool:
+        """Drop a row; return False if there is none."""
+
+    @abstractmethod
+    def keys(self) -> list[Any]:
+        """Return all keys."""
+
+    @abstractmethod
+    def columns(self) -> list[list[Any]]:
+        """Return everything, one list per field."""
+
+    @abstractmethod
+    def clear(self) -> None:
+        """Drop all rows."""
+
+    def first_repeated(self, keys: list[Any]) -> Any:
+        """Return the first of some new keys that is there already, or twice among them."""
+        seen = set(self.keys())
+        for key in keys:
+            if key in seen:
+                break
+            seen.add(key)
+        return key
+
+
+class _DictRows(Rows):
+    """Rows in a dict, which keeps insertion order, and a row's place when it changes."""
 
     def __init__(self, schema: Schema) -> None:
-        self._schema = schema
+        self.schema = schema
         self._rows: dict[Any, list[Any]] = {}
 
     def append(self, columns: list[list[Any]]) -> None:
-        seen: set[Any] = set()
-        for key in columns[self._schema.key_at]:
-            if key in seen or key in self._rows:
-                raise DuplicateKey(self._schema.map_name, key)
-            seen.add(key)
-        for row in zip(*columns, strict=True):
-            self._rows[row[self._schema.key_at]] = list(row)
+        keys = columns[self.schema.key_at]
+        if len(set(keys)) < len(keys) or not self._rows.keys().isdisjoint(keys):
+            raise DuplicateKey(self.schema.map_name, self.first_repeated(keys))
+        self._rows.update(zip(keys, map(list, zip(*columns, strict=True)), strict=True))
 
-    def read(self, key: Any) -> Sequence[Any] | None:
+    def row(self, key: Any) -> Sequence[Any] | None:
         row = self._rows.get(key)
         return None if row is None else [self._fresh(at, value) for at, value in enumerate(row)]
 
     def change(self, key: Any, values: dict[int, Any]) -> bool:
-        row = self._rows.get(key)
-        if row is None:
+        if key not in self._rows:
             return False
         for at, value in values.items():
-            row[at] = value
+            self._rows[key][at] = value
         return True
 
     def remove(self, key: Any) -> bool:
@@ -105,24 +368,180 @@ class _RowsInMemory(Rows):
         return list(self._rows)
 
     def columns(self) -> list[list[Any]]:
-        return [[self._fresh(at, row[at]) for row in self._rows.values()] for at in range(len(self._schema.fields))]
+        return [[self._fresh(at, row[at]) for row in self._rows.values()] for at in range(len(self.schema.fields))]
 
     def clear(self) -> None:
         self._rows.clear()
 
     def _fresh(self, at: int, value: Any) -> Any:
-        field = self._schema.fields[at]
+        field = self.schema.fields[at]
         return value if field.is_scalar else plain(value, field.place)
 
 
-def _path_text(path: object) -> str:
-    """`path` as non-empty text.
+# -- where a map lies in the database ---------------------------------------------------------------------------
 
-    Raises:
-        BadType: it is no text.
-        BadValue: it is empty, or no file can have it.
-    """
-    if not isinstance(path, str):
-        raise BadType(f"A path must be a str, not {shown(path)} ({type(path).__name__}).")
-    check_name(path, f"The path {shown(path)}")
-    return path
+
+@dataclass(frozen=True)
+class _Place:
+    """The table of a map, and the schema it was written with."""
+
+    table: str
+    key: str
+    types: dict[str, str]
+    columns: dict[str, str]  # field name to column name
+
+    def sql(self) -> str:
+        """The statement that makes the table, as SQLite keeps it."""
+        definitions = [f"{_ORDER} INTEGER PRIMARY KEY"]
+        for name, type_name in self.types.items():
+            unique = " NOT NULL UNIQUE" if name == self.key else ""
+            definitions.append(f"{quoted(self.columns[name])} {_COLUMN_TYPES.get(type_name, 'BLOB')}{unique}")
+        return f"CREATE TABLE {quoted(self.table)} ({', '.join(definitions)})"
+
+
+def _read_places(database: Database) -> dict[str, _Place]:
+    """The maps that the file lists, from one session to the next."""
+    if not database.read("SELECT 1 FROM sqlite_master WHERE name = ?", (_LIST,)):
+        return {}
+    database.check_table(_LIST, _LIST_SQL)
+    columns = ["name", "place"]
+    return {name: _parsed(name, text, database.path) for name, text in database.read_table(_LIST, columns, columns)}
+
+
+def _parsed(name: Any, text: Any, path: str) -> _Place:
+    try:
+        place = _Place(**json.loads(text))
+        columns, types = dict(place.columns), dict(place.types)
+        names = [name, place.table, place.key, *columns, *columns.values(), *types, *types.values()]
+        is_sound = all(isinstance(one, str) for one in names) and columns.keys() == types.keys()
+    except (TypeError, ValueError, RecursionError):
+        is_sound = False
+    if not is_sound:
+        raise BadFile(f"The list of maps in {path!r} is damaged at {shown(name)}: {shown(text)}.")
+    return place
+
+
+def _add_place(database: Database, schema: Schema) -> _Place:
+    tables = {row[0].lower() for row in database.read("SELECT name FROM sqlite_master")}
+    if _LIST not in tables:
+        database.write(_LIST_SQL)
+    columns = {"gamms_order"}
+    place = _Place(
+        table=_free_name(schema.map_name, tables | {_LIST}),
+        key=schema.key.name,
+        types=schema.type_names,
+        columns={name: _free_name(name, columns) for name in schema.names},
+    )
+    database.write(place.sql())
+    values = (schema.map_name, json.dumps(vars(place)))
+    database.write(f"INSERT INTO {_LIST} VALUES (?, ?)", values)  # noqa: S608 - a constant
+    return place
+
+
+def _free_name(wanted: str, taken: set[str]) -> str:
+    """`wanted`, or a name like it: SQLite ignores the case of names and keeps `sqlite_…` for itself."""
+    name = f"map_{wanted}" if wanted.lower().startswith("sqlite_") else wanted
+    while name.lower() in taken:
+        name += "_"
+    taken.add(name.lower())
+    return name
+
+
+class _SqlRows(Rows):
+    """Rows in a table of a database. Names are quoted, values are bound."""
+
+    def __init__(self, database: Database, schema: Schema, place: _Place) -> None:
+        self.schema, self._database = schema, database
+        if (place.types, place.key) != (schema.type_names, schema.key.name):
+            raise BadValue(
+                f"Map {schema.map_name!r} of {database.path!r} has the schema {place.types} with key {place.key!r}, "
+                f"not {schema.type_names} with key {schema.key.name!r}. Use that schema, another name or another file."
+            )
+        database.check_table(place.table, place.sql())
+        self._columns = [quoted(place.columns[name]) for name in schema.names]
+        # A float may be bytes, too.
+        has_size = [field.python_type not in (int, bool) for field in schema.fields]
+        self._sized = [name for name, is_sized in zip(self._columns, has_size, strict=True) if is_sized]
+        self._table, self._key = quoted(place.table), self._columns[schema.key_at]
+
+    def append(self, columns: list[list[Any]]) -> None:
+        encoded = [
+            [_to_sql(one, field) for one in column] for field, column in zip(self.schema.fields, columns, strict=True)
+        ]
+        names, marks = ", ".join(self._columns), ", ".join("?" * len(columns))
+        insert = f"INSERT INTO {self._table} ({names}) VALUES ({marks})"  # noqa: S608 - quoted names
+        try:
+            with self._database.all_or_nothing():
+                self._database.connection.executemany(insert, zip(*encoded, strict=True))
+        except BadFile as error:
+            if not isinstance(error.__cause__, self._database.integrity_error):
+                raise
+            raise DuplicateKey(self.schema.map_name, self.first_repeated(columns[self.schema.key_at])) from None
+
+    def row(self, key: Any) -> Sequence[Any] | None:
+        select = f"SELECT {', '.join(self._columns)} FROM {self._table} WHERE {self._key} = ?"  # noqa: S608 - quoted
+        found = self._database.read(select, (_to_sql(key, self.schema.key),))
+        return (
+            [self._stored(field, one) for field, one in zip(self.schema.fields, found[0], strict=True)]
+            if found
+            else None
+        )
+
+    def change(self, key: Any, values: dict[int, Any]) -> bool:
+        names = ", ".join(f"{self._columns[at]} = ?" for at in values)
+        bound = [_to_sql(value, self.schema.fields[at]) for at, value in values.items()]
+        update = f"UPDATE {self._table} SET {names} WHERE {self._key} = ?"  # noqa: S608 - quoted names
+        return self._database.write(update, [*bound, _to_sql(key, self.schema.key)]) > 0
+
+    def remove(self, key: Any) -> bool:
+        delete = f"DELETE FROM {self._table} WHERE {self._key} = ?"  # noqa: S608 - quoted names
+        return self._database.write(delete, (_to_sql(key, self.schema.key),)) > 0
+
+    def keys(self) -> list[Any]:
+        return [self._stored(self.schema.key, key) for (key,) in self._read([self._key])]
+
+    def columns(self) -> list[list[Any]]:
+        rows = self._read(self._columns)
+        return [[self._stored(field, row[at]) for row in rows] for at, field in enumerate(self.schema.fields)]
+
+    def clear(self) -> None:
+        self._database.write(f"DELETE FROM {self._table}")  # noqa: S608 - a quoted name
+
+    def _read(self, columns: list[str]) -> list[tuple[Any, ...]]:
+        sized = [name for name in columns if name in self._sized]
+        return self._database.read_table(self._table, columns, sized, f"ORDER BY {_ORDER}")
+
+    def _stored(self, field: Field, value: Any) -> Any:
+        """The stored value for one in the file, or a `BadFile`."""
+        if value is None:
+            return None
+        try:
+            return field.stored(_from_sql(value, field, self._database.path))
+        except TooLarge:
+            raise
+        except (GammsError, TypeError, ValueError, KeyError, struct.error):
+            raise BadFile(
+                f"{field.place} holds {shown(value)} in {self._database.path!r}, which its type cannot be. "
+                "The file is damaged."
+            ) from None
+
+
+def _to_sql(value: Any, field: Field) -> Any:
+    if value is None:
+        return None
+    if not field.is_scalar:
+        return to_cbor(value)
+    # SQLite turns NaN into NULL and -0.0 into 0.0; as eight bytes they stay what they are.
+    if field.python_type is float and (math.isnan(value) or (value == 0.0 and math.copysign(1.0, value) < 0.0)):
+        return struct.pack("<d", value)
+    return value
+
+
+def _from_sql(value: Any, field: Field, path: str) -> Any:
+    if not field.is_scalar:
+        return from_cbor(value, path)
+    if field.python_type is bool:
+        return {0: False, 1: True}[value]
+    if field.python_type is float and isinstance(value, bytes):
+        return struct.unpack("<d", value)[0]
+    return value

@@ -1,0 +1,220 @@
+"""A connection to SQLite whose errors name the file; the only file that knows sqlite3 and cbor2.
+
+Nothing in a foreign file is run, and nothing takes more time or memory than the size of the file explains.
+"""
+
+from collections.abc import Iterator, Sequence
+from contextlib import contextmanager
+from pathlib import Path
+from typing import Any
+
+from gamms.errors import BadFile
+from gamms.limits import Allowance
+from gamms.text import shown
+
+# CBOR has arrays and maps only. A map whose one key is a "simple value", which plain data never is,
+# marks the rest.
+_MARKS: dict[type, int] = {tuple: 32, set: 33, frozenset: 34, dict: 35}
+_MARKED: dict[int, type] = {mark: kind for kind, mark in _MARKS.items()}
+
+_STEP = 1_000_000  # instructions of SQLite's machine between two looks at how many there were
+_STEPS_PER_BYTE = 20  # that reading may take for each byte of the file,
+_STEPS_PER_CHANGE = 1_000  # and for each row that was written and need not be in the file yet
+_BYTES_PER_CHANGE = 64
+_BYTES_PER_ITEM = 64  # of memory, for each item of a compound value
+_BYTES_PER_CELL = 48  # of memory, beside the text or the bytes in it
+
+
+def quoted(name: str) -> str:
+    """Return a name as SQL, whatever it contains."""
+    return '"' + name.replace('"', '""') + '"'
+
+
+class Database:
+    """One open connection; changes wait in a transaction for `commit`."""
+
+    def __init__(self, path: str) -> None:
+        import sqlite3
+
+        self.path = path
+        self.integrity_error = sqlite3.IntegrityError
+        # Text that is no UTF-8, also within SQLite's own messages, is a UnicodeError.
+        self._errors = (sqlite3.Error, OSError, UnicodeError)
+        self._steps = 0
+        self._is_file = path != ":memory:"
+        with self.naming_the_file():
+            if self._is_file:
+                Path(path).parent.mkdir(parents=True, exist_ok=True)
+            # A context may be ended by another thread than the one that began it.
+            self.connection = sqlite3.connect(path, check_same_thread=False)
+        try:
+            self.read("PRAGMA trusted_schema = OFF")  # a foreign file's triggers get no dangerous functions
+            self.read("SELECT count(*) FROM sqlite_master")  # the first read is what tells a database from other files
+        except BaseException:
+            self.abandon()
+            raise
+
+    def read(self, sql: str, values: Sequence[Any] = ()) -> list[tuple[Any, ...]]:
+        """Return all rows of an answer, which may take work in proportion to the file."""
+        self._steps = 0
+        with self.naming_the_file():
+            self.connection.set_progress_handler(self._is_too_much if self._is_file else None, _STEP)
+            try:
+                return self.connection.execute(sql, values).fetchall()
+            finally:
+                self.connection.set_progress_handler(None, 0)
+
+    def read_table(
+        self, table: str, columns: Sequence[str], sized: Sequence[str], order: str = ""
+    ) -> list[tuple[Any, ...]]:
+        """Return all rows of a table, after asking how large they are; all names are quoted.
+
+        Args:
+            table: its name.
+            columns: the names of the columns to read.
+            sized: those of them that may hold text or bytes.
+            order: a clause.
+
+        Raises:
+            TooLarge: the values would take far more memory than the size of the file explains.
+        """
+        if self._is_file:
+            sizes = "".join(f" + ifnull(length(CAST({name} AS BLOB)), 0)" for name in sized)
+            ((rows, size),) = self.read(f"SELECT count(*), total(0{sizes}) FROM {table}")  # noqa: S608 - quoted names
+            self.allowance().charge(rows * len(columns) * _BYTES_PER_CELL + int(size))
+        return self.read(f"SELECT {', '.join(columns)} FROM {table} {order}")  # noqa: S608 - quoted names
+
+    def allowance(self) -> Allowance:
+        """Return the memory that what is read from the file may take."""
+        size = self._size() + _BYTES_PER_CHANGE * self.connection.total_changes
+        return Allowance(size, f"The database {self.path!r}")
+
+    def write(self, sql: str, values: Sequence[Any] = ()) -> int:
+        """Change something in the running transaction, and return how many rows it touched."""
+        self.begin()
+        with self.naming_the_file():
+            return self.connection.execute(sql, values).rowcount
+
+    @contextmanager
+    def all_or_nothing(self) -> Iterator[None]:
+        """Undo what the block wrote if it raises, and nothing before it."""
+        self.write("SAVEPOINT gamms")
+        try:
+            with self.naming_the_file():
+                yield
+        except BaseException:
+            self.write("ROLLBACK TO gamms")
+            raise
+        finally:
+            self.write("RELEASE gamms")
+
+    def begin(self, kind: str = "IMMEDIATE") -> None:
+        """Start a transaction unless one is running; while an IMMEDIATE one runs, no other program can write."""
+        with self.naming_the_file():
+            if not self.connection.in_transaction:
+                self.connection.execute(f"BEGIN {kind}")
+
+    def commit(self) -> None:
+        """Make the running transaction permanent."""
+        with self.naming_the_file():
+            self.connection.commit()
+
+    def undo(self) -> None:
+        """Forget the running transaction."""
+        with self.naming_the_file():
+            self.connection.rollback()
+
+    def abandon(self) -> None:
+        """Close the connection; what was not committed is lost."""
+        with self.naming_the_file():
+            self.connection.close()
+
+    def check_table(self, table: str, made_by: str) -> None:
+        """Refuse a table that is not exactly as GAMMS makes it.
+
+        A view, a virtual table, a generated column, a check, a default, a trigger or an index may each
+        compute for ever.
+
+        Raises:
+            BadFile: it is something else, or something was added to it.
+        """
+        found = self.read("SELECT type, name, sql FROM sqlite_master WHERE tbl_name = ? COLLATE NOCASE", (table,))
+        if [one[2] for one in found if one[:2] == ("table", table)] != [made_by]:
+            raise BadFile(f"The table {shown(table)} of {self.path!r} is not as GAMMS made it. The file is damaged.")
+        for kind, name, text in found:
+            if kind != "table" and text is not None:
+                raise BadFile(
+                    f"There is a {kind} {shown(name)} on the table {shown(table)} of {self.path!r}. It might run "
+                    "anything when the table is used; remove it, or take another file."
+                )
+
+    @contextmanager
+    def naming_the_file(self) -> Iterator[None]:
+        """Turn errors of SQLite in the block into a `BadFile` with the path."""
+        try:
+            yield
+        except self._errors as error:
+            why = "it takes far longer to read than its size explains" if str(error) == "interrupted" else error
+            raise BadFile(
+                f"Cannot use {self.path!r} as a database: {why}. "
+                "Check that it is a SQLite file that no other program is writing to, or take another path."
+            ) from error
+
+    def _size(self) -> int:
+        try:
+            return Path(self.path).stat().st_size
+        except OSError:  # a database in memory
+            return 0
+
+    def _is_too_much(self) -> bool:
+        """Whether to stop SQLite: pages may refer to each other so that a small file takes for ever to read."""
+        self._steps += _STEP
+        per_change = _STEPS_PER_CHANGE * self.connection.total_changes
+        return self._steps > _STEP + _STEPS_PER_BYTE * self._size() + per_change
+
+
+def to_cbor(value: Any) -> bytes:
+    """Return plain data as CBOR; the same data, the same bytes."""
+    from cbor2 import CBORSimpleValue, dumps
+
+    def marked(value: Any) -> Any:
+        kind = type(value)
+        if kind is list:
+            return [marked(one) for one in value]
+        if kind is dict and not any(isinstance(key, (tuple, frozenset)) for key in value):
+            return {key: marked(one) for key, one in value.items()}
+        if kind not in _MARKS:
+            return value
+        items = [marked(one) for one in (value.items() if kind is dict else value)]
+        if kind in (set, frozenset):
+            items.sort(key=dumps)
+        return {CBORSimpleValue(_MARKS[kind]): items}
+
+    return dumps(marked(value))
+
+
+def from_cbor(payload: Any, path: str) -> Any:
+    """Return CBOR as plain data.
+
+    Raises:
+        BadFile: it is none.
+    """
+    from cbor2 import CBORSimpleValue, loads
+
+    allowance = Allowance(len(payload), f"A value in the database {path!r}")
+
+    def unmarked(value: Any) -> Any:
+        allowance.charge(_BYTES_PER_ITEM)  # a value may hold one list many times
+        if isinstance(value, list):
+            return [unmarked(one) for one in value]
+        if not isinstance(value, dict):
+            return value
+        if len(value) == 1 and isinstance(mark := next(iter(value)), CBORSimpleValue):
+            return _MARKED[mark.value](unmarked(value[mark]))
+        return {key: unmarked(one) for key, one in value.items()}
+
+    try:
+        return unmarked(loads(payload))
+    except Exception as error:
+        # Whatever goes wrong in a damaged file, it is the file that is wrong.
+        raise BadFile(f"The database {path!r} holds a damaged value: {error}.") from error
