@@ -7,7 +7,7 @@ from dataclasses import fields, is_dataclass
 from enum import Enum
 from functools import partial
 from types import BuiltinFunctionType, FunctionType, MethodType, ModuleType, NoneType
-from typing import Any
+from typing import Any, NoReturn
 
 import numpy as np
 
@@ -19,6 +19,10 @@ _CODE = (FunctionType, BuiltinFunctionType, MethodType, partial, ModuleType)
 _VALUES = frozenset({"datetime", "decimal", "fractions", "pathlib", "re", "uuid", "zoneinfo"})  # modules of values
 
 Otherwise = Callable[[Any], Any]  # what becomes of an object of which nothing is known
+
+
+class ReadOnly(GammsError, TypeError, AttributeError):
+    """A value that is only shown was written to."""
 
 
 class ReadOnlyMapping(Mapping[Any, Any]):
@@ -66,6 +70,15 @@ class ReadOnlyMapping(Mapping[Any, Any]):
     def copy(self) -> dict[Any, Any]:
         """A dict that may be written to; what is in it may not."""
         return dict(self._values)
+
+    def _refuse(self, *_: Any, **__: Any) -> NoReturn:
+        raise ReadOnly(
+            "This is a read-only view: a strategy changes the game by state['action'] alone, a rule by ctx.game. For a "
+            "dict of your own, call its copy()."
+        )
+
+    __setitem__ = __delitem__ = __ior__ = _refuse
+    clear = pop = popitem = setdefault = update = _refuse
 
 
 class Unfreezable(GammsError):

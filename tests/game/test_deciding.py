@@ -289,7 +289,7 @@ def vandalise(value):
     for part in parts:
         vandalise(part)
     for spoil in ("clear", "reverse"):
-        if hasattr(value, spoil):
+        if hasattr(value, spoil) and not isinstance(value, ReadOnlyMapping):
             getattr(value, spoil)()
 
 

@@ -5,6 +5,7 @@ from copy import deepcopy
 from typing import Any
 
 from gamms.game import Meddling
+from gamms.readonly import ReadOnly
 from gamms.testing.games import Play
 
 _OWN = ("action", "memory", "team_memory", "draw", "rng", "sensor")  # a sensor's data is fresh, and may be used up
@@ -75,7 +76,7 @@ class _Watched:
         try:
             self._strategy(state)
         except Exception as error:
-            advice = " What is published in state['facts'] is read-only." if "ReadOnlyMapping" in str(error) else ""
+            advice = " What is published in state['facts'] is read-only." if isinstance(error, ReadOnly) else ""
             raise AssertionError(f"{turn} raised {type(error).__name__}: {str(error).rstrip('.')}.{advice}") from error
         for key in dict.fromkeys([*before, *state]):
             _refuse_writing(turn, key, before, state, kept)
