@@ -35,6 +35,39 @@ def as_int(value: Any, name: str) -> int:
     return number
 
 
+def as_items(values: Any, name: str, form: str) -> list[Any]:
+    """What an iterable such as a list or an array holds; `form` says what that should be, such as "integers".
+
+    Raises:
+        BadType: it is no iterable, or a text.
+    """
+    if isinstance(values, (str, bytes)) or not isinstance(values, Iterable) or getattr(values, "ndim", 1) != 1:
+        raise BadType(f"{name} must be a list of {form}, not {shown(values)} ({type(values).__name__}).")
+    return list(values)
+
+
+def as_ids(values: Any, name: str) -> list[int]:
+    """`values` as a list of plain ints, from any iterable of integers, such as an array.
+
+    Raises:
+        BadType: it is no iterable, or one of them is no integer.
+        BadValue: one of them does not fit into 64 bits.
+    """
+    return [as_int(one, f"Each of {name}") for one in as_items(values, name, "integers")]
+
+
+def as_bool(value: Any, name: str) -> bool:
+    """`value` as a plain bool: 0, 1 and NumPy's bools pass.
+
+    Raises:
+        BadType: it is neither true nor false.
+    """
+    plain = value.item() if getattr(value, "size", 0) == 1 else value
+    if not isinstance(plain, int) or plain not in (0, 1):
+        raise BadType(f"{name} must be True or False, not {shown(value)} ({type(value).__name__}).")
+    return bool(plain)
+
+
 def as_float(value: Any, name: str) -> float:
     """`value` as a plain, finite float.
 
@@ -96,6 +129,58 @@ def as_name(value: Any, kind: str) -> str:
     return value
 
 
+def as_key(value: Any, name: str) -> Any:
+    """`value`, which may be a key of a dict and can be written out.
+
+    Raises:
+        BadType: it is not hashable, or an integer with more digits than Python writes.
+    """
+    try:
+        hash(value), str(value)
+    except (TypeError, ValueError):
+        raise BadType(
+            f"{name} must be a value such as a text or a number, not {shown(value)} ({type(value).__name__})."
+        ) from None
+    return value
+
+
+def as_mapping(value: Any, name: str) -> Any:
+    """`value`, which is a mapping, such as a dict.
+
+    Raises:
+        BadType: it is none.
+    """
+    if not isinstance(value, Mapping):
+        raise BadType(f"{name} must be a dict, not {shown(value)} ({type(value).__name__}).")
+    return value
+
+
+def as_context(value: Any, caller: str) -> Any:
+    """`value`, which is a context.
+
+    Raises:
+        BadType: it is none.
+    """
+    if not (hasattr(value, "graph") and hasattr(value, "agent")):
+        raise BadType(f"{caller} takes a context, as gamms.create_context gives it, not {shown(value)}.")
+    return value
+
+
+def as_text(value: Any, name: str, form: str = "a string") -> str:
+    """`value` as plain Unicode text.
+
+    Raises:
+        BadType: it is no text.
+        BadValue: there is half a surrogate pair in it, which no file can hold.
+    """
+    if not isinstance(value, str):
+        raise BadType(f"{name} must be {form}, not {shown(value)} ({type(value).__name__}).")
+    text = str.__str__(value)
+    if any("\ud800" <= one <= "\udfff" for one in text):
+        raise BadValue(f"{name} must be valid Unicode, not {shown(value)}: it has a lone surrogate.")
+    return text
+
+
 _VARIADIC = 0x04  # the flag of code objects that take *args
 
 
@@ -148,12 +233,24 @@ def as_path(value: Any, name: str) -> "Path":
 
     Raises:
         BadType: `value` is neither a string nor a path.
+        BadValue: no file can have such a name.
     """
-    if not isinstance(value, (str, os.PathLike)):
+    text = os.fspath(value) if isinstance(value, (str, os.PathLike)) else None
+    if not isinstance(text, str):
         raise BadType(f"{name} must be a path, not {shown(value)} ({type(value).__name__}).")
+    if "\0" in text or not _is_encodable(text):
+        raise BadValue(f"{name} must be a path that a file can have, not {shown(value)}.")
     from pathlib import Path  # which takes longer to load than most of GAMMS
 
-    return Path(value)
+    return Path(text)
+
+
+def _is_encodable(path: str) -> bool:
+    try:
+        os.fsencode(path)
+    except UnicodeEncodeError:
+        return False
+    return True
 
 
 _MANY = 16  # keywords

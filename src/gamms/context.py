@@ -8,9 +8,9 @@ from types import TracebackType
 from typing import TYPE_CHECKING, Any, Self
 
 from gamms import agent, graph, kernels, memory, sensor, visual
-from gamms.arguments import as_int, as_path
+from gamms.arguments import as_int, as_mapping, as_path, as_text
 from gamms.deciding import DecidePhase, Guarded, refused_while_deciding
-from gamms.errors import BadType, BadValue
+from gamms.errors import BadType, BadValue, UnknownEngine
 from gamms.game.moves import Moves
 from gamms.text import printable, shown
 from gamms.typing import (
@@ -316,11 +316,12 @@ def create_context(
         NoDisplay (RuntimeError): there is no screen for a window.
         MissingExtra (ImportError): a library that the visual engine needs is not installed.
         UnknownName (KeyError): there is no such setting of the turn engine.
-        NotImplementedError: an unknown visual engine.
+        UnknownEngine (NotImplementedError): an unknown visual engine.
         BadValue, BadType: a bad seed, or a `graph_path` without SQLITE.
         BadFile (ValueError): `graph_path` is something else than a graph's database.
     """
-    ctx = Context(logger=_configured_logger(logger_config or {}))
+    keywords = _keywords(vis_kwargs, "vis_kwargs")
+    ctx = Context(logger=_configured_logger(_keywords(logger_config, "logger_config")))
     if seed is not None:
         ctx._seed, ctx.is_seeded = as_int(seed, "seed"), True
     if game is not None:
@@ -331,13 +332,18 @@ def create_context(
         ctx.graph_engine = graph.GraphEngine(ctx, engine=graph_engine, path=_database_path(graph_engine, graph_path))
         ctx.agent_engine = agent.AgentEngine(ctx, moves=Moves(ctx.graph_engine.graph))
         ctx.sensor_engine = sensor.SensorEngine(ctx)
-        ctx.visual_engine = _visual_engine(ctx, vis_engine, vis_kwargs or {})
+        ctx.visual_engine = _visual_engine(ctx, vis_engine, keywords)
         opened.pop_all()
     ctx.set_alive()
     return ctx
 
 
 contexts.register("gamms")(create_context)
+
+
+def _keywords(given: Any, name: str) -> Any:
+    given = {} if given is None else as_mapping(given, name)
+    return {as_text(key, f"Each key of {name}"): value for key, value in given.items()}
 
 
 def _terminate(room: Any) -> None:
@@ -359,9 +365,7 @@ def _visual_engine(ctx: Context, engine: Any, keywords: dict[str, Any]) -> IVisu
     if engine is visual.Engine.PYGAME:
         engine_class: Callable[..., IVisualizationEngine] = visual.PygameVisualizationEngine
         return engine_class(ctx, **keywords)
-    raise NotImplementedError(
-        f"Unknown visual engine {shown(engine)}. Use gamms.visual.Engine.NO_VIS, PYGAME or OFFSCREEN."
-    )
+    raise UnknownEngine(f"Unknown visual engine {shown(engine)}. Use gamms.visual.Engine.NO_VIS, PYGAME or OFFSCREEN.")
 
 
 def _database_path(engine: Any, path: str | os.PathLike[str] | None) -> "memory.PathLike | None":
@@ -377,7 +381,11 @@ def _configured_logger(config: dict[str, Any]) -> logging.Logger:
     if level is None:
         level = os.environ.get("GAMMS_LOG_LEVEL", "INFO").upper()
         level = level if level in _LEVELS else "INFO"
-    logging.basicConfig(**{**config, "level": level})
+    try:
+        logging.basicConfig(**{**config, "level": level})
+    except (TypeError, ValueError) as error:
+        kind = BadType if isinstance(error, TypeError) else BadValue
+        raise kind(f"logger_config cannot be {shown(config)}: {error}.") from error
     logger = logging.getLogger("gamms")
     logger.setLevel(level)
     logger.addFilter(_made_printable)

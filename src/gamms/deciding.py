@@ -10,8 +10,9 @@ from contextlib import contextmanager
 from functools import wraps
 from typing import Any, ClassVar, Generic, Self, TypeVar, cast, overload
 
-from gamms.errors import Meddling
+from gamms.errors import BadType, Meddling
 from gamms.readonly import frozen
+from gamms.text import shown
 
 T = TypeVar("T")
 Method = TypeVar("Method", bound=Callable[..., Any])
@@ -123,11 +124,12 @@ class Protected(Generic[T]):
     """An attribute of a `Guarded` object, of whose value strategies see a read-only copy.
 
     Args:
+        kind: what its value must be; a class, or several as `dict | None`.
         part: the attribute of the object that holds the value under the same name; None: the object itself does.
     """
 
-    def __init__(self, part: str | None = None) -> None:
-        self._part = part
+    def __init__(self, kind: Any, part: str | None = None) -> None:
+        self._kind, self._part = kind, part
 
     def __set_name__(self, owner: type, name: str) -> None:
         self._name = f"_{name}" if self._part is None else name
@@ -143,4 +145,7 @@ class Protected(Generic[T]):
         return value if instance._phase.agent is None else frozen(value)
 
     def __set__(self, instance: Any, value: T) -> None:
+        if not isinstance(value, self._kind):
+            kind = getattr(self._kind, "__name__", self._kind)
+            raise BadType(f"{self._name.lstrip('_')} must be a {kind}, not {shown(value)} ({type(value).__name__}).")
         object.__setattr__(instance if self._part is None else getattr(instance, self._part), self._name, value)

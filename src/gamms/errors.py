@@ -3,6 +3,7 @@
 GammsError
 ├─ UnknownName (KeyError)          a name or id that no sensor, agent, node, edge or store answers to
 ├─ UnknownType (ValueError)        a type that this call does not know
+├─ UnknownEngine (NotImplementedError) a visual engine that is not there
 ├─ Duplicate (ValueError)          a name that is already taken
 ├─ DuplicateId (KeyError)          an id that is already in the graph
 ├─ BadValue (ValueError)           an argument of the right type with an impossible value
@@ -80,6 +81,10 @@ class UnknownName(GammsError, KeyError):
 
 class UnknownType(GammsError, ValueError):
     """A type that this call does not know."""
+
+
+class UnknownEngine(GammsError, NotImplementedError):
+    """A visual engine that is not there."""
 
 
 class Duplicate(GammsError, ValueError):

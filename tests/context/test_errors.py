@@ -76,5 +76,5 @@ def test_what_is_no_path_is_named(wrong):
 
 
 def test_a_map_wants_a_context():
-    with pytest.raises(errors.BadType, match="the context to load the map into, not None"):
+    with pytest.raises(errors.BadType, match="helsinki takes a context"):
         gamms.osm.helsinki(None)

@@ -162,7 +162,7 @@ def test_a_node_that_is_none_is_refused_when_the_strategy_is_made(world, make):
 def test_impossible_arguments_are_refused(world):
     with pytest.raises(ValueError, match="patrol needs one node at least"):
         patrol(world.ctx, [])
-    with pytest.raises(TypeError, match="nodes of follow_path must be several node ids, not 3"):
+    with pytest.raises(TypeError, match="nodes of follow_path must be a list of node ids, not 3"):
         follow_path(world.ctx, 3)
     with pytest.raises(TypeError, match="otherwise of goto must be a function of the state, not 3"):
         goto(world.ctx, 3, 3)

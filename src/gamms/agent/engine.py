@@ -265,7 +265,7 @@ class AgentEngine(Guarded, IAgentEngine):
         given = kwargs.pop("type", AgentType.BASIC)
         kind = _as_type(given)
         if kind is None:
-            hint = nearest(shown(given).upper(), AgentType.__members__)
+            hint = nearest(given.upper() if isinstance(given, str) else given, AgentType.__members__)
             self._ctx.logger.warning(f"Agent {shown(name)}: unknown type {shown(given)}, so it is BASIC.{hint}")
         return AgentType.AERIAL if AgentType.AERIAL in (kind, _as_type(kwargs.get("agent_type"))) else AgentType.BASIC
 

@@ -4,12 +4,11 @@ from collections.abc import Callable, Iterable
 from contextlib import AbstractContextManager, nullcontext
 from typing import Any, ClassVar
 
-from gamms.arguments import as_function_of, as_name
+from gamms.arguments import as_bool, as_function_of, as_key, as_name
 from gamms.deciding import DecidePhase, Guarded, phase_of, refused_while_deciding
-from gamms.errors import BadType, GammsError, MissingKey
+from gamms.errors import GammsError, MissingKey
 from gamms.ir import journal
 from gamms.ir.agents import AgentColumns, Position
-from gamms.text import shown
 from gamms.typing import IContext
 from gamms.typing.agent_engine import AgentType, IAgent, IMoves, Strategy
 from gamms.typing.sensor_engine import ISensor, SensorType, refuse_no_sensor
@@ -108,11 +107,7 @@ class Member(Guarded, IAgent):
 
     @team.setter
     def team(self, team: Any) -> None:
-        try:
-            hash(team), str(team)
-        except (TypeError, ValueError):  # an integer that is not written out has no place in legends
-            raise BadType(f"A team must be a value such as a text or a number, not {shown(team)}.") from None
-        self._columns.teams[self._row] = team
+        self._columns.teams[self._row] = as_key(team, "A team")
         self._note(journal.AGENT_TEAM, team=team)
         self._columns.roster += 1
         self._columns.touched.add(self._row)  # those who look for a team should see it
@@ -124,8 +119,9 @@ class Member(Guarded, IAgent):
 
     @alive.setter
     def alive(self, alive: bool) -> None:
-        self._columns.set_alive(self._row, alive=bool(alive))
-        self._note(journal.AGENT_ALIVE, alive=bool(alive))
+        alive = as_bool(alive, "alive")
+        self._columns.set_alive(self._row, alive=alive)
+        self._note(journal.AGENT_ALIVE, alive=alive)
 
     @property
     def state(self) -> dict[str, Any]:

@@ -6,7 +6,7 @@ from contextlib import contextmanager
 from time import perf_counter
 from typing import Any, NamedTuple, overload
 
-from gamms.arguments import as_int, as_name
+from gamms.arguments import as_bool, as_int, as_name
 from gamms.deciding import Protected, phase_of, refused_while_deciding
 from gamms.errors import BadValue, ContextTerminated, UnknownName
 from gamms.game.random_streams import GlobalRandom
@@ -50,16 +50,16 @@ class Game(Settings):
         scenario: what the game was built from, as plain values, for the recorder; None: by a program.
     """
 
-    turn: Protected[int] = Protected("_state")
-    data: Protected[dict[str, Any]] = Protected("_state")
-    events: Protected[list[dict[str, Any]]] = Protected("_state")
-    errors: Protected[list[dict[str, Any]]] = Protected("_state")
-    team_memories: Protected[dict[Any, dict[Any, Any]]] = Protected("_state")
-    counts: Protected[dict[str, dict[str, int]]] = Protected("_state")
-    timings: Protected[dict[str, float]] = Protected("_state")
-    after_reset: Protected[list[Callable[[], None]]] = Protected()
-    after_observing: Protected[list[Observer]] = Protected()
-    scenario: Protected[dict[str, Any] | None] = Protected()
+    turn: Protected[int] = Protected(int, "_state")
+    data: Protected[dict[str, Any]] = Protected(dict, "_state")
+    events: Protected[list[dict[str, Any]]] = Protected(list, "_state")
+    errors: Protected[list[dict[str, Any]]] = Protected(list, "_state")
+    team_memories: Protected[dict[Any, dict[Any, Any]]] = Protected(dict, "_state")
+    counts: Protected[dict[str, dict[str, int]]] = Protected(dict, "_state")
+    timings: Protected[dict[str, float]] = Protected(dict, "_state")
+    after_reset: Protected[list[Callable[[], None]]] = Protected(list)
+    after_observing: Protected[list[Observer]] = Protected(list)
+    scenario: Protected[dict[str, Any] | None] = Protected(dict | None)
 
     def __init__(self, ctx: Any) -> None:
         super().__init__()
@@ -367,8 +367,9 @@ class Game(Settings):
     @refused_while_deciding
     def end(self, reason: str, winner: Any = None, truncated: bool = False) -> None:
         """End the game after this turn; of several calls the first counts."""
+        over = {"reason": as_name(reason, "a reason"), "winner": winner, "truncated": as_bool(truncated, "truncated")}
         if self._state.over is None:
-            self._state.over = {"reason": str(reason), "winner": winner, "truncated": bool(truncated)}
+            self._state.over = over
 
     @refused_while_deciding
     def eliminate(self, agent: Any) -> None:

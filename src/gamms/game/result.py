@@ -10,7 +10,7 @@ from typing import Any, NamedTuple
 
 import numpy as np
 
-from gamms.arguments import as_path
+from gamms.arguments import as_key, as_path
 from gamms.errors import BadType, BadValue, Duplicate, MissingFolder, UnknownName
 from gamms.folders import write_whole
 from gamms.ir.game_state import LogHistory, LogPoint
@@ -74,10 +74,10 @@ class Result:
         Raises:
             UnknownName (KeyError): there is no such table.
         """
-        rows = self._tables().get(name)
-        if rows is None:
-            raise UnknownName("table", name, self._tables())
-        return table_of(rows)
+        tables = self._tables()
+        if as_key(name, "The name of a table") not in tables:
+            raise UnknownName("table", name, tables)
+        return table_of(tables[name])
 
     def _tables(self) -> dict[str, Any]:
         events: dict[str, Any] = {}

@@ -110,7 +110,7 @@ class RuleSet:
 
 def check_phase(phase: object) -> None:
     """Raise BadValue unless this is a phase."""
-    if phase not in _PHASES:
+    if not isinstance(phase, str) or phase not in _PHASES:
         raise BadValue(f"phase must be 'before' or 'after', not {shown(phase)}.")
 
 

@@ -31,7 +31,10 @@ class Cache:
         if revision != self.revision:
             self.clear()
             self.revision = revision
-        known: Arrays | None = self.kept.get(key)
+        try:
+            known: Arrays | None = self.kept.get(key)
+        except TypeError:  # a weight that is not hashable: `make` says what is wrong with it
+            return make()
         if known is not None:
             self.kept.move_to_end(key)
             return known

@@ -8,9 +8,9 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 from gamms import kernels
-from gamms.arguments import as_float
+from gamms.arguments import as_float, as_numbers, as_range
 from gamms.deciding import Guarded, refused_while_deciding
-from gamms.errors import BadValue, DuplicateId, MissingKey, UnknownName
+from gamms.errors import DuplicateId, MissingKey, UnknownName
 from gamms.graph import records
 from gamms.graph.bulk import checked_edges, checked_nodes
 from gamms.graph.indexes import Indexes, Neighborhoods
@@ -242,9 +242,11 @@ class Graph(Guarded, Copied, Ways):
         row = self._nodes.find(records.as_id(node_id, "a node"))
         x, y = self._nodes.xy[2 * row], self._nodes.xy[2 * row + 1]
         rows = self._rows_near(x, y, radius)
-        if fov != 2.0 * pi and heading != (0.0, 0.0):
-            dx, dy = (self._nodes.array("xy")[rows] - (x, y)).T
-            rows = rows[kernels.in_cone(dx, dy, heading, fov)]
+        if (fov := as_range(fov, "fov")) != 2.0 * pi:
+            cos, sin = as_numbers(heading, "heading", "(cos, sin)")
+            if (cos, sin) != (0.0, 0.0):
+                dx, dy = (self._nodes.array("xy")[rows] - (x, y)).T
+                rows = rows[kernels.in_cone(dx, dy, (cos, sin), fov)]
         return self._among(rows)
 
     def nodes_near(self, x: float, y: float, radius: float) -> NodeColumns:
@@ -368,8 +370,7 @@ class Graph(Guarded, Copied, Ways):
     # -- inside -------------------------------------------------------------------------------------------------
 
     def _rows_near(self, x: float, y: float, radius: float) -> IntArray:
-        if not radius >= 0.0:
-            raise BadValue(f"The radius must not be negative, not {radius}.")
+        radius = as_range(radius, "The radius")
         return self._nodes.living() if radius == inf else self._indexes.nodes_within(x, y, radius)
 
     def _among(self, rows: IntArray) -> Surroundings:

@@ -6,6 +6,7 @@ from typing import Any
 
 import numpy as np
 
+from gamms import arguments
 from gamms.arguments import as_float, as_int
 from gamms.errors import BadType, BadValue
 from gamms.graph.copies import own
@@ -28,7 +29,7 @@ def required(record: Any, key: str, kind: str) -> Any:
         return record[key]
     except KeyError:
         raise BadValue(f"{kind} needs the key {key!r}; got only {', '.join(sorted(map(shown, record)))}.") from None
-    except TypeError:
+    except (TypeError, IndexError, ValueError):  # as lists and arrays raise them
         raise BadType(f"{kind} must be given as a dict, not {shown(record)}.") from None
 
 
@@ -38,20 +39,8 @@ def as_id(value: Any, kind: str) -> int:
 
 
 def as_text(value: Any, name: str) -> str | None:
-    """`value` as plain Unicode text, or None.
-
-    Raises:
-        BadType: it is no text.
-        BadValue: there is half a surrogate pair in it, which no file can hold.
-    """
-    if value is None:
-        return None
-    if not isinstance(value, str):
-        raise BadType(f"{name} must be a string or None, not {shown(value)} ({type(value).__name__}).")
-    text = str.__str__(value)
-    if any("\ud800" <= one <= "\udfff" for one in text):
-        raise BadValue(f"{name} must be valid Unicode, not {shown(value)}: it has a lone surrogate.")
-    return text
+    """`value` as plain Unicode text, or None."""
+    return None if value is None else arguments.as_text(value, name, "a string or None")
 
 
 def as_coordinate(value: Any, axis: str, id: int) -> float:

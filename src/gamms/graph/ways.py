@@ -31,7 +31,10 @@ class Ways(IGraph):
         # NOTE: many strategies ask this in each turn, of targets they asked for before (benchmarks/README.md, Paths).
         cache = self._routes.cache
         if cache.revision == self._changes[0] and type(source) is int and type(target) is int:
-            known = cache.kept.get((weight, target))
+            try:
+                known = cache.kept.get((weight, target))
+            except TypeError:  # a weight that is not hashable
+                known = None
             if known is not None and (row := self._nodes.index.row(source)) >= 0:
                 far: float = known[0][row]
                 return far

@@ -25,12 +25,12 @@ def edge_weights(columns: GraphColumns, weight: str | None) -> FloatArray:
         BadValue: it is negative or NaN.
         UnknownName (KeyError): no edge has such an attribute, and the name looks like a misspelt one.
     """
-    if weight == "length":
-        return columns.lengths
     if weight is not None and not isinstance(weight, str):
         raise BadType(
             f"weight must be 'length', the name of an edge attribute, or None for steps, not {shown(weight)}."
         )
+    if weight == "length":
+        return columns.lengths
     known = ("length", *columns.edge_attributes)
     if weight is not None and weight not in known and nearest(weight, known):
         raise UnknownName("weight", weight, known)

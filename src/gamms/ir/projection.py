@@ -92,7 +92,7 @@ def crs_of(crs: Any) -> tuple[str, bool]:
     pyproj = _pyproj()
     try:
         known = pyproj.CRS.from_user_input(crs)
-    except pyproj.exceptions.CRSError as error:
+    except (pyproj.exceptions.CRSError, ValueError) as error:  # a ValueError of an integer of 4,300 digits
         raise BadValue(f"graph['crs'] is {shown(crs)}, which names no CRS. Give one such as 'EPSG:32635'.") from error
     name = str(known.to_string())
     for axis in known.axis_info[:2]:

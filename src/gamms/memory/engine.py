@@ -4,6 +4,7 @@ from collections.abc import Iterator
 from contextlib import ExitStack
 from typing import TYPE_CHECKING
 
+from gamms.arguments import as_key, as_name
 from gamms.errors import BadType, BadValue, Duplicate, NotYet, UnknownName
 from gamms.text import shown
 from gamms.typing import IMemoryEngine, IPathLike, StoreType
@@ -27,7 +28,7 @@ class MemoryEngine(IMemoryEngine):
             BadFile: the path holds something that is no database.
             NotYet: a FILESYSTEM store.
         """
-        if name in self._open():
+        if as_name(name, "a store") in self._open():
             raise Duplicate("a store", name)
         store = _opened(_store_type(store_type), name, path)
         self._stores[name] = store
@@ -36,7 +37,7 @@ class MemoryEngine(IMemoryEngine):
     def get_store(self, name: str) -> "Store":
         """Return an open store by name (KeyError)."""
         stores = self._open()
-        if name not in stores:
+        if as_key(name, "The name of a store") not in stores:
             raise UnknownName("store", name, stores)
         return stores[name]
 

@@ -7,7 +7,7 @@ from typing import TYPE_CHECKING, Any, NamedTuple
 
 import numpy as np
 
-from gamms.arguments import as_float, as_range
+from gamms.arguments import as_bool, as_float, as_range
 from gamms.errors import BadType, BadValue
 from gamms.ir.graph import GraphColumns
 from gamms.ir.projection import crs_of
@@ -252,11 +252,11 @@ def recipe_of(resolution: float, tolerance: float, **wishes: Any) -> Recipe:
     number = as_float(resolution, "resolution")
     if number <= 0.0:
         raise BadValue(f"resolution must be more than 0 metres, not {number}. The default is 10.")
-    return Recipe(number, _tolerance(tolerance), **{name: _plain(value) for name, value in wishes.items()})
+    return Recipe(number, _tolerance(tolerance), **{name: _plain(value, name) for name, value in wishes.items()})
 
 
-def _plain(wish: Any) -> Any:
-    return wish if isinstance(wish, OSMType) or wish is None else bool(wish)
+def _plain(wish: Any, name: str) -> Any:
+    return wish if isinstance(wish, OSMType) or wish is None else as_bool(wish, name)
 
 
 def _tolerance(tolerance: float) -> float:

@@ -3,9 +3,9 @@
 from pathlib import Path
 from typing import TYPE_CHECKING
 
-from gamms.errors import BadType, BadValue
+from gamms.arguments import as_context
+from gamms.errors import BadValue
 from gamms.osm.load import resample_columns
-from gamms.text import shown
 from gamms.typing import IContext
 
 if TYPE_CHECKING:
@@ -29,9 +29,7 @@ def helsinki(
         BadType: `ctx` is no context.
         BadValue: the context has a graph or obstacles already, or the resolution is impossible.
     """
-    if not isinstance(ctx, IContext):
-        raise BadType(f"helsinki takes the context to load the map into, not {shown(ctx)}.")
-    graph = ctx.graph.graph
+    graph = as_context(ctx, "helsinki").graph.graph
     if [*graph.get_nodes(), *ctx.graph.get_obstacle_faces()]:
         raise BadValue("The context has a graph or obstacles already. Load the map into a new context.")
     try:

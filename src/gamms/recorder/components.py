@@ -3,6 +3,7 @@
 from collections.abc import Callable, Iterator, KeysView
 from typing import Any
 
+from gamms.arguments import as_key
 from gamms.deciding import UNDECIDED, DecidePhase, Guarded, refused_while_deciding
 from gamms.errors import BadType, Duplicate, UnknownName
 from gamms.recorder import struct_types
@@ -76,9 +77,10 @@ class Components(Guarded):
         Raises:
             UnknownName (KeyError): there is none.
         """
-        if name not in self._components:
-            raise UnknownName("component", name, self._components)
-        return self._components[name]
+        try:
+            return self._components[name]
+        except (KeyError, TypeError):
+            raise UnknownName("component", name, self._components) from None
 
     @refused_while_deciding
     def delete_component(self, name: Any) -> None:
@@ -102,13 +104,7 @@ class Components(Guarded):
         Raises:
             Duplicate (ValueError): the name is taken.
         """
-        try:
-            hash(name)
-        except TypeError:
-            raise BadType(
-                f"The name of a component must be a text or another key of a dict, not {shown(name)}."
-            ) from None
-        if name in self._components:
+        if as_key(name, "The name of a component") in self._components:
             raise Duplicate("a component", name)
         if self._is_recorded(obj, name):
             for opcode_name, data in _events_of(obj):
@@ -117,7 +113,7 @@ class Components(Guarded):
 
     def is_component_registered(self, key: Key) -> bool:
         """Whether a class is registered, by module and qualified name."""
-        return tuple(key) in self._component_registry
+        return _as_class_key(key) in self._component_registry
 
     @refused_while_deciding
     def unregister_component(self, key: Key) -> None:
@@ -126,7 +122,7 @@ class Components(Guarded):
         Raises:
             UnknownName (KeyError): it is not registered.
         """
-        key = (key[0], key[1])
+        key = _as_class_key(key)
         if key not in self._component_registry:
             raise UnknownName("component class", key)
         self._on_event("COMPONENT_UNREGISTER", {"key": list(key)})
@@ -200,7 +196,7 @@ class Components(Guarded):
         """
         if self._is_silent:
             return
-        if name in self._components:
+        if as_key(name, "The name of a component") in self._components:
             raise Duplicate("a component", name)
         self._on_event(*_creation(component))
         self._components[name] = component
@@ -364,6 +360,12 @@ _APPLIED: dict[str, Callable[[Components, dict[str, Any], bool], None]] = {
 
 
 # -- events -------------------------------------------------------------------------------------------------------
+
+
+def _as_class_key(key: Any) -> Key:
+    if not isinstance(key, (tuple, list)) or [type(part) for part in key] != [str, str]:
+        raise BadType(f"A component class is named by (cls.__module__, cls.__qualname__), not {shown(key)}.")
+    return key[0], key[1]
 
 
 def _registration(key: Key, texts: dict[str, str]) -> dict[str, Any]:

@@ -2,9 +2,9 @@
 
 import os
 from hashlib import sha256
-from pathlib import Path
 from typing import Any
 
+from gamms.arguments import as_path
 from gamms.errors import BadType
 from gamms.recorder.errors import RecordingError
 from gamms.text import shown
@@ -59,7 +59,7 @@ def packed_of(graph: Any) -> bytes:
         OSError: the file cannot be read.
     """
     if isinstance(graph, str | os.PathLike):
-        return Path(graph).read_bytes()
+        return as_path(graph, "The path of a map").read_bytes()
     graph = getattr(graph, "graph", graph) if not hasattr(graph, "packed") else graph
     packed: Any = graph.packed_part()[0] if hasattr(graph, "packed_part") else getattr(graph, "packed", None)
     if not isinstance(packed, bytes):

@@ -6,7 +6,7 @@ from collections.abc import Callable, Iterator, KeysView
 from copy import deepcopy
 from typing import Any, BinaryIO
 
-from gamms.arguments import as_int
+from gamms.arguments import as_bool, as_int, as_name
 from gamms.deciding import Guarded, phase_of, refused_while_deciding
 from gamms.errors import BadType, BadValue, ContextTerminated
 from gamms.ir import journal as kinds
@@ -104,12 +104,14 @@ class Recorder(Guarded, IRecorder):
         if self._session is not None:
             raise RecorderBusy("A recording is being written already. Call ctx.record.stop() first.")
         options = _checked_options(version, created, provenance)
+        flags = {"sensed": sensed, "overwrite": overwrite, "embed_graph": embed_graph}
+        sensed, overwrite, embed_graph = (as_bool(flag, name) for name, flag in flags.items())
 
         def header(session: Session) -> dict[str, Any]:
             told = header_of(self.ctx, session, options) if session.header is None else session.header
             return told if embed_graph else without_map(told)
 
-        session = Session(self.ctx, with_sensed=bool(sensed))  # before there is a file: not every map can be written
+        session = Session(self.ctx, with_sensed=sensed)  # before there is a file: not every map can be written
         target: Target | None = None
         try:
             target = Target(path, overwrite=overwrite)
@@ -211,10 +213,11 @@ class Recorder(Guarded, IRecorder):
         Raises:
             BadType: a value is not plain.
         """
+        kind = as_name(kind, "an event")
         if not is_plain(data):
             raise BadType(f"What is recorded must be plain values, not {shown(data)}.")
         if self.record():
-            self._log().append((kinds.USER_EVENT, {"kind": str(kind), **plain(data)}))
+            self._log().append((kinds.USER_EVENT, {"kind": kind, **plain(data)}))
 
     def time(self) -> int:
         """Nanoseconds: of the recording while one is replayed or written, where a turn counts as a second."""
@@ -396,7 +399,7 @@ class Recorder(Guarded, IRecorder):
 
 
 def _checked_options(version: Any, created: Any, provenance: Any) -> dict[str, Any]:
-    if version not in _VERSIONS:
+    if as_int(version, "version") not in _VERSIONS:
         raise BadValue(f"version must be 2 or 3, not {shown(version)}.")
     if not is_plain(provenance):
         raise BadType(f"provenance must be plain values, not {shown(provenance)}.")

@@ -9,7 +9,7 @@ from typing import Any, BinaryIO, Self, overload
 
 import numpy as np
 
-from gamms.arguments import as_int
+from gamms.arguments import as_context, as_int
 from gamms.errors import BadValue
 from gamms.ir import journal
 from gamms.ir.journal import Log
@@ -212,7 +212,7 @@ class Recording:
         """
         if ctx is not None and vis_engine is not None:
             raise BadValue("vis_engine is for a fresh context, and ctx has an engine already.")
-        return self._live(turn, strategies or {}, seed, vis_engine, ctx)
+        return self._live(turn, {} if strategies is None else strategies, seed, vis_engine, ctx)
 
     def _live(
         self,
@@ -228,6 +228,8 @@ class Recording:
         from gamms.recorder import resuming
 
         then, turn = self.state(turn), as_int(turn, "turn")
+        if ctx is not None:
+            as_context(ctx, "resume")
         maps = resuming.Maps(self.map_hash(0), self.map_hash(turn), lambda: then.graph.packed)
         seed = resuming.as_seed(seed, resuming.seed_at(self._reader, turn))
         live = resuming.opened_context(seed, vis_engine, is_quiet=is_quiet) if ctx is None else ctx

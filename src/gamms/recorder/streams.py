@@ -5,15 +5,17 @@ import os
 from pathlib import Path
 from typing import Any, BinaryIO
 
+from gamms.arguments import as_path
 from gamms.errors import BadType
 from gamms.recorder.errors import RecorderBusy
+from gamms.text import shown
 
 _SUFFIX = ".ggr"
 
 
 def named(path: str | os.PathLike[str]) -> Path:
     """The path of a new recording: with the suffix, if it has none."""
-    file = Path(path)
+    file = as_path(path, "The path of a recording")
     return file if file.name.endswith(_SUFFIX) else Path(f"{file}{_SUFFIX}")
 
 
@@ -42,7 +44,7 @@ class Target:
         elif hasattr(path, "write") and not isinstance(path, io.TextIOBase):
             self.stream = path
         else:
-            raise BadType(f"A recording is written to a path or a binary stream, not to {path!r}.")
+            raise BadType(f"A recording is written to a path or a binary stream, not to {shown(path)}.")
 
     def _new_file(self, path: str | os.PathLike[str], *, overwrite: bool) -> BinaryIO:
         file = named(path)
@@ -100,13 +102,13 @@ def readable(path: Any) -> tuple[BinaryIO, bool]:
         BadType (TypeError): this is neither a path nor a binary stream.
     """
     if isinstance(path, (str, os.PathLike)):
-        file = Path(path)
+        file = as_path(path, "The path of a recording")
         if not file.exists() and file.suffix != _SUFFIX:
             file = Path(f"{file}{_SUFFIX}")
         return file.open("rb"), True
     if hasattr(path, "read") and not isinstance(path, io.TextIOBase):
         return path if path.seekable() else io.BytesIO(path.read()), False
-    raise BadType(f"A recording is read from a path or a binary stream, not from {path!r}.")
+    raise BadType(f"A recording is read from a path or a binary stream, not from {shown(path)}.")
 
 
 def locks(stream: BinaryIO, *, alone: bool) -> bool:

@@ -5,6 +5,7 @@ from typing import Any
 
 import numpy as np
 
+from gamms.arguments import as_name
 from gamms.errors import UnknownName
 from gamms.ir import journal
 from gamms.ir.tables import table_of
@@ -85,7 +86,7 @@ def table(reader: Reader, name: str, start: int, stop: int, names_at: NamesAt) -
     Raises:
         UnknownName (KeyError): there is no such table.
     """
-    if name in _TABLES:
+    if as_name(name, "a table") in _TABLES:
         try:
             return _TABLES[name](reader, start, stop, names_at)
         except RecordingError:

@@ -6,9 +6,10 @@ from typing import Any, NamedTuple
 
 import numpy as np
 
+from gamms.errors import BadType
 from gamms.recorder import Recording, RecordingError, State
 from gamms.recorder.formats.values import to_bytes
-from gamms.text import written
+from gamms.text import shown, written
 
 
 class Difference(NamedTuple):
@@ -44,6 +45,9 @@ def first_difference(first: Recording, second: Recording) -> Difference | None:
     Raises:
         RecordingError (ValueError): one of them is damaged.
     """
+    for one in (first, second):
+        if not isinstance(one, Recording):
+            raise BadType(f"first_difference compares recordings, as gamms.recorder.open gives them, not {shown(one)}.")
     logs = first.logs(), second.logs()
     for turn in count():
         if turn > min(first.turns, second.turns):

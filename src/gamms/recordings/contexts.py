@@ -2,9 +2,9 @@
 
 import os
 from collections.abc import Iterator
-from pathlib import Path
 from typing import Any
 
+from gamms.arguments import as_path
 from gamms.context import Context, create_context
 from gamms.ir import journal
 from gamms.recorder import RecordingError
@@ -23,7 +23,7 @@ def version_of(path: str | os.PathLike[str]) -> int:
         RecordingError (ValueError): it is none.
         OSError: it cannot be read.
     """
-    with Path(path).open("rb") as file:
+    with as_path(path, "The path of a recording").open("rb") as file:
         head = file.read(8)
     if len(head) < 8 or not head.startswith(MAGIC_NUMBER):
         raise RecordingError(f"{str(path)!r} is no recording: it does not begin with 'MMGR' and a version.")
@@ -97,7 +97,7 @@ def records_of(path: str | os.PathLike[str]) -> Iterator[dict[str, Any]]:
     Raises:
         RecordingError (ValueError): it is damaged, or ends too early; the records before that were yielded.
     """
-    with Path(path).open("rb") as file:
+    with as_path(path, "The path of a recording").open("rb") as file:
         yield from version2.read(file)
 
 

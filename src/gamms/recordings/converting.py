@@ -6,11 +6,11 @@ from base64 import b64encode
 from collections.abc import Iterator
 from itertools import chain
 from math import isfinite, isnan
-from pathlib import Path
 from typing import Any
 
 import numpy as np
 
+from gamms.arguments import as_path
 from gamms.context import Context
 from gamms.errors import BadValue, GammsError
 from gamms.folders import whole_file
@@ -157,9 +157,10 @@ def to_json_lines(path: str | os.PathLike[str], out: str | os.PathLike[str]) -> 
         FileExistsError: there is a file at `out`.
         OSError: one of the files cannot be read or written.
     """
-    if Path(out).exists():
+    target = as_path(out, "out")
+    if target.exists():
         raise FileExistsError(f"There is a file {str(out)!r} already; choose another name or delete it first.")
-    with opened(path) as recording, whole_file(Path(out)) as beside:
+    with opened(path) as recording, whole_file(target) as beside:
         with beside.open("w", encoding="utf-8", errors="backslashreplace") as file:  # as JSON escapes them, too
             lines = (json.dumps(as_json(line), ensure_ascii=False, allow_nan=False) for line in _lines(recording))
             file.writelines(f"{line}\n" for line in lines)

@@ -6,6 +6,7 @@ from itertools import compress
 from operator import attrgetter
 from typing import Any
 
+from gamms.arguments import as_text
 from gamms.errors import BadType, BadValue, nearest
 from gamms.rules.capacity import UNLIMITED, Capacity, ILimits, as_limits
 from gamms.rules.resolvers import Contest, Resolver, as_resolver, at_random, winners_of
@@ -47,13 +48,13 @@ class Conflicts(IConflicts):
         allow_swaps: bool = True,
         resolve: Resolver | None = None,
     ) -> None:
-        if among not in _AMONG:
+        if as_text(among, "among") not in _AMONG:
             raise BadValue(f"among must be 'all' or 'team', not {shown(among)}.{nearest(among, _AMONG)}")
         if not isinstance(allow_swaps, bool):
             raise BadType(f"allow_swaps must be True or False, not {shown(allow_swaps)}.")
-        name = "at_random" if resolve is None else getattr(resolve, "__name__", repr(resolve))
-        self._given = {"capacity": repr(capacity), "among": repr(among), "allow_swaps": allow_swaps, "resolve": name}
         self._limits = as_limits(capacity)
+        name = "at_random" if resolve is None else getattr(resolve, "__name__", shown(resolve))
+        self._given = {"capacity": repr(capacity), "among": repr(among), "allow_swaps": allow_swaps, "resolve": name}
         self._resolve = at_random() if resolve is None else as_resolver(resolve)
         self._allow_swaps = allow_swaps
         per_team = among == "team"

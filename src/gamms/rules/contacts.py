@@ -8,7 +8,7 @@ from collections.abc import Callable, Iterable, Iterator, Mapping
 from typing import Any, NamedTuple
 
 from gamms import kernels
-from gamms.arguments import as_range
+from gamms.arguments import as_context, as_items, as_range
 from gamms.errors import BadType, BadValue
 from gamms.rules.measures import MEASURES, Distances, Measure, Place
 from gamms.rules.visits import legs_of, tracks_of, visits_of
@@ -83,7 +83,7 @@ def contacts(  # noqa: PLR0913 - all that makes a contact, in one call
     """
     nearness = as_nearness(hops, metres, euclid, crossing=crossing, air=air, passing=passing)
     first: dict[tuple[str, str], Contact] = {}
-    for contact in found(ctx, as_side(a), as_side(b), nearness):
+    for contact in found(as_context(ctx, "contacts"), as_side(a), as_side(b), nearness):
         first.setdefault(contact[:2], contact)
     return list(first.values())
 
@@ -92,11 +92,19 @@ def one_to_one(met: Iterable[Contact]) -> list[Contact]:
     """Of contacts in this order, those that leave everybody one at most: each pair whose agents are still free."""
     taken: set[str] = set()
     pairs = []
-    for contact in met:
+    for contact in _as_contacts(met):
         if contact.a not in taken and contact.b not in taken:
             taken.update(contact[:2])
             pairs.append(contact)
     return pairs
+
+
+def _as_contacts(met: Any) -> list[Contact]:
+    contacts = as_items(met, "met", "contacts")
+    for one in contacts:
+        if not isinstance(one, Contact):
+            raise BadType(f"one_to_one takes what gamms.rules.contacts gives, not {shown(one)}.")
+    return contacts
 
 
 def as_nearness(
@@ -115,7 +123,7 @@ def as_nearness(
             f"Give one distance, not {' and '.join(f'{name}={shown(value)}' for name, value in given.items())}."
         )
     for name, value in (("crossing", crossing), ("air", air), ("passing", passing)):
-        if not isinstance(value, bool) and (name, value) != ("crossing", None):
+        if not isinstance(value, bool) and not (name == "crossing" and value is None):
             raise BadType(f"{name} must be True or False, not {shown(value)}.")
     for unit, value in given.items():
         return Nearness(unit, as_range(value, unit), bool(crossing), air, passing)

@@ -3,7 +3,7 @@
 from collections.abc import Iterable, Mapping
 from typing import Any
 
-from gamms.arguments import as_float, as_int
+from gamms.arguments import as_float, as_int, as_key
 from gamms.errors import BadType, BadValue, UnknownName
 from gamms.rules.drawing import equipped
 from gamms.rules.visits import tracks_of, visits_of
@@ -43,12 +43,13 @@ def reach(team: Any, nodes: Any = None, *, winner: Any = ITS_TEAM, score: float 
         BadType, BadValue: an argument is none of these, or a winner is given for several teams.
         UnknownName (KeyError): when it is added to a game, a node is none of the map.
     """
-    given = team if isinstance(team, Mapping) else {team: nodes}
+    given = team if isinstance(team, Mapping) else {as_key(team, "team"): nodes}
     if isinstance(team, Mapping) and nodes is not None:
         raise BadValue(f"nodes={shown(nodes)} is too much: {shown(team)} says already who is to reach what.")
     if winner is not ITS_TEAM and len(given) > 1:
         raise BadValue(f"winner={shown(winner)} is for one team, and {list(given)} compete: the first to arrive wins.")
-    goals = {one: _as_goal(goal, one) for one, goal in sorted(given.items(), key=lambda item: str(item[0]))}
+    teams = sorted((as_key(one, "A team") for one in given), key=str)
+    goals = {one: _as_goal(given[one], one) for one in teams}
     as_float(score, "score")
     if not isinstance(passing, bool):
         raise BadType(f"passing must be True or False, not {shown(passing)}.")

@@ -4,6 +4,7 @@ from collections.abc import Callable, Iterable, Mapping, Sequence
 from typing import Any, NamedTuple
 
 from gamms import kernels
+from gamms.arguments import as_key
 from gamms.errors import BadType, BadValue, MissingKey, nearest
 from gamms.text import shown
 from gamms.typing.game import Move
@@ -147,7 +148,7 @@ def _by_team(teams: tuple[Any, ...]) -> Resolver:
 def _ranks(teams: tuple[Any, ...]) -> Mapping[Any, int]:
     ranks: dict[Any, int] = {}
     for rank, team in enumerate(teams):
-        if team in ranks:
+        if as_key(team, "A team") in ranks:
             raise BadValue(f"by_priority lists team {shown(team)} twice: {shown(list(teams))}.")
         ranks[team] = rank
     if not ranks:

@@ -14,6 +14,7 @@ from importlib.util import find_spec
 from pathlib import Path, PureWindowsPath
 from typing import Any, NamedTuple
 
+from gamms.arguments import as_items
 from gamms.errors import BadType, BadValue, nearest
 from gamms.limits import refuse_above
 from gamms.scenario.errors import ScenarioError, at
@@ -65,8 +66,8 @@ def allowed(packages: Iterable[str]) -> tuple[str, ...]:
         BadType: they are one text, or no texts.
         BadValue: one is no package, or one whose functions are never offered.
     """
-    names = (packages,) if isinstance(packages, str) else tuple(packages)
-    if isinstance(packages, str) or not all(isinstance(name, str) for name in names):
+    names = tuple(as_items(packages, "allow", "names of packages, such as ['my_package'],"))
+    if not all(isinstance(name, str) for name in names):
         raise BadType(f"allow must be names of packages, such as ['my_package'], not {shown(packages)}.")
     for name in names:
         if not _is_dotted(name):

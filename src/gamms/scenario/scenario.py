@@ -5,8 +5,9 @@ from collections.abc import Iterable, Mapping
 from functools import cache, partial
 from typing import Any
 
-from gamms.arguments import as_path
+from gamms.arguments import as_mapping, as_path
 from gamms.context import Context, create_context
+from gamms.errors import BadType
 from gamms.game.result import Result
 from gamms.ir.graph import GraphColumns
 from gamms.scenario import files, plain, worlds
@@ -19,6 +20,7 @@ from gamms.scenario.explain import checked
 from gamms.scenario.placing import members, node_at, place
 from gamms.scenario.references import Found, Sources, allowed
 from gamms.scenario.shape import LatLon, Place, Spec
+from gamms.text import shown
 from gamms.typing.graph_engine import Engine as GraphEngine
 
 
@@ -148,7 +150,7 @@ class Scenario:
             ScenarioError: something cannot be done as it is written.
             UnknownName (KeyError): a strategy is for a team or agent that is not there.
         """
-        given = dict(strategies or {})
+        given = dict(as_mapping({} if strategies is None else strategies, "strategies"))
         unknown_strategies(given, self.spec)
         with named(self.file):
             if not self._loaded.cache_info().currsize:
@@ -234,6 +236,8 @@ def from_recording(
     Raises:
         ScenarioError: it was built by a program, or what is in it is no scenario.
     """
+    if not hasattr(recording, "header"):
+        raise BadType(f"from_recording takes a recording, as gamms.recorder.open gives it, not {shown(recording)}.")
     return _from_plain(recording.header.get("scenario"), folder, None, allow)
 
 

@@ -7,7 +7,7 @@ from typing import Any, NamedTuple, Self, cast
 import numpy as np
 
 from gamms import kernels
-from gamms.arguments import as_numbers, as_range
+from gamms.arguments import as_ids, as_numbers, as_range
 from gamms.deciding import refused_while_deciding
 from gamms.errors import BadValue
 from gamms.ir.graph import FloatArray, IntArray
@@ -17,7 +17,7 @@ from gamms.sensor import looks
 from gamms.sensor.map import map_view, ragged
 from gamms.sensor.memory import memory_of
 from gamms.sensor.notice import Notice
-from gamms.sensor.sensor import Sensor
+from gamms.sensor.sensor import Sensor, of_data
 from gamms.sensor.views import at_height
 from gamms.typing import AgentType, IAerialAgent, IContext
 from gamms.typing.graph_engine import Surroundings
@@ -81,12 +81,20 @@ class FlyingSensor(Sensor):
             UnknownName (KeyError): there is no such agent.
             BadValue (ValueError): it does not fly.
         """
+        self._refuse_walker(owner)
+        super().set_owner(owner)
+
+    def view_from(self, node_id: int | None, owner: str | None) -> SensorView:
+        """Return what it would see now, for drawing."""
+        self._refuse_walker(owner)
+        return super().view_from(node_id, owner)
+
+    def _refuse_walker(self, owner: str | None) -> None:
         if owner is not None and self.ctx.agent.get_agent(owner).type is not AgentType.AERIAL:
             raise BadValue(
                 f"Sensor {self.sensor_id!r} ({self.type}) needs an agent that flies; {owner!r} does not. "
                 "Create it with type=AgentType.AERIAL, or fix the sensor with at=(x, y, z)."
             )
-        super().set_owner(owner)
 
     def pose(self) -> Pose | None:
         """From where and whither it looks; None while nobody carries it and no place is fixed."""
@@ -155,9 +163,10 @@ class AerialSensor(FlyingSensor):
     def sense_many(self, node_ids: Sequence[int] | np.ndarray[Any, Any]) -> Sensed:
         """Look once for each node asked about, always from where the sensor is. `data` stays as it is."""
         nodes, edges = self._seen(self.pose())
-        looks = len(node_ids)
+        looks = len(as_ids(node_ids, "node_ids"))
         return Sensed(*ragged([[*nodes]] * looks), Sensed(*ragged([[edge.id for edge in edges]] * looks)))
 
+    @of_data
     def last_view(self) -> SensorView:
         """The nodes and edges seen last, and the ground inside the cone they were seen in."""
         pose: Pose | None = self._last[1]
@@ -244,6 +253,7 @@ class AerialAgentSensor(FlyingSensor):
             looks = [self._found(pose).tolist() for _ in node_ids]
             return Sensed(*ragged(looks), names=tuple(self._crowd.now().names))
 
+    @of_data
     def last_view(self) -> SensorView:
         """The agents seen last, where they were then, and the shadow of the cone they were seen in."""
         pose: Pose | None = self._last[1]

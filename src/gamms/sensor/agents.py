@@ -7,7 +7,7 @@ from typing import Any, Self
 import numpy as np
 
 from gamms import kernels
-from gamms.arguments import as_range
+from gamms.arguments import as_ids, as_range
 from gamms.errors import UnknownName
 from gamms.ir.graph import FloatArray
 from gamms.ir.sensed import Sensed, SensorView
@@ -15,7 +15,7 @@ from gamms.sensor.crowd import Crowd
 from gamms.sensor.map import ragged
 from gamms.sensor.memory import memory_of
 from gamms.sensor.notice import Notice
-from gamms.sensor.sensor import ALL_AROUND, FULL_CIRCLE, GroundSensor, Heading
+from gamms.sensor.sensor import ALL_AROUND, FULL_CIRCLE, GroundSensor, Heading, of_data
 from gamms.sensor.views import Place, coordinates, in_sight
 from gamms.typing import IContext
 from gamms.typing.agent_engine import Standing
@@ -102,9 +102,10 @@ class AgentSensor(GroundSensor):
         own = self._owner if self._at is None else None
         with self._phase.suspended() if self._notice is None else self._notice.on_trial():
             names = tuple(self.ctx.agent.standing().names)
-            looks = [self._found(self.place(int(node_id)), heading)[1] for node_id in node_ids]
+            looks = [self._found(self.place(id), heading)[1] for id in as_ids(node_ids, "node_ids")]
         return Sensed(*ragged([[row for row in look if names[row] != own] for look in looks]), names=names)
 
+    @of_data
     def last_view(self) -> SensorView:
         """The agents seen last, at their nodes of then, and the field of view from where they were seen."""
         return SensorView(agents=self.places_of(self.data.values()), names=tuple(self.data), outline=self.outline())

@@ -5,6 +5,7 @@ from typing import Any, NamedTuple
 
 import numpy as np
 
+from gamms.arguments import as_int
 from gamms.errors import UnknownName
 from gamms.ir.graph import FloatArray, IntArray
 from gamms.sensor.views import Place, Views, coordinates
@@ -81,8 +82,8 @@ class Crowd:
             self._forget(revision)
         try:
             disc = self._discs[radius][place]
-        except KeyError:
-            disc = self._disc(place, radius)
+        except (KeyError, TypeError):  # not known, or not hashable
+            disc = self._disc(place if isinstance(place, tuple) else as_int(place, "The id of a node"), radius)
         standing = self._ctx.agent.standing()
         if disc is None:
             return standing, self._compared(place, radius)

@@ -168,7 +168,9 @@ def _checked_type(kind: Any, sensor_id: str) -> SensorType:
     if isinstance(kind, SensorType):
         hint = " A custom sensor is an object of your own class: ctx.sensor.add_sensor(obj)."
     else:
-        hint = nearest(shown(kind).upper().removeprefix("SENSORTYPE."), known).replace("'", "")
+        hint = nearest(
+            (kind if isinstance(kind, str) else shown(kind)).upper().removeprefix("SENSORTYPE."), known
+        ).replace("'", "")
         hint = hint.replace("Did you mean ", "Did you mean SensorType.") or f" Use a SensorType: {', '.join(known)}."
     seen = str(kind) if isinstance(kind, SensorType) else shown(kind)
     raise UnknownType(f"Unknown sensor type {seen} for sensor {shown(sensor_id)}.{hint}")

@@ -5,12 +5,12 @@ from typing import Any
 
 import numpy as np
 
-from gamms.arguments import as_range
+from gamms.arguments import as_ids, as_range
 from gamms.ir.graph import FloatArray, IntArray
 from gamms.ir.sensed import Sensed, SensorView
 from gamms.sensor import looks
 from gamms.sensor.memory import memory_of
-from gamms.sensor.sensor import ALL_AROUND, FULL_CIRCLE, GroundSensor, Heading
+from gamms.sensor.sensor import ALL_AROUND, FULL_CIRCLE, GroundSensor, Heading, of_data
 from gamms.sensor.views import Place
 from gamms.typing import IContext
 from gamms.typing.graph_engine import Surroundings
@@ -65,10 +65,11 @@ class MapSensor(GroundSensor):
     def sense_many(self, node_ids: Sequence[int] | np.ndarray[Any, Any]) -> Sensed:
         """Look from many nodes; values are ids of nodes, and `edges` has ids of edges. `data` stays as it is."""
         heading = ALL_AROUND if self.fov == FULL_CIRCLE else self.heading()
-        looks = [self._look(self.place(int(node_id)), heading) for node_id in node_ids]
+        looks = [self._look(self.place(node_id), heading) for node_id in as_ids(node_ids, "node_ids")]
         nodes = ragged([[*look.nodes] for look in looks])
         return Sensed(*nodes, Sensed(*ragged([[edge.id for edge in look.edges] for look in looks])))
 
+    @of_data
     def last_view(self) -> SensorView:
         """The nodes and edges seen last, and the field of view from where they were seen."""
         return map_view(self.data, self.outline())

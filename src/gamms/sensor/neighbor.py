@@ -5,9 +5,10 @@ from typing import Any
 
 import numpy as np
 
+from gamms.arguments import as_ids, as_int
 from gamms.ir.sensed import Sensed, SensorView
 from gamms.sensor.map import ragged
-from gamms.sensor.sensor import Sensor
+from gamms.sensor.sensor import Sensor, of_data
 from gamms.typing import IContext
 from gamms.typing.sensor_engine import SensorType
 
@@ -25,14 +26,18 @@ class NeighborSensor(Sensor):
     def sense_many(self, node_ids: Sequence[int] | np.ndarray[Any, Any]) -> Sensed:
         """Look from many nodes; values are ids of nodes. `data` stays as it is."""
         near = self._neighborhoods
-        return Sensed(*ragged([[*near[int(node_id)]] for node_id in node_ids]))
+        return Sensed(*ragged([[*near[node_id]] for node_id in as_ids(node_ids, "node_ids")]))
 
     def sense(self, node_id: int) -> None:
         """Look around."""
         if self._phase.agent is not None:
             self._phase.refuse("call sensor.sense")
-        self._last[0] = [*self._neighborhoods[node_id]]
+        try:
+            self._last[0] = [*self._neighborhoods[node_id]]
+        except TypeError:  # not hashable, or no id
+            self._last[0] = [*self._neighborhoods[as_int(node_id, "The id of a node")]]
 
+    @of_data
     def last_view(self) -> SensorView:
         """The nodes seen last."""
         return SensorView(nodes=self.places_of(self.data))

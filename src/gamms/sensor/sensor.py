@@ -2,14 +2,15 @@
 
 from collections.abc import Callable, Iterable
 from copy import copy
+from functools import wraps
 from math import hypot, inf
-from typing import Any, ClassVar, Self, cast
+from typing import Any, ClassVar, Self, TypeVar, cast
 
 import numpy as np
 
-from gamms.arguments import as_float, as_int, as_name, as_range
+from gamms.arguments import as_float, as_int, as_name, as_numbers, as_range
 from gamms.deciding import DecidePhase, Guarded, phase_of, refused_while_deciding
-from gamms.errors import BadType, BadValue, UnknownName
+from gamms.errors import BadType, BadValue, GammsError, UnknownName
 from gamms.ir.graph import FloatArray
 from gamms.ir.sensed import SensorView
 from gamms.sensor import looks
@@ -18,13 +19,33 @@ from gamms.text import shown
 from gamms.typing import IContext
 from gamms.typing.sensor_engine import ISensor, SensorType
 
-__all__ = ["ALL_AROUND", "FULL_CIRCLE", "GroundSensor", "Heading", "Sensor", "checked_place"]
+__all__ = ["ALL_AROUND", "FULL_CIRCLE", "GroundSensor", "Heading", "Sensor", "checked_place", "of_data"]
 
 Heading = tuple[float, float]  # (cos, sin); (0.0, 0.0) sees all around
+
+R = TypeVar("R")
 
 ALL_AROUND: Heading = (0.0, 0.0)
 _OURS = "gamms.sensor."
 _UNIT = 1e-9  # how much the length of a direction that is given may miss 1, to be read back as it was given
+
+
+def of_data(look: Callable[[Any], R]) -> Callable[[Any], R]:
+    """Decorate a method that reads `data`, to raise BadValue where it was set to what no such sensor sees."""
+
+    @wraps(look)
+    def read(sensor: Any) -> R:
+        try:
+            return look(sensor)
+        except GammsError:
+            raise
+        except (AttributeError, LookupError, TypeError, ValueError) as error:
+            raise BadValue(
+                f"The data of sensor {shown(sensor.sensor_id)} was set to {shown(sensor._last[0])}, which is nothing "
+                f"that it sees. Call sense again before it is drawn."
+            ) from error
+
+    return read
 
 
 class Sensor(Guarded, ISensor):
@@ -175,6 +196,7 @@ class GroundSensor(Sensor):
             node_id = cast("int", self._last[1][0])
         return super().view_from(node_id, owner)
 
+    @of_data
     def outline(self) -> FloatArray:
         """Corners (corners, 2) of the field of view of the last look; none where it had no end."""
         looked: tuple[Place, float, float, Heading] | None = self._last[1]  # whence, how far, how wide, whither
@@ -202,13 +224,12 @@ def checked_place(ctx: IContext, at: Any, name: str) -> Place:
         UnknownName (KeyError): there is no such node.
         BadType, BadValue: neither an integer nor a pair of finite numbers.
     """
-    if isinstance(at, str) or not hasattr(at, "__len__"):
+    if isinstance(at, str) or not hasattr(at, "__len__") or getattr(at, "ndim", 1) == 0:
         node = as_int(at, name)
         ctx.graph.graph.get_node(node)
         return node
-    if len(at) != 2:
-        raise BadValue(f"{name} must be the id of a node or a pair (x, y), not {shown(at)}.")
-    return as_float(at[0], name), as_float(at[1], name)
+    x, y = as_numbers(at, f"{name}, unless it is the id of a node,", "(x, y)")
+    return x, y
 
 
 def checked_orientation(value: Any, name: str) -> Heading:

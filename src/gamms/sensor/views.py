@@ -7,6 +7,7 @@ from typing import Any
 import numpy as np
 
 from gamms import kernels
+from gamms.arguments import as_int
 from gamms.ir.graph import FloatArray, IntArray
 from gamms.sensor import looks
 from gamms.typing import IContext
@@ -50,6 +51,8 @@ class Views:
             return self._seen[kind][key]
         except KeyError:
             return self._keep(kind, key, self._ahead(place, radius, fov, heading))
+        except TypeError:  # not hashable
+            return self.look(as_int(place, "The id of a node"), radius, fov, heading)
 
     def known_ids(self, place: Place, radius: float) -> Iterable[int] | None:
         """The ids of the nodes within a radius of a place, if somebody has looked there already."""
@@ -99,6 +102,8 @@ class ViewsPastObstacles(Views):
         except KeyError:
             ids = self._ids_in_sight(place, radius, fov, heading, height)
             return self._keep(kind, place, self._ctx.graph.graph.among(ids))
+        except TypeError:  # not hashable
+            return self.look_past(as_int(place, "The id of a node"), radius, fov, heading, height)
 
     def area(self, place: tuple[float, float], sector: Sector, height: float) -> FloatArray:
         """Corners (corners, 2) of what is in sight of a sector, cut off far beyond the map."""

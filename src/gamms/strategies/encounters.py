@@ -6,7 +6,7 @@ a sensor shows a flyer at the node nearest to it.
 
 from math import inf
 
-from gamms.arguments import as_range
+from gamms.arguments import as_context, as_range
 from gamms.strategies.knowledge import State, as_known_node, enemies_in_sight, legal_on_map, place_of
 from gamms.strategies.steps import as_otherwise, move_to, step_towards
 from gamms.strategies.walks import random_walk, stay
@@ -21,6 +21,7 @@ def chase(ctx: IContext, otherwise: Strategy | None = random_walk) -> Strategy:
         ctx: the context.
         otherwise: what to do when none is in sight, or no way leads there; None leaves that undecided.
     """
+    as_context(ctx, "chase")
     fallback = as_otherwise(otherwise, "chase")
 
     def strategy(state: State) -> None:
@@ -39,6 +40,7 @@ def flee(ctx: IContext, otherwise: Strategy | None = stay) -> Strategy:
         ctx: the context.
         otherwise: what to do when no enemy is in sight; None leaves that undecided.
     """
+    as_context(ctx, "flee")
     fallback = as_otherwise(otherwise, "flee")
 
     def strategy(state: State) -> None:
@@ -71,6 +73,7 @@ def guard(ctx: IContext, node: int, radius: float) -> Strategy:
     Raises:
         UnknownName (KeyError), BadType, BadValue: the post is no node of the map, or the radius no distance.
     """
+    as_context(ctx, "guard")
     post, reach = as_known_node(ctx, node, "node of guard"), as_range(radius, "radius of guard")
 
     def is_near(place: int) -> bool:

@@ -1,10 +1,10 @@
 """What a strategy knows: it reads the state and the map, and nothing else."""
 
-from collections.abc import Iterable, Sequence
+from collections.abc import Sequence
 from typing import Any
 from weakref import WeakKeyDictionary
 
-from gamms.arguments import as_int
+from gamms.arguments import as_int, as_items
 from gamms.errors import BadType, MissingKey, UnknownName
 from gamms.text import shown
 from gamms.typing import IContext
@@ -133,9 +133,7 @@ def as_known_node(ctx: IContext, value: Any, name: str) -> int:
 
 def as_known_nodes(ctx: IContext, values: Any, name: str) -> tuple[int, ...]:
     """Several nodes of the map; one at least."""
-    if isinstance(values, str) or not isinstance(values, Iterable):
-        raise BadType(f"{name} must be several node ids, not {shown(values)} ({type(values).__name__}).")
-    return tuple(as_known_node(ctx, value, f"Each of {name}") for value in values)
+    return tuple(as_known_node(ctx, value, f"Each of {name}") for value in as_items(values, name, "node ids"))
 
 
 def as_strategy(value: Any, name: str) -> Any:

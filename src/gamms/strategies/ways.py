@@ -3,6 +3,7 @@
 from collections.abc import Callable, Iterable
 from typing import Any
 
+from gamms.arguments import as_context
 from gamms.errors import BadValue
 from gamms.strategies.knowledge import State, as_known_node, as_known_nodes, place_of, told
 from gamms.strategies.steps import as_otherwise, move_to
@@ -22,6 +23,7 @@ def goto(ctx: IContext, target: int | Callable[[State], int | None], otherwise: 
     Raises:
         UnknownName (KeyError), BadType: the target is no node of the map.
     """
+    as_context(ctx, "goto")
     fixed = None if callable(target) else as_known_node(ctx, target, "target of goto")
     fallback = as_otherwise(otherwise, "goto")
 
@@ -87,7 +89,7 @@ def patrol(ctx: IContext, nodes: Iterable[int], otherwise: Strategy | None = sta
 
 
 def _as_stops(ctx: IContext, nodes: Any, asker: str) -> tuple[int, ...]:
-    stops = as_known_nodes(ctx, nodes, f"nodes of {asker}")
+    stops = as_known_nodes(as_context(ctx, asker), nodes, f"nodes of {asker}")
     if not stops:
         raise BadValue(f"{asker} needs one node at least.")
     return stops

@@ -7,6 +7,7 @@ from typing import Any
 
 import numpy as np
 
+from gamms.arguments import as_ids
 from gamms.errors import BadType, NotOffered
 from gamms.ir.sensed import Sensed, SensorView
 from gamms.text import shown
@@ -80,9 +81,10 @@ class ISensor(ABC):
         Raises:
             UnknownName (KeyError): there is no such node.
         """
-        values = np.empty(len(node_ids), object)
-        for look, node_id in enumerate(node_ids):
-            self.sense(int(node_id))
+        ids = as_ids(node_ids, "node_ids")
+        values = np.empty(len(ids), object)
+        for look, node_id in enumerate(ids):
+            self.sense(node_id)
             values[look] = self.data
         return Sensed(np.arange(len(values) + 1), values)
 

@@ -35,7 +35,7 @@ class Artist(Guarded, IArtist):
 
     _called = "artist"
 
-    data: Protected[dict[str, Any]] = Protected()
+    data: Protected[dict[str, Any]] = Protected(object)
 
     def __init__(self, ctx: IContext, drawer: Drawer | Shape, layer: int = 30) -> None:
         self._phase = phase_of(ctx)

@@ -3,7 +3,7 @@
 from collections.abc import Callable, Mapping
 from typing import TYPE_CHECKING, Any, NamedTuple
 
-from gamms.arguments import as_name
+from gamms.arguments import as_key, as_name
 from gamms.deciding import Guarded, Protected, outside_of_deciding, phase_of, refused_while_deciding
 from gamms.errors import BadType, BadValue, ContextTerminated
 from gamms.text import shown
@@ -114,7 +114,7 @@ class Artists(Guarded):
 
     _called = "ctx.visual"
 
-    declared: Protected[dict[str, IArtist]] = Protected()
+    declared: Protected[dict[str, IArtist]] = Protected(dict)
 
     def __init__(self, ctx: IContext, events: TurnEvents) -> None:
         self._phase = phase_of(ctx)
@@ -192,7 +192,7 @@ class Artists(Guarded):
     def set_sensor_visual(self, name: str, **kwargs: Any) -> Artist:
         """Declare how a sensor's last view looks: `color`, `size`, or `node_color`, `edge_color`; `layer`."""
         artist = Artist(self._ctx, render_sensor, kwargs.get("layer", Layer.SENSORS))
-        artist.data = {"name": name, **_known(kwargs, "color", "size", "node_color", "edge_color")}
+        artist.data = {"name": as_name(name, "a sensor"), **_known(kwargs, "color", "size", "node_color", "edge_color")}
         return self._declare(f"sensor_{name}", artist)
 
     @refused_while_deciding
@@ -289,7 +289,7 @@ class Artists(Guarded):
 
     def get(self, name: str) -> IArtist | None:
         """Return the artist that was declared or added under a name; None if there is none."""
-        return self.declared.get(name)
+        return self.declared.get(as_key(name, "The name of an artist"))
 
     def _artist_of(self, data: dict[str, Any]) -> Artist:
         drawer = data.get("drawer", data.get("shape", Shape.Circle))
@@ -303,8 +303,8 @@ class Artists(Guarded):
         if self._ctx.is_terminated():
             return
         self.edits += 1
-        if self.declared.pop(name, None) is None:
-            self._ctx.logger.warning("There is no artist named %r to remove.", name)
+        if self.declared.pop(as_key(name, "The name of an artist"), None) is None:
+            self._ctx.logger.warning(f"There is no artist named {shown(name)} to remove.")
 
     def specs(self) -> dict[str, Any]:
         """Describe the `artists` of built-in drawers as plain values, and whether visuals were declared."""

@@ -7,6 +7,7 @@ from typing import TYPE_CHECKING, Any, TypeVar, cast
 
 import numpy as np
 
+from gamms.arguments import as_float
 from gamms.errors import BadType, BadValue
 from gamms.ir.draw import DrawCommands, DrawSpace
 from gamms.ir.graph import GraphColumns, IntArray
@@ -202,11 +203,15 @@ class Drawing:
         Raises:
             UnknownName (KeyError): there is no such agent.
         """
+        if type(share) is not float:
+            share = as_float(share, "share")
         return self.motion.position_of(agent_name, share)
 
     def is_shown(self, agent: Any, share: float = 1.0) -> bool:
         """Whether an agent is drawn after a share of its last move: one that is out is not, once it has got there."""
-        return getattr(agent, "alive", True) or (share < 1.0 and agent.name in self.events.eliminated())
+        return getattr(agent, "alive", True) or (
+            as_float(share, "share") < 1.0 and agent.name in self.events.eliminated()
+        )
 
     def hidden_agents(self, share: float = 1.0) -> set[str]:
         """The names of the agents that are not drawn, after a share of their last moves."""

@@ -75,7 +75,7 @@ class PictureEngine(Guarded, IVisualizationEngine):
 
     _called = "ctx.visual"
 
-    after_turn: Protected[list[Callable[[], None]]] = Protected()
+    after_turn: Protected[list[Callable[[], None]]] = Protected(list)
 
     def __init__(self, ctx: IContext, *, simulation_time_constant: float = 2.0, drawing: Drawing | None = None) -> None:
         self._phase = phase_of(ctx)

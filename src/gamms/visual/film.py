@@ -6,7 +6,7 @@ from types import TracebackType
 from typing import Any, NamedTuple, Self
 from weakref import WeakValueDictionary
 
-from gamms.arguments import as_float, as_int, as_path
+from gamms.arguments import as_float, as_int, as_path, as_text
 from gamms.errors import BadValue, Duplicate, MissingFolder
 from gamms.typing import ColorType, IArtist, IContext
 from gamms.visual import picture
@@ -102,7 +102,8 @@ class Frames:
     ) -> None:
         self.ctx, self.scene = source.ctx, scene or Scene(source.ctx, self._world)
         self._shown, self._viewpoint = source.artists.shown, source.drawing.viewpoint
-        self._title, self._note, self._background = title, note, rgba(background)
+        self._title, self._note = as_text(title, "title"), as_text(note, "note")
+        self._background = rgba(background)
         self._canvas = Canvas(width, height, is_tracked=True)
         self._camera: Camera | None = None
         self._artists: dict[str, IArtist] | None = None

@@ -7,6 +7,7 @@ from typing import Any, NamedTuple, cast
 import numpy as np
 
 from gamms import kernels
+from gamms.arguments import as_key
 from gamms.errors import ContextTerminated
 from gamms.ir.graph import FloatArray, GraphColumns, IntArray
 from gamms.typing import IAerialAgent, IAgent, IContext
@@ -100,7 +101,7 @@ class Motion:
         Raises:
             UnknownName (KeyError): there is no such agent, or no such node any more.
         """
-        row = self.moves.rows.get(name) if share < 1.0 else None
+        row = self.moves.rows.get(as_key(name, "The name of an agent")) if share < 1.0 else None
         if row is not None:
             return self._moved(share)[1][row]
         agent = self._ctx.agent.get_agent(name)

@@ -4,7 +4,7 @@ import os
 from pathlib import Path
 from typing import NamedTuple
 
-from gamms.arguments import as_float, as_int, as_path
+from gamms.arguments import as_float, as_int, as_path, as_text
 from gamms.errors import BadValue, MissingFolder, NotYet, UnknownName
 from gamms.ir.draw import DrawCommands
 from gamms.limits import refuse_above
@@ -87,6 +87,7 @@ def header_px(title: str) -> float:
 
 def noted(ctx: IContext, note: str) -> str:
     """The note, and the source of the map unless the note already names it."""
+    note = as_text(note, "note")
     attribution: str | None = getattr(ctx.graph, "attribution", None)
     if attribution and attribution not in note:
         return f"{note} · {attribution}" if note else attribution
@@ -109,5 +110,5 @@ def painted(
     if camera is None:
         camera = fit(commands, sheet.width, sheet.height, header, legend.aside)
     commands = magnified(joined(commands, legend.commands(camera, header, rgba(background))), fine)
-    words = {"title": title, "note": note, "background": rgba(background), "dpi": sheet.dpi}
+    words = {"title": as_text(title, "title"), "note": note, "background": rgba(background), "dpi": sheet.dpi}
     return sheet.backend(commands, camera, **words)

@@ -33,7 +33,7 @@ class Pictures(Guarded):
 
     _called = "ctx.visual"
 
-    films: Protected[list["Film"]] = Protected()
+    films: Protected[list["Film"]] = Protected(list)
 
     def __init__(self, ctx: IContext, drawing: Drawing, artists: Artists, turn_seconds: float) -> None:
         self._phase = phase_of(ctx)
