@@ -9,7 +9,7 @@ from typing import Any, BinaryIO, Self, overload
 
 import numpy as np
 
-from gamms.arguments import as_context, as_int
+from gamms.arguments import as_context, as_int, as_mapping
 from gamms.errors import BadValue
 from gamms.ir import journal
 from gamms.ir.journal import Log
@@ -212,7 +212,8 @@ class Recording:
         """
         if ctx is not None and vis_engine is not None:
             raise BadValue("vis_engine is for a fresh context, and ctx has an engine already.")
-        return self._live(turn, {} if strategies is None else strategies, seed, vis_engine, ctx)
+        given = {} if strategies is None else as_mapping(strategies, "strategies")
+        return self._live(turn, given, seed, vis_engine, ctx)
 
     def _live(
         self,

@@ -8,7 +8,7 @@ from collections.abc import Callable, Iterable, Iterator, Mapping
 from typing import Any, NamedTuple
 
 from gamms import kernels
-from gamms.arguments import as_context, as_items, as_range
+from gamms.arguments import as_context, as_items, as_key, as_range
 from gamms.errors import BadType, BadValue
 from gamms.rules.measures import MEASURES, Distances, Measure, Place
 from gamms.rules.visits import legs_of, tracks_of, visits_of
@@ -132,7 +132,10 @@ def as_nearness(
 
 def as_side(side: Any) -> Side:
     """Whether an agent is on a side: of a team, or one for which a function says so."""
-    return side if callable(side) else lambda agent: bool(agent.team == side)
+    if callable(side):
+        return side  # type: ignore[no-any-return] # what it answers, its caller knows
+    team = as_key(side, "A team")
+    return lambda agent: bool(agent.team == team)
 
 
 def found(ctx: Any, is_a: Side, is_b: Side, nearness: Nearness) -> list[Contact]:
