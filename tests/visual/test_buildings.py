@@ -15,7 +15,7 @@ from gamms.ir.obstacles import ObstacleColumns
 from gamms.visual.appearance import BY_DAY, BY_NIGHT
 from gamms.visual.backends.coverage import polygons
 from gamms.visual.backends.pillow import pixels_of
-from gamms.visual.footprints import footprints
+from gamms.visual.drawers.obstacles import footprints
 
 GOLDEN = Path(__file__).parent / "golden" / "buildings.png"
 SQUARE = [(0.0, 0.0), (10.0, 0.0), (10.0, 10.0), (0.0, 10.0)]

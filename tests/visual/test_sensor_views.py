@@ -16,7 +16,7 @@ from gamms.sensor import SensorType
 from gamms.typing import ISensor
 from gamms.visual import default_scene, drawers
 from gamms.visual.color import TEAM_COLORS
-from gamms.visual.drawers.fields import cut
+from gamms.visual.drawers.sensors import cut
 
 GOLDEN = Path(__file__).parent / "golden" / "sensors.svg"
 LOW, HIGH = np.array([0.0, 0.0]), np.array([10.0, 10.0])

@@ -12,7 +12,7 @@ from gamms.errors import BadValue, UnknownName
 from gamms.rendering.fog import DARK, Fog
 from gamms.visual.backends import FILMS
 from gamms.visual.color import PAPER
-from gamms.visual.drawers.values import usual_edge
+from gamms.visual.drawers.graph import usual_edge
 from gamms.visual.drawing import longer_side
 from gamms.visual.legend import Rows, legend_only
 

@@ -17,10 +17,8 @@ from gamms.visual import Artist
 from gamms.visual.clipping import inside
 from gamms.visual.color import Rgb
 from gamms.visual.default_scene import MOST_SENSORS, artists_of_sights, sight_radius
-from gamms.visual.drawers.graph import one_way_each, polylines
-from gamms.visual.drawers.rules import flags_in, render_flags, territories_in
-from gamms.visual.drawers.tags import render_tags
-from gamms.visual.drawers.values import usual_edge
+from gamms.visual.drawers.graph import one_way_each, polylines, usual_edge
+from gamms.visual.drawers.rules import flags_in, render_flags, render_tags, territories_in
 from gamms.visual.drawing import drawing_of
 from gamms.visual.layers import Layer
 from gamms.visual.sights import Sight

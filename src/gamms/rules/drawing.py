@@ -10,8 +10,7 @@ from typing import Any
 import numpy as np
 
 from gamms.typing.game import Rule
-from gamms.visual.drawers.rules import as_text, render_flags
-from gamms.visual.drawers.tags import render_tags
+from gamms.visual.drawers.rules import as_text, render_flags, render_tags
 from gamms.visual.layers import Layer
 
 

@@ -11,7 +11,7 @@ from gamms.typing import ArtistType, IArtist, IContext
 from gamms.typing.artist import Drawer
 from gamms.visual.appearance import AgentData, Circle, GraphData, Rectangle
 from gamms.visual.artist import Artist, looks_of
-from gamms.visual.colormaps import Colorize
+from gamms.visual.color import Colorize
 from gamms.visual.constants import Shape
 from gamms.visual.drawers import (
     render_agent,
@@ -140,7 +140,7 @@ class Artists(Guarded):
         artists = self._of_default(scene) | self.declared
         if not self._events.eliminated():
             return artists
-        from gamms.visual.drawers.tags import render_eliminated
+        from gamms.visual.drawers.rules import render_eliminated
 
         marks = Artist(self._ctx, render_eliminated, Layer.TAGS)
         marks.data = {"colors": {look.name: look.color for look in looks_of(artists)}}
@@ -227,7 +227,7 @@ class Artists(Guarded):
             BadType, BadValue: no mapping to numbers, both nodes and edges, or `vmin` not below `vmax`.
         """
         from gamms.visual import values
-        from gamms.visual.drawers.values import render_values
+        from gamms.visual.drawers.graph import render_values
 
         as_name(name, "values")
         if nodes is not None and edges is not None:

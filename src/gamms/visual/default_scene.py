@@ -24,10 +24,10 @@ from gamms.visual.drawers.rules import (
     TerritoryDrawer,
     flags_in,
     render_flags,
+    render_tags,
     territories_in,
 )
 from gamms.visual.drawers.sensors import render_rings, render_sight
-from gamms.visual.drawers.tags import render_tags
 from gamms.visual.drawing import drawing_of
 from gamms.visual.layers import Layer
 from gamms.visual.legend import Row, Rows, legend_only

@@ -10,8 +10,7 @@ from gamms.arguments import as_float, as_int
 from gamms.errors import BadType, BadValue, UnknownName
 from gamms.ir.graph import FloatArray, IntArray
 from gamms.text import shown
-from gamms.visual.color import Rgb, rgba
-from gamms.visual.colormaps import DIVERGING, LEVELS, Colorize, colorized, levels, table
+from gamms.visual.color import DIVERGING, LEVELS, Colorize, Rgb, colorized, levels, rgba, table
 from gamms.visual.legend import Bar, Block, Row, Rows
 
 _FEW_COLORS = 8  # so many different ones are told one by one

@@ -8,8 +8,7 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 import gamms
-from gamms.visual.window.sheets import Sheets
-from gamms.visual.window.tiles import Haste, _rectangles
+from gamms.visual.window.tiles import Haste, Sheets, _rectangles
 
 
 def grid(ctx, side):

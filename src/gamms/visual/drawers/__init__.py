@@ -5,8 +5,7 @@ is drawn many times, use the bulk primitives `render_lines` and `render_circles`
 """
 
 from gamms.visual.drawers.agents import render_aerial_agent, render_agent
-from gamms.visual.drawers.choices import render_input_overlay
-from gamms.visual.drawers.graph import render_graph
+from gamms.visual.drawers.graph import render_graph, render_input_overlay
 from gamms.visual.drawers.obstacles import render_obstacles
 from gamms.visual.drawers.sensors import (
     render_aerial_agent_sensor,

@@ -10,7 +10,7 @@ from gamms.typing.agent_engine import AgentType
 from gamms.visual.appearance import AgentData
 from gamms.visual.color import Rgb, rgba
 from gamms.visual.commands import Disc
-from gamms.visual.drawers.marks import rings
+from gamms.visual.drawers.shapes import rings
 from gamms.visual.drawing import drawing_of
 
 _BRIGHT = 170.0

@@ -1,4 +1,4 @@
-"""Drawer of the graph: streets as polylines, nodes as small discs, all in bulk."""
+"""Drawers of the graph: streets and nodes, values of them, and the choices of a person."""
 
 from typing import Any
 
@@ -9,6 +9,7 @@ from gamms.ir.obstacles import BoolArray
 from gamms.typing import IContext
 from gamms.visual.appearance import GraphData
 from gamms.visual.drawing import drawing_of
+from gamms.visual.values import Values
 
 _FEW = 2_000  # up to so many edges there is room for broader streets
 _ID_PX, _INK = 17, (60, 60, 60)
@@ -88,3 +89,96 @@ def _is_straight(columns: GraphColumns) -> BoolArray:
 def _undirected(bend: FloatArray) -> bytes:
     """The same bytes for a polyline and its reverse."""
     return min(bend.tobytes(), bend[::-1].tobytes())
+
+
+_NODE, _EDGE = 0.5, 0.35  # radius of a disc and width of a line, in lengths of a usual edge
+_NODE_PX, _EDGE_PX = 2.0, 3.0  # but never less
+
+
+def render_values(ctx: IContext, data: dict[str, Any]) -> None:
+    """Draw `data['values']`, a Values, the highest on top; what is no longer on the map is left out."""
+    values: Values = data["values"]
+    columns, order = ctx.graph.columns(), np.argsort(values.places, kind="stable")
+    known = columns.node_ids if values.of == "nodes" else columns.edge_ids
+    rows, is_there = _rows(known, values.ids[order])
+    places = values.places[order][is_there]
+    cuts = np.flatnonzero(np.diff(places)) + 1
+    draw = _draw_nodes if values.of == "nodes" else _draw_edges
+    unit = usual_edge(columns)
+    for part in np.split(np.arange(len(rows)), cuts) if len(rows) else []:
+        draw(ctx, columns, rows[part], unit, values.colors[int(places[part[0]])])
+
+
+def usual_edge(columns: GraphColumns) -> float:
+    """How long an edge is usually, in a straight line; of a map without any, how large the map is, or 1.0."""
+    ways = columns.xy[columns.targets] - columns.xy[columns.sources]
+    if len(ways):
+        return usual(np.hypot(ways[:, 0], ways[:, 1]))
+    return float(np.ptp(columns.xy, axis=0).max()) if len(columns.xy) > 1 else 1.0
+
+
+def _draw_nodes(ctx: IContext, columns: GraphColumns, rows: IntArray, unit: float, color: Any) -> None:
+    visual, centers = drawing_of(ctx), columns.xy[rows]
+    visual.render_circles(centers, _NODE * unit, color)
+    visual.render_circles(centers, _NODE_PX, color, in_pixels=True)
+
+
+def _draw_edges(ctx: IContext, columns: GraphColumns, rows: IntArray, unit: float, color: Any) -> None:
+    points: FloatArray
+    points, offsets = polylines(columns, rows)
+    drawing_of(ctx).render_lines(points, offsets, color, _EDGE * unit, in_world=True)
+    drawing_of(ctx).render_lines(points, offsets, color, _EDGE_PX)
+
+
+def _rows(known: IntArray, ids: IntArray) -> tuple[IntArray, "np.ndarray[Any, np.dtype[np.bool_]]"]:
+    """The rows of those ids that are known, and which these are."""
+    order = np.argsort(known, kind="stable")
+    places = np.minimum(np.searchsorted(known, ids, sorter=order), max(len(known) - 1, 0))
+    is_there = known[order[places]] == ids if len(known) else np.zeros(len(ids), bool)
+    return order[places[is_there]] if len(known) else np.empty(0, np.int64), is_there
+
+
+render_values.once_a_turn = True  # type: ignore[attr-defined] # values are told, and do not glide
+
+
+_CHOICE_PX, _RING_PX = 3.0, 11.0
+
+
+def render_input_overlay(ctx: IContext, data: dict[str, Any]) -> None:
+    """Draw the ways to `data['_input_options']` (number -> node; 0 is where the agent is) and rings around them.
+
+    `data['graph_data']`, a GraphData, says how; nothing is drawn while nobody is asked.
+    """
+    options: dict[int, int] = data.get("_input_options", {})
+    if not options or not data.get("_waiting_user_input"):
+        return
+    look: GraphData = data["graph_data"]
+    columns, graph = ctx.graph.columns(), ctx.graph.graph
+    places = graph.positions(list(options.values()))
+    shown = ctx.visual.get_viewport()
+    radius = max(look.node_size, _RING_PX / shown[-1]) if shown is not None else look.node_size
+    rows = _edges_between(columns, next(iter(options.values())), set(options.values()))
+    ways = [_between_rings(polylines(columns, row)[0], radius) for row in rows[:, None]]
+    if ways:
+        offsets = np.cumsum([0, *map(len, ways)])
+        drawing_of(ctx).render_lines(np.vstack(ways), offsets, look.edge_color, _CHOICE_PX)
+    drawing_of(ctx).render_circles(places, radius, look.node_color, _CHOICE_PX)
+
+
+def _between_rings(way: FloatArray, radius: float) -> FloatArray:
+    """A way without its ends, which would cover who stands there; all of it where that would leave nothing."""
+    along = np.concatenate(([0.0], np.cumsum(np.hypot(*np.diff(way, axis=0).T))))
+    ends = radius, along[-1] - radius
+    if ends[0] >= ends[1]:
+        return way
+    begin, end = (np.array([np.interp(place, along, values) for values in way.T]) for place in ends)
+    return np.vstack([begin, way[(along > ends[0]) & (along < ends[1])], end])
+
+
+def _edges_between(columns: Any, here: int, ends: set[int]) -> "np.ndarray[Any, np.dtype[np.int64]]":
+    """The edges that lead from a node to some others."""
+    [begin] = np.flatnonzero(columns.node_ids == here)
+    edges = columns.out_edges[columns.offsets[begin] : columns.offsets[begin + 1]]
+    targets = columns.node_ids[columns.targets[edges]].tolist()
+    rows: np.ndarray[Any, np.dtype[np.int64]] = edges[[target in ends for target in targets]]
+    return rows

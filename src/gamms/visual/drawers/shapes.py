@@ -1,11 +1,12 @@
-"""Drawers of plain shapes: what an artist with `Shape.Circle` or `Shape.Rectangle` draws."""
+"""Drawers of plain shapes, and marks that stay visible from afar."""
 
 from dataclasses import fields
 from typing import Any, TypeVar
 
 from gamms.errors import BadValue
-from gamms.typing import IContext
+from gamms.typing import ColorType, IContext
 from gamms.visual.appearance import Circle, Rectangle
+from gamms.visual.drawing import drawing_of
 
 _Shape = TypeVar("_Shape", Circle, Rectangle)
 
@@ -33,3 +34,15 @@ def _described(kind: type[_Shape], data: dict[str, Any]) -> _Shape:
     if missing:
         raise BadValue(f"The data of a {kind.__name__.lower()} lacks {', '.join(missing)}; it has {sorted(data)}.")
     return kind(**{name: data[name] for name in names if name in data})
+
+
+# A drawer does not know the scale, so each mark is drawn twice, in world units and in pixels.
+
+
+def rings(
+    ctx: IContext, centers: Any, radius: float, color: ColorType, at_least_px: float, width_px: float = 2.0
+) -> None:
+    """Draw a ring around each of `centers` (rings, 2); a large one keeps the small one inside it."""
+    visual = drawing_of(ctx)
+    visual.render_circles(centers, radius, color, width_px)
+    visual.render_circles(centers, at_least_px, color, width_px, in_pixels=True)

@@ -29,12 +29,11 @@ from gamms.visual.picture import size
 from gamms.visual.window.asking import Question, Walk, question
 from gamms.visual.window.camera import is_near
 from gamms.visual.window.display import close_window, open_window, window_surface
-from gamms.visual.window.hud import HudLines
+from gamms.visual.window.hud import HudLines, theme_called
 from gamms.visual.window.input import Handlers, Input
 from gamms.visual.window.overlay import Overlay
 from gamms.visual.window.pacing import Pace
 from gamms.visual.window.stage import Stage
-from gamms.visual.window.themes import theme_called
 from gamms.visual.window.tiles import Haste
 
 _OPTIONS = (

@@ -20,10 +20,9 @@ from gamms.visual.layers import Layer
 from gamms.visual.picture import noted
 from gamms.visual.window.asking import Question, Walk
 from gamms.visual.window.camera import Point, WindowCamera
-from gamms.visual.window.hud import Hud, HudLines, score_line
+from gamms.visual.window.hud import Hud, HudLines, Theme, score_line
 from gamms.visual.window.pacing import Pace
 from gamms.visual.window.pointing import facts_about, nearest
-from gamms.visual.window.themes import Theme
 from gamms.visual.window.trails import Trails
 
 _USUAL_TRAILS = 8  # turns, where they are switched on by key

@@ -8,8 +8,7 @@ from gamms.visual.backends.pygame import Canvas
 from gamms.visual.camera import Camera
 from gamms.visual.color import Rgba
 from gamms.visual.scene import Part, Scene
-from gamms.visual.window.sheets import Sheets
-from gamms.visual.window.tiles import Haste, Tiles
+from gamms.visual.window.tiles import Haste, Sheets, Tiles
 
 
 class Stage(Scene):

@@ -1,7 +1,7 @@
 """Tiles: what stays the same, painted once in squares, and shifted while the camera moves.
 
 The squares of one scale are a level. While a camera zooms, the level it came from is shown larger or smaller; when it
-rests, a level of its own scale is begun with squares that are cut out of another level, and they are painted anew one
+rests, a level of its own scale is begun with squares that are cut out of another level, and they are painted again one
 by one, as many as there is time for in a frame. Squares just outside the view are painted ahead in the same way.
 """
 
@@ -17,7 +17,27 @@ from gamms.visual.backends.raster import Painting
 from gamms.visual.camera import Camera
 from gamms.visual.color import Rgba
 from gamms.visual.constants import CACHE_ZOOM_MAX
-from gamms.visual.window.sheets import Sheets
+
+_STEP = 256  # px: sides are multiples of it, so that a view that grows does not need a new sheet in every frame
+_LARGEST = 4_000_000  # px: 16 MB; larger ones are not kept
+
+
+class Sheets:
+    """One sheet for each use."""
+
+    def __init__(self) -> None:
+        self._kept: dict[tuple[str, int], Any] = {}
+
+    def sheet(self, use: str, width: int, height: int, flags: int = 0) -> Any:
+        """A surface of that size, on which there still is what was painted last for the same use."""
+        kept = self._kept.get((use, flags))
+        if kept is None or kept.get_width() < width or kept.get_height() < height:
+            across, down = (-(-length // _STEP) * _STEP for length in (width, height))
+            kept = load().Surface((across, down), flags, 32)
+            if across * down <= _LARGEST:
+                self._kept[use, flags] = kept
+        return kept.subsurface((0, 0, width, height))
+
 
 SIDE = 128  # px of a tile
 _AHEAD = 1  # tiles around the view that are painted before they are seen
