@@ -15,14 +15,13 @@ from gamms.text import shown
 from gamms.typing import SensorType
 from gamms.visual import Artist
 from gamms.visual.clipping import inside
-from gamms.visual.color import Rgb
+from gamms.visual.color import Rgb, group_colors
 from gamms.visual.default_scene import MOST_SENSORS, artists_of_sights, sight_radius
 from gamms.visual.drawers.graph import one_way_each, polylines, usual_edge
 from gamms.visual.drawers.rules import flags_in, render_flags, render_tags, territories_in
 from gamms.visual.drawing import drawing_of
 from gamms.visual.layers import Layer
 from gamms.visual.sights import Sight
-from gamms.visual.teams import side_colors
 
 DARK: Rgb = (20, 22, 26)
 _SHADES: tuple[Rgb, ...] = ((42, 45, 51), (104, 109, 118), (206, 210, 216))  # never seen, seen, seen now
@@ -109,7 +108,7 @@ class Fog:
 
     def _show_sights(self, sights: list[Sight]) -> None:
         """Draw what the team's sensors see, while they are few, and no others."""
-        visual, color, found = self._ctx.visual, side_colors(self._ctx)[self._team], dict[str, list[Any]]()
+        visual, color, found = self._ctx.visual, group_colors(self._ctx)[self._team], dict[str, list[Any]]()
         for sight in sights if len(sights) <= MOST_SENSORS else ():
             found.setdefault(sight.sensor.sensor_id, []).append((color, sight.view or SensorView()))
         for name in self._sights:

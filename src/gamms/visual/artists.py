@@ -22,7 +22,7 @@ from gamms.visual.drawers import (
     render_sensor,
 )
 from gamms.visual.layers import Layer
-from gamms.visual.teams import TurnEvents
+from gamms.visual.motion import TurnEvents
 
 if TYPE_CHECKING:
     from gamms.visual.default_scene import DefaultScene

@@ -10,6 +10,7 @@ from gamms.arguments import as_float
 from gamms.errors import BadType, BadValue, UnknownName, nearest
 from gamms.ir.graph import FloatArray, IntArray
 from gamms.text import shown
+from gamms.typing import IContext
 
 Rgb = tuple[int, int, int]
 Rgba = tuple[int, int, int, int]
@@ -166,3 +167,14 @@ def colorized(colorize: Colorize, values: FloatArray) -> tuple[list[Rgb], IntArr
     colors = list(dict.fromkeys(named))
     place_of = {color: place for place, color in enumerate(colors)}
     return colors, np.array([place_of[color] for color in named], np.int64)[places]
+
+
+def color_group(agent: Any) -> Any:
+    """Return the team of an agent, or its name if it has none: agents of one group have one colour."""
+    team = getattr(agent, "team", None)
+    return agent.name if team is None else team
+
+
+def group_colors(ctx: IContext, more: Iterable[Any] = ()) -> dict[str, Rgb]:
+    """Return a colour for each group of agents, and for more teams, by text; the same in every picture of a game."""
+    return team_colors([*map(color_group, ctx.agent.create_iter()), *more])

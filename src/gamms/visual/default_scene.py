@@ -17,7 +17,7 @@ from gamms.typing import ArtistType, IArtist, IContext
 from gamms.typing.artist import Drawer
 from gamms.visual.appearance import BY_DAY, AgentData, GraphData, WallTones
 from gamms.visual.artist import Artist
-from gamms.visual.color import Rgb
+from gamms.visual.color import Rgb, color_group, group_colors
 from gamms.visual.drawers import render_agent, render_graph, render_obstacles, render_sensor
 from gamms.visual.drawers.graph import usual
 from gamms.visual.drawers.rules import (
@@ -32,7 +32,6 @@ from gamms.visual.drawing import drawing_of
 from gamms.visual.layers import Layer
 from gamms.visual.legend import Row, Rows, legend_only
 from gamms.visual.sights import Sight, says_something
-from gamms.visual.teams import side_colors, side_of
 
 MOST_SENSORS = 20  # more of them would hide what happens
 _NOBODYS = (110, 114, 120)
@@ -117,8 +116,8 @@ class DefaultScene:
         key = roster, self._unit
         if key == self._agents_key:
             return
-        sides = {agent.name: str(side_of(agent)) for agent in self._ctx.agent.create_iter()}
-        by_side = side_colors(self._ctx)
+        sides = {agent.name: str(color_group(agent)) for agent in self._ctx.agent.create_iter()}
+        by_side = group_colors(self._ctx)
         least_px = max(_LEAST_PX, min(_USUAL_PX, _USUAL_PX * (_MANY / max(len(sides), 1)) ** 0.5))
         self._agents_key, self._agents = key, {}
         self._colors = {name: by_side[side] for name, side in sides.items()}
@@ -179,7 +178,7 @@ def artists_of_sights(
 
 def team_rows(ctx: IContext) -> Rows | None:
     """The legend of the teams: colour, name and score; None where there are not two."""
-    colors, teams = side_colors(ctx), dict.fromkeys(getattr(agent, "team", None) for agent in ctx.agent.create_iter())
+    colors, teams = group_colors(ctx), dict.fromkeys(getattr(agent, "team", None) for agent in ctx.agent.create_iter())
     game = getattr(ctx, "_game", None)  # a game begins when it is first asked for, which is not our business
     scores = {} if game is None else game.scores
     named = [team for team in teams if team is not None]

@@ -16,9 +16,8 @@ from gamms.typing import ColorType, IContext
 from gamms.visual.appearance import BY_DAY, WallTones
 from gamms.visual.camera import Viewpoint
 from gamms.visual.color import Color
-from gamms.visual.motion import Motion
+from gamms.visual.motion import Motion, TurnEvents
 from gamms.visual.sights import Carriers
-from gamms.visual.teams import TurnEvents
 
 if TYPE_CHECKING:
     from gamms.visual.commands import Commands, Disc

@@ -1,4 +1,4 @@
-"""Positions of agents between two turns: on their way along the street they took, or through the air."""
+"""What happened in the turn that is shown: the paths that agents took, on streets or through the air, and events."""
 
 from bisect import bisect_right
 from collections.abc import Sequence
@@ -165,3 +165,36 @@ def _step(agent: IAgent) -> tuple[Any, Any]:
         flyer = cast("IAerialAgent", agent)
         return flyer.prev_position, flyer.position
     return agent.prev_node_id, agent.current_node_id
+
+
+class TurnEvents:
+    """The events of `ctx.game`, or of its replay, in the turn that is shown."""
+
+    def __init__(self, ctx: IContext) -> None:
+        self._ctx = ctx
+        self._begin = self._end = 0
+        self._eliminated: frozenset[str] | None = None  # of the last turn, once they are asked for
+
+    def end_turn(self) -> None:
+        """A turn is over: its events are those that came since the one before."""
+        self._begin, self._end = self._end, len(self._events())
+        self._eliminated = None
+
+    def of_kind(self, kind: str) -> list[dict[str, Any]]:
+        """The events of that kind in the last turn."""
+        return [event for event in self._events()[self._begin : self._end] if event.get("kind") == kind]
+
+    def eliminated(self) -> frozenset[str]:
+        """The names of the agents that went out of the game in the last turn."""
+        if self._eliminated is None:
+            names = (event.get("agent") for event in self.of_kind("eliminated"))
+            self._eliminated = frozenset(name for name in names if isinstance(name, str))
+        return self._eliminated
+
+    def _events(self) -> list[dict[str, Any]]:
+        game = getattr(self._ctx, "_game", None)
+        events: list[dict[str, Any]] = [] if game is None else game.events
+        if len(events) < self._end:  # the game has begun anew
+            self._begin = self._end = 0
+            self._eliminated = None
+        return events

@@ -6,7 +6,7 @@ import pytest
 from gamms.errors import NotOffered
 from gamms.sensor import SensorType
 from gamms.typing import ISensor
-from gamms.visual.window import hud, pointing
+from gamms.visual.window import hud, overlay
 
 
 @pytest.fixture
@@ -158,14 +158,14 @@ def test_an_agent_whose_node_is_gone_is_logged_and_the_window_goes_on(ctx, said,
     ],
 )
 def test_what_a_sensor_told_in_a_few_words(data, words):
-    assert pointing._summary(data) == words
+    assert overlay._summary(data) == words
 
 
 def test_the_nearest_point_within_reach_is_found():
     points = np.array([(0.0, 0.0), (10.0, 0.0)])
-    assert pointing.nearest(points, 7.0, 0.0) == 1
-    assert pointing.nearest(points, 30.0, 0.0) is None
-    assert pointing.nearest(np.empty((0, 2)), 0.0, 0.0) is None
+    assert overlay.nearest(points, 7.0, 0.0) == 1
+    assert overlay.nearest(points, 30.0, 0.0) is None
+    assert overlay.nearest(np.empty((0, 2)), 0.0, 0.0) is None
 
 
 def test_a_sensor_without_a_view_is_left_out_quietly(ctx, person, caplog):

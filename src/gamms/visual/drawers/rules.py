@@ -12,11 +12,10 @@ import numpy as np
 
 from gamms.ir.graph import FloatArray, GraphColumns, IntArray
 from gamms.typing import IContext
-from gamms.visual.color import rgba
+from gamms.visual.color import color_group, group_colors, rgba
 from gamms.visual.drawers.graph import one_way_each, polylines, usual_edge
 from gamms.visual.drawing import drawing_of
 from gamms.visual.layers import Layer
-from gamms.visual.teams import side_colors, side_of
 
 TERRITORIES = "territories"  # in `ctx.game.data`: name -> team -> ids of its nodes, as text
 _MOST = 100  # flags, territories, and teams that have them
@@ -168,7 +167,7 @@ def _places(columns: GraphColumns, owned: Mapping[Any, str]) -> dict[Any, _Groun
 
 def team_colors_of(ctx: IContext, teams: Mapping[Any, Any], given: Mapping[Any, Any] | None) -> dict[Any, Any]:
     """A colour for each team: the given one, or what its agents have where nothing is declared."""
-    usual = side_colors(ctx, sorted(teams, key=str))
+    usual = group_colors(ctx, sorted(teams, key=str))
     return {team: (given or {}).get(team, usual[str(team)]) for team in sorted(teams, key=str)}
 
 
@@ -185,12 +184,12 @@ def render_tags(ctx: IContext, data: dict[str, Any]) -> None:
     tags = [tag for tag in visual.events.of_kind("tag") if of is None or {tag.get("agent"), tag.get("other")} & of]
     if not tags:
         return
-    arm, usual = _ARM * visual.extent() or 1.0, side_colors(ctx)
+    arm, usual = _ARM * visual.extent() or 1.0, group_colors(ctx)
     for tag in tags:
         node, tagger = tag.get("node", -1), ctx.agent.agents.get(tag.get("agent", ""))
         if tagger is None or not ctx.graph.graph.has_node(node):
             continue
-        side = side_of(tagger)
+        side = color_group(tagger)
         color = data.get("colors", {}).get(side, usual[str(side)])
         place = ctx.graph.graph.get_node(node)
         for ink, more_px in ((_WHITE, _EDGE_PX), (color, 0.0)):

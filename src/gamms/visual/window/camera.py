@@ -1,5 +1,7 @@
 """The camera of a window, which keys, mouse and programs move."""
 
+import numpy as np
+
 from gamms.arguments import as_float, as_int
 from gamms.errors import BadValue
 from gamms.ir.graph import FloatArray
@@ -197,3 +199,15 @@ def is_near(camera: Camera, before: Camera) -> bool:
 
 def _middle(camera: Camera) -> Point:
     return camera.left + camera.width / 2 / camera.scale, camera.top - camera.height / 2 / camera.scale
+
+
+_REACH_PX = 14.0
+
+
+def nearest(points: FloatArray, x: float, y: float, reach_px: float = _REACH_PX) -> int | None:
+    """The row of the screen point (points, 2) nearest to (x, y), if one is within reach."""
+    if len(points) == 0:
+        return None
+    distances = np.hypot(*(points - (x, y)).T)
+    row = int(np.argmin(distances))
+    return row if distances[row] <= reach_px else None

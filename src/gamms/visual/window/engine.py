@@ -33,8 +33,7 @@ from gamms.visual.window.hud import HudLines, theme_called
 from gamms.visual.window.input import Handlers, Input
 from gamms.visual.window.overlay import Overlay
 from gamms.visual.window.pacing import Pace
-from gamms.visual.window.stage import Stage
-from gamms.visual.window.tiles import Haste
+from gamms.visual.window.tiles import Haste, Stage
 
 _OPTIONS = (
     "width", "height", "simulation_time_constant", "input_overlay", "max_fps", "theme", "trails", "labels", "title",

@@ -5,8 +5,7 @@ from typing import Any, NamedTuple
 
 from gamms.visual.backends.pygame import load
 from gamms.visual.window.asking import Flight, Question, Walk
-from gamms.visual.window.camera import Point, WindowCamera
-from gamms.visual.window.pointing import nearest
+from gamms.visual.window.camera import Point, WindowCamera, nearest
 
 _ZOOM = 1.05  # of a notch of the wheel, or a tap on a key
 _KEY_ZOOM = 4.0  # per second

@@ -19,10 +19,9 @@ from gamms.visual.drawing import Drawing
 from gamms.visual.layers import Layer
 from gamms.visual.picture import noted
 from gamms.visual.window.asking import Question, Walk
-from gamms.visual.window.camera import Point, WindowCamera
+from gamms.visual.window.camera import Point, WindowCamera, nearest
 from gamms.visual.window.hud import Hud, HudLines, Theme, score_line
 from gamms.visual.window.pacing import Pace
-from gamms.visual.window.pointing import facts_about, nearest
 from gamms.visual.window.trails import Trails
 
 _USUAL_TRAILS = 8  # turns, where they are switched on by key
@@ -257,3 +256,34 @@ def _cells(left: float, top: float, width: float) -> list[tuple[int, int]]:
     columns = range(int(left // _CELL_PX), int((left + width) // _CELL_PX) + 1)
     rows = range(int(top // _CELL_PX), int((top + _NAME_PX) // _CELL_PX) + 1)
     return [(column, row) for column in columns for row in rows]
+
+
+def facts_about(ctx: IContext, name: str) -> list[str]:
+    """An agent in a few lines: name, team, where it is, and what its sensors last sensed."""
+    agent: Any = ctx.agent.get_agent(name)
+    team = getattr(agent, "team", None)
+    lines = [name if team is None else f"{name} · team {team}"]
+    if agent.type == AgentType.AERIAL:
+        x, y, z = agent.position
+        lines.append(f"at ({x:.1f}, {y:.1f}), {z:.1f} up")
+    else:
+        lines.append(f"at node {agent.current_node_id}, from {agent.prev_node_id}")
+    if not getattr(agent, "alive", True):
+        lines.append("out of the game")
+    told = agent.state.get("sensor") if isinstance(agent.state, dict) else None
+    for sensor, (kind, data) in (told or {}).items():
+        lines.append(f"{sensor} ({getattr(kind, 'name', kind)}): {_summary(data)}")
+    return lines
+
+
+def _summary(data: Any) -> str:
+    """What a sensor sensed, in a few words."""
+    if isinstance(data, dict):
+        counts = [f"{len(part)} {name}" for name, part in data.items() if isinstance(part, dict | list | tuple | set)]
+        if counts and len(counts) == len(data):
+            return ", ".join(counts)
+    if isinstance(data, dict | list | tuple | set):
+        few = ", ".join(map(str, data)) if len(data) <= 6 else ""
+        return few if 0 < len(few) <= 40 else f"{len(data)} seen" if data else "nothing"
+    words = str(data)
+    return words if len(words) <= 40 else words[:39] + "…"
