@@ -141,3 +141,13 @@ def test_many_rows_are_cut_short(tmp_path):
     assert "agent_499 " in result.output
     assert "agent_500 " not in result.output
     assert "and 100 more" in result.output
+
+
+@pytest.mark.parametrize("kind", [np.arange(3), None, 5, ["a"]], ids=str)
+def test_a_replay_refuses_events_whose_kind_is_no_text(kind):
+    for data in (
+        hostile.recording([[(journal.GAME_EVENT, {"kind": kind})]]),
+        hostile.recording([[]], {"events": [{"kind": kind}]}),
+    ):
+        with gamms.create_context() as ctx, pytest.raises(recorder.RecordingError, match="it has no kind"):
+            list(ctx.record.replay(io.BytesIO(data)))

@@ -9,6 +9,7 @@ from typing import Any
 from gamms.errors import BadValue
 from gamms.ir import journal as kinds
 from gamms.ir.journal import Log
+from gamms.recorder.errors import Damaged
 from gamms.recorder.plain import is_same, plain, plain_part
 from gamms.text import shown
 
@@ -71,7 +72,7 @@ def put(ctx: Any, state: Mapping[str, Any]) -> None:
     game.team_memories = {team: dict(memory) for team, memory in by_team.items()}
     put_chance(ctx, state.get("chance"))
     if "events" in state:
-        game.events[:] = [dict(event) for event in deepcopy(state["events"])]
+        game.events[:] = map(as_event, deepcopy(state["events"]))
         publish_only(ctx, deepcopy(state.get("facts", {})))
     if "starts" in state:
         game.began = dict(state["starts"])
@@ -94,6 +95,18 @@ def put_chance(ctx: Any, chance: Any) -> None:
     """Let the context's own random stream go on from here; None: nobody had asked for it."""
     if chance is not None:
         ctx.rng.bit_generator.state = chance
+
+
+def as_event(data: Any) -> dict[str, Any]:
+    """What a rule emitted, as it is in `ctx.game.events`.
+
+    Raises:
+        Damaged: it has no kind.
+    """
+    found = dict(data)
+    if not isinstance(found.get("kind"), str):
+        raise Damaged(f"{shown(found)} is no event: it has no kind")
+    return found
 
 
 def remember(ctx: Any, data: Mapping[str, Any]) -> None:

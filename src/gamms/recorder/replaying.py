@@ -313,7 +313,7 @@ class Player:
         state.make_sensors(self._ctx, data)
 
     def _event(self, data: Any) -> None:
-        self._ctx.game.events.append(dict(deepcopy(data)))
+        self._ctx.game.events.append(game_state.as_event(deepcopy(data)))
 
     def _over(self, data: Any) -> None:
         game_state.put_over(self._ctx, data or None)
