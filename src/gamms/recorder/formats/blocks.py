@@ -21,7 +21,7 @@ MOST_EVENTS = 1 << 20
 MOST_TURNS = 1 << 16
 
 # Bytes of memory, or as much time as these would take: what is counted in heads is charged before it is read.
-_OF_TURN, _OF_MOVE, _OF_EVENT = 128, 32, 64
+_OF_TURN, _OF_MOVE, _OF_EVENT = 512, 32, 64
 
 _HEAD = Struct("<3sBIIIIIIII")
 _FOOTER = Struct("<QI4s")
