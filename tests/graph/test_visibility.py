@@ -15,7 +15,7 @@ from hypothesis import strategies as st
 
 from gamms import limits
 from gamms.errors import BadFile, BadType, BadValue, MissingFolder, NotOffered, Outdated, UnknownName
-from gamms.graph import lookouts, sight_file
+from gamms.graph import sight_file, sights
 from gamms.graph.sights import Scene, Seen
 from gamms.typing.graph_engine import IGraphEngine
 
@@ -216,18 +216,20 @@ def scene(nodes=200):
     return Scene(rng.uniform(0, 90, (nodes, 2)), np.zeros((0, 4, 3)), 30.0, 1.6)
 
 
-@pytest.mark.parametrize("script", ["raise SystemExit(3)", "print('not the answer')", "import sys; sys.stdin.read(9)"])
+@pytest.mark.parametrize(
+    "script", ["raise SystemExit(3)", "print('not the answer')", "print('abc')", "import sys; sys.stdin.read(9)"]
+)
 def test_where_a_worker_breaks_down_its_work_is_done_nevertheless(monkeypatch, script):
-    expected = lookouts.all_seen(scene(), 1, lambda _: None)
-    monkeypatch.setattr(lookouts, "_SCRIPT", script)
-    found = lookouts.all_seen(scene(), 2, lambda _: None)
+    expected = sights.all_seen(scene(), 1, lambda _: None)
+    monkeypatch.setattr(sights, "_SCRIPT", script)
+    found = sights.all_seen(scene(), 2, lambda _: None)
     assert all(np.array_equal(*columns) for columns in zip(found, expected, strict=True))
 
 
 @pytest.mark.parametrize("executable", ["", "/no/such/python"])
 def test_without_an_interpreter_to_start_the_work_is_done_here(monkeypatch, executable):
     monkeypatch.setattr(sys, "executable", executable)
-    assert len(lookouts.all_seen(scene(), 2, lambda _: None).counts) == 200
+    assert len(sights.all_seen(scene(), 2, lambda _: None).counts) == 200
 
 
 @pytest.mark.parametrize("workers", [1, 3])
@@ -240,7 +242,7 @@ def test_an_interruption_leaves_neither_processes_nor_files(ctx, cache, monkeypa
         raise KeyboardInterrupt
 
     with pytest.raises(KeyboardInterrupt):
-        lookouts.all_seen(scene(), workers, interrupt)
+        sights.all_seen(scene(), workers, interrupt)
     assert all(process.returncode is not None for process in started)
     strewn(ctx)
     monkeypatch.setattr("gamms.graph.visibility_tables.all_seen", lambda *_: interrupt(""))

@@ -1,5 +1,18 @@
-"""What every node sees, worked out from arrays alone."""
+"""What every node sees, worked out from arrays alone: in this process, or in several at once.
 
+Threads do not help: each observer takes a hundred NumPy calls on small arrays, between which only one thread can run.
+The processes of `multiprocessing` would import the user's script again. These import nothing but GAMMS, and each reads
+its share of the work from its input (docs/decisions/0009).
+"""
+
+import os
+import signal
+import subprocess
+import sys
+from collections.abc import Callable, Generator
+from concurrent.futures import ThreadPoolExecutor
+from contextlib import closing
+from threading import Event
 from typing import NamedTuple
 
 import numpy as np
@@ -10,6 +23,13 @@ from gamms.graph.tables import NodeTable
 from gamms.ir.graph import FloatArray
 from gamms.ir.obstacles import ObstacleColumns
 
+_AT_ONCE = 64  # observers
+_FEW = 4096  # observers for whom no process is worth its start
+_SHARE = 4096  # observers for each process, at most; one of them takes about a millisecond
+_HEAD = 5  # numbers before the arrays that a process reads
+_SCRIPT = "from gamms.graph.sights import serve; serve()"
+
+Span = tuple[int, int]  # first observer, one behind the last
 RowArray = np.ndarray[tuple[int, ...], np.dtype[np.int32]]  # half the memory of other rows; there are many
 
 
@@ -50,3 +70,83 @@ class Sights:
     def _row(self, observer: FloatArray) -> RowArray:
         near = self._places.within(float(observer[0]), float(observer[1]), self._radius)
         return near[self._obstacles.visible(observer, self._points[near])].astype(np.int32)
+
+
+def all_seen(scene: Scene, workers: int | None, show: Callable[[str], None]) -> Seen:
+    """Return what every node sees; the number of workers changes nothing but the time.
+
+    Args:
+        scene: who looks at whom.
+        workers: processes; None: one for each processor where that pays.
+        show: takes a line that says how far it is.
+    """
+    nodes = len(scene.xy)
+    if not nodes:
+        return Seen(np.zeros(0, np.int32), np.zeros(0, np.int32))
+    if workers is None:
+        workers = 1 if nodes < _FEW else os.cpu_count() or 1
+    size = _AT_ONCE if workers == 1 else max(_AT_ONCE, min(_SHARE, -(-nodes // (2 * workers))))
+    spans = [(first, min(first + size, nodes)) for first in range(0, nodes, size)]
+    parts = []
+    sights = Sights(scene)
+    found = (sights.seen(*span) for span in spans) if workers == 1 else _seen_by_processes(scene, spans, workers)
+    with closing(found):
+        for (_, last), part in zip(spans, found, strict=True):
+            parts.append(part)
+            show(f"{last} of {nodes} nodes have looked around")
+    counts, rows = zip(*parts, strict=True)
+    return Seen(np.concatenate(counts), np.concatenate(rows))
+
+
+def _seen_by_processes(scene: Scene, spans: list[Span], workers: int) -> Generator[Seen, None, None]:
+    """What each span sees; where a process cannot be had or breaks down, this process works in its place."""
+    processes: list[subprocess.Popen[bytes]] = []
+    is_over = Event()
+
+    def seen(span: Span) -> Seen:
+        head = np.array([len(scene.xy), *span, scene.radius, scene.observer_height])
+        question = np.concatenate((head, scene.xy.ravel(), scene.corners.ravel())).astype("<f8")
+        try:
+            processes.append(process := _started())
+            if is_over.is_set():
+                process.kill()
+            answer = np.frombuffer(process.communicate(question.tobytes())[0], "<i4").astype(np.int32)
+            counts, rows = np.split(answer, [span[1] - span[0]])
+            is_whole = process.returncode == 0 and len(counts) == span[1] - span[0] and len(rows) == counts.sum()
+            if not is_whole and not is_over.is_set():
+                raise ValueError("the process broke down")  # noqa: TRY301 - as NumPy says of other answers
+        except (OSError, ValueError):
+            return Sights(scene).seen(*span)
+        return Seen(counts, rows)
+
+    with ThreadPoolExecutor(workers) as pool:  # threads that wait for a process each
+        try:
+            yield from pool.map(seen, spans)
+        finally:
+            is_over.set()
+            for process in processes:
+                process.kill()
+            pool.shutdown(cancel_futures=True)
+
+
+def _started() -> "subprocess.Popen[bytes]":
+    if not sys.executable or getattr(sys, "frozen", False):
+        raise OSError("this program is no Python interpreter that could be started again")
+    environment = {**os.environ, "PYTHONPATH": os.pathsep.join(path for path in sys.path if path)}
+    return subprocess.Popen(  # noqa: S603 - our own words to the interpreter that runs us
+        [sys.executable, "-c", _SCRIPT],
+        stdin=subprocess.PIPE,
+        stdout=subprocess.PIPE,
+        stderr=subprocess.DEVNULL,
+        env=environment,
+    )
+
+
+def serve() -> None:
+    """Be one of the processes: read a scene and a span of observers, and write what these see."""
+    signal.signal(signal.SIGINT, signal.SIG_IGN)  # the process that asks is interrupted, and ends this one
+    numbers = np.frombuffer(sys.stdin.buffer.read(), "<f8").astype(np.float64)
+    nodes, first, last = (int(number) for number in numbers[:3])
+    xy, corners = np.split(numbers[_HEAD:], [2 * nodes])
+    scene = Scene(xy.reshape(-1, 2), corners.reshape(-1, 4, 3), float(numbers[3]), float(numbers[4]))
+    sys.stdout.buffer.write(np.concatenate(Sights(scene).seen(first, last)).astype("<i4").tobytes())

@@ -11,9 +11,8 @@ from gamms.folders import cache_folder, write_whole
 from gamms.graph import sight_file
 from gamms.graph.cache import Cache
 from gamms.graph.graph import Graph
-from gamms.graph.lookouts import all_seen
 from gamms.graph.obstacles import Obstacles
-from gamms.graph.sights import Scene, Seen
+from gamms.graph.sights import Scene, Seen, all_seen
 from gamms.graph.visibility import Visibility
 from gamms.graph.worlds import World
 from gamms.progress import progress as shown
