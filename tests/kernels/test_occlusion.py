@@ -187,7 +187,7 @@ def test_who_is_on_a_wall_neither_sees_nor_is_seen(a, b, other, share, z, offset
     on_it = a if share == 0.0 else b if share == 1.0 else a + (b - a) * share
     way, line = b - a, other - on_it
     area = abs(way[0] * line[1] - way[1] * line[0])
-    assume(math.hypot(*way) > 0.1 and area > 1e-3 * math.hypot(*way) * math.hypot(*line))
+    assume(min(math.hypot(*way), math.hypot(*line)) > 0.1 and area > 1e-3 * math.hypot(*way) * math.hypot(*line))
     face = wall(a.tolist(), b.tolist())
     assert is_blocked((*other, z), (*on_it, z), face)
     assert is_blocked((*on_it, z), (*other, z), face)
