@@ -40,8 +40,8 @@ def render(  # noqa: PLR0913, PLR0917 - one argument per option
     with one_sentence(), progress() as show:
         from gamms import rendering
 
-        wish = rendering.Wish(first, last, follow, view, fog, width, height, fps, frames_per_turn, title)
-        shown = rendering.render(file, out, wish, map=map, show=show)
+        options = rendering.RenderOptions(first, last, follow, view, fog, width, height, fps, frames_per_turn, title)
+        shown = rendering.render(file, out, options, map=map, show=show)
     is_film = out.suffix.lower() in (".mp4", ".gif")
     echo(f"Wrote {out} ({f'{shown} turns' if is_film else f'after turn {shown}'}).")
 

@@ -10,7 +10,7 @@ from typer.testing import CliRunner
 import gamms
 from gamms import cli, recordings, rendering
 from gamms.errors import BadValue
-from gamms.rendering import Fog, Wish
+from gamms.rendering import Fog, RenderOptions
 from gamms.rules import capture_flag, territory
 from gamms.sensor import SensorType
 
@@ -162,7 +162,7 @@ def test_a_film_needs_a_turn(tmp_path):
         ctx.record.stop()
     with pytest.raises(BadValue, match="no turn to film"):
         rendering.render(tmp_path / "still.ggr", tmp_path / "still.gif")
-    assert rendering.render(tmp_path / "still.ggr", tmp_path / "still.svg", Wish()) == 0
+    assert rendering.render(tmp_path / "still.ggr", tmp_path / "still.svg", RenderOptions()) == 0
 
 
 @pytest.mark.parametrize("path", sorted(SAMPLES.glob("*.ggr"))[:2], ids=lambda path: path.stem)

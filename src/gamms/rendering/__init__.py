@@ -3,7 +3,7 @@
 Read `files.py` first: from a recording to a file. `fog.py` shows only what a team can see.
 """
 
-from gamms.rendering.files import Wish, render
+from gamms.rendering.files import RenderOptions, render
 from gamms.rendering.fog import Fog
 
-__all__ = ["Fog", "Wish", "render"]
+__all__ = ["Fog", "RenderOptions", "render"]

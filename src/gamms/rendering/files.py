@@ -17,14 +17,14 @@ from gamms.visual.drawing import longer_side
 from gamms.visual.legend import Rows, legend_only
 
 FRAMES_PER_TURN = 5  # a sixth of a second
-_VIEW_M, _VIEW_EDGES = 400.0, 30.0  # around who is followed: on a real map, and on any other
+_VIEW_M, _VIEW_EDGES = 400.0, 30.0  # around the agent that is followed: on a real map, and on any other
 
 Show = Callable[[str], None]
 
 
 @dataclass(frozen=True)
-class Wish:
-    """What a picture or film of a recording should be.
+class RenderOptions:
+    """How a recording is rendered as a picture or film.
 
     Attributes:
         first: the first turn of a film; None: from the beginning.
@@ -53,7 +53,7 @@ class Wish:
 def render(
     path: str | os.PathLike[str],
     out: str | os.PathLike[str],
-    wish: Wish | None = None,
+    options: RenderOptions | None = None,
     *,
     map: str | os.PathLike[str] | None = None,
     show: Show = lambda _: None,
@@ -63,9 +63,9 @@ def render(
     Args:
         path: of the recording, of any version.
         out: an existing file is replaced.
-        wish: what of it, and how.
+        options: which turns, and how they look.
         map: of a recording of version 2, which holds none; see `recordings.with_nodes_made_up`.
-        show: told from time to time how far it is.
+        show: called with a line of text as it goes on.
 
     Returns:
         The turn that a picture shows, or how many turns are in the film.
@@ -77,21 +77,21 @@ def render(
         MissingExtra (ImportError): a library is not installed.
         OSError: a file cannot be read or written.
     """
-    wish, out = wish or Wish(), Path(out)
-    total = _checked_turns(path, wish)
+    options, out = options or RenderOptions(), Path(out)
+    total = _checked_turns(path, options)
     with recordings.context_for(path, map) as ctx:
-        studio = _Studio(ctx, wish, total, show)
-        make = studio.film if out.suffix.lower() in FILMS else studio.picture
+        renderer = _Renderer(ctx, options, total, show)
+        make = renderer.film if out.suffix.lower() in FILMS else renderer.picture
         return make(ctx.record.replay(os.fspath(path)), out)
 
 
-def _checked_turns(path: str | os.PathLike[str], wish: Wish) -> int | None:
+def _checked_turns(path: str | os.PathLike[str], options: RenderOptions) -> int | None:
     """How many turns a recording has; None for one of version 2, which has to be replayed to know.
 
     Raises:
         BadValue: there are no such turns.
     """
-    first, last = wish.first, wish.last
+    first, last = options.first, options.last
     if (first is not None and first < 1) or (last is not None and last < (first or 0)):
         raise BadValue(f"Turns are counted from 1 on; there are none from {first or 1} to {last or 'the end'}.")
     if recordings.version_of(path) < 3:
@@ -104,11 +104,11 @@ def _checked_turns(path: str | os.PathLike[str], wish: Wish) -> int | None:
     return total
 
 
-class _Studio:
+class _Renderer:
     """A context into which a recording is replayed, and what has to be declared in it."""
 
-    def __init__(self, ctx: Any, wish: Wish, total: int | None, show: Show) -> None:
-        self._ctx, self._wish, self._total, self._show = ctx, wish, total, show
+    def __init__(self, ctx: Any, options: RenderOptions, total: int | None, show: Show) -> None:
+        self._ctx, self._options, self._total, self._show = ctx, options, total, show
         self._turn = 0
         self._fog: Fog | None = None
 
@@ -116,31 +116,31 @@ class _Studio:
         """Save how things stand after the last turn that was asked for."""
         from gamms.visual import picture
 
-        wish = self._wish
-        picture.sheet(picture.place(out), wish.width, wish.height, 96.0)  # to say at once that it cannot be written
-        self._play(records, wish.last)
+        options = self._options
+        picture.sheet(picture.place(out), options.width, options.height, 96.0)  # fail early
+        self._play(records, options.last)
         self._begin()
-        self._ctx.visual.save(out, wish.width, wish.height, title=wish.title, background=self._background)
+        self._ctx.visual.save(out, options.width, options.height, title=options.title, background=self._background)
         return self._turn
 
     def film(self, records: Iterator[Any], out: Path) -> int:
         """Film the turns that were asked for."""
         from gamms.visual.film import film_plan
 
-        wish = self._wish
-        film_plan(out, wish.fps, wish.width, wish.height, wish.frames_per_turn, 1.0)
-        self._play(records, max((wish.first or 1) - 1, 0))
+        options = self._options
+        film_plan(out, options.fps, options.width, options.height, options.frames_per_turn, 1.0)
+        self._play(records, max((options.first or 1) - 1, 0))
         begun = self._turn
-        size = {"width": wish.width, "height": wish.height, "frames_per_turn": wish.frames_per_turn}
-        with self._ctx.visual.film(out, wish.fps, **size, title=wish.title, background=self._background):
-            self._play(records, wish.last)
+        size = {"width": options.width, "height": options.height, "frames_per_turn": options.frames_per_turn}
+        with self._ctx.visual.film(out, options.fps, **size, title=options.title, background=self._background):
+            self._play(records, options.last)
             if self._turn == begun:
                 raise BadValue(f"There is no turn to film: this recording has {self._turn} turns.")
         return self._turn - begun
 
     @property
     def _background(self) -> Any:
-        return PAPER if self._wish.fog is None else DARK
+        return PAPER if self._options.fog is None else DARK
 
     def _play(self, records: Iterator[Any], last: int | None) -> None:
         """Replay up to and with a turn; the generator stays open for more."""
@@ -156,21 +156,21 @@ class _Studio:
 
     def _begin(self) -> None:
         """Declare what can only be declared once map and agents are there."""
-        ctx, wish = self._ctx, self._wish
+        ctx, options = self._ctx, self._options
         ctx.visual.add_artist("turn", {"drawer": legend_only, "layer": 0, "legend": lambda _: Rows(self._words(), ())})
-        if wish.fog is not None and self._fog is None:
-            self._fog = Fog(ctx, wish.fog)
+        if options.fog is not None and self._fog is None:
+            self._fog = Fog(ctx, options.fog)
         if self._fog is not None:
             self._fog.look()
-        if wish.follow is not None and ctx.visual.followed is None:
-            if wish.follow not in ctx.agent.agents:
-                raise UnknownName("agent", wish.follow, ctx.agent.agents)
-            ctx.visual.follow(wish.follow, _view(ctx) if wish.view is None else wish.view)
+        if options.follow is not None and ctx.visual.followed is None:
+            if options.follow not in ctx.agent.agents:
+                raise UnknownName("agent", options.follow, ctx.agent.agents)
+            ctx.visual.follow(options.follow, _view(ctx) if options.view is None else options.view)
 
     def _end_turn(self) -> None:
         """A turn was replayed; it is filmed right after this."""
         self._turn += 1
-        if self._ctx.visual.is_filming or self._wish.fog is not None:
+        if self._ctx.visual.is_filming or self._options.fog is not None:
             self._begin()
         self._show(f"Turn {self._turn}" if self._total is None else f"Turn {self._turn} of {self._total}")
 
@@ -180,7 +180,7 @@ class _Studio:
 
 
 def _view(ctx: Any) -> float:
-    """How much is seen around who is followed, map units: some hundred metres, but no more than there is."""
+    """How much is seen around the agent that is followed, map units: some hundred metres, but no more than there is."""
     columns = ctx.graph.columns()
     wanted = _VIEW_EDGES * usual_edge(columns) if columns.crs is None else _VIEW_M
     widest = longer_side(columns)

@@ -42,7 +42,7 @@ from gamms.visual.drawers import (
 )
 from gamms.visual.engine import NoEngine, PictureEngine
 
-_LATER = {  # not loaded before somebody wants to see something
+_LATER = {  # loaded on first use
     **dict.fromkeys(("PygameVisualizationEngine", "WindowEngine"), "gamms.visual.window.engine"),
     "RenderManager": "gamms.visual.compat",
     "legend_of_teams": "gamms.visual.default_scene",

@@ -86,7 +86,7 @@ class Artist(Guarded, IArtist):
 
     @refused_while_deciding
     def set_artist_type(self, artist_type: ArtistType) -> None:
-        """Say whether it changes from frame to frame."""
+        """Set whether it changes from frame to frame."""
         if not isinstance(artist_type, ArtistType):
             raise BadType(f"An artist type is ArtistType.STATIC or ArtistType.DYNAMIC, not {shown(artist_type)}.")
         self._artist_type = artist_type
@@ -98,13 +98,13 @@ class Artist(Guarded, IArtist):
 
     @refused_while_deciding
     def set_render_mode(self, render_mode: RenderMode) -> None:
-        """Say whether it is painted anew or shown from memory; for information only."""
+        """Set whether it is repainted or shown from a cache; for information only."""
         if not isinstance(render_mode, RenderMode):
             raise BadType(f"A render mode is RenderMode.CACHED or RenderMode.NON_CACHED, not {shown(render_mode)}.")
         self._render_mode = render_mode
 
     def get_render_mode(self) -> RenderMode:
-        """Whether it is painted anew or shown from memory."""
+        """Whether it is repainted or shown from a cache."""
         return self._render_mode
 
     @property

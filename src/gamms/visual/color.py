@@ -37,7 +37,7 @@ class Color:
 
 PAPER: Rgb = (252, 252, 250)  # behind every picture
 
-# Okabe and Ito's palette: told apart by colour-blind readers too.
+# Okabe and Ito's palette: distinct for colour-blind readers too.
 TEAM_COLORS: tuple[Rgb, ...] = (
     (0, 114, 178),
     (213, 94, 0),

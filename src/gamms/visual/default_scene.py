@@ -71,7 +71,7 @@ class DefaultScene:
         self._agents: dict[str, IArtist] = {}
         self._colors: dict[str, Rgb] = {}  # of agents, by name
         self._views: dict[str, Artist] = {}  # of sensors
-        self._territories: dict[str, TerritoryDrawer] = {}  # who know the places
+        self._territories: dict[str, TerritoryDrawer] = {}  # they keep polylines of territories
         self._tags, self._legend = Artist(ctx, render_tags, Layer.TAGS), legend_of_teams(ctx)
 
     def artists(self, declared: Container[str]) -> dict[str, IArtist]:
@@ -126,7 +126,7 @@ class DefaultScene:
             disc.data = {"agent_data": AgentData(name, color, self._unit, least_px=least_px), "_alpha": 1.0}
 
     def _sensors(self, declared: Container[str]) -> dict[str, IArtist]:
-        """Artists of what sensors see, asked for anew each time."""
+        """Artists of what sensors see at present."""
         nodes, found = len(self._ctx.graph.columns().node_ids), dict[str, list[Sight]]()
         for sight in drawing_of(self._ctx).carriers.sights(MOST_SENSORS):
             if sight.view is None or _is_told(sight.view, nodes):

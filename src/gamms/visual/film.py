@@ -128,7 +128,7 @@ class Frames:
         self.scene.draw(artists, lambda group: group.commands(share), is_new_turn=self._is_new_turn)
         self._is_new_turn = False
         camera = self._view(share)
-        is_moving = self._viewpoint.followed is not None  # so what does not change is shifted, not painted anew
+        is_moving = self._viewpoint.followed is not None  # so what does not change is shifted, not painted again
         self.scene.paint(self._canvas, camera, self._background, is_moving=is_moving)
         self._paint_legend(camera)
         frame_words(self._canvas, self._title, picture.noted(self.ctx, self._note), self._background)

@@ -46,7 +46,7 @@ class Row(NamedTuple):
 
 
 class Rows(NamedTuple):
-    """Colours that are told one by one."""
+    """Colours that are explained one by one."""
 
     title: str
     rows: tuple[Row, ...]

@@ -194,7 +194,7 @@ class TurnEvents:
     def _events(self) -> list[dict[str, Any]]:
         game = getattr(self._ctx, "_game", None)
         events: list[dict[str, Any]] = [] if game is None else game.events
-        if len(events) < self._end:  # the game has begun anew
+        if len(events) < self._end:  # the game was reset
             self._begin = self._end = 0
             self._eliminated = None
         return events

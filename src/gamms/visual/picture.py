@@ -23,7 +23,7 @@ FILM_BYTES = 48  # and what an encoder keeps
 
 
 class Sheet(NamedTuple):
-    """How large a picture is, and who paints it."""
+    """The size of a picture, and the backend that paints it."""
 
     width: int
     height: int

@@ -89,7 +89,7 @@ def _shift(mine: Camera, camera: Camera) -> tuple[float, float]:
     return (camera.left - mine.left) * mine.scale, (mine.top - camera.top) * mine.scale
 
 
-_FEW = 400  # points that are painted anew faster than shown from memory
+_FEW = 400  # points that are repainted faster than shown from a cache
 _STAGES = 2
 
 Draw = Callable[[ArtistGroup], DrawCommands]
@@ -134,7 +134,7 @@ class Part:
         return all(np.array_equal(getattr(mine, name), getattr(commands, name)) for name in columns)
 
 
-_Still = tuple[list[Part], Camera, Rgba, Any]  # parts, who saw them on what, and the surface
+_Still = tuple[list[Part], Camera, Rgba, Any]  # parts, camera, background, and the surface
 
 
 class Scene:
@@ -154,7 +154,7 @@ class Scene:
         self._stages: list[_Still] = []  # what was painted of the parts at the back, the fewest first
 
     def draw(self, artists: Mapping[str, IArtist], draw: Draw, *, is_new_turn: bool = True) -> None:
-        """Take in the present state: `draw` lets artists draw, and returns their commands.
+        """Update to the present state: `draw` lets artists draw, and returns their commands.
 
         Within a turn, static artists, and those whose drawer has a true attribute `once_a_turn`, are not asked again.
         """
@@ -190,7 +190,9 @@ class Scene:
         """The part of the frame before, where it would look the same."""
         commands = draw(group)
         for part in self._before:
-            is_taken = any(part is other for other in self._parts)  # by others who draw the same, such as nothing
+            is_taken = any(
+                part is other for other in self._parts
+            )  # by artists that draw the same
             if not part.is_static and not is_taken and part.shows_what(commands):
                 part.artists = group.artists
                 part.outlasts_turns |= self._frames == 1
@@ -254,7 +256,7 @@ def _leading(parts: list[Part], before: list[Part]) -> int:
 
 
 class _Pace(Enum):
-    """How often artists are asked to draw."""
+    """How often artists draw."""
 
     STATIC = "when the world changes"
     TURN = "once a turn"
@@ -262,7 +264,7 @@ class _Pace(Enum):
 
 
 def _likeness(item: tuple[str, IArtist]) -> tuple[_Pace, int, Drawer | None]:
-    """Who makes a part together, so that what changes together is kept together."""
+    """Key of the artists that make one part: those that change together."""
     artist = item[1]
     if artist.get_artist_type() is ArtistType.STATIC:
         return _Pace.STATIC, 0, None

@@ -1,4 +1,4 @@
-"""What living agents see now: their sensors look again, which changes nothing, from where the agents are drawn."""
+"""Present views of sensors, from where the agents are drawn; looking changes nothing."""
 
 from collections.abc import Iterator
 from itertools import islice
@@ -11,7 +11,7 @@ from gamms.typing import IContext, ISensor, SensorType
 
 
 class Sight(NamedTuple):
-    """What a sensor sees for the agent that carries it, or saw last for nobody."""
+    """The view of a sensor for the agent that carries it, or its last view if none does."""
 
     sensor: ISensor
     carrier: str | None
@@ -38,7 +38,7 @@ class Carriers:
         return self._of.get(id(sensor), [])
 
     def is_blind(self, sensor: Any) -> bool:
-        """Whether all who carry a sensor are out of the game."""
+        """Whether all agents that carry a sensor are out of the game."""
         carriers = self.of(sensor)
         return bool(carriers) and not any(agent.alive for agent in carriers)
 
@@ -48,7 +48,7 @@ class Carriers:
         return [] if len(found) > most else [self.sight(*one) for one in found]
 
     def _looking(self) -> Iterator[tuple[Any, Any]]:
-        """Sensors that have looked, with each living agent that carries them, or with nobody."""
+        """Sensors that have looked, with each living agent that carries them, or None."""
         game = getattr(self._ctx, "_game", None)  # a game begins when it is first asked for, which is not our business
         is_played = game is not None and game.turn > 0  # here or in a recording: then everybody has looked
         for sensor in self._ctx.sensor.sensors.values():

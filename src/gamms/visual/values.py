@@ -13,7 +13,7 @@ from gamms.text import shown
 from gamms.visual.color import DIVERGING, LEVELS, Colorize, Rgb, colorized, levels, rgba, table
 from gamms.visual.legend import Bar, Block, Row, Rows
 
-_FEW_COLORS = 8  # so many different ones are told one by one
+_FEW_COLORS = 8  # so many different ones are explained one by one
 _STEPS = 64  # of a bar
 _HUNDRED, _HUGE = 100.0, 1e7
 

@@ -131,7 +131,7 @@ class Canvas:
             strip[:, number * side : (number + 1) * side] = pixels[y : y + side, x : x + side]
 
     def laid(self, paint: "Callable[[], None]") -> "list[Placed] | None":
-        """Paint, and return what `stamps` would need to paint the same again; None where that cannot be told."""
+        """Paint, and return what `stamps` would need to paint the same again; None where that is not known."""
         begin = len(self._over)
         paint()
         laid = [placed for _, placed in self._over[begin:] if placed is not None]

@@ -24,7 +24,7 @@ from gamms.visual.color import PAPER, Rgba, inks
 _SMALLEST_RADIUS_PX = 0.5
 _THINNEST_PX = 1.0  # of lines whose width is in world units
 _BROAD_PX = 200.0  # lines are painted one by one from here on
-_BEYOND_PX = 8.0  # lines are cut so far outside, where nobody sees it
+_BEYOND_PX = 8.0  # lines are cut so far outside the picture
 _LARGEST_STAMP_PX = 96.0
 _OPAQUE = 255
 _STEPS = 4  # places within a pixel at which a stamp can be

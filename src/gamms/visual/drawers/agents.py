@@ -82,7 +82,7 @@ def render_agents(ctx: IContext, looks: list[AgentData], share: float) -> bool:
 
 
 def _place(ctx: IContext, look: AgentData, agent: Any, share: float) -> tuple[float, float] | None:
-    """Where an agent is drawn, which its look is told; None if it is not."""
+    """Return where an agent is drawn, and note it in its look; None if it is not drawn."""
     visual = drawing_of(ctx)
     look.current_position = visual.position_of(look.name, share) if visual.is_shown(agent, share) else None
     return look.current_position

@@ -138,7 +138,7 @@ def _rows(known: IntArray, ids: IntArray) -> tuple[IntArray, "np.ndarray[Any, np
     return order[places[is_there]] if len(known) else np.empty(0, np.int64), is_there
 
 
-render_values.once_a_turn = True  # type: ignore[attr-defined] # values are told, and do not glide
+render_values.once_a_turn = True  # type: ignore[attr-defined] # values do not glide
 
 
 _CHOICE_PX, _RING_PX = 3.0, 11.0
@@ -166,7 +166,7 @@ def render_input_overlay(ctx: IContext, data: dict[str, Any]) -> None:
 
 
 def _between_rings(way: FloatArray, radius: float) -> FloatArray:
-    """A way without its ends, which would cover who stands there; all of it where that would leave nothing."""
+    """A way without its ends, which would cover the agents there; all of it where that would leave nothing."""
     along = np.concatenate(([0.0], np.cumsum(np.hypot(*np.diff(way, axis=0).T))))
     ends = radius, along[-1] - radius
     if ends[0] >= ends[1]:

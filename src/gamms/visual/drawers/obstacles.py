@@ -121,7 +121,7 @@ def _area(outline: _Outline) -> float:
     return float(x @ np.roll(y, -1) - y @ np.roll(x, -1))
 
 
-_STEPS = 6  # tones that are told apart
+_STEPS = 6  # distinct tones
 _LOWEST, _TALLEST = 5.0, 95.0  # percentiles of heights: between them the tones change
 _SHADE = 0.75  # of the colour of an area: its outline
 

@@ -61,7 +61,7 @@ def _is_owned(value: Any) -> bool:
 
 
 def render_flags(ctx: IContext, data: dict[str, Any]) -> None:
-    """Draw the flags that rules keep as `data["key"]`: on their bases, or with who carries them.
+    """Draw the flags that rules keep as `data["key"]`: on their bases, or with the agents that carry them.
 
     `data` may have `colors` by team, and names of agents as `hidden`: a flag that one of them carries is not shown.
     """
@@ -93,7 +93,7 @@ def _pennant(ctx: IContext, x: float, y: float, color: Any) -> None:
 
 
 def as_text(ids: IntArray) -> str:
-    """Ascending ids as text such as "0..41 57": it is short, and nobody need copy it."""
+    """Ascending ids as text such as "0..41 57": it is short and immutable."""
     cuts = np.flatnonzero(np.diff(ids) != 1)
     begins, ends = ids[np.r_[0, cuts + 1]].tolist(), ids[np.r_[cuts, len(ids) - 1]].tolist()
     runs = zip(begins, ends, strict=True)
@@ -104,7 +104,7 @@ def in_text(text: str, ids: IntArray) -> "np.ndarray[Any, np.dtype[np.bool_]]":
     """Which ids (ids,) are among those that `as_text` was given; a stranger's text may name any number of others.
 
     Raises:
-        ValueError, OverflowError: nobody made this text so.
+        ValueError, OverflowError: the text was not made so.
     """
     runs = [(int(begin), int(end or begin)) for begin, _, end in (part.partition("..") for part in text.split())]
     begins, ends = np.array(sorted(runs), np.int64).reshape(-1, 2).T

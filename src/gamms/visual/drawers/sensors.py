@@ -23,8 +23,8 @@ _NODE_RADIUS, _JUNCTION_RADIUS, _AGENT_RADIUS = 2.0, 1.0, 8.0  # world units
 def render_sensor(ctx: IContext, data: dict[str, Any]) -> None:
     """Draw the last view of the sensor that `data['name']` names.
 
-    Nothing is drawn where all who carry it are out. The field of view lies below, then the edges, marks on the nodes,
-    and rings around the agents. `data` may also have `color`, `node_color`, `edge_color`, `size` (of the rings) and
+    Nothing is drawn where all agents that carry it are out. The field of view lies below, then the edges, marks on the
+    nodes, and rings around the agents. `data` may also have `color`, `node_color`, `edge_color`, `size` (of the rings) and
     `node_size`, both in world units.
 
     Raises:
@@ -68,7 +68,7 @@ def _draw(ctx: IContext, data: dict[str, Any], view: SensorView) -> None:
 
 
 def _mark(ctx: IContext, centers: Any, radius: float, color: Any) -> None:
-    """A ring, and a small dot for when the ring is too small: whoever stands there keeps its own colour."""
+    """A ring, and a small dot for when the ring is too small: an agent there keeps its own colour."""
     visual = drawing_of(ctx)
     visual.render_circles(centers, radius, color, 2.0)
     visual.render_circles(centers, _NODE_PX, _see_through(color), in_pixels=True)
@@ -80,7 +80,7 @@ def _see_through(color: Any) -> Rgba:
     return red, green, blue, min(alpha, _ALPHA)
 
 
-render_sensor.once_a_turn = True  # type: ignore[attr-defined] # between turns nobody looks
+render_sensor.once_a_turn = True  # type: ignore[attr-defined] # sensors look once a turn
 render_sight.once_a_turn = True  # type: ignore[attr-defined] # it is seen from where agents will be at the end
 
 # The names under which 1.0.0 had a drawer per kind.

@@ -34,7 +34,7 @@ class Walk:
 
     @property
     def words(self) -> str:
-        """What the person is told."""
+        """The text of the question."""
         last = len(self.options) - 1
         typed = f" {self.typed}_" if self.typed else ""
         return f"{self.name}: click a node, or type its number (0 stays{f', 1 to {last}' if last else ''}){typed}"
@@ -73,7 +73,7 @@ class Flight:
 
     @property
     def words(self) -> str:
-        """What the person is told."""
+        """The text of the question."""
         return f"{self.name}: click where to fly; up and down arrow climb and descend; 0 stays"
 
     def point_at(self, x: float, y: float) -> None:

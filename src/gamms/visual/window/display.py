@@ -49,7 +49,7 @@ def _check_is_seen(pygame: Any) -> None:
 
 
 def close_window(owner: object) -> None:
-    """Close the window, unless somebody else still shows something in it."""
+    """Close the window, unless another context still shows something in it."""
     if owner in _owners:
         _owners.remove(owner)
         if not _owners:

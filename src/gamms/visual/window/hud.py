@@ -19,7 +19,7 @@ from gamms.visual.window.input import HELP
 
 
 class Theme(NamedTuple):
-    """What is behind everything, what is written, and how the map looks when nobody said so."""
+    """What is behind everything, what is written, and the default look of the map."""
 
     background: Rgba
     ink: Rgba

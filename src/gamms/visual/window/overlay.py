@@ -168,11 +168,11 @@ class Overlay(Guarded):
         return [*lines, *self._left(), self._frames_per_second()]
 
     def _left(self) -> list[str]:
-        """How many of each team are left, once somebody is out."""
+        """How many of each team are left, once an agent is out."""
         columns = self._ctx.agent.columns  # type: ignore[attr-defined] # of our own engine
         if not columns.out:
             return []
-        self._ctx.agent.settle()  # type: ignore[attr-defined] # so that those who were deleted are not counted
+        self._ctx.agent.settle()  # type: ignore[attr-defined] # so that deleted agents are not counted
         left = dict.fromkeys((str(team) for team in columns.teams if team is not None), 0)
         for team, is_alive in zip(columns.teams, columns.alive, strict=True):
             if team is not None:

@@ -249,7 +249,7 @@ class Tiles:
         return canvas.surface
 
     def _sharpen(self, level: _Level, tiles: _Area, haste: Haste) -> None:
-        """Paint rough tiles in view anew, from the middle outwards, while there is time."""
+        """Repaint rough tiles in view, from the middle outwards, while there is time."""
         middle = (tiles.left + tiles.right - 1) / 2, (tiles.top + tiles.bottom - 1) / 2
         rough = level.rough.intersection(tiles.places()) if level.rough else set()
         outwards = sorted(rough, key=lambda place: abs(place[0] - middle[0]) + abs(place[1] - middle[1]))
