@@ -19,6 +19,7 @@ from gamms.visual.color import rgba
 from gamms.visual.drawing import Drawing
 from gamms.visual.legend import Block, Legend, blocks_of
 from gamms.visual.scene import Scene
+from gamms.visual.tiles import whole_frame
 
 _FASTEST = 240.0  # frames per second
 _LONGEST_MP4_PX = 16_384
@@ -128,8 +129,8 @@ class Frames:
         self.scene.draw(artists, lambda group: group.commands(share), is_new_turn=self._is_new_turn)
         self._is_new_turn = False
         camera = self._view(share)
-        is_moving = self._viewpoint.followed is not None  # so what does not change is shifted, not painted again
-        self.scene.paint(self._canvas, camera, self._background, is_moving=is_moving)
+        budget = None if self._viewpoint.followed is None else whole_frame()  # so that streets are shifted
+        self.scene.paint(self._canvas, camera, self._background, budget)
         self._paint_legend(camera)
         frame_words(self._canvas, self._title, picture.noted(self.ctx, self._note), self._background)
         return self._canvas

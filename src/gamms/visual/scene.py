@@ -20,74 +20,11 @@ from gamms.typing import ArtistType, IArtist, IContext
 from gamms.typing.artist import Drawer
 from gamms.visual.artist import Artist
 from gamms.visual.artist_group import ArtistGroup, in_painting_order
-from gamms.visual.backends.pygame import Canvas, load, on_glass
+from gamms.visual.backends.pygame import Canvas
 from gamms.visual.backends.raster import Painting
 from gamms.visual.camera import Camera, bounds, fit_box
 from gamms.visual.color import Rgba
-
-_BORDER = 4  # one fourth of the view on every side
-
-
-class Plate:
-    """A painting on a background, or on glass, through which one sees what is on the canvas."""
-
-    def __init__(self) -> None:
-        self._painting: Painting | None = None
-        self._background: Rgba | None = None
-        self._camera: Camera | None = None
-        self._surface: Any = None
-
-    def show(
-        self, painting: Painting, canvas: Canvas, camera: Camera, background: Rgba | None, *, is_moving: bool
-    ) -> None:
-        """Show the painting as the camera sees it; no background is glass."""
-        is_mine = painting is self._painting and background == self._background
-        if not is_mine or not self._serves(camera, is_moving=is_moving):
-            self._painting, self._background = painting, background
-            self._camera = _larger(camera) if is_moving else camera
-            self._surface = _painted(painting, self._camera, background)
-        self._blit(canvas, camera, load().BLEND_PREMULTIPLIED if background is None else 0)
-
-    def _serves(self, camera: Camera, *, is_moving: bool) -> bool:
-        """Whether what was painted shows all that the camera sees; while it moves, up to half a pixel beside."""
-        mine = self._camera
-        if mine is None or camera.scale != mine.scale:
-            return False
-        x, y = _shift(mine, camera)
-        is_whole = is_moving or (x == round(x) and y == round(y))
-        is_held = min(x, y) >= 0.0 and x + camera.width <= mine.width and y + camera.height <= mine.height
-        return is_whole and is_held
-
-    def _blit(self, canvas: Canvas, camera: Camera, flags: int) -> None:
-        if self._camera is not None:
-            x, y = _shift(self._camera, camera)
-            canvas.paste(self._surface, (round(x), round(y), camera.width, camera.height), flags)
-
-
-def _painted(painting: Painting, camera: Camera, background: Rgba | None) -> Any:
-    if background is None:
-        return on_glass(lambda color: _painted(painting, camera, color))
-    canvas = Canvas(camera.width, camera.height)
-    canvas.fill(background)
-    painting.paint(canvas, camera)
-    return canvas.surface
-
-
-def _larger(camera: Camera) -> Camera:
-    across, down = camera.width // _BORDER, camera.height // _BORDER
-    return Camera(
-        camera.width + 2 * across,
-        camera.height + 2 * down,
-        camera.left - across / camera.scale,
-        camera.top + down / camera.scale,
-        camera.scale,
-    )
-
-
-def _shift(mine: Camera, camera: Camera) -> tuple[float, float]:
-    """How many pixels right of and below the corner of `mine` the corner of a camera of the same scale lies."""
-    return (camera.left - mine.left) * mine.scale, (mine.top - camera.top) * mine.scale
-
+from gamms.visual.tiles import FrameBudget, SurfacePool, Tiles, whole_frame
 
 _FEW = 400  # points that are repainted faster than shown from a cache
 _STAGES = 2
@@ -97,16 +34,22 @@ _Groups = list[tuple["_Pace", dict[str, IArtist], ArtistGroup]]
 
 
 class Part:
-    """Artists that follow each other, as commands that are ready to be painted."""
+    """Artists that follow each other, as commands that are ready to be painted.
+
+    Attributes:
+        is_static: the same until the world changes.
+        is_of_turn: the same for all frames of a turn.
+        lasts: it will be there in the next frame, too.
+        is_old: it was there in the turn before, too.
+    """
 
     def __init__(self, group: ArtistGroup, commands: DrawCommands, key: Any = None) -> None:
         self.artists = group.artists
         self.painting, self.key = Painting(commands), key
-        self.is_static = key is not None
-        self.lasts = self.is_static  # at least as long as this turn
-        self.outlasts_turns = self.is_static  # was there in the turn before, too
+        self.is_static = self.lasts = self.is_old = key is not None
+        self.is_of_turn = self.is_static
         self.is_much = len(commands.points) > _FEW
-        self._plate = Plate() if self.is_much else None
+        self.tiles: Tiles | None = None
 
     @property
     def box(self) -> tuple[FloatArray, FloatArray] | None:
@@ -118,12 +61,11 @@ class Part:
         """Paint what the camera sees of it."""
         self.painting.paint(canvas, camera)
 
-    def show(self, canvas: Canvas, camera: Camera, behind: Rgba | None, *, is_moving: bool) -> None:
-        """Paint it, from a plate where that is faster; `behind` is the colour behind it, if nothing else is there."""
-        if self._plate is not None and (self.is_static or (is_moving and self.outlasts_turns)):
-            self._plate.show(self.painting, canvas, camera, behind, is_moving=is_moving)
-        else:
-            self.paint(canvas, camera)
+    def show(self, canvas: Canvas, camera: Camera, behind: Rgba | None, budget: FrameBudget, pool: SurfacePool) -> None:
+        """Paint it as tiles; `behind` is the colour behind it, if nothing else is there."""
+        if self.tiles is None or self.tiles.background != behind:
+            self.tiles = Tiles(self.painting, self.box, behind, pool)
+        self.tiles.show(canvas, camera, budget)
 
     def shows_what(self, commands: DrawCommands) -> bool:
         """Whether these commands would give the same part."""
@@ -143,9 +85,12 @@ class Scene:
     Args:
         ctx: the context.
         world: what else than its data a STATIC artist's drawing depends on, such as the revision of the graph.
+        tiles_turns: show in tiles what stays the same for a turn only, as is good for many frames per turn.
     """
 
-    def __init__(self, ctx: IContext, world: Callable[[], Any]) -> None:
+    def __init__(self, ctx: IContext, world: Callable[[], Any], *, tiles_turns: bool = False) -> None:
+        self._tiles_turns, self._pool = tiles_turns, SurfacePool()
+        self._overlays: dict[tuple[IArtist, ...], Any] = {}
         self._ctx, self._world = ctx, world
         self._grouped: tuple[Mapping[str, IArtist], int, _Groups] | None = None  # artists, their edits, and groups
         self._frames, self._expects_more = 0, False  # of this turn; whether there will be more, as there were before
@@ -173,6 +118,7 @@ class Scene:
             else:
                 part = self._moving_part(group, draw)
             part.lasts = pace is not _Pace.FRAME
+            part.is_of_turn = part.lasts
             self._parts.append(part)
 
     def _groups(self, artists: Mapping[str, IArtist], *, is_new_turn: bool) -> _Groups:
@@ -190,12 +136,10 @@ class Scene:
         """The part of the frame before, where it would look the same."""
         commands = draw(group)
         for part in self._before:
-            is_taken = any(
-                part is other for other in self._parts
-            )  # by artists that draw the same
+            is_taken = any(part is other for other in self._parts)  # by artists that draw the same
             if not part.is_static and not is_taken and part.shows_what(commands):
                 part.artists = group.artists
-                part.outlasts_turns |= self._frames == 1
+                part.is_old |= self._frames == 1
                 return part
         return Part(group, commands)
 
@@ -206,24 +150,50 @@ class Scene:
         high = np.max([box[1] for box in boxes], axis=0) if boxes else np.zeros(2)
         return fit_box(low, high, width, height, header, aside)
 
-    def paint(self, canvas: Canvas, camera: Camera, background: Rgba, *, is_moving: bool = False) -> None:
+    def note_overlay(self, artists: tuple[IArtist, ...], surface: Any) -> None:
+        """Show a surface above what these artists drew; None: nothing."""
+        if surface is None:
+            self._overlays.pop(artists, None)
+        else:
+            self._overlays[artists] = surface
+
+    def paint(self, canvas: Canvas, camera: Camera, background: Rgba, budget: FrameBudget | None = None) -> None:
         """Paint all of it.
 
         Args:
             canvas: what was there is painted over.
             camera: as large as the canvas.
             background: the colour behind everything.
-            is_moving: the camera is on its way, so that what does not change may be shifted by half a pixel.
+            budget: the time there is for a camera that moves; None: it rests, so that whole surfaces are kept.
         """
-        same = 0 if is_moving else _leading(self._parts, self._before)
-        still = same if is_moving or not self._expects_more else self._lasting(same)
+        same = 0 if budget else _leading(self._parts, self._before)
+        still = same if budget or not self._expects_more else self._lasting(same)
         begin = self._from_stage(canvas, camera, background, still)
-        if begin == 0:
+        tiled = [part for part in self._parts[begin:] if self._is_tiled(part, is_moving=budget is not None)]
+        if begin == 0 and (canvas.is_tracked or self._parts[:1] != tiled[:1]):
             canvas.fill(background)
         for place, part in enumerate(self._parts[begin:], begin):
-            part.show(canvas, camera, background if place == 0 else None, is_moving=is_moving)
+            if part in tiled and (budget or place):  # at the back, a whole surface is kept
+                part.show(canvas, camera, None if place else background, budget or whole_frame(), self._pool)
+            else:
+                part.paint(canvas, camera)
+            overlay = self._overlays.get(part.artists)
+            if overlay is not None:
+                canvas.surface.blit(overlay, (0, 0))
             if place + 1 in (same, still):
                 self._stages.append((self._parts[: place + 1], camera, background, canvas.keep()))
+        for part in tiled:
+            if part.tiles is not None and budget is not None:
+                part.tiles.paint_ahead(camera, budget)
+
+    def is_sharp(self, camera: Camera) -> bool:
+        """Whether everything is painted in the scale in which it is shown."""
+        return all(part.tiles is None or part.tiles.is_sharp(camera) for part in self._parts)
+
+    def _is_tiled(self, part: Part, *, is_moving: bool) -> bool:
+        """Whether a part is so much, and stays the same for so long, that it is better kept than repainted."""
+        is_kept = part.is_static or (part.is_of_turn if self._tiles_turns else is_moving and part.is_old)
+        return part.is_much and is_kept
 
     def _lasting(self, same: int) -> int:
         """How many parts at the back will be there in the next frame, too, when so many were there in the last one."""

@@ -8,7 +8,7 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 import gamms
-from gamms.visual.window.tiles import Haste, Sheets, _rectangles
+from gamms.visual.tiles import FrameBudget, SurfacePool, _rectangles
 
 
 def grid(ctx, side):
@@ -34,7 +34,7 @@ def settle(ctx):
 
     for _ in range(200):
         ctx.visual.update()
-        if ctx.visual._stage.is_sharp(ctx.visual._render_manager.camera()):
+        if ctx.visual._scene.is_sharp(ctx.visual._render_manager.camera()):
             return
         time.sleep(0.01)
     pytest.fail("the map does not become sharp")
@@ -108,7 +108,7 @@ def test_zooming_far_out_and_in_again_keeps_memory_bounded(ctx, person):
     for notch in [1] * 60 + [-1] * 90 + [1] * 60:
         person.turn_wheel(notch)
         ctx.visual.update()
-    [tiles] = ctx.visual._stage._tiles.values()
+    [tiles] = [part.tiles for part in ctx.visual._scene._parts if part.tiles is not None]
     assert sum(len(level.tiles) for level in tiles._levels.values()) < 2000
 
 
@@ -158,15 +158,15 @@ def test_many_agents_look_as_in_a_picture(ctx, seen):
 
 
 def test_there_is_always_time_for_one_thing():
-    haste = Haste(-1.0)
-    assert haste.has_time(5.0)
-    assert not haste.has_time(0.0)
+    budget = FrameBudget(-1.0)
+    assert budget.has_time(5.0)
+    assert not budget.has_time(0.0)
 
 
 def test_what_was_done_already_takes_the_time_of_the_first_thing():
-    haste = Haste(-1.0)
-    haste.spend()
-    assert not haste.has_time(0.0)
+    budget = FrameBudget(-1.0)
+    budget.spend()
+    assert not budget.has_time(0.0)
 
 
 @given(st.sets(st.tuples(st.integers(-4, 4), st.integers(-4, 4))))
@@ -182,16 +182,16 @@ def test_a_ring_of_missing_tiles_is_four_rectangles():
 
 
 def test_a_sheet_is_used_again_for_the_same_use_only():
-    sheets = Sheets()
-    large = sheets.sheet("part", 300, 200)
+    pool = SurfacePool()
+    large = pool.surface("part", 300, 200)
     assert large.get_size() == (300, 200)
-    assert sheets.sheet("part", 20, 200).get_parent() is large.get_parent()
-    assert sheets.sheet("scaled", 20, 200).get_parent() is not large.get_parent()
+    assert pool.surface("part", 20, 200).get_parent() is large.get_parent()
+    assert pool.surface("scaled", 20, 200).get_parent() is not large.get_parent()
 
 
 def test_a_sheet_that_would_hold_too_much_memory_is_not_kept():
-    sheets = Sheets()
-    assert sheets.sheet("part", 3000, 2000).get_parent() is not sheets.sheet("part", 3000, 2000).get_parent()
+    pool = SurfacePool()
+    assert pool.surface("part", 3000, 2000).get_parent() is not pool.surface("part", 3000, 2000).get_parent()
 
 
 def test_a_node_that_is_added_is_seen_in_a_map_of_tiles(ctx, seen):

@@ -192,16 +192,16 @@ class Canvas:
             boxes = self.surface.blits(placed, doreturn=True)
             self._over.extend(((x, y, w, h), one) for (x, y, w, h), one in zip(boxes or (), placed, strict=True))
             return
-        self._note((0, 0, self.width, self.height))
+        self.note_all()
         fast = getattr(self.surface, "fblits", None)  # of pygame-ce
         if fast is None:
             self.surface.blits(placed, doreturn=False)
         else:
             fast(placed)
 
-    def paste(self, surface: "Surface", area: Any = None, flags: int = 0) -> None:
-        """Paint a surface, or an area of it, that is as large as the picture."""
-        self._note(self.surface.blit(surface, (0, 0), area, special_flags=flags))
+    def note_all(self) -> None:
+        """Note that all of the surface is painted on by others."""
+        self._note((0, 0, self.width, self.height))
 
     @contextmanager
     def _painted(self, low: FloatArray, high: FloatArray, alpha: int) -> Iterator[tuple["Surface", int, int]]:

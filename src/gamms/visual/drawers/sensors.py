@@ -24,8 +24,8 @@ def render_sensor(ctx: IContext, data: dict[str, Any]) -> None:
     """Draw the last view of the sensor that `data['name']` names.
 
     Nothing is drawn where all agents that carry it are out. The field of view lies below, then the edges, marks on the
-    nodes, and rings around the agents. `data` may also have `color`, `node_color`, `edge_color`, `size` (of the rings) and
-    `node_size`, both in world units.
+    nodes, and rings around the agents. `data` may also have `color`, `node_color`, `edge_color`, `size` (of the
+    rings) and `node_size`, both in world units.
 
     Raises:
         UnknownName (KeyError): there is no such sensor.

@@ -26,6 +26,8 @@ from gamms.visual.engine import PictureEngine
 from gamms.visual.layers import Layer
 from gamms.visual.legend import blocks_of
 from gamms.visual.picture import size
+from gamms.visual.scene import Scene
+from gamms.visual.tiles import FrameBudget
 from gamms.visual.window.asking import Question, Walk, question
 from gamms.visual.window.camera import is_near
 from gamms.visual.window.display import close_window, open_window, window_surface
@@ -33,7 +35,6 @@ from gamms.visual.window.hud import HudLines, theme_called
 from gamms.visual.window.input import Handlers, Input
 from gamms.visual.window.overlay import Overlay
 from gamms.visual.window.pacing import Pace
-from gamms.visual.window.tiles import Haste, Stage
 
 _OPTIONS = (
     "width", "height", "simulation_time_constant", "input_overlay", "max_fps", "theme", "trails", "labels", "title",
@@ -112,7 +113,7 @@ class WindowEngine(WindowNames, PictureEngine):
         self._declare_options(look)
         for sentence in misspelt(kwargs, _OPTIONS):
             ctx.logger.warning("vis_kwargs: %s", sentence)
-        self._stage, self.glass = Stage(ctx, self._world), None
+        self._scene, self.glass = Scene(ctx, self._world, tiles_turns=True), None
         self._has_painters = self._will_quit = False
         self._is_fresh = True
         self._last_camera: Camera | None = None
@@ -245,13 +246,13 @@ class WindowEngine(WindowNames, PictureEngine):
         self._fit()
         share = self.pace.share(self.turn_seconds)
         is_new_turn = self._is_fresh or self._has_painters
-        self._stage.draw(overlay.at(share), lambda group: self._draw(group, share), is_new_turn=is_new_turn)
+        self._scene.draw(overlay.at(share), lambda group: self._draw(group, share), is_new_turn=is_new_turn)
         self._is_fresh = False
         if self.ctx.is_terminated():  # by a drawer
             return
         width, height = self.screen.get_size()
         canvas = Canvas(width, height, self.screen)
-        self._stage.show(canvas, self.camera.camera(), self._background, self._haste())
+        self._scene.paint(canvas, self.camera.camera(), self._background, self._budget())
         overlay.paint(canvas, self.hud, self.question)
 
     def _draw(self, group: ArtistGroup, share: float) -> DrawCommands:
@@ -260,7 +261,7 @@ class WindowEngine(WindowNames, PictureEngine):
             if isinstance(getattr(artist, "data", None), dict) and "agent_data" in artist.data:
                 artist.data["_waiting_simulation"] = self.pace.is_showing
         commands = group.commands(share)
-        self._stage.note_overlay(group.artists, self.glass)
+        self._scene.note_overlay(group.artists, self.glass)
         if self.glass is not None:
             kinds = {artist.get_artist_type() for artist in group.artists}
             self._has_painters = self._has_painters or ArtistType.STATIC in kinds
@@ -272,7 +273,7 @@ class WindowEngine(WindowNames, PictureEngine):
         seen = self.camera.camera() if self._has_painters else None
         return getattr(graph.graph, "revision", None), getattr(graph, "obstacle_revision", None), seen
 
-    def _haste(self) -> Haste:
+    def _budget(self) -> FrameBudget:
         now, camera, last = monotonic(), self.camera.camera(), self._last_camera
         is_leaping = last is None or not is_near(camera, last)
         if last is not None and camera.scale != last.scale:
@@ -280,7 +281,7 @@ class WindowEngine(WindowNames, PictureEngine):
             self._zoomed = -math.inf if is_leaping else now
         self._last_camera, self._last_frame = camera, now
         is_zooming = now - self._zoomed < _ZOOM_RESTS
-        return Haste(_FOR_TILES / 2 if is_zooming else _FOR_TILES, is_zooming=is_zooming, is_leaping=is_leaping)
+        return FrameBudget(_FOR_TILES / 2 if is_zooming else _FOR_TILES, is_zooming=is_zooming, is_leaping=is_leaping)
 
     # -- where it looks --------------------------------------------------------------------------------------
 

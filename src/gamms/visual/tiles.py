@@ -5,32 +5,30 @@ rests, a level of its own scale is begun with squares that are cut out of anothe
 by one, as many as there is time for in a frame. Squares just outside the view are painted ahead in the same way.
 """
 
-from collections.abc import Callable, Iterator
+from collections.abc import Iterator
 from itertools import groupby, pairwise, product
 from operator import itemgetter
 from time import perf_counter
 from typing import Any, NamedTuple
 
 from gamms.ir.graph import FloatArray
-from gamms.typing import IArtist, IContext
 from gamms.visual.backends.pygame import Canvas, load, on_glass
 from gamms.visual.backends.raster import Painting
 from gamms.visual.camera import Camera
 from gamms.visual.color import Rgba
 from gamms.visual.constants import CACHE_ZOOM_MAX
-from gamms.visual.scene import Part, Scene
 
-_STEP = 256  # px: sides are multiples of it, so that a view that grows does not need a new sheet in every frame
+_STEP = 256  # px: sides are multiples of it, so that a view that grows does not need a new surface in every frame
 _LARGEST = 4_000_000  # px: 16 MB; larger ones are not kept
 
 
-class Sheets:
-    """One sheet for each use."""
+class SurfacePool:
+    """Surfaces to paint on for a moment, one for each use: fresh memory costs more than what is painted on it."""
 
     def __init__(self) -> None:
         self._kept: dict[tuple[str, int], Any] = {}
 
-    def sheet(self, use: str, width: int, height: int, flags: int = 0) -> Any:
+    def surface(self, use: str, width: int, height: int, flags: int = 0) -> Any:
         """A surface of that size, on which there still is what was painted last for the same use."""
         kept = self._kept.get((use, flags))
         if kept is None or kept.get_width() < width or kept.get_height() < height:
@@ -48,12 +46,13 @@ _SPILL_PX = 64.0  # how far outside the box of a painting something sized in pix
 _SLOW = 0.0025  # seconds of a row of tiles; then rows become shorter
 _LONGEST_ROW = 16  # tiles
 _COARSEST, _FINEST = 16.0, 4.0  # how many times coarser or finer a level may be that tiles are cut out of
+_ROUNDING_PX = 1e-3  # a camera that is nearer to whole pixels is meant to lie on them
 _LOST = (3, 3, 3)  # of each colour, give or take one, when a surface is made smaller
 
 Place = tuple[int, int]  # column, row
 
 
-class Haste:
+class FrameBudget:
     """How much time a frame has for painting.
 
     Attributes:
@@ -73,6 +72,11 @@ class Haste:
     def spend(self) -> None:
         """Note that something was done, so that the next thing is not the first."""
         self._is_first = False
+
+
+def whole_frame() -> FrameBudget:
+    """The budget of a frame in which all that the camera sees is painted at once."""
+    return FrameBudget(0.0, is_leaping=True)
 
 
 class _Area(NamedTuple):
@@ -97,8 +101,8 @@ class _Area(NamedTuple):
 class _Level:
     """The tiles of one scale."""
 
-    def __init__(self, scale: float) -> None:
-        self.scale = scale
+    def __init__(self, scale: float, phase: tuple[float, float]) -> None:
+        self.scale, self._phase = scale, phase  # by which its pixels lie right of and below whole ones
         self.tiles: dict[Place, Any] = {}  # surfaces; None is an empty one
         self.rough: set[Place] = set()  # those that were cut out of another level
 
@@ -110,13 +114,15 @@ class _Level:
     def view(self, camera: Camera) -> _Area:
         """The pixels of this level that a camera sees."""
         share = self.scale / camera.scale
-        left, top = round(camera.left * self.scale), round(-camera.top * self.scale)
+        x, y = self._phase
+        left, top = round(camera.left * self.scale - x), round(-camera.top * self.scale - y)
         return _Area(left, top, left + round(camera.width * share), top + round(camera.height * share))
 
     def camera(self, tiles: _Area) -> Camera:
         """A camera that sees just these tiles."""
         size = (tiles.right - tiles.left) * SIDE, (tiles.bottom - tiles.top) * SIDE
-        return Camera(*size, tiles.left * SIDE / self.scale, -tiles.top * SIDE / self.scale, self.scale)
+        x, y = self._phase
+        return Camera(*size, (tiles.left * SIDE + x) / self.scale, -(tiles.top * SIDE + y) / self.scale, self.scale)
 
 
 class Tiles:
@@ -126,29 +132,30 @@ class Tiles:
         painting: what is painted.
         box: its lower left and upper right corner, in world units; None where it has no extent.
         background: None is glass.
-        sheets: to paint on; several paintings may have them in common.
+        pool: surfaces to paint on, which several paintings may share.
     """
 
     def __init__(
-        self, painting: Painting, box: tuple[FloatArray, FloatArray] | None, background: Rgba | None, sheets: Sheets
+        self, painting: Painting, box: tuple[FloatArray, FloatArray] | None, background: Rgba | None, pool: SurfacePool
     ) -> None:
-        self.painting, self.background, self._sheets = painting, background, sheets
+        self.painting, self.background, self._pool = painting, background, pool
         self._box, self._cost, self._at_once = box, 0.0, 1  # seconds that a row of tiles took, and how many it has
         self._flags = load().BLEND_PREMULTIPLIED if background is None else 0
-        self._levels: dict[float, _Level] = {}  # the one that was used last is the last
+        self._levels: dict[_Grid, _Level] = {}  # the one that was used last is the last
 
-    def show(self, canvas: Canvas, camera: Camera, haste: Haste) -> None:
+    def show(self, canvas: Canvas, camera: Camera, budget: FrameBudget) -> None:
         """Show what the camera sees; None as background leaves what is behind it."""
-        level = self._level_for(camera, haste)
+        level = self._level_for(camera, budget)
         area = level.view(camera)
-        if haste.is_leaping:
+        if budget.is_leaping:
             for place in level.rough.intersection(area.tiles().places()):
                 level.forget(place)
         # A camera that only moves finds few tiles missing, and shows what it should at once.
-        is_settling = haste.is_zooming or not level.tiles or bool(level.rough)
-        if self._fill(level, area.tiles(), may_cut_out=is_settling and not haste.is_leaping):
-            haste.spend()
-        self._sharpen(level, area.tiles(), haste)
+        is_settling = budget.is_zooming or not level.tiles or bool(level.rough)
+        if self._fill(level, area.tiles(), may_cut_out=is_settling and not budget.is_leaping):
+            budget.spend()
+        self._sharpen(level, area.tiles(), budget)
+        canvas.note_all()
         if level.scale == camera.scale:
             self._blit(canvas.surface, level, area)
             return
@@ -156,18 +163,19 @@ class Tiles:
 
     def is_sharp(self, camera: Camera) -> bool:
         """Whether all that the camera sees is painted in the scale in which it is shown."""
-        level = self._levels.get(camera.scale)
+        level = self._levels.get(_grid_of(camera))
         return level is not None and not level.rough.intersection(level.view(camera).tiles().places())
 
-    def _level_for(self, camera: Camera, haste: Haste) -> _Level:
+    def _level_for(self, camera: Camera, budget: FrameBudget) -> _Level:
         """The level to show: that of the camera's scale, or while zooming one that is near."""
         last = next(reversed(self._levels.values()), None)
-        if haste.is_zooming and last is not None:
+        if budget.is_zooming and last is not None:
             share = camera.scale / last.scale
             if 1 / CACHE_ZOOM_MAX <= share <= CACHE_ZOOM_MAX:
                 return last
-        level = self._levels.pop(camera.scale, None) or _Level(camera.scale)
-        self._levels[camera.scale] = level
+        grid = _grid_of(camera)
+        level = self._levels.pop(grid, None) or _Level(*grid)
+        self._levels[grid] = level
         return level
 
     # -- painting --------------------------------------------------------------------------------------------
@@ -209,12 +217,12 @@ class Tiles:
             level.tiles[place] = _part(surface, tiles, place)
             level.rough.discard(place)
 
-    def _paint_rows(self, level: _Level, wanted: list[Place], haste: Haste) -> None:
+    def _paint_rows(self, level: _Level, wanted: list[Place], budget: FrameBudget) -> None:
         """Paint tiles in order, each with some of those right of it that are wanted, too, while there is time."""
         waiting = set(wanted)
         for place in wanted:
             if place in waiting:
-                if not haste.has_time(self._cost):
+                if not budget.has_time(self._cost):
                     return
                 row = self._row(place, waiting)
                 waiting.difference_update(row.places())
@@ -243,26 +251,26 @@ class Tiles:
         return self._painted_on(camera, self.background)
 
     def _painted_on(self, camera: Camera, color: Rgba) -> Any:
-        canvas = Canvas(camera.width, camera.height, self._sheets.sheet(str(color), camera.width, camera.height))
+        canvas = Canvas(camera.width, camera.height, self._pool.surface(str(color), camera.width, camera.height))
         canvas.fill(color)
         self.painting.paint(canvas, camera)
         return canvas.surface
 
-    def _sharpen(self, level: _Level, tiles: _Area, haste: Haste) -> None:
+    def _sharpen(self, level: _Level, tiles: _Area, budget: FrameBudget) -> None:
         """Repaint rough tiles in view, from the middle outwards, while there is time."""
         middle = (tiles.left + tiles.right - 1) / 2, (tiles.top + tiles.bottom - 1) / 2
         rough = level.rough.intersection(tiles.places()) if level.rough else set()
         outwards = sorted(rough, key=lambda place: abs(place[0] - middle[0]) + abs(place[1] - middle[1]))
-        self._paint_rows(level, outwards, haste)
+        self._paint_rows(level, outwards, budget)
 
-    def paint_ahead(self, camera: Camera, haste: Haste) -> None:
+    def paint_ahead(self, camera: Camera, budget: FrameBudget) -> None:
         """Paint tiles around the view while there is time and the camera does not zoom."""
-        if haste.is_zooming:
+        if budget.is_zooming:
             return
-        level = self._levels[camera.scale]
+        level = self._levels[_grid_of(camera)]
         around = level.view(camera).tiles().wider(_AHEAD)
         missing = (place for place in around.places() if place not in level.tiles and not self._is_empty(level, place))
-        self._paint_rows(level, sorted({*missing, *level.rough.intersection(around.places())}), haste)
+        self._paint_rows(level, sorted({*missing, *level.rough.intersection(around.places())}), budget)
 
     # -- other levels ----------------------------------------------------------------------------------------
 
@@ -296,11 +304,11 @@ class Tiles:
         """Forget levels that were not used for long, but not the one that sees farthest; then what is far away."""
         most = max(_MOST_TILES, _MOST_VIEWS * len(list(tiles.places())))
         farthest = min(self._levels.values(), key=lambda one: one.scale)
-        for old in list(self._levels.values()):
+        for grid, old in list(self._levels.items()):
             if sum(len(one.tiles) for one in self._levels.values()) <= most:
                 return
             if old is not level and old is not farthest:
-                del self._levels[old.scale]
+                del self._levels[grid]
         for one in self._levels.values():
             kept = set(tiles.wider(2 * _AHEAD).places()) if one is level else set()
             for place in [place for place in one.tiles if place not in kept]:
@@ -312,9 +320,9 @@ class Tiles:
         """An area in another size; making it smaller costs it some brightness, which is given back."""
         pygame = load()
         flags = pygame.SRCALPHA if self.background is None else 0
-        part = self._sheets.sheet("part", max(area.right - area.left, 1), max(area.bottom - area.top, 1), flags)
+        part = self._pool.surface("part", max(area.right - area.left, 1), max(area.bottom - area.top, 1), flags)
         self._blit(part, level, area, is_copy=True)
-        scaled = self._sheets.sheet("scaled", *size, flags)
+        scaled = self._pool.surface("scaled", *size, flags)
         pygame.transform.smoothscale(part, size, scaled)
         if self.background is not None and size[0] < part.get_width():
             scaled.fill(_LOST, special_flags=pygame.BLEND_RGB_ADD)
@@ -332,6 +340,16 @@ class Tiles:
         if self.background is None and not is_copy:
             placed = [(tile, at, None, self._flags) for tile, at in placed]  # type: ignore[misc]
         surface.blits(placed, False)
+
+
+_Grid = tuple[float, tuple[float, float]]  # scale and phase
+
+
+def _grid_of(camera: Camera) -> _Grid:
+    """The scale of a camera, and by how much it lies right of and below whole pixels of the world."""
+    across, down = camera.left * camera.scale, -camera.top * camera.scale
+    x, y = (part - round(part) for part in (across, down))
+    return camera.scale, (x if abs(x) > _ROUNDING_PX else 0.0, y if abs(y) > _ROUNDING_PX else 0.0)
 
 
 def _around(places: list[Place]) -> _Area:
@@ -361,57 +379,3 @@ def _part(surface: Any, tiles: _Area, place: Place) -> Any:
     """A tile of its own, so that it does not keep the whole surface alive."""
     x, y = (place[0] - tiles.left) * SIDE, (place[1] - tiles.top) * SIDE
     return surface.subsurface((x, y, SIDE, SIDE)).copy()
-
-
-class Stage(Scene):
-    """The parts of the present state, as a window shows them.
-
-    Args:
-        ctx: the context.
-        world: what else than its data a STATIC artist's drawing depends on.
-    """
-
-    def __init__(self, ctx: IContext, world: Callable[[], Any]) -> None:
-        super().__init__(ctx, world)
-        self._tiles: dict[Part, Tiles] = {}
-        self._sheets = Sheets()
-        self._overlays: dict[tuple[IArtist, ...], Any] = {}
-
-    def note_overlay(self, artists: tuple[IArtist, ...], surface: Any) -> None:
-        """Show a surface above what these artists drew; None: nothing."""
-        if surface is None:
-            self._overlays.pop(artists, None)
-        else:
-            self._overlays[artists] = surface
-
-    def show(self, canvas: Canvas, camera: Camera, background: Rgba, haste: Haste) -> None:
-        """Paint all of it."""
-        if not self._parts or not self._is_tiled(self._parts[0]):
-            canvas.fill(background)
-        shown = {part: self._tiles[part] for part in self._parts if part in self._tiles}
-        for place, part in enumerate(self._parts):
-            if self._is_tiled(part):
-                behind = background if place == 0 else None
-                tiles = shown.get(part)
-                if tiles is None or tiles.background != behind:
-                    tiles = shown[part] = Tiles(part.painting, part.box, behind, self._sheets)
-                tiles.show(canvas, camera, haste)
-            else:
-                part.paint(canvas, camera)
-            overlay = self._overlays.get(part.artists)
-            if overlay is not None:
-                canvas.surface.blit(overlay, (0, 0))
-        self._tiles = shown
-        for tiles in shown.values():
-            tiles.paint_ahead(camera, haste)
-
-    def is_sharp(self, camera: Camera) -> bool:
-        """Whether everything is painted in the scale in which it is shown."""
-        return all(tiles.is_sharp(camera) for tiles in self._tiles.values())
-
-    @staticmethod
-    def _is_tiled(part: Any) -> bool:
-        """Whether it stays the same for so long, and is so much, that it is better kept."""
-        if isinstance(part, Part) and part.is_much:
-            return part.is_static or all(getattr(one.get_drawer(), "once_a_turn", False) for one in part.artists)
-        return False
