@@ -1,8 +1,9 @@
 """Events as the record dicts that `replay` of 1.0.0 yields, and what format version 2 writes of them."""
 
-from collections.abc import Iterator
+from collections.abc import Callable, Iterator
 from typing import Any
 
+from gamms.arguments import as_int, as_name, as_numbers
 from gamms.errors import BadType, BadValue
 from gamms.ir import journal as kinds
 from gamms.ir.journal import Log
@@ -31,6 +32,22 @@ def check_record(opcode: Any, data: Any) -> None:
     missing = sorted(FIELDS[opcode.value] - data.keys())
     if missing:
         raise BadValue(f"The data of {opcode.name} must have {', '.join(map(repr, missing))}, not only {list(data)}.")
+    for field in sorted(FIELDS[opcode.value] & _CHECKS.keys()):
+        _CHECKS[field](data[field], f"{field!r} of {opcode.name}")
+
+
+def _check_heading(value: Any, name: str) -> None:
+    if value is not None:
+        as_numbers(value, name, "(cos, sin)")
+
+
+_CHECKS: dict[str, Callable[[Any, str], Any]] = {
+    **dict.fromkeys(("agent_name", "name", "sensor_id"), as_name),
+    "node_id": as_int,
+    "orientation": _check_heading,
+    "position": lambda value, name: as_numbers(value, name, "(x, y, z)"),
+    "quat": lambda value, name: as_numbers(value, name, "(w, x, y, z)"),
+}
 
 
 def steps_of(log: Log) -> Iterator[tuple[Any, Any]]:
