@@ -12,6 +12,7 @@ import gamms.rules
 import gamms.scenario
 from gamms.errors import GammsError
 from gamms.sensor import SensorType
+from gamms.typing import ISensor
 
 HUGE = 1 << 20_000  # of more digits than Python writes out
 MANY = np.array([1, 2])
@@ -130,3 +131,27 @@ def test_a_sensor_says_that_its_data_was_set_to_what_cannot_be_drawn(ctx, name):
     with pytest.raises(ValueError, match=f"The data of sensor '{name}' was set to <object object") as error:
         sensor.last_view()
     assert isinstance(error.value, GammsError)
+
+
+class Own(ISensor):
+    """A sensor of a program's own that says it were a range sensor, as 1.0.0 lets it."""
+
+    sensor_id, type, data = "own", SensorType.RANGE, {}
+
+    def sense(self, node_id):
+        pass
+
+    def update(self, data):
+        pass
+
+    def set_owner(self, owner):
+        pass
+
+
+def test_a_game_with_a_sensor_of_its_own_that_names_a_built_in_type_is_recorded(ctx, tmp_path):
+    ctx.sensor.add_sensor(Own())
+    ctx.sensor.sensors["near"].type = SensorType.RANGE
+    ctx.record.start(tmp_path / "game")
+    ctx.record.stop()
+    with gamms.recorder.open(tmp_path / "game") as recording:
+        assert recording.turns == 0

@@ -104,7 +104,7 @@ def test_faces_may_be_removed_while_they_are_listed(any_ctx):
 
 
 def test_a_place_that_is_no_number_is_refused(ctx):
-    with pytest.raises(ValueError, match="must be numbers"):
+    with pytest.raises(ValueError, match="A place must be finite"):
         ctx.graph.get_obstacle_faces(1.0, float("nan"), 0.0)
 
 

@@ -133,12 +133,12 @@ def is_everywhere(d: float, x: float, y: float) -> bool:
         BadValue: one of them is NaN, or a finite disc has no finite middle.
     """
     try:
-        is_bad = isnan(d) or not isfinite(x) or not isfinite(y)
+        has_nan = isnan(d) | isnan(x) | isnan(y)
     except (TypeError, OverflowError):
         raise BadType(
             f"A place and a distance must be numbers, not d={shown(d)}, x={shown(x)}, y={shown(y)}."
         ) from None
     is_all = d < 0 or d == inf
-    if is_bad and (isnan(d) or isnan(x) or isnan(y) or not is_all):
+    if has_nan or not (is_all or (isfinite(x) and isfinite(y))):
         raise BadValue(f"A place must be finite, and a distance a number, not d={d}, x={x}, y={y}.")
     return is_all

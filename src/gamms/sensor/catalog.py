@@ -41,6 +41,12 @@ class Kind(NamedTuple):
                 setattr(getattr(sensor, part) if part else sensor, name, given[name])
         return sensor
 
+    def is_of(self, sensor: object) -> bool:
+        """Whether a sensor of this type is one of ours: a program's own has what its class says."""
+        wanted = [_ATTRIBUTES.get(name, name) for name in self.keywords]
+        wanted += [setting.partition(".")[0] for setting in self.settings]
+        return isinstance(sensor, Sensor) and all(hasattr(sensor, name) for name in wanted)
+
     def keywords_of(self, sensor: Any) -> dict[str, Any]:
         """The keywords that make such a sensor again."""
         given = {name: getattr(sensor, _ATTRIBUTES.get(name, name)) for name in self.keywords}

@@ -106,8 +106,10 @@ class SensorEngine(Guarded, ISensorEngine):
         described: list[dict[str, Any]] = []
         for sensor_id, sensor in self._sensors.items():
             kind = KINDS.get(sensor.type)
-            keywords = {} if kind is None else kind.keywords_of(sensor)
-            described.append({"id": sensor_id, "type": sensor.type.name, "keywords": keywords})
+            is_ours = kind is None or kind.is_of(sensor)
+            keywords = kind.keywords_of(sensor) if kind is not None and is_ours else {}
+            type_name = (sensor.type if is_ours else SensorType.CUSTOM).name
+            described.append({"id": sensor_id, "type": type_name, "keywords": keywords})
         return described
 
     @refused_while_deciding
