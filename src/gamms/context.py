@@ -149,6 +149,14 @@ class Context(Guarded, IContext):
         self._recorder = recorder
 
     @property
+    def is_recording(self) -> bool:
+        """Whether a recording was started and not stopped yet, or is being replayed."""
+        recorder = self._recorder
+        if recorder is None:
+            return False
+        return bool(getattr(recorder, "is_replaying", False) or getattr(recorder, "is_open", recorder.record()))
+
+    @property
     def game(self) -> "Game":
         """The turn engine; the paper's own loop works beside it."""
         if self._game is None:

@@ -23,12 +23,14 @@ class DecidePhase:
 
     Attributes:
         agent: the one whose strategy is running; None: no strategy is. Any: the agent engine's own class.
+        sensor_changes: how often a setting of a sensor was set.
     """
 
-    __slots__ = ("agent",)
+    __slots__ = ("agent", "sensor_changes")
 
     def __init__(self) -> None:
         self.agent: Any = None
+        self.sensor_changes = 0
 
     def __deepcopy__(self, memo: dict[int, Any]) -> "DecidePhase":
         """Copy a context as one in which no agent decides, so that a strategy may look ahead in a copy."""

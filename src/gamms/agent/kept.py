@@ -17,6 +17,7 @@ class KeptAgents(NamedTuple):
     roster: tuple[AgentColumns, int]  # which agents there are, and which team, speed and sensors they have
     agents: "list[tuple[Member, dict[str, Any], Any, dict[str, Any], dict[str, Any]]]"
     # agent, attributes, strategy, sensors, last state
+    gone: "list[tuple[Member, AgentColumns]]"  # deleted agents with columns of their own
     rows: dict[int, int]  # id() of an agent -> its row
 
     def place_of(self, agent: Any) -> Any:
@@ -36,7 +37,9 @@ def kept(engine: "AgentEngine") -> KeptAgents:
         for agent in engine._agents.values()
     ]
     roster = engine._columns, engine._columns.roster
-    return KeptAgents(columns, roster, agents, {id(agent): row for row, (agent, *_) in enumerate(agents)})
+    rows = {id(agent): row for row, (agent, *_) in enumerate(agents)}
+    gone = [(agent, agent._columns) for agent in engine._gone if agent._columns is not engine._columns]
+    return KeptAgents(columns, roster, agents, gone, rows)
 
 
 def restore(engine: "AgentEngine", before: KeptAgents) -> None:
@@ -66,13 +69,17 @@ def _restore_agents(engine: "AgentEngine", before: KeptAgents) -> None:
     there = {id(agent) for agent, *_ in before.agents}
     for agent in [agent for agent in engine._agents.values() if id(agent) not in there]:
         engine.delete_agent(agent.name)
+    engine.settle()
     if [agent for agent, *_ in before.agents] != list(engine._agents.values()):
         engine._columns, columns = AgentColumns(), engine._columns
-        engine._columns.journal = columns.journal
+        engine._columns.journal, engine._columns.roster = columns.journal, columns.roster
+        engine._columns.moves = columns.moves + 1
         engine._agents = {}
         for agent, *_ in before.agents:
             agent._live_in(engine._columns)
             engine._agents[agent.name] = agent
+    for agent, own in before.gone:  # they are again as they were when they were deleted
+        agent._columns, agent._row = own, 0
 
 
 def _copied(attributes: dict[str, Any]) -> dict[str, Any]:

@@ -16,9 +16,9 @@ if TYPE_CHECKING:
     from gamms.game.legality import IllegalAction
     from gamms.game.result import Result
     from gamms.game.settings import Settings
-    from gamms.game.snapshots import Snapshot
+    from gamms.game.snapshots import Snapshot, SnapshotError
 
-__all__ = ["Game", "IllegalAction", "Meddling", "Move", "Moves", "Result", "Settings", "Snapshot"]
+__all__ = ["Game", "IllegalAction", "Meddling", "Move", "Moves", "Result", "Settings", "Snapshot", "SnapshotError"]
 
 _HOMES = {
     "Game": "game.game",
@@ -27,6 +27,7 @@ _HOMES = {
     "Result": "game.result",
     "Settings": "game.settings",
     "Snapshot": "game.snapshots",
+    "SnapshotError": "game.snapshots",
 }
 
 

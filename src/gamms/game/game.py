@@ -8,17 +8,17 @@ from typing import Any, NamedTuple, overload
 
 from gamms.arguments import as_bool, as_int, as_name
 from gamms.deciding import Protected, phase_of, refused_while_deciding
-from gamms.errors import BadValue, ContextTerminated, UnknownName
+from gamms.errors import BadType, BadValue, ContextTerminated, UnknownName
 from gamms.game.random_streams import GlobalRandom
 from gamms.game.result import Collectors, Result
 from gamms.game.ruleset import NamedRule, RuleSet, check_phase
 from gamms.game.settings import Settings, as_turns
-from gamms.game.snapshots import Snapshot, SnapshotTaker
+from gamms.game.snapshots import Snapshot, SnapshotError, SnapshotTaker
 from gamms.game.turn import COUNTED, Observer, TurnEngine
 from gamms.ir.game_state import GameState, Scores
 from gamms.progress import progress as progress_line
 from gamms.readonly import ReadOnlyMapping, frozen, published
-from gamms.text import printable_line
+from gamms.text import printable_line, shown
 from gamms.typing.game import Move, Rule, Track
 
 
@@ -303,7 +303,7 @@ class Game(Settings):
         wanted = None if seed is None else as_int(seed, "seed")
         state, start = self._state, self._state.start
         if state.has_begun and start is not None:
-            self._snapshots.restore(start.snapshot)
+            self._snapshots.restore(start.snapshot, forget=True)
             state.start, state.has_begun, state.last_turn = start, False, None
             state.players.clear()
             self._reseed(start.snapshot.seed)
@@ -317,6 +317,40 @@ class Game(Settings):
         finally:
             for tell in self.after_reset:
                 tell()
+
+    @refused_while_deciding
+    def snapshot(self) -> Snapshot:
+        """Return the game as it is now, for `restore`: state, agents, map, rules, settings and random streams.
+
+        Raises:
+            SnapshotError: a turn is being played.
+            ContextTerminated: the context has ended.
+        """
+        self._refuse_in_turn("taken")
+        return self._snapshots.take()
+
+    @refused_while_deciding
+    def restore(self, snapshot: Snapshot) -> None:
+        """Restore a snapshot of this game, any number of times, in any order.
+
+        Agents that were deleted since are back, as the same objects; those that came since are deleted. State that
+        strategies and rules hold elsewhere than in `state["memory"]`, `ctx.game.data` and attributes of agents stays.
+
+        Raises:
+            BadType: it is not a snapshot.
+            BadValue: it is of another context.
+            SnapshotError: a turn is being played, or the game is being recorded or replayed.
+            ContextTerminated: the context has ended.
+        """
+        if not isinstance(snapshot, Snapshot):
+            raise BadType(f"ctx.game.restore needs what ctx.game.snapshot() gave, not {shown(snapshot)}.")
+        self._refuse_in_turn("restored")
+        if not self._snapshots.belongs_here(snapshot):
+            raise BadValue("This snapshot is of another context; it can only be restored in its own.")
+        if self.ctx.is_recording:
+            raise SnapshotError("A snapshot cannot be restored while the game is being recorded or replayed.")
+        self._snapshots.restore_streams(snapshot)
+        self._snapshots.restore(snapshot)
 
     # -- for rules ----------------------------------------------------------------------------------------------
 
@@ -420,6 +454,12 @@ class Game(Settings):
         return self._turns.is_deciding
 
     # -- inside -------------------------------------------------------------------------------------------------
+
+    def _refuse_in_turn(self, deed: str) -> None:
+        if self.ctx.is_terminated():
+            raise ContextTerminated("ctx.game")
+        if self._is_stepping:
+            raise SnapshotError(f"A snapshot cannot be {deed} in the middle of a turn: do it between two turns.")
 
     def _reseed(self, seed: int) -> None:
         """Let every stream follow from a seed, and the context's own go on as at the start with this seed."""

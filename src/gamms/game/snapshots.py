@@ -6,7 +6,7 @@ from typing import Any, NamedTuple, NoReturn
 
 import numpy as np
 
-from gamms.errors import BadType
+from gamms.errors import BadType, GammsError
 from gamms.game.random_streams import GlobalRandom
 from gamms.game.result import Collectors
 from gamms.game.ruleset import RuleSet
@@ -15,6 +15,10 @@ from gamms.game.turn import COUNTED, TurnEngine
 from gamms.ir.game_state import GameState
 
 _SCALARS = frozenset({str, bytes, int, float, bool, complex, type(None)})
+
+
+class SnapshotError(GammsError, RuntimeError):
+    """A snapshot cannot be taken or restored now."""
 
 
 class Snapshot:
@@ -86,22 +90,35 @@ class SnapshotTaker(NamedTuple):
         """Return whether a snapshot is of this game."""
         return snapshot._of is self.state
 
-    def restore(self, snapshot: Snapshot) -> None:
-        """Restore everything but the random streams."""
+    def restore(self, snapshot: Snapshot, *, forget: bool = False) -> None:
+        """Restore everything but the random streams; with `forget`, sensors forget what they have sensed."""
         ctx, state, parts = self.ctx, self.state, snapshot._parts
         ctx.graph.restore(parts["world"])
         ctx.agent.restore(parts["agents"])
-        ctx.sensor.restore(parts["sensors"])
+        ctx.sensor.restore(parts["sensors"], forget=forget)
         if self.settings.settings() != parts["settings"]:
             self.settings.configure(parts["settings"])
         if self.rules.rules is not parts["rules"]:
             self.rules.restore(parts["rules"])
         self.collectors.restore(parts["collectors"])
-        for name, copy in _PARTS:
-            _put(state, name, copy(snapshot._values[name]))
+        self._restore_state(snapshot._values)
         state.event_history.go_to(state.events, parts["events"])
         state.error_history.go_to(state.errors, parts["errors"])
         self.turns.restore(parts["turns"])
+
+    def _restore_state(self, values: dict[str, Any]) -> None:
+        """Set the fields of the state; a dict of which others hold a reference is written to."""
+        state = self.state
+        for name in _VALUES:
+            setattr(state, name, values[name])
+        for name, copy in _REPLACED:
+            setattr(state, name, copy(values[name]))
+        for name, copy in _REFERRED:
+            known = getattr(state, name)
+            known.clear()
+            known.update(copy(values[name]))
+        _put_each(state.counts, values["counts"], _NO_COUNTS)
+        _put_each(state.memories, _copied_filled(values["memories"]), {})
 
     def restore_streams(self, snapshot: Snapshot) -> None:
         """Restore the seed and the random streams, before anything else."""
@@ -111,20 +128,6 @@ class SnapshotTaker(NamedTuple):
         ctx.reseed(snapshot.seed, parts["rng"])
         ctx.is_seeded = parts["is_seeded"]
         self.global_random.restore(parts["global_random"])
-
-
-def _put(state: GameState, name: str, value: Any) -> None:
-    """Set a field of the state; a dict of which others hold a reference is written to."""
-    if name == "counts":
-        _put_each(state.counts, value, dict.fromkeys(COUNTED, 0))
-    elif name == "memories":
-        _put_each(state.memories, value, {})
-    elif name in _REFERRED:
-        known = getattr(state, name)
-        known.clear()
-        known.update(value)
-    else:
-        setattr(state, name, value)
 
 
 def _put_each(known: dict[str, dict[Any, Any]], values: dict[str, dict[Any, Any]], default: dict[Any, Any]) -> None:
@@ -201,13 +204,21 @@ def _copied_filled(memories: dict[str, dict[Any, Any]]) -> dict[str, dict[Any, A
     return {name: copied(memory) for name, memory in memories.items() if memory}
 
 
-_REFERRED = frozenset({"scores", "data", "facts", "timings"})  # of these dicts, others hold references
-_PARTS: tuple[tuple[str, Callable[[Any], Any]], ...] = (  # field of the state, and how it is copied
-    *dict.fromkeys(("turn", "last_turn", "start", "has_begun", "moves"), _same).items(),
-    *dict.fromkeys(("scores", "facts", "timings", "players", "began"), dict).items(),
+_Copy = Callable[[Any], Any]
+
+_NO_COUNTS = dict.fromkeys(COUNTED, 0)
+_VALUES = ("turn", "last_turn", "start", "has_begun", "moves")  # fields of the state that are no containers
+_REPLACED: tuple[tuple[str, _Copy], ...] = (
     ("over", copied),
-    ("data", copied),
     ("team_memories", copied),
+    ("players", dict),
+    ("began", dict),
+)
+_REFERRED: tuple[tuple[str, _Copy], ...] = (("scores", dict), ("facts", dict), ("timings", dict), ("data", copied))
+_PARTS: tuple[tuple[str, _Copy], ...] = (  # all fields that are copied
+    *[(name, _same) for name in _VALUES],
+    *_REPLACED,
+    *_REFERRED,
     ("memories", _copied_filled),
     ("counts", _copied_each),
 )

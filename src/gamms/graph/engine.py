@@ -41,6 +41,7 @@ class KeptWorld(NamedTuple):
     revision: int
     obstacle_revision: int
     sights: Cache
+    place_stream: Any  # the state of the stream that `place` draws from; None: nothing was drawn
 
 
 class GraphEngine(Guarded, IGraphEngine):
@@ -69,6 +70,8 @@ class GraphEngine(Guarded, IGraphEngine):
         self._tables: VisibilityTables | None = None
         self._sights = Cache(_SIGHT_BYTES)
         self._place_stream: Generator | None = None
+        self._restored: dict[int, int] = {}  # revision of a snapshot -> the one that is equal, since it was restored
+        self._restored_obstacles: dict[int, int] = {}  # likewise
         self._database: GraphDatabase | None = None
         self._saved: tuple[object, ...] | None = None  # the `_state` that a file has
         if engine is Engine.SQLITE:
@@ -294,17 +297,27 @@ class GraphEngine(Guarded, IGraphEngine):
             self.graph.revision,
             self.obstacle_revision,
             self._sights,
+            None if self._place_stream is None else self._place_stream.bit_generator.state,
         )
 
     @refused_while_deciding
     def restore(self, before: "KeptWorld") -> None:
         """Let graph and obstacles be as they were; what has not changed is left alone, its indexes too."""
-        if self.graph.revision != before.revision:
+        if self.graph.revision not in (before.revision, self._restored.get(before.revision)):
             self.graph.replace(before.columns)
             self.graph.attribution = before.attribution
-        if self.obstacle_revision != before.obstacle_revision:
+            self._restored = {before.revision: self.graph.revision}
+        if self.obstacle_revision not in (
+            before.obstacle_revision,
+            self._restored_obstacles.get(before.obstacle_revision),
+        ):
             self._obstacles.replace(())
             self._obstacles.add_many(before.obstacles)
+            self._restored_obstacles = {before.obstacle_revision: self.obstacle_revision}
+        self._place_stream = None
+        if before.place_stream is not None:
+            self._place_stream = self._ctx.stream("graph", "place")
+            self._place_stream.bit_generator.state = before.place_stream
 
     @refused_while_deciding
     def terminate(self) -> None:

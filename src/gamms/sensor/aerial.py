@@ -228,6 +228,15 @@ class AerialAgentSensor(FlyingSensor):
         self.notice = Notice(sensor_id, self._phase)
         self._crowd = memory_of(ctx).crowd
 
+    def _snapshot(self) -> Any:
+        """Return what was sensed and how often, for `_restore`."""
+        return tuple(self._last), self.notice._looks.copy()
+
+    def _restore(self, before: Any) -> None:
+        """Restore what was sensed and how often."""
+        self._last[:], looks = before
+        self.notice._looks = looks.copy()
+
     def sense(self, node_id: int | None = None) -> None:  # noqa: ARG002 - it looks from the air
         """Look for agents."""
         if self._phase.agent is not None:

@@ -80,6 +80,16 @@ class AgentSensor(GroundSensor):
         if self._notice is not None:
             self._notice.reset()
 
+    def _snapshot(self) -> Any:
+        """Return what was sensed and how often, for `_restore`."""
+        return tuple(self._last), None if self._notice is None else self._notice._looks.copy()
+
+    def _restore(self, before: Any) -> None:
+        """Restore what was sensed and how often."""
+        self._last[:], looks = before
+        if self._notice is not None and (looks or self._notice._looks):
+            self._notice._looks = {} if looks is None else looks.copy()
+
     def sense(self, node_id: int | None = None) -> None:
         """Look around."""
         if self._phase.agent is not None:

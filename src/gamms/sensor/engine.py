@@ -1,7 +1,7 @@
 """The sensor room's front: creates sensors and keeps them by name."""
 
 from collections.abc import Callable, Iterable
-from typing import Any
+from typing import Any, NamedTuple
 
 from gamms.arguments import as_name
 from gamms.deciding import Guarded, phase_of, refused_while_deciding
@@ -22,7 +22,22 @@ from gamms.text import shown
 from gamms.typing import IContext
 from gamms.typing.sensor_engine import ISensor, ISensorEngine, SensorType, refuse_no_sensor
 
-KeptSensors = list[tuple[ISensor, dict[str, Any] | None]]  # each with its keywords, if it is of a built-in kind
+
+class SensorSettings(NamedTuple):
+    """The sensors there are and how they are set, at one moment."""
+
+    changes: int  # the count of changes then
+    sensors: tuple[Any, ...]
+    owners: tuple[str | None, ...]
+    keywords: tuple[dict[str, Any] | None, ...]  # None: its class is the caller's
+    memories: tuple[tuple[Callable[[], Any], Callable[[Any], None]], ...]  # gives what each has sensed, and restores it
+
+
+class SensorsSnapshot(NamedTuple):
+    """The sensors at one moment."""
+
+    settings: SensorSettings
+    sensed: list[Any]  # what each had sensed; None where its class has no `snapshot`
 
 
 class SensorEngine(Guarded, ISensorEngine):
@@ -36,6 +51,7 @@ class SensorEngine(Guarded, ISensorEngine):
         self._sensors: dict[str, ISensor] = {}
         self._memory = Memory(ctx)
         self._warned: set[tuple[SensorType, str]] = set()
+        self._known_settings: SensorSettings | None = None
 
     @property
     def sensors(self) -> dict[str, ISensor]:  # type: ignore[override] # an attribute, in the contract
@@ -122,28 +138,48 @@ class SensorEngine(Guarded, ISensorEngine):
         return self.create_sensor(described["id"], kind, **described["keywords"])
 
     @refused_while_deciding
-    def kept(self) -> KeptSensors:
-        """Return the sensors there are, and how those of built-in kinds are set, for `restore`."""
-        return [
-            (sensor, KINDS[sensor.type].keywords_of(sensor) if _is_built_in(sensor) else None)
-            for sensor in self._sensors.values()
-        ]
+    def kept(self) -> SensorsSnapshot:
+        """Return the sensors there are, how they are set and what they have sensed, for `restore`."""
+        settings = self._settings()
+        return SensorsSnapshot(settings, [sensed() for sensed, _ in settings.memories])
 
     @refused_while_deciding
-    def restore(self, before: KeptSensors) -> None:
-        """Keep these sensors and no others, set as they were, and let them forget what they have sensed."""
-        self._sensors.clear()
-        for sensor, keywords in before:
-            self._sensors[sensor.sensor_id] = sensor
-            if keywords is not None:
-                KINDS[sensor.type].apply(sensor, keywords)
-            forget = getattr(sensor, "reset", None)
-            if forget is not None:
-                forget()
+    def restore(self, before: SensorsSnapshot, *, forget: bool = False) -> None:
+        """Restore the sensors; with `forget`, they forget what they have sensed, also those of the caller's classes."""
+        if self._settings() is not before.settings:
+            self._set_all(before.settings)
+        if not forget:
+            for (_, restore), sensed in zip(before.settings.memories, before.sensed, strict=True):
+                restore(sensed)
+            return
+        for sensor in before.settings.sensors:
+            if hasattr(sensor, "reset"):
+                sensor.reset()
 
     @refused_while_deciding
     def terminate(self) -> None:
         """Close the room; sensors stay readable."""
+
+    def _settings(self) -> SensorSettings:
+        """Return how the sensors are set now; the same object as long as nothing has changed."""
+        # NOTE: most snapshots are of games whose sensors stay as they are (benchmarks/README.md, snapshots).
+        known, changes, sensors = self._known_settings, self._phase.sensor_changes, tuple(self._sensors.values())
+        if known is None or known.changes != changes or known.sensors != sensors:
+            owners = tuple([getattr(sensor, "_owner", None) for sensor in sensors])
+            keywords, memories = tuple(map(_keywords_of, sensors)), tuple(map(_memory_of, sensors))
+            known = self._known_settings = SensorSettings(changes, sensors, owners, keywords, memories)
+        return known
+
+    def _set_all(self, settings: SensorSettings) -> None:
+        """Let there be the sensors that there were, set as they were."""
+        self._sensors.clear()
+        for sensor, owner, keywords in zip(settings.sensors, settings.owners, settings.keywords, strict=True):
+            self._sensors[sensor.sensor_id] = sensor
+            if getattr(sensor, "_owner", owner) != owner:
+                sensor.set_owner(owner)
+            if keywords is not None and _keywords_of(sensor) != keywords:
+                KINDS[sensor.type].apply(sensor, keywords)
+        self._known_settings = settings._replace(changes=self._phase.sensor_changes)
 
     def _warn_of_ignored(self, sensor_id: str, kind: SensorType, ignored: Iterable[str]) -> None:
         """Warn about keywords that a kind does not take, once for each kind and keyword."""
@@ -157,6 +193,26 @@ class SensorEngine(Guarded, ISensorEngine):
             raise ContextTerminated("ctx.sensor")
         if as_name(sensor_id, "a sensor") in self._sensors:
             raise Duplicate("a sensor", sensor_id)
+
+
+def _keywords_of(sensor: Any) -> dict[str, Any] | None:
+    return KINDS[sensor.type].keywords_of(sensor) if _is_built_in(sensor) else None
+
+
+def _memory_of(sensor: Any) -> tuple[Callable[[], Any], Callable[[Any], None]]:
+    """Return the functions that give and restore what a sensor has sensed; the caller's classes need not have them."""
+    if isinstance(sensor, Sensor):
+        return sensor._snapshot, sensor._restore
+    functions = getattr(sensor, "snapshot", None), getattr(sensor, "restore", None)
+    return functions if all(map(callable, functions)) else (_nothing, _restore_nothing)  # type: ignore[return-value] # both are
+
+
+def _nothing() -> None:
+    """Return nothing."""
+
+
+def _restore_nothing(_: Any) -> None:
+    """Restore nothing."""
 
 
 def _is_built_in(sensor: ISensor) -> bool:

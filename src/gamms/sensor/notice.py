@@ -40,6 +40,12 @@ class Notice(Guarded):
         self._looks: dict[str | None, tuple[int, int]] = {}  # by owner: the turn of the last look, and which of it
         self._phase = phase
 
+    def __setattr__(self, name: str, value: Any) -> None:
+        """Set an attribute; refused while a strategy is running."""
+        super().__setattr__(name, value)
+        if name[0] != "_":
+            self._phase.sensor_changes += 1
+
     @property
     def is_everybody(self) -> bool:
         """Whether nobody is left out."""

@@ -81,6 +81,7 @@ class Sensor(Guarded, ISensor):
         """
         if name[0] != "_":
             self._phase.refuse(f"set sensor.{name}")
+            self._phase.sensor_changes += 1
             check = self._CHECKS.get(name)
             value = value if check is None else check(value, f"{name} of {getattr(self, 'sensor_id', None)!r}")
         object.__setattr__(self, name, value)
@@ -104,12 +105,21 @@ class Sensor(Guarded, ISensor):
     @refused_while_deciding
     def set_owner(self, owner: str | None) -> None:
         """Name the agent that carries the sensor, or nobody."""
+        self._phase.sensor_changes += 1
         self._owner = None if owner is None else as_name(owner, "the owner of a sensor")
 
     @refused_while_deciding
     def reset(self) -> None:
         """Forget what was sensed."""
         self._last[:] = [] if isinstance(self._last[0], list) else {}, None
+
+    def _snapshot(self) -> Any:
+        """Return what was sensed, for `_restore`."""
+        return tuple(self._last)
+
+    def _restore(self, before: Any) -> None:
+        """Restore what was sensed."""
+        self._last[:] = before
 
     @refused_while_deciding
     def view_from(self, node_id: int | None, owner: str | None) -> SensorView:

@@ -1,0 +1,277 @@
+"""A game that was restored goes on as it did, whatever happened in between."""
+
+import copy
+import pickle
+
+import pytest
+from hypothesis import HealthCheck, given, settings
+from hypothesis import strategies as st
+
+import gamms
+from gamms.game import SnapshotError
+from gamms.ir.game_state import LogHistory
+from gamms.rules import Conflicts, capture_flag
+from gamms.sensor import SensorType
+from gamms.typing import AgentType
+
+
+def wander(state):
+    """Draw from every stream, and remember."""
+    rng = state["rng"]
+    state["memory"].setdefault("turns", []).append(state["turn"])
+    state["memory"]["drawn"] = (state["draw"].random(), float(rng.random()))
+    state["team_memory"].setdefault("seen", set()).add(state["name"])
+    state["action"] = state["draw"].choice(state["legal"])
+
+
+def stroll(state):
+    node = state["draw"].below(16)
+    state["action"] = {"node_id": node, "orientation": (0, 1)}
+
+
+def fly(state):
+    state["action"] = {"direction": (state["draw"].random(), 1.0, 0.5), "quat": (1, 0, 0, state["draw"].random())}
+
+
+def build(grid, **more):
+    """A game with births and deaths, fractional progress, a flyer, memories, rules with data, detection and draws."""
+    ctx = grid(speed_unit="metres", **more)
+    for i in range(4):
+        eyes = ctx.sensor.create_sensor(f"eyes{i}", SensorType.AGENT_RANGE, range=25, detection=0.5)
+        strategy = stroll if i == 3 else wander
+        ctx.agent.create_agent(
+            f"a{i}",
+            start_node_id=5 * i,
+            team=("red", "blue")[i % 2],
+            sensors=[eyes],
+            strategy=strategy,
+            meta={"hp": [9]},
+            **({"speed": 3.7} if i == 3 else {}),
+        )
+    ctx.agent.create_agent("drone", type=AgentType.AERIAL, start_node_id=5, speed=3.0, strategy=fly)
+    ctx.game.conflicts = Conflicts()
+    ctx.game.add(capture_flag({"red": 0, "blue": 15}))
+    ctx.game.collect("where", lambda agent: agent.current_node_id, per="agent")
+
+    @ctx.game.add
+    def live(ctx):
+        game, turn = ctx.game, ctx.game.turn
+        game.data.setdefault("lots", []).append(ctx.rng.random())
+        game.data["place"] = ctx.graph.place(1)
+        game.scores["red"] += 0.5
+        game.emit("tick", at=turn)
+        ctx.agent.get_agent("a0").meta["hp"].append(turn)
+        if turn == 2:
+            ctx.agent.create_agent("late", start_node_id=3, team="red", strategy=wander)
+            game.eliminate("a1")
+        if turn == 3:
+            ctx.agent.delete_agent("a2")
+            ctx.graph.graph.remove_node(12)
+            game.publish(closed=[12])
+        if turn == 4:
+            game.respawn("a1")
+            ctx.sensor.get_sensor("eyes0").range = 15
+        if turn == 5:
+            ctx.agent.delete_agent("late")
+            ctx.graph.add_obstacle_face(1, (1, 1, 1), (1, 2, 1), (2, 1, 0), (2, 2, 0), 1)
+
+    return ctx
+
+
+def plain(ctx):
+    """All that can be seen of a game."""
+    game = ctx.game
+    agents = [
+        {
+            "name": agent.name,
+            "team": agent.team,
+            "alive": agent.alive,
+            "node": agent.current_node_id,
+            "before": agent.prev_node_id,
+            "position": getattr(agent, "position", None),
+            "quat": getattr(agent, "quat", None),
+            "orientation": tuple(agent.orientation),
+            "hp": list(getattr(agent, "meta", {}).get("hp", ())),
+            "progress": ctx.agent.columns.progress[agent._row],
+            "state": repr({key: value for key, value in agent.state.items() if key not in ("draw", "rng")}),
+        }
+        for agent in ctx.agent.agents.values()
+    ]
+    result = game.result().to_dict()
+    del result["timings"]
+    return copy.deepcopy(
+        {
+            "agents": agents,
+            "result": result,
+            "data": game.data,
+            "facts": dict(game.facts),
+            "memories": {name: memory for name, memory in game.memories.items() if memory},
+            "teams": game.team_memories,
+            "sensors": ctx.sensor.described(),
+            "sensed": {name: sensor.data for name, sensor in ctx.sensor.sensors.items()},
+            "nodes": sorted(ctx.graph.graph.get_nodes()),
+            "faces": len(ctx.graph.obstacle_columns()[0]),
+            "moves": game.moves,
+            "turn": game.turn,
+        }
+    )
+
+
+@settings(max_examples=25, deadline=None, suppress_health_check=[HealthCheck.function_scoped_fixture])
+@given(before=st.integers(0, 6), after=st.integers(1, 6), global_draws=st.booleans())
+def test_what_follows_a_restored_snapshot_is_what_followed_it_before(grid, before, after, global_draws):
+    with build(grid) as ctx:
+        if global_draws:
+            import random
+
+            ctx.game.add(lambda ctx: ctx.game.data.update(global_draw=random.random()), name="global")
+        ctx.game.run(before)
+        snapshot, then, agents = ctx.game.snapshot(), plain(ctx), dict(ctx.agent.agents)
+        ctx.game.run(after)
+        later = plain(ctx)
+        for _ in range(2):
+            ctx.game.restore(snapshot)
+            assert plain(ctx) == then
+            assert all(agent is agents[name] for name, agent in ctx.agent.agents.items())
+            ctx.game.run(after)
+            assert plain(ctx) == later
+
+
+@settings(max_examples=15, deadline=None, suppress_health_check=[HealthCheck.function_scoped_fixture])
+@given(steps=st.lists(st.tuples(st.integers(0, 3), st.integers(0, 4)), min_size=2, max_size=7))
+def test_snapshots_are_restored_in_any_order(grid, steps):
+    with build(grid) as ctx:
+        known = [(ctx.game.snapshot(), plain(ctx))]
+        for turns, which in steps:
+            ctx.game.run(turns)
+            known.append((ctx.game.snapshot(), plain(ctx)))
+            snapshot, then = known[which % len(known)]
+            ctx.game.restore(snapshot)
+            assert plain(ctx) == then
+        for snapshot, then in known:
+            ctx.game.restore(snapshot)
+            assert plain(ctx) == then
+
+
+def test_a_reset_after_a_restore_begins_the_same_game_again(grid):
+    with build(grid) as ctx:
+        first = ctx.game.run(6)
+        snapshot = ctx.game.snapshot()
+        ctx.game.reset(seed=9)
+        ctx.game.run(3)
+        ctx.game.restore(snapshot)
+        assert (ctx.seed, ctx.game.result()) == (1, first)
+        ctx.game.reset()
+        assert ctx.game.run(6) == first
+
+
+def test_what_an_agent_draws_between_two_turns_is_restored(grid):
+    with build(grid) as ctx:
+        ctx.game.run(1)
+        state = ctx.game.observation("a0")
+        drawn = state["draw"].random(), state["rng"].random()
+        snapshot = ctx.game.snapshot()
+        more = state["draw"].random(), state["rng"].random()
+        ctx.game.restore(snapshot)
+        state = ctx.game.observation("a0")
+        assert (state["draw"].random(), state["rng"].random()) == more != drawn
+
+
+def test_values_that_are_one_object_stay_one(grid):
+    with grid() as ctx:
+        both = [1]
+        ctx.game.data.update(a=both, b={"c": both})
+        snapshot = ctx.game.snapshot()
+        both.append(2)
+        ctx.game.restore(snapshot)
+        assert ctx.game.data["a"] is ctx.game.data["b"]["c"]
+        assert ctx.game.data["a"] == [1]
+
+
+def test_a_game_that_was_over_is_over_again_and_one_that_was_not_goes_on(grid):
+    with grid(max_turns=9) as ctx:
+        ctx.game.add(lambda ctx: ctx.game.end("enough") if ctx.game.turn == 3 else None)
+        before = ctx.game.snapshot()
+        ctx.game.run()
+        after = ctx.game.snapshot()
+        ctx.game.restore(before)
+        assert not ctx.game.is_over
+        ctx.game.restore(after)
+        assert ctx.game.over["reason"] == "enough"
+
+
+def test_a_sensor_of_the_users_own_takes_part_by_two_methods(grid):
+    class Counter:
+        type, sensor_id, data, count = SensorType.CUSTOM, "counter", None, 0
+
+        def sense(self, node_id):
+            self.count += 1
+
+        def set_owner(self, owner):
+            pass
+
+        def update(self, data):
+            pass
+
+        def snapshot(self):
+            return self.count
+
+        def restore(self, count):
+            self.count = count
+
+    with grid() as ctx:
+        counter = Counter()
+        ctx.sensor.add_sensor(counter)
+        ctx.agent.create_agent("a", start_node_id=0, sensors=["counter"], strategy=lambda s: s.update(action=0))
+        ctx.game.run(2)
+        snapshot = ctx.game.snapshot()
+        ctx.game.run(2)
+        assert counter.count == 4
+        ctx.game.restore(snapshot)
+        assert counter.count == 2
+
+
+def test_a_snapshot_is_refused_where_it_cannot_be_restored_exactly(grid, tmp_path):
+    with build(grid) as ctx, build(grid) as other:
+        snapshot = ctx.game.snapshot()
+        with pytest.raises(gamms.errors.BadValue, match="of another context"):
+            other.game.restore(snapshot)
+        with pytest.raises(gamms.errors.BadType, match=r"needs what ctx\.game\.snapshot\(\) gave"):
+            ctx.game.restore({})
+        with pytest.raises(gamms.errors.BadType, match="cannot be pickled"):
+            pickle.dumps(snapshot)
+        ctx.record.start(str(tmp_path / "game"))
+        with pytest.raises(SnapshotError, match="being recorded"):
+            ctx.game.restore(snapshot)
+        ctx.record.stop()
+        ctx.game.restore(snapshot)
+        ctx.game.add(lambda ctx: ctx.game.snapshot(), name="eager")
+        with pytest.raises(SnapshotError, match="in the middle of a turn"):
+            ctx.game.run(1)
+    with pytest.raises(gamms.errors.ContextTerminated):
+        ctx.game.snapshot()
+
+
+def test_a_copy_of_a_context_restores_its_own_copy_of_a_snapshot(grid):
+    with build(grid) as ctx:
+        ctx.game.run(2)
+        snapshot, then = ctx.game.snapshot(), plain(ctx)
+        twin, copied = copy.deepcopy((ctx, snapshot))
+        twin.game.run(2)
+        twin.game.restore(copied)
+        assert twin.game.result() == ctx.game.result()
+        assert plain(ctx) == then
+
+
+@given(steps=st.lists(st.one_of(st.integers(1, 5), st.integers(-9, -1)), max_size=30))
+def test_a_log_returns_to_any_of_its_points(steps):
+    log, history, fresh = [], LogHistory(), iter(range(10**6))
+    points = [(history.mark(log), [])]
+    for step in steps:
+        if step > 0:
+            log.extend(next(fresh) for _ in range(step))
+            points.append((history.mark(log), list(log)))
+        else:
+            point, then = points[step % len(points)]
+            history.go_to(log, point)
+            assert log == then
