@@ -1,5 +1,8 @@
 """Grids: nodes row by row, neighbours joined both ways, ready to be attached."""
 
+import subprocess
+import sys
+
 import networkx as nx
 import pytest
 
@@ -58,3 +61,14 @@ def test_the_edges_of_a_grid_have_attributes_of_their_own():
 def test_an_impossible_grid_is_refused(arguments, kind, hint):
     with pytest.raises(kind, match=hint):
         gamms.graph.grid(*arguments)
+
+
+def test_a_plain_grid_loads_no_shapely():
+    code = (
+        "import sys, gamms\n"
+        "with gamms.create_context(logger_config={'level': 'CRITICAL'}) as ctx:\n"
+        "    ctx.graph.attach_networkx_graph(gamms.graph.grid(3, 4))\n"
+        "    assert len(ctx.graph.graph) == 12\n"
+        "sys.exit('shapely' in sys.modules)\n"
+    )
+    assert subprocess.run([sys.executable, "-c", code], check=False).returncode == 0

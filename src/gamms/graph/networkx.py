@@ -21,6 +21,9 @@ if TYPE_CHECKING:
 
 LABEL = "networkx_label"  # the attribute that keeps a node's label where it could not be its id
 
+_NODE_COLUMNS = frozenset(("x", "y"))  # what becomes columns; all other data are attributes
+_EDGE_COLUMNS = frozenset(("id", "length", "linestring", "geometry"))
+
 
 def attach(graph: Graph, G: "nx.Graph[Any]") -> None:  # noqa: N803 - published name
     """Add a networkx graph to `graph`, all or nothing.
@@ -91,31 +94,33 @@ class _Import:
         crs = self.about.get("crs")
         if len(graph) and None not in (crs, graph.crs) and str(crs) != graph.crs:
             raise BadValue(f"its CRS is {crs}, that of the graph is {graph.crs}; project it first")
-        self.node_data = [dict(data) for _, data in G.nodes(data=True)]
+        self.node_data = [data for _, data in G.nodes(data=True)]
         self.id_of = _ids_of_labels(graph, list(G.nodes))
-        self.edges = list(_directed(G))
-        self.edge_ids = _edge_ids(graph, [data.get("id") for _, _, data in self.edges])
+        self.edges = list(G.edges(data=True)) if G.is_directed() else list(_both_directions(G))
+        self.edge_data = [data for _, _, data in self.edges]
+        self.edge_ids = _edge_ids(graph, [data.get("id") for data in self.edge_data])
 
     def commit(self) -> None:
         nodes, edges = self.graph._nodes, self.graph._edges
-        node_ids = np.array(list(self.id_of.values()), np.int64)
-        xy = self._take_xy()
-        places = dict(zip(self.id_of.values(), xy.tolist(), strict=True))
-        bends, lengths = self._take_shapes(places)
+        node_ids = np.fromiter(self.id_of.values(), np.int64, len(self.id_of))
+        xy = np.column_stack([self._axis(axis) for axis in ("x", "y")])
+        row_of = dict(zip(self.id_of, range(len(node_ids)), strict=True))
+        ends = np.array([[row_of[u] for u, _, _ in self.edges], [row_of[v] for _, v, _ in self.edges]], np.int64)
+        bends = _bends(_polylines(self.edge_data), xy[ends.T])
+        lengths = self._lengths(bends, np.hypot(*(xy[ends[1]] - xy[ends[0]]).T))
         nodes.index.refuse_duplicates(node_ids, nodes.kind)
         edges.index.refuse_duplicates(self.edge_ids, edges.kind)
-        node_attributes = _by_name(nodes.count, self.node_data)
-        edge_attributes = _by_name(edges.count, [data for _, _, data in self.edges])
+        node_attributes = _by_name(nodes.count, self.node_data, _NODE_COLUMNS)
+        edge_attributes = _by_name(edges.count, self.edge_data, _EDGE_COLUMNS)
         given = {key: str(self.about[key]) for key in ("crs", "attribution") if self.about.get(key) is not None}
         about = {key: records.as_text(text, f"its {key}") for key, text in given.items()}
+        others = {nodes.count + row: label for row, label in enumerate(self.id_of) if _as_label_id(label) is None}
 
         first = nodes.extend(node_ids, xy=xy)
         _merge(nodes.attributes, node_attributes)
-        for row, label in enumerate(self.id_of, first):
-            if _as_label_id(label) is None:
-                nodes.set_attributes(row, {LABEL: label})
-        ends = np.array([(self.id_of[u], self.id_of[v]) for u, v, _ in self.edges], np.int64).reshape(-1, 2)
-        source_rows, target_rows = (nodes.index.rows(end, "node") for end in ends.T)
+        for row, label in others.items():
+            nodes.set_attributes(row, {LABEL: label})
+        source_rows, target_rows = first + ends
         first = edges.extend(self.edge_ids, sources=source_rows, targets=target_rows, lengths=lengths)
         edges.bends.update({first + i: bend for i, bend in bends.items()})
         _merge(edges.attributes, edge_attributes)
@@ -123,27 +128,25 @@ class _Import:
             setattr(self.graph, key, text)
         self.graph._forget_indexes()
 
-    def _take_xy(self) -> FloatArray:
-        pairs = [
-            [records.as_coordinate(data.pop(axis, 0.0), axis, id) for axis in ("x", "y")]
-            for id, data in zip(self.id_of.values(), self.node_data, strict=True)
-        ]
-        return np.array(pairs, np.float64).reshape(-1, 2)
+    def _axis(self, axis: str) -> FloatArray:
+        given = [data.get(axis, 0.0) for data in self.node_data]
+        if set(map(type, given)) <= {float} and np.isfinite(numbers := np.array(given, np.float64)).all():
+            return numbers
+        ids = self.id_of.values()
+        return np.array([records.as_coordinate(one, axis, id) for id, one in zip(ids, given, strict=True)], np.float64)
 
-    def _take_shapes(self, places: dict[int, list[float]]) -> tuple[dict[int, FloatArray], FloatArray]:
-        """The polylines of the edges that are not straight, by edge; and every edge's length."""
-        ends = np.array([(*places[self.id_of[u]], *places[self.id_of[v]]) for u, v, _ in self.edges]).reshape(-1, 2, 2)
-        given = [(data.pop("linestring", None), data.pop("geometry", None)) for _, _, data in self.edges]
-        bends = _bends(_polylines(given), ends)
-        straight = np.hypot(*(ends[:, 1] - ends[:, 0]).T).tolist()
-        lengths = np.empty(len(self.edges))
-        for i, ((_, _, data), id) in enumerate(zip(self.edges, self.edge_ids.tolist(), strict=True)):
-            length = data.pop("length", None)
+    def _lengths(self, bends: dict[int, FloatArray], straight: FloatArray) -> FloatArray:
+        """Every edge's length: the one given, or else that of its polyline or of the straight line."""
+        given = [data.get("length") for data in self.edge_data]
+        if set(map(type, given)) <= {float}:
+            lengths = np.array(given, np.float64)
+            if np.isfinite(lengths).all() and (lengths >= 0.0).all():
+                return lengths
+        for i, length in enumerate(given):
             if length is None:
-                length = float(np.hypot(*np.diff(bends[i], axis=0).T).sum()) if i in bends else straight[i]
-            lengths[i] = records.as_length(length, id)
-            data.pop("id", None)
-        return bends, lengths
+                given[i] = float(np.hypot(*np.diff(bends[i], axis=0).T).sum() if i in bends else straight[i])
+        ids = self.edge_ids.tolist()
+        return np.array([records.as_length(length, id) for length, id in zip(given, ids, strict=True)], np.float64)
 
 
 def _bends(shapes: dict[int, FloatArray], ends: FloatArray) -> dict[int, FloatArray]:
@@ -159,12 +162,16 @@ def _bends(shapes: dict[int, FloatArray], ends: FloatArray) -> dict[int, FloatAr
 def _ids_of_labels(graph: Graph, labels: list[Hashable]) -> dict[Hashable, int]:
     """Integer labels are ids; any other label gets the next free integer."""
     ids = {label: _as_label_id(label) for label in labels}
+    if None not in ids.values():
+        return ids  # type: ignore[return-value] # as the line before says
     taken = [id for id in ids.values() if id is not None]
     free = count(max([-1, *taken, *graph.get_nodes()]) + 1)
     return {label: next(free) if id is None else id for label, id in ids.items()}
 
 
 def _as_label_id(label: Hashable) -> int | None:
+    if type(label) is int:
+        return label if -(2**63) <= label < 2**63 else None
     if isinstance(label, bool):
         return None
     try:
@@ -174,11 +181,11 @@ def _as_label_id(label: Hashable) -> int | None:
     return id if -(2**63) <= id < 2**63 else None
 
 
-def _directed(G: "nx.Graph[Any]") -> Iterable[tuple[Any, Any, dict[str, Any]]]:  # noqa: N803 - networkx's name
-    """Each edge once per direction it can be used in; the way back has no id yet and the reversed shape."""
+def _both_directions(G: "nx.Graph[Any]") -> Iterable[tuple[Any, Any, dict[str, Any]]]:  # noqa: N803 - networkx's name
+    """Each edge once per direction; the way back has no id yet and the reversed shape."""
     for u, v, data in G.edges(data=True):
-        yield u, v, dict(data)
-        if not G.is_directed() and u != v:
+        yield u, v, data
+        if u != v:
             back = {key: value for key, value in data.items() if key != "id"}
             for key in ("linestring", "geometry"):
                 if back.get(key) is not None:
@@ -188,14 +195,18 @@ def _directed(G: "nx.Graph[Any]") -> Iterable[tuple[Any, Any, dict[str, Any]]]: 
 
 def _edge_ids(graph: Graph, given: list[Any]) -> "np.ndarray[Any, np.dtype[np.int64]]":
     ids = [None if id is None else records.as_id(id, "an edge") for id in given]
+    if None not in ids:
+        return np.array(ids, np.int64)
     free = count(max([-1, *(id for id in ids if id is not None), *graph.get_edges()]) + 1)
     return np.array([next(free) if id is None else id for id in ids], np.int64)
 
 
-def _polylines(given: list[tuple[Any, Any]]) -> dict[int, FloatArray]:
+def _polylines(edges: list[dict[str, Any]]) -> dict[int, FloatArray]:
     """`linestring`, else `geometry`, as points (points, 2) by edge, for the edges that have one."""
-    shapes = {i: pair[0] if pair[0] is not None else pair[1] for i, pair in enumerate(given)}
-    shapes = {i: shape for i, shape in shapes.items() if shape is not None}
+    given = ((data.get("linestring"), data.get("geometry")) for data in edges)
+    shapes = {i: b if a is None else a for i, (a, b) in enumerate(given) if a is not None or b is not None}
+    if not shapes:
+        return {}
     lines = {i: shape for i, shape in shapes.items() if hasattr(type(shape), "coords")}
     points, offsets = geometry.points_of_many(list(lines.values()))
     bounds = offsets.tolist()
@@ -208,16 +219,19 @@ def _polylines(given: list[tuple[Any, Any]]) -> dict[int, FloatArray]:
     return found
 
 
-def _by_name(first: int, rows: list[dict[Any, Any]]) -> dict[str, dict[int, Any]]:
-    """The attributes of rows from `first` on, name -> row -> value.
+def _by_name(first: int, rows: list[dict[Any, Any]], ours: frozenset[str]) -> dict[str, dict[int, Any]]:
+    """The attributes of rows from `first` on but for `ours`, name -> row -> value.
 
     Raises:
         BadValue: two names are one as text, or a value is nested too deeply.
     """
     columns: defaultdict[Any, dict[int, Any]] = defaultdict(dict)
     for row, data in enumerate(rows, first):
+        if data.keys() <= ours:
+            continue
         for name, value in data.items():
-            columns[name][row] = own(value) if type(value) in CONTAINERS else value
+            if name not in ours:
+                columns[name][row] = own(value) if type(value) in CONTAINERS else value
     named: dict[str, dict[int, Any]] = {}
     for name, values in columns.items():
         others = named.setdefault(str(name), values)
