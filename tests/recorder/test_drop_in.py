@@ -91,7 +91,7 @@ def test_what_is_neither_a_path_nor_a_binary_stream_is_refused(ctx, path):
 
 @pytest.mark.parametrize("options", [{"version": 1}, {"version": "3"}, {"version": None}])
 def test_an_unknown_version_is_refused(ctx, tmp_path, options):
-    with pytest.raises(BadValue, match="version must be 2 or 3"):
+    with pytest.raises((BadValue, BadType), match="version must be"):
         ctx.record.start(tmp_path / "game", **options)
     assert list(tmp_path.iterdir()) == []
 
