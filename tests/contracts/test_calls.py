@@ -46,7 +46,7 @@ REFUSED = {
     "a component class": (TypeError, lambda ctx: ctx.record.is_component_registered(None)),
     "a component class to forget": (TypeError, lambda ctx: ctx.record.unregister_component("x")),
     "a kind of event": (TypeError, lambda ctx: ctx.record.event(HUGE)),
-    "a version": (TypeError, lambda ctx: ctx.record.start("x", version=MANY)),
+    "a version": (ValueError, lambda ctx: ctx.record.start("x", version=MANY)),
     "a flag": (TypeError, lambda ctx: ctx.record.start("x", overwrite=MANY)),
     "an artist": (TypeError, lambda ctx: ctx.visual.artist([])),
     "an artist to remove": (TypeError, lambda ctx: ctx.visual.remove_artist({})),

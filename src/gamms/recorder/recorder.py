@@ -399,7 +399,7 @@ class Recorder(Guarded, IRecorder):
 
 
 def _checked_options(version: Any, created: Any, provenance: Any) -> dict[str, Any]:
-    if as_int(version, "version") not in _VERSIONS:
+    if not isinstance(version, int) or version not in _VERSIONS:
         raise BadValue(f"version must be 2 or 3, not {shown(version)}.")
     if not is_plain(provenance):
         raise BadType(f"provenance must be plain values, not {shown(provenance)}.")
