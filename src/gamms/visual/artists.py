@@ -1,7 +1,7 @@
 """Artists by name: declared with keywords, added by the caller, or made from the specs of a recording."""
 
 from collections.abc import Callable, Mapping
-from typing import TYPE_CHECKING, Any, NamedTuple
+from typing import TYPE_CHECKING, Any, NamedTuple, cast
 
 from gamms.arguments import as_key, as_name
 from gamms.deciding import Guarded, Protected, outside_of_deciding, phase_of, refused_while_deciding
@@ -35,7 +35,7 @@ class _Kind(NamedTuple):
 
     drawer: Drawer
     names: tuple[str, ...]  # of the keywords
-    keyspec_of: Callable[[_Data], _Data]  # may have more, and may raise where the data are the caller's
+    keywords_of: Callable[[_Data], _Data]  # may have more, and may raise where the data are the caller's
     data_of: Callable[[_Data], _Data]
     is_static: bool = False
 
@@ -72,7 +72,7 @@ def spec_of(name: str, artist: IArtist) -> dict[str, Any] | None:
     if kind is None:
         return None
     try:
-        given = _KINDS[kind].keyspec_of(artist.data)
+        given = _KINDS[kind].keywords_of(artist.data)
         keywords = {key: given[key] for key in _KINDS[kind].names if key in given}
     except (KeyError, TypeError, ValueError, AttributeError):  # data of the caller's own, which do not draw, either
         return None
@@ -161,11 +161,7 @@ class Artists(Guarded):
     @refused_while_deciding
     def set_graph_visual(self, **kwargs: Any) -> Artist:
         """Declare how the graph looks: `node_color`, `node_size`, `edge_color`, `draw_id`."""
-        look = _known(kwargs, "node_color", "node_size", "edge_color", "draw_id")
-        artist = Artist(self._ctx, render_graph, Layer.GRAPH)
-        artist.set_artist_type(ArtistType.STATIC)
-        artist.data = {"graph_data": GraphData(**look)}
-        return self._declare("graph", artist)
+        return self._declare("graph", self._made("graph", kwargs, Layer.GRAPH))
 
     @refused_while_deciding
     def set_obstacle_visual(self, **kwargs: Any) -> Artist:
@@ -174,25 +170,20 @@ class Artists(Guarded):
         Where `fill` is true, what walls stand around is filled: in the colour of its type in `color_map`, or else in
         a tone that says how high it is. Otherwise only the top edges of faces are drawn.
         """
-        artist = Artist(self._ctx, render_obstacles, Layer.OBSTACLES)
-        artist.set_artist_type(ArtistType.STATIC)
-        artist.data = {"color_map": {}, "boundary_thickness": 1.0}
-        artist.data |= _known(kwargs, "color_map", "boundary_thickness", "fill")
-        return self._declare("obstacles", artist)
+        keywords = {"color_map": {}, "boundary_thickness": 1.0, **kwargs}
+        return self._declare("obstacles", self._made("obstacles", keywords, Layer.OBSTACLES))
 
     @refused_while_deciding
     def set_agent_visual(self, name: str, **kwargs: Any) -> Artist:
         """Declare how an agent looks: `color`, `size` (world units), `image_path`; it need not exist yet."""
-        look = AgentData(name, image=kwargs.get("image_path"), **_known(kwargs, "color", "size"))
-        artist = Artist(self._ctx, render_agent, Layer.AGENTS)
-        artist.data = {"agent_data": look, "_alpha": 1.0}
+        artist = self._made("agent", {**kwargs, "name": name}, Layer.AGENTS)
+        artist.data["agent_data"].image = kwargs.get("image_path")
         return self._declare(name, artist)
 
     @refused_while_deciding
     def set_sensor_visual(self, name: str, **kwargs: Any) -> Artist:
         """Declare how a sensor's last view looks: `color`, `size`, or `node_color`, `edge_color`; `layer`."""
-        artist = Artist(self._ctx, render_sensor, kwargs.get("layer", Layer.SENSORS))
-        artist.data = {"name": as_name(name, "a sensor"), **_known(kwargs, "color", "size", "node_color", "edge_color")}
+        artist = self._made("sensor", {**kwargs, "name": name}, kwargs.get("layer", Layer.SENSORS))
         return self._declare(f"sensor_{name}", artist)
 
     @refused_while_deciding
@@ -246,6 +237,10 @@ class Artists(Guarded):
         artist.data = {"values": shown, "legend": shown.legend}
         self.declared[name] = artist
         return artist
+
+    def _made(self, kind: str, keywords: _Data, layer: int) -> Artist:
+        spec = {"name": kind, "kind": kind, "keywords": keywords, "layer": layer, "visible": True}
+        return cast("Artist", artist_of(self._ctx, spec))
 
     def _declare(self, name: str, artist: Artist) -> Artist:
         if not self._ctx.is_terminated():
@@ -337,7 +332,3 @@ class Artists(Guarded):
         self._is_replayed = True
         self.edits += 1
         return frozenset(new)
-
-
-def _known(given: dict[str, Any], *names: str) -> dict[str, Any]:
-    return {name: given[name] for name in names if name in given}

@@ -8,8 +8,7 @@ from typing import Any
 import numpy as np
 
 from gamms.errors import MissingExtra
-from gamms.visual.backends import PaintedFrame
-from gamms.visual.backends.tiles import SIDE, STRIP, Square, paste, planes_of, squares
+from gamms.visual.backends.tiles import SIDE, STRIP, PaintedFrame, Square, paste, planes_of, squares
 
 _AHEAD = 8  # frames that wait for the encoder
 # A fixed number of threads, so that the same frames give the same bytes on every machine. It is one, for that one works

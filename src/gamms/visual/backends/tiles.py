@@ -3,17 +3,33 @@
 Between two frames a few agents move. Copying and converting all pixels would take as long as encoding them.
 """
 
-from collections.abc import Iterable
-from typing import Any, NamedTuple
+from collections.abc import Iterable, Sequence
+from typing import Any, NamedTuple, Protocol
 
 import numpy as np
 
-from gamms.visual.backends.coverage import ByteArray
+from gamms.visual.backends.coverage import ByteArray, PixelArray
 
 TILE, BORDER = 64, 4  # pixels; of a square, and around it, for colours are mixed from neighbours
 SIDE = TILE + 2 * BORDER
 STRIP = 8  # squares that are converted at once, side by side: long rows are what converters are fast with
 MOST = 64  # of more of them it is faster to convert everything
+
+
+class PaintedFrame(Protocol):
+    """A frame of a film."""
+
+    def pixels(self) -> ByteArray:
+        """RGB, as (height, width, 3), of its own."""
+
+    def copy_bgrx(self, buffer: bytearray) -> None:
+        """Write blue, green, red and a byte without meaning, row by row: the fastest way to an encoder."""
+
+    def changes(self) -> list[tuple[int, int, int, int]] | None:
+        """Left, top, width and height of where it may differ from the frame before; None: anywhere."""
+
+    def cut(self, corners: Sequence[tuple[int, int]], strip: PixelArray) -> None:
+        """Write squares, by their upper left corners, side by side into a strip (side, sides); see `copy_bgrx`."""
 
 
 class Square(NamedTuple):
