@@ -10,7 +10,7 @@ from contextlib import contextmanager
 from functools import wraps
 from typing import Any, ClassVar, Generic, Self, TypeVar, cast, overload
 
-from gamms.errors import BadType, Meddling
+from gamms.errors import BadType, IllegalMutation
 from gamms.readonly import frozen
 from gamms.text import shown
 
@@ -37,9 +37,9 @@ class DecidePhase:
         return DecidePhase()
 
     def refuse(self, deed: str) -> None:
-        """Raise Meddling if a strategy is running."""
+        """Raise IllegalMutation if a strategy is running."""
         if self.agent is not None:
-            raise Meddling(
+            raise IllegalMutation(
                 f"The strategy of agent {self.agent.name!r} may not {deed}: while agents decide, nothing changes. "
                 "It may set state['action'], and write into state['memory'] and state['team_memory']. What changes "
                 "anything else belongs into a rule: ctx.game.add(rule)."

@@ -22,7 +22,7 @@ GammsError
 │  └─ NotYetAttribute (AttributeError) ... and was asked for by its name
 ├─ Outdated (RuntimeError)         an answer that was worked out before things changed
 ├─ WriteConflict (RuntimeError)    a file that another program has written since it was read
-├─ Meddling (RuntimeError)         a strategy tries to change something otherwise than by its action
+├─ IllegalMutation (RuntimeError)  a strategy tries to change something otherwise than by its action
 └─ ContextTerminated (AttributeError) the context has ended
 """
 
@@ -205,7 +205,7 @@ class WriteConflict(GammsError, RuntimeError):
     """A file that another program has written since it was read."""
 
 
-class Meddling(GammsError, RuntimeError):
+class IllegalMutation(GammsError, RuntimeError):
     """A strategy tries to change something otherwise than by its action."""
 
 

@@ -13,7 +13,7 @@ from whole_world import WALL, kind_of, objects, other, public, sensor, world
 
 import gamms
 from gamms.deciding import Guarded
-from gamms.game import Meddling
+from gamms.game import IllegalMutation
 from gamms.readonly import ReadOnlyMapping, frozen
 from gamms.sensor import SensorType
 
@@ -298,7 +298,7 @@ def test_a_strategy_cannot_change_anything_but_by_its_action(name):
     caught = []
 
     def cheat(ctx, state):
-        with pytest.raises((Meddling, TypeError, AttributeError, ValueError, KeyError)) as raised:
+        with pytest.raises((IllegalMutation, TypeError, AttributeError, ValueError, KeyError)) as raised:
             (SETTERS | VERBS)[name](ctx, state)
         caught.append(raised.value)
 
@@ -307,7 +307,7 @@ def test_a_strategy_cannot_change_anything_but_by_its_action(name):
         result = ctx.game.run(2)
         assert len(caught) == 2
         if name in SETTERS:
-            assert isinstance(caught[0], Meddling)
+            assert isinstance(caught[0], IllegalMutation)
             assert f"may not set {'ctx' if 'engine' in name else ''}" in str(caught[0])
         assert public(ctx) == before
         assert (result.turns, result.reason, result.errors) == (2, "max_turns", [])
@@ -320,7 +320,7 @@ def test_a_cheat_that_is_not_caught_stops_the_game_or_is_counted(tmp_path, name,
         if is_recorded:
             ctx.record.start(tmp_path / "game")
         before = public(ctx)
-        with pytest.raises((Meddling, TypeError)) as raised:
+        with pytest.raises((IllegalMutation, TypeError)) as raised:
             ctx.game.run(2)
         assert raised.value.__notes__[-1] == "In the strategy of agent 'cheater', in turn 0."
         assert (public(ctx), ctx.game.turn) == (before, 0)
@@ -337,7 +337,7 @@ def test_a_cheat_that_is_not_caught_stops_the_game_or_is_counted(tmp_path, name,
 def test_a_recording_of_a_game_full_of_cheats_is_that_of_a_game_without(grid, tmp_path):
     def every_cheat(ctx, state):
         for cheat in (SETTERS | VERBS).values():
-            with pytest.raises((Meddling, TypeError, AttributeError, ValueError, KeyError)):
+            with pytest.raises((IllegalMutation, TypeError, AttributeError, ValueError, KeyError)):
                 cheat(ctx, state)
 
     recorded = []
@@ -384,7 +384,7 @@ def test_a_state_without_an_action_is_no_action_whatever_else_is_gone(grid, spoi
 @pytest.mark.parametrize("budget", [None, 9.0])
 def test_an_interrupt_changes_nothing_and_closes_the_phase(grid, error, budget):
     def interrupted(ctx, state):
-        with pytest.raises(Meddling):
+        with pytest.raises(IllegalMutation):
             other(ctx).current_node_id = 0
         raise error
 
@@ -414,7 +414,7 @@ def test_an_agent_sees_its_own_memory_and_state_and_no_other(grid):
     def look(state):
         state["memory"]["n"] = state["memory"].get("n", 0) + 1
         seen.append((ctx.game.memories, ctx.agent.get_agent(state["name"]).state is state))
-        with pytest.raises(Meddling, match="look into the state of agent"):
+        with pytest.raises(IllegalMutation, match="look into the state of agent"):
             ctx.agent.get_agent({"a": "b", "b": "a"}[state["name"]]).state["action"]
 
     with grid(on_illegal="stay") as ctx:
@@ -433,7 +433,7 @@ def test_looks_that_a_strategy_tries_do_not_change_what_is_noticed(grid):
             def look(state):
                 if is_trying:
                     eyes.sense_many([0, 1, 2])
-                    with pytest.raises(Meddling):
+                    with pytest.raises(IllegalMutation):
                         eyes.notice.is_noticed(ctx, "b", ["a"], np.zeros(1))
                 seen.append(dict(state["sensor"].get("eyes", (None, {}))[1]))
 
@@ -569,7 +569,7 @@ def complaints(thing):
         yield from refusal(f"{kind}.{name} =", partial(setattr, thing, name, 5))
         try:
             value = getattr(thing, name)
-        except (Meddling, AttributeError):
+        except (IllegalMutation, AttributeError):
             continue
         is_copy = getattr(thing, name) is not value
         if name not in ("ctx", "logger", *PARTS.get(kind, ())) and not is_copy and not is_fixed(value):
@@ -579,7 +579,7 @@ def complaints(thing):
 def refusal(what, deed):
     try:
         deed()
-    except Meddling:
+    except IllegalMutation:
         return
     except Exception as error:  # noqa: BLE001 - whatever it is, it is no refusal
         yield f"{what} raises {error!r:.80}"
@@ -635,7 +635,13 @@ def test_facts_may_be_of_kinds_that_cannot_change(grid):
         table = ctx.graph.visibility(20.0)
         agent = ctx.agent.create_agent("a", start_node_id=0)
         facts = {"kind": SensorType.MAP, "node": ctx.graph.graph.get_node(0), "edge": ctx.graph.graph.get_edge(0)}
-        facts |= {"table": table, "agent": agent, "far": ctx.graph.distance, "number": np.float64(2), "on": Meddling}
+        facts |= {
+            "table": table,
+            "agent": agent,
+            "far": ctx.graph.distance,
+            "number": np.float64(2),
+            "on": IllegalMutation,
+        }
         ctx.game.publish(**facts)
         assert all(ctx.game.facts[name] is fact for name, fact in facts.items() if name != "far")
 

@@ -8,7 +8,7 @@ import pytest
 import gamms
 from gamms.agent import AgentType
 from gamms.errors import GammsError
-from gamms.game import IllegalAction, Meddling, Move
+from gamms.game import IllegalAction, IllegalMutation, Move
 from gamms.sensor import SensorType
 
 
@@ -173,7 +173,7 @@ def test_a_strategy_cannot_move_anybody_but_by_its_action(ctx, play):
         state["action"] = 1
 
     cheater = ctx.agent.create_agent("cheater", start_node_id=0, strategy=cheat)
-    with pytest.raises(Meddling, match=r"strategy of agent .cheater. may not set agent\.current_node_id"):
+    with pytest.raises(IllegalMutation, match=r"strategy of agent .cheater. may not set agent\.current_node_id"):
         ctx.game.step()
     assert (victim.current_node_id, victim.team, victim.alive) == (5, None, True)
     ctx.game.on_error = "stay"
@@ -188,14 +188,14 @@ def test_a_strategy_cannot_play_the_referee(ctx, verb):
         getattr(ctx.game, verb)(*([] if verb in ("step", "reset") else ["a"]))
 
     ctx.agent.create_agent("a", start_node_id=0, strategy=cheat)
-    with pytest.raises(Meddling, match=f"may not call ctx.game.{verb}"):
+    with pytest.raises(IllegalMutation, match=f"may not call ctx.game.{verb}"):
         ctx.game.step()
     assert not ctx.game.is_over
 
 
 def test_a_strategy_that_changes_the_map_is_stopped(ctx):
     ctx.agent.create_agent("a", start_node_id=0, strategy=lambda state: ctx.graph.graph.remove_node(15))
-    with pytest.raises(Meddling, match=r"may not call ctx\.graph\.graph\.remove_node"):
+    with pytest.raises(IllegalMutation, match=r"may not call ctx\.graph\.graph\.remove_node"):
         ctx.game.step()
     assert ctx.graph.graph.has_node(15)
 

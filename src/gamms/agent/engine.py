@@ -1,19 +1,19 @@
 """The agent room's front: creates agents and keeps them by name."""
 
 from collections.abc import Iterable, Iterator, Mapping
+from copy import deepcopy
 from numbers import Integral
-from typing import Any
+from typing import Any, NamedTuple
 from weakref import WeakSet
 
 from gamms.agent.aerial import AerialAgent
 from gamms.agent.agent import Agent
-from gamms.agent.kept import KeptAgents, kept, restore
 from gamms.agent.member import Member
 from gamms.arguments import as_name, misspelt
 from gamms.deciding import Guarded, phase_of, refused_while_deciding
 from gamms.errors import BadType, ContextTerminated, Duplicate, MissingKey, UnknownName, nearest
 from gamms.ir import journal
-from gamms.ir.agents import AgentColumns
+from gamms.ir.agents import BY_ROW, AgentColumns
 from gamms.readonly import ReadOnlyMapping, frozen
 from gamms.text import shown
 from gamms.typing import IContext
@@ -33,6 +33,25 @@ _KEYWORDS = (
     "position",
     "quat",
 )
+
+
+class AgentsSnapshot(NamedTuple):
+    """All agents at one moment: the columns, and of each agent what is not in them."""
+
+    columns: dict[str, list[Any]]
+    roster: tuple[AgentColumns, int]  # which agents there are, and which team, speed and sensors they have
+    agents: list[tuple[Member, dict[str, Any], Any, dict[str, Any], dict[str, Any]]]
+    # agent, attributes, strategy, sensors, last state
+    gone: list[tuple[Member, AgentColumns]]  # deleted agents with columns of their own
+    rows: dict[int, int]  # id() of an agent -> its row
+
+    def place_of(self, agent: Any) -> Any:
+        """Return the node an agent was on, or (x, y, z) of a flyer; where it is now if it came later."""
+        row = self.rows.get(id(agent))
+        if row is not None:
+            position = self.columns["position"][row]
+            return self.columns["node"][row] if position is None else position
+        return getattr(agent, "position", agent.current_node_id)
 
 
 class AgentEngine(Guarded, IAgentEngine):
@@ -169,16 +188,41 @@ class AgentEngine(Guarded, IAgentEngine):
             agent._write_by(moves)
 
     @refused_while_deciding
-    def kept(self) -> KeptAgents:
-        """All agents as they are now, for `restore`."""
+    def snapshot(self) -> AgentsSnapshot:
+        """Return all agents as they are now, for `restore`."""
         self.settle()
-        return kept(self)
+        columns = {name: list(getattr(self._columns, name)) for name in BY_ROW}
+        agents = [
+            (agent, _copied(agent.__dict__), agent.strategy, agent._sensor_list.copy(), agent._last[0])
+            for agent in self._agents.values()
+        ]
+        roster = self._columns, self._columns.roster
+        rows = {id(agent): row for row, (agent, *_) in enumerate(agents)}
+        gone = [(agent, agent._columns) for agent in self._gone if agent._columns is not self._columns]
+        return AgentsSnapshot(columns, roster, agents, gone, rows)
 
     @refused_while_deciding
-    def restore(self, before: KeptAgents) -> None:
-        """Let all agents be as they were, those that came or went since then included."""
+    def restore(self, before: AgentsSnapshot) -> None:
+        """Restore all agents: those that came since are deleted, those that went are back."""
         self.settle()
-        restore(self, before)
+        columns = self._columns
+        if before.roster == (columns, columns.roster):
+            columns.move_back(before.columns)
+        else:
+            self._restore_roster(before)
+            self._columns.write_back(before.columns)
+        for agent, attributes, strategy, sensors, last in before.agents:
+            if attributes or agent.__dict__:
+                agent.__dict__.clear()
+                agent.__dict__.update(_copied(attributes))
+            if agent.strategy is not strategy:
+                agent.strategy = strategy
+            agent._last[0] = last
+            if agent._sensor_list != sensors:
+                for name in [name for name in agent._sensor_list if name not in sensors]:
+                    agent.deregister_sensor(name)
+                for name, sensor in sensors.items():
+                    agent.register_sensor(name, sensor)
 
     @refused_while_deciding
     def put(self, agent: Member, values: dict[str, Any]) -> None:
@@ -195,6 +239,23 @@ class AgentEngine(Guarded, IAgentEngine):
         """Close the room: agents stay readable and do nothing."""
         for agent in (*self._agents.values(), *self._gone):
             agent._rest()
+
+    def _restore_roster(self, before: AgentsSnapshot) -> None:
+        """Restore which agents there are, in the same order."""
+        there = {id(agent) for agent, *_ in before.agents}
+        for agent in [agent for agent in self._agents.values() if id(agent) not in there]:
+            self.delete_agent(agent.name)
+        self.settle()
+        if [agent for agent, *_ in before.agents] != list(self._agents.values()):
+            self._columns, columns = AgentColumns(), self._columns
+            self._columns.journal, self._columns.roster = columns.journal, columns.roster
+            self._columns.moves = columns.moves + 1
+            self._agents = {}
+            for agent, *_ in before.agents:
+                agent._live_in(self._columns)
+                self._agents[agent.name] = agent
+        for agent, own in before.gone:  # they are again as they were when they were deleted
+            agent._columns, agent._row = own, 0
 
     def _equip(self, agent: Member, sensors: dict[str, ISensor]) -> None:
         """Give a new agent its sensors, or take it out again."""
@@ -292,6 +353,19 @@ def _as_type(given: Any) -> AgentType | None:
     if isinstance(given, str):
         return AgentType.__members__.get(given.upper())
     return AgentType(int(given)) if isinstance(given, Integral) and given in _CLASSES else None
+
+
+def _copied(attributes: dict[str, Any]) -> dict[str, Any]:
+    """Copy the caller's attributes; values that cannot be copied are shared."""
+    if not attributes:
+        return {}
+    copied = {}
+    for name, value in attributes.items():
+        try:
+            copied[name] = deepcopy(value)
+        except Exception:  # noqa: BLE001 - whatever a caller's object raises when it is copied
+            copied[name] = value
+    return copied
 
 
 class Living(Iterator[Member]):

@@ -11,19 +11,29 @@ from gamms.game.moves import Moves
 from gamms.typing.game import Move
 
 if TYPE_CHECKING:
-    from gamms.errors import Meddling
+    from gamms.errors import IllegalMutation
     from gamms.game.game import Game
     from gamms.game.legality import IllegalAction
     from gamms.game.result import Result
     from gamms.game.settings import Settings
     from gamms.game.snapshots import Snapshot, SnapshotError
 
-__all__ = ["Game", "IllegalAction", "Meddling", "Move", "Moves", "Result", "Settings", "Snapshot", "SnapshotError"]
+__all__ = [
+    "Game",
+    "IllegalAction",
+    "IllegalMutation",
+    "Move",
+    "Moves",
+    "Result",
+    "Settings",
+    "Snapshot",
+    "SnapshotError",
+]
 
 _HOMES = {
     "Game": "game.game",
     "IllegalAction": "game.legality",
-    "Meddling": "errors",
+    "IllegalMutation": "errors",
     "Result": "game.result",
     "Settings": "game.settings",
     "Snapshot": "game.snapshots",

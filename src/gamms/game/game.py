@@ -184,7 +184,7 @@ class Game(Settings):
         begins it again; if a rule raises after they have moved, the turn is played, without the rules that follow.
 
         Raises:
-            IllegalAction, Meddling, or whatever a strategy or rule raises: see the settings.
+            IllegalAction, IllegalMutation, or whatever a strategy or rule raises: see the settings.
         """
         with self._global_random.of(self.ctx):
             return self._take_turn()
@@ -239,7 +239,7 @@ class Game(Settings):
 
         Raises:
             BadValue: nothing could ever end this game.
-            IllegalAction, Meddling, or whatever a strategy or rule raises: see the settings.
+            IllegalAction, IllegalMutation, or whatever a strategy or rule raises: see the settings.
         """
         if self.ctx.is_terminated():
             raise ContextTerminated("ctx.game")

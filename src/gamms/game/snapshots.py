@@ -72,9 +72,9 @@ class SnapshotTaker(NamedTuple):
         ctx, state = self.ctx, self.state
         parts = {
             "turns": self.turns.snapshot(),  # first: it brings the counts up to date
-            "agents": ctx.agent.kept(),
-            "world": ctx.graph.kept(),
-            "sensors": ctx.sensor.kept(),
+            "agents": ctx.agent.snapshot(),
+            "world": ctx.graph.snapshot(),
+            "sensors": ctx.sensor.snapshot(),
             "settings": self.settings.settings(),
             "rules": self.rules.rules,
             "collectors": self.collectors.snapshot(),

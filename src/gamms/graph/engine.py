@@ -32,7 +32,7 @@ if TYPE_CHECKING:
 _SIGHT_BYTES = 256 << 20
 
 
-class KeptWorld(NamedTuple):
+class WorldSnapshot(NamedTuple):
     """Graph and obstacles at one moment."""
 
     columns: GraphColumns
@@ -287,10 +287,10 @@ class GraphEngine(Guarded, IGraphEngine):
         self._put(file.decode(data))
 
     @refused_while_deciding
-    def kept(self) -> "KeptWorld":
+    def snapshot(self) -> "WorldSnapshot":
         """Graph and obstacles as they are now, for `restore`."""
         attribution = self.graph.attribution
-        return KeptWorld(
+        return WorldSnapshot(
             self.columns(),
             self.obstacle_columns(),
             attribution,
@@ -301,7 +301,7 @@ class GraphEngine(Guarded, IGraphEngine):
         )
 
     @refused_while_deciding
-    def restore(self, before: "KeptWorld") -> None:
+    def restore(self, before: "WorldSnapshot") -> None:
         """Let graph and obstacles be as they were; what has not changed is left alone, its indexes too."""
         if self.graph.revision not in (before.revision, self._restored.get(before.revision)):
             self.graph.replace(before.columns)

@@ -61,7 +61,7 @@ class Building:
         Raises:
             ScenarioError: something cannot be done as it is written.
         """
-        map = self.ctx.graph.kept()
+        map = self.ctx.graph.snapshot()
         nodes = place(self.ctx, self.spec, self.members)
         for member in self.members:
             self._agents[member.name] = self._add_agent(member, nodes[member.name])

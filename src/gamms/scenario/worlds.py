@@ -77,7 +77,7 @@ def load(map: Map, folder: Path | None, library: Library) -> Any:
             _generate(ctx, Code(function=given) if isinstance(given, str) else given, library)
         if not len(ctx.graph.graph):
             raise ScenarioError(f"map.{kind}", "this map has no nodes.")
-        return ctx.graph.kept()
+        return ctx.graph.snapshot()
 
 
 def put(ctx: Context, world: Any) -> None:

@@ -138,7 +138,7 @@ class SensorEngine(Guarded, ISensorEngine):
         return self.create_sensor(described["id"], kind, **described["keywords"])
 
     @refused_while_deciding
-    def kept(self) -> SensorsSnapshot:
+    def snapshot(self) -> SensorsSnapshot:
         """Return the sensors there are, how they are set and what they have sensed, for `restore`."""
         settings = self._settings()
         return SensorsSnapshot(settings, [sensed() for sensed, _ in settings.memories])

@@ -4,7 +4,7 @@ from collections.abc import Callable
 from copy import deepcopy
 from typing import Any
 
-from gamms.game import Meddling
+from gamms.game import IllegalMutation
 from gamms.readonly import ReadOnly
 from gamms.testing.games import Play
 
@@ -58,7 +58,7 @@ class _Watched:
         self._actions = []
         try:
             result = self._ctx.game.run(turns)
-        except Meddling as error:
+        except IllegalMutation as error:
             raise AssertionError(str(error)) from error
         name = self._agent.name
         for wrong in result.errors:
