@@ -193,8 +193,7 @@ def test_a_map_of_nodes_only_has_no_streets(server, tmp_path):
 
 PLACES = {  # nonsense in the shape of a place
     "no importance": lambda data: data[0].pop("importance"),
-    "no box": lambda data: data[0].pop("boundingbox"),
-    "no position": lambda data: data[0].pop("lat"),
+    "an importance that is no number": lambda data: data[0].update(importance="great"),
     "no type": lambda data: data[0]["geojson"].pop("type"),
     "no coordinates": lambda data: data[0]["geojson"].pop("coordinates"),
     "too few coordinates": lambda data: data[0]["geojson"].update(coordinates=[[[24, 60], [25, 61]]]),

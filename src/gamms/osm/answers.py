@@ -4,7 +4,7 @@ The functions return the fault in words, and nothing where there is none.
 """
 
 import math
-from collections.abc import Iterable, Iterator
+from collections.abc import Iterator
 from itertools import chain
 from typing import Any
 
@@ -51,19 +51,18 @@ def _fault_of_elements(answer: Any) -> str:
 
 
 def _fault_of_place(place: dict[str, Any]) -> str:
-    if not _are_numbers([place.get("importance")]):
-        return "a place has no importance"
+    try:
+        is_ranked = math.isfinite(float(place["importance"]))  # Nominatim may write numbers as text
+    except (KeyError, TypeError, ValueError):
+        is_ranked = False
     shape = place.get("geojson")
-    if shape is None:
-        return ""
-    if not isinstance(shape, dict) or not isinstance(shape.get("type"), str):
+    if not is_ranked:
+        return "a place has no importance"
+    if shape is not None and (not isinstance(shape, dict) or not isinstance(shape.get("type"), str)):
         return "a place has a geometry without a type"
-    if shape["type"] not in _POLYGONS:
+    if shape is None or shape["type"] not in _POLYGONS or _is_outline(shape.get("coordinates"), shape["type"]):
         return ""
-    box = place.get("boundingbox")
-    if not isinstance(box, list) or len(box) != 4 or not _are_numbers((*box, place.get("lat"), place.get("lon"))):
-        return "a place has no position or no bounding box"
-    return "" if _is_outline(shape.get("coordinates"), shape["type"]) else "a place has a boundary that is no polygon"
+    return "a place has a boundary that is no polygon"
 
 
 def _is_outline(coordinates: Any, kind: str) -> bool:
@@ -121,11 +120,3 @@ def _is_id(value: Any) -> bool:
 
 def _is_number(value: Any) -> bool:
     return isinstance(value, (int, float)) and not isinstance(value, bool) and math.isfinite(value)
-
-
-def _are_numbers(values: Iterable[Any]) -> bool:
-    """Nominatim writes numbers as text."""
-    try:
-        return all(math.isfinite(float(value)) for value in values)
-    except (TypeError, ValueError):
-        return False

@@ -73,16 +73,7 @@ def obstacle_from_file(
     return _records(faces_of(footprints_of(outlines), outlines.about, to_metres, *tolerances))
 
 
-def obstacle_from_xml(
-    filepath: str | os.PathLike[str],
-    tags: TagFilter = OSM_OBSTACLE_TAGS,
-    height_estimates: HeightEstimates | None = None,
-    min_tolerance: float = 0.5,
-    relative_tolerance: float = 0.01,
-    crs: Any = None,
-) -> Iterator[Record]:
-    """The same as `obstacle_from_file`, under the name that 1.0.0 gave it."""
-    return obstacle_from_file(filepath, tags, height_estimates, min_tolerance, relative_tolerance, crs)
+obstacle_from_xml = obstacle_from_file  # the name that 1.0.0 gave it
 
 
 def obstacle_from_osm(
