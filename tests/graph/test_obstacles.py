@@ -278,3 +278,19 @@ def test_a_hundred_thousand_faces_are_added_asked_for_and_removed_one_by_one(ctx
     for id in ctx.graph.get_obstacle_faces():
         ctx.graph.remove_obstacle_face(id)
     assert time.perf_counter() - start < 10.0  # takes half a second; with boxes made anew after each change, minutes
+
+
+def test_faces_added_one_by_one_are_those_added_at_once_whatever_comes_between():
+    one_by_one, at_once = Obstacles(), Obstacles()
+    faces = [
+        checked_face(n, (n, 1.0, 3.0), (n + 1.0, 1.0, 3.0), (n, 1.0, 0.0), (n + 1.0, 1.0, 0.0), 1) for n in range(40)
+    ]
+    for face in faces:
+        one_by_one.add(face)
+        if face.id % 7 == 0:
+            one_by_one.remove(face.id)
+        if face.id % 5 == 0:
+            assert face.id % 7 == 0 or face.id in one_by_one.near(0.5, face.id, 1.0)
+    at_once.replace([face for face in faces if face.id % 7])
+    assert list(one_by_one) == list(at_once)
+    assert all(map(np.array_equal, one_by_one.columns(), at_once.columns()))
