@@ -28,11 +28,10 @@ from gamms.visual.legend import blocks_of
 from gamms.visual.picture import size
 from gamms.visual.scene import Scene
 from gamms.visual.tiles import FrameBudget
-from gamms.visual.window.asking import Question, Walk, question
 from gamms.visual.window.camera import is_near
 from gamms.visual.window.display import close_window, open_window, window_surface
 from gamms.visual.window.hud import HudLines, theme_called
-from gamms.visual.window.input import Handlers, Input
+from gamms.visual.window.input import Handlers, Input, Question, Walk, question
 from gamms.visual.window.overlay import Overlay
 from gamms.visual.window.pacing import Pace
 
