@@ -509,7 +509,7 @@ class Game(Settings):
             first = errors[0]
             self.ctx.logger.warning(
                 f"Strategies erred ({kinds}), that of agent {first['agent']!r} first, in turn {first['turn']}: "
-                f"{printable_line(first['message']):.200}. See result.errors."
+                f"{printable_line(first['message']).rstrip('.'):.200}. See result.errors."
             )
 
     @contextmanager
