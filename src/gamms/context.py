@@ -206,15 +206,15 @@ class Context(Guarded, IContext):
         return self._rng
 
     @refused_while_deciding
-    def reseed(self, seed: int, chance: Any = None) -> None:
-        """Let every stream follow from another seed; `chance` is where `rng` goes on, as `chance()` told it."""
+    def reseed(self, seed: int, rng_state: Any = None) -> None:
+        """Let every stream follow from another seed; `rng` continues from `rng_state`, as `rng_state()` gave it."""
         self._seed, self.is_seeded, self._rng = as_int(seed, "seed"), True, None
-        self.graph.forget_chance()
-        if chance is not None:
-            self.rng.bit_generator.state = chance
+        self.graph.restart_stream()
+        if rng_state is not None:
+            self.rng.bit_generator.state = rng_state
 
-    def chance(self) -> Any:
-        """Where `rng` stands; None while nobody has asked for it."""
+    def rng_state(self) -> Any:
+        """Return the state of `rng`; None before its first use."""
         return None if self._rng is None else self._rng.bit_generator.state
 
     def stream(self, *names: str | int) -> "Generator":

@@ -85,16 +85,17 @@ _NOT_CALLED = frozenset((
     # they end, restart or play the game, wait for a person, or need a network
     "terminate", "close", "simulate", "human_input", "stay_open", "run", "step", "reset", "set_alive", "update", "play",
     # what engines say to each other
-    "after_reset", "after_turn", "agent_engine", "begin_anew", "begin_from_here", "chance",
-    "columns", "copy", "described", "forget_chance", "forget_streams", "graph_engine", "internal_context", "is_copying",
-    "kept", "length_of", "make", "memory", "memory_of", "motion", "moves", "noted", "notice", "of_map", "packed",
-    "packed_part", "places_of", "pointed", "propose_artist", "publish_anew", "put", "recorder", "renumber", "reseed",
-    "restore", "restore_rules", "roll", "seating", "sensor_engine", "settle", "show", "sights", "standing", "strategy",
-    "after_observing", "began", "counts", "ctx", "errors", "events", "scenario", "team_memories", "timings",
-    "take_over", "tell_anew", "tracks", "unpack", "visual_engine", "withdraw_artist", "write_by", "place_of", "clear",
+    "after_reset", "after_turn", "agent_engine",
+    "columns", "copy", "described", "graph_engine", "internal_context", "is_copying",
+    "kept", "make", "memory", "motion", "moves", "noted", "notice", "of_map", "packed",
+    "packed_part", "places_of", "pointed", "propose_artist", "put", "recorder", "renumber", "reseed",
+    "restore", "restore_rules", "roll", "sensor_engine", "settle", "show", "sights", "standing", "strategy",
+    "after_observing", "counts", "ctx", "errors", "events", "scenario", "team_memories", "timings",
+    "tell_anew", "tracks", "unpack", "visual_engine", "withdraw_artist", "write_by", "place_of", "clear",
     "film", "look", "followed", "declarations",
     "shown_artists", "turn_seconds", "width", "height", "viewpoint", "stream_of", "plain_settings", "configure",
-    "ctx.graph.graph.replace", "visibility_table", "neighborhoods", "rng_of",
+    "ctx.graph.graph.replace", "visibility_table", "neighborhoods",
+    "is_playing", "restart_stream", "rng_state", "snapshot", "state",
 ))
 # fmt: on
 _FUNCTIONS: list[Callable[..., Any]] = [

@@ -508,7 +508,7 @@ def test_rules_and_other_contexts_are_free(grid):
 # -- that nothing is forgotten -----------------------------------------------------------------------------------------
 
 READERS = {
-    "Context": "chance is_terminated stream",
+    "Context": "is_terminated rng_state stream",
     "Game": "plain_settings result settings start_node tracks",
     "AgentEngine": "create_iter get_agent roll settle standing",
     "Agent": "",

@@ -105,7 +105,7 @@ def public(ctx):
             "teams": {team: memory for team, memory in game.team_memories.items() if memory},
             "visual": ctx.visual.described(),
             "camera": [ctx.visual.look, ctx.visual.followed, ctx.visual.width, len(ctx.visual.after_turn)],
-            "seed": [ctx.seed, ctx.chance()],
+            "seed": [ctx.seed, ctx.rng_state()],
             "context": [ctx.is_terminated(), ctx.record.is_open, ctx.record.record(), id(ctx.logger)],
         }
     )

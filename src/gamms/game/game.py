@@ -78,7 +78,6 @@ class Game(Settings):
         self.after_reset = []
         self.after_observing = []
         self.scenario = None
-        self._is_stepping = False
         self._is_closed = True
 
     @property
@@ -196,18 +195,18 @@ class Game(Settings):
             self._begin()
         self._ruleset.warn_of_unknown_teams()
         self._global_random.begin_turn()
-        self._is_stepping = True
+        self._turns.is_playing = True
         try:
             self._step()
         finally:
-            self._is_stepping = False
+            self._turns.is_playing = False
         return not self.is_over
 
     def _begin(self) -> None:
         """Take the snapshot to which `reset` returns."""
         state, snapshot = self._state, self._snapshots.take()
-        seeds = (self.ctx.seed, self.ctx.chance()) if state.start is None else state.start.first_seed
-        state.start, state.has_begun = Start(snapshot, self.ctx.chance(), seeds), True
+        seeds = (self.ctx.seed, self.ctx.rng_state()) if state.start is None else state.start.first_seed
+        state.start, state.has_begun = Start(snapshot, self.ctx.rng_state(), seeds), True
         state.players.update(self.ctx.agent.agents)
 
     def _step(self) -> None:
@@ -286,7 +285,7 @@ class Game(Settings):
     @refused_while_deciding
     def close(self) -> None:
         """End the game, because its context ends, if that is in the middle of a turn which is not the last one."""
-        if self._is_stepping and not self.is_over and not self._is_time_up:
+        if self._turns.is_playing and not self.is_over and not self._is_time_up:
             self._state.over = {"reason": "closed", "winner": None, "truncated": True}
 
     @refused_while_deciding
@@ -458,7 +457,7 @@ class Game(Settings):
     def _refuse_in_turn(self, deed: str) -> None:
         if self.ctx.is_terminated():
             raise ContextTerminated("ctx.game")
-        if self._is_stepping:
+        if self._turns.is_playing:
             raise SnapshotError(f"A snapshot cannot be {deed} in the middle of a turn: do it between two turns.")
 
     def _reseed(self, seed: int) -> None:
@@ -472,7 +471,7 @@ class Game(Settings):
         if self.draw_start is None:
             self._reseed(seed)
             return
-        last, chance = self.ctx.seed, self.ctx.chance()
+        last, chance = self.ctx.seed, self.ctx.rng_state()
         self.ctx.reseed(seed)
         self._restart_streams()
         try:

@@ -82,7 +82,7 @@ class SnapshotTaker(NamedTuple):
             "errors": state.error_history.mark(state.errors),
             "global_random": self.global_random.snapshot(),
             "is_seeded": ctx.is_seeded,
-            "rng": ctx.chance(),
+            "rng": ctx.rng_state(),
         }
         return Snapshot(state.turn, ctx.seed, state, {name: copy(getattr(state, name)) for name, copy in _PARTS}, parts)
 

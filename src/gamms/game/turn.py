@@ -36,6 +36,7 @@ class TurnEngine:
 
     Attributes:
         is_deciding: whether agents observe and decide right now.
+        is_playing: whether a turn is under way, rules included.
     """
 
     def __init__(self, ctx: Any, settings: Settings, state: GameState, phase: DecidePhase) -> None:
@@ -44,7 +45,7 @@ class TurnEngine:
         self._facts = ReadOnlyMapping(state.facts)
         self._order: TurnOrder | None = None
         self._order_key: tuple[Any, ...] = ()
-        self.is_deciding = False
+        self.is_deciding = self.is_playing = False
 
     def order(self) -> "TurnOrder":
         """Return the living agents, as they are asked in a turn."""
@@ -52,12 +53,13 @@ class TurnEngine:
             return self._order  # nothing changes while agents decide
         agents, state = self._ctx.agent, self._state
         agents.settle()
-        key = (agents.columns, agents.columns.roster, self._settings.legal, state.stream_version)
+        columns = agents.columns
+        key = (columns, columns.roster, self._settings.legal, state.stream_version)
         if self._order is None or self._order_key != key:
             self.update_counts()
             living = [agent for agent in agents.agents.values() if agent.alive]
             slots = [self._slot(agent) for agent in sorted(living, key=lambda agent: agent.name)]
-            self._order, self._order_key = TurnOrder(slots, agents.columns.progress), key
+            self._order, self._order_key = TurnOrder(slots, columns.progress), key
             state.players.update((slot.name, slot.agent) for slot in slots)
         return self._order
 

@@ -419,8 +419,8 @@ class GraphEngine(Guarded, IGraphEngine):
         return self.graph.place(n, near, radius, apart, rng)
 
     @refused_while_deciding
-    def forget_chance(self) -> None:
-        """Let the stream that `place` draws from begin anew."""
+    def restart_stream(self) -> None:
+        """Restart the random stream that `place` draws from."""
         self._place_stream = None
 
     def to_networkx(self) -> "nx.MultiDiGraph[int] | nx.DiGraph[int]":

@@ -32,7 +32,7 @@ def captured(ctx: Any) -> dict[str, Any]:
         "turn": game.turn,
         "memories": _memories(game),
         "team_memories": list(_team_memories(game).items()),
-        "chance": plain(ctx.chance()),
+        "chance": plain(ctx.rng_state()),
     }
 
 
@@ -212,7 +212,7 @@ class GameWatch:
         self._memories = {name: Kept(memory) for name, memory in ctx.game.memories.items() if memory}
         self._team_memories = {team: Kept(memory) for team, memory in ctx.game.team_memories.items() if memory}
         self._facts = ctx.game.facts.copy()
-        self._chance = plain(ctx.chance())
+        self._chance = plain(ctx.rng_state())
         self._turn, self.pace = self._state.turn, 0
         self._places = _places(ctx)
 
@@ -249,7 +249,7 @@ class GameWatch:
         has_memories = memories and any(memories.values())
         if has_memories or team_memories or self._memories or self._team_memories:
             log += self._new_memories()
-        if (chance := self._ctx.chance()) is not None and not is_same(chance, self._chance):
+        if (chance := self._ctx.rng_state()) is not None and not is_same(chance, self._chance):
             self._chance = plain(chance)
             log.append((kinds.GAME_CHANCE, {"chance": self._chance}))
 
