@@ -484,7 +484,7 @@ def test_what_does_not_fit_is_refused(recording):
         recording.resume(21)
     with pytest.raises(UnknownName, match="red"):
         recording.resume(3, {"rde": random_walk})
-    with pytest.raises(BadType, match="mapping from teams or agents"):
+    with pytest.raises(BadType, match="strategies must be a dict"):
         recording.resume(3, random_walk)
     with pytest.raises(BadType, match="A strategy must be a function"):
         recording.resume(3, {"red": 5})

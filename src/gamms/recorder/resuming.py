@@ -6,7 +6,7 @@ from logging import CRITICAL, getLogger
 from typing import TYPE_CHECKING, Any, NamedTuple
 
 from gamms.arguments import as_int
-from gamms.errors import BadFile, BadType, BadValue, UnknownName
+from gamms.errors import BadFile, BadValue, UnknownName
 from gamms.ir import journal as kinds
 from gamms.recorder import game_state, sensed, state
 from gamms.recorder.errors import UNFIT, RecordingError
@@ -129,14 +129,12 @@ def resume(ctx: Any, reader: "Reader", turn: int, fold: "Fold", maps: Maps, *, i
 
 
 def register(ctx: Any, strategies: Strategies) -> None:
-    """Let agents play by these strategies.
+    """Give agents these strategies.
 
     Raises:
-        BadType: this is no mapping, or one is no function.
+        BadType: a strategy is not a function.
         UnknownName (KeyError): there is no such agent or team.
     """
-    if not isinstance(strategies, Mapping):
-        raise BadType(f"strategies must be a mapping from teams or agents to strategies, not {shown(strategies)}.")
     agents, teams = ctx.agent.agents, ctx.agent.teams
     for name in strategies:
         if name not in agents and name not in teams:
