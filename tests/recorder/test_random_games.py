@@ -4,7 +4,7 @@ import io
 from contextlib import suppress
 
 from games import CORNERS, act, copied, empty_context, everything, grid_context, recorded, replayed
-from hypothesis import given, settings
+from hypothesis import example, given, settings
 from hypothesis import strategies as st
 
 from gamms.recorder import Reader, RecordingError
@@ -254,7 +254,11 @@ def replayed_into(data, ctx, programme, upon):
         programme()
 
 
+FLYER_ON_A_CHANGED_MAP = [("flyer", "d", 0, None, None, None), ("edge", 0, 0), ("data", "", None), ("reset", 0)]
+
+
 @EXAMPLES
+@example([], FLYER_ON_A_CHANGED_MAP, [], 0)
 @given(programmes, programmes, programmes, st.integers(0, 30))
 def test_a_recording_that_begins_in_the_middle_of_a_replay_comes_to_the_same(before, after, more, upon):
     data = game_of(before, after)[0]

@@ -186,7 +186,7 @@ class Session:
 
     def tell_anew(self) -> None:
         """Say how things are now, which a replay has set."""
-        self._tell_changes()
+        self._tell_changes(is_set_next=True)
         self._hush()
         self._set(self._journal.living)
 
@@ -329,8 +329,12 @@ class Session:
             self._sink.add(waiting)
             del self._logs[: len(waiting)]  # others may have joined, behind them
 
-    def _tell_changes(self) -> None:
-        """Write down what nobody notes: a change of the map, before who stands on it, and what the game has come to."""
+    def _tell_changes(self, *, is_set_next: bool = False) -> None:
+        """Record what no journal notes: a change of the map, before who stands on it, and what the game has come to.
+
+        Args:
+            is_set_next: whether a snapshot follows, which says where the flyers are that a replay has just set.
+        """
         # NOTE: asked in every turn, which with ten agents takes 10 us, so most of the time nothing is made here
         # (benchmarks/README.md, w4).
         log = self._journal.log
@@ -339,7 +343,7 @@ class Session:
             changes = (self._world_changes() if has_changed else []) + self._new_sensors()
             log[self._front : self._front] = changes
             self._front += len(changes)
-            above = state.above(self.ctx) if has_changed else None
+            above = state.above(self.ctx) if has_changed and not is_set_next else None
             if above is not None:
                 log.append((kinds.FLYERS_ABOVE, above))
         if getattr(self._visual, "declarations", 0) != self._declarations:
