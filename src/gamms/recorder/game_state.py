@@ -231,20 +231,22 @@ class GameWatch:
 
     def tell(self, log: Log) -> None:
         """Add the events that say what else has changed."""
+        # NOTE: most games have no scores, facts or data, and are asked in every turn (benchmarks/README.md, w4).
         game = self._state
         events, scores, data, over, facts = game.events, game.scores, game.data, game.over, game.facts
         memories, team_memories = game.memories, game.team_memories
         if len(events) != self._events:
             log += [(kinds.GAME_EVENT, plain(event)) for event in events[self._events :]]
             self._events = len(events)
-        if _is_other(scores, self._scores):
+        if (scores or self._scores) and _is_other(scores, self._scores):
             self._scores = plain(scores)
             log.append((kinds.GAME_SCORES, {"scores": list(self._scores.items())}))
         if (data or self._data.values) and (found := self._data.changes(data)) is not None:
             log.append((kinds.GAME_DATA, found))
         if over is not None or self._over is not None:
             log += self._new_end(over)
-        if facts.keys() != self._facts.keys() or any(map(is_not, facts.values(), self._facts.values())):
+        known = self._facts
+        if (facts or known) and (facts.keys() != known.keys() or any(map(is_not, facts.values(), known.values()))):
             log += self._new_facts(dict(facts))
         has_memories = memories and any(memories.values())
         if has_memories or team_memories or self._memories or self._team_memories:

@@ -53,7 +53,7 @@ class Session:
     def __init__(self, ctx: Any, *, with_sensed: bool = False) -> None:
         self.ctx = ctx
         self._with_sensed = with_sensed
-        self._room, self._visual, self._agents = ctx.graph, ctx.visual, ctx.agent
+        self._room, self._visual = ctx.graph, ctx.visual
         self._all_sensors = ctx.sensor.sensors
         self._sink: Sink = None
         self._has_begun = False  # for good: until the first turn is over, a map may be loaded
@@ -225,8 +225,9 @@ class Session:
     def _listen(self) -> None:
         agents = self.ctx.agent
         agents.settle()
-        self._journal = agents.columns.journal = PlainJournal(agents.columns.names, self._left_out)
-        agents.write_by(agents.moves.plain().journaled(agents.columns))
+        self._columns = columns = agents.columns
+        self._journal = columns.journal = PlainJournal(columns.names, self._left_out)
+        agents.write_by(agents.moves.plain().journaled(columns))
         self.ctx.visual.after_turn.append(self.end_turn)
         self.ctx.game.after_reset.append(self.begin_anew)
         if self._with_sensed:
@@ -348,7 +349,7 @@ class Session:
                 log.append((kinds.FLYERS_ABOVE, above))
         if getattr(self._visual, "declarations", 0) != self._declarations:
             log += self._visual_changes()
-        if self._agents.columns.progressed:
+        if self._columns.progressed:
             log += self._new_progress()
         self._strategies.tell(log)
         self._game.tell(log)
