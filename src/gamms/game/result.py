@@ -139,7 +139,7 @@ class Collectors:
             raise BadType(f"Collector {shown(name)} needs a function, not {shown(fn)}.")
         if every < 1:
             raise BadValue(f"every must be at least 1, not {every}.")
-        if per not in ("game", "agent"):
+        if not isinstance(per, str) or per not in ("game", "agent"):
             raise BadValue(f"per must be 'game' or 'agent', not {shown(per)}.")
         names = ("turn", "value") if per == "game" else ("turn", "agent", "value")
         columns: dict[str, list[Any]] = {column: [] for column in names}

@@ -184,7 +184,7 @@ class Artists(Guarded):
     def set_sensor_visual(self, name: str, **kwargs: Any) -> Artist:
         """Declare how a sensor's last view looks: `color`, `size`, or `node_color`, `edge_color`; `layer`."""
         artist = self._made("sensor", {**kwargs, "name": name}, kwargs.get("layer", Layer.SENSORS))
-        return self._declare(f"sensor_{name}", artist)
+        return self._declare(f"sensor_{as_name(name, 'a sensor')}", artist)
 
     @refused_while_deciding
     def set_values(
