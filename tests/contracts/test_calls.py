@@ -51,7 +51,7 @@ REFUSED = {
     "an artist": (TypeError, lambda ctx: ctx.visual.artist([])),
     "an artist to remove": (TypeError, lambda ctx: ctx.visual.remove_artist({})),
     "a sensor to draw": (TypeError, lambda ctx: ctx.visual.set_sensor_visual(HUGE)),
-    "what is collected per": (ValueError, lambda ctx: ctx.game.collect("x", print, per=MANY)),
+    "what is collected per": (TypeError, lambda ctx: ctx.game.collect("x", print, per=MANY)),
     "a share": (TypeError, lambda ctx: ctx.visual.position_of("ann", share="x")),
     "a title": (TypeError, lambda ctx: ctx.visual.picture(".svg", title=HUGE)),
     "a note": (TypeError, lambda ctx: ctx.visual.picture(".svg", note=MANY)),

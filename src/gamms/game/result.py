@@ -10,7 +10,7 @@ from typing import Any, NamedTuple
 
 import numpy as np
 
-from gamms.arguments import as_key, as_path
+from gamms.arguments import as_key, as_path, as_text
 from gamms.errors import BadType, BadValue, Duplicate, MissingFolder, UnknownName
 from gamms.folders import write_whole
 from gamms.ir.game_state import LogHistory, LogPoint
@@ -139,7 +139,7 @@ class Collectors:
             raise BadType(f"Collector {shown(name)} needs a function, not {shown(fn)}.")
         if every < 1:
             raise BadValue(f"every must be at least 1, not {every}.")
-        if not isinstance(per, str) or per not in ("game", "agent"):
+        if as_text(per, "per") not in ("game", "agent"):
             raise BadValue(f"per must be 'game' or 'agent', not {shown(per)}.")
         names = ("turn", "value") if per == "game" else ("turn", "agent", "value")
         columns: dict[str, list[Any]] = {column: [] for column in names}

@@ -80,7 +80,7 @@ class Views:
         if self._words + words > _MOST_WORDS:
             self._forget(self._revision)
         self._words += words
-        self._seen.setdefault(kind, {})[place] = seen
+        self._seen.setdefault(kind, {})[place if isinstance(place, tuple) else int(place)] = seen
         return seen
 
 
