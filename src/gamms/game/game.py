@@ -97,7 +97,7 @@ class Game(Settings):
         """Add a rule that is applied in every turn; also a decorator, with or without keywords.
 
         A rule may have three attributes: `prepare(ctx)` is called at once, to look at the map and to publish facts;
-        `teams` are those that it names, and one that nobody plays for is warned about at the next turn;
+        `teams` are those that it names, and one without agents is warned about at the next turn;
         `drawer(ctx, data)` draws it, as an artist called `drawer.artist` unless there is one of that name, and on layer
         `drawer.layer` (12).
 

@@ -138,7 +138,7 @@ class Moves(IMoves):
             self.turn(columns, row, action["orientation"])
 
     def _survey(self, columns: AgentColumns) -> None:
-        """Let every flyer's node be worked out anew if the graph has changed."""
+        """Mark the nodes below all flyers as out of date if the graph has changed."""
         revision = self._graph.revision
         if revision is None or revision != columns.surveyed:
             columns.adrift.update(columns.flying)

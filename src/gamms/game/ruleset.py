@@ -91,7 +91,7 @@ class RuleSet:
             seen = (*seen, *rules)
 
     def warn_of_unknown_teams(self) -> None:
-        """Warn about the teams that rules name and nobody plays for, once for each new rule."""
+        """Warn about the teams that rules name and no agent plays for, once for each new rule."""
         for named in [one for one in self._unchecked if one in self.rules]:
             teams = self._ctx.agent.teams
             for team in getattr(named.rule, "teams", ()):

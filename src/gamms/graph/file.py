@@ -155,7 +155,7 @@ def _unpack_all(
             raise BadFile(f"column {name!r} has an impossible size")
         raw = dtype.itemsize * prod(shape)
         if not raw and ":" in name:
-            raise BadFile(f"the column {name!r} is empty")  # an attribute that nobody has is not written
+            raise BadFile(f"the column {name!r} is empty")  # an attribute without values is not written
         allowance.charge(raw)
         blob = data[position : position + size]
         if len(blob) < size or zlib.crc32(blob) != crc:

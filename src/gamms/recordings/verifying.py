@@ -98,7 +98,7 @@ def _packed(value: Any) -> bytes:
 
 
 class _Whole(io.BytesIO):
-    """Bytes that nobody reads before the recording is finished, so that no turn has to be there at its end."""
+    """Bytes that no reader needs before the recording is finished, so that no turn has to be there at its end."""
 
     def seekable(self) -> bool:
         """Not while it is written."""

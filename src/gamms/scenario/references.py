@@ -221,7 +221,7 @@ def _owner(found: Found, sources: Sources) -> str:
     """The installed package, or the part of it, whose functions may be named.
 
     Raises:
-        ScenarioError: it is not installed, or nobody has said that it may be named.
+        ScenarioError: it is not installed, or was not allowed to be named.
     """
     dotted, top, path = found.module, found.module.partition(".")[0], found.path
     if top in _REFUSED:

@@ -63,7 +63,7 @@ class Sensor(Guarded, ISensor):
 
     def __init__(self, ctx: IContext, sensor_id: str, sensor_type: SensorType) -> None:
         self._phase: DecidePhase = phase_of(ctx)
-        self._last: list[Any] = [None, None]  # `data`, and whence and whither the last look was
+        self._last: list[Any] = [None, None]  # `data`; the place, range and heading of the last look
         self.ctx = ctx
         self.sensor_id = sensor_id
         self.type = sensor_type
@@ -192,7 +192,7 @@ class GroundSensor(Sensor):
         return (x * cos - y * sin, x * sin + y * cos)
 
     def set_owner(self, owner: str | None) -> None:
-        """Name the agent that carries the sensor, or nobody: then it has no place where it looked last."""
+        """Name the agent that carries the sensor; None for no agent, which also clears the last look."""
         super().set_owner(owner)
         if owner is None:
             self._last[1] = None
@@ -209,7 +209,7 @@ class GroundSensor(Sensor):
     @of_data
     def outline(self) -> FloatArray:
         """Corners (corners, 2) of the field of view of the last look; none where it had no end."""
-        looked: tuple[Place, float, float, Heading] | None = self._last[1]  # whence, how far, how wide, whither
+        looked: tuple[Place, float, float, Heading] | None = self._last[1]  # place, range, fov, heading
         if looked is None:
             return np.zeros((0, 2))
         place, radius, fov, heading = looked

@@ -51,7 +51,7 @@ class Cursor:
         raise BadFile("a number is too long")
 
     def finish(self) -> None:
-        """Refuse bytes that nobody read, unless they are zeros (see `blocks.padded`)."""
+        """Refuse bytes that were not read, unless they are zeros (see `blocks.padded`)."""
         rest = self.data[self.at :]
         if rest.count(0) != len(rest):
             raise BadFile(f"{len(rest)} bytes are left over")

@@ -63,7 +63,7 @@ def texts_of(stems: Any, which: "np.ndarray[Any, Any]", numbers: "np.ndarray[Any
     """The texts again.
 
     Raises:
-        BadFile: nobody wrote this.
+        BadFile: no writer makes this.
     """
     is_whole = which.dtype == np.uint8 and numbers.dtype == np.int64 and which.shape == numbers.shape == (len(which),)
     if not is_whole or not _are_stems(stems):

@@ -72,7 +72,7 @@ def from_bytes(data: bytes) -> Any:
     """The value that was written, where it is all that a file has.
 
     Raises:
-        BadFile: nobody wrote this.
+        BadFile: no writer makes this.
     """
     return Decoder(Allowance(len(data), "A value")).value(data)
 
@@ -96,7 +96,7 @@ class Decoder:
         """The value that was written, the only one at its place in the file.
 
         Raises:
-            BadFile: nobody wrote this.
+            BadFile: no writer makes this.
         """
         return Values(data, np.array([0, len(data)]), self, place)[0]
 
@@ -108,7 +108,7 @@ class Decoder:
         """The form of a value that was not read yet.
 
         Raises:
-            BadFile: nobody wrote this, or the file has too much of it.
+            BadFile: no writer makes this, or the file has too much of it.
         """
         has_marks, keys, cost = _check(data, self.allowance)
         self.allowance.charge(cost)
@@ -118,7 +118,7 @@ class Decoder:
         """A value that was checked.
 
         Raises:
-            BadFile: nobody wrote this.
+            BadFile: no writer makes this.
         """
         cbor2 = _cbor2()
         try:
@@ -150,7 +150,7 @@ class Values:
         """One of them.
 
         Raises:
-            BadFile: nobody wrote this.
+            BadFile: no writer makes this.
         """
         data = self._data[self._ends[number] : self._ends[number + 1]]
         form = self._forms[number]
