@@ -1,4 +1,4 @@
-"""The house rules, as tests: a broken rule names the file and the fix."""
+"""The structural rules, as tests: a broken rule names the file and the fix."""
 
 import ast
 import re
@@ -10,6 +10,9 @@ from types import ModuleType
 import pytest
 
 import gamms
+
+sys.path.insert(0, str(Path(__file__).parent.parent / "scripts"))
+import draw_architecture
 
 SRC = Path(gamms.__file__).parent
 MODULES = sorted(SRC.rglob("*.py"))
@@ -39,51 +42,24 @@ HEAVY = [
     "av",
 ]
 
-# Floors from the ground up; what stands on one floor does not see its neighbours.
-FLOORS = [
-    {"text"},
-    {"errors"},
-    {"plugins", "arguments", "folders", "progress", "limits", "readonly"},
-    {"deciding"},
-    {"ir"},
-    {"kernels"},
-    {"typing"},
-    {"agent", "game", "graph", "memory", "osm", "recorder", "sensor", "visual"},
-    {"context"},
-    {"recordings", "rules", "scenario", "strategies", "testing"},
-    {"demo", "rendering"},
-    {"cli_output"},
-    {"cli_recordings", "cli_render"},
-    {"cli"},
-]
-OUTSIDE = {"", "_legacy", "__main__"}  # the front door, and the table of old paths, which knows every room
-GUESTS = {
-    "demo",
-    "recordings",
-    "rendering",
-    "rules",
-    "scenario",
-    "strategies",
-    "testing",
-    "cli",
-    "cli_output",
-    "cli_recordings",
-    "cli_render",
-}  # they use a context as any user would
-LEVEL = {room: level for level, rooms in enumerate(FLOORS) for room in rooms}
+# The layers from the top, as pyproject.toml gives them to import-linter.
+LAYERS = draw_architecture.layers()
+OUTSIDE = {"", "_legacy", "__main__"}  # the package root, and the table of old paths, which names every package
+CLIENTS = {name for row in LAYERS[: LAYERS.index(["context"])] for name in row}  # they use a context as users do
+LEVEL = {package: -row for row, packages in enumerate(LAYERS) for package in packages}
 
 
 def shown(path):
     return str(path.relative_to(SRC))
 
 
-def room_of(path):
+def package_of(path):
     parts = path.relative_to(SRC).with_suffix("").parts
     return "" if parts == ("__init__",) else parts[0]
 
 
-def rooms_imported_by(tree):
-    """The rooms of gamms that a module imports, but for those that only a type checker sees."""
+def packages_imported_by(tree):
+    """Yield the packages of gamms that a module imports, but for those that only a type checker sees."""
     hidden = {
         id(node)
         for test in ast.walk(tree)
@@ -106,7 +82,7 @@ def rooms_imported_by(tree):
 
 
 @pytest.mark.parametrize("path", MODULES, ids=shown)
-def test_a_file_fits_in_the_head(path):
+def test_a_file_has_at_most_600_lines(path):
     assert len(path.read_text().splitlines()) <= MAX_LINES
 
 
@@ -118,13 +94,13 @@ def test_a_file_says_what_it_is_for(path):
 
 
 @pytest.mark.parametrize("path", MODULES, ids=shown)
-def test_a_file_looks_only_down(path):
-    room = room_of(path)
-    if room in OUTSIDE:
+def test_a_file_imports_only_from_lower_layers(path):
+    package = package_of(path)
+    if package in OUTSIDE:
         return
-    assert room in LEVEL, f"The room {room!r} stands on no floor: give it one here and in pyproject.toml"
-    for other in set(rooms_imported_by(ast.parse(path.read_text()))) - {room}:
-        assert LEVEL.get(other, 99) < LEVEL[room], f"{shown(path)} imports {other}, which is not below {room}"
+    assert package in LEVEL, f"{package!r} is in no layer: give it one in pyproject.toml"
+    for other in set(packages_imported_by(ast.parse(path.read_text()))) - {package}:
+        assert LEVEL.get(other, 99) < LEVEL[package], f"{shown(path)} imports {other}, which is not below {package}"
 
 
 @pytest.mark.parametrize("path", MODULES, ids=shown)
@@ -133,19 +109,19 @@ def test_a_name_says_what_is_inside(path):
 
 
 @pytest.mark.parametrize("path", [path for path in PACKAGES if path.parent.parent == SRC], ids=shown)
-def test_a_room_says_what_it_may_import(path):
+def test_a_package_says_what_it_may_import(path):
     is_empty = len(path.read_text().splitlines()) == 1
     docstring = ast.get_docstring(ast.parse(path.read_text())) or ""
-    assert is_empty or re.search(r"[Mm]ay import|A guest", docstring), f"{shown(path)}: say 'May import: …'"
+    assert is_empty or re.search(r"[Mm]ay import|A client", docstring), f"{shown(path)}: say 'May import: …'"
 
 
-def test_a_room_that_looks_up_would_be_found():
-    assert set(rooms_imported_by(ast.parse("from gamms import agent\nimport gamms.osm.load"))) == {"agent", "osm"}
+def test_an_import_from_a_higher_layer_would_be_found():
+    assert set(packages_imported_by(ast.parse("from gamms import agent\nimport gamms.osm.load"))) == {"agent", "osm"}
     tree = ast.parse("if TYPE_CHECKING:\n    from gamms.agent.engine import X\nelse:\n    import gamms.ir.draw")
-    assert list(rooms_imported_by(tree)) == ["ir"]
+    assert list(packages_imported_by(tree)) == ["ir"]
 
 
-def test_the_front_door_lists_exactly_what_is_public():
+def test_the_package_root_lists_exactly_what_is_public():
     assert gamms.__all__ == sorted(gamms.__all__)
     assert len(set(gamms.__all__)) == len(gamms.__all__)
     public = {name for name, value in vars(gamms).items() if not name.startswith("_")}
@@ -155,7 +131,7 @@ def test_the_front_door_lists_exactly_what_is_public():
 
 
 @pytest.mark.parametrize("path", [path for path in PACKAGES if path.parent != SRC], ids=shown)
-def test_a_room_lists_what_it_offers(path):
+def test_a_package_lists_what_it_offers(path):
     module = __import__(".".join(("gamms", *path.parent.relative_to(SRC).parts)), fromlist=["x"])
     offered = getattr(module, "__all__", [])
     assert len(set(offered)) == len(offered)
@@ -164,10 +140,10 @@ def test_a_room_lists_what_it_offers(path):
 
 
 @pytest.mark.parametrize("path", MODULES, ids=shown)
-def test_only_a_guest_comes_through_the_front_door(path):
+def test_only_clients_import_the_package_root(path):
     for node in ast.walk(ast.parse(path.read_text())):
         names = [alias.name for alias in node.names] if isinstance(node, ast.Import) else []
-        assert "gamms" not in names or room_of(path) in GUESTS, f"{shown(path)} imports gamms itself"
+        assert "gamms" not in names or package_of(path) in CLIENTS, f"{shown(path)} imports gamms itself"
         assert not (isinstance(node, ast.ImportFrom) and node.level), f"{shown(path)} imports relatively"
 
 

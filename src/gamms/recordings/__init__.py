@@ -1,6 +1,6 @@
 """What can be done with a recording as a whole: replay it on its own, verify, compare and convert it.
 
-The command line is made of this; a program may call the same. A guest: it uses contexts and recordings as any program
+The command line is made of this; a program may call the same. A client: it uses contexts and recordings as any program
 would. Read `contexts.py` first: a fresh context for any recording.
 """
 

@@ -1,4 +1,4 @@
-"""Pictures and films of recordings. A guest: it replays into a context and draws that as any program would.
+"""Pictures and films of recordings. A client: it replays into a context and draws that as any program would.
 
 Read `files.py` first: from a recording to a file. `fog.py` shows only what a team can see.
 """

@@ -4,7 +4,7 @@
     ctx.game.add(gamms.rules.time_limit(200))
     ctx.game.conflicts = gamms.rules.Conflicts(capacity=1, resolve=gamms.rules.by_priority(["red", "blue"]))
 
-A guest: it uses a context as you would. Rules: read `contacts.py` for who meets whom (`measures.py`: how far apart
+A client: it uses a context as you would. Rules: read `contacts.py` for who meets whom (`measures.py`: how far apart
 they are), then `tagging.py`, `flags.py` and `endings.py`; `territory.py` makes the data that they share, `drawing.py`
 draws it. Conflicts: read `conflicts.py` for how they are found, `resolvers.py` for who wins them, `capacity.py` for how
 many a node takes. To add a rule write a function `rule(ctx)`, to add a way to decide a function

@@ -5,7 +5,7 @@
 
 Read `shape.py` first: what a file may say. `files.py` reads it, `explain.py` and `checks.py` say what is wrong with it,
 `references.py` finds the code it names and `code.py` runs that. `scenario.py` builds: `worlds.py` loads the map,
-`placing.py` draws places, `building.py` puts everything into a context. A guest: it uses a context as you would.
+`placing.py` draws places, `building.py` puts everything into a context. A client: it uses a context as you would.
 To add a key, write it into `shape.py`, and what it does into `building.py`.
 """
 

@@ -24,7 +24,7 @@ Whoever plays for no team (None) is everybody's enemy; a sensor with `team=` lea
 yourself where a strategy asks for it. Without `legal`, an agent goes along one edge at a time.
 
 Read `walks.py` first, then `ways.py` (along roads), `encounters.py` (with enemies) and `choices.py` (of strategies);
-`knowledge.py` reads states. A guest: it uses a context as you would. To add a strategy, write a function and name it
+`knowledge.py` reads states. A client: it uses a context as you would. To add a strategy, write a function and name it
 below.
 """
 

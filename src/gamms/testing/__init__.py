@@ -3,7 +3,7 @@
     from gamms.testing import check_graph
     check_graph(MyGraph)
 
-Each raises `AssertionError` with a sentence that says what was promised and what was seen. A guest: it uses what it
+Each raises `AssertionError` with a sentence that says what was promised and what was seen. A client: it uses what it
 checks as anybody would. To add a check, write a function here or in a file beside and name it below.
 """
 
