@@ -10,7 +10,7 @@ from unittest import mock
 import numpy as np
 
 import gamms
-from gamms.ir import journal
+from gamms.ir import events as kinds
 from gamms.recorder import Reader, Writer
 from gamms.recorder.formats import blocks
 
@@ -63,15 +63,15 @@ def recording(logs=(), state=None, header=None, *, turns=64, size=1 << 40, state
 
 
 def created(name, node=0):
-    return (journal.AGENT_CREATE, {"name": name, "kwargs": {"start_node_id": node}})
+    return (kinds.AGENT_CREATE, {"name": name, "kwargs": {"start_node_id": node}})
 
 
 def deleted(name):
-    return (journal.AGENT_DELETE, {"name": name})
+    return (kinds.AGENT_DELETE, {"name": name})
 
 
 def team_of(name, team="blue"):
-    return (journal.AGENT_TEAM, {"agent_name": name, "team": team})
+    return (kinds.AGENT_TEAM, {"agent_name": name, "team": team})
 
 
 def crowd(count):
@@ -99,28 +99,28 @@ def crowd(count):
 
 
 def sensors(count):
-    return (journal.SENSORS, {"sensor_kinds": [{"type": "NEIGHBOR", "keywords": {}, "ids": [f"more {count}"]}]})
+    return (kinds.SENSORS, {"sensor_kinds": [{"type": "NEIGHBOR", "keywords": {}, "ids": [f"more {count}"]}]})
 
 
 # -- keys of one hash -------------------------------------------------------------------------------------------
 
 COLLISIONS = {
     "scores in a keyframe": lambda n: recording(state={"scores": [(key, 0) for key in alike(n)]}),
-    "scores in an event": lambda n: recording([[(journal.GAME_SCORES, {"scores": [(key, 0) for key in alike(n)]})]]),
+    "scores in an event": lambda n: recording([[(kinds.GAME_SCORES, {"scores": [(key, 0) for key in alike(n)]})]]),
     "team memories": lambda n: recording(state={"team_memories": [(key, {}) for key in alike(n)]}),
     "memories": lambda n: recording(state={"memories": {"anna": dict.fromkeys(alike(n), 0)}}),
-    "events of one key": lambda n: recording([[(journal.GAME_DATA, {"set": {key: 0}}) for key in alike(n)]]),
+    "events of one key": lambda n: recording([[(kinds.GAME_DATA, {"set": {key: 0}}) for key in alike(n)]]),
     "events of one key in many turns": lambda n: recording(
-        [[(journal.GAME_DATA, {"set": {key: 0}})] for key in alike(n)]
+        [[(kinds.GAME_DATA, {"set": {key: 0}})] for key in alike(n)]
     ),
     "memories of one key": lambda n: recording(
-        [[(journal.GAME_MEMORY, {"agents": {"anna": {"set": {key: 0}}}, "teams": []}) for key in alike(n)]]
+        [[(kinds.GAME_MEMORY, {"agents": {"anna": {"set": {key: 0}}}, "teams": []}) for key in alike(n)]]
     ),
     "memories of one team": lambda n: recording(
-        [[(journal.GAME_MEMORY, {"agents": {}, "teams": [(key, {"set": {"a": 0}})]}) for key in alike(n)]]
+        [[(kinds.GAME_MEMORY, {"agents": {}, "teams": [(key, {"set": {"a": 0}})]}) for key in alike(n)]]
     ),
     "facts of one key": lambda n: recording(
-        [[(journal.GAME_FACTS, {"set": {key: 0}, "removed": []}) for key in alike(n)]]
+        [[(kinds.GAME_FACTS, {"set": {key: 0}, "removed": []}) for key in alike(n)]]
     ),
     "teams": lambda n: recording([[team_of("anna", key) for key in alike(n)]]),
     "names of components": lambda n: recording(
@@ -133,17 +133,12 @@ COLLISIONS = {
         [[(0x02000000, {"key": ["m", key], "struct": {}}) for key in alike(n)]]
     ),
     "names of sensors": lambda n: recording(
-        [
-            [
-                (journal.AGENT_SENSOR_REGISTER, {"agent_name": "anna", "name": key, "sensor_id": "near"})
-                for key in alike(n)
-            ]
-        ]
+        [[(kinds.AGENT_SENSOR_REGISTER, {"agent_name": "anna", "name": key, "sensor_id": "near"}) for key in alike(n)]]
     ),
     "tuples": lambda n: recording(state={"data": {"a": {(key, 1): 0 for key in alike(n)}}}),
-    "events of one tuple": lambda n: recording([[(journal.GAME_DATA, {"set": {(key, 1): 0}}) for key in alike(n)]]),
+    "events of one tuple": lambda n: recording([[(kinds.GAME_DATA, {"set": {(key, 1): 0}}) for key in alike(n)]]),
     "a set": lambda n: recording(state={"data": {"a": set(alike(n))}}),
-    "events of the user": lambda n: recording([[(journal.USER_EVENT, {"kind": "a", key: 0}) for key in alike(n)]]),
+    "events of the user": lambda n: recording([[(kinds.USER_EVENT, {"kind": "a", key: 0}) for key in alike(n)]]),
     "the header": lambda n: recording(header={"provenance": dict.fromkeys(alike(n), 0)}),
 }
 
@@ -166,13 +161,13 @@ MEMORY = {
         header={"provenance": {f"a{i}": texts(n // 8) for i in range(2)}}
     ),
     "lists in events": lambda n: recording(
-        [[(journal.GAME_DATA, {"set": {f"a{i}": [[]] * (n // 20)}})] for i in range(20)], turns=1
+        [[(kinds.GAME_DATA, {"set": {f"a{i}": [[]] * (n // 20)}})] for i in range(20)], turns=1
     ),
     "texts in events": lambda n: recording(
-        [[(journal.GAME_DATA, {"set": {f"a{i}": texts(n // 160)}})] for i in range(20)], turns=1
+        [[(kinds.GAME_DATA, {"set": {f"a{i}": texts(n // 160)}})] for i in range(20)], turns=1
     ),
     "lists in events of the user": lambda n: recording(
-        [[(journal.USER_EVENT, {"kind": "a", "x": [[]] * (n // 20)})] for _ in range(20)], turns=1
+        [[(kinds.USER_EVENT, {"kind": "a", "x": [[]] * (n // 20)})] for _ in range(20)], turns=1
     ),
     "keyframes": lambda n: recording([[]] * 8, states=[{"data": {"a": [[]] * (n // 8)}} for _ in range(8)], turns=1),
     "zeros": lambda n: recording(state={"data": {"a": np.zeros(n)}}),
@@ -188,7 +183,7 @@ TIME = {
         [[0, 0] * n], crowd(n) | {"names": ["x" * n, *crowd(n)["names"][1:]]}
     ),
     "events of many kinds of columns": lambda n: recording(
-        [[(journal.USER_EVENT, {"kind": "a", f"{i}": i}) for i in range(n)]]
+        [[(kinds.USER_EVENT, {"kind": "a", f"{i}": i}) for i in range(n)]]
     ),
     "sensors come one by one": lambda n: recording([[sensors(i) for i in range(n)]]),
     "agents come one by one": lambda n: recording(
@@ -203,7 +198,5 @@ TIME = {
     ),
     "nobody goes": lambda n: recording([[deleted(f"nobody {i}") for i in range(n)]], crowd(n)),
     "teams change among many": lambda n: recording([[team_of("agent_0")]] * n, crowd(n)),
-    "notes that never fit": lambda n: recording(
-        [[(journal.USER_EVENT, {"kind": f"{i}", f"{i}": i}) for i in range(n)]]
-    ),
+    "notes that never fit": lambda n: recording([[(kinds.USER_EVENT, {"kind": f"{i}", f"{i}": i}) for i in range(n)]]),
 }

@@ -4,7 +4,7 @@ import io
 
 import numpy as np
 
-from gamms.ir import journal
+from gamms.ir import events as kinds
 from gamms.recorder import Reader, Writer
 from gamms.recorder.formats.tracks import FORMS
 
@@ -58,8 +58,8 @@ def fly(agents, turns, seed=0):
         ways = np.where(rng.random((agents, 1)) < 0.2, rng.normal(size=(agents, 3)), ways)
         places = places + ways
         nodes, turned = rng.integers(0, 9, agents).tolist(), rng.normal(size=(agents, 4)).tolist()
-        log = [(journal.AERIAL_AGENT_FLIGHT, (i, nodes[i], *place)) for i, place in enumerate(places.tolist())]
-        log += [(journal.AERIAL_AGENT_TURN, (i, *turned[i])) for i in range(agents) if rng.random() < 0.3]
+        log = [(kinds.AERIAL_AGENT_FLIGHT, (i, nodes[i], *place)) for i, place in enumerate(places.tolist())]
+        log += [(kinds.AERIAL_AGENT_TURN, (i, *turned[i])) for i in range(agents) if rng.random() < 0.3]
         logs.append(log)
     return logs
 

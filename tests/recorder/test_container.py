@@ -11,7 +11,7 @@ from hypothesis import strategies as st
 from recordings import HEADER, logs_of, opened, read_all, walk, written
 
 from gamms.errors import BadType, BadValue
-from gamms.ir import journal
+from gamms.ir import events as codes
 from gamms.recorder import Reader, RecordingError, Writer
 from gamms.recorder.formats import blocks
 from gamms.recorder.formats.tracks import FORMS
@@ -27,8 +27,8 @@ plain = st.recursive(
     max_leaves=5,
 )
 floats = st.floats() | st.sampled_from([0.0, -0.0, 0.1, 1e300, float("inf")])
-flights = st.tuples(numbers, numbers, floats, floats, floats).map(lambda data: (journal.AERIAL_AGENT_FLIGHT, data))
-quats = st.tuples(numbers, *[floats] * 4).map(lambda data: (journal.AERIAL_AGENT_TURN, data))
+flights = st.tuples(numbers, numbers, floats, floats, floats).map(lambda data: (codes.AERIAL_AGENT_FLIGHT, data))
+quats = st.tuples(numbers, *[floats] * 4).map(lambda data: (codes.AERIAL_AGENT_TURN, data))
 kinds = numbers.filter(lambda kind: kind not in FORMS)
 entries = st.tuples(numbers, numbers).map(list) | st.tuples(kinds, plain).map(lambda event: [event])
 entries |= (flights | quats).map(lambda event: [event])

@@ -14,11 +14,11 @@ from recordings import fly, opened, written
 
 import gamms
 from gamms import recorder
-from gamms.ir import journal
+from gamms.ir import events as kinds
 from gamms.recorder import Reader, RecordingError, Writer
 from gamms.recorder.formats import blocks, columns
 
-FLIGHT, TURN = journal.AERIAL_AGENT_FLIGHT, journal.AERIAL_AGENT_TURN
+FLIGHT, TURN = kinds.AERIAL_AGENT_FLIGHT, kinds.AERIAL_AGENT_TURN
 DAMAGED = "differences of floats|data of its own|left over|are promised"
 
 # -- there and back ---------------------------------------------------------------------------------------------
@@ -194,11 +194,11 @@ def test_flights_are_told_as_1_0_0_told_them():
 
     _, records = replayed(recorded(play, ctx))
     assert [(record["opCode"], record.get("data")) for record in records] == [
-        (journal.AERIAL_AGENT_POSITION, {"agent_name": "kite", "position": [10.0, 0.0, 0.0]}),
-        (journal.AGENT_PREV_NODE, {"agent_name": "kite", "node_id": 0}),
-        (journal.AERIAL_AGENT_QUATERNION, {"agent_name": "kite", "quat": [1.0, 0.0, 0.0, 0.0]}),
-        (journal.SIMULATE, {}),
-        (journal.TERMINATE, None),
+        (kinds.AERIAL_AGENT_POSITION, {"agent_name": "kite", "position": [10.0, 0.0, 0.0]}),
+        (kinds.AGENT_PREV_NODE, {"agent_name": "kite", "node_id": 0}),
+        (kinds.AERIAL_AGENT_QUATERNION, {"agent_name": "kite", "quat": [1.0, 0.0, 0.0, 0.0]}),
+        (kinds.SIMULATE, {}),
+        (kinds.TERMINATE, None),
     ]
 
 

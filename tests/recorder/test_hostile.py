@@ -12,7 +12,7 @@ from recordings import logs_of, opened, read_all, written
 
 from gamms import limits
 from gamms.errors import TooLarge
-from gamms.ir import journal
+from gamms.ir import events as kinds
 from gamms.recorder import RecordingError
 from gamms.recorder import open as opened_recording
 from gamms.recorder.roster import Roster
@@ -64,7 +64,7 @@ REGULAR = {
     "moves to one node": [[0, 0] * 50_000] * 2,
     "turns without events": [[]] * 20_000,
     "events of one kind": [[(3, {"a": 1, "b": {"c": 0.5}})] * 20_000],
-    "flights": [[(journal.AERIAL_AGENT_FLIGHT, (0, 0, 0.0, 0.0, 0.0))] * 20_000],
+    "flights": [[(kinds.AERIAL_AGENT_FLIGHT, (0, 0, 0.0, 0.0, 0.0))] * 20_000],
 }
 
 

@@ -13,7 +13,7 @@ from typer.testing import CliRunner
 import gamms
 from gamms import cli, recorder
 from gamms.errors import GammsError
-from gamms.ir import journal
+from gamms.ir import events as kinds
 
 EVIL = "\x1b]0;owned\x07\x1b[2J\x9b31m\r\u202e\u2066\ud800ü"
 HUGE = 1 << 20_000
@@ -30,41 +30,41 @@ FIELDS = {
     "a score": lambda v: hostile.recording([[]], {"scores": [("red", v)]}),
     "whose score": lambda v: hostile.recording([[]], {"scores": [(v, 1)]}),
     "scores": lambda v: hostile.recording([[]], {"scores": v}),
-    "a score in an event": lambda v: hostile.recording([[(journal.GAME_SCORES, {"scores": [(v, v)]})]]),
+    "a score in an event": lambda v: hostile.recording([[(kinds.GAME_SCORES, {"scores": [(v, v)]})]]),
     "data": lambda v: hostile.recording([[]], {"data": {"a": v}}),
-    "a key of data": lambda v: hostile.recording([[(journal.GAME_DATA, {"set": {v: {v}}})]]),
-    "a removed key": lambda v: hostile.recording([[(journal.GAME_DATA, {"more": {v: [v]}, "removed": [v]})]]),
+    "a key of data": lambda v: hostile.recording([[(kinds.GAME_DATA, {"set": {v: {v}}})]]),
+    "a removed key": lambda v: hostile.recording([[(kinds.GAME_DATA, {"more": {v: [v]}, "removed": [v]})]]),
     "a memory": lambda v: hostile.recording([[]], {"memories": {v: {v: v}}, "team_memories": [(v, {v: v})]}),
-    "the winner": lambda v: hostile.recording([[(journal.GAME_OVER, {"reason": v, "winner": v})]]),
-    "the end": lambda v: hostile.recording([[(journal.GAME_OVER, {v: v})]]),
+    "the winner": lambda v: hostile.recording([[(kinds.GAME_OVER, {"reason": v, "winner": v})]]),
+    "the end": lambda v: hostile.recording([[(kinds.GAME_OVER, {v: v})]]),
     "the turn": lambda v: hostile.recording([[]], {"turn": v}),
-    "the count": lambda v: hostile.recording([[(journal.GAME_TURN, {"turn": v, "pace": v})]]),
+    "the count": lambda v: hostile.recording([[(kinds.GAME_TURN, {"turn": v, "pace": v})]]),
     "chance": lambda v: hostile.recording([[]], {"chance": v}),
-    "a fact": lambda v: hostile.recording([[(journal.GAME_FACTS, {"set": {v: v}, "removed": [v]})]]),
-    "the kind of an event": lambda v: hostile.recording([[(journal.USER_EVENT, {"kind": v})]]),
-    "an event": lambda v: hostile.recording([[(journal.GAME_EVENT, {"kind": "a", "b": {v: (v, {v})}})]]),
-    "a new agent": lambda v: hostile.recording([[(journal.AGENT_CREATE, {"name": v, "kwargs": {"start_node_id": 0}})]]),
+    "a fact": lambda v: hostile.recording([[(kinds.GAME_FACTS, {"set": {v: v}, "removed": [v]})]]),
+    "the kind of an event": lambda v: hostile.recording([[(kinds.USER_EVENT, {"kind": v})]]),
+    "an event": lambda v: hostile.recording([[(kinds.GAME_EVENT, {"kind": "a", "b": {v: (v, {v})}})]]),
+    "a new agent": lambda v: hostile.recording([[(kinds.AGENT_CREATE, {"name": v, "kwargs": {"start_node_id": 0}})]]),
     "where an agent starts": lambda v: hostile.recording([[hostile.created("b", v)]]),
     "what an agent has": lambda v: hostile.recording(
-        [[(journal.AGENT_CREATE, {"name": "b", "kwargs": {"start_node_id": 0, "sensors": [v], "b": v, "type": v}})]]
+        [[(kinds.AGENT_CREATE, {"name": "b", "kwargs": {"start_node_id": 0, "sensors": [v], "b": v, "type": v}})]]
     ),
     "who goes": lambda v: hostile.recording([[hostile.deleted(v)]]),
     "who changes the team": lambda v: hostile.recording([[hostile.team_of(v)]]),
     "a new team": lambda v: hostile.recording([[hostile.team_of("anna", v)]]),
     "the name of a sensor": lambda v: hostile.recording(
-        [[(journal.AGENT_SENSOR_REGISTER, {"agent_name": "anna", "name": v, "sensor_id": "near"})]]
+        [[(kinds.AGENT_SENSOR_REGISTER, {"agent_name": "anna", "name": v, "sensor_id": "near"})]]
     ),
     "an unknown sensor": lambda v: hostile.recording(
-        [[(journal.AGENT_SENSOR_REGISTER, {"agent_name": "anna", "name": "b", "sensor_id": v})]]
+        [[(kinds.AGENT_SENSOR_REGISTER, {"agent_name": "anna", "name": "b", "sensor_id": v})]]
     ),
     "the type of a sensor": lambda v: hostile.recording(
-        [[(journal.SENSORS, {"sensor_kinds": [{"type": v, "keywords": {}, "ids": [v]}]})]]
+        [[(kinds.SENSORS, {"sensor_kinds": [{"type": v, "keywords": {}, "ids": [v]}]})]]
     ),
     "a keyword of a sensor": lambda v: hostile.recording(
         [
             [
                 (
-                    journal.SENSORS,
+                    kinds.SENSORS,
                     {"sensor_kinds": [{"type": "AGENT_RANGE", "keywords": {"sensor_range": v}, "ids": ["a"]}]},
                 )
             ]
@@ -83,7 +83,7 @@ FIELDS = {
         [[]],
         header={"visuals": {"artists": [{"name": v, "kind": v, "keywords": {v: v}, "layer": v, "visible": v}]}},
     ),
-    "what was sensed": lambda v: hostile.recording([[(journal.SENSED, SEEN | {"sensors": [(v, v)], "which": v})]]),
+    "what was sensed": lambda v: hostile.recording([[(kinds.SENSED, SEEN | {"sensors": [(v, v)], "which": v})]]),
 }
 
 
@@ -146,7 +146,7 @@ def test_many_rows_are_cut_short(tmp_path):
 @pytest.mark.parametrize("kind", [np.arange(3), None, 5, ["a"]], ids=str)
 def test_a_replay_refuses_events_whose_kind_is_no_text(kind):
     for data in (
-        hostile.recording([[(journal.GAME_EVENT, {"kind": kind})]]),
+        hostile.recording([[(kinds.GAME_EVENT, {"kind": kind})]]),
         hostile.recording([[]], {"events": [{"kind": kind}]}),
     ):
         with gamms.create_context() as ctx, pytest.raises(recorder.RecordingError, match="it has no kind"):

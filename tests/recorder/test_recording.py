@@ -13,7 +13,7 @@ from recordings import written
 import gamms
 from gamms import recorder
 from gamms.errors import BadType, BadValue, UnknownName
-from gamms.ir import journal
+from gamms.ir import events as kinds
 from gamms.recorder import Reader, Recording, RecordingError, Writer
 from gamms.recorder.fold import Fold
 from gamms.recorder.state import captured
@@ -293,33 +293,31 @@ def logs(draw):
             if what == "come":
                 kwargs = {"start_node_id": node, "type": node % 2}
                 state = {"position": (node, node, 0), "quat": (1, 0, 0, 0)} if node % 2 else {}
-                log.append((journal.AGENT_CREATE, {"name": f"a{new}", "kwargs": kwargs, "state": state}))
+                log.append((kinds.AGENT_CREATE, {"name": f"a{new}", "kwargs": kwargs, "state": state}))
                 living[new], new = f"a{new}", new + 1
                 flies.append(node % 2)
             elif name is None or what == "score":
-                log.append((journal.GAME_SCORES, {"scores": [("red", node)]}))
+                log.append((kinds.GAME_SCORES, {"scores": [("red", node)]}))
             elif what == "walk":
                 for _ in range(draw(st.sampled_from([1, 1, 2, 30]))):
                     log += [number, draw(st.integers(0, NODES - 1))]
             elif what == "fly" and flies[number]:
                 for _ in range(draw(st.sampled_from([1, 1, 2, 30]))):
                     aim = draw(st.integers(0, NODES - 1))
-                    log.append((journal.AERIAL_AGENT_FLIGHT, (number, aim, float(aim), -0.5, 1.0)))
+                    log.append((kinds.AERIAL_AGENT_FLIGHT, (number, aim, float(aim), -0.5, 1.0)))
             elif what == "turn":
-                log.append((journal.AERIAL_AGENT_TURN, (number, float(node), 0.0, 0.0, 1.0)))
+                log.append((kinds.AERIAL_AGENT_TURN, (number, float(node), 0.0, 0.0, 1.0)))
             elif what == "by name" and flies[number]:
-                log.append((journal.AERIAL_AGENT_QUATERNION, {"agent_name": name, "quat": (0, node, 0, 0)}))
-                log.append(
-                    (journal.AERIAL_AGENT_POSITION, {"agent_name": name, "position": (node, 0, 1), "node": node})
-                )
+                log.append((kinds.AERIAL_AGENT_QUATERNION, {"agent_name": name, "quat": (0, node, 0, 0)}))
+                log.append((kinds.AERIAL_AGENT_POSITION, {"agent_name": name, "position": (node, 0, 1), "node": node}))
             elif what in ("put", "fly", "by name"):
-                kind = draw(st.sampled_from([journal.AGENT_CURRENT_NODE, journal.AGENT_PREV_NODE]))
+                kind = draw(st.sampled_from([kinds.AGENT_CURRENT_NODE, kinds.AGENT_PREV_NODE]))
                 log.append((kind, {"agent_name": name, "node_id": node}))
             elif what == "set":
-                log.append((journal.AGENT_TEAM, {"agent_name": name, "team": node}))
-                log.append((journal.AGENT_ALIVE, {"agent_name": name, "alive": node > 3}))
+                log.append((kinds.AGENT_TEAM, {"agent_name": name, "team": node}))
+                log.append((kinds.AGENT_ALIVE, {"agent_name": name, "alive": node > 3}))
             else:
-                log.append((journal.AGENT_DELETE, {"name": name}))
+                log.append((kinds.AGENT_DELETE, {"name": name}))
                 del living[number]
         turns.append(log)
     return begin, turns
@@ -438,18 +436,18 @@ def test_version_2_is_refused_with_the_way_out():
     [
         ([9, 1], "agent number 9 moves and is not there"),
         ([9, 1] * 40, "agent number 9 moves and is not there"),
-        ([(journal.AGENT_TEAM, {"agent_name": "nobody", "team": 1})], "does not fit"),
-        ([(journal.AGENT_CREATE, {"name": 5, "kwargs": {"start_node_id": 1}})], "no name"),
-        ([(journal.AGENT_CREATE, {"name": "a0", "kwargs": {"start_node_id": 1}})], "same name"),
-        ([(journal.AGENT_CREATE, 7)], "does not fit"),
-        ([(journal.AERIAL_AGENT_POSITION, {"agent_name": "a0", "position": (0, 0, 0)})], "on the ground"),
-        ([(journal.AERIAL_AGENT_FLIGHT, (0, 1, 0.0, 0.0, 0.0))], "on the ground"),
-        ([(journal.AERIAL_AGENT_FLIGHT, (0, 1, 0.0, 0.0, 0.0))] * 40, "on the ground"),
-        ([(journal.AERIAL_AGENT_FLIGHT, (9, 1, 0.0, 0.0, 0.0))], "agent number 9 moves and is not there"),
-        ([(journal.AERIAL_AGENT_FLIGHT, (9, 1, 0.0, 0.0, 0.0))] * 40, "agent number 9 moves and is not there"),
-        ([(journal.AERIAL_AGENT_TURN, (-1, 1.0, 0.0, 0.0, 0.0))], "agent number -1 moves and is not there"),
-        ([(journal.SNAPSHOT, {"names": []})], "whole state is not right"),
-        ([(journal.GAME_SCORES, {"scores": 5})], "scores are none"),
+        ([(kinds.AGENT_TEAM, {"agent_name": "nobody", "team": 1})], "does not fit"),
+        ([(kinds.AGENT_CREATE, {"name": 5, "kwargs": {"start_node_id": 1}})], "no name"),
+        ([(kinds.AGENT_CREATE, {"name": "a0", "kwargs": {"start_node_id": 1}})], "same name"),
+        ([(kinds.AGENT_CREATE, 7)], "does not fit"),
+        ([(kinds.AERIAL_AGENT_POSITION, {"agent_name": "a0", "position": (0, 0, 0)})], "on the ground"),
+        ([(kinds.AERIAL_AGENT_FLIGHT, (0, 1, 0.0, 0.0, 0.0))], "on the ground"),
+        ([(kinds.AERIAL_AGENT_FLIGHT, (0, 1, 0.0, 0.0, 0.0))] * 40, "on the ground"),
+        ([(kinds.AERIAL_AGENT_FLIGHT, (9, 1, 0.0, 0.0, 0.0))], "agent number 9 moves and is not there"),
+        ([(kinds.AERIAL_AGENT_FLIGHT, (9, 1, 0.0, 0.0, 0.0))] * 40, "agent number 9 moves and is not there"),
+        ([(kinds.AERIAL_AGENT_TURN, (-1, 1.0, 0.0, 0.0, 0.0))], "agent number -1 moves and is not there"),
+        ([(kinds.SNAPSHOT, {"names": []})], "whole state is not right"),
+        ([(kinds.GAME_SCORES, {"scores": 5})], "scores are none"),
     ],
 )
 def test_an_event_that_does_not_fit_is_told_with_its_turn(log, reason):
@@ -468,13 +466,13 @@ def test_an_event_that_does_not_fit_is_told_with_its_turn(log, reason):
 @pytest.mark.parametrize(
     ("table", "event"),
     [
-        ("positions", (journal.AERIAL_AGENT_POSITION, {"agent_name": "a0", "position": (1.0,)})),
-        ("positions", (journal.AERIAL_AGENT_POSITION, None)),
-        ("positions", (journal.AERIAL_AGENT_FLIGHT, (9, 1, 0.0, 0.0, 0.0))),
-        ("scores", (journal.GAME_SCORES, {"scores": [("red",)]})),
-        ("events", (journal.GAME_EVENT, {"turn": 1})),
-        ("moves", (journal.SNAPSHOT, np.zeros(3))),
-        ("moves", (journal.AGENT_CREATE, [])),
+        ("positions", (kinds.AERIAL_AGENT_POSITION, {"agent_name": "a0", "position": (1.0,)})),
+        ("positions", (kinds.AERIAL_AGENT_POSITION, None)),
+        ("positions", (kinds.AERIAL_AGENT_FLIGHT, (9, 1, 0.0, 0.0, 0.0))),
+        ("scores", (kinds.GAME_SCORES, {"scores": [("red",)]})),
+        ("events", (kinds.GAME_EVENT, {"turn": 1})),
+        ("moves", (kinds.SNAPSHOT, np.zeros(3))),
+        ("moves", (kinds.AGENT_CREATE, [])),
     ],
 )
 def test_an_event_that_does_not_fit_a_table_is_told(table, event):

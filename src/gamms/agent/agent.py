@@ -6,7 +6,7 @@ from typing import Any
 from gamms.agent.member import Member
 from gamms.arguments import as_range
 from gamms.errors import ContextTerminated, UnknownName
-from gamms.ir import journal
+from gamms.ir import events as kinds
 from gamms.typing import IContext
 
 
@@ -54,7 +54,7 @@ class Agent(Member):
         if speed is not None:
             as_range(speed, f"speed of agent {self.name!r}")
         self._columns.speed[self._row] = speed
-        self._note(journal.AGENT_SPEED, speed=speed)
+        self._note(kinds.AGENT_SPEED, speed=speed)
         self._columns.roster += 1
 
     @property

@@ -12,7 +12,7 @@ from gamms.agent.member import Member
 from gamms.arguments import as_name, misspelt
 from gamms.deciding import Guarded, phase_of, refused_while_deciding
 from gamms.errors import BadType, ContextTerminated, Duplicate, MissingKey, UnknownName, nearest
-from gamms.ir import journal
+from gamms.ir import events as kinds
 from gamms.ir.agents import BY_ROW, AgentColumns
 from gamms.readonly import ReadOnlyMapping, frozen
 from gamms.text import shown
@@ -110,14 +110,14 @@ class AgentEngine(Guarded, IAgentEngine):
         agent._live_in(self._columns)
         self._agents[name] = agent  # before its sensors: one may ask who its owner is
         log = self._columns.journal
-        self._columns.journal = journal.Muted(log)  # what follows is a part of the creation
+        self._columns.journal = kinds.Muted(log)  # what follows is a part of the creation
         try:
             self._equip(agent, sensors)
         finally:
             self._columns.journal = log
-        if log is not journal.NOBODY:
+        if log is not kinds.NOBODY:
             log.entered(agent._row, name)
-            log.note(journal.AGENT_CREATE, {"name": name, "kwargs": given, "state": self._more_of(agent._row)})
+            log.note(kinds.AGENT_CREATE, {"name": name, "kwargs": given, "state": self._more_of(agent._row)})
         return agent
 
     def get_agent(self, name: str) -> Member:
@@ -135,7 +135,7 @@ class AgentEngine(Guarded, IAgentEngine):
             self._ctx.logger.warning(f"{UnknownName('agent', name, self._agents)} Nothing is deleted.")
             return
         self._take_out(agent)
-        self._columns.journal.note(journal.AGENT_DELETE, {"name": name})
+        self._columns.journal.note(kinds.AGENT_DELETE, {"name": name})
 
     def create_iter(self) -> "Living":
         """The agents in the order of their creation; each loop over it takes those of its beginning that are left."""

@@ -7,7 +7,7 @@ from typing import Any, ClassVar
 from gamms.arguments import as_bool, as_function_of, as_key, as_name
 from gamms.deciding import DecidePhase, Guarded, phase_of, refused_while_deciding
 from gamms.errors import GammsError, MissingKey
-from gamms.ir import journal
+from gamms.ir import events as kinds
 from gamms.ir.agents import AgentColumns, Position
 from gamms.typing import IContext
 from gamms.typing.agent_engine import AgentType, IAgent, IMoves, Strategy
@@ -108,7 +108,7 @@ class Member(Guarded, IAgent):
     @team.setter
     def team(self, team: Any) -> None:
         self._columns.teams[self._row] = as_key(team, "A team")
-        self._note(journal.AGENT_TEAM, team=team)
+        self._note(kinds.AGENT_TEAM, team=team)
         self._columns.roster += 1
         self._columns.touched.add(self._row)  # those who look for a team should see it
 
@@ -121,7 +121,7 @@ class Member(Guarded, IAgent):
     def alive(self, alive: bool) -> None:
         alive = as_bool(alive, "alive")
         self._columns.set_alive(self._row, alive=alive)
-        self._note(journal.AGENT_ALIVE, alive=alive)
+        self._note(kinds.AGENT_ALIVE, alive=alive)
 
     @property
     def state(self) -> dict[str, Any]:
@@ -153,7 +153,7 @@ class Member(Guarded, IAgent):
         other = self._ctx.agent.agents.get(getattr(sensor, "_owner", None) or "")
         sensor.set_owner(self.name)
         self._sensor_list[name] = sensor
-        self._note(journal.AGENT_SENSOR_REGISTER, name=name, sensor_id=sensor.sensor_id)
+        self._note(kinds.AGENT_SENSOR_REGISTER, name=name, sensor_id=sensor.sensor_id)
         self._carry()
         if other is not None and other is not self:
             other._share(sensor)
@@ -170,7 +170,7 @@ class Member(Guarded, IAgent):
         if sensor is None:
             self._ctx.logger.warning(f"Agent {self.name!r} has no sensor {name!r} to deregister.")
         else:
-            self._note(journal.AGENT_SENSOR_DEREGISTER, name=name, sensor_id=sensor.sensor_id)
+            self._note(kinds.AGENT_SENSOR_DEREGISTER, name=name, sensor_id=sensor.sensor_id)
             self._disown(sensor)
 
     @refused_while_deciding

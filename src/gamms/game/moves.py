@@ -8,7 +8,7 @@ from gamms import kernels
 from gamms.arguments import as_float, as_int
 from gamms.errors import BadValue, UnknownName
 from gamms.game.legality import as_heading, as_node, as_position, as_quat, flight, position_of
-from gamms.ir import journal
+from gamms.ir import events as kinds
 from gamms.ir.agents import UNTURNED, AgentColumns, Position, Quat, Selection
 from gamms.typing.agent_engine import IMoves
 from gamms.typing.graph_engine import IGraph
@@ -212,18 +212,18 @@ class JournaledMoves(Moves):
     def place(self, columns: AgentColumns, row: int, node_id: Any) -> None:
         """Put an agent on a node, and note it."""
         super().place(columns, row, node_id)
-        self._note(columns, row, journal.AGENT_CURRENT_NODE, node_id=columns.node[row])
+        self._note(columns, row, kinds.AGENT_CURRENT_NODE, node_id=columns.node[row])
 
     def place_previous(self, columns: AgentColumns, row: int, node_id: Any) -> None:
         """Say on which node an agent was before, and note it."""
         super().place_previous(columns, row, node_id)
-        self._note(columns, row, journal.AGENT_PREV_NODE, node_id=columns.previous[row])
+        self._note(columns, row, kinds.AGENT_PREV_NODE, node_id=columns.previous[row])
 
     def turn(self, columns: AgentColumns, row: int, heading: Any) -> None:
         """Face a direction, and note it."""
         super().turn(columns, row, heading)
         faced = columns.heading[row]
-        self._note(columns, row, journal.AGENT_ORIENTATION, orientation=None if faced is None else list(faced))
+        self._note(columns, row, kinds.AGENT_ORIENTATION, orientation=None if faced is None else list(faced))
 
     def land(self, columns: AgentColumns, row: int, position: Position | None, quat: Quat | None) -> None:
         """Write where a flyer goes, and note it."""

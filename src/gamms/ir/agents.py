@@ -6,8 +6,8 @@ from typing import Any, NamedTuple
 
 import numpy as np
 
+from gamms.ir.events import NOBODY, Journal
 from gamms.ir.graph import FloatArray, IntArray
-from gamms.ir.journal import NOBODY, Journal
 
 Position = tuple[float, float, float]  # x, y, z; map units
 Quat = tuple[float, float, float, float]  # w, x, y, z; of length 1

@@ -4,7 +4,7 @@ Read `recorder.py` first, then `session.py` (what is written), `replaying.py` (w
 `recording.py` (what is read without one) and `fold.py` (how states follow from events). `formats/` knows plain values
 only: version 3 in `formats/__init__.py`, version 2, that of gamms 1.0.0, in `formats/version2.py`. `components.py` has
 the user's own recorded objects. Nothing in a file is ever evaluated or imported. May import: typing, kernels, ir and
-below, never another room. To record something new, note it in `ir.journal` and say in `fold.py` and `replaying.py`
+below, never another room. To record something new, note it in `ir.events` and say in `fold.py` and `replaying.py`
 what it does; a new format is one file in `formats/`.
 """
 

@@ -5,7 +5,7 @@ from typing import Any
 
 import numpy as np
 
-from gamms.ir import journal
+from gamms.ir import events as kinds
 from gamms.recorder import component_fold, game_state
 from gamms.recorder.checking import ARRAYS, LISTS, checked, text
 from gamms.recorder.errors import DAMAGES, Damaged
@@ -54,7 +54,7 @@ class Fold:
         counted, at, pace = self._clock
         return counted + pace * (turns - at)
 
-    def apply(self, log: journal.Log) -> None:
+    def apply(self, log: kinds.Log) -> None:
         """Let the log of one turn happen, entry by entry: what `advance` does at once."""
         entries = iter(log)
         for entry in entries:
@@ -79,7 +79,7 @@ class Fold:
                 self._go(batch, in_order=in_order)
             self._log = turn
             self.happen(kind, data)
-            in_order = in_order or kind == journal.SNAPSHOT
+            in_order = in_order or kind == kinds.SNAPSHOT
         self._go(waiting.rest(), in_order=in_order)
 
     def _go(self, batch: Batch, *, in_order: bool) -> None:
@@ -108,7 +108,7 @@ class Fold:
         """Let flights happen, in their order."""
         if self._roster.are_few(flights.numbers):
             for data in flights.data():
-                self.happen(journal.AERIAL_AGENT_FLIGHT, data)
+                self.happen(kinds.AERIAL_AGENT_FLIGHT, data)
             return
         rows = self._roster.rows(flights.numbers)
         if not self.state["kind"][rows].all():
@@ -283,40 +283,40 @@ def _component(happen: Callable[[State, Any], None]) -> Callable[[Fold, Any], No
 
 
 _EVENTS: dict[int, Callable[[Fold, Any], None]] = {
-    journal.SNAPSHOT: Fold.replace,
-    journal.AGENT_CREATE: Fold.enter,
-    journal.AGENT_DELETE: Fold.leave,
-    journal.AGENT_CURRENT_NODE: _set("node", "node_id"),
-    journal.AGENT_PREV_NODE: _set("previous", "node_id"),
-    journal.AGENT_SENSOR_REGISTER: _register,
-    journal.AGENT_SENSOR_DEREGISTER: _deregister,
-    journal.AGENT_ORIENTATION: _set("heading", "orientation", lambda pair: (np.nan,) * 2 if pair is None else pair),
-    journal.AERIAL_AGENT_FLIGHT: _fly_by_number,
-    journal.AERIAL_AGENT_TURN: _turn,
-    journal.AERIAL_AGENT_POSITION: _fly_by_name,
-    journal.AERIAL_AGENT_QUATERNION: _set("quat", "quat"),
-    journal.AGENT_TEAM: _set("teams", "team"),
-    journal.AGENT_ALIVE: _set("alive", "alive", int),
-    journal.AGENT_SPEED: _set("speed", "speed"),
-    journal.AGENT_PROGRESS: Fold.progress,
-    journal.AGENT_STRATEGY: _set("strategies", "strategy"),
-    journal.FLYERS_ABOVE: _hover,
+    kinds.SNAPSHOT: Fold.replace,
+    kinds.AGENT_CREATE: Fold.enter,
+    kinds.AGENT_DELETE: Fold.leave,
+    kinds.AGENT_CURRENT_NODE: _set("node", "node_id"),
+    kinds.AGENT_PREV_NODE: _set("previous", "node_id"),
+    kinds.AGENT_SENSOR_REGISTER: _register,
+    kinds.AGENT_SENSOR_DEREGISTER: _deregister,
+    kinds.AGENT_ORIENTATION: _set("heading", "orientation", lambda pair: (np.nan,) * 2 if pair is None else pair),
+    kinds.AERIAL_AGENT_FLIGHT: _fly_by_number,
+    kinds.AERIAL_AGENT_TURN: _turn,
+    kinds.AERIAL_AGENT_POSITION: _fly_by_name,
+    kinds.AERIAL_AGENT_QUATERNION: _set("quat", "quat"),
+    kinds.AGENT_TEAM: _set("teams", "team"),
+    kinds.AGENT_ALIVE: _set("alive", "alive", int),
+    kinds.AGENT_SPEED: _set("speed", "speed"),
+    kinds.AGENT_PROGRESS: Fold.progress,
+    kinds.AGENT_STRATEGY: _set("strategies", "strategy"),
+    kinds.FLYERS_ABOVE: _hover,
     **{kind: _component(happen) for kind, happen in component_fold.EVENTS.items()},
-    journal.GAME_SCORES: lambda fold, data: fold.state.__setitem__("scores", data["scores"]),
-    journal.GAME_DATA: lambda fold, data: game_state.apply(fold.state["data"], data),
-    journal.GAME_OVER: lambda fold, data: fold.state.__setitem__("over", data or None),
-    journal.GAME_TURN: Fold.count,
-    journal.GAME_MEMORY: Fold.remember,
-    journal.GAME_CHANCE: lambda fold, data: fold.state.__setitem__("chance", data["chance"]),
-    journal.SENSORS: Fold.equip,
+    kinds.GAME_SCORES: lambda fold, data: fold.state.__setitem__("scores", data["scores"]),
+    kinds.GAME_DATA: lambda fold, data: game_state.apply(fold.state["data"], data),
+    kinds.GAME_OVER: lambda fold, data: fold.state.__setitem__("over", data or None),
+    kinds.GAME_TURN: Fold.count,
+    kinds.GAME_MEMORY: Fold.remember,
+    kinds.GAME_CHANCE: lambda fold, data: fold.state.__setitem__("chance", data["chance"]),
+    kinds.SENSORS: Fold.equip,
 }
 _OTHERS = frozenset(_EVENTS.keys() - FORMS)  # than those that happen many at once
-_OF_FLYERS = {journal.AERIAL_AGENT_POSITION, journal.AERIAL_AGENT_QUATERNION}  # flights, turns of who wrote by name
+_OF_FLYERS = {kinds.AERIAL_AGENT_POSITION, kinds.AERIAL_AGENT_QUATERNION}  # flights, turns of who wrote by name
 _APART = _EVENTS.keys() - {  # events that change nothing that moves of others look at or change
-    journal.SNAPSHOT,
-    journal.AGENT_CREATE,
-    journal.AGENT_DELETE,
-    journal.AGENT_CURRENT_NODE,
-    journal.AGENT_PREV_NODE,
-    journal.FLYERS_ABOVE,
+    kinds.SNAPSHOT,
+    kinds.AGENT_CREATE,
+    kinds.AGENT_DELETE,
+    kinds.AGENT_CURRENT_NODE,
+    kinds.AGENT_PREV_NODE,
+    kinds.FLYERS_ABOVE,
 }

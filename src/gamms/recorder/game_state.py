@@ -7,8 +7,8 @@ from operator import is_not
 from typing import Any
 
 from gamms.errors import BadValue
-from gamms.ir import journal as kinds
-from gamms.ir.journal import Log
+from gamms.ir import events as kinds
+from gamms.ir.events import Log
 from gamms.recorder.errors import Damaged
 from gamms.recorder.plain import is_same, plain, plain_part
 from gamms.text import shown

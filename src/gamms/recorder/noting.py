@@ -5,9 +5,9 @@ At once, because what a program hands over it may change a moment later, and wha
 
 from typing import Any
 
-from gamms.ir import journal
+from gamms.ir import events as kinds
 from gamms.ir.agents import Position, Quat
-from gamms.ir.journal import Journal
+from gamms.ir.events import Journal
 from gamms.recorder import state
 from gamms.recorder.left_out import LeftOut
 from gamms.recorder.plain import plain
@@ -35,11 +35,11 @@ class PlainJournal(Journal):
 
     def note(self, kind: int, data: Any) -> None:
         """Something other than a move has happened."""
-        if kind == journal.AGENT_CREATE:
+        if kind == kinds.AGENT_CREATE:
             self.living[data["name"]] = None
-        elif kind == journal.AGENT_DELETE:
+        elif kind == kinds.AGENT_DELETE:
             self.living.pop(data["name"], None)
-        self.log.append((kind, self._creation(data) if kind == journal.AGENT_CREATE else plain(data)))
+        self.log.append((kind, self._creation(data) if kind == kinds.AGENT_CREATE else plain(data)))
 
     def flew(self, row: int, node: int, position: Position) -> None:
         """A flyer is somewhere else, and this is the node below it."""

@@ -9,7 +9,7 @@ from typing import Any, BinaryIO
 from gamms.arguments import as_bool, as_int, as_name
 from gamms.deciding import Guarded, phase_of, refused_while_deciding
 from gamms.errors import BadType, BadValue, ContextTerminated
-from gamms.ir import journal as kinds
+from gamms.ir import events as kinds
 from gamms.recorder.components import Components
 from gamms.recorder.errors import RecorderBusy, RecordingError
 from gamms.recorder.formats import version2

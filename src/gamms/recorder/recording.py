@@ -11,8 +11,8 @@ import numpy as np
 
 from gamms.arguments import as_context, as_int, as_mapping
 from gamms.errors import BadValue
-from gamms.ir import journal
-from gamms.ir.journal import Log
+from gamms.ir import events as kinds
+from gamms.ir.events import Log
 from gamms.recorder import component_fold, tables
 from gamms.recorder.errors import Damaged, RecordingError
 from gamms.recorder.fold import Fold
@@ -122,7 +122,7 @@ class Recording:
         """How many turns were completed."""
         if self._turns is None:
             logs = self._reader.turns
-            last = self._reader.events(logs - 1, logs, {journal.UNFINISHED}) if logs else ()
+            last = self._reader.events(logs - 1, logs, {kinds.UNFINISHED}) if logs else ()
             self._turns = logs - any(True for _ in last)
         return self._turns
 
@@ -295,7 +295,7 @@ class Recording:
     def _map_turn(self, turn: int) -> int:
         """The turn in which the map became what it was after this one; 0: it was so at the start."""
         if self._map_turns is None:
-            self._map_turns = sorted({log + 1 for log, *_ in self._reader.events(kinds={journal.WORLD})})
+            self._map_turns = sorted({log + 1 for log, *_ in self._reader.events(kinds={kinds.WORLD})})
         place = bisect_right(self._map_turns, turn)
         return self._map_turns[place - 1] if place else 0
 
@@ -304,7 +304,7 @@ class Recording:
         return self._map(last, lambda: self._changed_map(last)) if last else self.graph
 
     def _changed_map(self, turn: int) -> Any:
-        *_, data = list(self._reader.events(turn - 1, turn, {journal.WORLD}))[-1]
+        *_, data = list(self._reader.events(turn - 1, turn, {kinds.WORLD}))[-1]
         return data.get("world") if isinstance(data, dict) else None
 
     def _map(self, turn: int, packed: Callable[[], Any]) -> IPackedGraph:

@@ -5,8 +5,8 @@ from typing import Any
 
 from gamms.arguments import as_int, as_name, as_numbers
 from gamms.errors import BadType, BadValue
-from gamms.ir import journal as kinds
-from gamms.ir.journal import Log
+from gamms.ir import events as kinds
+from gamms.ir.events import Log
 from gamms.recorder.formats.version2 import FIELDS
 from gamms.recorder.plain import is_plain
 from gamms.text import shown

@@ -6,8 +6,8 @@ from copy import deepcopy
 from typing import Any
 
 from gamms.errors import BadFile, BadType, BadValue, ContextTerminated, GammsError, UnknownName
-from gamms.ir import journal as kinds
-from gamms.ir.journal import Muted
+from gamms.ir import events as kinds
+from gamms.ir.events import Muted
 from gamms.recorder import game_state, state
 from gamms.recorder.checking import following_number
 from gamms.recorder.errors import UNFIT, RecordingError

@@ -7,7 +7,7 @@ from typing import TYPE_CHECKING, Any, NamedTuple
 
 from gamms.arguments import as_int
 from gamms.errors import BadFile, BadValue, UnknownName
-from gamms.ir import journal as kinds
+from gamms.ir import events as kinds
 from gamms.recorder import game_state, sensed, state
 from gamms.recorder.errors import UNFIT, RecordingError
 from gamms.recorder.maps import hash_of

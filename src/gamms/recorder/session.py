@@ -8,8 +8,8 @@ from typing import Any
 
 import numpy as np
 
-from gamms.ir import journal as kinds
-from gamms.ir.journal import NOBODY, Log
+from gamms.ir import events as kinds
+from gamms.ir.events import NOBODY, Log
 from gamms.recorder import game_state, sensed, state
 from gamms.recorder.left_out import LeftOut
 from gamms.recorder.maps import is_map_of

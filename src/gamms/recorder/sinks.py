@@ -6,8 +6,8 @@ from collections.abc import Callable
 from functools import cache
 from typing import Any
 
-from gamms.ir import journal as kinds
-from gamms.ir.journal import Log
+from gamms.ir import events as kinds
+from gamms.ir.events import Log
 from gamms.recorder import state
 from gamms.recorder.formats.output import Output
 from gamms.recorder.formats.tracks import FORMS

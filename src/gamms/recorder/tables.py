@@ -7,7 +7,7 @@ import numpy as np
 
 from gamms.arguments import as_name
 from gamms.errors import UnknownName
-from gamms.ir import journal
+from gamms.ir import events as kinds
 from gamms.ir.tables import table_of
 from gamms.recorder.errors import DAMAGES, RecordingError
 from gamms.recorder.formats.columns import IntArray
@@ -22,19 +22,19 @@ Table = dict[str, np.ndarray[Any, Any]]
 NamesAt = Callable[[int], tuple[dict[int, str], int]]
 """When a log begins: number -> name of the agents who are there, and the number that the next one gets."""
 
-KINDS = {code: name for name, code in vars(journal).items() if isinstance(code, int)}
+KINDS = {code: name for name, code in vars(kinds).items() if isinstance(code, int)}
 KINDS |= {
-    journal.AERIAL_AGENT_FLIGHT: "AERIAL_AGENT_POSITION",
-    journal.AERIAL_AGENT_TURN: "AERIAL_AGENT_QUATERNION",
+    kinds.AERIAL_AGENT_FLIGHT: "AERIAL_AGENT_POSITION",
+    kinds.AERIAL_AGENT_TURN: "AERIAL_AGENT_QUATERNION",
 }  # the same by number
 KINDS |= {code.value: code.name for code in OpCodes}
 
 _LONG_NAME = 64  # characters; arrays of texts have room for the longest in each row
 _MOST_CHARACTERS = 1 << 18
 
-_ROSTER = {journal.AGENT_CREATE, journal.SNAPSHOT}
-_FLIGHTS_BY_NAME = {journal.AERIAL_AGENT_POSITION}
-_TOLD = {journal.GAME_EVENT, journal.USER_EVENT}
+_ROSTER = {kinds.AGENT_CREATE, kinds.SNAPSHOT}
+_FLIGHTS_BY_NAME = {kinds.AERIAL_AGENT_POSITION}
+_TOLD = {kinds.GAME_EVENT, kinds.USER_EVENT}
 
 
 def events(reader: Reader, start: int, stop: int) -> Iterator[dict[str, Any]]:
@@ -70,7 +70,7 @@ def _name(names: dict[int, str], number: int, log: int) -> str:
 def _roster_after(kind: int, data: Any, names: dict[int, str], following: int) -> tuple[dict[int, str], int]:
     """Who has which number after somebody has come, or a snapshot."""
     try:
-        if kind == journal.SNAPSHOT:
+        if kind == kinds.SNAPSHOT:
             return dict(zip(data["numbers"].tolist(), data["names"], strict=True)), data["next"]
         names[following] = data["name"]  # in place, for a thousand may come one by one
         return names, following + 1
@@ -130,7 +130,7 @@ def _names(
     parts, done = [], 0
     names, following = known
     for until, (kind, data) in zip(before, roster, strict=True):
-        if kind == journal.SNAPSHOT:
+        if kind == kinds.SNAPSHOT:
             parts.append(_named(numbers[done:until], names))
             done = until
         names, following = _roster_after(kind, data, names, following)
@@ -152,7 +152,7 @@ def _named(numbers: IntArray, known: dict[int, str]) -> np.ndarray[Any, Any]:
 
 def _positions(reader: Reader, start: int, stop: int, names_at: NamesAt) -> Table:
     """Every move of an agent that flies: the turn, its name, where to."""
-    flights = reader.tracks(journal.AERIAL_AGENT_FLIGHT, start, stop, _ROSTER | _FLIGHTS_BY_NAME)
+    flights = reader.tracks(kinds.AERIAL_AGENT_FLIGHT, start, stop, _ROSTER | _FLIGHTS_BY_NAME)
     others = [(log, kind, data) for log, _, kind, data in reader.events(start, stop, _ROSTER | _FLIGHTS_BY_NAME)]
     roster = [(kind, data) for _, kind, data in others if kind in _ROSTER]
     is_named = np.array([kind not in _ROSTER for _, kind, _ in others], np.bool_)
@@ -176,7 +176,7 @@ def _inserted(column: np.ndarray[Any, Any], places: IntArray, values: np.ndarray
 def _scores(reader: Reader, start: int, stop: int, _names_at: NamesAt) -> Table:
     """All scores, of every turn in which one of them changed."""
     found: dict[int, Any] = {}  # of several in one turn, the last
-    for log, _, _, data in reader.events(start, stop, {journal.GAME_SCORES, journal.SNAPSHOT}):
+    for log, _, _, data in reader.events(start, stop, {kinds.GAME_SCORES, kinds.SNAPSHOT}):
         found[log + 1] = data["scores"]
     rows = [(turn, of, score) for turn, scores in found.items() for of, score in scores]
     if not rows:
@@ -188,8 +188,8 @@ def _sensed(reader: Reader, start: int, stop: int, names_at: NamesAt) -> Table:
     """Every node that a sensor saw: the turn, whose sensor, which, the node, and the agent there if that was seen."""
     rows: list[tuple[Any, ...]] = []
     names, following = names_at(start)
-    for log, _, kind, data in reader.events(start, stop, {*_ROSTER, journal.SENSED}):
-        if kind != journal.SENSED:
+    for log, _, kind, data in reader.events(start, stop, {*_ROSTER, kinds.SENSED}):
+        if kind != kinds.SENSED:
             names, following = _roster_after(kind, data, names, following)
             continue
         for number, look in looks_of(data):

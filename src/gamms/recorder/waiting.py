@@ -4,7 +4,7 @@ from typing import Any, NamedTuple
 
 import numpy as np
 
-from gamms.ir import journal
+from gamms.ir import events as kinds
 from gamms.recorder.formats.columns import IntArray
 from gamms.recorder.formats.reader import Reader
 from gamms.recorder.formats.tracks import Tracks
@@ -41,8 +41,8 @@ class Waiting:
 
     def __init__(self, reader: Reader, start: int, stop: int, others: frozenset[int]) -> None:
         turns, self.numbers, self._nodes = reader.moves(start, stop)
-        self._flights = reader.tracks(journal.AERIAL_AGENT_FLIGHT, start, stop, others)
-        self._turns = reader.tracks(journal.AERIAL_AGENT_TURN, start, stop, others)
+        self._flights = reader.tracks(kinds.AERIAL_AGENT_FLIGHT, start, stop, others)
+        self._turns = reader.tracks(kinds.AERIAL_AGENT_TURN, start, stop, others)
         self._start, self._begins = start, turns.searchsorted(np.arange(start, stop)).tolist()
         self._before = self._flights.before.tolist(), self._turns.before.tolist()
         self._done = 0, 0, 0

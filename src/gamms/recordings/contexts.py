@@ -6,14 +6,14 @@ from typing import Any
 
 from gamms.arguments import as_path
 from gamms.context import Context, create_context
-from gamms.ir import journal
+from gamms.ir import events as kinds
 from gamms.recorder import RecordingError
 from gamms.recorder.formats import version2
 from gamms.typing.opcodes import MAGIC_NUMBER
 from gamms.visual import Engine
 
 _QUIET = {"level": "CRITICAL"}  # what a recording cannot say, such as the sensors of version 2, is no news
-_NODES = {journal.AGENT_CURRENT_NODE, journal.AGENT_PREV_NODE}
+_NODES = {kinds.AGENT_CURRENT_NODE, kinds.AGENT_PREV_NODE}
 
 
 def version_of(path: str | os.PathLike[str]) -> int:
@@ -109,7 +109,7 @@ def _node_ids(path: str | os.PathLike[str]) -> Iterator[int]:
             is_begun = True
             data = record.get("data") or {}
             found = data.get("node_id") if record["opCode"] in _NODES else None
-            if record["opCode"] == journal.AGENT_CREATE and isinstance(data["kwargs"], dict):
+            if record["opCode"] == kinds.AGENT_CREATE and isinstance(data["kwargs"], dict):
                 found = data["kwargs"].get("start_node_id")
             if type(found) is int and -(1 << 63) <= found < 1 << 63:
                 yield found

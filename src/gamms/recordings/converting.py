@@ -14,7 +14,7 @@ from gamms.arguments import as_path
 from gamms.context import Context
 from gamms.errors import BadValue, GammsError
 from gamms.folders import whole_file
-from gamms.ir import journal
+from gamms.ir import events as kinds
 from gamms.recorder import Recording, RecordingError
 from gamms.recorder import open as opened
 from gamms.recorder.maps import HASH
@@ -73,7 +73,7 @@ def _replay(ctx: Context, records: Iterator[_Record]) -> None:
     """Let the records happen, and be recorded; two that are one move become one."""
     happen = _Happening(ctx)
     waiting: _Record | None = None
-    for record in chain(records, [{"opCode": journal.TERMINATE}]):
+    for record in chain(records, [{"opCode": kinds.TERMINATE}]):
         if waiting is not None:
             if _is_move(ctx, waiting, record):
                 row = ctx.agent.agents[record["data"]["agent_name"]]._row
@@ -82,9 +82,9 @@ def _replay(ctx: Context, records: Iterator[_Record]) -> None:
                 continue
             happen(waiting)
             waiting = None
-        if record["opCode"] == journal.AGENT_PREV_NODE:
+        if record["opCode"] == kinds.AGENT_PREV_NODE:
             waiting = record
-        elif record["opCode"] != journal.TERMINATE:
+        elif record["opCode"] != kinds.TERMINATE:
             happen(record)
 
 
@@ -95,9 +95,9 @@ class _Happening:
         self._ctx = ctx
         self._player = Player(ctx.record, is_version_2=True)
         self._special = {
-            journal.AGENT_CREATE: self._create,
-            journal.AGENT_DELETE: self._delete,
-            journal.AERIAL_AGENT_POSITION: self._fly,
+            kinds.AGENT_CREATE: self._create,
+            kinds.AGENT_DELETE: self._delete,
+            kinds.AERIAL_AGENT_POSITION: self._fly,
         }
 
     def __call__(self, record: _Record) -> None:
@@ -128,7 +128,7 @@ class _Happening:
 
 def _is_move(ctx: Context, before: _Record, after: _Record) -> bool:
     """Whether an agent on the ground goes on from where it is."""
-    if after["opCode"] != journal.AGENT_CURRENT_NODE:
+    if after["opCode"] != kinds.AGENT_CURRENT_NODE:
         return False
     name, there = after["data"]["agent_name"], after["data"]["node_id"]
     agent = ctx.agent.agents.get(name) if isinstance(name, str) else None

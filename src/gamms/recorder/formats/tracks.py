@@ -15,7 +15,7 @@ import numpy as np
 import numpy.typing as npt
 
 from gamms.errors import BadFile, BadType, BadValue
-from gamms.ir import journal
+from gamms.ir import events as kinds
 from gamms.recorder.formats import columns
 from gamms.recorder.formats.columns import IntArray
 from gamms.text import reason, shown
@@ -32,7 +32,7 @@ class Form(NamedTuple):
     floats: int
 
 
-FORMS = {journal.AERIAL_AGENT_FLIGHT: Form(1, 3), journal.AERIAL_AGENT_TURN: Form(0, 4)}
+FORMS = {kinds.AERIAL_AGENT_FLIGHT: Form(1, 3), kinds.AERIAL_AGENT_TURN: Form(0, 4)}
 
 
 class Layout:

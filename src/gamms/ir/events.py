@@ -1,4 +1,4 @@
-"""What happens, in order: written by the columns and the one writer of moves, read by whoever records."""
+"""What happens, in order: noted by whoever changes the state, read by the recorder."""
 
 from typing import Any
 
