@@ -241,7 +241,7 @@ HARMLESS = {  # on what is a copy, or the strategy's own
     "teams": lambda ctx, s: vandalise(ctx.agent.teams),
     "agents of the game": lambda ctx, s: vandalise(ctx.game.agents),
     "described sensors": lambda ctx, s: vandalise(ctx.sensor.described()),
-    "described visuals": lambda ctx, s: vandalise(ctx.visual.described()),
+    "described visuals": lambda ctx, s: vandalise(ctx.visual.artists.specs()),
     "node_attributes": lambda ctx, s: vandalise(ctx.graph.node_attributes(4)),
     "neighborhoods": lambda ctx, s: vandalise(ctx.graph.graph.neighborhoods),
     "columns": lambda ctx, s: [vandalise(part) for part in ctx.graph.columns().bends.values()],

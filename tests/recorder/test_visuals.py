@@ -153,5 +153,5 @@ def test_a_look_that_nobody_recorded_is_refused(visuals, ctx):
 def test_kinds_and_keywords_of_later_versions_are_passed_over(ctx):
     words = {"name": "a", "keywords": {"color": (1, 2, 3), "new": 5, "name": "a"}, "layer": 1, "visible": True}
     artists = [{**words, "kind": "agent"}, {**words, "kind": "cloud", "name": "b"}]
-    ctx.visual.show({"artists": artists, "is_declared": True})
+    ctx.visual.artists.add_specs({"artists": artists, "is_declared": True})
     assert list(ctx.visual.artists.declared) == ["a"]

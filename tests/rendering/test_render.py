@@ -49,6 +49,20 @@ def game(tmp_path_factory):
     return path
 
 
+def test_what_artists_draw_is_rendered_but_not_in_fog_for_it_may_tell_too_much(tmp_path):
+    with gamms.create_context(seed=1, logger_config=QUIET) as ctx:
+        ctx.graph.add_nodes([0, 1], x=[0.0, 10.0], y=[0.0, 0.0])
+        ctx.graph.add_edges([0, 1], [0, 1], [1, 0])
+        ctx.sensor.create_sensor("near", SensorType.RANGE, sensor_range=25.0)
+        ctx.agent.create_agent("red_0", start_node_id=0, team="red", sensors=["near"], strategy=east)
+        ctx.visual.add_artist("mine", {"drawer": lambda ctx, _: ctx.visual.render_text("where blue is", 5.0, 0.0)})
+        ctx.record.start(tmp_path / "game.ggr", drawings=True)
+        ctx.game.run(max_turns=2)
+    for options, is_shown in (([], True), (["--fog", "red"], False)):
+        run(tmp_path / "game.ggr", tmp_path / "game.svg", *options)
+        assert ("where blue is" in (tmp_path / "game.svg").read_text()) == is_shown
+
+
 def film_of(path):
     with av.open(str(path)) as file:
         return [frame.to_ndarray(format="rgb24") for frame in file.decode(video=0)]

@@ -9,7 +9,11 @@ from typing import Any
 
 import numpy as np
 
+from gamms.errors import BadType, BadValue
 from gamms.ir.graph import FloatArray, IntArray
+
+FARTHEST = 1e12  # of coordinates and sizes; beyond it, differences of coordinates lose their metres
+MOST_POINTS = 1 << 20  # of drawings that are recorded
 
 
 class DrawKind(IntEnum):
@@ -59,3 +63,93 @@ class DrawCommands:
         if (self.layer[1:] >= self.layer[:-1]).all():  # as it nearly always is
             return np.arange(len(self.layer))
         return np.argsort(self.layer, kind="stable")
+
+    def to_plain(self) -> dict[str, Any]:
+        """Return the columns as plain values for a recording; images, which are files, and layers are left out.
+
+        Raises:
+            BadValue: more points than a recording holds.
+        """
+        if len(self.points) > MOST_POINTS:
+            raise BadValue(
+                f"A drawing of {len(self.points)} points cannot be recorded; at most {MOST_POINTS} points can."
+            )
+        counts, is_kept = np.diff(self.offsets), self.kind != DrawKind.IMAGE
+        columns: dict[str, Any] = {name: getattr(self, name)[is_kept].astype(np.uint8) for name in ("kind", "space")}
+        columns |= {name: getattr(self, name)[is_kept] for name in ("size", "width", "angle", "color")}
+        columns |= {"counts": counts[is_kept], "points": self.points[np.repeat(is_kept, counts)]}
+        if any(self.text):
+            columns["text"] = [self.text[row] for row in np.flatnonzero(is_kept).tolist()]
+        return columns
+
+    @classmethod
+    def from_plain(cls, columns: Any) -> "DrawCommands":
+        """Return commands, on layer 0, from what `to_plain` gave.
+
+        Raises:
+            BadType, BadValue, KeyError: it did not give this.
+        """
+        if not isinstance(columns, dict):
+            raise BadType(f"A recorded drawing is a dict of columns, not a {type(columns).__name__}.")
+        kind, space, counts = (_column(columns, name, "iu") for name in ("kind", "space", "counts"))
+        size, width, angle = (_column(columns, name, "f") for name in ("size", "width", "angle"))
+        color, points = _column(columns, "color", "iu", 4), _column(columns, "points", "f", 2)
+        text = columns.get("text") or [""] * len(counts)
+        if not isinstance(text, list) or not all(isinstance(one, str) for one in text):
+            raise BadType("The texts of a recorded drawing must be a list of str.")
+        if {len(column) for column in (kind, space, size, width, angle, color, text)} != {len(counts)}:
+            raise BadValue("The columns of a recorded drawing have different lengths.")
+        _check_kinds(kind, space, counts, len(points))
+        for name, values in {"size": size, "width": width, "angle": angle, "point": points}.items():
+            if not (np.abs(values) <= FARTHEST).all():  # nor NaN
+                raise BadValue(f"A {name} in a recorded drawing is not finite, or beyond {FARTHEST:g}.")
+        offsets = np.concatenate(([0], np.cumsum(counts, dtype=np.int64)))
+        extents = points[offsets[:-1][kind == DrawKind.RECTANGLE] + 1]
+        if any((values < 0.0).any() for values in (size, width, extents)):
+            raise BadValue("A size in a recorded drawing is negative.")
+        return cls(
+            kind=kind.astype(np.int64),
+            layer=np.zeros(len(kind), np.int64),
+            space=space.astype(np.int64),
+            size=size.astype(np.float64),
+            width=width.astype(np.float64),
+            angle=angle.astype(np.float64),
+            color=color.astype(np.uint8),
+            offsets=offsets,
+            points=points.astype(np.float64),
+            text=tuple(text),
+        )
+
+
+_POINTS_OF = {  # the fewest and the most points of a command of each kind that is recorded
+    DrawKind.CIRCLE: (1, 1),
+    DrawKind.RECTANGLE: (2, 2),
+    DrawKind.LINE: (2, MOST_POINTS),
+    DrawKind.POLYGON: (3, MOST_POINTS),
+    DrawKind.TEXT: (1, 1),
+}
+
+
+def _column(columns: dict[str, Any], name: str, kinds: str, width: int | None = None) -> "np.ndarray[Any, Any]":
+    """Return a column of a recorded drawing, which has a number per row, or `width` numbers."""
+    column, shape = columns[name], () if width is None else (width,)
+    if (
+        not isinstance(column, np.ndarray)
+        or column.dtype.kind not in kinds
+        or column.shape != (*column.shape[:1], *shape)
+    ):
+        raise BadType(f"The column {name!r} of a recorded drawing must be an array of numbers.")
+    return column
+
+
+def _check_kinds(kind: Any, space: Any, counts: Any, points: int) -> None:
+    """Check that a recorded drawing has commands of known kinds, with as many points as these have.
+
+    Raises:
+        BadValue: it has others.
+    """
+    is_known = np.isin(space, list(DrawSpace))
+    for one, (fewest, most) in _POINTS_OF.items():
+        is_known[kind == one] &= ((counts >= fewest) & (counts <= most))[kind == one]
+    if not (is_known & np.isin(kind, list(_POINTS_OF))).all() or points > MOST_POINTS or int(counts.sum()) != points:
+        raise BadValue("A recorded drawing has commands of an unknown kind, or a wrong number of points.")

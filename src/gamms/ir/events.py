@@ -28,6 +28,7 @@ AERIAL_AGENT_FLIGHT = 0x01100020  # not in 1.0.0: (number of the flyer, node bel
 AERIAL_AGENT_TURN = 0x01100021  # not in 1.0.0: (number of the flyer, w, x, y, z)
 WORLD = 0x03000000  # not in 1.0.0: graph and obstacles
 VISUALS = 0x03000010  # not in 1.0.0: what it looks like
+VISUAL_COMMANDS = 0x03000011  # not in 1.0.0: what an artist draws, from the end of this turn on
 GAME_SCORES = 0x04000000  # not in 1.0.0
 GAME_DATA = 0x04000001  # not in 1.0.0
 GAME_EVENT = 0x04000002  # not in 1.0.0

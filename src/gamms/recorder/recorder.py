@@ -77,6 +77,7 @@ class Recorder(Guarded, IRecorder):
         created: int | None = None,
         provenance: Any = None,
         sensed: bool = False,
+        drawings: bool | None = None,
         embed_graph: bool = True,
         overwrite: bool = False,
     ) -> None:
@@ -88,6 +89,8 @@ class Recorder(Guarded, IRecorder):
             created: seconds since 1970 to be kept in the header; None: $SOURCE_DATE_EPOCH, or nothing.
             provenance: plain values to be kept in the header.
             sensed: write down what agents sense in the turns of `ctx.game`, too, for `Recording.observation`.
+            drawings: write down what artists with drawers of the program's own draw at the end of each turn, too, which
+                calls these drawers; None: where there is a visual engine other than `NO_VIS`.
             embed_graph: whether the recording holds the map; else only its SHA-256, and who replays it needs the map.
             overwrite: whether it may take the place of a file, once it has begun well.
 
@@ -111,7 +114,10 @@ class Recorder(Guarded, IRecorder):
             told = header_of(self.ctx, session, options) if session.header is None else session.header
             return told if embed_graph else without_map(told)
 
-        session = Session(self.ctx, with_sensed=sensed)  # before there is a file: not every map can be written
+        drawings = self._has_drawings if drawings is None else as_bool(drawings, "drawings")
+        session = Session(
+            self.ctx, with_sensed=sensed, with_drawings=drawings and version == 3
+        )  # before there is a file: not every map can be written
         target: Target | None = None
         try:
             target = Target(path, overwrite=overwrite)
@@ -127,6 +133,11 @@ class Recorder(Guarded, IRecorder):
         self._target, self._session, self._version = target, session, version
         for name, data in self.components.snapshot():
             self._component_event(name, data)
+
+    @property
+    def _has_drawings(self) -> bool:
+        """Whether drawers are called without this recording, too."""
+        return bool(getattr(self.ctx.visual, "calls_drawers", True))
 
     @refused_while_deciding
     def stop(self) -> None:

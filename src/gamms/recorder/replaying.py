@@ -33,12 +33,12 @@ class Player:
         self._ctx = recorder.ctx
         self._numbers: dict[int, str] = {}
         self._next = 0
-        self._shown: frozenset[str] = frozenset()  # artists of the recording
+        self._shown: Any = {}  # artists of the recording
         self._pace = 0  # by how much the game counts on in a turn
 
     def play(self, reader: Reader) -> Iterator[Record]:
         """Everything in a recording of version 3, whose map is attached."""
-        self.dress(reader.header.get("visuals"))
+        self.dress(reader.header.get("visuals"), reader.header.get("drawings", []))
         begin = reader.keyframe(0)
         if begin is not None and begin[0] == 0:
             self._begin(begin[1])
@@ -262,11 +262,16 @@ class Player:
         self._ctx.graph.unpack(data["world"])
 
     def _visuals(self, data: Any) -> None:
-        show = getattr(self._ctx.visual, "show", None)
-        if show is not None:
-            self._shown = show(data, self._shown)
+        artists = getattr(self._ctx.visual, "artists", None)  # an engine of the caller's may have none
+        if artists is not None:
+            self._shown = artists.add_specs(data, self._shown)
 
-    def dress(self, visuals: Any) -> None:
+    def _draw(self, data: Any) -> None:
+        artists = getattr(self._ctx.visual, "artists", None)
+        if artists is not None:
+            artists.add_drawing(data)
+
+    def dress(self, visuals: Any, drawings: Any = ()) -> None:
         """Let it look as a recording says; None: as it does.
 
         Raises:
@@ -276,6 +281,8 @@ class Player:
             return
         try:
             self._visuals(visuals)
+            for drawing in drawings:
+                self._draw(drawing)
         except UNFIT as error:
             raise RecordingError(
                 f"What this recording looks like is not right ({type(error).__name__}: {reason(error)})."
@@ -408,6 +415,7 @@ _EVENTS: dict[int, Callable[[Player, Any], None]] = {
     kinds.FLYERS_ABOVE: Player._above,
     kinds.WORLD: Player._world,
     kinds.VISUALS: Player._visuals,
+    kinds.VISUAL_COMMANDS: Player._draw,
     kinds.GAME_SCORES: Player._scores,
     kinds.GAME_DATA: Player._data,
     kinds.GAME_EVENT: Player._event,

@@ -123,7 +123,9 @@ def resume(ctx: Any, reader: "Reader", turn: int, fold: "Fold", maps: Maps, *, i
     for name, agent in ctx.agent.agents.items():
         agent.strategy = strategies.get(name)
     looks = [data for _, data in _before(reader, turn, (kinds.VISUALS,))]
-    Player(ctx.record).dress(looks[-1] if looks else reader.header.get("visuals"))
+    drawings = reader.header.get("drawings", [])
+    drawings = [*drawings, *(data for _, data in _before(reader, turn, (kinds.VISUAL_COMMANDS,)))]
+    Player(ctx.record).dress(looks[-1] if looks else reader.header.get("visuals"), drawings)
     for kind, data in _before(reader, turn, tuple(COMPONENTS)):
         ctx.record.components.apply(COMPONENTS[kind], data, lenient=True)
 

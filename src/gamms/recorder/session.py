@@ -11,9 +11,11 @@ import numpy as np
 from gamms.ir import events as kinds
 from gamms.ir.events import NOBODY, Log
 from gamms.recorder import game_state, sensed, state
+from gamms.recorder.drawings import DrawingWatch
 from gamms.recorder.left_out import LeftOut
 from gamms.recorder.maps import is_map_of
 from gamms.recorder.noting import PlainJournal
+from gamms.recorder.plain import plain_part
 from gamms.recorder.saving import Saving
 from gamms.typing.opcodes import OpCodes
 
@@ -37,12 +39,14 @@ class Session:
     Args:
         ctx: the context.
         with_sensed: whether what agents sense is written, too.
+        with_drawings: whether what drawers of the program's own draw is written, too.
 
     Attributes:
         is_paused: whether nothing is written for now.
         has_failed: whether it could not be written further: nothing is noted then, and nothing more written.
         copied: while a recording is being replayed, whose events are copied as they are: its keyframe after a turn.
         visuals: what it looked like when the first turn was over.
+        drawings: what artists draw.
         world: graph and obstacles as they were when there was a graph for the first time, or when the first turn was
             over; None before that.
         header: of the recording that was replayed first of all; None: this one has its own.
@@ -50,7 +54,7 @@ class Session:
         seed: of the context when the first turn was over.
     """
 
-    def __init__(self, ctx: Any, *, with_sensed: bool = False) -> None:
+    def __init__(self, ctx: Any, *, with_sensed: bool = False, with_drawings: bool = False) -> None:
         self.ctx = ctx
         self._with_sensed = with_sensed
         self._room, self._visual = ctx.graph, ctx.visual
@@ -71,7 +75,8 @@ class Session:
         self._left_out = LeftOut(ctx)
         self.world: bytes | None = self._left_out.packed() if has_map else None
         self._left_out.look_over()
-        self._declarations, self.visuals = self._declarations_now(), state.shown(ctx)
+        self.drawings = DrawingWatch(ctx.visual, with_custom=with_drawings)
+        self._declarations, self.visuals = self._declarations_now(), self._looks()
         self._listen()
         self.begin = state.captured(ctx) | game_state.at_the_start(ctx) | state.of_components(ctx)
         self._revised = _REVISIONS(self._room)
@@ -100,6 +105,7 @@ class Session:
             self.seed = self.ctx.seed
         if self.copied is None:
             self._tell_changes()
+            journal.log += self.drawings.changes()
             self._game.count(journal.log)
         log, journal.log, self._front = journal.log, [], 0
         self._logs.append(log)
@@ -381,11 +387,15 @@ class Session:
 
     def _visual_changes(self) -> Log:
         """What says that it looks otherwise. What was declared in the first turn goes into the header."""
-        self._declarations, visuals = self._declarations_now(), state.shown(self.ctx)
+        self._declarations, visuals = self._declarations_now(), self._looks()
         if not self.turn:
             self.visuals = visuals
             return []
         return [(kinds.VISUALS, visuals)]
+
+    def _looks(self) -> state.State:
+        """Return what it looks like, as far as there are plain values for it."""
+        return plain_part(self.drawings.specs())
 
     def _world_changes(self) -> Log:
         """What says that the map is another one. The first map goes into the header: it may be loaded late."""

@@ -258,4 +258,5 @@ def header_of(ctx: Any, session: Session, options: dict[str, Any]) -> dict[str, 
         **({} if ctx.game.scenario is None else {"scenario": {**plain(ctx.game.scenario), "seed": session.seed}}),
         "world": ctx.graph.packed() if session.world is None else session.world,
         **({"visuals": session.visuals} if session.visuals["artists"] else {}),
+        **({"drawings": session.drawings.first} if session.drawings.first else {}),
     }

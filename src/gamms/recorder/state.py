@@ -180,12 +180,6 @@ def make_sensors(ctx: Any, state: State) -> None:
             ctx.sensor.make(sensor)
 
 
-def shown(ctx: Any) -> State:
-    """What it looks like, as far as the visual room has plain words for it."""
-    described = getattr(ctx.visual, "described", None)
-    return {"artists": [], "is_declared": False} if described is None else plain_part(described())
-
-
 def above(ctx: Any) -> State | None:
     """Which nodes are and were below all who fly, which follows from the map; None if nobody does."""
     ctx.agent.settle()

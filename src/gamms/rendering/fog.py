@@ -59,6 +59,7 @@ class Fog:
 
     def _declare(self) -> None:
         visual = self._ctx.visual
+        visual.artists.drawings.are_shown = False  # for they may show what the team does not see
         streets = Artist(self._ctx, _TurnDrawer(self._draw_streets), Layer.GRAPH)
         visual.add_artist("graph", streets)
         for name in territories_in(self._ctx):

@@ -10,24 +10,13 @@ from typing import Any
 import numpy as np
 
 from gamms.typing.game import Rule
-from gamms.visual.drawers.rules import as_text, render_flags, render_tags
-from gamms.visual.layers import Layer
+from gamms.visual.drawers.rules import as_text
 
 
 def equipped(rule: Rule, **extras: Any) -> Rule:
     """A rule with what `ctx.game.add` looks for: `prepare(ctx)`, called at once, and `drawer(ctx, data)`."""
     rule.__dict__.update(extras)
     return rule
-
-
-def flags_drawer(key: str, colors: Mapping[Any, Any] | None) -> Any:
-    """A drawer of what `capture_flag` keeps as `ctx.game.data[key]`."""
-
-    def drawer(ctx: Any, data: Any) -> None:
-        render_flags(ctx, {**data, "key": key, "colors": colors})
-
-    drawer.__dict__.update(artist=key, layer=Layer.FLAGS)
-    return drawer
 
 
 def packed(territory: Mapping[int, Any]) -> dict[Any, str]:
@@ -37,11 +26,3 @@ def packed(territory: Mapping[int, Any]) -> dict[Any, str]:
         if team is not None:
             owned.setdefault(team, []).append(node)
     return {team: as_text(np.array(sorted(nodes), np.int64)) for team, nodes in owned.items()}
-
-
-def tags_drawer(ctx: Any, data: Any) -> None:
-    """Mark the tags of this turn."""
-    render_tags(ctx, data)
-
-
-tags_drawer.__dict__.update(artist="tags", layer=Layer.TAGS, once_a_turn=True)

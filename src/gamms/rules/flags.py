@@ -6,13 +6,14 @@ from typing import Any
 from gamms import kernels
 from gamms.arguments import as_float, as_int, as_name
 from gamms.errors import BadType, BadValue
-from gamms.rules.drawing import equipped, flags_drawer
+from gamms.rules.drawing import equipped
 from gamms.rules.endings import refuse_unknown
 from gamms.rules.territory import as_territory
 from gamms.rules.visits import Visit, tracks_of, visits_of
 from gamms.text import shown
 from gamms.typing import AgentType
 from gamms.typing.game import Rule
+from gamms.visual.drawers.rules import FlagsDrawer
 
 
 def capture_flag(
@@ -59,7 +60,7 @@ def capture_flag(
     def capture_flag(ctx: Any) -> None:
         game.play(ctx)
 
-    return equipped(capture_flag, prepare=game.prepare, drawer=flags_drawer(game.key, colors))
+    return equipped(capture_flag, prepare=game.prepare, drawer=FlagsDrawer(game.key, colors))
 
 
 class _Flags:

@@ -6,10 +6,11 @@ from typing import Any
 from gamms.arguments import as_float
 from gamms.errors import BadType, BadValue, nearest
 from gamms.rules.contacts import Contact, Side, as_nearness, as_side, found, one_to_one
-from gamms.rules.drawing import equipped, tags_drawer
+from gamms.rules.drawing import equipped
 from gamms.rules.territory import as_territory
 from gamms.text import shown
 from gamms.typing.game import Rule
+from gamms.visual.drawers.rules import render_tags
 
 Then = Callable[[Any, Any, Any], Any]  # called with the context, the tagger and who was tagged
 _Tag = tuple[Any, Any, Any]  # tagger, tagged, the node where the latter was
@@ -90,7 +91,7 @@ def tag(  # noqa: PLR0913 - all that a rule is, in one call
         for tagger, other, _ in made:
             follow(ctx, tagger, other)
 
-    return equipped(tag, drawer=tags_drawer, teams=[side for side in (taggers, tagged) if not callable(side)])
+    return equipped(tag, drawer=render_tags, teams=[side for side in (taggers, tagged) if not callable(side)])
 
 
 def _as_then(then: Any) -> Then:

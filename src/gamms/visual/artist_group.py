@@ -1,8 +1,12 @@
 """Artists that draw one after the other into one list of commands; agents that are discs draw together."""
 
 from collections.abc import Mapping
+from dataclasses import fields, is_dataclass
 from itertools import groupby
 from typing import Any
+from zlib import crc32
+
+import numpy as np
 
 from gamms.ir.draw import DrawCommands
 from gamms.typing import ArtistType, IArtist, IContext
@@ -88,3 +92,23 @@ def _is_disc(ctx: IContext, artist: IArtist) -> bool:
 def _data_of(artist: IArtist) -> dict[str, Any]:
     data: dict[str, Any] = artist.data
     return data
+
+
+def state_of(name: str, artist: IArtist) -> Any:
+    """Return something hashable that changes whenever a STATIC artist has to draw again in the same world."""
+    return name, artist.get_layer(), artist.get_drawer(), _print_of(getattr(artist, "data", None))
+
+
+def _print_of(value: Any) -> Any:
+    """Something hashable that differs where two values would be drawn differently."""
+    if isinstance(value, dict):
+        return tuple((_print_of(key), _print_of(one)) for key, one in value.items())
+    if isinstance(value, list | tuple | set | frozenset):
+        return type(value), tuple(_print_of(one) for one in value)
+    if is_dataclass(value) and not isinstance(value, type):
+        return type(value), tuple(_print_of(getattr(value, field.name)) for field in fields(value) if field.compare)
+    if isinstance(value, np.ndarray) and value.dtype != object:
+        return value.shape, value.dtype.str, crc32(value.tobytes())
+    if value is None or isinstance(value, str | int | float | bytes | complex):
+        return type(value), value
+    return id(value)

@@ -1,9 +1,10 @@
 """Artists by name: declared with keywords, added by the caller, or made from the specs of a recording."""
 
 from collections.abc import Callable, Mapping
+from types import MappingProxyType
 from typing import TYPE_CHECKING, Any, NamedTuple, cast
 
-from gamms.arguments import as_key, as_name
+from gamms.arguments import as_int, as_key, as_name
 from gamms.deciding import Guarded, Protected, outside_of_deciding, phase_of, refused_while_deciding
 from gamms.errors import BadType, BadValue, ContextTerminated
 from gamms.text import shown
@@ -17,27 +18,32 @@ from gamms.visual.drawers import (
     render_agent,
     render_circle,
     render_graph,
+    render_input_overlay,
     render_obstacles,
     render_rectangle,
     render_sensor,
 )
+from gamms.visual.drawers.rules import FlagsDrawer, TerritoryDrawer, render_eliminated, render_tags
 from gamms.visual.layers import Layer
 from gamms.visual.motion import TurnEvents
+from gamms.visual.recorded_drawings import RecordedDrawer, RecordedDrawings
 
 if TYPE_CHECKING:
     from gamms.visual.default_scene import DefaultScene
 
 _Data = dict[str, Any]
+_NONE: Mapping[str, IArtist] = MappingProxyType({})
 
 
 class _Kind(NamedTuple):
     """What one drawer draws."""
 
-    drawer: Drawer
+    drawer: Drawer | type  # a class: a drawer made from the keywords
     names: tuple[str, ...]  # of the keywords
     keywords_of: Callable[[_Data], _Data]  # may have more, and may raise where the data are the caller's
     data_of: Callable[[_Data], _Data]
     is_static: bool = False
+    is_shape: bool = False  # whose data are the program's own, so that they may change at any time
 
 
 def _of_shape(kind: type) -> Callable[[_Data], _Data]:
@@ -60,22 +66,42 @@ _KINDS = {
         lambda given: {"agent_data": AgentData(**given), "_alpha": 1.0},
     ),
     "sensor": _Kind(render_sensor, ("name", "color", "size", "node_color", "node_size", "edge_color"), dict, dict),
-    "circle": _Kind(render_circle, ("x", "y", "radius", "scale", "color"), _of_shape(Circle), dict),
-    "rectangle": _Kind(render_rectangle, ("x", "y", "width", "height", "color"), _of_shape(Rectangle), dict),
+    "circle": _Kind(render_circle, ("x", "y", "radius", "scale", "color"), _of_shape(Circle), dict, is_shape=True),
+    "rectangle": _Kind(
+        render_rectangle, ("x", "y", "width", "height", "color"), _of_shape(Rectangle), dict, is_shape=True
+    ),
+    "flags": _Kind(FlagsDrawer, ("key", "colors"), dict, dict),
+    "territory": _Kind(TerritoryDrawer, ("key", "colors"), dict, dict),
+    "tags": _Kind(render_tags, (), dict, dict),
 }
 _NAME_OF = {kind.drawer: name for name, kind in _KINDS.items()}
+_DRAWING = "drawing"  # the kind of an artist whose commands are recorded
+
+
+def _kind_of(artist: IArtist) -> str | None:
+    """Return the kind of an artist with a built-in drawer; None of any other."""
+    drawer = artist.get_drawer()
+    try:
+        return _NAME_OF.get(drawer) or _NAME_OF.get(type(drawer))  # type: ignore[arg-type]  # None is in no table
+    except TypeError:  # a drawer that is not hashable
+        return None
 
 
 def spec_of(name: str, artist: IArtist) -> dict[str, Any] | None:
     """Describe an artist: `name`, `kind`, `keywords`, `layer`, `visible`; None unless its drawer is built in."""
-    kind = _NAME_OF.get(artist.get_drawer())  # type: ignore[arg-type]  # None is in no table
+    kind = _kind_of(artist)
     if kind is None:
         return None
     try:
-        given = _KINDS[kind].keywords_of(artist.data)
+        drawer: Any = artist.get_drawer()
+        given = drawer.keywords if isinstance(_KINDS[kind].drawer, type) else _KINDS[kind].keywords_of(artist.data)
         keywords = {key: given[key] for key in _KINDS[kind].names if key in given}
     except (KeyError, TypeError, ValueError, AttributeError):  # data of the caller's own, which do not draw, either
         return None
+    return _spec(name, kind, keywords, artist)
+
+
+def _spec(name: str, kind: str, keywords: _Data, artist: IArtist) -> _Data:
     layer, visible = artist.get_layer(), artist.get_visible()
     return {"name": name, "kind": kind, "keywords": keywords, "layer": layer, "visible": visible}
 
@@ -91,8 +117,10 @@ def artist_of(ctx: IContext, spec: dict[str, Any]) -> Artist | None:
         return None
     if not isinstance(spec["keywords"], dict):
         raise BadType(f"The keywords of artist {shown(spec['name'])} must be a dict, not {shown(spec['keywords'])}.")
-    artist = Artist(ctx, kind.drawer, spec["layer"])
-    artist.data = kind.data_of({key: value for key, value in spec["keywords"].items() if key in kind.names})
+    keywords = {key: value for key, value in spec["keywords"].items() if key in kind.names}
+    drawer = kind.drawer(**keywords) if isinstance(kind.drawer, type) else kind.drawer
+    artist = Artist(ctx, drawer, spec["layer"])
+    artist.data = kind.data_of(keywords)
     artist.set_visible(spec["visible"])
     if kind.is_static:
         artist.set_artist_type(ArtistType.STATIC)
@@ -110,6 +138,7 @@ class Artists(Guarded):
         declared: every artist that was declared or added.
         is_declared: whether visuals were declared, so that there is no default scene.
         edits: a number that changes whenever an artist is declared, added or removed.
+        drawings: those of a recording that is replayed.
     """
 
     _called = "ctx.visual"
@@ -125,6 +154,8 @@ class Artists(Guarded):
         self._is_replayed = False  # declared visuals are those of a recording, where rules drew, too
         self._default: DefaultScene | None = None
         self.edits = 0
+        self.drawings = RecordedDrawings(ctx)
+        self._drawn: tuple[Any, dict[str, IArtist]] = None, {}  # what `drawn` has found, and by which edits
 
     # -- shown -----------------------------------------------------------------------------------------------
 
@@ -140,8 +171,6 @@ class Artists(Guarded):
         artists = self._of_default(scene) | self.declared
         if not self._events.eliminated():
             return artists
-        from gamms.visual.drawers.rules import render_eliminated
-
         marks = Artist(self._ctx, render_eliminated, Layer.TAGS)
         marks.data = {"colors": {look.name: look.color for look in looks_of(artists)}}
         return {"eliminated": marks} | artists
@@ -226,6 +255,8 @@ class Artists(Guarded):
         if self._ctx.is_terminated():
             return None
         given = edges if nodes is None else nodes
+        if given is None or name not in self.declared:
+            self.edits += 1
         if given is None:
             self.declared.pop(name, None)
             return None
@@ -301,13 +332,66 @@ class Artists(Guarded):
         if self.declared.pop(as_key(name, "The name of an artist"), None) is None:
             self._ctx.logger.warning(f"There is no artist named {shown(name)} to remove.")
 
-    def specs(self) -> dict[str, Any]:
-        """Describe the `artists` of built-in drawers as plain values, and whether visuals were declared."""
-        artists = [spec_of(name, artist) for name, artist in self.declared.items()]
+    # -- recorded --------------------------------------------------------------------------------------------
+
+    def specs(self, *, with_drawings: bool = False) -> dict[str, Any]:
+        """Describe the `artists` of built-in drawers as plain values, and whether visuals were declared.
+
+        With drawings, the artists of other drawers and shapes are in their places, for what they draw is recorded.
+        """
+        drawn, artists = self.drawn(with_custom=with_drawings), list[Any]()
+        for name, artist in self.declared.items():
+            if name in drawn:
+                keywords = {"is_static": artist.get_artist_type() is ArtistType.STATIC}
+                artists.append(_spec(name, _DRAWING, keywords, artist))
+            else:
+                artists.append(spec_of(name, artist))
         return {"artists": [one for one in artists if one is not None], "is_declared": self.is_declared}
 
+    def drawn(self, *, with_custom: bool) -> dict[str, IArtist]:
+        """Return the artists whose draw commands are recorded: those of a replay, and with custom drawers, by name."""
+        key = self.edits, Artist.edits, with_custom
+        if self._drawn[0] != key:
+            self._drawn = key, {name: one for name, one in self.declared.items() if _is_drawn(one, with_custom)}
+        return self._drawn[1]
+
+    def recorded_drawings(self, *, with_custom: bool) -> dict[str, dict[str, Any]]:
+        """Return what artists draw at present as plain values, by name; see `drawn`."""
+        return {name: self.drawings.recorded(name, one) for name, one in self.drawn(with_custom=with_custom).items()}
+
     @refused_while_deciding
-    def add_specs(self, specs: dict[str, Any], own: frozenset[str] = frozenset()) -> frozenset[str]:
+    def add_drawing(self, recorded: dict[str, Any]) -> None:
+        """Show what was recorded of an artist that the recording has told of; else nothing.
+
+        Raises:
+            BadType, BadValue, KeyError: this is no recorded drawing; nothing has changed.
+        """
+        artist = self.declared.get(recorded["artist"])
+        if artist is None or not isinstance(artist.get_drawer(), RecordedDrawer):
+            return
+        layer, visible = as_int(recorded["layer"], "The layer of an artist"), bool(recorded["visible"])
+        self.drawings.put(recorded)
+        if (layer, visible) != (artist.get_layer(), artist.get_visible()):
+            artist.set_layer(layer)
+            artist.set_visible(visible)
+
+    def end_turn(self) -> None:
+        """Show drawings of a recording no longer where a turn was played, and not replayed."""
+        if self.drawings.commands and not getattr(self._ctx.record, "is_replaying", False):
+            self.drawings.clear()
+
+    def _drawing_of(self, spec: dict[str, Any]) -> Artist:
+        """Make an artist that draws what is recorded."""
+        drawer = RecordedDrawer(self.drawings, spec["name"])
+        artist = Artist(self._ctx, drawer, spec["layer"])
+        artist.data = {"legend": drawer.legend}
+        artist.set_visible(spec["visible"])
+        if spec["keywords"].get("is_static"):
+            artist.set_artist_type(ArtistType.STATIC)
+        return artist
+
+    @refused_while_deciding
+    def add_specs(self, specs: dict[str, Any], own: Mapping[str, IArtist] = _NONE) -> Mapping[str, IArtist]:
         """Add the artists that `specs` describe, but for those whose names are taken.
 
         Args:
@@ -315,20 +399,34 @@ class Artists(Guarded):
             own: the result of an earlier call, whose artists are replaced.
 
         Returns:
-            The names of the artists that were added.
+            The artists that were added.
 
         Raises:
             KeyError, BadType (TypeError), TypeError: these are no specs; nothing has changed.
         """
-        made = {as_name(one["name"], "an artist"): artist_of(self._ctx, one) for one in specs["artists"]}
+        made = {
+            as_name(one["name"], "an artist"): (
+                self._drawing_of(one) if one["kind"] == _DRAWING else artist_of(self._ctx, one)
+            )
+            for one in specs["artists"]
+        }
         is_declared = bool(specs["is_declared"])
         if self._ctx.is_terminated():
             return own
-        for name in own:
-            self.declared.pop(name, None)
+        for name, artist in own.items():
+            if self.declared.get(name) is artist:
+                del self.declared[name]
         new = {name: one for name, one in made.items() if one is not None and name not in self.declared}
         self.declared |= new
         self.is_declared |= is_declared
         self._is_replayed = True
         self.edits += 1
-        return frozenset(new)
+        return new
+
+
+def _is_drawn(artist: IArtist, with_custom: bool) -> bool:
+    """Whether the draw commands of an artist are recorded."""
+    if isinstance(artist.get_drawer(), RecordedDrawer):
+        return True
+    kind = _kind_of(artist)
+    return with_custom and artist.get_drawer() is not render_input_overlay and (kind is None or _KINDS[kind].is_shape)

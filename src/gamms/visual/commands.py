@@ -9,14 +9,13 @@ import numpy as np
 
 from gamms.arguments import as_float, as_range
 from gamms.errors import BadValue
-from gamms.ir.draw import DrawCommands, DrawKind, DrawSpace
+from gamms.ir.draw import FARTHEST, DrawCommands, DrawKind, DrawSpace
 from gamms.ir.graph import FloatArray, IntArray
 from gamms.text import shown
 from gamms.visual.color import rgba
 
 _ONE = array("q", (1,))  # point, of as many commands as it is repeated
 _CIRCLES = 4  # that make a disc: two edges and two areas, in world units and in pixels
-_FARTHEST = 1e12  # beyond it, differences of coordinates lose their metres
 _COLUMNS = {"kind": "q", "layer": "q", "space": "q", "size": "d", "width": "d", "angle": "d"}  # and their type codes
 
 
@@ -124,6 +123,14 @@ class Commands:
         points = _as_points([(x, y)])
         self._add(DrawKind.IMAGE, points, [1], (0, 0, 0), size=half_side, angle=as_float(angle, "angle"), text=path)
 
+    def add_commands(self, commands: DrawCommands) -> None:
+        """Draw commands again, all of them on the present layer."""
+        values = {name: getattr(commands, name) for name in _COLUMNS} | {"layer": self.layer}
+        self._append(len(commands), values, commands.color.tobytes(), "")
+        self._text[len(self._text) - len(commands) :] = commands.text
+        self._points.append(commands.points)
+        self._counts.frombytes(np.diff(commands.offsets).tobytes())
+
     def _add(  # noqa: PLR0913 - one argument per column
         self,
         kind: DrawKind,
@@ -214,22 +221,22 @@ def _as_points(points: Sequence[Any] | FloatArray) -> FloatArray:
         return np.empty((0, 2))
     if array.ndim != 2 or array.shape[1] != 2:
         raise BadValue(f"Points are (x, y) pairs, not an array of shape {array.shape}.")
-    if not np.abs(array).max() <= _FARTHEST:  # nor NaN
-        raise BadValue(f"A point is not finite or farther away than {_FARTHEST:g}: {_first_bad(array)}.")
+    if not np.abs(array).max() <= FARTHEST:  # nor NaN
+        raise BadValue(f"A point is not finite or farther away than {FARTHEST:g}: {_first_bad(array)}.")
     return array
 
 
 def _first_bad(points: FloatArray) -> tuple[float, float]:
-    x, y = points[~(np.abs(points) <= _FARTHEST).all(axis=1)][0].tolist()
+    x, y = points[~(np.abs(points) <= FARTHEST).all(axis=1)][0].tolist()
     return x, y
 
 
 def _as_extent(value: Any, name: str) -> float:
-    if type(value) is float and 0.0 <= value <= _FARTHEST:
+    if type(value) is float and 0.0 <= value <= FARTHEST:
         return value
     number = as_range(value, name)
-    if number > _FARTHEST:
-        raise BadValue(f"{name} must be at most {_FARTHEST:g}, not {number}.")
+    if number > FARTHEST:
+        raise BadValue(f"{name} must be at most {FARTHEST:g}, not {number}.")
     return number
 
 

@@ -71,9 +71,11 @@ class PictureEngine(Guarded, IVisualizationEngine):
         turn_seconds: how long a turn is shown; 1.0.0 calls it the simulation time constant.
         width, height: of a frame, pixels.
         declarations: a number that changes whenever an artist is declared, added or removed.
+        calls_drawers: whether drawers are called in every turn, and not only for pictures.
     """
 
     _called = "ctx.visual"
+    calls_drawers = True
 
     after_turn: Protected[list[Callable[[], None]]] = Protected(list)
 
@@ -132,8 +134,6 @@ class PictureEngine(Guarded, IVisualizationEngine):
     withdraw_artist = _of("artists", Artists.withdraw_artist)
     artist = _of("artists", Artists.get)
     shown_artists = _of("artists", Artists.shown)
-    described = _of("artists", Artists.specs)
-    show = _of("artists", Artists.add_specs)
     declarations = _Attribute[int]("artists", "edits")
 
     # -- pictures --------------------------------------------------------------------------------------------
@@ -204,6 +204,7 @@ class PictureEngine(Guarded, IVisualizationEngine):
     def simulate(self) -> None:
         """End the turn: call the listeners, and add it to the films that are being made."""
         self.drawing.events.end_turn()
+        self.artists.end_turn()
         for listener in self.after_turn:
             listener()
         self.pictures.add_turn()
@@ -227,6 +228,8 @@ class PictureEngine(Guarded, IVisualizationEngine):
 
 class NoEngine(PictureEngine):
     """Takes every call of an engine with a window, and shows nothing."""
+
+    calls_drawers = False
 
     def __init__(self, ctx: IContext, **kwargs: Any) -> None:
         super().__init__(ctx, simulation_time_constant=kwargs.get("simulation_time_constant", 2.0))

@@ -8,12 +8,12 @@ and drawn with ordinary commands, at the place in the world that the camera has 
 from collections.abc import Mapping
 from typing import Any, NamedTuple
 
-from gamms.errors import BadType
+from gamms.errors import BadType, BadValue
 from gamms.ir.draw import DrawCommands, DrawSpace
 from gamms.text import shown
 from gamms.typing import IArtist, IContext
 from gamms.visual.camera import Camera
-from gamms.visual.color import PAPER, Rgb, Rgba, inks
+from gamms.visual.color import PAPER, Rgb, Rgba, inks, rgba
 from gamms.visual.commands import Commands
 
 _FONT_PX, _TITLE_PX = 21.0, 22.0
@@ -23,6 +23,7 @@ _BROAD_ONES = frozenset("mw@%&")  # and capitals
 _SWATCH_PX, _BAR_PX, _BAR_HEIGHT_PX = 7.0, 16.0, 150.0
 _ASIDE = 0.4  # of the width of a picture: more room is not taken from the map
 _MOST_ROWS = 12
+_MOST_COLORS = 1024
 _RIM = (255, 255, 255)
 _GROUND = 230  # alpha of what lies between the legend and the map
 
@@ -75,6 +76,31 @@ def blocks_of(ctx: IContext, artists: Mapping[str, IArtist]) -> tuple[Block, ...
                 )
             found.append(block)
     return tuple(found)
+
+
+def plain_block(block: Block) -> dict[str, Any]:
+    """Return a block as plain values, for a recording."""
+    if isinstance(block, Bar):
+        return {"title": block.title, "colors": list(block.colors), "ends": [block.low, block.middle, block.high]}
+    return {"title": block.title, "rows": [tuple(row) for row in block.rows]}
+
+
+def block_from_plain(plain: Any) -> Block:
+    """Return the block that `plain_block` described.
+
+    Raises:
+        BadType, BadValue, KeyError, TypeError: it did not describe this.
+    """
+    words = [plain["title"], *plain.get("ends", ()), *(word for _, *row in plain.get("rows", ()) for word in row)]
+    if not all(isinstance(word, str) for word in words):
+        raise BadType("The words of a recorded legend must be str.")
+    if "rows" in plain:
+        return Rows(words[0], tuple(Row(rgba(color)[:3], *words) for color, *words in plain["rows"]))
+    low, middle, high = words[1:]
+    colors = tuple(rgba(color)[:3] for color in plain["colors"])
+    if not 0 < len(colors) <= _MOST_COLORS:
+        raise BadValue(f"The bar of a recorded legend has between 1 and {_MOST_COLORS} colours, not {len(colors)}.")
+    return Bar(words[0], colors, low, middle, high)
 
 
 class Legend:

@@ -6,11 +6,9 @@ in the frame before are shown as they were painted then.
 """
 
 from collections.abc import Callable, Mapping
-from dataclasses import fields, is_dataclass
 from enum import Enum
 from itertools import groupby, takewhile
 from typing import Any
-from zlib import crc32
 
 import numpy as np
 
@@ -19,7 +17,7 @@ from gamms.ir.graph import FloatArray
 from gamms.typing import ArtistType, IArtist, IContext
 from gamms.typing.artist import Drawer
 from gamms.visual.artist import Artist
-from gamms.visual.artist_group import ArtistGroup, in_painting_order
+from gamms.visual.artist_group import ArtistGroup, in_painting_order, state_of
 from gamms.visual.backends.pygame import Canvas
 from gamms.visual.backends.raster import Painting
 from gamms.visual.camera import Camera, bounds, fit_box
@@ -113,7 +111,7 @@ class Scene:
             if pace is not _Pace.FRAME and group.artists in asked:
                 part = asked[group.artists]
             elif pace is _Pace.STATIC:
-                key = (world, *(_key_of(name, artist) for name, artist in members.items()))
+                key = (world, *(state_of(name, artist) for name, artist in members.items()))
                 part = known.get(key) or Part(group, draw(group), key)
             else:
                 part = self._moving_part(group, draw)
@@ -241,22 +239,3 @@ def _likeness(item: tuple[str, IArtist]) -> tuple[_Pace, int, Drawer | None]:
     if getattr(artist.get_drawer(), "once_a_turn", False):
         return _Pace.TURN, artist.get_layer(), artist.get_drawer()
     return _Pace.FRAME, artist.get_layer(), None
-
-
-def _key_of(name: str, artist: IArtist) -> Any:
-    return name, artist.get_layer(), artist.get_drawer(), _print_of(getattr(artist, "data", None))
-
-
-def _print_of(value: Any) -> Any:
-    """Something hashable that differs where two values would be drawn differently."""
-    if isinstance(value, dict):
-        return tuple((_print_of(key), _print_of(one)) for key, one in value.items())
-    if isinstance(value, list | tuple | set | frozenset):
-        return type(value), tuple(_print_of(one) for one in value)
-    if is_dataclass(value) and not isinstance(value, type):
-        return type(value), tuple(_print_of(getattr(value, field.name)) for field in fields(value) if field.compare)
-    if isinstance(value, np.ndarray) and value.dtype != object:
-        return value.shape, value.dtype.str, crc32(value.tobytes())
-    if value is None or isinstance(value, str | int | float | bytes | complex):
-        return type(value), value
-    return id(value)

@@ -10,7 +10,9 @@ from typing import Any, NamedTuple
 
 import numpy as np
 
+from gamms.errors import BadType
 from gamms.ir.graph import FloatArray, GraphColumns, IntArray
+from gamms.text import shown
 from gamms.typing import IContext
 from gamms.visual.color import color_group, group_colors, rgba
 from gamms.visual.drawers.graph import one_way_each, polylines, usual_edge
@@ -81,6 +83,31 @@ def render_flags(ctx: IContext, data: dict[str, Any]) -> None:
             _pennant(ctx, home.x, home.y, color)
 
 
+class FlagsDrawer:
+    """Draws the flags that rules keep under a key of `ctx.game.data`.
+
+    Args:
+        key: of the flags.
+        colors: team -> colour; None: those of the agents where nothing else is declared.
+    """
+
+    layer = Layer.FLAGS
+
+    def __init__(self, key: str, colors: Mapping[Any, Any] | None = None) -> None:
+        self.artist, self.keywords = key, {"key": key, "colors": _checked_colors(colors)}
+
+    def __call__(self, ctx: IContext, data: dict[str, Any]) -> None:
+        """Draw them."""
+        render_flags(ctx, {**data, **self.keywords})
+
+
+def _checked_colors(colors: Any) -> Mapping[Any, Any] | None:
+    """Raise BadType unless these are colours by team."""
+    if colors is not None and not isinstance(colors, Mapping):
+        raise BadType(f"colors must be a mapping from teams to colours, not {shown(colors)}.")
+    return colors
+
+
 def _pennant(ctx: IContext, x: float, y: float, color: Any) -> None:
     visual = drawing_of(ctx)
     height = _FLAG * visual.extent()
@@ -118,15 +145,16 @@ class TerritoryDrawer:
     """A faint band in the colour of its team along all its streets, and a disc on a node without any.
 
     Args:
-        name: under which the territory is kept.
+        key: under which the territory is kept.
         colors: team -> colour; None: those of the agents where nothing else is declared.
     """
 
     once_a_turn = True
+    layer = Layer.TERRITORIES
 
-    def __init__(self, name: str, colors: Mapping[Any, Any] | None = None) -> None:
-        self.artist, self.layer = name, Layer.TERRITORIES
-        self._name, self._given = name, colors
+    def __init__(self, key: str, colors: Mapping[Any, Any] | None = None) -> None:
+        self.artist, self.keywords = key, {"key": key, "colors": _checked_colors(colors)}
+        self._name, self._given = key, colors
         self._seen: Any = None  # the map and the territory for which the discs were worked out
         self._places: dict[Any, _Ground] = {}
         self._breadth = 0.0
@@ -214,3 +242,4 @@ def _cross(ctx: IContext, x: float, y: float, arm: float, ink: Any, width_px: fl
 
 for _drawer in (render_tags, render_eliminated):
     _drawer.once_a_turn = True  # type: ignore[attr-defined] # a mark does not glide
+render_tags.__dict__.update(artist="tags", layer=Layer.TAGS)

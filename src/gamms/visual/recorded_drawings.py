@@ -1,0 +1,109 @@
+"""What artists with drawers of a program's own draw, as plain values that a recording holds and a replay draws."""
+
+from typing import Any
+
+from gamms.errors import BadType, BadValue
+from gamms.ir.draw import DrawCommands
+from gamms.text import reason
+from gamms.typing import ArtistType, IArtist, IContext
+from gamms.visual.artist_group import ArtistGroup, state_of
+from gamms.visual.drawing import drawing_of
+from gamms.visual.legend import Block, block_from_plain, blocks_of, plain_block
+
+Recorded = dict[str, Any]  # `artist`, `layer`, `visible`, and, if it is visible, `commands` and `legend`
+
+
+class RecordedDrawer:
+    """A drawer that draws what was recorded of the artist of some name.
+
+    Args:
+        drawings: of the context that a recording is replayed into.
+        name: of the artist.
+    """
+
+    once_a_turn = True
+
+    def __init__(self, drawings: "RecordedDrawings", name: str) -> None:
+        self._drawings, self._name = drawings, name
+
+    def __call__(self, ctx: IContext, data: Any) -> None:  # noqa: ARG002 - the arguments of every drawer
+        """Draw it."""
+        commands = self._drawings.commands.get(self._name)
+        target = drawing_of(ctx).commands
+        if commands is not None and target is not None and self._drawings.are_shown:
+            target.add_commands(commands)
+
+    def legend(self, ctx: IContext) -> list[Block]:  # noqa: ARG002 - the arguments of every legend
+        """Return the legend of the artist."""
+        return self._drawings.legends.get(self._name, []) if self._drawings.are_shown else []
+
+
+class RecordedDrawings:
+    """The drawings of a recording that is replayed, by the names of their artists; and how to record some.
+
+    Args:
+        ctx: the context.
+
+    Attributes:
+        commands: what each artist draws.
+        legends: of the artists.
+        are_shown: whether they are drawn; False where only a team's view is.
+    """
+
+    def __init__(self, ctx: IContext) -> None:
+        self._ctx = ctx
+        self.commands: dict[str, DrawCommands] = {}
+        self.legends: dict[str, list[Block]] = {}
+        self.are_shown = True
+        self._static: dict[str, tuple[Any, Recorded]] = {}  # of STATIC artists, which draw when something has changed
+        self._refused: set[str] = set()  # artists whose drawings cannot be recorded
+
+    def put(self, recorded: Any) -> None:
+        """Draw from now on what was recorded of an artist.
+
+        Raises:
+            BadType, BadValue, KeyError: this is no recorded drawing; nothing has changed.
+        """
+        name, commands = recorded["artist"], recorded.get("commands")
+        if commands is None:
+            self.commands.pop(name, None)
+            self.legends.pop(name, None)
+            return
+        drawn, legend = DrawCommands.from_plain(commands), recorded.get("legend", [])
+        if not isinstance(legend, list):
+            raise BadType("The legend of a recorded drawing must be a list.")
+        self.legends[name] = [block_from_plain(block) for block in legend]
+        self.commands[name] = drawn
+
+    def clear(self) -> None:
+        """Draw nothing of a recording any more."""
+        self.commands.clear()
+        self.legends.clear()
+
+    def recorded(self, name: str, artist: IArtist) -> Recorded:
+        """Return what an artist draws at present, as plain values; one that fails is logged, as in pictures."""
+        found: Recorded = {"artist": name, "layer": artist.get_layer(), "visible": artist.get_visible()}
+        if not found["visible"] or name in self._refused:
+            return found
+        if artist.get_artist_type() is not ArtistType.STATIC:
+            return found | self._drawn(name, artist)
+        graph = self._ctx.graph
+        key = getattr(graph.graph, "revision", None), getattr(graph, "obstacle_revision", None), state_of(name, artist)
+        known = self._static.get(name)
+        if known is None or known[0] != key:
+            known = self._static[name] = key, self._drawn(name, artist)
+        return found | known[1]
+
+    def _drawn(self, name: str, artist: IArtist) -> Recorded:
+        try:
+            commands = ArtistGroup(self._ctx, {name: artist}).commands().to_plain()
+        except BadValue as error:
+            self._refused.add(name)
+            self._ctx.logger.warning(f"Artist {name!r}: {reason(error)}")
+            return {}
+        try:
+            legend = [plain_block(block) for block in blocks_of(self._ctx, {name: artist})]
+        except Exception as error:  # noqa: BLE001 - a function of the user's, as a drawer is
+            self._ctx.logger.error(f"The legend of artist {name!r} failed: {type(error).__name__}: {reason(error)}")  # noqa: TRY400 - ILogger has no `exception`
+            legend = []
+        return {"commands": commands} | ({"legend": legend} if legend else {})
