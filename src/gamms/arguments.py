@@ -2,17 +2,19 @@
 
 import math
 import os
-from collections.abc import Iterable, Mapping
+from collections.abc import Callable, Iterable, Mapping
 from itertools import islice
 from numbers import Real
 from operator import index
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING, Any, TypeVar
 
 from gamms.errors import BadType, BadValue, nearest
 from gamms.text import shown
 
 if TYPE_CHECKING:
     from pathlib import Path
+
+T = TypeVar("T")
 
 _INT64 = 2**63
 
@@ -155,11 +157,11 @@ def as_mapping(value: Any, name: str) -> Any:
     return value
 
 
-def as_context(value: Any, caller: str) -> Any:
-    """`value`, which is a context.
+def as_context(value: T, caller: str) -> T:
+    """Check that a value is a context.
 
     Raises:
-        BadType: it is none.
+        BadType: it is not.
     """
     if not (hasattr(value, "graph") and hasattr(value, "agent")):
         raise BadType(f"{caller} takes a context, as gamms.create_context gives it, not {shown(value)}.")
@@ -184,22 +186,21 @@ def as_text(value: Any, name: str, form: str = "a string") -> str:
 _VARIADIC = 0x04  # the flag of code objects that take *args
 
 
-def as_function_of(value: Any, name: str, argument: str, maker: object) -> Any:
+def as_function_of(value: object, name: str, argument: str) -> Any:
     """`value` as a function that is called with one argument, such as a strategy or a rule.
 
     Args:
         value: what the caller passed.
         name: what it is to be, such as "A strategy".
         argument: what it is called with, such as "the state".
-        maker: the annotated return type of functions that *make* such functions, such as `gamms.rules.tag`.
 
     Raises:
-        BadType: it cannot be called so; a maker that was passed uncalled is named.
+        BadType: it cannot be called so, or makes such a function, as `gamms.rules.tag` does, and was not called.
     """
     if not callable(value):
         raise BadType(f"{name} must be a function of {argument}, not {shown(value)} ({type(value).__name__}).")
     made_by = getattr(value, "__name__", "it")
-    if getattr(value, "__annotations__", {}).get("return") == maker:
+    if getattr(getattr(value, "__annotations__", {}).get("return"), "__origin__", None) is Callable:
         raise BadType(f"{made_by} makes such a function: call it, {made_by}(…), and pass what it returns.")
     if not _takes_one(value):
         raise BadType(

@@ -1,9 +1,13 @@
 """What a type checker makes of a user's program."""
 
+import re
 import subprocess
 import sys
+from pathlib import Path
 
 import pytest
+
+TUTORIAL = Path(__file__).with_name("tutorial.py.txt")  # what docs/tutorial.md does, annotated
 
 
 def checked(tmp_path, program):
@@ -30,3 +34,56 @@ gamms.rulez
     )
     assert 'Module has no attribute "rulez"' in said
     assert "Found 1 error" in said
+
+
+@pytest.mark.slow
+def test_the_program_of_the_tutorial_is_typed_to_the_end(tmp_path):
+    assert "Success: no issues found" in checked(tmp_path, TUTORIAL.read_text())
+
+
+@pytest.mark.slow
+def test_a_wrong_keyword_or_key_is_an_error_at_its_line(tmp_path):
+    program = """
+import gamms
+from gamms.sensor import SensorType
+
+ctx = gamms.create_context(seed=1)
+ctx.sensor.create_sensor("a", SensorType.RANGE, range=5.0)  # error
+ctx.sensor.create_sensor("b", SensorType.RANGE, sensor_range="far")  # error
+ctx.sensor.create_sensor("c", SensorType.RANGE, sensor_range=5.0)
+ctx.sensor.create_sensor("d", SensorType.RANGE).observer_height  # error
+ctx.sensor.create_sensor("e", SensorType.OCCLUDED_MAP).observer_height
+ctx.agent.create_agent("f", start_node=0)  # error
+ctx.agent.create_agent("g", start_node_id="0")  # error
+ctx.agent.create_agent("h", start_node_id=0, sensors=5)  # error
+ctx.agent.create_agent("i", type=gamms.agent.AgentType.AERIAL, start_node_id=0, position=5)  # error
+ctx.agent.create_agent("j", start_node_id=0, home=0, energy=7)
+
+
+def strategy(state: gamms.typing.State) -> None:
+    state["action"] = "north"  # error
+    state["acton"] = 3  # error
+    state["legal"].append(3)  # error
+    state["action"] = state["current_node"]  # error
+    state["action"] = state["curr_pos"] + state["turn"]
+
+
+def rule(ctx: gamms.Context) -> None:
+    ctx.gme.end("over")  # error
+    ctx.agent.create_itr()  # error
+    ctx.game.end("over")
+
+
+def flying(state: gamms.typing.AerialState) -> None:
+    state["action"] = 3  # error
+
+
+ctx.agent.create_agent("k", start_node_id=0, strategy=flying)  # error
+ctx.agent.create_agent("l", start_node_id=0, strategy=rule)  # error
+ctx.game.add(rule)
+ctx.game.add(5)  # error
+gamms.strategies.chase(ctx, otherwse=None)  # error
+"""
+    wanted = {number for number, line in enumerate(program.splitlines(), 1) if line.endswith("# error")}
+    found = {int(line) for line in re.findall(r"^program.py:(\d+): error", checked(tmp_path, program), re.MULTILINE)}
+    assert found == wanted

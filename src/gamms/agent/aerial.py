@@ -11,6 +11,7 @@ from gamms.ir.agents import Position, Quat
 from gamms.typing import IContext
 from gamms.typing.agent_engine import IAerialAgent
 from gamms.typing.sensor_engine import SensorType
+from gamms.typing.state import AerialState
 
 
 class AerialAgent(Member, IAerialAgent):
@@ -103,13 +104,13 @@ class AerialAgent(Member, IAerialAgent):
             self._moves.nearest(self._columns, self._row)  # where the sensors look from
         return super().sense()
 
-    def get_state(self) -> dict[str, Any]:
+    def get_state(self) -> AerialState:  # type: ignore[override] # an agent of unknown kind is taken for one on the ground
         """Sense; a fresh dict with `curr_pos`, `quat` and `sensor`."""
         sensed = self.sense()
         self._last[0] = state = self._state_of(sensed)
         return state
 
-    def _state_of(self, sensed: dict[str, Any]) -> dict[str, Any]:
+    def _state_of(self, sensed: dict[str, Any]) -> AerialState:  # type: ignore[override] # as above
         return {"curr_pos": self.position, "quat": self.quat, "sensor": sensed}
 
     def _rest(self) -> None:

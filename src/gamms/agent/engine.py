@@ -1,9 +1,9 @@
 """The agent room's front: creates agents and keeps them by name."""
 
-from collections.abc import Iterable, Iterator, Mapping
+from collections.abc import Hashable, Iterable, Iterator, Mapping, Sequence
 from copy import deepcopy
 from numbers import Integral
-from typing import Any, NamedTuple
+from typing import Any, Literal, NamedTuple, overload
 from weakref import WeakSet
 
 from gamms.agent.aerial import AerialAgent
@@ -14,11 +14,13 @@ from gamms.deciding import Guarded, phase_of, refused_while_deciding
 from gamms.errors import BadType, ContextTerminated, Duplicate, MissingKey, UnknownName, nearest
 from gamms.ir import events as kinds
 from gamms.ir.agents import BY_ROW, AgentColumns
+from gamms.ir.graph import FloatArray
 from gamms.readonly import ReadOnlyMapping, frozen
 from gamms.text import shown
 from gamms.typing import IContext
-from gamms.typing.agent_engine import AgentType, IAgentEngine, IMoves, Roll, Standing
+from gamms.typing.agent_engine import AgentType, IAgentEngine, IMoves, Roll, SensorsOfAgent, Standing
 from gamms.typing.sensor_engine import ISensor, is_sensor
+from gamms.typing.state import AerialStrategy, NodeId, Strategy
 
 _KEYWORDS = (
     "start_node_id",
@@ -86,6 +88,53 @@ class AgentEngine(Guarded, IAgentEngine):
         self._phase.refuse("use ctx.agent.moves")
         return self._moves
 
+    @overload  # type: ignore[override] # narrower: what is created is of the class that its type says
+    def create_agent(
+        self,
+        name: str,
+        *,
+        type: Literal[AgentType.AERIAL],
+        start_node_id: NodeId,
+        speed: float,
+        position: Sequence[float] | FloatArray | None = None,
+        quat: Sequence[float] = (1.0, 0.0, 0.0, 0.0),
+        sensors: SensorsOfAgent = (),
+        team: Hashable = None,
+        strategy: AerialStrategy | None = None,
+        orientation: tuple[float, float] | None = None,
+        **attributes: object,
+    ) -> AerialAgent: ...
+    @overload
+    def create_agent(
+        self,
+        name: str,
+        *,
+        agent_type: Literal[AgentType.AERIAL],
+        start_node_id: NodeId,
+        speed: float,
+        position: Sequence[float] | FloatArray | None = None,
+        quat: Sequence[float] = (1.0, 0.0, 0.0, 0.0),
+        sensors: SensorsOfAgent = (),
+        team: Hashable = None,
+        strategy: AerialStrategy | None = None,
+        orientation: tuple[float, float] | None = None,
+        **attributes: object,
+    ) -> AerialAgent: ...
+    @overload
+    def create_agent(
+        self,
+        name: str,
+        *,
+        start_node_id: NodeId,
+        sensors: SensorsOfAgent = (),
+        team: Hashable = None,
+        strategy: Strategy | None = None,
+        orientation: tuple[float, float] | None = None,
+        speed: float | None = None,
+        type: Literal[AgentType.BASIC] = AgentType.BASIC,
+        agent_type: Literal[AgentType.BASIC] = AgentType.BASIC,
+        **attributes: object,
+    ) -> Agent: ...
     @refused_while_deciding
     def create_agent(self, name: str, **kwargs: Any) -> Member:
         """Create an agent; nothing has changed when this raises."""

@@ -2,7 +2,7 @@
 
 from collections.abc import Callable, Iterable
 from contextlib import AbstractContextManager, nullcontext
-from typing import Any, ClassVar
+from typing import TYPE_CHECKING, Any, ClassVar
 
 from gamms.arguments import as_bool, as_function_of, as_key, as_name
 from gamms.deciding import DecidePhase, Guarded, phase_of, refused_while_deciding
@@ -10,8 +10,9 @@ from gamms.errors import GammsError, MissingKey
 from gamms.ir import events as kinds
 from gamms.ir.agents import AgentColumns, Position
 from gamms.typing import IContext
-from gamms.typing.agent_engine import AgentType, IAgent, IMoves, Strategy
+from gamms.typing.agent_engine import AgentType, IAgent, IMoves, MaybeNone
 from gamms.typing.sensor_engine import ISensor, SensorType, refuse_no_sensor
+from gamms.typing.state import AerialStrategy, State, Strategy
 
 _KINDS = tuple(AgentType)
 _SCALARS = frozenset({str, bytes, int, float, bool, type(None)})
@@ -55,7 +56,7 @@ class Member(Guarded, IAgent):
     _SETTABLE: ClassVar = frozenset({"alive", "current_node_id", "prev_node_id", "orientation", "speed", "team"})
     _ACTION: ClassVar[str]  # what a strategy is to choose
 
-    strategy: Strategy | None
+    strategy: Strategy | MaybeNone
     _act: Callable[[AgentColumns, int, Any], None]  # the writer's way to do its actions
 
     def __init__(self, ctx: IContext, name: str, attributes: Iterable[str], position: Position | None = None) -> None:
@@ -68,7 +69,7 @@ class Member(Guarded, IAgent):
         self._sensor_list: dict[str, ISensor] = {}
         self._shared: dict[int, ISensor] = {}  # by id(): those that another agent carries, too
         self._carried: tuple[tuple[str, Any], ...] = ()  # the same as the list, in the form that is read fastest
-        self._last: list[dict[str, Any]] = [{}]  # what `get_state` returned last
+        self._last: list[Any] = [{}]  # what `get_state` returned last
         self.strategy = None
         self._row = 0
         self._columns = AgentColumns()  # of its own, until the engine takes it in
@@ -78,12 +79,17 @@ class Member(Guarded, IAgent):
         """Name the agent and where it stands."""
         return f"{type(self).__name__}({self.name!r}, current_node_id={self.current_node_id})"
 
+    if TYPE_CHECKING:
+
+        def __getattr__(self, name: str) -> Any:
+            """Let type checkers read the attributes that a program has given to an agent."""
+
     def __setattr__(self, name: str, value: Any) -> None:
         """Set an attribute; refused while a strategy is running."""
         if name[0] != "_":
             self._phase.refuse(f"set agent.{name}")
             if name == "strategy" and value is not None:
-                as_function_of(value, "A strategy", "the state", Strategy)
+                as_function_of(value, "A strategy", "the state")
             if type(value) not in _SCALARS and not hasattr(type(self), name):
                 setattr(Member, name, _Attribute(name))
         object.__setattr__(self, name, value)
@@ -124,12 +130,12 @@ class Member(Guarded, IAgent):
         self._note(kinds.AGENT_ALIVE, alive=alive)
 
     @property
-    def state(self) -> dict[str, Any]:
+    def state(self) -> State:
         """What `get_state` returned last; `{}` before the first time. While agents decide, each sees only its own."""
         phase = self._phase
         if phase.agent is not None and phase.agent is not self:
             phase.refuse(f"look into the state of agent {self.name!r}")
-        return self._last[0]
+        return self._last[0]  # type: ignore[no-any-return] # of an aerial agent it is another
 
     @property
     def prev_node_id(self) -> int:
@@ -174,7 +180,7 @@ class Member(Guarded, IAgent):
             self._disown(sensor)
 
     @refused_while_deciding
-    def register_strategy(self, strategy: Strategy | None) -> None:
+    def register_strategy(self, strategy: Strategy | AerialStrategy | None) -> None:
         """Decide with `strategy` from now on.
 
         Raises:
@@ -182,7 +188,7 @@ class Member(Guarded, IAgent):
         """
         self.strategy = strategy
 
-    def get_state(self) -> dict[str, Any]:
+    def get_state(self) -> State:
         """Sense; a fresh dict with `curr_pos` and `sensor`."""
         if self._phase.agent is not None:
             self._phase.refuse("call agent.get_state")
@@ -191,7 +197,8 @@ class Member(Guarded, IAgent):
         for name, sensor in self._carried:
             sensor.sense(node)
             sensed[name] = (sensor.type, sensor._last[0])
-        self._last[0] = state = {"curr_pos": node, "sensor": sensed}
+        state: State = {"curr_pos": node, "sensor": sensed}
+        self._last[0] = state
         return state
 
     @refused_while_deciding
@@ -264,7 +271,7 @@ class Member(Guarded, IAgent):
         for name, quiet in (("get_state", lambda: last), ("set_state", _do_nothing), ("step", _do_nothing)):
             setattr(self, name, quiet)
 
-    def _state_of(self, sensed: dict[str, Any]) -> dict[str, Any]:
+    def _state_of(self, sensed: dict[str, Any]) -> State:
         """A state with these results of sensors."""
         return {"curr_pos": self.current_node_id, "sensor": sensed}
 

@@ -3,13 +3,11 @@
 Besides, they know the map, and what is announced to everybody: whose ground is whose, and who carries which flag.
 """
 
+from collections.abc import Sequence
 from math import hypot
-from typing import Any
 
 from gamms.context import Context
-from gamms.typing.agent_engine import Strategy
-
-State = dict[str, Any]
+from gamms.typing.state import State, Strategy
 
 __all__ = ["attacker", "defender", "player"]
 
@@ -79,9 +77,9 @@ def defender(ctx: Context) -> Strategy:
     return strategy
 
 
-def _steps(state: State) -> tuple[int, ...]:
+def _steps(state: State) -> Sequence[int]:
     """The nodes an agent may go to; staying is no step, except at a dead end without a way out."""
-    legal: tuple[int, ...] = state["legal"]
+    legal = state["legal"]
     return legal[1:] or legal
 
 

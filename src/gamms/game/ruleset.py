@@ -37,7 +37,7 @@ class RuleSet:
 
     def add(self, rule: Rule, phase: str, name: str | None) -> None:
         """Add a rule; see `Game.add`."""
-        as_function_of(rule, "A rule", "the context", Rule)
+        as_function_of(rule, "A rule", "the context")
         taken = {one.name for one in self.rules}
         if name is not None and as_name(name, "a rule") in taken:
             raise Duplicate("a rule", name)

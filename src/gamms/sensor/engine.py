@@ -1,7 +1,7 @@
 """The sensor room's front: creates sensors and keeps them by name."""
 
 from collections.abc import Callable, Iterable
-from typing import Any, NamedTuple
+from typing import Any, Literal, NamedTuple, Unpack, overload
 
 from gamms.arguments import as_name
 from gamms.deciding import Guarded, phase_of, refused_while_deciding
@@ -14,13 +14,26 @@ from gamms.errors import (
     nearest,
 )
 from gamms.readonly import ReadOnlyMapping
+from gamms.sensor.aerial import AerialAgentSensor, AerialSensor
+from gamms.sensor.agents import AgentSensor, OccludedAgentSensor
 from gamms.sensor.catalog import KINDS, SHARED_KEYWORDS, SYNONYMS
 from gamms.sensor.function import FunctionSensor
+from gamms.sensor.map import MapSensor, OccludedMapSensor
 from gamms.sensor.memory import Memory
+from gamms.sensor.neighbor import NeighborSensor
 from gamms.sensor.sensor import Sensor
 from gamms.text import shown
 from gamms.typing import IContext
-from gamms.typing.sensor_engine import ISensor, ISensorEngine, SensorType, refuse_no_sensor
+from gamms.typing.sensor_engine import ISensor, ISensorEngine, SensorOptions, SensorType, refuse_no_sensor
+
+# Kinds by the class that senses them, for type checkers.
+_Neighbor = Literal[SensorType.NEIGHBOR]
+_Map = Literal[SensorType.MAP, SensorType.RANGE, SensorType.ARC]
+_OccludedMap = Literal[SensorType.OCCLUDED_MAP]
+_Agent = Literal[SensorType.AGENT, SensorType.AGENT_RANGE, SensorType.AGENT_ARC]
+_OccludedAgent = Literal[SensorType.OCCLUDED_AGENT]
+_Aerial = Literal[SensorType.AERIAL, SensorType.OCCLUDED_AERIAL]
+_AerialAgent = Literal[SensorType.AERIAL_AGENT, SensorType.OCCLUDED_AERIAL_AGENT]
 
 
 class SensorSettings(NamedTuple):
@@ -65,15 +78,43 @@ class SensorEngine(Guarded, ISensorEngine):
         self._phase.refuse("use ctx.sensor.memory")
         return self._memory
 
+    @overload
+    def create_sensor(
+        self, sensor_id: str, sensor_type: _Neighbor, **options: Unpack[SensorOptions]
+    ) -> NeighborSensor: ...
+    @overload
+    def create_sensor(self, sensor_id: str, sensor_type: _Map, **options: Unpack[SensorOptions]) -> MapSensor: ...
+    @overload
+    def create_sensor(
+        self, sensor_id: str, sensor_type: _OccludedMap, **options: Unpack[SensorOptions]
+    ) -> OccludedMapSensor: ...
+    @overload
+    def create_sensor(self, sensor_id: str, sensor_type: _Agent, **options: Unpack[SensorOptions]) -> AgentSensor: ...
+    @overload
+    def create_sensor(
+        self, sensor_id: str, sensor_type: _OccludedAgent, **options: Unpack[SensorOptions]
+    ) -> OccludedAgentSensor: ...
+    @overload
+    def create_sensor(self, sensor_id: str, sensor_type: _Aerial, **options: Unpack[SensorOptions]) -> AerialSensor: ...
+    @overload
+    def create_sensor(
+        self, sensor_id: str, sensor_type: _AerialAgent, **options: Unpack[SensorOptions]
+    ) -> AerialAgentSensor: ...
+    @overload
+    def create_sensor(
+        self, sensor_id: str, sensor_type: SensorType | None = None, **options: Unpack[SensorOptions]
+    ) -> Sensor: ...
     @refused_while_deciding
-    def create_sensor(self, sensor_id: str, sensor_type: SensorType | None = None, **kwargs: Any) -> ISensor:
+    def create_sensor(
+        self, sensor_id: str, sensor_type: SensorType | None = None, **options: Unpack[SensorOptions]
+    ) -> Sensor:
         """Create a built-in sensor and keep it."""
-        synonym = kwargs.pop("type", None)
+        synonym = options.pop("type", None)
         sensor_type = _checked_type(synonym if sensor_type is None else sensor_type, sensor_id)
         kind = KINDS[sensor_type]
         self._refuse_name(sensor_id)
-        sensor = kind.create(self.ctx, sensor_id, sensor_type, kwargs)
-        self._warn_of_ignored(sensor_id, sensor_type, kwargs.keys() - kind.names() - SHARED_KEYWORDS)
+        sensor = kind.create(self.ctx, sensor_id, sensor_type, dict(options))
+        self._warn_of_ignored(sensor_id, sensor_type, options.keys() - kind.names() - SHARED_KEYWORDS)
         self._sensors[sensor_id] = sensor
         return sensor
 

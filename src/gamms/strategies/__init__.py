@@ -1,4 +1,4 @@
-"""Strategies to build games from: plain functions `state -> None` that set `state["action"]`.
+"""Strategies to build games from: plain functions `strategy(state) -> None` that set `state["action"]`.
 
     from gamms.strategies import chase, first, patrol
 
@@ -7,30 +7,27 @@
         patrol(ctx, [0, 12, 7]),
     ))
 
-`stay` and `random_walk` are strategies; everything else makes one. What needs the map takes the context first, and an
+`stay` and `random_walk` are strategies; the other functions make one. What needs the map takes the context first. An
 unknown node or an impossible argument raises when the strategy is made, not when it plays.
 
-**Undecided.** A strategy that has nothing to do asks another one, its `otherwise`. With `otherwise=None` it leaves the
-action unset, which means: I have not decided. `first` then asks the next one. To staying there is nothing undecided: an
-agent that stays sets the action to its own node.
+**No action.** A strategy that has nothing to do calls another one, its `otherwise`. With `otherwise=None` it sets no
+action, and `first` then calls the next one. An agent that stays where it wants to be sets the action to its own node.
 
-**Memory.** Nothing that changes is kept in a function. What has to be remembered is in `state["memory"]`, so that one
-strategy can serve many agents, and a game that starts anew starts anew.
+**Memory.** No state is kept in a function. What has to be remembered is in `state["memory"]`, so that one strategy can
+serve many agents, and a game that is reset starts from nothing.
 
-**Knowledge.** The map is known, and who plays for which team; where others are, only the agent's sensors say.
-Whoever plays for no team (None) is everybody's enemy; a sensor with `team=` leaves such agents out.
+**Knowledge.** The map is known, and which agent is of which team; where others are, only the agent's sensors tell.
+An agent of no team (None) is an enemy of all; a sensor with `team=` leaves such agents out.
 
-`ctx.game` puts into the state what these read: `legal`, `rng`, `memory`, `team`. In a loop of your own, put it there
+`ctx.game` puts into the state what these read: `legal`, `draw`, `memory`, `team`. In a loop of your own, put it there
 yourself where a strategy asks for it. Without `legal`, an agent goes along one edge at a time.
 
-Read `walks.py` first, then `ways.py` (along roads), `encounters.py` (with enemies) and `choices.py` (of strategies);
-`knowledge.py` reads states. A client: it uses a context as you would. To add a strategy, write a function and name it
-below.
+Read `movement.py` first, then `encounters.py` (enemies) and `choices.py` (combinations); `knowledge.py` reads states.
+May import: `context` and below. To add a strategy, write a function and name it below.
 """
 
 from gamms.strategies.choices import first, human, mix
 from gamms.strategies.encounters import chase, flee, guard
-from gamms.strategies.walks import random_walk, stay
-from gamms.strategies.ways import follow_path, goto, patrol
+from gamms.strategies.movement import follow_path, goto, patrol, random_walk, stay
 
 __all__ = ["chase", "first", "flee", "follow_path", "goto", "guard", "human", "mix", "patrol", "random_walk", "stay"]

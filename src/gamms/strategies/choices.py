@@ -1,21 +1,25 @@
-"""Strategies made of others, and of whoever sits in front of the screen."""
+"""Strategies made of other strategies, and of a person's input."""
 
 from collections.abc import Callable
-from typing import Any
+from typing import Any, overload
 
 from gamms.arguments import as_float
 from gamms.errors import BadValue
-from gamms.strategies.knowledge import State, as_strategy, drawn_fraction
-from gamms.typing.agent_engine import Strategy
+from gamms.strategies.knowledge import as_strategy, drawn_fraction
+from gamms.typing.state import AerialState, AerialStrategy, State, Strategy
 
 
-def first(*strategies: Strategy) -> Strategy:
-    """Ask one strategy after the other until one sets an action; if none does, it is undecided itself.
+@overload
+def first(*strategies: Strategy) -> Strategy: ...
+@overload
+def first(*strategies: AerialStrategy) -> AerialStrategy: ...
+def first(*strategies: Callable[[Any], None]) -> Callable[[Any], None]:
+    """Call one strategy after the other until one sets an action.
 
-    An action that is there already is forgotten.
+    An action that is there already is removed first.
 
     Raises:
-        BadType, BadValue: one of them is no function, or there is none.
+        BadType, BadValue: one of them is not a function, or there is none.
     """
     if not strategies:
         raise BadValue("first needs one strategy at least.")
@@ -31,11 +35,15 @@ def first(*strategies: Strategy) -> Strategy:
     return strategy
 
 
-def mix(p: float, a: Strategy, b: Strategy) -> Strategy:
-    """Ask `a` with the probability `p`, else `b`; drawn at every turn, one number from `state["draw"]`.
+@overload
+def mix(p: float, a: Strategy, b: Strategy) -> Strategy: ...
+@overload
+def mix(p: float, a: AerialStrategy, b: AerialStrategy) -> AerialStrategy: ...
+def mix(p: float, a: Callable[[Any], None], b: Callable[[Any], None]) -> Callable[[Any], None]:
+    """Call `a` with the probability `p`, else `b`; one number is drawn from `state["draw"]` in every turn.
 
     Raises:
-        BadType, BadValue: `p` is not from 0 to 1, or `a` or `b` is no function.
+        BadType, BadValue: `p` is not from 0 to 1, or `a` or `b` is not a function.
     """
     chance = as_float(p, "p of mix")
     if not 0.0 <= chance <= 1.0:
@@ -48,12 +56,15 @@ def mix(p: float, a: Strategy, b: Strategy) -> Strategy:
     return strategy
 
 
-def human(read: Callable[[State], Any]) -> Strategy:
+@overload
+def human(read: Callable[[State], Any]) -> Strategy: ...
+@overload
+def human(read: Callable[[AerialState], Any]) -> AerialStrategy: ...
+def human(read: Callable[[Any], Any]) -> Callable[[Any], None]:
     """Let a person decide, through any front end.
 
     Args:
-        read: called with the state, gives the action; None leaves it undecided. Nothing is checked here: whoever plays
-            the game does.
+        read: called with the state, returns the action; None sets none. The game checks the action, this does not.
 
     Raises:
         BadType: `read` cannot be called.

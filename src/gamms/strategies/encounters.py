@@ -1,4 +1,4 @@
-"""Strategies that go by the enemies in sight; see the package for who is an enemy.
+"""Strategies that act on the enemies in sight; see the package for which agents are enemies.
 
 All of them need `state["team"]`, and a sensor that shows agents: AGENT, AGENT_RANGE, AGENT_ARC or OCCLUDED_AGENT. Such
 a sensor shows a flyer at the node nearest to it.
@@ -7,11 +7,10 @@ a sensor shows a flyer at the node nearest to it.
 from math import inf
 
 from gamms.arguments import as_context, as_range
-from gamms.strategies.knowledge import State, as_known_node, enemies_in_sight, legal_on_map, place_of
-from gamms.strategies.steps import as_otherwise, move_to, step_towards
-from gamms.strategies.walks import random_walk, stay
+from gamms.strategies.knowledge import as_known_node, enemies_in_sight, legal_on_map, node_of
+from gamms.strategies.movement import as_otherwise, move_to, random_walk, stay, step_towards
 from gamms.typing import IContext
-from gamms.typing.agent_engine import Strategy
+from gamms.typing.state import NodeId, State, Strategy
 
 
 def chase(ctx: IContext, otherwise: Strategy | None = random_walk) -> Strategy:
@@ -19,13 +18,13 @@ def chase(ctx: IContext, otherwise: Strategy | None = random_walk) -> Strategy:
 
     Args:
         ctx: the context.
-        otherwise: what to do when none is in sight, or no way leads there; None leaves that undecided.
+        otherwise: the strategy to use when none is in sight, or there is no path; None sets no action then.
     """
     as_context(ctx, "chase")
     fallback = as_otherwise(otherwise, "chase")
 
     def strategy(state: State) -> None:
-        here = place_of(state, "chase")
+        here = node_of(state, "chase")
         move_to(ctx, state, _nearest(ctx, here, enemies_in_sight(ctx, state, "chase")), fallback, "chase")
 
     return strategy
@@ -38,13 +37,13 @@ def flee(ctx: IContext, otherwise: Strategy | None = stay) -> Strategy:
 
     Args:
         ctx: the context.
-        otherwise: what to do when no enemy is in sight; None leaves that undecided.
+        otherwise: the strategy to use when no enemy is in sight; None sets no action then.
     """
     as_context(ctx, "flee")
     fallback = as_otherwise(otherwise, "flee")
 
     def strategy(state: State) -> None:
-        place_of(state, "flee")
+        node_of(state, "flee")
         threats = set(enemies_in_sight(ctx, state, "flee").values())
 
         def safety(node: int) -> tuple[float, int]:
@@ -58,20 +57,20 @@ def flee(ctx: IContext, otherwise: Strategy | None = stay) -> Strategy:
     return strategy
 
 
-def guard(ctx: IContext, node: int, radius: float) -> Strategy:
-    """Stay near a node, the post, and go after the enemies in sight that come near it; it decides always.
+def guard(ctx: IContext, node: NodeId, radius: float) -> Strategy:
+    """Stay near a node, the post, and go after the enemies in sight that come near it; it always sets an action.
 
-    Near is whatever is at most `radius` from the post by road, and that road leads to the post. Of several enemies it
-    goes to the nearest by road, then to the first by name. It never goes farther away from the post than `radius`, but
-    waits there. Without an enemy near, or farther away from the post itself, it goes back.
+    Near means at most `radius` by road, on the way to the post. Of several enemies the agent goes to the nearest by
+    road, then to the first by name. It never goes farther away from the post than `radius`, but waits there. Without an
+    enemy near, or farther away from the post itself, it goes back.
 
     Args:
         ctx: the context.
         node: the post.
-        radius: metres, or whatever unit the lengths of the edges have; may be infinite.
+        radius: metres, or the unit that the lengths of the edges have; may be infinite.
 
     Raises:
-        UnknownName (KeyError), BadType, BadValue: the post is no node of the map, or the radius no distance.
+        UnknownName (KeyError), BadType, BadValue: the post is not a node of the map, or the radius not a distance.
     """
     as_context(ctx, "guard")
     post, reach = as_known_node(ctx, node, "node of guard"), as_range(radius, "radius of guard")
@@ -80,19 +79,20 @@ def guard(ctx: IContext, node: int, radius: float) -> Strategy:
         return ctx.graph.graph.distance(place, post) <= reach
 
     def strategy(state: State) -> None:
-        here = place_of(state, "guard")
+        here = node_of(state, "guard")
         enemies = {name: at for name, at in enemies_in_sight(ctx, state, "guard").items() if is_near(at)}
         target = _nearest(ctx, here, enemies) if is_near(here) else None
         if target is None:
             move_to(ctx, state, post, stay, "guard")
         else:
-            state["action"] = step_towards(ctx, state, target, "guard", is_near)
+            step = step_towards(ctx, state, target, "guard", is_near)
+            state["action"] = here if step is None else step
 
     return strategy
 
 
 def _nearest(ctx: IContext, here: int, enemies: dict[str, int]) -> int | None:
-    """The node of the nearest by road; None where no way leads to any."""
+    """Return the node of the nearest by road; None where no path leads to any."""
     metres = {name: ctx.graph.graph.distance(here, node) for name, node in enemies.items()}
     name = min(metres, key=metres.__getitem__, default=None)  # they are in the order of their names
     return None if name is None or metres[name] == inf else enemies[name]

@@ -9,6 +9,7 @@ from gamms.typing.agent_engine import AgentType, IAerialAgent, IAgent, IAgentEng
 from gamms.typing.artist import ArtistType, IArtist
 from gamms.typing.compute_engine import IComputeEngine, ITask
 from gamms.typing.context import IContext
+from gamms.typing.game import IConflicts, Move, Rule
 from gamms.typing.graph_engine import IGraph, IGraphEngine, Node, ObsFace, OSMEdge
 from gamms.typing.internal_context import IInternalContext
 from gamms.typing.logger import ILogger
@@ -16,18 +17,35 @@ from gamms.typing.memory_engine import IMemoryEngine, IPathLike, IStore, StoreTy
 from gamms.typing.message_engine import IMessageEngine
 from gamms.typing.opcodes import OpCodes
 from gamms.typing.recorder import IRecorder
-from gamms.typing.sensor_engine import ISensor, ISensorEngine, SensorType
+from gamms.typing.sensor_engine import ISensor, ISensorEngine, SensorOptions, SensorType
+from gamms.typing.state import (
+    Action,
+    AerialAction,
+    AerialState,
+    AerialStrategy,
+    Draws,
+    NodeAction,
+    NodeId,
+    State,
+    Strategy,
+)
 from gamms.typing.visualization_engine import ColorType, IVisualizationEngine
 
 __all__ = [
+    "Action",
+    "AerialAction",
+    "AerialState",
+    "AerialStrategy",
     "AgentType",
     "ArtistType",
     "ColorType",
+    "Draws",
     "IAerialAgent",
     "IAgent",
     "IAgentEngine",
     "IArtist",
     "IComputeEngine",
+    "IConflicts",
     "IContext",
     "IGraph",
     "IGraphEngine",
@@ -42,11 +60,18 @@ __all__ = [
     "IStore",
     "ITask",
     "IVisualizationEngine",
+    "Move",
     "Node",
+    "NodeAction",
+    "NodeId",
     "OSMEdge",
     "ObsFace",
     "OpCodes",
+    "Rule",
+    "SensorOptions",
     "SensorType",
+    "State",
     "StoreType",
+    "Strategy",
     "logger",
 ]

@@ -1,7 +1,7 @@
 """Contract of the agent room."""
 
 from abc import ABC, abstractmethod
-from collections.abc import Callable, Collection, Iterator, Mapping, Sequence
+from collections.abc import Collection, Hashable, Iterable, Iterator, Mapping, Sequence
 from contextlib import AbstractContextManager
 from enum import IntEnum
 from typing import Any, NamedTuple
@@ -11,8 +11,10 @@ import numpy as np
 from gamms.ir.agents import AgentColumns, Position, Quat
 from gamms.ir.graph import FloatArray, IntArray
 from gamms.typing.sensor_engine import ISensor
+from gamms.typing.state import AerialStrategy, NodeId, State, Strategy
 
-Strategy = Callable[[dict[str, Any]], None]
+SensorsOfAgent = Iterable[str | ISensor] | Mapping[str, str | ISensor]
+MaybeNone = Any  # of a value that is None at times, and is used as if it never were
 
 
 class AgentType(IntEnum):
@@ -40,13 +42,13 @@ class IAgent(ABC):
 
     @property
     @abstractmethod
-    def state(self) -> dict[str, Any]:
+    def state(self) -> State:
         """What `get_state` returned last; `{}` before the first time."""
 
     @property
     @abstractmethod
-    def strategy(self) -> Strategy | None:
-        """The function that decides."""
+    def strategy(self) -> Strategy | MaybeNone:
+        """The function that decides; None before one is registered."""
 
     @property
     @abstractmethod
@@ -65,7 +67,7 @@ class IAgent(ABC):
         """Carry a sensor no longer; an unknown name is only warned about."""
 
     @abstractmethod
-    def register_strategy(self, strategy: Strategy | None) -> None:
+    def register_strategy(self, strategy: Strategy | AerialStrategy | None) -> None:
         """Decide with `strategy` from now on."""
 
     @abstractmethod
@@ -73,7 +75,7 @@ class IAgent(ABC):
         """`get_state`, decide, `set_state`."""
 
     @abstractmethod
-    def get_state(self) -> dict[str, Any]:
+    def get_state(self) -> State:
         """Sense; a fresh dict with `curr_pos` and `sensor: {name: (SensorType, data)}`."""
 
     @abstractmethod
@@ -214,13 +216,34 @@ class IAgentEngine(ABC):
     agents: dict[str, Any]  # name -> agent; Any: an engine's own class of agents
 
     @abstractmethod
-    def create_agent(self, name: str, **kwargs: Any) -> IAgent:
+    def create_agent(
+        self,
+        name: str,
+        *,
+        start_node_id: NodeId,
+        sensors: SensorsOfAgent = (),
+        team: Hashable = None,
+        strategy: Strategy | None = None,
+        orientation: tuple[float, float] | None = None,
+        speed: float | None = None,
+        type: AgentType = AgentType.BASIC,
+        **attributes: object,
+    ) -> IAgent:
         """Create an agent.
 
-        Keywords: `start_node_id` (required); `sensors`, a list of ids, or a dict from the names in the agent's state
-        to sensors or ids (unknown ids are warned about and skipped); `team`, `strategy`, `type` or `agent_type`,
-        `orientation`; of aerial agents also `speed` (required), `position` and `quat`; any other becomes an
-        attribute of the agent.
+        Args:
+            name: a name that no other agent has.
+            start_node_id: the node that it starts on.
+            sensors: ids of sensors, or a dict from the names in the agent's state to sensors or ids; unknown ids are
+                warned about and left out.
+            team: any value that can be a key of a dict; None: no team.
+            strategy: the function that decides; None: none yet.
+            orientation: `(cos, sin)`, a heading that stays; None: it follows from the moves.
+            speed: on the ground how far it may go in a turn of `ctx.game`, in edges or metres, None for one edge; of
+                an aerial agent, where it is required, map units per step.
+            type: kind of agent; `agent_type` is a synonym. With AERIAL there are two more: `position`, `(x, y, z)`
+                where it starts, and `quat`, `(w, x, y, z)` how it is turned.
+            attributes: any other becomes an attribute of the agent.
 
         Raises:
             Duplicate (ValueError): the name is taken.

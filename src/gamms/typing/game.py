@@ -1,4 +1,4 @@
-"""Contract of the game room: what the turn engine hands to rules and resolvers of conflicts."""
+"""Contract of the turn engine: what it hands to rules and resolvers of conflicts."""
 
 from collections.abc import Callable, Mapping
 from typing import TYPE_CHECKING, Any, NamedTuple, Protocol
@@ -6,8 +6,15 @@ from typing import TYPE_CHECKING, Any, NamedTuple, Protocol
 if TYPE_CHECKING:
     from gamms.typing.context import IContext
 
-Track = tuple[tuple[int, ...], tuple[float, ...]]  # nodes, and from 0 to 1 when an agent is at each; at the last till 1
-Rule = Callable[[Any], Any]  # called with the context; what it returns is ignored
+Track = tuple[tuple[int, ...], tuple[float, ...]]
+"""Nodes, and from 0 to 1 when an agent is at each of them; it is at the last one until 1."""
+
+Rule = Callable[[Any], object]
+"""Is called with the `gamms.Context` in every turn; what it returns is ignored.
+
+Any: `Context` is made of what is declared here and cannot be named here; a rule says it itself:
+`def rule(ctx: gamms.Context) -> None`.
+"""
 
 
 class Move(NamedTuple):
@@ -16,19 +23,19 @@ class Move(NamedTuple):
     agent: str
     team: Any
     start: int  # node id
-    end: int  # node id; the start for who stays
-    path: tuple[int, ...]  # node ids from start to end; only the start for who stays
+    end: int  # node id; the start for one that stays
+    path: tuple[int, ...]  # node ids from start to end; only the start for one that stays
 
 
 class IConflicts(Protocol):
-    """Decides who has to stay where moves get in each other's way.
+    """Decides which agents have to stay where moves get in each other's way.
 
     May offer `involved(starts, ends) -> list[int]`: which of some moves, given by where they start and end, can decide
     who has to stay; `resolve` is then asked about these alone, and not at all where there are none.
     """
 
     def resolve(self, moves: Mapping[str, Move], ctx: "IContext") -> set[str]:
-        """The names of the agents that must stay where they are.
+        """Return the names of the agents that must stay where they are.
 
         `moves` are all moves of this turn by name, in the order of the names, stayers included. The answer must not
         depend on that order, nor on anything but the moves and the context.

@@ -3,12 +3,13 @@
 from abc import ABC, abstractmethod
 from collections.abc import Callable, Sequence
 from enum import Enum
-from typing import Any
+from typing import Any, TypedDict, Unpack
 
 import numpy as np
 
 from gamms.arguments import as_ids
 from gamms.errors import BadType, NotOffered
+from gamms.ir.graph import FloatArray
 from gamms.ir.sensed import Sensed, SensorView
 from gamms.text import shown
 
@@ -134,17 +135,47 @@ def _missing(value: object) -> list[str]:
     return [name for name in _INTERFACE if isinstance(value, type) or not hasattr(value, name)]
 
 
+class SensorOptions(TypedDict, total=False):
+    """The keywords of `create_sensor`; `docs/sensors.md` has the default of each for each kind."""
+
+    type: SensorType
+    """A synonym of `sensor_type`."""
+    sensor_range: float
+    """How far it senses, map units as the crow flies; may be infinite. RANGE, ARC, AGENT_RANGE, AGENT_ARC (30.0),
+    OCCLUDED_MAP, OCCLUDED_AGENT (infinite), and the AERIAL kinds (100.0)."""
+    fov: float
+    """The full opening angle in radians; exactly 2 pi: all around. ARC, AGENT, AGENT_ARC, the OCCLUDED and AERIAL
+    kinds: 2 pi, but for AERIAL and OCCLUDED_AERIAL pi / 3."""
+    orientation: tuple[float, float]
+    """`(cos, sin)`, relative to the heading of the agent that carries the sensor. ARC, AGENT, AGENT_ARC, OCCLUDED_MAP,
+    OCCLUDED_AGENT: (1.0, 0.0), straight ahead."""
+    observer_height: float
+    """Of the sight lines above the ground, map units. OCCLUDED_MAP, OCCLUDED_AGENT: 1.6."""
+    quat: Sequence[float]
+    """`(w, x, y, z)`, relative to how the agent is turned. The AERIAL kinds: straight down, and straight ahead for
+    those that look for agents."""
+    at: int | np.integer[Any] | Sequence[float] | None
+    """A fixed place to look from: a node id or `(x, y)`, for the AERIAL kinds `(x, y, z)`; None: from the agent. All
+    kinds but NEIGHBOR."""
+    team: object
+    """A team, or a list, tuple or set of teams: no other agents are sensed; None: of all teams. The AGENT kinds."""
+    exclude: object
+    """Likewise, of agents that are not sensed; None: no agents. The AGENT kinds."""
+    detection: float | Sequence[tuple[float, float]] | Callable[[FloatArray], FloatArray] | None
+    """The probability that an agent in view is sensed: a number, pairs `(distance, probability)`, or a function from
+    distances (agents,) to probabilities (agents,); None: always. The AGENT kinds."""
+
+
 class ISensorEngine(ABC):
     """Creates sensors and keeps them by name."""
 
     sensors: dict[str, ISensor]
 
     @abstractmethod
-    def create_sensor(self, sensor_id: str, sensor_type: SensorType | None = None, **kwargs: Any) -> ISensor:
-        """Create a built-in sensor and keep it.
-
-        `type=` is a synonym of `sensor_type`; other keywords are those of the kind; one that the kind ignores
-        is warned about, once for each kind.
+    def create_sensor(
+        self, sensor_id: str, sensor_type: SensorType | None = None, **options: Unpack[SensorOptions]
+    ) -> ISensor:
+        """Create a built-in sensor and keep it; a keyword that its kind ignores is warned about, once for each kind.
 
         Raises:
             UnknownType (ValueError): not a built-in kind.
