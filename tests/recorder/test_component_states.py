@@ -10,7 +10,7 @@ from test_random_games import Programme, programmes, without_what_a_pause_hides
 
 import gamms
 from gamms import recordings
-from gamms.recorder.plain import plain
+from gamms.plain import to_plain
 
 
 def values_of(ctx):
@@ -18,7 +18,7 @@ def values_of(ctx):
     fields = {
         name: {field: one for field, one in values.items() if field != "name"} for name, (_, values) in found.items()
     }
-    return plain(fields)
+    return to_plain(fields)
 
 
 def a_game(ctx, *, count=7):

@@ -4,7 +4,7 @@ from typing import Any
 
 from gamms.ir import events as kinds
 from gamms.ir.events import Log
-from gamms.recorder.plain import is_same
+from gamms.plain import is_same
 
 
 class DrawingWatch:

@@ -9,8 +9,8 @@ from typing import Any
 from gamms.errors import BadValue
 from gamms.ir import events as kinds
 from gamms.ir.events import Log
+from gamms.plain import is_same, plain_subset, to_plain
 from gamms.recorder.errors import Damaged
-from gamms.recorder.plain import is_same, plain, plain_part
 from gamms.text import shown
 
 Changes = dict[str, Any]  # of a dict: what is `set`, what is `removed`, and what lists and sets have `more`
@@ -26,13 +26,13 @@ def captured(ctx: Any) -> dict[str, Any]:
     """What a keyframe holds of a game."""
     game = ctx.game
     return {
-        "scores": list(plain(game.scores).items()),
-        "data": plain_part(game.data),
-        "over": plain(game.over),
+        "scores": list(to_plain(game.scores).items()),
+        "data": plain_subset(game.data),
+        "over": to_plain(game.over),
         "turn": game.turn,
         "memories": _memories(game),
         "team_memories": list(_team_memories(game).items()),
-        "chance": plain(ctx.rng_state()),
+        "chance": to_plain(ctx.rng_state()),
     }
 
 
@@ -40,10 +40,10 @@ def told(ctx: Any) -> dict[str, Any]:
     """What a snapshot has as well, and keyframes are too many for: settings, events, facts, where agents began."""
     game = ctx.game
     return {
-        "events": plain(game.events),
+        "events": to_plain(game.events),
         "settings": game.plain_settings(),
-        **({"facts": plain_part(game.facts)} if game.facts else {}),
-        **({"starts": plain(game.starts)} if game.starts else {}),
+        **({"facts": plain_subset(game.facts)} if game.facts else {}),
+        **({"starts": to_plain(game.starts)} if game.starts else {}),
     }
 
 
@@ -141,7 +141,7 @@ class Kept:
     __slots__ = ("_marks", "values")
 
     def __init__(self, now: Mapping[Any, Any]) -> None:
-        self.values = plain_part(now)
+        self.values = plain_subset(now)
         self._marks = {key: _mark(value) for key, value in now.items()}
 
     def changes(self, now: Mapping[Any, Any]) -> Changes | None:
@@ -173,12 +173,12 @@ class Kept:
         if type(known) is not type(value) or not known or before is None or len(value) <= len(known):
             return None
         if type(value) is list and mark.startswith(before[_HEAD:], _HEAD):
-            return plain(value[len(known) :])
-        return plain(value - known) if type(value) is set and known <= value else None
+            return to_plain(value[len(known) :])
+        return to_plain(value - known) if type(value) is set and known <= value else None
 
     def _note(self, key: Any, value: Any, found: Changes) -> None:
         """Take a value that may have changed."""
-        for name, one in plain_part({key: value}).items():
+        for name, one in plain_subset({key: value}).items():
             if name not in self.values or not is_same(one, self.values[name]):
                 found["set"][name] = self.values[name] = one
             return
@@ -206,13 +206,13 @@ class GameWatch:
     def __init__(self, ctx: Any) -> None:
         self._ctx, self._game, self._state = ctx, ctx.game, ctx.game.state
         self._events = len(ctx.game.events)
-        self._scores = plain(ctx.game.scores)
+        self._scores = to_plain(ctx.game.scores)
         self._data = Kept(ctx.game.data)
-        self._over = plain(ctx.game.over)
+        self._over = to_plain(ctx.game.over)
         self._memories = {name: Kept(memory) for name, memory in ctx.game.memories.items() if memory}
         self._team_memories = {team: Kept(memory) for team, memory in ctx.game.team_memories.items() if memory}
         self._facts = ctx.game.facts.copy()
-        self._chance = plain(ctx.rng_state())
+        self._chance = to_plain(ctx.rng_state())
         self._turn, self.pace = self._state.turn, 0
         self._places = _places(ctx)
 
@@ -226,7 +226,7 @@ class GameWatch:
         starts = self._game.starts
         is_told = before > 0 or starts.items() <= self._places.items()
         log.append(
-            (kinds.GAME_TURN, {"turn": now, "pace": self.pace, **({} if is_told else {"starts": plain(starts)})})
+            (kinds.GAME_TURN, {"turn": now, "pace": self.pace, **({} if is_told else {"starts": to_plain(starts)})})
         )
 
     def tell(self, log: Log) -> None:
@@ -236,10 +236,10 @@ class GameWatch:
         events, scores, data, over, facts = game.events, game.scores, game.data, game.over, game.facts
         memories, team_memories = game.memories, game.team_memories
         if len(events) != self._events:
-            log += [(kinds.GAME_EVENT, plain(event)) for event in events[self._events :]]
+            log += [(kinds.GAME_EVENT, to_plain(event)) for event in events[self._events :]]
             self._events = len(events)
         if (scores or self._scores) and _is_other(scores, self._scores):
-            self._scores = plain(scores)
+            self._scores = to_plain(scores)
             log.append((kinds.GAME_SCORES, {"scores": list(self._scores.items())}))
         if (data or self._data.values) and (found := self._data.changes(data)) is not None:
             log.append((kinds.GAME_DATA, found))
@@ -252,11 +252,11 @@ class GameWatch:
         if has_memories or team_memories or self._memories or self._team_memories:
             log += self._new_memories()
         if (chance := self._ctx.rng_state()) is not None and not is_same(chance, self._chance):
-            self._chance = plain(chance)
+            self._chance = to_plain(chance)
             log.append((kinds.GAME_CHANCE, {"chance": self._chance}))
 
     def _new_end(self, over: dict[str, Any] | None) -> Log:
-        before, self._over = self._over, plain(over)
+        before, self._over = self._over, to_plain(over)
         return [] if is_same(before, self._over) else [(kinds.GAME_OVER, self._over or {})]
 
     def _new_facts(self, now: dict[str, Any]) -> Log:
@@ -264,16 +264,16 @@ class GameWatch:
         changed = {
             name: fact
             for name, fact in now.items()
-            if name not in before or not (fact is before[name] or is_same(plain(fact), plain(before[name])))
+            if name not in before or not (fact is before[name] or is_same(to_plain(fact), to_plain(before[name])))
         }
         removed = [name for name in before if name not in now]
-        return [(kinds.GAME_FACTS, {"set": plain_part(changed), "removed": removed})] if changed or removed else []
+        return [(kinds.GAME_FACTS, {"set": plain_subset(changed), "removed": removed})] if changed or removed else []
 
     def _new_memories(self) -> Log:
         agents = _each(self._game.memories, self._memories)
         teams = list(_each(self._game.team_memories, self._team_memories).items())
         return (
-            [(kinds.GAME_MEMORY, {"agents": agents, "teams": [(plain(team), one) for team, one in teams]})]
+            [(kinds.GAME_MEMORY, {"agents": agents, "teams": [(to_plain(team), one) for team, one in teams]})]
             if agents or teams
             else []
         )
@@ -283,7 +283,7 @@ def _is_other(scores: Mapping[Any, Any], before: Any) -> bool:
     """Whether scores are others than `plain` gave them, arrays among them, too."""
     if all(type(score) in _NUMBERS for score in scores.values()):
         return bool(scores != before)
-    return not is_same(plain(scores), before)
+    return not is_same(to_plain(scores), before)
 
 
 def _each(now: Mapping[Any, dict[Any, Any]], kept: dict[Any, Kept]) -> dict[Any, Changes]:
@@ -300,11 +300,11 @@ def _each(now: Mapping[Any, dict[Any, Any]], kept: dict[Any, Kept]) -> dict[Any,
 
 
 def _memories(game: Any) -> dict[str, dict[Any, Any]]:
-    return {name: plain_part(memory) for name, memory in sorted(game.memories.items()) if memory}
+    return {name: plain_subset(memory) for name, memory in sorted(game.memories.items()) if memory}
 
 
 def _team_memories(game: Any) -> dict[Any, dict[Any, Any]]:
-    return {plain(team): plain_part(memory) for team, memory in game.team_memories.items() if memory}
+    return {to_plain(team): plain_subset(memory) for team, memory in game.team_memories.items() if memory}
 
 
 def _places(ctx: Any) -> dict[str, Any]:

@@ -3,7 +3,7 @@
 from collections.abc import Mapping
 from typing import Any
 
-from gamms.recorder.plain import plain_part
+from gamms.plain import plain_subset
 
 
 class LeftOut:
@@ -25,7 +25,7 @@ class LeftOut:
     def plain_part(self, kind: str, name: Any, values: Mapping[Any, Any]) -> dict[Any, Any]:
         """What of the values of an agent or sensor can be written."""
         left_out: list[Any] = []
-        part = plain_part(values, left_out)
+        part = plain_subset(values, left_out)
         for key in left_out:
             self._tell(kind, repr(name), key)
         return part

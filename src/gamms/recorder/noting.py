@@ -8,9 +8,9 @@ from typing import Any
 from gamms.ir import events as kinds
 from gamms.ir.agents import Position, Quat
 from gamms.ir.events import Journal
+from gamms.plain import to_plain
 from gamms.recorder import state
 from gamms.recorder.left_out import LeftOut
-from gamms.recorder.plain import plain
 
 _OF_FLIGHT = 7  # its weight
 
@@ -39,7 +39,7 @@ class PlainJournal(Journal):
             self.living[data["name"]] = None
         elif kind == kinds.AGENT_DELETE:
             self.living.pop(data["name"], None)
-        self.log.append((kind, self._creation(data) if kind == kinds.AGENT_CREATE else plain(data)))
+        self.log.append((kind, self._creation(data) if kind == kinds.AGENT_CREATE else to_plain(data)))
 
     def flew(self, row: int, node: int, position: Position) -> None:
         """A flyer is somewhere else, and this is the node below it."""

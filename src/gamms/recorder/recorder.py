@@ -10,13 +10,13 @@ from gamms.arguments import as_bool, as_int, as_name
 from gamms.deciding import Guarded, phase_of, refused_while_deciding
 from gamms.errors import BadType, BadValue, ContextTerminated
 from gamms.ir import events as kinds
+from gamms.plain import to_plain, why_not_plain
 from gamms.recorder.components import Components
 from gamms.recorder.errors import RecorderBusy, RecordingError
 from gamms.recorder.formats import version2
 from gamms.recorder.formats.output import Output
 from gamms.recorder.formats.reader import Reader
 from gamms.recorder.maps import without_map
-from gamms.recorder.plain import is_plain, plain
 from gamms.recorder.records import TURN_NS, Record, check_record
 from gamms.recorder.replaying import Player
 from gamms.recorder.session import Session
@@ -215,7 +215,7 @@ class Recorder(Guarded, IRecorder):
         if opCode is OpCodes.SIMULATE and self._session is not None:
             self._session.end_turn()
         else:
-            self._log().append((opCode.value, plain(data)))
+            self._log().append((opCode.value, to_plain(data)))
 
     @refused_while_deciding
     def event(self, kind: str, **data: Any) -> None:
@@ -225,10 +225,10 @@ class Recorder(Guarded, IRecorder):
             BadType: a value is not plain.
         """
         kind = as_name(kind, "an event")
-        if not is_plain(data):
-            raise BadType(f"What is recorded must be plain values, not {shown(data)}.")
+        if flaw := why_not_plain(data):
+            raise BadType(f"What is recorded must be plain values, not {shown(data)}: data{flaw}.")
         if self.record():
-            self._log().append((kinds.USER_EVENT, {"kind": kind, **plain(data)}))
+            self._log().append((kinds.USER_EVENT, {"kind": kind, **to_plain(data)}))
 
     def time(self) -> int:
         """Nanoseconds: of the recording while one is replayed or written, where a turn counts as a second."""
@@ -403,7 +403,7 @@ class Recorder(Guarded, IRecorder):
 
     def _component_event(self, opcode_name: str, data: dict[str, Any]) -> None:
         if self.record():
-            event = (OpCodes[opcode_name].value, plain(data))
+            event = (OpCodes[opcode_name].value, to_plain(data))
             self._log().append(event)
             if self._is_copying and opcode_name == "COMPONENT_REGISTER":
                 self._waiting = [other for other in self._waiting if other[1]["key"] != data["key"]]
@@ -412,9 +412,9 @@ class Recorder(Guarded, IRecorder):
 def _checked_options(version: Any, created: Any, provenance: Any) -> dict[str, Any]:
     if not isinstance(version, int) or version not in _VERSIONS:
         raise BadValue(f"version must be 2 or 3, not {shown(version)}.")
-    if not is_plain(provenance):
-        raise BadType(f"provenance must be plain values, not {shown(provenance)}.")
-    return {"created": None if created is None else as_int(created, "created"), "provenance": plain(provenance)}
+    if flaw := why_not_plain(provenance):
+        raise BadType(f"provenance must be plain values, not {shown(provenance)}: it{flaw}.")
+    return {"created": None if created is None else as_int(created, "created"), "provenance": to_plain(provenance)}
 
 
 __all__ = ["Recorder", "RecorderBusy", "RecordingError"]

@@ -7,8 +7,8 @@ from gamms.arguments import as_int, as_name, as_numbers
 from gamms.errors import BadType, BadValue
 from gamms.ir import events as kinds
 from gamms.ir.events import Log
+from gamms.plain import why_not_plain
 from gamms.recorder.formats.version2 import FIELDS
-from gamms.recorder.plain import is_plain
 from gamms.text import shown
 from gamms.typing.opcodes import OpCodes
 
@@ -27,8 +27,10 @@ def check_record(opcode: Any, data: Any) -> None:
         raise BadType(f"opCode must be one of gamms.typing.OpCodes, not {shown(opcode)}.")
     if opcode is OpCodes.TERMINATE:
         raise BadValue("TERMINATE is written by ctx.record.stop().")
-    if not isinstance(data, dict) or not is_plain(data):
+    if not isinstance(data, dict):
         raise BadType(f"What is recorded must be a dict of plain values, not {shown(data)}.")
+    if flaw := why_not_plain(data):
+        raise BadType(f"What is recorded must be a dict of plain values, not {shown(data)}: data{flaw}.")
     missing = sorted(FIELDS[opcode.value] - data.keys())
     if missing:
         raise BadValue(f"The data of {opcode.name} must have {', '.join(map(repr, missing))}, not only {list(data)}.")

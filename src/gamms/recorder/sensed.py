@@ -6,7 +6,7 @@ from typing import Any, NamedTuple
 
 import numpy as np
 
-from gamms.recorder.plain import plain
+from gamms.plain import to_plain
 from gamms.text import shown
 from gamms.typing import AgentType
 
@@ -144,10 +144,10 @@ def _look(sensor: str, kind: str, data: Any, numbers: Mapping[str, int], nodes: 
                 return Look(sensor, kind, _MAP, list(data["nodes"]), edges, None)
         elif kind in _OF_AGENTS_IN_SPACE and data.keys() <= numbers.keys():
             below = [nodes[name] for name in data]
-            return Look(sensor, kind, _IN_SPACE, [numbers[name] for name in data], below, plain(list(data.values())))
+            return Look(sensor, kind, _IN_SPACE, [numbers[name] for name in data], below, to_plain(list(data.values())))
         elif _are_ids(data.values()) and all(name in numbers for name in data):
             return Look(sensor, kind, _AGENTS, [numbers[name] for name in data], list(data.values()), None)
-    return Look(sensor, kind, _OTHER, [], [], plain(data))
+    return Look(sensor, kind, _OTHER, [], [], to_plain(data))
 
 
 def _are_ids(values: Iterable[Any]) -> bool:

@@ -10,12 +10,12 @@ import numpy as np
 
 from gamms.ir import events as kinds
 from gamms.ir.events import NOBODY, Log
+from gamms.plain import plain_subset
 from gamms.recorder import game_state, sensed, state
 from gamms.recorder.drawings import DrawingWatch
 from gamms.recorder.left_out import LeftOut
 from gamms.recorder.maps import is_map_of
 from gamms.recorder.noting import PlainJournal
-from gamms.recorder.plain import plain_part
 from gamms.recorder.saving import Saving
 from gamms.typing.opcodes import OpCodes
 
@@ -395,7 +395,7 @@ class Session:
 
     def _looks(self) -> state.State:
         """Return what it looks like, as far as there are plain values for it."""
-        return plain_part(self.drawings.specs())
+        return plain_subset(self.drawings.specs())
 
     def _world_changes(self) -> Log:
         """What says that the map is another one. The first map goes into the header: it may be loaded late."""

@@ -8,13 +8,13 @@ from typing import Any
 
 from gamms.ir import events as kinds
 from gamms.ir.events import Log
+from gamms.plain import to_plain
 from gamms.recorder import state
 from gamms.recorder.formats.output import Output
 from gamms.recorder.formats.tracks import FORMS
 from gamms.recorder.formats.values import to_bytes
 from gamms.recorder.formats.version2 import Version2Writer
 from gamms.recorder.formats.writer import Writer
-from gamms.recorder.plain import plain
 from gamms.recorder.records import TURN_NS, Record, named, records_of, records_of_move, steps_of
 from gamms.recorder.session import Session
 
@@ -255,7 +255,7 @@ def header_of(ctx: Any, session: Session, options: dict[str, Any]) -> dict[str, 
         "seed": session.seed,
         "created": created,
         "provenance": options.get("provenance"),
-        **({} if ctx.game.scenario is None else {"scenario": {**plain(ctx.game.scenario), "seed": session.seed}}),
+        **({} if ctx.game.scenario is None else {"scenario": {**to_plain(ctx.game.scenario), "seed": session.seed}}),
         "world": ctx.graph.packed() if session.world is None else session.world,
         **({"visuals": session.visuals} if session.visuals["artists"] else {}),
         **({"drawings": session.drawings.first} if session.drawings.first else {}),

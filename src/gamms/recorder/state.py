@@ -8,9 +8,9 @@ import numpy as np
 
 from gamms.ir.agents import Progress
 from gamms.ir.graph import FloatArray, IntArray
+from gamms.plain import plain_subset, to_plain
 from gamms.recorder import game_state
 from gamms.recorder.errors import Damaged
-from gamms.recorder.plain import plain, plain_part
 
 State = dict[str, Any]
 
@@ -35,11 +35,11 @@ def captured(ctx: Any) -> State:
         "quat": _floats(columns.quat, 4),
         "alive": np.array(columns.alive, np.int64),
         **(progress_of(columns.progress) if any(columns.progress) else {}),
-        "teams": [plain(team) for team in columns.teams],
-        "speed": [plain(speed) for speed in columns.speed],
+        "teams": [to_plain(team) for team in columns.teams],
+        "speed": [to_plain(speed) for speed in columns.speed],
         "carried": _carried(agents, sensors),
         "sensor_kinds": sensors,
-        "attributes": {row: plain_part(vars(agent)) for row, agent in enumerate(agents) if vars(agent)},
+        "attributes": {row: plain_subset(vars(agent)) for row, agent in enumerate(agents) if vars(agent)},
         "strategies": [name_of(agent.strategy) for agent in agents],
         **game_state.captured(ctx),
     }
@@ -135,7 +135,7 @@ def grouped(described: list[dict[str, Any]]) -> list[dict[str, Any]]:
     """Sensors that differ by their ids alone, together."""
     groups: dict[str, dict[str, Any]] = {}
     for one in described:
-        keywords = plain_part(one["keywords"])
+        keywords = plain_subset(one["keywords"])
         group = groups.setdefault(repr((one["type"], keywords)), {"type": one["type"], "keywords": keywords, "ids": []})
         group["ids"].append(one["id"])
     return list(groups.values())
@@ -143,7 +143,7 @@ def grouped(described: list[dict[str, Any]]) -> list[dict[str, Any]]:
 
 def of_components(ctx: Any) -> State:
     """The user's recorded objects, which keyframes have; a snapshot is followed by events that tell them."""
-    return {"components": plain(ctx.record.components.told())}
+    return {"components": to_plain(ctx.record.components.told())}
 
 
 def put(ctx: Any, state: State) -> None:

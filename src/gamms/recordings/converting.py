@@ -15,10 +15,10 @@ from gamms.context import Context
 from gamms.errors import BadValue, GammsError
 from gamms.folders import whole_file
 from gamms.ir import events as kinds
+from gamms.plain import to_plain
 from gamms.recorder import Recording, RecordingError
 from gamms.recorder import open as opened
 from gamms.recorder.maps import HASH
-from gamms.recorder.plain import plain
 from gamms.recorder.replaying import Player
 from gamms.recorder.streams import named
 from gamms.recordings.contexts import records_of, version_of, with_nodes_made_up
@@ -113,7 +113,7 @@ class _Happening:
             ) from error
 
     def _create(self, data: Any) -> None:
-        data = plain(data)
+        data = to_plain(data)
         if not self._player._was_refused(data["name"], data["kwargs"]):
             self._ctx.agent.create_agent(data["name"], **data["kwargs"])
 

@@ -8,7 +8,7 @@ from typing import Any
 
 from gamms.arguments import as_int
 from gamms.context import Context
-from gamms.recorder.plain import is_same
+from gamms.plain import is_same
 from gamms.scenario.checks import RULES, call_in, sensor_type
 from gamms.scenario.code import Library, called, first_of, needs, rule_of, strategy_of
 from gamms.scenario.errors import ScenarioError, at, joined

@@ -4,7 +4,7 @@ from collections.abc import Mapping
 from copy import deepcopy
 from typing import Any, NamedTuple
 
-from gamms.recorder.plain import is_same
+from gamms.plain import is_same
 
 
 class Values(NamedTuple):

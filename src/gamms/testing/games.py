@@ -5,7 +5,6 @@ from contextlib import contextmanager
 from typing import Any
 
 _WHERE = "where (check)"  # the name of the collector
-_PLAIN = (str, bytes, int, float, bool, type(None))
 
 
 class Play:
@@ -67,15 +66,6 @@ def first_difference(one: Mapping[str, Any], other: Mapping[str, Any]) -> str:
         if one[key] != other[key]:
             return f"its {key} is {_short(other[key])}, and was {_short(one[key])}."
     return ""
-
-
-def is_plain(value: Any) -> bool:
-    """Whether a value is made of numbers, texts, None and containers of these."""
-    if isinstance(value, Mapping):
-        return all(is_plain(part) for pair in value.items() for part in pair)
-    if isinstance(value, (list, tuple, set, frozenset)):
-        return all(map(is_plain, value))
-    return isinstance(value, _PLAIN)
 
 
 def _place_of(agent: Any) -> Any:

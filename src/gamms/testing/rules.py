@@ -4,7 +4,8 @@ from collections.abc import Callable
 from inspect import signature
 from typing import Any
 
-from gamms.testing.games import Play, collected, first_difference, is_plain
+from gamms.plain import why_not_plain
+from gamms.testing.games import Play, collected, first_difference
 
 _ORDERS = (1, 2)  # seeds by which agents are shuffled
 
@@ -36,8 +37,8 @@ def check_rule(rule: Callable[[Any], Any], make_ctx: Callable[..., Any], *, turn
 def _restarts(play: Play, first: Any) -> None:
     with play.opened() as ctx:
         ctx.game.run(play.turns)
-        unplain = [key for key, value in ctx.game.data.items() if not is_plain(value)]
-        _expect(not unplain, f"ctx.game.data holds plain values only; {unplain} holds others. Keep names of agents.")
+        flaw = why_not_plain(dict(ctx.game.data))
+        _expect(not flaw, f"ctx.game.data holds plain values only; ctx.game.data{flaw}. Keep names of agents.")
         ctx.game.reset()
         again = collected(ctx, play.turns)
     _same(

@@ -1,0 +1,451 @@
+"""Columns and plain values as bytes, and back: what saved graphs, sight tables and recordings are made of.
+
+Three layers, each of which only the one above it knows: packed bytes (deflate, inflated to a promised size), columns
+(differences, zigzag, the bytes of each place side by side), plain values (MessagePack with extension types).
+
+In a value each container is an extension whose content is one flat array of scalars and further extensions. So the
+library decodes one level at a time: depth, memory and keys are checked before anything is made of the next one.
+The same value gives the same bytes. docs/recording-format.md describes all of it byte by byte.
+"""
+
+import zlib
+from collections.abc import Callable, Iterable
+from functools import cache
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
+import numpy.typing as npt
+
+from gamms.errors import BadFile, BadType, BadValue
+from gamms.limits import Allowance, Keys
+from gamms.plain import MOST_DIMENSIONS, Plain
+from gamms.text import reason, shown
+
+if TYPE_CHECKING:
+    from msgspec.msgpack import Decoder as MessagePackDecoder
+    from msgspec.msgpack import Encoder as MessagePackEncoder
+
+IntArray = npt.NDArray[np.int64]
+"""Integers of a column, (items,)."""
+
+Array = npt.NDArray[Any]
+"""An array of any numbers."""
+
+MOST_DEPTH = 32  # containers in each other
+DTYPES = {
+    name: np.dtype(name)
+    for name in (
+        *("bool", "int8", "int16", "int32", "int64", "uint8", "uint16", "uint32", "uint64"),
+        *("float16", "float32", "float64"),
+    )
+}
+
+_NAMES = {dtype: name for name, dtype in DTYPES.items()}  # NOTE: NumPy takes 8 us to say a dtype's own name
+_TUPLE, _LIST, _DICT, _SET, _FROZENSET, _BYTES, _INT, _TEXT, _ARRAY = range(9)  # codes of extensions
+_EXTENSION_HEADS = bytes((*range(0xC7, 0xCA), *range(0xD4, 0xD9)))
+_ONE = b"\x91"  # the head of an array with one item, which a value is in
+_SCALARS = frozenset({type(None), bool, int, float, str})
+
+# Bytes of memory, copies that are made of a state included.
+_OF_ITEM = 48
+_OF_CONTAINER = 160
+_OF_BYTE = 4  # a letter of a text takes so much where there is an emoji in it
+
+
+# -- packed bytes -----------------------------------------------------------------------------------------------
+
+
+def varint(value: int) -> bytes:
+    """Return a number that is not negative, as LEB128: seven bits a byte, lowest first."""
+    out = bytearray()
+    while value > 127:
+        out.append(value & 127 | 128)
+        value >>= 7
+    out.append(value)
+    return bytes(out)
+
+
+def packed(data: bytes) -> bytes:
+    """Return the size of bytes, and the bytes deflated."""
+    deflate = zlib.compressobj(6, zlib.DEFLATED, -15, 8, zlib.Z_FILTERED)
+    return b"".join((varint(len(data)), deflate.compress(data), deflate.flush()))
+
+
+def unpacked(data: bytes, most: int) -> bytes:
+    """Return what `packed` got; zeros may follow it.
+
+    Raises:
+        BadFile: the bytes are damaged, or would inflate to more than `most`.
+    """
+    reader = ByteReader(data)
+    size = reader.varint()
+    if size > most:
+        raise BadFile(f"{size} bytes of memory are far more than the size of the file explains")
+    inflate = zlib.decompressobj(-15)
+    try:
+        raw = inflate.decompress(memoryview(data)[reader.at :], size + 1)
+    except zlib.error as error:
+        raise BadFile(f"it cannot be decompressed ({error})") from error
+    if len(raw) != size or not inflate.eof:
+        raise BadFile(f"it does not decompress to the {size} bytes that are promised")
+    if inflate.unused_data.strip(b"\0"):
+        raise BadFile(f"{len(inflate.unused_data)} bytes are left over")
+    return raw
+
+
+class ByteReader:
+    """Reads bytes from front to back, never past their end.
+
+    Attributes:
+        at: where the next one is.
+    """
+
+    __slots__ = ("at", "data")
+
+    def __init__(self, data: bytes) -> None:
+        self.data, self.at = data, 0
+
+    def take(self, size: int) -> bytes:
+        """Return the next `size` bytes.
+
+        Raises:
+            BadFile: they are not there; so do the other methods.
+        """
+        if size > len(self.data) - self.at:
+            raise BadFile(f"{size} bytes are promised and {len(self.data) - self.at} are there")
+        self.at += size
+        return self.data[self.at - size : self.at]
+
+    def varint(self) -> int:
+        """Return the next number."""
+        value = 0
+        for shift in range(0, 63, 7):
+            (byte,) = self.take(1)
+            value |= (byte & 127) << shift
+            if byte < 128:
+                return value
+        raise BadFile("a number is too long")
+
+    def column(self, size: int) -> IntArray:
+        """Return the next column, which must have `size` items."""
+        (count,) = self.take(1)
+        if count > 8 or (count == 0) != (size == 0):
+            raise BadFile(f"a column of {size} numbers cannot have {count} planes")
+        planes = np.frombuffer(self.take(count * size), np.uint8).reshape(count, size)
+        width = 1 << max(count - 1, 0).bit_length()  # NOTE: narrow numbers take half the time of wide ones
+        wide = np.zeros((size, width), np.uint8)
+        wide[:, :count] = planes.T
+        zigzag = wide.view(f"<u{width}").reshape(-1)
+        return ((zigzag >> 1) ^ -(zigzag & 1)).astype(f"u{width}").view(f"i{width}").astype(np.int64)
+
+    def sums(self, size: int) -> IntArray:
+        """Return the next column, which holds differences, as what they are differences of."""
+        return np.cumsum(self.column(size), dtype=np.int64)
+
+    def finish(self) -> None:
+        """Refuse bytes that were not read."""
+        if self.at != len(self.data):
+            raise BadFile(f"{len(self.data) - self.at} bytes are left over")
+
+
+# -- columns ----------------------------------------------------------------------------------------------------
+
+
+def steps(numbers: IntArray) -> IntArray:
+    """Return differences from the number before, the first from 0; they wrap around at 64 bits."""
+    differences = numbers.copy()
+    differences[1:] -= numbers[:-1]
+    return differences
+
+
+def column(numbers: IntArray) -> bytes:
+    """Return integers as bytes: how many the largest needs, the lowest bytes of all, then the second, and so on."""
+    if not len(numbers):
+        return b"\0"
+    zigzag = ((numbers << 1) ^ (numbers >> 63)).view(np.uint64)
+    count = max(1, (int(zigzag.max()).bit_length() + 7) // 8)
+    if count == 1:
+        return b"\1" + zigzag.astype(np.uint8).tobytes()
+    return bytes([count]) + zigzag.astype("<u8", copy=False).view(np.uint8).reshape(-1, 8)[:, :count].T.tobytes()
+
+
+def array_bytes(array: Array) -> bytes:
+    """Return the bytes of an array: the first bytes of all items, then all second ones; of integers, of differences."""
+    flat = np.ascontiguousarray(array).reshape(-1)
+    if flat.dtype.kind in "iu":
+        flat = np.diff(flat, prepend=flat.dtype.type(0))
+    flat = flat.astype(flat.dtype.newbyteorder("<"), copy=False)
+    return flat.view(np.uint8).reshape(-1, flat.dtype.itemsize).T.tobytes()
+
+
+def array_of(data: bytes, dtype: "np.dtype[Any]") -> Array:
+    """Return the items that `array_bytes` got, (items,).
+
+    Raises:
+        BadFile: some bytes are missing.
+    """
+    if len(data) % dtype.itemsize:
+        raise BadFile("a column is cut off")
+    items = np.frombuffer(data, np.uint8).reshape(dtype.itemsize, -1).T.copy()
+    if dtype.kind == "b":
+        return items.reshape(-1).astype(np.bool_)
+    flat: Array = items.view(dtype.newbyteorder("<")).reshape(-1).astype(dtype, copy=False)
+    if dtype.kind in "iu":
+        flat = np.cumsum(flat, dtype=dtype)
+    return flat
+
+
+# -- plain values to bytes --------------------------------------------------------------------------------------
+
+
+def to_bytes(value: Plain, where: str) -> bytes:
+    """Return a plain value as bytes, the same bytes for the same value.
+
+    Args:
+        value: what is written.
+        where: what it is, for the message.
+
+    Raises:
+        BadType: something in it is not plain.
+        BadValue: it is too deep.
+    """
+    try:
+        return _encoder().encode([_written(value, MOST_DEPTH)])
+    except TypeError as error:
+        raise BadType(
+            f"{where} cannot be recorded: {reason(error)}. Only None, bool, int, float, str, bytes, list, tuple, set, "
+            f"dict and NumPy arrays of numbers can; convert it first."
+        ) from None
+    except RecursionError:
+        raise BadValue(f"{where} cannot be recorded: more than {MOST_DEPTH} containers are in each other.") from None
+
+
+@cache
+def _encoder() -> "MessagePackEncoder":
+    from msgspec.msgpack import Encoder
+
+    return Encoder()
+
+
+@cache
+def _extension() -> Callable[[int, bytes], Any]:
+    from msgspec.msgpack import Ext
+
+    return Ext
+
+
+def _written(value: Plain, depth: int) -> Any:
+    """Return the scalar or the extension that says a value in which `depth` containers may be in each other."""
+    kind = type(value)
+    if kind is int:
+        return value if -(1 << 63) <= value < 1 << 64 else _of_int(value)
+    if kind in _SCALARS and (kind is not str or value.isascii()):
+        return value
+    way = _WAYS.get(kind) or next((way for kind, way in _WAYS.items() if isinstance(value, kind)), None)
+    if way is None:
+        raise TypeError(f"{shown(value)} is of type {kind.__name__}")
+    return way(value, depth)
+
+
+def _container(code: int, items: list[Any], depth: int) -> Any:
+    """Return the extension of a container."""
+    if depth < 1:
+        raise RecursionError
+    if _SCALARS.issuperset(map(type, items)):
+        try:
+            return _extension()(code, _encoder().encode(items))
+        except (OverflowError, UnicodeEncodeError):
+            pass  # a long integer, or half of a surrogate pair
+    return _extension()(code, _encoder().encode([_written(one, depth - 1) for one in items]))
+
+
+def _of_int(value: int) -> Any:
+    value = int(value)
+    if -(1 << 63) <= value < 1 << 64:
+        return value
+    return _extension()(_INT, value.to_bytes(value.bit_length() // 8 + 1, "big", signed=True))
+
+
+def _of_text(value: str) -> Any:
+    text = str.__str__(value)  # of an enum, too
+    try:
+        text.encode()
+    except UnicodeEncodeError:
+        return _extension()(_TEXT, text.encode("utf-8", "surrogatepass"))
+    return text
+
+
+def _of_dict(value: dict[Plain, Plain], depth: int) -> Any:
+    return _container(_DICT, [one for pair in value.items() for one in pair], depth)
+
+
+def _of_set(value: set[Plain] | frozenset[Plain], depth: int) -> Any:
+    encode = _encoder().encode
+    items = sorted(value, key=lambda one: encode([_written(one, depth - 1)]))  # a set has no order, and a file has
+    return _container(_FROZENSET if isinstance(value, frozenset) else _SET, items, depth)
+
+
+def _of_array(value: Array, depth: int) -> Any:
+    dtype = value.dtype.newbyteorder("=")
+    if dtype not in _NAMES or value.ndim > MOST_DIMENSIONS:
+        raise TypeError(f"an array of dtype {value.dtype} and shape {value.shape}")
+    items = [_NAMES[dtype], array_bytes(value.astype(dtype, copy=False)), *value.shape]
+    return _container(_ARRAY, items, depth)
+
+
+_WAYS: dict[type, Callable[[Any, int], Any]] = {
+    str: lambda value, _: _of_text(value),
+    int: lambda value, _: _of_int(value),
+    float: lambda value, _: float(value),
+    dict: _of_dict,
+    list: lambda value, depth: _container(_LIST, list(value), depth),
+    tuple: lambda value, depth: _container(_TUPLE, list(value), depth),
+    bytes: lambda value, _: _extension()(_BYTES, bytes(value)),
+    set: _of_set,
+    frozenset: _of_set,
+    np.ndarray: _of_array,
+    **dict.fromkeys((np.bool_, np.integer, np.float16, np.float32), lambda value, depth: _written(value.item(), depth)),
+}
+
+
+# -- plain values from bytes ------------------------------------------------------------------------------------
+
+
+def from_bytes(data: bytes) -> Plain:
+    """Return the value that was written, where it is all that a file has.
+
+    Raises:
+        BadFile: no writer makes this.
+    """
+    return Decoder(Allowance(len(data), "A value")).value(data)
+
+
+def cost_of(data: bytes) -> int:
+    """Return how much memory a value that was written takes, in bytes."""
+    allowance = Allowance(1 << 60, "A value", is_streamed=True)
+    Decoder(allowance).value(data)
+    return allowance.total - allowance.left
+
+
+def most_cost_of(data: bytes) -> int:
+    """Return at most how much memory values take that were written, in a hundredth of the time."""
+    containers = len(data) - len(data.translate(None, _EXTENSION_HEADS))
+    return (_OF_ITEM + _OF_BYTE + MOST_DEPTH) * len(data) + _OF_CONTAINER * containers
+
+
+class Decoder:
+    """Decodes the values of one file, which may take time and memory in proportion to its size.
+
+    Args:
+        allowance: what all of them together may take.
+
+    Attributes:
+        most_bytes: of values at one place.
+        keys: those of the file that were read before.
+    """
+
+    def __init__(self, allowance: Allowance) -> None:
+        self.allowance, self.keys = allowance, Keys()
+        self.most_bytes = allowance.total // _OF_BYTE
+
+    def value(self, data: bytes, *, is_new: bool = True) -> Plain:
+        """Return the value that was written.
+
+        Args:
+            data: its bytes.
+            is_new: whether it is charged to the file; what is read again is not.
+
+        Raises:
+            BadFile: no writer makes this, or the file has too much of it.
+        """
+        charge = self.allowance.charge if is_new else _charge_nothing
+        charge(_OF_BYTE * len(data))
+        if data[:1] != _ONE:
+            raise BadFile("a value does not begin like one")
+        try:
+            (one,) = _flat().decode(data)
+            return one if type(one) in _SCALARS else self._opened(one.code, one.data, MOST_DEPTH, charge)
+        except BadFile:
+            raise
+        except (ValueError, TypeError, OverflowError, KeyError) as error:
+            raise BadFile(f"a value is damaged ({reason(error)})") from error
+
+    def _opened(self, code: int, data: bytes, depth: int, charge: Callable[[int], None]) -> Plain:
+        """Return what an extension says."""
+        if code == _BYTES:
+            return data
+        if code == _TEXT:
+            return data.decode("utf-8", "surrogatepass")
+        if code == _INT:
+            return self.keys.check(int.from_bytes(data, "big", signed=True))
+        if depth < 1:
+            raise BadFile(f"more than {MOST_DEPTH} containers are in each other")
+        make = _MAKERS[code]
+        charge(_OF_CONTAINER + _OF_ITEM * _count_of(data) + len(data))
+        items: list[Any] = _flat().decode(data)
+        if not _SCALARS.issuperset(map(type, items)):
+            for place, one in enumerate(items):
+                if type(one) not in _SCALARS:
+                    items[place] = self._opened(one.code, one.data, depth - 1, charge)
+        return make(items, self.keys)
+
+
+def _charge_nothing(size: int) -> None:
+    """Charge what was charged before."""
+
+
+@cache
+def _flat() -> "MessagePackDecoder[list[Any]]":
+    """Return a decoder that refuses containers but extensions, which it does not open."""
+    from msgspec.msgpack import Decoder, Ext
+
+    return Decoder(list[bool | int | float | str | Ext | None])
+
+
+def _count_of(data: bytes) -> int:
+    """Return how many items a MessagePack array says it has, at most as many as there are bytes."""
+    head = data[0] if data else 0
+    count = int.from_bytes(data[1:5] if head == 0xDD else data[1:3], "big") if head >= 0xDC else head & 15
+    return min(count, len(data))
+
+
+def _set_of(items: Iterable[Plain], keys: Keys) -> set[Plain]:
+    return set(map(keys.check, items))
+
+
+def _frozenset_of(items: Iterable[Plain], keys: Keys) -> frozenset[Plain]:
+    found: frozenset[Plain] = keys.check(frozenset(map(keys.check, items)))
+    return found
+
+
+def _dict_of(items: list[Plain], keys: Keys) -> dict[Plain, Plain]:
+    names = items[::2]
+    found = dict(zip(names if {str}.issuperset(map(type, names)) else map(keys.check, names), items[1::2], strict=True))
+    if len(found) != len(names):
+        raise BadFile("a dict has a key that is there twice")
+    return found
+
+
+def _array_from(items: list[Plain], _: Keys) -> Array:
+    name, data, *shape = items
+    if len(shape) > MOST_DIMENSIONS or not all(type(length) is int and 0 <= length < 1 << 40 for length in shape):
+        raise BadFile(f"an array has the impossible shape {shown(shape)}")
+    if type(data) is not bytes:
+        raise BadFile("an array has no bytes")
+    flat = array_of(data, DTYPES[name])
+    size = 1
+    for length in shape:
+        size *= length
+    if size != len(flat):
+        raise BadFile(f"an array has {len(data)} bytes, which do not fit its shape {shown(shape)}")
+    return flat.reshape(shape)
+
+
+_MAKERS: dict[int, Callable[[list[Any], Keys], Plain]] = {
+    _TUPLE: lambda items, keys: keys.check(tuple(items)),
+    _LIST: lambda items, _: items,
+    _DICT: _dict_of,
+    _SET: _set_of,
+    _FROZENSET: _frozenset_of,
+    _ARRAY: _array_from,
+}

@@ -1,0 +1,174 @@
+"""The one definition of a plain value: what recordings, saved graphs and what rules remember are made of.
+
+Plain are None, bool, int, float, str and bytes; arrays of at most eight dimensions of bools, integers and floats of at
+most 64 bits; and lists, tuples, sets and dicts of plain values, at most `MOST_DEPTH` in each other. Keys of dicts and
+items of sets are scalars, and tuples and frozen sets of such. Subclasses count (an enum, a NamedTuple), and so do
+scalars of NumPy: `to_plain` gives Python's own.
+"""
+
+import re
+from collections.abc import Callable, Iterable, Mapping
+from typing import Any, TypeAlias
+
+import numpy as np
+
+from gamms.text import shown
+
+Plain: TypeAlias = Any
+"""A plain value; type checkers know no type of lists and dicts, which are invariant, that holds all of them."""
+
+MOST_DEPTH = 24
+MOST_DIMENSIONS = 8
+
+_BUILT_IN = (str, int, float, bool, bytes, type(None))
+_SCALARS = frozenset(_BUILT_IN)
+_SEQUENCES = (list, tuple, set, frozenset, np.ndarray)
+_AS_BUILT_IN: dict[type, str] = {int: "__int__", float: "__float__", str: "__str__", bytes: "__bytes__"}
+_ADDRESS = re.compile(r" at 0x[0-9a-fA-F]+")
+
+
+def why_not_plain(value: Plain) -> str:
+    """Return where and why a value is not plain, such as "['brain'][2] is of type Brain"; "" if it is plain."""
+    return _flaw(value, 0)
+
+
+def is_plain(value: Plain) -> bool:
+    """Return whether a value is plain."""
+    return not _flaw(value, 0)
+
+
+def to_plain(value: Plain) -> Plain:
+    """Return a plain value that shares nothing with the caller's: fresh containers of fresh containers.
+
+    Numbers, texts and containers of other classes become Python's own, and anything else a text that is the same in
+    every run.
+    """
+    return _converted(value, 0, _described)
+
+
+def plain_subset(values: Mapping[Plain, Plain], left_out: list[Plain] | None = None) -> dict[Plain, Plain]:
+    """Return what of a dict is plain, as `to_plain` gives it, without anything else in it or in the dicts within.
+
+    Args:
+        values: the dict.
+        left_out: gets the keys of the values of which something was left out.
+    """
+    if left_out is None:
+        return _converted_dict(values, 0, lambda _: ...)
+    missing: list[Plain] = []
+
+    def note(value: Plain) -> Plain:
+        missing.append(value)
+        return ...
+
+    part = _converted_dict(values, 0, note)
+    if missing:  # seldom: then key by key
+        for key, value in values.items():
+            missing.clear()
+            _converted(value, 1, note)
+            if missing:
+                left_out.append(key)
+    return part
+
+
+def is_same(one: Plain, other: Plain) -> bool:
+    """Return whether two values that `to_plain` gave are equal, arrays in them and the order of keys, too."""
+    if type(one) is not type(other):
+        return False
+    if isinstance(one, np.ndarray):
+        return bool(one.dtype == other.dtype and one.shape == other.shape and one.tobytes() == other.tobytes())
+    if isinstance(one, dict):
+        return list(one) == list(other) and all(map(is_same, one.values(), other.values()))
+    if isinstance(one, list | tuple):
+        return len(one) == len(other) and all(map(is_same, one, other))
+    return one is other or bool(one == other)
+
+
+# -- is it plain ------------------------------------------------------------------------------------------------
+
+
+def _flaw(value: Plain, depth: int) -> str:
+    if type(value) in _SCALARS or isinstance(value, _BUILT_IN):
+        return ""
+    if isinstance(value, np.ndarray | np.generic):
+        is_number = value.dtype.kind in "biuf" and value.dtype.itemsize <= 8 and value.ndim <= MOST_DIMENSIONS
+        return "" if is_number else f" is of dtype {value.dtype} and shape {value.shape}"
+    if isinstance(value, list | tuple | dict | set | frozenset):
+        return _flaw_within(value, depth)
+    return f" is of type {type(value).__name__}"
+
+
+def _flaw_within(value: Plain, depth: int) -> str:
+    if depth >= MOST_DEPTH:
+        return f" is nested more than {MOST_DEPTH} levels deep, or holds itself"
+    if isinstance(value, list | tuple):
+        return "" if _SCALARS.issuperset(map(type, value)) else _first_flaw(enumerate(value), depth)
+    if not _SCALARS.issuperset(map(type, value)):
+        for key in value:
+            if not _is_key(key):
+                return f" has the key {shown(key)}, which cannot be written"
+    return _first_flaw(value.items(), depth) if isinstance(value, dict) else ""
+
+
+def _first_flaw(items: Iterable[tuple[Plain, Plain]], depth: int) -> str:
+    for place, one in items:
+        if flaw := _flaw(one, depth + 1):
+            return f"[{shown(place)}]{flaw}"
+    return ""
+
+
+def _is_key(key: Plain) -> bool:
+    if isinstance(key, tuple | frozenset):
+        return all(map(_is_key, key))
+    return type(key) in _SCALARS or (not _flaw(key, 0) and not isinstance(key, np.ndarray))
+
+
+# -- make it plain ----------------------------------------------------------------------------------------------
+
+
+def _converted(value: Plain, depth: int, other: Callable[[Plain], Plain]) -> Plain:
+    """Return a plain value; `other` says what stands for a value that is none, `...` that nothing does."""
+    if isinstance(value, np.generic):
+        value = value.item()
+    if type(value) in _SCALARS:
+        return value
+    built_in = next((kind for kind in _AS_BUILT_IN if isinstance(value, kind)), None)
+    if built_in is not None:  # an enum, for example
+        return getattr(built_in, _AS_BUILT_IN[built_in])(value)
+    if depth < MOST_DEPTH and isinstance(value, Mapping):
+        return _converted_dict(value, depth, other)
+    if depth < MOST_DEPTH and isinstance(value, _SEQUENCES):
+        return _converted_list(value, depth)
+    return other(value)
+
+
+def _converted_dict(value: Mapping[Plain, Plain], depth: int, other: Callable[[Plain], Plain]) -> dict[Plain, Plain]:
+    converted = {_converted_key(key): _converted(one, depth + 1, other) for key, one in value.items()}
+    return {key: one for key, one in converted.items() if one is not ...}
+
+
+def _converted_list(value: Plain, depth: int) -> Plain:
+    if isinstance(value, np.ndarray) and value.dtype.kind in "biuf":
+        return np.array(value)
+    if isinstance(value, set | frozenset):
+        keys = map(_converted_key, value)
+        return frozenset(keys) if isinstance(value, frozenset) else set(keys)
+    items = [_converted(one, depth + 1, _described) for one in value]
+    return tuple(items) if isinstance(value, tuple) else items
+
+
+def _converted_key(key: Plain) -> Plain:
+    if _is_exact_key(key):
+        return key
+    key = _converted(key, MOST_DEPTH - 1, _described)
+    return key if _is_exact_key(key) else _described(key)
+
+
+def _is_exact_key(key: Plain) -> bool:
+    kind = type(key)
+    return kind in _SCALARS or (kind in (tuple, frozenset) and all(map(_is_exact_key, key)))
+
+
+def _described(value: Plain) -> str:
+    """Return what an object looks like, without where it lies in memory."""
+    return _ADDRESS.sub("", repr(value))

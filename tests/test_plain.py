@@ -1,0 +1,62 @@
+"""What a plain value is."""
+
+import enum
+from typing import NamedTuple
+
+import numpy as np
+import pytest
+
+from gamms.plain import MOST_DEPTH, is_plain, to_plain, why_not_plain
+
+
+class Color(enum.IntEnum):
+    RED = 3
+
+
+class Pair(NamedTuple):
+    a: int
+    b: int
+
+
+def nested(depth):
+    value = []
+    for _ in range(depth - 1):
+        value = [value]
+    return value
+
+
+PLAIN = [None, True, 1 << 99, -0.0, "ä", b"x", [1, (2, {3})], {(1, frozenset({2})): {}}, np.zeros((2, 3)), {1.5: []}]
+PLAIN += [Color.RED, Pair(1, 2), np.int8(3), np.bool_(True), nested(MOST_DEPTH)]
+
+
+@pytest.mark.parametrize("value", PLAIN, ids=repr)
+def test_a_plain_value_stays_equal_and_is_of_built_in_types(value):
+    assert why_not_plain(value) == ""
+    found = to_plain(value)
+    assert np.array_equal(found, value) if isinstance(value, np.ndarray) else found == value
+    assert type(found).__module__ in ("builtins", "numpy")
+    assert not isinstance(found, np.generic)
+
+
+@pytest.mark.parametrize(
+    ("value", "why"),
+    [
+        (object(), " is of type object"),
+        ({"a": [1, {2: len}]}, "['a'][1][2] is of type builtin_function_or_method"),
+        ({(1, object): 2}, " has the key (1, <class 'object'>), which cannot be written"),
+        ([np.array(["a"])], "[0] is of dtype <U1 and shape (1,)"),
+        (
+            nested(MOST_DEPTH + 1),
+            "[0]" * MOST_DEPTH + f" is nested more than {MOST_DEPTH} levels deep, or holds itself",
+        ),
+        (1j, " is of type complex"),
+    ],
+    ids=str,
+)
+def test_what_is_not_plain_is_named_with_its_place(value, why):
+    assert why_not_plain(value) == why
+    assert not is_plain(value)
+
+
+def test_what_is_not_plain_becomes_a_text_without_its_address():
+    assert to_plain({"a": object()}) == {"a": "<object object>"}
