@@ -10,6 +10,8 @@ import pytest
 from games import copied, empty_context, grid_context, recorded, replayed
 
 import gamms
+from gamms import limits
+from gamms.errors import TooLarge
 from gamms.ir import events as kinds
 from gamms.recorder import RecordingError, Writer
 from gamms.rules import capture_flag, tag, territory
@@ -293,6 +295,17 @@ def test_a_drawing_that_nobody_recorded_is_refused(wrong, in_header, ctx):
     with pytest.raises(RecordingError):
         replayed(with_drawing(ctx, deepcopy(wrong), in_header=in_header), again)
     assert not again.visual.artists.drawings.commands
+
+
+def test_drawings_of_many_artists_take_no_more_memory_than_is_allowed(ctx):
+    again = empty_context()
+    specs = [{**SPEC, "name": str(name)} for name in range(100)]
+    again.visual.artists.add_specs({"artists": specs, "is_declared": False})
+    with limits.allowing(1 << 18), pytest.raises(TooLarge, match="What the artists of this recording draw"):
+        for name in range(100):
+            points = np.zeros((1_000, 2))
+            again.visual.artists.add_drawing({**drawing(counts=np.array([1, 999]), points=points), "artist": str(name)})
+    assert len(again.visual.artists.drawings.commands) == 1
 
 
 def test_drawings_of_an_artist_that_is_not_there_take_no_memory(ctx):

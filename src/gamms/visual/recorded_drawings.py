@@ -4,6 +4,7 @@ from typing import Any
 
 from gamms.errors import BadType, BadValue
 from gamms.ir.draw import DrawCommands
+from gamms.limits import refuse_above
 from gamms.text import reason
 from gamms.typing import ArtistType, IArtist, IContext
 from gamms.visual.artist_group import ArtistGroup, state_of
@@ -11,6 +12,7 @@ from gamms.visual.drawing import drawing_of
 from gamms.visual.legend import Block, block_from_plain, blocks_of, plain_block
 
 Recorded = dict[str, Any]  # `artist`, `layer`, `visible`, and, if it is visible, `commands` and `legend`
+_POINT_BYTES = 200  # of memory: columns, and what is made of them to be painted
 
 
 class RecordedDrawer:
@@ -63,6 +65,7 @@ class RecordedDrawings:
 
         Raises:
             BadType, BadValue, KeyError: this is no recorded drawing; nothing has changed.
+            TooLarge (BadValue): all of them would take more memory than is allowed.
         """
         name, commands = recorded["artist"], recorded.get("commands")
         if commands is None:
@@ -72,6 +75,8 @@ class RecordedDrawings:
         drawn, legend = DrawCommands.from_plain(commands), recorded.get("legend", [])
         if not isinstance(legend, list):
             raise BadType("The legend of a recorded drawing must be a list.")
+        others = sum(len(one.points) for other, one in self.commands.items() if other != name)
+        refuse_above(_POINT_BYTES * (others + len(drawn.points)), "What the artists of this recording draw")
         self.legends[name] = [block_from_plain(block) for block in legend]
         self.commands[name] = drawn
 
