@@ -166,6 +166,11 @@ class Context(Guarded, IContext):
         return self._game
 
     @property
+    def current_game(self) -> "Game | None":
+        """The game that was begun, if there is one; unlike `ctx.game`, asking for it begins none."""
+        return self._game
+
+    @property
     def ictx(self) -> IInternalContext:
         """Engines that serve other engines; not for strategies."""
         return self.internal_context  # type: ignore[no-any-return] # a program may put its own there

@@ -3,12 +3,14 @@
 from abc import ABC, abstractmethod
 from collections.abc import Callable
 from enum import Enum
-from typing import TYPE_CHECKING, Any
+from typing import Any
 
-if TYPE_CHECKING:
-    from gamms.typing.context import IContext
+Drawer = Callable[[Any, dict[str, Any]], None]
+"""Draws an artist: a function of the context and of the artist's `data`.
 
-Drawer = Callable[["IContext", dict[str, Any]], None]
+Any: the context is made of what is declared here and cannot be named here; a drawer says it itself:
+`def draw(ctx: gamms.Context, data: dict[str, Any]) -> None`.
+"""
 
 
 class ArtistType(Enum):
@@ -29,7 +31,7 @@ class IArtist(ABC):
 
     @abstractmethod
     def get_layer(self) -> int:
-        """The layer."""
+        """Return the layer."""
 
     @abstractmethod
     def set_visible(self, visible: bool) -> None:
@@ -37,7 +39,7 @@ class IArtist(ABC):
 
     @abstractmethod
     def get_visible(self) -> bool:
-        """Whether it is shown."""
+        """Return whether it is shown."""
 
     @abstractmethod
     def set_drawer(self, drawer: Drawer) -> None:
@@ -45,15 +47,15 @@ class IArtist(ABC):
 
     @abstractmethod
     def get_drawer(self) -> Drawer | None:
-        """The function that draws."""
+        """Return the function that draws."""
 
     @abstractmethod
     def get_artist_type(self) -> ArtistType:
-        """Static or dynamic."""
+        """Return whether it changes from frame to frame."""
 
     @abstractmethod
     def set_artist_type(self, artist_type: ArtistType) -> None:
-        """Say whether it changes from frame to frame."""
+        """Set whether it changes from frame to frame."""
 
     @property
     @abstractmethod

@@ -1,7 +1,8 @@
 """Contract of the context: the single point of access to one running scenario."""
 
 from abc import ABC, abstractmethod
-from typing import TYPE_CHECKING, Any
+from collections.abc import Mapping, Sequence
+from typing import TYPE_CHECKING, Any, Protocol
 
 from gamms.plugins import Registry
 
@@ -16,33 +17,62 @@ if TYPE_CHECKING:
     from gamms.typing.visualization_engine import IVisualizationEngine
 
 
+class IGameState(Protocol):
+    """What drawing reads of a game."""
+
+    @property
+    def turn(self) -> int:
+        """How many turns were played."""
+
+    @property
+    def scores(self) -> Mapping[Any, float]:
+        """Points by team."""
+
+    @property
+    def data(self) -> Mapping[Any, Any]:
+        """What rules remember."""
+
+    @property
+    def events(self) -> Sequence[dict[str, Any]]:
+        """What rules have emitted, in order."""
+
+    @property
+    def is_deciding(self) -> bool:
+        """Whether agents are deciding now."""
+
+
 class IContext(ABC):
-    """Every room, the random streams, and the life of a scenario."""
+    """The engines, the random streams, and the life of a scenario."""
 
     @property
     @abstractmethod
     def agent(self) -> "IAgentEngine":
-        """The agent room."""
+        """The agent engine."""
 
     @property
     @abstractmethod
     def graph(self) -> "IGraphEngine":
-        """The graph room."""
+        """The graph engine."""
 
     @property
     @abstractmethod
     def sensor(self) -> "ISensorEngine":
-        """The sensor room."""
+        """The sensor engine."""
 
     @property
     @abstractmethod
     def visual(self) -> "IVisualizationEngine":
-        """The visual room."""
+        """The visual engine."""
 
     @property
     @abstractmethod
     def record(self) -> Any:
         """The recorder."""
+
+    @property
+    def current_game(self) -> IGameState | None:
+        """The game that was begun, if there is one; unlike `ctx.game`, asking for it begins none."""
+        return None
 
     @property
     @abstractmethod
@@ -78,4 +108,4 @@ class IContext(ABC):
 
 
 contexts: Registry[IContext] = Registry("kind of context", "gamms.contexts")
-"""What opens a context. The hall answers to "gamms"; rooms ask here, for they do not know it."""
+"""What makes a context. Engines ask here, for they do not import `gamms.context`."""

@@ -179,8 +179,7 @@ def artists_of_sights(
 def team_rows(ctx: IContext) -> Rows | None:
     """The legend of the teams: colour, name and score; None where there are not two."""
     colors, teams = group_colors(ctx), dict.fromkeys(getattr(agent, "team", None) for agent in ctx.agent.create_iter())
-    game = getattr(ctx, "_game", None)  # a game begins when it is first asked for, which is not our business
-    scores = {} if game is None else game.scores
+    scores = {} if ctx.current_game is None else ctx.current_game.scores
     named = [team for team in teams if team is not None]
     if len(named) < 2:
         return None

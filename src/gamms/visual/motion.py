@@ -191,9 +191,9 @@ class TurnEvents:
             self._eliminated = frozenset(name for name in names if isinstance(name, str))
         return self._eliminated
 
-    def _events(self) -> list[dict[str, Any]]:
-        game = getattr(self._ctx, "_game", None)
-        events: list[dict[str, Any]] = [] if game is None else game.events
+    def _events(self) -> Sequence[dict[str, Any]]:
+        game = self._ctx.current_game
+        events: Sequence[dict[str, Any]] = () if game is None else game.events
         if len(events) < self._end:  # the game was reset
             self._begin = self._end = 0
             self._eliminated = None

@@ -49,7 +49,7 @@ class Carriers:
 
     def _looking(self) -> Iterator[tuple[Any, Any]]:
         """Sensors that have looked, with each living agent that carries them, or None."""
-        game = getattr(self._ctx, "_game", None)  # a game begins when it is first asked for, which is not our business
+        game = self._ctx.current_game
         is_played = game is not None and game.turn > 0  # here or in a recording: then everybody has looked
         for sensor in self._ctx.sensor.sensors.values():
             carriers = self.of(sensor)

@@ -26,11 +26,10 @@ _BAND = 0.75  # the breadth of a territory's streets, in lengths of a usual edge
 _FLAG = 0.04  # the height of a flag, in widths of what is seen
 
 
-def game_data(ctx: IContext) -> dict[Any, Any]:
+def game_data(ctx: IContext) -> Mapping[Any, Any]:
     """What the rules of a context remember; nothing where no game has begun, which a drawer would not do."""
-    game = getattr(ctx, "_game", None)
-    data: dict[Any, Any] = {} if game is None else game.data
-    return data
+    game = ctx.current_game
+    return {} if game is None else game.data
 
 
 def flags_in(ctx: IContext) -> dict[str, dict[str, Any]]:

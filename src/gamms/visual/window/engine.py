@@ -146,7 +146,7 @@ class WindowEngine(WindowNames, PictureEngine):
     def quit(self) -> None:
         """End the context because the window was closed; in the midst of a turn of `ctx.game`, when it is over."""
         self._will_quit = True
-        game: Any = getattr(self.ctx, "_game", None)  # asking for `ctx.game` would make one
+        game = self.ctx.current_game
         if game is None or not game.is_deciding:
             self.ctx.terminate()
 

@@ -161,7 +161,7 @@ class Overlay(Guarded):
 
     def turn_lines(self, ctx: IContext) -> list[str]:
         """What `hud` says unless it is replaced: turn, scores, frames per second."""
-        game: Any = getattr(ctx, "_game", None)  # asking for `ctx.game` would make one
+        game = ctx.current_game
         turn = self.turns if game is None or not game.turn else game.turn
         speed = "" if self._pace.speed == 1.0 else f" · {self._pace.speed:g}x"
         lines = [f"turn {turn}{speed}"]
