@@ -214,7 +214,7 @@ class Context(Guarded, IContext):
     def reseed(self, seed: int, rng_state: Any = None) -> None:
         """Let every stream follow from another seed; `rng` continues from `rng_state`, as `rng_state()` gave it."""
         self._seed, self.is_seeded, self._rng = as_int(seed, "seed"), True, None
-        self.graph.restart_stream()
+        self.graph.storage.restart_stream()
         if rng_state is not None:
             self.rng.bit_generator.state = rng_state
 

@@ -94,7 +94,7 @@ _NOT_CALLED = frozenset((
     "tell_anew", "tracks", "unpack", "visual_engine", "withdraw_artist", "write_by", "place_of", "clear",
     "film", "look", "followed", "declarations",
     "shown_artists", "turn_seconds", "width", "height", "viewpoint", "stream_of", "plain_settings", "configure",
-    "ctx.graph.graph.replace", "visibility_table", "neighborhoods",
+    "storage", "visibility_table", "neighborhoods",
     "is_playing", "restart_stream", "rng_state", "snapshot", "state",
 ))
 # fmt: on

@@ -159,7 +159,7 @@ VERBS = {
     "add_obstacle_face": lambda ctx, s: ctx.graph.add_obstacle_face(1, *WALL, 0),
     "remove_obstacle_face": lambda ctx, s: ctx.graph.remove_obstacle_face(0),
     "graph save": lambda ctx, s: ctx.graph.save(),
-    "unpack": lambda ctx, s: ctx.graph.unpack(b""),
+    "unpack": lambda ctx, s: ctx.graph.storage.unpack(b""),
     "graph terminate": lambda ctx, s: ctx.graph.terminate(),
     "place": lambda ctx, s: ctx.graph.place(1),
     "neighborhoods": lambda ctx, s: setitem(ctx.graph.graph.neighborhoods, 0, (0, 8)),
@@ -517,7 +517,7 @@ READERS = {
     "Sensor": "heading last_view outline place places_of pose sense_many",
     "Notice": "on_trial repeated wanted",
     "GraphEngine": """columns distance distance_matrix distances edge_attributes from_latlon get_obstacle_face
-        get_obstacle_faces nearest_node networkx_labels node_attributes obstacle_columns packed packed_part place
+        get_obstacle_faces nearest_node networkx_labels node_attributes obstacle_columns place
         shortest_path to_latlon to_networkx visibility visibility_table visible weights""",
     "Graph": """among columns distance distance_matrix distances edge_attributes from_latlon get_edge get_edges
         get_neighbors get_node get_nodes has_node nearest_node node_attributes nodes_near place positions

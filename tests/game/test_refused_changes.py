@@ -83,7 +83,7 @@ CALLS = {  # a call that works, of each verb: what it is called on, its name, it
     "add_obstacles": (lambda ctx: ctx.graph.add_obstacles, ([WALL, WALL],), {"ids": [5, 6], "types": [0, 1]}),
     "remove_obstacle_face": (lambda ctx: ctx.graph.remove_obstacle_face, (0,), {}),
     "load": (lambda ctx: ctx.graph.load, (None,), {}),
-    "unpack": (lambda ctx: ctx.graph.unpack, (None,), {}),
+    "unpack": (lambda ctx: ctx.graph.storage.unpack, (None,), {}),
     "publish": (lambda ctx: lambda a, b: ctx.game.publish(a=a, b=b), (1, [2]), {}),
     "add": (lambda ctx: ctx.game.add, (print,), {"phase": "before", "name": "new"}),
     "remove": (lambda ctx: ctx.game.remove, ("weather",), {}),

@@ -196,7 +196,7 @@ def test_a_search_looks_at_the_neighbourhood_only():
     for count in (1_000, 100_000):
         graph = cloud(rng.uniform(0, count**0.5, (count, 2)))
         graph.nearest_node(0, 0)
-        places, seen = graph._indexes._by_place(), []
+        places, seen = graph._store.indexes._node_grid(), []
         within = places.within
         places.within = lambda x, y, d, within=within, seen=seen: seen.append(len(found := within(x, y, d))) or found
         graph.nearest_node(*rng.uniform(5, 25, (2, 100)))

@@ -24,6 +24,7 @@ from gamms.errors import BadFile, BadType, BadValue
 from gamms.graph import Engine, Graph, file
 from gamms.graph.contents import Contents
 from gamms.graph.obstacles import checked_face
+from gamms.graph.store import GraphStore
 from gamms.limits import Allowance
 
 HEAD = struct.Struct("<8sIII")
@@ -456,8 +457,9 @@ def _end_well(data):
         contents = file.decode(data)
     except BadFile:
         return
-    graph = Graph()
-    graph.replace(contents.columns)
+    store = GraphStore()
+    store.replace(contents.columns, contents.attribution)
+    graph = Graph(store)
     assert [graph.get_node(id).id for id in graph.get_nodes()] == contents.columns.node_ids.tolist()
     for id in graph.get_edges():
         assert {graph.get_edge(id).source, graph.get_edge(id).target} <= set(graph.get_nodes())
@@ -526,7 +528,7 @@ def test_keys_that_were_made_to_have_one_hash_are_refused(ctx, saved):
         for row in range(rows):
             part = keys[row * count : (row + 1) * count]
             graph.add_node({"id": 900 + row, "x": 0, "y": 0, "a": [[key, 0] for key in part]})
-        columns = file._columns_of(ctx.graph._contents())
+        columns = file._columns_of(ctx.graph.storage.contents())
         text = columns["node:a:values"].tobytes().decode().replace("[[", '{"dict":[[').replace("]]", "]]}")
         columns["node:a:values"] = np.frombuffer(text.encode(), np.uint8)
         data = _pack(_header_of(saved.read_bytes()), columns)
@@ -563,7 +565,7 @@ def test_a_symbolic_link_stays_one(ctx, tmp_path):
         ctx.graph.graph.add_nodes([len(ctx.graph.graph)], [0], [0])
         ctx.graph.save(link)
         assert link.is_symlink()
-        assert target.read_bytes() == ctx.graph.packed()
+        assert target.read_bytes() == ctx.graph.storage.pack()
     assert sorted(path.name for path in (tmp_path / "there").iterdir()) == ["a.gamms", "none.gamms"]
 
 

@@ -6,7 +6,7 @@ import random
 import numpy as np
 import pytest
 
-from gamms.graph import values
+from gamms.graph import indexes
 
 NODES, EDGES = 300, 1200
 
@@ -157,7 +157,7 @@ def test_thousands_of_removals_leave_what_was_not_removed(graph):
 
 
 def test_making_room_for_new_values_loses_no_old_ones(graph, monkeypatch):
-    monkeypatch.setattr(values, "_MOST_KEPT", 20)
+    monkeypatch.setattr(indexes, "_MOST_KEPT", 20)
     graph.add_nodes(range(12), range(12), [0.0] * 12)
     graph.add_edges(range(11), range(11), range(1, 12))
     for turn in range(12):
@@ -168,7 +168,7 @@ def test_making_room_for_new_values_loses_no_old_ones(graph, monkeypatch):
 
 
 def test_a_table_too_large_for_eager_values_gives_the_same(graph, model, monkeypatch):
-    monkeypatch.setattr(values, "_MOST_EAGER", 10)
+    monkeypatch.setattr(indexes, "_MOST_EAGER", 10)
     programme = LongProgramme(graph, model(), seed=3)
     for _ in range(200):
         programme.step(PROGRAMMES["everything"])

@@ -165,7 +165,7 @@ def test_impossible_arguments_are_refused(town, arguments, error, words):
 def test_an_engine_of_somebody_elses_need_not_offer_tables(ctx):
     with pytest.raises(NotOffered, match="visibility"):
         IGraphEngine.visibility(ctx.graph, 5.0)
-    assert IGraphEngine.visibility_table(ctx.graph, 1.6, 5.0) is None
+    assert IGraphEngine.visibility_table(ctx.graph, 5.0, 1.6) is None
 
 
 # -- laws -------------------------------------------------------------------------------------------------------
@@ -245,11 +245,11 @@ def test_an_interruption_leaves_neither_processes_nor_files(ctx, cache, monkeypa
         sights.all_seen(scene(), workers, interrupt)
     assert all(process.returncode is not None for process in started)
     strewn(ctx)
-    monkeypatch.setattr("gamms.graph.visibility_tables.all_seen", lambda *_: interrupt(""))
+    monkeypatch.setattr("gamms.graph.visibility.all_seen", lambda *_: interrupt(""))
     with pytest.raises(KeyboardInterrupt):
         ctx.graph.visibility(9.0)
     assert list(cache.iterdir()) == []
-    assert ctx.graph.visibility_table(1.6, 9.0) is None
+    assert ctx.graph.visibility_table(9.0, 1.6) is None
 
 
 def test_workers_do_not_run_the_users_script_again(tmp_path):
@@ -290,14 +290,14 @@ CHANGES = {
 def test_after_a_change_of_nodes_or_faces_a_table_no_longer_counts(town, name):
     table = town.graph.visibility(20.0)
     CHANGES[name](town)
-    assert town.graph.visibility_table(1.6, 20.0) is None
+    assert town.graph.visibility_table(20.0, 1.6) is None
     for question in (lambda: table.sees(50, 40), lambda: table.hidden([]), lambda: table.mask(50, [40])):
         with pytest.raises(Outdated, match=r"ctx\.graph\.visibility"):
             question()
     new = town.graph.visibility(20.0)
     assert new is not table
     assert {id: new.from_node(id).tolist() for id in on_demand(town, 20.0)} == on_demand(town, 20.0)
-    assert town.graph.visibility_table(1.6, 20.0) is new
+    assert town.graph.visibility_table(20.0, 1.6) is new
 
 
 def test_closed_roads_and_undone_changes_leave_a_table_as_good_as_it_was(town, tmp_path):
@@ -309,7 +309,7 @@ def test_closed_roads_and_undone_changes_leave_a_table_as_good_as_it_was(town, t
     town.graph.graph.update_node({"id": 10, "x": 40.0})
     town.graph.save(tmp_path / "map.gamms")
     town.graph.load(tmp_path / "map.gamms")
-    assert town.graph.visibility_table(1.6, 20.0) is table
+    assert town.graph.visibility_table(20.0, 1.6) is table
     assert town.graph.visibility(20.0, path=False) is table
 
 
@@ -317,14 +317,14 @@ def test_the_engine_finds_the_smallest_table_that_suffices(town):
     small, large = (town.graph.visibility(radius, path=False) for radius in (10.0, 30.0))
     low = town.graph.visibility(10.0, 0.5, path=False)
     find = town.graph.visibility_table
-    assert find(1.6, 5.0) is small
-    assert find(1.6, 10.0) is small
-    assert find(1.6, 10.5) is large
-    assert find(1.6, math.inf) is None
-    assert find(0.5, 10) is low
-    assert find(0.6, 10) is None
+    assert find(5.0, 1.6) is small
+    assert find(10.0, 1.6) is small
+    assert find(10.5, 1.6) is large
+    assert find(math.inf, 1.6) is None
+    assert find(10, 0.5) is low
+    assert find(10, 0.6) is None
     town.terminate()
-    assert find(1.6, 5.0) is None
+    assert find(5.0, 1.6) is None
 
 
 # -- files ------------------------------------------------------------------------------------------------------
@@ -338,7 +338,7 @@ def test_a_table_is_kept_in_the_cache_folder_and_found_again(town, open_ctx, cac
     table = town.graph.visibility(20.0)
     (kept,) = files(cache)
     town.graph.save(tmp_path / "map.gamms")
-    monkeypatch.setattr("gamms.graph.visibility_tables.all_seen", lambda *_: pytest.fail("worked out anew"))
+    monkeypatch.setattr("gamms.graph.visibility.all_seen", lambda *_: pytest.fail("worked out anew"))
     with open_ctx() as other:
         other.graph.load(tmp_path / "map.gamms")
         again = other.graph.visibility(20.0)
@@ -472,7 +472,7 @@ def test_where_a_table_cannot_be_written_it_is_made_nevertheless(town, tmp_path)
     with pytest.raises(OSError, match="name too long") as caught:
         town.graph.visibility(20.0, path=tmp_path / long)
     assert "could not be kept" in caught.value.__notes__[0]
-    assert town.graph.visibility_table(1.6, 20.0).sees(50, 40)
+    assert town.graph.visibility_table(20.0, 1.6).sees(50, 40)
     assert files(tmp_path) == []
 
 

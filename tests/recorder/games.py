@@ -82,7 +82,7 @@ def everything(ctx):
         "scores": dict(ctx.game.scores),
         "events": ctx.game.events,
         "over": ctx.game.over,
-        "world": ctx.graph.packed(),
+        "world": ctx.graph.storage.pack(),
         "sensors": ctx.sensor.described(),
         "components": {
             name: dict(vars(ctx.record.get_component(name))["__recorded_component_"])

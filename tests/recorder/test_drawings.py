@@ -234,7 +234,7 @@ COMMANDS = {
 def with_drawing(ctx, drawing, *, in_header=False):
     """A recording with such a drawing."""
     stream = io.BytesIO()
-    header = {"world": ctx.graph.packed(), "visuals": {"artists": [SPEC], "is_declared": False}}
+    header = {"world": ctx.graph.storage.pack(), "visuals": {"artists": [SPEC], "is_declared": False}}
     writer = Writer(stream, header | ({"drawings": [drawing]} if in_header else {}))
     with gamms.recorder.open(io.BytesIO(recorded(lambda ctx: None, ctx))) as rec:
         writer.keyframe(rec._reader.keyframe(0)[1])

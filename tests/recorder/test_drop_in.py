@@ -388,10 +388,10 @@ def test_a_replay_can_be_watched(empty):
 def test_a_recording_on_another_map_is_refused_and_nothing_changes(ctx):
     data = recorded(a_game)
     ctx.graph.graph.add_node({"id": 77, "x": 0, "y": 0})
-    before = ctx.graph.packed()
+    before = ctx.graph.storage.pack()
     with pytest.raises(RecordingError, match="graph"):
         replayed(data, ctx)
-    assert ctx.graph.packed() == before
+    assert ctx.graph.storage.pack() == before
     assert list(ctx.agent.create_iter()) == []
 
 

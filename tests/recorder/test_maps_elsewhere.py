@@ -46,7 +46,7 @@ def test_the_header_names_the_map_by_the_hash_of_its_file(small, map):
 def test_a_map_that_is_loaded_after_the_start_is_named_too():
     ctx, stream = empty_context(), io.BytesIO()
     ctx.record.start(stream, embed_graph=False)
-    ctx.graph.unpack(grid_context().graph.packed())
+    ctx.graph.storage.unpack(grid_context().graph.storage.pack())
     a_game(ctx)
     ctx.record.stop()
     again, _ = replayed(stream.getvalue(), grid_context())
@@ -91,13 +91,13 @@ def test_states_need_no_map_and_maps_that_came_later_are_there(ctx):
     for graph in (lambda: rec.graph, lambda: rec[3].graph):
         with pytest.raises(RecordingError, match=r"does not hold its map.*graph="):
             graph()
-    assert rec[4].graph.packed == ctx.graph.packed()
+    assert rec[4].graph.packed == ctx.graph.storage.pack()
 
 
 @pytest.mark.parametrize("of", [lambda ctx, _: ctx, lambda ctx, _: ctx.graph, lambda _, path: path])
 def test_the_map_may_be_given_when_it_is_opened(small, ctx, map, of):
     with gamms.recorder.open(io.BytesIO(small), graph=of(ctx, map)) as rec:
-        assert rec.graph.packed == rec[2].graph.packed == ctx.graph.packed()
+        assert rec.graph.packed == rec[2].graph.packed == ctx.graph.storage.pack()
         with gamms.recorder.open(io.BytesIO(small), graph=rec.graph) as other:
             assert other.graph.packed == rec.graph.packed
 

@@ -289,7 +289,7 @@ def test_a_game_that_goes_on_after_a_replay_is_recorded_to_its_end(before, after
 def test_a_replay_into_a_game_that_is_being_recorded_is_a_part_of_it(before, after, begun, more):
     data = game_of(before, after)[0]
     ctx = grid_context()
-    ctx.graph.unpack(Reader(io.BytesIO(data)).header["world"])
+    ctx.graph.storage.unpack(Reader(io.BytesIO(data)).header["world"])
 
     def play(ctx):
         programme = Programme(ctx)

@@ -368,16 +368,16 @@ def test_the_map_can_be_attached_with_ids_and_order_kept():
         stream = io.BytesIO()
         ctx.record.start(stream)
         ctx.record.stop()
-        packed = ctx.graph.packed()
+        packed = ctx.graph.storage.pack()
     map = recorder.open(io.BytesIO(stream.getvalue())).graph
     with gamms.create_context(logger_config=QUIET) as ctx:
         ctx.graph.attach_networkx_graph(map)
-        assert ctx.graph.packed() == packed
+        assert ctx.graph.storage.pack() == packed
         assert ctx.graph.columns().node_ids.tolist() == [7, 3, 5]
         assert (ctx.graph.crs, ctx.graph.attribution) == ("EPSG:32635", "somebody")
         with pytest.raises(BadValue, match="already a node with id"):
             ctx.graph.attach_networkx_graph(map)
-        assert ctx.graph.packed() == packed
+        assert ctx.graph.storage.pack() == packed
     with gamms.create_context(logger_config=QUIET) as ctx:
         ctx.graph.add_nodes([1, 2], x=[0, 1], y=[0, 0])
         ctx.graph.attach_networkx_graph(map)

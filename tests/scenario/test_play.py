@@ -14,7 +14,7 @@ import yaml
 import gamms
 from gamms import scenario
 from gamms.errors import Outdated, UnknownName
-from gamms.graph import visibility_tables
+from gamms.graph import visibility
 from gamms.scenario import Scenario, ScenarioError
 
 CODE = """
@@ -188,12 +188,12 @@ WALL = {"face_id": 0, "tr": (15, 12, 9), "tl": (15, -2, 9), "br": (15, 12, 0), "
 @pytest.fixture
 def tables_made(monkeypatch):
     """How many visibility tables were worked out."""
-    made, work_out = [], visibility_tables.all_seen
-    monkeypatch.setattr(visibility_tables, "all_seen", lambda *given: made.append(given) or work_out(*given))
+    made, work_out = [], visibility.all_seen
+    monkeypatch.setattr(visibility, "all_seen", lambda *given: made.append(given) or work_out(*given))
     return made
 
 
-def test_games_of_one_scenario_share_their_visibility_tables(made, tables_made):
+def test_games_of_one_scenario_share_their_visibility(made, tables_made):
     one = made()
     first = [table_of(game) for game in (one, one, one.replace(turns=3))]
     assert len(tables_made) == 1

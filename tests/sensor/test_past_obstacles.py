@@ -108,7 +108,7 @@ def test_a_visibility_table_answers_until_the_world_changes(ctx):
     ctx.agent.create_agent("hidden", start_node_id=1)
     ctx.agent.create_agent("seen", start_node_id=2)
     table = ctx.graph.visibility(5.0, 1.6, path=False)
-    assert ctx.graph.visibility_table(1.6, 5.0) is table
+    assert ctx.graph.visibility_table(5.0, 1.6) is table
     ground = ctx.sensor.create_sensor("m", SensorType.OCCLUDED_MAP, sensor_range=5.0)
     agents = ctx.sensor.create_sensor("a", SensorType.OCCLUDED_AGENT, sensor_range=5.0)
     for sensor in (ground, agents):

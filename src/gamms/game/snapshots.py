@@ -73,7 +73,7 @@ class SnapshotTaker(NamedTuple):
         parts = {
             "turns": self.turns.snapshot(),  # first: it brings the counts up to date
             "agents": ctx.agent.snapshot(),
-            "world": ctx.graph.snapshot(),
+            "world": ctx.graph.storage.snapshot(),
             "sensors": ctx.sensor.snapshot(),
             "settings": self.settings.settings(),
             "rules": self.rules.rules,
@@ -93,7 +93,7 @@ class SnapshotTaker(NamedTuple):
     def restore(self, snapshot: Snapshot, *, forget: bool = False) -> None:
         """Restore everything but the random streams; with `forget`, sensors forget what they have sensed."""
         ctx, state, parts = self.ctx, self.state, snapshot._parts
-        ctx.graph.restore(parts["world"])
+        ctx.graph.storage.restore(parts["world"])
         ctx.agent.restore(parts["agents"])
         ctx.sensor.restore(parts["sensors"], forget=forget)
         if self.settings.settings() != parts["settings"]:

@@ -1,8 +1,8 @@
-"""The graph room: nodes, edges and obstacles over columns; queries by place; files and bridges.
+"""The graph engine: nodes, edges and obstacles as columns; range queries, routing, visibility; files and bridges.
 
-Read `graph.py` first (every call), then `tables.py` (where the data is), `indexes.py` (what makes it fast) and
-`routes.py` (ways); for walls `obstacles.py`, then `visibility.py`.
-May import: typing, kernels, ir and below, never another room. To add a file format, write a module that turns
+Read `graph.py` first (every verb), then `store.py` and `tables.py` (where the data is), `indexes.py` (what makes
+queries fast), `routes.py` and `positions.py`; for obstacles `obstacles.py`, then `visibility.py`.
+May import: typing, kernels, ir and below, never another engine. To add a file format, write a module that turns
 `contents.Contents` into bytes and back; to add a query, give `IGraph` a slow default and override it in `graph.py`.
 """
 
@@ -11,8 +11,8 @@ from typing import Any
 
 from gamms.graph.engine import GraphEngine
 from gamms.graph.graph import Graph
-from gamms.graph.grid import grid
-from gamms.graph.packed import PackedGraph
+from gamms.graph.networkx_bridge import grid
+from gamms.graph.storage import PackedGraph
 from gamms.typing.graph_engine import Engine, IGraph, IGraphEngine, Node, ObsFace, OSMEdge
 from gamms.typing.memory_engine import StoreType
 

@@ -1,21 +1,21 @@
-"""The graph room's front: the graph, its obstacles, and how they are kept."""
+"""The graph engine, `ctx.graph`: the graph, its obstacles, files and databases, and visibility tables."""
 
 import os
-from collections.abc import Iterator
-from typing import TYPE_CHECKING, Any, NamedTuple
+from collections.abc import Callable, Iterator
+from functools import wraps
+from typing import TYPE_CHECKING, Any, Concatenate, ParamSpec, TypeVar
 
 from gamms.deciding import Guarded, phase_of, refused_while_deciding
-from gamms.errors import BadFile, BadType, BadValue, ContextTerminated, UnknownType, WriteConflict
-from gamms.graph.cache import Cache
-from gamms.graph.contents import Contents
+from gamms.errors import BadFile, BadValue, ContextTerminated, UnknownType, WriteConflict
 from gamms.graph.graph import Graph
 from gamms.graph.obstacles import Obstacles, checked_face, checked_faces
-from gamms.graph.packed import PackedGraph
-from gamms.ir.graph import FloatArray, GraphColumns
+from gamms.graph.routes import Routes
+from gamms.graph.storage import MapStorage
+from gamms.graph.store import GraphStore
 from gamms.ir.obstacles import BoolArray, ObstacleColumns
 from gamms.text import shown
 from gamms.typing import IContext
-from gamms.typing.graph_engine import Corner, Engine, IGraphEngine, NodeIds, Numbers, ObsFace
+from gamms.typing.graph_engine import Corner, Engine, IGraphEngine, IPackedGraph, ObsFace
 from gamms.typing.memory_engine import StoreType
 from gamms.typing.obstacles import line_ends
 
@@ -24,24 +24,21 @@ if TYPE_CHECKING:
     from numpy.random import Generator
 
     from gamms.graph.database import GraphDatabase
-    from gamms.graph.visibility import Visibility
-    from gamms.graph.visibility_tables import TablePath, VisibilityTables
+    from gamms.graph.visibility import TablePath, Visibility, VisibilityTables
     from gamms.typing.memory_engine import IPathLike
 
+P = ParamSpec("P")
+R = TypeVar("R")
 
-_SIGHT_BYTES = 256 << 20
 
+def _forwarded(verb: Callable[Concatenate[Graph, P], R]) -> "Callable[Concatenate[GraphEngine, P], R]":
+    """Return a verb of the graph as one of its engine."""
 
-class WorldSnapshot(NamedTuple):
-    """Graph and obstacles at one moment."""
+    @wraps(verb)
+    def forwarded(self: "GraphEngine", /, *args: P.args, **kwargs: P.kwargs) -> R:
+        return verb(self.graph, *args, **kwargs)
 
-    columns: GraphColumns
-    obstacles: ObstacleColumns
-    attribution: str | None
-    revision: int
-    obstacle_revision: int
-    sights: Cache
-    place_stream: Any  # the state of the stream that `place` draws from; None: nothing was drawn
+    return forwarded
 
 
 class GraphEngine(Guarded, IGraphEngine):
@@ -64,14 +61,10 @@ class GraphEngine(Guarded, IGraphEngine):
             raise UnknownType(f"Unknown graph engine {shown(engine)}. Use Engine.MEMORY or Engine.SQLITE.")
         self._ctx = ctx
         self._phase = phase_of(ctx)
-        self._graph: Graph | None = Graph()
-        self._graph._phase = self._phase
-        self._obstacles = Obstacles()
+        self._store, self._obstacles = GraphStore(), Obstacles()
+        self._graph: Graph | None = Graph(self._store, self._phase)
+        self._storage = MapStorage(ctx, self._store, self._obstacles, self._phase)
         self._tables: VisibilityTables | None = None
-        self._sights = Cache(_SIGHT_BYTES)
-        self._place_stream: Generator | None = None
-        self._restored: dict[int, int] = {}  # revision of a snapshot -> the one that is equal, since it was restored
-        self._restored_obstacles: dict[int, int] = {}  # likewise
         self._database: GraphDatabase | None = None
         self._saved: tuple[object, ...] | None = None  # the `_state` that a file has
         if engine is Engine.SQLITE:
@@ -85,14 +78,10 @@ class GraphEngine(Guarded, IGraphEngine):
         return self._graph
 
     @property
-    def sights(self) -> Cache:
-        """The rows of visibility tables by what they were made of; engines may share them. Not for strategies."""
-        self._phase.refuse("use ctx.graph.sights")
-        return self._sights
-
-    @sights.setter
-    def sights(self, sights: Cache) -> None:
-        self._sights = sights
+    def storage(self) -> MapStorage:
+        """The map as bytes and as snapshots, for engines and clients; not for strategies."""
+        self._phase.refuse("use ctx.graph.storage")
+        return self._storage
 
     # -- obstacles ----------------------------------------------------------------------------------------------
 
@@ -158,19 +147,20 @@ class GraphEngine(Guarded, IGraphEngine):
     ) -> "Visibility":
         """Which nodes within `radius` of each node no wall hides; see `IGraphEngine`."""
         if self._tables is None:
-            from gamms.graph.visibility_tables import VisibilityTables
+            from gamms.graph.visibility import VisibilityTables
 
-            self._tables = VisibilityTables(self.graph, self._present(), self._ctx, self._sights)
+            obstacles, routes = self._present(), Routes(self._store)
+            self._tables = VisibilityTables(self._store, routes, obstacles, self._ctx, self._storage)
         return self._tables.get(radius, observer_height, path, progress=progress, workers=workers)
 
-    def visibility_table(self, observer_height: float, radius: float) -> "Visibility | None":
-        """A table that `visibility` made, holds, is of that height and reaches so far; None where there is none."""
-        return None if self._tables is None else self._tables.find(observer_height, radius)
+    def visibility_table(self, radius: float, observer_height: float = 1.6) -> "Visibility | None":
+        """A current table that `visibility` made, of that height and at least that radius; None if there is none."""
+        return None if self._tables is None else self._tables.find(radius, observer_height)
 
     # -- in and out ---------------------------------------------------------------------------------------------
 
     @refused_while_deciding
-    def attach_networkx_graph(self, G: "nx.Graph[Any] | PackedGraph") -> Graph:  # noqa: N803 - published name
+    def attach_networkx_graph(self, G: "nx.Graph[Any] | IPackedGraph") -> Graph:  # noqa: N803 - published name
         """Add any networkx graph, or the map of a recording, to what is there, all or nothing.
 
         Integer labels become ids; other labels get the next free integers (`networkx_labels` tells which). An
@@ -182,7 +172,7 @@ class GraphEngine(Guarded, IGraphEngine):
         """
         graph = self.graph.attach_networkx_graph(G)
         if (
-            not isinstance(G, PackedGraph)
+            not isinstance(G, IPackedGraph)
             and len(G) > 1
             and not any("x" in data or "y" in data for _, data in G.nodes(data=True))
         ):
@@ -194,9 +184,9 @@ class GraphEngine(Guarded, IGraphEngine):
 
     def networkx_labels(self) -> dict[Any, int]:
         """Label in networkx -> id here, for every node whose label was no integer."""
-        from gamms.graph.networkx import labels
+        from gamms.graph.networkx_bridge import labels
 
-        return labels(self.graph)
+        return labels(self.graph.columns())
 
     @refused_while_deciding
     def save(self, path: str | os.PathLike[str] | None = None) -> None:
@@ -211,7 +201,7 @@ class GraphEngine(Guarded, IGraphEngine):
                 file at `path` is written then.
             OSError: the file cannot be written.
         """
-        contents, saved = self._contents(), self._state()
+        contents, saved = self._storage.contents(), self._state()
         if path is not None:
             from gamms.graph import file
 
@@ -239,85 +229,13 @@ class GraphEngine(Guarded, IGraphEngine):
 
         graph = self.graph
         if path is not None:
-            self._put(file.load(path))
+            self._storage.put(file.load(path))
         elif self._database is not None:
-            self._put(self._database.read())
+            self._storage.put(self._database.read())
             self._saved = self._state()
         else:
             raise BadValue("A graph in memory needs a path to be loaded from: ctx.graph.load('map.gamms').")
         return graph
-
-    def packed(self) -> bytes:
-        """Graph, obstacles, CRS and attributes as the bytes that `save` writes.
-
-        Raises:
-            BadValue: an attribute is no plain data.
-        """
-        from gamms.graph import file
-
-        return file.encode(self._contents())
-
-    def packed_part(self) -> tuple[bytes, dict[tuple[str, str], list[int]]]:
-        """What `packed` gives, without the attributes that are no plain data.
-
-        Returns:
-            The bytes; and whose attributes were left out: ("node" or "edge", name of the attribute) -> ids.
-        """
-        try:
-            return self.packed(), {}
-        except BadValue:
-            from gamms.graph import file
-            from gamms.graph.contents import savable
-
-            contents, left_out = savable(self._contents())
-            return file.encode(contents), left_out
-
-    @refused_while_deciding
-    def unpack(self, data: bytes) -> None:
-        """Replace graph and obstacles by what `packed` gave.
-
-        Raises:
-            BadFile (ValueError): the bytes are damaged or foreign; nothing has changed.
-            BadType (TypeError): they are no bytes.
-        """
-        from gamms.graph import file
-
-        if not isinstance(data, (bytes, bytearray, memoryview)):
-            raise BadType(f"A packed graph is bytes, not {shown(data)}.")
-        self._put(file.decode(data))
-
-    @refused_while_deciding
-    def snapshot(self) -> "WorldSnapshot":
-        """Graph and obstacles as they are now, for `restore`."""
-        attribution = self.graph.attribution
-        return WorldSnapshot(
-            self.columns(),
-            self.obstacle_columns(),
-            attribution,
-            self.graph.revision,
-            self.obstacle_revision,
-            self._sights,
-            None if self._place_stream is None else self._place_stream.bit_generator.state,
-        )
-
-    @refused_while_deciding
-    def restore(self, before: "WorldSnapshot") -> None:
-        """Let graph and obstacles be as they were; what has not changed is left alone, its indexes too."""
-        if self.graph.revision not in (before.revision, self._restored.get(before.revision)):
-            self.graph.replace(before.columns)
-            self.graph.attribution = before.attribution
-            self._restored = {before.revision: self.graph.revision}
-        if self.obstacle_revision not in (
-            before.obstacle_revision,
-            self._restored_obstacles.get(before.obstacle_revision),
-        ):
-            self._obstacles.replace(())
-            self._obstacles.add_many(before.obstacles)
-            self._restored_obstacles = {before.obstacle_revision: self.obstacle_revision}
-        self._place_stream = None
-        if before.place_stream is not None:
-            self._place_stream = self._ctx.stream("graph", "place")
-            self._place_stream.bit_generator.state = before.place_stream
 
     @refused_while_deciding
     def terminate(self) -> None:
@@ -328,78 +246,29 @@ class GraphEngine(Guarded, IGraphEngine):
             if self._database is not None and self._is_kept:
                 self._write_finally(self._database)
         finally:
-            self._graph.close()
+            self._store.close()
             self._graph = self._tables = None
 
-    # -- the graph's own verbs, for short -----------------------------------------------------------------------
+    # -- verbs of the graph --------------------------------------------------------------------------------------
 
-    def columns(self) -> GraphColumns:
-        """The graph as read-only arrays that stay as they are now."""
-        return self.graph.columns()
-
-    @refused_while_deciding
-    def add_nodes(self, ids: Any, x: Any, y: Any) -> None:
-        """Add many nodes at once; see `Graph.add_nodes`."""
-        self.graph.add_nodes(ids, x, y)
-
-    @refused_while_deciding
-    def add_edges(self, ids: Any, sources: Any, targets: Any, lengths: Any = None) -> None:
-        """Add many straight edges at once; see `Graph.add_edges`."""
-        self.graph.add_edges(ids, sources, targets, lengths)
-
-    def node_attributes(self, node_id: int) -> dict[str, Any]:
-        """The attributes of a node that are not `id`, `x` or `y`; a fresh dict (KeyError)."""
-        return self.graph.node_attributes(node_id)
-
-    def edge_attributes(self, edge_id: int) -> dict[str, Any]:
-        """The attributes of an edge beyond ends, length and linestring; a fresh dict (KeyError)."""
-        return self.graph.edge_attributes(edge_id)
-
-    def weights(self, weight: str | None = "length") -> FloatArray:
-        """What each edge costs, (edges,) in insertion order; see `IGraph`."""
-        return self.graph.weights(weight)
-
-    def shortest_path(self, source: int, target: int, weight: str | None = "length") -> list[int]:
-        """Ids of the nodes on the shortest way from one node to another, both included; see `IGraph`."""
-        return self.graph.shortest_path(source, target, weight)
+    columns = _forwarded(Graph.columns)
+    add_nodes = _forwarded(Graph.add_nodes)
+    add_edges = _forwarded(Graph.add_edges)
+    node_attributes = _forwarded(Graph.node_attributes)
+    edge_attributes = _forwarded(Graph.edge_attributes)
+    weights = _forwarded(Graph.weights)
+    shortest_path = _forwarded(Graph.shortest_path)
+    distances = _forwarded(Graph.distances)
+    distance_matrix = _forwarded(Graph.distance_matrix)
+    to_latlon = _forwarded(Graph.to_latlon)
+    from_latlon = _forwarded(Graph.from_latlon)
+    nearest_node = _forwarded(Graph.nearest_node)
+    to_networkx = _forwarded(Graph.to_networkx)
 
     def distance(self, source: int, target: int, weight: str | None = "length") -> float:
-        """How far it is from one node to another; infinite where there is no way."""
+        """The distance by path from one node to another; infinite where there is no path."""
         graph = self._graph  # NOTE: not by the property, which takes as long as the rest (benchmarks/README.md, Paths)
         return (self.graph if graph is None else graph).distance(source, target, weight)
-
-    def distances(
-        self,
-        source: NodeIds | None = None,
-        target: NodeIds | None = None,
-        weight: str | None = "length",
-        cutoff: float | None = None,
-    ) -> dict[int, float]:
-        """How far it is from a node to every other, or from every other to a node; see `IGraph`."""
-        return self.graph.distances(source, target, weight, cutoff)
-
-    def distance_matrix(self, sources: NodeIds, targets: NodeIds, weight: str | None = "length") -> FloatArray:
-        """How far it is from each of some nodes to each of others, (sources, targets); see `IGraph`."""
-        return self.graph.distance_matrix(sources, targets, weight)
-
-    def to_latlon(self, x: Numbers, y: Numbers) -> tuple[Any, Any]:
-        """Degrees of latitude and longitude of (x, y); see `IGraph`."""
-        return self.graph.to_latlon(x, y)
-
-    def from_latlon(self, *, lat: Numbers, lon: Numbers) -> tuple[Any, Any]:
-        """(x, y) of degrees of latitude and longitude; see `IGraph`."""
-        return self.graph.from_latlon(lat=lat, lon=lon)
-
-    def nearest_node(
-        self,
-        x: Numbers | None = None,
-        y: Numbers | None = None,
-        *,
-        lat: Numbers | None = None,
-        lon: Numbers | None = None,
-    ) -> Any:
-        """The id of the node nearest to a place, or the ids (places,) of those nearest to several; see `IGraph`."""
-        return self.graph.nearest_node(x, y, lat=lat, lon=lon)
 
     def place(
         self,
@@ -415,17 +284,8 @@ class GraphEngine(Guarded, IGraphEngine):
         """
         if rng is None:
             self._phase.refuse("call ctx.graph.place without rng=state['rng']")
-            rng = self._place_stream = self._place_stream or self._ctx.stream("graph", "place")
+            rng = self._storage.place_stream()
         return self.graph.place(n, near, radius, apart, rng)
-
-    @refused_while_deciding
-    def restart_stream(self) -> None:
-        """Restart the random stream that `place` draws from."""
-        self._place_stream = None
-
-    def to_networkx(self) -> "nx.MultiDiGraph[int] | nx.DiGraph[int]":
-        """The graph as a networkx graph: a DiGraph, or a MultiDiGraph where edges are parallel."""
-        return self.graph.to_networkx()
 
     @property
     def crs(self) -> str | None:
@@ -451,14 +311,14 @@ class GraphEngine(Guarded, IGraphEngine):
         path = path or database.NoFile()
         store = self._ctx.ictx.memory.create_store(StoreType.DATABASE, database.STORE, path)
         self._database = database.GraphDatabase(store)
-        self._put(self._database.read())
+        self._storage.put(self._database.read())
         self._saved = self._state()
 
     def _write_finally(self, database: "GraphDatabase") -> None:
         """Write what can be written, beside the database if need be: what is not written now is lost."""
         if self._state() == self._saved:
             return
-        contents = self._contents()
+        contents = self._storage.contents()
         try:
             try:
                 database.write(contents)
@@ -477,11 +337,3 @@ class GraphEngine(Guarded, IGraphEngine):
     def _state(self) -> tuple[object, ...]:
         """What differs after every change of graph or obstacles."""
         return self.graph.revision, self.obstacle_revision, self.graph.attribution
-
-    def _contents(self) -> Contents:
-        return Contents(self.graph.columns(), list(self._obstacles), self.graph.attribution)
-
-    def _put(self, contents: Contents) -> None:
-        self.graph.replace(contents.columns)
-        self.graph.attribution = contents.attribution
-        self._obstacles.replace(contents.faces)

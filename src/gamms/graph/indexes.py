@@ -1,67 +1,219 @@
-"""Everything a graph can work out again from its tables: who is near, who is next, values by row.
+"""What a graph can work out again from its tables: nodes by place, edges by end, values by row.
 
-Each index is built when first asked for; a change is noted, or forgets what it touches.
+Each index is built when first asked for; a change is noted, or discards what it touches.
 """
 
-from collections.abc import Iterator
-from copy import deepcopy
+from collections.abc import Callable, Iterator
+from functools import partial
+from math import isqrt
 from typing import Any
 
 import numpy as np
 
 from gamms import kernels
 from gamms.errors import UnknownName
-from gamms.graph import records
-from gamms.graph.adjacency import Adjacency
-from gamms.graph.places import Places
 from gamms.graph.tables import EdgeTable, NodeTable
-from gamms.graph.values import Values, edge_values, node_values
-from gamms.ir.graph import IntArray
-from gamms.typing.graph_engine import Node, OSMEdge
+from gamms.ir.graph import FloatArray, IntArray
+from gamms.typing.graph_values import Node, OSMEdge
 
-_MOST_NEIGHBORHOODS = 1 << 18
-_FEW = 32
+_LATE_EDGES = 1024
+_LATE_NODES = 256
+_WIDER = 8  # how often a search grows before it looks through all nodes
+_SURE = 1.0 - 1e-9  # of a radius: on the rim, rounding may have lost a node that is as near
+_LEAST, _MOST = 1e-150, 1e150  # distances whose squares are neither zero nor infinite
+_MOST_EAGER = 1 << 19  # rows of a table whose values are made in one go; a larger one's as they are asked for
+_MOST_KEPT = 1 << 21
+
+# NOTE: skips the checking constructors; the tables hold checked values (benchmarks/README.md, w3).
+_node: Callable[[Any], Node] = partial(tuple.__new__, Node)
+_edge: Callable[[Any], OSMEdge] = partial(tuple.__new__, OSMEdge)
 
 
-class Neighborhoods(dict[int, tuple[int, ...]]):
-    """Node id -> the node itself, then its neighbours; filled when asked: one by one, after a few all at once."""
+class NodeGrid:
+    """A cell grid that finds the node rows in a disc at a cost that does not grow with the graph."""
 
-    # NOTE: a dict with __missing__ answers a known node without a Python call (benchmarks/README.md, w2).
+    def __init__(self, nodes: NodeTable) -> None:
+        self._nodes = nodes
+        self._cells = kernels.build_cells(nodes.array("xy"))
+        self._late: set[int] = set()  # rows that were added or moved since
 
-    def __init__(self, graph: Any) -> None:  # Any: the graph, whose module needs this one
-        self._graph = graph
-        self._misses = 0
+    def note(self, row: int) -> None:
+        """A node was added or moved."""
+        self._late.add(row)
 
-    def __deepcopy__(self, memo: dict[int, Any]) -> "Neighborhoods":
-        copied: Neighborhoods = deepcopy(self._graph, memo).neighborhoods
-        return copied
+    @property
+    def is_worn(self) -> bool:
+        """Whether so much was noted that a new grid is cheaper."""
+        return len(self._late) > _LATE_NODES + 2 * isqrt(len(self._cells.rows))
 
-    def clear(self) -> None:
-        """Forget everything."""
-        super().clear()
-        self._misses = 0
+    def within(self, x: float, y: float, d: float) -> IntArray:
+        """Living node rows whose distance to (x, y) is <= d, ascending."""
+        rows = kernels.candidate_rows(self._cells, x, y, d)
+        if rows is None:
+            rows = np.arange(self._nodes.count)
+        elif self._late:
+            rows = np.union1d(rows, np.fromiter(self._late, np.int64))
+        with np.errstate(over="ignore"):  # infinitely far away is far away
+            dx, dy = (self._nodes.array("xy")[rows] - (x, y)).T
+            is_near = dx * dx + dy * dy <= d * d if _LEAST < d < _MOST else np.hypot(dx, dy) <= d
+            rows = rows[is_near]
+        if self._nodes.dead:
+            rows = rows[self._nodes.array("alive")[rows] != 0]
+        found: IntArray = np.sort(rows)
+        return found
 
-    def __missing__(self, id: int) -> tuple[int, ...]:
-        id = records.as_id(id, "a node")
-        made = (id, *(other for other in self._graph._indexes.neighbors(id) if other != id))
-        self._misses += 1
-        if len(self) >= _MOST_NEIGHBORHOODS:
-            self.clear()
-        elif self._misses == _FEW:
-            self.update(self._graph._indexes.all_neighborhoods(_MOST_NEIGHBORHOODS))
-        self[id] = made
-        return made
+    def nearest(self, x: float, y: float) -> int:
+        """The living node row nearest to (x, y), the first of several; there must be one."""
+        d = self._cells.size
+        for _ in range(_WIDER):
+            rows = self.within(x, y, d)
+            distances = self._distances(rows, x, y)
+            if len(rows) and distances.min() < d * _SURE:
+                return int(rows[np.argmin(distances)])
+            d *= 2.0
+        rows = self._nodes.living()
+        return int(rows[np.argmin(self._distances(rows, x, y))])
+
+    def _distances(self, rows: IntArray, x: float, y: float) -> FloatArray:
+        with np.errstate(over="ignore"):  # infinitely far away is far away
+            distances: FloatArray = np.hypot(*(self._nodes.array("xy")[rows] - (x, y)).T)
+        return distances
+
+
+class Adjacency:
+    """Edge rows grouped by source (or target) row.
+
+    A grouping is made once; edges that change later are noted beside it. What the grouping says is checked against
+    the table when read, so a removed edge needs no note.
+    """
+
+    def __init__(self, edges: EdgeTable, end: str, nodes: int) -> None:
+        self._edges, self._end = edges, end
+        self._nodes = nodes
+        self._offsets, self._rows = kernels.group_rows(edges.array(end), nodes)
+        self._offset_view, self._row_view = self._offsets.data, self._rows.data
+        self._late: dict[int, list[int]] = {}  # node row -> edge rows noted since
+        self._late_count = 0
+        self._is_exact = edges.dead == 0  # whether every grouped edge is alive and still where it was
+
+    def note_added(self, node: int, edge: int) -> None:
+        """An edge now has this end at `node`."""
+        self._late.setdefault(node, []).append(edge)
+        self._late_count += 1
+
+    def note_changed(self) -> None:
+        """Some edge was removed or has moved away from its node."""
+        self._is_exact = False
+
+    @property
+    def is_worn(self) -> bool:
+        """Whether so much was noted that a new grouping is cheaper."""
+        return self._late_count > _LATE_EDGES + len(self._rows) // 4
+
+    def at_one(self, node: int) -> list[int]:
+        """Living edge rows whose end is this node row, ascending."""
+        rows: list[int] = []
+        if node < self._nodes:
+            rows = self._row_view[self._offset_view[node] : self._offset_view[node + 1]].tolist()
+        late = self._late.get(node)
+        if late:
+            rows = sorted({*rows, *late})
+        if late or not self._is_exact:
+            alive, ends = self._edges.alive, getattr(self._edges, self._end)
+            rows = [row for row in rows if alive[row] and ends[row] == node]
+        return rows
+
+    def at(self, nodes: IntArray) -> IntArray:
+        """Living edge rows whose end is one of `nodes` (unique rows), ascending."""
+        rows = kernels.ragged_rows(self._offsets, self._rows, nodes[nodes < self._nodes])
+        if self._late:
+            late = [edge for node in nodes.tolist() for edge in self._late.get(node, ())]
+            rows = np.concatenate([rows, np.array(late, np.int64)])
+        if not (self._is_exact and not self._late):
+            rows = rows[self._edges.array("alive")[rows] != 0]
+            rows = rows[np.isin(self._edges.array(self._end)[rows], nodes)]
+            return np.unique(rows)
+        rows.sort()
+        return rows
+
+
+class Values:
+    """Values by row; `make(rows)` makes those of some rows."""
+
+    def __init__(self, make: Callable[[IntArray], list[Any]]) -> None:
+        self._make = make
+        self._values = np.empty(0, object)  # (rows,)  None where it is not made yet
+        self._is_complete = True
+        self._made = 0
+
+    def take(self, rows: IntArray, count: int) -> list[Any]:
+        """The values of `rows` in a table of `count` rows."""
+        if count > len(self._values):
+            self._grow(count)
+        taken: list[Any] = self._values[rows].tolist()
+        if not self._is_complete and None in taken:
+            self._fill(rows[np.fromiter((value is None for value in taken), np.bool_, len(taken))])
+            taken = self._values[rows].tolist()
+            if None in taken:  # making room for the missing ones has dropped the others
+                self._fill(rows)
+                taken = self._values[rows].tolist()
+        return taken
+
+    def forget(self, rows: IntArray) -> None:
+        """These rows have changed."""
+        self._values[rows[rows < len(self._values)]] = None
+        self._is_complete = False
+
+    def _grow(self, count: int) -> None:
+        before = len(self._values)
+        is_eager = count <= _MOST_EAGER
+        # Room to spare, so that a graph that grows between two looks is not copied at each of them.
+        values = np.empty(count if is_eager else count + count // 4, object)
+        values[:before] = self._values
+        self._values = values
+        if is_eager:
+            self._fill(np.arange(before, count))
+        else:
+            self._is_complete = False
+
+    def _fill(self, rows: IntArray) -> None:
+        if self._made + len(rows) > _MOST_KEPT:
+            self._values[:] = None
+            self._is_complete, self._made = False, 0
+        self._values[rows] = np.fromiter(self._make(rows), object, len(rows))
+        self._made += len(rows)
+
+
+def node_values(nodes: NodeTable, rows: IntArray) -> list[Node]:
+    """The values of node rows."""
+    xy = nodes.array("xy")[rows]
+    return list(map(_node, zip(nodes.array("ids")[rows].tolist(), xy[:, 0].tolist(), xy[:, 1].tolist(), strict=True)))
+
+
+def edge_values(
+    edges: EdgeTable, nodes: NodeTable, rows: IntArray, take_nodes: Callable[[IntArray], list[Node]]
+) -> list[OSMEdge]:
+    """The values of edge rows; `take_nodes` gives those of node rows."""
+    sources, targets = edges.array("sources")[rows], edges.array("targets")[rows]
+    ids = nodes.array("ids")
+    first: list[Any] = take_nodes(sources)
+    last: list[Any] = take_nodes(targets)
+    if edges.bends:
+        for i, row in enumerate(rows.tolist()):
+            if (bend := edges.bends.get(row)) is not None:
+                first[i], last[i] = tuple(bend.ravel().tolist()), None
+    fields = (edges.array("ids")[rows].tolist(), ids[sources].tolist(), ids[targets].tolist())
+    return list(map(_edge, zip(*fields, edges.array("lengths")[rows].tolist(), first, last, strict=True)))
 
 
 class Indexes:
     """The indexes of one graph's tables."""
 
-    def __init__(self, nodes: NodeTable, edges: EdgeTable, neighborhoods: Neighborhoods) -> None:
+    def __init__(self, nodes: NodeTable, edges: EdgeTable, neighborhoods: dict[int, tuple[int, ...]]) -> None:
         self.is_built = False  # whether there is anything to note a change in
-        self.neighborhoods = neighborhoods
-        neighborhoods.clear()
+        self.neighborhoods = neighborhoods  # of both, which are dropped as they change
         self._nodes, self._edges = nodes, edges
-        self._places: Places | None = None
+        self._grid: NodeGrid | None = None
         self._by_end: dict[str, Adjacency] = {}
         self._node_values = Values(lambda rows: node_values(nodes, rows))
         self._edge_values = Values(lambda rows: edge_values(edges, nodes, rows, self.node_values))
@@ -71,11 +223,11 @@ class Indexes:
 
     def nodes_within(self, x: float, y: float, d: float) -> IntArray:
         """Node rows whose distance to (x, y) is <= d, ascending."""
-        return self._by_place().within(float(x), float(y), float(d))  # a NumPy float32 would round the rim away
+        return self._node_grid().within(float(x), float(y), float(d))  # a NumPy float32 would round the rim away
 
     def nearest(self, x: float, y: float) -> int:
         """The node row nearest to (x, y), the first of several; there must be a node."""
-        return self._by_place().nearest(x, y)
+        return self._node_grid().nearest(x, y)
 
     def edges_at(self, nodes: IntArray) -> IntArray:
         """Edge rows with at least one end among the node rows, ascending."""
@@ -131,8 +283,8 @@ class Indexes:
 
     def node_added(self, row: int) -> None:
         """A node was appended."""
-        if self._places is not None:
-            self._places.note(row)
+        if self._grid is not None:
+            self._grid.note(row)
 
     def node_moved(self, row: int) -> None:
         """A node has other coordinates; straight edges at it have another shape."""
@@ -169,11 +321,11 @@ class Indexes:
             adjacency.note_changed()
         self.neighborhoods.pop(self._nodes.ids[ends[0]], None)
 
-    def _by_place(self) -> Places:
-        if self._places is None or self._places.is_worn:
-            self._places = Places(self._nodes)
+    def _node_grid(self) -> NodeGrid:
+        if self._grid is None or self._grid.is_worn:
+            self._grid = NodeGrid(self._nodes)
             self.is_built = True
-        return self._places
+        return self._grid
 
     def _adjacency(self, end: str) -> Adjacency:
         adjacency = self._by_end.get(end)

@@ -2,7 +2,7 @@
 
 from collections.abc import Iterable, Iterator, Mapping
 from itertools import chain, islice
-from math import isfinite
+from math import isfinite, isqrt
 from typing import Any
 
 import numpy as np
@@ -12,18 +12,22 @@ from gamms.arguments import as_float, as_int
 from gamms.errors import BadType, BadValue, DuplicateId, UnknownName
 from gamms.graph import records
 from gamms.graph.records import is_everywhere
-from gamms.graph.walls import Walls, surroundings
 from gamms.ir.graph import FloatArray, IntArray
 from gamms.ir.obstacles import BoolArray, ObstacleColumns
 from gamms.text import shown
-from gamms.typing.graph_engine import Corner, ObsFace
+from gamms.typing.graph_values import Corner, ObsFace
+from gamms.typing.obstacles import face_columns
 
 _ROOM = 16  # faces
 _AT_ONCE = 4096  # faces
 _FEW = 256  # faces that are looked through one by one
 _KEYS = ("face_id", "tr", "tl", "br", "bl", "type")
 _MOST = 2**63 - 1
+_LATE = 256
+_MARGIN = 0.01  # how much farther than its box a face may count for a sight line: see `kernels.visible`
 _type_of = type  # the contract calls an argument of faces `type`
+
+Corner2D = tuple[float, float]
 
 
 class Obstacles:
@@ -96,11 +100,12 @@ class Obstacles:
 
     def replace(self, faces: Iterable[ObsFace]) -> None:
         """Hold `faces` and no others."""
-        faces = list(faces)
+        self.put(face_columns(list(faces)))
+
+    def put(self, columns: ObstacleColumns) -> None:
+        """Hold the faces of these columns and no others."""
         self._reset()
-        self.revision += 1
-        if faces:
-            self.add_many(_columns_of(faces))
+        self.add_many(columns)
 
     def near(self, d: float, x: float, y: float) -> Iterator[int]:
         """Ids of the faces whose bounding box meets the square of half side d around (x, y); all for `d < 0`."""
@@ -142,7 +147,7 @@ class Obstacles:
         self._types = np.zeros(0, np.int64)
         self._corners = np.zeros((0, 4, 3))
         self._boxes = np.zeros((0, 6))  # least x, y, z, greatest x, y, z
-        self._walls: Walls | None = None
+        self._grid: FaceGrid | None = None
 
     def _write(self, new: ObstacleColumns) -> None:
         self._reserve(len(new.ids))
@@ -155,7 +160,7 @@ class Obstacles:
         """Write what was added one by one; rows are read after this only."""
         if self._new:
             faces, self._new = self._new, []
-            self._write(_columns_of(faces))
+            self._write(face_columns(faces))
 
     def _row(self, face_id: int) -> int:
         self._write_new()
@@ -168,9 +173,9 @@ class Obstacles:
         """Rows, in any order, of a superset of the faces whose box meets a rectangle; dead ones may be among them."""
         self._write_new()
         if self._used > _FEW:
-            if self._walls is None or self._walls.is_worn(self._used):
-                self._walls = Walls(self._boxes[: self._used])
-            rows = self._walls.between(low, high, self._used)
+            if self._grid is None or self._grid.is_worn(self._used):
+                self._grid = FaceGrid(self._boxes[: self._used])
+            rows = self._grid.between(low, high, self._used)
             if rows is not None:
                 return rows
         return np.arange(self._used)
@@ -192,12 +197,58 @@ class Obstacles:
     def _take(self, rows: IntArray, room: int) -> None:
         """Keep these rows, in arrays with room for so many."""
         if len(rows) < self._used:
-            self._walls = None
+            self._grid = None
         for name in ("_ids", "_types", "_corners", "_boxes"):
             old = getattr(self, name)
             new = np.empty((room, *old.shape[1:]), old.dtype)
             new[: len(rows)] = old[rows]
             setattr(self, name, new)
+
+
+class FaceGrid:
+    """A cell grid that finds the rows of faces near a rectangle at a cost that hardly grows with the number of faces.
+
+    A few faces, the largest, are in no cell and always found; so they do not make every search a wide one. So are
+    those that were appended since. A face that is removed may go on being found.
+
+    Args:
+        boxes: (rows, 6) least x, y, z and greatest x, y, z of each face; NaN for a removed one.
+    """
+
+    def __init__(self, boxes: FloatArray) -> None:
+        rows = np.flatnonzero(~np.isnan(boxes[:, 0]))
+        low, high = boxes[rows, :3] / 2.0, boxes[rows, 3:] / 2.0
+        half = high - low
+        with np.errstate(over="ignore"):
+            spread = half[:, :2].max(axis=1) + 2.0 * _MARGIN * half.sum(axis=1)
+        aside = isqrt(len(rows))
+        order = np.argpartition(spread, len(rows) - 1 - aside)
+        usual, self._others = order[: len(rows) - aside], rows[order[len(rows) - aside :]]
+        self._rows = rows[usual]
+        self._reach = float(spread[usual].max())
+        self._cells = kernels.build_cells((low + high)[usual, :2])
+        self._count = len(boxes)
+
+    def is_worn(self, count: int) -> bool:
+        """Whether so many rows, of `count` now, were appended since that a new grid is cheaper."""
+        return count - self._count > _LATE + 2 * isqrt(self._count)
+
+    def between(self, low: Corner2D, high: Corner2D, count: int) -> IntArray | None:
+        """Rows, of `count`, of a superset of the faces whose box meets a rectangle; None: all."""
+        reach = self._reach
+        found = kernels.rows_between(self._cells, (low[0] - reach, low[1] - reach), (high[0] + reach, high[1] + reach))
+        if found is None:
+            return None
+        return np.concatenate((self._rows[found], self._others, np.arange(self._count, count)))
+
+
+def surroundings(origin: FloatArray, targets: FloatArray) -> tuple[Corner2D, Corner2D]:
+    """The corners of a rectangle that has to be searched for faces that block lines from `origin` to `targets`."""
+    low, high = np.minimum(targets.min(axis=0), origin), np.maximum(targets.max(axis=0), origin)
+    with np.errstate(over="ignore"):
+        margin = _MARGIN * float((high - low).sum())
+    (low_x, low_y, _), (high_x, high_y, _) = low.tolist(), high.tolist()
+    return (low_x - margin, low_y - margin), (high_x + margin, high_y + margin)
 
 
 def checked_face(face_id: Any, tr: Any, tl: Any, br: Any, bl: Any, type: Any) -> ObsFace:
@@ -249,13 +300,8 @@ def _columns_of_records(given: Iterator[Any], ids: Any, types: Any) -> ObstacleC
         raise BadValue("Records of faces have their own face_id and type: leave out ids and types.")
     parts = []
     while batch := list(islice(given, _AT_ONCE)):  # a generator may make more dicts than there is memory for
-        parts.append(_columns_of([_face_of_record(record) for record in batch]))
+        parts.append(face_columns([_face_of_record(record) for record in batch]))
     return ObstacleColumns(*map(np.concatenate, zip(*parts, strict=True)))
-
-
-def _columns_of(faces: list[ObsFace]) -> ObstacleColumns:
-    ids, types = (np.array([face[i] for face in faces], np.int64) for i in (0, 5))
-    return ObstacleColumns(ids, np.array([face[1:5] for face in faces], np.float64), types)
 
 
 def _face_of_record(record: Any) -> ObsFace:

@@ -12,7 +12,7 @@ from typing import Any
 import numpy as np
 
 from gamms.errors import BadFile, BadValue
-from gamms.graph.copies import MOST_DEPTH
+from gamms.graph.tables import MOST_DEPTH
 from gamms.limits import Allowance, Keys
 from gamms.text import shown
 

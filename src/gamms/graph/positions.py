@@ -1,4 +1,4 @@
-"""Nodes for places: the nearest one, and some drawn at random."""
+"""Places on a map: from x and y to degrees and back, the node nearest to a place, and nodes drawn at random."""
 
 from operator import index
 from typing import TYPE_CHECKING, Any, NamedTuple
@@ -8,34 +8,36 @@ import numpy as np
 from gamms import kernels
 from gamms.arguments import as_float, as_int, as_range
 from gamms.errors import BadType, BadValue
-from gamms.graph.coordinates import places_of, refuse_far
+from gamms.graph import records
+from gamms.graph.store import GraphStore
+from gamms.ir import projection
 from gamms.ir.graph import FloatArray, IntArray
 from gamms.text import shown
 
 if TYPE_CHECKING:
     from numpy.random import Generator
 
-    from gamms.graph.graph import Graph
-
+_NEAR_M = 1_000.0  # from which a place is never too far
+_MOST_LAT, _MOST_LON = 90.0, 360.0  # degrees; both -10 and 350 are in use for the same meridian
 _TRIES = 20  # how often to begin anew when nodes that must be apart do not fit
 
 
-def nearest_node(graph: "Graph", xy: tuple[Any, Any], latlon: tuple[Any, Any]) -> Any:
+def nearest_node(store: GraphStore, xy: tuple[Any, Any], latlon: tuple[Any, Any]) -> Any:
     """The id of the node nearest to a place, or the ids (places,) of those nearest to several."""
-    places = places_of(graph.crs, xy, latlon)
-    if not len(graph):
+    places = places_of(store.crs, xy, latlon)
+    if not len(store.nodes):
         raise BadValue("The graph has no nodes, so none is nearest. Add nodes first.")
-    nearest = graph._indexes.nearest
+    nearest = store.indexes.nearest
     rows = np.array([nearest(x, y) for x, y in places.reshape(-1, 2).tolist()], np.int64)
-    if latlon[0] is not None and graph.crs is not None:
-        known = graph._nodes.array("xy")
-        refuse_far(graph.crs, known[graph._nodes.living()], places.reshape(-1, 2), known[rows])
-    ids = graph._nodes.array("ids")[rows]
+    if latlon[0] is not None and store.crs is not None:
+        known = store.nodes.array("xy")
+        refuse_far(store.crs, known[store.nodes.living()], places.reshape(-1, 2), known[rows])
+    ids = store.nodes.array("ids")[rows]
     return int(ids[0]) if places.ndim == 1 else ids
 
 
 def place(
-    graph: "Graph",
+    store: GraphStore,
     n: int,
     near: int | tuple[float, float] | None,
     radius: float | None,
@@ -43,17 +45,126 @@ def place(
     rng: "Generator | int | None",
 ) -> list[int]:
     """Ids of `n` different nodes, drawn at random."""
-    demand = _Demand(_count(n), as_range(apart, "apart"), _disc(graph, near, radius))
+    demand = _Demand(_count(n), as_range(apart, "apart"), _disc(store, near, radius))
     stream = _generator(rng)
-    candidates = _candidates(graph, demand)
+    candidates = _candidates(store, demand)
     best: list[int] = []
     for _ in range(_TRIES if demand.apart > 0.0 and len(candidates) >= demand.n else 1):
-        drawn = _drawn(graph, candidates[stream.permutation(len(candidates))], demand)
+        drawn = _drawn(store, candidates[stream.permutation(len(candidates))], demand)
         if len(drawn) == demand.n:
-            ids = graph._nodes.ids
+            ids = store.nodes.ids
             return [ids[row] for row in drawn]
         best = max(best, drawn, key=len)
     raise BadValue(demand.refusal(len(best)))
+
+
+def to_latlon(crs: str | None, x: Any, y: Any) -> tuple[Any, Any]:
+    """Latitude and longitude in degrees: floats for numbers, arrays for arrays."""
+    known = _known(crs, "graph.to_latlon(x, y)")
+    xy = pairs(x, y, ("x", "y"))
+    lonlat = projection.project_back_and_forth(xy.reshape(-1, 2), known, projection.WGS84).reshape(xy.shape)
+    return _column(lonlat, 1), _column(lonlat, 0)
+
+
+def from_latlon(crs: str | None, lat: Any, lon: Any) -> tuple[Any, Any]:
+    """Map units x and y: floats for numbers, arrays for arrays."""
+    xy = _projected(crs, lat, lon, "graph.from_latlon(lat=, lon=)")
+    return _column(xy, 0), _column(xy, 1)
+
+
+def places_of(crs: str | None, xy: tuple[Any, Any], latlon: tuple[Any, Any]) -> FloatArray:
+    """Places (2,) or (places, 2) in map units, given as x and y or as latitude and longitude.
+
+    Raises:
+        BadType: neither pair is complete, or both are given.
+    """
+    is_xy, is_latlon = ([value is not None for value in pair] for pair in (xy, latlon))
+    if all(is_xy) and not any(is_latlon):
+        return pairs(*xy, ("x", "y"))
+    if all(is_latlon) and not any(is_xy):
+        return _projected(crs, *latlon, "graph.nearest_node(lat=, lon=)")
+    raise BadType("Give a place as nearest_node(x, y) or as nearest_node(lat=…, lon=…).")
+
+
+def refuse_far(crs: str, nodes: FloatArray, places: FloatArray, nearest: FloatArray) -> None:
+    """Refuse places that are meant to be on a map, and are not.
+
+    Args:
+        crs: of the map.
+        nodes: (nodes, 2) of the map; one at least.
+        places: (places, 2)
+        nearest: (places, 2) the nodes nearest to them.
+
+    Raises:
+        BadValue: a place is farther from the map than the map is wide, and farther than a kilometre.
+    """
+    bounds = np.stack((nodes.min(axis=0), nodes.max(axis=0)))
+    south_west, north_east = projection.project(bounds, crs, projection.WGS84)
+    width = float(projection.ellipsoid_lengths(south_west[None], north_east[None])[0])
+    there, near = (projection.project(points, crs, projection.WGS84) for points in (places, nearest))
+    off = projection.ellipsoid_lengths(there, near)
+    far = np.flatnonzero(off > max(width, _NEAR_M))
+    if len(far):
+        (west, south), (east, north), (lon, lat) = (point.tolist() for point in (south_west, north_east, there[far[0]]))
+        raise BadValue(
+            f"lat={lat:.6g}, lon={lon:.6g} is {off[far[0]] / 1000.0:,.1f} km from the nearest node: the map reaches "
+            f"from lat={south:.6g}, lon={west:.6g} to lat={north:.6g}, lon={east:.6g}. Is this the right map?"
+        )
+
+
+def pairs(first: Any, second: Any, names: tuple[str, str]) -> FloatArray:
+    """Two numbers as (2,), two arrays of one length as (places, 2); all finite.
+
+    Raises:
+        BadType: they are not numbers.
+        BadValue: they have different shapes, or one is not finite.
+    """
+    arrays = [_numbers(value, name) for value, name in zip((first, second), names, strict=True)]
+    if arrays[0].shape != arrays[1].shape or arrays[0].ndim > 1:
+        raise BadValue(
+            f"{names[0]} and {names[1]} must be two numbers or two arrays of one length, not of the shapes "
+            f"{arrays[0].shape} and {arrays[1].shape}."
+        )
+    return np.stack(arrays, axis=-1)
+
+
+def _projected(crs: str | None, lat: Any, lon: Any, call: str) -> FloatArray:
+    known = _known(crs, call)
+    lonlat = pairs(lon, lat, ("lon", "lat"))
+    for name, most, values in (("lat", _MOST_LAT, lonlat[..., 1]), ("lon", _MOST_LON, lonlat[..., 0])):
+        wrong = values[np.abs(values) > most]
+        if wrong.size:
+            raise BadValue(f"{name} must lie between -{most:g} and {most:g} degrees, not {wrong.flat[0]}.")
+    return projection.project_back_and_forth(lonlat.reshape(-1, 2), projection.WGS84, known).reshape(lonlat.shape)
+
+
+def _known(crs: str | None, call: str) -> str:
+    if crs is None:
+        raise BadValue(
+            f"{call} needs to know what x and y mean: set graph.crs to the coordinate reference system of the map, "
+            "such as 'EPSG:32635'."
+        )
+    return crs
+
+
+def _numbers(values: Any, name: str) -> FloatArray:
+    try:
+        array = np.asarray(values)
+    except ValueError as error:
+        raise BadType(f"{name} must be a number or an array of numbers: {error}.") from None
+    if array.size == 0:
+        array = array.astype(np.float64)
+    if array.dtype.kind not in "iuf":
+        raise BadType(f"{name} must be a number or an array of numbers, not {shown(values)}.")
+    array = array.astype(np.float64, copy=False)
+    wrong = array[~np.isfinite(array)]
+    if wrong.size:
+        raise BadValue(f"{name} must be finite, not {wrong.flat[0]}.")
+    return array
+
+
+def _column(pairs: FloatArray, which: int) -> Any:
+    return float(pairs[which]) if pairs.ndim == 1 else pairs[:, which].copy()
 
 
 class _Demand(NamedTuple):
@@ -75,18 +186,18 @@ class _Demand(NamedTuple):
         return f"{words}; {' or '.join(ways_out)}."
 
 
-def _candidates(graph: "Graph", demand: _Demand) -> IntArray:
+def _candidates(store: GraphStore, demand: _Demand) -> IntArray:
     if demand.disc is None or demand.disc[2] == np.inf:
-        return graph._nodes.living()
-    return graph._indexes.nodes_within(*demand.disc)
+        return store.nodes.living()
+    return store.indexes.nodes_within(*demand.disc)
 
 
-def _drawn(graph: "Graph", rows: IntArray, demand: _Demand) -> list[int]:
+def _drawn(store: GraphStore, rows: IntArray, demand: _Demand) -> list[int]:
     """The first rows that keep apart from those before them, as many as are asked for."""
     if demand.apart == 0.0:
         drawn: list[int] = rows[: demand.n].tolist()
         return drawn
-    xy = graph._nodes.array("xy")
+    xy = store.nodes.array("xy")
     is_blocked = np.zeros(len(xy), np.bool_)
     drawn = []
     for row in rows.tolist():
@@ -94,13 +205,13 @@ def _drawn(graph: "Graph", rows: IntArray, demand: _Demand) -> list[int]:
             break
         if not is_blocked[row]:
             drawn.append(row)
-            is_blocked[_closer_than(graph, xy, row, demand.apart)] = True
+            is_blocked[_closer_than(store, xy, row, demand.apart)] = True
     return drawn
 
 
-def _closer_than(graph: "Graph", xy: FloatArray, row: int, apart: float) -> IntArray:
+def _closer_than(store: GraphStore, xy: FloatArray, row: int, apart: float) -> IntArray:
     x, y = xy[row].tolist()
-    around = graph._nodes.living() if apart == np.inf else graph._indexes.nodes_within(x, y, apart)
+    around = store.nodes.living() if apart == np.inf else store.indexes.nodes_within(x, y, apart)
     with np.errstate(over="ignore"):  # infinitely far away is far enough
         found: IntArray = around[np.hypot(*(xy[around] - (x, y)).T) < apart]
     return found
@@ -113,15 +224,15 @@ def _count(n: Any) -> int:
     return count
 
 
-def _disc(graph: "Graph", near: Any, radius: Any) -> tuple[float, float, float] | None:
+def _disc(store: GraphStore, near: Any, radius: Any) -> tuple[float, float, float] | None:
     if (near is None) != (radius is None):
         given, missing = ("near", "radius") if radius is None else ("radius", "near")
         raise BadValue(f"place(…) got {given}= without {missing}=: give both, or neither for the whole graph.")
     if near is None:
         return None
     try:
-        node = graph.get_node(index(near))
-        x, y = node.x, node.y
+        row = store.nodes.find(records.as_id(index(near), "a node"))
+        x, y = store.nodes.xy[2 * row], store.nodes.xy[2 * row + 1]
     except TypeError:
         x, y = _point(near)
     return x, y, as_range(radius, "radius")

@@ -1,4 +1,4 @@
-"""What callers pass as a node or an edge, checked and split into our columns and the caller's attributes."""
+"""Nodes and edges as callers give them, one or many: checked, and split into columns and attributes."""
 
 from collections.abc import Sequence
 from math import inf, isfinite, isnan
@@ -9,7 +9,7 @@ import numpy as np
 from gamms import arguments
 from gamms.arguments import as_float, as_int
 from gamms.errors import BadType, BadValue
-from gamms.graph.copies import own
+from gamms.graph.tables import NodeTable, own
 from gamms.ir.geometry import points_of
 from gamms.ir.graph import FloatArray, IntArray
 from gamms.text import shown
@@ -142,3 +142,35 @@ def is_everywhere(d: float, x: float, y: float) -> bool:
     if has_nan or not (is_all or (isfinite(x) and isfinite(y))):
         raise BadValue(f"A place must be finite, and a distance a number, not d={d}, x={x}, y={y}.")
     return is_all
+
+
+def checked_nodes(ids: Any, x: Any, y: Any) -> tuple[IntArray, FloatArray]:
+    """Ids (nodes,) and coordinates (nodes, 2).
+
+    Raises:
+        BadValue, BadType: they are none.
+    """
+    ids = id_array(ids, "ids")
+    return ids, np.column_stack([number_array(x, len(ids), "x"), number_array(y, len(ids), "y")])
+
+
+def checked_edges(nodes: NodeTable, ids: Any, sources: Any, targets: Any, lengths: Any) -> dict[str, Any]:
+    """Ids, node rows of both ends, and lengths, (edges,) each.
+
+    Raises:
+        UnknownName (KeyError): an end is no node.
+        BadValue, BadType: they are none.
+    """
+    ids = id_array(ids, "ids")
+    ends = [id_array(end, name) for end, name in ((sources, "sources"), (targets, "targets"))]
+    for name, end in zip(("sources", "targets"), ends, strict=True):
+        if len(end) != len(ids):
+            raise BadValue(f"{name} must have shape ({len(ids)},) like the ids, not {end.shape}.")
+    source_rows, target_rows = (nodes.index.rows(end, "node") for end in ends)
+    if lengths is None:
+        xy = nodes.array("xy")
+        lengths = np.hypot(*(xy[target_rows] - xy[source_rows]).T)
+    lengths = number_array(lengths, len(ids), "lengths")
+    if len(lengths) and float(lengths.min()) < 0.0:
+        raise BadValue(f"lengths must not be negative; the least is {float(lengths.min())}.")
+    return {"ids": ids, "sources": source_rows, "targets": target_rows, "lengths": lengths}

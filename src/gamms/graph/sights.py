@@ -17,8 +17,8 @@ from typing import NamedTuple
 
 import numpy as np
 
+from gamms.graph.indexes import NodeGrid
 from gamms.graph.obstacles import Obstacles
-from gamms.graph.places import Places
 from gamms.graph.tables import NodeTable
 from gamms.ir.graph import FloatArray
 from gamms.ir.obstacles import ObstacleColumns
@@ -58,7 +58,7 @@ class Sights:
         self._points = np.column_stack((scene.xy, np.full(count, scene.observer_height)))
         nodes = NodeTable()
         nodes.extend(np.arange(count), xy=scene.xy)
-        self._places = Places(nodes)
+        self._grid = NodeGrid(nodes)
         self._obstacles = Obstacles()
         self._obstacles.add_many(ObstacleColumns(np.arange(faces), scene.corners, np.zeros(faces, np.int64)))
 
@@ -68,7 +68,7 @@ class Sights:
         return Seen(np.array([len(rows) for rows in found], np.int32), np.concatenate(found))
 
     def _row(self, observer: FloatArray) -> RowArray:
-        near = self._places.within(float(observer[0]), float(observer[1]), self._radius)
+        near = self._grid.within(float(observer[0]), float(observer[1]), self._radius)
         return near[self._obstacles.visible(observer, self._points[near])].astype(np.int32)
 
 

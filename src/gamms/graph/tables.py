@@ -1,18 +1,18 @@
 """Growing columns with an id per row: the one home of the nodes and edges of a graph."""
 
 from bisect import bisect_left
-from collections.abc import Iterator
+from collections.abc import Callable, Iterator
 from itertools import chain
 from typing import Any, ClassVar
 
 import numpy as np
 
-from gamms.errors import ContextTerminated, DuplicateId, UnknownName
-from gamms.graph.copies import own
+from gamms.errors import BadValue, ContextTerminated, DuplicateId, UnknownName
 from gamms.ir.graph import FloatArray, IntArray
 
 _START = 16
 _CHUNK = 4096  # ids that are made Python ints at a time, for callers who want only the first
+MOST_DEPTH = 100  # far below what the recursion limit allows, so that what is accepted can be read anywhere
 _MANY = 4096  # ascending ids from here on take an array instead of a dict
 
 
@@ -342,3 +342,29 @@ class Closed:
 
     def __len__(self) -> int:
         raise ContextTerminated("its graph")
+
+
+def own(value: Any, depth: int = 0) -> Any:
+    """`value`, with the lists, dicts, sets and arrays in it copied: no caller can change what the graph holds.
+
+    Raises:
+        BadValue: it is nested too deeply, or holds itself.
+    """
+    copy = _COPIES.get(type(value))
+    if copy is None:
+        return value
+    if depth > MOST_DEPTH:
+        raise BadValue(f"An attribute must not be nested more than {MOST_DEPTH} levels deep, or hold itself.")
+    return copy(value, depth + 1)
+
+
+_COPIES: dict[type, Callable[[Any, int], Any]] = {
+    list: lambda value, depth: [own(one, depth) for one in value],
+    tuple: lambda value, depth: tuple(own(one, depth) for one in value),
+    dict: lambda value, depth: {key: own(one, depth) for key, one in value.items()},
+    set: lambda value, _depth: value.copy(),
+    bytearray: lambda value, _depth: value.copy(),
+    np.ndarray: lambda value, _depth: value.copy(),
+}
+
+CONTAINERS = frozenset(_COPIES)  # of other classes `own` gives back the value itself

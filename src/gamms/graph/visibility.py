@@ -1,27 +1,93 @@
-"""A visibility table in memory: which nodes see which, and the questions that it answers."""
+"""Visibility tables: which nodes see which; computed, kept in files, and dropped once they no longer hold."""
 
+import os
 from collections.abc import Iterable
-from typing import Any, ClassVar
+from contextlib import nullcontext
+from hashlib import sha256
+from pathlib import Path
+from struct import pack
+from typing import Any, ClassVar, Literal, NamedTuple
 
 import numpy as np
 
 from gamms import kernels
-from gamms.errors import Outdated, UnknownName
-from gamms.graph import records
-from gamms.graph.sights import RowArray, Seen
+from gamms.arguments import as_float, as_int, as_path, as_range
+from gamms.errors import BadFile, BadValue, MissingFolder, Outdated, UnknownName
+from gamms.folders import cache_folder, write_whole
+from gamms.graph import records, sight_file
+from gamms.graph.obstacles import Obstacles
+from gamms.graph.routes import Routes
+from gamms.graph.sights import RowArray, Scene, Seen, all_seen
+from gamms.graph.storage import MapStorage
+from gamms.graph.store import GraphStore
 from gamms.graph.tables import RowIndex
-from gamms.graph.worlds import World
-from gamms.ir.graph import IntArray
+from gamms.ir.graph import FloatArray, IntArray
 from gamms.ir.obstacles import BoolArray
-from gamms.typing.graph_engine import NodeIds
-from gamms.typing.visibility import IVisibility
+from gamms.progress import progress as shown
+from gamms.typing import IContext
+from gamms.typing.graph_values import NodeIds
+from gamms.typing.obstacles import IVisibility
+
+_SUFFIX = ".sight"
+
+TablePath = str | os.PathLike[str] | Literal[False] | None
+
+
+class MapFingerprint:
+    """The nodes and faces that a visibility table is of, and whether they are still the same.
+
+    Other changes of the graph, such as a closed road, leave it current.
+    """
+
+    def __init__(self, store: GraphStore, obstacles: Obstacles) -> None:
+        self._store = store
+        self._obstacles = obstacles
+        self._revisions = self._revisions_now()
+        self._is_current = True
+        self.node_ids, self.xy = _nodes_of(store)
+        self.corners: FloatArray = obstacles.columns().corners  # (faces, 4, 3)
+        self._nodes, self._faces = _digest(self.node_ids, self.xy), _digest(self.corners)
+
+    @property
+    def is_current(self) -> bool:
+        """Whether nodes and faces are still these."""
+        now = self._revisions_now()
+        if now != self._revisions:
+            is_same = _digest(*_nodes_of(self._store)) == self._nodes
+            if is_same and now[1] != self._revisions[1]:
+                is_same = _digest(self._obstacles.columns().corners) == self._faces
+            self._revisions, self._is_current = now, is_same
+        return self._is_current
+
+    def key(self, radius: float, observer_height: float) -> bytes:
+        """32 bytes that are others for another map, radius or height."""
+        parts = b"gamms sight 2", self._nodes, self._faces, pack("<dd", radius, observer_height)
+        return sha256(b"".join(parts)).digest()
+
+    def _revisions_now(self) -> tuple[int, int]:
+        return self._store.revision, self._obstacles.revision
+
+
+def _nodes_of(store: GraphStore) -> tuple[IntArray, FloatArray]:
+    """Ids (nodes,) and coordinates (nodes, 2), in insertion order."""
+    rows = store.nodes.living()
+    return store.nodes.array("ids")[rows], store.nodes.array("xy")[rows]
+
+
+def _digest(*arrays: "np.ndarray[tuple[int, ...], np.dtype[np.generic]]") -> bytes:
+    digest = sha256()
+    for array in arrays:
+        digest.update(pack("<Q", len(array)))
+        digest.update(array.astype(array.dtype.newbyteorder("<"), copy=False).tobytes())
+    return digest.digest()
 
 
 class Visibility(IVisibility):
     """Compressed rows: one for each node, in insertion order, of the nodes that it sees.
 
     Args:
-        world: what the table is of.
+        fingerprint: what the table is of.
+        routes: of the graph.
         radius: see `IVisibility`.
         observer_height: see `IVisibility`.
         seen: the rows of the nodes that each node sees.
@@ -29,10 +95,12 @@ class Visibility(IVisibility):
 
     _strategies_cannot_change: ClassVar = True  # see `readonly.frozen`
 
-    def __init__(self, world: World, radius: float, observer_height: float, seen: Seen) -> None:
-        self._world = world
+    def __init__(
+        self, fingerprint: MapFingerprint, routes: Routes, radius: float, observer_height: float, seen: Seen
+    ) -> None:
+        self._fingerprint, self._routes = fingerprint, routes
         self._radius, self._observer_height = radius, observer_height
-        self._ids = world.node_ids
+        self._ids = fingerprint.node_ids
         self._index = RowIndex()
         self._index.extend(self._ids, 0, "a node")
         self.seen = seen
@@ -58,7 +126,7 @@ class Visibility(IVisibility):
     @property
     def is_current(self) -> bool:
         """Whether nodes and obstacles are still those that it is of."""
-        return self._world.is_current
+        return self._fingerprint.is_current
 
     def __len__(self) -> int:
         return len(self._ids)
@@ -104,7 +172,7 @@ class Visibility(IVisibility):
         row, is_covered = self._row(node_id), self._is_covered(watchers)
         if not is_covered[row]:
             return int(self._ids[row])
-        distances = self._world.graph.distances(source=node_id, weight=weight)
+        distances = self._routes.distances(node_id, None, weight, None)
         ids = np.fromiter(distances, np.int64, len(distances))
         far = np.fromiter(distances.values(), np.float64, len(distances))
         is_hidden = ~is_covered[self._index.rows(ids, "node")]
@@ -132,5 +200,114 @@ class Visibility(IVisibility):
         return is_covered
 
     def _refuse_outdated(self) -> None:
-        if not self._world.is_current:
+        if not self._fingerprint.is_current:
             raise Outdated("nodes or obstacles have changed since this table was made", "ctx.graph.visibility(…)")
+
+
+class VisibilityTables:
+    """The tables of a graph and its obstacles, by radius and height.
+
+    Args:
+        store: the graph.
+        routes: of the graph.
+        obstacles: what blocks the view.
+        ctx: its logger gets warnings of files that cannot be used.
+        storage: has the rows of tables, also those of other contexts.
+    """
+
+    def __init__(
+        self, store: GraphStore, routes: Routes, obstacles: Obstacles, ctx: IContext, storage: MapStorage
+    ) -> None:
+        self._store, self._routes, self._obstacles = store, routes, obstacles
+        self._ctx, self._storage = ctx, storage
+        self._tables: dict[tuple[float, float], Visibility] = {}
+
+    def find(self, radius: float, observer_height: float) -> Visibility | None:
+        """The table of that height that holds and reaches so far; the smallest of several."""
+        fitting = [table for (_, height), table in self._tables.items() if height == observer_height]
+        fitting = [table for table in fitting if table.radius >= radius and table.is_current]
+        return min(fitting, key=lambda table: table.radius, default=None)
+
+    def get(
+        self, radius: float, observer_height: float, path: TablePath, *, progress: bool, workers: int | None
+    ) -> Visibility:
+        """The table as it is known, else from its file, else made; see `IGraphEngine.visibility`."""
+        reach, height = as_range(radius, "radius"), as_float(observer_height, "observer_height")
+        if workers is not None and as_int(workers, "workers") < 1:
+            raise BadValue(f"workers must be at least 1, not {workers}; None takes one for each processor.")
+        self._tables = {key: table for key, table in self._tables.items() if table.is_current}
+        table = self._tables.get((reach, height))
+        if table is not None and not path:
+            return table
+        fingerprint = MapFingerprint(self._store, self._obstacles)
+        key = fingerprint.key(reach, height)
+        place = self._place(path, key)
+        kept = self._read(place, key, len(fingerprint.node_ids))
+        if table is None:
+            scene = Scene(fingerprint.xy, fingerprint.corners, reach, height)
+            seen = self._storage.visibility_rows.get(0, key, lambda: kept or _made(scene, workers, is_shown=progress))
+            table = self._tables[reach, height] = Visibility(fingerprint, self._routes, reach, height, seen)
+        if place is not None and kept is None:
+            self._write(place, sight_file.encode(table.seen, key, reach, height))
+        return table
+
+    def _place(self, path: TablePath, key: bytes) -> "_Place | None":
+        name = key.hex()[:32] + _SUFFIX
+        if path is False:
+            return None
+        if path is not None:
+            asked = as_path(path, "path")
+            if asked.is_dir():
+                return _Place(asked / name, is_asked=True)
+            if not asked.parent.is_dir():
+                raise MissingFolder(asked.name, asked.parent)
+            return _Place(asked, is_asked=True, is_ours=not sight_file.is_foreign(asked))
+        folder = cache_folder("visibility")
+        try:
+            folder.mkdir(parents=True, exist_ok=True)
+        except OSError as error:
+            self._ctx.logger.warning(f"The visibility table cannot be kept for later: {error}. {_ANOTHER_PATH}")
+            return None
+        return _Place(folder / name)
+
+    def _read(self, place: "_Place | None", key: bytes, nodes: int) -> Seen | None:
+        try:
+            return None if place is None else sight_file.read(place.path, key, nodes)
+        except (BadFile, OSError) as error:
+            self._ctx.logger.warning(f"{place.path} is no visibility table: {error}. It is worked out anew.")  # type: ignore[union-attr] # there is a place
+            return None
+
+    def _write(self, place: "_Place", data: bytes) -> None:
+        if not place.is_ours:
+            self._ctx.logger.warning(f"{place.path} is something else, and is left as it is. {_ANOTHER_PATH}")
+            return
+        try:
+            write_whole(place.path, data)
+        except OSError as error:
+            if place.is_asked:
+                error.add_note(f"The visibility table is made, but could not be kept. {_ANOTHER_PATH}")
+                raise
+            self._ctx.logger.warning(f"The visibility table cannot be kept for later: {error}. {_ANOTHER_PATH}")
+
+
+_ANOTHER_PATH = "Give a path= that can be written to, or path=False to keep the table in memory only."
+
+
+class _Place(NamedTuple):
+    """Where a table is kept."""
+
+    path: Path
+    is_asked: bool = False  # by the caller, who wants to know if it does not work
+    is_ours: bool = True  # else there is somebody's file, which is not to be overwritten
+
+
+def _made(scene: Scene, workers: int | None, *, is_shown: bool) -> Seen:
+    with shown(0.0) if is_shown else nullcontext(_say_nothing) as show:
+        seen = all_seen(scene, workers, show)
+    for array in seen:
+        array.flags.writeable = False  # other engines may share it
+    return seen
+
+
+def _say_nothing(_: str) -> None:
+    pass

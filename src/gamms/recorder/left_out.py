@@ -16,7 +16,7 @@ class LeftOut:
     def packed(self) -> bytes:
         """Graph and obstacles of the context, as far as they can be written."""
         packed: bytes
-        packed, left_out = self._ctx.graph.packed_part()
+        packed, left_out = self._ctx.graph.storage.pack_savable()
         for (kind, key), ids in left_out.items():
             others = f" and {len(ids) - 1} more" if len(ids) > 1 else ""
             self._tell(kind, f"{ids[0]}{others}", key)

@@ -13,7 +13,7 @@ HASH = "world_sha256"  # what a header has instead of "world"
 
 
 def hash_of(packed: bytes) -> str:
-    """By what a map is named: the SHA-256 of what `ctx.graph.packed` gives, in hexadecimal."""
+    """By what a map is named: the SHA-256 of what `ctx.graph.storage.pack` returns, in hexadecimal."""
     return sha256(packed).hexdigest()
 
 
@@ -60,8 +60,9 @@ def packed_of(graph: Any) -> bytes:
     """
     if isinstance(graph, str | os.PathLike):
         return as_path(graph, "The path of a map").read_bytes()
-    graph = getattr(graph, "graph", graph) if not hasattr(graph, "packed") else graph
-    packed: Any = graph.packed_part()[0] if hasattr(graph, "packed_part") else getattr(graph, "packed", None)
+    if not (hasattr(graph, "packed") or hasattr(graph, "storage")):
+        graph = getattr(graph, "graph", graph)
+    packed: Any = graph.storage.pack_savable()[0] if hasattr(graph, "storage") else getattr(graph, "packed", None)
     if not isinstance(packed, bytes):
         raise BadType(
             "graph= is a context, a graph of a recording, or the path of a file that ctx.graph.save wrote, "

@@ -11,7 +11,7 @@ from gamms.ir.tables import table_of
 from gamms.recorder import state
 from gamms.recorder.errors import Damaged
 from gamms.text import reason
-from gamms.typing.packed_graph import IPackedGraph
+from gamms.typing.map_storage import IPackedGraph
 
 _KINDS = np.array(["BASIC", "AERIAL"])  # the names of AgentType
 _PARTS = {

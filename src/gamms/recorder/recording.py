@@ -21,8 +21,8 @@ from gamms.recorder.maps import given_map, has_map, hash_in, hash_of
 from gamms.recorder.moment import State, roster_of, state_of
 from gamms.recorder.streams import readable
 from gamms.text import reason
+from gamms.typing.map_storage import IPackedGraph, packed_graphs
 from gamms.typing.opcodes import MAGIC_NUMBER
-from gamms.typing.packed_graph import IPackedGraph, packed_graphs
 
 _BLOBS = ("world",)  # parts of the header that are no words
 _CALLERS = ("folder", "file", "allow")  # what `Scenario(**header["scenario"])` takes as said by the caller

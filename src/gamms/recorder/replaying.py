@@ -259,7 +259,7 @@ class Player:
             self._ctx.agent.put(self._ctx.agent.get_agent(name), {"node": node, "previous": previous})
 
     def _world(self, data: Any) -> None:
-        self._ctx.graph.unpack(data["world"])
+        self._ctx.graph.storage.unpack(data["world"])
 
     def _visuals(self, data: Any) -> None:
         artists = getattr(self._ctx.visual, "artists", None)  # an engine of the caller's may have none
@@ -335,7 +335,7 @@ class Player:
         """
         name = hash_in(header)
         if not has_map(header):
-            if not is_map_of(self._ctx.graph.packed_part()[0], header):
+            if not is_map_of(self._ctx.graph.storage.pack_savable()[0], header):
                 raise RecordingError(
                     "This recording does not hold its map, and the graph of this context is another. Load the map with "
                     f"the SHA-256 {name} first: ctx.graph.load('map.gamms')."
@@ -343,10 +343,10 @@ class Player:
             return
         if next(iter(self._ctx.graph.graph.get_nodes()), None) is None:
             try:
-                self._ctx.graph.unpack(header["world"])
+                self._ctx.graph.storage.unpack(header["world"])
             except BadFile as error:
                 raise RecordingError(f"The map of this recording is damaged: {reason(error)}") from error
-        elif not is_map_of(self._ctx.graph.packed_part()[0], header):
+        elif not is_map_of(self._ctx.graph.storage.pack_savable()[0], header):
             raise RecordingError(
                 "The graph or the obstacles of this context are not those of the recording. Replay it into a context "
                 "without a graph: the recording brings its own."

@@ -168,7 +168,7 @@ def as_seed(given: Any, recorded: Any) -> int:
 
 def _attach(ctx: Any, maps: Maps) -> None:
     is_empty = next(iter(ctx.graph.graph.get_nodes()), None) is None
-    now = None if is_empty else hash_of(ctx.graph.packed_part()[0])
+    now = None if is_empty else hash_of(ctx.graph.storage.pack_savable()[0])
     if now not in (None, maps.first, maps.then):
         raise RecordingError(
             "The graph or the obstacles of this context are not those of the recording, neither at its start nor at "
@@ -176,7 +176,7 @@ def _attach(ctx: Any, maps: Maps) -> None:
         )
     if now != maps.then:
         try:
-            ctx.graph.unpack(maps.packed())
+            ctx.graph.storage.unpack(maps.packed())
         except BadFile as error:
             raise RecordingError(f"The map of this recording is damaged: {reason(error)}") from error
 

@@ -256,7 +256,7 @@ def header_of(ctx: Any, session: Session, options: dict[str, Any]) -> dict[str, 
         "created": created,
         "provenance": options.get("provenance"),
         **({} if ctx.game.scenario is None else {"scenario": {**to_plain(ctx.game.scenario), "seed": session.seed}}),
-        "world": ctx.graph.packed() if session.world is None else session.world,
+        "world": ctx.graph.storage.pack() if session.world is None else session.world,
         **({"visuals": session.visuals} if session.visuals["artists"] else {}),
         **({"drawings": session.drawings.first} if session.drawings.first else {}),
     }

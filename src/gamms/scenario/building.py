@@ -61,7 +61,7 @@ class Building:
         Raises:
             ScenarioError: something cannot be done as it is written.
         """
-        map = self.ctx.graph.snapshot()
+        map = self.ctx.graph.storage.snapshot()
         nodes = place(self.ctx, self.spec, self.members)
         for member in self.members:
             self._agents[member.name] = self._add_agent(member, nodes[member.name])
@@ -93,7 +93,7 @@ class Building:
             ScenarioError: something cannot be done as it is written; not all agents can be placed, for example.
         """
         if self._map is not None:
-            self.ctx.graph.restore(self._map)
+            self.ctx.graph.storage.restore(self._map)
         nodes = place(self.ctx, self.spec, self.members)
         for member in self.members:
             self._draw_agent(member, nodes[member.name])

@@ -77,16 +77,12 @@ def load(map: Map, folder: Path | None, library: Library) -> Any:
             _generate(ctx, Code(function=given) if isinstance(given, str) else given, library)
         if not len(ctx.graph.graph):
             raise ScenarioError(f"map.{kind}", "this map has no nodes.")
-        return ctx.graph.snapshot()
+        return ctx.graph.storage.snapshot()
 
 
 def put(ctx: Context, world: Any) -> None:
     """Give a new context a loaded map, which it may change as it likes, and the visibility tables of earlier games."""
-    ctx.graph.sights = world.sights
-    ctx.graph.graph.replace(world.columns)
-    ctx.graph.graph.attribution = world.attribution
-    if len(world.obstacles.ids):
-        ctx.graph.add_obstacles(world.obstacles.corners, world.obstacles.ids, world.obstacles.types)
+    ctx.graph.storage.copy_from(world)
 
 
 def _load_grid(ctx: Context, given: Grid) -> None:

@@ -131,7 +131,7 @@ class ViewsPastObstacles(Views):
     def _ids_in_sight(
         self, place: Place, radius: float, fov: float, heading: tuple[float, float], height: float
     ) -> IntArray:
-        table = None if isinstance(place, tuple) else self._ctx.graph.visibility_table(height, radius)
+        table = None if isinstance(place, tuple) else self._ctx.graph.visibility_table(radius, height)
         if table is not None and table.radius == radius:  # it has looked at what is in range already
             ids = table.from_node(place)  # type: ignore[arg-type] # a pair has no table
             nodes = NodeColumns(ids, self._ctx.graph.graph.positions(ids))
@@ -175,7 +175,7 @@ def in_sight(
     A visibility table answers if there is one; it was made of the same sight lines.
     """
     if not isinstance(place, tuple):
-        table = ctx.graph.visibility_table(height, radius)
+        table = ctx.graph.visibility_table(radius, height)
         if table is not None:
             return table.mask(place, nodes.ids)
     origin = np.array([*coordinates(ctx, place), height])

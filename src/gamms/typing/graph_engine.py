@@ -1,36 +1,45 @@
-"""Contract of the graph room; its values are in `graph_values.py` and offered here, too."""
+"""Contracts of a graph and of the graph engine; their values are in `graph_values.py` and offered here, too."""
 # ruff: noqa: ARG002 - a default that refuses reads no arguments
 
 import os
 from abc import ABC, abstractmethod
-from collections.abc import Iterable, Iterator, Mapping, Sequence
+from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
 from math import inf, pi
 from typing import TYPE_CHECKING, Any, Literal
 
 import numpy as np
 
 from gamms import kernels
-from gamms.errors import BadValue, NotOffered
-from gamms.ir.graph import FloatArray, GraphColumns
+from gamms.arguments import as_int, as_range
+from gamms.errors import BadValue, NoPath, NotOffered, UnknownName
+from gamms.ir.graph import FloatArray, GraphColumns, IntArray
 from gamms.text import shown
-from gamms.typing.graph_routes import Routes, one_end
-from gamms.typing.graph_values import Corner, Engine, Node, NodeColumns, ObsFace, OSMEdge, Surroundings
-from gamms.typing.obstacles import IObstacles
-from gamms.typing.visibility import IVisibility
+from gamms.typing.graph_values import (
+    Corner,
+    Engine,
+    Node,
+    NodeColumns,
+    NodeIds,
+    Numbers,
+    ObsFace,
+    OSMEdge,
+    Surroundings,
+)
+from gamms.typing.map_storage import IMapStorage, IPackedGraph
+from gamms.typing.obstacles import IObstacles, IVisibility
 
 if TYPE_CHECKING:
     import networkx as nx
     from numpy.random import Generator
-
-NodeIds = int | Iterable[int]  # one id or several; a NumPy array will do
-Numbers = float | Sequence[float] | FloatArray  # one number or several
 
 __all__ = [
     "Corner",
     "Engine",
     "IGraph",
     "IGraphEngine",
+    "IMapStorage",
     "IObstacles",
+    "IPackedGraph",
     "IVisibility",
     "Node",
     "NodeColumns",
@@ -205,7 +214,7 @@ class IGraph(ABC):
             UnknownName (KeyError): there is no such node.
             NoPath (ValueError): there is no way.
         """
-        return Routes(self, weight).shortest_path(source, target)
+        return _Routes(self, weight).shortest_path(source, target)
 
     def distance(self, source: int, target: int, weight: str | None = "length") -> float:
         """How far it is from one node to another, added up from the target; infinite where there is no way.
@@ -213,7 +222,7 @@ class IGraph(ABC):
         Raises:
             UnknownName (KeyError): there is no such node.
         """
-        routes = Routes(self, weight)
+        routes = _Routes(self, weight)
         return float(routes.distances(target, reverse=True)[routes.rows(source)[0]])
 
     def distances(
@@ -239,7 +248,7 @@ class IGraph(ABC):
             UnknownName (KeyError): there is no such node.
             BadValue (ValueError): both or neither of source and target, or a negative cutoff.
         """
-        nodes, routes = one_end(source, target), Routes(self, weight)
+        nodes, routes = one_end(source, target), _Routes(self, weight)
         return routes.by_id(routes.distances(nodes, cutoff, reverse=source is None))
 
     def distance_matrix(self, sources: NodeIds, targets: NodeIds, weight: str | None = "length") -> FloatArray:
@@ -252,7 +261,7 @@ class IGraph(ABC):
         Raises:
             UnknownName (KeyError): there is no such node.
         """
-        return Routes(self, weight).matrix(sources, targets)
+        return _Routes(self, weight).matrix(sources, targets)
 
     # -- places: may override -----------------------------------------------------------------------------------
 
@@ -323,6 +332,90 @@ class _Neighborhoods(dict[int, Sequence[int]]):
         return [node_id, *(other for other in self._graph.get_neighbors(node_id) if other != node_id)]
 
 
+class _Routes:
+    """The slow default of routing, which reads the whole graph for each query; see `IGraph` for what each promises."""
+
+    def __init__(self, graph: IGraph, weight: str | None) -> None:
+        self._ids = list(graph.get_nodes())
+        self._row_of = {id: row for row, id in enumerate(self._ids)}
+        edges = [graph.get_edge(id) for id in graph.get_edges()]
+        self._sources = np.array([self._row_of[edge.source] for edge in edges], np.int64)
+        self._targets = np.array([self._row_of[edge.target] for edge in edges], np.int64)
+        self._weights = graph.weights(weight)
+
+    def shortest_path(self, source: int, target: int) -> list[int]:
+        """Ids of the nodes on the way, both ends included."""
+        row, goal = self.rows(source)[0], self.rows(target)
+        arcs = self._arcs(reverse=True)
+        tight = kernels.tight_arcs(arcs, kernels.shortest_distances(arcs, goal))
+        hops = kernels.shortest_distances(tight, goal)
+        steps = kernels.first_steps(tight, hops, np.array(self._ids, np.int64)).tolist()
+        path = [self._ids[row]]
+        while row != goal[0]:
+            row = steps[row]
+            if row < 0:
+                raise NoPath(source, target)
+            path.append(self._ids[row])
+        return path
+
+    def distances(self, nodes: Any, cutoff: float | None = None, *, reverse: bool) -> FloatArray:
+        """(nodes,) from the nearest of some nodes, or to it."""
+        limit = inf if cutoff is None else as_range(cutoff, "cutoff")
+        return kernels.shortest_distances(self._arcs(reverse=reverse), self.rows(nodes), limit)
+
+    def matrix(self, sources: Any, targets: Any) -> FloatArray:
+        """(sources, targets) from each to each."""
+        return between(self._arcs, self.rows(sources), self.rows(targets))
+
+    def by_id(self, distances: FloatArray) -> dict[int, float]:
+        """The finite ones by node id."""
+        return {id: far for id, far in zip(self._ids, distances.tolist(), strict=True) if far < inf}
+
+    def rows(self, nodes: Any) -> IntArray:
+        """Rows of one node or of several (KeyError)."""
+        ids = [as_int(id, "The id of a node") for id in (nodes if isinstance(nodes, Iterable) else [nodes])]
+        for id in ids:
+            if id not in self._row_of:
+                raise UnknownName("node", id)
+        return np.array([self._row_of[id] for id in ids], np.int64)
+
+    def _arcs(self, *, reverse: bool) -> kernels.Arcs:
+        ends = (self._targets, self._sources) if reverse else (self._sources, self._targets)
+        return kernels.make_arcs(*ends, self._weights, len(self._ids))
+
+
+def between(arcs_of: Callable[..., kernels.Arcs], starts: IntArray, ends: IntArray) -> FloatArray:
+    """(starts, ends) distances, searched from the side with fewer different rows, from the ends if both have as many.
+
+    Args:
+        arcs_of: gives the arcs, with `reverse=True` the reversed ones.
+        starts: rows.
+        ends: rows.
+    """
+    (from_starts, start_of), (from_ends, end_of) = (np.unique(side, return_inverse=True) for side in (starts, ends))
+    reverse = len(from_ends) <= len(from_starts)
+    arcs = arcs_of(reverse=reverse)
+    roots, others = (from_ends, starts) if reverse else (from_starts, ends)
+    found = np.empty((len(roots), len(others)))
+    for line, root in zip(found, roots, strict=True):
+        line[:] = kernels.shortest_distances(arcs, np.array([root]))[others]
+    return found[end_of].T.copy() if reverse else found[start_of]
+
+
+def one_end(source: Any, target: Any) -> Any:
+    """What is given of the two.
+
+    Raises:
+        BadValue: both are, or neither.
+    """
+    if (source is None) == (target is None):
+        raise BadValue(
+            "Give distances either source= or target=, not both and not neither. "
+            "The way from one node to another is graph.distance(source, target)."
+        )
+    return target if source is None else source
+
+
 class IGraphEngine(IObstacles):
     """Owns the graph and its obstacles."""
 
@@ -378,10 +471,15 @@ class IGraphEngine(IObstacles):
         """
         raise NotOffered(self, "visibility")
 
-    def visibility_table(self, observer_height: float, radius: float) -> IVisibility | None:
-        """A table that `visibility` made, holds, is of that height and reaches so far; None where there is none."""
+    def visibility_table(self, radius: float, observer_height: float = 1.6) -> IVisibility | None:
+        """A current table that `visibility` made, of that height and at least that radius; None if there is none."""
         return None
 
     @abstractmethod
     def terminate(self) -> None:
-        """Close the room."""
+        """Release the graph, and write what a database has to hold."""
+
+    @property
+    def storage(self) -> IMapStorage:
+        """The map as bytes and as snapshots, for recorders and games."""
+        raise NotOffered(self, "storage")

@@ -1,7 +1,7 @@
-"""The values of the graph room: Node, OSMEdge, ObsFace, and what a query of the surroundings gives."""
+"""Values that a graph engine takes and returns: nodes, edges, obstacle faces, and the results of range queries."""
 
 from collections import namedtuple
-from collections.abc import Iterator
+from collections.abc import Iterable, Iterator, Sequence
 from enum import Enum
 from typing import TYPE_CHECKING, Any, NamedTuple, Self
 
@@ -14,6 +14,8 @@ if TYPE_CHECKING:
     from shapely import LineString
 
 Corner = tuple[float, float, float]
+NodeIds = int | Iterable[int]  # one id or several; a NumPy array will do
+Numbers = float | Sequence[float] | FloatArray  # one number or several
 
 
 class Engine(Enum):

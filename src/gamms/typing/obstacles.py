@@ -1,16 +1,16 @@
-"""Contract of obstacles: quadrangles in space, and the sight lines that they block."""
+"""Contracts of obstacles, which are quadrangles in space, and of the visibility tables that follow from them."""
 
 from abc import ABC, abstractmethod
-from collections.abc import Iterator
+from collections.abc import Iterator, Sequence, Sized
 from typing import Any
 
 import numpy as np
 
 from gamms import kernels
 from gamms.errors import BadType, BadValue
-from gamms.ir.graph import FloatArray
+from gamms.ir.graph import FloatArray, IntArray
 from gamms.ir.obstacles import BoolArray, ObstacleColumns
-from gamms.typing.graph_values import Corner, ObsFace
+from gamms.typing.graph_values import Corner, NodeIds, ObsFace
 
 
 class IObstacles(ABC):
@@ -55,9 +55,7 @@ class IObstacles(ABC):
 
     def obstacle_columns(self) -> ObstacleColumns:
         """All quadrangles as read-only arrays, in insertion order."""
-        faces = [self.get_obstacle_face(id) for id in self.get_obstacle_faces()]
-        ids, types = (np.array([face[i] for face in faces], np.int64) for i in (0, 5))
-        return ObstacleColumns(ids, np.array([face[1:5] for face in faces], np.float64).reshape(-1, 4, 3), types)
+        return face_columns([self.get_obstacle_face(id) for id in self.get_obstacle_faces()])
 
     def visible(self, origin: Any, targets: Any) -> BoolArray:
         """Whether no face blocks the straight line from one place to each of others.
@@ -76,6 +74,65 @@ class IObstacles(ABC):
             BadValue (ValueError), BadType (TypeError): another shape, or a number that is not finite.
         """
         return kernels.visible(self.obstacle_columns().corners, *line_ends(origin, targets))
+
+
+class IVisibility(ABC, Sized):
+    """For every node, which nodes within a radius no wall hides, both ends of the sight line equally high.
+
+    A table answers as `ctx.graph.visible` does. It is directed: what a node sees is worked out from that node. Its
+    length is the number of nodes. All ids come in insertion order, in fresh arrays.
+
+    Every question raises UnknownName (KeyError) for an id that is no node, and Outdated (RuntimeError) once nodes or
+    obstacles are others than those that the table is of.
+    """
+
+    @property
+    @abstractmethod
+    def radius(self) -> float:
+        """How far it reaches on the plan, map units, the rim included; may be infinite."""
+
+    @property
+    @abstractmethod
+    def observer_height(self) -> float:
+        """The z of both ends of every sight line, map units."""
+
+    @abstractmethod
+    def sees(self, observer: int, target: int) -> bool:
+        """Whether a node within the radius of another is visible from there."""
+
+    @abstractmethod
+    def mask(self, observer_id: int, ids: Any) -> BoolArray:
+        """Whether each of some nodes is within the radius and visible from a node; `ids` is (nodes,) of integers."""
+
+    @abstractmethod
+    def from_node(self, node_id: int) -> IntArray:
+        """Ids of the nodes that are visible from a node, itself included."""
+
+    @abstractmethod
+    def watchers(self, node_id: int) -> IntArray:
+        """Ids of the nodes that a node is visible from, itself included."""
+
+    @abstractmethod
+    def coverage(self, node_ids: NodeIds) -> IntArray:
+        """Ids of the nodes that are visible from at least one of some nodes."""
+
+    @abstractmethod
+    def hidden(self, watchers: NodeIds) -> IntArray:
+        """Ids of the nodes that are visible from none of some nodes."""
+
+    @abstractmethod
+    def nearest_hidden(self, node_id: int, watchers: NodeIds, weight: str | None = "length") -> int | None:
+        """The id of the node hidden from all watchers that is nearest by path from a node; itself if it is hidden.
+
+        Of equally near ones by `distances(node_id, weight=weight)`, the first in insertion order; None where no way
+        leads to any.
+        """
+
+
+def face_columns(faces: Sequence[ObsFace]) -> ObstacleColumns:
+    """Return faces as columns."""
+    ids, types = (np.array([face[i] for face in faces], np.int64) for i in (0, 5))
+    return ObstacleColumns(ids, np.array([face[1:5] for face in faces], np.float64).reshape(-1, 4, 3), types)
 
 
 def line_ends(origin: Any, targets: Any) -> tuple[FloatArray, FloatArray]:

@@ -1,4 +1,4 @@
-"""The bridge to networkx: any of its graphs in, ours out."""
+"""The bridge to networkx: any of its graphs in, ours out, and street grids as networkx graphs."""
 
 from collections import defaultdict
 from collections.abc import Hashable, Iterable
@@ -8,125 +8,161 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
+from gamms import kernels
+from gamms.arguments import as_float, as_int
 from gamms.errors import BadType, BadValue
 from gamms.graph import records
-from gamms.graph.copies import CONTAINERS, own
-from gamms.graph.graph import Graph
+from gamms.graph.store import GraphStore
+from gamms.graph.tables import CONTAINERS, own
 from gamms.ir import geometry
-from gamms.ir.graph import FloatArray, IntArray
+from gamms.ir.graph import FloatArray, GraphColumns, IntArray
+from gamms.limits import refuse_above
 from gamms.text import shown
 
 if TYPE_CHECKING:
     import networkx as nx
+    from shapely import LineString
 
 LABEL = "networkx_label"  # the attribute that keeps a node's label where it could not be its id
 
 _NODE_COLUMNS = frozenset(("x", "y"))  # what becomes columns; all other data are attributes
 _EDGE_COLUMNS = frozenset(("id", "length", "linestring", "geometry"))
+_NODE_BYTES = 5_000  # with its edges, measured: 2,600 in networkx, and 2,200 as they are attached
 
 
-def attach(graph: Graph, G: "nx.Graph[Any]") -> None:  # noqa: N803 - published name
-    """Add a networkx graph to `graph`, all or nothing.
+def attach(store: GraphStore, G: "nx.Graph[Any]") -> None:  # noqa: N803 - published name
+    """Add a networkx graph to a graph, all or nothing.
 
     Raises:
         BadValue (ValueError): "Failed to attach NetworkX graph: …", with the reason as its cause.
     """
     try:
-        _Import(graph, G).commit()
+        made = _Import(store, G)
+        store.append(made.columns(), made.attribution)
     except Exception as error:
         # Labels and attributes are of any class, and so are the errors of looking at them.
         raise BadValue(f"Failed to attach NetworkX graph: {error}") from error
 
 
-def export(graph: Graph) -> "nx.MultiDiGraph[int] | nx.DiGraph[int]":
-    """A DiGraph with our ids as labels; a MultiDiGraph, keyed by edge id, where edges are parallel."""
+def export(columns: GraphColumns, attribution: str | None) -> "nx.MultiDiGraph[int] | nx.DiGraph[int]":
+    """Return a DiGraph with our ids as labels; a MultiDiGraph, keyed by edge id, where edges are parallel."""
     import networkx as nx
 
-    columns = graph.columns()
-    pairs = columns.sources * len(columns.node_ids) + columns.targets
-    is_multi = len(np.unique(pairs)) < len(pairs)
+    ids = columns.node_ids.tolist()
+    sources, targets = (columns.node_ids[ends].tolist() for ends in (columns.sources, columns.targets))
+    is_multi = len(set(zip(sources, targets, strict=True))) < len(sources)
     exported: Any = nx.MultiDiGraph() if is_multi else nx.DiGraph()
-    exported.graph.update({key: value for key in ("crs", "attribution") if (value := getattr(graph, key))})
-    for id in graph.get_nodes():
-        node = graph.get_node(id)
-        exported.add_nodes_from([(id, {"x": node.x, "y": node.y, **graph.node_attributes(id)})])
-    for id in graph.get_edges():
-        edge = graph.get_edge(id)
-        data = {"id": id, "length": edge.length, "linestring": edge.linestring, **graph.edge_attributes(id)}
-        exported.add_edges_from(
-            [(edge.source, edge.target, id, data) if is_multi else (edge.source, edge.target, data)]
-        )
+    about = {"crs": columns.crs, "attribution": attribution}
+    exported.graph.update({key: value for key, value in about.items() if value})
+    nodes = [{"x": x, "y": y} for x, y in columns.xy.tolist()]
+    edges = [
+        {"id": id, "length": length, "linestring": line}
+        for id, length, line in zip(columns.edge_ids.tolist(), columns.lengths.tolist(), _lines(columns), strict=True)
+    ]
+    for rows, attributes in ((nodes, columns.node_attributes), (edges, columns.edge_attributes)):
+        for name, values in attributes.items():
+            for row, value in values.items():
+                rows[row][name] = own(value)
+    exported.add_nodes_from(zip(ids, nodes, strict=True))
+    keys = [columns.edge_ids.tolist()] if is_multi else []
+    exported.add_edges_from(zip(sources, targets, *keys, edges, strict=True))
     return exported  # type: ignore[no-any-return] # one of two classes
 
 
-def labels(graph: Graph) -> dict[Hashable, int]:
-    """Label in networkx -> id here, for every node whose label could not be its id."""
-    columns = graph.columns()
+def _lines(columns: GraphColumns) -> "list[LineString]":
+    pairs = np.stack((columns.xy[columns.sources], columns.xy[columns.targets]), axis=1)
+    shapes = [columns.bends.get(row, pair) for row, pair in enumerate(pairs)]
+    rows = np.repeat(np.arange(len(shapes)), [len(shape) for shape in shapes])
+    return geometry.line_strings(np.concatenate([np.zeros((0, 2)), *shapes]), rows)
+
+
+def labels(columns: GraphColumns) -> dict[Hashable, int]:
+    """Return label in networkx -> id here, for every node whose label could not be its id."""
     return {label: int(columns.node_ids[row]) for row, label in columns.node_attributes.get(LABEL, {}).items()}
 
 
-def digraph(x: FloatArray, y: FloatArray, ends: IntArray, length: float) -> "nx.DiGraph[int]":
-    """A DiGraph of nodes 0, 1, … and of edges of one length.
+def grid(n: int, m: int, spacing: float = 10.0) -> "nx.DiGraph[int]":
+    """Make a grid of `n` rows of `m` nodes; neighbours in a row or column are joined both ways.
 
     Args:
-        x: (nodes,)
-        y: (nodes,)
-        ends: (edges, 2) nodes.
-        length: of each edge.
+        n: rows.
+        m: nodes in each row.
+        spacing: map units between neighbours.
+
+    Returns:
+        A networkx DiGraph: node `i * m + j` is at `x = j * spacing, y = i * spacing`; every edge has its `length`.
+
+    Raises:
+        BadValue (ValueError), BadType (TypeError): an impossible number.
+        TooLarge (BadValue): it would take more memory than is allowed.
     """
+    rows, columns, step = _side(n, "n"), _side(m, "m"), as_float(spacing, "spacing")
+    if step <= 0.0:
+        raise BadValue(f"spacing must be positive, not {step}.")
+    refuse_above(rows * columns * _NODE_BYTES, f"A grid of {rows} x {columns} nodes")
+    ids = np.arange(rows * columns).reshape(rows, columns)
+    y, x = np.indices(ids.shape).astype(np.float64) * step
+    starts = np.concatenate([ids[:, :-1].ravel(), ids[:-1].ravel()])
+    ends = np.concatenate([ids[:, 1:].ravel(), ids[1:].ravel()])
+    order = np.argsort(starts, kind="stable")  # node by node: the one to the right, then the one above
+    pairs = np.column_stack([starts, ends])[order]
+    both_ways = np.column_stack([pairs, pairs[:, ::-1]]).reshape(-1, 2)
     import networkx as nx
 
-    made: nx.DiGraph[int] = nx.DiGraph()
-    made.add_nodes_from(
-        (node, {"x": a, "y": b}) for node, (a, b) in enumerate(zip(x.tolist(), y.tolist(), strict=True))
-    )
-    made.add_edges_from(ends.tolist(), length=length)
-    return made
+    made: Any = nx.DiGraph()
+    places = zip(x.ravel().tolist(), y.ravel().tolist(), strict=True)
+    made.add_nodes_from((node, {"x": a, "y": b}) for node, (a, b) in enumerate(places))
+    made.add_edges_from(both_ways.tolist(), length=step)
+    return made  # type: ignore[no-any-return] # its stubs refuse pairs that are lists
+
+
+def _side(value: Any, name: str) -> int:
+    side = as_int(value, name)
+    if side < 1:
+        raise BadValue(f"{name} must be at least 1, not {side}.")
+    return side
 
 
 class _Import:
-    """A networkx graph on its way in: everything is worked out before the graph changes."""
+    """A networkx graph as columns, whose rows count from 0; the graph that it is added to gives the free ids."""
 
-    def __init__(self, graph: Graph, G: "nx.Graph[Any]") -> None:  # noqa: N803 - published name
+    def __init__(self, store: GraphStore, G: "nx.Graph[Any]") -> None:  # noqa: N803 - published name
         if not (hasattr(G, "nodes") and hasattr(G, "edges") and hasattr(G, "is_directed")):
             raise BadType(f"it must be a networkx graph, not {shown(G)}")
-        self.graph, self.about = graph, dict(G.graph)
-        crs = self.about.get("crs")
-        if len(graph) and None not in (crs, graph.crs) and str(crs) != graph.crs:
-            raise BadValue(f"its CRS is {crs}, that of the graph is {graph.crs}; project it first")
+        crs, attribution = (None if (text := G.graph.get(key)) is None else str(text) for key in ("crs", "attribution"))
+        self.crs, self.attribution = records.as_text(crs, "its crs"), records.as_text(attribution, "its attribution")
         self.node_data = [data for _, data in G.nodes(data=True)]
-        self.id_of = _ids_of_labels(graph, list(G.nodes))
+        self.id_of = _ids_of_labels(store, list(G.nodes))
         self.edges = list(G.edges(data=True)) if G.is_directed() else list(_both_directions(G))
         self.edge_data = [data for _, _, data in self.edges]
-        self.edge_ids = _edge_ids(graph, [data.get("id") for data in self.edge_data])
+        self.edge_ids = _edge_ids(store, [data.get("id") for data in self.edge_data])
 
-    def commit(self) -> None:
-        nodes, edges = self.graph._nodes, self.graph._edges
+    def columns(self) -> GraphColumns:
         node_ids = np.fromiter(self.id_of.values(), np.int64, len(self.id_of))
         xy = np.column_stack([self._axis(axis) for axis in ("x", "y")])
         row_of = dict(zip(self.id_of, range(len(node_ids)), strict=True))
         ends = np.array([[row_of[u] for u, _, _ in self.edges], [row_of[v] for _, v, _ in self.edges]], np.int64)
         bends = _bends(_polylines(self.edge_data), xy[ends.T])
-        lengths = self._lengths(bends, np.hypot(*(xy[ends[1]] - xy[ends[0]]).T))
-        nodes.index.refuse_duplicates(node_ids, nodes.kind)
-        edges.index.refuse_duplicates(self.edge_ids, edges.kind)
-        node_attributes = _by_name(nodes.count, self.node_data, _NODE_COLUMNS)
-        edge_attributes = _by_name(edges.count, self.edge_data, _EDGE_COLUMNS)
-        given = {key: str(self.about[key]) for key in ("crs", "attribution") if self.about.get(key) is not None}
-        about = {key: records.as_text(text, f"its {key}") for key, text in given.items()}
-        others = {nodes.count + row: label for row, label in enumerate(self.id_of) if _as_label_id(label) is None}
-
-        first = nodes.extend(node_ids, xy=xy)
-        _merge(nodes.attributes, node_attributes)
-        for row, label in others.items():
-            nodes.set_attributes(row, {LABEL: label})
-        source_rows, target_rows = first + ends
-        first = edges.extend(self.edge_ids, sources=source_rows, targets=target_rows, lengths=lengths)
-        edges.bends.update({first + i: bend for i, bend in bends.items()})
-        _merge(edges.attributes, edge_attributes)
-        for key, text in about.items():
-            setattr(self.graph, key, text)
-        self.graph._forget_indexes()
+        node_attributes = _by_name(self.node_data, _NODE_COLUMNS)
+        others = {row: label for row, label in enumerate(self.id_of) if _as_label_id(label) is None}
+        if others:
+            node_attributes.setdefault(LABEL, {}).update(others)
+        offsets, out_edges = kernels.group_rows(ends[0], len(node_ids))
+        return GraphColumns(
+            node_ids=node_ids,
+            xy=xy,
+            edge_ids=self.edge_ids,
+            sources=ends[0],
+            targets=ends[1],
+            lengths=self._lengths(bends, np.hypot(*(xy[ends[1]] - xy[ends[0]]).T)),
+            offsets=offsets,
+            out_edges=out_edges,
+            bends=bends,
+            node_attributes=node_attributes,
+            edge_attributes=_by_name(self.edge_data, _EDGE_COLUMNS),
+            revision=0,
+            crs=self.crs,
+        )
 
     def _axis(self, axis: str) -> FloatArray:
         given = [data.get(axis, 0.0) for data in self.node_data]
@@ -159,13 +195,13 @@ def _bends(shapes: dict[int, FloatArray], ends: FloatArray) -> dict[int, FloatAr
     return shapes
 
 
-def _ids_of_labels(graph: Graph, labels: list[Hashable]) -> dict[Hashable, int]:
+def _ids_of_labels(store: GraphStore, labels: list[Hashable]) -> dict[Hashable, int]:
     """Integer labels are ids; any other label gets the next free integer."""
     ids = {label: _as_label_id(label) for label in labels}
     if None not in ids.values():
         return ids  # type: ignore[return-value] # as the line before says
     taken = [id for id in ids.values() if id is not None]
-    free = count(max([-1, *taken, *graph.get_nodes()]) + 1)
+    free = count(max([-1, *taken, *store.nodes.iter_ids()]) + 1)
     return {label: next(free) if id is None else id for label, id in ids.items()}
 
 
@@ -193,11 +229,11 @@ def _both_directions(G: "nx.Graph[Any]") -> Iterable[tuple[Any, Any, dict[str, A
             yield v, u, back
 
 
-def _edge_ids(graph: Graph, given: list[Any]) -> "np.ndarray[Any, np.dtype[np.int64]]":
+def _edge_ids(store: GraphStore, given: list[Any]) -> IntArray:
     ids = [None if id is None else records.as_id(id, "an edge") for id in given]
     if None not in ids:
         return np.array(ids, np.int64)
-    free = count(max([-1, *(id for id in ids if id is not None), *graph.get_edges()]) + 1)
+    free = count(max([-1, *(id for id in ids if id is not None), *store.edges.iter_ids()]) + 1)
     return np.array([next(free) if id is None else id for id in ids], np.int64)
 
 
@@ -219,14 +255,14 @@ def _polylines(edges: list[dict[str, Any]]) -> dict[int, FloatArray]:
     return found
 
 
-def _by_name(first: int, rows: list[dict[Any, Any]], ours: frozenset[str]) -> dict[str, dict[int, Any]]:
-    """The attributes of rows from `first` on but for `ours`, name -> row -> value.
+def _by_name(rows: list[dict[Any, Any]], ours: frozenset[str]) -> dict[str, dict[int, Any]]:
+    """Return the attributes of rows but for `ours`, name -> row -> value.
 
     Raises:
         BadValue: two names are one as text, or a value is nested too deeply.
     """
     columns: defaultdict[Any, dict[int, Any]] = defaultdict(dict)
-    for row, data in enumerate(rows, first):
+    for row, data in enumerate(rows):
         if data.keys() <= ours:
             continue
         for name, value in data.items():
@@ -240,8 +276,3 @@ def _by_name(first: int, rows: list[dict[Any, Any]], ours: frozenset[str]) -> di
                 raise BadValue(f"two of its attributes are called {str(name)!r}")
             others.update(values)
     return named
-
-
-def _merge(columns: dict[str, dict[int, Any]], given: dict[str, dict[int, Any]]) -> None:
-    for name, values in given.items():
-        columns.setdefault(name, {}).update(values)

@@ -1,0 +1,190 @@
+"""A map, which is a graph and its obstacles, as bytes and as snapshots.
+
+Programs use `ctx.graph.save` and `ctx.graph.load`; `ctx.graph.storage` is for engines and clients.
+"""
+
+from functools import cached_property
+from typing import TYPE_CHECKING, Any, NamedTuple
+
+from gamms.deciding import DecidePhase, Guarded, refused_while_deciding
+from gamms.errors import BadFile, BadType, BadValue
+from gamms.graph.cache import Cache
+from gamms.graph.contents import Contents, savable
+from gamms.graph.obstacles import Obstacles
+from gamms.graph.store import GraphStore
+from gamms.ir.graph import GraphColumns
+from gamms.ir.obstacles import ObstacleColumns
+from gamms.text import shown
+from gamms.typing import IContext
+from gamms.typing.map_storage import IMapStorage, IPackedGraph, LeftOut, packed_graphs
+
+if TYPE_CHECKING:
+    import networkx as nx
+    from numpy.random import Generator
+
+_VISIBILITY_BYTES = 256 << 20
+
+
+class MapSnapshot(NamedTuple):
+    """Graph and obstacles at one moment."""
+
+    columns: GraphColumns
+    obstacles: ObstacleColumns
+    attribution: str | None
+    revision: int
+    obstacle_revision: int
+    visibility_rows: Cache
+    place_state: Any  # the state of the stream that `place` draws from; None: nothing was drawn
+
+
+class MapStorage(Guarded, IMapStorage):
+    """Packs, unpacks, snapshots and restores the graph and the obstacles of one context.
+
+    Attributes:
+        visibility_rows: the rows of visibility tables by what they were computed from; contexts may share them.
+    """
+
+    _called = "ctx.graph.storage"
+
+    def __init__(self, ctx: IContext, store: GraphStore, obstacles: Obstacles, phase: DecidePhase) -> None:
+        self._phase = phase
+        self._ctx, self._store, self._obstacles = ctx, store, obstacles
+        self.visibility_rows = Cache(_VISIBILITY_BYTES)
+        self._place_stream: Generator | None = None
+        self._restored: dict[int, int] = {}  # revision of a snapshot -> the one that is equal, since it was restored
+        self._restored_obstacles: dict[int, int] = {}  # likewise
+
+    def contents(self) -> Contents:
+        """Return all that a file holds."""
+        return Contents(self._store.columns(), list(self._obstacles), self._store.attribution)
+
+    @refused_while_deciding
+    def put(self, contents: Contents) -> None:
+        """Replace graph and obstacles by those of a file."""
+        self._store.replace(contents.columns, contents.attribution)
+        self._obstacles.replace(contents.faces)
+
+    def pack(self) -> bytes:
+        """Return graph, obstacles, CRS and attributes as the bytes that `save` writes."""
+        from gamms.graph import file
+
+        return file.encode(self.contents())
+
+    def pack_savable(self) -> tuple[bytes, LeftOut]:
+        """Return what `pack` returns, without the attributes that are no plain values, and which these are."""
+        try:
+            return self.pack(), {}
+        except BadValue:
+            from gamms.graph import file
+
+            contents, left_out = savable(self.contents())
+            return file.encode(contents), left_out
+
+    @refused_while_deciding
+    def unpack(self, data: bytes) -> None:
+        """Replace graph and obstacles by those that `pack` has packed."""
+        from gamms.graph import file
+
+        if not isinstance(data, (bytes, bytearray, memoryview)):
+            raise BadType(f"A packed graph is bytes, not {shown(data)}.")
+        self.put(file.decode(data))
+
+    @refused_while_deciding
+    def snapshot(self) -> MapSnapshot:
+        """Return graph and obstacles as they are now, for `restore` and `copy_from`."""
+        stream, store = self._place_stream, self._store
+        return MapSnapshot(
+            store.columns(),
+            self._obstacles.columns(),
+            store.attribution,
+            store.revision,
+            self._obstacles.revision,
+            self.visibility_rows,
+            None if stream is None else stream.bit_generator.state,
+        )
+
+    @refused_while_deciding
+    def restore(self, before: MapSnapshot) -> None:
+        """Restore a snapshot of this context; what has not changed is left alone, its indexes too."""
+        store, obstacles = self._store, self._obstacles
+        if store.revision not in (before.revision, self._restored.get(before.revision)):
+            store.replace(before.columns, before.attribution)
+            self._restored = {before.revision: store.revision}
+        known = before.obstacle_revision, self._restored_obstacles.get(before.obstacle_revision)
+        if obstacles.revision not in known:
+            obstacles.put(before.obstacles)
+            self._restored_obstacles = {before.obstacle_revision: obstacles.revision}
+        self._place_stream = None
+        if before.place_state is not None:
+            self.place_stream().bit_generator.state = before.place_state
+
+    @refused_while_deciding
+    def copy_from(self, snapshot: MapSnapshot) -> None:
+        """Replace graph and obstacles by those of a snapshot of another context, and share its visibility rows."""
+        self._store.replace(snapshot.columns, snapshot.attribution)
+        self._obstacles.put(snapshot.obstacles)
+        self.visibility_rows = snapshot.visibility_rows
+
+    @refused_while_deciding
+    def place_stream(self) -> "Generator":
+        """Return the random stream that `ctx.graph.place` draws from."""
+        self._place_stream = self._place_stream or self._ctx.stream("graph", "place")
+        return self._place_stream
+
+    @refused_while_deciding
+    def restart_stream(self) -> None:
+        """Restart the random stream that `ctx.graph.place` draws from."""
+        self._place_stream = None
+
+
+@packed_graphs.register("gamms")
+class PackedGraph(IPackedGraph):
+    """A graph and its obstacles in the bytes that `MapStorage.pack` returned; they are opened when first asked for.
+
+    Every call raises BadFile (ValueError) where the bytes are damaged.
+
+    Args:
+        packed: the bytes.
+    """
+
+    def __init__(self, packed: bytes) -> None:
+        if not isinstance(packed, bytes):
+            raise BadFile(f"A packed graph is bytes, not {type(packed).__name__}")
+        self.packed = packed
+
+    def __repr__(self) -> str:
+        """Show how large it is."""
+        columns = self.columns()
+        return f"{type(self).__name__}({len(columns.node_ids)} nodes, {len(columns.edge_ids)} edges)"
+
+    def columns(self) -> GraphColumns:
+        """The graph as read-only arrays."""
+        return self._contents.columns
+
+    def obstacle_columns(self) -> ObstacleColumns:
+        """The obstacles as read-only arrays."""
+        obstacles = Obstacles()
+        obstacles.replace(self._contents.faces)
+        return obstacles.columns()
+
+    def to_networkx(self) -> "nx.MultiDiGraph[int] | nx.DiGraph[int]":
+        """The graph as a networkx graph: a DiGraph, or a MultiDiGraph where edges are parallel."""
+        from gamms.graph.networkx_bridge import export
+
+        return export(self._contents.columns, self._contents.attribution)
+
+    @property
+    def crs(self) -> str | None:
+        """The coordinate reference system of x and y, such as 'EPSG:32635'."""
+        return self._contents.columns.crs
+
+    @property
+    def attribution(self) -> str | None:
+        """Whom the data is by."""
+        return self._contents.attribution
+
+    @cached_property
+    def _contents(self) -> Contents:
+        from gamms.graph import file
+
+        return file.decode(self.packed)

@@ -1,0 +1,202 @@
+"""The nodes and edges of one graph: its tables, what is derived from them, and a number that changes with both."""
+
+from collections.abc import Mapping
+from copy import deepcopy
+from typing import Any
+
+import numpy as np
+
+from gamms import kernels
+from gamms.errors import BadValue
+from gamms.graph import records
+from gamms.graph.indexes import Indexes
+from gamms.graph.tables import Closed, EdgeTable, NodeTable
+from gamms.ir.graph import GraphColumns
+
+_MOST_NEIGHBORHOODS = 1 << 18
+_FEW = 32
+
+Attributes = Mapping[str, Mapping[int, Any]]  # name -> row -> value
+
+
+class Neighborhoods(dict[int, tuple[int, ...]]):
+    """Node id -> the node itself, then its neighbours; filled when asked: one by one, after a few all at once."""
+
+    # NOTE: a dict with __missing__ answers a known node without a Python call (benchmarks/README.md, w2).
+
+    def __init__(self, store: "GraphStore") -> None:
+        self._store = store
+        self._misses = 0
+
+    def __deepcopy__(self, memo: dict[int, Any]) -> "Neighborhoods":
+        return deepcopy(self._store, memo).neighborhoods
+
+    def clear(self) -> None:
+        """Forget everything."""
+        super().clear()
+        self._misses = 0
+
+    def __missing__(self, id: int) -> tuple[int, ...]:
+        id = records.as_id(id, "a node")
+        made = (id, *(other for other in self._store.indexes.neighbors(id) if other != id))
+        self._misses += 1
+        if len(self) >= _MOST_NEIGHBORHOODS:
+            self.clear()
+        elif self._misses == _FEW:
+            self.update(self._store.indexes.all_neighborhoods(_MOST_NEIGHBORHOODS))
+        self[id] = made
+        return made
+
+
+class GraphStore:
+    """Holds a graph for `Graph` and for the parts that fill or read it; arguments are checked by these.
+
+    Attributes:
+        nodes: the table of nodes.
+        edges: the table of edges.
+        indexes: of both tables.
+        neighborhoods: node id -> the node itself, then its neighbours.
+        revision: a number that changes with every change of the graph.
+        crs: the coordinate reference system of x and y.
+        attribution: whom the data is by.
+    """
+
+    indexes: Indexes
+
+    def __init__(self) -> None:
+        self.revision = -1
+        self.neighborhoods = Neighborhoods(self)
+        self.clear()
+
+    def clear(self) -> None:
+        """Remove every node and edge."""
+        self.nodes, self.edges = NodeTable(), EdgeTable()
+        self.crs: str | None = None
+        self.attribution: str | None = None
+        self._columns: GraphColumns | None = None
+        self.rows_added()
+
+    def columns(self) -> GraphColumns:
+        """Return the graph as columns that stay as they are now; their attributes are not copied."""
+        known = self._columns
+        if known is None or known.revision != self.revision:
+            self._compact(fully=True)
+            known = self._columns = self._frozen()
+        return known
+
+    def replace(self, columns: GraphColumns, attribution: str | None) -> None:
+        """Become the graph that columns describe."""
+        self.clear()
+        self.append(columns, attribution)
+
+    def append(self, columns: GraphColumns, attribution: str | None) -> None:
+        """Add nodes and edges after those that are there, all or none.
+
+        Raises:
+            DuplicateId (KeyError): an id is taken, or given twice.
+            BadValue: they have another CRS.
+        """
+        nodes, edges = self.nodes, self.edges
+        if len(nodes) and None not in (columns.crs, self.crs) and columns.crs != self.crs:
+            raise BadValue(f"its CRS is {columns.crs}, that of the graph is {self.crs}; project it first")
+        nodes.index.refuse_duplicates(columns.node_ids, nodes.kind)
+        edges.index.refuse_duplicates(columns.edge_ids, edges.kind)
+        first = nodes.extend(columns.node_ids, xy=columns.xy)
+        _add_attributes(nodes.attributes, first, columns.node_attributes)
+        ends = {"sources": columns.sources + first, "targets": columns.targets + first}
+        first = edges.extend(columns.edge_ids, lengths=columns.lengths, **ends)
+        edges.bends.update({first + row: bend for row, bend in columns.bends.items()})
+        _add_attributes(edges.attributes, first, columns.edge_attributes)
+        self.crs, self.attribution = columns.crs or self.crs, attribution or self.attribution
+        self.rows_added()
+
+    def rows_added(self) -> None:
+        """Note that many rows were added to the tables."""
+        self._discard_indexes()
+        self.revision += 1
+
+    def remove_node(self, node_id: int) -> None:
+        """Remove a node and the edges at it; a missing node is no error."""
+        row = self.nodes.index.row(node_id)
+        if row < 0:
+            return
+        for edge in self.indexes.edges_at(np.array([row])).tolist():
+            self._drop_edge(edge)
+        self.nodes.remove(row)
+        self.indexes.node_removed(row)
+        self.revision += 1
+        self._compact()
+
+    def remove_edge(self, edge_id: int) -> None:
+        """Remove an edge (KeyError)."""
+        self._drop_edge(self.edges.find(edge_id))
+        self.revision += 1
+        self._compact()
+
+    def close(self) -> None:
+        """Release everything; whatever is asked of the graph from now on raises ContextTerminated."""
+        self.neighborhoods.clear()
+        closed: Any = Closed()
+        self.nodes = self.edges = self.indexes = self._columns = closed
+
+    def __reduce__(self) -> tuple[Any, ...]:
+        """Pickle the graph; its indexes are made again."""
+        return _rebuilt, (self.columns(), self.attribution)
+
+    def __deepcopy__(self, memo: dict[int, Any]) -> "GraphStore":
+        """Copy the graph, for a look ahead into a game that goes on elsewhere."""
+        copied = memo[id(self)] = GraphStore()
+        copied.replace(deepcopy(self.columns(), memo), self.attribution)
+        return copied
+
+    def _discard_indexes(self) -> None:
+        self.neighborhoods.clear()
+        self.indexes = Indexes(self.nodes, self.edges, self.neighborhoods)
+
+    def _drop_edge(self, row: int) -> None:
+        ends = (self.edges.sources[row], self.edges.targets[row])
+        self.edges.remove(row)
+        self.indexes.edge_removed(ends)
+
+    def _compact(self, *, fully: bool = False) -> None:
+        """Drop the dead rows, as a rule once they outnumber the living: so each costs its share only once."""
+        nodes, edges = self.nodes, self.edges
+        if nodes.dead > (0 if fully else len(nodes)):
+            edges.rename_ends(nodes.compact())
+            self._discard_indexes()
+        if edges.dead > (0 if fully else len(edges)):
+            edges.compact()
+            self._discard_indexes()
+
+    def _frozen(self) -> GraphColumns:
+        """Return the tables, which have no dead rows, as columns."""
+        nodes, edges = self.nodes, self.edges
+        offsets, out_edges = kernels.group_rows(edges.array("sources"), nodes.count)
+        offsets.setflags(write=False)
+        out_edges.setflags(write=False)
+        return GraphColumns(
+            node_ids=nodes.frozen("ids"),
+            xy=nodes.frozen("xy"),
+            edge_ids=edges.frozen("ids"),
+            sources=edges.frozen("sources"),
+            targets=edges.frozen("targets"),
+            lengths=edges.frozen("lengths"),
+            offsets=offsets,
+            out_edges=out_edges,
+            bends=dict(edges.bends),
+            node_attributes={name: dict(values) for name, values in nodes.attributes.items() if values},
+            edge_attributes={name: dict(values) for name, values in edges.attributes.items() if values},
+            revision=self.revision,
+            crs=self.crs,
+        )
+
+
+def _add_attributes(columns: dict[str, dict[int, Any]], first: int, given: Attributes) -> None:
+    for name, values in given.items():
+        columns.setdefault(name, {}).update({first + row: value for row, value in values.items()} if first else values)
+
+
+def _rebuilt(columns: GraphColumns, attribution: str | None) -> GraphStore:
+    store = GraphStore()
+    store.replace(columns, attribution)
+    return store

@@ -1,0 +1,94 @@
+"""Contracts of maps, which are a graph and its obstacles, as bytes and as snapshots; for engines, not for programs."""
+
+from abc import ABC, abstractmethod
+from typing import TYPE_CHECKING, Any
+
+from gamms.ir.graph import GraphColumns
+from gamms.ir.obstacles import ObstacleColumns
+from gamms.plugins import Registry
+
+if TYPE_CHECKING:
+    import networkx as nx
+
+
+class IPackedGraph(ABC):
+    """A map from its bytes, read-only, without a context.
+
+    `ctx.graph.attach_networkx_graph` takes one, and keeps ids and order; `ctx.graph.storage.unpack(one.packed)` takes
+    the obstacles, too.
+
+    Attributes:
+        packed: the bytes that `IMapStorage.pack` returned.
+    """
+
+    packed: bytes
+
+    @abstractmethod
+    def columns(self) -> GraphColumns:
+        """The graph as read-only arrays."""
+
+    @abstractmethod
+    def obstacle_columns(self) -> ObstacleColumns:
+        """The obstacles as read-only arrays."""
+
+    @abstractmethod
+    def to_networkx(self) -> "nx.MultiDiGraph[int] | nx.DiGraph[int]":
+        """The graph as a networkx graph: a DiGraph, or a MultiDiGraph where edges are parallel."""
+
+    @property
+    @abstractmethod
+    def crs(self) -> str | None:
+        """The coordinate reference system of x and y, such as 'EPSG:32635'."""
+
+    @property
+    @abstractmethod
+    def attribution(self) -> str | None:
+        """Whom the data is by."""
+
+
+LeftOut = dict[tuple[str, str], list[int]]  # ("node" or "edge", name of an attribute) -> whose was left out
+
+
+class IMapStorage(ABC):
+    """Packs, unpacks, snapshots and restores the graph and the obstacles of a context: `ctx.graph.storage`."""
+
+    @abstractmethod
+    def pack(self) -> bytes:
+        """Return graph, obstacles, CRS and attributes as the bytes that `save` writes.
+
+        Raises:
+            BadValue: an attribute is no plain value.
+        """
+
+    @abstractmethod
+    def pack_savable(self) -> tuple[bytes, LeftOut]:
+        """Return what `pack` returns, without the attributes that are no plain values, and which these are."""
+
+    @abstractmethod
+    def unpack(self, data: bytes) -> None:
+        """Replace graph and obstacles by those that `pack` has packed.
+
+        Raises:
+            BadFile (ValueError): the bytes are damaged or foreign; nothing has changed.
+            BadType (TypeError): they are no bytes.
+        """
+
+    @abstractmethod
+    def snapshot(self) -> Any:
+        """Return graph and obstacles as they are now, for `restore` and `copy_from`."""
+
+    @abstractmethod
+    def restore(self, before: Any) -> None:
+        """Restore a snapshot of this context; what has not changed is left alone, its indexes too."""
+
+    @abstractmethod
+    def copy_from(self, snapshot: Any) -> None:
+        """Replace graph and obstacles by those of a snapshot of another context, and share its visibility rows."""
+
+    @abstractmethod
+    def restart_stream(self) -> None:
+        """Restart the random stream that `ctx.graph.place` draws from."""
+
+
+packed_graphs: Registry[IPackedGraph] = Registry("form of packed graphs", "gamms.packed_graphs")
+"""What opens the bytes of a map: other engines find the class of `gamms.graph` here, under the name "gamms"."""
