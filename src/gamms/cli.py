@@ -1,18 +1,18 @@
-"""`gamms`: the command line. Only this file and `cli_*.py` print, and only they know typer and rich."""
+"""The command line: `gamms`. `cli_recordings.py` has the commands on recordings, `cli_output.py` all that prints."""
 
 import json
 from collections.abc import Iterator
 from contextlib import ExitStack, nullcontext
 from enum import StrEnum
 from pathlib import Path
-from typing import Annotated, Any
+from typing import TYPE_CHECKING, Annotated, Any
 
 import typer
 from rich.console import Console
 from rich.markup import escape
 
 import gamms
-from gamms import cli_recordings, cli_render
+from gamms import cli_recordings
 from gamms.cli_output import (
     bounded,
     console,
@@ -29,6 +29,14 @@ from gamms.demo import Team
 from gamms.errors import GammsError
 from gamms.text import printable_line
 
+if TYPE_CHECKING:
+    from collections.abc import Callable
+
+    from gamms.game import Result
+    from gamms.osm import Report
+    from gamms.scenario import Scenario
+    from gamms.scenario.references import Found
+
 app = typer.Typer(
     name="gamms",
     help="Games between teams of agents on graphs and real road networks.",
@@ -42,7 +50,6 @@ app.add_typer(maps, name="osm")
 scenarios = typer.Typer(help="Look at scenario files.", no_args_is_help=True)
 app.add_typer(scenarios, name="scenario")
 cli_recordings.add_to(app)
-cli_render.add_to(app)
 
 _HELSINKI = "Central Helsinki"
 _NAMES = ("red", "blue")
@@ -99,7 +106,7 @@ def demo(
             data = report.to_json(report.result(ctx, played, map_name, turns))
             (out / "result.json").write_text(data, encoding="utf-8")
             pictures = save_pictures(ctx, out, f"{map_name}: {report.headline(ctx, played)}")
-            _tell(ctx, played, sides, map_name)
+            _print_demo(ctx, played, sides, map_name)
     named = "" if film_file is None else f", {film_file} (the game as a film)"
     wanted = [out / name for name in ("game.mp4",) * film + ("final.png",)]
     echo(
@@ -139,7 +146,7 @@ def play_scenario(
             result.save(out / "result.json")
             title = f"{game.spec.name or file.stem}: {result.reason} after {result.turns} turns"
             pictures = save_pictures(ctx, out, title)
-            _tell_result(console(), game, result)
+            _print_result(console(), game, result)
     echo(
         f"\nWrote {out / 'result.json'} (what came of it), {recording} (every move; gamms replay) and "
         f"{in_words(pictures)} (the last turn).{not_made([out / 'final.png'], pictures)}"
@@ -153,7 +160,7 @@ def check_scenario(
     build: Annotated[bool, typer.Option("--build", help="Also import the code it names, and build the game.")] = False,
     allow: _Allow = None,
 ) -> None:
-    """Say whether a scenario file can be played, or what is wrong with it; runs none of its code."""
+    """Check whether a scenario file can be played, without running its code."""
     from gamms import scenario
 
     with one_sentence():
@@ -195,7 +202,7 @@ def map_report(
 
 
 def main() -> None:
-    """Run the command line; our own errors are sentences, not stack traces."""
+    """Run the command line; errors of GAMMS are printed as sentences, without a stack trace."""
     try:
         app()
     except (GammsError, OSError) as error:
@@ -204,7 +211,7 @@ def main() -> None:
 
 
 def _changes(texts: list[str]) -> dict[str, Any]:
-    """Dotted paths and values of `--set`."""
+    """Parse `--set`: dotted path -> value."""
     from gamms.scenario.files import from_yaml
 
     changes = {}
@@ -216,8 +223,8 @@ def _changes(texts: list[str]) -> dict[str, Any]:
     return changes
 
 
-def _found_strategies(texts: list[str]) -> dict[str, Any]:
-    """Team or agent -> where its strategy is, for `--strategy`."""
+def _found_strategies(texts: list[str]) -> "dict[str, tuple[Found, Path]]":
+    """Find the code of `--strategy`: team or agent -> where it is, and the folder to import it from."""
     from gamms.scenario.references import chosen
 
     found = {}
@@ -229,14 +236,14 @@ def _found_strategies(texts: list[str]) -> dict[str, Any]:
     return found
 
 
-def _imported(found: Any, folder: Path) -> Any:
+def _imported(found: "Found", folder: Path) -> "Callable[..., Any]":
     from gamms.scenario.code import function_of
 
     return function_of(found, folder)
 
 
-def _code_of(game: Any, chosen: dict[str, Any]) -> Iterator[str]:
-    """What is about to be imported: where it is named, and where it is."""
+def _code_of(game: "Scenario", chosen: "dict[str, tuple[Found, Path]]") -> Iterator[str]:
+    """Yield what is about to be imported: where it is named, and where it is."""
     replaced = [f"teams.{team}.strategy" for team in chosen]
     for found in game.code():
         if found.path not in replaced:
@@ -245,10 +252,10 @@ def _code_of(game: Any, chosen: dict[str, Any]) -> Iterator[str]:
         yield f"--strategy {team}: {found}"
 
 
-def _tell_result(out: Console, game: Any, result: Any) -> None:
-    """Print what came of a scenario."""
+def _print_result(out: Console, game: "Scenario", result: "Result") -> None:
+    """Print the result of a scenario."""
     out.print(f"\n[bold]{escape(printable_line(game.spec.name or 'A game'))}[/], seed {result.seed}")
-    end = f"{result.winner} wins" if result.winner is not None else "nobody wins"
+    end = f"{result.winner} wins" if result.winner is not None else "no team wins"
     out.print(f"[bold]{escape(printable_line(f'{end} after {result.turns} turns: {result.reason}'))}[/]\n")
     rows = []
     for team in game.spec.teams:
@@ -262,19 +269,20 @@ def _tell_result(out: Console, game: Any, result: Any) -> None:
         out.print(f"\n{len(result.errors)} actions were replaced by staying; errors in result.json says which.")
 
 
-def _fidelity(file: Path, network: _Network, **wishes: Any) -> Any:
+def _fidelity(file: Path, network: _Network, *, resolution: float, tolerance: float, retain_all: bool) -> "Report":
     from gamms import osm
 
     kind = None if network is _Network.ALL else osm.OSMType[network.name]
+    options: dict[str, Any] = {"resolution": resolution, "tolerance": tolerance, "retain_all": retain_all}
     if osm.is_geojson(file):
-        graph = osm.graph_from_geojson(file, **wishes)
+        graph = osm.graph_from_geojson(file, **options)
     else:
-        graph = osm.graph_from_file(file, osm_type=kind, **wishes)
+        graph = osm.graph_from_file(file, osm_type=kind, **options)
     return osm.report(graph, file)
 
 
 def _parsed_teams(text: str) -> tuple[Team, Team]:
-    """Two teams from `5`, `5,3` or `cats=5,dogs=3`."""
+    """Parse two teams from `5`, `5,3` or `cats=5,dogs=3`."""
     parts = [part.strip() for part in text.split(",")]
     parts = parts * 2 if len(parts) == 1 else parts
     try:
@@ -290,8 +298,8 @@ def _parsed_teams(text: str) -> tuple[Team, Team]:
     return first, second
 
 
-def _tell(ctx: gamms.Context, played: Any, sides: tuple[Team, Team], map_name: str) -> None:
-    """Print what happened."""
+def _print_demo(ctx: gamms.Context, played: "Result", sides: tuple[Team, Team], map_name: str) -> None:
+    """Print what happened in the demo."""
     from gamms.demo import report
 
     out = console()

@@ -1,11 +1,11 @@
-"""What the commands have in common: errors as sentences, tables, the recording, film and pictures of a game."""
+"""What all commands share: printing, errors as sentences, tables, and the files that a game is saved to."""
 
 from collections.abc import Callable, Iterable, Iterator
 from contextlib import contextmanager, nullcontext
 from functools import wraps
 from inspect import Parameter, signature
 from pathlib import Path
-from typing import Annotated, Any
+from typing import TYPE_CHECKING, Annotated, Any
 
 import typer
 from rich.console import Console
@@ -14,6 +14,9 @@ from rich.table import Table
 from gamms.errors import GammsError, MissingExtra
 from gamms.limits import allowing, parse_memory
 from gamms.text import printable, printable_line, reason
+
+if TYPE_CHECKING:
+    from gamms.context import Context
 
 RECORDING = "game.ggr"
 _MaxMemory = Annotated[
@@ -29,10 +32,10 @@ _FILMS: dict[str, dict[str, Any]] = {  # the first that can be written; under ha
 
 
 def bounded(command: Callable[..., None]) -> Callable[..., None]:
-    """Give a command that reads or makes what may be large the option `--max-memory`."""
+    """Add the option `--max-memory` to a command that reads or makes what may be large."""
 
     @wraps(command)
-    def run(*args: Any, max_memory: str | None = None, **keywords: Any) -> None:
+    def run(*args: object, max_memory: str | None = None, **keywords: object) -> None:
         with one_sentence(), nullcontext() if max_memory is None else allowing(parse_memory(max_memory)):
             command(*args, **keywords)
 
@@ -44,7 +47,7 @@ def bounded(command: Callable[..., None]) -> Callable[..., None]:
 
 @contextmanager
 def one_sentence() -> Iterator[None]:
-    """Our own errors are sentences, also where the command is called by another program."""
+    """Print an error of GAMMS or of a file as one sentence, and exit with code 1."""
     try:
         yield
     except (GammsError, OSError) as error:
@@ -53,25 +56,25 @@ def one_sentence() -> Iterator[None]:
 
 
 def echo(text: str, *, err: bool = False) -> None:
-    """Print a text, of which nothing reaches the terminal but what can be read."""
+    """Print a text with its control characters escaped."""
     typer.echo(printable(text), err=err)
 
 
 class _Console(Console):
-    """Prints texts with style, of which nothing else reaches the terminal."""
+    """Prints styled texts with their control characters escaped."""
 
-    def print(self, *objects: Any, **options: Any) -> None:
-        """Print texts, and tables made by `rich_table`."""
+    def print(self, *objects: object, **options: Any) -> None:  # Any: the options of rich
+        """Print texts, and tables of `rich_table`."""
         super().print(*(printable(one) if isinstance(one, str) else one for one in objects), **options)
 
 
 def console() -> Console:
-    """Where commands print what has style."""
+    """Return a console for styled texts and tables."""
     return _Console(highlight=False, soft_wrap=True)
 
 
 def rich_table(header: tuple[str, ...], rows: Iterable[tuple[str, ...]], *, right: bool = True) -> Table:
-    """A table without lines; all columns but the first are to the right. Of many rows, the first are shown."""
+    """Return a table without lines, all columns but the first aligned right, with the first 500 rows."""
     table = Table(box=None, pad_edge=False, padding=(0, 2, 0, 0))
     for i, title in enumerate(header):
         table.add_column(title, justify="right" if i and right else "left")
@@ -84,8 +87,8 @@ def rich_table(header: tuple[str, ...], rows: Iterable[tuple[str, ...]], *, righ
 
 
 @contextmanager
-def recorded(ctx: Any, folder: Path) -> Iterator[Path]:
-    """Record what happens in a context into a folder, in the place of what was recorded there before."""
+def recorded(ctx: "Context", folder: Path) -> Iterator[Path]:
+    """Record a game into a folder; replaces an earlier recording there."""
     folder.mkdir(parents=True, exist_ok=True)
     path = folder / RECORDING
     path.unlink(missing_ok=True)
@@ -97,8 +100,8 @@ def recorded(ctx: Any, folder: Path) -> Iterator[Path]:
 
 
 @contextmanager
-def filmed(ctx: Any, folder: Path, title: str) -> Iterator[Path | None]:
-    """Film what happens in a context into a folder; yields the file, or None where none can be made."""
+def filmed(ctx: "Context", folder: Path, title: str) -> Iterator[Path | None]:
+    """Film a game into a folder; yield the file, or None where the libraries for films are missing."""
     for name, options in _FILMS.items():
         try:
             film = ctx.visual.film(folder / name, **options, title=title)
@@ -110,8 +113,8 @@ def filmed(ctx: Any, folder: Path, title: str) -> Iterator[Path | None]:
     yield None
 
 
-def save_pictures(ctx: Any, folder: Path, title: str) -> list[Path]:
-    """Save how things stand as `final.svg`, and as `final.png` where that can be done; the files."""
+def save_pictures(ctx: "Context", folder: Path, title: str) -> list[Path]:
+    """Save the current state as `final.svg`, and as `final.png` where Pillow is installed; return the files."""
     files = []
     for name in ("final.png", "final.svg"):
         try:
@@ -123,7 +126,7 @@ def save_pictures(ctx: Any, folder: Path, title: str) -> list[Path]:
 
 
 def not_made(wanted: Iterable[Path], made: Iterable[Path | None]) -> str:
-    """A line on the files that could not be made, and on what brings the libraries they need; "" if there are none."""
+    """Return a line on the files that could not be made, and on how to install the libraries for them."""
     missing = [path for path in wanted if path not in made]
     if not missing:
         return ""
@@ -135,5 +138,5 @@ def not_made(wanted: Iterable[Path], made: Iterable[Path | None]) -> str:
 
 
 def in_words(files: Iterable[Path]) -> str:
-    """Files, one after the other."""
+    """Return the names of files, joined by "and"."""
     return " and ".join(map(str, files))

@@ -1,16 +1,21 @@
-"""The commands that take a recording: info, verify, diff, convert, replay."""
+"""The commands that take a recording: info, verify, diff, convert, replay, render."""
 
 import json
 from collections import Counter
 from pathlib import Path
-from typing import Annotated, Any
+from typing import TYPE_CHECKING, Annotated, Any
 
 import typer
 from rich.markup import escape
 
 from gamms.cli_output import bounded, console, echo, one_sentence, rich_table
 from gamms.errors import BadValue
+from gamms.progress import progress
 from gamms.text import as_text, shown
+
+if TYPE_CHECKING:
+    from gamms.context import Context
+    from gamms.recorder import Recording
 
 _LONG = 64  # bits
 
@@ -26,8 +31,8 @@ _Map = Annotated[
 
 
 def add_to(app: typer.Typer) -> None:
-    """Offer these commands."""
-    for command in (info, verify, diff, convert, replay):
+    """Add these commands to the command line."""
+    for command in (info, verify, diff, convert, replay, render):
         app.command()(bounded(command))
 
 
@@ -118,12 +123,44 @@ def replay(
                 if not turns:
                     raise
                 warning = str(error)
-            _tell(ctx, file, len(turns))
+            _print_agents(ctx, file, len(turns))
             if window:
                 ctx.visual.stay_open()
     if warning:
         echo(f"gamms: {warning}", err=True)
         raise typer.Exit(1)
+
+
+def render(  # noqa: PLR0913, PLR0917 - one argument per option
+    file: Annotated[Path, typer.Argument(help="A recording, .ggr.", show_default=False)],
+    out: Annotated[Path, typer.Argument(help="What is written: .mp4, .gif, .png or .svg.", show_default=False)],
+    turns: Annotated[
+        str, typer.Option(help="Turns to film, 100:200, 100: or :200; a picture shows the last one.", metavar="FROM:TO")
+    ] = ":",
+    follow: Annotated[str | None, typer.Option(help="Keep this agent in the middle.", metavar="AGENT")] = None,
+    view: Annotated[
+        float | None,
+        typer.Option(help="With --follow: how much is seen, in metres (map units). By default some hundred."),
+    ] = None,
+    fog: Annotated[str | None, typer.Option(help="Show only what this team's sensors see.", metavar="TEAM")] = None,
+    width: Annotated[int, typer.Option(help="Pixels.")] = 1280,
+    height: Annotated[int, typer.Option(help="Pixels.")] = 720,
+    fps: Annotated[float, typer.Option(help="Frames per second.")] = 30.0,
+    frames_per_turn: Annotated[int, typer.Option(help="More of them show a turn more slowly.")] = 5,
+    title: Annotated[str, typer.Option(help="A line above the picture.")] = "",
+    map: Annotated[
+        Path | None, typer.Option("--map", help="The map of a recording of version 2, .gamms.", metavar="FILE")
+    ] = None,
+) -> None:
+    """Make a film of a recording, or a picture of one of its turns."""
+    first, last = _parsed_turns(turns)
+    with one_sentence(), progress() as show:
+        from gamms import rendering
+
+        options = rendering.RenderOptions(first, last, follow, view, fog, width, height, fps, frames_per_turn, title)
+        shown = rendering.render(file, out, options, map=map, show=show)
+    is_film = out.suffix.lower() in (".mp4", ".gif")
+    echo(f"Wrote {out} ({f'{shown} turns' if is_film else f'after turn {shown}'}).")
 
 
 def _of_version_3(file: Path) -> dict[str, Any]:
@@ -140,22 +177,22 @@ def _of_version_3(file: Path) -> dict[str, Any]:
             "seed": recording.seed,
             "turns": recording.turns,
             "agents": len(names),
-            **_of_the_map(recording),
+            **_map_of(recording),
             "moves": recording.count_moves(),
-            "events": {**recording.counts(), **_told(recording)},
+            "events": {**recording.counts(), **_game_events(recording)},
         }
 
 
-def _of_the_map(recording: Any) -> dict[str, Any]:
-    """How large the map is; of one that is not in the file, its SHA-256."""
+def _map_of(recording: "Recording") -> dict[str, Any]:
+    """Return the size of the map; of one that is not in the file, its SHA-256."""
     if "world_sha256" in recording.header:
         return {"map": f"not in the file; its SHA-256 is {as_text(recording.header['world_sha256'])}"}
     columns = recording.graph.columns()
     return {"nodes": len(columns.node_ids), "edges": len(columns.edge_ids)}
 
 
-def _told(recording: Any) -> dict[str, int]:
-    """How often each kind of event was told by rules and programs."""
+def _game_events(recording: "Recording") -> dict[str, int]:
+    """Count the events of rules and programs by kind."""
     return dict(sorted(Counter(event["kind"] for event in recording.events()).items()))
 
 
@@ -180,7 +217,7 @@ def _of_version_2(file: Path) -> dict[str, Any]:
     }
 
 
-def _text(value: Any) -> str:
+def _text(value: object) -> str:
     if value is None:
         return "-"
     if type(value) is int:
@@ -188,20 +225,21 @@ def _text(value: Any) -> str:
     return as_text(value)
 
 
-def _score(score: Any) -> str:
+def _score(score: object) -> str:
     try:
-        return f"{score:g}"
-    except (OverflowError, TypeError, ValueError):  # rules may keep anything as a score
+        return format(score, "g")
+    except (OverflowError, TypeError, ValueError):  # rules may write any value as a score
         return _text(score)
 
 
-def _tell(ctx: Any, file: Path, turns: int) -> None:
-    """Print who ended where."""
+def _print_agents(ctx: "Context", file: Path, turns: int) -> None:
+    """Print where each agent ended."""
     out = console()
     out.print(f"[bold]{escape(file.name)}[/]: {turns} turns\n")
     rows = []
     for agent in ctx.agent.create_iter():
-        place = ", ".join(f"{part:.6g}" for part in agent.position) if agent.type else str(agent.current_node_id)
+        position = getattr(agent, "position", None)  # of aerial agents
+        place = str(agent.current_node_id) if position is None else ", ".join(f"{part:.6g}" for part in position)
         team = _text(agent.team)
         rows.append(tuple(map(escape, (agent.name, team, "yes" if agent.alive else "no", place))))
     out.print(rich_table(("agent", "team", "alive", "at"), rows, right=False))
@@ -209,3 +247,13 @@ def _tell(ctx: Any, file: Path, turns: int) -> None:
         out.print()
         scores = [(escape(_text(of)), escape(_score(score))) for of, score in ctx.game.scores.items()]
         out.print(rich_table(("scores of", ""), scores))
+
+
+def _parsed_turns(text: str) -> tuple[int | None, int | None]:
+    """First and last turn of `100:200`, `100:`, `:200`, or `100` for that turn alone."""
+    first, colon, last = text.partition(":")
+    try:
+        begin, end = (int(part) if part.strip() else None for part in (first, last if colon else first))
+    except ValueError:
+        raise typer.BadParameter(f"{text!r}: give 100:200, 100:, :200 or 100.", param_hint="--turns") from None
+    return (None if begin == 0 else begin), end
