@@ -83,6 +83,9 @@ ctx.agent.create_agent("l", start_node_id=0, strategy=rule)  # error
 ctx.game.add(rule)
 ctx.game.add(5)  # error
 gamms.strategies.chase(ctx, otherwse=None)  # error
+gamms.rules.tag("red", "blue", meters=5)  # error
+gamms.rules.tag("red", "blue", metres="near")  # error
+gamms.rules.reach("red", [0], winner="blue").add  # error
 """
     wanted = {number for number, line in enumerate(program.splitlines(), 1) if line.endswith("# error")}
     found = {int(line) for line in re.findall(r"^program.py:(\d+): error", checked(tmp_path, program), re.MULTILINE)}

@@ -1,14 +1,13 @@
-"""What games are made of: who meets whom, who wins, and who goes where when moves get in each other's way.
+"""Rules to build games from: contacts, tags, flags, territories, how games end, and conflicts of moves.
 
     ctx.game.add(gamms.rules.tag("red", "blue", hops=1))
     ctx.game.add(gamms.rules.time_limit(200))
     ctx.game.conflicts = gamms.rules.Conflicts(capacity=1, resolve=gamms.rules.by_priority(["red", "blue"]))
 
-A client: it uses a context as you would. Rules: read `contacts.py` for who meets whom (`measures.py`: how far apart
-they are), then `tagging.py`, `flags.py` and `endings.py`; `territory.py` makes the data that they share, `drawing.py`
-draws it. Conflicts: read `conflicts.py` for how they are found, `resolvers.py` for who wins them, `capacity.py` for how
-many a node takes. To add a rule write a function `rule(ctx)`, to add a way to decide a function
-`(contest, ctx) -> winners`: nothing needs to be registered.
+Rules: read `contacts.py` for which agents meet, then `tagging.py`, `flags.py` and `endings.py`; `territory.py` makes
+the data that they share, `hooks.py` has what a rule may carry besides its function. Conflicts: read `conflicts.py` for
+how they are found, `resolvers.py` for which agents win. May import: `context` and below. To add a rule write a function
+`rule(ctx)`, to add a resolver a function `(contest, ctx) -> winners`: nothing needs to be registered.
 """
 
 from gamms.rules import territory

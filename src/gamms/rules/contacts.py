@@ -1,19 +1,26 @@
-"""Who meets whom, and when: pairs of agents on one node, past each other on an edge, or within some distance.
+"""Contacts: pairs of agents on one node, past each other on an edge, or within some distance, and when in a turn.
 
-A turn is the time from 0 to 1; `gamms.rules.visits` says where agents are in it.
+A turn is the time from 0 to 1; `visits_of` and `legs_of` say where agents are in it.
 """
 
 from collections import defaultdict
-from collections.abc import Callable, Iterable, Iterator, Mapping
+from collections.abc import Callable, Collection, Hashable, Iterable, Iterator, Mapping, Sequence
+from itertools import pairwise
+from math import inf
 from typing import Any, NamedTuple
 
+import numpy as np
+
 from gamms import kernels
+from gamms.agent import Member
 from gamms.arguments import as_context, as_items, as_key, as_range
+from gamms.context import Context
 from gamms.errors import BadType, BadValue
-from gamms.rules.measures import MEASURES, Distances, Measure, Place
-from gamms.rules.visits import legs_of, tracks_of, visits_of
+from gamms.graph import Graph
+from gamms.ir.agents import Position
+from gamms.ir.graph import FloatArray
 from gamms.text import shown
-from gamms.typing import AgentType, IContext
+from gamms.typing import AgentType
 from gamms.typing.game import Track
 
 
@@ -38,16 +45,22 @@ class Nearness(NamedTuple):
     passing: bool
 
 
-Side = Callable[[Any], bool]
-_Flyers = Mapping[str, Place]  # name -> its position, where that is measured
-_Member = tuple[str, Track]  # of a side: the name, and how it came to where it is
+Side = Hashable | Callable[[Member], object]  # a team, or a function of an agent
+Test = Callable[[Member], object]  # whether an agent is on a side
+Place = int | Position  # where an agent counts as being: a node id; (x, y, z) of one that flies, where that is measured
+Visit = tuple[int, float, float]  # node id; from when until when
+Leg = tuple[int, int, float, float]  # ids of the nodes that an edge leads from and to; from when until when
+_Distances = dict[tuple[Place, Place], float]
+_Measure = Callable[[Collection[Place], Collection[Place]], _Distances]  # of all pairs that are near enough
+_Aerial = Mapping[str, Place]  # name -> its position, where that is measured
+_Tracked = tuple[str, Track]  # an agent of a side: its name, and how it came to where it is
 _Meeting = tuple[float, float, bool, str, str, int, int]  # time, distance, on an edge?, a, b, where a was, where b was
 
 
 def contacts(  # noqa: PLR0913 - all that makes a contact, in one call
-    ctx: IContext,
-    a: Any,
-    b: Any,
+    ctx: Context,
+    a: Side,
+    b: Side,
     *,
     hops: float | None = None,
     metres: float | None = None,
@@ -56,16 +69,16 @@ def contacts(  # noqa: PLR0913 - all that makes a contact, in one call
     air: bool = False,
     passing: bool = True,
 ) -> list[Contact]:
-    """All pairs of living agents, one of each side, that are in contact: first the earliest, then the nearest.
+    """Return all pairs of living agents, one of each side, that are in contact: first the earliest, then the nearest.
 
-    Equals are in an order by lot. The moments of a turn are numbers from 0 to 1: an agent that goes n edges is at the
+    Ties are ordered by keyed draws. The moments of a turn are numbers from 0 to 1: an agent that goes n edges is at the
     k-th node at k/n, with speeds in metres when it has gone as far; one that stays is at its node from 0 on.
 
     Args:
         ctx: the context.
         a: one side: a team, or a function of an agent that says whether it is on that side.
-        b: the other side, likewise. Nobody meets itself.
-        hops: at most so many edges apart, by the way from the one to the other or back, whichever is shorter.
+        b: the other side, likewise. No agent meets itself.
+        hops: at most so many edges apart, by the shortest path from the one to the other or back, whichever is shorter.
         metres: the same by the lengths of the edges.
         euclid: at most so many map units apart in a straight line; an agent on the ground is at height 0.
             Without any of the three, agents meet on one node.
@@ -74,22 +87,22 @@ def contacts(  # noqa: PLR0913 - all that makes a contact, in one call
         air: whether aerial agents take part; each is at the node nearest to it, except for `euclid`. One that flew is
             there at the end of the turn.
         passing: whether agents meet on their way, too; False: where they are at the end, and if they went along one
-            edge in opposite directions at any time. An agent that was put elsewhere since has met nobody on its way.
+            edge in opposite directions at any time. An agent that was put elsewhere since has met no agent on its way.
             With a distance, agents are compared whenever one of the two reaches a node; one between two nodes counts as
             on the one that it has passed.
 
     Raises:
-        BadType, BadValue: a distance is none, or there are several.
+        BadType, BadValue: a distance is not one, or there are several.
     """
     nearness = as_nearness(hops, metres, euclid, crossing=crossing, air=air, passing=passing)
     first: dict[tuple[str, str], Contact] = {}
-    for contact in found(as_context(ctx, "contacts"), as_side(a), as_side(b), nearness):
+    for contact in found(as_context(ctx, "contacts"), as_test(a), as_test(b), nearness):
         first.setdefault(contact[:2], contact)
     return list(first.values())
 
 
 def one_to_one(met: Iterable[Contact]) -> list[Contact]:
-    """Of contacts in this order, those that leave everybody one at most: each pair whose agents are still free."""
+    """Return those contacts, taken in this order, whose agents are in no earlier one that was taken."""
     taken: set[str] = set()
     pairs = []
     for contact in _as_contacts(met):
@@ -99,7 +112,7 @@ def one_to_one(met: Iterable[Contact]) -> list[Contact]:
     return pairs
 
 
-def _as_contacts(met: Any) -> list[Contact]:
+def _as_contacts(met: Iterable[object]) -> list[Contact]:
     contacts = as_items(met, "met", "contacts")
     for one in contacts:
         if not isinstance(one, Contact):
@@ -108,12 +121,18 @@ def _as_contacts(met: Any) -> list[Contact]:
 
 
 def as_nearness(
-    hops: Any, metres: Any, euclid: Any, *, crossing: bool | None = None, air: bool = False, passing: bool = True
+    hops: float | None,
+    metres: float | None,
+    euclid: float | None,
+    *,
+    crossing: bool | None = None,
+    air: bool = False,
+    passing: bool = True,
 ) -> Nearness:
-    """What a caller gave, checked.
+    """Check what a caller gave.
 
     Raises:
-        BadType, BadValue: a distance is none, or there are several.
+        BadType, BadValue: a distance is not one, or there are several.
     """
     given = {
         name: value for name, value in (("hops", hops), ("metres", metres), ("euclid", euclid)) if value is not None
@@ -125,49 +144,49 @@ def as_nearness(
     for name, value in (("crossing", crossing), ("air", air), ("passing", passing)):
         if not isinstance(value, bool) and not (name == "crossing" and value is None):
             raise BadType(f"{name} must be True or False, not {shown(value)}.")
-    for unit, value in given.items():
-        return Nearness(unit, as_range(value, unit), bool(crossing), air, passing)
+    for unit, distance in given.items():
+        return Nearness(unit, as_range(distance, unit), bool(crossing), air, passing)
     return Nearness(None, 0.0, crossing is not False, air, passing)
 
 
-def as_side(side: Any) -> Side:
-    """Whether an agent is on a side: of a team, or one for which a function says so."""
+def as_test(side: Side) -> Test:
+    """Return the function that says whether an agent is on a side."""
     if callable(side):
-        return side  # type: ignore[no-any-return] # what it answers, its caller knows
+        return side
     team = as_key(side, "A team")
     return lambda agent: bool(agent.team == team)
 
 
-def found(ctx: Any, is_a: Side, is_b: Side, nearness: Nearness) -> list[Contact]:
-    """All contacts of a turn in the order that `contacts` promises; two agents may have several."""
+def found(ctx: Context, is_a: Test, is_b: Test, nearness: Nearness) -> list[Contact]:
+    """Return all contacts of a turn in the order that `contacts` promises; two agents may have several."""
     agents = [agent for agent in ctx.game.agents if nearness.air or agent.type is not AgentType.AERIAL]
     ours, theirs = [agent for agent in agents if is_a(agent)], [agent for agent in agents if is_b(agent)]
     if not ours or not theirs:
         return []
-    sides = _members(ctx, ours, passing=nearness.passing), _members(ctx, theirs, passing=nearness.passing)
+    sides = _tracked(ctx, ours, passing=nearness.passing), _tracked(ctx, theirs, passing=nearness.passing)
     if nearness.unit is None:
         met = list(_on_nodes(*sides))
     else:
         in_space = agents if nearness.unit == "euclid" and nearness.air else ()
-        flyers = {agent.name: agent.position for agent in in_space if agent.type is AgentType.AERIAL}
-        met = list(_near(MEASURES[nearness.unit](ctx.graph.graph, nearness.limit), *sides, flyers))
+        aerial = {agent.name: agent.position for agent in in_space if agent.type is AgentType.AERIAL}
+        met = list(_near(_MEASURES[nearness.unit](ctx.graph.graph, nearness.limit), *sides, aerial))
     if nearness.crossing:
         met += _on_edges(*sides) if nearness.passing else _crossed(ctx, ours, theirs)
     pairs = list({(one[3], one[4]): None for one in met})
-    # By name, so that who else meets never changes the order of two.
+    # By name, so that other agents that meet never change the order of two.
     lots = kernels.lots(kernels.purpose_key(ctx.seed, "contacts"), map(repr, pairs), ctx.game.turn)
     lot_of = dict(zip(pairs, lots, strict=True))
     ranked = sorted((*one[:2], lot_of[one[3], one[4]], *one[2:]) for one in met if one[3] != one[4])
     return [Contact(a, b, distance, time, *nodes) for time, distance, _, _, a, b, *nodes in ranked]
 
 
-def _members(ctx: Any, agents: list[Any], *, passing: bool) -> list[_Member]:
+def _tracked(ctx: Context, agents: list[Member], *, passing: bool) -> list[_Tracked]:
     tracks = tracks_of(ctx, agents, passing=passing)
     return [(agent.name, track) for agent, track in zip(agents, tracks, strict=True)]
 
 
-def _on_nodes(ours: list[_Member], theirs: list[_Member]) -> Iterator[_Meeting]:
-    """Who was at one node at one time."""
+def _on_nodes(ours: list[_Tracked], theirs: list[_Tracked]) -> Iterator[_Meeting]:
+    """Yield the pairs that were at one node at one time."""
     at: dict[int, list[tuple[str, float, float]]] = defaultdict(list)
     for name, track in ours:
         for node, begin, end in visits_of(track):
@@ -179,8 +198,8 @@ def _on_nodes(ours: list[_Member], theirs: list[_Member]) -> Iterator[_Meeting]:
                     yield max(begin, came), 0.0, False, name, other, node, node
 
 
-def _on_edges(ours: list[_Member], theirs: list[_Member]) -> Iterator[_Meeting]:
-    """Who was on one edge at one time, in opposite directions."""
+def _on_edges(ours: list[_Tracked], theirs: list[_Tracked]) -> Iterator[_Meeting]:
+    """Yield the pairs that were on one edge at one time, in opposite directions."""
     on: dict[tuple[int, int], list[tuple[str, float, float]]] = defaultdict(list)
     for name, track in ours:
         for source, target, begin, end in legs_of(track):
@@ -192,18 +211,18 @@ def _on_edges(ours: list[_Member], theirs: list[_Member]) -> Iterator[_Meeting]:
                     yield max(begin, came), 0.0, True, name, other, target, source
 
 
-def _crossed(ctx: Any, ours: list[Any], theirs: list[Any]) -> Iterator[_Meeting]:
-    """Who went along one edge in opposite directions, whenever that was."""
-    sides = _members(ctx, ours, passing=True), _members(ctx, theirs, passing=True)
+def _crossed(ctx: Context, ours: list[Member], theirs: list[Member]) -> Iterator[_Meeting]:
+    """Yield the pairs that went along one edge in opposite directions, at any time of the turn."""
+    sides = _tracked(ctx, ours, passing=True), _tracked(ctx, theirs, passing=True)
     whenever = ([(name, (path, (1.0,) * len(path))) for name, (path, _) in side] for side in sides)
     node_of = {agent.name: agent.current_node_id for agent in (*ours, *theirs)}
     for time, *_, name, other, _, _ in _on_edges(*whenever):
         yield time, 0.0, True, name, other, node_of[name], node_of[other]
 
 
-def _near(measure: Measure, ours: list[_Member], theirs: list[_Member], flyers: _Flyers) -> Iterator[_Meeting]:
-    """Who was near enough, at each moment at which one of two agents reached a node."""
-    tracks, (a, b) = dict((*ours, *theirs)), (_Standing(ours, flyers), _Standing(theirs, flyers))
+def _near(measure: _Measure, ours: list[_Tracked], theirs: list[_Tracked], aerial: _Aerial) -> Iterator[_Meeting]:
+    """Yield the pairs that were near enough, at each moment at which one of two agents reached a node."""
+    tracks, (a, b) = dict((*ours, *theirs)), (_Places(ours, aerial), _Places(theirs, aerial))
     inner: dict[float, dict[str, int]] = defaultdict(dict)  # moment -> name -> the node that is reached
     for name, (path, times) in tracks.items():
         for node, now in zip(path[1:], times[1:], strict=True) if len(path) > 1 else ():
@@ -223,39 +242,151 @@ def _near(measure: Measure, ours: list[_Member], theirs: list[_Member], flyers: 
             yield since, distance, False, name, other, a.node_of[name], b.node_of[other]
 
 
-class _Standing:
-    """Where the agents of one side count as being while a turn goes on: on the nodes that they have passed last.
+class _Places:
+    """Where the agents of one side count as being during a turn: on the nodes that they have passed last.
 
     Attributes:
-        at: place -> the names of those that are there, as keys.
+        at: place -> the names of the agents there, as keys.
         node_of: name -> node id.
     """
 
-    def __init__(self, side: list[_Member], flyers: _Flyers) -> None:
-        self._names, self._flyers = {name for name, _ in side}, flyers
+    def __init__(self, side: list[_Tracked], aerial: _Aerial) -> None:
+        self._names, self._aerial = {name for name, _ in side}, aerial
         self.at: dict[Place, dict[str, None]] = {}
         self.node_of: dict[str, int] = {}
         self.put({name: path[0] for name, (path, times) in side if times[0] == 0.0})
 
     def put(self, came: Mapping[str, int]) -> list[Place]:
-        """Put those that are of this side on nodes; gives the places."""
+        """Put those agents that are of this side on nodes; return the places."""
         places = []
         for name in came.keys() & self._names:
             if name in self.node_of:
-                before = self._flyers.get(name, self.node_of[name])
+                before = self._aerial.get(name, self.node_of[name])
                 del self.at[before][name]
                 if not self.at[before]:
                     del self.at[before]
             self.node_of[name] = node = came[name]
-            place = self._flyers.get(name, node)
+            place = self._aerial.get(name, node)
             self.at.setdefault(place, {})[name] = None
             places.append(place)
         return places
 
 
-def _pairs(near: Distances, a: _Standing, b: _Standing) -> Iterator[tuple[str, str, float]]:
-    """The names of agents at places that are near each other."""
+def _pairs(near: _Distances, a: _Places, b: _Places) -> Iterator[tuple[str, str, float]]:
+    """Yield the names of agents at places that are near each other."""
     for (one, other), distance in near.items():
         for name in a.at[one]:
             for other_name in b.at[other]:
                 yield name, other_name, distance
+
+
+# -- where agents were in the course of a turn ------------------------------------------------------------------------
+
+
+def tracks_of(ctx: Context, agents: Sequence[Member], *, passing: bool) -> list[Track]:
+    """Return how agents came to where they are; not `passing`: only that they are there at the end of the turn."""
+    if passing:
+        return ctx.game.tracks(agents)
+    return [((agent.current_node_id,), (1.0,)) for agent in agents]
+
+
+def visits_of(track: Track) -> Sequence[Visit]:
+    """Return the nodes that an agent was at; the one that it left at once belongs to the turn before."""
+    path, times = track
+    # NOTE: one edge or none is the usual case, and there are as many as agents (benchmarks/README.md, turns).
+    if len(path) == 1:
+        return ((path[0], times[0], 1.0),)
+    if len(path) == 2 and path[0] != path[1]:
+        return ((path[1], times[1], 1.0),)
+    left = [
+        after if end == start else now
+        for (start, end), (now, after) in zip(pairwise(path), pairwise(times), strict=True)
+    ]
+    visits = list(zip(path, times, (*left, 1.0), strict=True))
+    return visits if path[1] == path[0] else visits[1:]
+
+
+def legs_of(track: Track) -> Sequence[Leg]:
+    """Return the edges that an agent went along."""
+    path, times = track
+    if len(path) == 1:
+        return ()
+    if len(path) == 2 and path[0] != path[1]:  # as above
+        return ((path[0], path[1], times[0], times[1]),)
+    ends = zip(pairwise(path), pairwise(times), strict=True)
+    return [(*edge, *span) for edge, span in ends if edge[0] != edge[1]]
+
+
+# -- how far apart agents are -----------------------------------------------------------------------------------------
+
+
+def _by_hops(graph: Graph, limit: float) -> _Measure:
+    near = graph.neighborhoods
+
+    def reached(node: int) -> dict[int, float]:
+        # NOTE: 5 us for what lies 3 edges around a node of Helsinki, where a search of the whole graph takes 170 us.
+        hops, ring, far = {node: 0.0}, [node], 0.0
+        while ring and far + 1.0 <= limit:
+            far += 1.0
+            ring = [end for end in dict.fromkeys(end for start in ring for end in near[start]) if end not in hops]
+            hops.update(dict.fromkeys(ring, far))
+        return hops
+
+    return _by_path(reached)
+
+
+def _by_metres(graph: Graph, limit: float) -> _Measure:
+    return _by_path(lambda node: graph.distances(source=node, cutoff=limit))
+
+
+def _by_path(search: Callable[[int], Mapping[int, float]]) -> _Measure:
+    """Measure by the shorter of the paths there and back, where `search` finds one of them."""
+    known: dict[int, Mapping[int, float]] = {}
+
+    def reached(node: int) -> Mapping[int, float]:
+        if node not in known:
+            known[node] = search(node)
+        return known[node]
+
+    def measure(ours: Collection[Any], theirs: Collection[Any]) -> _Distances:
+        ours, theirs = dict.fromkeys(ours).keys(), dict.fromkeys(theirs).keys()
+        apart: _Distances = {}
+        for node in ours if theirs else ():
+            far = reached(node)
+            apart.update(((node, other), far[other]) for other in far.keys() & theirs)
+        for node in theirs if ours else ():
+            far = reached(node)
+            for other in far.keys() & ours:
+                apart[other, node] = min(far[other], apart.get((other, node), inf))
+        return apart
+
+    return measure
+
+
+def _straight(graph: Graph, limit: float) -> _Measure:
+    known: dict[Place, tuple[float, ...]] = {}
+
+    def located(places: Collection[Place]) -> FloatArray:
+        """Return where places are, (places, 3)."""
+        new = [place for place in places if place not in known]
+        nodes = [place for place in new if not isinstance(place, tuple)]
+        known.update((place, place) for place in new if isinstance(place, tuple))
+        known.update((node, (x, y, 0.0)) for node, (x, y) in zip(nodes, graph.positions(nodes).tolist(), strict=True))
+        return np.array([known[place] for place in places]).reshape(-1, 3)
+
+    def measure(ours: Collection[Place], theirs: Collection[Place]) -> _Distances:
+        a, b = list(ours), list(theirs)
+        offsets = located(a)[:, None, :] - located(b)[None, :, :]
+        far = np.hypot(np.hypot(offsets[..., 0], offsets[..., 1]), offsets[..., 2])
+        rows, columns = np.nonzero(far <= limit)
+        pairs = zip(rows.tolist(), columns.tolist(), far[rows, columns].tolist(), strict=True)
+        return {(a[i], b[k]): distance for i, k, distance in pairs}
+
+    return measure
+
+
+_MEASURES: dict[str, Callable[[Graph, float], _Measure]] = {
+    "hops": _by_hops,
+    "metres": _by_metres,
+    "euclid": _straight,
+}

@@ -1,21 +1,24 @@
-"""How games end: an agent gets to where its team wanted to be, time is up, or one team is left."""
+"""How games end: an agent reaches its goal, time is up, or one team is left."""
 
-from collections.abc import Iterable, Mapping
-from typing import Any
+from collections.abc import Hashable, Iterable, Mapping
+from typing import Any, overload
 
+from gamms.agent import Member
 from gamms.arguments import as_float, as_int, as_key
+from gamms.context import Context
 from gamms.errors import BadType, BadValue, UnknownName
-from gamms.rules.drawing import equipped
-from gamms.rules.visits import tracks_of, visits_of
+from gamms.rules.contacts import tracks_of, visits_of
+from gamms.rules.hooks import with_hooks
 from gamms.text import shown
-from gamms.typing import AgentType
-from gamms.typing.game import Rule
+from gamms.typing import AgentType, NodeId, Rule
 
 _STARTS = "starts of "
 
+Nodes = NodeId | Iterable[NodeId] | str  # a node, several, or "starts of X"
+
 
 class _ItsTeam:
-    """Stands for the team that got there."""
+    """Stands for the team that reached the goal."""
 
     def __repr__(self) -> str:
         return "ITS_TEAM"
@@ -24,28 +27,36 @@ class _ItsTeam:
 ITS_TEAM = _ItsTeam()
 
 
-def reach(team: Any, nodes: Any = None, *, winner: Any = ITS_TEAM, score: float = 0, passing: bool = True) -> Rule:
-    """A rule: the game ends when an agent on the ground gets to where its team wanted to be.
+@overload
+def reach(team: Mapping[Any, Nodes], *, score: float = 0, passing: bool = True) -> Rule: ...
+@overload
+def reach(
+    team: Hashable, nodes: Nodes, *, winner: Hashable = ITS_TEAM, score: float = 0, passing: bool = True
+) -> Rule: ...
+def reach(
+    team: object, nodes: object = None, *, winner: Hashable = ITS_TEAM, score: float = 0, passing: bool = True
+) -> Rule:
+    """Make a rule by which the game ends when an agent on the ground reaches a goal of its team.
 
     The first moment of the turn counts at which one is there: each agent that is there then is an event `reach` with
-    `agent` and `node`, and teams that get there at the same moment draw: there is no winner. See `contacts` for what
-    is when.
+    `agent` and `node`, and teams that get there at the same moment draw: there is no winner. See `contacts` for
+    the moments of a turn.
 
     Args:
-        team: whose agents; or a mapping from teams to what else would be `nodes`, where several compete.
+        team: the team of the agents; or a mapping from teams to their `nodes`, where several compete.
         nodes: a node, several, or the text "starts of X": where the agents of team X began.
-        winner: who wins if it is not the team that got there.
-        score: what each team that got there gets.
+        winner: the winning team, if it is not the one that reached its goal.
+        score: points for each team that reached its goal.
         passing: whether agents get to the nodes that they pass, too; False: only to those where they are at the end of
             the turn, and all that are there are there at once.
 
     Raises:
-        BadType, BadValue: an argument is none of these, or a winner is given for several teams.
-        UnknownName (KeyError): when it is added to a game, a node is none of the map.
+        BadType, BadValue: an argument is not one of these, or a winner is given for several teams.
+        UnknownName (KeyError): when it is added to a game, a node is not on the map.
     """
     given = team if isinstance(team, Mapping) else {as_key(team, "team"): nodes}
     if isinstance(team, Mapping) and nodes is not None:
-        raise BadValue(f"nodes={shown(nodes)} is too much: {shown(team)} says already who is to reach what.")
+        raise BadValue(f"nodes={shown(nodes)} is too much: {shown(team)} says already which team is to reach what.")
     if winner is not ITS_TEAM and len(given) > 1:
         raise BadValue(f"winner={shown(winner)} is for one team, and {list(given)} compete: the first to arrive wins.")
     teams = sorted((as_key(one, "A team") for one in given), key=str)
@@ -54,10 +65,10 @@ def reach(team: Any, nodes: Any = None, *, winner: Any = ITS_TEAM, score: float 
     if not isinstance(passing, bool):
         raise BadType(f"passing must be True or False, not {shown(passing)}.")
 
-    def prepare(ctx: Any) -> None:
+    def prepare(ctx: Context) -> None:
         refuse_unknown(ctx, {node for goal in goals.values() if not isinstance(goal, str) for node in goal})
 
-    def reach(ctx: Any) -> None:
+    def reach(ctx: Context) -> None:
         there = _arrive(ctx, goals, passing=passing)
         for one in there if score else ():
             ctx.game.scores[one] += score
@@ -65,22 +76,22 @@ def reach(team: Any, nodes: Any = None, *, winner: Any = ITS_TEAM, score: float 
             won = (there[0] if winner is ITS_TEAM else winner) if len(there) == 1 else None
             ctx.game.end(f"{' and '.join(map(str, there))} reached the goal", winner=won)
 
-    return equipped(reach, prepare=prepare, teams=list(goals))
+    return with_hooks(reach, prepare=prepare, teams=list(goals))
 
 
 def time_limit(turns: int) -> Rule:
-    """A rule: time is up after so many turns; the team with the highest score wins, if it is one alone.
+    """Make a rule that ends the game after so many turns; the team with the highest score wins, if it is one alone.
 
     Teams are those that agents play for, dead ones included; where there is only one, there is no winner.
 
     Raises:
-        BadType, BadValue: the number is none, or less than 1.
+        BadType, BadValue: the number is not an integer, or less than 1.
     """
     last = as_int(turns, "turns")
     if last < 1:
         raise BadValue(f"turns must be at least 1, not {last}.")
 
-    def time_limit(ctx: Any) -> None:
+    def time_limit(ctx: Context) -> None:
         if ctx.game.turn >= last:
             ctx.game.end("time limit", winner=_leader(ctx), truncated=True)
 
@@ -88,12 +99,12 @@ def time_limit(turns: int) -> Rule:
 
 
 def last_team() -> Rule:
-    """A rule: the game ends when the living agents are of one team, which wins, or of none.
+    """Make a rule that ends the game when the living agents are of one team, which wins, or of none.
 
     Agents of no team (`team=None`) do not count; those in the air do.
     """
 
-    def last_team(ctx: Any) -> None:
+    def last_team(ctx: Context) -> None:
         left = {agent.team for agent in ctx.game.agents if agent.team is not None}
         if len(left) <= 1:
             ctx.game.end("last team", winner=next(iter(left), None))
@@ -101,20 +112,20 @@ def last_team() -> Rule:
     return last_team
 
 
-def on_the_ground(ctx: Any, team: Any) -> list[Any]:
-    """The living agents of a team on the ground, in the order of the names."""
+def on_the_ground(ctx: Context, team: Hashable) -> list[Member]:
+    """Return the living agents of a team on the ground, in the order of the names."""
     return [agent for agent in ctx.game.agents if agent.team == team and agent.type is not AgentType.AERIAL]
 
 
-def refuse_unknown(ctx: Any, nodes: Iterable[int]) -> None:
+def refuse_unknown(ctx: Context, nodes: Iterable[int]) -> None:
     """Raise UnknownName for the first node that the map does not have."""
     for node in sorted(nodes):
         if not ctx.graph.graph.has_node(node):
             raise UnknownName("node", node)
 
 
-def _arrive(ctx: Any, goals: Mapping[Any, frozenset[int] | str], *, passing: bool) -> list[Any]:
-    """The teams of the agents that are the first where their team wanted to be; each agent is an event."""
+def _arrive(ctx: Context, goals: Mapping[Any, frozenset[int] | str], *, passing: bool) -> list[Hashable]:
+    """Return the teams of the agents that are first at a goal of their team; each agent is an event."""
     arrived = []
     for team, goal in goals.items():
         ends = _starts(ctx, goal) if isinstance(goal, str) else goal
@@ -129,29 +140,29 @@ def _arrive(ctx: Any, goals: Mapping[Any, frozenset[int] | str], *, passing: boo
     return list(dict.fromkeys(team for *_, team in first))
 
 
-def _leader(ctx: Any) -> Any:
-    """The team with the highest score; None if there are several, or no other team."""
+def _leader(ctx: Context) -> Hashable:
+    """Return the team with the highest score; None if there are several, or no other team."""
     scores = {team: ctx.game.scores[team] for team in ctx.agent.teams if team is not None}
     best = [team for team, score in scores.items() if score == max(scores.values())]
     return best[0] if len(best) == 1 < len(scores) else None
 
 
-def _as_goal(goal: Any, team: Any) -> frozenset[int] | str:
-    """Nodes, or the text of the team at whose starts the goal is."""
+def _as_goal(goal: object, team: Hashable) -> frozenset[int] | str:
+    """Return nodes, or the text of the team whose starts are the goal."""
     if isinstance(goal, str):
         if not goal.startswith(_STARTS) or goal == _STARTS:
             raise BadValue(
                 f"Team {shown(team)} is to reach {shown(goal)}: give nodes, or a text such as 'starts of blue'."
             )
         return goal.removeprefix(_STARTS)
-    several = isinstance(goal, Iterable)
-    nodes = frozenset(as_int(node, f"A node for team {shown(team)} to reach") for node in (goal if several else [goal]))
+    several = goal if isinstance(goal, Iterable) else [goal]
+    nodes = frozenset(as_int(node, f"A node for team {shown(team)} to reach") for node in several)
     if not nodes:
         raise BadValue(f"Team {shown(team)} needs a node to reach.")
     return nodes
 
 
-def _starts(ctx: Any, team: str) -> set[int]:
-    """Where the agents on the ground of the team of that text began."""
+def _starts(ctx: Context, team: str) -> set[int]:
+    """Return where the agents on the ground of the team of that text began."""
     agents = [agent for one, agents in ctx.agent.teams.items() if str(one) == team for agent in agents]
     return {ctx.game.start_node(agent) for agent in agents if agent.type is not AgentType.AERIAL}

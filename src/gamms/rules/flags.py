@@ -1,80 +1,89 @@
-"""Capture the flag: an agent on a flag of others takes it, and brings it home."""
+"""Capture the flag: an agent takes the flag of another team and brings it home."""
 
-from collections.abc import Iterable, Mapping, Sequence
+from collections.abc import Hashable, Iterable, Mapping, Sequence
 from typing import Any
 
 from gamms import kernels
+from gamms.agent import Member
 from gamms.arguments import as_float, as_int, as_name
+from gamms.context import Context
 from gamms.errors import BadType, BadValue
-from gamms.rules.drawing import equipped
+from gamms.rules.contacts import Visit, tracks_of, visits_of
 from gamms.rules.endings import refuse_unknown
-from gamms.rules.territory import as_territory
-from gamms.rules.visits import Visit, tracks_of, visits_of
+from gamms.rules.hooks import with_hooks
+from gamms.rules.territory import Colors, Territory, as_territory
 from gamms.text import shown
-from gamms.typing import AgentType
-from gamms.typing.game import Rule
+from gamms.typing import AgentType, NodeId, Rule
 from gamms.visual.drawers.rules import FlagsDrawer
 
 
 def capture_flag(
-    flags: Mapping[Any, int],
+    flags: Mapping[Any, NodeId],
     *,
-    territory: Mapping[int, Any] | str | None = None,
+    territory: Territory | str | None = None,
     goal: int | None = 1,
     score: float = 1,
     announce: bool = True,
     key: str = "flags",
-    colors: Mapping[Any, Any] | None = None,
+    colors: Colors | None = None,
     passing: bool = True,
 ) -> Rule:
-    """A rule: agents on the ground take the flags of other teams and bring them home.
+    """Make a rule by which agents on the ground take the flags of other teams and bring them home.
 
     At the beginning of each turn a carrier that is dead, or that was tagged, respawned or eliminated since, drops its
     flag, which is back on its base at once. Then, moment by moment as agents reach nodes on their way (see `contacts`
-    for what is when), in this order: (1) a carrier that comes home has captured its flag, which is back, too; (2) an
-    agent on the base of another team's flag that is there takes it, one flag an agent. Of several one is chosen by lot.
+    for the moments of a turn), in this order: (1) a carrier that comes home has captured its flag, which is back, too;
+    (2) an agent on the base of another team's flag that is there takes it, one flag per agent. Of several one is drawn.
     Agents of no team (`team=None`) take none. Rules that tag should be added before this one.
 
-    Events: `take`, `drop` and `capture`, each with `agent`, `flag` (whose it is) and `node`.
+    Events: `take`, `drop` and `capture`, each with `agent`, `flag` (the team that owns it) and `node`.
 
     Args:
         flags: team -> the node that is the base of its flag. Teams without one may take those of others.
         territory: node -> team, or the name of the fact that has this: home is every node of the carrier's team. None:
             the base of its own flag; where its team has none, any node on which one of its agents began.
         goal: so many captures end the game, and that team wins; two at one moment draw. None: they never end it.
-        score: what the carrier's team gets for a capture.
-        announce: whether strategies are told: `state["facts"][key]` is team -> {"node": base, "carrier": name or
+        score: points for the carrier's team for a capture.
+        announce: whether strategies know: `state["facts"][key]` is team -> {"node": base, "carrier": name or
             None}, as of the end of the last turn.
-        key: under which name the rule keeps in `ctx.game.data` what it remembers: `bases`, `carriers` and `captures` by
-            team. It is drawn as the artist of that name.
+        key: the name of its state in `ctx.game.data`: `bases`, `carriers` and `captures` by team; also the name of
+            the artist that draws it.
         colors: team -> colour of its flag; None: those of the agents where nothing else is declared.
         passing: whether flags are taken and brought home on nodes that are passed, too; False: only where agents are at
             the end of the turn.
 
     Raises:
-        BadType, BadValue: an argument is none of these.
-        UnknownName (KeyError): when it is added to a game, a base is no node of the map.
+        BadType, BadValue: an argument is not one of these.
+        UnknownName (KeyError): when it is added to a game, a base is not a node of the map.
     """
     game = _Flags(flags, territory, goal, score, announce=announce, key=key, passing=passing)
 
-    def capture_flag(ctx: Any) -> None:
+    def capture_flag(ctx: Context) -> None:
         game.play(ctx)
 
-    return equipped(capture_flag, prepare=game.prepare, drawer=FlagsDrawer(game.key, colors))
+    return with_hooks(capture_flag, prepare=game.prepare, drawer=FlagsDrawer(game.key, colors))
 
 
 class _Flags:
-    """The rule itself: what it was made with. What happens in a game is in `ctx.game.data`."""
+    """The arguments of the rule. What happens in a game is in `ctx.game.data`."""
 
     def __init__(
-        self, flags: Any, territory: Any, goal: Any, score: Any, *, announce: Any, key: Any, passing: Any
+        self,
+        flags: object,
+        territory: object,
+        goal: object,
+        score: float,
+        *,
+        announce: bool,
+        key: str,
+        passing: bool,
     ) -> None:
         if not isinstance(flags, Mapping) or not flags:
             raise BadType(f"flags must be a mapping from teams to nodes, not {shown(flags)}.")
         bases = (
             (team, as_int(flags[team], f"The base of the flag of {shown(team)}")) for team in sorted(flags, key=str)
         )
-        self.bases: dict[Any, int] = dict(bases)
+        self.bases: dict[Hashable, int] = dict(bases)
         self.ground = as_territory(territory)
         self.goal = None if goal is None else as_int(goal, "goal")
         if self.goal is not None and self.goal < 1:
@@ -84,23 +93,23 @@ class _Flags:
             if not isinstance(value, bool):
                 raise BadType(f"{name} must be True or False, not {shown(value)}.")
         self.passing = passing
-        self.score, self.announce, self.key = score, announce, as_name(key, "what the rule remembers")
+        self.score, self.announce, self.key = score, announce, as_name(key, "the state of the rule")
 
-    def prepare(self, ctx: Any) -> None:
-        """Look at the map, and tell where the flags are."""
+    def prepare(self, ctx: Context) -> None:
+        """Check the bases against the map, and publish where the flags are."""
         refuse_unknown(ctx, self.bases.values())
-        self._tell(ctx, self._kept(ctx)["carriers"])
+        self._publish(ctx, self._state(ctx)["carriers"])
 
-    def _kept(self, ctx: Any) -> dict[str, Any]:
-        """What is remembered in this game."""
-        begin = {"bases": dict(self.bases), "carriers": dict.fromkeys(self.bases), "captures": {}, "seen": 0}
-        kept: dict[str, Any] = ctx.game.data.setdefault(self.key, begin)
-        return kept
+    def _state(self, ctx: Context) -> dict[str, Any]:
+        """Return the state of the rule in this game."""
+        start = {"bases": dict(self.bases), "carriers": dict.fromkeys(self.bases), "captures": {}, "seen": 0}
+        state: dict[str, Any] = ctx.game.data.setdefault(self.key, start)
+        return state
 
-    def play(self, ctx: Any) -> None:
-        """One turn."""
-        data = self._kept(ctx)
-        carriers: dict[Any, str | None] = data["carriers"]
+    def play(self, ctx: Context) -> None:
+        """Play one turn."""
+        data = self._state(ctx)
+        carriers: dict[Hashable, str | None] = data["carriers"]
         self._drop(ctx, carriers, _stopped(ctx.game.events[data["seen"] :]))
         turn = _Turn(ctx, carriers, self.bases.values(), passing=self.passing)
         for now in turn.moments:
@@ -110,17 +119,17 @@ class _Flags:
             if self._win(ctx, data["captures"]):
                 break
         data["seen"] = len(ctx.game.events)
-        self._tell(ctx, carriers)
+        self._publish(ctx, carriers)
 
-    def _drop(self, ctx: Any, carriers: dict[Any, str | None], stopped: set[str]) -> None:
+    def _drop(self, ctx: Context, carriers: dict[Hashable, str | None], stopped: set[str]) -> None:
         for flag, name in carriers.items():
-            carrier = ctx.agent.agents.get(name)
+            carrier = None if name is None else ctx.agent.agents.get(name)
             if name is not None and (carrier is None or not carrier.alive or name in stopped):
                 node = self.bases[flag] if carrier is None else carrier.current_node_id
                 ctx.game.emit("drop", agent=name, flag=flag, node=node)
                 carriers[flag] = None
 
-    def _capture(self, turn: "_Turn", captures: dict[Any, int]) -> None:
+    def _capture(self, turn: "_Turn", captures: dict[Hashable, int]) -> None:
         ctx = turn.ctx
         for flag, name in turn.carriers.items():
             if name is None:
@@ -134,11 +143,11 @@ class _Flags:
                 captures[carrier.team] = captures.get(carrier.team, 0) + 1
                 turn.carriers[flag] = None
 
-    def _is_home(self, ctx: Any, carrier: Any, node: int) -> bool:
+    def _is_home(self, ctx: Context, carrier: Member, node: int) -> bool:
         team = carrier.team
         if self.ground is not None:
-            whose = self.ground(ctx)
-            return node in whose and bool(whose[node] == team)
+            owners = self.ground(ctx)
+            return node in owners and owners[node] == team
         if team in self.bases:
             return bool(node == self.bases[team])
         own = (agent for agent in ctx.agent.teams[team] if agent.type is not AgentType.AERIAL)
@@ -157,14 +166,14 @@ class _Flags:
                 turn.taken_at[flag] = turn.now
                 ctx.game.emit("take", agent=taker, flag=flag, node=base)
 
-    def _win(self, ctx: Any, captures: Mapping[Any, int]) -> bool:
+    def _win(self, ctx: Context, captures: Mapping[Any, int]) -> bool:
         """End the game if a team has captured enough flags."""
         won = [team for team, number in captures.items() if self.goal is not None and number >= self.goal]
         if won:
             ctx.game.end("flags captured", winner=won[0] if len(won) == 1 else None)
         return bool(won)
 
-    def _tell(self, ctx: Any, carriers: Mapping[Any, str | None]) -> None:
+    def _publish(self, ctx: Context, carriers: Mapping[Any, str | None]) -> None:
         if self.announce:
             flags = {team: {"node": base, "carrier": carriers[team]} for team, base in self.bases.items()}
             if ctx.game.facts.get(self.key) != flags:
@@ -182,12 +191,14 @@ class _Turn:
         taken_at: flag -> the moment at which it was taken in this turn.
     """
 
-    def __init__(self, ctx: Any, carriers: dict[Any, str | None], bases: Iterable[int], *, passing: bool) -> None:
+    def __init__(
+        self, ctx: Context, carriers: dict[Hashable, str | None], bases: Iterable[int], *, passing: bool
+    ) -> None:
         self.ctx, self.carriers, self.now = ctx, carriers, 1.0
-        self.taken_at: dict[Any, float] = {}
+        self.taken_at: dict[Hashable, float] = {}
         agents = [agent for agent in ctx.game.agents if agent.type is not AgentType.AERIAL]
         self._visits: dict[str, Sequence[Visit]] = {}
-        self._at: dict[int, list[tuple[Any, float, float]]] = {base: [] for base in bases}
+        self._at: dict[int, list[tuple[Member, float, float]]] = {base: [] for base in bases}
         for agent, track in zip(agents, tracks_of(ctx, agents, passing=passing), strict=True):
             self._visits[agent.name] = visits = visits_of(track)
             for node, begin, end in visits:
@@ -197,16 +208,16 @@ class _Turn:
         self.moments = sorted({begin for name in involved for _, begin, _ in self._visits.get(name or "", ())})
 
     def reached(self, name: str, after: float) -> list[int]:
-        """The nodes that an agent reaches now, if that is later than some moment."""
+        """Return the nodes that an agent reaches now, if that is later than some moment."""
         return [node for node, begin, _ in self._visits[name] if begin == self.now > after]
 
-    def agents_at(self, base: int) -> list[Any]:
-        """The agents that are on a base now."""
+    def agents_at(self, base: int) -> list[Member]:
+        """Return the agents that are on a base now."""
         return [agent for agent, begin, end in self._at[base] if begin <= self.now <= end]
 
 
 def _stopped(events: list[dict[str, Any]]) -> set[str]:
-    """Who has been tagged, respawned or eliminated."""
+    """Return the names of agents that have been tagged, respawned or eliminated."""
     tagged = {event["other"] for event in events if event["kind"] == "tag" and "other" in event}
     back = {event["agent"] for event in events if event["kind"] in ("respawned", "eliminated")}
     return tagged | back

@@ -1,26 +1,28 @@
-"""Tagging: who meets a tagger goes back to its start, is out, or whatever the game says."""
+"""Tagging: an agent that meets a tagger goes back to its start, is eliminated, or what the game says."""
 
-from collections.abc import Callable, Mapping
-from typing import Any
+from collections.abc import Callable
+from typing import cast
 
+from gamms.agent import Member
 from gamms.arguments import as_float
+from gamms.context import Context
 from gamms.errors import BadType, BadValue, nearest
-from gamms.rules.contacts import Contact, Side, as_nearness, as_side, found, one_to_one
-from gamms.rules.drawing import equipped
-from gamms.rules.territory import as_territory
+from gamms.rules.contacts import Contact, Side, as_nearness, as_test, found, one_to_one
+from gamms.rules.hooks import with_hooks
+from gamms.rules.territory import Territory, as_territory
 from gamms.text import shown
 from gamms.typing.game import Rule
 from gamms.visual.drawers.rules import render_tags
 
-Then = Callable[[Any, Any, Any], Any]  # called with the context, the tagger and who was tagged
-_Tag = tuple[Any, Any, Any]  # tagger, tagged, the node where the latter was
+Then = Callable[[Context, Member, Member], object]  # called with the context, the tagger and the tagged agent
+_Tag = tuple[Member, Member, int]  # tagger, tagged, the node where the latter was
 
 
-def _respawn(ctx: Any, _: Any, tagged: Any) -> None:
+def _respawn(ctx: Context, _: Member, tagged: Member) -> None:
     ctx.game.respawn(tagged)
 
 
-def _eliminate(ctx: Any, _: Any, tagged: Any) -> None:
+def _eliminate(ctx: Context, _: Member, tagged: Member) -> None:
     ctx.game.eliminate(tagged)
 
 
@@ -28,8 +30,8 @@ _THEN: dict[str, Then] = {"respawn": _respawn, "eliminate": _eliminate}
 
 
 def tag(  # noqa: PLR0913 - all that a rule is, in one call
-    taggers: Any,
-    tagged: Any,
+    taggers: Side,
+    tagged: Side,
     *,
     hops: float | None = None,
     metres: float | None = None,
@@ -39,17 +41,17 @@ def tag(  # noqa: PLR0913 - all that a rule is, in one call
     passing: bool = True,
     then: str | Then = "respawn",
     score: float = 1,
-    territory: Mapping[int, Any] | str | None = None,
+    territory: Territory | str | None = None,
     mutual: bool = False,
 ) -> Rule:
-    """A rule: taggers tag those they meet on their way in a turn, one each: the earliest, of these the nearest.
+    """Make a rule by which taggers tag those that they meet in a turn, one each: the earliest, of these the nearest.
 
-    Each agent is in one pair at most, and pairs equally early and near are chosen by lot. All are found before any is
-    moved; then the tags are counted; then those who were tagged are moved. Each tag is an event `tag` with `agent` (the
+    Each agent is in one pair at most, and ties are decided by keyed draws. All pairs are found before any agent is
+    moved; then the tags are counted; then the tagged agents are moved. Each tag is an event `tag` with `agent` (the
     tagger), `other` and `node` (where the other was then, or the node that it had passed last). See `contacts`.
 
     Args:
-        taggers: a team, or a function of an agent that says whether it is meant.
+        taggers: a team, or a function of an agent that says whether it is on that side.
         tagged: likewise.
         hops: tag from so many edges away, as for `contacts`. Without any of these three, on one node, or past each
             other on an edge.
@@ -60,27 +62,27 @@ def tag(  # noqa: PLR0913 - all that a rule is, in one call
         air: whether aerial agents take part.
         passing: whether agents meet on their way, too; False: where they are at the end of the turn.
         then: "respawn" where it began, "eliminate", or a function `(ctx, tagger, tagged)`.
-        score: what the tagger's team gets.
+        score: points for the tagger's team.
         territory: node -> team, or the name of the fact that has this: an agent can be tagged only
             at a node of the tagger's team.
         mutual: the other side tags, too: both agents of a pair are tagged; with a territory the one on the other's.
 
     Raises:
-        BadType, BadValue: an argument is none of these.
+        BadType, BadValue: an argument is not one of these.
     """
     nearness = as_nearness(hops, metres, euclid, crossing=crossing, air=air, passing=passing)
-    sides: tuple[Side, Side] = as_side(taggers), as_side(tagged)
+    sides = as_test(taggers), as_test(tagged)
     follow, points, ground = _as_then(then), as_float(score, "score"), as_territory(territory)
     if not isinstance(mutual, bool):
         raise BadType(f"mutual must be True or False, not {shown(mutual)}.")
 
-    def tag(ctx: Any) -> None:
-        whose = None if ground is None else ground(ctx)
+    def tag(ctx: Context) -> None:
+        owners = None if ground is None else ground(ctx)
 
         def tags_of(contact: Contact) -> list[_Tag]:
             a, b = ctx.agent.get_agent(contact.a), ctx.agent.get_agent(contact.b)
             tags = [(a, b, contact.b_node)] + [(b, a, contact.a_node)] * mutual
-            return [one for one in tags if whose is None or (one[2] in whose and whose[one[2]] == one[0].team)]
+            return [one for one in tags if owners is None or (one[2] in owners and owners[one[2]] == one[0].team)]
 
         tags = {contact: some for contact in found(ctx, *sides, nearness) if (some := tags_of(contact))}
         made = [one for contact in one_to_one(tags) for one in tags[contact]]
@@ -91,10 +93,10 @@ def tag(  # noqa: PLR0913 - all that a rule is, in one call
         for tagger, other, _ in made:
             follow(ctx, tagger, other)
 
-    return equipped(tag, drawer=render_tags, teams=[side for side in (taggers, tagged) if not callable(side)])
+    return with_hooks(tag, drawer=render_tags, teams=[side for side in (taggers, tagged) if not callable(side)])
 
 
-def _as_then(then: Any) -> Then:
+def _as_then(then: object) -> Then:
     if isinstance(then, str):
         if then not in _THEN:
             raise BadValue(
@@ -103,5 +105,4 @@ def _as_then(then: Any) -> Then:
         return _THEN[then]
     if not callable(then):
         raise BadType(f"then must be 'respawn', 'eliminate' or a function (ctx, tagger, tagged), not {shown(then)}.")
-    follow: Then = then
-    return follow
+    return cast("Then", then)

@@ -4,7 +4,7 @@ from collections.abc import Callable, Mapping
 from typing import TYPE_CHECKING, Any, NamedTuple, Protocol
 
 if TYPE_CHECKING:
-    from gamms.typing.context import IContext
+    pass
 
 Track = tuple[tuple[int, ...], tuple[float, ...]]
 """Nodes, and from 0 to 1 when an agent is at each of them; it is at the last one until 1."""
@@ -34,9 +34,10 @@ class IConflicts(Protocol):
     who has to stay; `resolve` is then asked about these alone, and not at all where there are none.
     """
 
-    def resolve(self, moves: Mapping[str, Move], ctx: "IContext") -> set[str]:
-        """Return the names of the agents that must stay where they are.
+    @property
+    def resolve(self) -> Callable[[Mapping[str, Move], Any], set[str]]:
+        """The method `resolve(moves, ctx)`, which returns the names of the agents that must stay where they are.
 
         `moves` are all moves of this turn by name, in the order of the names, stayers included. The answer must not
-        depend on that order, nor on anything but the moves and the context.
+        depend on that order, nor on anything but the moves and the context. For the type of `ctx` see `Rule`.
         """
