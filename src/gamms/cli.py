@@ -90,7 +90,7 @@ def demo(
     film: Annotated[bool, typer.Option("--film/--no-film", help="Whether to film it.")] = True,
 ) -> None:
     """Play capture the flag between two teams on the streets of a city."""
-    from gamms.demo import capture_the_flag, check_ways, report, show
+    from gamms.demo import capture_the_flag, check_ways, report
 
     sides = _parsed_teams(teams)
     with one_sentence():
@@ -98,7 +98,7 @@ def demo(
         map_name = _HELSINKI if map is None else map.name
         with game.build(seed) as ctx:
             check_ways(ctx)
-            show.declare(ctx)
+            report.declare(ctx)
             with ExitStack() as making:
                 recording = making.enter_context(recorded(ctx, out))
                 film_file = making.enter_context(filmed(ctx, out, map_name) if film else nullcontext())

@@ -9,7 +9,7 @@ import pytest
 import gamms
 from gamms import scenario
 from gamms.demo import FILE, Team, capture_the_flag
-from gamms.demo.show import draw_names
+from gamms.demo.report import draw_names
 
 FIVE = (Team("red", 5), Team("blue", 5))
 

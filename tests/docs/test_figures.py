@@ -6,7 +6,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from gamms.visual.backends.pillow import pixels_of
+from gamms.visual.backends.pillow_backend import pixels_of
 
 ROOT = Path(__file__).parents[2]
 SHOWN = ROOT / "docs/figures"

@@ -135,7 +135,7 @@ def test_in_the_fog_others_are_seen_near_the_team_only(game):
 def test_the_fog_dims_what_was_seen_and_darkens_the_rest(game, tmp_path):
     out = tmp_path / "fog.png"
     assert run(game, out, "--fog", "red", "--width", 640, "--height", 200).exit_code == 0
-    pixels = gamms.visual.backends.pillow.pixels_of(out.read_bytes()).astype(int)
+    pixels = gamms.visual.backends.pillow_backend.pixels_of(out.read_bytes()).astype(int)
     for color in ((20, 22, 26), (42, 45, 51), (104, 109, 118), (206, 210, 216)):
         assert (np.abs(pixels - color).max(axis=2) < 12).any(), color
 

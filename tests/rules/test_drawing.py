@@ -7,7 +7,7 @@ import gamms
 from gamms.ir.draw import DrawKind
 from gamms.rules import capture_flag, tag, territory
 from gamms.visual import Artist
-from gamms.visual.artist_group import ArtistGroup
+from gamms.visual.artist import ArtistGroup
 from gamms.visual.default_scene import team_rows
 from gamms.visual.drawers.rules import as_text, in_text
 

@@ -7,7 +7,7 @@ from hypothesis import example, given, settings
 from hypothesis import strategies as st
 
 from gamms import recorder, scenario
-from gamms.demo.match import FILE
+from gamms.demo import FILE
 from gamms.scenario import Scenario, ScenarioError
 
 WALK = "gamms.strategies:random_walk"

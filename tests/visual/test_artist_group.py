@@ -8,12 +8,12 @@ from hypothesis import strategies as st
 import gamms
 from gamms.ir.draw import DrawSpace
 from gamms.visual import Artist
-from gamms.visual.artist_group import ArtistGroup
+from gamms.visual.artist import ArtistGroup
 from gamms.visual.backends.raster import painted
 from gamms.visual.camera import Camera
-from gamms.visual.commands import Commands, Disc
 from gamms.visual.drawers import render_agent
-from gamms.visual.motion import Paths
+from gamms.visual.drawing import Commands, Disc
+from gamms.visual.shown_turn import Paths
 
 COLUMNS = ("kind", "layer", "space", "size", "width", "angle", "color", "offsets", "points")
 

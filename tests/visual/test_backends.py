@@ -10,7 +10,7 @@ from PIL import Image
 from gamms.errors import MissingExtra
 from gamms.testing import check_backend
 from gamms.visual.backends import FORMATS
-from gamms.visual.backends.pillow import pixels_of
+from gamms.visual.backends.pillow_backend import pixels_of
 
 
 @pytest.mark.parametrize("suffix", [".svg", ".png"])

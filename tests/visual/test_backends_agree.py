@@ -10,7 +10,7 @@ import pytest
 import gamms
 from gamms.sensor import SensorType
 from gamms.visual import Engine
-from gamms.visual.backends.pillow import pixels_of, png_file
+from gamms.visual.backends.pillow_backend import pixels_of, png_file
 
 WIDTH, HEIGHT = 640, 360
 PX = 4.0  # per world unit

@@ -14,8 +14,8 @@ from gamms.ir.draw import DrawKind
 from gamms.ir.obstacles import ObstacleColumns
 from gamms.visual.appearance import BY_DAY, BY_NIGHT
 from gamms.visual.backends.coverage import polygons
-from gamms.visual.backends.pillow import pixels_of
-from gamms.visual.drawers.obstacles import footprints
+from gamms.visual.backends.pillow_backend import pixels_of
+from gamms.visual.drawers.graph import footprints
 
 GOLDEN = Path(__file__).parent / "golden" / "buildings.png"
 SQUARE = [(0.0, 0.0), (10.0, 0.0), (10.0, 10.0), (0.0, 10.0)]
@@ -162,7 +162,7 @@ def test_rings_never_share_a_line_and_are_closed_chains(lines):
 
 def test_the_golden_picture(town):
     """Refresh with `GAMMS_REFRESH_GOLDEN=1 pytest tests/visual/test_buildings.py`, and look at it."""
-    from gamms.visual.backends.pillow import png_file
+    from gamms.visual.backends.pillow_backend import png_file
 
     picture = town.visual.frame(320, 160).astype(int)
     if os.environ.get("GAMMS_REFRESH_GOLDEN"):

@@ -4,7 +4,7 @@ import pytest
 
 from gamms.errors import BadType, BadValue
 from gamms.visual import Color, string_to_color
-from gamms.visual.color import rgba
+from gamms.visual.appearance import rgba
 
 
 @pytest.mark.parametrize(

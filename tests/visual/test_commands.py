@@ -7,7 +7,7 @@ from hypothesis import strategies as st
 
 from gamms.errors import BadValue
 from gamms.ir.draw import DrawKind, DrawSpace
-from gamms.visual.commands import Commands
+from gamms.visual.drawing import Commands
 
 numbers = st.floats(-1e6, 1e6)
 points = st.tuples(numbers, numbers)

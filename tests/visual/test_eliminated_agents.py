@@ -10,7 +10,7 @@ from gamms.agent import AgentType
 from gamms.ir.draw import DrawKind
 from gamms.sensor import SensorType
 from gamms.strategies import stay
-from gamms.visual.film import Frames, Source
+from gamms.visual.files import Frames, Source
 
 AGENTS, SENSORS, MARKS = 20, 15, 25  # layers
 

@@ -259,7 +259,7 @@ def test_a_drawer_that_shows_the_turn_alone_is_asked_once_for_it(plain, tmp_path
 
 
 def test_a_scene_shows_what_a_fresh_picture_shows_whatever_the_layers(plain, tmp_path):
-    from gamms.visual.backends.pillow import pixels_of
+    from gamms.visual.backends.pillow_backend import pixels_of
 
     kinds = (ArtistType.STATIC, ArtistType.DYNAMIC)
     for layer in (1, 12, 25, 60):

@@ -9,8 +9,8 @@ from hypothesis import strategies as st
 import gamms
 from gamms.sensor import SensorType
 from gamms.visual.backends import FILMS
-from gamms.visual.backends.tiles import MOST, SIDE, TILE, paste, planes_of, squares
-from gamms.visual.film import Frames, Source
+from gamms.visual.backends.av_backend import MOST, SIDE, TILE, paste, planes_of, squares
+from gamms.visual.files import Frames, Source
 
 SIZE = 420, 260
 

@@ -8,7 +8,7 @@ import pytest
 
 from gamms.errors import BadValue, TooLarge
 from gamms.limits import allowing
-from gamms.visual.backends.pygame import _opened_image
+from gamms.visual.backends.pygame_backend import _opened_image
 
 
 def png(width, height):

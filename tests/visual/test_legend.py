@@ -4,8 +4,8 @@ import numpy as np
 import pytest
 
 from gamms.errors import BadType
+from gamms.visual.appearance import PAPER
 from gamms.visual.camera import Camera
-from gamms.visual.color import PAPER
 from gamms.visual.legend import Legend, Row, Rows
 
 FIRE = Rows("", (Row((200, 0, 0), "fire", "3"),))

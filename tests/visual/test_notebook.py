@@ -10,7 +10,7 @@ import pytest
 
 import gamms
 from gamms import recorder
-from gamms.visual.backends.pillow import pixels_of
+from gamms.visual.backends.pillow_backend import pixels_of
 
 
 def image_in(page):
@@ -40,7 +40,7 @@ def test_a_context_is_a_png_of_what_it_is_now(ctx):
 
 @pytest.mark.parametrize("missing", ["pygame", "PIL"])
 def test_without_pixels_it_is_an_svg(ctx, monkeypatch, missing):
-    from gamms.visual.backends.pygame import load
+    from gamms.visual.backends.pygame_backend import load
 
     load.cache_clear()
     monkeypatch.setitem(sys.modules, missing, None)

@@ -8,10 +8,10 @@ import pytest
 
 from gamms.errors import BadType, BadValue, NotYet, TooLarge
 from gamms.limits import allowing
-from gamms.visual.backends.pillow import pixels_of
+from gamms.visual.appearance import TEAM_COLORS
+from gamms.visual.backends.pillow_backend import pixels_of
 from gamms.visual.camera import fit
-from gamms.visual.color import TEAM_COLORS
-from gamms.visual.commands import Commands
+from gamms.visual.drawing import Commands
 
 SVG = "{http://www.w3.org/2000/svg}"
 

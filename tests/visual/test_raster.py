@@ -12,11 +12,11 @@ from hypothesis import strategies as st
 
 from gamms.errors import BadValue
 from gamms.ir.draw import DrawSpace
-from gamms.visual.backends.pillow import pixels_of, png_file
-from gamms.visual.backends.pygame import Canvas, stamp
+from gamms.visual.backends.pillow_backend import pixels_of, png_file
+from gamms.visual.backends.pygame_backend import Canvas, stamp
 from gamms.visual.backends.raster import painted
 from gamms.visual.camera import Camera
-from gamms.visual.commands import Commands
+from gamms.visual.drawing import Commands
 
 WHITE = (255, 255, 255, 255)
 IN_PIXELS = Camera(100, 50, 0.0, 50.0, 1.0)  # world x, y is pixel x, 50 - y

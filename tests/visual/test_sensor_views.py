@@ -15,7 +15,7 @@ from gamms.ir.sensed import SensorView
 from gamms.sensor import SensorType
 from gamms.typing import ISensor
 from gamms.visual import default_scene, drawers
-from gamms.visual.color import TEAM_COLORS
+from gamms.visual.appearance import TEAM_COLORS
 from gamms.visual.drawers.sensors import cut
 
 GOLDEN = Path(__file__).parent / "golden" / "sensors.svg"

@@ -10,7 +10,7 @@ from gamms.agent import AgentType
 from gamms.ir.draw import DrawKind
 from gamms.sensor import SensorType
 from gamms.strategies import random_walk
-from gamms.visual.clipping import inside
+from gamms.visual.camera import inside
 
 SENSORS = 15
 QUIET = {"level": "CRITICAL"}

@@ -15,7 +15,7 @@ from gamms.errors import BadValue
 from gamms.ir.draw import DrawSpace
 from gamms.visual.backends.svg import svg
 from gamms.visual.camera import Camera, fit
-from gamms.visual.commands import Commands
+from gamms.visual.drawing import Commands
 
 GOLDEN = Path(__file__).parent / "golden" / "tiny.svg"
 WHITE = (255, 255, 255, 255)

@@ -9,7 +9,7 @@ from hypothesis import strategies as st
 
 from gamms.errors import BadType, BadValue, UnknownName
 from gamms.ir.draw import DrawKind
-from gamms.visual.color import DIVERGING, LEVELS, NAMES, levels, table
+from gamms.visual.appearance import DIVERGING, LEVELS, NAMES, levels, table
 from gamms.visual.legend import Bar, Rows
 
 

@@ -1,9 +1,103 @@
-"""The demo: capture the flag between two teams on the streets of a city. A client of clients: it plays a scenario.
+"""The demo: capture the flag between two teams on the streets of a city. It plays a scenario, as any client does.
 
-The game is a file, `data/capture_the_flag.yaml`. Read `match.py` first, which changes it to what was asked for, then
-`strategies.py`. `show.py` draws, `report.py` tells what happened.
+The game is a file, `data/capture_the_flag.yaml`, with other teams or on another map if that is asked for. Read
+`strategies.py` next; `report.py` draws the game and tells what happened in it.
 """
 
-from gamms.demo.match import FILE, Team, capture_the_flag, check_ways
+from math import isfinite
+from pathlib import Path
+from typing import Any, NamedTuple
+
+import numpy as np
+
+from gamms.context import Context
+from gamms.errors import BadValue
+from gamms.ir.graph import GraphColumns
+from gamms.scenario import Scenario, load
 
 __all__ = ["FILE", "Team", "capture_the_flag", "check_ways"]
+
+FILE = Path(__file__).parent.parent / "data" / "capture_the_flag.yaml"
+
+_DEFENDERS = 1  # of five
+_FLAG_AT = 0.12  # how far from either end of the map, as a share of all nodes
+_LEAST_NODES = 50
+_ROOM = 10  # nodes for each agent to start on, if the map has so many
+
+
+class Team(NamedTuple):
+    """A side of the game."""
+
+    name: str
+    size: int
+
+
+def capture_the_flag(teams: tuple[Team, Team], turns: int, map: Path | None = None) -> Scenario:
+    """The game between two teams, on the streets of Helsinki or of a map file.
+
+    Raises:
+        BadValue: the map is too small.
+        ScenarioError: it cannot be read.
+    """
+    raw = load(FILE).to_dict()
+    if map is not None:
+        raw |= {"map": {"file": map.name}, "name": f"{raw['name']} in {map.name}"}
+    raw["rules"][3]["with"]["turns"] = turns
+    sides = dict(zip(raw["teams"], teams, strict=True))
+    raw["teams"] = {side.name: {**raw["teams"][of], **_sized(side)} for of, side in sides.items()}
+    _, tag, flags, _ = (rule["with"] for rule in raw["rules"])
+    nodes = raw["rules"][0]["with"]["nodes"]["with"]
+    tag["taggers"], tag["tagged"] = teams[0].name, teams[1].name
+    for places, key in ((flags, "flags"), (nodes, "bases")):
+        places[key] = {side.name: places[key][of] for of, side in sides.items()}
+    game = Scenario(folder=None if map is None else map.absolute().parent, **raw)
+    if map is not None:
+        game = _on_other_ground(game, teams)
+    return _with_room(game, teams)
+
+
+def check_ways(ctx: Context) -> None:
+    """Look whether the game can be won on this map.
+
+    Raises:
+        BadValue: one flag cannot be reached from the other.
+    """
+    red, blue = (flag["node"] for flag in ctx.game.facts["flags"].values())
+    if not (isfinite(ctx.graph.distance(red, blue)) and isfinite(ctx.graph.distance(blue, red))):
+        raise BadValue("One flag cannot be reached from the other on this map.")
+
+
+def _sized(side: Team) -> dict[str, Any]:
+    strategy = {"function": "gamms.demo.strategies:player", "with": {"defenders": side.size * _DEFENDERS // 5}}
+    return {"count": side.size, "strategy": strategy}
+
+
+def _on_other_ground(game: Scenario, teams: tuple[Team, Team]) -> Scenario:
+    """The flags near the two ends of the map."""
+    columns = game.columns()
+    if len(columns.node_ids) < _LEAST_NODES:
+        raise BadValue(f"The map has {len(columns.node_ids)} nodes; the game needs at least {_LEAST_NODES}.")
+    flags = {side.name: _flag(columns, share) for side, share in zip(teams, (_FLAG_AT, 1.0 - _FLAG_AT), strict=True)}
+    near = {f"teams.{team}.near": node for team, node in flags.items()}
+    bases = {"rules.2.with.flags": flags, "rules.0.with.nodes.with.bases": flags}
+    return game.replace(**near, **bases)
+
+
+def _flag(columns: GraphColumns, share: float) -> int:
+    """The node nearest to the middle of the strip that lies `share` of the way along the longer side of the map."""
+    along = columns.xy[:, int(np.argmax(np.ptp(columns.xy, axis=0)))]
+    low, high = np.quantile(along, (max(share - 0.05, 0.0), min(share + 0.05, 1.0)))
+    strip = np.flatnonzero((along >= low) & (along <= high))
+    middle = np.median(columns.xy[strip], axis=0)
+    return int(columns.node_ids[strip[np.argmin(np.hypot(*(columns.xy[strip] - middle).T))]])
+
+
+def _with_room(game: Scenario, teams: tuple[Team, Team]) -> Scenario:
+    """Wider circles to start in, where teams are large or nodes are few."""
+    xy, changes = game.columns().xy, {}
+    for side in teams:
+        flag = xy[game.columns().node_ids == game.node_at(game.spec.teams[side.name].near)]
+        wanted = np.sort(np.hypot(*(xy - flag).T))[: side.size * _ROOM][-1]
+        if wanted > (game.spec.teams[side.name].within or 0.0):
+            changes[f"teams.{side.name}.within"] = float(wanted)
+    return game.replace(**changes) if changes else game

@@ -1,9 +1,192 @@
-"""Pictures and films of recordings. A client: it replays into a context and draws that as any program would.
+"""Pictures and films of recordings: a client that replays into a context and draws that as any program would.
 
-Read `files.py` first: from a recording to a file. `fog.py` shows only what a team can see.
+`fog.py` shows only what a team can see.
 """
 
-from gamms.rendering.files import RenderOptions, render
-from gamms.rendering.fog import Fog
+import os
+from collections.abc import Callable, Iterator
+from contextlib import ExitStack
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Any
+
+from gamms import recorder, recordings
+from gamms.errors import BadValue, UnknownName
+from gamms.rendering.fog import DARK, Fog
+from gamms.visual.appearance import PAPER
+from gamms.visual.backends import FILMS
+from gamms.visual.drawers.graph import usual_edge
+from gamms.visual.drawing import longer_side
+from gamms.visual.legend import Rows, legend_only
 
 __all__ = ["Fog", "RenderOptions", "render"]
+
+FRAMES_PER_TURN = 5  # a sixth of a second
+_VIEW_M, _VIEW_EDGES = 400.0, 30.0  # around the agent that is followed: on a real map, and on any other
+
+Show = Callable[[str], None]
+
+
+@dataclass(frozen=True)
+class RenderOptions:
+    """How a recording is rendered as a picture or film.
+
+    Attributes:
+        first: the first turn of a film; None: from the beginning.
+        last: its last turn, and the one after which a picture shows the game (0: how it began); None: to the end.
+        follow: the name of an agent to keep in the middle.
+        view: how much of the map is then seen from left to right, map units; None: some hundred metres.
+        fog: a team, by its text: nothing is shown but what its sensors see.
+        width, height: pixels.
+        fps: frames per second.
+        frames_per_turn: of a film.
+        title: a line above the picture.
+    """
+
+    first: int | None = None
+    last: int | None = None
+    follow: str | None = None
+    view: float | None = None
+    fog: str | None = None
+    width: int = 1280
+    height: int = 720
+    fps: float = 30.0
+    frames_per_turn: int = FRAMES_PER_TURN
+    title: str = ""
+
+
+def render(
+    path: str | os.PathLike[str],
+    out: str | os.PathLike[str],
+    options: RenderOptions | None = None,
+    *,
+    map: str | os.PathLike[str] | None = None,
+    show: Show = lambda _: None,
+) -> int:
+    """Make a picture (`.png`, `.svg`) or a film (`.mp4`, `.gif`) of a recording.
+
+    Args:
+        path: of the recording, of any version.
+        out: an existing file is replaced.
+        options: which turns, and how they look.
+        map: of a recording of version 2, which holds none; see `recordings.with_nodes_made_up`.
+        show: called with a line of text as it goes on.
+
+    Returns:
+        The turn that a picture shows, or how many turns are in the film.
+
+    Raises:
+        BadValue: turns that are not there, a format that cannot be written, or a team that cannot see.
+        UnknownName (KeyError): there is no such agent or team.
+        RecordingError (ValueError): the recording is damaged; no file is written.
+        MissingExtra (ImportError): a library is not installed.
+        OSError: a file cannot be read or written.
+    """
+    options, out = options or RenderOptions(), Path(out)
+    total = _checked_turns(path, options)
+    with recordings.context_for(path, map) as ctx:
+        renderer = _Renderer(ctx, options, total, show)
+        make = renderer.film if out.suffix.lower() in FILMS else renderer.picture
+        return make(ctx.record.replay(os.fspath(path)), out)
+
+
+def _checked_turns(path: str | os.PathLike[str], options: RenderOptions) -> int | None:
+    """How many turns a recording has; None for one of version 2, which has to be replayed to know.
+
+    Raises:
+        BadValue: there are no such turns.
+    """
+    first, last = options.first, options.last
+    if (first is not None and first < 1) or (last is not None and last < (first or 0)):
+        raise BadValue(f"Turns are counted from 1 on; there are none from {first or 1} to {last or 'the end'}.")
+    if recordings.version_of(path) < 3:
+        return None
+    with recorder.open(path) as recording:
+        total = recording.turns
+    wanted = max(first or 0, last or 0)
+    if wanted > total:
+        raise BadValue(f"There is no turn {wanted}: {os.fspath(path)!r} has {total} turns.")
+    return total
+
+
+class _Renderer:
+    """A context into which a recording is replayed, and what has to be declared in it."""
+
+    def __init__(self, ctx: Any, options: RenderOptions, total: int | None, show: Show) -> None:
+        self._ctx, self._options, self._total, self._show = ctx, options, total, show
+        self._turn = 0
+        self._fog: Fog | None = None
+
+    def picture(self, records: Iterator[Any], out: Path) -> int:
+        """Save how things stand after the last turn that was asked for."""
+        from gamms.visual import files
+
+        options = self._options
+        files.sheet(files.place(out), options.width, options.height, 96.0)  # fail early
+        self._play(records, options.last)
+        self._begin()
+        self._ctx.visual.save(out, options.width, options.height, title=options.title, background=self._background)
+        return self._turn
+
+    def film(self, records: Iterator[Any], out: Path) -> int:
+        """Film the turns that were asked for."""
+        from gamms.visual.files import film_plan
+
+        options = self._options
+        film_plan(out, options.fps, options.width, options.height, options.frames_per_turn, 1.0)
+        self._play(records, max((options.first or 1) - 1, 0))
+        begun = self._turn
+        size = {"width": options.width, "height": options.height, "frames_per_turn": options.frames_per_turn}
+        with self._ctx.visual.film(out, options.fps, **size, title=options.title, background=self._background):
+            self._play(records, options.last)
+            if self._turn == begun:
+                raise BadValue(f"There is no turn to film: this recording has {self._turn} turns.")
+        return self._turn - begun
+
+    @property
+    def _background(self) -> Any:
+        return PAPER if self._options.fog is None else DARK
+
+    def _play(self, records: Iterator[Any], last: int | None) -> None:
+        """Replay up to and with a turn; the generator stays open for more."""
+        visual = self._ctx.visual
+        with ExitStack() as watching:
+            visual.after_turn.append(self._end_turn)
+            watching.callback(visual.after_turn.remove, self._end_turn)
+            while last is None or self._turn < last:
+                if next(records, None) is None:
+                    return
+            if last == 0:
+                next(records, None)  # the map and the agents come with the first
+
+    def _begin(self) -> None:
+        """Declare what can only be declared once map and agents are there."""
+        ctx, options = self._ctx, self._options
+        ctx.visual.add_artist("turn", {"drawer": legend_only, "layer": 0, "legend": lambda _: Rows(self._words(), ())})
+        if options.fog is not None and self._fog is None:
+            self._fog = Fog(ctx, options.fog)
+        if self._fog is not None:
+            self._fog.look()
+        if options.follow is not None and ctx.visual.followed is None:
+            if options.follow not in ctx.agent.agents:
+                raise UnknownName("agent", options.follow, ctx.agent.agents)
+            ctx.visual.follow(options.follow, _view(ctx) if options.view is None else options.view)
+
+    def _end_turn(self) -> None:
+        """A turn was replayed; it is filmed right after this."""
+        self._turn += 1
+        if self._ctx.visual.is_filming or self._options.fog is not None:
+            self._begin()
+        self._show(f"Turn {self._turn}" if self._total is None else f"Turn {self._turn} of {self._total}")
+
+    def _words(self) -> str:
+        """The turn, as long as that of the last one so that the legend stays where it is."""
+        return f"turn {self._turn}".ljust(len(f"turn {self._total or 0}"))
+
+
+def _view(ctx: Any) -> float:
+    """How much is seen around the agent that is followed, map units: some hundred metres, but no more than there is."""
+    columns = ctx.graph.columns()
+    wanted = _VIEW_EDGES * usual_edge(columns) if columns.crs is None else _VIEW_M
+    widest = longer_side(columns)
+    return min(wanted, widest) or wanted

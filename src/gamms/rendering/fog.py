@@ -14,14 +14,14 @@ from gamms.ir.sensed import SensorView
 from gamms.text import shown
 from gamms.typing import SensorType
 from gamms.visual import Artist
-from gamms.visual.clipping import inside
-from gamms.visual.color import Rgb, group_colors
+from gamms.visual.appearance import Rgb, group_colors
+from gamms.visual.camera import inside
+from gamms.visual.constants import Layer
 from gamms.visual.default_scene import MOST_SENSORS, artists_of_sights, sight_radius
 from gamms.visual.drawers.graph import one_way_each, polylines, usual_edge
 from gamms.visual.drawers.rules import flags_in, render_flags, render_tags, territories_in
 from gamms.visual.drawing import drawing_of
-from gamms.visual.layers import Layer
-from gamms.visual.sights import Sight
+from gamms.visual.shown_turn import Sight
 
 DARK: Rgb = (20, 22, 26)
 _SHADES: tuple[Rgb, ...] = ((42, 45, 51), (104, 109, 118), (206, 210, 216))  # never seen, seen, seen now

@@ -7,7 +7,7 @@ from xml.etree import ElementTree as ET
 from gamms.ir.draw import DrawCommands
 from gamms.visual.backends import Backend
 from gamms.visual.camera import Camera
-from gamms.visual.commands import Commands
+from gamms.visual.drawing import Commands
 
 _CAMERA = Camera(200, 100, 0.0, 100.0, 1.0)  # the world point (x, y) is pixel (x, 100 - y)
 _PAPER = (255, 255, 255, 255)
@@ -219,7 +219,7 @@ def _check_distance(backend: Backend) -> None:
 
 
 def _pixels(picture: bytes) -> Any:
-    from gamms.visual.backends.pillow import pixels_of
+    from gamms.visual.backends.pillow_backend import pixels_of
 
     return pixels_of(picture)
 

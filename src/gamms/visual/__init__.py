@@ -1,10 +1,12 @@
 """The visual engines: what a scenario looks like, and pictures, films and windows of it.
 
-An engine (`engine.py`, read it first) is a front for parts: `drawing.py` has the primitives, which collect draw
-commands (`commands.py`); `artists.py` keeps the artists (`artist.py`) that were declared, and `default_scene.py` those
-of a scenario that declares none; `camera.py` says where pictures look; `pictures.py` saves them. Drawers (`drawers/`)
-say what a thing looks like, backends (`backends/`) turn draw commands into files, and `window/` shows them on a screen.
-Values become colours in `values.py`, and `legend.py` explains them. `compat.py` has names of 1.0.0's window.
+An engine (`engine.py`, read it first) is a facade of parts: `drawing.py` has the primitives, which collect draw
+commands; `artists.py` keeps the artists (`artist.py`) that were declared, and `default_scene.py` those of a scenario
+that declares none; `camera.py` says where pictures look; `pictures.py` saves them by way of `files.py`. Drawers
+(`drawers/`) say what a thing looks like, with what `shown_turn.py` knows of the turn; backends (`backends/`) turn draw
+commands into files; `scene.py` paints frames of films and of the window (`window/`) fast. Colours are in
+`appearance.py`, legends and values in `legend.py`, drawings of recordings in `recorded_drawings.py`, and names of
+1.0.0's window in `compat.py`.
 May import: `gamms.typing`, `gamms.kernels`, `gamms.ir`, `gamms.plugins`, `gamms.arguments`, `gamms.errors`.
 To extend: something to draw is one function in `drawers/`; a way to show it is one file in `backends/` and
 one line in its `__init__`. Drawing only reads the scenario; it never changes it.
@@ -14,9 +16,8 @@ from importlib import import_module
 from typing import Any
 
 from gamms.visual import notebook
-from gamms.visual.appearance import AgentData, Circle, GraphData, Rectangle
+from gamms.visual.appearance import AgentData, Circle, Color, GraphData, Rectangle, string_to_color
 from gamms.visual.artist import Artist, RenderMode
-from gamms.visual.color import Color, string_to_color
 from gamms.visual.constants import (
     CACHE_ZOOM_MAX,
     SHORT_EDGE_PIXEL_THRESHOLD,

@@ -1,10 +1,184 @@
-"""What the built-in drawers find in an artist's `data`."""
+"""How things look: colours, and the data of the built-in drawers."""
 
+from collections.abc import Callable, Iterable
 from dataclasses import dataclass, field
+from functools import lru_cache
 from typing import Any, NamedTuple
 
-from gamms.typing import ColorType
-from gamms.visual.color import Color, Rgb
+import numpy as np
+
+from gamms.arguments import as_float
+from gamms.errors import BadType, BadValue, UnknownName, nearest
+from gamms.ir.graph import FloatArray, IntArray
+from gamms.text import shown
+from gamms.typing import ColorType, IContext
+
+Rgb = tuple[int, int, int]
+Rgba = tuple[int, int, int, int]
+
+
+class Color:
+    """Colours by name, as RGB."""
+
+    White = (255, 255, 255)
+    Black = (0, 0, 0)
+    Red = (255, 0, 0)
+    Green = (0, 255, 0)
+    LightGreen = (144, 238, 144)
+    Blue = (0, 0, 255)
+    Yellow = (255, 255, 0)
+    Cyan = (0, 255, 255)
+    Magenta = (255, 0, 255)
+    Gray = (169, 169, 169)
+    LightGray = (211, 211, 211)
+    DarkGray = (128, 128, 128)
+    Brown = (210, 105, 30)
+    Purple = (128, 0, 128)
+
+
+PAPER: Rgb = (252, 252, 250)  # behind every picture
+
+# Okabe and Ito's palette: distinct for colour-blind readers too.
+TEAM_COLORS: tuple[Rgb, ...] = (
+    (0, 114, 178),
+    (213, 94, 0),
+    (0, 158, 115),
+    (204, 121, 167),
+    (230, 159, 0),
+    (86, 180, 233),
+)
+
+_NAMED_TEAMS = {"blue": 0, "red": 1, "green": 2, "pink": 3, "purple": 3, "orange": 4, "yellow": 4, "cyan": 5}
+
+
+def team_colors(teams: Iterable[Any]) -> dict[str, Rgb]:
+    """A colour for each team, by its text: its own where it is named after one, else the next that is left.
+
+    Args:
+        teams: in the order in which they choose; a team may be anything.
+    """
+    names = dict.fromkeys(map(str, teams))
+    own = {name: _NAMED_TEAMS[name.lower()] for name in names if name.lower() in _NAMED_TEAMS}
+    left = [place for place in range(len(TEAM_COLORS)) if place not in own.values()] or list(range(len(TEAM_COLORS)))
+    others = [name for name in names if name not in own]
+    places = own | {name: left[i % len(left)] for i, name in enumerate(others)}
+    return {name: TEAM_COLORS[places[name]] for name in names}
+
+
+def inks(background: Rgba) -> tuple[Rgb, Rgb]:
+    """Two greys for words on a background: one that is easy to read, and a fainter one."""
+    if sum(background[:3]) < 3 * 128:
+        return (222, 224, 228), (150, 154, 160)
+    return (51, 51, 51), (119, 119, 119)
+
+
+_NAMES: dict[str, Rgb] = {
+    "orange": (255, 165, 0),
+    "pink": (255, 192, 203),
+    **{name.lower(): value for name, value in vars(Color).items() if isinstance(value, tuple)},
+}
+_NAMES |= {name.replace("gray", "grey"): value for name, value in _NAMES.items() if "gray" in name}
+
+
+def string_to_color(text: str) -> Rgb:
+    """The colour called `text`: a name in any case, or `#rrggbb`.
+
+    Raises:
+        BadValue (ValueError): no such colour.
+    """
+    name = text.strip().lower()
+    if name in _NAMES:
+        return _NAMES[name]
+    try:
+        red, green, blue = bytes.fromhex(name.removeprefix("#"))
+    except ValueError:
+        raise BadValue(f"Unknown color {shown(text)}; give a name or '#rrggbb'.{nearest(name, _NAMES)}") from None
+    return red, green, blue
+
+
+def rgba(color: Any) -> Rgba:
+    """RGB, RGBA, a name or `#rrggbb` as four integers, clipped to 0-255.
+
+    Raises:
+        BadType: not a colour.
+        BadValue: not three or four finite numbers, or an unknown name.
+    """
+    try:
+        return _rgba(color)
+    except TypeError:  # a list or an array, which cannot be looked up, or no colour at all
+        return _rgba.__wrapped__(color)
+
+
+@lru_cache(maxsize=1024)
+def _rgba(color: Any) -> Rgba:
+    if isinstance(color, str):
+        return (*string_to_color(color), 255)
+    try:
+        values = [as_float(value, "A color's component") for value in color]
+    except TypeError as error:
+        raise BadType(
+            f"A color is (red, green, blue) or (red, green, blue, alpha), not {shown(color)}: {error}"
+        ) from None
+    if len(values) not in (3, 4):
+        raise BadValue(f"A color has three or four components, not {len(values)}: {shown(color)}.")
+    red, green, blue, alpha = (min(255, max(0, round(value))) for value in [*values, 255.0][:4])
+    return red, green, blue, alpha
+
+
+LEVELS = 256
+DIVERGING = "diverging"
+
+Colorize = Callable[[float], Any]
+
+_TABLES = {
+    "viridis": "440154 482576 414487 35608d 2a788e 21908d 22a884 43bf71 7ad151 bbdf27 fde725",
+    "magma": "000004 140e36 3b0f70 641a80 8c2981 b73779 de4968 f7705c fe9f6d fecf92 fcfdbf",
+    "cividis": "00224e 123570 3b496c 575d6d 707173 8a8678 a59c74 c3b369 e1cc55 fee838",
+    DIVERGING: "124376 2963a2 4b85c7 77a9e3 a9cdf7 f0eeec ebc09a d39760 b4712d 904f00 673300",
+}
+NAMES = tuple(_TABLES)
+
+
+def table(name: Any) -> tuple[Rgb, ...]:
+    """The colours of a map from low to high, LEVELS of them.
+
+    Raises:
+        UnknownName (KeyError): there is no such map.
+    """
+    if not isinstance(name, str) or name not in _TABLES:
+        raise UnknownName("colour map", name, _TABLES)
+    known = np.array([list(bytes.fromhex(color)) for color in _TABLES[name].split()], float)
+    places = np.linspace(0.0, len(known) - 1.0, LEVELS)
+    mixed = np.column_stack([np.interp(places, np.arange(len(known)), part) for part in known.T])
+    return tuple((red, green, blue) for red, green, blue in np.rint(mixed).astype(int).tolist())
+
+
+def levels(values: FloatArray, low: float, high: float) -> IntArray:
+    """The level (values,) of each value, 0 to LEVELS - 1; what lies outside has that of the nearer end."""
+    if high <= low:
+        return np.full(len(values), LEVELS // 2, np.int64)
+    share = (np.clip(values, low, high) - low) / (high - low)
+    return np.rint(share * (LEVELS - 1)).astype(np.int64)
+
+
+def colorized(colorize: Colorize, values: FloatArray) -> tuple[list[Rgb], IntArray]:
+    """What a caller's function makes of values: its different colours, and the place of each value's among them."""
+    distinct, places = np.unique(values, return_inverse=True)
+    named = [rgba(colorize(value))[:3] for value in distinct.tolist()]
+    colors = list(dict.fromkeys(named))
+    place_of = {color: place for place, color in enumerate(colors)}
+    return colors, np.array([place_of[color] for color in named], np.int64)[places]
+
+
+def color_group(agent: Any) -> Any:
+    """Return the team of an agent, or its name if it has none: agents of one group have one colour."""
+    team = getattr(agent, "team", None)
+    return agent.name if team is None else team
+
+
+def group_colors(ctx: IContext, more: Iterable[Any] = ()) -> dict[str, Rgb]:
+    """Return a colour for each group of agents, and for more teams, by text; the same in every picture of a game."""
+    return team_colors([*map(color_group, ctx.agent.create_iter()), *more])
 
 
 @dataclass

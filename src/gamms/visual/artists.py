@@ -10,10 +10,9 @@ from gamms.errors import BadType, BadValue, ContextTerminated
 from gamms.text import shown
 from gamms.typing import ArtistType, IArtist, IContext
 from gamms.typing.artist import Drawer
-from gamms.visual.appearance import AgentData, Circle, GraphData, Rectangle
+from gamms.visual.appearance import AgentData, Circle, Colorize, GraphData, Rectangle
 from gamms.visual.artist import Artist, looks_of
-from gamms.visual.color import Colorize
-from gamms.visual.constants import Shape
+from gamms.visual.constants import Layer, Shape
 from gamms.visual.drawers import (
     render_agent,
     render_circle,
@@ -24,9 +23,8 @@ from gamms.visual.drawers import (
     render_sensor,
 )
 from gamms.visual.drawers.rules import FlagsDrawer, TerritoryDrawer, render_eliminated, render_tags
-from gamms.visual.layers import Layer
-from gamms.visual.motion import TurnEvents
 from gamms.visual.recorded_drawings import RecordedDrawer, RecordedDrawings
+from gamms.visual.shown_turn import TurnEvents
 
 if TYPE_CHECKING:
     from gamms.visual.default_scene import DefaultScene
@@ -246,8 +244,8 @@ class Artists(Guarded):
             UnknownName (KeyError): no such node, edge or colour map.
             BadType, BadValue: no mapping to numbers, both nodes and edges, or `vmin` not below `vmax`.
         """
-        from gamms.visual import values
         from gamms.visual.drawers.graph import render_values
+        from gamms.visual.legend import checked
 
         as_name(name, "values")
         if nodes is not None and edges is not None:
@@ -264,7 +262,7 @@ class Artists(Guarded):
         of, known = ("edges", columns.edge_ids) if nodes is None else ("nodes", columns.node_ids)
         artist = Artist(self._ctx, render_values, Layer.VALUES)
         title = "" if name == "values" else name
-        shown = values.checked(of, given, known, cmap, (vmin, vmax), title)
+        shown = checked(of, given, known, cmap, (vmin, vmax), title)
         artist.data = {"values": shown, "legend": shown.legend}
         self.declared[name] = artist
         return artist

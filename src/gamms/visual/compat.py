@@ -9,13 +9,11 @@ from gamms.arguments import as_float
 from gamms.ir.graph import FloatArray
 from gamms.typing import ArtistType, IArtist, IContext
 from gamms.visual.artists import Artists
-from gamms.visual.backends.pygame import load
-from gamms.visual.clipping import clipped, inside
+from gamms.visual.backends.pygame_backend import load
+from gamms.visual.camera import Point, WindowCamera, clipped, inside
 from gamms.visual.drawing import Drawing
-from gamms.visual.window.camera import Point, WindowCamera
-from gamms.visual.window.display import window_surface
+from gamms.visual.window.display import Pace, window_surface
 from gamms.visual.window.input import Question
-from gamms.visual.window.pacing import Pace
 
 _HALF_WIDTH = 15.0  # world units, of a camera that was not pointed anywhere
 

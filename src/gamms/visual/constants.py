@@ -1,6 +1,6 @@
-"""The words of the room: engines, spaces, shapes, and the sizes below which the window leaves things out."""
+"""The words of drawing: engines, spaces, shapes and layers, and the sizes below which the window leaves things out."""
 
-from enum import Enum
+from enum import Enum, IntEnum
 
 SHORT_EDGE_PIXEL_THRESHOLD = 3.0
 SKIP_EDGE_PIXEL_THRESHOLD = 1.0
@@ -29,3 +29,21 @@ class Shape(Enum):
 
     Circle = 1
     Rectangle = 2
+
+
+class Layer(IntEnum):
+    """From the ground up; artists of the caller's own may use any number between."""
+
+    OBSTACLES = 5
+    GRAPH = 10
+    TERRITORIES = 12
+    VALUES = 13
+    TRAILS = 14
+    SEEN = 15  # what sensors see in the default scene
+    AGENTS = 20
+    FLAGS = 22
+    TAGS = 25
+    ARTISTS = 30  # without a layer of their own
+    WINDOW_SENSORS = 30  # declared sensors in a window, as in 1.0.0
+    SENSORS = 40
+    OPTIONS = 50  # of a person who is asked for a move

@@ -15,9 +15,9 @@ from gamms.ir.graph import GraphColumns
 from gamms.ir.sensed import SensorView
 from gamms.typing import ArtistType, IArtist, IContext
 from gamms.typing.artist import Drawer
-from gamms.visual.appearance import BY_DAY, AgentData, GraphData, WallTones
+from gamms.visual.appearance import BY_DAY, AgentData, GraphData, Rgb, WallTones, color_group, group_colors
 from gamms.visual.artist import Artist
-from gamms.visual.color import Rgb, color_group, group_colors
+from gamms.visual.constants import Layer
 from gamms.visual.drawers import render_agent, render_graph, render_obstacles, render_sensor
 from gamms.visual.drawers.graph import usual
 from gamms.visual.drawers.rules import (
@@ -29,9 +29,8 @@ from gamms.visual.drawers.rules import (
 )
 from gamms.visual.drawers.sensors import render_rings, render_sight
 from gamms.visual.drawing import drawing_of
-from gamms.visual.layers import Layer
 from gamms.visual.legend import Row, Rows, legend_only
-from gamms.visual.sights import Sight, says_something
+from gamms.visual.shown_turn import Sight, says_something
 
 MOST_SENSORS = 20  # more of them would hide what happens
 _NOBODYS = (110, 114, 120)

@@ -1,26 +1,254 @@
-"""The drawing primitives: each appends to the open command list, and does nothing while none is open."""
+"""Draw commands and the primitives that add to them."""
 # ruff: noqa: ARG002 - published signatures; culling and smoothing are the backend's business
 
 import os
-from collections.abc import Callable, Sequence
-from typing import TYPE_CHECKING, Any, TypeVar, cast
+from array import array
+from collections.abc import Callable, Mapping, Sequence
+from dataclasses import replace
+from typing import Any, NamedTuple, TypeVar, cast
 
 import numpy as np
 
-from gamms.arguments import as_float
+from gamms.arguments import as_float, as_range
 from gamms.errors import BadType, BadValue
-from gamms.ir.draw import DrawCommands, DrawSpace
-from gamms.ir.graph import GraphColumns, IntArray
+from gamms.ir.draw import FARTHEST, DrawCommands, DrawKind, DrawSpace
+from gamms.ir.graph import FloatArray, GraphColumns, IntArray
 from gamms.text import shown
 from gamms.typing import ColorType, IContext
-from gamms.visual.appearance import BY_DAY, WallTones
+from gamms.visual.appearance import BY_DAY, Color, WallTones, rgba
 from gamms.visual.camera import Viewpoint
-from gamms.visual.color import Color
-from gamms.visual.motion import Motion, TurnEvents
-from gamms.visual.sights import Carriers
+from gamms.visual.shown_turn import Carriers, Motion, TurnEvents
 
-if TYPE_CHECKING:
-    from gamms.visual.commands import Commands, Disc
+_ONE = array("q", (1,))  # point, of as many commands as it is repeated
+_CIRCLES = 4  # that make a disc: two edges and two areas, in world units and in pixels
+_COLUMNS = {"kind": "q", "layer": "q", "space": "q", "size": "d", "width": "d", "angle": "d"}  # and their type codes
+
+
+class Disc(NamedTuple):
+    """The look of a disc with an edge: `radius` in world units, but at least some pixels."""
+
+    radius: float
+    at_least_px: float
+    color: Any
+    edge: Any
+    edge_px: float = 3.0  # half of it is hidden
+
+
+class Commands:
+    """An open list of draw commands; what is added is painted on `layer`, above what was added before."""
+
+    def __init__(self) -> None:
+        self.layer = 0
+        self._columns = {name: array(code) for name, code in _COLUMNS.items()}
+        self._color, self._text = bytearray(), list[str]()
+        self._points: list[FloatArray] = []
+        self._counts = array("q")  # of points, of each command
+
+    def add_circles(
+        self, centers: Any, radius: float, color: Any, width: float = 0.0, space: DrawSpace = DrawSpace.WORLD
+    ) -> None:
+        """Draw equal circles around `centers` (circles, 2); `radius` in the unit of `space`, `width` px."""
+        points = _as_points(centers)
+        self._add(DrawKind.CIRCLE, points, _ONE * len(points), color, space=space, size=radius, width=width)
+
+    def add_discs(self, centers: Any, discs: Sequence[Disc], looks: IntArray) -> None:
+        """Draw discs around `centers` (discs, 2), each above those before it; `looks` (discs,) are rows of `discs`."""
+        points, n = np.repeat(_as_points(centers), _CIRCLES, axis=0), _CIRCLES * len(looks)
+        sizes, widths, inks = [], [], []
+        for disc in discs:
+            radius, least = _as_extent(disc.radius, "size"), _as_extent(disc.at_least_px, "size")
+            edge_px, edge, ink = _as_extent(disc.edge_px, "width"), rgba(disc.edge), rgba(disc.color)
+            # Both edges come first, so that the larger disc hides the edge of the smaller.
+            sizes.append((radius, least, radius, least))
+            widths.append((edge_px, edge_px, 0.0, 0.0))
+            inks.append((edge, edge, ink, ink))
+        spaces = np.tile(np.array((DrawSpace.WORLD, DrawSpace.SCREEN), np.int64), n // 2)
+        size, width = (np.array(column, np.float64)[looks] for column in (sizes, widths))
+        values = {"kind": DrawKind.CIRCLE, "layer": self.layer, "space": spaces, "size": size, "width": width}
+        self._append(n, values | {"angle": 0.0}, np.array(inks, np.uint8)[looks].tobytes(), "")
+        self._points.append(points)
+        self._counts.extend(_ONE * n)
+
+    def add_lines(
+        self, points: Any, offsets: Any, color: Any, width: float = 1.0, space: DrawSpace = DrawSpace.SCREEN
+    ) -> None:
+        """Draw polylines of one style; line `i` is `points[offsets[i]:offsets[i + 1]]`.
+
+        `width` is in the unit of `space`.
+
+        Raises:
+            BadValue: a line of fewer than two points, or offsets that do not divide the points.
+        """
+        points, counts = _as_points(points), np.diff(offsets)
+        if len(offsets) == 0 or offsets[0] != 0 or offsets[-1] != len(points) or (counts < 2).any():
+            raise BadValue("Each line needs two points or more, and the offsets must go from 0 to their number.")
+        self._add(DrawKind.LINE, points, counts, color, space=space, width=width)
+
+    def add_line(self, points: Any, color: Any, width: float = 1.0) -> None:
+        """Draw one polyline; `width` in pixels."""
+        self.add_lines(points, (0, len(points)), color, width)
+
+    def add_polygon(self, points: Any, color: Any, width: float = 0.0) -> None:
+        """Draw a polygon; `width` of its outline in pixels, 0 = filled."""
+        points = _as_points(points)
+        if len(points) < 3:
+            raise BadValue(f"A polygon needs three points or more, not {len(points)}.")
+        self._add(DrawKind.POLYGON, points, [len(points)], color, width=width)
+
+    def add_polygons(self, points: Any, offsets: Any, color: Any, width: float = 0.0) -> None:
+        """Draw polygons of one style; polygon `i` is `points[offsets[i]:offsets[i + 1]]`.
+
+        Raises:
+            BadValue: a polygon of fewer than three points, or offsets that do not divide the points.
+        """
+        points, counts = _as_points(points), np.diff(offsets)
+        if len(offsets) == 0 or offsets[0] != 0 or offsets[-1] != len(points) or (counts < 3).any():
+            raise BadValue("Each polygon needs three points or more, and the offsets must go from 0 to their number.")
+        self._add(DrawKind.POLYGON, points, counts, color, width=width)
+
+    def add_rectangle(self, x: float, y: float, width: float, height: float, color: Any) -> None:
+        """Fill a rectangle whose top-left corner is at (x, y); `width` and `height` in pixels."""
+        extent = as_range(width, "The width of a rectangle"), as_range(height, "The height of a rectangle")
+        self._add(DrawKind.RECTANGLE, _as_points([(x, y), extent]), [2], color, space=DrawSpace.SCREEN)
+
+    def add_text(self, text: str, x: float, y: float, color: Any, font_px: float) -> None:
+        """Write `text` with its top-left corner at (x, y)."""
+        self._add(
+            DrawKind.TEXT,
+            _as_points([(x, y)]),
+            [1],
+            color,
+            space=DrawSpace.SCREEN,
+            size=font_px,
+            text=str(text),
+        )
+
+    def add_image(self, path: str, x: float, y: float, half_side: float, angle: float = 0.0) -> None:
+        """Draw an image file around (x, y), turned counter-clockwise by `angle` degrees."""
+        points = _as_points([(x, y)])
+        self._add(DrawKind.IMAGE, points, [1], (0, 0, 0), size=half_side, angle=as_float(angle, "angle"), text=path)
+
+    def add_commands(self, commands: DrawCommands) -> None:
+        """Draw commands again, all of them on the present layer."""
+        values = {name: getattr(commands, name) for name in _COLUMNS} | {"layer": self.layer}
+        self._append(len(commands), values, commands.color.tobytes(), "")
+        self._text[len(self._text) - len(commands) :] = commands.text
+        self._points.append(commands.points)
+        self._counts.frombytes(np.diff(commands.offsets).tobytes())
+
+    def _add(  # noqa: PLR0913 - one argument per column
+        self,
+        kind: DrawKind,
+        points: FloatArray,
+        counts: Sequence[int] | IntArray,
+        color: Any,
+        *,
+        space: DrawSpace = DrawSpace.WORLD,
+        size: float = 0.0,
+        width: float = 0.0,
+        angle: float = 0.0,
+        text: str = "",
+    ) -> None:
+        size, width = _as_extent(size, "size"), _as_extent(width, "width")
+        values = {"kind": kind, "layer": self.layer, "space": space, "size": size, "width": width, "angle": angle}
+        self._append(len(counts), values, bytes(rgba(color)) * len(counts), text)
+        self._points.append(points)
+        if isinstance(counts, np.ndarray):
+            self._counts.frombytes(counts.astype(np.int64).tobytes())
+        else:
+            self._counts.extend(counts)
+
+    def _append(self, commands: int, values: Mapping[str, Any], color: bytes, text: str) -> None:
+        """Append a value for all commands, or an array with one for each, to every column."""
+        for name, column in self._columns.items():
+            value = values[name]
+            if isinstance(value, np.ndarray):
+                column.frombytes(value.tobytes())
+            elif commands == 1:
+                column.append(value)
+            else:
+                column.extend(array(column.typecode, (value,)) * commands)
+        self._color += color
+        self._text += [text] * commands
+
+    def freeze(self) -> DrawCommands:
+        """Everything added so far, as read-only columns."""
+        columns = {name: _read_only(np.array(column)) for name, column in self._columns.items()}
+        return DrawCommands(
+            **columns,
+            color=_read_only(np.array(self._color, np.uint8).reshape(-1, 4)),
+            offsets=_read_only(np.concatenate(([0], np.cumsum(np.array(self._counts, np.int64))))),
+            points=_read_only(np.concatenate([np.empty((0, 2)), *self._points])),
+            text=tuple(self._text),
+        )
+
+
+def joined(below: DrawCommands, above: DrawCommands) -> DrawCommands:
+    """Both, the second on the highest layer of all."""
+    if len(above) == 0:
+        return below
+    top = max(int(below.layer.max(initial=0)), int(above.layer.max(initial=0)))
+    arrays = {
+        name: np.concatenate([getattr(below, name), getattr(above, name)])
+        for name in ("kind", "space", "size", "width", "angle", "color", "points")
+    }
+    return DrawCommands(
+        layer=np.concatenate([below.layer, np.full(len(above), top)]),
+        offsets=np.concatenate([below.offsets, below.offsets[-1] + above.offsets[1:]]),
+        text=(*below.text, *above.text),
+        **arrays,
+    )
+
+
+def magnified(commands: DrawCommands, factor: float) -> DrawCommands:
+    """The same with everything that is measured in pixels so many times as large."""
+    if factor == 1.0:
+        return commands
+    in_pixels, points = commands.space == DrawSpace.SCREEN, commands.points.copy()
+    extents = commands.offsets[:-1][in_pixels & (commands.kind == DrawKind.RECTANGLE)] + 1
+    points[extents] *= factor
+    width_in_pixels = in_pixels | (commands.kind != DrawKind.LINE)  # outlines always are
+    return replace(
+        commands,
+        size=commands.size * np.where(in_pixels, factor, 1.0),
+        width=commands.width * np.where(width_in_pixels, factor, 1.0),
+        points=points,
+    )
+
+
+def _as_points(points: Sequence[Any] | FloatArray) -> FloatArray:
+    try:
+        # A copy: the caller may go on using his array.
+        array = np.array(points, dtype=np.float64)
+    except (TypeError, ValueError) as error:
+        raise BadValue(f"Points are (x, y) pairs of numbers, not {shown(points)}: {error}") from None
+    if array.size == 0:
+        return np.empty((0, 2))
+    if array.ndim != 2 or array.shape[1] != 2:
+        raise BadValue(f"Points are (x, y) pairs, not an array of shape {array.shape}.")
+    if not np.abs(array).max() <= FARTHEST:  # nor NaN
+        raise BadValue(f"A point is not finite or farther away than {FARTHEST:g}: {_first_bad(array)}.")
+    return array
+
+
+def _first_bad(points: FloatArray) -> tuple[float, float]:
+    x, y = points[~(np.abs(points) <= FARTHEST).all(axis=1)][0].tolist()
+    return x, y
+
+
+def _as_extent(value: Any, name: str) -> float:
+    if type(value) is float and 0.0 <= value <= FARTHEST:
+        return value
+    number = as_range(value, name)
+    if number > FARTHEST:
+        raise BadValue(f"{name} must be at most {FARTHEST:g}, not {number}.")
+    return number
+
+
+def _read_only(array: "np.ndarray[Any, Any]") -> "np.ndarray[Any, Any]":
+    array.setflags(write=False)
+    return array
+
 
 Measured = TypeVar("Measured")
 
@@ -54,8 +282,6 @@ class Drawing:
 
     def record(self, draw: "Callable[[Commands], None]") -> DrawCommands:
         """Return what is drawn while a function runs, as draw commands."""
-        from gamms.visual.commands import Commands
-
         outer, self.commands = self.commands, Commands()
         try:
             draw(self.commands)
@@ -248,8 +474,6 @@ class Drawing:
     ) -> None:
         """Fill many equal discs with a thin edge; `radius` in world units, but never less than some pixels."""
         if self.commands is not None:
-            from gamms.visual.commands import Disc
-
             self.render_all_discs(centers, [Disc(radius, at_least_px, color, edge)], np.zeros(len(centers), np.int64))
 
     def render_all_discs(self, centers: Any, discs: "Sequence[Disc]", looks: IntArray) -> None:

@@ -14,13 +14,13 @@ from gamms.deciding import Guarded, Protected, outside_of_deciding, phase_of, re
 from gamms.ir.draw import DrawCommands
 from gamms.typing import IContext, IVisualizationEngine
 from gamms.visual import notebook
-from gamms.visual.artist_group import ArtistGroup
+from gamms.visual.artist import ArtistGroup
 from gamms.visual.artists import Artists
 from gamms.visual.camera import Follow, Look
 from gamms.visual.drawing import Drawing
-from gamms.visual.motion import Motion
-from gamms.visual.picture import size
+from gamms.visual.files import size
 from gamms.visual.pictures import Pictures
+from gamms.visual.shown_turn import Motion
 
 _OFFSCREEN_OPTIONS = ("width", "height", "video", "fps", "frames_per_turn", "simulation_time_constant", "title", "note")
 
@@ -274,7 +274,7 @@ class OffscreenEngine(PictureEngine):
         **kwargs: Any,
     ) -> None:
         super().__init__(ctx, simulation_time_constant=simulation_time_constant)
-        from gamms.visual.backends.pygame import load
+        from gamms.visual.backends.pygame_backend import load
 
         load()
         self.pictures.width, self.pictures.height = size(width, height)

@@ -6,14 +6,14 @@ from typing import TYPE_CHECKING
 from gamms.deciding import Guarded, Protected, outside_of_deciding, phase_of, refused_while_deciding
 from gamms.errors import ContextTerminated
 from gamms.typing import ColorType, IContext
-from gamms.visual.artist_group import ArtistGroup
+from gamms.visual.appearance import PAPER
+from gamms.visual.artist import ArtistGroup
 from gamms.visual.artists import Artists
-from gamms.visual.color import PAPER
 from gamms.visual.drawing import Drawing
 
 if TYPE_CHECKING:
     from gamms.visual.backends.coverage import ByteArray
-    from gamms.visual.film import Film
+    from gamms.visual.files import Film
     from gamms.visual.scene import Scene
 
 
@@ -84,9 +84,9 @@ class Pictures(Guarded):
             ContextTerminated: the context has ended.
         """
         from gamms.folders import write_whole
-        from gamms.visual import picture
+        from gamms.visual import files
 
-        file = picture.place(path)
+        file = files.place(path)
         content = self.picture(file, width, height, title=title, note=note, background=background, dpi=dpi)
         write_whole(file, content)
 
@@ -110,13 +110,13 @@ class Pictures(Guarded):
             MissingExtra (ImportError): PNG needs pygame and Pillow, which are not installed.
             ContextTerminated: the context has ended.
         """
-        from gamms.visual import picture
+        from gamms.visual import files
         from gamms.visual.legend import blocks_of
 
-        sheet, artists = picture.sheet(format, width, height, dpi), self._artists.shown()
+        sheet, artists = files.sheet(format, width, height, dpi), self._artists.shown()
         commands, blocks = ArtistGroup(self._ctx, artists).commands(), blocks_of(self._ctx, artists)
-        camera, note = self._drawing.viewpoint.camera(sheet.width, sheet.height), picture.noted(self._ctx, note)
-        return picture.painted(sheet, commands, blocks, camera, title=title, note=note, background=background)
+        camera, note = self._drawing.viewpoint.camera(sheet.width, sheet.height), files.noted(self._ctx, note)
+        return files.painted(sheet, commands, blocks, camera, title=title, note=note, background=background)
 
     @outside_of_deciding
     def frame(
@@ -139,8 +139,7 @@ class Pictures(Guarded):
             MissingExtra (ImportError): pygame is not installed.
             ContextTerminated: the context has ended.
         """
-        from gamms.visual.film import Frames, Source
-        from gamms.visual.picture import size
+        from gamms.visual.files import Frames, Source, size
 
         width, height = size(self.width if width is None else width, self.height if height is None else height)
         source = Source(self._ctx, self._drawing, self._artists)
@@ -198,7 +197,7 @@ class Pictures(Guarded):
         background: ColorType = PAPER,
     ) -> "Film":
         """Begin a film; see `film`."""
-        from gamms.visual.film import Film, Frames, Source, film_plan
+        from gamms.visual.files import Film, Frames, Source, film_plan
 
         plan = film_plan(path, fps, width, height, frames_per_turn, self.turn_seconds)
         source = Source(self._ctx, self._drawing, self._artists)

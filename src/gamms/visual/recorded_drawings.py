@@ -7,7 +7,7 @@ from gamms.ir.draw import DrawCommands
 from gamms.limits import refuse_above
 from gamms.text import reason
 from gamms.typing import ArtistType, IArtist, IContext
-from gamms.visual.artist_group import ArtistGroup, state_of
+from gamms.visual.artist import ArtistGroup, state_of
 from gamms.visual.drawing import drawing_of
 from gamms.visual.legend import Block, block_from_plain, blocks_of, plain_block
 

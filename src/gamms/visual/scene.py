@@ -1,14 +1,11 @@
-"""A scene: what is drawn, kept as long as it stays the same, and painted in layers.
+"""A scene: what is drawn, kept as long as it stays the same, and painted in layers and tiles."""
 
-From back to front a scene is a list of parts. STATIC artists are drawn again only when the graph, the obstacles or
-what was declared has changed; each of their parts is painted once per camera. Parts at the back that are the same as
-in the frame before are shown as they were painted then.
-"""
-
-from collections.abc import Callable, Mapping
+from collections.abc import Callable, Iterator, Mapping
 from enum import Enum
-from itertools import groupby, takewhile
-from typing import Any
+from itertools import groupby, pairwise, product, takewhile
+from operator import itemgetter
+from time import perf_counter
+from typing import Any, NamedTuple
 
 import numpy as np
 
@@ -16,13 +13,375 @@ from gamms.ir.draw import DrawCommands
 from gamms.ir.graph import FloatArray
 from gamms.typing import ArtistType, IArtist, IContext
 from gamms.typing.artist import Drawer
-from gamms.visual.artist import Artist
-from gamms.visual.artist_group import ArtistGroup, in_painting_order, state_of
-from gamms.visual.backends.pygame import Canvas
+from gamms.visual.appearance import Rgba
+from gamms.visual.artist import Artist, ArtistGroup, in_painting_order, state_of
+from gamms.visual.backends.pygame_backend import Canvas, load, on_glass
 from gamms.visual.backends.raster import Painting
 from gamms.visual.camera import Camera, bounds, fit_box
-from gamms.visual.color import Rgba
-from gamms.visual.tiles import FrameBudget, SurfacePool, Tiles, whole_frame
+from gamms.visual.constants import CACHE_ZOOM_MAX
+
+_STEP = 256  # px: sides are multiples of it, so that a view that grows does not need a new surface in every frame
+_LARGEST = 4_000_000  # px: 16 MB; larger ones are not kept
+
+
+class SurfacePool:
+    """Surfaces to paint on for a moment, one for each use: fresh memory costs more than what is painted on it."""
+
+    def __init__(self) -> None:
+        self._kept: dict[tuple[str, int], Any] = {}
+
+    def surface(self, use: str, width: int, height: int, flags: int = 0) -> Any:
+        """A surface of that size, on which there still is what was painted last for the same use."""
+        kept = self._kept.get((use, flags))
+        if kept is None or kept.get_width() < width or kept.get_height() < height:
+            across, down = (-(-length // _STEP) * _STEP for length in (width, height))
+            kept = load().Surface((across, down), flags, 32)
+            if across * down <= _LARGEST:
+                self._kept[use, flags] = kept
+        return kept.subsurface((0, 0, width, height))
+
+
+SIDE = 128  # px of a tile
+_AHEAD = 1  # tiles around the view that are painted before they are seen
+_MOST_TILES, _MOST_VIEWS = 800, 4  # of all levels, the larger of: 50 MiB, or so many views
+_SPILL_PX = 64.0  # how far outside the box of a painting something sized in pixels may reach
+_SLOW = 0.0025  # seconds of a row of tiles; then rows become shorter
+_LONGEST_ROW = 16  # tiles
+_COARSEST, _FINEST = 16.0, 4.0  # how many times coarser or finer a level may be that tiles are cut out of
+_ROUNDING_PX = 1e-3  # a camera that is nearer to whole pixels is meant to lie on them
+_LOST = (3, 3, 3)  # of each colour, give or take one, when a surface is made smaller
+
+Place = tuple[int, int]  # column, row
+
+
+class FrameBudget:
+    """How much time a frame has for painting.
+
+    Attributes:
+        is_zooming: the scale changes from frame to frame.
+        is_leaping: the camera is somewhere else at once, and all it sees is to be painted as it should be.
+    """
+
+    def __init__(self, seconds: float, *, is_zooming: bool = False, is_leaping: bool = False) -> None:
+        self.is_zooming, self.is_leaping = is_zooming, is_leaping
+        self._end, self._is_first = perf_counter() + seconds, True
+
+    def has_time(self, seconds: float) -> bool:
+        """Whether there is time for something that takes so long; for the first thing there always is."""
+        is_first, self._is_first = self._is_first, False
+        return is_first or perf_counter() + seconds < self._end
+
+    def spend(self) -> None:
+        """Note that something was done, so that the next thing is not the first."""
+        self._is_first = False
+
+
+def whole_frame() -> FrameBudget:
+    """The budget of a frame in which all that the camera sees is painted at once."""
+    return FrameBudget(0.0, is_leaping=True)
+
+
+class _Area(NamedTuple):
+    """A rectangle of pixels of one level, or of tiles; right and bottom are outside."""
+
+    left: int
+    top: int
+    right: int
+    bottom: int
+
+    def tiles(self) -> "_Area":
+        """The tiles that hold these pixels."""
+        return _Area(self.left // SIDE, self.top // SIDE, -(-self.right // SIDE), -(-self.bottom // SIDE))
+
+    def wider(self, by: int) -> "_Area":
+        return _Area(self.left - by, self.top - by, self.right + by, self.bottom + by)
+
+    def places(self) -> Iterator[Place]:
+        return product(range(self.left, self.right), range(self.top, self.bottom))
+
+
+class _Level:
+    """The tiles of one scale."""
+
+    def __init__(self, scale: float, phase: tuple[float, float]) -> None:
+        self.scale, self._phase = scale, phase  # by which its pixels lie right of and below whole ones
+        self.tiles: dict[Place, Any] = {}  # surfaces; None is an empty one
+        self.rough: set[Place] = set()  # those that were cut out of another level
+
+    def forget(self, place: Place) -> None:
+        """Have this tile no longer."""
+        self.tiles.pop(place, None)
+        self.rough.discard(place)
+
+    def view(self, camera: Camera) -> _Area:
+        """The pixels of this level that a camera sees."""
+        share = self.scale / camera.scale
+        x, y = self._phase
+        left, top = round(camera.left * self.scale - x), round(-camera.top * self.scale - y)
+        return _Area(left, top, left + round(camera.width * share), top + round(camera.height * share))
+
+    def camera(self, tiles: _Area) -> Camera:
+        """A camera that sees just these tiles."""
+        size = (tiles.right - tiles.left) * SIDE, (tiles.bottom - tiles.top) * SIDE
+        x, y = self._phase
+        return Camera(*size, (tiles.left * SIDE + x) / self.scale, -(tiles.top * SIDE + y) / self.scale, self.scale)
+
+
+class Tiles:
+    """A painting as tiles, on a background or on glass.
+
+    Args:
+        painting: what is painted.
+        box: its lower left and upper right corner, in world units; None where it has no extent.
+        background: None is glass.
+        pool: surfaces to paint on, which several paintings may share.
+    """
+
+    def __init__(
+        self, painting: Painting, box: tuple[FloatArray, FloatArray] | None, background: Rgba | None, pool: SurfacePool
+    ) -> None:
+        self.painting, self.background, self._pool = painting, background, pool
+        self._box, self._cost, self._at_once = box, 0.0, 1  # seconds that a row of tiles took, and how many it has
+        self._flags = load().BLEND_PREMULTIPLIED if background is None else 0
+        self._levels: dict[_Grid, _Level] = {}  # the one that was used last is the last
+
+    def show(self, canvas: Canvas, camera: Camera, budget: FrameBudget) -> None:
+        """Show what the camera sees; None as background leaves what is behind it."""
+        level = self._level_for(camera, budget)
+        area = level.view(camera)
+        if budget.is_leaping:
+            for place in level.rough.intersection(area.tiles().places()):
+                level.forget(place)
+        # A camera that only moves finds few tiles missing, and shows what it should at once.
+        is_settling = budget.is_zooming or not level.tiles or bool(level.rough)
+        if self._fill(level, area.tiles(), may_cut_out=is_settling and not budget.is_leaping):
+            budget.spend()
+        self._sharpen(level, area.tiles(), budget)
+        canvas.note_all()
+        if level.scale == camera.scale:
+            self._blit(canvas.surface, level, area)
+            return
+        canvas.surface.blit(self._scaled(level, area, (camera.width, camera.height)), (0, 0), special_flags=self._flags)
+
+    def is_sharp(self, camera: Camera) -> bool:
+        """Whether all that the camera sees is painted in the scale in which it is shown."""
+        level = self._levels.get(_grid_of(camera))
+        return level is not None and not level.rough.intersection(level.view(camera).tiles().places())
+
+    def _level_for(self, camera: Camera, budget: FrameBudget) -> _Level:
+        """The level to show: that of the camera's scale, or while zooming one that is near."""
+        last = next(reversed(self._levels.values()), None)
+        if budget.is_zooming and last is not None:
+            share = camera.scale / last.scale
+            if 1 / CACHE_ZOOM_MAX <= share <= CACHE_ZOOM_MAX:
+                return last
+        grid = _grid_of(camera)
+        level = self._levels.pop(grid, None) or _Level(*grid)
+        self._levels[grid] = level
+        return level
+
+    # -- painting --------------------------------------------------------------------------------------------
+
+    def _fill(self, level: _Level, tiles: _Area, *, may_cut_out: bool) -> bool:
+        """See to it that there are tiles: empty, cut out of another level, or painted at once; whether it took time."""
+        missing = [place for place in tiles.places() if place not in level.tiles]
+        if not missing:
+            return False
+        self._evict(level, tiles)
+        missing = [place for place in missing if not self._is_empty(level, place)]
+        if not missing:
+            return False
+        if may_cut_out:
+            missing = self._cut_out(level, missing)
+        for rectangle in _rectangles(missing):
+            self._paint(level, rectangle)
+        return True
+
+    def _is_empty(self, level: _Level, place: Place) -> bool:
+        """Whether nothing is drawn on a tile; then it is there already."""
+        camera = level.camera(_Area(*place, place[0] + 1, place[1] + 1))
+        if self._box is not None:
+            (left, low), (right, high) = (corner.tolist() for corner in self._box)
+            spill, side = _SPILL_PX / level.scale, SIDE / level.scale
+            if (
+                camera.left - spill <= right
+                and camera.left + side + spill >= left
+                and camera.top - side - spill <= high
+                and camera.top + spill >= low
+            ):
+                return False
+        level.tiles[place] = None
+        return True
+
+    def _paint(self, level: _Level, tiles: _Area) -> None:
+        surface = self._painted(level.camera(tiles))
+        for place in tiles.places():
+            level.tiles[place] = _part(surface, tiles, place)
+            level.rough.discard(place)
+
+    def _paint_rows(self, level: _Level, wanted: list[Place], budget: FrameBudget) -> None:
+        """Paint tiles in order, each with some of those right of it that are wanted, too, while there is time."""
+        waiting = set(wanted)
+        for place in wanted:
+            if place in waiting:
+                if not budget.has_time(self._cost):
+                    return
+                row = self._row(place, waiting)
+                waiting.difference_update(row.places())
+                self._paint_timed(level, row)
+
+    def _row(self, place: Place, waiting: set[Place]) -> _Area:
+        """A tile, and as many of those right of it as take no longer than a frame has for them."""
+        column, row = place
+        end = column + 1
+        while (end, row) in waiting and end - column < self._at_once:
+            end += 1
+        return _Area(column, row, end, row + 1)
+
+    def _paint_timed(self, level: _Level, row: _Area) -> None:
+        began = perf_counter()
+        self._paint(level, row)
+        self._cost = perf_counter() - began
+        if self._cost > _SLOW:
+            self._at_once = max(self._at_once // 2, 1)
+        elif self._cost < _SLOW / 2:
+            self._at_once = min(self._at_once * 2, _LONGEST_ROW)
+
+    def _painted(self, camera: Camera) -> Any:
+        if self.background is None:
+            return on_glass(lambda color: self._painted_on(camera, color))
+        return self._painted_on(camera, self.background)
+
+    def _painted_on(self, camera: Camera, color: Rgba) -> Any:
+        canvas = Canvas(camera.width, camera.height, self._pool.surface(str(color), camera.width, camera.height))
+        canvas.fill(color)
+        self.painting.paint(canvas, camera)
+        return canvas.surface
+
+    def _sharpen(self, level: _Level, tiles: _Area, budget: FrameBudget) -> None:
+        """Repaint rough tiles in view, from the middle outwards, while there is time."""
+        middle = (tiles.left + tiles.right - 1) / 2, (tiles.top + tiles.bottom - 1) / 2
+        rough = level.rough.intersection(tiles.places()) if level.rough else set()
+        outwards = sorted(rough, key=lambda place: abs(place[0] - middle[0]) + abs(place[1] - middle[1]))
+        self._paint_rows(level, outwards, budget)
+
+    def paint_ahead(self, camera: Camera, budget: FrameBudget) -> None:
+        """Paint tiles around the view while there is time and the camera does not zoom."""
+        if budget.is_zooming:
+            return
+        level = self._levels[_grid_of(camera)]
+        around = level.view(camera).tiles().wider(_AHEAD)
+        missing = (place for place in around.places() if place not in level.tiles and not self._is_empty(level, place))
+        self._paint_rows(level, sorted({*missing, *level.rough.intersection(around.places())}), budget)
+
+    # -- other levels ----------------------------------------------------------------------------------------
+
+    def _cut_out(self, level: _Level, missing: list[Place]) -> list[Place]:
+        """Make tiles from those of other levels, of the nearest scale first; those that none of them has."""
+        others = [other for other in self._levels.values() if other is not level]
+        others.sort(key=lambda other: max(other.scale / level.scale, level.scale / other.scale))
+        for other in others:
+            if 1 / _COARSEST <= other.scale / level.scale <= _FINEST:
+                found = [place for place in missing if self._is_known(other, level, place)]
+                if found:
+                    self._cut_out_of(other, level, found)
+                    missing = [place for place in missing if place not in level.tiles]
+        return missing
+
+    @staticmethod
+    def _is_known(other: _Level, level: _Level, place: Place) -> bool:
+        """Whether a level has all that is to be seen on a tile of another level."""
+        area = other.view(level.camera(_Area(*place, place[0] + 1, place[1] + 1)))
+        return all(there in other.tiles for there in area.tiles().places())
+
+    def _cut_out_of(self, source: _Level, level: _Level, found: list[Place]) -> None:
+        tiles = _around(found)
+        camera = level.camera(tiles)
+        surface = self._scaled(source, source.view(camera), (camera.width, camera.height))
+        for place in found:
+            level.tiles[place] = _part(surface, tiles, place)
+            level.rough.add(place)
+
+    def _evict(self, level: _Level, tiles: _Area) -> None:
+        """Forget levels that were not used for long, but not the one that sees farthest; then what is far away."""
+        most = max(_MOST_TILES, _MOST_VIEWS * len(list(tiles.places())))
+        farthest = min(self._levels.values(), key=lambda one: one.scale)
+        for grid, old in list(self._levels.items()):
+            if sum(len(one.tiles) for one in self._levels.values()) <= most:
+                return
+            if old is not level and old is not farthest:
+                del self._levels[grid]
+        for one in self._levels.values():
+            kept = set(tiles.wider(2 * _AHEAD).places()) if one is level else set()
+            for place in [place for place in one.tiles if place not in kept]:
+                one.forget(place)
+
+    # -- surfaces --------------------------------------------------------------------------------------------
+
+    def _scaled(self, level: _Level, area: _Area, size: tuple[int, int]) -> Any:
+        """An area in another size; making it smaller costs it some brightness, which is given back."""
+        pygame = load()
+        flags = pygame.SRCALPHA if self.background is None else 0
+        part = self._pool.surface("part", max(area.right - area.left, 1), max(area.bottom - area.top, 1), flags)
+        self._blit(part, level, area, is_copy=True)
+        scaled = self._pool.surface("scaled", *size, flags)
+        pygame.transform.smoothscale(part, size, scaled)
+        if self.background is not None and size[0] < part.get_width():
+            scaled.fill(_LOST, special_flags=pygame.BLEND_RGB_ADD)
+        return scaled
+
+    def _blit(self, surface: Any, level: _Level, area: _Area, *, is_copy: bool = False) -> None:
+        """Put the tiles of an area on a surface of its size; a copy takes glass as it is."""
+        if is_copy or self.background is not None:
+            surface.fill((0, 0, 0, 0) if self.background is None else self.background[:3])
+        placed = [
+            (tile, (place[0] * SIDE - area.left, place[1] * SIDE - area.top))
+            for place in area.tiles().places()
+            if (tile := level.tiles.get(place)) is not None
+        ]
+        if self.background is None and not is_copy:
+            placed = [(tile, at, None, self._flags) for tile, at in placed]  # type: ignore[misc]
+        surface.blits(placed, False)
+
+
+_Grid = tuple[float, tuple[float, float]]  # scale and phase
+
+
+def _grid_of(camera: Camera) -> _Grid:
+    """The scale of a camera, and by how much it lies right of and below whole pixels of the world."""
+    across, down = camera.left * camera.scale, -camera.top * camera.scale
+    x, y = (part - round(part) for part in (across, down))
+    return camera.scale, (x if abs(x) > _ROUNDING_PX else 0.0, y if abs(y) > _ROUNDING_PX else 0.0)
+
+
+def _around(places: list[Place]) -> _Area:
+    columns, rows = zip(*places, strict=True)
+    return _Area(min(columns), min(rows), max(columns) + 1, max(rows) + 1)
+
+
+def _rectangles(places: list[Place]) -> Iterator[_Area]:
+    """Areas that hold these places, each of them once, and nothing else."""
+    rows: dict[tuple[int, int], list[int]] = {}  # in which there is just this stretch of columns
+    for row, there in groupby(sorted(places, key=itemgetter(1, 0)), itemgetter(1)):
+        for stretch in _stretches([column for column, _ in there]):
+            rows.setdefault(stretch, []).append(row)
+    for (left, right), its_rows in rows.items():
+        for top, bottom in _stretches(its_rows):
+            yield _Area(left, top, right, bottom)
+
+
+def _stretches(numbers: list[int]) -> Iterator[tuple[int, int]]:
+    """First and last number + 1 of numbers, in order, that follow each other."""
+    breaks = [place for place in range(1, len(numbers)) if numbers[place] > numbers[place - 1] + 1]
+    for first, end in pairwise([0, *breaks, len(numbers)]):
+        yield numbers[first], numbers[end - 1] + 1
+
+
+def _part(surface: Any, tiles: _Area, place: Place) -> Any:
+    """A tile of its own, so that it does not keep the whole surface alive."""
+    x, y = (place[0] - tiles.left) * SIDE, (place[1] - tiles.top) * SIDE
+    return surface.subsurface((x, y, SIDE, SIDE)).copy()
+
 
 _FEW = 400  # points that are repainted faster than shown from a cache
 _STAGES = 2

@@ -93,7 +93,7 @@ def seen():
     """The pixels of a context's window."""
 
     def pixels(ctx):
-        from gamms.visual.backends.pygame import Canvas
+        from gamms.visual.backends.pygame_backend import Canvas
 
         screen = ctx.visual._screen
         return Canvas(*screen.get_size(), screen).pixels()

@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 
 from gamms.visual.legend import Row, Rows
-from gamms.visual.window import hud
+from gamms.visual.window import overlay
 
 YELLOW = (253, 231, 37)  # the last colour of viridis
 RISK = {"nodes": {0: 0, 1: 1.25, 2: 5}, "name": "risk"}
@@ -14,9 +14,9 @@ RISK = {"nodes": {0: 0, 1: 1.25, 2: 5}, "name": "risk"}
 def said(monkeypatch):
     """Everything that is written in a frame."""
     words = []
-    text = hud.Canvas.text
+    text = overlay.Canvas.text
     monkeypatch.setattr(
-        hud.Canvas, "text", lambda self, line, *rest, **more: words.append(line) or text(self, line, *rest, **more)
+        overlay.Canvas, "text", lambda self, line, *rest, **more: words.append(line) or text(self, line, *rest, **more)
     )
     return words
 

@@ -8,7 +8,7 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 import gamms
-from gamms.visual.tiles import FrameBudget, SurfacePool, _rectangles
+from gamms.visual.scene import FrameBudget, SurfacePool, _rectangles
 
 
 def grid(ctx, side):

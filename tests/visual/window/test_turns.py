@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 
 from gamms.agent import AgentType
-from gamms.visual.artist_group import ArtistGroup
+from gamms.visual.artist import ArtistGroup
 
 
 class Clock:

@@ -6,16 +6,16 @@ import pytest
 from gamms.errors import NotOffered
 from gamms.sensor import SensorType
 from gamms.typing import ISensor
-from gamms.visual.window import hud, overlay
+from gamms.visual.window import overlay
 
 
 @pytest.fixture
 def said(monkeypatch):
     """Everything that is written in a frame."""
     words = []
-    text = hud.Canvas.text
+    text = overlay.Canvas.text
     monkeypatch.setattr(
-        hud.Canvas, "text", lambda self, line, *rest, **more: words.append(line) or text(self, line, *rest, **more)
+        overlay.Canvas, "text", lambda self, line, *rest, **more: words.append(line) or text(self, line, *rest, **more)
     )
     return words
 

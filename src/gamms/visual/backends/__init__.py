@@ -4,22 +4,44 @@
 format is one file here and one line below; an installed package adds one through the entry point group
 `gamms.backends`. `gamms.testing.check_backend` says whether it keeps the contract.
 
-Pixels are painted by `raster.py` on the surfaces of `pygame.py`; optional libraries have one file each.
+Pixels are painted by `raster.py` on the surfaces of `pygame_backend.py`; optional libraries have one file each.
 """
 
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 from pathlib import Path
-from typing import Protocol
+from typing import Any, Protocol
 
 from gamms.plugins import Registry
-from gamms.visual.backends import png, svg
-from gamms.visual.backends.tiles import PaintedFrame
+from gamms.visual.backends import svg
+from gamms.visual.backends.coverage import ByteArray, PixelArray
 
 Backend = Callable[..., bytes]
 
 FORMATS: Registry[bytes] = Registry("picture format", "gamms.backends")
 FORMATS.register(".svg")(svg.svg)
-FORMATS.register(".png")(png.png)
+
+
+@FORMATS.register(".png")
+def _png(*args: Any, **kwargs: Any) -> bytes:
+    from gamms.visual.backends.raster import png
+
+    return png(*args, **kwargs)
+
+
+class PaintedFrame(Protocol):
+    """A frame of a film."""
+
+    def pixels(self) -> ByteArray:
+        """RGB, as (height, width, 3), of its own."""
+
+    def copy_bgrx(self, buffer: bytearray) -> None:
+        """Write blue, green, red and a byte without meaning, row by row: the fastest way to an encoder."""
+
+    def changes(self) -> list[tuple[int, int, int, int]] | None:
+        """Left, top, width and height of where it may differ from the frame before; None: anywhere."""
+
+    def cut(self, corners: Sequence[tuple[int, int]], strip: PixelArray) -> None:
+        """Write squares, by their upper left corners, side by side into a strip (side, sides); see `copy_bgrx`."""
 
 
 class FilmWriter(Protocol):
@@ -40,13 +62,13 @@ FILMS: Registry[FilmWriter] = Registry("film format", "gamms.films")
 
 @FILMS.register(".mp4")
 def _mp4(path: Path, width: int, height: int, fps: float) -> FilmWriter:
-    from gamms.visual.backends.av import Mp4
+    from gamms.visual.backends.av_backend import Mp4
 
     return Mp4(path, width, height, fps)
 
 
 @FILMS.register(".gif")
 def _gif(path: Path, width: int, height: int, fps: float) -> FilmWriter:
-    from gamms.visual.backends.pillow import Gif
+    from gamms.visual.backends.pillow_backend import Gif
 
     return Gif(path, width, height, fps)

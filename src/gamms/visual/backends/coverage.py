@@ -10,7 +10,7 @@ import numpy as np
 
 from gamms import kernels
 from gamms.ir.graph import FloatArray, IntArray
-from gamms.visual.clipping import extent
+from gamms.visual.camera import extent
 
 ByteArray = np.ndarray[Any, np.dtype[np.uint8]]
 PixelArray = np.ndarray[Any, np.dtype[np.uint32]]  # (rows, columns)  blue, green, red and a byte without meaning

@@ -15,11 +15,10 @@ from gamms import kernels
 from gamms.ir.draw import DrawCommands, DrawKind, DrawSpace
 from gamms.ir.graph import FloatArray, IntArray
 from gamms.ir.obstacles import BoolArray
+from gamms.visual.appearance import PAPER, Rgba, inks
 from gamms.visual.backends import coverage
-from gamms.visual.backends.pygame import Canvas, Placed, stamp
-from gamms.visual.camera import CSS_DPI, Camera
-from gamms.visual.clipping import clipped, extent, touching
-from gamms.visual.color import PAPER, Rgba, inks
+from gamms.visual.backends.pygame_backend import Canvas, Placed, stamp
+from gamms.visual.camera import CSS_DPI, Camera, clipped, extent, touching
 
 _SMALLEST_RADIUS_PX = 0.5
 _THINNEST_PX = 1.0  # of lines whose width is in world units
@@ -376,3 +375,15 @@ def painted(
     Painting(commands).paint(canvas, camera)
     frame_words(canvas, title, note, background, fine=dpi / CSS_DPI)
     return canvas
+
+
+def png(commands: DrawCommands, camera: Camera, *, title: str, note: str, background: Rgba, dpi: float = 96.0) -> bytes:
+    """The whole picture as a PNG file.
+
+    Raises:
+        MissingExtra: pygame or Pillow is not installed.
+    """
+    from gamms.visual.backends.pillow_backend import png_file
+
+    canvas = painted(commands, camera, title=title, note=note, background=background, dpi=dpi)
+    return png_file(canvas.pixels(), dpi)

@@ -17,9 +17,8 @@ from gamms import kernels
 from gamms.errors import BadValue
 from gamms.ir.draw import DrawCommands, DrawKind, DrawSpace
 from gamms.ir.graph import FloatArray, IntArray
-from gamms.visual.camera import CSS_DPI, Camera
-from gamms.visual.clipping import touching
-from gamms.visual.color import PAPER, Rgba, inks
+from gamms.visual.appearance import PAPER, Rgba, inks
+from gamms.visual.camera import CSS_DPI, Camera, touching
 
 _SMALLEST_RADIUS_PX = 0.5
 _THINNEST_PX = 1.0  # of lines whose width is in world units

@@ -4,9 +4,8 @@ One file per topic. A new thing to draw is one function here; every backend can 
 is drawn many times, use the bulk primitives `render_lines` and `render_circles` (see `drawing.py`).
 """
 
-from gamms.visual.drawers.agents import render_aerial_agent, render_agent
-from gamms.visual.drawers.graph import render_graph, render_input_overlay
-from gamms.visual.drawers.obstacles import render_obstacles
+from gamms.visual.drawers.agents import render_aerial_agent, render_agent, render_circle, render_rectangle
+from gamms.visual.drawers.graph import render_graph, render_input_overlay, render_obstacles
 from gamms.visual.drawers.sensors import (
     render_aerial_agent_sensor,
     render_agent_sensor,
@@ -14,7 +13,6 @@ from gamms.visual.drawers.sensors import (
     render_neighbor_sensor,
     render_sensor,
 )
-from gamms.visual.drawers.shapes import render_circle, render_rectangle
 
 __all__ = [
     "render_aerial_agent",

@@ -1,15 +1,18 @@
-"""Drawers of the graph: streets and nodes, values of them, and the choices of a person."""
+"""Drawers of the map: streets and nodes, values of them, the choices of a person, and obstacles."""
 
-from typing import Any
+from typing import Any, NamedTuple
 
 import numpy as np
 
+from gamms import kernels
 from gamms.ir.graph import FloatArray, GraphColumns, IntArray
-from gamms.ir.obstacles import BoolArray
+from gamms.ir.obstacles import BoolArray, ObstacleColumns
+from gamms.ir.palette import COLOR_TYPES, OTHER_OBSTACLE
 from gamms.typing import IContext
-from gamms.visual.appearance import GraphData
-from gamms.visual.drawing import drawing_of
-from gamms.visual.values import Values
+from gamms.visual.appearance import GraphData, Rgb, Rgba, WallTones, rgba
+from gamms.visual.camera import inside
+from gamms.visual.drawing import Drawing, drawing_of
+from gamms.visual.legend import Values
 
 _FEW = 2_000  # up to so many edges there is room for broader streets
 _ID_PX, _INK = 17, (60, 60, 60)
@@ -182,3 +185,199 @@ def _edges_between(columns: Any, here: int, ends: set[int]) -> "np.ndarray[Any, 
     targets = columns.node_ids[columns.targets[edges]].tolist()
     rows: np.ndarray[Any, np.dtype[np.int64]] = edges[[target in ends for target in targets]]
     return rows
+
+
+_Outline = list[list[float]]  # corners (x, y)
+
+
+class Footprints(NamedTuple):
+    """What is built upon, and which faces are around it."""
+
+    points: FloatArray  # (points, 2)
+    offsets: IntArray  # (footprints + 1,)  footprint `i` is `points[offsets[i]:offsets[i + 1]]`
+    heights: FloatArray  # (footprints,)  of the top edges
+    types: IntArray  # (footprints,)  of obstacles
+    row_of: IntArray  # (faces,)  the footprint that a face stands around; -1 = none
+
+    def chosen(self, is_chosen: BoolArray) -> tuple[FloatArray, IntArray]:
+        """Points and offsets of some footprints."""
+        take, offsets = kernels.chosen_runs(self.offsets, np.flatnonzero(is_chosen))
+        return self.points[take], offsets
+
+    def boxes(self) -> tuple[FloatArray, FloatArray]:
+        """Lower left and upper right corners, (footprints, 2) each."""
+        first = self.offsets[:-1]
+        return np.minimum.reduceat(self.points, first), np.maximum.reduceat(self.points, first)
+
+
+def footprints(faces: ObstacleColumns) -> Footprints:
+    """The footprints of faces whose top edges lead, one after the other, around something.
+
+    A ring inside the one before, of the same type, height and base, is a courtyard: it makes a hole.
+    """
+    rings, is_forward = _rings(faces.corners[:, 0], faces.corners[:, 1])
+    outlines: list[_Outline] = [
+        faces.corners[begin:end, 0 if forward else 1, :2].tolist()
+        for (begin, end), forward in zip(rings.tolist(), is_forward, strict=True)
+    ]
+    first = rings[:, 0]
+    looks = np.column_stack((faces.types, faces.corners[:, 0, 2], faces.corners[:, 2, 2]))[first].tolist()
+    bundles = _bundles(outlines, looks)
+    polygons = [_with_holes([outlines[ring] for ring in bundle]) for bundle in bundles]
+    row_of = np.full(len(faces.ids), -1)
+    for row, bundle in enumerate(bundles):
+        for ring in bundle:
+            row_of[slice(*rings[ring])] = row
+    outer = first[np.array([bundle[0] for bundle in bundles], np.int64)]
+    return Footprints(
+        points=np.array([point for polygon in polygons for point in polygon]).reshape(-1, 2),
+        offsets=np.cumsum([0, *map(len, polygons)]),
+        heights=faces.corners[outer, 0, 2],
+        types=faces.types[outer],
+        row_of=row_of,
+    )
+
+
+def _rings(rights: FloatArray, lefts: FloatArray) -> tuple[IntArray, list[bool]]:
+    """First and last row + 1 of every ring, and whether its faces go on from right to left, as those of maps do."""
+    found = dict.fromkeys(map(tuple, kernels.closed_rings(rights, lefts).tolist()), True)
+    taken = np.zeros(len(rights), bool)
+    for begin, end in found:
+        taken[begin:end] = True
+    others = np.zeros((0, 2), np.int64) if taken.all() else kernels.closed_rings(lefts, rights)
+    for begin, end in others.tolist():
+        if not taken[begin:end].any():
+            found[(begin, end)] = False
+    rings = sorted(found)
+    return np.array(rings, np.int64).reshape(-1, 2), [found[ring] for ring in rings]
+
+
+def _bundles(outlines: list[_Outline], looks: list[list[float]]) -> list[list[int]]:
+    """Rings that make one footprint: the outer one, then those of its courtyards."""
+    bundles: list[list[int]] = []
+    for ring, outline in enumerate(outlines):
+        outer, *holes = bundles[-1] if bundles else [ring]
+        is_hole = ring > 0 and looks[ring] == looks[outer] and _is_within(outline, outlines[outer])
+        if is_hole and not any(_is_within(outline, outlines[hole]) for hole in holes):
+            bundles[-1].append(ring)
+        else:
+            bundles.append([ring])
+    return bundles
+
+
+def _is_within(outline: _Outline, other: _Outline) -> bool:
+    """Whether the middles of all edges are inside another outline."""
+    for axis in (0, 1):
+        mine, around = ([point[axis] for point in one] for one in (outline, other))
+        if min(mine) < min(around) or max(mine) > max(around):
+            return False
+    corners = np.array(outline)
+    return bool(inside((corners + np.roll(corners, -1, axis=0)) / 2, np.array(other)).all())
+
+
+def _with_holes(outlines: list[_Outline]) -> _Outline:
+    """One polygon: a seam leads from the first outline to each other one, which runs the other way around, and back."""
+    outer, *holes = outlines
+    seam, polygon = outer[0], list(outer)
+    for hole in holes:
+        back = hole[::-1] if (_area(hole) > 0.0) == (_area(outer) > 0.0) else hole
+        polygon += [seam, *back, back[0]]
+    return polygon
+
+
+def _area(outline: _Outline) -> float:
+    """Twice the area; negative where it runs clockwise."""
+    x, y = (np.array(outline) - outline[0]).T
+    return float(x @ np.roll(y, -1) - y @ np.roll(x, -1))
+
+
+_STEPS = 6  # distinct tones
+_LOWEST, _TALLEST = 5.0, 95.0  # percentiles of heights: between them the tones change
+_SHADE = 0.75  # of the colour of an area: its outline
+
+
+def render_obstacles(ctx: IContext, data: dict[str, Any]) -> None:
+    """Draw all obstacles.
+
+    `data`: `color_map` (type -> colour), `boundary_thickness` (world units); `fill` (bool): whether buildings are
+    filled, in the colour of their type or, where the map has none, in a tone that says how high they are; `tones`,
+    a WallTones, instead of the usual ones.
+
+    Faces of one type are drawn at once, the types in the order of their first face.
+    """
+    columns = ctx.graph.obstacle_columns()
+    visual, thickness = drawing_of(ctx), data.get("boundary_thickness", 1.0)
+    if data.get("fill"):
+        _draw_buildings(ctx, columns, data.get("color_map", {}), thickness, data.get("tones") or visual.wall_tones)
+        return
+    colors: dict[int, Any] = {**COLOR_TYPES, **data.get("color_map", {})}
+    types, first = np.unique(columns.types, return_index=True)
+    for type in types[np.argsort(first)].tolist():
+        _draw_tops(visual, columns, columns.types == type, colors.get(type, OTHER_OBSTACLE), thickness)
+
+
+def _draw_tops(visual: Drawing, columns: ObstacleColumns, chosen: BoolArray, color: Any, thickness: float) -> None:
+    tops = columns.corners[chosen, 1::-1, :2]  # from top left to top right
+    if len(tops):
+        offsets = np.arange(0, 2 * len(tops) + 1, 2)
+        visual.render_lines(tops.reshape(-1, 2), offsets, color, thickness, in_world=True)
+
+
+# -- filled -----------------------------------------------------------------------------------------------------
+
+
+def _draw_buildings(
+    ctx: IContext, columns: ObstacleColumns, colors: dict[int, Any], thickness: float, tones: WallTones
+) -> None:
+    """Fill what closes, the highest last; then draw all top edges."""
+    visual, built = drawing_of(ctx), footprints(columns)
+    is_filled = ~_is_fence(ctx, built)
+    own, step = np.isin(built.types, list(colors)), _steps(built.heights)
+    for number in range(_STEPS):
+        tone = _between(tones.low, tones.high, number / (_STEPS - 1))
+        _fill(visual, built, is_filled & ~own & (step == number), tone)
+    has_own = np.isin(columns.types, list(colors))
+    is_around = np.append(is_filled, False)[built.row_of]  # the row -1 is the last
+    _draw_tops(visual, columns, ~has_own & is_around, tones.outline, thickness)
+    _draw_tops(visual, columns, ~has_own & ~is_around, tones.wall, thickness)
+    for type, color in colors.items():
+        _fill(visual, built, is_filled & (built.types == type), color)
+        _draw_tops(visual, columns, (columns.types == type) & is_around, _shaded(color), thickness)
+        _draw_tops(visual, columns, (columns.types == type) & ~is_around, color, thickness)
+
+
+def _fill(visual: Drawing, built: Footprints, chosen: BoolArray, color: Any) -> None:
+    if chosen.any():
+        visual.render_polygons(*built.chosen(chosen), color)
+
+
+def _is_fence(ctx: IContext, built: Footprints) -> BoolArray:
+    """Which rings have the whole graph inside: they are around the scene, not in it."""
+    xy: FloatArray = ctx.graph.columns().xy
+    if len(xy) == 0 or len(built.types) == 0:
+        return np.zeros(len(built.types), bool)
+    low, high = built.boxes()
+    is_fence: BoolArray = (low <= xy.min(axis=0)).all(axis=1) & (high >= xy.max(axis=0)).all(axis=1)
+    return is_fence
+
+
+def _steps(heights: FloatArray) -> IntArray:
+    """Which of the tones each height has."""
+    if len(heights) == 0:
+        return np.zeros(0, np.int64)
+    low, high = np.percentile(heights, (_LOWEST, _TALLEST)).tolist()
+    if low == high:
+        return np.full(len(heights), (_STEPS - 1) // 2)
+    share = np.clip((heights - low) / (high - low), 0.0, 1.0)
+    steps: IntArray = np.rint(share * (_STEPS - 1)).astype(np.int64)
+    return steps
+
+
+def _between(low: Rgb, high: Rgb, share: float) -> Rgb:
+    red, green, blue = (round(a + share * (b - a)) for a, b in zip(low, high, strict=True))
+    return red, green, blue
+
+
+def _shaded(color: Any) -> Rgba:
+    red, green, blue, alpha = rgba(color)
+    return round(_SHADE * red), round(_SHADE * green), round(_SHADE * blue), alpha

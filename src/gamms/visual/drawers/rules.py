@@ -14,10 +14,10 @@ from gamms.errors import BadType
 from gamms.ir.graph import FloatArray, GraphColumns, IntArray
 from gamms.text import shown
 from gamms.typing import IContext
-from gamms.visual.color import color_group, group_colors, rgba
+from gamms.visual.appearance import color_group, group_colors, rgba
+from gamms.visual.constants import Layer
 from gamms.visual.drawers.graph import one_way_each, polylines, usual_edge
 from gamms.visual.drawing import drawing_of
-from gamms.visual.layers import Layer
 
 TERRITORIES = "territories"  # in `ctx.game.data`: name -> team -> ids of its nodes, as text
 _MOST = 100  # flags, territories, and teams that have them

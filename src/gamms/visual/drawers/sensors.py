@@ -10,10 +10,10 @@ from gamms.ir.graph import FloatArray, GraphColumns, IntArray
 from gamms.ir.sensed import SensorView
 from gamms.text import shown
 from gamms.typing import IContext
-from gamms.visual.color import Color, Rgba, rgba
-from gamms.visual.drawers.shapes import rings
+from gamms.visual.appearance import Color, Rgba, rgba
+from gamms.visual.drawers.agents import rings
 from gamms.visual.drawing import drawing_of
-from gamms.visual.sights import view_of
+from gamms.visual.shown_turn import view_of
 
 _ALPHA = 150
 _NODE_PX, _RING_PX, _EDGE_PX = 3.0, 10.0, 4.0

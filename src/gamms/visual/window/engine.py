@@ -13,27 +13,21 @@ from gamms.deciding import outside_of_deciding, refused_while_deciding
 from gamms.errors import BadValue, MissingFile
 from gamms.ir.draw import DrawCommands
 from gamms.typing import ArtistType, IContext, ISensor
-from gamms.visual.appearance import GraphData
-from gamms.visual.artist import Artist
-from gamms.visual.artist_group import ArtistGroup
-from gamms.visual.backends.pygame import Canvas, hold_image, load
-from gamms.visual.camera import Camera
-from gamms.visual.color import Color
+from gamms.visual.appearance import Color, GraphData
+from gamms.visual.artist import Artist, ArtistGroup
+from gamms.visual.backends.pygame_backend import Canvas, hold_image, load
+from gamms.visual.camera import Camera, is_near
 from gamms.visual.compat import RenderManager, WindowNames
+from gamms.visual.constants import Layer
 from gamms.visual.drawers import render_input_overlay
 from gamms.visual.drawing import Drawing, image_path
 from gamms.visual.engine import PictureEngine
-from gamms.visual.layers import Layer
+from gamms.visual.files import size
 from gamms.visual.legend import blocks_of
-from gamms.visual.picture import size
-from gamms.visual.scene import Scene
-from gamms.visual.tiles import FrameBudget
-from gamms.visual.window.camera import is_near
-from gamms.visual.window.display import close_window, open_window, window_surface
-from gamms.visual.window.hud import HudLines, theme_called
+from gamms.visual.scene import FrameBudget, Scene
+from gamms.visual.window.display import Pace, close_window, open_window, window_surface
 from gamms.visual.window.input import Handlers, Input, Question, Walk, question
-from gamms.visual.window.overlay import Overlay
-from gamms.visual.window.pacing import Pace
+from gamms.visual.window.overlay import HudLines, Overlay, theme_called
 
 _OPTIONS = (
     "width", "height", "simulation_time_constant", "input_overlay", "max_fps", "theme", "trails", "labels", "title",

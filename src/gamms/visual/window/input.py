@@ -8,8 +8,8 @@ import numpy as np
 from gamms.ir.graph import FloatArray
 from gamms.typing import IContext
 from gamms.typing.agent_engine import AgentType
-from gamms.visual.backends.pygame import load
-from gamms.visual.window.camera import Point, WindowCamera, nearest
+from gamms.visual.backends.pygame_backend import load
+from gamms.visual.camera import Point, WindowCamera, nearest_point
 
 Answer = int | tuple[float, float, float]
 _UP, _DOWN = (0, 0, 1), (0, 0, -1)
@@ -253,7 +253,7 @@ class Input:
             asked.point_at(*view.screen_to_world(x, y))
             return True
         if isinstance(asked, Walk):
-            option = nearest(view.camera().to_screen(asked.places), x, y)
+            option = nearest_point(view.camera().to_screen(asked.places), x, y)
             if option is not None:
                 asked.choose(option)
                 return True

@@ -1,4 +1,4 @@
-"""Films: every turn becomes frames in which the agents glide from where they were to where they are."""
+"""Pictures and films: from what artists draw to a file."""
 
 import os
 from pathlib import Path
@@ -7,19 +7,118 @@ from typing import Any, NamedTuple, Self
 from weakref import WeakValueDictionary
 
 from gamms.arguments import as_float, as_int, as_path, as_text
-from gamms.errors import BadValue, Duplicate, MissingFolder
+from gamms.errors import BadValue, Duplicate, MissingFolder, NotYet, UnknownName
+from gamms.ir.draw import DrawCommands
+from gamms.limits import refuse_above
 from gamms.typing import ColorType, IArtist, IContext
-from gamms.visual import picture
+from gamms.visual.appearance import rgba
 from gamms.visual.artists import Artists
-from gamms.visual.backends import FILMS, FilmWriter
-from gamms.visual.backends.pygame import Canvas
+from gamms.visual.backends import FILMS, FORMATS, Backend, FilmWriter
+from gamms.visual.backends.pygame_backend import Canvas
 from gamms.visual.backends.raster import Painting, frame_words
-from gamms.visual.camera import Camera
-from gamms.visual.color import rgba
-from gamms.visual.drawing import Drawing
+from gamms.visual.camera import CSS_DPI, Camera, fit
+from gamms.visual.drawing import Drawing, joined, magnified
 from gamms.visual.legend import Block, Legend, blocks_of
-from gamms.visual.scene import Scene
-from gamms.visual.tiles import whole_frame
+from gamms.visual.scene import Scene, whole_frame
+
+_HEADER_PX = 44.0
+_LONGEST_PX = 65_535  # as GIF counts them
+_FINEST_DPI = 10_000.0
+_PICTURE_BYTES = 20  # of memory per pixel, measured: the canvas, its copies and the file
+FILM_BYTES = 48  # and what an encoder keeps
+
+
+class Sheet(NamedTuple):
+    """The size of a picture, and the backend that paints it."""
+
+    width: int
+    height: int
+    dpi: float
+    backend: Backend
+
+
+def place(path: str | os.PathLike[str]) -> Path:
+    """Check a path that is to be written to.
+
+    Raises:
+        MissingFolder: its folder does not exist.
+    """
+    path = as_path(path, "path")
+    if not path.parent.is_dir():
+        raise MissingFolder(path.name, path.parent)
+    return path
+
+
+def sheet(name: str | os.PathLike[str], width: int, height: int, dpi: float) -> Sheet:
+    """Check everything that can be checked before drawing; the suffix of a name, or a mere suffix, is the format.
+
+    Raises:
+        BadValue: a size or dpi that is not positive, or too large.
+        NotYet: a format that cannot be written.
+    """
+    path, (width, height) = as_path(name, "path"), size(width, height)
+    if not 0.0 < (dpi := as_float(dpi, "dpi")) <= _FINEST_DPI:
+        raise BadValue(f"A picture needs between 0 and {_FINEST_DPI:g} pixels per inch, not dpi={dpi:g}.")
+    return Sheet(width, height, dpi, _backend(path))
+
+
+def size(width: int, height: int, bytes_per_pixel: int = _PICTURE_BYTES) -> tuple[int, int]:
+    """Check a width and height in pixels.
+
+    Raises:
+        BadValue: one is not positive, or too large.
+        TooLarge (BadValue): it would take more memory than is allowed.
+    """
+    width, height = as_int(width, "The width of a picture"), as_int(height, "The height of a picture")
+    if width <= 0 or height <= 0:
+        raise BadValue(f"A picture needs a positive width and height, not {width} x {height}.")
+    if max(width, height) > _LONGEST_PX:
+        raise BadValue(f"A picture has at most {_LONGEST_PX} pixels at each side, not {width} x {height}.")
+    refuse_above(bytes_per_pixel * width * height, f"A picture of {width} x {height} pixels")
+    return width, height
+
+
+def _backend(path: Path) -> Backend:
+    try:
+        return FORMATS[(path.suffix or path.name).lower()]
+    except UnknownName:
+        known = ", ".join(FORMATS)
+        raise NotYet(f"saving a picture as {path.suffix or path.name!r} (there is: {known})") from None
+
+
+def header_px(title: str) -> float:
+    """How much room a title takes above a picture."""
+    return _HEADER_PX if title else 0.0
+
+
+def noted(ctx: IContext, note: str) -> str:
+    """The note, and the source of the map unless the note already names it."""
+    note = as_text(note, "note")
+    attribution: str | None = getattr(ctx.graph, "attribution", None)
+    if attribution and attribution not in note:
+        return f"{note} · {attribution}" if note else attribution
+    return note
+
+
+def painted(
+    sheet: Sheet,
+    commands: DrawCommands,
+    blocks: tuple[Block, ...],
+    camera: Camera | None,
+    *,
+    title: str,
+    note: str,
+    background: ColorType,
+) -> bytes:
+    """Paint the columns and the legend, as the content of a file; no camera sees everything."""
+    fine = sheet.dpi / CSS_DPI  # so that lines, letters and marks are as large on paper whatever the dpi
+    legend, header = Legend(blocks, sheet.width, sheet.height, fine), fine * header_px(title)
+    if camera is None:
+        camera = fit(commands, sheet.width, sheet.height, header, legend.aside)
+    commands = magnified(joined(commands, legend.commands(camera, header, rgba(background))), fine)
+    words = {"title": as_text(title, "title"), "note": note, "background": rgba(background), "dpi": sheet.dpi}
+    return sheet.backend(commands, camera, **words)
+
 
 _FASTEST = 240.0  # frames per second
 _LONGEST_MP4_PX = 16_384
@@ -50,7 +149,7 @@ def film_plan(
         BadValue: an unknown format, or a bad number.
         MissingFolder: the folder is not there.
     """
-    path, (width, height) = as_path(path, "path"), picture.size(width, height, picture.FILM_BYTES)
+    path, (width, height) = as_path(path, "path"), size(width, height, FILM_BYTES)
     if not 0.0 < (fps := as_float(fps, "fps")) <= _FASTEST:
         raise BadValue(f"A film needs between 0 and {_FASTEST:g} frames per second, not fps={fps:g}.")
     if frames_per_turn is None:
@@ -132,13 +231,13 @@ class Frames:
         budget = None if self._viewpoint.followed is None else whole_frame()  # so that streets are shifted
         self.scene.paint(self._canvas, camera, self._background, budget)
         self._paint_legend(camera)
-        frame_words(self._canvas, self._title, picture.noted(self.ctx, self._note), self._background)
+        frame_words(self._canvas, self._title, noted(self.ctx, self._note), self._background)
         return self._canvas
 
     def _paint_legend(self, camera: Camera) -> None:
         painted = self._painted_legend
         if painted is None or painted[0] is not self._legend or painted[1] != camera:
-            commands = self._legend.commands(camera, picture.header_px(self._title), self._background)
+            commands = self._legend.commands(camera, header_px(self._title), self._background)
             self._painted_legend = painted = self._legend, camera, Painting(commands)
         painted[2].paint(self._canvas, camera)
 
@@ -152,7 +251,7 @@ class Frames:
         if pointed is not None:
             return pointed
         if self._camera is None:
-            header = picture.header_px(self._title)
+            header = header_px(self._title)
             self._camera = self.scene.fit(self._canvas.width, self._canvas.height, header, self._legend.aside)
         return self._camera
 

@@ -1,14 +1,82 @@
-"""The one door to PyAV: MP4 files."""
+"""MP4 files by PyAV. Between two frames a few agents move, so only the squares that differ are converted."""
 
+from collections.abc import Iterable
 from pathlib import Path
 from queue import Queue
 from threading import Thread
-from typing import Any
+from typing import Any, NamedTuple
 
 import numpy as np
 
 from gamms.errors import MissingExtra
-from gamms.visual.backends.tiles import SIDE, STRIP, PaintedFrame, Square, paste, planes_of, squares
+from gamms.visual.backends import PaintedFrame
+from gamms.visual.backends.coverage import ByteArray
+
+TILE, BORDER = 64, 4  # pixels; of a square, and around it, for colours are mixed from neighbours
+SIDE = TILE + 2 * BORDER
+STRIP = 8  # squares that are converted at once, side by side: long rows are what converters are fast with
+MOST = 64  # of more of them it is faster to convert everything
+
+
+class Square(NamedTuple):
+    """A tile of a picture: its place, and the upper left corner of the larger square around it."""
+
+    left: int
+    top: int
+    corner: tuple[int, int]
+
+
+def squares(boxes: Iterable[tuple[int, int, int, int]], width: int, height: int) -> list[Square] | None:
+    """The tiles that boxes touch; None where there are too many, or the picture is too small."""
+    if min(width, height) < SIDE:
+        return None
+    blocks = {  # most boxes are small and many lie in the same tiles
+        (max(left, 0) // TILE, max(top, 0) // TILE, (min(left + across, width) - 1) // TILE, (top + down - 1) // TILE)
+        for left, top, across, down in set(boxes)
+        if across and down
+    }
+    lowest = (height - 1) // TILE
+    found = {
+        (x, y)
+        for left, top, right, bottom in blocks
+        for x in range(left, right + 1)
+        for y in range(top, min(bottom, lowest) + 1)
+    }
+    if len(found) > MOST:
+        return None
+    return [_square(x * TILE, y * TILE, width, height) for x, y in sorted(found)]
+
+
+def _square(left: int, top: int, width: int, height: int) -> Square:
+    corner = min(max(left - BORDER, 0), width - SIDE), min(max(top - BORDER, 0), height - SIDE)
+    return Square(left, top, corner)
+
+
+def planes_of(frame: Any) -> list[ByteArray]:
+    """The planes of a frame of PyAV as arrays (rows, columns) that can be written to."""
+    found = []
+    for plane in frame.planes:
+        rows = np.frombuffer(plane, np.uint8).reshape(plane.height, plane.line_size)
+        found.append(rows[:, : plane.width * (4 if frame.format.name == "bgra" else 1)])
+    return found
+
+
+def paste(planes: list[ByteArray], parts: list[ByteArray], tiles: list[Square]) -> None:
+    """Put tiles into the planes of a picture whose second and third plane are half as large.
+
+    Args:
+        planes: of the picture.
+        parts: of the squares around the tiles, side by side.
+        tiles: where they belong.
+    """
+    for plane, part, share in zip(planes, parts, (1, 2, 2), strict=True):
+        side = SIDE // share
+        for number, (left, top, (x, y)) in enumerate(tiles):
+            down, across = (top - y) // share, number * side + (left - x) // share
+            place = plane[top // share : (top + TILE) // share, left // share : (left + TILE) // share]
+            rows, columns = place.shape
+            place[:] = part[down : down + rows, across : across + columns]
+
 
 _AHEAD = 8  # frames that wait for the encoder
 # A fixed number of threads, so that the same frames give the same bytes on every machine. It is one, for that one works

@@ -19,10 +19,10 @@ import numpy as np
 from gamms.errors import BadValue, MissingExtra
 from gamms.ir.graph import FloatArray
 from gamms.limits import refuse_above
+from gamms.visual.appearance import PAPER, Rgb, Rgba
 from gamms.visual.backends.coverage import ByteArray, Patch, PixelArray
-from gamms.visual.backends.pillow import image_size
-from gamms.visual.clipping import extent
-from gamms.visual.color import PAPER, Rgb, Rgba
+from gamms.visual.backends.pillow_backend import image_size
+from gamms.visual.camera import extent
 
 if TYPE_CHECKING:
     from pygame import Surface
