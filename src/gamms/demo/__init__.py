@@ -1,7 +1,7 @@
-"""The demo: capture the flag between two teams on the streets of a city. It plays a scenario, as any client does.
+"""The demo: capture the flag between two teams on the streets of a city.
 
-The game is a file, `data/capture_the_flag.yaml`, with other teams or on another map if that is asked for. Read
-`strategies.py` next; `report.py` draws the game and tells what happened in it.
+A client of clients: it plays a scenario. The game is a file, `data/capture_the_flag.yaml`, with other teams or on
+another map if that is asked for. Read `strategies.py` next; `report.py` draws the game and tells what happened in it.
 """
 
 from math import isfinite

@@ -1,4 +1,4 @@
-"""Pictures and films of recordings: a client that replays into a context and draws that as any program would.
+"""Pictures and films of recordings. A client: it replays into a context and draws that as any program would.
 
 `fog.py` shows only what a team can see.
 """
