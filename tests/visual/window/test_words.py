@@ -163,9 +163,9 @@ def test_what_a_sensor_told_in_a_few_words(data, words):
 
 def test_the_nearest_point_within_reach_is_found():
     points = np.array([(0.0, 0.0), (10.0, 0.0)])
-    assert overlay.nearest(points, 7.0, 0.0) == 1
-    assert overlay.nearest(points, 30.0, 0.0) is None
-    assert overlay.nearest(np.empty((0, 2)), 0.0, 0.0) is None
+    assert overlay.nearest_point(points, 7.0, 0.0) == 1
+    assert overlay.nearest_point(points, 30.0, 0.0) is None
+    assert overlay.nearest_point(np.empty((0, 2)), 0.0, 0.0) is None
 
 
 def test_a_sensor_without_a_view_is_left_out_quietly(ctx, person, caplog):
