@@ -20,13 +20,12 @@ import shapely
 import gamms
 from gamms.ir.projection import WGS84, project
 from gamms.osm.constants import wall_estimates
-from gamms.osm.footprints import read_footprints
 from gamms.osm.heights import WallRules
 from gamms.osm.network import RoadNetwork, network_of_segments
-from gamms.osm.networkx import to_road_graph
-from gamms.osm.osmium import read_ways
+from gamms.osm.networkx_bridge import to_road_graph
+from gamms.osm.osmium_reader import read_footprints, read_ways
 from gamms.osm.polygons import Faces, faces_of, footprints_of
-from gamms.osm.simplify import simplify
+from gamms.osm.topology import simplify
 from gamms.osm.ways import Segments, Ways, largest_part, segments_of
 
 WEST, SOUTH, EAST, NORTH = (

@@ -9,7 +9,7 @@ import pytest
 
 from gamms.errors import BadFile, BadType, BadValue, MissingExtra, TooLarge
 from gamms.ir import projection
-from gamms.osm import graph_from_xml, osmium
+from gamms.osm import graph_from_xml, osmium_reader
 
 ROAD = {"highway": "residential"}
 
@@ -171,7 +171,7 @@ def test_without_the_extra_the_error_prints_the_pip_command(make_map, cross, mon
 
 
 def test_a_map_with_too_many_points_is_refused(make_map, cross, monkeypatch):
-    monkeypatch.setattr(osmium, "BYTES_PER_POINT", 1 << 26)
+    monkeypatch.setattr(osmium_reader, "_BYTES_PER_POINT", 1 << 26)
     with pytest.raises(TooLarge, match="honest files of its size"):
         graph_from_xml(make_map(cross, ([1, 2, 3], ROAD)))
 

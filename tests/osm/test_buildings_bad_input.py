@@ -12,7 +12,7 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from gamms.errors import BadFile, BadType, BadValue, MissingExtra, TooLarge
-from gamms.osm import faces_of_features, footprints, obstacle_from_file, obstacle_from_osm
+from gamms.osm import faces_of_features, obstacle_from_file, obstacle_from_osm, osmium_reader
 
 HOUSE = {"building": "house"}
 BLOCK = [1, 2, 3, 1]
@@ -123,7 +123,7 @@ def test_a_bad_filter_is_refused_before_any_server_is_asked(make_map):
 
 
 def test_a_map_with_too_many_points_is_refused(make_map, monkeypatch):
-    monkeypatch.setattr(footprints, "BYTES_PER_POINT", 1 << 25)
+    monkeypatch.setattr(osmium_reader, "_BYTES_PER_POINT", 1 << 25)
     with pytest.raises(TooLarge, match="honest files of its size"):
         obstacle_from_file(make_map(NODES, (BLOCK, HOUSE)))
 

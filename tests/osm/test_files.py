@@ -11,10 +11,9 @@ import networkx as nx
 import pytest
 
 from gamms.errors import BadFile, BadType, BadValue, TooLarge
-from gamms.osm import OSMType, graph_from_file, graph_from_xml, osmium
-from gamms.osm.files import file_format
-from gamms.osm.pbf import unpacked_size
-from gamms.osm.travel import CLOSED_TO
+from gamms.osm import OSMType, graph_from_file, graph_from_xml, osmium_reader
+from gamms.osm.files import file_format, unpacked_size
+from gamms.osm.ways import CLOSED_TO
 
 ROAD = {"highway": "residential"}
 NO_CUT = 1e6
@@ -264,6 +263,6 @@ def test_packed_xml_is_read(make_map, cross, tmp_path):
 
 
 def test_a_map_with_too_many_points_is_refused(make_map, cross, monkeypatch):
-    monkeypatch.setattr(osmium, "BYTES_PER_POINT", 1 << 26)
+    monkeypatch.setattr(osmium_reader, "_BYTES_PER_POINT", 1 << 26)
     with pytest.raises(TooLarge, match="honest files of its size"):
         graph_from_file(make_map(cross, ([1, 2, 3], ROAD)))

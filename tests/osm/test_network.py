@@ -8,11 +8,9 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from gamms.osm.directions import joined_directions
-from gamms.osm.labels import components, first_seen
-from gamms.osm.network import both_ways, network_of_lines
-from gamms.osm.polylines import along
-from gamms.osm.simplify import simplify
+from gamms.osm.network import along, both_ways, joined_directions, network_of_lines
+from gamms.osm.topology import simplify
+from gamms.osm.ways import components, first_seen
 
 coordinate = st.integers(-40, 40).map(lambda n: n / 4)
 point = st.tuples(coordinate, coordinate)

@@ -15,10 +15,10 @@ import gamms
 from gamms.cli import app
 from gamms.errors import BadFile, BadType, BadValue
 from gamms.osm import Report, graph_from_file, graph_from_geojson, graph_from_xml, network_of_columns, report
-from gamms.osm.junctions import consolidate
-from gamms.osm.measures import deviations
-from gamms.osm.networkx import to_digraph
+from gamms.osm.fidelity import deviations
+from gamms.osm.networkx_bridge import to_digraph
 from gamms.osm.resample import resample
+from gamms.osm.topology import consolidate
 
 ROAD = {"highway": "residential"}
 
@@ -158,7 +158,7 @@ def test_a_context_says_the_same_as_the_graph_it_was_given(town):
 
 def test_the_shipped_map_keeps_its_promises():
     with gamms.create_context(logger_config={"level": "CRITICAL"}) as ctx:
-        ctx.graph.load(gamms.osm.shipped._FILE)
+        ctx.graph.load(gamms.osm.load._FILE)
         columns = ctx.graph.columns()
     found = report(gamms.osm.resample_columns(columns), columns)
     assert found.is_faithful, str(found)

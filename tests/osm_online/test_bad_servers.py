@@ -22,8 +22,7 @@ from server import (
 
 from gamms.errors import BadValue, GammsError, NetworkError, PlaceError
 from gamms.osm import OSMType, create_osm_graph
-from gamms.osm.answers import fault_of_areas
-from gamms.osm.overpass import features_of_place
+from gamms.osm.overpass import fault_of_areas, features_of_place
 
 PLACE = "Kluuvi, Helsinki"
 SOON_S = 4.0

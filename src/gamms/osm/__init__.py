@@ -3,13 +3,14 @@
     G = gamms.osm.graph_from_xml("city.osm", resolution=10.0)
     ctx.graph.attach_networkx_graph(G)
 
-`create_osm_graph("Kluuvi, Helsinki")` asks OpenStreetMap's servers: `places.py`; `overpass.py` knows their language,
-`servers.py` asks them and keeps their answers, and `settings.py` says which they are.
+`create_osm_graph("Kluuvi, Helsinki")` asks OpenStreetMap's servers: `places.py`; `overpass.py` writes their queries and
+reads their answers, `servers.py` sends and caches them, and `settings.py` names the servers.
 `gamms.osm.helsinki(ctx)` does the same with the map that comes with the package, and needs no optional library.
 
-Read `load.py` first: it names the steps. `osmium.py` reads the file, `ways.py` and `network.py` hold the
-roads as columns, `junctions.py` merges junctions, `resample.py` cuts them, `networkx.py` makes the graph,
-`fidelity.py` compares it with the map. `buildings.py` makes obstacles of the same maps.
+Read `load.py` first: it names the steps. `osmium_reader.py` and `geojson.py` read files, `ways.py` and `network.py`
+hold roads as columns, `topology.py` simplifies and merges junctions, `resample.py` cuts, `networkx_bridge.py` makes the
+graph, `fidelity.py` compares it with the map. `buildings.py` makes obstacles of the same maps, by `heights.py` and
+`polygons.py`.
 May import: `gamms.typing` and below, never another engine. To read another kind of map, make a `RoadNetwork` of it;
 everything after that is the same.
 """
@@ -22,12 +23,19 @@ from gamms.osm.buildings import (
     obstacle_from_osm,
     obstacle_from_xml,
 )
-from gamms.osm.columns import network_of_columns
 from gamms.osm.constants import HEIGHT_ESTIMATES_TYPES, OSM_OBSTACLE_TAGS, wall_estimates
 from gamms.osm.fidelity import Report, report
 from gamms.osm.geojson import is_geojson
 from gamms.osm.load import consolidated_graph as consolidate
-from gamms.osm.load import graph_from_file, graph_from_geojson, graph_from_xml, process_osm_graph, resample_columns
+from gamms.osm.load import (
+    graph_from_file,
+    graph_from_geojson,
+    graph_from_xml,
+    helsinki,
+    process_osm_graph,
+    resample_columns,
+)
+from gamms.osm.network import network_of_columns
 from gamms.osm.places import (
     create_osm_graph,
     get_network_type,
@@ -35,8 +43,7 @@ from gamms.osm.places import (
     graph_from_point,
     graph_from_polygon,
 )
-from gamms.osm.shipped import helsinki
-from gamms.osm.travel import OSMType
+from gamms.osm.ways import OSMType
 
 __all__ = [
     "HEIGHT_ESTIMATES_TYPES",

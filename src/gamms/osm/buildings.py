@@ -57,7 +57,7 @@ def obstacle_from_file(
         BadValue, BadType: an argument is impossible.
         MissingExtra: osmium or pyproj is not installed.
     """
-    from gamms.osm.footprints import read_footprints
+    from gamms.osm.osmium_reader import read_footprints
     from gamms.osm.polygons import faces_of, footprints_of
 
     rules, tolerances = _rules(tags, height_estimates), _tolerances(min_tolerance, relative_tolerance)
@@ -199,7 +199,7 @@ def _records(faces: "Faces") -> Iterator[Record]:
 
 def _crs_of_roads(file: Path) -> str | None:
     """The CRS that `graph_from_xml` gives a file that is known to be sound; None if it has no roads."""
-    from gamms.osm.osmium import read_ways
+    from gamms.osm.osmium_reader import read_ways
     from gamms.osm.ways import largest_part, segments_of
 
     try:

@@ -14,7 +14,7 @@ import numpy as np
 from gamms.errors import BadFile
 from gamms.limits import refuse_above
 from gamms.osm.files import as_file
-from gamms.osm.polylines import offsets_of
+from gamms.osm.network import offsets_of
 from gamms.osm.ways import Ways, is_against, is_one_way
 
 _MEMORY_PER_BYTE = 10  # that Python needs for what it reads

@@ -3,35 +3,44 @@
 import os
 from collections.abc import Callable
 from dataclasses import replace
+from pathlib import Path
 from typing import TYPE_CHECKING, Any, NamedTuple
 
 import numpy as np
 
-from gamms.arguments import as_bool, as_float, as_range
-from gamms.errors import BadType, BadValue
+from gamms.arguments import as_bool, as_context, as_float, as_range
+from gamms.errors import BadFile, BadType, BadValue
 from gamms.ir.graph import GraphColumns
 from gamms.ir.projection import crs_of
-from gamms.osm.columns import network_of_columns
-from gamms.osm.directions import joined_directions
 from gamms.osm.files import as_file
-from gamms.osm.junctions import consolidate
-from gamms.osm.network import RoadNetwork, both_ways, connected, projected
-from gamms.osm.networkx import network_of_graph, to_digraph, to_multidigraph
+from gamms.osm.geojson import is_geojson, read_lines
+from gamms.osm.network import (
+    RoadNetwork,
+    both_ways,
+    connected,
+    joined_directions,
+    network_of_columns,
+    network_of_segments,
+    projected,
+)
+from gamms.osm.networkx_bridge import network_of_graph, to_digraph, to_multidigraph
+from gamms.osm.osmium_reader import read_ways
 from gamms.osm.resample import resample
-from gamms.osm.simplify import simplify as simplified
-from gamms.osm.source import read_line_network, read_network
-from gamms.osm.travel import OSMType
+from gamms.osm.topology import consolidate
+from gamms.osm.topology import simplify as simplified
+from gamms.osm.ways import OSMType, Ways, largest_part, segments_of
 from gamms.progress import progress
 from gamms.text import shown
+from gamms.typing import IContext
 
 if TYPE_CHECKING:
     import networkx as nx
 
-Path = str | os.PathLike[str]
+FilePath = str | os.PathLike[str]
 _Reader = Callable[[Callable[[str], None]], RoadNetwork]
-
 _WIDEST_JUNCTION_M = 1000.0
 _SLOW_BYTES = 32 << 20
+_FILE = Path(__file__).parent.parent / "data" / "helsinki.gamms"
 
 
 class Recipe(NamedTuple):
@@ -46,7 +55,7 @@ class Recipe(NamedTuple):
 
 
 def graph_from_xml(
-    filepath: Path,
+    filepath: FilePath,
     resolution: float = 10.0,
     bidirectional: bool = True,
     retain_all: bool = False,
@@ -81,7 +90,7 @@ def graph_from_xml(
 
 
 def graph_from_file(
-    filepath: Path,
+    filepath: FilePath,
     resolution: float = 10.0,
     bidirectional: bool | None = None,
     retain_all: bool = False,
@@ -119,7 +128,7 @@ def graph_from_file(
 
 
 def graph_from_geojson(
-    filepath: Path,
+    filepath: FilePath,
     resolution: float = 10.0,
     bidirectional: bool = True,
     retain_all: bool = False,
@@ -203,7 +212,7 @@ def resample_columns(
         return cut(network_of_columns(columns), recipe, show)
 
 
-def _graph(filepath: Path, recipe: Recipe, read: _Reader) -> "nx.DiGraph[int]":
+def _graph(filepath: FilePath, recipe: Recipe, read: _Reader) -> "nx.DiGraph[int]":
     # Nothing can be shown while osmium reads its first nodes: say so before, where that takes a second.
     with progress(0.0 if as_file(filepath).stat().st_size > _SLOW_BYTES else 1.0) as show:
         network = read(show)
@@ -267,3 +276,69 @@ def _tolerance(tolerance: float) -> float:
             "no junction is that wide."
         )
     return number
+
+
+def read_network(
+    file: Path, *, retain_all: bool, show: Callable[[str], None], osm_type: OSMType | None = None
+) -> RoadNetwork:
+    """The roads of an OpenStreetMap file, one per pair of consecutive vertices, in UTM metres."""
+    return _network(file, read_ways(file, show, osm_type), retain_all=retain_all, show=show)
+
+
+def read_line_network(file: Path, *, retain_all: bool, show: Callable[[str], None]) -> RoadNetwork:
+    """The lines of a GeoJSON file, one road per pair of consecutive vertices, in UTM metres."""
+    show(f"Reading {file.name}")
+    return _network(file, read_lines(file), retain_all=retain_all, show=show)
+
+
+def read_any_network(
+    file: Path, *, retain_all: bool, show: Callable[[str], None], osm_type: OSMType | None = None
+) -> RoadNetwork:
+    """The roads of a file of either kind: the first byte tells which."""
+    if is_geojson(file):
+        return read_line_network(file, retain_all=retain_all, show=show)
+    return read_network(file, retain_all=retain_all, show=show, osm_type=osm_type)
+
+
+def _network(file: Path, ways: Ways, *, retain_all: bool, show: Callable[[str], None]) -> RoadNetwork:
+    segments = segments_of(ways)
+    if not len(segments.sources):
+        raise BadFile(
+            f"{str(file)!r} has roads, but not the nodes that they lead through. "
+            "Export it with all nodes (in Overpass: (._;>;); out;)."
+        )
+    show(f"Projecting {len(segments.lonlat)} nodes")
+    network = network_of_segments(segments if retain_all else largest_part(segments), ways.tags)
+    return replace(network, attribution=ways.attribution)
+
+
+def helsinki(
+    ctx: IContext, resolution: float = 10.0, bidirectional: bool = True, buildings: bool = False
+) -> "nx.DiGraph[int]":
+    """Put the streets of central Helsinki into the empty graph of a context; returns them as a networkx graph, too.
+
+    Args:
+        ctx: the context.
+        resolution: metres between nodes.
+        bidirectional: let agents go against one-way streets.
+        buildings: put the walls of the buildings among the obstacles.
+
+    Raises:
+        BadType: `ctx` is no context.
+        BadValue: the context has a graph or obstacles already, or the resolution is impossible.
+    """
+    graph = as_context(ctx, "helsinki").graph.graph
+    if [*graph.get_nodes(), *ctx.graph.get_obstacle_faces()]:
+        raise BadValue("The context has a graph or obstacles already. Load the map into a new context.")
+    try:
+        ctx.graph.load(_FILE)
+        walls = ctx.graph.obstacle_columns()
+        streets = resample_columns(ctx.graph.columns(), resolution, bidirectional)
+    finally:
+        graph.clear()
+        for face_id in ctx.graph.get_obstacle_faces():
+            ctx.graph.remove_obstacle_face(face_id)
+    ctx.graph.attach_networkx_graph(streets)
+    if buildings:
+        ctx.graph.add_obstacles(walls.corners, walls.ids, walls.types)
+    return streets

@@ -1,4 +1,4 @@
-"""A road network as columns: nodes, and roads with a polyline, a true length and a direction."""
+"""Road networks as columns: nodes, and roads with a polyline, a true length and a direction."""
 
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
@@ -6,12 +6,89 @@ from typing import Any, NamedTuple
 
 import numpy as np
 
-from gamms.ir.graph import FloatArray, IntArray
+from gamms import kernels
+from gamms.ir.graph import FloatArray, GraphColumns, IntArray
 from gamms.ir.projection import WGS84, ellipsoid_lengths, project, utm_crs
-from gamms.osm.polylines import along, chosen_lines, offsets_of, straight_lines, with_ends
 from gamms.osm.ways import ATTRIBUTION, Segments
 
 BoolArray = np.ndarray[Any, np.dtype[np.bool_]]
+_SAME = 1e-6  # metres between vertices, and the relative difference of lengths
+
+
+def straight_lines(start: FloatArray, end: FloatArray) -> tuple[IntArray, FloatArray]:
+    """Offsets and points of straight lines between positions (lines, 2)."""
+    points = np.stack((start, end), axis=1).reshape(-1, 2)
+    return np.arange(len(start) + 1) * 2, points
+
+
+def chosen_lines(offsets: IntArray, points: FloatArray, lines: IntArray) -> tuple[IntArray, FloatArray]:
+    """Offsets and points of some of the lines, in the order of `lines`."""
+    take, chosen = kernels.chosen_runs(offsets, lines)
+    return chosen, points[take]
+
+
+def reversed_points(offsets: IntArray) -> IntArray:
+    """The rows of the points such that every line runs backwards."""
+    mirror = np.repeat(offsets[:-1] + offsets[1:] - 1, np.diff(offsets))
+    return mirror - np.arange(offsets[-1])
+
+
+def along(offsets: IntArray, points: FloatArray) -> FloatArray:
+    """How far along its own line each point is."""
+    if not len(points):
+        return np.zeros(0)
+    step = np.zeros(len(points))
+    step[1:] = np.hypot(*np.diff(points, axis=0).T)
+    step[offsets[:-1]] = 0.0
+    total = np.cumsum(step)
+    return np.asarray(total - np.repeat(total[offsets[:-1]], np.diff(offsets)))
+
+
+def with_ends(
+    offsets: IntArray, points: FloatArray, start: FloatArray, end: FloatArray
+) -> tuple[IntArray, FloatArray, FloatArray]:
+    """Lead every line from `start` to `end`: a point is added where the line does not begin or end there.
+
+    Returns:
+        the new offsets, the new points, and by how much each line has grown.
+    """
+    head, tail = points[offsets[:-1]], points[offsets[1:] - 1]
+    before, after = (head != start).any(axis=1), (tail != end).any(axis=1)
+    grown = offsets_of(np.diff(offsets) + before + after)
+    result = np.empty((grown[-1], 2))
+    shift = np.repeat(grown[:-1] + before - offsets[:-1], np.diff(offsets))
+    result[np.arange(len(points)) + shift] = points
+    result[grown[:-1]] = start
+    result[grown[1:] - 1] = end
+    return grown, result, np.hypot(*(head - start).T) + np.hypot(*(end - tail).T)
+
+
+def moved_ends(
+    offsets: IntArray, points: FloatArray, start: FloatArray, end: FloatArray
+) -> tuple[FloatArray, FloatArray]:
+    """Move the first point of every line to `start` and its last to `end`.
+
+    Returns:
+        the new points, and how many times longer each line is drawn than before.
+    """
+    moved = points.copy()
+    moved[offsets[:-1]], moved[offsets[1:] - 1] = start, end
+    before, after = lengths_of(offsets, points), lengths_of(offsets, moved)
+    return moved, np.divide(after, before, out=np.ones_like(after), where=before > 0.0)
+
+
+def lengths_of(offsets: IntArray, points: FloatArray) -> FloatArray:
+    """How long each line is drawn."""
+    steps = np.hypot(*np.diff(points, axis=0, append=points[-1:]).T)
+    steps[offsets[1:] - 1] = 0.0  # from the end of a line to the begin of the next
+    return np.add.reduceat(steps, offsets[:-1]) if len(offsets) > 1 else np.zeros(0)
+
+
+def offsets_of(counts: IntArray) -> IntArray:
+    """Where groups of these sizes begin and end when they follow each other."""
+    offsets = np.zeros(len(counts) + 1, np.int64)
+    np.cumsum(counts, out=offsets[1:])
+    return offsets
 
 
 class Merged(NamedTuple):
@@ -144,3 +221,51 @@ def without_unused_nodes(network: RoadNetwork) -> RoadNetwork:
 def both_ways(network: RoadNetwork) -> RoadNetwork:
     """The same network for those who may go against the traffic."""
     return replace(network, two_way=np.ones(len(network.sources), np.bool_))
+
+
+def network_of_columns(columns: GraphColumns) -> RoadNetwork:
+    """One road per edge: one-way where its attribute `oneway` is true, two-way otherwise."""
+    tags = _tags_of_edges(columns)
+    ends = (columns.sources, columns.targets)
+    roads = network_of_lines(columns.xy, ends, columns.bends, columns.lengths, tags, columns.crs)
+    two_way = np.fromiter((not of_edge.get("oneway", False) for of_edge in tags), np.bool_, len(tags))
+    return connected(replace(roads, two_way=two_way))
+
+
+def _tags_of_edges(columns: GraphColumns) -> list[Mapping[str, Any]]:
+    tags: list[dict[str, Any]] = [{} for _ in range(len(columns.edge_ids))]
+    for name, values in columns.edge_attributes.items():
+        for row, value in values.items():
+            tags[row][name] = value
+    return [*tags]
+
+
+def joined_directions(network: RoadNetwork) -> RoadNetwork:
+    """Make one two-way road of every one-way road and its exact reverse.
+
+    Cutting both apart would leave two rows of nearly equal nodes along every street.
+    """
+    waiting: dict[tuple[int, int], list[int]] = {}
+    two_way = network.two_way.copy()
+    kept: list[int] = []
+    for road, ends in enumerate(zip(network.sources.tolist(), network.targets.tolist(), strict=True)):
+        back = waiting.get(ends[::-1], [])
+        twin = next((other for other in back if _is_reverse(network, road, other)), None)
+        if twin is None:
+            waiting.setdefault(ends, []).append(road)
+            kept.append(road)
+        else:
+            back.remove(twin)
+            two_way[twin] = True
+    return chosen_roads(replace(network, two_way=two_way), np.array(kept, np.int64))
+
+
+def _is_reverse(network: RoadNetwork, road: int, other: int) -> bool:
+    here = network.points[network.offsets[road] : network.offsets[road + 1]]
+    there = network.points[network.offsets[other] : network.offsets[other + 1]]
+    length, length_there = float(network.lengths[road]), float(network.lengths[other])
+    return (
+        len(here) == len(there)
+        and abs(length - length_there) <= _SAME * max(length, length_there)
+        and bool((np.abs(here - there[::-1]) <= _SAME).all())
+    )

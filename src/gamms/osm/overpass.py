@@ -1,28 +1,37 @@
-"""Streets and areas of places, from the answers of Nominatim and Overpass; read `servers.py` for how they are asked."""
+"""Streets and areas of places, from the answers of Nominatim and Overpass, which are checked before they are used."""
 
 import json
 import math
-from collections.abc import Callable, Iterable, Mapping, Sequence
+from collections.abc import Callable, Iterator, Mapping, Sequence
 from dataclasses import dataclass
-from itertools import groupby
+from itertools import chain, groupby
 from typing import Any, NamedTuple
 
 import numpy as np
 
 from gamms.errors import BadType, BadValue, PlaceError
-from gamms.ir.graph import FloatArray
+from gamms.ir.graph import FloatArray, IntArray
 from gamms.ir.projection import WGS84, project
-from gamms.osm.answers import fault_of_areas, fault_of_places, fault_of_streets
-from gamms.osm.network import RoadNetwork, chosen_roads, network_of_segments, without_unused_nodes
-from gamms.osm.polygons import Outlines, area_of, footprints_of, is_inside, meets, outlines_of, repaired, widened
-from gamms.osm.polylines import offsets_of
+from gamms.osm.network import RoadNetwork, chosen_roads, network_of_segments, offsets_of, without_unused_nodes
+from gamms.osm.polygons import (
+    RING_ROLES,
+    area_of,
+    footprints_of,
+    is_inside,
+    meets,
+    outlines_of,
+    outlines_of_ways,
+    repaired,
+    widened,
+)
 from gamms.osm.servers import MapServers
 from gamms.osm.settings import setting
-from gamms.osm.simplify import simplify
-from gamms.osm.travel import CLOSED_TO, OSMType
+from gamms.osm.topology import simplify
 from gamms.osm.ways import (
+    CLOSED_TO,
     KEPT_TAGS,
     NO_ROADS,
+    OSMType,
     Segments,
     Ways,
     is_against,
@@ -40,13 +49,14 @@ _KM_PER_DEGREE = 111.32
 _FARTHEST = (180.0, 90.0)
 _SIDEWALKS = ("sidewalk", "sidewalk:both", "sidewalk:left", "sidewalk:right")  # separate: there is another way to walk
 _AREAS = ("Polygon", "MultiPolygon")
-_ROLES = ("outer", "inner", "")
-
 Show = Callable[[str], None]
 Location = str | dict[str, str] | Sequence[str | dict[str, str]]
 Tags = Mapping[str, bool | str | list[str]]
 Element = dict[str, Any]
 _Query = tuple[list[str], str]  # the kinds of elements with their filters, and what to output of those found
+_FARTHEST = (180.0, 90.0)  # degrees of longitude and latitude
+_MOST_CUT = 1 / 3  # share of ways that may lack nodes: where a map was cut, some do; where it is damaged, most do
+_POLYGONS = ("Polygon", "MultiPolygon")
 
 
 class StreetOptions(NamedTuple):
@@ -188,37 +198,22 @@ def _ways(found: _Elements, osm_type: OSMType) -> Ways:
     rules = [traffic_rule(osm_type, way.get("tags", {})) for way in found.ways.values()]
     if osm_type is OSMType.WALK:
         tags, rules = [{**of_way, "oneway": False} for of_way in tags], [None] * len(rules)
-    all_refs = [ref for of_way in refs for ref in of_way]
-    return Ways(
-        offsets_of(np.array([len(of_way) for of_way in refs], np.int64)),
-        np.array(all_refs, np.int64),
-        _lonlat(found, all_refs),
-        np.array([is_against(rule) for rule in rules], np.bool_),
-        tags,
-    )
+    offsets, lonlat, ids = _vertices(found, refs)
+    return Ways(offsets, ids, lonlat, np.array([is_against(rule) for rule in rules], np.bool_), tags)
 
 
 def _areas(found: _Elements, tags: Tags, boundary: Any) -> list[tuple[Any, dict[str, str]]]:
-    """The closed ways and multipolygons with one of these tags, as shapes with all their tags; parts are left out."""
-    whole = {
-        id: way["nodes"]
-        for id, way in found.ways.items()
-        if len(way["nodes"]) > 1 and found.nodes.keys() >= set(way["nodes"])
-    }
-    rings = [way for way in found.ways.values() if _is_ring(way) and way["id"] in whole and _suits(way, tags)]
+    """Return the closed ways and multipolygons with one of these tags as shapes with all their tags."""
+    rings = [way for way in found.ways.values() if _is_ring(way) and _suits(way, tags)]
     relations = [one for one in found.relations.values() if _is_area(one) and _suits(one, tags)]
-    bundles = [[way["id"]] for way in rings] + [
-        sorted(
-            {one["ref"] for one in relation["members"] if one["type"] == "way" and one["role"] in _ROLES} & whole.keys()
-        )
-        for relation in relations
-    ]
+    ways_of = [[way["id"]] for way in rings]
+    for relation in relations:
+        members = relation["members"]
+        ways_of.append([one["ref"] for one in members if one["type"] == "way" and one["role"] in RING_ROLES])
     about = [one["tags"] for one in [*rings, *relations]]
-    lines = [whole[way] for bundle in bundles for way in bundle]
-    owners = np.repeat(np.arange(len(bundles)), np.array([len(bundle) for bundle in bundles], np.int64))
-    lonlat = _lonlat(found, [ref for line in lines for ref in line])
-    outlines = Outlines(offsets_of(np.array([len(line) for line in lines], np.int64)), lonlat, owners, about)
-    shapes = repaired(footprints_of(outlines))
+    row_of = {id: row for row, id in enumerate(found.ways)}
+    offsets, lonlat, _ = _vertices(found, [way["nodes"] for way in found.ways.values()])
+    shapes = repaired(footprints_of(outlines_of_ways(offsets, lonlat, row_of, ways_of, about)))
     inside = meets(boundary, shapes)
     return [
         (shapes[row], dict(about[row])) for row in np.flatnonzero(inside).tolist() if shapes[row].geom_type in _AREAS
@@ -243,9 +238,12 @@ def _values(value: bool | str | list[str]) -> Sequence[str]:
     return [value] if isinstance(value, str) else value if isinstance(value, list) else []
 
 
-def _lonlat(found: _Elements, refs: Iterable[int]) -> FloatArray:
+def _vertices(found: _Elements, lines: list[list[int]]) -> tuple[IntArray, FloatArray, IntArray]:
+    """Return the offsets of lines through these nodes, degrees (vertices, 2) or NaN, and the ids of the nodes."""
     nowhere = (math.nan, math.nan)
-    return np.array([found.nodes.get(ref, nowhere) for ref in refs], np.float64).reshape(-1, 2)
+    refs = [ref for line in lines for ref in line]
+    lonlat = np.array([found.nodes.get(ref, nowhere) for ref in refs], np.float64).reshape(-1, 2)
+    return offsets_of(np.array([len(line) for line in lines], np.int64)), lonlat, np.array(refs, np.int64)
 
 
 # -- the language of Overpass -----------------------------------------------------------------------------------
@@ -324,3 +322,112 @@ def _fault_of(polygon: Any) -> str:
         return f"its bounds {polygon.bounds} are not degrees of longitude and latitude"
     km2 = polygon.area * _KM_PER_DEGREE**2 * math.cos(math.radians((south + north) / 2.0))
     return f"it has {km2:.0f} km², and {_MOST_KM2:.0f} km² are the most" if km2 > _MOST_KM2 else ""
+
+
+def fault_of_places(answer: Any) -> str:
+    """The fault of Nominatim's answer to the question where a place is; an empty one has none."""
+    if not isinstance(answer, list) or not all(isinstance(place, dict) for place in answer):
+        return "it is no list of places"
+    return next((fault for place in answer if (fault := _fault_of_place(place))), "")
+
+
+def fault_of_streets(answer: Any) -> str:
+    """The fault of Overpass's answer to the question for streets; an empty one has none."""
+    fault = _fault_of_elements(answer)
+    if fault:
+        return fault
+    nodes = {element["id"] for element in answer["elements"] if element["type"] == "node"}
+    ways = (element for element in answer["elements"] if element["type"] == "way")
+    cut = next((way["id"] for way in ways if not nodes.issuperset(way["nodes"])), None)
+    return "" if cut is None else f"it lacks nodes of the way {cut}"
+
+
+def fault_of_areas(answer: Any) -> str:
+    """The fault of Overpass's answer to the question for buildings and the like; an empty one has none."""
+    fault = _fault_of_elements(answer)
+    if fault:
+        return fault
+    nodes = {element["id"] for element in answer["elements"] if element["type"] == "node"}
+    ways = [element for element in answer["elements"] if element["type"] == "way"]
+    cut = sum(not nodes.issuperset(way["nodes"]) for way in ways)
+    return f"it lacks nodes of {cut} of its {len(ways)} ways" if cut > _MOST_CUT * len(ways) else ""
+
+
+def _fault_of_elements(answer: Any) -> str:
+    if not isinstance(answer, dict) or not isinstance(answer.get("elements"), list):
+        return "it has no list of elements"
+    if answer.get("remark"):
+        return f"it is incomplete, for the server remarks {str(answer['remark'])[:200]!r}"
+    return next((f"{str(one)[:100]} is no element" for one in answer["elements"] if not _is_element(one)), "")
+
+
+def _fault_of_place(place: dict[str, Any]) -> str:
+    try:
+        is_ranked = math.isfinite(float(place["importance"]))  # Nominatim may write numbers as text
+    except (KeyError, TypeError, ValueError):
+        is_ranked = False
+    shape = place.get("geojson")
+    if not is_ranked:
+        return "a place has no importance"
+    if shape is not None and (not isinstance(shape, dict) or not isinstance(shape.get("type"), str)):
+        return "a place has a geometry without a type"
+    if shape is None or shape["type"] not in _POLYGONS or _is_outline(shape.get("coordinates"), shape["type"]):
+        return ""
+    return "a place has a boundary that is no polygon"
+
+
+def _is_outline(coordinates: Any, kind: str) -> bool:
+    try:
+        rings = coordinates if kind == "Polygon" else list(chain.from_iterable(coordinates))
+        return bool(rings) and all(len(ring) >= 4 and all(map(_is_position, ring)) for ring in rings)
+    except TypeError:
+        return False
+
+
+def _is_position(place: Any) -> bool:
+    return (
+        isinstance(place, list)
+        and len(place) >= 2
+        and all(_is_number(x) and abs(x) <= most for x, most in zip(place, _FARTHEST, strict=False))
+    )
+
+
+def _is_element(element: Any) -> bool:
+    if not isinstance(element, dict) or not isinstance(element.get("type"), str):
+        return False
+    tags = element.get("tags", {})
+    if not isinstance(tags, dict) or not all(isinstance(text, str) for text in _texts(tags)):
+        return False
+    check = _ELEMENTS.get(element["type"])
+    return check is None or (_is_id(element.get("id")) and check(element))
+
+
+def _texts(tags: dict[Any, Any]) -> Iterator[Any]:
+    return chain(tags.keys(), tags.values())
+
+
+def _is_node(node: dict[str, Any]) -> bool:
+    return _is_position([node.get("lon"), node.get("lat")])
+
+
+def _is_way(way: dict[str, Any]) -> bool:
+    nodes = way.get("nodes")
+    return isinstance(nodes, list) and all(map(_is_id, nodes))
+
+
+def _is_relation(relation: dict[str, Any]) -> bool:
+    members = relation.get("members")
+    return isinstance(members, list) and all(
+        isinstance(member, dict) and {"type", "ref", "role"} <= member.keys() for member in members
+    )
+
+
+_ELEMENTS = {"node": _is_node, "way": _is_way, "relation": _is_relation}
+
+
+def _is_id(value: Any) -> bool:
+    return isinstance(value, int) and not isinstance(value, bool)
+
+
+def _is_number(value: Any) -> bool:
+    return isinstance(value, (int, float)) and not isinstance(value, bool) and math.isfinite(value)

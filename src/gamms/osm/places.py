@@ -12,11 +12,11 @@ from gamms.arguments import as_float
 from gamms.errors import BadType, BadValue, PlaceError
 from gamms.ir.geometry import polygon as polygon_of
 from gamms.ir.projection import WGS84, project, utm_crs
-from gamms.osm.junctions import consolidate
 from gamms.osm.load import Recipe, cut, recipe_of
 from gamms.osm.network import RoadNetwork
 from gamms.osm.overpass import Location, Show, StreetOptions, streets_of_place, streets_of_polygon
-from gamms.osm.travel import OSMType
+from gamms.osm.topology import consolidate
+from gamms.osm.ways import OSMType
 from gamms.progress import progress
 from gamms.text import shown
 

@@ -1,17 +1,19 @@
 """The one door to shapely's polygons: assemble, repair and simplify footprints in bulk, and stand walls on them."""
 
 import math
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass
 from typing import Any
 
 import numpy as np
 
+from gamms import kernels
 from gamms.ir.graph import FloatArray, IntArray
 from gamms.ir.projection import WGS84, project, utm_crs
 from gamms.limits import refuse_above
 from gamms.osm.heights import Wall
 
+RING_ROLES = ("outer", "inner", "")  # of the ways in a multipolygon that enclose it
 _POLYGON = 3  # shapely's number of the type
 _BYTES_PER_CELL = 1 << 20  # of the map in a cell
 
@@ -35,6 +37,27 @@ class Faces:
 
     corners: FloatArray  # (faces, 4, 3)  top right, top left, bottom right, bottom left
     types: IntArray  # (faces,)
+
+
+def outlines_of_ways(
+    offsets: IntArray, lonlat: FloatArray, row_of: Mapping[int, int], ways_of: Sequence[list[int]], about: Sequence[Any]
+) -> Outlines:
+    """Return the lines of each footprint; one that leads through a place that the map lacks is left out.
+
+    Args:
+        offsets: (ways + 1,) of the vertices of each way.
+        lonlat: (vertices, 2) degrees, NaN where the map lacks the node.
+        row_of: way id -> row.
+        ways_of: (footprints,) the ids of the ways around each.
+        about: (footprints,) the wall of each, or its tags.
+    """
+    sizes = np.diff(offsets)
+    known = np.concatenate(([0], np.cumsum(np.isfinite(lonlat[:, 0]))))
+    is_whole = (np.diff(known[offsets]) == sizes) & (sizes > 1)
+    rows = [[row for id in sorted({*ways} & row_of.keys()) if is_whole[row := row_of[id]]] for ways in ways_of]
+    owners = np.repeat(np.arange(len(rows)), np.array([len(of_one) for of_one in rows], np.int64))
+    positions, offsets = kernels.chosen_runs(offsets, np.array([row for of_one in rows for row in of_one], np.int64))
+    return Outlines(offsets, lonlat[positions], owners, about)
 
 
 def footprints_of(outlines: Outlines) -> Shapes:

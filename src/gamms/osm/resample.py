@@ -6,8 +6,7 @@ import numpy as np
 
 from gamms.ir.graph import FloatArray, IntArray
 from gamms.limits import refuse_above
-from gamms.osm.network import BoolArray, RoadNetwork
-from gamms.osm.polylines import along, offsets_of
+from gamms.osm.network import BoolArray, RoadNetwork, along, offsets_of
 
 _PIECE_BYTES = 5_000  # with its node, measured: 2,400 in networkx, and 2,200 as they are attached
 _SAME = 1e-9  # of a piece: a vertex this near to a cut is the cut

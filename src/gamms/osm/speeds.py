@@ -13,7 +13,49 @@ import numpy as np
 
 from gamms.ir.graph import FloatArray
 from gamms.osm.network import RoadNetwork
-from gamms.osm.travel import SPEED_OF_HIGHWAY_KPH, SPEED_OF_WORD_KPH, UNKNOWN_SPEED_KPH
+
+# Kilometres per hour on a road without a sign. Our own round numbers for free traffic, between the limits usual in
+# Europe and what the shape of such roads allows; ways for walkers have the pace of a walker.
+SPEED_OF_HIGHWAY_KPH: dict[str, float] = {
+    "motorway": 110.0,
+    "motorway_link": 60.0,
+    "trunk": 90.0,
+    "trunk_link": 50.0,
+    "primary": 60.0,
+    "primary_link": 50.0,
+    "secondary": 50.0,
+    "secondary_link": 40.0,
+    "tertiary": 50.0,
+    "tertiary_link": 40.0,
+    "unclassified": 40.0,
+    "residential": 30.0,
+    "living_street": 10.0,
+    "service": 20.0,
+    "busway": 40.0,
+    "road": 40.0,
+    "track": 15.0,
+    "cycleway": 15.0,
+    "bridleway": 8.0,
+    "pedestrian": 5.0,
+    "footway": 5.0,
+    "path": 5.0,
+    "corridor": 4.0,
+    "steps": 2.0,
+}
+UNKNOWN_SPEED_KPH = 30.0
+
+SPEED_OF_WORD_KPH: dict[str, float] = {  # what follows the country in values such as FI:urban
+    "motorway": 120.0,
+    "none": 130.0,
+    "trunk": 90.0,
+    "rural": 80.0,
+    "nsl_dual": 112.65408,  # 70 mph
+    "nsl_single": 96.56064,  # 60 mph
+    "urban": 50.0,
+    "bicycle_road": 30.0,
+    "living_street": 10.0,
+    "walk": 5.0,
+}
 
 _FASTEST_KPH = 300.0  # beyond is a slip of the pen
 _UNITS = {"": 1.0, "km/h": 1.0, "kmh": 1.0, "kph": 1.0, "mph": 1.609344, "knots": 1.852}

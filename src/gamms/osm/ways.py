@@ -1,14 +1,13 @@
-"""The ways of a map file as columns, and the pieces of road between their vertices."""
+"""The ways of a map as columns, which of them each way of moving may use, and the pieces of road between vertices."""
 
 from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import dataclass
+from enum import Enum
 from typing import Any
 
 import numpy as np
 
 from gamms.ir.graph import FloatArray, IntArray
-from gamms.osm.labels import components, first_seen
-from gamms.osm.travel import CLOSED_TO, OSMType
 
 NO_ROADS = (
     "abandoned",
@@ -41,6 +40,60 @@ KEPT_TAGS = (
 ATTRIBUTION = "© OpenStreetMap contributors, ODbL 1.0"
 _ONE_WAY = ("yes", "true", "1", "-1", "reverse", "T", "F")
 _AGAINST = ("-1", "reverse", "T")
+
+
+class OSMType(Enum):
+    """Which ways of moving a network is for."""
+
+    WALK = 0
+    BIKE = 1
+    DRIVE = 2
+
+
+# What a way must not be, per way of moving: tag -> values. These are the rules of OSMnx's network types, with the
+# values written out. They hold on top of the rule for all: no road that is no road (`NO_ROADS`), no area.
+_NOT_FOR_ALL_TO_USE = {"access": {"private"}, "service": {"private"}}
+CLOSED_TO: dict[OSMType, dict[str, set[str]]] = {
+    OSMType.WALK: {
+        **_NOT_FOR_ALL_TO_USE,
+        "highway": {"bus_guideway", "cycleway", "motorway", "motorway_link"},
+        "foot": {"no"},
+    },
+    OSMType.BIKE: {
+        **_NOT_FOR_ALL_TO_USE,
+        "highway": {
+            "bus_guideway",
+            "corridor",
+            "elevator",
+            "escalator",
+            "footway",
+            "motorway",
+            "motorway_link",
+            "steps",
+        },
+        "bicycle": {"no"},
+    },
+    OSMType.DRIVE: {
+        "access": {"private"},
+        "highway": {
+            "bridleway",
+            "bus_guideway",
+            "corridor",
+            "cycleway",
+            "elevator",
+            "escalator",
+            "footway",
+            "path",
+            "pedestrian",
+            "service",
+            "steps",
+            "track",
+        },
+        "motor_vehicle": {"no"},
+        "motorcar": {"no"},
+        "service": {"alley", "driveway", "emergency_access", "parking", "parking_aisle", "private"},
+    },
+}
 
 
 @dataclass(slots=True, frozen=True, eq=False)
@@ -127,3 +180,41 @@ def largest_part(segments: Segments) -> Segments:
     return Segments(
         segments.lonlat[inside], row[segments.sources[kept]], row[segments.targets[kept]], segments.ways[kept]
     )
+
+
+def first_seen(keys: IntArray) -> tuple[IntArray, IntArray]:
+    """Number the distinct keys 0, 1, … in the order in which they first appear.
+
+    Returns:
+        `numbers` (keys,), the number of each key; `firsts` (distinct,), where each number first appears.
+    """
+    _, firsts, inverse = np.unique(keys, return_index=True, return_inverse=True)
+    order = np.argsort(firsts)
+    rank = np.empty(len(order), np.int64)
+    rank[order] = np.arange(len(order))
+    return rank[inverse], firsts[order]
+
+
+def components(a: IntArray, b: IntArray, count: int) -> IntArray:
+    """The smallest row that each of `count` rows is connected to by the pairs `(a[i], b[i])`.
+
+    Union by minimum with pointer jumping: the number of rounds grows with the logarithm of the longest chain.
+    """
+    label = np.arange(count)
+    while True:
+        left, right = label[a], label[b]
+        differ = left != right
+        if not differ.any():
+            return label
+        a, b = a[differ], b[differ]
+        low, high = np.minimum(left, right)[differ], np.maximum(left, right)[differ]
+        np.minimum.at(label, high, low)
+        label = _flattened(label)
+
+
+def _flattened(label: IntArray) -> IntArray:
+    while True:
+        further = label[label]
+        if np.array_equal(further, label):
+            return label
+        label = further

@@ -9,10 +9,9 @@ import numpy as np
 from gamms.errors import BadType, BadValue
 from gamms.ir.geometry import line_strings, points_of, points_of_many
 from gamms.ir.graph import FloatArray, IntArray
-from gamms.osm.labels import first_seen
-from gamms.osm.network import RoadNetwork, network_of_lines
-from gamms.osm.polylines import reversed_points
+from gamms.osm.network import RoadNetwork, network_of_lines, reversed_points
 from gamms.osm.speeds import speed_kph, travel_times
+from gamms.osm.ways import first_seen
 from gamms.text import shown
 
 if TYPE_CHECKING:
