@@ -1,14 +1,15 @@
 """The part of a turn in which strategies decide: nothing may be changed then, and what can be read is read-only.
 
-A `DecidePhase` belongs to a context and is shared by its engines. The turn engine sets its `agent` while a strategy
-runs. A verb that changes something is marked with `@refused_while_deciding`, a class whose attributes may not be set is
-`Guarded`, and an attribute that holds what can change is `Protected`.
+A `DecidePhase` belongs to a context and is shared by its engines. The turn engine sets its `agent` while a strategy or
+a plan runs. A verb that changes something is marked with `@refused_while_deciding`, a class whose attributes may not be
+set is `Guarded`, and an attribute that holds what can change is `Protected`.
 """
 
 from collections.abc import Callable, Iterator
 from contextlib import contextmanager
+from contextvars import ContextVar
 from functools import wraps
-from typing import Any, ClassVar, Generic, Self, TypeVar, cast, overload
+from typing import Any, ClassVar, Generic, NamedTuple, Self, TypeVar, cast, overload
 
 from gamms.errors import BadType, IllegalMutation
 from gamms.readonly import frozen
@@ -18,11 +19,23 @@ T = TypeVar("T")
 Method = TypeVar("Method", bound=Callable[..., Any])
 
 
+class Deciders(NamedTuple):
+    """What decides for several agents at once, or for agents that are awaited."""
+
+    described: str  # at the beginning of a sentence, such as "The plan of team 'red'"
+    names: tuple[str, ...]  # of the agents
+
+
+AWAITED = Deciders("A strategy that is awaited", ())
+_of_task: ContextVar[tuple[Any, Any]] = ContextVar("gamms_decider", default=(None, AWAITED))
+
+
 class DecidePhase:
-    """Which agent of a context decides.
+    """Which agents of a context decide.
 
     Attributes:
-        agent: the one whose strategy is running; None: no strategy is. Any: the agent engine's own class.
+        agent: the one whose strategy is running, or `Deciders`; AWAITED: each asyncio task decides for the agents that
+            it was begun with by `decide_in_this_task`; None: no strategy is running. Any: the agent engine's own class.
         sensor_changes: how often a setting of a sensor was set.
     """
 
@@ -36,11 +49,28 @@ class DecidePhase:
         """Copy a context as one in which no agent decides, so that a strategy may look ahead in a copy."""
         return DecidePhase()
 
+    def decide_in_this_task(self, agent: Any) -> None:
+        """Let this asyncio task, and those that it starts, decide for an agent or `Deciders` in this phase."""
+        _of_task.set((self, agent))
+
+    def names(self) -> tuple[str, ...]:
+        """Return the names of the agents that decide here."""
+        deciders = self._deciders()
+        return deciders.names if isinstance(deciders, Deciders) else (deciders.name,)
+
+    def _deciders(self) -> Any:
+        if self.agent is not AWAITED:
+            return self.agent
+        phase, deciders = _of_task.get()
+        return deciders if phase is self else AWAITED
+
     def refuse(self, deed: str) -> None:
         """Raise IllegalMutation if a strategy is running."""
         if self.agent is not None:
+            deciders = self._deciders()
+            who = deciders.described if isinstance(deciders, Deciders) else f"The strategy of agent {deciders.name!r}"
             raise IllegalMutation(
-                f"The strategy of agent {self.agent.name!r} may not {deed}: while agents decide, nothing changes. "
+                f"{who} may not {deed}: while agents decide, nothing changes. "
                 "It may set state['action'], and write into state['memory'] and state['team_memory']. What changes "
                 "anything else belongs into a rule: ctx.game.add(rule)."
             )

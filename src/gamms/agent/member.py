@@ -133,7 +133,7 @@ class Member(Guarded, IAgent):
     def state(self) -> State:
         """What `get_state` returned last; `{}` before the first time. While agents decide, each sees only its own."""
         phase = self._phase
-        if phase.agent is not None and phase.agent is not self:
+        if phase.agent is not None and phase.agent is not self and self.name not in phase.names():
             phase.refuse(f"look into the state of agent {self.name!r}")
         return self._last[0]  # type: ignore[no-any-return] # of an aerial agent it is another
 

@@ -12,6 +12,7 @@ from gamms.typing.game import Move
 
 if TYPE_CHECKING:
     from gamms.errors import IllegalMutation
+    from gamms.game.deciders import TeamArrays
     from gamms.game.game import Game
     from gamms.game.legality import IllegalAction
     from gamms.game.result import Result
@@ -28,6 +29,7 @@ __all__ = [
     "Settings",
     "Snapshot",
     "SnapshotError",
+    "TeamArrays",
 ]
 
 _HOMES = {
@@ -38,6 +40,7 @@ _HOMES = {
     "Settings": "game.settings",
     "Snapshot": "game.snapshots",
     "SnapshotError": "game.snapshots",
+    "TeamArrays": "game.deciders",
 }
 
 

@@ -4,22 +4,24 @@ from collections import Counter
 from collections.abc import Callable, Iterable, Iterator, Mapping
 from contextlib import contextmanager
 from time import perf_counter
-from typing import Any, NamedTuple, overload
+from typing import Any, Literal, NamedTuple, overload
 
 from gamms.arguments import as_bool, as_int, as_name
 from gamms.deciding import Protected, phase_of, refused_while_deciding
 from gamms.errors import BadType, BadValue, ContextTerminated, UnknownName
+from gamms.game.deciders import Plan
+from gamms.game.order import COUNTED
 from gamms.game.random_streams import GlobalRandom
 from gamms.game.result import Collectors, Result
 from gamms.game.ruleset import NamedRule, RuleSet, check_phase
 from gamms.game.settings import Settings, as_turns
 from gamms.game.snapshots import Snapshot, SnapshotError, SnapshotTaker
-from gamms.game.turn import COUNTED, Observer, TurnEngine
+from gamms.game.turn import Observer, TurnEngine
 from gamms.ir.game_state import GameState, Scores
 from gamms.progress import progress as progress_line
 from gamms.readonly import ReadOnlyMapping, frozen, published
 from gamms.text import printable_line, shown
-from gamms.typing.game import Move, Rule, Track
+from gamms.typing.game import ArrayPlan, Move, Rule, TeamPlan, Track
 
 
 class Start(NamedTuple):
@@ -133,6 +135,30 @@ class Game(Settings):
     def rules(self) -> tuple[NamedRule, ...]:
         """The rules in the order in which they are applied: each with `name`, `rule` and `phase`."""
         return self._ruleset.rules
+
+    @overload
+    def command(self, team: Any, plan: TeamPlan | None) -> None: ...
+    @overload
+    def command(self, team: Any, plan: ArrayPlan | None, *, arrays: Literal[True]) -> None: ...
+    @refused_while_deciding
+    def command(self, team: Any, plan: Any, *, arrays: bool = False) -> None:
+        """Let one function decide for all agents of a team, instead of their strategies; None: their strategies do.
+
+        It is called once in every turn, and may be an `async def`. Like a strategy, it changes nothing but what it is
+        given.
+
+        Args:
+            team: the team.
+            plan: called with a dict from the names of the living agents to their states, in the order of the names;
+                it sets `state["action"]` in each.
+            arrays: the plan is called with `gamms.game.TeamArrays` instead, and returns the ids of nodes (agents,). No
+                sensor is asked, and the agents have no states.
+
+        Raises:
+            BadType: the plan cannot be called with one argument.
+        """
+        others = {one: known for one, known in self.plans.items() if one != team}
+        self.plans = others if plan is None else {**others, team: Plan(plan, arrays)}
 
     @refused_while_deciding
     def publish(self, **facts: Any) -> None:
@@ -285,6 +311,7 @@ class Game(Settings):
     @refused_while_deciding
     def close(self) -> None:
         """End the game, because its context ends, if that is in the middle of a turn which is not the last one."""
+        self._turns.close()
         if self._turns.is_playing and not self.is_over and not self._is_time_up:
             self._state.over = {"reason": "closed", "winner": None, "truncated": True}
 
@@ -444,8 +471,8 @@ class Game(Settings):
     @property
     def memories(self) -> Mapping[str, dict[Any, Any]]:
         """Agent -> what it remembers. While agents decide, each sees only its own."""
-        agent, memories = self._phase.agent, self._state.memories
-        return memories if agent is None else frozen({agent.name: memories.get(agent.name, {})})
+        phase, memories = self._phase, self._state.memories
+        return memories if phase.agent is None else frozen({name: memories.get(name, {}) for name in phase.names()})
 
     @property
     def is_deciding(self) -> bool:

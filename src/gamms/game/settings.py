@@ -1,11 +1,12 @@
 """What a game is played by: settings that are checked when they are set."""
 
-from collections.abc import Callable, Iterable
+from collections.abc import Callable, Iterable, Mapping
 from typing import Any, Literal
 
-from gamms.arguments import as_float, as_int
+from gamms.arguments import as_float, as_function_of, as_int
 from gamms.deciding import Guarded, refused_while_deciding
 from gamms.errors import BadType, BadValue, GammsError, UnknownName, nearest
+from gamms.game.deciders import Plan, as_plans
 from gamms.text import shown
 from gamms.typing.game import IConflicts
 
@@ -34,7 +35,14 @@ class Settings(Guarded):
         on_error: what a strategy that raises leads to: "raise", or "stay", counted in the result.
         speed_unit: what `agent.speed` of an agent on the ground counts per turn: "edges" or "metres".
         conflicts: who decides where moves get in each other's way, such as `gamms.rules.Conflicts`; None: nobody.
-        time_budget: seconds that a strategy may take; who takes longer stays, and is counted. None: no bound.
+        time_budget: seconds that a strategy or a plan may take; what takes longer does not count, and is noted as an
+            overrun. None: no bound.
+        deadline_s: seconds in a turn for all strategies and plans that are awaited; those that have not ended then are
+            cancelled, and noted as overruns. None: no bound.
+        default_action: what an agent does whose strategy or plan has taken too long, or has raised with
+            `on_error="stay"`: "stay", an action, or a function from the agent's state to one. An agent for which it is
+            not legal stays.
+        plans: team -> what decides for all its agents; see `Game.command`.
         max_turns: `run` ends a game when so many turns were played, before it included; None: when a rule says so.
     """
 
@@ -44,6 +52,9 @@ class Settings(Guarded):
     speed_unit: Literal["edges", "metres"]
     conflicts: IConflicts | None
     time_budget: float | None
+    deadline_s: float | None
+    default_action: Any  # an action of any form, or a function that gives one
+    plans: Mapping[Any, Plan]
     max_turns: int | None
     _called = "ctx.game"
     _is_closed = False  # whether all attributes are there, so that another name is a misspelt one
@@ -51,7 +62,9 @@ class Settings(Guarded):
     def __init__(self) -> None:
         self.legal, self.on_illegal, self.on_error, self.speed_unit = "edges", "stay", "raise", "edges"
         self.conflicts = None
-        self.time_budget = None
+        self.time_budget = self.deadline_s = None
+        self.default_action = "stay"
+        self.plans = {}
         self.max_turns = None
 
     def __setattr__(self, name: str, value: Any) -> None:
@@ -74,7 +87,9 @@ class Settings(Guarded):
 
     def plain_settings(self) -> dict[str, Any]:
         """Return the settings that are plain values, defaults included; `configure` takes them."""
-        return {name: getattr(self, name) for name in (*_CHOICES, "time_budget", "max_turns")}
+        plain = {name: getattr(self, name) for name in (*_CHOICES, "time_budget", "deadline_s", "max_turns")}
+        default = self.default_action
+        return {**plain, "default_action": default} if isinstance(default, (str, int)) else plain
 
     @refused_while_deciding
     def configure(self, given: Any) -> None:
@@ -119,6 +134,12 @@ def _seconds(name: str, value: Any) -> float | None:
     return seconds
 
 
+def _action(_: str, value: Any) -> Any:
+    if isinstance(value, str) and value != "stay":
+        raise BadValue(f'ctx.game.default_action must be "stay", an action or a function, not {shown(value)}.')
+    return as_function_of(value, "A default action", "the state", object()) if callable(value) else value
+
+
 def as_turns(name: str, value: Any) -> int | None:
     """A number of turns, or None."""
     if value is None:
@@ -133,5 +154,8 @@ _CHECKS: dict[str, Callable[[str, Any], Any]] = {
     **dict.fromkeys(_CHOICES, _choice),
     "conflicts": _conflicts,
     "time_budget": _seconds,
+    "deadline_s": _seconds,
+    "default_action": _action,
+    "plans": as_plans,
     "max_turns": lambda name, value: as_turns(f"ctx.game.{name}", value),
 }

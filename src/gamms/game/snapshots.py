@@ -7,11 +7,12 @@ from typing import Any, NamedTuple, NoReturn
 import numpy as np
 
 from gamms.errors import BadType, GammsError
+from gamms.game.order import COUNTED
 from gamms.game.random_streams import GlobalRandom
 from gamms.game.result import Collectors
 from gamms.game.ruleset import RuleSet
 from gamms.game.settings import Settings
-from gamms.game.turn import COUNTED, TurnEngine
+from gamms.game.turn import TurnEngine
 from gamms.ir.game_state import GameState
 
 _SCALARS = frozenset({str, bytes, int, float, bool, complex, type(None)})

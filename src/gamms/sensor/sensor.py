@@ -90,7 +90,7 @@ class Sensor(Guarded, ISensor):
     def data(self) -> Any:
         """What was sensed last; settable. While agents decide, it is read-only, and that of others is not shown."""
         phase = self._phase
-        if phase.agent is not None and self._owner not in (None, phase.agent.name):
+        if phase.agent is not None and self._owner not in (None, *phase.names()):
             phase.refuse(f"look at what the sensor {self.sensor_id!r} of agent {self._owner!r} has seen")
         return phase.shown(self._last[0])
 

@@ -1,6 +1,6 @@
-"""Contract of the turn engine: what it hands to rules and resolvers of conflicts."""
+"""Contract of the turn engine: what it gives to rules, plans and resolvers of conflicts."""
 
-from collections.abc import Callable, Mapping
+from collections.abc import Awaitable, Callable, Mapping
 from typing import TYPE_CHECKING, Any, NamedTuple, Protocol
 
 if TYPE_CHECKING:
@@ -14,6 +14,12 @@ Rule = Callable[[Any], object]
 
 Any: `Context` is made of what is declared here and cannot be named here; a rule says it itself:
 `def rule(ctx: gamms.Context) -> None`.
+"""
+
+TeamPlan = Callable[[dict[str, Any]], Awaitable[None] | None]
+"""Decides for a team: it is called with the states of its agents by name, and sets `state["action"]` in each.
+
+Any: `State`, or `AerialState` of agents that fly.
 """
 
 

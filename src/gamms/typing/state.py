@@ -1,6 +1,6 @@
 """What a strategy gets and gives: states and actions."""
 
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Awaitable, Callable, Mapping, Sequence
 from typing import TYPE_CHECKING, Any, NotRequired, Protocol, TypedDict, TypeVar
 
 import numpy as np
@@ -107,7 +107,7 @@ class AerialState(_GameKeys):
     """What the agent does, such as `(dx, dy, dz)`: set by the strategy."""
 
 
-Strategy = Callable[[State], None]
-"""Decides for an agent on the ground: it reads the state and sets `state["action"]`."""
-AerialStrategy = Callable[[AerialState], None]
+Strategy = Callable[[State], Awaitable[None] | None]
+"""Decides for an agent on the ground: it reads the state and sets `state["action"]`. An `async def` is for `ctx.game`."""
+AerialStrategy = Callable[[AerialState], Awaitable[None] | None]
 """Decides for an aerial agent."""

@@ -1,0 +1,159 @@
+"""How decisions that are awaited are collected: they start together, and end together under one deadline."""
+
+import asyncio
+import weakref
+from collections.abc import Awaitable, Callable, Coroutine, Iterable
+from concurrent.futures import Future
+from contextlib import suppress
+from contextvars import copy_context
+from threading import Thread
+from typing import Any, NamedTuple
+
+from gamms.deciding import AWAITED, DecidePhase
+
+_GRACE_S = 1.0  # that a coroutine has to end once it was cancelled
+
+
+class Outcome(NamedTuple):
+    """What came of one awaitable."""
+
+    value: Any = None
+    error: BaseException | None = None
+    is_late: bool = False
+
+
+class EventLoop:
+    """The event loop of one game, which runs only while agents decide.
+
+    It stays open from turn to turn, and so do the connections that strategies have opened in it. It runs in the thread
+    that plays the game; where that runs an event loop of its own, as notebooks do, it runs in a thread that ends with
+    the turn.
+    """
+
+    def __init__(self) -> None:
+        self._loop: asyncio.AbstractEventLoop | None = None
+        self.close: Callable[[], object] = lambda: None
+
+    def __deepcopy__(self, memo: dict[int, Any]) -> "EventLoop":
+        """Copy a game as one whose loop is not open yet."""
+        return EventLoop()
+
+    def collect(
+        self,
+        phase: DecidePhase,
+        awaited: Iterable[tuple[Any, Awaitable[Any]]],
+        deadline_s: float | None,
+        *,
+        strict: bool,
+    ) -> list[Outcome]:
+        """Await all, and return what came of each, in the same order.
+
+        Args:
+            phase: of the context; while they run, nothing can be changed.
+            awaited: an agent or `Deciders`, and what it has to be awaited for.
+            deadline_s: seconds; what has not ended then is cancelled. None: no bound.
+            strict: cancel the others as soon as one raises.
+        """
+        if self._loop is None or self._loop.is_closed():
+            self._loop = asyncio.new_event_loop()
+            self.close = weakref.finalize(self, _close, self._loop)
+        work = _collected(phase, list(awaited), deadline_s, strict=strict)
+        phase.agent = AWAITED
+        try:
+            return (_run_in_thread if _is_in_a_loop() else _run)(self._loop, work)
+        finally:
+            phase.agent = None
+
+
+async def _collected(
+    phase: DecidePhase, awaited: list[tuple[Any, Awaitable[Any]]], deadline_s: float | None, *, strict: bool
+) -> list[Outcome]:
+    tasks = [asyncio.create_task(_decided(phase, decider, awaitable)) for decider, awaitable in awaited]
+    until = asyncio.FIRST_EXCEPTION if strict else asyncio.ALL_COMPLETED
+    try:
+        await asyncio.wait(tasks, timeout=deadline_s, return_when=until)
+        return [_outcome(task) for task in tasks]
+    finally:
+        late = [task for task in tasks if not task.done()]
+        for task in late:
+            task.cancel()
+        if late:
+            ended, _ = await asyncio.wait(late, timeout=_GRACE_S)
+            for task in ended:
+                _outcome(task)  # or asyncio would log that nobody has asked for it
+
+
+async def _decided(phase: DecidePhase, decider: Any, awaitable: Awaitable[Any]) -> Any:
+    phase.decide_in_this_task(decider)
+    return await awaitable
+
+
+def _outcome(task: "asyncio.Task[Any]") -> Outcome:
+    if not task.done():
+        return Outcome(is_late=True)
+    if task.cancelled():
+        return Outcome(error=asyncio.CancelledError("it cancelled itself"))
+    error = task.exception()
+    return Outcome(task.result()) if error is None else Outcome(error=error)
+
+
+def _is_in_a_loop() -> bool:
+    try:
+        asyncio.get_running_loop()
+    except RuntimeError:
+        return False
+    return True
+
+
+def _run(loop: asyncio.AbstractEventLoop, work: Coroutine[Any, Any, list[Outcome]]) -> list[Outcome]:
+    """Run the loop in this thread; an interrupt cancels what is running."""
+    task = loop.create_task(work)
+    try:
+        return loop.run_until_complete(task)
+    except BaseException:
+        if not task.done():
+            task.cancel()
+            with suppress(asyncio.CancelledError):
+                loop.run_until_complete(task)
+        raise
+
+
+def _run_in_thread(loop: asyncio.AbstractEventLoop, work: Coroutine[Any, Any, list[Outcome]]) -> list[Outcome]:
+    """Run the loop in a thread of its own, because this one runs another loop; an interrupt cancels what is running."""
+    found: Future[list[Outcome]] = Future()
+
+    def run() -> None:
+        try:
+            found.set_result(_run(loop, work))
+        except BaseException as error:  # noqa: BLE001 - it is raised where the result is asked for
+            found.set_exception(error)
+
+    thread = Thread(target=copy_context().run, args=(run,), name="gamms decisions", daemon=True)
+    thread.start()
+    try:
+        return found.result()
+    except BaseException:
+        if not found.done():
+            loop.call_soon_threadsafe(_cancel_all, loop)
+        raise
+    finally:
+        thread.join()
+
+
+def _cancel_all(loop: asyncio.AbstractEventLoop) -> "set[asyncio.Task[Any]]":
+    tasks = asyncio.all_tasks(loop)
+    for task in tasks:
+        task.cancel()
+    return tasks
+
+
+def _close(loop: asyncio.AbstractEventLoop) -> None:
+    """End what strategies have left running, and the loop."""
+    if loop.is_closed() or loop.is_running():
+        return
+    tasks = _cancel_all(loop)
+    if not _is_in_a_loop():
+        if tasks:
+            loop.run_until_complete(asyncio.wait(tasks, timeout=_GRACE_S))
+        loop.run_until_complete(loop.shutdown_asyncgens())
+    loop.close()

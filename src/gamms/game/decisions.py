@@ -1,0 +1,303 @@
+"""What is decided in one turn: by strategies, by plans of teams, and by those of both that are awaited."""
+
+from collections.abc import Callable
+from operator import itemgetter
+from time import perf_counter
+from typing import TYPE_CHECKING, Any, NamedTuple
+
+from gamms.deciding import DecidePhase
+from gamms.errors import BadType, GammsError
+from gamms.game import memory
+from gamms.game.deciders import TeamArrays
+from gamms.game.legality import IllegalAction, Legality, ResolvedAction
+from gamms.game.order import AgentSlot, Commanded
+from gamms.game.settings import Settings
+from gamms.ir.game_state import GameState
+from gamms.ir.graph import IntArray
+from gamms.text import shown
+
+if TYPE_CHECKING:
+    from gamms.game.awaiting import EventLoop
+
+State = dict[str, Any]  # of an agent
+
+_COUNT_OF = {"error": "errors", "overrun": "overruns"}  # kind of error -> the count that it is in
+
+
+class _Question(NamedTuple):
+    """A strategy or a plan, and what it is asked."""
+
+    decider: Any  # the agent, or `Deciders`
+    name: str  # such as "plan of team 'red'"
+    function: Callable[[Any], Any]
+    given: Any  # a state; of a plan, its states by name, or `TeamArrays`
+    indices: list[int]  # of the slots that it decides for
+    is_plan: bool
+
+
+class Decisions:
+    """What has been decided in a turn so far.
+
+    Args:
+        slots: of all agents.
+        starts: the nodes they are on.
+        settings: of the game.
+        state: of the game.
+        phase: of the context.
+        legality: says where actions lead.
+        observe: gives the state of an agent now.
+
+    Attributes:
+        ends: the node that each agent goes to, by slot.
+        actions: what those do who do not just go to a node, by slot.
+    """
+
+    def __init__(
+        self,
+        slots: list[AgentSlot],
+        starts: list[int],
+        settings: Settings,
+        state: GameState,
+        phase: DecidePhase,
+        legality: Legality,
+        observe: Callable[[AgentSlot], State],
+    ) -> None:
+        self._slots, self._starts, self._settings, self._state = slots, starts, settings, state
+        self._phase, self._legality, self._observe = phase, legality, observe
+        self.ends = starts.copy()
+        self.actions: dict[int, ResolvedAction] = {}
+        self._written: list[tuple[int, Any]] = []  # what agents have made of their copies of the team's memory
+        self._failures: list[tuple[int, str, str]] = []  # not published before all have decided
+        self._awaited: list[tuple[_Question, Any]] = []
+
+    # -- asking -------------------------------------------------------------------------------------------------
+
+    def ask(self, i: int, state: State) -> None:
+        """Let an agent of any kind decide from its state."""
+        agent = self._slots[i].agent
+        agent._last[0] = state
+        if agent.strategy is not None:
+            self._put(self._question(i, state))
+
+    def ask_plan(self, commanded: Commanded, states: list[State]) -> None:
+        """Let the plan of a team decide from the states of its agents."""
+        slots = [self._slots[i] for i in commanded.indices]
+        for slot, state in zip(slots, states, strict=True):
+            slot.agent._last[0] = state
+        self._put_plan(commanded, {slot.name: state for slot, state in zip(slots, states, strict=True)})
+
+    def ask_arrays(self, commanded: Commanded, seed: int, facts: Any) -> None:
+        """Let the plan of a team decide from arrays.
+
+        Raises:
+            BadType: one of its agents flies.
+        """
+        flying = [self._slots[i].name for i in commanded.indices if self._slots[i].flies]
+        if flying:
+            raise BadType(
+                f"The plan of team {shown(commanded.team)} decides in arrays, and agent {flying[0]!r} flies. Use "
+                "command(team, plan) with a plan of states."
+            )
+        nodes = [self._starts[i] for i in commanded.indices]
+        reachable, is_any = self._legality.reachable, self._settings.legal == "any"
+        legal = None if is_any else [reachable(self._slots[i], self._starts[i]) for i in commanded.indices]
+        known = memory.copied(self._state.team_memories.get(commanded.team, {}))
+        names = commanded.deciders.names
+        given = TeamArrays(commanded.team, self._state.turn, seed, names, nodes, legal, facts, known)
+        self._put_plan(commanded, given)
+
+    def wait_for(self, i: int, state: State, awaitable: Any) -> None:
+        """Collect what an agent's strategy decides later with all others that are awaited."""
+        self._awaited.append((self._question(i, state), awaitable))
+
+    @property
+    def are_awaited(self) -> bool:
+        """Whether there is something to collect."""
+        return bool(self._awaited)
+
+    def collect(self, loop: "EventLoop") -> None:
+        """Await what is awaited, and take the decisions in the order of the names."""
+        awaited, self._awaited = self._awaited, []
+        deadline = self._settings.deadline_s
+        pairs = [(question.decider, awaitable) for question, awaitable in awaited]
+        outcomes = loop.collect(self._phase, pairs, deadline, strict=self._settings.on_error == "raise")
+        for (question, _), (_, error, _) in zip(awaited, outcomes, strict=True):
+            if error is not None and self._settings.on_error == "raise":
+                self._fail(question, error)
+        for (question, _), (value, error, is_late) in zip(awaited, outcomes, strict=True):
+            if error is not None:
+                self._fail(question, error)
+            elif is_late:
+                self._miss(question, "overrun", f"was cancelled after {deadline} s")
+            else:
+                self._answer(question, value)
+
+    def drop(self) -> None:
+        """Close what is awaited and will not be collected."""
+        for _, awaitable in self._awaited:
+            getattr(awaitable, "close", bool)()
+
+    def close(self) -> None:
+        """Publish what went wrong and merge the team memories, once all have decided."""
+        for i, kind, message in sorted(self._failures, key=itemgetter(0)):
+            slot = self._slots[i]
+            slot.counts[_COUNT_OF.get(kind, kind)] += 1
+            error = {"turn": self._state.turn, "agent": slot.name, "kind": kind, "message": message}
+            self._state.errors.append(error)
+        if self._written:
+            self._merge_team_memories()
+
+    # -- answers ------------------------------------------------------------------------------------------------
+
+    def note(self, i: int, team_memory: Any) -> None:
+        """Take what an agent has made of its copy of the team's memory."""
+        self._written.append((i, team_memory))
+
+    def take(self, i: int, state: State, *, by: str = "its strategy") -> None:
+        """Take the action that is in the state of an agent."""
+        slot, here = self._slots[i], self._starts[i]
+        if "action" in state:
+            action = state["action"]
+            if type(action) is int and slot.is_plain and action in self._legality.reachable(slot, here):
+                self.ends[i] = action
+            else:
+                self._decide(i, action)
+        else:
+            legal = list(self._legality.reachable(slot, here))
+            self._refuse(i, IllegalAction(f"{by} set no state['action']; legal are {legal}"))
+
+    def fail(self, i: int, state: State, error: Exception) -> None:
+        """Let an agent do the default action whose strategy raised; or raise, by the settings."""
+        if isinstance(error, KeyError) and "action" not in state and error.args == ("action",):
+            self.take(i, state)  # not the strategy's error: it has set no action
+        else:
+            self._fail(self._question(i, state), error)
+
+    def _question(self, i: int, state: State) -> _Question:
+        agent = self._slots[i].agent
+        return _Question(agent, f"strategy of agent {agent.name!r}", agent.strategy, state, [i], is_plan=False)
+
+    def _put_plan(self, commanded: Commanded, given: Any) -> None:
+        deciders, name = commanded.deciders, f"plan of team {shown(commanded.team)}"
+        self._put(_Question(deciders, name, commanded.plan.function, given, commanded.indices, is_plan=True))
+
+    def _put(self, question: _Question) -> None:
+        budget, began = self._settings.time_budget, perf_counter()
+        self._phase.agent = question.decider
+        try:
+            answer = question.function(question.given)
+        except Exception as error:  # noqa: BLE001 - a strategy is the caller's code
+            self._phase.agent = None
+            self._fail(question, error)
+            return
+        finally:
+            self._phase.agent = None
+        if hasattr(type(answer), "__await__"):
+            self._awaited.append((question, answer))
+        elif budget is not None and perf_counter() - began > budget:
+            self._miss(question, "overrun", f"took longer than {budget} s")
+            self._note(question)
+        else:
+            self._answer(question, answer)
+
+    def _answer(self, question: _Question, answer: Any) -> None:
+        given, indices = question.given, question.indices
+        if isinstance(given, TeamArrays):
+            try:
+                nodes = given.checked(answer)
+            except GammsError as error:
+                self._fail(question, error)
+                return
+            self._take_nodes(indices, given, nodes)
+        elif not question.is_plan:
+            self.take(indices[0], given)
+        elif answer is not None:
+            form = "A plan sets state['action'] in each state that it gets, and returns None"
+            self._fail(question, BadType(f"{form}, not {shown(answer)}. To return nodes, take arrays=True."))
+            return
+        else:
+            for i, state in zip(indices, given.values(), strict=True):
+                self.take(i, state, by="the plan of its team")
+        self._note(question)
+
+    def _take_nodes(self, indices: list[int], arrays: TeamArrays, nodes: IntArray) -> None:
+        starts, ends, slots = self._starts, self.ends, self._slots
+        chosen = nodes.tolist()
+        for i, node in zip(indices, chosen, strict=True):
+            ends[i] = node
+        is_known = arrays.is_legal(nodes)
+        for k, i in enumerate(indices):
+            if not (is_known[k] and slots[i].is_plain):
+                ends[i] = starts[i]
+                self._decide(i, chosen[k])
+
+    def _decide(self, i: int, action: Any) -> None:
+        try:
+            resolved = self._legality.resolve(self._slots[i], self._starts[i], action)
+        except GammsError as error:
+            self._refuse(i, error)
+        else:
+            self.actions[i], self.ends[i] = resolved, resolved.end
+
+    def _refuse(self, i: int, error: GammsError) -> None:
+        """Let an agent stay whose action is not legal; or raise, by the settings."""
+        if self._settings.on_illegal == "raise":
+            name = self._slots[i].name
+            raise IllegalAction(f"Agent {shown(name)} in turn {self._state.turn}: {error}") from error
+        self._failures.append((i, "illegal", f"{type(error).__name__}: {error}"))
+
+    def _fail(self, question: _Question, error: BaseException) -> None:
+        if self._settings.on_error == "raise":
+            error.add_note(f"In the {question.name}, in turn {self._state.turn}.")
+            raise error
+        self._miss(question, "error", f"{type(error).__name__}: {error}")
+
+    def _miss(self, question: _Question, kind: str, message: str) -> None:
+        """Let agents of which nothing was decided do the default action."""
+        for i in question.indices:
+            self._failures.append((i, kind, message))
+            self._do_default(i)
+
+    def _do_default(self, i: int) -> None:
+        action, slot = self._settings.default_action, self._slots[i]
+        if isinstance(action, str):  # "stay"
+            return
+        if callable(action):
+            state = self._observe(slot)
+            self._phase.agent = slot.agent
+            try:
+                action = action(state)
+            except Exception as error:
+                error.add_note(f"In ctx.game.default_action for agent {slot.name!r}, in turn {self._state.turn}.")
+                raise
+            finally:
+                self._phase.agent = None
+        try:
+            resolved = self._legality.resolve(slot, self._starts[i], action)
+        except GammsError:
+            return
+        self.actions[i], self.ends[i] = resolved, resolved.end
+
+    def _note(self, question: _Question) -> None:
+        """Take what was written into the copies of the team's memory."""
+        given = question.given
+        if isinstance(given, TeamArrays):
+            copies = [given.team_memory]
+        else:
+            states = given.values() if question.is_plan else [given]
+            copies = [state.get("team_memory") for state in states]
+        for i, copy in zip(question.indices, copies, strict=False):
+            if copy or self._slots[i].team in self._state.team_memories:
+                self.note(i, copy)
+
+    def _merge_team_memories(self) -> None:
+        """Make one memory of what the members of each team have written."""
+        shared = self._state.team_memories
+        writes: dict[Any, memory.Writes] = {}
+        for i, copy in sorted(self._written, key=itemgetter(0)):
+            slot = self._slots[i]
+            writes.setdefault(slot.team, []).append((slot.name, copy if isinstance(copy, dict) else {}))
+        for team, copies in writes.items():
+            before = shared.get(team, {})
+            if any(memory.differs(copy, before) for _, copy in copies):
+                shared[team] = memory.copied(memory.merged(before, copies))
