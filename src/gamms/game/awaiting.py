@@ -10,6 +10,7 @@ from threading import Thread
 from typing import Any, NamedTuple
 
 from gamms.deciding import AWAITED, DecidePhase
+from gamms.errors import GammsError
 
 _GRACE_S = 1.0  # that a coroutine has to end once it was cancelled
 
@@ -92,7 +93,7 @@ def _outcome(task: "asyncio.Task[Any]") -> Outcome:
     if not task.done():
         return Outcome(is_late=True)
     if task.cancelled():
-        return Outcome(error=asyncio.CancelledError("it cancelled itself"))
+        return Outcome(error=GammsError("It was cancelled, and not because of the deadline."))
     error = task.exception()
     return Outcome(task.result()) if error is None else Outcome(error=error)
 

@@ -34,6 +34,12 @@ class _Question(NamedTuple):
     indices: list[int]  # of the slots that it decides for
     is_plan: bool
 
+    def states(self) -> list[Any]:
+        """Return the states of its agents; None for each where there are none."""
+        if isinstance(self.given, TeamArrays):
+            return [None] * len(self.indices)
+        return list(self.given.values()) if self.is_plan else [self.given]
+
 
 class Decisions:
     """What has been decided in a turn so far.
@@ -170,6 +176,7 @@ class Decisions:
         """Let an agent do the default action whose strategy raised; or raise, by the settings."""
         if isinstance(error, KeyError) and "action" not in state and error.args == ("action",):
             self.take(i, state)  # not the strategy's error: it has set no action
+            self._note(self._question(i, state))
         else:
             self._fail(self._question(i, state), error)
 
@@ -216,7 +223,7 @@ class Decisions:
             self._fail(question, BadType(f"{form}, not {shown(answer)}. To return nodes, take arrays=True."))
             return
         else:
-            for i, state in zip(indices, given.values(), strict=True):
+            for i, state in zip(indices, question.states(), strict=True):
                 self.take(i, state, by="the plan of its team")
         self._note(question)
 
@@ -254,16 +261,16 @@ class Decisions:
 
     def _miss(self, question: _Question, kind: str, message: str) -> None:
         """Let agents of which nothing was decided do the default action."""
-        for i in question.indices:
+        for i, state in zip(question.indices, question.states(), strict=True):
             self._failures.append((i, kind, message))
-            self._do_default(i)
+            self._do_default(i, state)
 
-    def _do_default(self, i: int) -> None:
+    def _do_default(self, i: int, state: State | None) -> None:
         action, slot = self._settings.default_action, self._slots[i]
         if isinstance(action, str):  # "stay"
             return
         if callable(action):
-            state = self._observe(slot)
+            state = self._observe(slot) if state is None else state
             self._phase.agent = slot.agent
             try:
                 action = action(state)
@@ -280,12 +287,10 @@ class Decisions:
 
     def _note(self, question: _Question) -> None:
         """Take what was written into the copies of the team's memory."""
-        given = question.given
-        if isinstance(given, TeamArrays):
-            copies = [given.team_memory]
+        if isinstance(question.given, TeamArrays):
+            copies = [question.given.team_memory]
         else:
-            states = given.values() if question.is_plan else [given]
-            copies = [state.get("team_memory") for state in states]
+            copies = [state.get("team_memory") for state in question.states()]
         for i, copy in zip(question.indices, copies, strict=False):
             if copy or self._slots[i].team in self._state.team_memories:
                 self.note(i, copy)

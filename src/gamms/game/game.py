@@ -6,7 +6,7 @@ from contextlib import contextmanager
 from time import perf_counter
 from typing import Any, Literal, NamedTuple, overload
 
-from gamms.arguments import as_bool, as_int, as_name
+from gamms.arguments import as_bool, as_int, as_key, as_name
 from gamms.deciding import Protected, phase_of, refused_while_deciding
 from gamms.errors import BadType, BadValue, ContextTerminated, UnknownName
 from gamms.game.deciders import Plan
@@ -157,6 +157,7 @@ class Game(Settings):
         Raises:
             BadType: the plan cannot be called with one argument.
         """
+        as_key(team, "A team")
         others = {one: known for one, known in self.plans.items() if one != team}
         self.plans = others if plan is None else {**others, team: Plan(plan, arrays)}
 

@@ -362,7 +362,7 @@ class Session:
 
     def _watch_game(self) -> None:
         """From now on, tell what becomes other than it is now."""
-        self._game, self._strategies = game_state.GameWatch(self.ctx), _StrategyWatch(self.ctx.agent)
+        self._game, self._strategies = game_state.GameWatch(self.ctx), _StrategyWatch(self.ctx)
         self._sensors = len(self.ctx.sensor.sensors)
         self.ctx.agent.columns.progressed.clear()
 
@@ -407,23 +407,28 @@ class Session:
 
 
 class _StrategyWatch:
-    """Who plays by which strategy, since it was asked last."""
+    """Which strategies or plans decide for which agents, since it was asked last."""
 
-    def __init__(self, agents: Any) -> None:
-        self._agents = agents
-        self._strategies = [agent.strategy for agent in agents.agents.values()]
-        self._named = {name: agent.strategy for name, agent in agents.agents.items()}
+    def __init__(self, ctx: Any) -> None:
+        self._ctx = ctx
+        self._functions = self._now()
+        self._named = dict(zip(ctx.agent.agents, self._functions, strict=True))
 
     def tell(self, log: Log) -> None:
         """Add the events that say what has changed."""
-        agents = self._agents.agents
-        now = [agent.strategy for agent in agents.values()]
-        if now == self._strategies:
+        now = self._now()
+        if now == self._functions:
             return
-        before, self._named = self._named, {name: agent.strategy for name, agent in agents.items()}
-        self._strategies = now
+        before, self._functions = self._named, now
+        self._named = dict(zip(self._ctx.agent.agents, now, strict=True))
         log += [
-            (kinds.AGENT_STRATEGY, {"agent_name": agent.name, "strategy": state.name_of(agent.strategy)})
-            for agent in agents.values()
-            if agent.strategy is not before.get(agent.name)
+            (kinds.AGENT_STRATEGY, {"agent_name": name, "strategy": state.name_of(function)})
+            for name, function in self._named.items()
+            if function is not before.get(name)
         ]
+
+    def _now(self) -> list[Any]:
+        agents = self._ctx.agent.agents.values()
+        if self._ctx.game.plans:
+            return [state.decider_of(self._ctx, agent) for agent in agents]
+        return [agent.strategy for agent in agents]

@@ -40,7 +40,7 @@ def captured(ctx: Any) -> State:
         "carried": _carried(agents, sensors),
         "sensor_kinds": sensors,
         "attributes": {row: plain_subset(vars(agent)) for row, agent in enumerate(agents) if vars(agent)},
-        "strategies": [name_of(agent.strategy) for agent in agents],
+        "strategies": [name_of(decider_of(ctx, agent)) for agent in agents],
         **game_state.captured(ctx),
     }
 
@@ -214,6 +214,12 @@ def _row_of(state: State, row: int) -> dict[str, Any]:
         "quat": _tuple(state["quat"][row]),
         "progress": progress_from(state, row),
     }
+
+
+def decider_of(ctx: Any, agent: Any) -> Any:
+    """Return the function that decides for an agent: the plan of its team, its own strategy, or None."""
+    plan = ctx.game.plans.get(agent.team)
+    return agent.strategy if plan is None else plan.function
 
 
 def name_of(strategy: Any) -> str | None:

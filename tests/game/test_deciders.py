@@ -1,0 +1,711 @@
+"""A team can be commanded by one plan, of states or of arrays, and strategies and plans may be awaited."""
+
+import asyncio
+import copy
+import gc
+import io
+import signal
+import threading
+import time
+import warnings
+
+import numpy as np
+import pytest
+from hypothesis import HealthCheck, given, settings
+from hypothesis import strategies as st
+
+import gamms
+from gamms.errors import BadType, BadValue, IllegalMutation
+from gamms.rules import Conflicts
+from gamms.sensor import SensorType
+from gamms.typing import AgentType
+
+
+def wander(state):
+    state["memory"]["turns"] = [*state["memory"].get("turns", ()), state["turn"]]
+    state["team_memory"].setdefault("seen", set()).add((state["name"], state["curr_pos"]))
+    state["action"] = state["draw"].choice(state["legal"])
+
+
+def walk(arrays):
+    """What `state["draw"].choice(state["legal"])` does, for a whole team."""
+    return arrays.targets[arrays.offsets[:-1] + arrays.draw.below(np.diff(arrays.offsets))]
+
+
+def team(ctx, *names, start=5, strategy=None, team="red", **more):
+    return [ctx.agent.create_agent(name, start_node_id=start, team=team, strategy=strategy, **more) for name in names]
+
+
+def nodes(ctx):
+    return {name: agent.current_node_id for name, agent in ctx.agent.agents.items()}
+
+
+def each(states):
+    """A plan under which all go one node to the right."""
+    for state in states.values():
+        state["action"] = state["curr_pos"] + 1
+
+
+# -- plans of states ------------------------------------------------------------------------------------------------
+
+
+def test_a_plan_decides_for_its_team_alone(ctx):
+    team(ctx, "b", "a")
+    team(ctx, "c", team="blue")
+    seen = []
+    ctx.game.command("red", lambda states: (seen.append(list(states)), each(states))[-1])
+    ctx.game.step()
+    assert seen == [["a", "b"]]
+    assert nodes(ctx) == {"a": 6, "b": 6, "c": 5}
+
+
+def test_a_plan_wins_over_strategies_until_it_is_taken_away(ctx):
+    team(ctx, "a", strategy=lambda state: state.update(action=state["curr_pos"] - 1))
+    ctx.game.command("red", each)
+    assert list(ctx.game.plans) == ["red"]
+    ctx.game.step()
+    assert nodes(ctx) == {"a": 6}
+    ctx.game.command("red", None)
+    ctx.game.command("red", None)
+    ctx.game.step()
+    assert nodes(ctx) == {"a": 5}
+
+
+def test_rules_see_the_states_of_a_plan(ctx):
+    team(ctx, "a")
+    ctx.game.command("red", each)
+    ctx.game.step()
+    assert ctx.agent.get_agent("a").state["action"] == 6
+
+
+def test_dead_agents_and_those_of_other_teams_are_not_in_a_plan(ctx):
+    a, b, _ = team(ctx, "a", "b", "c")
+    seen = []
+    ctx.game.command("red", lambda states: seen.append(list(states)))
+    ctx.game.step()
+    a.alive, b.team = False, "blue"
+    ctx.game.step()
+    ctx.game.eliminate("c")
+    ctx.game.step()
+    assert seen == [["a", "b", "c"], ["c"]]
+
+
+def test_a_plan_that_returns_something_is_told_how_to_act(ctx):
+    team(ctx, "a")
+    ctx.game.command("red", lambda states: dict.fromkeys(states, 6))
+    with pytest.raises(BadType, match=r"sets state\['action'\] in each state.*arrays=True") as error:
+        ctx.game.step()
+    assert error.value.__notes__ == ["In the plan of team 'red', in turn 0."]
+    assert ctx.game.turn == 0
+
+
+def test_who_gets_no_action_from_a_plan_stays_and_is_counted(ctx):
+    team(ctx, "a", "b", "c")
+
+    def plan(states):
+        states["a"]["action"] = 6
+        states["b"]["action"] = 15
+
+    ctx.game.command("red", plan)
+    result = ctx.game.run(1)
+    assert nodes(ctx) == {"a": 6, "b": 5, "c": 5}
+    assert [(error["agent"], error["kind"]) for error in result.errors] == [("b", "illegal"), ("c", "illegal")]
+    assert "the plan of its team set no state['action']" in result.errors[1]["message"]
+
+
+def test_a_plan_that_raises_is_an_error_of_all_its_agents(ctx):
+    team(ctx, "a", "b")
+    ctx.game.command("red", lambda states: 1 / 0)
+    with pytest.raises(ZeroDivisionError) as error:
+        ctx.game.step()
+    assert error.value.__notes__ == ["In the plan of team 'red', in turn 0."]
+    ctx.game.on_error = "stay"
+    result = ctx.game.run(1)
+    assert [(error["agent"], error["kind"]) for error in result.errors] == [("a", "error"), ("b", "error")]
+    assert result.agents["a"]["errors"] == 1
+
+
+def test_plans_command_flyers_and_runners(ctx):
+    ctx.agent.create_agent("drone", type=AgentType.AERIAL, start_node_id=5, speed=2.0, team="red")
+    team(ctx, "runner", speed=2)
+
+    def plan(states):
+        states["drone"]["action"] = (1, 0, 0)
+        states["runner"]["action"] = 7
+
+    ctx.game.command("red", plan)
+    ctx.game.step()
+    assert ctx.agent.get_agent("drone").position == (12.0, 10.0, 0.0)
+    assert nodes(ctx)["runner"] == 7
+
+
+def test_a_plan_may_change_nothing_and_look_at_its_own_team_alone(ctx):
+    team(ctx, "a", "b")
+    team(ctx, "z", team="blue")
+    said = []
+
+    def plan(states):
+        assert ctx.agent.get_agent("b").state is states["b"]
+        assert list(ctx.game.memories) == ["a", "b"]
+        for cheat in (
+            lambda: ctx.game.emit("x"),
+            lambda: ctx.agent.get_agent("z").state,
+            lambda: setattr(ctx.agent.get_agent("a"), "team", "blue"),
+            lambda: ctx.game.command("blue", None),
+            ctx.game.snapshot,
+        ):
+            with pytest.raises(IllegalMutation) as error:
+                cheat()
+            said.append(str(error.value))
+        each(states)
+
+    ctx.game.command("red", plan)
+    ctx.game.step()
+    assert all(text.startswith("The plan of team 'red' may not ") for text in said)
+    assert not ctx.game.events
+
+
+def test_what_plans_cannot_be(ctx):
+    for wrong in (3, "each", lambda: None, lambda one, two: None):
+        with pytest.raises(BadType, match="A plan must be a function of the states of its team"):
+            ctx.game.command("red", wrong)
+    with pytest.raises(BadType, match="A team"):
+        ctx.game.command([], each)
+    with pytest.raises(BadType):
+        ctx.game.plans = [each]
+    ctx.game.plans = {"red": each}
+    assert ctx.game.plans["red"].function is each
+
+
+def test_plans_belong_to_the_start_and_to_snapshots(ctx):
+    team(ctx, "a")
+    ctx.game.command("red", each)
+    ctx.game.step()
+    here = ctx.game.snapshot()
+    ctx.game.command("red", None)
+    ctx.game.restore(here)
+    assert ctx.game.plans["red"].function is each
+    ctx.game.command("red", None)
+    ctx.game.reset()
+    ctx.game.step()
+    assert nodes(ctx) == {"a": 6}
+
+
+# -- plans of arrays ------------------------------------------------------------------------------------------------
+
+
+def test_a_plan_of_arrays_gets_where_its_team_is_and_may_go(ctx):
+    team(ctx, "b", start=0)
+    team(ctx, "a")
+    ctx.game.publish(goal=15)
+    seen = []
+
+    def plan(arrays):
+        seen.append(arrays)
+        return [6, 0]
+
+    ctx.game.command("red", plan, arrays=True)
+    ctx.game.step()
+    (arrays,) = seen
+    assert (arrays.team, arrays.turn, arrays.names, arrays.nodes.tolist()) == ("red", 0, ("a", "b"), [5, 0])
+    assert (arrays.offsets.tolist(), arrays.targets.tolist()) == ([0, 5, 8], [5, 6, 9, 4, 1, 0, 1, 4])
+    assert arrays.facts["goal"] == 15
+    for array in (arrays.nodes, arrays.offsets, arrays.targets):
+        with pytest.raises(ValueError, match="read-only"):
+            array[0] = 1
+    assert nodes(ctx) == {"b": 0, "a": 6}
+    assert ctx.agent.get_agent("a").state == {}
+
+
+def test_a_plan_of_arrays_asks_no_sensor(ctx):
+    looks = []
+    sensor = ctx.sensor.from_function("eyes", lambda node_id, agent: looks.append(node_id))
+    team(ctx, "a", sensors=[sensor])
+    ctx.game.command("red", walk, arrays=True)
+    ctx.game.run(3)
+    assert looks == []
+
+
+def test_arrays_draw_what_states_draw(grid):
+    with grid() as one, grid() as other:
+        for ctx in (one, other):
+            team(ctx, "a", "b", "c", strategy=lambda state: state.update(action=state["draw"].choice(state["legal"])))
+        one.game.command("red", walk, arrays=True)
+        assert one.game.run(20).agents == other.game.run(20).agents
+
+
+def test_the_generator_of_a_team_follows_from_the_seed_the_team_and_the_turn(grid):
+    drawn = {}
+    for seed, name in ((1, "red"), (1, "red"), (2, "red"), (1, "blue")):
+        with grid(seed=seed) as ctx:
+            team(ctx, "a", team=name)
+            seen = []
+            ctx.game.command(
+                name, lambda arrays, seen=seen: (seen.append(arrays.rng.random()), arrays.nodes)[-1], arrays=True
+            )
+            ctx.game.run(2)
+            drawn.setdefault((seed, name), []).append(tuple(seen))
+    first, again = drawn[1, "red"]
+    assert first == again
+    assert len({first, drawn[2, "red"][0], drawn[1, "blue"][0], first[::-1]}) == 4
+
+
+@pytest.mark.parametrize(
+    ("answer", "message"),
+    [
+        ([1], "one node for each agent, an array"),
+        ([[5, 5]], "one node for each agent, an array"),
+        ([5.0, 5.0], "returns the ids of 2 nodes"),
+        ([[1], [1, 2]], "returns the ids of 2 nodes"),
+        (None, "returns the ids of 2 nodes"),
+        ([True, False], "returns the ids of 2 nodes"),
+    ],
+)
+def test_wrong_answers_in_arrays_are_errors_of_the_plan(ctx, answer, message):
+    team(ctx, "a", "b")
+    ctx.game.command("red", lambda arrays: answer, arrays=True)
+    with pytest.raises((BadType, BadValue), match=message):
+        ctx.game.step()
+    ctx.game.on_error = "stay"
+    assert [error["kind"] for error in ctx.game.run(1).errors] == ["error", "error"]
+    assert nodes(ctx) == {"a": 5, "b": 5}
+
+
+def test_illegal_nodes_in_arrays_are_counted_agent_by_agent(ctx):
+    team(ctx, "a", "b", "c")
+    ctx.game.command("red", lambda arrays: np.array([6, 15, 99], np.int32), arrays=True)
+    result = ctx.game.run(1)
+    assert nodes(ctx) == {"a": 6, "b": 5, "c": 5}
+    assert [(error["agent"], error["kind"]) for error in result.errors] == [("b", "illegal"), ("c", "illegal")]
+    assert ["not next to" in result.errors[0]["message"], "99" in result.errors[1]["message"]] == [True, True]
+
+
+def test_a_plan_of_arrays_commands_runners_and_any_move(ctx):
+    team(ctx, "a", speed=2)
+    team(ctx, "b")
+    ctx.game.command("red", lambda arrays: [7, 6], arrays=True)
+    ctx.game.step()
+    assert nodes(ctx) == {"a": 7, "b": 6}
+    ctx.game.legal = "any"
+    seen = []
+    ctx.game.command("red", lambda arrays: (seen.append(arrays.offsets), [15, 99])[-1], arrays=True)
+    ctx.game.step()
+    assert (seen, nodes(ctx)) == ([None], {"a": 15, "b": 6})
+
+
+def test_a_plan_of_arrays_refuses_flyers(ctx):
+    ctx.agent.create_agent("drone", type=AgentType.AERIAL, start_node_id=5, speed=2.0, team="red")
+    ctx.game.command("red", walk, arrays=True)
+    with pytest.raises(BadType, match="agent 'drone' flies"):
+        ctx.game.step()
+
+
+def test_a_plan_of_arrays_writes_into_the_memory_of_its_team(ctx):
+    team(ctx, "a", "b")
+
+    def plan(arrays):
+        arrays.team_memory["turns"] = arrays.team_memory.get("turns", 0) + 1
+        return arrays.nodes
+
+    ctx.game.command("red", plan, arrays=True)
+    ctx.game.run(3)
+    assert ctx.game.team_memories == {"red": {"turns": 3}}
+
+
+# -- awaiting -------------------------------------------------------------------------------------------------------
+
+
+def later(seconds, then=wander):
+    async def strategy(state):
+        await asyncio.sleep(seconds)
+        then(state)
+
+    return strategy
+
+
+def test_strategies_that_are_awaited_start_together(ctx):
+    meeting = {}
+
+    async def meet(state):
+        barrier = meeting.setdefault("barrier", asyncio.Barrier(3))
+        async with asyncio.timeout(5), barrier:
+            state["action"] = 6
+
+    team(ctx, "a", "b", "c", strategy=meet)
+    ctx.game.step()
+    assert nodes(ctx) == {"a": 6, "b": 6, "c": 6}
+
+
+@pytest.mark.parametrize("order", [(0.0, 0.002, 0.004), (0.004, 0.002, 0.0)])
+def test_the_order_of_completion_does_not_matter(grid, order):
+    with grid() as waiting, grid() as plain:
+        for ctx, delays in ((waiting, order), (plain, (None, None, None))):
+            for name, delay in zip("abc", delays, strict=True):
+                team(ctx, name, strategy=wander if delay is None else later(delay))
+            ctx.game.conflicts = Conflicts(capacity=1)
+        assert waiting.game.run(5) == plain.game.run(5)
+        assert waiting.game.team_memories == plain.game.team_memories
+
+
+def test_anything_that_can_be_awaited_may_be_returned(ctx):
+    class Answer:
+        def __await__(self):
+            yield from asyncio.sleep(0).__await__()
+
+    team(ctx, "a", strategy=lambda state: (state.update(action=6), Answer())[-1])
+    ctx.game.step()
+    assert nodes(ctx) == {"a": 6}
+
+
+def test_plans_may_be_awaited(ctx):
+    team(ctx, "a", "b")
+    team(ctx, "c", "d", team="blue")
+
+    async def states_plan(states):
+        await asyncio.gather(*[later(0.001)(state) for state in states.values()])
+        each(states)
+
+    async def arrays_plan(arrays):
+        await asyncio.sleep(0)
+        return arrays.nodes - 1
+
+    ctx.game.command("red", states_plan)
+    ctx.game.command("blue", arrays_plan, arrays=True)
+    ctx.game.step()
+    assert nodes(ctx) == {"a": 6, "b": 6, "c": 4, "d": 4}
+
+
+def test_at_the_deadline_the_default_action_counts(ctx):
+    ended = []
+
+    async def slow(state):
+        try:
+            await asyncio.sleep(60)
+        finally:
+            ended.append(state["name"])
+
+    ctx.game.configure({"deadline_s": 0.02, "default_action": 6})
+    team(ctx, "a", strategy=slow)
+    team(ctx, "b", strategy=later(0.0, lambda state: state.update(action=4)))
+    team(ctx, "c", start=0, strategy=slow)
+    began = time.perf_counter()
+    result = ctx.game.run(1)
+    assert time.perf_counter() - began < 5
+    assert ended == ["a", "c"]
+    assert nodes(ctx) == {"a": 6, "b": 4, "c": 0}  # from 0 no edge leads to 6
+    assert [(error["agent"], error["kind"]) for error in result.errors] == [("a", "overrun"), ("c", "overrun")]
+    assert "0.02 s" in result.errors[0]["message"]
+    assert (result.agents["a"]["overruns"], result.agents["a"]["illegal"]) == (1, 0)
+
+
+def test_a_late_plan_is_an_overrun_of_all_its_agents(ctx):
+    team(ctx, "a", "b")
+
+    async def plan(states):
+        each(states)
+        await asyncio.sleep(60)
+
+    ctx.game.configure({"deadline_s": 0.02})
+    ctx.game.command("red", plan)
+    result = ctx.game.run(1)
+    assert nodes(ctx) == {"a": 5, "b": 5}
+    assert [error["kind"] for error in result.errors] == ["overrun", "overrun"]
+
+
+def test_the_default_action_may_follow_from_the_state(ctx):
+    ctx.game.configure({"on_error": "stay", "default_action": lambda state: state["legal"][1]})
+    team(ctx, "a", strategy=lambda state: 1 / 0)
+    team(ctx, "b", start=0, strategy=later(0.0, lambda state: 1 / 0))
+    result = ctx.game.run(1)
+    assert nodes(ctx) == {"a": 6, "b": 1}
+    assert [error["kind"] for error in result.errors] == ["error", "error"]
+
+
+def test_a_default_action_that_raises_is_named(ctx):
+    ctx.game.configure({"on_error": "stay", "default_action": lambda state: 1 / 0})
+    team(ctx, "a", strategy=lambda state: 1 / 0)
+    with pytest.raises(ZeroDivisionError) as error:
+        ctx.game.step()
+    assert error.value.__notes__ == ["In ctx.game.default_action for agent 'a', in turn 0."]
+
+
+def test_default_actions_and_deadlines_are_checked(ctx):
+    for name, wrong in (
+        ("default_action", "go"),
+        ("default_action", lambda: 1),
+        ("deadline_s", 0),
+        ("deadline_s", "x"),
+    ):
+        with pytest.raises((BadType, BadValue)):
+            setattr(ctx.game, name, wrong)
+
+
+def test_an_error_in_a_strategy_that_is_awaited_ends_the_turn(ctx):
+    ended = []
+
+    async def wait(state):
+        try:
+            await asyncio.sleep(60)
+        finally:
+            ended.append(state["name"])
+
+    team(ctx, "a", strategy=wait)
+    team(ctx, "b", strategy=later(0.0, lambda state: 1 / 0))
+    with pytest.raises(ZeroDivisionError) as error:
+        ctx.game.step()
+    assert error.value.__notes__ == ["In the strategy of agent 'b', in turn 0."]
+    assert (ended, ctx.game.turn) == (["a"], 0)
+
+
+def test_nothing_is_left_waiting_if_another_strategy_raises(ctx):
+    team(ctx, "a", strategy=later(0.0))
+    team(ctx, "b", strategy=lambda state: 1 / 0)
+    with warnings.catch_warnings():
+        warnings.simplefilter("error")
+        with pytest.raises(ZeroDivisionError):
+            ctx.game.step()
+        gc.collect()
+
+
+def test_no_agent_may_change_anything_while_several_are_awaited(ctx):
+    said = []
+
+    async def cheat(state):
+        for _ in range(3):
+            await asyncio.sleep(0)
+            with pytest.raises(IllegalMutation) as error:
+                ctx.game.emit("cheated")
+            said.append(str(error.value).split(" may not")[0])
+        assert ctx.agent.get_agent(state["name"]).state is state
+        assert list(ctx.game.memories) == [state["name"]]
+        other = "b" if state["name"] == "a" else "a"
+        with pytest.raises(IllegalMutation):
+            _ = ctx.agent.get_agent(other).state
+        state["action"] = 6
+
+    team(ctx, "a", "b", strategy=cheat)
+    ctx.game.step()
+    assert sorted(said) == ["The strategy of agent 'a'"] * 3 + ["The strategy of agent 'b'"] * 3
+    assert not ctx.game.events
+    ctx.game.emit("allowed")
+
+
+def test_tasks_and_threads_of_a_strategy_are_guarded_too(ctx):
+    said = []
+
+    def cheat():
+        try:
+            ctx.game.emit("cheated")
+        except IllegalMutation as error:
+            said.append(str(error).split(" may not")[0])
+
+    async def delegate(state):
+        async def task():
+            cheat()
+
+        await asyncio.gather(asyncio.create_task(task()), asyncio.to_thread(cheat))
+        thread = threading.Thread(target=cheat)
+        thread.start()
+        await asyncio.sleep(0)
+        thread.join()
+        state["action"] = 6
+
+    team(ctx, "a", strategy=delegate)
+    ctx.game.step()
+    assert said == ["The strategy of agent 'a'"] * 2 + ["A strategy that is awaited"]
+    assert not ctx.game.events
+
+
+def test_no_thread_is_left_over(grid):
+    before = threading.active_count()
+    with grid() as ctx:
+        team(ctx, "a", strategy=later(0.0))
+        ctx.game.step()
+        assert threading.active_count() == before
+        asyncio.run(stepping(ctx))
+        assert threading.active_count() == before
+
+
+async def stepping(ctx):
+    ctx.game.step()
+
+
+def test_games_can_be_played_inside_of_a_running_loop(grid):
+    with grid() as inside, grid() as outside:
+        for ctx in (inside, outside):
+            team(ctx, "a", "b", strategy=later(0.0))
+        played = outside.game.run(5)
+
+        async def notebook():
+            return inside.game.run(5)
+
+        assert asyncio.run(notebook()) == played
+
+
+def test_what_strategies_open_in_the_loop_lasts_from_turn_to_turn(ctx):
+    loops = []
+
+    async def strategy(state):
+        loops.append(asyncio.get_running_loop())
+        state["action"] = 6
+
+    team(ctx, "a", strategy=strategy)
+    ctx.game.run(2)
+    assert loops[0] is loops[1]
+    ctx.terminate()
+    assert loops[0].is_closed()
+
+
+def test_a_game_that_is_forgotten_closes_its_loop(grid):
+    loops = []
+
+    async def strategy(state):
+        loops.append(asyncio.get_running_loop())
+        state["action"] = 6
+
+    ctx = grid()
+    team(ctx, "a", strategy=strategy)
+    ctx.game.step()
+    copied = copy.deepcopy(ctx)
+    copied.game.step()
+    assert loops[0] is not loops[1]
+    del ctx, copied
+    gc.collect()
+    assert [loop.is_closed() for loop in loops] == [True, True]
+
+
+@pytest.mark.parametrize("is_in_loop", [False, True])
+def test_an_interrupt_leaves_the_turn_unplayed_and_cancels(ctx, is_in_loop):
+    ended = []
+
+    async def wait(state):
+        try:
+            await asyncio.sleep(60)
+        finally:
+            ended.append(state["name"])
+
+    team(ctx, "a", "b", strategy=wait)
+
+    async def notebook():
+        ctx.game.step()
+
+    timer = threading.Timer(0.1, _interrupt)
+    before = signal.signal(signal.SIGINT, signal.default_int_handler)
+    timer.start()
+    try:
+        with pytest.raises(KeyboardInterrupt):
+            if is_in_loop:
+                loop = asyncio.new_event_loop()
+                try:
+                    loop.run_until_complete(notebook())
+                finally:
+                    loop.close()
+            else:
+                ctx.game.step()
+    finally:
+        signal.signal(signal.SIGINT, before)
+        timer.join()
+    assert (sorted(ended), ctx.game.turn) == (["a", "b"], 0)
+    ctx.game.emit("allowed")
+
+
+def _interrupt():
+    signal.pthread_kill(threading.main_thread().ident, signal.SIGINT)
+
+
+def test_a_strategy_may_play_ahead_in_a_copy_with_strategies_that_are_awaited(grid):
+    ctx = grid()
+    ahead = {}
+
+    async def plan_ahead(state):
+        if "copy" not in ahead:
+            ahead["copy"] = copy.deepcopy(ctx)
+            ahead["copy"].game.step()
+        await asyncio.sleep(0)
+        state["action"] = 6
+
+    team(ctx, "a", strategy=plan_ahead)
+    ctx.game.step()
+    assert (nodes(ctx), nodes(ahead["copy"])) == ({"a": 6}, {"a": 6})
+
+
+# -- laws -----------------------------------------------------------------------------------------------------------
+
+
+def build(grid, seed, settings, *, commanded, is_async):
+    ctx = grid(seed=seed, **settings)
+    for i in range(6):
+        name = "abcdef"[i]
+        eyes = ctx.sensor.create_sensor(f"eyes {name}", SensorType.AGENT_RANGE, range=15)
+        more = {"speed": 2} if i == 5 else {}
+        team(ctx, name, start=2 * i, team=("red", "blue")[i % 2], strategy=decide, sensors=[eyes], **more)
+
+    def plan(states):
+        for state in states.values():
+            decide(state)
+
+    async def plan_later(states):
+        for state in reversed(states.values()):
+            await asyncio.sleep(0)
+            decide(state)
+
+    for one in (plan, plan_later):
+        one.__module__, one.__qualname__ = decide.__module__, decide.__qualname__  # recordings name what decides
+    for red in commanded:
+        ctx.game.command(red, plan_later if is_async else plan)
+    ctx.game.conflicts = Conflicts(capacity=1)
+    return ctx
+
+
+def decide(state):
+    """Do all that a strategy may do, and what it may not."""
+    wander(state)
+    near = [name for name in state["sensor"][f"eyes {state['name']}"][1] if name != state["name"]]
+    lot = state["draw"].below(8)
+    if lot == 1:
+        state["action"] = 15
+    if lot == 2:
+        del state["action"]
+    state["memory"]["near"] = near
+
+
+@settings(max_examples=15, deadline=None, suppress_health_check=list(HealthCheck))
+@given(
+    seed=st.integers(0, 1000),
+    commanded=st.sets(st.sampled_from(["red", "blue"]), min_size=1),
+    is_async=st.booleans(),
+    turns=st.integers(1, 8),
+)
+def test_a_plan_that_calls_the_strategies_is_the_same_game(grid, seed, commanded, is_async, turns):
+    settings = {"on_error": "stay"}
+    files, results = [], []
+    for teams in ((), sorted(commanded)):
+        with build(grid, seed, settings, commanded=teams, is_async=is_async) as ctx:
+            file = io.BytesIO()
+            ctx.record.start(file)
+            results.append(ctx.game.run(turns))
+            for error in results[-1].errors:
+                del error["message"]
+            ctx.record.stop()
+            files.append(file.getvalue())
+    assert results[0] == results[1]
+    assert files[0] == files[1]
+
+
+def test_recordings_name_the_plan(grid, tmp_path):
+    with grid() as ctx:
+        team(ctx, "a", strategy=wander)
+        team(ctx, "b", team="blue", strategy=wander)
+        ctx.game.command("red", each)
+        ctx.record.start(tmp_path / "game.ggr")
+        ctx.game.step()
+        ctx.game.command("red", None)
+        ctx.game.step()
+        ctx.record.stop()
+    with gamms.recorder.open(tmp_path / "game.ggr") as recording:
+        names = [
+            dict(zip(state.agents["name"], state.agents["strategy"], strict=True))
+            for state in map(recording.state, (0, 2))
+        ]
+    assert [one["a"].split(":")[1] for one in names] == ["each", "wander"]
+    assert [one["b"].split(":")[1] for one in names] == ["wander", "wander"]
