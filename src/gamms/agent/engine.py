@@ -20,7 +20,7 @@ from gamms.text import shown
 from gamms.typing import IContext
 from gamms.typing.agent_engine import AgentType, IAgentEngine, IMoves, Roll, SensorsOfAgent, Standing
 from gamms.typing.sensor_engine import ISensor, is_sensor
-from gamms.typing.state import AerialStrategy, NodeId, Strategy
+from gamms.typing.state import AerialStrategy, AsyncStrategy, NodeId, Strategy
 
 _KEYWORDS = (
     "start_node_id",
@@ -100,7 +100,7 @@ class AgentEngine(Guarded, IAgentEngine):
         quat: Sequence[float] = (1.0, 0.0, 0.0, 0.0),
         sensors: SensorsOfAgent = (),
         team: Hashable = None,
-        strategy: AerialStrategy | None = None,
+        strategy: AerialStrategy | AsyncStrategy | None = None,
         orientation: tuple[float, float] | None = None,
         **attributes: object,
     ) -> AerialAgent: ...
@@ -116,7 +116,7 @@ class AgentEngine(Guarded, IAgentEngine):
         quat: Sequence[float] = (1.0, 0.0, 0.0, 0.0),
         sensors: SensorsOfAgent = (),
         team: Hashable = None,
-        strategy: AerialStrategy | None = None,
+        strategy: AerialStrategy | AsyncStrategy | None = None,
         orientation: tuple[float, float] | None = None,
         **attributes: object,
     ) -> AerialAgent: ...
@@ -128,7 +128,7 @@ class AgentEngine(Guarded, IAgentEngine):
         start_node_id: NodeId,
         sensors: SensorsOfAgent = (),
         team: Hashable = None,
-        strategy: Strategy | None = None,
+        strategy: Strategy | AsyncStrategy | None = None,
         orientation: tuple[float, float] | None = None,
         speed: float | None = None,
         type: Literal[AgentType.BASIC] = AgentType.BASIC,

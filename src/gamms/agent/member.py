@@ -12,7 +12,7 @@ from gamms.ir.agents import AgentColumns, Position
 from gamms.typing import IContext
 from gamms.typing.agent_engine import AgentType, IAgent, IMoves, MaybeNone
 from gamms.typing.sensor_engine import ISensor, SensorType, refuse_no_sensor
-from gamms.typing.state import AerialStrategy, State, Strategy
+from gamms.typing.state import AerialStrategy, AsyncStrategy, State, Strategy
 
 _KINDS = tuple(AgentType)
 _SCALARS = frozenset({str, bytes, int, float, bool, type(None)})
@@ -180,7 +180,7 @@ class Member(Guarded, IAgent):
             self._disown(sensor)
 
     @refused_while_deciding
-    def register_strategy(self, strategy: Strategy | AerialStrategy | None) -> None:
+    def register_strategy(self, strategy: Strategy | AerialStrategy | AsyncStrategy | None) -> None:
         """Decide with `strategy` from now on.
 
         Raises:

@@ -37,7 +37,7 @@ def as_plans(name: str, value: Any) -> Mapping[Any, Plan]:
 def _as_plan(value: Any) -> Plan:
     function, arrays = value if isinstance(value, Plan) else (value, False)
     arrays = as_bool(arrays, "arrays")
-    as_function_of(function, "A plan", f"the {'arrays' if arrays else 'states'} of its team", object())
+    as_function_of(function, "A plan", f"the {'arrays' if arrays else 'states'} of its team")
     return Plan(function, arrays)
 
 

@@ -9,7 +9,7 @@ from typing import Any, Literal, NamedTuple, overload
 from gamms.arguments import as_bool, as_int, as_key, as_name
 from gamms.deciding import Protected, phase_of, refused_while_deciding
 from gamms.errors import BadType, BadValue, ContextTerminated, UnknownName
-from gamms.game.deciders import Plan
+from gamms.game.deciders import ArrayPlan, Plan
 from gamms.game.order import COUNTED
 from gamms.game.random_streams import GlobalRandom
 from gamms.game.result import Collectors, Result
@@ -21,7 +21,7 @@ from gamms.ir.game_state import GameState, Scores
 from gamms.progress import progress as progress_line
 from gamms.readonly import ReadOnlyMapping, frozen, published
 from gamms.text import printable_line, shown
-from gamms.typing.game import ArrayPlan, Move, Rule, TeamPlan, Track
+from gamms.typing.game import Move, Rule, TeamPlan, Track
 
 
 class Start(NamedTuple):

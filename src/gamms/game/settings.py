@@ -137,7 +137,7 @@ def _seconds(name: str, value: Any) -> float | None:
 def _action(_: str, value: Any) -> Any:
     if isinstance(value, str) and value != "stay":
         raise BadValue(f'ctx.game.default_action must be "stay", an action or a function, not {shown(value)}.')
-    return as_function_of(value, "A default action", "the state", object()) if callable(value) else value
+    return as_function_of(value, "A default action", "the state") if callable(value) else value
 
 
 def as_turns(name: str, value: Any) -> int | None:

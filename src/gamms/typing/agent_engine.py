@@ -11,7 +11,7 @@ import numpy as np
 from gamms.ir.agents import AgentColumns, Position, Quat
 from gamms.ir.graph import FloatArray, IntArray
 from gamms.typing.sensor_engine import ISensor
-from gamms.typing.state import AerialStrategy, NodeId, State, Strategy
+from gamms.typing.state import AerialStrategy, AsyncStrategy, NodeId, State, Strategy
 
 SensorsOfAgent = Iterable[str | ISensor] | Mapping[str, str | ISensor]
 MaybeNone = Any  # of a value that is None at times, and is used as if it never were
@@ -67,7 +67,7 @@ class IAgent(ABC):
         """Carry a sensor no longer; an unknown name is only warned about."""
 
     @abstractmethod
-    def register_strategy(self, strategy: Strategy | AerialStrategy | None) -> None:
+    def register_strategy(self, strategy: Strategy | AerialStrategy | AsyncStrategy | None) -> None:
         """Decide with `strategy` from now on."""
 
     @abstractmethod
@@ -223,7 +223,7 @@ class IAgentEngine(ABC):
         start_node_id: NodeId,
         sensors: SensorsOfAgent = (),
         team: Hashable = None,
-        strategy: Strategy | None = None,
+        strategy: Strategy | AsyncStrategy | None = None,
         orientation: tuple[float, float] | None = None,
         speed: float | None = None,
         type: AgentType = AgentType.BASIC,

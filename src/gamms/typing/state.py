@@ -107,7 +107,9 @@ class AerialState(_GameKeys):
     """What the agent does, such as `(dx, dy, dz)`: set by the strategy."""
 
 
-Strategy = Callable[[State], Awaitable[None] | None]
-"""Decides for an agent on the ground: it reads the state and sets `state["action"]`. An `async def` is for `ctx.game`."""
-AerialStrategy = Callable[[AerialState], Awaitable[None] | None]
+Strategy = Callable[[State], None]
+"""Decides for an agent on the ground: it reads the state and sets `state["action"]`."""
+AerialStrategy = Callable[[AerialState], None]
 """Decides for an aerial agent."""
+AsyncStrategy = Callable[[Any], Awaitable[None]]
+"""Decides for an agent that `ctx.game` waits for, such as an `async def`. Any: `State` or `AerialState`."""
