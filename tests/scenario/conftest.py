@@ -54,6 +54,22 @@ def make(ctx, node):
         state["action"] = node
     return go
 
+def spread(states, step=1):
+    for state in states.values():
+        legal = state["legal"]
+        state["action"] = legal[step * state["draw"].below(len(legal)) % len(legal)]
+
+def walk(arrays):
+    import numpy
+    return arrays.targets[arrays.offsets[:-1] + arrays.draw.below(numpy.diff(arrays.offsets))]
+
+def planned(ctx, node):
+    drawn = ctx.stream("planned").integers(100)
+    async def plan(states):
+        for state in states.values():
+            state["action"] = state["legal"][(node + drawn) % len(state["legal"])]
+    return plan
+
 def map_strategy(agent_config):
     assert all(config["meta"]["team"] == config["team"] for config in agent_config.values())
     return dict.fromkeys(agent_config, by_global_chance)

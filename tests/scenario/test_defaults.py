@@ -59,6 +59,7 @@ def _reversed(self):
     """Set every setting to another default."""
     self.legal, self.on_illegal, self.on_error, self.speed_unit = "any", "raise", "stay", "metres"
     self.conflicts, self.time_budget, self.max_turns = None, 5.0, 7
+    self.deadline_s, self.default_action, self.plans = 4.0, 3, {}
 
 
 def test_what_is_written_out_says_the_same_game(made, folder):
@@ -66,6 +67,7 @@ def test_what_is_written_out_says_the_same_game(made, folder):
         {},
         {"teams.red.strategy": "players"},
         {"teams.red.strategy": {"function": "players:make", "with": {"node": 3}}},
+        {"teams.red.strategy": None, "teams.red.plan": {"function": "players:spread"}},
         {"facts.halves": {"function": "gamms.rules.territory:halves"}},
         {"rules.1": {"rule": "referee:count_turns", "phase": "before", "with": {"step": 3}}},
     ):

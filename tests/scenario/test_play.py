@@ -77,6 +77,58 @@ def test_everything_it_says_is_in_the_context(made):
     assert result.scores["turns"] == 2 * result.turns == 30
 
 
+PLANS = {
+    "states": "players:spread",
+    "parameters": {"function": "players:spread", "with": {"step": 2}},
+    "arrays": {"function": "players:walk", "arrays": True},
+    "made": {"function": "players:planned", "with": {"node": 3}},
+}
+
+
+@pytest.mark.parametrize("plan", PLANS.values(), ids=PLANS)
+def test_a_plan_of_the_file_decides_for_its_team(folder, made, plan):
+    one = made({"teams.red.strategy": None, "teams.red.plan": plan})
+    with one.build() as ctx:
+        assert list(ctx.game.plans) == ["red"]
+        result = ctx.game.run()
+        ctx.game.reset(seed=8)
+        again = ctx.game.run()
+    assert not result.errors
+    assert sum(agent["moves"] for name, agent in result.agents.items() if name.startswith("red")) > 0
+    assert again == one.play(seed=8)
+    assert Scenario(folder=folder, **one.to_dict()).play() == result
+
+
+def test_a_plan_that_was_taken_away_stays_away(made):
+    with made({"teams.red.strategy": None, "teams.red.plan": "players:spread"}).build() as ctx:
+        ctx.game.command("red", None)
+        ctx.game.reset(seed=8)
+        assert not ctx.game.plans
+
+
+def test_wrong_plans_are_named(made):
+    for change, message in (
+        ({"teams.red.plan": "players:spread"}, "teams.red.strategy: is never asked, because the team has a plan"),
+        ({"teams.red.plan": "players:spred", "teams.red.strategy": None}, "teams.red.plan: .*'spred'.*'spread'"),
+        (
+            {"teams.red.plan": {"function": "players:spread", "with": {"stop": 1}}, "teams.red.strategy": None},
+            "teams.red.plan.with.stop: .*'step'",
+        ),
+    ):
+        with pytest.raises(ScenarioError, match=message):
+            made(change).play()
+
+
+def test_a_strategy_of_the_caller_takes_the_place_of_a_plan_for_the_whole_team_alone(made):
+    def stay(state):
+        state["action"] = state["curr_pos"]
+
+    one = made({"teams.red.strategy": None, "teams.red.plan": "players:spread"})
+    assert one.play(strategies={"red": stay}).agents["red_0"]["moves"] == 0
+    with pytest.raises(ScenarioError, match=r"teams.red.plan: decides for 'red_0' as well"):
+        one.play(strategies={"red_0": stay})
+
+
 def test_strategies_of_the_caller_take_the_place_of_the_file_s(made):
     def stay(state):
         state["action"] = state["curr_pos"]

@@ -12,7 +12,7 @@ from gamms.typing.game import Move
 
 if TYPE_CHECKING:
     from gamms.errors import IllegalMutation
-    from gamms.game.deciders import TeamArrays
+    from gamms.game.deciders import Plan, TeamArrays
     from gamms.game.game import Game
     from gamms.game.legality import IllegalAction
     from gamms.game.result import Result
@@ -25,6 +25,7 @@ __all__ = [
     "IllegalMutation",
     "Move",
     "Moves",
+    "Plan",
     "Result",
     "Settings",
     "Snapshot",
@@ -36,6 +37,7 @@ _HOMES = {
     "Game": "game.game",
     "IllegalAction": "game.legality",
     "IllegalMutation": "errors",
+    "Plan": "game.deciders",
     "Result": "game.result",
     "Settings": "game.settings",
     "Snapshot": "game.snapshots",

@@ -4,13 +4,14 @@ from collections.abc import Callable, Mapping
 from copy import deepcopy
 from dataclasses import dataclass
 from importlib import import_module
-from typing import Any
+from typing import Any, overload
 
 from gamms.arguments import as_int
 from gamms.context import Context
+from gamms.game import Plan
 from gamms.plain import is_same
 from gamms.scenario.checks import RULES, call_in, sensor_type
-from gamms.scenario.code import Library, called, first_of, needs, rule_of, strategy_of
+from gamms.scenario.code import Library, called, first_of, needs, plan_of, rule_of, strategy_of
 from gamms.scenario.errors import ScenarioError, at, joined
 from gamms.scenario.explain import checked
 from gamms.scenario.placing import Member, members, node_at, place
@@ -52,6 +53,7 @@ class Building:
             self.by_team.setdefault(member.team, []).append(member)
         self._agents: dict[str, _Built] = {}
         self._rules: dict[str, Rule] = {}  # by their names in the game
+        self._plans: dict[str, Plan] = {}  # by team
         self._values = values_of(ctx.game)
         self._map: Any = None  # as it was before the code of the scenario changed it, if that did
 
@@ -70,6 +72,8 @@ class Building:
         for name, strategy in self._strategies().items():
             self._agents[name].agent.register_strategy(strategy)
             self._agents[name].strategy = strategy
+        self._plans = self._made_plans()
+        game.plans = self._plans
         for number, given in enumerate(self.spec.rules):
             with at(f"rules.{number}"):
                 rule = self._rule(given, f"rules.{number}")
@@ -105,6 +109,8 @@ class Building:
             if built.agent.strategy is built.strategy:
                 built.agent.register_strategy(strategy)
             built.strategy = strategy
+        before, self._plans = self._plans, self._made_plans()
+        game.plans = {team: self._plans[team] if one == before.get(team) else one for team, one in game.plans.items()}
         self._draw_rules()
         self._values = values_of(game)
         put_back(game, *changes)
@@ -227,6 +233,21 @@ class Building:
             self.library.get(code.function, path), self.parameters(code.with_, f"{path}.with"), self.ctx, path
         )
 
+    def _made_plans(self) -> dict[str, Plan]:
+        """Team -> its plan, of those that have one and are given no strategy instead."""
+        plans = {}
+        for name, team in self.spec.teams.items():
+            if team.plan is None or name in self.given:
+                continue
+            code, path = _as_code(team.plan), f"teams.{name}.plan"
+            named = [member.name for member in self.by_team.get(name, []) if member.name in self.given]
+            if named:
+                raise ScenarioError(path, f"decides for {named[0]!r} as well: give a strategy for the whole team.")
+            parameters = self.parameters(code.with_, f"{path}.with")
+            function = plan_of(self.library.get(code.function, path), parameters, self.ctx, path)
+            plans[name] = Plan(function, getattr(code, "arrays", False))
+        return plans
+
     def _mapped(self, member: Member, code: Code, path: str, mapped: dict[str, Mapping[str, Any]]) -> Any:
         """What a module's `map_strategy` says for an agent: it is asked once for all that name the module there."""
         if path not in mapped:
@@ -301,6 +322,10 @@ def _first_given(*values: Any) -> Any:
     return next((value for value in values if value is not None), None)
 
 
+@overload
+def _as_code(given: str | Code) -> Code: ...
+@overload
+def _as_code(given: str | Code | None) -> Code | None: ...
 def _as_code(given: str | Code | None) -> Code | None:
     return Code(function=given) if isinstance(given, str) else given
 

@@ -35,6 +35,10 @@ def check_sense(spec: Spec) -> None:
     earlier: set[str] = set()
     for name, team in spec.teams.items():
         _check_team(f"teams.{name}", team, earlier, spec)
+        if team.plan is not None and team.strategy is not None:
+            raise ScenarioError(
+                f"teams.{name}.strategy", "is never asked, because the team has a plan. Give one of them."
+            )
         earlier.add(name)
     if spec.conflicts is not None and isinstance(spec.conflicts.resolve, ByPriority):
         for number, team_name in enumerate(spec.conflicts.resolve.by_priority):
@@ -136,6 +140,8 @@ def references(spec: Spec, sources: Sources) -> Iterator[Found]:
     for path, one in _equipped(spec):
         if one.strategy is not None:
             yield from _code(one.strategy, sources, f"{path}.strategy")
+        if isinstance(one, Team) and one.plan is not None:
+            yield from _code(one.plan, sources, f"{path}.plan")
         yield from nested(one.meta, sources, f"{path}.meta")
     for number, rule in enumerate(spec.rules):
         path = f"rules.{number}"
@@ -209,6 +215,8 @@ def _given(spec: Spec) -> Iterator[tuple[str, Mapping[str, Any]]]:
     for path, one in _equipped(spec):
         if one.strategy is not None:
             yield f"{path}.strategy", one.strategy.with_ if isinstance(one.strategy, Code) else {}
+        if isinstance(one, Team) and one.plan is not None:
+            yield f"{path}.plan", one.plan.with_ if isinstance(one.plan, Code) else {}
 
 
 def _equipped(spec: Spec) -> Iterator[tuple[str, Any]]:

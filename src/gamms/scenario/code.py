@@ -128,10 +128,30 @@ def strategy_of(function: Callable[..., Any], given: Mapping[str, Any] | None, c
     Raises:
         ScenarioError: the parameters do not fit, or what it makes is no function.
     """
+    return _decider_of(function, given, ctx, path, ("state",), "strategy")
+
+
+def plan_of(function: Callable[..., Any], given: Mapping[str, Any] | None, ctx: Any, path: str) -> Any:
+    """The plan that a function is, or makes; as `strategy_of`, with `states` or `arrays` for the first parameter.
+
+    Raises:
+        ScenarioError: the parameters do not fit, or what it makes is no function.
+    """
+    return _decider_of(function, given, ctx, path, ("states", "arrays"), "plan")
+
+
+def _decider_of(
+    function: Callable[..., Any],
+    given: Mapping[str, Any] | None,
+    ctx: Any,
+    path: str,
+    arguments: tuple[str, ...],
+    what: str,
+) -> Any:
     first, takes_any = first_of(function), needs(function)
-    if first == "state" or (first != "ctx" and not given and takes_any):
+    if first in arguments or (first != "ctx" and not given and takes_any):
         return _bound(function, (None,), given, path)
-    return made(function, given, (ctx,) if first == "ctx" else (), path, "strategy")
+    return made(function, given, (ctx,) if first == "ctx" else (), path, what)
 
 
 def rule_of(function: Callable[..., Any], given: Mapping[str, Any] | None, path: str) -> Any:

@@ -35,6 +35,8 @@ class _Defaults:
             said["map"]["generator"] = self._code(generator, "map.generator")
         said["sensors"] = {name: self._sensor(one, f"sensors.{name}") for name, one in said["sensors"].items()}
         for name, team in said["teams"].items():
+            if team["plan"] is not None:
+                team["plan"] = self._code(team["plan"], f"teams.{name}.plan")
             for path, one in [(f"teams.{name}", team), *((f"teams.{name}.agents", one) for one in team["agents"])]:
                 one["meta"] = self._values(one["meta"], f"{path}.meta")
                 if one["strategy"] is not None:

@@ -49,6 +49,12 @@ class Code(_Mapping, frozen=True, kw_only=True):
     with_: Values = {}
 
 
+class Plan(Code, frozen=True, kw_only=True):
+    """A function that decides for all agents of a team, with parameters."""
+
+    arrays: bool = False
+
+
 class Grid(_Mapping, frozen=True, kw_only=True):
     """A grid of streets."""
 
@@ -155,6 +161,7 @@ class Team(_Equipment, frozen=True, kw_only=True):
     within: Metres | None = None
     apart: Metres = 0.0
     from_: From | list[From] = []
+    plan: Reference | Plan | None = None
 
 
 class Rule(_Mapping, frozen=True, kw_only=True):
@@ -189,6 +196,8 @@ class Settings(_Mapping, frozen=True, kw_only=True):
     on_error: Literal["raise", "stay"] = "raise"
     speed_unit: Literal["edges", "metres"] = "edges"
     time_budget: Annotated[float, Meta(gt=0.0, description="Seconds per decision.")] | None = None
+    deadline_s: Annotated[float, Meta(gt=0.0, description="Seconds per turn for what is awaited.")] | None = None
+    default_action: Literal["stay"] | NodeId = "stay"
 
 
 class Spec(_Mapping, frozen=True, kw_only=True):
