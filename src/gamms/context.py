@@ -259,12 +259,12 @@ class Context(Guarded, IContext):
 
     def _repr_png_(self) -> bytes | None:
         """The present state, for notebooks; None where it cannot be drawn as PNG."""
-        picture: bytes | None = self._shown(visual.notebook.png)
+        picture: bytes | None = self._shown(lambda drawn: drawn.pictures.as_png())
         return picture
 
     def _repr_html_(self) -> str | None:
         """The same where PNG cannot be made, as SVG; else None."""
-        page: str | None = None if self._repr_png_() is not None else self._shown(visual.notebook.html)
+        page: str | None = None if self._repr_png_() is not None else self._shown(lambda drawn: drawn.as_html())
         return page
 
     def _shown(self, show: Callable[[Any], Any]) -> Any:

@@ -87,13 +87,13 @@ _NOT_CALLED = frozenset((
     # what engines say to each other
     "after_reset", "after_turn", "agent_engine",
     "columns", "copy", "described", "graph_engine", "internal_context", "is_copying",
-    "kept", "make", "memory", "motion", "moves", "noted", "notice", "of_map", "packed",
-    "packed_part", "places_of", "pointed", "propose_artist", "put", "recorder", "renumber", "reseed",
+    "kept", "make", "memory", "moves", "noted", "notice", "of_map", "packed",
+    "packed_part", "places_of", "pointed", "put", "recorder", "renumber", "reseed",
     "restore", "restore_rules", "roll", "sensor_engine", "settle", "show", "sights", "standing", "strategy",
     "after_observing", "counts", "ctx", "errors", "events", "scenario", "team_memories", "timings",
-    "tell_anew", "tracks", "unpack", "visual_engine", "withdraw_artist", "write_by", "place_of", "clear",
-    "film", "look", "followed", "declarations",
-    "shown_artists", "turn_seconds", "width", "height", "viewpoint", "stream_of", "plain_settings", "configure",
+    "tell_anew", "tracks", "unpack", "visual_engine", "write_by", "place_of", "clear",
+    "film", "look", "followed",
+    "turn_seconds", "width", "height", "viewpoint", "stream_of", "plain_settings", "configure",
     "storage", "visibility_table", "neighborhoods",
     "is_playing", "restart_stream", "rng_state", "snapshot", "state",
 ))
@@ -249,7 +249,7 @@ class World:
                     [_state_of_sensor(name, sensor) for name, sensor in ctx.sensor.sensors.items()],
                     (ctx.game.settings(), ctx.game.turn, dict(ctx.game.scores), dict(ctx.game.data), ctx.game.is_over),
                     (list(ctx.game.events), dict(ctx.game.facts), list(ctx.game.rules), ctx.record.record()),
-                    (list(ctx.visual.shown_artists()), list(ctx.record.component_iter())),
+                    (list(ctx.visual.artists.shown()), list(ctx.record.component_iter())),
                 )
             )
         finally:

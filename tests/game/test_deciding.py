@@ -95,7 +95,7 @@ SETTERS = {
         ("graph", lambda ctx: ctx.graph.graph, {"crs": "EPSG:32635", "attribution": "me", "get_node": print}),
         ("graph engine", lambda ctx: ctx.graph, {"visible": print}),
         ("visual", lambda ctx: ctx.visual, {"width": 5, "look": None, "after_turn": [], "turn_seconds": 9.0, "own": 1}),
-        ("artist", lambda ctx: ctx.visual.shown_artists()["other"], {"data": {}, "own": 1}),
+        ("artist", lambda ctx: ctx.visual.artists.shown()["other"], {"data": {}, "own": 1}),
         ("recorder", lambda ctx: ctx.record, {"clock": 5, "is_replaying": True}),
         (
             "context",
@@ -205,8 +205,8 @@ VERBS = {
     "set_values": lambda ctx, s: ctx.visual.set_values(nodes={0: 1.0}),
     "add_artist": lambda ctx, s: ctx.visual.add_artist("x", {}),
     "remove_artist": lambda ctx, s: ctx.visual.remove_artist("other"),
-    "artist": lambda ctx, s: ctx.visual.shown_artists()["other"].set_visible(False),
-    "inside an artist's data": lambda ctx, s: ctx.visual.shown_artists()["other"].data.clear(),
+    "artist": lambda ctx, s: ctx.visual.artists.shown()["other"].set_visible(False),
+    "inside an artist's data": lambda ctx, s: ctx.visual.artists.shown()["other"].data.clear(),
     "simulate": lambda ctx, s: ctx.visual.simulate(),
     "look_at": lambda ctx, s: ctx.visual.look_at(0, 0, 5),
     "follow": lambda ctx, s: ctx.visual.follow("other", 5),
@@ -522,15 +522,15 @@ READERS = {
     "Graph": """among columns distance distance_matrix distances edge_attributes from_latlon get_edge get_edges
         get_neighbors get_node get_nodes has_node nearest_node node_attributes nodes_near place positions
         shortest_path to_latlon to_networkx weights within""",
-    "NoEngine": """artist as_html clear_layer create_layer described draw_commands fill_layer frame get_viewport
-        human_input picture position_of save shown_artists stay_open update""",
+    "NoEngine": """artist as_html clear_layer create_layer draw_commands fill_layer frame get_viewport
+        human_input picture position_of save stay_open update""",
     "Artist": "get_artist_type get_drawer get_layer get_render_mode get_visible",
     "Recorder": "component_iter get_component is_component_registered record time",
     "Components": "component_iter get_component is_component_registered kept since snapshot told",
 }
 OWN = {"Components": {"begin", "abandon", "assign"}, "Recorder": {"component"}}  # of the program's own objects
 PARTS = {
-    "NoEngine": {"motion", "drawing"},
+    "NoEngine": {"drawing"},
     "Game": {"conflicts"},
     "Agent": {"state"},
 }  # see docs/game.md

@@ -205,7 +205,7 @@ def settled(ctx):
         sorted(ctx.agent.get_agent("a").get_state()["sensor"]),
         (eyes.range, eyes.fov, eyes.orientation, eyes.at),
         (eyes.notice.team, eyes.notice.exclude, eyes.notice.detection),
-        sorted(ctx.visual.shown_artists()),
+        sorted(ctx.visual.artists.shown()),
     )
 
 

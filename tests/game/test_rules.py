@@ -112,7 +112,7 @@ def test_the_artist_of_a_removed_rule_goes_unless_another_needs_it_or_has_its_pl
         return rule
 
     def shown():
-        return [name for name in ctx.visual.shown_artists() if name in ("shared", "mine", "rule_other")]
+        return [name for name in ctx.visual.artists.shown() if name in ("shared", "mine", "rule_other")]
 
     ctx.game.add(drawn("shared"), name="a")
     ctx.game.add(drawn("shared"), name="b")

@@ -113,7 +113,7 @@ def public(ctx):
 
 def objects(ctx):
     yield from (ctx, ctx.game, ctx.agent, *ctx.agent.agents.values(), ctx.sensor, *ctx.sensor.sensors.values())
-    yield from (sensor(ctx).notice, ctx.graph, ctx.graph.graph, ctx.visual, ctx.visual.shown_artists()["other"])
+    yield from (sensor(ctx).notice, ctx.graph, ctx.graph.graph, ctx.visual, ctx.visual.artists.shown()["other"])
     yield from (ctx.record, ctx.record.components)
 
 

@@ -120,7 +120,7 @@ def test_in_the_fog_others_are_seen_near_the_team_only(game):
         def look():
             fog = looking.setdefault("fog", None) or looking.update(fog=Fog(ctx, "red")) or looking["fog"]
             fog.look()
-            shown = ctx.visual.shown_artists()
+            shown = ctx.visual.artists.shown()
             seen.append([name for name in ("blue_0", "blue_1") if shown[name].get_visible()])
 
         looking = {}
@@ -215,7 +215,7 @@ def duel(tmp_path):
 
 def shown_by_fog(ctx, kind):
     """Who is drawn, and of which sensors something is."""
-    visible = {name for name, artist in ctx.visual.shown_artists().items() if artist.get_visible()}
+    visible = {name for name, artist in ctx.visual.artists.shown().items() if artist.get_visible()}
     return {name for name in visible if name.startswith(kind)}
 
 
@@ -241,8 +241,8 @@ def test_who_was_declared_looks_as_before_when_it_comes_out_of_the_fog():
         for node, is_seen in ((2, True), (20, False), (2, True)):
             red.current_node_id = node
             fog.look()
-            assert ctx.visual.shown_artists()["red"].get_visible() == is_seen
-        assert ctx.visual.shown_artists()["red"] is declared
+            assert ctx.visual.artists.shown()["red"].get_visible() == is_seen
+        assert ctx.visual.artists.shown()["red"] is declared
 
 
 @pytest.mark.parametrize("is_declared", [False, True])
@@ -256,10 +256,10 @@ def test_what_rules_draw_is_drawn_in_replays_of_games_that_declare_visuals_too(t
             ctx.visual.set_agent_visual("red_0", color="green")
         ctx.record.start(tmp_path / "game")
         ctx.game.run(2)
-        drawn = {name for name in ctx.visual.shown_artists() if name in ("territory", "flags")}
+        drawn = {name for name in ctx.visual.artists.shown() if name in ("territory", "flags")}
     with recordings.context_for(tmp_path / "game.ggr") as again:
         for _ in again.record.replay(str(tmp_path / "game.ggr")):
             pass
-        assert {name for name in again.visual.shown_artists() if name in ("territory", "flags")} == drawn
+        assert {name for name in again.visual.artists.shown() if name in ("territory", "flags")} == drawn
         assert len(drawn) == 2
         assert {12, 22} <= set(again.visual.draw_commands().layer.tolist())

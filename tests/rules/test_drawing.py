@@ -73,8 +73,8 @@ def test_a_carried_flag_glides_with_its_carrier_and_leaves_a_ring(game):
     agent = game.agent.get_agent("r0")
     agent.get_state()["action"] = 8
     agent.set_state()
-    game.visual.motion.begin_turn()
-    share = {name: artist for name, artist in game.visual.shown_artists().items() if name == "flags"}
+    game.visual.drawing.motion.begin_turn()
+    share = {name: artist for name, artist in game.visual.artists.shown().items() if name == "flags"}
     half = ArtistGroup(game, share).commands(0.5)
     lines = half.points[half.offsets[:-1][half.kind == DrawKind.LINE]]
     assert lines.tolist() == [[85.0, 0.0], [0.0, 0.0]]

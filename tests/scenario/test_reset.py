@@ -145,7 +145,7 @@ def recorded(ctx):
         ctx.record.stop()
         states = [agent.state for agent in ctx.agent.create_iter()]
         shown = [(state["sensor"], repr(state["facts"])) for state in states if state]
-        return result, file.getvalue(), repr(shown), list(ctx.visual.shown_artists())
+        return result, file.getvalue(), repr(shown), list(ctx.visual.artists.shown())
 
 
 @settings(max_examples=4, deadline=None)

@@ -83,6 +83,19 @@ ctx.agent.create_agent("l", start_node_id=0, strategy=rule)  # error
 ctx.game.add(rule)
 ctx.game.add(5)  # error
 gamms.strategies.chase(ctx, otherwse=None)  # error
+ctx.visual.set_graph_visual(node_size=2, edge_color="red", draw_id=True).set_layer(3)
+ctx.visual.set_graph_visual(node_sise=2.0)  # error
+ctx.visual.set_graph_visual(edge_color=5)  # error
+ctx.visual.set_agent_visual("f", colour="red")  # error
+ctx.visual.set_agent_visual("f", color=(1, 2, 3), size=3.0, image_path=None)
+ctx.visual.set_agent_visual("f", size="large")  # error
+ctx.visual.set_sensor_visual("a", node_color="red", layer=30)
+ctx.visual.set_sensor_visual("a", layers=30)  # error
+ctx.visual.set_obstacle_visual(color_map={1: "red"}, fill=True)
+ctx.visual.set_obstacle_visual(color_map="red")  # error
+ctx.visual.set_values(nodes={0: 1.0}, cmap="magma")
+ctx.visual.set_values(node={0: 1.0})  # error
+ctx.visual.save("a.png", widht=100)  # error
 gamms.rules.tag("red", "blue", meters=5)  # error
 gamms.rules.tag("red", "blue", metres="near")  # error
 gamms.rules.reach("red", [0], winner="blue").add  # error

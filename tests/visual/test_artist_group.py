@@ -59,7 +59,7 @@ def looks(ctx):
 
 @pytest.mark.parametrize("share", [0.0, 0.3, 0.5, 1.0])
 def test_agents_together_draw_what_each_would_draw(town, share):
-    town.visual.motion.begin_turn()
+    town.visual.drawing.motion.begin_turn()
     one_by_one, places = drawn(town, alone(town), share), positions(town)
     together = drawn(town, looks(town), share)
     for column in COLUMNS:

@@ -129,13 +129,13 @@ def test_a_film_shows_the_last_way_and_then_the_cross_alone(road):
     seen = []
 
     def spy(ctx, data):
-        artist = ctx.visual.shown_artists()["walker"]
+        artist = ctx.visual.artists.shown()["walker"]
         seen.append(artist.data["agent_data"].current_position)
 
     road.visual.add_artist("spy", {"drawer": spy, "layer": 90})
 
     def tell():
-        road.visual.motion.begin_turn()
+        road.visual.drawing.motion.begin_turn()
         for share in (0.5, 1.0):
             frames.at(share)
 

@@ -72,7 +72,7 @@ def test_agents_glide_along_the_street_by_its_length(plain):
     agent = plain.agent.get_agent("red_0")
     agent.get_state()["action"] = 2
     agent.set_state()
-    plain.visual.motion.begin_turn()
+    plain.visual.drawing.motion.begin_turn()
     where = [plain.visual.position_of("red_0", share) for share in (0.0, 0.25, 0.5, 0.75, 1.0)]
     np.testing.assert_allclose(where, [(10, 0), (11, 2.5), (12, 5), (11, 7.5), (10, 10)])
 
@@ -80,7 +80,7 @@ def test_agents_glide_along_the_street_by_its_length(plain):
 def test_where_no_street_leads_agents_glide_straight(plain):
     agent = plain.agent.get_agent("red_0")
     agent.prev_node_id, agent.current_node_id = 2, 0
-    plain.visual.motion.begin_turn()
+    plain.visual.drawing.motion.begin_turn()
     assert plain.visual.position_of("red_0", 0.5) == pytest.approx((5, 5))
 
 
@@ -89,7 +89,7 @@ def test_flyers_glide_through_the_air(ctx):
     drone.position = (0.0, 0.0, 5.0)
     drone.get_state()["action"] = (8.0, 6.0, 0.0)
     drone.set_state()
-    ctx.visual.motion.begin_turn()
+    ctx.visual.drawing.motion.begin_turn()
     (x0, y0, _), (x1, y1, _) = drone.prev_position, drone.position
     assert (x0, y0) != (x1, y1)
     assert ctx.visual.position_of("drone", 0.5) == pytest.approx(((x0 + x1) / 2, (y0 + y1) / 2))
@@ -97,8 +97,8 @@ def test_flyers_glide_through_the_air(ctx):
 
 def test_who_did_not_move_since_does_not_glide_again(plain):
     move(plain, "red_0", 1)
-    plain.visual.motion.begin_turn()
-    plain.visual.motion.begin_turn()
+    plain.visual.drawing.motion.begin_turn()
+    plain.visual.drawing.motion.begin_turn()
     assert plain.visual.position_of("red_0", 0.5) == (10, 0)
 
 

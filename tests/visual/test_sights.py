@@ -59,7 +59,7 @@ def test_rings_go_with_the_agents_while_a_turn_is_shown(road):
 
     road.visual.add_artist("note", {"drawer": note, "layer": 60})
     road.game.step()
-    road.visual.motion.begin_turn()
+    road.visual.drawing.motion.begin_turn()
     commands = road.visual.draw_commands(0.5)
     rows = np.flatnonzero((commands.layer == SENSORS) & (commands.kind == DrawKind.CIRCLE))
     places = {tuple(commands.points[commands.offsets[row]].tolist()) for row in rows}

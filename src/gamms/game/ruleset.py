@@ -62,7 +62,8 @@ class RuleSet:
         """Replace all rules: the artists of those that go are removed, and those that come are drawn."""
         before, self.rules = self.rules, rules
         gone = {artist for named in before if named not in rules and (artist := _artist_of(named)) is not None}
-        withdraw = getattr(self._ctx.visual, "withdraw_artist", self._ctx.visual.remove_artist)
+        artists: Any = getattr(self._ctx.visual, "artists", None)  # an engine of the caller's may have none
+        withdraw = self._ctx.visual.remove_artist if artists is None else artists.withdraw
         for artist in sorted(gone):
             withdraw(artist)
         for named in rules:
@@ -103,8 +104,8 @@ class RuleSet:
         artist = _artist_of(named)
         if artist is not None:
             drawer: Any = named.rule.drawer  # type: ignore[attr-defined] # rules that are drawn have one
-            visual: Any = self._ctx.visual
-            propose = getattr(visual, "propose_artist", visual.add_artist)  # an engine of the caller's may have none
+            artists: Any = getattr(self._ctx.visual, "artists", None)
+            propose = self._ctx.visual.add_artist if artists is None else artists.propose
             propose(artist, {"drawer": drawer, "layer": getattr(drawer, "layer", 12)})
 
 

@@ -24,6 +24,11 @@ class DrawingWatch:
         self._known: dict[str, Any] = {}
         self.first = [data for _, data in self.changes()]
 
+    @property
+    def edits(self) -> int:
+        """A number that changes whenever an artist is declared, added or removed."""
+        return 0 if self._artists is None else int(self._artists.edits)
+
     def specs(self) -> dict[str, Any]:
         """Describe all artists as plain values, as far as there are such; see `Artists.specs`."""
         if self._artists is None:

@@ -353,7 +353,7 @@ class Session:
             above = state.above(self.ctx) if has_changed and not is_set_next else None
             if above is not None:
                 log.append((kinds.FLYERS_ABOVE, above))
-        if getattr(self._visual, "declarations", 0) != self._declarations:
+        if self._declarations_now() != self._declarations:
             log += self._visual_changes()
         if self._columns.progressed:
             log += self._new_progress()
@@ -383,7 +383,7 @@ class Session:
         return [(kinds.SENSORS, {"sensor_kinds": state.grouped(described)})] if described else []
 
     def _declarations_now(self) -> int:
-        return getattr(self._visual, "declarations", 0)
+        return self.drawings.edits
 
     def _visual_changes(self) -> Log:
         """What says that it looks otherwise. What was declared in the first turn goes into the header."""

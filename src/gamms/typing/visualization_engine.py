@@ -1,8 +1,9 @@
-"""Contract of the visual room."""
+"""Contract of the visual engine, and the keywords with which visuals are declared."""
 
 from abc import ABC, abstractmethod
-from collections.abc import Sequence
-from typing import Any
+from collections.abc import Mapping, Sequence
+from os import PathLike
+from typing import Any, TypedDict, Unpack
 
 from gamms.typing.artist import IArtist
 
@@ -11,32 +12,84 @@ ColorType = tuple[float, float, float] | tuple[float, float, float, float]  # RG
 _BLACK = (0, 0, 0)
 
 
+class GraphVisual(TypedDict, total=False):
+    """The keywords of `set_graph_visual`."""
+
+    node_color: ColorType | str
+    """(128, 128, 128)"""
+    node_size: float
+    """The radius of nodes, world units: 2.0."""
+    edge_color: ColorType | str
+    """(211, 211, 211)"""
+    draw_id: bool
+    """Whether the ids of nodes are written beside them: False."""
+
+
+class ObstacleVisual(TypedDict, total=False):
+    """The keywords of `set_obstacle_visual`."""
+
+    color_map: Mapping[int, ColorType | str]
+    """The colours of types, over a palette of the types 0 to 31; others are grey."""
+    boundary_thickness: float
+    """The width of top edges, world units: 1.0."""
+    fill: bool
+    """Whether what walls stand around is filled: False."""
+
+
+class AgentVisual(TypedDict, total=False):
+    """The keywords of `set_agent_visual`."""
+
+    color: ColorType | str
+    """(0, 0, 0)"""
+    size: float
+    """The radius, or half the side of an image, world units: 8.0."""
+    image_path: str | PathLike[str] | None
+    """The file of an image that is drawn instead of a disc: None."""
+
+
+class SensorVisual(TypedDict, total=False):
+    """The keywords of `set_sensor_visual`."""
+
+    color: ColorType | str
+    """Of what it sees: (0, 255, 255)."""
+    node_color: ColorType | str
+    """Of nodes: as `color`."""
+    edge_color: ColorType | str
+    """Of edges: as `color`."""
+    size: float
+    """The radius of the rings around agents, world units: 8.0."""
+    node_size: float
+    """The radius of nodes, world units: 2.0, or 1.0 where edges are sensed, too."""
+    layer: int
+    """40; in a window 30."""
+
+
 class IVisualizationEngine(ABC):
     """Shows a scenario. All coordinates are world coordinates, y up."""
 
     @abstractmethod
-    def set_graph_visual(self, **kwargs: Any) -> IArtist:
-        """Declare how the graph looks: `node_color`, `node_size`, `edge_color`, `draw_id`."""
+    def set_graph_visual(self, **kwargs: Unpack[GraphVisual]) -> IArtist:
+        """Declare how the graph looks."""
 
     @abstractmethod
-    def set_obstacle_visual(self, **kwargs: Any) -> IArtist:
-        """Declare how obstacles look: `color_map`, `boundary_thickness`, `fill`."""
+    def set_obstacle_visual(self, **kwargs: Unpack[ObstacleVisual]) -> IArtist:
+        """Declare how obstacles look."""
 
     @abstractmethod
-    def set_agent_visual(self, name: str, **kwargs: Any) -> IArtist:
-        """Declare how an agent looks: `color`, `size`, `image_path`."""
+    def set_agent_visual(self, name: str, **kwargs: Unpack[AgentVisual]) -> IArtist:
+        """Declare how an agent looks; it need not exist yet."""
 
     @abstractmethod
-    def set_sensor_visual(self, name: str, **kwargs: Any) -> IArtist:
-        """Declare how a sensor's last view looks: `color`, `size`, or `node_color`, `edge_color`; `layer`."""
+    def set_sensor_visual(self, name: str, **kwargs: Unpack[SensorVisual]) -> IArtist:
+        """Declare how a sensor's last view looks."""
 
     @abstractmethod
     def add_artist(self, name: str, artist: IArtist | dict[str, Any]) -> IArtist:
-        """Show an artist; an artist of that name is replaced."""
+        """Draw an artist; one of that name is replaced."""
 
     @abstractmethod
     def remove_artist(self, name: str) -> None:
-        """Show an artist no longer."""
+        """Stop drawing an artist."""
 
     @abstractmethod
     def simulate(self) -> None:
@@ -48,7 +101,7 @@ class IVisualizationEngine(ABC):
 
     @abstractmethod
     def terminate(self) -> None:
-        """Close the room."""
+        """Release what is held: films, windows."""
 
     @abstractmethod
     def render_text(

@@ -15,7 +15,6 @@ one line in its `__init__`. Drawing only reads the scenario; it never changes it
 from importlib import import_module
 from typing import Any
 
-from gamms.visual import notebook
 from gamms.visual.appearance import AgentData, Circle, Color, GraphData, Rectangle, string_to_color
 from gamms.visual.artist import Artist, RenderMode
 from gamms.visual.constants import (
@@ -93,7 +92,6 @@ __all__ = [
     "WindowEngine",
     "lazy",
     "legend_of_teams",
-    "notebook",
     "render_aerial_agent",
     "render_aerial_agent_sensor",
     "render_agent",

@@ -2,7 +2,7 @@
 
 from collections.abc import Callable, Mapping
 from types import MappingProxyType
-from typing import TYPE_CHECKING, Any, NamedTuple, cast
+from typing import TYPE_CHECKING, Any, NamedTuple, Unpack, cast
 
 from gamms.arguments import as_int, as_key, as_name
 from gamms.deciding import Guarded, Protected, outside_of_deciding, phase_of, refused_while_deciding
@@ -10,6 +10,7 @@ from gamms.errors import BadType, BadValue, ContextTerminated
 from gamms.text import shown
 from gamms.typing import ArtistType, IArtist, IContext
 from gamms.typing.artist import Drawer
+from gamms.typing.visualization_engine import AgentVisual, GraphVisual, ObstacleVisual, SensorVisual
 from gamms.visual.appearance import AgentData, Circle, Colorize, GraphData, Rectangle
 from gamms.visual.artist import Artist, looks_of
 from gamms.visual.constants import Layer, Shape
@@ -186,13 +187,13 @@ class Artists(Guarded):
     # -- declared --------------------------------------------------------------------------------------------
 
     @refused_while_deciding
-    def set_graph_visual(self, **kwargs: Any) -> Artist:
-        """Declare how the graph looks: `node_color`, `node_size`, `edge_color`, `draw_id`."""
-        return self._declare("graph", self._made("graph", kwargs, Layer.GRAPH))
+    def set_graph_visual(self, **kwargs: Unpack[GraphVisual]) -> Artist:
+        """Declare how the graph looks; `GraphVisual` has the keywords."""
+        return self._declare("graph", self._made("graph", {**kwargs}, Layer.GRAPH))
 
     @refused_while_deciding
-    def set_obstacle_visual(self, **kwargs: Any) -> Artist:
-        """Declare how obstacles look: `color_map` (type -> colour), `boundary_thickness` (world units), `fill`.
+    def set_obstacle_visual(self, **kwargs: Unpack[ObstacleVisual]) -> Artist:
+        """Declare how obstacles look; `ObstacleVisual` has the keywords.
 
         Where `fill` is true, what walls stand around is filled: in the colour of its type in `color_map`, or else in
         a tone that says how high it is. Otherwise only the top edges of faces are drawn.
@@ -201,15 +202,15 @@ class Artists(Guarded):
         return self._declare("obstacles", self._made("obstacles", keywords, Layer.OBSTACLES))
 
     @refused_while_deciding
-    def set_agent_visual(self, name: str, **kwargs: Any) -> Artist:
-        """Declare how an agent looks: `color`, `size` (world units), `image_path`; it need not exist yet."""
+    def set_agent_visual(self, name: str, **kwargs: Unpack[AgentVisual]) -> Artist:
+        """Declare how an agent looks, which need not exist yet; `AgentVisual` has the keywords."""
         artist = self._made("agent", {**kwargs, "name": name}, Layer.AGENTS)
         artist.data["agent_data"].image = kwargs.get("image_path")
         return self._declare(name, artist)
 
     @refused_while_deciding
-    def set_sensor_visual(self, name: str, **kwargs: Any) -> Artist:
-        """Declare how a sensor's last view looks: `color`, `size`, or `node_color`, `edge_color`; `layer`."""
+    def set_sensor_visual(self, name: str, **kwargs: Unpack[SensorVisual]) -> Artist:
+        """Declare how a sensor's last view looks; `SensorVisual` has the keywords."""
         artist = self._made("sensor", {**kwargs, "name": name}, kwargs.get("layer", Layer.SENSORS))
         return self._declare(f"sensor_{as_name(name, 'a sensor')}", artist)
 
@@ -299,13 +300,13 @@ class Artists(Guarded):
         return artist
 
     @refused_while_deciding
-    def propose_artist(self, name: str, artist: dict[str, Any]) -> None:
+    def propose(self, name: str, artist: dict[str, Any]) -> None:
         """Draw an artist unless there is one of that name, as rules do, which never override the caller."""
         if name not in self.declared:
             self._proposed[name] = self.add_artist(name, artist)
 
     @refused_while_deciding
-    def withdraw_artist(self, name: str) -> None:
+    def withdraw(self, name: str) -> None:
         """Remove the artist that was proposed by this name, unless another has taken its place."""
         artist = self._proposed.pop(name, None)
         if artist is not None and self.declared.get(name) is artist:

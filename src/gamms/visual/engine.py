@@ -13,14 +13,12 @@ from gamms.arguments import as_float, misspelt
 from gamms.deciding import Guarded, Protected, outside_of_deciding, phase_of, refused_while_deciding
 from gamms.ir.draw import DrawCommands
 from gamms.typing import IContext, IVisualizationEngine
-from gamms.visual import notebook
 from gamms.visual.artist import ArtistGroup
 from gamms.visual.artists import Artists
 from gamms.visual.camera import Follow, Look
 from gamms.visual.drawing import Drawing
 from gamms.visual.files import size
 from gamms.visual.pictures import Pictures
-from gamms.visual.shown_turn import Motion
 
 _OFFSCREEN_OPTIONS = ("width", "height", "video", "fps", "frames_per_turn", "simulation_time_constant", "title", "note")
 
@@ -70,7 +68,6 @@ class PictureEngine(Guarded, IVisualizationEngine):
         pictures: of the present state, and films.
         turn_seconds: how long a turn is shown; 1.0.0 calls it the simulation time constant.
         width, height: of a frame, pixels.
-        declarations: a number that changes whenever an artist is declared, added or removed.
         calls_drawers: whether drawers are called in every turn, and not only for pictures.
     """
 
@@ -91,7 +88,6 @@ class PictureEngine(Guarded, IVisualizationEngine):
 
     turn_seconds = _Attribute[float]("pictures", "turn_seconds")
     width, height = _Attribute[int]("pictures", "width"), _Attribute[int]("pictures", "height")
-    motion = _Attribute[Motion]("drawing", "motion")
     look, followed = _Attribute[Look | None]("viewpoint", "look"), _Attribute[Follow | None]("viewpoint", "followed")
 
     # -- drawing: 1.0.0's primitives, and those that draw many things at once ---------------------------------
@@ -123,18 +119,14 @@ class PictureEngine(Guarded, IVisualizationEngine):
 
     # -- artists ---------------------------------------------------------------------------------------------
 
-    set_graph_visual = _of("artists", Artists.set_graph_visual)  # type: ignore[arg-type] # returns more than 1.0.0's
-    set_obstacle_visual = _of("artists", Artists.set_obstacle_visual)  # type: ignore[arg-type] # returns more than 1.0.0's
-    set_agent_visual = _of("artists", Artists.set_agent_visual)  # type: ignore[arg-type] # returns more than 1.0.0's
-    set_sensor_visual = _of("artists", Artists.set_sensor_visual)  # type: ignore[arg-type] # returns more than 1.0.0's
+    set_graph_visual = _of("artists", Artists.set_graph_visual)
+    set_obstacle_visual = _of("artists", Artists.set_obstacle_visual)
+    set_agent_visual = _of("artists", Artists.set_agent_visual)
+    set_sensor_visual = _of("artists", Artists.set_sensor_visual)
     set_values = _of("artists", Artists.set_values)
     add_artist = _of("artists", Artists.add_artist)
     remove_artist = _of("artists", Artists.remove_artist)
-    propose_artist = _of("artists", Artists.propose_artist)
-    withdraw_artist = _of("artists", Artists.withdraw_artist)
     artist = _of("artists", Artists.get)
-    shown_artists = _of("artists", Artists.shown)
-    declarations = _Attribute[int]("artists", "edits")
 
     # -- pictures --------------------------------------------------------------------------------------------
 
@@ -142,6 +134,7 @@ class PictureEngine(Guarded, IVisualizationEngine):
     picture = _of("pictures", Pictures.picture)
     frame = _of("pictures", Pictures.frame)
     film = _of("pictures", Pictures.film)
+    as_html = _of("pictures", Pictures.as_html)
 
     @outside_of_deciding
     def draw_commands(self, share: float = 1.0) -> DrawCommands:
@@ -154,11 +147,6 @@ class PictureEngine(Guarded, IVisualizationEngine):
             ContextTerminated: the context has ended.
         """
         return ArtistGroup(self.ctx, self.artists.shown()).commands(share)
-
-    @outside_of_deciding
-    def as_html(self) -> str:
-        """Return the present state as an element of a page: a PNG, or an SVG where that cannot be made."""
-        return notebook.html(self)
 
     @property
     def is_filming(self) -> bool:

@@ -1,10 +1,11 @@
 """Pictures, frames and films of a context."""
 
 import os
+from base64 import b64encode
 from typing import TYPE_CHECKING
 
 from gamms.deciding import Guarded, Protected, outside_of_deciding, phase_of, refused_while_deciding
-from gamms.errors import ContextTerminated
+from gamms.errors import ContextTerminated, MissingExtra
 from gamms.typing import ColorType, IContext
 from gamms.visual.appearance import PAPER
 from gamms.visual.artist import ArtistGroup
@@ -15,6 +16,8 @@ if TYPE_CHECKING:
     from gamms.visual.backends.coverage import ByteArray
     from gamms.visual.files import Film
     from gamms.visual.scene import Scene
+
+_NOTEBOOK_PX = 900, 600
 
 
 class Pictures(Guarded):
@@ -117,6 +120,24 @@ class Pictures(Guarded):
         commands, blocks = ArtistGroup(self._ctx, artists).commands(), blocks_of(self._ctx, artists)
         camera, note = self._drawing.viewpoint.camera(sheet.width, sheet.height), files.noted(self._ctx, note)
         return files.painted(sheet, commands, blocks, camera, title=title, note=note, background=background)
+
+    @outside_of_deciding
+    def as_png(self) -> bytes | None:
+        """Return the present state as a PNG file for a notebook; None where there is nothing to make it with."""
+        try:
+            return self.picture(".png", *_NOTEBOOK_PX)
+        except MissingExtra:
+            return None
+
+    @outside_of_deciding
+    def as_html(self) -> str:
+        """Return the present state as an element of a page: a PNG, or an SVG where that cannot be made."""
+        kind, content = "png", self.as_png()
+        if content is None:
+            kind, content = "svg+xml", self.picture(".svg", *_NOTEBOOK_PX)
+        source = f"data:image/{kind};base64,{b64encode(content).decode()}"
+        width, height = _NOTEBOOK_PX
+        return f'<img width="{width}" height="{height}" alt="the present state" src="{source}"/>'
 
     @outside_of_deciding
     def frame(

@@ -4,7 +4,7 @@ import math
 import os
 from collections.abc import Callable, Mapping
 from time import monotonic
-from typing import Any
+from typing import Any, Unpack
 
 import numpy as np
 
@@ -13,6 +13,7 @@ from gamms.deciding import outside_of_deciding, refused_while_deciding
 from gamms.errors import BadValue, MissingFile
 from gamms.ir.draw import DrawCommands
 from gamms.typing import ArtistType, IContext, ISensor
+from gamms.typing.visualization_engine import AgentVisual, GraphVisual, SensorVisual
 from gamms.visual.appearance import Color, GraphData
 from gamms.visual.artist import Artist, ArtistGroup
 from gamms.visual.backends.pygame_backend import Canvas, hold_image, load
@@ -330,8 +331,8 @@ class WindowEngine(WindowNames, PictureEngine):
 
     # -- what is declared ------------------------------------------------------------------------------------
 
-    def set_graph_visual(self, **kwargs: Any) -> Artist:
-        """Declare how the graph looks, and look at it: `node_color`, `node_size`, `edge_color`, `draw_id`."""
+    def set_graph_visual(self, **kwargs: Unpack[GraphVisual]) -> Artist:
+        """Declare how the graph looks, and look at it; `GraphVisual` has the keywords."""
         artist = self.artists.set_graph_visual(**kwargs)
         if not self.ctx.is_terminated():
             xy = self.ctx.graph.columns().xy
@@ -341,8 +342,8 @@ class WindowEngine(WindowNames, PictureEngine):
         return artist
 
     @refused_while_deciding
-    def set_agent_visual(self, name: str, **kwargs: Any) -> Artist:
-        """Declare how an agent looks: `color`, `size` (world units), `image_path`; it need not exist yet.
+    def set_agent_visual(self, name: str, **kwargs: Unpack[AgentVisual]) -> Artist:
+        """Declare how an agent looks, which need not exist yet; `AgentVisual` has the keywords.
 
         Raises:
             MissingFile (FileNotFoundError): there is no such image.
@@ -352,8 +353,8 @@ class WindowEngine(WindowNames, PictureEngine):
             raise MissingFile(f"the image of agent {name!r}", path)
         return self.artists.set_agent_visual(name, **kwargs)
 
-    def set_sensor_visual(self, name: str, **kwargs: Any) -> Artist:
-        """Declare how a sensor's last view looks: `color`, `size`, or `node_color`, `edge_color`; `layer`.
+    def set_sensor_visual(self, name: str, **kwargs: Unpack[SensorVisual]) -> Artist:
+        """Declare how a sensor's last view looks; `SensorVisual` has the keywords.
 
         Raises:
             UnknownName (KeyError): there is no such sensor.
@@ -365,7 +366,8 @@ class WindowEngine(WindowNames, PictureEngine):
         last_view = getattr(type(sensor), "last_view", None)
         if last_view is None or last_view is ISensor.last_view:
             raise BadValue(f"Sensor {name!r} cannot be drawn: give {type(sensor).__name__} a method last_view.")
-        return self.artists.set_sensor_visual(name, **{"layer": Layer.WINDOW_SENSORS, **kwargs})
+        kwargs.setdefault("layer", Layer.WINDOW_SENSORS)
+        return self.artists.set_sensor_visual(name, **kwargs)
 
     def _declare_options(self, look: dict[str, Any]) -> None:
         artist = Artist(self.ctx, render_input_overlay, Layer.OPTIONS)
