@@ -1,7 +1,9 @@
 """The checks of rules and strategies: they pass what plays fair and say what does not."""
 
+import functools
 import itertools
 import random
+import types
 
 import numpy as np
 import pytest
@@ -138,7 +140,7 @@ def test_a_rule_that_remembers_agents_is_found():
         for contact in contacts(ctx, "red", "blue"):
             ctx.game.data.setdefault("met", []).append(ctx.agent.get_agent(contact.a))
 
-    with pytest.raises(AssertionError, match=r"plain values only; \['met'\]"):
+    with pytest.raises(AssertionError, match=r"plain values only; ctx\.game\.data\['met'\]\[0\] is of type Agent"):
         check_rule(rule, make_ctx)
 
 
@@ -268,3 +270,185 @@ def test_an_agent_without_a_strategy_has_none_to_check():
         check_strategy(None, lambda: make_ctx(strategy=None), "red0")
     with pytest.raises(KeyError, match="Did you mean 'red0'"):
         check_strategy(stay, make_ctx, "red00")
+
+
+# -- state that a snapshot does not hold ----------------------------------------------------------------------------
+
+SEEN = []
+calls = 0
+
+
+def in_a_closure():
+    seen = []
+
+    def rule(ctx):
+        seen.append(ctx.game.turn)
+
+    return rule
+
+
+def in_a_number_of_a_closure():
+    number = 0
+
+    def rule(ctx):
+        nonlocal number
+        number += 1
+
+    return rule
+
+
+def in_a_default():
+    def rule(ctx, seen={}):  # noqa: B006 - this is what is looked for
+        seen[ctx.game.turn] = True
+
+    return rule
+
+
+def in_a_global():
+    def rule(ctx):
+        SEEN.append(ctx.game.turn)
+
+    return rule
+
+
+def in_a_global_number():
+    def rule(ctx):
+        global calls  # noqa: PLW0603 - this is what is looked for
+        calls += 1
+
+    return rule
+
+
+class Memory:
+    """Remembers turns."""
+
+    shared = {}  # noqa: RUF012 - this is what is looked for
+
+    def __init__(self):
+        self.turns = set()
+        self.notes = Notes()
+
+    def __call__(self, ctx):
+        self.turns.add(ctx.game.turn)
+
+    def note(self, ctx):
+        self.notes.last = ctx.game.turn
+
+
+class Notes:
+    __slots__ = ("last",)
+
+    def __init__(self):
+        self.last = None
+
+
+def in_an_attribute_of_a_class():
+    def rule(ctx):
+        Memory.shared["turn"] = ctx.game.turn
+
+    return rule
+
+
+def in_a_function_that_it_calls():
+    helper = in_a_closure()
+
+    def rule(ctx):
+        helper(ctx)
+
+    return rule
+
+
+def in_an_attribute_of_the_function():
+    def rule(ctx):
+        rule.turn = ctx.game.turn
+
+    rule.turn = 0
+    return rule
+
+
+def in_an_argument_of_a_partial_function():
+    return functools.partial(lambda seen, ctx: seen.append(ctx.game.turn), [])
+
+
+def in_dice_that_it_does_not_use():
+    dice = random.Random(3)
+
+    def rule(ctx):
+        dice.random()
+
+    return rule
+
+
+HIDDEN = [
+    (in_a_closure, r"The closure variable 'seen' of rule\(\) changed from \[\] to \[[01], [12]"),
+    (in_a_number_of_a_closure, r"The closure variable 'number' of rule\(\) changed from 0 to 10"),
+    (in_a_default, r"The default argument 'seen' of rule\(\) changed"),
+    (in_a_global, "The global variable 'SEEN' changed"),
+    (in_a_global_number, r"The global variable 'calls' changed from \d+ to \d+"),
+    (Memory, "The attribute 'turns' of Memory changed from set"),
+    (lambda: Memory().note, "The attribute 'notes' of Memory changed"),
+    (in_an_attribute_of_a_class, "The global variable 'Memory' changed"),
+    (in_a_function_that_it_calls, r"The closure variable 'seen' of rule\(\) changed"),
+    (in_an_attribute_of_the_function, r"The attribute 'turn' of rule\(\) changed from 0 to (9|10)"),
+    (in_an_argument_of_a_partial_function, "The argument 0 of a partial function changed"),
+    (in_dice_that_it_does_not_use, r"The closure variable 'dice' of rule\(\) changed in the game"),
+]
+
+
+@pytest.mark.parametrize(("make_rule", "message"), HIDDEN, ids=[make.__name__ for make, _ in HIDDEN])
+def test_a_rule_that_remembers_in_what_a_snapshot_does_not_hold_is_found(make_rule, message):
+    with pytest.raises(AssertionError, match=rf"{message}.*Keep it in ctx\.game\.data"):
+        check_rule(make_rule(), make_ctx, turns=10)
+
+
+@pytest.mark.parametrize(("make_rule", "message"), HIDDEN, ids=[make.__name__ for make, _ in HIDDEN])
+def test_a_strategy_that_remembers_in_what_a_snapshot_does_not_hold_is_found(make_rule, message):
+    rule = make_rule()
+
+    def strategy(state):
+        rule(types.SimpleNamespace(game=types.SimpleNamespace(turn=state["turn"])))
+        state["action"] = state["curr_pos"]
+
+    with pytest.raises(AssertionError, match=rf"{message}.*Keep it in state\['memory'\]"):
+        check_strategy(strategy, make_ctx, "red0", turns=10)
+
+
+def test_a_method_as_a_strategy_that_writes_to_its_object_is_found():
+    class Raider:
+        def __init__(self):
+            self.target = None
+
+        def play(self, state):
+            self.target = state["action"] = state["curr_pos"]
+
+    with pytest.raises(
+        AssertionError, match=r"The attribute 'target' of Raider changed from None to 0.*state\['memory'\]"
+    ):
+        check_strategy(Raider().play, make_ctx, "red0")
+
+
+def test_a_rule_that_an_undone_turn_changes_is_found():
+    played = {}
+
+    def rule(ctx):
+        if ctx.game.turn == 1:
+            played.clear()
+        played[len(played)] = True
+        ctx.game.scores["turns"] = len(played)
+
+    with pytest.raises(AssertionError, match=r"another one|restored from a snapshot.*'played' of rule\(\)"):
+        check_rule(rule, make_ctx)
+
+
+def test_constants_and_caches_are_no_hidden_state():
+    bases, table = {"red": 0}, np.arange(9)
+
+    @functools.cache
+    def way(node):
+        return [node, node + 1]
+
+    def rule(ctx, far=(1, 2), names={"a": [1]}):  # noqa: B006 - it is only read
+        way(bases["red"] + int(table[1]) + len(far) + len(names) + len(AGENTS))
+        ctx.game.data["turn"] = ctx.game.turn
+
+    check_rule(rule, make_ctx)

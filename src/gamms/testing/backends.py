@@ -1,8 +1,11 @@
-"""Does a picture format show what it is told to?"""
+"""Does a picture format show what its drawing commands say?"""
 
 from collections.abc import Callable
-from typing import Any, NamedTuple
+from typing import NamedTuple
 from xml.etree import ElementTree as ET
+
+import numpy as np
+from numpy.typing import NDArray
 
 from gamms.ir.draw import DrawCommands
 from gamms.visual.backends import Backend
@@ -154,14 +157,15 @@ def check_backend(backend: Backend) -> None:
 
 
 def _picture(backend: Backend, commands: DrawCommands, **words: str) -> bytes:
-    def draw() -> Any:
+    def draw() -> object:
         given = {"title": "", "note": "", **words}
         return backend(commands, _CAMERA, background=_PAPER, dpi=96.0, **given)
 
     picture = draw()
-    _expect("a backend returns the bytes of a file", isinstance(picture, bytes) and len(picture) > 0, type(picture))
+    if not isinstance(picture, bytes) or not picture:
+        raise AssertionError(f"a backend returns the bytes of a file: got {type(picture)!r}.")
     _expect("the same commands give the same bytes", draw() == picture, "other bytes")
-    return bytes(picture)
+    return picture
 
 
 def _look_at_pixels(case: _Case, picture: bytes) -> None:
@@ -218,12 +222,12 @@ def _check_distance(backend: Backend) -> None:
         _expect("what is far away is not seen", bool((_pixels(picture) == 255).all()), "something")
 
 
-def _pixels(picture: bytes) -> Any:
+def _pixels(picture: bytes) -> NDArray[np.uint8]:
     from gamms.visual.backends.pillow_backend import pixels_of
 
     return pixels_of(picture)
 
 
-def _expect(promise: str, is_kept: bool, seen: Any) -> None:
-    if not is_kept:
+def _expect(promise: str, is_true: bool, seen: object) -> None:
+    if not is_true:
         raise AssertionError(f"{promise}: got {seen!r}.")

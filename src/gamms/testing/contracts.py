@@ -1,9 +1,11 @@
-"""Does a graph keep the contract of `gamms.typing.IGraph`?"""
+"""Do a graph and a sensor keep their contracts, `gamms.typing.IGraph` and `gamms.typing.ISensor`?"""
 
 from collections.abc import Callable
-from typing import Any
+from copy import deepcopy
 
-from gamms.typing import IGraph
+import numpy as np
+
+from gamms.typing import IGraph, ISensor, SensorType
 
 _NODES = [(1, 0.0, 0.0), (2, 3.0, 4.0), (7, 10.0, 0.0), (5, 0.0, 5.0)]
 _EDGES = [(10, 1, 2), (11, 2, 1), (12, 1, 7), (13, 1, 2), (14, 5, 5)]
@@ -17,6 +19,38 @@ def check_graph(make: Callable[[], IGraph]) -> None:
     """
     for promise in (_answers, _refuses, _edits, _keeps_to_itself, _offers_what_is_free):
         promise(_filled(make()))
+
+
+def check_sensor(sensor: ISensor, node_id: int) -> None:
+    """Run every promise over a sensor that looks at the world from a node.
+
+    Args:
+        sensor: not registered on an agent that must keep it: its owner is set and taken away.
+        node_id: a node of the graph that the sensor looks at; the world must hold still meanwhile.
+
+    Raises:
+        AssertionError: a promise is broken; the message names it.
+    """
+    _expect("sensor_id is a name", str(sensor.sensor_id) == sensor.sensor_id != "", sensor.sensor_id)
+    _expect("type is a SensorType", isinstance(sensor.type, SensorType), sensor.type)
+    _expect("sense returns nothing", _returned(sensor.sense(node_id)) is None, "something")
+    first = sensor.data
+    kept = deepcopy(first)
+    sensor.sense(node_id)
+    _expect("sensing twice in a world that holds still sees the same", sensor.data == kept, sensor.data)
+    _expect("data is fresh after every sense", _is_fresh(sensor.data, first), first)
+    _expect("a later sense changes no earlier result", first == kept, first)
+    _expect("update accepts a dict", _returned(sensor.update({})) is None, "something")
+    many = sensor.sense_many([node_id, node_id])
+    _expect("sense_many looks once for each node", len(many) == 2, len(many))
+    _expect("sense_many sees the same from the same node", _plain(many[0]) == _plain(many[1]), many[1])
+    if many.values.dtype == object:
+        _expect("sense_many sees what sense sees", _plain(many[0]) == [kept], many[0])
+    try:
+        sensor.set_owner("no-agent-yet")
+    except KeyError:
+        sensor.set_owner(None)  # a sensor may insist on an agent that is there
+    _expect("set_owner accepts None", _returned(sensor.set_owner(None)) is None, "something")
 
 
 def _filled(graph: IGraph) -> IGraph:
@@ -106,21 +140,38 @@ def _offers_what_is_free(graph: IGraph) -> None:
     _same("clear empties", list(graph.get_nodes()), [])
 
 
-def _same(promise: str, seen: Any, promised: Any) -> None:
+def _same(promise: str, seen: object, promised: object) -> None:
     if seen != promised:
         raise AssertionError(f"{promise}: expected {promised!r}, got {seen!r}.")
 
 
-def _differ(promise: str, seen: Any, before: Any) -> None:
+def _differ(promise: str, seen: object, before: object) -> None:
     if seen == before:
         raise AssertionError(f"{promise}: it is still {seen!r}.")
 
 
-def _raises(what: str, kind: type[Exception], call: Callable[..., Any], *arguments: Any) -> None:
+def _raises(what: str, kind: type[Exception], call: Callable[..., object], *arguments: object) -> None:
     try:
         call(*arguments)
     except kind:
         return
-    except Exception as error:  # the graph under test is somebody else's: any other error is a broken promise
+    except Exception as error:  # any other error of the graph under test is a broken promise
         raise AssertionError(f"{what} must raise {kind.__name__}, not {type(error).__name__}: {error}.") from error
     raise AssertionError(f"{what} must raise {kind.__name__}; nothing was raised.")
+
+
+def _returned(value: object) -> object:
+    return value
+
+
+def _plain(values: np.ndarray) -> list[object]:
+    return list(values.tolist())
+
+
+def _is_fresh(data: object, before: object) -> bool:
+    return data is not before or not isinstance(data, list | dict | set | bytearray)
+
+
+def _expect(promise: str, is_true: bool, seen: object) -> None:
+    if not is_true:
+        raise AssertionError(f"{promise}: got {seen!r}.")

@@ -1,0 +1,176 @@
+"""State that a function keeps where the game does not know of it: in closures, defaults, globals and objects."""
+
+import random
+import sys
+from collections import deque
+from collections.abc import Callable, Iterator, Mapping
+from dis import get_instructions
+from functools import partial
+from itertools import count
+from pathlib import Path
+from types import BuiltinMethodType, CodeType, FunctionType, MethodType, ModuleType
+from typing import Any, NamedTuple
+
+import numpy as np
+
+from gamms.text import shown
+
+_INSTALLED = {"site-packages", "dist-packages"}
+
+
+class _Variable(NamedTuple):
+    """A variable as it is at a moment."""
+
+    name: str
+    image: object  # equals that of another moment if nothing has changed
+    text: str
+
+
+_Variables = dict[tuple[int, str], _Variable]
+
+
+class HiddenState:
+    """What a function can reach besides its arguments, as it is now.
+
+    Looked at are closure variables, default arguments, the globals that it names, attributes of functions and of the
+    object that a method belongs to, and the same of functions among these. Objects of GAMMS, of Python and of installed
+    packages are not looked into.
+
+    Args:
+        function: a strategy or a rule.
+    """
+
+    def __init__(self, function: Callable[..., object]) -> None:
+        self._function = function
+        self._before = self._now()
+
+    def changed(self, way_out: str) -> str:
+        """Return a sentence about the first variable that has changed since, with a way out; "" if none has."""
+        now = self._now()
+        for key, (name, image, text) in self._before.items():
+            if key in now and now[key].image != image:
+                change = "" if now[key].text == text else f" from {text} to {now[key].text}"
+                return (
+                    f"{name} changed{change} in the game, which neither ctx.game.reset nor ctx.game.restore takes "
+                    f"back. {way_out} What can be worked out again may be cached by functools.cache."
+                )
+        return ""
+
+    def _now(self) -> _Variables:
+        found: _Variables = {}
+        _look(self._function, found, set())
+        return found
+
+
+def _look(function: object, found: _Variables, seen: set[int]) -> None:
+    """Add the variables of a function, and of those that are among them."""
+    if id(function) in seen:
+        return
+    seen.add(id(function))
+    is_ours = _package_of(function) == "gamms"
+    for name, value in _named_values(function):
+        if callable(value) and not isinstance(value, type):
+            _look(value, found, seen)
+        elif not is_ours:
+            found[id(function), name] = _Variable(name, _image(value, set()), shown(value))
+
+
+def _named_values(function: object) -> Iterator[tuple[str, object]]:
+    """Yield what a function can reach besides its arguments, each with words for it."""
+    if isinstance(function, FunctionType):
+        yield from _variables_of(function)
+    elif isinstance(function, partial):
+        yield "", function.func
+        for key, value in [*enumerate(function.args), *function.keywords.items()]:
+            yield f"The argument {key!r} of a partial function", value
+    elif isinstance(function, MethodType | BuiltinMethodType):
+        yield "", getattr(function, "__func__", None)
+        own, name = function.__self__, function.__name__
+        yield from _attributes(own) if _is_of_program(type(own)) else [(f"The object of the method {name!r}", own)]
+    elif hasattr(function, "__wrapped__"):  # made by functools.cache
+        yield "", function.__wrapped__
+    else:
+        yield "", getattr(type(function), "__call__", None)  # noqa: B004 - it is followed, not asked for
+        yield from _attributes(function)
+
+
+def _variables_of(function: FunctionType) -> Iterator[tuple[str, object]]:
+    whose, code = f"of {function.__name__}()", function.__code__
+    for name, cell in zip(code.co_freevars, function.__closure__ or (), strict=True):
+        try:
+            yield f"The closure variable {name!r} {whose}", cell.cell_contents
+        except ValueError:  # it has no value yet
+            continue
+    arguments, defaults = code.co_varnames[: code.co_argcount], function.__defaults__ or ()
+    last = dict(zip(arguments[len(arguments) - len(defaults) :], defaults, strict=True))
+    for name, value in {**last, **(function.__kwdefaults__ or {})}.items():
+        yield f"The default argument {name!r} {whose}", value
+    for name in dict.fromkeys(_globals_in(code)):
+        if name in function.__globals__:
+            yield f"The global variable {name!r}", function.__globals__[name]
+    for name, value in vars(function).items():
+        yield f"The attribute {name!r} {whose}", value
+
+
+def _globals_in(code: CodeType) -> Iterator[str]:
+    """Yield the globals that a function names, and those that functions within it name."""
+    yield from (one.argval for one in get_instructions(code) if one.opname in ("LOAD_GLOBAL", "STORE_GLOBAL"))
+    for constant in code.co_consts:
+        if isinstance(constant, CodeType):
+            yield from _globals_in(constant)
+
+
+def _attributes(owner: object) -> Iterator[tuple[str, object]]:
+    """Yield the attributes of a class, or of an object of a class, that the program defines."""
+    kind = owner if isinstance(owner, type) else type(owner)
+    if not _is_of_program(kind):
+        return
+    slots = [name for one in kind.__mro__ for name in _as_names(vars(one).get("__slots__", ()))]
+    values = {name: getattr(owner, name) for name in slots if hasattr(owner, name)} | dict(
+        getattr(owner, "__dict__", {})
+    )
+    for name, value in values.items():
+        if not name.startswith("__"):
+            yield f"The attribute {name!r} of {kind.__name__}", value
+
+
+def _as_names(slots: str | tuple[str, ...]) -> tuple[str, ...]:
+    return (slots,) if isinstance(slots, str) else tuple(slots)
+
+
+def _image(value: Any, seen: set[int]) -> object:  # Any: whatever a program keeps
+    """Return what equals the image of the same value at another time if it has not changed."""
+    for kinds, image in _ATOMS:
+        if isinstance(value, kinds):
+            return image(value)
+    if id(value) in seen:
+        return None
+    seen.add(id(value))
+    if isinstance(value, set | frozenset):
+        return frozenset(_image(one, seen) for one in value)
+    if isinstance(value, list | tuple | deque):
+        return tuple(_image(one, seen) for one in value)
+    pairs = value.items() if isinstance(value, Mapping) else _attributes(value)
+    return tuple((_image(key, seen), _image(one, seen)) for key, one in pairs)
+
+
+_ATOMS: tuple[tuple[Any, Callable[[Any], object]], ...] = (
+    (
+        (bool, int, float, complex, str, bytes, bytearray, np.generic, count),
+        lambda one: (type(one).__name__, repr(one)),
+    ),
+    (np.ndarray, lambda one: (one.dtype.str, one.shape, repr(one) if one.dtype.hasobject else one.tobytes())),
+    (random.Random, lambda one: one.getstate()),
+    (np.random.Generator, lambda one: repr(one.bit_generator.state)),
+    ((type(None), FunctionType, ModuleType), lambda _: None),
+)
+
+
+def _is_of_program(kind: type) -> bool:
+    """Return whether a class is neither of GAMMS, nor of Python, nor of an installed package."""
+    file = getattr(sys.modules.get(kind.__module__), "__file__", None) or ""
+    return _package_of(kind) not in {"gamms", *sys.stdlib_module_names} and not _INSTALLED & {*Path(file).parts}
+
+
+def _package_of(value: object) -> str:
+    return str(getattr(value, "__module__", None) or "").partition(".")[0]
