@@ -1,12 +1,12 @@
-"""Checks at the door: turn what a caller passed into the plain value we store, or say what is wrong."""
+"""Checks of arguments: turn what a caller passed into the plain value that we store, or say what is wrong."""
 
 import math
 import os
-from collections.abc import Callable, Iterable, Mapping
+from collections.abc import Callable, Iterable, Mapping, Sequence
 from itertools import islice
 from numbers import Real
 from operator import index
-from typing import TYPE_CHECKING, Any, TypeVar
+from typing import TYPE_CHECKING, Any, TypeVar, cast
 
 from gamms.errors import BadType, BadValue, nearest
 from gamms.text import shown
@@ -19,8 +19,8 @@ T = TypeVar("T")
 _INT64 = 2**63
 
 
-def as_int(value: Any, name: str) -> int:
-    """`value` as a plain int: ints and NumPy integers pass, bools and everything else do not.
+def as_int(value: object, name: str) -> int:
+    """Return a plain int: ints and NumPy integers pass, bools and everything else do not.
 
     Raises:
         BadType: `value` is not an integer.
@@ -29,7 +29,7 @@ def as_int(value: Any, name: str) -> int:
     if isinstance(value, bool):
         raise BadType(f"{name} must be an integer, not the bool {value}.")
     try:
-        number = index(value)
+        number = index(value)  # type: ignore[arg-type] # as below
     except TypeError:
         raise BadType(f"{name} must be an integer, not {shown(value)} ({type(value).__name__}).") from None
     if not -_INT64 <= number < _INT64:
@@ -37,41 +37,41 @@ def as_int(value: Any, name: str) -> int:
     return number
 
 
-def as_items(values: Any, name: str, form: str) -> list[Any]:
-    """What an iterable such as a list or an array holds; `form` says what that should be, such as "integers".
+def as_items(values: object, name: str, form: str) -> list[Any]:
+    """Return a list of what an iterable holds; `form` says what that should be, such as "integers".
 
     Raises:
-        BadType: it is no iterable, or a text.
+        BadType: it is not an iterable, or a text.
     """
     if isinstance(values, (str, bytes)) or not isinstance(values, Iterable) or getattr(values, "ndim", 1) != 1:
         raise BadType(f"{name} must be a list of {form}, not {shown(values)} ({type(values).__name__}).")
     return list(values)
 
 
-def as_ids(values: Any, name: str) -> list[int]:
-    """`values` as a list of plain ints, from any iterable of integers, such as an array.
+def as_ids(values: object, name: str) -> list[int]:
+    """Return a list of plain ints, from any iterable of integers, such as an array.
 
     Raises:
-        BadType: it is no iterable, or one of them is no integer.
+        BadType: it is not an iterable, or one of them is not an integer.
         BadValue: one of them does not fit into 64 bits.
     """
     return [as_int(one, f"Each of {name}") for one in as_items(values, name, "integers")]
 
 
-def as_bool(value: Any, name: str) -> bool:
-    """`value` as a plain bool: 0, 1 and NumPy's bools pass.
+def as_bool(value: object, name: str) -> bool:
+    """Return a plain bool: 0, 1 and NumPy's bools pass.
 
     Raises:
         BadType: it is neither true nor false.
     """
-    plain = value.item() if getattr(value, "size", 0) == 1 else value
+    plain: object = value.item() if getattr(value, "size", 0) == 1 else value  # type: ignore[attr-defined] # NumPy's
     if not isinstance(plain, int) or plain not in (0, 1):
         raise BadType(f"{name} must be True or False, not {shown(value)} ({type(value).__name__}).")
     return bool(plain)
 
 
-def as_float(value: Any, name: str) -> float:
-    """`value` as a plain, finite float.
+def as_float(value: object, name: str) -> float:
+    """Return a plain, finite float.
 
     Raises:
         BadType: `value` is not a real number.
@@ -88,8 +88,8 @@ def as_float(value: Any, name: str) -> float:
     return number
 
 
-def as_range(value: Any, name: str) -> float:
-    """`value` as a distance that may be infinite, but neither negative nor NaN.
+def as_range(value: object, name: str) -> float:
+    """Return a distance, which may be infinite, but neither negative nor NaN.
 
     Raises:
         BadType: `value` is not a real number.
@@ -103,22 +103,23 @@ def as_range(value: Any, name: str) -> float:
     return number
 
 
-def as_numbers(value: Any, name: str, form: str) -> list[float]:
-    """`value` as so many finite numbers as `form`, such as "(x, y, z)", names.
+def as_numbers(value: object, name: str, form: str) -> list[float]:
+    """Return as many finite numbers as `form`, such as "(x, y, z)", names.
 
     Raises:
-        BadType: `value` is no sequence of numbers.
+        BadType: `value` is not a sequence of numbers.
         BadValue: there are more or fewer, or one is NaN or infinite.
     """
     if not hasattr(value, "__getitem__") or isinstance(value, (str, bytes, Mapping)):
         raise BadType(f"{name} must be {form}, not {shown(value)} ({type(value).__name__}).")
-    if getattr(value, "ndim", 1) != 1 or len(value) != form.count(",") + 1:
+    parts = cast("Sequence[object]", value)  # or an array
+    if getattr(value, "ndim", 1) != 1 or len(parts) != form.count(",") + 1:
         raise BadValue(f"{name} must be {form}, not {shown(value)}.")
-    return [as_float(part, f"Every part of {name[:1].lower() + name[1:]} {form}") for part in value]
+    return [as_float(part, f"Every part of {name[:1].lower() + name[1:]} {form}") for part in parts]
 
 
-def as_name(value: Any, kind: str) -> str:
-    """`value` as the name of something.
+def as_name(value: object, kind: str) -> str:
+    """Return the name of something.
 
     Raises:
         BadType: `value` is not a string.
@@ -131,8 +132,8 @@ def as_name(value: Any, kind: str) -> str:
     return value
 
 
-def as_key(value: Any, name: str) -> Any:
-    """`value`, which may be a key of a dict and can be written out.
+def as_key(value: T, name: str) -> T:
+    """Check that a value may be a key of a dict and can be written out.
 
     Raises:
         BadType: it is not hashable, or an integer with more digits than Python writes.
@@ -146,11 +147,11 @@ def as_key(value: Any, name: str) -> Any:
     return value
 
 
-def as_mapping(value: Any, name: str) -> Any:
-    """`value`, which is a mapping, such as a dict.
+def as_mapping(value: object, name: str) -> Mapping[Any, Any]:
+    """Check that a value is a mapping, such as a dict.
 
     Raises:
-        BadType: it is none.
+        BadType: it is not.
     """
     if not isinstance(value, Mapping):
         raise BadType(f"{name} must be a dict, not {shown(value)} ({type(value).__name__}).")
@@ -168,11 +169,11 @@ def as_context(value: T, caller: str) -> T:
     return value
 
 
-def as_text(value: Any, name: str, form: str = "a string") -> str:
-    """`value` as plain Unicode text.
+def as_text(value: object, name: str, form: str = "a string") -> str:
+    """Return plain Unicode text.
 
     Raises:
-        BadType: it is no text.
+        BadType: it is not a text.
         BadValue: there is half a surrogate pair in it, which no file can hold.
     """
     if not isinstance(value, str):
@@ -187,7 +188,7 @@ _VARIADIC = 0x04  # the flag of code objects that take *args
 
 
 def as_function_of(value: object, name: str, argument: str) -> Any:
-    """`value` as a function that is called with one argument, such as a strategy or a rule.
+    """Check that a value is a function that is called with one argument, such as a strategy or a rule.
 
     Args:
         value: what the caller passed.
@@ -210,7 +211,7 @@ def as_function_of(value: object, name: str, argument: str) -> Any:
     return value
 
 
-def _takes_one(function: Any) -> bool:
+def _takes_one(function: Callable[..., Any]) -> bool:
     """Whether a Python function can be called with one argument; True for every other callable."""
     # NOTE: from the code object, because inspect.signature takes 10 us and every agent comes here.
     bound = int(hasattr(function, "__self__"))
@@ -223,14 +224,14 @@ def _takes_one(function: Any) -> bool:
     return required <= 1 and missing <= 0 and (code.co_argcount > bound or bool(code.co_flags & _VARIADIC))
 
 
-def _shown_signature(function: Any) -> str:
+def _shown_signature(function: Callable[..., Any]) -> str:
     from inspect import signature
 
     return str(signature(function))
 
 
-def as_path(value: Any, name: str) -> "Path":
-    """`value` as a path.
+def as_path(value: object, name: str) -> "Path":
+    """Return a path.
 
     Raises:
         BadType: `value` is neither a string nor a path.
@@ -258,7 +259,7 @@ _MANY = 16  # keywords
 
 
 def misspelt(given: Iterable[str], known: Iterable[str]) -> list[str]:
-    """One sentence for each given keyword that is unknown but looks like a known one; of many, for the first."""
+    """Return a sentence for each given keyword that is unknown but looks like a known one; of many, for the first."""
     known = list(known)
     unknown = islice((name for name in given if name not in known), _MANY)
     return [f"Unknown keyword {shown(name)}.{hint}" for name in unknown if (hint := nearest(name, known))]

@@ -9,10 +9,11 @@ from collections.abc import Callable, Iterator
 from contextlib import contextmanager
 from contextvars import ContextVar
 from functools import wraps
+from types import UnionType
 from typing import Any, ClassVar, Generic, NamedTuple, Self, TypeVar, cast, overload
 
 from gamms.errors import BadType, IllegalMutation
-from gamms.readonly import frozen
+from gamms.readonly import Shareable, frozen
 from gamms.text import shown
 
 T = TypeVar("T")
@@ -92,29 +93,28 @@ class DecidePhase:
 UNDECIDED = DecidePhase()  # of what belongs to no context: no agent ever decides
 
 
-def phase_of(ctx: Any) -> DecidePhase:
-    """The phase of a context; of a context of another class one in which no agent ever decides."""
+def phase_of(ctx: object) -> DecidePhase:
+    """Return the phase of a context; of a context of another class one in which no agent ever decides."""
     phase = getattr(ctx, "_phase", None)
     return phase if isinstance(phase, DecidePhase) else UNDECIDED
 
 
-class Guarded:
+class Guarded(Shareable):
     """Mix-in: while a strategy is running, public attributes can be neither set nor deleted."""
 
     __slots__ = ()
 
     _phase: DecidePhase = UNDECIDED
     _called: ClassVar[str] = "it"  # what programs call such an object
-    _strategies_cannot_change: ClassVar = True  # see `readonly.frozen`
 
-    def __setattr__(self, name: str, value: Any) -> None:
+    def __setattr__(self, name: str, value: object) -> None:
         """Set an attribute; refused while a strategy is running."""
         if name[0] != "_" and self._phase.agent is not None:
             self._phase.refuse(f"set {self._called}.{name}")
         object.__setattr__(self, name, value)
 
-    def __setstate__(self, state: Any) -> None:
-        """Become a copy: what was set is not checked again."""
+    def __setstate__(self, state: dict[str, Any] | tuple[dict[str, Any] | None, dict[str, Any]]) -> None:
+        """Become a copy, without checking again what was set."""
         attributes, slots = state if isinstance(state, tuple) else (state, None)
         for name, value in {**(attributes or {}), **(slots or {})}.items():
             object.__setattr__(self, name, value)
@@ -130,7 +130,7 @@ def refused_while_deciding(method: Method) -> Method:
     """Refuse a verb while a strategy is running, before it does anything."""
 
     @wraps(method)
-    def guarded(self: Guarded, /, *args: Any, **kwargs: Any) -> Any:
+    def guarded(self: Guarded, /, *args: object, **kwargs: object) -> Any:
         phase = self._phase
         if phase.agent is not None:
             phase.refuse(f"call {self._called}.{method.__name__}")
@@ -143,7 +143,7 @@ def outside_of_deciding(method: Method) -> Method:
     """Let a verb that only reads run the program's own code, such as drawers, as if no strategy were running."""
 
     @wraps(method)
-    def suspending(self: Guarded, /, *args: Any, **kwargs: Any) -> Any:
+    def suspending(self: Guarded, /, *args: object, **kwargs: object) -> Any:
         if self._phase.agent is None:
             return method(self, *args, **kwargs)
         with self._phase.suspended():
@@ -160,7 +160,7 @@ class Protected(Generic[T]):
         part: the attribute of the object that holds the value under the same name; None: the object itself does.
     """
 
-    def __init__(self, kind: Any, part: str | None = None) -> None:
+    def __init__(self, kind: type | UnionType, part: str | None = None) -> None:
         self._kind, self._part = kind, part
 
     def __set_name__(self, owner: type, name: str) -> None:
@@ -169,14 +169,14 @@ class Protected(Generic[T]):
     @overload
     def __get__(self, instance: None, owner: type) -> Self: ...
     @overload
-    def __get__(self, instance: Any, owner: type) -> T: ...
-    def __get__(self, instance: Any, owner: type) -> Any:
+    def __get__(self, instance: Guarded, owner: type) -> T: ...
+    def __get__(self, instance: Guarded | None, owner: type) -> Any:
         if instance is None:
             return self
         value = getattr(instance if self._part is None else getattr(instance, self._part), self._name)
         return value if instance._phase.agent is None else frozen(value)
 
-    def __set__(self, instance: Any, value: T) -> None:
+    def __set__(self, instance: Guarded, value: T) -> None:
         if not isinstance(value, self._kind):
             kind = getattr(self._kind, "__name__", self._kind)
             raise BadType(f"{self._name.lstrip('_')} must be a {kind}, not {shown(value)} ({type(value).__name__}).")

@@ -7,7 +7,7 @@ from dataclasses import fields, is_dataclass
 from enum import Enum
 from functools import partial
 from types import BuiltinFunctionType, FunctionType, MethodType, ModuleType, NoneType
-from typing import Any, NoReturn
+from typing import Any, NoReturn, cast
 
 import numpy as np
 
@@ -36,7 +36,7 @@ class ReadOnlyMapping(Mapping[Any, Any]):
     def __init__(self, values: Mapping[Any, Any]) -> None:
         self._values = values
 
-    def __getitem__(self, key: Any) -> Any:
+    def __getitem__(self, key: object) -> Any:
         return self._values[key]
 
     def __iter__(self) -> Iterator[Any]:
@@ -63,15 +63,15 @@ class ReadOnlyMapping(Mapping[Any, Any]):
     def __reduce__(self) -> tuple[Any, ...]:
         return ReadOnlyMapping, (self._values,)
 
-    def get(self, key: Any, default: Any = None) -> Any:
-        """The value of a key, or the default."""
+    def get(self, key: object, default: object = None) -> Any:
+        """Return the value of a key, or the default."""
         return self._values.get(key, default)
 
     def copy(self) -> dict[Any, Any]:
-        """A dict that may be written to; what is in it may not."""
+        """Return a dict that may be written to; what is in it may not."""
         return dict(self._values)
 
-    def _refuse(self, *_: Any, **__: Any) -> NoReturn:
+    def _refuse(self, *_: object, **__: object) -> NoReturn:
         raise ReadOnly(
             "This is a read-only view: a strategy changes the game by state['action'] alone, a rule by ctx.game. For a "
             "dict of your own, call its copy()."
@@ -81,12 +81,18 @@ class ReadOnlyMapping(Mapping[Any, Any]):
     clear = pop = popitem = setdefault = update = _refuse
 
 
+class Shareable:
+    """Mix-in: an object that strategies may see itself, because it refuses by itself to be changed by them."""
+
+    __slots__ = ()
+
+
 class Unfreezable(GammsError):
     """An object may change, and is no container of which a read-only copy could be made."""
 
 
-def frozen(value: Any) -> Any:
-    """A read-only copy, all the way down.
+def frozen(value: object) -> Any:
+    """Return a read-only copy, all the way down.
 
     Mappings become a `ReadOnlyMapping`, lists and deques tuples, sets frozensets, bytearrays bytes, arrays locked
     copies. What cannot change stays itself, functions and the engines of a context included; of any other object it
@@ -98,8 +104,8 @@ def frozen(value: Any) -> Any:
     return _walked(value, _frozen, deepcopy)
 
 
-def published(name: str, value: Any) -> Any:
-    """A read-only copy that many may share: see `frozen`, but any other object is refused.
+def published(name: str, value: object) -> Any:
+    """Return a read-only copy that many may share: see `frozen`, but any other object is refused.
 
     Raises:
         BadType: there is an object in it that may change.
@@ -114,8 +120,8 @@ def published(name: str, value: Any) -> Any:
         ) from None
 
 
-def copied(value: Any) -> Any:
-    """A copy that shares nothing that can change; its containers and arrays may be written to.
+def copied(value: object) -> Any:
+    """Return a copy that shares nothing that can change; its containers and arrays may be written to.
 
     Raises:
         BadValue: it is too deep, or contains itself.
@@ -123,14 +129,14 @@ def copied(value: Any) -> Any:
     return _walked(value, _copied, deepcopy)
 
 
-def _walked(value: Any, walk: Callable[[Any, Otherwise], Any], otherwise: Otherwise) -> Any:
+def _walked(value: object, walk: Callable[[Any, Otherwise], Any], otherwise: Otherwise) -> Any:
     try:
         return walk(value, otherwise)
     except RecursionError:
         raise BadValue("A value is nested too deeply, or contains itself.") from None
 
 
-def _frozen(value: Any, otherwise: Otherwise) -> Any:  # noqa: PLR0911 - one line for each kind of container
+def _frozen(value: object, otherwise: Otherwise) -> Any:  # noqa: PLR0911 - one line for each kind of container
     if type(value) in _SCALARS:
         return value
     if isinstance(value, Mapping):
@@ -148,21 +154,21 @@ def _frozen(value: Any, otherwise: Otherwise) -> Any:  # noqa: PLR0911 - one lin
     return value if _cannot_change(value) else otherwise(value)
 
 
-def _copied(value: Any, otherwise: Otherwise) -> Any:
+def _copied(value: object, otherwise: Otherwise) -> Any:
     kind = type(value)
     if kind in _SCALARS:
         return value
     if kind is dict:
-        return {key: _copied(one, otherwise) for key, one in value.items()}
+        return {key: _copied(one, otherwise) for key, one in cast("dict[Any, Any]", value).items()}
     if kind in (list, set, deque):
-        return kind(_copied(one, otherwise) for one in value)
+        return cast("type[list[Any]]", kind)(_copied(one, otherwise) for one in cast("list[Any]", value))
     if isinstance(value, tuple):
         return _tuple_of(value, [_copied(one, otherwise) for one in tuple.__iter__(value)])
     return value if _cannot_change(value) else otherwise(value)
 
 
 def _tuple_of(value: tuple[Any, ...], items: list[Any]) -> tuple[Any, ...]:
-    """The tuple itself if these are its items, else one of its class with them."""
+    """Return the tuple itself if these are its items, else one of its class with them."""
     if all(item is own for item, own in zip(items, tuple.__iter__(value), strict=True)):
         return value
     make: Callable[[list[Any]], tuple[Any, ...]] = getattr(type(value), "_make", tuple)
@@ -170,7 +176,7 @@ def _tuple_of(value: tuple[Any, ...], items: list[Any]) -> tuple[Any, ...]:
 
 
 def _locked(array: "np.ndarray[Any, Any]", otherwise: Otherwise) -> "np.ndarray[Any, Any]":
-    """A copy that cannot be written to, nor be made so: its memory is that of `bytes`."""
+    """Return a copy that cannot be written to, nor be made so: its memory is that of `bytes`."""
     memory: Any = array.base
     if isinstance(memory, bytes):
         return array
@@ -183,23 +189,23 @@ def _locked(array: "np.ndarray[Any, Any]", otherwise: Otherwise) -> "np.ndarray[
     return copy
 
 
-def _cannot_change(value: Any) -> bool:
+def _cannot_change(value: object) -> bool:
     kind = type(value)
     if isinstance(value, np.generic):
         return kind is not np.void
     if isinstance(value, (*_IMMUTABLE, *_CODE)) or kind.__module__ in _VALUES or kind is type(Ellipsis):
         return True
-    if getattr(kind, "_strategies_cannot_change", False) or kind.__module__.startswith("shapely."):
+    if isinstance(value, Shareable) or kind.__module__.startswith("shapely."):
         return True
-    if is_dataclass(value) and kind.__dataclass_params__.frozen:
+    if is_dataclass(value) and kind.__dataclass_params__.frozen:  # type: ignore[attr-defined] # every dataclass has it
         parts = [getattr(value, field.name) for field in fields(value)]
         return all(_frozen(part, _changed) is part for part in parts)
     return False
 
 
-def _changed(_: Any) -> Any:
+def _changed(_: object) -> Any:
     return object()
 
 
-def _refused(value: Any) -> Any:
+def _refused(value: object) -> Any:
     raise Unfreezable(f"an object of the class {type(value).__module__}.{type(value).__qualname__}")

@@ -6,7 +6,7 @@ from contextlib import nullcontext
 from hashlib import sha256
 from pathlib import Path
 from struct import pack
-from typing import Any, ClassVar, Literal, NamedTuple
+from typing import Any, Literal, NamedTuple
 
 import numpy as np
 
@@ -24,6 +24,7 @@ from gamms.graph.tables import RowIndex
 from gamms.ir.graph import FloatArray, IntArray
 from gamms.ir.obstacles import BoolArray
 from gamms.progress import progress as shown
+from gamms.readonly import Shareable
 from gamms.typing import IContext
 from gamms.typing.graph_values import NodeIds
 from gamms.typing.obstacles import IVisibility
@@ -82,7 +83,7 @@ def _digest(*arrays: "np.ndarray[tuple[int, ...], np.dtype[np.generic]]") -> byt
     return digest.digest()
 
 
-class Visibility(IVisibility):
+class Visibility(Shareable, IVisibility):
     """Compressed rows: one for each node, in insertion order, of the nodes that it sees.
 
     Args:
@@ -92,8 +93,6 @@ class Visibility(IVisibility):
         observer_height: see `IVisibility`.
         seen: the rows of the nodes that each node sees.
     """
-
-    _strategies_cannot_change: ClassVar = True  # see `readonly.frozen`
 
     def __init__(
         self, fingerprint: MapFingerprint, routes: Routes, radius: float, observer_height: float, seen: Seen
