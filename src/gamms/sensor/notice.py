@@ -13,6 +13,7 @@ from gamms.deciding import UNDECIDED, DecidePhase, Guarded, refused_while_decidi
 from gamms.errors import BadType, BadValue
 from gamms.ir.graph import FloatArray
 from gamms.text import shown
+from gamms.typing import IContext
 
 Chance = Callable[[FloatArray], FloatArray]  # distances -> probabilities
 
@@ -103,10 +104,10 @@ class Notice(Guarded):
 
     @refused_while_deciding
     def is_noticed(
-        self, ctx: Any, owner: str | None, names: list[str], distances: FloatArray
+        self, ctx: IContext, owner: str | None, names: list[str], distances: FloatArray
     ) -> "np.ndarray[tuple[int, ...], np.dtype[np.bool_]]":
-        """Draw who is noticed (agents,): one more look of this owner's; `ctx` is the hall's own, which has a game."""
-        turn = ctx.game.turn
+        """Draw who is noticed (agents,): one more look of this owner's."""
+        turn = 0 if (game := ctx.current_game) is None else game.turn
         last, look = self._looks.get(owner, (turn, 0))
         look = look + 1 if last == turn else 1
         self._looks[owner] = turn, look

@@ -13,6 +13,7 @@ if TYPE_CHECKING:
     from gamms.typing.graph_engine import IGraphEngine
     from gamms.typing.internal_context import IInternalContext
     from gamms.typing.logger import ILogger
+    from gamms.typing.recorder import IRecorder
     from gamms.typing.sensor_engine import ISensorEngine
     from gamms.typing.visualization_engine import IVisualizationEngine
 
@@ -66,7 +67,7 @@ class IContext(ABC):
 
     @property
     @abstractmethod
-    def record(self) -> Any:
+    def record(self) -> "IRecorder":
         """The recorder."""
 
     @property

@@ -1,10 +1,7 @@
 """Contract of the turn engine: what it gives to rules, plans and resolvers of conflicts."""
 
 from collections.abc import Awaitable, Callable, Mapping
-from typing import TYPE_CHECKING, Any, NamedTuple, Protocol
-
-if TYPE_CHECKING:
-    pass
+from typing import Any, NamedTuple, Protocol
 
 Track = tuple[tuple[int, ...], tuple[float, ...]]
 """Nodes, and from 0 to 1 when an agent is at each of them; it is at the last one until 1."""
