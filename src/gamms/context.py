@@ -11,7 +11,6 @@ from gamms import agent, graph, kernels, memory, sensor, visual
 from gamms.arguments import as_int, as_mapping, as_path, as_text
 from gamms.deciding import DecidePhase, Guarded, refused_while_deciding
 from gamms.errors import BadType, BadValue, UnknownEngine
-from gamms.game.moves import Moves
 from gamms.text import printable, shown
 from gamms.typing import (
     IAgentEngine,
@@ -343,7 +342,7 @@ def create_context(
         ctx.internal_context = InternalContext(memory_engine=memory.MemoryEngine())
         opened.callback(ctx.internal_context.terminate)
         ctx.graph_engine = graph.GraphEngine(ctx, engine=graph_engine, path=_database_path(graph_engine, graph_path))
-        ctx.agent_engine = agent.AgentEngine(ctx, moves=Moves(ctx.graph_engine.graph))
+        ctx.agent_engine = agent.AgentEngine(ctx)
         ctx.sensor_engine = sensor.SensorEngine(ctx)
         ctx.visual_engine = _visual_engine(ctx, vis_engine, keywords)
         opened.pop_all()

@@ -3,19 +3,26 @@
 import numpy as np
 import pytest
 
-from gamms.ir.agents import AgentColumns
+from gamms.ir.agents import AgentBlock, Selection
+from gamms.ir.events import CLOSED
+from gamms.ir.positions import Positions
 
 
 @pytest.fixture
 def columns():
-    columns = AgentColumns()
+    columns = AgentBlock()
     for row in range(20):
-        assert columns.append(f"a{row}", 100 + row, row % 2) == row
+        assert columns.add(f"a{row}", 100 + row, row % 2) == row
     return columns
 
 
-def test_nodes_are_handed_out_as_an_array_that_cannot_be_written_to(columns):
-    nodes, _ = columns.nodes()
+@pytest.fixture
+def positions(columns):
+    return Positions(columns)
+
+
+def test_nodes_are_handed_out_as_an_array_that_cannot_be_written_to(positions):
+    nodes = positions.node_ids
     assert nodes.dtype == np.int64
     assert nodes.tolist() == list(range(100, 120))
     with pytest.raises(ValueError, match="read-only"):
@@ -23,29 +30,27 @@ def test_nodes_are_handed_out_as_an_array_that_cannot_be_written_to(columns):
 
 
 @pytest.mark.parametrize("rows", [[3], [0, 19], list(range(20))], ids=["one", "few", "all"])
-def test_an_array_that_was_handed_out_never_changes(columns, rows):
-    before, moves = columns.nodes()
+def test_an_array_that_was_handed_out_never_changes(columns, positions, rows):
+    before, version = positions.node_ids, positions.version
     for row in rows:
-        columns.node[row] = 7
-        columns.touched.add(row)
-    after, later = columns.nodes()
+        columns.move(row, 7)
+    after, later = positions.node_ids, positions.version
     assert before.tolist() == list(range(100, 120))
     assert after.tolist() == [7 if row in rows else 100 + row for row in range(20)]
-    assert later != moves
+    assert later != version
 
 
-def test_nothing_is_made_anew_when_nobody_moved(columns):
-    nodes, moves = columns.nodes()
-    again, same = columns.nodes()
-    assert again is nodes
-    assert same == moves
+def test_an_array_is_not_made_again_when_no_agent_has_moved(positions):
+    nodes, version = positions.node_ids, positions.version
+    assert positions.node_ids is nodes
+    assert positions.version == version
 
 
-def test_keeping_some_rows_renumbers_them_in_the_order_given(columns):
+def test_keeping_some_rows_renumbers_them_in_the_order_given(columns, positions):
     columns.previous[5], columns.heading[5] = 42, (0.0, 1.0)
-    _, moves = columns.nodes()
+    version = positions.version
     columns.keep([5, 2])
-    nodes, later = columns.nodes()
+    nodes, later = positions.node_ids, positions.version
     assert (columns.names, columns.teams, columns.node, columns.previous) == (
         ["a5", "a2"],
         [1, 0],
@@ -54,20 +59,20 @@ def test_keeping_some_rows_renumbers_them_in_the_order_given(columns):
     )
     assert columns.heading == [(0.0, 1.0), None]
     assert nodes.tolist() == [105, 102]
-    assert later != moves
+    assert later != version
     assert len(columns) == 2
 
 
-def test_keeping_none_leaves_empty_columns(columns):
+def test_keeping_none_leaves_empty_columns(columns, positions):
     columns.keep([])
-    assert columns.nodes()[0].tolist() == []
-    assert columns.append("new", 1, None) == 0
+    assert positions.node_ids.tolist() == []
+    assert columns.add("new", 1) == 0
 
 
-def test_a_row_can_be_copied_into_other_columns(columns):
+def test_a_row_can_be_copied_into_another_block(columns):
     columns.previous[3], columns.heading[3] = 1, (1.0, 0.0)
-    other = AgentColumns()
-    assert other.copy_row(columns, 3) == 0
+    other = AgentBlock()
+    assert other.take_over(columns, 3) == 0
     assert (other.names, other.node, other.previous, other.heading, other.teams) == (
         ["a3"],
         [103],
@@ -75,63 +80,102 @@ def test_a_row_can_be_copied_into_other_columns(columns):
         [(1.0, 0.0)],
         [1],
     )
-    assert other.nodes()[0].tolist() == [103]
+    assert Positions(other).node_ids.tolist() == [103]
 
 
-def where(columns):
-    """Node -> names, as the crowds have it."""
-    rows_at = columns.crowds().at
-    assert columns.crowds().taken == set(rows_at)
+def where(positions):
+    """Node -> names."""
+    rows_at = positions.by_node
     assert all(rows_at.values())
-    return {node: sorted(columns.names[row] for row in rows) for node, rows in rows_at.items()}
+    assert positions.rows_on([*rows_at, 0]) == sorted(row for rows in rows_at.values() for row in rows)
+    return {node: sorted(positions.names[row] for row in rows) for node, rows in rows_at.items()}
 
 
-def test_rows_are_found_by_the_node_they_stand_on(columns):
+def test_rows_are_found_by_the_node_they_stand_on(columns, positions):
     columns.keep([0, 1, 2])
-    assert where(columns) == {100: ["a0"], 101: ["a1"], 102: ["a2"]}
+    assert where(positions) == {100: ["a0"], 101: ["a1"], 102: ["a2"]}
     for row in (0, 2):
-        columns.node[row] = 101
-        columns.touched.add(row)
-    assert where(columns) == {101: ["a0", "a1", "a2"]}
-    columns.node[1] = 7
-    columns.touched.add(1)
-    columns.append("new", 7, None)
-    assert where(columns) == {101: ["a0", "a2"], 7: ["a1", "new"]}
+        columns.move(row, 101)
+    assert where(positions) == {101: ["a0", "a1", "a2"]}
+    columns.set(1, "node", 7)
+    columns.add("new", 7)
+    assert where(positions) == {101: ["a0", "a2"], 7: ["a1", "new"]}
 
 
-def test_arrays_and_rows_by_node_do_not_take_changes_away_from_each_other(columns):
-    columns.nodes(), columns.crowds()
-    columns.node[3] = 7
-    columns.touched.add(3)
-    assert where(columns)[7] == ["a3"]
-    assert columns.nodes()[0][3] == 7
-    columns.node[3] = 8
-    columns.touched.add(3)
-    assert columns.nodes()[0][3] == 8
-    assert where(columns)[8] == ["a3"]
+def test_arrays_and_rows_by_node_do_not_take_changes_away_from_each_other(columns, positions):
+    _ = positions.node_ids, positions.by_node
+    columns.move(3, 7)
+    assert where(positions)[7] == ["a3"]
+    assert positions.node_ids[3] == 7
+    columns.move(3, 8)
+    assert positions.node_ids[3] == 8
+    assert where(positions)[8] == ["a3"]
 
 
-def test_keeping_some_rows_keeps_them_findable(columns):
-    columns.crowds()
+def test_keeping_some_rows_keeps_them_findable(columns, positions):
+    _ = positions.by_node
     columns.keep([5, 2])
-    assert where(columns) == {105: ["a5"], 102: ["a2"]}
+    assert where(positions) == {105: ["a5"], 102: ["a2"]}
 
 
-def test_the_number_of_moves_changes_whoever_asks(columns):
-    columns.crowds()
-    moves = columns.moves
-    columns.crowds()
-    assert columns.nodes()[1] == columns.moves == moves
-    columns.touched.add(0)
-    columns.crowds()
-    assert columns.moves != moves
-    assert columns.nodes()[1] == columns.moves
+def test_every_subscriber_reads_its_own_log_of_changes(columns):
+    one, other = columns.subscribe(), columns.subscribe()
+    assert (one.take(), other.take()) == (None, None)
+    columns.move(3, 7)
+    assert (one.take(), one.take()) == ({3}, set())
+    columns.set(4, "teams", "red")
+    assert (one.take(), other.take()) == ({4}, {3, 4})
+    columns.keep([1, 0])
+    assert (one.take(), one.take(), other.take()) == (None, set(), None)
 
 
-def test_flyers_have_places_and_those_on_the_ground_have_none(columns):
-    assert columns.places()[0].tolist() == []
-    assert columns.places()[1].shape == (0, 3)
-    row = columns.append("kite", 100, None, position=(1.0, 2.0, 3.0), speed=2.0)
+def test_versions_say_what_kind_of_thing_has_changed(columns):
+    def versions():
+        return columns.version, columns.structure_version
+
+    before = versions()
+    assert versions() == before
+    columns.move(0, 1)
+    moved = versions()
+    assert (moved[0] != before[0], moved[1] != before[1]) == (True, False)
+    columns.set(0, "heading", (1.0, 0.0))
+    assert versions() == moved
+    columns.set(0, "speed", 2.0)
+    faster = versions()
+    assert (faster[0] != moved[0], faster[1] != moved[1]) == (False, True)
+    columns.set(0, "alive", value=False)
+    assert all(now != then for now, then in zip(versions(), faster, strict=True))
+
+
+def test_an_agent_that_is_not_alive_stands_on_no_node(columns, positions):
+    _ = positions.by_node
+    columns.set(2, "alive", value=False)
+    assert 102 not in positions.by_node
+    assert (2 in positions.living, list(positions.inactive), positions.nodes[2]) == (False, [2], 102)
+    columns.set(2, "alive", value=True)
+    assert where(positions)[102] == ["a2"]
+
+
+def test_a_closed_block_is_not_written_to(columns):
+    columns.journal = CLOSED
+    before = columns.values()
+    columns.move(0, 7)
+    columns.set(0, "teams", "red")
+    columns.fly(0, (0.0, 0.0, 0.0))
+    columns.turn(0, (1.0, 0.0, 0.0, 0.0))
+    columns.move_all(Selection([0, 1]), [5, 5])
+    assert columns.values() == before
+
+
+def test_many_agents_move_like_one_after_the_other(columns):
+    columns.move_all(Selection([3, 1]), [7, 101])
+    assert (columns.node[:4], columns.previous[:4]) == ([100, 101, 102, 7], [100, 101, 102, 103])
+
+
+def test_flyers_have_positions_and_those_on_the_ground_have_none(columns, positions):
+    assert positions.flyers.tolist() == []
+    assert positions.flyer_xyz.shape == (0, 3)
+    row = columns.add("kite", 100, None, position=(1.0, 2.0, 3.0), speed=2.0)
     assert (columns.kind[row], columns.previous_position[row], columns.quat[row], columns.speed[row]) == (
         1,
         (1.0, 2.0, 3.0),
@@ -139,26 +183,26 @@ def test_flyers_have_places_and_those_on_the_ground_have_none(columns):
         2.0,
     )
     assert (columns.kind[0], columns.position[0], columns.quat[0], columns.speed[0]) == (0, None, None, None)
-    rows, places = columns.places()
+    rows, places = positions.flyers, positions.flyer_xyz
     assert (rows.tolist(), places.tolist()) == ([20], [[1.0, 2.0, 3.0]])
     with pytest.raises(ValueError, match="read-only"):
         places[0] = 0.0
-    columns.position[row] = (4.0, 5.0, 6.0)
-    columns.touched.add(row)
-    assert columns.places()[1].tolist() == [[4.0, 5.0, 6.0]]
+    columns.fly(row, (4.0, 5.0, 6.0), 101)
+    assert positions.flyer_xyz.tolist() == [[4.0, 5.0, 6.0]]
+    assert (columns.node[row], columns.previous[row]) == (101, 100)
     assert places.tolist() == [[1.0, 2.0, 3.0]]
 
 
-def test_the_rows_of_flyers_follow_them(columns):
+def test_the_rows_of_flyers_follow_them(columns, positions):
     for i in range(3):
-        columns.append(f"kite{i}", 100, None, position=(float(i), 0.0, 0.0), speed=1.0)
-    columns.places()
+        columns.add(f"kite{i}", 100, None, position=(float(i), 0.0, 0.0), speed=1.0)
+    _ = positions.flyer_xyz
     columns.keep([0, 22, 3, 20])
-    rows, places = columns.places()
+    rows, places = positions.flyers, positions.flyer_xyz
     assert (rows.tolist(), places[:, 0].tolist()) == ([1, 3], [2.0, 0.0])
-    other = AgentColumns()
+    other = AgentBlock()
     columns.quat[1], columns.previous_position[1] = (0.0, 1.0, 0.0, 0.0), (9.0, 9.0, 9.0)
-    other.copy_row(columns, 1)
+    other.take_over(columns, 1)
     assert (other.position, other.quat, other.previous_position, other.speed, other.kind) == (
         [(2.0, 0.0, 0.0)],
         [(0.0, 1.0, 0.0, 0.0)],
@@ -166,4 +210,4 @@ def test_the_rows_of_flyers_follow_them(columns):
         [1.0],
         [1],
     )
-    assert other.places()[0].tolist() == [0]
+    assert Positions(other).flyers.tolist() == [0]

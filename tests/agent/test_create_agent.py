@@ -106,7 +106,7 @@ def test_a_bad_keyword_raises_and_nothing_has_changed(ctx, anna, kwargs, error, 
     with pytest.raises(error, match=words):
         ctx.agent.create_agent("new", **{"sensors": ["near"], **kwargs})
     assert list(ctx.agent.agents) == ["anna"]
-    assert list(ctx.agent.roll().names) == ["anna"]
+    assert list(ctx.agent.positions.names) == ["anna"]
     assert sensor._owner == "anna"
     assert ctx.agent.create_agent("new", start_node_id=0).current_node_id == 0
 

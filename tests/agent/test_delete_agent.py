@@ -87,8 +87,8 @@ def test_a_deleted_agent_stays_usable_and_touches_nobody(ctx, anna, team):
     anna.register_strategy(lambda state: state.update(action=state["sensor"]["near"][1][1]))
     anna.step()
     assert (anna.current_node_id, anna.prev_node_id) == (5, 4)
-    assert ctx.agent.roll().names == ["a", "b", "c", "d"]
-    assert ctx.agent.roll().nodes.tolist() == [0, 1, 2, 3]
+    assert ctx.agent.positions.names == ["a", "b", "c", "d"]
+    assert ctx.agent.positions.node_ids.tolist() == [0, 1, 2, 3]
     with pytest.raises(KeyError):
         ctx.agent.get_agent("anna")
 
@@ -129,25 +129,24 @@ def test_agents_keep_their_places_when_many_others_are_deleted(ctx):
         if i % 7:
             ctx.agent.delete_agent(f"agent_{i}")
     assert [(a.name, a.current_node_id, a.team) for a in agents] == [(f"agent_{i}", i % 9, i) for i in range(40)]
-    assert ctx.agent.roll().nodes.tolist() == [i % 9 for i in range(0, 40, 7)]
-    assert len(ctx.agent.columns) == 6
+    assert ctx.agent.positions.node_ids.tolist() == [i % 9 for i in range(0, 40, 7)]
+    assert len(ctx.agent.block) == 6
 
 
 def test_who_stands_where_is_right_after_agents_were_deleted(ctx, team):
-    assert ctx.agent.standing().rows_at == {0: [0], 1: [1], 2: [2], 3: [3]}
+    assert ctx.agent.positions.by_node == {0: {0}, 1: {1}, 2: {2}, 3: {3}}
     ctx.agent.delete_agent("a")
     ctx.agent.get_agent("d").current_node_id = 1
-    standing = ctx.agent.standing()
-    rows_at = {node: sorted(standing.names[row] for row in rows) for node, rows in standing.rows_at.items()}
+    positions = ctx.agent.positions
+    rows_at = {node: sorted(positions.names[row] for row in rows) for node, rows in positions.by_node.items()}
     assert rows_at == {1: ["b", "d"], 2: ["c"]}
     assert ctx.agent.create_agent("e", start_node_id=2).name == "e"
-    assert sorted(ctx.agent.standing().rows_at[2]) == [1, 3]
+    assert ctx.agent.positions.rows_on([2]) == [1, 3]
 
 
-def test_a_change_of_team_is_a_change_of_the_roll(ctx, team):
-    before = ctx.agent.roll()
+def test_a_change_of_team_is_a_new_version(ctx, team):
+    version = ctx.agent.positions.version
     team[1].team = "red"
-    after = ctx.agent.roll()
-    assert after.teams == [None, "red", None, None]
-    assert after.moves != before.moves
-    assert ctx.agent.standing().moves == after.moves
+    positions = ctx.agent.positions
+    assert positions.teams == [None, "red", None, None]
+    assert positions.version != version

@@ -92,25 +92,26 @@ class Sky(RuleBasedStateMachine):
 
     @rule()
     def ask_who_stands_where(self):
-        standing, slow = self.engine.standing(), IAgentEngine.standing(self.engine)
-        assert standing.names == slow.names == list(self.model)
-        assert {node: sorted(rows) for node, rows in standing.rows_at.items()} == slow.rows_at
-        assert standing.moves == self.engine.roll().moves
+        positions, slow = self.engine.positions, IAgentEngine.positions.fget(self.engine)
+        assert positions.names == slow.names == list(self.model)
+        assert positions.by_node == slow.by_node
+        assert positions.nodes == slow.nodes
 
     @rule()
-    def ask_for_the_roll(self):
-        roll, slow = self.engine.roll(), IAgentEngine.roll(self.engine)
-        assert roll.names == slow.names == list(self.model)
-        assert roll.nodes.tolist() == slow.nodes.tolist()
-        assert roll.teams == slow.teams
-        assert roll.flying.tolist() == slow.flying.tolist()
-        assert roll.places.tolist() == slow.places.tolist()
-        assert [tuple(place) for place in roll.places.tolist()] == [p for p in self.model.values() if type(p) is tuple]
-        assert (roll.nodes.dtype, roll.flying.dtype, roll.places.dtype) == (np.int64, np.int64, np.float64)
-        now = (list(roll.names), roll.nodes.tolist(), list(roll.teams), roll.places.tolist())
-        if self.last is not None and self.last[0] == roll.moves:
+    def ask_for_arrays(self):
+        positions, slow = self.engine.positions, IAgentEngine.positions.fget(self.engine)
+        assert positions.names == slow.names == list(self.model)
+        assert positions.node_ids.tolist() == slow.node_ids.tolist()
+        assert positions.teams == slow.teams
+        assert positions.flyers.tolist() == slow.flyers.tolist()
+        assert positions.flyer_xyz.tolist() == slow.flyer_xyz.tolist()
+        places = positions.flyer_xyz
+        assert [tuple(place) for place in places.tolist()] == [p for p in self.model.values() if type(p) is tuple]
+        assert (positions.node_ids.dtype, positions.flyers.dtype, places.dtype) == (np.int64, np.int64, np.float64)
+        now = (list(positions.names), positions.node_ids.tolist(), list(positions.teams), positions.flyer_xyz.tolist())
+        if self.last is not None and self.last[0] == positions.version:
             assert self.last[1] == now
-        self.last = (roll.moves, now)
+        self.last = (positions.version, now)
 
     @invariant()
     def agents_are_what_the_model_says(self):

@@ -74,16 +74,16 @@ class AgentEngineMachine(RuleBasedStateMachine):
                 self.delete(agent.name)
 
     @rule()
-    def ask_for_the_roll(self):
-        roll = self.ctx.agent.roll()
-        now = (list(roll.names), roll.nodes.tolist(), list(roll.teams))
+    def ask_where_agents_are(self):
+        positions = self.ctx.agent.positions
+        now = (list(positions.names), positions.node_ids.tolist(), list(positions.teams))
         nodes, teams = ([record[i] for record in self.model.values()] for i in (0, 2))
         assert now == (list(self.model), nodes, teams)
-        assert (roll.flying.tolist(), roll.places.shape) == ([], (0, 3))
-        assert len(self.ctx.agent.columns) == len(self.model)
-        if self.last is not None and self.last[0] == roll.moves:
+        assert (positions.flyers.tolist(), positions.flyer_xyz.shape) == ([], (0, 3))
+        assert len(self.ctx.agent.block) == len(self.model)
+        if self.last is not None and self.last[0] == positions.version:
             assert self.last[1] == now
-        self.last = (roll.moves, now)
+        self.last = (positions.version, now)
 
     @precondition(lambda self: self.model)
     @rule(data=st.data(), team=st.integers(0, 2))
@@ -93,12 +93,11 @@ class AgentEngineMachine(RuleBasedStateMachine):
 
     @rule()
     def ask_who_stands_where(self):
-        standing = self.ctx.agent.standing()
-        assert standing.names == list(self.model)
-        rows = {row: node for node, there in standing.rows_at.items() for row in there}
+        positions = self.ctx.agent.positions
+        assert positions.names == list(self.model)
+        rows = {row: node for node, there in positions.by_node.items() for row in there}
         assert [rows[row] for row in sorted(rows)] == [record[0] for record in self.model.values()]
-        assert sum(map(len, standing.rows_at.values())) == len(rows)
-        assert standing.moves == self.ctx.agent.roll().moves
+        assert sum(map(len, positions.by_node.values())) == len(rows)
 
     @rule()
     def sense(self):

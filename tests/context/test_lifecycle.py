@@ -105,7 +105,7 @@ def test_a_context_can_be_put_together_by_hand():
     ctx = gamms.Context()
     ctx.internal_context = gamms.InternalContext(memory_engine=gamms.memory.MemoryEngine())
     ctx.graph_engine = gamms.graph.GraphEngine(ctx, engine=Engine.MEMORY)
-    ctx.agent_engine = gamms.agent.AgentEngine(ctx, moves=gamms.game.Moves(ctx.graph.graph))
+    ctx.agent_engine = gamms.agent.AgentEngine(ctx)
     ctx.sensor_engine = gamms.sensor.SensorEngine(ctx)
     ctx.visual_engine = gamms.visual.NoEngine(ctx)
     ctx.set_alive()

@@ -85,13 +85,13 @@ _NOT_CALLED = frozenset((
     # they end, restart or play the game, wait for a person, or need a network
     "terminate", "close", "simulate", "human_input", "stay_open", "run", "step", "reset", "set_alive", "update", "play",
     # what engines say to each other
-    "after_reset", "after_turn", "agent_engine",
+    "after_reset", "after_turn", "agent_engine", "block", "live_result", "positions", "turn_access",
     "columns", "copy", "described", "graph_engine", "internal_context", "is_copying",
-    "kept", "make", "memory", "moves", "noted", "notice", "of_map", "packed",
+    "kept", "make", "memory", "noted", "notice", "of_map", "packed",
     "packed_part", "places_of", "pointed", "put", "recorder", "renumber", "reseed",
-    "restore", "restore_rules", "roll", "sensor_engine", "settle", "show", "sights", "standing", "strategy",
+    "restore", "restore_rules", "sensor_engine", "show", "sights", "strategy",
     "after_observing", "counts", "ctx", "errors", "events", "scenario", "team_memories", "timings",
-    "tell_anew", "tracks", "unpack", "visual_engine", "write_by", "place_of", "clear",
+    "tell_anew", "tracks", "unpack", "visual_engine", "place_of", "clear",
     "film", "look", "followed",
     "turn_seconds", "width", "height", "viewpoint", "stream_of", "plain_settings", "configure",
     "storage", "visibility_table", "neighborhoods",

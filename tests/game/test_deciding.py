@@ -113,9 +113,10 @@ VERBS = {
     "delete_agent": lambda ctx, s: ctx.agent.delete_agent("other"),
     "delete itself": lambda ctx, s: ctx.agent.delete_agent("cheater"),
     "agents cleared": lambda ctx, s: ctx.agent.agents.clear(),
-    "columns": lambda ctx, s: setitem(ctx.agent.columns.node, 1, 0),
-    "moves": lambda ctx, s: ctx.agent.moves,
-    "write_by": lambda ctx, s: ctx.agent.write_by(None),
+    "agent block": lambda ctx, s: setitem(ctx.agent.block.node, 1, 0),
+    "positions": lambda ctx, s: ctx.agent.positions,
+    "turn_access": lambda ctx, s: other(ctx).turn_access(),
+    "live_result": lambda ctx, s: sensor(ctx).live_result(),
     "register_sensor": lambda ctx, s: other(ctx).register_sensor("x", sensor(ctx, "tower")),
     "deregister_sensor": lambda ctx, s: other(ctx).deregister_sensor("others"),
     "register_strategy": lambda ctx, s: other(ctx).register_strategy(lambda s: None),
@@ -236,8 +237,7 @@ VERBS = {
 }
 
 HARMLESS = {  # on what is a copy, or the strategy's own
-    "roll": lambda ctx, s: vandalise(ctx.agent.roll()),
-    "standing": lambda ctx, s: vandalise(ctx.agent.standing()),
+    "sensors of others": lambda ctx, s: vandalise(other(ctx).sensors),
     "teams": lambda ctx, s: vandalise(ctx.agent.teams),
     "agents of the game": lambda ctx, s: vandalise(ctx.game.agents),
     "described sensors": lambda ctx, s: vandalise(ctx.sensor.described()),
@@ -510,7 +510,7 @@ def test_rules_and_other_contexts_are_free(grid):
 READERS = {
     "Context": "is_terminated rng_state stream",
     "Game": "plain_settings result settings start_node tracks",
-    "AgentEngine": "create_iter get_agent roll settle standing",
+    "AgentEngine": "create_iter get_agent",
     "Agent": "",
     "AerialAgent": "",
     "SensorEngine": "described get_sensor",

@@ -63,7 +63,7 @@ def test_an_agent_that_arrives_or_stays_has_nothing_left(ctx, play):
     agent = play("a", 0, 1, 1, 2, 2, speed=15.0)
     result = ctx.game.run(4)
     assert places(agent, result) == [0, 1, 1, 2, 2]
-    assert agent._columns.progress == [None]
+    assert agent._block.progress == [None]
 
 
 def test_a_speed_of_zero_stays_and_an_endless_one_goes_anywhere(ctx, play):
@@ -246,7 +246,7 @@ def test_no_agent_ever_covers_more_than_its_speed(walk, speed, unit):
             here = agent.current_node_id
             ctx.game.step()
             covered.append(sum(cost(*pair) for pair in pairwise(ctx.game.moves["a"].path)))
-            progress = agent._columns.progress[0]
+            progress = agent._block.progress[0]
             before.append(progress.share * cost(progress.source, progress.target) if progress else 0.0)
             assert progress is None or (progress.source == agent.current_node_id and 0.0 < progress.share < 1.0)
             if isinstance(action, int):  # a target: what is legal is what can be reached

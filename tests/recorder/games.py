@@ -67,7 +67,7 @@ def agent_of(agent):
         "alive": agent.alive,
         "speed": agent.speed,
         "sensors": {name: sensor.sensor_id for name, sensor in agent._sensor_list.items()},
-        "heading": agent._columns.heading[agent._row],
+        "heading": agent._block.heading[agent._row],
     }
     if agent.type == gamms.agent.AgentType.AERIAL:
         told |= {"position": agent.position, "before": agent.prev_position, "quat": agent.quat}

@@ -37,7 +37,7 @@ def test_a_node_may_come_and_go_in_one_turn(ctx):
     def play(ctx):
         ctx.agent.create_agent("a", start_node_id=0)
         ctx.graph.graph.add_node({"id": 20, "x": 0.0, "y": 0.0})
-        ctx.agent.moves.act(ctx.agent.columns, 0, 20)
+        ctx.agent.block.move(0, 20)
         ctx.graph.graph.remove_node(20)
         ctx.visual.simulate()
 

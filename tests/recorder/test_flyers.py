@@ -131,8 +131,8 @@ class Programme:
 
 def state_of(ctx):
     """Who is where, and how turned, as the columns of a state, in bytes."""
-    ctx.agent.settle()
-    columns_ = ctx.agent.columns
+    ctx.agent.block.locate()
+    columns_ = ctx.agent.block
     places = [position or (np.nan,) * 3 for position in columns_.position]
     quats = [quat or (np.nan,) * 4 for quat in columns_.quat]
     floats_ = np.array([(*place, *quat) for place, quat in zip(places, quats, strict=True)]).reshape(-1, 7)

@@ -30,7 +30,7 @@ def world(seed):
 
 def plain(sensor):
     """What one look saw, as the array form says it."""
-    data, names = sensor.data, list(sensor.ctx.agent.standing().names)
+    data, names = sensor.data, list(sensor.ctx.agent.positions.names)
     if sensor.type is SensorType.NEIGHBOR:
         return data, None
     if "nodes" in data:

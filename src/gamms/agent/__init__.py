@@ -1,14 +1,11 @@
-"""The agent room: agents by name, each a view of one row of `ir.agents.AgentColumns`.
+"""The agent engine: agents by name, each a view of one row of an `ir.agents.AgentBlock`, which owns every change.
 
-Read `member.py` first, then `agent.py` and `aerial.py`, which add standing and flying. May import: typing, kernels, ir
-and below, never another room; moves are written by the game room, through `IMoves`. To record or sense something new
-about agents, add a column and a property.
+Read `agent.py` first. May import: typing, kernels, ir and below, never another engine. To record or sense something new
+about agents, add a column to the block, its event, and a property.
 """
 
-from gamms.agent.aerial import AerialAgent
-from gamms.agent.agent import Agent
+from gamms.agent.agent import AerialAgent, Agent, Member
 from gamms.agent.engine import AgentEngine
-from gamms.agent.member import Member
 from gamms.typing.agent_engine import AgentType, IAerialAgent, IAgent, IAgentEngine
 from gamms.typing.opcodes import OpCodes
 

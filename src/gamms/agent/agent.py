@@ -1,13 +1,320 @@
-"""A ground agent: it stands on nodes."""
+"""Agents as users hold them: views of one row of a block, with sensors and a strategy."""
 
+from collections.abc import Callable, Iterable
 from math import hypot
-from typing import Any
+from typing import TYPE_CHECKING, Any, ClassVar
 
-from gamms.agent.member import Member
-from gamms.arguments import as_range
-from gamms.errors import ContextTerminated, UnknownName
-from gamms.ir import events as kinds
+from gamms import kernels
+from gamms.arguments import as_bool, as_float, as_function_of, as_key, as_name, as_range
+from gamms.deciding import DecidePhase, Guarded, phase_of, refused_while_deciding
+from gamms.errors import BadValue, ContextTerminated, GammsError, MissingKey, UnknownName
+from gamms.ir import events
+from gamms.ir.agents import AgentBlock, Position, Quat
+from gamms.ir.events import CLOSED
+from gamms.readonly import ReadOnlyMapping
 from gamms.typing import IContext
+from gamms.typing.actions import (
+    above,
+    as_heading,
+    as_node,
+    as_position,
+    as_quat,
+    flight,
+    heading_in,
+    known_node,
+    level_quat,
+)
+from gamms.typing.agent_engine import AgentType, IAerialAgent, IAgent, MaybeNone, TurnAccess
+from gamms.typing.sensor_engine import Carried, ISensor, LiveData, SensorType, refuse_no_sensor
+from gamms.typing.state import AerialState, AerialStrategy, AsyncStrategy, State, Strategy
+
+_KINDS = tuple(AgentType)
+_SCALARS = frozenset({str, bytes, int, float, bool, type(None)})
+_NOT_SHARED: frozenset[int] = frozenset()
+
+
+class NoStrategy(GammsError, AttributeError):
+    """An agent was told to decide and has no strategy."""
+
+
+class Member(Guarded, IAgent):
+    """An agent of any kind; a subclass says where it begins, where it is and how it acts."""
+
+    # NOTE: slots keep its own attributes close together; the caller's are in __dict__. The last state is in a list,
+    # because setting an attribute asks whether a strategy is running (benchmarks/README.md, w2).
+    __slots__ = (
+        "_block",
+        "_carried",
+        "_ctx",
+        "_last",
+        "_near",
+        "_phase",
+        "_row",
+        "_sensor_list",
+        "_shared",
+        "strategy",
+    )
+
+    _called = "agent"
+
+    _SETTABLE: ClassVar = frozenset({"alive", "current_node_id", "prev_node_id", "orientation", "speed", "team"})
+    _ACTION: ClassVar[str]  # what a strategy is to choose
+
+    strategy: Strategy | MaybeNone
+
+    def __repr__(self) -> str:
+        """Name the agent and where it stands."""
+        return f"{type(self).__name__}({self.name!r}, current_node_id={self.current_node_id})"
+
+    if TYPE_CHECKING:
+
+        def __getattr__(self, name: str) -> Any:
+            """Let type checkers read the attributes that a program has given to an agent."""
+
+    def __setattr__(self, name: str, value: Any) -> None:
+        """Set an attribute; refused while a strategy is running."""
+        if name[0] != "_":
+            self._phase.refuse(f"set agent.{name}")
+            if name == "strategy" and value is not None:
+                as_function_of(value, "A strategy", "the state")
+            if type(value) not in _SCALARS and not hasattr(type(self), name):
+                setattr(Member, name, _Attribute(name))
+        object.__setattr__(self, name, value)
+
+    # -- what it is ---------------------------------------------------------------------------------------------
+
+    @property
+    def name(self) -> str:
+        """The agent's name."""
+        return self._block.names[self._row]
+
+    @property
+    def type(self) -> AgentType:
+        """What kind of agent this is."""
+        return _KINDS[self._block.kind[self._row]]
+
+    @property
+    def team(self) -> Any:
+        """The team it plays for; None for none. Any value that can be a key of a dict will do. Settable."""
+        return self._block.teams[self._row]
+
+    @team.setter
+    def team(self, team: Any) -> None:
+        self._set("teams", as_key(team, "A team"))
+
+    @property
+    def alive(self) -> bool:
+        """Whether it takes part: if not, it is neither sensed nor asked nor moved by `ctx.game`. Settable."""
+        return self._block.alive[self._row]
+
+    @alive.setter
+    def alive(self, alive: bool) -> None:
+        self._set("alive", as_bool(alive, "alive"))
+
+    @property
+    def state(self) -> State:
+        """What `get_state` returned last; `{}` before the first time. While agents decide, each sees only its own."""
+        phase = self._phase
+        if phase.agent is not None and phase.agent is not self and self.name not in phase.names():
+            phase.refuse(f"look into the state of agent {self.name!r}")
+        return self._last[0]  # type: ignore[no-any-return] # of an aerial agent it is another
+
+    @property
+    def sensors(self) -> ReadOnlyMapping:
+        """The sensors that it carries, by the names in its state; read-only."""
+        return ReadOnlyMapping(self._sensor_list)
+
+    @property
+    def prev_node_id(self) -> int:
+        """The node it came from; settable. At first the node it started on."""
+        return self._block.previous[self._row]
+
+    @prev_node_id.setter
+    def prev_node_id(self, node_id: int) -> None:
+        if not self._is_closed:
+            self._set("previous", self._known(node_id))
+
+    # -- sensing, deciding, acting ------------------------------------------------------------------------------
+
+    @refused_while_deciding
+    def register_sensor(self, name: str, sensor: ISensor) -> None:
+        """Carry a sensor; its results appear in the state under `name`.
+
+        Several agents may carry one sensor: it looks with the heading of the one that asks, and leaves that one out.
+        """
+        as_name(name, "a sensor")
+        refuse_no_sensor(sensor)
+        other = self._ctx.agent.agents.get(getattr(sensor, "_owner", None) or "")
+        sensor.set_owner(self.name)
+        self._sensor_list[name] = sensor
+        self._note(events.AGENT_SENSOR_REGISTER, name, sensor)
+        if other is not None and other is not self:
+            other._share(sensor)
+            self._share(sensor)
+        else:
+            self._carry()
+
+    @refused_while_deciding
+    def deregister_sensor(self, name: str) -> None:
+        """Carry a sensor no longer; an unknown name is only warned about."""
+        as_name(name, "a sensor")
+        sensor = self._sensor_list.pop(name, None)
+        if sensor is None:
+            self._ctx.logger.warning(f"Agent {self.name!r} has no sensor {name!r} to deregister.")
+            return
+        if not any(sensor is other for other in self._sensor_list.values()):
+            self._shared -= {id(sensor)}
+        self._carry()
+        self._note(events.AGENT_SENSOR_DEREGISTER, name, sensor)
+        self._disown(sensor)
+
+    @refused_while_deciding
+    def register_strategy(self, strategy: Strategy | AerialStrategy | AsyncStrategy | None) -> None:
+        """Decide with `strategy` from now on.
+
+        Raises:
+            BadType: it is neither a function of the state nor None.
+        """
+        self.strategy = strategy
+
+    def get_state(self) -> State:
+        """Sense; a fresh dict with `curr_pos` and `sensor`. After the end of the context it is the last one."""
+        if self._phase.agent is not None:
+            self._phase.refuse("call agent.get_state")
+        block = self._block
+        if block.journal is CLOSED:
+            return self._last[0] or self._state_of(self._unasked())
+        node = block.node[self._row]
+        sensed = {}
+        for name, sense, sensor, last in self._carried:
+            sense(node)
+            sensed[name] = (sensor.type, last[0])
+        state: State = {"curr_pos": node, "sensor": sensed}
+        self._last[0] = state
+        return state
+
+    @refused_while_deciding
+    def sense(self) -> dict[str, tuple[SensorType, Any]]:
+        """Ask all sensors: name -> (kind, data); what `get_state` has under `sensor`."""
+        node = self._block.node[self._row]
+        sensed = {}
+        for name, sense, sensor, last in self._carried:
+            sense(node)
+            sensed[name] = (sensor.type, last[0])
+        return sensed
+
+    def set_state(self) -> None:
+        """Do what `state['action']` says; nothing after the end of the context."""
+        if self._phase.agent is not None:
+            self._phase.refuse("call agent.set_state")
+        block = self._block
+        if block.journal is CLOSED:
+            return
+        try:
+            action = self._last[0]["action"]
+        except KeyError:
+            raise MissingKey(
+                f"The state of agent {self.name!r} has no 'action': its strategy must set state['action'] to "
+                f"{self._ACTION}."
+            ) from None
+        # NOTE: a plain node id comes first: it is every move of most games (benchmarks/README.md, w2).
+        if type(action) is int and action in self._near:
+            block.move(self._row, action)
+        else:
+            self._act(action)
+
+    def step(self) -> None:
+        """`get_state`, decide, `set_state`; nothing after the end of the context.
+
+        Raises:
+            NoStrategy (AttributeError): there is no strategy.
+        """
+        if self._is_closed:
+            return
+        strategy = self.strategy
+        if strategy is None:
+            raise NoStrategy(f"Agent {self.name!r} has no strategy. Give it one with register_strategy.")
+        strategy(self.get_state())
+        self.set_state()
+
+    # -- for engines --------------------------------------------------------------------------------------------
+
+    @refused_while_deciding
+    def turn_access(self) -> TurnAccess:
+        """Return what the turn engine reads and writes; valid until `structure_version` of the block changes."""
+        return TurnAccess(self._row, self._carried, self._last)
+
+    # -- inside the package -------------------------------------------------------------------------------------
+
+    @property
+    def _is_closed(self) -> bool:
+        return self._block.journal is CLOSED
+
+    def _begin(self, ctx: IContext, block: AgentBlock, name: str, attributes: Iterable[str]) -> None:
+        """Begin as a view of a row that a subclass adds to a block; `attributes` are only checked here."""
+        for key in attributes:
+            if key not in self._SETTABLE and hasattr(type(self), key):
+                raise AttributeError(f"{key!r} cannot be set when an agent is created.")
+        as_name(name, "an agent")
+        self._phase: DecidePhase = phase_of(ctx)
+        self._ctx = ctx
+        self._block = block
+        self._row: int
+        self._near: Any = ()  # node ids that a plain action may name; any container with fast `in`
+        self._sensor_list: dict[str, ISensor] = {}
+        self._shared = _NOT_SHARED  # id() of the sensors that another agent carries, too
+        self._carried: tuple[Carried, ...] = ()  # the same as the list, in the form that is read fastest
+        self._last: list[Any] = [{}]  # what `get_state` returned last
+        self.strategy = None
+
+    def _adopt(self, attributes: dict[str, Any]) -> None:
+        """Take on what the caller gave to be attributes."""
+        for key, value in attributes.items():
+            setattr(self, key, value)
+
+    def _act(self, action: Any) -> None:
+        """Do what an action that is no plain node id says."""
+        raise NotImplementedError
+
+    def _known(self, node_id: Any) -> int:
+        return known_node(self._ctx.graph.graph, self._block, node_id)
+
+    def _set(self, column: str, value: Any) -> None:
+        self._block.set(self._row, column, value)
+
+    def _note(self, kind: int, name: str, sensor: ISensor) -> None:
+        """Note that the agent carries a sensor, or no longer."""
+        journal = self._block.journal
+        if not journal.is_silent:
+            journal.note(kind, {"agent_name": self.name, "name": name, "sensor_id": sensor.sensor_id})
+
+    def _live_in(self, block: AgentBlock) -> None:
+        """Move into a row of another block: that of the context, or a new one to leave it; sensors stay."""
+        self._row, self._block = block.take_over(self._block, self._row), block
+
+    def _state_of(self, sensed: dict[str, Any]) -> State:
+        """Return a state with these results of sensors."""
+        return {"curr_pos": self.current_node_id, "sensor": sensed}
+
+    def _unasked(self) -> dict[str, Any]:
+        """Return what the sensors hold without having been asked; a sensor of the caller's may have nothing yet."""
+        held = ((name, sensor.type, getattr(sensor, "data", None)) for name, sensor in self._sensor_list.items())
+        return {name: (kind, data) for name, kind, data in held}
+
+    def _share(self, sensor: ISensor) -> None:
+        """Name this agent as the owner of a sensor for every look of its own: another agent carries it, too."""
+        self._shared |= {id(sensor)}
+        self._carry()
+
+    def _carry(self) -> None:
+        self._block.changed_structure()
+        own, shared = self.name, self._shared
+        sensors = self._sensor_list.items()
+        self._carried = tuple([_carried(name, one, own if id(one) in shared else None) for name, one in sensors])
+
+    def _disown(self, sensor: ISensor) -> None:
+        if getattr(sensor, "_owner", self.name) == self.name:  # unless another agent carries it by now
+            sensor.set_owner(None)
 
 
 class Agent(Member):
@@ -29,42 +336,44 @@ class Agent(Member):
     _ACTION = "a node id"
 
     def __init__(self, ctx: IContext, name: str, start_node_id: Any, **kwargs: Any) -> None:
-        super().__init__(ctx, name, kwargs)
-        self._act = self._moves.act
-        self._moves.place(self._columns, 0, start_node_id)
-        self._moves.place_previous(self._columns, 0, start_node_id)
+        self._enter(ctx, AgentBlock(ctx.graph.graph), name, start_node_id, **kwargs)
+
+    def _enter(self, ctx: IContext, block: AgentBlock, name: str, start_node_id: Any, **kwargs: Any) -> None:
+        """Become the view of a new row of a block."""
+        self._begin(ctx, block, name, kwargs)
+        self._near = ctx.graph.graph.neighborhoods
+        self._row = block.add(name, self._known(start_node_id))
         self._adopt(kwargs)
 
     @property
     def current_node_id(self) -> int:
         """The node it stands on; settable, without changing `prev_node_id`."""
-        return self._columns.node[self._row]
+        return self._block.node[self._row]
 
     @current_node_id.setter
     def current_node_id(self, node_id: int) -> None:
-        self._moves.place(self._columns, self._row, node_id)
+        if not self._is_closed:
+            self._set("node", self._known(node_id))
 
     @property
     def speed(self) -> Any:
         """How far it may move in a turn of `ctx.game`, in edges or metres; None for one edge. Settable."""
-        return self._columns.speed[self._row]
+        return self._block.speed[self._row]
 
     @speed.setter
     def speed(self, speed: Any) -> None:
         if speed is not None:
             as_range(speed, f"speed of agent {self.name!r}")
-        self._columns.speed[self._row] = speed
-        self._note(kinds.AGENT_SPEED, speed=speed)
-        self._columns.roster += 1
+        self._set("speed", speed)
 
     @property
     def orientation(self) -> tuple[float, float]:
         """`(cos, sin)` of the heading; (0.0, 0.0) while there is none. Settable: a pair, or None to follow moves."""
-        columns, row = self._columns, self._row
-        heading = columns.heading[row]
+        block, row = self._block, self._row
+        heading = block.heading[row]
         if heading is not None:
             return heading
-        here, before = columns.node[row], columns.previous[row]
+        here, before = block.node[row], block.previous[row]
         if here == before:
             return (0.0, 0.0)
         try:
@@ -77,4 +386,191 @@ class Agent(Member):
 
     @orientation.setter
     def orientation(self, heading: tuple[float, float] | None) -> None:
-        self._moves.turn(self._columns, self._row, heading)
+        self._set("heading", None if heading is None else as_heading(heading))
+
+    def _act(self, action: Any) -> None:
+        heading: Any = ()
+        if isinstance(action, dict):
+            heading = heading_in(action)
+            node = self._known(action["node_id"])
+        else:
+            node = self._known(as_node(action))
+        self._block.move(self._row, node)
+        if heading != ():
+            self._set("heading", heading)
+
+
+class AerialAgent(Member, IAerialAgent):
+    """An agent that flies; see `IAerialAgent` for what each call promises. Any other attribute is the caller's own.
+
+    Args:
+        ctx: the context.
+        name: the agent's name.
+        start_node_id: the node it starts from, at its x and y and z = 0.
+        speed: how far it moves at each step, map units; not negative.
+        position: `(x, y, z)` where it starts instead.
+        kwargs: become attributes (`team`, `quat`, `orientation`, `meta`, …).
+
+    Raises:
+        KeyError: there is no such node.
+        BadValue, BadType: a speed, position, quat or orientation that is none.
+        AttributeError: a keyword that is the name of a method or of something read-only.
+    """
+
+    __slots__ = ()
+
+    _SETTABLE = (Member._SETTABLE | {"quat"}) - {"speed"}
+    _ACTION = "a direction (dx, dy, dz)"
+
+    def __init__(
+        self, ctx: IContext, name: str, start_node_id: Any, speed: Any, position: Any = None, **kwargs: Any
+    ) -> None:
+        block = AgentBlock(ctx.graph.graph)
+        self._enter(ctx, block, name, start_node_id, speed, position, **kwargs)
+
+    def _enter(
+        self,
+        ctx: IContext,
+        block: AgentBlock,
+        name: str,
+        start_node_id: Any,
+        speed: Any,
+        position: Any = None,
+        **kwargs: Any,
+    ) -> None:
+        """Become the view of a new row of a block."""
+        self._begin(ctx, block, name, kwargs)
+        node = self._known(start_node_id)
+        units = as_float(speed, f"speed of agent {name!r}")
+        if units < 0.0:
+            raise BadValue(f"speed of agent {name!r} must not be negative, not {units}.")
+        where = above(ctx.graph.graph, node, 0.0) if position is None else as_position(position)
+        self._row = block.add(name, node, None, where, units)
+        self._adopt(kwargs)
+
+    def __repr__(self) -> str:
+        """Name the agent and where it is."""
+        return f"{type(self).__name__}({self.name!r}, position={self.position})"
+
+    @property
+    def position(self) -> Position:
+        """`(x, y, z)`; settable: where it was is then `prev_position`, above `prev_node_id`."""
+        return self._block.position[self._row]  # type: ignore[return-value] # None only on the ground
+
+    @position.setter
+    def position(self, position: Position) -> None:
+        self._block.fly(self._row, as_position(position))
+
+    @property
+    def prev_position(self) -> Position:
+        """Where it was before the last move."""
+        return self._block.previous_position[self._row]  # type: ignore[return-value] # as above
+
+    @property
+    def current_node_id(self) -> int:
+        """The node nearest to its x and y; settable: it goes there without changing its z."""
+        return self._block.nearest(self._row)
+
+    @current_node_id.setter
+    def current_node_id(self, node_id: int) -> None:
+        if not self._is_closed:
+            self._block.fly(self._row, above(self._ctx.graph.graph, self._known(node_id), self.position[2]))
+
+    @property
+    def quat(self) -> Quat:
+        """How it is turned, `(w, x, y, z)` of length 1; settable, of any length."""
+        return self._block.quat[self._row]  # type: ignore[return-value] # as above
+
+    @quat.setter
+    def quat(self, quat: Quat) -> None:
+        self._block.turn(self._row, as_quat(quat))
+
+    @property
+    def orientation(self) -> tuple[float, float]:
+        """`(cos, sin)` of the yaw of `quat`; (0.0, 0.0) if it points straight up or down.
+
+        Settable: a pair turns it about the vertical, without pitch and roll; None leaves it unturned, facing east.
+        """
+        return kernels.yaw(self.quat)
+
+    @orientation.setter
+    def orientation(self, heading: tuple[float, float] | None) -> None:
+        self._block.turn(self._row, level_quat(heading))
+
+    @property
+    def speed(self) -> float:
+        """How far it moves at each step, map units."""
+        return self._block.speed[self._row]  # type: ignore[return-value] # as above
+
+    @refused_while_deciding
+    def sense(self) -> dict[str, tuple[SensorType, Any]]:
+        """Ask all sensors: name -> (kind, data)."""
+        if self._carried:
+            self._block.nearest(self._row)  # where the sensors look from
+        return super().sense()
+
+    def get_state(self) -> AerialState:  # type: ignore[override] # an agent of unknown kind is taken for one on the ground
+        """Sense; a fresh dict with `curr_pos`, `quat` and `sensor`."""
+        if self._is_closed:
+            return self._last[0] or self._state_of(self._unasked())
+        sensed = self.sense()
+        self._last[0] = state = self._state_of(sensed)
+        return state
+
+    def _state_of(self, sensed: dict[str, Any]) -> AerialState:  # type: ignore[override] # as above
+        return {"curr_pos": self.position, "quat": self.quat, "sensor": sensed}
+
+    def _act(self, action: Any) -> None:
+        position, quat = flight(self._block, self._row, action)
+        if position is not None:
+            self._block.fly(self._row, position)
+        if quat is not None:
+            self._block.turn(self._row, quat)
+
+
+class _Attribute:
+    """An attribute of the caller's, of whose value strategies see a read-only copy."""
+
+    def __init__(self, name: str) -> None:
+        self._name = name
+
+    def __get__(self, agent: Any, owner: type) -> Any:
+        if agent is None or self._name not in agent.__dict__:
+            raise AttributeError(f"{owner.__name__!r} object has no attribute {self._name!r}")
+        return agent._phase.shown(agent.__dict__[self._name])
+
+    def __set__(self, agent: Any, value: Any) -> None:
+        agent.__dict__[self._name] = value
+
+    def __delete__(self, agent: Any) -> None:
+        del agent.__dict__[self._name]
+
+
+def _carried(name: str, sensor: ISensor, own: str | None) -> Carried:
+    """Return a sensor in the form in which agents ask it; `own` names the agent if others carry the sensor, too."""
+    offered: Callable[[], Any] | None = getattr(sensor, "live_result", None)
+    last = LiveData(sensor) if offered is None else offered()
+    is_plain = own is None and type(last) is list
+    return name, sensor.sense if is_plain else _Look(sensor, own), sensor, last
+
+
+class _Look:
+    """Asks a sensor of a caller's class, or one that several agents carry, on behalf of one of them."""
+
+    __slots__ = ("_own", "_sensor")
+
+    def __init__(self, sensor: ISensor, own: str | None) -> None:
+        self._sensor, self._own = sensor, own
+
+    def __call__(self, node_id: int) -> None:
+        sensor, own = self._sensor, self._own
+        if own is None:
+            sensor.sense(node_id)
+            return
+        owner = getattr(sensor, "_owner", own)
+        sensor.set_owner(own)
+        try:
+            sensor.sense(node_id)
+        finally:
+            if owner != own:  # whoever asks the sensor itself gets the view of the one that registered it last
+                sensor.set_owner(owner)

@@ -1,24 +1,24 @@
-"""The agent room's front: creates agents and keeps them by name."""
+"""The agent engine: creates agents and keeps them by name."""
 
 from collections.abc import Hashable, Iterable, Iterator, Mapping, Sequence
+from contextlib import suppress
 from copy import deepcopy
 from numbers import Integral
 from typing import Any, Literal, NamedTuple, overload
 from weakref import WeakSet
 
-from gamms.agent.aerial import AerialAgent
-from gamms.agent.agent import Agent
-from gamms.agent.member import Member
+from gamms.agent.agent import AerialAgent, Agent, Member
 from gamms.arguments import as_name, misspelt
 from gamms.deciding import Guarded, phase_of, refused_while_deciding
-from gamms.errors import BadType, ContextTerminated, Duplicate, MissingKey, UnknownName, nearest
-from gamms.ir import events as kinds
-from gamms.ir.agents import BY_ROW, AgentColumns
+from gamms.errors import BadType, ContextTerminated, Duplicate, GammsError, MissingKey, UnknownName, nearest
+from gamms.ir import events
+from gamms.ir.agents import AgentBlock
 from gamms.ir.graph import FloatArray
-from gamms.readonly import ReadOnlyMapping, frozen
+from gamms.ir.positions import Positions
+from gamms.readonly import ReadOnlyMapping
 from gamms.text import shown
 from gamms.typing import IContext
-from gamms.typing.agent_engine import AgentType, IAgentEngine, IMoves, Roll, SensorsOfAgent, Standing
+from gamms.typing.agent_engine import AgentType, IAgentEngine, SensorsOfAgent
 from gamms.typing.sensor_engine import ISensor, is_sensor
 from gamms.typing.state import AerialStrategy, AsyncStrategy, NodeId, Strategy
 
@@ -41,10 +41,10 @@ class AgentsSnapshot(NamedTuple):
     """All agents at one moment: the columns, and of each agent what is not in them."""
 
     columns: dict[str, list[Any]]
-    roster: tuple[AgentColumns, int]  # which agents there are, and which team, speed and sensors they have
+    structure: tuple[AgentBlock, int]  # which agents there are, and which team, speed and sensors they have
     agents: list[tuple[Member, dict[str, Any], Any, dict[str, Any], dict[str, Any]]]
     # agent, attributes, strategy, sensors, last state
-    gone: list[tuple[Member, AgentColumns]]  # deleted agents with columns of their own
+    deleted: list[tuple[Member, AgentBlock]]  # with blocks of their own
     rows: dict[int, int]  # id() of an agent -> its row
 
     def place_of(self, agent: Any) -> Any:
@@ -61,14 +61,12 @@ class AgentEngine(Guarded, IAgentEngine):
 
     _called = "ctx.agent"
 
-    def __init__(self, ctx: IContext, moves: IMoves) -> None:
+    def __init__(self, ctx: IContext) -> None:
         self._phase = phase_of(ctx)
         self._ctx = ctx
-        self._moves = moves
         self._agents: dict[str, Member] = {}
-        self._columns = AgentColumns()
-        self._dead = 0  # rows of deleted agents
-        self._gone: WeakSet[Member] = WeakSet()  # deleted agents that somebody still holds
+        self._new_block()
+        self._deleted: WeakSet[Member] = WeakSet()  # those that a program still holds; each has a block of its own
 
     @property
     def agents(self) -> dict[str, Member]:  # type: ignore[override] # an attribute, in the contract
@@ -77,16 +75,28 @@ class AgentEngine(Guarded, IAgentEngine):
         return self._agents if is_open else ReadOnlyMapping(self._agents)  # type: ignore[return-value] # it reads like it
 
     @property
-    def columns(self) -> AgentColumns:
-        """Their rows, and for a while those of deleted agents; not for strategies."""
-        self._phase.refuse("use ctx.agent.columns")
-        return self._columns
+    def block(self) -> AgentBlock:
+        """The rows of the agents, for other engines; not for strategies."""
+        if self._phase.agent is not None:
+            self._phase.refuse("use ctx.agent.block")
+        if self._block.removed:
+            self._close_up()
+        return self._block
 
     @property
-    def moves(self) -> IMoves:  # type: ignore[override] # an attribute, in the contract
-        """The one writer of where they are; not for strategies."""
-        self._phase.refuse("use ctx.agent.moves")
-        return self._moves
+    def positions(self) -> Positions:
+        """Where all agents are; not for strategies. Ask again after agents were created or deleted."""
+        # NOTE: asked after every single move of the paper's loop (benchmarks/README.md, w3).
+        if self._phase.agent is not None:
+            self._phase.refuse("use ctx.agent.positions")
+        if self._block.removed:
+            self._close_up()
+        return self._positions
+
+    @property
+    def structure_version(self) -> int:
+        """A number that changes whenever an agent comes, goes, dies, returns, or has another team, speed or sensor."""
+        return self._block.structure_version
 
     @overload  # type: ignore[override] # narrower: what is created is of the class that its type says
     def create_agent(
@@ -152,21 +162,19 @@ class AgentEngine(Guarded, IAgentEngine):
         for needed, what in _NEEDED[kind].items():
             if needed not in kwargs:
                 raise MissingKey(" ".join([f"Agent {shown(name)} needs {needed}=, {what}.", *hints]))
-        agent = _CLASSES[kind](self._ctx, name, **kwargs)
-        agent.register_strategy(strategy)
         for hint in hints:
             self._ctx.logger.warning(f"Agent {shown(name)}: {hint} It is kept as an attribute.")
-        agent._live_in(self._columns)
-        self._agents[name] = agent  # before its sensors: one may ask who its owner is
-        log = self._columns.journal
-        self._columns.journal = kinds.Muted(log)  # what follows is a part of the creation
+        block, agent = self._block, object.__new__(_CLASSES[kind])
+        journal = block.journal
+        if not journal.is_silent:
+            block.journal = events.Muted(journal)  # what follows is a part of the creation
         try:
-            self._equip(agent, sensors)
+            self._add(agent, name, kwargs, sensors, strategy)
         finally:
-            self._columns.journal = log
-        if log is not kinds.NOBODY:
-            log.entered(agent._row, name)
-            log.note(kinds.AGENT_CREATE, {"name": name, "kwargs": given, "state": self._more_of(agent._row)})
+            block.journal = journal
+        if not journal.is_silent:
+            journal.entered(agent._row, name)
+            journal.note(events.AGENT_CREATE, {"name": name, "kwargs": given, "state": self._more_of(agent._row)})
         return agent
 
     def get_agent(self, name: str) -> Member:
@@ -184,7 +192,7 @@ class AgentEngine(Guarded, IAgentEngine):
             self._ctx.logger.warning(f"{UnknownName('agent', name, self._agents)} Nothing is deleted.")
             return
         self._take_out(agent)
-        self._columns.journal.note(kinds.AGENT_DELETE, {"name": name})
+        self._block.journal.note(events.AGENT_DELETE, {"name": name})
 
     def create_iter(self) -> "Living":
         """The agents in the order of their creation; each loop over it takes those of its beginning that are left."""
@@ -198,68 +206,27 @@ class AgentEngine(Guarded, IAgentEngine):
             teams.setdefault(agent.team, []).append(agent)
         return dict(sorted(teams.items(), key=lambda item: str(item[0])))
 
-    def settle(self) -> None:
-        """Bring everything that is kept about the agents up to date."""
-        if self._dead:
-            self._sweep()
-        if self._columns.flying:
-            self._moves.locate(self._columns)
-        self._columns.settle()
-
-    def roll(self) -> Roll:
-        """Who is where, as arrays."""
-        if self._dead:
-            self._sweep()
-        columns = self._columns
-        if columns.flying:
-            self._moves.locate(columns)
-        nodes, moves = columns.nodes()
-        return self._phase.shown(Roll(columns.names, nodes, moves, columns.teams, *columns.places(), columns.out))
-
-    def standing(self) -> Standing:
-        """Who stands on which node."""
-        # NOTE: asked after every single move: no call but the one that follows it (benchmarks/README.md, w3).
-        if self._dead:
-            self._sweep()
-        columns = self._columns
-        if columns.flying:
-            self._moves.locate(columns)
-        crowds = columns.crowds()
-        rest = columns.node, columns.teams, crowds.at, crowds.taken
-        standing = tuple.__new__(Standing, (columns.names, *rest, columns.moves))
-        return standing if self._phase.agent is None else frozen(standing)
-
-    @refused_while_deciding
-    def write_by(self, moves: IMoves) -> None:
-        """Let all agents be moved by another writer, those that come later, too."""
-        self._moves = moves
-        for agent in (*self._agents.values(), *self._gone):
-            agent._write_by(moves)
-
     @refused_while_deciding
     def snapshot(self) -> AgentsSnapshot:
         """Return all agents as they are now, for `restore`."""
-        self.settle()
-        columns = {name: list(getattr(self._columns, name)) for name in BY_ROW}
+        block = self.block
+        block.locate()
         agents = [
             (agent, _copied(agent.__dict__), agent.strategy, agent._sensor_list.copy(), agent._last[0])
             for agent in self._agents.values()
         ]
-        roster = self._columns, self._columns.roster
         rows = {id(agent): row for row, (agent, *_) in enumerate(agents)}
-        gone = [(agent, agent._columns) for agent in self._gone if agent._columns is not self._columns]
-        return AgentsSnapshot(columns, roster, agents, gone, rows)
+        deleted = [(agent, agent._block) for agent in self._deleted if agent._block is not block]
+        return AgentsSnapshot(block.values(), (block, block.structure_version), agents, deleted, rows)
 
     @refused_while_deciding
     def restore(self, before: AgentsSnapshot) -> None:
         """Restore all agents: those that came since are deleted, those that went are back."""
-        self.settle()
-        columns = self._columns
-        if before.roster == (columns, columns.roster):
-            columns.move_back(before.columns)
-        else:
-            self._restore_roster(before)
-            self._columns.write_back(before.columns)
+        block = self.block
+        has_structure = before.structure == (block, block.structure_version)
+        if not has_structure:
+            self._restore_agents(before)
+        self._block.restore(before.columns, has_structure=has_structure)
         for agent, attributes, strategy, sensors, last in before.agents:
             if attributes or agent.__dict__:
                 agent.__dict__.clear()
@@ -274,37 +241,50 @@ class AgentEngine(Guarded, IAgentEngine):
                     agent.register_sensor(name, sensor)
 
     @refused_while_deciding
-    def put(self, agent: Member, values: dict[str, Any]) -> None:
-        """Let the columns say of an agent what they said once, unchecked; for who plays a recording."""
-        columns, row = self._columns, agent._row
-        for name, value in values.items():
-            getattr(columns, name)[row] = value
-        columns.touched.add(row)
-        if columns.kind[row]:
-            columns.adrift.add(row)
-
-    @refused_while_deciding
     def terminate(self) -> None:
-        """Close the room: agents stay readable and do nothing."""
-        for agent in (*self._agents.values(), *self._gone):
-            agent._rest()
+        """Close the engine: agents stay readable and do nothing."""
+        with suppress(GammsError):  # a graph of the user's own may have ended
+            self.block.locate()  # while there is a graph
+        for block in (self._block, *(agent._block for agent in self._deleted)):
+            block.journal = events.CLOSED
 
-    def _restore_roster(self, before: AgentsSnapshot) -> None:
+    def _new_block(self) -> None:
+        self._block = AgentBlock()
+        self._positions = Positions(self._block)
+
+    def _restore_agents(self, before: AgentsSnapshot) -> None:
         """Restore which agents there are, in the same order."""
         there = {id(agent) for agent, *_ in before.agents}
         for agent in [agent for agent in self._agents.values() if id(agent) not in there]:
             self.delete_agent(agent.name)
-        self.settle()
+        block = self.block
         if [agent for agent, *_ in before.agents] != list(self._agents.values()):
-            self._columns, columns = AgentColumns(), self._columns
-            self._columns.journal, self._columns.roster = columns.journal, columns.roster
-            self._columns.moves = columns.moves + 1
+            self._new_block()
+            self._block.succeed(block)
             self._agents = {}
             for agent, *_ in before.agents:
-                agent._live_in(self._columns)
+                agent._live_in(self._block)
                 self._agents[agent.name] = agent
-        for agent, own in before.gone:  # they are again as they were when they were deleted
-            agent._columns, agent._row = own, 0
+        for agent, own in before.deleted:  # they are again as they were when they were deleted
+            agent._block, agent._row = own, 0
+
+    def _add(
+        self, agent: Agent | AerialAgent, name: str, kwargs: dict[str, Any], sensors: dict[str, ISensor], strategy: Any
+    ) -> None:
+        """Add a new agent with its sensors, or change nothing."""
+        block = self._block
+        if block.graph is None:
+            block.graph = self._ctx.graph.graph
+        rows = len(block)
+        try:
+            agent._enter(self._ctx, block, name, **kwargs)
+            agent.register_strategy(strategy)
+        except BaseException:
+            if len(block) > rows:
+                block.remove(rows)
+            raise
+        self._agents[name] = agent  # before its sensors: one may ask who its owner is
+        self._equip(agent, sensors)
 
     def _equip(self, agent: Member, sensors: dict[str, ISensor]) -> None:
         """Give a new agent its sensors, or take it out again."""
@@ -321,29 +301,31 @@ class AgentEngine(Guarded, IAgentEngine):
             raise
 
     def _more_of(self, row: int) -> dict[str, Any]:
-        """What does not follow from the keywords of a new agent alone: how it is turned, where it flies."""
-        columns = self._columns
-        more = {name: getattr(columns, name)[row] for name in ("heading", "position", "previous_position", "quat")}
-        if columns.kind[row]:
-            more["node"] = self._moves.nearest(columns, row)
+        """Return what does not follow from the keywords of a new agent alone: how it is turned, where it flies."""
+        block = self._block
+        more = {name: getattr(block, name)[row] for name in ("heading", "position", "previous_position", "quat")}
+        if block.kind[row]:
+            more["node"] = block.nearest(row)
         return {name: value for name, value in more.items() if value is not None}
 
     def _take_out(self, agent: Member) -> None:
+        """Remove an agent, which goes on as the only one of a block of its own; its sensors have no owner."""
+        row, block = agent._row, self._block
         del self._agents[agent.name]
-        agent._leave()
-        self._columns.roster += 1
-        self._gone.add(agent)
-        self._dead += 1
-        if self._dead > len(self._agents):  # so that deleting costs each agent its share only once
-            self._sweep()
+        agent._live_in(AgentBlock(block.graph))
+        for sensor in agent._sensor_list.values():
+            agent._disown(sensor)
+        self._deleted.add(agent)
+        block.remove(row)
+        if block.removed > len(self._agents):  # so that deleting costs each agent its share only once
+            self._close_up()
 
-    def _sweep(self) -> None:
-        """Drop the rows of deleted agents."""
+    def _close_up(self) -> None:
+        """Drop the rows of agents that were removed."""
         living = list(self._agents.values())
-        self._columns.keep([agent._row for agent in living])
+        self._block.keep([agent._row for agent in living])
         for row, agent in enumerate(living):
             agent._row = row
-        self._dead = 0
 
     def _found_sensors(self, name: str, given: Any) -> dict[str, ISensor]:
         """The sensors an agent is to carry, by the name it knows them by."""
@@ -428,9 +410,9 @@ class Living(Iterator[Member]):
         return len(self._engine._agents)
 
     def __iter__(self) -> Iterator[Member]:  # noqa: PYI034 - every loop is one of its own
-        columns = self._engine._columns
+        block = self._engine._block
         for agent in list(self._engine._agents.values()):
-            if agent._columns is columns:
+            if agent._block is block:
                 yield agent
 
     def __next__(self) -> Member:

@@ -1,4 +1,4 @@
-"""The game engine: `ctx.game`, which plays turns in which all agents move at once, and the one writer of moves.
+"""The game engine: `ctx.game`, which plays turns in which all agents move at once.
 
 Read `game.py` first, then `turn.py`; the state is `gamms.ir.game_state`. A rule is a plain function; a new one needs
 nothing here. May import: typing, kernels, ir and below, never another engine.
@@ -7,7 +7,6 @@ nothing here. May import: typing, kernels, ir and below, never another engine.
 from importlib import import_module
 from typing import TYPE_CHECKING, Any
 
-from gamms.game.moves import Moves
 from gamms.typing.game import Move
 
 if TYPE_CHECKING:
@@ -24,7 +23,6 @@ __all__ = [
     "IllegalAction",
     "IllegalMutation",
     "Move",
-    "Moves",
     "Plan",
     "Result",
     "Settings",

@@ -80,16 +80,16 @@ class Decisions:
 
     def ask(self, i: int, state: State) -> None:
         """Let an agent of any kind decide from its state."""
-        agent = self._slots[i].agent
-        agent._last[0] = state
-        if agent.strategy is not None:
+        slot = self._slots[i]
+        slot.last[0] = state
+        if slot.agent.strategy is not None:
             self._put(self._question(i, state))
 
     def ask_plan(self, commanded: Commanded, states: list[State]) -> None:
         """Let the plan of a team decide from the states of its agents."""
         slots = [self._slots[i] for i in commanded.indices]
         for slot, state in zip(slots, states, strict=True):
-            slot.agent._last[0] = state
+            slot.last[0] = state
         self._put_plan(commanded, {slot.name: state for slot, state in zip(slots, states, strict=True)})
 
     def ask_arrays(self, commanded: Commanded, seed: int, facts: Any) -> None:

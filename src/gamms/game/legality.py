@@ -1,16 +1,15 @@
-"""Which actions are legal and where they lead; and the checks of nodes, headings and positions in actions."""
+"""Which actions are legal, and where they lead."""
 
-from math import hypot, inf, isfinite
+from math import inf
 from typing import Any, NamedTuple, Protocol
 
 import numpy as np
 
-from gamms import kernels
-from gamms.arguments import as_float, as_int, as_numbers
-from gamms.errors import BadType, BadValue, GammsError, NoPath, UnknownName
+from gamms.arguments import as_float
+from gamms.errors import BadValue, GammsError, NoPath, UnknownName
 from gamms.game.settings import Settings
-from gamms.ir.agents import UNTURNED, AgentColumns, Position, Progress, Quat
-from gamms.text import shown
+from gamms.ir.agents import Position, Progress, Quat
+from gamms.typing.actions import as_node, flight, heading_in
 
 _SLACK = 1e-9  # of the edges or metres of a turn: a path that is as long as these must not fail by rounding
 
@@ -59,15 +58,11 @@ class Legality:
             GammsError: it is malformed, or not legal; the message says why.
         """
         if mover.flies:
-            position, quat = flight(self._ctx.agent.columns, mover.row, action)
+            position, quat = flight(self._ctx.agent.block, mover.row, action)
             return ResolvedAction(here, (here,), position=position, quat=quat)
         heading: Any = ()
         if isinstance(action, dict):
-            if "node_id" not in action:
-                raise BadValue(f"An action dict needs 'node_id'; got only {sorted(map(str, action))}.")
-            if "orientation" in action:
-                heading = action["orientation"]
-                heading = None if heading is None else as_heading(heading)
+            heading = heading_in(action)
             action = action["node_id"]
         if isinstance(action, (list, np.ndarray)) and np.ndim(action) == 1:
             path, is_route = self._checked_path(here, action), True
@@ -165,7 +160,7 @@ class Legality:
 
     def _begun(self, mover: Mover, here: int) -> tuple[int | None, float]:
         """Return the end of the edge that an agent has covered part of, and how much of it in edges or metres."""
-        progress = self._ctx.agent.columns.progress[mover.row]
+        progress = self._ctx.agent.block.progress[mover.row]
         if (
             progress is None
             or progress.source != here
@@ -207,83 +202,3 @@ class Legality:
 def _limit(budget: float) -> float:
     """Return the largest length that counts as within a budget."""
     return budget * (1.0 + _SLACK)
-
-
-def as_node(value: Any) -> int:
-    """Return an action that must be a node id."""
-    try:
-        return as_int(value, "A node id")
-    except BadType:
-        raise BadType(
-            f"An action must be a node id or a dict with 'node_id', not {shown(value)} ({type(value).__name__})."
-        ) from None
-
-
-def as_heading(heading: Any) -> tuple[float, float]:
-    """Return `(cos, sin)` of length 1 from a pair of any length."""
-    try:
-        x, y = heading
-    except (TypeError, ValueError):
-        raise BadValue(f"An orientation must be a pair (cos, sin), not {shown(heading)}.") from None
-    x, y = as_float(x, "An orientation"), as_float(y, "An orientation")
-    scale = max(abs(x), abs(y))  # first, so that no square overflows or vanishes
-    if scale == 0.0:
-        raise BadValue("An orientation must not be (0, 0). Use None to have none set.")
-    x, y = x / scale, y / scale
-    length = hypot(x, y)
-    return x / length, y / length
-
-
-def as_position(value: Any) -> Position:
-    """Return `(x, y, z)`, finite."""
-    x, y, z = as_numbers(value, "A position", "(x, y, z)")
-    return (x, y, z)
-
-
-def as_quat(value: Any) -> Quat:
-    """Return `(w, x, y, z)` of length 1 from one of any length; all zeros mean unturned."""
-    w, x, y, z = as_numbers(value, "A quat", "(w, x, y, z)")
-    return kernels.unit_quaternion((w, x, y, z)) or UNTURNED
-
-
-def one_step(position: Position, direction: Any, speed: float) -> Position:
-    """Return the position after one step of `speed` map units; a direction of length 0 leaves it."""
-    parts = as_numbers(direction, "A direction", "(dx, dy, dz)")
-    scale = max(map(abs, parts))
-    if scale == 0.0:
-        return position
-    parts = [part / scale for part in parts]
-    length = hypot(*parts)
-    x, y, z = (at + part / length * speed for at, part in zip(position, parts, strict=True))
-    if not (isfinite(x) and isfinite(y) and isfinite(z)):
-        raise BadValue(f"A step of {speed} from {position} leads beyond all numbers. Use a smaller speed.")
-    return (x, y, z)
-
-
-def flight(columns: AgentColumns, row: int, action: Any) -> tuple[Position | None, Quat | None]:
-    """Return the position and the quaternion after a flyer's action; None for what does not change.
-
-    Raises:
-        BadType, BadValue: it is not an action of a flyer.
-    """
-    if isinstance(action, dict):
-        quat = as_quat(action["quat"]) if "quat" in action else None
-        return (_ahead(columns, row, action["direction"]) if "direction" in action else None), quat
-    if isinstance(action, (tuple, np.ndarray)):
-        return _ahead(columns, row, action), None
-    raise BadType(
-        "The action of an aerial agent must be a tuple (dx, dy, dz) or a dict with 'direction' or 'quat', "
-        f"not {shown(action)} ({type(action).__name__})."
-    )
-
-
-def position_of(columns: AgentColumns, row: int) -> Position:
-    """Return the position of a flyer."""
-    position = columns.position[row]
-    if position is None:
-        raise BadType(f"Agent {columns.names[row]!r} does not fly.")
-    return position
-
-
-def _ahead(columns: AgentColumns, row: int, direction: Any) -> Position:
-    return one_step(position_of(columns, row), direction, columns.speed[row] or 0.0)

@@ -34,6 +34,8 @@ class AgentSlot:
         speed: how far it may go in a turn, in the unit of the game; None for one edge.
         is_plain: whether it moves along one edge, on the ground.
         draws, rng: its random numbers.
+        carried: its sensors, in the form in which they are asked.
+        last: a list whose only item is the state it got last.
         template: its state, but for what changes from turn to turn.
         sees_world_only: whether all its sensors are built-in ones, which look at nothing but the graph and the agents.
         foreign: the names of its sensors of the caller's own classes.
@@ -42,11 +44,13 @@ class AgentSlot:
 
     __slots__ = (
         "agent",
+        "carried",
         "counts",
         "draws",
         "flies",
         "foreign",
         "is_plain",
+        "last",
         "name",
         "rng",
         "row",
@@ -58,7 +62,8 @@ class AgentSlot:
 
     def __init__(self, agent: Any, state: GameState, seed: int, facts: Any, *, follows_edges: bool) -> None:
         self.agent = agent
-        self.name, self.team, self.row = agent.name, agent.team, agent._row
+        self.name, self.team = agent.name, agent.team
+        self.row, self.carried, self.last = agent.turn_access()
         self.flies = agent.type is AgentType.AERIAL
         self.speed = None if self.flies else _speed(agent)
         self.is_plain = not self.flies and self.speed is None and follows_edges
@@ -79,7 +84,7 @@ class AgentSlot:
                 "facts": facts,
             }
         )
-        sensors = agent._sensor_list.items()
+        sensors = agent.sensors.items()
         self.foreign = [name for name, sensor in sensors if not type(sensor).__module__.startswith("gamms.sensor.")]
         self.sees_world_only = all(_sees_world_only(type(sensor)) for _, sensor in sensors)
         self.counts = state.counts.setdefault(self.name, dict.fromkeys(COUNTED, 0))
@@ -105,7 +110,7 @@ class TurnOrder:
     Attributes:
         slots: the slots.
         usual: of each agent that no plan decides for, what a usual turn needs, in the form that is read fastest: the
-            index of its slot, the agent, and its template if it is plain.
+            index of its slot, the agent, its template if it is plain, its sensors and its last state.
         commanded: the agents that plans decide for, team by team.
         observing: the indices of the slots of agents whose sensors are asked.
         selection: the rows of all.
@@ -119,7 +124,7 @@ class TurnOrder:
     def __init__(self, slots: list[AgentSlot], progress: list[Any], plans: Mapping[Any, Plan]) -> None:
         self.slots = slots
         self.usual = [
-            (i, slot.agent, slot.template if slot.is_plain else None)
+            (i, slot.agent, slot.template if slot.is_plain else None, slot.carried, slot.last)
             for i, slot in enumerate(slots)
             if slot.team not in plans
         ]

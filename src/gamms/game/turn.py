@@ -49,15 +49,15 @@ class TurnEngine:
         if self._order is not None and self._phase.agent is not None:
             return self._order  # nothing changes while agents decide
         agents, state = self._ctx.agent, self._state
-        agents.settle()
-        columns = agents.columns
+        block = agents.block
+        block.locate()
         plans = self._settings.plans
-        key = (columns, columns.roster, self._settings.legal, plans, state.stream_version)
+        key = (block, block.structure_version, self._settings.legal, plans, state.stream_version)
         if self._order is None or self._order_key != key:
             self.update_counts()
             living = [agent for agent in agents.agents.values() if agent.alive]
             slots = [self._slot(agent) for agent in sorted(living, key=lambda agent: agent.name)]
-            self._order, self._order_key = TurnOrder(slots, columns.progress, plans), key
+            self._order, self._order_key = TurnOrder(slots, block.progress, plans), key
             state.players.update((slot.name, slot.agent) for slot in slots)
         return self._order
 
@@ -102,14 +102,14 @@ class TurnEngine:
     def observation(self, slot: AgentSlot) -> dict[str, Any]:
         """Return the state that an agent gets now; its sensors are asked."""
         agents, row = self._ctx.agent, slot.row
-        columns = agents.columns
+        block = agents.block
         state = slot.template.copy()
         state["sensor"] = sensed = slot.agent.sense()
         for name in slot.foreign:
             sensed[name] = _own_copy(name, *sensed[name])
-        here = columns.node[row]
+        here = block.node[row]
         if slot.flies:
-            state["curr_pos"], state["quat"] = columns.position[row], columns.quat[row]
+            state["curr_pos"], state["quat"] = block.position[row], block.quat[row]
         else:
             state["curr_pos"] = here
             state["legal"] = self._legality.reachable(slot, here)
@@ -142,13 +142,13 @@ class TurnEngine:
         No agent sees what others decide: while a strategy runs, nothing can be changed, so what is seen right before an
         agent decides is what all see. Where a sensor may look at more than the world, all observe first.
         """
-        starts, state = order.selection.of(self._ctx.agent.columns.node), self._state
+        starts, state = order.selection.of(self._ctx.agent.block.node), self._state
         decisions = Decisions(order.slots, starts, self._settings, state, self._phase, self._legality, self.observation)
         self.is_deciding = True
         try:
             seen = self._observe_first(order, observers)
             if seen is not None or state.team_memories or self._settings.time_budget is not None:
-                for i, _, _ in order.usual:
+                for i, *_ in order.usual:
                     decisions.ask(i, self.observation(order.slots[i]) if seen is None else seen[i])
             else:
                 self._ask_usual(order, starts, decisions)
@@ -171,7 +171,7 @@ class TurnEngine:
         """Let agents decide one by one, where neither memories of teams nor a time budget count."""
         near, phase, turn = self._ctx.graph.graph.neighborhoods, self._phase, self._state.turn
         ends, note, wait_for = decisions.ends, decisions.note, decisions.wait_for
-        for i, agent, template in order.usual:
+        for i, agent, template, carried, last in order.usual:
             strategy = agent.strategy
             if template is None or strategy is None:
                 decisions.ask(i, self.observation(order.slots[i]))
@@ -179,10 +179,10 @@ class TurnEngine:
             # NOTE: the usual agent is served in line (benchmarks/README.md, turns); `Decisions.ask` does the same.
             here = starts[i]
             sensed = {}
-            for key, sensor in agent._carried:
-                sensor.sense(here)
-                sensed[key] = (sensor.type, sensor._last[0])
-            agent._last[0] = state = template.copy()
+            for key, sense, sensor, result in carried:
+                sense(here)
+                sensed[key] = (sensor.type, result[0])
+            last[0] = state = template.copy()
             state["curr_pos"], state["sensor"], state["turn"] = here, sensed, turn
             state["legal"] = legal = near[here]
             noted: dict[Any, Any] = {}
@@ -229,18 +229,21 @@ class TurnEngine:
 
     def _apply(self, turn: "TurnMoves") -> None:
         """Write the moves into the columns of the agents."""
-        columns, writer, order = self._ctx.agent.columns, self._ctx.agent.moves, turn.order
-        writer.act_together(columns, order.ground, order.of_ground(turn.ends))
+        block, order = self._ctx.agent.block, turn.order
+        block.move_all(order.ground, order.of_ground(turn.ends))
         order.count_moves(turn.starts, turn.ends)
         for i in order.paced:
-            columns.set_progress(turn.slots[i].row, turn.actions[i].progress if i in turn.actions else None)
+            block.set_progress(turn.slots[i].row, turn.actions[i].progress if i in turn.actions else None)
         for i, action in turn.actions.items():
             slot = turn.slots[i]
             if action.heading != ():
-                writer.turn(columns, slot.row, action.heading)
+                block.set(slot.row, "heading", action.heading)
             if slot.flies:
-                slot.counts["moves"] += action.position not in (None, columns.position[slot.row])
-                writer.land(columns, slot.row, action.position, action.quat)
+                slot.counts["moves"] += action.position not in (None, block.position[slot.row])
+                if action.position is not None:
+                    block.fly(slot.row, action.position)
+                if action.quat is not None:
+                    block.turn(slot.row, action.quat)
 
 
 class TurnMoves:

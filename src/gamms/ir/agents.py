@@ -1,13 +1,13 @@
-"""All agents of a context, one row each, in the order of their creation."""
+"""Agents as rows of columns: `AgentBlock`, which owns every change of them, and the change logs that others read."""
 
-from collections.abc import Callable, Iterable, Sequence
+from collections.abc import Callable, Iterable, Iterator, Sequence
+from contextlib import contextmanager
 from operator import itemgetter
-from typing import Any, NamedTuple
+from typing import Any, NamedTuple, Protocol
 
-import numpy as np
-
-from gamms.ir.events import NOBODY, Journal
-from gamms.ir.graph import FloatArray, IntArray
+from gamms.errors import BadValue
+from gamms.ir import events
+from gamms.ir.events import CLOSED, NOBODY, Journal
 
 Position = tuple[float, float, float]  # x, y, z; map units
 Quat = tuple[float, float, float, float]  # w, x, y, z; of length 1
@@ -21,6 +21,38 @@ class Progress(NamedTuple):
     source: int  # node id; the agent counts as on it
     target: int  # node id
     share: float  # of the edge; more than 0, less than 1
+
+
+class NodeFinder(Protocol):
+    """The part of a graph that finds the nodes below flyers."""
+
+    @property
+    def revision(self) -> int | None:
+        """Changes whenever the graph does; None where it cannot tell."""
+
+    def get_nodes(self) -> Iterator[int]:
+        """Return the ids of all nodes."""
+
+    def nearest_node(self, x: float, y: float) -> int:
+        """Return the id of the nearest node."""
+
+
+class ChangeLog:
+    """The rows of a block whose node, position, team or life has changed, since this subscriber asked last."""
+
+    __slots__ = ("_block", "rows")
+
+    def __init__(self, block: "AgentBlock") -> None:
+        self._block = block
+        self.rows: set[int] | None = None
+
+    def take(self) -> set[int] | None:
+        """Return the rows that have changed; None where all may have, and rows may be those of other agents."""
+        self._block.publish()
+        rows = self.rows
+        if rows is None or rows:
+            self.rows = set()
+        return rows
 
 
 BY_ROW = (
@@ -37,13 +69,29 @@ BY_ROW = (
     "alive",
     "progress",
 )
+_PLACES = ("node", "previous", "heading", "position", "previous_position", "quat", "progress")
+_OF_STRUCTURE = frozenset({"teams", "speed", "alive"})
+_OF_VERSION = frozenset({"node", "position", "teams", "alive"})
+EVENTS = {  # column -> the event that notes a change of it, and its key
+    "teams": (events.AGENT_TEAM, "team"),
+    "alive": (events.AGENT_ALIVE, "alive"),
+    "speed": (events.AGENT_SPEED, "speed"),
+    "node": (events.AGENT_CURRENT_NODE, "node_id"),
+    "previous": (events.AGENT_PREV_NODE, "node_id"),
+    "heading": (events.AGENT_ORIENTATION, "orientation"),
+}
 
 
-class AgentColumns:
-    """Row `i` is agent `i`.
+class AgentBlock:
+    """Agents, one row each in the order of their creation, and the verbs that change them.
 
-    The columns are lists, because the paper's loop reads and writes them one by one, and arrays are made of them
-    when asked for (benchmarks/README.md, w2).
+    What callers pass is validated before (`typing.actions`), not here. Columns are read directly and written through
+    the verbs alone; they are lists, because the paper's loop reads and writes them one by one
+    (benchmarks/README.md, w2).
+
+    Args:
+        graph: finds the nodes below flyers; None: their nodes are those that were written.
+        journal: how it writes.
 
     Attributes:
         names, teams: of each agent; a team is whatever the caller calls one.
@@ -55,42 +103,33 @@ class AgentColumns:
         speed: of flyers, map units per step; on the ground what the turn engine lets it move, None for one edge.
         alive: whether it takes part.
         progress: on the edge that an agent on the ground is moving along; None where it has covered nothing of one.
-        progressed: rows whose `progress` was written; the reader clears it.
-        out: the rows of those that are not alive.
-        journal: where what happens to agents is noted.
-        roster: a number that changes whenever an agent comes, goes, dies, returns, or has another team, speed or
-            sensor.
-        touched: rows whose node, position or team may have changed; whoever writes one of these adds to it.
-        flying: row of a flyer -> how many flyers stand before it, ascending.
-        adrift: rows of flyers that have moved since their node was worked out.
-        moves: a number that has changed, after `nodes` or `rows_at`, whenever a node, position or team may have.
-        surveyed: the revision of the graph in which the nodes of the other flyers were.
+        graph: finds the nodes below flyers.
+        flyers: the rows of flyers, ascending.
+        inactive: the rows of agents that are not alive.
+        removed: how many rows are those of agents that were removed; `keep` closes them up.
+        journal: how it writes: plainly (`NOBODY`), noting what it writes, or not at all (`CLOSED`).
+        structure_version: changes whenever an agent comes, goes, dies, returns, or has another team, speed or sensor.
+        trusts_nodes: whether any integer is taken for a node, because a recording is replayed whose map has changed.
     """
 
     __slots__ = (
         *BY_ROW,
-        "_crowds",
-        "_flyers",
-        "_nodes",
-        "_places",
-        "_stale",
-        "adrift",
-        "flying",
+        "_changed",
+        "_logs",
+        "_row_of",
+        "_surveyed",
+        "_unlocated",
+        "_version",
+        "flyers",
+        "graph",
+        "inactive",
         "journal",
-        "moves",
-        "out",
-        "progressed",
-        "roster",
-        "surveyed",
-        "touched",
+        "removed",
+        "structure_version",
+        "trusts_nodes",
     )
 
-    _crowds: "Crowds | None"
-    _nodes: IntArray  # (agents,)
-    _flyers: IntArray  # (flying,)
-    _places: FloatArray  # (flying, 3)
-
-    def __init__(self) -> None:
+    def __init__(self, graph: NodeFinder | None = None, journal: Journal = NOBODY) -> None:
         self.names: list[str] = []
         self.teams: list[Any] = []
         self.kind: list[int] = []
@@ -103,20 +142,27 @@ class AgentColumns:
         self.speed: list[float | None] = []
         self.alive: list[bool] = []
         self.progress: list[Progress | None] = []
-        self.progressed: set[int] = set()
-        self.roster = 0
-        self.journal: Journal = NOBODY
-        self.touched: set[int] = set()
-        self.adrift: set[int] = set()
-        self.surveyed: int | None = None
-        self.moves = 0
-        self._forget()
+        self.flyers: list[int] = []
+        self.inactive: set[int] = set()
+        self.removed = 0
+        self.journal = journal
+        self.structure_version = 0
+        self.trusts_nodes = False
+        self.graph = graph
+        self._row_of: dict[str, int] = {}
+        self._changed: set[int] = set()  # rows; not published yet
+        self._logs: list[ChangeLog] = []
+        self._version = 0
+        self._unlocated: set[int] = set()  # rows of flyers that have moved since their node was found
+        self._surveyed: int | None = None  # the revision of the graph in which the nodes of the other flyers were found
 
     def __len__(self) -> int:
         return len(self.names)
 
-    def append(
-        self, name: str, node: int, team: Any, position: Position | None = None, speed: float | None = None
+    # -- coming and going ---------------------------------------------------------------------------------------
+
+    def add(
+        self, name: str, node: int, team: Any = None, position: Position | None = None, speed: float | None = None
     ) -> int:
         """Add an agent that stands on `node`, or one that flies at `position`; returns its row."""
         row = len(self.names)
@@ -133,140 +179,246 @@ class AgentColumns:
         self.speed.append(speed)
         self.alive.append(True)
         self.progress.append(None)
-        self.roster += 1
-        self.touched.add(row)
+        self._row_of[name] = row
+        self.structure_version += 1
+        self._changed.add(row)
         if flies:
-            self.flying[row] = len(self.flying)
-            self.adrift.add(row)
+            self.flyers.append(row)
+            self._unlocated.add(row)
         return row
 
-    def copy_row(self, source: "AgentColumns", row: int) -> int:
-        """Add the agent in a row of other columns; returns its row here."""
-        new = self.append(*(getattr(source, name)[row] for name in ("names", "node", "teams", "position", "speed")))
-        for name in ("previous", "heading", "previous_position", "quat", "progress"):
+    def take_over(self, source: "AgentBlock", row: int) -> int:
+        """Add the agent in a row of another block; returns its row here."""
+        new = self.add(*(getattr(source, name)[row] for name in ("names", "node", "teams", "position", "speed")))
+        for name in ("previous", "heading", "previous_position", "quat", "progress", "alive"):
             getattr(self, name)[new] = getattr(source, name)[row]
-        self.set_alive(new, alive=source.alive[row])
+        if not self.alive[new]:
+            self.inactive.add(new)
         return new
 
-    def set_progress(self, row: int, progress: Progress | None) -> None:
-        """Say how far along an edge an agent is."""
-        if self.progress[row] != progress:
-            self.progress[row] = progress
-            self.progressed.add(row)
-
-    def set_alive(self, row: int, *, alive: bool) -> None:
-        """Let an agent take part, or no longer."""
-        self.alive[row] = alive
-        if not alive:
-            self.set_progress(row, None)
-        (self.out.discard if alive else self.out.add)(row)
-        self.roster += 1
-        self.touched.add(row)
+    def remove(self, row: int) -> None:
+        """Remove an agent; its row stays until `keep` closes up those that were removed."""
+        del self._row_of[self.names[row]]
+        self.removed += 1
+        self.structure_version += 1
 
     def keep(self, rows: list[int]) -> None:
         """Forget every row but `rows`, which become rows 0, 1, … in the order given."""
+        self.removed = 0
         for name in BY_ROW:
             column = getattr(self, name)
             setattr(self, name, [column[row] for row in rows])
         self.journal.kept(rows)
-        self.moves += 1
-        self.roster += 1
-        self.progressed = {i for i, row in enumerate(rows) if row in self.progressed}
-        adrift = {i for i, row in enumerate(rows) if row in self.adrift}
-        self._forget()
-        self.adrift = adrift
+        self._unlocated = {i for i, row in enumerate(rows) if row in self._unlocated}
+        self._renew()
 
-    def move_back(self, values: dict[str, list[Any]]) -> None:
-        """Restore where agents were; there are the same agents, with the same teams, speeds and sensors."""
-        for name in ("node", "previous", "heading", "position", "previous_position", "quat", "progress"):
-            getattr(self, name)[:] = values[name]
-        self.touched.update(range(len(self.names)))
-        self.adrift.update(self.flying)
+    def succeed(self, block: "AgentBlock") -> None:
+        """Take the place of another block: write as it does, with other versions than it had."""
+        self.graph, self.journal = block.graph, block.journal
+        self.structure_version, self._version = block.structure_version + 1, block.version + 1
 
-    def write_back(self, values: dict[str, list[Any]]) -> None:
-        """Give as many rows as there are the values that they had, by the names of the columns."""
-        for name, column in values.items():
-            getattr(self, name)[:] = column
-        self.touched.update(range(len(self.names)))
-        self.adrift.update(self.flying)
-        self.out.clear()
-        self.out.update(row for row, alive in enumerate(self.alive) if not alive)
-        self.roster += 1
+    def row_of(self, name: str) -> int:
+        """Return the row of an agent (KeyError)."""
+        return self._row_of[name]
 
-    # -- who is where -------------------------------------------------------------------------------------------
+    def changed_structure(self) -> None:
+        """Note that agents carry other sensors."""
+        self.structure_version += 1
 
-    def nodes(self) -> tuple[IntArray, int]:
-        """The node ids (agents,) as an array not to be written to, and a number that changes whenever it does.
+    # -- verbs --------------------------------------------------------------------------------------------------
 
-        The number changes with positions and teams, too.
-        """
-        self._catch_up()
-        return self._nodes, self.moves
+    def move(self, row: int, node: int) -> None:
+        """Move an agent on the ground; the node it was on is its previous one."""
+        # NOTE: every move of the paper's loop (benchmarks/README.md, w2 and w4).
+        journal = self.journal
+        if journal is not NOBODY:
+            if not journal.is_silent:
+                log = journal.log
+                log.append(journal.ids[row])
+                log.append(node)
+            elif journal is CLOSED:
+                return
+        column = self.node
+        self.previous[row] = column[row]
+        column[row] = node
+        self._changed.add(row)
 
-    def places(self) -> tuple[IntArray, FloatArray]:
-        """The rows (flying,) of the flyers, ascending, and where they are (flying, 3); not to be written to."""
-        self._catch_up()
-        return self._flyers, self._places
-
-    def crowds(self) -> "Crowds":
-        """Who stands on which node.
-
-        It is brought up to date by the next call, which also sets `moves`, and is not to be written to.
-        """
-        # NOTE: asked after every single move of the paper's loop, so it follows what was touched and makes nothing
-        # anew (benchmarks/README.md, w3).
-        if self._crowds is None:
-            self._crowds = Crowds(self.node, self.out)
-        if self.touched:
-            self._note()
-        return self._crowds
-
-    def settle(self) -> None:
-        """Hand on what was touched, so that nothing is."""
-        if self.touched:
-            self._note()
-
-    def _note(self) -> None:
-        """Hand on what was touched: to the crowds at once, to the arrays when they are asked for."""
-        touched = self.touched
-        self.moves += 1
-        self._stale |= touched
-        if self._crowds is not None:
-            self._crowds.follow(touched, self.node, self.out)
-        touched.clear()
-
-    def _catch_up(self) -> None:
-        """Bring the arrays up to date; those that were handed out stay as they are."""
-        if self.touched:
-            self._note()
-        stale = self._stale
-        if not stale:
+    def move_all(self, rows: "Selection", nodes: list[int]) -> None:
+        """Move many agents on the ground; one that stays has come from where it is."""
+        journal = self.journal
+        if journal is CLOSED:
             return
-        is_few = len(self._nodes) == len(self.node) and len(stale) < len(self.node) // 8
-        flown = stale & self.flying.keys()
-        if is_few:
-            self._nodes = _changed(self._nodes, stale, [self.node[row] for row in stale])
-        else:
-            self._nodes = _frozen(self.node, np.int64)
-        if flown and is_few:
-            at = [self.flying[row] for row in flown]
-            self._places = _changed(self._places, at, [self.position[row] for row in flown])
-        elif flown:
-            self._flyers = _frozen(self.flying, np.int64)
-            self._places = _frozen([self.position[row] for row in self.flying], np.float64)
-        stale.clear()
+        rows.write(self.previous, rows.of(self.node))
+        rows.write(self.node, nodes)
+        self._changed |= rows.as_set
+        if not journal.is_silent:
+            ids = journal.ids
+            journal.log += [number for row, node in zip(rows.rows, nodes, strict=True) for number in (ids[row], node)]
 
-    def _forget(self) -> None:
-        """Forget what was worked out from the columns."""
-        self.out: set[int] = {row for row, alive in enumerate(self.alive) if not alive}
-        self._crowds = None
-        self._nodes = _frozen([], np.int64)
-        self._flyers = self._nodes
-        self._places = _frozen(np.zeros((0, 3)), np.float64)
-        self._stale: set[int] = set()
-        self.touched = set(range(len(self.names)))
-        rows = [row for row, kind in enumerate(self.kind) if kind]
-        self.flying: dict[int, int] = {row: i for i, row in enumerate(rows)}
+    def set(self, row: int, column: str, value: Any) -> None:
+        """Set the value of an agent in one of the columns that have an event of their own: `EVENTS`."""
+        journal = self.journal
+        if journal is CLOSED:
+            return
+        getattr(self, column)[row] = value
+        if column in _OF_VERSION:
+            self._changed.add(row)
+        if column in _OF_STRUCTURE:
+            self.structure_version += 1
+        if column == "alive":
+            (self.inactive.discard if value else self.inactive.add)(row)
+        if column == "node" or (column == "alive" and not value):
+            self.set_progress(row, None)
+        if not journal.is_silent:
+            kind, key = EVENTS[column]
+            plain = list(value) if column == "heading" and value is not None else value
+            journal.note(kind, {"agent_name": self.names[row], key: plain})
+
+    def set_progress(self, row: int, progress: Progress | None) -> None:
+        """Set how far along an edge an agent is."""
+        if self.progress[row] != progress:
+            self.progress[row] = progress
+            if not self.journal.is_silent:
+                self.journal.progressed.add(self.journal.ids[row])
+
+    def fly(self, row: int, position: Position, node: int | None = None) -> None:
+        """Move a flyer; where it was is where it was before.
+
+        Args:
+            row: of the flyer.
+            position: `(x, y, z)`, map units.
+            node: below it; None: the nearest one in the graph.
+        """
+        journal = self.journal
+        if journal is CLOSED:
+            return
+        self.previous[row] = self.nearest(row)
+        before = self.previous_position[row] = self.position[row]
+        self.position[row] = position
+        if node is not None:
+            self.node[row] = node
+        elif before is None or position[:2] != before[:2]:
+            self._unlocated.add(row)
+        self._changed.add(row)
+        if not journal.is_silent:
+            journal.flew(row, self.nearest(row), position)
+
+    def turn(self, row: int, quat: Quat) -> None:
+        """Turn a flyer."""
+        if self.journal is not CLOSED:
+            self.quat[row] = quat
+            self.journal.turned(row, quat)
+
+    def write(self, row: int, values: dict[str, Any]) -> None:
+        """Overwrite columns of one agent and note nothing (used by replay)."""
+        for name, value in values.items():
+            getattr(self, name)[row] = value
+        self._changed.add(row)
+        if self.kind[row]:
+            self._unlocated.add(row)
+
+    # -- the nodes below flyers ---------------------------------------------------------------------------------
+
+    def nearest(self, row: int) -> int:
+        """Return the node nearest to a flyer, found again only if it or the graph has changed; the first of several.
+
+        In a graph without nodes it is the one of before.
+        """
+        if self.journal is not CLOSED:
+            self._survey()
+            if row in self._unlocated:
+                self._locate(row)
+        return self.node[row]
+
+    def locate(self) -> None:
+        """Find the nodes of all flyers."""
+        if not self.flyers or self.journal is CLOSED:
+            return
+        self._survey()
+        for row in sorted(self._unlocated):
+            self._locate(row)
+
+    def _survey(self) -> None:
+        """Let the nodes below all flyers be found again if the graph has changed."""
+        if self.graph is not None:
+            revision = self.graph.revision
+            if revision is None or revision != self._surveyed:
+                self._unlocated.update(self.flyers)
+                self._surveyed = revision
+
+    def _locate(self, row: int) -> None:
+        graph, position, node = self.graph, self.position[row], self.node[row]
+        if graph is not None and position is not None:
+            try:
+                node = graph.nearest_node(position[0], position[1])
+            except BadValue:
+                if next(graph.get_nodes(), None) is not None:
+                    raise
+        self._unlocated.discard(row)
+        if node != self.node[row]:
+            self.node[row] = node
+            self._changed.add(row)
+
+    @contextmanager
+    def trusting(self) -> Iterator[None]:
+        """Take any integer for a node (used by replay, because the map may have changed since)."""
+        before, self.trusts_nodes = self.trusts_nodes, True
+        try:
+            yield
+        finally:
+            self.trusts_nodes = before
+
+    # -- what has changed ---------------------------------------------------------------------------------------
+
+    @property
+    def version(self) -> int:
+        """A number that changes whenever a node, position, team or life of an agent may have."""
+        self.publish()
+        return self._version
+
+    def subscribe(self) -> ChangeLog:
+        """Return a log of what changes from now on; at first all may have."""
+        log = ChangeLog(self)
+        self._logs.append(log)
+        return log
+
+    def publish(self) -> None:
+        """Write what has changed into the logs of all subscribers."""
+        if self._changed:
+            self._version += 1
+            for log in self._logs:
+                if log.rows is not None:
+                    log.rows |= self._changed
+            self._changed.clear()
+
+    def values(self) -> dict[str, list[Any]]:
+        """Return copies of all columns, for `restore`."""
+        return {name: list(getattr(self, name)) for name in BY_ROW}
+
+    def restore(self, values: dict[str, list[Any]], *, has_structure: bool) -> None:
+        """Set the columns to what `values` gave.
+
+        Args:
+            values: of as many agents as there are now.
+            has_structure: whether agents, teams, speeds, lives and sensors are those of then; only places differ.
+        """
+        for name in _PLACES if has_structure else BY_ROW:
+            getattr(self, name)[:] = values[name]
+        self._changed.update(range(len(self.names)))
+        self._unlocated.update(self.flyers)
+        if not has_structure:
+            self._renew()
+
+    def _renew(self) -> None:
+        """Work out anew what follows from the columns, and which rows are whose."""
+        self._row_of = {name: row for row, name in enumerate(self.names)}
+        self.flyers = [row for row, kind in enumerate(self.kind) if kind]
+        self.inactive = {row for row, alive in enumerate(self.alive) if not alive}
+        self.structure_version += 1
+        self._version += 1
+        self._changed = set(range(len(self.names)))
+        for log in self._logs:
+            log.rows = None
 
 
 class Selection:
@@ -287,7 +439,7 @@ class Selection:
         self._inverse: Callable[[Sequence[Any]], Iterable[Any]] | None = None
 
     def of(self, column: Sequence[Any]) -> list[Any]:
-        """What the column holds in these rows."""
+        """Return what the column holds in these rows."""
         return list(self._pick(column))
 
     def write(self, column: list[Any], values: list[Any]) -> None:
@@ -301,72 +453,6 @@ class Selection:
                 column[row] = value
 
 
-class Crowds:
-    """Who stands on which node, kept up to date row by row; those who are not alive stand nowhere.
-
-    Attributes:
-        at: node id -> rows of the agents there, in any order.
-        taken: the ids of these nodes.
-    """
-
-    __slots__ = ("_home", "_seat", "at", "taken")
-
-    def __init__(self, node: list[int], out: set[int]) -> None:
-        self.at: dict[int, list[int]] = {}
-        self.taken: set[int] = set()
-        self._home: list[int | None] = []  # row -> the node whose list it is in
-        self._seat: list[int] = []  # row -> where in that list
-        self.follow(range(len(node)), node, out)
-
-    def follow(self, rows: Iterable[int], node: list[int], out: set[int]) -> None:
-        """Move some rows, new ones among them, to their nodes."""
-        at, home, seat = self.at, self._home, self._seat
-        if len(home) != len(node):
-            new = len(node) - len(home)
-            home += [None] * new
-            seat += [0] * new
-        for row in rows:
-            here, before = None if row in out else node[row], home[row]
-            if here == before:
-                continue
-            if before is not None:
-                there = at[before]
-                last = there.pop()
-                if last != row:  # the last one takes the seat that becomes free, so that a crowd costs nothing
-                    free = seat[last] = seat[row]
-                    there[free] = last
-                elif not there:
-                    del at[before]
-                    self.taken.discard(before)
-            home[row] = here
-            if here is None:
-                continue
-            if here in at:
-                there = at[here]
-                seat[row] = len(there)
-                there.append(row)
-            else:
-                at[here] = [row]
-                self.taken.add(here)
-                seat[row] = 0
-
-
 def _picker(places: list[int]) -> Callable[[Sequence[Any]], Iterable[Any]]:
-    """The function that gives what is at these places of a list."""
+    """Return the function that picks what is at these places of a list."""
     return itemgetter(*places) if len(places) > 1 else lambda values: [values[i] for i in places]
-
-
-def _frozen(values: Iterable[Any], kind: type) -> Any:
-    """A read-only array of what a column holds."""
-    array: np.ndarray[Any, Any] = np.array(values if isinstance(values, (Sequence, np.ndarray)) else list(values), kind)
-    array.setflags(write=False)
-    return array
-
-
-def _changed(array: np.ndarray[Any, Any], rows: Iterable[int], values: list[Any]) -> Any:
-    """A read-only copy with other values in some rows."""
-    array = array.copy()
-    for row, value in zip(rows, values, strict=True):
-        array[row] = value
-    array.setflags(write=False)
-    return array

@@ -49,10 +49,15 @@ class Journal:
         log: what has happened; the reader empties it.
         ids: row of an agent -> the number by which moves name it, which stays when rows are closed up.
         names: that number -> the agent's name.
+        progressed: the numbers of agents whose progress along an edge was set; the reader empties it.
+        is_silent: whether it notes nothing, not even moves.
     """
+
+    is_silent: bool = False
 
     def __init__(self, names: list[str]) -> None:
         self.log: Log = []
+        self.progressed: set[int] = set()
         self.names = list(names)
         self.ids = list(range(len(names)))
 
@@ -105,8 +110,13 @@ class Muted(Journal):
         self._journal.kept(rows)
 
 
-class _Nobody(Journal):
-    """Nobody reads."""
+class _Silent(Journal):
+    """Notes nothing."""
+
+    is_silent = True
+
+    def __deepcopy__(self, memo: dict[int, Any]) -> "_Silent":
+        return self
 
     def note(self, kind: int, data: Any) -> None:
         pass
@@ -124,4 +134,5 @@ class _Nobody(Journal):
         pass
 
 
-NOBODY = _Nobody([])
+NOBODY = _Silent([])  # agents are changed and nothing is noted
+CLOSED = _Silent([])  # the context has ended: agents are no longer changed

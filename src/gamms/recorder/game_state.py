@@ -309,6 +309,6 @@ def _team_memories(game: Any) -> dict[Any, dict[Any, Any]]:
 
 def _places(ctx: Any) -> dict[str, Any]:
     """Where the agents are: nodes, or (x, y, z) of those who fly."""
-    columns = ctx.agent.columns
+    columns = ctx.agent.block
     at = (node if position is None else position for node, position in zip(columns.node, columns.position, strict=True))
     return dict(zip(columns.names, at, strict=True))

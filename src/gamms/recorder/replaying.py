@@ -5,9 +5,9 @@ from contextlib import AbstractContextManager, nullcontext
 from copy import deepcopy
 from typing import Any
 
-from gamms.errors import BadFile, BadType, BadValue, ContextTerminated, GammsError, UnknownName
+from gamms.errors import BadFile, BadValue, ContextTerminated, GammsError
 from gamms.ir import events as kinds
-from gamms.ir.events import Muted
+from gamms.ir.events import NOBODY, Muted
 from gamms.recorder import game_state, state
 from gamms.recorder.checking import following_number
 from gamms.recorder.errors import UNFIT, RecordingError
@@ -16,6 +16,7 @@ from gamms.recorder.formats.tracks import FORMS
 from gamms.recorder.maps import has_map, hash_in, is_map_of
 from gamms.recorder.records import TURN_NS, Record, named, records_of, records_of_move, steps_of
 from gamms.text import reason, shown
+from gamms.typing.actions import as_position, as_quat, position_of
 from gamms.typing.opcodes import OpCodes
 
 
@@ -72,11 +73,11 @@ class Player:
         agents = self._ctx.agent
         for number, step in steps_of(log):
             if number is not None:
-                self._act_trusting(agents.moves, agents.agents[names[number]]._row, step)
+                agents.block.move(agents.block.row_of(names[number]), step)
             elif step[0] == kind:
                 return step[1]
             elif step[0] in FORMS:
-                self._fly(step[0], step[1], agents.moves.plain())
+                self._fly(step[0], step[1])
             else:
                 self.happen(*step)
         return None
@@ -84,7 +85,6 @@ class Player:
     def _turn(self, turn: int, log: kinds.Log) -> Iterator[Record]:
         timestamp, is_over = turn * TURN_NS, True
         agents, recorder = self._ctx.agent, self._recorder
-        unnoted = agents.moves.plain()
         for number, step in steps_of(log):
             if self._ctx.is_terminated():
                 return
@@ -94,57 +94,52 @@ class Player:
                     is_over = False
                     continue
                 if step[0] in FORMS:
-                    kind, data = self._fly(step[0], step[1], unnoted)
+                    kind, data = self._fly(step[0], step[1])
                 else:
                     kind, data = step
                     self.happen(kind, data)
-                    unnoted = agents.moves.plain()
                 yield from records_of(kind, data, timestamp, self._before(kind, data))
                 continue
             is_copying = recorder.is_copying
             try:
                 name = self._numbers[number]
-                row = agents.agents[name]._row
+                row = agents.block.row_of(name)
             except KeyError as error:
                 raise RecordingError(f"Turn {turn} moves agent number {number}: {reason(error)}") from error
-            before = agents.columns.node[row]
-            moves = unnoted if is_copying else agents.moves
-            try:
-                moves.act(agents.columns, row, step)
-            except UnknownName:  # it was there when the agent went there
-                self._act_trusting(moves, row, step)
+            block = agents.block
+            before = block.node[row]
             if is_copying:
+                journal, block.journal = block.journal, NOBODY
+                block.move(row, step)
+                block.journal = journal
                 recorder.copy(number, step)
+            else:
+                block.move(row, step)  # unchecked: the node was there when the agent went there
             yield from records_of_move(name, before, step, timestamp)
         if is_over and not self._ctx.is_terminated():
             self.happen(kinds.SIMULATE, {})
             yield from records_of(kinds.SIMULATE, {}, timestamp)
 
-    def _act_trusting(self, moves: Any, row: int, node: int) -> None:
-        with moves.trusting():
-            moves.act(self._ctx.agent.columns, row, node)
-
-    def _fly(self, kind: int, data: Any, unnoted: Any) -> tuple[int, Any]:
+    def _fly(self, kind: int, data: Any) -> tuple[int, Any]:
         """Let a flyer go somewhere, or turn, and be copied; gives the same event by name."""
         number, *parts = data
         agents, is_copying = self._ctx.agent, self._recorder.is_copying
-        columns = agents.columns
+        block = agents.block
         try:
-            agent = agents.agents[self._numbers[number]]
+            name = self._numbers[number]
+            row = block.row_of(name)
+            position_of(block, row)  # or it does not fly
             if kind == kinds.AERIAL_AGENT_FLIGHT:
-                (unnoted if is_copying else agents.moves).place_at(columns, agent._row, parts[1:])
-            elif not columns.kind[agent._row]:
-                raise BadType(f"Agent {agent.name!r} does not fly.")
+                position = as_position(parts[1:])
+                (self._muted if is_copying else _now)(lambda: block.fly(row, position))
             else:
-                unnoted.turn_in_space(columns, agent._row, parts)  # which checks it, and does not come to the last bit
-                agents.put(agent, {"quat": tuple(parts)})
-                if not is_copying:
-                    columns.journal.turned(agent._row, parts)
+                as_quat(parts)  # to be checked, for it does not come to the last bit
+                (self._muted if is_copying else _now)(lambda: block.turn(row, tuple(parts)))
         except (GammsError, KeyError) as error:
             raise RecordingError(f"An event of kind {kind:#010x} cannot happen here: {reason(error)}") from error
         if is_copying:
             self._recorder.copy((kind, data))
-        return named((kind, data), agent.name)
+        return named((kind, data), name)
 
     def _before(self, kind: int, data: Any) -> int | None:
         """Above which node a flyer was that has just moved."""
@@ -203,7 +198,7 @@ class Player:
         else:
             self._muted(lambda: self._create_exactly(data))
             noted = {key: value for key, value in data.items() if key != "strategy"}
-            self._ctx.agent.columns.journal.note(kinds.AGENT_CREATE, noted)
+            self._ctx.agent.block.journal.note(kinds.AGENT_CREATE, noted)
         self._numbers[self._next] = data["name"]
         self._next += 1
         self._recorder.renumber([data["name"]], [self._next - 1], self._next)
@@ -216,7 +211,7 @@ class Player:
             if len(numbers) != _PLACES[name]:
                 raise BadValue(f"{shown(name)} has {_PLACES[name]} numbers, and not {shown(numbers)}.")
         agent = self._ctx.agent.create_agent(data["name"], **self._with_known_sensors(data["kwargs"]))
-        self._ctx.agent.put(agent, places)
+        self._ctx.agent.block.write(self._ctx.agent.block.row_of(agent.name), places)
 
     def _with_known_sensors(self, given: dict[str, Any]) -> dict[str, Any]:
         """The keywords of an agent without sensors that are not here."""
@@ -256,7 +251,8 @@ class Player:
 
     def _above(self, data: Any) -> None:
         for name, node, previous in zip(data["names"], data["node"].tolist(), data["previous"].tolist(), strict=True):
-            self._ctx.agent.put(self._ctx.agent.get_agent(name), {"node": node, "previous": previous})
+            block = self._ctx.agent.block
+            block.write(block.row_of(self._ctx.agent.get_agent(name).name), {"node": node, "previous": previous})
 
     def _world(self, data: Any) -> None:
         self._ctx.graph.storage.unpack(data["world"])
@@ -296,9 +292,9 @@ class Player:
         game_state.apply(self._ctx.game.data, data)
 
     def _progress(self, data: Any) -> None:
-        agents = self._ctx.agent
+        block = self._ctx.agent.block
         for i, number in enumerate(data["numbers"].tolist()):
-            agents.put(agents.agents[self._numbers[number]], {"progress": state.progress_from(data, i)})
+            block.write(block.row_of(self._numbers[number]), {"progress": state.progress_from(data, i)})
 
     def _count(self, data: Any) -> None:
         self._pace = int(data["pace"])
@@ -356,7 +352,7 @@ class Player:
         """Let agents be on nodes that are not there: a map that changes in a turn stands before all its moves."""
         if self._is_version_2:
             return nullcontext()
-        trusting: AbstractContextManager[None] = self._ctx.agent.moves.trusting()
+        trusting: AbstractContextManager[None] = self._ctx.agent.block.trusting()
         return trusting
 
     def _silently(self, happen: Callable[[], None]) -> None:
@@ -367,13 +363,17 @@ class Player:
             happen()
 
     def _muted(self, happen: Callable[[], None]) -> None:
-        columns = self._ctx.agent.columns
+        columns = self._ctx.agent.block
         journal = columns.journal
         columns.journal = Muted(journal)
         try:
             happen()
         finally:
             columns.journal = journal
+
+
+def _now(happen: Callable[[], None]) -> None:
+    happen()
 
 
 COMPONENTS = {code.value: code.name for code in OpCodes if code.name.startswith("COMPONENT")}
@@ -392,7 +392,8 @@ def _set(attribute: str, key: str, column: str | None = None) -> Callable[[Playe
         agent = player._ctx.agent.get_agent(data["agent_name"])
         setattr(agent, attribute, data[key])
         if column is not None and data[key] is not None and not player._is_version_2:
-            player._ctx.agent.put(agent, {column: tuple(map(float, data[key]))})
+            block = player._ctx.agent.block
+            block.write(block.row_of(agent.name), {column: tuple(map(float, data[key]))})
 
     return happen
 

@@ -116,7 +116,7 @@ def resume(ctx: Any, reader: "Reader", turn: int, fold: "Fold", maps: Maps, *, i
         if is_fresh:
             ctx.game.configure(told["settings"])
         _make_room(ctx, fold.state["names"])
-        with ctx.agent.moves.trusting():
+        with ctx.agent.block.trusting():
             state.put(ctx, {**fold.state, **told, "chance": chance, "turn": fold.game_turn(turn)})
     except UNFIT as error:
         raise RecordingError(f"This game cannot go on from turn {turn}: {reason(error)}") from error

@@ -221,19 +221,18 @@ class Session:
         """Let agents have the numbers that a replayed recording gives them, and the next new one this."""
         journal, agents = self._journal, self.ctx.agent
         journal.names[following:] = [""] * (following - len(journal.names))
-        journal.ids += [-1] * (len(agents.columns) - len(journal.ids))
+        block = agents.block
+        journal.ids += [-1] * (len(block) - len(journal.ids))
         for name, number in zip(names, numbers, strict=True):
-            journal.ids[agents.agents[name]._row] = number
+            journal.ids[block.row_of(name)] = number
             journal.names[number] = name
 
     # -- listening ----------------------------------------------------------------------------------------------
 
     def _listen(self) -> None:
-        agents = self.ctx.agent
-        agents.settle()
-        self._columns = columns = agents.columns
-        self._journal = columns.journal = PlainJournal(columns.names, self._left_out)
-        agents.write_by(agents.moves.plain().journaled(columns))
+        block = self.ctx.agent.block
+        block.locate()
+        self._journal = block.journal = PlainJournal(block.names, self._left_out)
         self.ctx.visual.after_turn.append(self.end_turn)
         self.ctx.game.after_reset.append(self.begin_anew)
         if self._with_sensed:
@@ -242,17 +241,16 @@ class Session:
     def _note_sensed(self, agents: list[Any], states: list[dict[str, Any]]) -> None:
         """Write down what agents are about to decide by, after what has become so before."""
         self._tell_changes()
-        journal, columns = self._journal, self.ctx.agent.columns
+        journal, columns = self._journal, self.ctx.agent.block
         numbers = dict(zip(columns.names, journal.ids, strict=False))
         nodes = dict(zip(columns.names, columns.node, strict=True))
         results = [(numbers[agent.name], told["sensor"]) for agent, told in zip(agents, states, strict=True)]
         journal.log.append((kinds.SENSED, sensed.packed(results, numbers, nodes)))
 
     def _hush(self) -> None:
-        agents = self.ctx.agent
-        if agents.columns.journal is self._journal:
-            agents.columns.journal = NOBODY
-            agents.write_by(agents.moves.plain())
+        block = self.ctx.agent.block
+        if block.journal is self._journal:
+            block.journal = NOBODY
         if self.end_turn in self.ctx.visual.after_turn:
             self.ctx.visual.after_turn.remove(self.end_turn)
         if self.begin_anew in self.ctx.game.after_reset:
@@ -355,7 +353,7 @@ class Session:
                 log.append((kinds.FLYERS_ABOVE, above))
         if self._declarations_now() != self._declarations:
             log += self._visual_changes()
-        if self._columns.progressed:
+        if self._journal.progressed:
             log += self._new_progress()
         self._strategies.tell(log)
         self._game.tell(log)
@@ -364,15 +362,15 @@ class Session:
         """From now on, tell what becomes other than it is now."""
         self._game, self._strategies = game_state.GameWatch(self.ctx), _StrategyWatch(self.ctx)
         self._sensors = len(self.ctx.sensor.sensors)
-        self.ctx.agent.columns.progressed.clear()
+        self._journal.progressed.clear()
 
     def _new_progress(self) -> Log:
         """What says how far along edges agents are."""
-        columns, ids = self.ctx.agent.columns, self._journal.ids
-        rows = sorted(columns.progressed)
-        columns.progressed.clear()
+        block, ids, progressed = self.ctx.agent.block, self._journal.ids, self._journal.progressed
+        rows = [row for row in range(len(block)) if ids[row] in progressed]
+        progressed.clear()
         numbers = np.array([ids[row] for row in rows], np.int64)
-        progress = state.progress_of([columns.progress[row] for row in rows])
+        progress = state.progress_of([block.progress[row] for row in rows])
         return [(kinds.AGENT_PROGRESS, {"numbers": numbers, **progress})]
 
     def _new_sensors(self) -> Log:

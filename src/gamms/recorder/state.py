@@ -19,8 +19,8 @@ _NOT = float("nan")  # stands for None in a column of floats
 
 def captured(ctx: Any) -> State:
     """Agents, scores and data of a context, as a keyframe holds them."""
-    ctx.agent.settle()
-    columns, agents = ctx.agent.columns, list(ctx.agent.agents.values())
+    columns, agents = ctx.agent.block, list(ctx.agent.agents.values())
+    columns.locate()
     sensors = grouped(ctx.sensor.described())
     return {
         "names": list(columns.names),
@@ -118,8 +118,8 @@ def _folded(numbers: IntArray) -> IntArray:
 
 def _carried(agents: list[Any], groups: list[dict[str, Any]]) -> dict[str, Any]:
     """Which sensors agents carry, as places in the list of all of them, and under which names, unless by their ids."""
-    names = [name for agent in agents for name in agent._sensor_list]
-    ids = [sensor.sensor_id for agent in agents for sensor in agent._sensor_list.values()]
+    names = [name for agent in agents for name in agent.sensors]
+    ids = [sensor.sensor_id for agent in agents for sensor in agent.sensors.values()]
     place = {sensor_id: i for i, sensor_id in enumerate(one for group in groups for one in group["ids"])}
     others = [sensor_id for sensor_id in dict.fromkeys(ids) if sensor_id not in place]
     place |= {sensor_id: len(place) + i for i, sensor_id in enumerate(others)}
@@ -127,7 +127,7 @@ def _carried(agents: list[Any], groups: list[dict[str, Any]]) -> dict[str, Any]:
         "names": None if names == ids else names,
         "ids": np.array([place[sensor_id] for sensor_id in ids], np.int64),
         "others": others,
-        "counts": np.array([len(agent._sensor_list) for agent in agents], np.int64),
+        "counts": np.array([len(agent.sensors) for agent in agents], np.int64),
     }
 
 
@@ -169,7 +169,7 @@ def put(ctx: Any, state: State) -> None:
         agent.team, agent.alive = state["teams"][row], bool(state["alive"][row])
         if not flies:
             agent.speed = state["speed"][row]
-        ctx.agent.put(agent, _row_of(state, row))
+        ctx.agent.block.write(ctx.agent.block.row_of(name), _row_of(state, row))
     game_state.put(ctx, state)
 
 
@@ -182,22 +182,22 @@ def make_sensors(ctx: Any, state: State) -> None:
 
 def above(ctx: Any) -> State | None:
     """Which nodes are and were below all who fly, which follows from the map; None if nobody does."""
-    ctx.agent.settle()
-    columns = ctx.agent.columns
-    if not columns.flying:
+    columns = ctx.agent.block
+    columns.locate()
+    if not columns.flyers:
         return None
-    found: State = {"names": [columns.names[row] for row in columns.flying]}
+    found: State = {"names": [columns.names[row] for row in columns.flyers]}
     for name in ("node", "previous"):
         column = getattr(columns, name)
-        found[name] = np.array([column[row] for row in columns.flying], np.int64)
+        found[name] = np.array([column[row] for row in columns.flyers], np.int64)
     return found
 
 
 def _equip(ctx: Any, agent: Any, sensors: dict[str, str]) -> None:
     """Let an agent carry these sensors, as far as there are such."""
     there = {name: sensor_id for name, sensor_id in sensors.items() if sensor_id in ctx.sensor.sensors}
-    if list(there.items()) != [(name, sensor.sensor_id) for name, sensor in agent._sensor_list.items()]:
-        for name in list(agent._sensor_list):
+    if list(there.items()) != [(name, sensor.sensor_id) for name, sensor in agent.sensors.items()]:
+        for name in list(agent.sensors):
             agent.deregister_sensor(name)
         for name, sensor_id in there.items():
             agent.register_sensor(name, ctx.sensor.get_sensor(sensor_id))

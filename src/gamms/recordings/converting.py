@@ -23,6 +23,7 @@ from gamms.recorder.replaying import Player
 from gamms.recorder.streams import named
 from gamms.recordings.contexts import records_of, version_of, with_nodes_made_up
 from gamms.text import as_text, reason, written
+from gamms.typing.actions import known_node
 
 _PROVENANCE = {"converted": "from a recording of version 2"}
 _Record = dict[str, Any]
@@ -76,8 +77,9 @@ def _replay(ctx: Context, records: Iterator[_Record]) -> None:
     for record in chain(records, [{"opCode": kinds.TERMINATE}]):
         if waiting is not None:
             if _is_move(ctx, waiting, record):
-                row = ctx.agent.agents[record["data"]["agent_name"]]._row
-                ctx.agent.moves.act(ctx.agent.columns, row, record["data"]["node_id"])
+                block = ctx.agent.block
+                node = known_node(ctx.graph.graph, block, record["data"]["node_id"])
+                block.move(block.row_of(record["data"]["agent_name"]), node)
                 waiting = None
                 continue
             happen(waiting)

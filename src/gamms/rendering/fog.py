@@ -45,7 +45,7 @@ class Fog:
         self._ctx, self._team = ctx, team
         if not any(True for _ in self._own()):
             raise UnknownName("team", team, {str(agent.team) for agent in ctx.agent.create_iter()})
-        if not any(agent._sensor_list for agent in self._own()):
+        if not any(agent.sensors for agent in self._own()):
             raise BadValue(f"No agent of team {shown(team)} has a sensor in this recording, so it sees nothing.")
         self._seen: set[int] = set()
         self._now: set[int] = set()
@@ -105,7 +105,7 @@ class Fog:
                 visual.add_artist(name, declared)
 
     def _sights_of(self, agent: Any) -> Any:
-        return (self._ctx.visual.drawing.carriers.sight(sensor, agent) for sensor in agent._sensor_list.values())
+        return (self._ctx.visual.drawing.carriers.sight(sensor, agent) for sensor in agent.sensors.values())
 
     def _show_sights(self, sights: list[Sight]) -> None:
         """Draw what the team's sensors see, while they are few, and no others."""

@@ -226,7 +226,7 @@ class AerialAgentSensor(FlyingSensor):
         self.fov = fov
         self._last[0] = {}
         self.notice = Notice(sensor_id, self._phase)
-        self._crowd = memory_of(ctx).crowd
+        self._nearby = memory_of(ctx).nearby
 
     def _snapshot(self) -> Any:
         """Return what was sensed and how often, for `_restore`."""
@@ -242,10 +242,10 @@ class AerialAgentSensor(FlyingSensor):
         if self._phase.agent is not None:
             self._phase.refuse("call sensor.sense")
         pose = self.pose()
-        rows, now = self._found(pose), self._crowd.now()
+        rows, now, names = self._found(pose), self._nearby.coordinates(), self.ctx.agent.positions.names
         kinds = (AgentType.BASIC, AgentType.AERIAL)
         data = {
-            now.names[row]: (kinds[is_flying], (x, y, z))
+            names[row]: (kinds[is_flying], (x, y, z))
             for row, is_flying, (x, y, z) in zip(
                 rows.tolist(), now.is_flying[rows].tolist(), now.xyz[rows].tolist(), strict=True
             )
@@ -260,7 +260,7 @@ class AerialAgentSensor(FlyingSensor):
         pose = self.pose()
         with self.notice.on_trial():
             looks = [self._found(pose).tolist() for _ in node_ids]
-            return Sensed(*ragged(looks), names=tuple(self._crowd.now().names))
+            return Sensed(*ragged(looks), names=tuple(self.ctx.agent.positions.names))
 
     @of_data
     def last_view(self) -> SensorView:
@@ -281,18 +281,19 @@ class AerialAgentSensor(FlyingSensor):
         """The rows (agents,) of those who are seen."""
         if pose is None:
             return np.zeros(0, np.int64)
-        now, own = self._crowd.now(), self._owner if self._at is None else None
-        offsets = now.xyz - pose.position
-        rows = now.living[self._reaches(offsets[now.living], pose.axis)]
+        positions, own = self.ctx.agent.positions, self._owner if self._at is None else None
+        xyz, living, names = self._nearby.coordinates().xyz, positions.living, positions.names
+        offsets = xyz - pose.position
+        rows = living[self._reaches(offsets[living], pose.axis)]
         rows = rows[offsets[rows].any(axis=1)]
-        wanted = self.notice.wanted([row for row in rows.tolist() if now.names[row] != own], now.teams)
+        wanted = self.notice.wanted([row for row in rows.tolist() if names[row] != own], positions.teams)
         rows = np.array(wanted, np.int64)
         if self._is_occluded:
-            rows = rows[self.ctx.graph.visible(pose.position, now.xyz[rows])]
+            rows = rows[self.ctx.graph.visible(pose.position, xyz[rows])]
         if self.notice.needs_chance:
             distances = np.linalg.norm(offsets[rows], axis=1)
-            names = [now.names[row] for row in rows.tolist()]
-            rows = rows[self.notice.is_noticed(self.ctx, own, names, distances)]
+            seen = [names[row] for row in rows.tolist()]
+            rows = rows[self.notice.is_noticed(self.ctx, own, seen, distances)]
         return rows
 
 

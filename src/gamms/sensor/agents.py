@@ -10,15 +10,15 @@ from gamms import kernels
 from gamms.arguments import as_ids, as_range
 from gamms.errors import UnknownName
 from gamms.ir.graph import FloatArray
+from gamms.ir.positions import Positions
 from gamms.ir.sensed import Sensed, SensorView
-from gamms.sensor.crowd import Crowd
 from gamms.sensor.map import ragged
 from gamms.sensor.memory import memory_of
+from gamms.sensor.nearby import NearbyAgents
 from gamms.sensor.notice import Notice
 from gamms.sensor.sensor import ALL_AROUND, FULL_CIRCLE, GroundSensor, Heading, of_data
 from gamms.sensor.views import Place, coordinates, in_sight
 from gamms.typing import IContext
-from gamms.typing.agent_engine import Standing
 from gamms.typing.graph_engine import NodeColumns
 from gamms.typing.sensor_engine import SensorType
 
@@ -44,7 +44,7 @@ class AgentSensor(GroundSensor):
         BadValue, BadType: a range or fov that is negative, NaN or no number.
     """
 
-    __slots__ = ("_crowd", "_notice")
+    __slots__ = ("_nearby", "_notice")
 
     _is_occluded = False
 
@@ -65,12 +65,12 @@ class AgentSensor(GroundSensor):
         self._last[0] = {}
         self._notice: Notice | None = None
         self._owner = owner
-        self._crowd: Crowd = memory_of(ctx).crowd
+        self._nearby: NearbyAgents = memory_of(ctx).nearby
 
     @property
     def notice(self) -> Notice:
         """Whom of those in view it reports: by team, and by chance."""
-        if self._notice is None:  # NOTE: made when asked for, so that a look touches less memory (see `Crowd._disc`)
+        if self._notice is None:  # NOTE: made when asked for, so that a look touches less memory (see `NearbyAgents`)
             self._notice = Notice(self.sensor_id, self._phase)
         return self._notice
 
@@ -99,8 +99,8 @@ class AgentSensor(GroundSensor):
         if self.range == inf and heading == ALL_AROUND and not self._is_occluded and self._notice is None:
             data = self._everyone(place)
         else:
-            standing, rows = self._found(place, heading)
-            names, nodes = standing.names, standing.nodes
+            positions, rows = self._found(place, heading)
+            names, nodes = positions.names, positions.nodes
             data = {names[row]: nodes[row] for row in rows}
         if self._owner is not None and self._at is None:
             data.pop(self._owner, None)
@@ -111,7 +111,7 @@ class AgentSensor(GroundSensor):
         heading = ALL_AROUND if self.fov == FULL_CIRCLE else self.heading()
         own = self._owner if self._at is None else None
         with self._phase.suspended() if self._notice is None else self._notice.on_trial():
-            names = tuple(self.ctx.agent.standing().names)
+            names = tuple(self.ctx.agent.positions.names)
             looks = [self._found(self.place(id), heading)[1] for id in as_ids(node_ids, "node_ids")]
         return Sensed(*ragged([[row for row in look if names[row] != own] for look in looks]), names=names)
 
@@ -128,24 +128,24 @@ class AgentSensor(GroundSensor):
     def _everyone(self, place: Place) -> dict[str, int]:
         if not isinstance(place, tuple) and not self.ctx.graph.graph.has_node(place):
             raise UnknownName("node", place)
-        return self._crowd.everyone()
+        return self._nearby.nodes_by_name()
 
-    def _found(self, place: Place, heading: Heading) -> tuple[Standing, list[int]]:
-        """Who is where, and the rows of those who are seen, ascending."""
-        standing, rows = self._crowd.within(place, self.range)
+    def _found(self, place: Place, heading: Heading) -> tuple[Positions, list[int]]:
+        """Return where agents are, and the rows of those that are seen, ascending."""
+        positions, rows = self._nearby.within(place, self.range)
         if heading != ALL_AROUND:
-            rows = self._ahead(place, rows, standing.nodes, heading)
+            rows = self._ahead(place, rows, positions.nodes, heading)
         notice = self._notice
         if notice is not None:
-            rows = notice.wanted(rows, standing.teams)
+            rows = notice.wanted(rows, positions.teams)
         if self._is_occluded:
             rows = self._in_sight(place, rows)
         if notice is not None and notice.needs_chance:
             owner = self._owner if self._at is None else None
             distances = np.hypot(*self._offsets(place, rows).T)
-            names = [standing.names[row] for row in rows]
+            names = [positions.names[row] for row in rows]
             rows = _kept(rows, notice.is_noticed(self.ctx, owner, names, distances))
-        return standing, rows
+        return positions, rows
 
     def _ahead(self, place: Place, rows: list[int], nodes: Sequence[int], heading: Heading) -> list[int]:
         """Those rows whose agents are in the field of view."""
@@ -158,7 +158,7 @@ class AgentSensor(GroundSensor):
         return [row for row, is_in in zip(rows, ahead, strict=True) if is_in]
 
     def _offsets(self, place: Place, rows: list[int]) -> FloatArray:
-        offsets: FloatArray = self._crowd.now().xy[rows] - coordinates(self.ctx, place)
+        offsets: FloatArray = self._nearby.coordinates().xy[rows] - coordinates(self.ctx, place)
         return offsets
 
     def _in_sight(self, place: Place, rows: list[int]) -> list[int]:
@@ -197,8 +197,7 @@ class OccludedAgentSensor(AgentSensor):
         self.observer_height = observer_height
 
     def _in_sight(self, place: Place, rows: list[int]) -> list[int]:
-        now = self._crowd.now()
-        nodes = NodeColumns(now.nodes[rows], now.xy[rows])
+        nodes = NodeColumns(self.ctx.agent.positions.node_ids[rows], self._nearby.coordinates().xy[rows])
         return _kept(rows, in_sight(self.ctx, place, nodes, self.range, self.observer_height))
 
     def _area(self, x: float, y: float, radius: float, heading: Heading, fov: float) -> FloatArray:

@@ -1,6 +1,6 @@
 """What the built-in sensors of one context share: places seen before, and where all agents are."""
 
-from gamms.sensor.crowd import Crowd
+from gamms.sensor.nearby import NearbyAgents
 from gamms.sensor.views import Views, ViewsPastObstacles
 from gamms.typing import IContext
 
@@ -10,13 +10,13 @@ class Memory:
 
     Attributes:
         views, views_past_obstacles: what was seen from where.
-        crowd: where all agents are.
+        nearby: which agents are near a place.
     """
 
     def __init__(self, ctx: IContext) -> None:
         self.views = Views(ctx)
         self.views_past_obstacles = ViewsPastObstacles(ctx)
-        self.crowd = Crowd(ctx, self.views)
+        self.nearby = NearbyAgents(ctx, self.views)
 
 
 def memory_of(ctx: IContext) -> Memory:

@@ -1,6 +1,6 @@
 """Whom of those in view a sensor reports: by team, and by chance."""
 
-from collections.abc import Callable, Iterator
+from collections.abc import Callable, Iterator, Sequence
 from contextlib import contextmanager
 from copy import copy
 from numbers import Real
@@ -91,7 +91,7 @@ class Notice(Guarded):
         finally:
             self._looks = looks
 
-    def wanted(self, rows: list[int], teams: list[Any]) -> list[int]:
+    def wanted(self, rows: list[int], teams: Sequence[Any]) -> list[int]:
         """Those rows whose agents are of a team that is reported; `teams` by row."""
         if self.team is None and self.exclude is None:
             return rows

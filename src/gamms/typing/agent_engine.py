@@ -1,16 +1,13 @@
-"""Contract of the agent room."""
+"""Contract of the agent engine."""
 
 from abc import ABC, abstractmethod
-from collections.abc import Collection, Hashable, Iterable, Iterator, Mapping, Sequence
-from contextlib import AbstractContextManager
+from collections.abc import Hashable, Iterable, Iterator, Mapping
 from enum import IntEnum
 from typing import Any, NamedTuple
 
-import numpy as np
-
-from gamms.ir.agents import AgentColumns, Position, Quat
-from gamms.ir.graph import FloatArray, IntArray
-from gamms.typing.sensor_engine import ISensor
+from gamms.ir.agents import AgentBlock, Position, Quat
+from gamms.ir.positions import Positions
+from gamms.typing.sensor_engine import Carried, ISensor
 from gamms.typing.state import AerialStrategy, AsyncStrategy, NodeId, State, Strategy
 
 SensorsOfAgent = Iterable[str | ISensor] | Mapping[str, str | ISensor]
@@ -125,94 +122,17 @@ class IAerialAgent(IAgent):
         """How far it moves at each step, map units."""
 
 
-class Roll(NamedTuple):
-    """Who is in the world, in the order of creation; valid until something in it changes."""
+class TurnAccess(NamedTuple):
+    """What the turn engine reads and writes of one agent."""
 
-    names: list[str]
-    nodes: IntArray  # (agents,)  ids; of a flyer the nearest node
-    moves: int | None  # changes whenever anything here may have; None means: never remember anything
-    teams: list[Any]
-    flying: IntArray  # (flying,)  rows of the aerial agents, ascending
-    places: FloatArray  # (flying, 3)  where these are, map units
-    out: Collection[int]  # rows of the agents that are not alive, and stand nowhere
-
-
-class Standing(NamedTuple):
-    """Who stands on which node; valid until something in it changes."""
-
-    names: list[str]
-    nodes: Sequence[int]  # (agents,)  ids; of a flyer the nearest node
-    teams: list[Any]
-    rows_at: Mapping[int, Sequence[int]]  # node id -> rows of the agents there, in any order
-    taken: set[int]  # the ids of these nodes; not to be written to
-    moves: int | None  # as in Roll
-
-
-class IMoves(ABC):
-    """The one writer of where agents are. Every method checks first and changes nothing when it raises."""
-
-    @abstractmethod
-    def act(self, columns: AgentColumns, row: int, action: Any) -> None:
-        """Do what an action says; see `IAgent.set_state`."""
-
-    @abstractmethod
-    def place(self, columns: AgentColumns, row: int, node_id: Any) -> None:
-        """Put an agent on a node; where it was before stays as it is (KeyError)."""
-
-    @abstractmethod
-    def place_previous(self, columns: AgentColumns, row: int, node_id: Any) -> None:
-        """Say on which node an agent was before (KeyError)."""
-
-    @abstractmethod
-    def turn(self, columns: AgentColumns, row: int, heading: Any) -> None:
-        """Face `(cos, sin)`, of any length but zero, until told otherwise; None follows the moves again."""
-
-    # -- in the air ---------------------------------------------------------------------------------------------
-
-    @abstractmethod
-    def launch(self, columns: AgentColumns, row: int, node_id: Any, speed: Any, position: Any) -> None:
-        """Begin on a node (KeyError), or at a position near it, as if it had always been there."""
-
-    @abstractmethod
-    def fly(self, columns: AgentColumns, row: int, action: Any) -> None:
-        """Do what a flyer's action says; see `IAerialAgent`."""
-
-    @abstractmethod
-    def place_at(self, columns: AgentColumns, row: int, position: Any) -> None:
-        """Put a flyer at `(x, y, z)`; where it was is where it was before."""
-
-    @abstractmethod
-    def place_above(self, columns: AgentColumns, row: int, node_id: Any) -> None:
-        """Put a flyer above a node (KeyError), as high as it is; where it was is where it was before."""
-
-    @abstractmethod
-    def face(self, columns: AgentColumns, row: int, heading: Any) -> None:
-        """Turn a flyer about the vertical to `(cos, sin)`, of any length but zero, and level; None: unturned."""
-
-    @abstractmethod
-    def turn_in_space(self, columns: AgentColumns, row: int, quat: Any) -> None:
-        """Turn a flyer to `(w, x, y, z)`, of any length; all zeros: unturned."""
-
-    @abstractmethod
-    def nearest(self, columns: AgentColumns, row: int) -> int:
-        """The node nearest to a flyer, worked out unless neither it nor the graph has changed; the first of several.
-
-        In a graph without nodes it is the one of before.
-        """
-
-    @abstractmethod
-    def trusting(self) -> AbstractContextManager[None]:
-        """Take any integer for a node that is there; for who plays a recording, whose map may have changed since."""
-
-    @abstractmethod
-    def locate(self, columns: AgentColumns) -> None:
-        """Bring the nodes of all flyers up to date."""
+    row: int  # in the block
+    carried: tuple[Carried, ...]
+    last: list[dict[str, Any]]  # its only item is the state that the agent got last
 
 
 class IAgentEngine(ABC):
     """Creates agents and keeps them by name."""
 
-    moves: IMoves
     agents: dict[str, Any]  # name -> agent; Any: an engine's own class of agents
 
     @abstractmethod
@@ -263,31 +183,25 @@ class IAgentEngine(ABC):
     def create_iter(self) -> Iterator[IAgent]:
         """The agents in the order of their creation; agents may be created and deleted meanwhile."""
 
-    def roll(self) -> Roll:
-        """Who is where, as arrays; override for speed."""
-        agents = list(self.create_iter())
-        flying = [row for row, agent in enumerate(agents) if agent.type == AgentType.AERIAL]
-        return Roll(
-            [agent.name for agent in agents],
-            np.array([agent.current_node_id for agent in agents], np.int64),
-            None,
-            [getattr(agent, "team", None) for agent in agents],
-            np.array(flying, np.int64),
-            np.array([getattr(agents[row], "position") for row in flying], np.float64).reshape(-1, 3),  # noqa: B009 - IAgent has none; only those who fly do
-            {row for row, agent in enumerate(agents) if not getattr(agent, "alive", True)},
-        )
+    @property
+    def positions(self) -> Positions:
+        """Where all agents are; override for speed."""
+        block = AgentBlock()
+        for agent in self.create_iter():
+            position = getattr(agent, "position", None) if agent.type == AgentType.AERIAL else None
+            row = block.add(agent.name, agent.current_node_id, getattr(agent, "team", None), position)
+            if not getattr(agent, "alive", True):
+                block.set(row, "alive", value=False)
+        return Positions(block)
 
-    def standing(self) -> Standing:
-        """Who stands on which node; override for speed."""
-        agents = list(self.create_iter())
-        nodes = [agent.current_node_id for agent in agents]
-        rows_at: dict[int, list[int]] = {}
-        for row, node in enumerate(nodes):
-            if getattr(agents[row], "alive", True):
-                rows_at.setdefault(node, []).append(row)
-        teams = [getattr(agent, "team", None) for agent in agents]
-        return Standing([agent.name for agent in agents], nodes, teams, rows_at, set(rows_at), None)
+    @property
+    def structure_version(self) -> int | None:
+        """A number that changes whenever an agent comes, goes, dies, returns, or has another team, speed or sensor.
+
+        None, as by default: whoever remembers something of the agents has to look again.
+        """
+        return None
 
     @abstractmethod
     def terminate(self) -> None:
-        """Close the room; agents stay readable."""
+        """Close the engine; agents stay readable."""

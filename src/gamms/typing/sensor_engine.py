@@ -114,6 +114,31 @@ class ISensor(ABC):
         """
         return self.last_view()
 
+    def live_result(self) -> Sequence[Any]:
+        """Return a sequence whose first item always is what was sensed last (used by agents, which read it often).
+
+        Built-in sensors override this with the list in which they keep it.
+        """
+        return LiveData(self)
+
+
+class LiveData(Sequence[Any]):
+    """The `data` of a sensor of any class, as a sequence of one item."""
+
+    __slots__ = ("_sensor",)
+
+    def __init__(self, sensor: ISensor) -> None:
+        self._sensor = sensor
+
+    def __getitem__(self, index: Any) -> Any:
+        return (self._sensor.data,)[index]
+
+    def __len__(self) -> int:
+        return 1
+
+
+# A sensor as an agent asks it: its name in the state, the call that senses, the sensor, and its `live_result`.
+Carried = tuple[str, Callable[[int], None], ISensor, Sequence[Any]]
 
 _INTERFACE = ("sensor_id", "type", "data", "sense", "update", "set_owner")
 

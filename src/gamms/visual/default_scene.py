@@ -111,8 +111,7 @@ class DefaultScene:
         return artist
 
     def _renew_agents(self) -> None:
-        roster = self._ctx.agent.columns.roster  # type: ignore[attr-defined] # of our own engine
-        key = roster, self._unit
+        key = self._ctx.agent.structure_version, self._unit
         if key == self._agents_key:
             return
         sides = {agent.name: str(color_group(agent)) for agent in self._ctx.agent.create_iter()}

@@ -440,9 +440,9 @@ class Drawing:
 
     def hidden_agents(self, share: float = 1.0) -> set[str]:
         """The names of the agents that are not drawn, after a share of their last moves."""
-        columns, agents = self._ctx.agent.columns, self._ctx.agent.agents  # type: ignore[attr-defined] # of our own engine
-        out = [agents.get(columns.names[row]) for row in columns.out]
-        return {agent.name for agent in out if agent is not None and not self.is_shown(agent, share)}
+        positions, agents = self._ctx.agent.positions, self._ctx.agent.agents
+        out = [agents[positions.names[row]] for row in positions.inactive]
+        return {agent.name for agent in out if not self.is_shown(agent, share)}
 
     def extent(self) -> float:
         """How much of the map pictures show, world units, for marks that are as large in all; 0.0 for no map.

@@ -221,11 +221,11 @@ class Carriers:
 
     def of(self, sensor: Any) -> list[Any]:
         """The agents that carry a sensor, dead ones too, in the order of their creation."""
-        roster = getattr(getattr(self._ctx.agent, "columns", None), "roster", None)
-        if roster is None or roster != self._key:  # an engine of the user's own does not count
-            self._key, self._of = roster, {}
+        version = self._ctx.agent.structure_version
+        if version is None or version != self._key:
+            self._key, self._of = version, {}
             for agent in self._ctx.agent.create_iter():
-                for one in getattr(agent, "_sensor_list", {}).values():
+                for one in getattr(agent, "sensors", {}).values():
                     carriers = self._of.setdefault(id(one), [])
                     carriers += [agent] * (agent not in carriers[-1:])
         return self._of.get(id(sensor), [])

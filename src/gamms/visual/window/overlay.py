@@ -331,7 +331,7 @@ class Overlay(Guarded):
     def _hints_of(self, name: str) -> dict[str, IArtist]:
         agent: Any = self._ctx.agent.get_agent(name)
         look = next((look for look in looks_of(self.shown) if look.name == name), AgentData(name))
-        sights = [self._drawing.carriers.sight(sensor, agent) for sensor in getattr(agent, "_sensor_list", {}).values()]
+        sights = [self._drawing.carriers.sight(sensor, agent) for sensor in getattr(agent, "sensors", {}).values()]
         unseen = [one for one in sights if one.view is not None and f"sensor_{one.sensor.sensor_id}" not in self.shown]
         colored = {one.sensor.sensor_id: [(rgba(look.color)[:3], one.view)] for one in unseen}
         hints: dict[str, IArtist] = {**artists_of_sights(self._ctx, colored, look.size, self._artists.declared)}
@@ -398,14 +398,14 @@ class Overlay(Guarded):
 
     def _left(self) -> list[str]:
         """How many of each team are left, once an agent is out."""
-        columns = self._ctx.agent.columns  # type: ignore[attr-defined] # of our own engine
-        if not columns.out:
+        positions = self._ctx.agent.positions
+        teams, living = positions.teams, positions.living.tolist()
+        if len(living) == len(teams):
             return []
-        self._ctx.agent.settle()  # type: ignore[attr-defined] # so that deleted agents are not counted
-        left = dict.fromkeys((str(team) for team in columns.teams if team is not None), 0)
-        for team, is_alive in zip(columns.teams, columns.alive, strict=True):
-            if team is not None:
-                left[str(team)] += is_alive
+        left = dict.fromkeys((str(team) for team in teams if team is not None), 0)
+        for row in living:
+            if teams[row] is not None:
+                left[str(teams[row])] += 1
         return ["left: " + score_line(left)] if left else []
 
     def _frames_per_second(self) -> str:

@@ -1,75 +1,82 @@
-"""The one writer of moves: it checks first, and changes nothing when it raises."""
+"""Moves of agents on the ground: an agent checks first, and changes nothing when it raises."""
+
+from types import SimpleNamespace
 
 import numpy as np
 import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from gamms.game import Moves
+from gamms.agent import Agent
 from gamms.graph import Graph
-from gamms.ir.agents import AgentColumns
 from gamms.typing.graph_engine import IGraph
 
 
-def columns_on(node):
-    columns = AgentColumns()
-    columns.append("anna", node, None)
-    columns.touched.clear()
-    return columns
+class Anna(Agent):
+    """An agent by itself, on a graph by itself, and a log of its changes."""
 
+    def __init__(self, graph, node):
+        super().__init__(SimpleNamespace(graph=SimpleNamespace(graph=graph)), "anna", node)
+        self._log = self._block.subscribe()
+        self._log.take()
 
-def shown(columns):
-    return (columns.node, columns.previous, columns.heading, columns.touched)
+    def act(self, action):
+        self.state["action"] = action
+        self.set_state()
+
+    def shown(self):
+        block = self._block
+        return (block.node, block.previous, block.heading, bool(self._log.take()))
 
 
 @pytest.fixture(scope="module")
-def moves():
+def graph():
     graph = Graph()
     graph.add_nodes(range(5), range(5), [0] * 5)
     graph.add_edges([0, 1], [0, 1], [1, 2])
-    return Moves(graph)
+    return graph
 
 
-def test_a_move_writes_the_node_and_the_one_before(moves):
-    columns = columns_on(0)
-    moves.act(columns, 0, 1)
-    moves.act(columns, 0, {"node_id": np.int64(4), "orientation": (0, 2)})
-    assert shown(columns) == ([4], [1], [(0.0, 1.0)], {0})
-    assert type(columns.node[0]) is int
+def test_a_move_writes_the_node_and_the_one_before(graph):
+    anna = Anna(graph, 0)
+    anna.act(1)
+    anna.act({"node_id": np.int64(4), "orientation": (0, 2)})
+    assert anna.shown() == ([4], [1], [(0.0, 1.0)], True)
+    assert type(anna.current_node_id) is int
 
 
-def test_placing_leaves_the_previous_node_alone(moves):
-    columns = columns_on(0)
-    moves.place(columns, 0, 3)
-    assert shown(columns) == ([3], [0], [None], {0})
-    moves.place_previous(columns, 0, 2)
-    assert shown(columns) == ([3], [2], [None], {0})
+def test_placing_leaves_the_previous_node_alone(graph):
+    anna = Anna(graph, 0)
+    anna.current_node_id = 3
+    assert anna.shown() == ([3], [0], [None], True)
+    anna.prev_node_id = 2
+    assert anna.shown() == ([3], [2], [None], False)
 
 
-def test_turning_and_following_the_moves_again(moves):
-    columns = columns_on(0)
-    moves.turn(columns, 0, np.array([3.0, 4.0]))
-    assert columns.heading == [(0.6, 0.8)]
-    moves.turn(columns, 0, None)
-    assert columns.heading == [None]
+def test_turning_and_following_the_moves_again(graph):
+    anna = Anna(graph, 0)
+    anna.orientation = np.array([3.0, 4.0])
+    assert anna.shown()[2:] == ([(0.6, 0.8)], False)
+    anna.orientation = None
+    assert anna.shown()[2:] == ([None], False)
 
 
 def test_a_node_that_was_just_removed_is_no_longer_reached():
     graph = Graph()
     graph.add_nodes([0, 1], [0, 1], [0, 0])
-    moves, columns = Moves(graph), columns_on(0)
+    anna = Anna(graph, 0)
     assert graph.neighborhoods[1] == (1,)
-    moves.act(columns, 0, 1)
+    anna.act(1)
     graph.remove_node(1)
     with pytest.raises(KeyError):
-        moves.act(columns, 0, 1)
+        anna.act(1)
     graph.add_node({"id": 1, "x": 0, "y": 0})
-    moves.act(columns, 0, 1)
+    anna.act(1)
 
 
-def test_a_bad_place_is_called_a_node_id_and_not_an_action(moves):
+def test_a_bad_place_is_called_a_node_id_and_not_an_action(graph):
     with pytest.raises(TypeError, match=r"^A node id must be an integer, not 'home'"):
-        moves.place(columns_on(0), 0, "home")
+        Anna(graph, 0).current_node_id = "home"
 
 
 ODD = st.one_of(
@@ -89,17 +96,18 @@ ACTIONS = st.one_of(
 
 
 @given(action=ACTIONS)
-def test_whatever_the_action_all_of_it_happens_or_nothing(moves, action):
-    columns = columns_on(2)
+def test_whatever_the_action_all_of_it_happens_or_nothing(graph, action):
+    anna = Anna(graph, 2)
     try:
-        moves.act(columns, 0, action)
+        anna.act(action)
     except (KeyError, ValueError, TypeError):
-        assert shown(columns) == ([2], [2], [None], set())
+        assert anna.shown() == ([2], [2], [None], False)
     else:
         node = action["node_id"] if isinstance(action, dict) else action
         assert not isinstance(node, bool)
-        assert (columns.node, columns.previous, columns.touched) == ([node], [2], {0})
-        assert (columns.heading[0] is not None) == (isinstance(action, dict) and action.get("orientation") is not None)
+        nodes, before, headings, has_changed = anna.shown()
+        assert (nodes, before, has_changed) == ([node], [2], True)
+        assert (headings[0] is not None) == (isinstance(action, dict) and action.get("orientation") is not None)
 
 
 class Slow(IGraph):
@@ -121,11 +129,11 @@ class Slow(IGraph):
 
 
 def test_any_graph_will_do():
-    moves, columns = Moves(Slow()), columns_on(0)
-    moves.act(columns, 0, 1)
+    anna = Anna(Slow(), 0)
+    anna.act(1)
     with pytest.raises(KeyError):
-        moves.act(columns, 0, 2)
-    assert columns.node == [1]
+        anna.act(2)
+    assert anna.current_node_id == 1
 
 
 def test_rules_find_what_a_strategy_adds_to_its_state_and_its_action(ctx):

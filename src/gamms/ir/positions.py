@@ -1,0 +1,173 @@
+"""Where agents are: one object that sensors, rules and drawing ask, brought up to date whenever it is asked."""
+
+from bisect import bisect_left
+from collections.abc import Collection, Iterable, Mapping, Sequence
+from typing import Any
+
+import numpy as np
+
+from gamms.ir.agents import AgentBlock
+from gamms.ir.graph import FloatArray, IntArray
+
+_FEW = 8  # where fewer than one row in so many has changed, arrays are copied and changed instead of made again
+
+
+class Positions:
+    """Where the agents of a block are, in the order of their creation.
+
+    What it returns is valid until an agent changes, and not to be written to; arrays that were returned stay as they
+    are. Agents that are not alive stand on no node.
+
+    Args:
+        block: the agents.
+    """
+
+    __slots__ = ("_block", "_by_node", "_flyer_xyz", "_flyers", "_log", "_node_ids", "_node_of", "_stale")
+
+    def __init__(self, block: AgentBlock) -> None:
+        self._block, self._log = block, block.subscribe()
+        self._by_node: dict[int, set[int]] | None = None
+        self._node_of: list[int | None] = []  # row -> the node on which it is in `_by_node`
+        self._forget()
+
+    @property
+    def version(self) -> int:
+        """A number that changes whenever a node, position, team or life of an agent may have."""
+        self._catch_up()
+        return self._block.version
+
+    @property
+    def names(self) -> Sequence[str]:
+        """The names (agents,)."""
+        return self._block.names
+
+    @property
+    def teams(self) -> Sequence[Any]:
+        """The teams (agents,)."""
+        return self._block.teams
+
+    @property
+    def nodes(self) -> Sequence[int]:
+        """The node ids (agents,), of flyers those below them, as a list."""
+        self._catch_up()
+        return self._block.node
+
+    @property
+    def node_ids(self) -> IntArray:
+        """The same (agents,) as an array."""
+        self._catch_up_arrays()
+        return self._node_ids
+
+    @property
+    def flyers(self) -> IntArray:
+        """The rows (flyers,) of those who fly, ascending."""
+        self._catch_up_arrays()
+        return self._flyers
+
+    @property
+    def flyer_xyz(self) -> FloatArray:
+        """Where these are (flyers, 3), map units."""
+        self._catch_up_arrays()
+        return self._flyer_xyz
+
+    @property
+    def inactive(self) -> Collection[int]:
+        """The rows of the agents that are not alive."""
+        return self._block.inactive
+
+    @property
+    def living(self) -> IntArray:
+        """The rows of the agents that are alive, ascending."""
+        rows = np.arange(len(self._block))
+        inactive = self._block.inactive
+        return np.delete(rows, list(inactive)) if inactive else rows
+
+    @property
+    def by_node(self) -> Mapping[int, set[int]]:
+        """Node id -> the rows of the living agents on it; nodes without an agent are missing."""
+        self._catch_up()
+        if self._by_node is None:
+            self._by_node = {}
+            self._follow(range(len(self._block)))
+        return self._by_node
+
+    def rows_on(self, node_ids: Iterable[int]) -> list[int]:
+        """Return the rows of the living agents on some nodes, ascending."""
+        by_node = self.by_node
+        return sorted([row for node in by_node.keys() & node_ids for row in by_node[node]])
+
+    def _catch_up(self) -> None:
+        """Read what has changed: the occupancy of nodes follows at once, the arrays when they are asked for."""
+        # NOTE: asked after every single move of the paper's loop (benchmarks/README.md, w3).
+        if self._block.flyers:
+            self._block.locate()
+        rows = self._log.take()
+        if rows is None:
+            self._forget()
+        elif rows:
+            self._stale |= rows
+            if self._by_node is not None:
+                self._follow(rows)
+
+    def _forget(self) -> None:
+        self._by_node, self._node_of = None, []
+        self._node_ids: IntArray = _frozen([], np.int64)
+        self._flyers: IntArray = self._node_ids
+        self._flyer_xyz: FloatArray = _frozen(np.zeros((0, 3)), np.float64)
+        self._stale: set[int] = set(range(len(self._block)))  # rows that the arrays do not show yet
+
+    def _follow(self, rows: Iterable[int]) -> None:
+        """Move some rows, new ones among them, to their nodes."""
+        node, inactive, node_of = self._block.node, self._block.inactive, self._node_of
+        by_node: dict[int, set[int]] = self._by_node  # type: ignore[assignment] # asked where it is known
+        node_of += [None] * (len(node) - len(node_of))
+        for row in rows:
+            here, before = None if row in inactive else node[row], node_of[row]
+            if here == before:
+                continue
+            if before is not None:
+                there = by_node[before]
+                there.discard(row)
+                if not there:
+                    del by_node[before]
+            node_of[row] = here
+            if here is not None:
+                if here in by_node:
+                    by_node[here].add(row)
+                else:
+                    by_node[here] = {row}
+
+    def _catch_up_arrays(self) -> None:
+        self._catch_up()
+        stale, block = self._stale, self._block
+        if not stale:
+            return
+        is_few = len(self._node_ids) == len(block) and len(stale) < len(block) // _FEW
+        flown = [row for row in stale if block.kind[row]] if block.flyers else []
+        if is_few:
+            self._node_ids = _changed(self._node_ids, stale, [block.node[row] for row in stale])
+        else:
+            self._node_ids = _frozen(block.node, np.int64)
+        if flown and is_few:
+            at = [bisect_left(block.flyers, row) for row in flown]
+            self._flyer_xyz = _changed(self._flyer_xyz, at, [block.position[row] for row in flown])
+        elif flown:
+            self._flyers = _frozen(block.flyers, np.int64)
+            self._flyer_xyz = _frozen([block.position[row] for row in block.flyers], np.float64)
+        stale.clear()
+
+
+def _frozen(values: Any, kind: type) -> Any:
+    """Return a read-only array of what a column holds."""
+    array: np.ndarray[Any, Any] = np.array(values, kind)
+    array.setflags(write=False)
+    return array
+
+
+def _changed(array: np.ndarray[Any, Any], rows: Iterable[int], values: list[Any]) -> Any:
+    """Return a read-only copy with other values in some rows."""
+    array = array.copy()
+    for row, value in zip(rows, values, strict=True):
+        array[row] = value
+    array.setflags(write=False)
+    return array
