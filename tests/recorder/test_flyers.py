@@ -15,11 +15,12 @@ from recordings import fly, opened, written
 import gamms
 from gamms import recorder
 from gamms.ir import events as kinds
+from gamms.ir import packing
 from gamms.recorder import Reader, RecordingError, Writer
-from gamms.recorder.formats import blocks, columns
+from gamms.recorder.formats import blocks
 
 FLIGHT, TURN = kinds.AERIAL_AGENT_FLIGHT, kinds.AERIAL_AGENT_TURN
-DAMAGED = "differences of floats|data of its own|left over|are promised"
+DAMAGED = "numbers of bytes|data of its own|left over|are promised"
 
 # -- there and back ---------------------------------------------------------------------------------------------
 
@@ -254,20 +255,25 @@ def test_keyframes_are_closer_where_many_fly():
 
 
 def changed(data, change):
-    """A recording whose first block of turns has another body."""
+    """A recording whose first block of turns has another body; `change` gets the values in it and the columns."""
     parts = parts_of(data)
     part = next(part for part in parts if part[0] == blocks.TURNS)
-    part[1] = change(part[1])
+    part[1] = b"".join(map(packing.packed, change(*blocks.unpacked(part[1], 1 << 20, has_columns=True))))
     return rebuilt(random.Random(0), parts)
+
+
+KIND, EMPTY, ONE = (packing.column(np.array([number])) for number in (TURN, 0, 1))
 
 
 @pytest.mark.parametrize(
     "change",
     [
-        lambda body: body + b"\1",
-        lambda body: body[:-1],
-        lambda body: body.replace(b"\1" + columns.put(np.array([1])), b"\3" + columns.put(np.array([1])), 1),
-        lambda body: body.replace(columns.put(np.array([0])) + b"\0\0", columns.put(np.array([1])) + b"\1\2\0", 1),
+        lambda values, columns: (values, columns + b"\1"),
+        lambda values, columns: (values, columns[:-1]),
+        lambda values, columns: (values, columns, b"\1"),
+        lambda values, columns: (b"\1", columns.replace(KIND + EMPTY, KIND + ONE, 1)),
+        lambda values, columns: (values, columns.replace(KIND + EMPTY, KIND + ONE, 1)),
+        lambda values, columns: (values, columns.replace(KIND, ONE, 1)),
     ],
 )
 def test_damaged_tracks_are_refused(change):

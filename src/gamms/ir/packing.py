@@ -17,6 +17,7 @@ import numpy as np
 import numpy.typing as npt
 
 from gamms.errors import BadFile, BadType, BadValue
+from gamms.ir.graph import IntArray
 from gamms.limits import Allowance, Keys
 from gamms.plain import MOST_DIMENSIONS, Plain
 from gamms.text import reason, shown
@@ -24,9 +25,6 @@ from gamms.text import reason, shown
 if TYPE_CHECKING:
     from msgspec.msgpack import Decoder as MessagePackDecoder
     from msgspec.msgpack import Encoder as MessagePackEncoder
-
-IntArray = npt.NDArray[np.int64]
-"""Integers of a column, (items,)."""
 
 Array = npt.NDArray[Any]
 """An array of any numbers."""
@@ -65,14 +63,20 @@ def varint(value: int) -> bytes:
     return bytes(out)
 
 
-def packed(data: bytes) -> bytes:
-    """Return the size of bytes, and the bytes deflated."""
-    deflate = zlib.compressobj(6, zlib.DEFLATED, -15, 8, zlib.Z_FILTERED)
+def packed(data: bytes, *, is_noisy: bool = False) -> bytes:
+    """Return the size of bytes, and the bytes deflated.
+
+    Args:
+        data: what is packed.
+        is_noisy: whether these are columns of differences, in which longer patterns are rare.
+    """
+    level, strategy = (4, zlib.Z_FILTERED) if is_noisy else (6, zlib.Z_DEFAULT_STRATEGY)
+    deflate = zlib.compressobj(level, zlib.DEFLATED, -15, 8, strategy)
     return b"".join((varint(len(data)), deflate.compress(data), deflate.flush()))
 
 
-def unpacked(data: bytes, most: int) -> bytes:
-    """Return what `packed` got; zeros may follow it.
+def unpacked(data: bytes, most: int) -> tuple[bytes, bytes]:
+    """Return what `packed` got, and the bytes that follow it.
 
     Raises:
         BadFile: the bytes are damaged, or would inflate to more than `most`.
@@ -88,9 +92,7 @@ def unpacked(data: bytes, most: int) -> bytes:
         raise BadFile(f"it cannot be decompressed ({error})") from error
     if len(raw) != size or not inflate.eof:
         raise BadFile(f"it does not decompress to the {size} bytes that are promised")
-    if inflate.unused_data.strip(b"\0"):
-        raise BadFile(f"{len(inflate.unused_data)} bytes are left over")
-    return raw
+    return raw, inflate.unused_data
 
 
 class ByteReader:

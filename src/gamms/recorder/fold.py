@@ -6,10 +6,10 @@ from typing import Any
 import numpy as np
 
 from gamms.ir import events as kinds
+from gamms.ir.graph import IntArray
 from gamms.recorder import component_fold, game_state
 from gamms.recorder.checking import ARRAYS, LISTS, checked, text
 from gamms.recorder.errors import DAMAGES, Damaged
-from gamms.recorder.formats.columns import IntArray
 from gamms.recorder.formats.reader import Reader
 from gamms.recorder.formats.tracks import FORMS, Tracks
 from gamms.recorder.roster import Roster

@@ -4,9 +4,9 @@ from typing import Any
 
 import numpy as np
 
+from gamms.ir.graph import IntArray
 from gamms.recorder.checking import ARRAYS, LISTS
 from gamms.recorder.errors import DAMAGES, Damaged
-from gamms.recorder.formats.columns import IntArray
 from gamms.recorder.state import State
 from gamms.text import reason, shown
 

@@ -26,6 +26,7 @@ _DECLARATION = OpCodes.COMPONENT_REGISTER.value
 _TURNS_AT_ONCE = 64
 _ENTRIES_AT_ONCE = 1 << 20  # of logs: what may wait to be written
 _KEYFRAME_ENTRIES = 1 << 17  # of logs between two keyframes: 65,536 moves, which take some milliseconds to read
+_KEYFRAME_TURNS = 64  # at least, of which each agent acts in: what a keyframe costs grows with the agents, too
 _OF_VALUE = 64  # such entries take as long to read as one event with a value; those of flights: `PlainJournal.weight`
 
 Sink = Any  # what writes logs in some format: `begin(session, is_final)`, `add(logs)`, `keyframe(state)`, `flush()`,
@@ -318,7 +319,7 @@ class Session:
         self._rests_at, self._entries_here = self.turn + _TURNS_AT_ONCE, 0
         if self.copied is not None:
             keyframe = self.copied(self.turn)
-        elif self._since_keyframe >= _KEYFRAME_ENTRIES:
+        elif self._since_keyframe >= max(_KEYFRAME_ENTRIES, 2 * _KEYFRAME_TURNS * len(self.ctx.agent.agents)):
             keyframe = state.captured(self.ctx) | {"pace": self._game.pace} | state.of_components(self.ctx)
         else:
             keyframe = None

@@ -8,11 +8,11 @@ from typing import Any
 
 from gamms.ir import events as kinds
 from gamms.ir.events import Log
+from gamms.ir.packing import to_bytes
 from gamms.plain import to_plain
 from gamms.recorder import state
 from gamms.recorder.formats.output import Output
 from gamms.recorder.formats.tracks import FORMS
-from gamms.recorder.formats.values import to_bytes
 from gamms.recorder.formats.version2 import Version2Writer
 from gamms.recorder.formats.writer import Writer
 from gamms.recorder.records import TURN_NS, Record, named, records_of, records_of_move, steps_of

@@ -8,9 +8,9 @@ import numpy as np
 from gamms.arguments import as_name
 from gamms.errors import UnknownName
 from gamms.ir import events as kinds
+from gamms.ir.graph import IntArray
 from gamms.ir.tables import table_of
 from gamms.recorder.errors import DAMAGES, RecordingError
-from gamms.recorder.formats.columns import IntArray
 from gamms.recorder.formats.reader import Reader
 from gamms.recorder.formats.tracks import FORMS
 from gamms.recorder.records import named, steps_of

@@ -5,7 +5,7 @@ from typing import Any, NamedTuple
 import numpy as np
 
 from gamms.ir import events as kinds
-from gamms.recorder.formats.columns import IntArray
+from gamms.ir.graph import IntArray
 from gamms.recorder.formats.reader import Reader
 from gamms.recorder.formats.tracks import Tracks
 from gamms.recorder.state import State

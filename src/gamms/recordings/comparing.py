@@ -7,8 +7,8 @@ from typing import Any, NamedTuple
 import numpy as np
 
 from gamms.errors import BadType
+from gamms.ir.packing import to_bytes
 from gamms.recorder import Recording, RecordingError, State
-from gamms.recorder.formats.values import to_bytes
 from gamms.text import shown, written
 
 

@@ -6,9 +6,9 @@ from pathlib import Path
 from typing import Any
 
 from gamms.errors import GammsError
+from gamms.ir.packing import to_bytes
 from gamms.recorder import Reader, Recording, RecordingError
 from gamms.recorder import open as opened
-from gamms.recorder.formats.values import to_bytes
 from gamms.recorder.maps import HASH
 from gamms.recordings.comparing import differences
 from gamms.recordings.contexts import with_map

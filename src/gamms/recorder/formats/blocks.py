@@ -1,19 +1,21 @@
-"""Blocks: what a recording is a list of. Each has a head with sizes and checksums, and a body.
+"""Blocks: what a recording is a list of. Each has a head with sizes and checksums, and a body of packed bytes.
 
-All numbers are little-endian. A file: `MAGIC`, a header block, other blocks, an index block, `FOOTER`.
+All numbers are little-endian. A file: `MAGIC`, a header block, other blocks, an end block.
 """
 
 import zlib
+from collections.abc import Sequence
 from struct import Struct
-from typing import Any, NamedTuple
+from typing import NamedTuple
 
 from gamms.errors import BadFile, BadValue
+from gamms.ir import packing
 from gamms.limits import PER_BYTE
-from gamms.recorder.formats import columns, values
+from gamms.plain import Plain
 
 MAGIC = b"MMGR\0\0\0\3"  # the last four bytes are the format version, which is big-endian as in older versions
 SYNC = b"\xd3GB"
-HEADER, KEYFRAME, TURNS, INDEX = b"HKTI"
+HEADER, KEYFRAME, TURNS, END = b"HKTE"
 
 MOST_BODY = (1 << 32) - 1
 MOST_MOVES = 1 << 22  # in one block
@@ -22,16 +24,14 @@ MOST_TURNS = 1 << 16
 
 # Bytes of memory, or as much time as these would take: what is counted in heads is charged before it is read.
 _OF_TURN, _OF_MOVE, _OF_EVENT = 512, 32, 64
+_OF_BYTE = 4  # of a body that is inflated
 
 _HEAD = Struct("<3sBIIIIIIII")
-_FOOTER = Struct("<QI4s")
 HEAD_SIZE = _HEAD.size
-FOOTER_SIZE = _FOOTER.size
-_END = b"MMGE"
 
 
 class Head(NamedTuple):
-    """What the head of a block says."""
+    """The head of a block."""
 
     type: int
     size: int  # of the body in bytes
@@ -58,17 +58,72 @@ class Counts(NamedTuple):
 
 
 def cost_of(turns: int, moves: int, events: int) -> int:
-    """How much memory turns take, without the values of events, in bytes."""
+    """Return how much memory turns take, without the values of events, in bytes."""
     return _OF_TURN * turns + _OF_MOVE * moves + _OF_EVENT * events
 
 
 def padded(body: bytes, cost: int) -> bytes:
-    """A body, with zeros behind it where it would be smaller than readers believe of what takes so much memory."""
+    """Return a body, followed by zeros where it is smaller than readers believe of what takes so much memory."""
     return body + bytes(max(0, -(-cost // PER_BYTE) - HEAD_SIZE - len(body)))
 
 
+def body_of(values: Sequence[bytes], columns: bytes = b"", cost: int = 0) -> bytes:
+    """Return the body of a block.
+
+    Args:
+        values: the bytes of the plain values in it.
+        columns: what it has beside them.
+        cost: of the columns.
+    """
+    data = b"".join(values)
+    body = packing.packed(data)
+    if columns:
+        body += packing.packed(columns, is_noisy=True)
+    cost = max(cost, _OF_BYTE * (len(data) + len(columns)))
+    if PER_BYTE * len(body) < cost + packing.most_cost_of(data):
+        cost += sum(map(packing.cost_of, values))
+    return padded(body, cost)
+
+
+def unpacked(body: bytes, most: int, *, has_columns: bool = False) -> tuple[bytes, bytes]:
+    """Return the bytes of the values in a body, and its columns.
+
+    Raises:
+        BadFile: it is damaged, or would inflate to more than `most` bytes.
+    """
+    columns, (values, rest) = b"", packing.unpacked(body, most)
+    if has_columns:
+        columns, rest = packing.unpacked(rest, most)
+    if rest.strip(b"\0"):
+        raise BadFile(f"{len(rest)} bytes are left over")
+    return values, columns
+
+
+def value_body(value: Plain, where: str) -> bytes:
+    """Return a plain value as the body of a block.
+
+    Raises:
+        BadType, BadValue: something in it is not plain; `where` says what it is.
+    """
+    return body_of([packing.to_bytes(value, where)])
+
+
+def value_of(body: bytes, decoder: packing.Decoder, *, is_new: bool = True) -> Plain:
+    """Return the plain value in the body of a block.
+
+    Args:
+        body: of the block.
+        decoder: of the file.
+        is_new: whether it is charged to the file.
+
+    Raises:
+        BadFile: it is damaged, or the file has too much of it.
+    """
+    return decoder.value(unpacked(body, decoder.most_bytes)[0], is_new=is_new)
+
+
 def block(type: int, body: bytes, key: int, counts: Counts) -> bytes:
-    """The bytes of a block."""
+    """Return the bytes of a block."""
     if len(body) > MOST_BODY:
         raise BadValue(f"{len(body)} bytes cannot be recorded at once; at most {MOST_BODY} can.")
     front = _HEAD.pack(SYNC, type, len(body), zlib.crc32(body), key, *counts, 0)[:-4]
@@ -76,7 +131,7 @@ def block(type: int, body: bytes, key: int, counts: Counts) -> bytes:
 
 
 def head_of(data: bytes) -> Head:
-    """What the first `HEAD_SIZE` bytes of a block say.
+    """Return what the first `HEAD_SIZE` bytes of a block say.
 
     Raises:
         BadFile: this is no head.
@@ -93,66 +148,8 @@ def head_of(data: bytes) -> Head:
 
 
 def check_body(head: Head, body: bytes) -> None:
-    """Refuse a body that is not the one which the head speaks of."""
+    """Refuse a body that is not the one of the head."""
     if len(body) != head.size:
         raise BadFile("this block is cut off")
     if zlib.crc32(body) != head.crc:
         raise BadFile("this block is damaged")
-
-
-def footer(index_at: int) -> bytes:
-    """The last bytes of a finished file."""
-    crc = zlib.crc32(index_at.to_bytes(8, "little"))
-    return _FOOTER.pack(index_at, crc, _END)
-
-
-def index_at(data: bytes) -> int | None:
-    """Where the index begins, if these are the last bytes of a finished file."""
-    if len(data) != FOOTER_SIZE:
-        return None
-    at, crc, end = _FOOTER.unpack(data)
-    return int(at) if end == _END and zlib.crc32(data[:8]) == crc else None
-
-
-# -- values -----------------------------------------------------------------------------------------------------
-
-
-def put_bytes(data: bytes) -> bytes:
-    """Bytes, packed."""
-    return columns.varint(len(data)) + columns.packed(data)
-
-
-def take_bytes(cursor: columns.Cursor, most: int) -> bytes:
-    """The next packed bytes.
-
-    Raises:
-        BadFile: they are damaged, or more than `most`.
-    """
-    size = cursor.varint()
-    if size > most:
-        raise BadFile(f"{size} bytes of memory are far more than the size of the file explains")
-    return columns.unpacked(cursor, size)
-
-
-def put_value(value: Any, where: str) -> bytes:
-    """A plain value as the body of a block."""
-    data = values.to_bytes(value, where)
-    body = put_bytes(data)
-    return body if PER_BYTE * len(body) >= values.most_cost_of(data) else padded(body, values.cost_of(data))
-
-
-def take_value(body: bytes, decoder: values.Decoder, place: object) -> Any:
-    """The plain value in the body of a block.
-
-    Args:
-        body: of the block.
-        decoder: of the file.
-        place: of the block in the file.
-
-    Raises:
-        BadFile: it is damaged, or takes far more memory than its size explains.
-    """
-    cursor = columns.Cursor(body)
-    data = take_bytes(cursor, decoder.most_bytes)
-    cursor.finish()
-    return decoder.value(data, place)

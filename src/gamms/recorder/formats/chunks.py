@@ -1,13 +1,11 @@
 """The turns of one block: collected as they happen, written as columns, read as arrays.
 
-Moves of one row lie side by side, in their order, and each but the first is the difference from the one before: what an
-agent does next resembles what it did before. The body is columns:
+A block holds the values of events, one behind the other, and columns (`ir/packing.py`):
 
     turns:  moves of each; events of each
-    moves:  rows, as differences from the move before; of each row, ascending, the node it first moves to, as
-            differences from the row before; of each row all other moves, as differences
-    events: how many moves of the block come before each, as differences; kinds; sizes in bytes; then all data
-    tracks: of each kind of event whose data are but numbers, and whose sizes are 0, these numbers (`tracks.py`)
+    moves:  rows, as differences from the move before; the nodes, as tracks of the rows (`tracks.py`)
+    events: how many moves of the block come before each, as differences; kinds; sizes of their values in bytes
+    tracks: of each kind of event whose data are only numbers, and whose sizes are 0, these numbers
 """
 
 from array import array
@@ -18,16 +16,18 @@ from typing import Any, NamedTuple
 import numpy as np
 
 from gamms.errors import BadFile, BadType, BadValue
-from gamms.limits import PER_BYTE
-from gamms.recorder.formats import blocks, columns, tracks, values
-from gamms.recorder.formats.columns import IntArray
-from gamms.recorder.formats.tracks import FORMS, Layout, Rows, Tracks, steps
+from gamms.ir import packing
+from gamms.ir.graph import IntArray
+from gamms.ir.packing import ByteReader, column, steps
+from gamms.plain import Plain
+from gamms.recorder.formats import blocks, tracks
+from gamms.recorder.formats.tracks import FORMS, Layout, Rows, Tracks, layout_of
 from gamms.text import reason, shown
 
 Log = list[Any]
 """The log of one turn: ints two by two, and tuples."""
 
-_BYTES_PER_MOVE, _BYTES_PER_EVENT, _BYTES_PER_NUMBER = 4, 8, 4  # estimates that cost nothing
+BYTES_PER_MOVE, _BYTES_PER_EVENT, _BYTES_PER_NUMBER = 4, 8, 4  # estimates that cost nothing
 
 
 @dataclass(slots=True)
@@ -75,7 +75,7 @@ def _mixed(log: Log) -> Turn:
         if kind in rows:
             rows[kind].append(one)
         else:
-            data.append(values.to_bytes(one, f"An event of kind {kind}"))
+            data.append(packing.to_bytes(one, f"An event of kind {kind}"))
         begin = end + 1
     moves.extend(_moves(log[begin:]))
     return Turn(moves, after, kinds, data, {kind: Rows.of(kind, each) for kind, each in rows.items() if each})
@@ -123,11 +123,10 @@ class Collected:
 
     Args:
         first: turns before it.
-        sequence: whose moves followed each other in the block before.
     """
 
-    def __init__(self, first: int, sequence: tracks.Sequence) -> None:
-        self.first, self.sequence = first, sequence
+    def __init__(self, first: int) -> None:
+        self.first = first
         self.size = 0  # in bytes, an estimate
         self._moves = array("q")
         self._turns: tuple[list[int], list[int]] = [], []  # moves, events of each turn
@@ -149,10 +148,10 @@ class Collected:
         """What the head of the block says."""
         return blocks.Counts(self.first, len(self), len(self._moves) // 2, len(self._kinds))
 
-    def fits(self, turn: Turn) -> bool:
-        """Whether a turn can still join."""
-        moves, events = len(self._moves) + len(turn.moves), len(self._kinds) + len(turn.kinds)
-        return moves <= 2 * blocks.MOST_MOVES and events <= blocks.MOST_EVENTS
+    def fits(self, moves: int, events: int = 0) -> bool:
+        """Return whether so many moves and events can still join."""
+        counts = self.counts
+        return counts.moves + moves <= blocks.MOST_MOVES and counts.events + events <= blocks.MOST_EVENTS
 
     def add(self, turn: Turn) -> None:
         """Let a turn join."""
@@ -160,7 +159,7 @@ class Collected:
         self._moves.extend(turn.moves)
         self._turns[0].append(moves)
         self._turns[1].append(len(turn.kinds))
-        self.size += _BYTES_PER_MOVE * moves
+        self.size += BYTES_PER_MOVE * moves
         if turn.kinds:
             self._after.extend([before + after for after in turn.after])
             self._kinds.extend(turn.kinds)
@@ -170,21 +169,12 @@ class Collected:
             self._rows.setdefault(kind, Rows()).extend(rows)
             self.size += _BYTES_PER_NUMBER * rows.numbers
 
-    def add_moves(self, moves: "array[int]", counts: list[int], most: int) -> bool:
-        """Let turns of so many moves each and nothing else join.
-
-        False, and nothing happens, if the block would be full before the last one: with the moves that it can have, or
-        with `most` bytes.
-        """
-        size = self.size + _BYTES_PER_MOVE * sum(counts)
-        is_full = size - _BYTES_PER_MOVE * sum(counts[-1:]) >= most
-        if len(self._moves) + len(moves) > 2 * blocks.MOST_MOVES or is_full:
-            return False
+    def add_moves(self, moves: "array[int]", counts: list[int]) -> None:
+        """Let turns of so many moves each and nothing else join."""
         self._moves.extend(moves)
         self._turns[0].extend(counts)
         self._turns[1].extend(bytes(len(counts)))
-        self.size = size
-        return True
+        self.size += BYTES_PER_MOVE * sum(counts)
 
     def mark(self) -> Mark:
         """How much there is."""
@@ -200,9 +190,9 @@ class Collected:
         self._rows = {kind: self._rows[kind].until(*sizes) for kind, sizes in mark.rows.items()}
         self.size = mark.size
 
-    def since(self, mark: Mark, sequence: tracks.Sequence) -> "Collected":
-        """The turns behind a mark, for a block of their own."""
-        part = Collected(self.first + mark.turns, sequence)
+    def since(self, mark: Mark) -> "Collected":
+        """Return the turns behind a mark, for a block of their own."""
+        part = Collected(self.first + mark.turns)
         part._moves = self._moves[mark.moves :]
         part._turns = self._turns[0][mark.turns :], self._turns[1][mark.turns :]
         part._after = array("q", [after - mark.moves // 2 for after in self._after[mark.events :]])
@@ -211,26 +201,16 @@ class Collected:
         part._rows = {kind: some for kind, some in rows.items() if some.numbers}
         return part
 
-    def body(self, habit: columns.Habit) -> bytes:
-        """The body of the block; `habit` is how the moves are deflated."""
+    def body(self) -> bytes:
+        """Return the body of the block."""
         moves = np.frombuffer(self._moves, np.int64).reshape(-1, 2)
-        # NOTE: all arrays are made before the first is deflated: memory that comes and goes between costs half as much
-        # again (benchmarks/README.md, w4).
-        self.sequence = self.sequence.of(moves[:, 0])
-        firsts, others = tracks.columns_of(self.sequence.layout, moves[:, 1])
-        table = self._columns_of_events()
-        parts = [columns.put_list(column) for column in self._turns]
-        parts += [self.sequence.column(), columns.put(firsts), columns.put(others, habit.packed)]
-        parts += [columns.put(column) for column in table]
-        data = b"".join(self._data)
-        parts.append(blocks.put_bytes(data))
-        for kind, rows in sorted(self._rows.items()):
-            parts += rows.body(kind)
-        body = b"".join(parts)
-        cost = blocks.cost_of(*self.counts[1:])
-        if PER_BYTE * len(body) < cost + values.most_cost_of(data):
-            cost += sum(map(values.cost_of, self._data))
-        return blocks.padded(body, cost)
+        rows = np.ascontiguousarray(moves[:, 0])
+        parts = [column(np.array(sizes, np.int64)) for sizes in self._turns]
+        parts += [column(steps(rows)), *layout_of(rows.tobytes()).columns(moves[:, 1])]
+        parts += map(column, self._columns_of_events())
+        for kind, some in sorted(self._rows.items()):
+            parts += some.columns(kind)
+        return blocks.body_of(self._data, b"".join(parts), blocks.cost_of(*self.counts[1:]))
 
     def _columns_of_events(self) -> list[IntArray]:
         """How many moves come before each event, its kind, and the size of its data."""
@@ -245,6 +225,33 @@ class Collected:
 # -- reading ----------------------------------------------------------------------------------------------------
 
 
+class Values:
+    """The values of the events of a block, each decoded when it is asked for.
+
+    Args:
+        data: one behind the other.
+        ends: (values + 1,), where each ends, after a 0.
+        decoder: of the file.
+        charged: (values,), 1 for those that were charged to the file.
+    """
+
+    __slots__ = ("_charged", "_data", "_decoder", "_ends")
+
+    def __init__(self, data: bytes, ends: IntArray, decoder: packing.Decoder, charged: bytearray) -> None:
+        self._data, self._ends, self._decoder, self._charged = data, ends, decoder, charged
+
+    def __getitem__(self, number: int) -> Plain:
+        """Return one of them.
+
+        Raises:
+            BadFile: no writer makes this.
+        """
+        data = self._data[self._ends[number] : self._ends[number + 1]]
+        value = self._decoder.value(data, is_new=not self._charged[number])
+        self._charged[number] = 1
+        return value
+
+
 @dataclass(frozen=True, slots=True)
 class Chunk:
     """The turns of a block."""
@@ -255,7 +262,7 @@ class Chunk:
     moves: IntArray  # (moves, 2): row, node
     after: IntArray  # (events,): moves of the block before it
     kinds: IntArray  # (events,)
-    values: values.Values  # of the events
+    values: Values  # of the events
     tracks: dict[int, Tracks]  # the events whose data are but numbers, by their kind
     places: dict[int, IntArray]  # which events these are
 
@@ -307,53 +314,51 @@ class Chunk:
         return log + flat[at:]
 
 
-def chunk_of(head: blocks.Head, body: bytes, decoder: values.Decoder, place: object) -> Chunk:
-    """The turns of a block.
+def chunk_of(head: blocks.Head, body: bytes, decoder: packing.Decoder, charged: bytearray) -> Chunk:
+    """Return the turns of a block.
 
     Args:
         head: of the block.
         body: of the block.
         decoder: of the file.
-        place: of the block in the file.
+        charged: (events,), 1 for those whose values were charged to the file.
 
     Raises:
         BadFile: it is damaged.
     """
-    cursor = columns.Cursor(body)
-    move_ends = _ends(columns.take(cursor, head.turns), head.moves, "moves")
-    event_ends = _ends(columns.take(cursor, head.turns), head.events, "events")
+    data, columns = blocks.unpacked(body, decoder.most_bytes, has_columns=True)
+    reader = ByteReader(columns)
+    move_ends = _ends(reader.column(head.turns), head.moves, "moves")
+    event_ends = _ends(reader.column(head.turns), head.events, "events")
     moves = np.empty((head.moves, 2), np.int64)
-    np.cumsum(columns.take(cursor, head.moves), out=moves[:, 0])
-    moves[:, 1] = tracks.take_nodes(cursor, Layout(moves[:, 0]))
-    after = np.cumsum(columns.take(cursor, head.events), dtype=np.int64)
-    kinds = columns.take(cursor, head.events)
-    sizes = columns.take(cursor, head.events)
-    data = blocks.take_bytes(cursor, decoder.most_bytes)
+    moves[:, 0] = reader.sums(head.moves)
+    moves[:, 1] = Layout(moves[:, 0]).take(reader)
+    after, kinds, sizes = reader.sums(head.events), reader.column(head.events), reader.column(head.events)
     data_ends = _ends(sizes, len(data), "bytes")
-    found = _take_tracks(cursor, kinds, sizes)
-    cursor.finish()
+    found = _take_tracks(reader, kinds, sizes)
+    reader.finish()
     moves.setflags(write=False)  # views of it are handed out
     turns = np.repeat(np.arange(head.turns), np.diff(event_ends))  # of the events
     if (after < move_ends[turns]).any() or (after > move_ends[turns + 1]).any() or (after[1:] < after[:-1]).any():
         raise BadFile("an event is out of place")
-    told = values.Values(data, data_ends, decoder, place)
+    values = Values(data, data_ends, decoder, charged)
     places = {kind: np.flatnonzero(kinds == kind) for kind in found}
-    return Chunk(head.first, move_ends, event_ends, moves, after, kinds, told, found, places)
+    return Chunk(head.first, move_ends, event_ends, moves, after, kinds, values, found, places)
 
 
-def _take_tracks(cursor: columns.Cursor, kinds: IntArray, sizes: IntArray) -> dict[int, Tracks]:
+def _take_tracks(reader: ByteReader, kinds: IntArray, sizes: IntArray) -> dict[int, Tracks]:
     found = {}
     for kind in sorted(FORMS):
         is_one = kinds == kind
         if is_one.any():
             if sizes[is_one].any():
                 raise BadFile(f"an event of kind {kind:#010x} has data of its own")
-            found[kind] = tracks.take(cursor, kind, int(np.count_nonzero(is_one)))
+            found[kind] = tracks.take(reader, kind, int(np.count_nonzero(is_one)))
     return found
 
 
 def _ends(sizes: IntArray, total: int, what: str) -> IntArray:
-    """Where each part ends that has such a size, after a 0."""
+    """Return where each part ends that has such a size, after a 0."""
     ends = np.zeros(len(sizes) + 1, np.int64)
     if len(sizes) and (int(sizes.min()) < 0 or int(sizes.max()) > total):
         raise BadFile(f"its numbers of {what} are damaged")

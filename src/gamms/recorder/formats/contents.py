@@ -1,22 +1,18 @@
-"""What is where in a recording: by its index, or, where that is missing, by the heads of its blocks.
+"""Which blocks a recording has, by their heads, as far as these are whole.
 
-A finished file has an index whose sizes add up to it, so blocks cannot loop or overlap. An unfinished one is read from
-head to head, as far as they are whole; its last block may have a longer copy behind it, which then counts.
+A finished file ends with an end block. In an unfinished one the last block may have a longer copy behind it, which then
+counts.
 """
 
 import os
 from collections.abc import Iterator
-from itertools import accumulate
 from typing import Any, BinaryIO, NamedTuple
 
-import numpy as np
-
 from gamms.errors import BadFile
+from gamms.ir import packing
 from gamms.recorder.errors import RecordingError
-from gamms.recorder.formats import blocks, values
+from gamms.recorder.formats import blocks
 from gamms.text import reason, shown
-
-INDEX_COLUMNS = ("type", "size", "turns", "moves", "events")
 
 _PIECE = 1 << 20
 _MOST_COPIES = 8  # heads of copies that are looked into; an honest file has one
@@ -105,7 +101,7 @@ class Input:
         return head, body
 
 
-def contents_of(source: Input, decoder: values.Decoder) -> Contents:
+def contents_of(source: Input, decoder: packing.Decoder) -> Contents:
     """Look a recording over.
 
     Raises:
@@ -116,18 +112,10 @@ def contents_of(source: Input, decoder: values.Decoder) -> Contents:
     with at_byte(at):
         head = blocks.head_of(source.read(at, min(blocks.HEAD_SIZE, source.size - at)))
         _, body = source.body(_block(at, head), 0)
-        header = blocks.take_value(body, decoder, at)
+        header = blocks.value_of(body, decoder)
         if head.type != blocks.HEADER or not isinstance(header, dict):
             raise BadFile("the header is not here")
-    begin, end = at + head.total, source.size - blocks.FOOTER_SIZE
-    index_at = blocks.index_at(source.read(end, blocks.FOOTER_SIZE)) if end >= begin else None
-    if index_at is None:
-        return Contents(header, head.crc, *_by_heads(source, begin, head.crc, "was not finished"))
-    try:
-        with at_byte(index_at):
-            return Contents(header, head.crc, _by_index(source, begin, index_at, head.crc, decoder), None)
-    except RecordingError:
-        return Contents(header, head.crc, *_by_heads(source, begin, head.crc, "has a damaged index"))
+    return Contents(header, head.crc, *_blocks_of(source, at + head.total, head.crc))
 
 
 def _check_magic(data: bytes) -> None:
@@ -149,41 +137,14 @@ def _block(at: int, head: blocks.Head) -> Block:
     return Block(at, head.type, head.total, head.first, head.turns, head.moves, head.events)
 
 
-# -- by the index -----------------------------------------------------------------------------------------------
-
-
-def _by_index(source: Input, begin: int, at: int, key: int, decoder: values.Decoder) -> list[Block]:
-    head = blocks.head_of(source.read(at, blocks.HEAD_SIZE))
-    if head.type != blocks.INDEX or at + head.total + blocks.FOOTER_SIZE != source.size:
-        raise BadFile("no index is here")
-    _, body = source.body(_block(at, head), key)
-    index = blocks.take_value(body, decoder, at)
-    columns = [index[name] for name in INDEX_COLUMNS]
-    if any(not isinstance(column, np.ndarray) or column.dtype != np.int64 or column.ndim != 1 for column in columns):
-        raise BadFile("the index is damaged")
-    rows = list(zip(*(column.tolist() for column in columns), strict=True))
-    if any(min(row) < 0 or row[1] < blocks.HEAD_SIZE for row in rows):
-        raise BadFile("the index has a number below what can be")
-    if any((row[0] == blocks.TURNS) != (row[2] > 0) for row in rows):
-        raise BadFile("the index has turns where there are none, or none where there must be some")
-    places = list(accumulate((row[1] for row in rows), initial=begin))
-    firsts = list(accumulate((row[2] for row in rows), initial=0))
-    if places.pop() != at or firsts.pop() != head.first:
-        raise BadFile("the index does not add up to the file")
-    return [
-        Block(place, type, size, first, turns, moves, events)
-        for place, first, (type, size, turns, moves, events) in zip(places, firsts, rows, strict=True)
-    ]
-
-
-# -- by the heads -----------------------------------------------------------------------------------------------
-
-
-def _by_heads(source: Input, begin: int, key: int, why: str) -> tuple[list[Block], str]:
+def _blocks_of(source: Input, begin: int, key: int) -> tuple[list[Block], str | None]:
+    """Return the blocks behind the header, and what is missing of an unfinished file."""
     found: list[Block] = []
     at = begin
     while (block := _block_at(source, at, key)) is not None and _joins(source, found, block, key):
         at += block.size
+        if block.type == blocks.END and at == source.size:
+            return found, None
     if found and not _is_sound(source, found[-1], key):
         at = found.pop().at
     turns = turns_of(found)
@@ -192,7 +153,7 @@ def _by_heads(source: Input, begin: int, key: int, why: str) -> tuple[list[Block
         _join(found, copy)
         at, turns = copy.at + copy.size, turns_of(found)
     rest = f" {source.size - at} bytes behind them are lost." if source.size > at else ""
-    return found, f"This recording {why}: its first {turns} turns, up to byte {at}, are there.{rest}"
+    return found, f"This recording was not finished: its first {turns} turns, up to byte {at}, are there.{rest}"
 
 
 def turns_of(found: list[Block]) -> int:
@@ -205,12 +166,13 @@ def _block_at(source: Input, at: int, key: int) -> Block | None:
         head = blocks.head_of(source.read(at, blocks.HEAD_SIZE))
     except BadFile:
         return None
-    is_ours = head.key == key and head.type != blocks.INDEX and at + head.total <= source.size
-    return _block(at, head) if is_ours else None
+    return _block(at, head) if head.key == key and at + head.total <= source.size else None
 
 
 def _joins(source: Input, found: list[Block], block: Block, key: int) -> bool:
     """Whether a block continues what was found; if so, it is added."""
+    if block.type == blocks.END:
+        return block.first == turns_of(found)
     if block.type not in (blocks.TURNS, blocks.KEYFRAME):
         return True  # of a later version
     if (block.type == blocks.TURNS) != (block.turns > 0):

@@ -10,12 +10,12 @@ import numpy as np
 
 from gamms.arguments import as_path
 from gamms.errors import BadFile, BadValue
+from gamms.ir.graph import IntArray
+from gamms.ir.packing import Decoder
 from gamms.limits import Allowance
 from gamms.recorder.formats import blocks, chunks
-from gamms.recorder.formats.columns import IntArray
 from gamms.recorder.formats.contents import Block, Contents, Input, at_byte, contents_of, turns_of
 from gamms.recorder.formats.tracks import Stretch, concatenated
-from gamms.recorder.formats.values import Decoder
 
 _KEPT = 4  # blocks of turns that are kept as arrays
 _TURNS_AT_ONCE = 256
@@ -59,6 +59,7 @@ class Reader:
         self._firsts = [block.first for block in self._chunks]
         self._keyframe_turns = [block.first for block in self._keyframes]
         self._kept: OrderedDict[int, chunks.Chunk] = OrderedDict()
+        self._charged: dict[tuple[int, int], bytearray] = {}  # place and CRC-32 of a block -> which of its values were
         for block in self._chunks:
             with at_byte(block.at):
                 self._decoder.allowance.charge(blocks.cost_of(block.turns, block.moves, block.events))
@@ -176,7 +177,9 @@ class Reader:
         block = self._keyframes[number]
         with at_byte(block.at):
             head, body = self._body(block)
-            state = blocks.take_value(body, self._decoder, (block.at, head.crc))
+            is_new = (block.at, head.crc) not in self._charged
+            state = blocks.value_of(body, self._decoder, is_new=is_new)
+            self._charged[block.at, head.crc] = bytearray()
             if not isinstance(state, dict):
                 raise BadFile("this is no keyframe")
         return block.first, state
@@ -225,7 +228,8 @@ class Reader:
 
     def _read(self, block: Block) -> chunks.Chunk:
         head, body = self._body(block)
-        return chunks.chunk_of(head, body, self._decoder, (block.at, head.crc))
+        charged = self._charged.setdefault((block.at, head.crc), bytearray(head.events))
+        return chunks.chunk_of(head, body, self._decoder, charged)
 
     def _body(self, block: Block) -> tuple[blocks.Head, bytes]:
         return self._input.body(block, self._key)

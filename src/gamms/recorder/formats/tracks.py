@@ -1,28 +1,24 @@
-"""What agents did, side by side for each of them: where one goes next resembles where it went before.
+"""What agents did, agent by agent: where one goes next resembles where it went before.
 
 A track is what the entries of one agent hold, in their order; tracks stand in the order of the agents' numbers. Of each
 track the first node stands apart, as the difference from that of the track before; the others are differences within
-it. Moves are such tracks, and so are events whose data are but numbers: an agent's number, perhaps a node, and floats.
+it. Moves are such tracks, and so are events whose data are only numbers: an agent's number, perhaps a node, and floats.
 """
 
 from array import array
 from collections.abc import Iterator
 from dataclasses import dataclass, field
+from functools import lru_cache
 from itertools import chain
 from typing import Any, NamedTuple
 
 import numpy as np
-import numpy.typing as npt
 
-from gamms.errors import BadFile, BadType, BadValue
+from gamms.errors import BadType, BadValue
 from gamms.ir import events as kinds
-from gamms.recorder.formats import columns
-from gamms.recorder.formats.columns import IntArray
+from gamms.ir.graph import FloatArray, IntArray
+from gamms.ir.packing import ByteReader, column, steps
 from gamms.text import reason, shown
-
-FloatArray = npt.NDArray[np.float64]
-
-_ORDERS = (1, 2)  # how often differences of floats are taken
 
 
 class Form(NamedTuple):
@@ -36,7 +32,7 @@ FORMS = {kinds.AERIAL_AGENT_FLIGHT: Form(1, 3), kinds.AERIAL_AGENT_TURN: Form(0,
 
 
 class Layout:
-    """Which entries are whose, worked out from the agent of each."""
+    """Which entries belong to which agent, worked out from the agent of each."""
 
     __slots__ = ("at", "is_first", "lengths", "order")
 
@@ -46,23 +42,42 @@ class Layout:
         self.is_first = np.ones(len(numbers), np.bool_)
         self.is_first[1:] = ordered[1:] != ordered[:-1]
         self.at = np.flatnonzero(self.is_first)  # (tracks,): where each begins
-        self.lengths = np.empty_like(self.at)
-        self.lengths[:-1] = self.at[1:] - self.at[:-1]
-        self.lengths[-1:] = len(numbers) - self.at[-1:]
+        self.lengths = np.diff(self.at, append=len(numbers))
 
-    def split(self, column: IntArray) -> tuple[IntArray, IntArray]:
-        """The first item of each track, and of all others how much they differ from the one before."""
-        ordered = column[self.order]
-        return ordered[self.is_first], steps(ordered)[~self.is_first]
+    def columns(self, values: IntArray) -> Iterator[bytes]:
+        """Yield two columns: the first value of each track; all others, as differences."""
+        ordered = values[self.order]
+        yield column(steps(ordered[self.is_first]))
+        yield column(steps(ordered)[~self.is_first])
 
-    def joined(self, firsts: IntArray, others: IntArray) -> IntArray:
-        """What `split` split."""
-        column = np.empty(len(self.order), np.int64)
-        column[self.order] = self.sums(firsts, others)
-        return column
+    def float_columns(self, values: IntArray) -> Iterator[bytes]:
+        """Yield two columns of the bits of floats: as `columns`, but differences of the differences of each track.
 
-    def sums(self, firsts: IntArray | int, others: IntArray) -> IntArray:
-        """The sums along each track, track by track."""
+        An agent that goes straight on makes steps that hardly differ.
+        """
+        ordered = values[self.order]
+        yield column(steps(ordered[self.is_first]))
+        others = steps(ordered)[~self.is_first]
+        is_second = self.is_first[:-1][~self.is_first[1:]]  # (others,)
+        yield column(np.where(is_second, others, steps(others)))
+
+    def take(self, reader: ByteReader) -> IntArray:
+        """Return the values whose `columns` come next, (entries,)."""
+        firsts, others = reader.sums(len(self.at)), reader.column(len(self.order) - len(self.at))
+        return self._values(firsts, others)
+
+    def take_floats(self, reader: ByteReader) -> FloatArray:
+        """Return the floats whose `float_columns` come next, (entries,)."""
+        firsts, others = reader.sums(len(self.at)), reader.column(len(self.order) - len(self.at))
+        return self._values(firsts, self._sums(0, others)[~self.is_first]).view(np.float64)
+
+    def _values(self, firsts: IntArray, others: IntArray) -> IntArray:
+        values = np.empty(len(self.order), np.int64)
+        values[self.order] = self._sums(firsts, others)
+        return values
+
+    def _sums(self, firsts: IntArray | int, others: IntArray) -> IntArray:
+        """Return the sums along each track, track by track."""
         parts = np.zeros(len(self.order), np.int64)
         parts[~self.is_first] = others
         sums = np.cumsum(parts)
@@ -70,84 +85,17 @@ class Layout:
         return sums
 
 
-class Sequence:
-    """Whose entries follow each other in a block, and what is worked out from that alone."""
-
-    __slots__ = ("_column", "_numbers", "layout")
-
-    def __init__(self, numbers: IntArray) -> None:
-        self._numbers, self.layout = numbers.copy(), Layout(numbers)
-        self._column: bytes | None = None
-
-    def of(self, numbers: IntArray) -> "Sequence":
-        """The one of these numbers: most blocks have the same as the one before."""
-        # NOTE: which spares a third of the time of a block with ten agents (benchmarks/README.md, w4).
-        return self if np.array_equal(numbers, self._numbers) else Sequence(numbers)
-
-    def column(self) -> bytes:
-        """The numbers, as differences from the one before."""
-        if self._column is None:
-            self._column = columns.put(steps(self._numbers))
-        return self._column
-
-
-def steps(numbers: IntArray) -> IntArray:
-    """Differences from the number before, which wrap around at 64 bits."""
-    differences = numbers.copy()
-    differences[1:] -= numbers[:-1]
-    return differences
+@lru_cache(maxsize=2)
+def layout_of(numbers: bytes) -> Layout:
+    """Return the layout of the bytes of some numbers: most blocks have the same as the one before."""
+    # NOTE: which spares a third of the time of a block with ten agents (benchmarks/README.md, w4).
+    return Layout(np.frombuffer(numbers, np.int64))
 
 
 def _by_number(numbers: IntArray) -> IntArray:
     if len(numbers) and int(numbers.min()) >= 0 and int(numbers.max()) < 1 << 16:
         return numbers.astype(np.uint16).argsort(kind="stable")  # NOTE: a radix sort, 5 times as fast on unordered rows
     return numbers.argsort(kind="stable")
-
-
-# -- nodes and floats -------------------------------------------------------------------------------------------
-
-
-def columns_of(layout: Layout, nodes: IntArray) -> tuple[IntArray, IntArray]:
-    """The columns that say where entries go: of each track the first node; all others."""
-    firsts, others = layout.split(nodes)
-    return steps(firsts), others
-
-
-def take_nodes(cursor: columns.Cursor, layout: Layout) -> IntArray:
-    """The nodes again, (entries,)."""
-    firsts = np.cumsum(columns.take(cursor, len(layout.at)), dtype=np.int64)
-    return layout.joined(firsts, columns.take(cursor, len(layout.order) - len(layout.at)))
-
-
-def put_floats(layout: Layout, floats: FloatArray) -> Iterator[bytes]:
-    """One byte, how often differences are taken of the others; and two columns, of the bits as integers.
-
-    Who goes straight on makes steps that hardly differ.
-    """
-    firsts, others = layout.split(floats.astype("<f8", copy=False).view(np.int64))
-    is_second = layout.is_first[:-1][~layout.is_first[1:]]  # of the others
-    again = np.where(is_second, others, steps(others))
-    order = 2 if _width(again) < _width(others) else 1
-    yield bytes([order])
-    yield columns.put(steps(firsts))
-    yield columns.put(again if order == 2 else others)
-
-
-def take_floats(cursor: columns.Cursor, layout: Layout) -> FloatArray:
-    """The floats again, to the last bit, (entries,)."""
-    (order,) = cursor.take(1)
-    if order not in _ORDERS:
-        raise BadFile(f"differences of floats cannot be taken {order} times")
-    firsts = np.cumsum(columns.take(cursor, len(layout.at)), dtype=np.int64)
-    others = columns.take(cursor, len(layout.order) - len(layout.at))
-    if order == 2:
-        others = layout.sums(0, others)[~layout.is_first]
-    return layout.joined(firsts, others).view(np.float64)
-
-
-def _width(numbers: IntArray) -> float:
-    """How many bits numbers have, about, all together."""
-    return float(np.log2(np.abs(numbers.astype(np.float64)) + 1.0).sum())
 
 
 # -- events -----------------------------------------------------------------------------------------------------
@@ -167,7 +115,7 @@ class Rows:
 
     @classmethod
     def of(cls, kind: int, events: list[Any]) -> "Rows":
-        """The data of some events.
+        """Return the data of some events.
 
         Raises:
             BadType, BadValue: some are none for their kind.
@@ -195,24 +143,24 @@ class Rows:
         self.floats.extend(other.floats)
 
     def since(self, ints: int, floats: int) -> "Rows":
-        """Those behind so many numbers."""
+        """Return those behind so many numbers."""
         return Rows(self.ints[ints:], self.floats[floats:])
 
     def until(self, ints: int, floats: int) -> "Rows":
-        """Those in front of so many numbers."""
+        """Return those in front of so many numbers."""
         return Rows(self.ints[:ints], self.floats[:floats])
 
-    def body(self, kind: int) -> Iterator[bytes]:
-        """What stands in the block."""
+    def columns(self, kind: int) -> Iterator[bytes]:
+        """Yield the columns that stand in the block: of floats, their bits as integers."""
         nodes, floats = FORMS[kind]
         ints = np.frombuffer(self.ints, np.int64).reshape(-1, 1 + nodes)
         layout = Layout(ints[:, 0])
-        yield columns.put(steps(ints[:, 0]))
+        yield column(steps(ints[:, 0]))
+        bits = np.frombuffer(self.floats, np.float64).astype("<f8", copy=False).view(np.int64).reshape(-1, floats)
         for part in ints.T[1:]:
-            for column in columns_of(layout, part):
-                yield columns.put(column)
-        for part in np.frombuffer(self.floats, np.float64).reshape(-1, floats).T:
-            yield from put_floats(layout, part)
+            yield from layout.columns(part)
+        for part in bits.T:
+            yield from layout.float_columns(part)
 
 
 @dataclass(frozen=True, slots=True)
@@ -224,29 +172,29 @@ class Tracks:
     floats: FloatArray  # (events, floats)
 
     def at(self, places: Any) -> "Tracks":
-        """Some of them."""
+        """Return some of them."""
         return Tracks(self.numbers[places], self.nodes[places], self.floats[places])
 
     def data(self) -> Iterator[tuple[Any, ...]]:
-        """The data of each event."""
+        """Yield the data of each event."""
         parts = (self.numbers, *self.nodes.T, *self.floats.T)
         return zip(*(part.tolist() for part in parts), strict=True)
 
 
-def take(cursor: columns.Cursor, kind: int, size: int) -> Tracks:
-    """The events of a kind in a block.
+def take(reader: ByteReader, kind: int, size: int) -> Tracks:
+    """Return the events of a kind in a block.
 
     Raises:
         BadFile: they are damaged.
     """
     form = FORMS[kind]
-    numbers = np.cumsum(columns.take(cursor, size), dtype=np.int64)
+    numbers = reader.sums(size)
     layout = Layout(numbers)
     nodes, floats = np.empty((size, form.nodes), np.int64), np.empty((size, form.floats))
     for i in range(form.nodes):
-        nodes[:, i] = take_nodes(cursor, layout)
+        nodes[:, i] = layout.take(reader)
     for i in range(form.floats):
-        floats[:, i] = take_floats(cursor, layout)
+        floats[:, i] = layout.take_floats(reader)
     return Tracks(numbers, nodes, floats)
 
 
@@ -261,7 +209,7 @@ class Stretch:
 
 
 def concatenated(kind: int, parts: list[Tracks]) -> Tracks:
-    """Tracks of several blocks as one."""
+    """Return tracks of several blocks as one."""
     if len(parts) == 1:
         return parts[0]
     form = FORMS[kind]

@@ -11,12 +11,12 @@ from array import array
 from collections.abc import Callable, Sequence
 from typing import Any, BinaryIO
 
-import numpy as np
-
 from gamms.errors import BadType, BadValue
-from gamms.recorder.formats import blocks, chunks, columns, tracks
-from gamms.recorder.formats.contents import INDEX_COLUMNS
+from gamms.recorder.formats import blocks, chunks
 from gamms.recorder.formats.output import Output
+
+_FEWEST_TURNS = 16
+_MOST_SIZES = 64
 
 
 class Writer:
@@ -45,7 +45,8 @@ class Writer:
             header: plain values and NumPy arrays, whatever describes the recording.
             turns: a block closes after so many turns, 1 to 65,536.
             seconds: how often open blocks are written too; None for never.
-            size: a block closes after so many bytes, counting 4 for each move.
+            size: a block of 16 turns or more closes after so many bytes, counting 4 for each move; one of fewer turns
+                after 64 times as many.
             clock: where the seconds come from.
 
         Raises:
@@ -56,19 +57,16 @@ class Writer:
             raise BadValue(
                 f"Blocks of {turns} turns or {size} bytes cannot be; at least 1 of both, at most 65,536 turns."
             )
-        body = blocks.put_value(_is_dict(header, "header"), "The header")
+        body = blocks.value_body(_is_dict(header, "header"), "The header")
         head = blocks.block(blocks.HEADER, body, 0, blocks.Counts())
         self._turns, self._seconds, self._size, self._clock = turns, seconds, size, clock
         self._key = blocks.head_of(head[: blocks.HEAD_SIZE]).crc
         self._file = stream if isinstance(stream, Output) else Output(stream)
-        self._index: list[tuple[int, ...]] = []
         self._values = 0  # before the open block
-        self._habit = columns.Habit()
-        self._open = chunks.Collected(0, tracks.Sequence(np.zeros(0, np.int64)))
+        self._open = chunks.Collected(0)
         self._file.append(blocks.MAGIC + head)
         self._saved_at = clock()
         self._saved = chunks.Mark()  # what there is of the open block in provisional blocks
-        self._provisional = self._open.sequence  # that of the last of these
 
     @property
     def turns(self) -> int:
@@ -89,7 +87,7 @@ class Writer:
         """
         self._file.check()
         turn = chunks.turn_of(log)
-        if not self._open.fits(turn):
+        if not self._open.fits(len(turn.moves) >> 1, len(turn.kinds)):
             self._close_block()
         self._open.add(turn)
         self._close_or_flush()
@@ -106,7 +104,8 @@ class Writer:
             moves.fromlist(log)
         counts = [len(log) >> 1 for log in logs]
         is_whole = 2 * sum(counts) == len(moves) and not self._file.is_closed
-        if is_whole and len(self._open) + len(logs) <= self._turns and self._open.add_moves(moves, counts, self._size):
+        if is_whole and self._open.fits(len(moves) >> 1) and not self._is_full_before(counts):
+            self._open.add_moves(moves, counts)
             self._close_or_flush()
             return
         for log in logs:
@@ -119,23 +118,30 @@ class Writer:
             self._open.mark(),
             self._saved,
             self._values,
-            self._habit.copy(),
-            len(self._index),
             self._file.end,
         )
 
     def back_to(self, mark: tuple[Any, ...]) -> None:
         """Forget what was added since, even if that was interrupted anywhere."""
-        self._open, collected, self._saved, self._values, self._habit, entries, end = mark
+        self._open, collected, self._saved, self._values, end = mark
         self._open.cut(collected)
-        del self._index[entries:]
         self._file.back_to(end)
 
     def _close_or_flush(self) -> None:
-        if len(self._open) >= self._turns or self._open.size >= self._size:
+        if self._is_full(len(self._open), self._open.size):
             self._close_block()
         elif self._seconds is not None and self._clock() - self._saved_at >= self._seconds:
             self.flush()
+
+    def _is_full_before(self, counts: list[int]) -> bool:
+        """Return whether turns of so many moves each would close the block before the last of them."""
+        turns, size = len(self._open) + len(counts) - 1, self._open.size + chunks.BYTES_PER_MOVE * sum(counts[:-1])
+        return len(counts) > 1 and self._is_full(turns, size)
+
+    def _is_full(self, turns: int, size: int) -> bool:
+        """Return whether a block closes: not before some turns, so that a block of many agents has several, too."""
+        is_large = size >= self._size and (turns >= _FEWEST_TURNS or size >= _MOST_SIZES * self._size)
+        return turns >= self._turns or is_large
 
     def keyframe(self, state: dict[str, Any]) -> None:
         """Write down the whole state after the turns that were added so far.
@@ -145,7 +151,7 @@ class Writer:
             RecordingError: see `add_turn`.
         """
         self._file.check()
-        body = blocks.put_value(_is_dict(state, "keyframe"), "A keyframe")
+        body = blocks.value_body(_is_dict(state, "keyframe"), "A keyframe")
         if len(self._open):
             self._close_block()
         self._put(blocks.KEYFRAME, body, blocks.Counts(self.turns))
@@ -158,13 +164,13 @@ class Writer:
         """
         self._file.check()
         if self._file.can_overwrite and len(self._open) > self._saved.turns:
-            part = self._open.since(self._saved, self._provisional)
-            self._file.extend(self._block(blocks.TURNS, part.body(columns.Habit()), part.counts))
-            self._saved, self._provisional = self._open.mark(), part.sequence
+            part = self._open.since(self._saved)
+            self._file.extend(self._block(blocks.TURNS, part.body(), part.counts))
+            self._saved = self._open.mark()
         self._saved_at = self._clock()
 
     def close(self) -> None:
-        """Write all turns, the index and the footer; calls after the first do nothing, nor do those after an error.
+        """Write all turns and the end; calls after the first do nothing, nor do those after an error.
 
         Raises:
             RecordingError: see `add_turn`.
@@ -173,23 +179,17 @@ class Writer:
             return
         if len(self._open):
             self._close_block()
-        begin = self._file.end
-        parts = np.array(self._index, np.int64).reshape(-1, len(INDEX_COLUMNS)).T
-        body = blocks.put_value(dict(zip(INDEX_COLUMNS, parts, strict=True)), "The index")
-        index = self._block(blocks.INDEX, body, blocks.Counts(self.turns))
-        self._file.append(index + blocks.footer(begin))
+        self._put(blocks.END, b"", blocks.Counts(self.turns))
         self._file.close()
 
     def _close_block(self) -> None:
-        self._put(blocks.TURNS, self._open.body(self._habit), self._open.counts)
+        self._put(blocks.TURNS, self._open.body(), self._open.counts)
         self._values += self._open.values
-        self._open = chunks.Collected(self.turns, self._open.sequence)
+        self._open = chunks.Collected(self.turns)
         self._saved, self._saved_at = chunks.Mark(), self._clock()
 
     def _put(self, type: int, body: bytes, counts: blocks.Counts) -> None:
-        data = self._block(type, body, counts)
-        self._file.append(data)
-        self._index.append((type, len(data), *counts[1:]))
+        self._file.append(self._block(type, body, counts))
 
     def _block(self, type: int, body: bytes, counts: blocks.Counts) -> bytes:
         return blocks.block(type, body, self._key, counts)
