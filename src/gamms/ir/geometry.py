@@ -73,6 +73,17 @@ def points_of_many(shapes: Sequence[Any]) -> tuple[FloatArray, "np.ndarray[Any, 
     return points, offsets
 
 
+def distances_to_lines(points: FloatArray, starts: FloatArray, ends: FloatArray) -> FloatArray:
+    """Return the distance of each of `points` (points, 2) to the nearest of some straight lines (lines, 2)."""
+    import shapely
+
+    tree = shapely.STRtree(shapely.linestrings(np.stack((starts, ends), axis=1)))
+    (rows, _), near = tree.query_nearest(shapely.points(points), return_distance=True, all_matches=False)
+    distances = np.empty(len(points))
+    distances[rows] = near
+    return distances
+
+
 def line_string_class() -> "type[LineString]":
     """Shapely's LineString itself, which 1.0.0 could be asked for."""
     import shapely

@@ -1,15 +1,15 @@
 """The fidelity report: how far a graph is from the map that it was made of, and whether it keeps its promises."""
 
 import os
-from itertools import pairwise, product
+from itertools import pairwise
 from pathlib import Path
 from typing import Any, NamedTuple
 
 import numpy as np
 
-from gamms import kernels
 from gamms.arguments import as_float
 from gamms.errors import BadType, BadValue
+from gamms.ir.geometry import distances_to_lines
 from gamms.ir.graph import FloatArray, GraphColumns, IntArray
 from gamms.osm.files import as_file
 from gamms.osm.load import network_in_metres, read_any_network
@@ -25,9 +25,6 @@ _SLACK = 1e-9
 _SHARES = (0.25, 0.5, 0.75, 1.0, 1.25, 1.5)
 _Places = np.ndarray[Any, np.dtype[np.complex128]]
 _EXACT = 1e-6  # metres, and relative: what rounding may change
-_STEP = 20.0  # metres
-_MOST_STEPS = 2_000_000
-_REACH = 1.5  # steps: a nearer one cannot be beaten by one whose middle is more than two steps away
 LEAST_PIECE, MOST_PIECE, MOST_UNCUT = 0.75, 1.25, 1.5  # of the resolution
 
 
@@ -245,15 +242,6 @@ def _verdict(kept: bool, why: str) -> str:
     return f"{'yes' if kept else 'NO'}: {why}"
 
 
-class _Steps(NamedTuple):
-    """Straight steps of at most `length` metres."""
-
-    begin: FloatArray  # (steps, 2)
-    run: FloatArray  # (steps, 2)
-    middle: FloatArray  # (steps, 2)
-    length: float
-
-
 class Pieces(NamedTuple):
     """How the roads of a graph were cut."""
 
@@ -302,13 +290,9 @@ def deviations(source: RoadNetwork, roads: RoadNetwork) -> FloatArray:
     if not len(away) or not len(roads.points):
         result[away] = np.inf
         return result
-    steps = _steps(roads)
+    starts, ends = _segment_rows(roads)
     places = np.column_stack((vertices[away].real, vertices[away].imag))
-    near = _near_distances(places, steps)
-    far = np.flatnonzero(near > _REACH * steps.length)
-    cells = kernels.build_cells(steps.middle)
-    near[far] = [_nearest(place, steps, cells) for place in places[far].tolist()]
-    result[away] = near
+    result[away] = distances_to_lines(places, roads.points[starts], roads.points[ends])
     return result
 
 
@@ -334,71 +318,23 @@ def untrue_lengths(roads: RoadNetwork, rows: IntArray, source: RoadNetwork) -> i
     return int((judged & wrong).sum())
 
 
-def _steps(roads: RoadNetwork) -> _Steps:
-    """The roads as short straight steps: then the nearest one has its middle nearby."""
-    inner = np.ones(len(roads.points), np.bool_)
-    inner[roads.offsets[1:] - 1] = False
+def _segment_rows(network: RoadNetwork) -> tuple[IntArray, IntArray]:
+    """Return the rows of both ends of every straight piece of the polylines."""
+    inner = np.ones(len(network.points), np.bool_)
+    inner[network.offsets[1:] - 1] = False
     start = np.flatnonzero(inner)
-    a, run = roads.points[start], roads.points[start + 1] - roads.points[start]
-    length = np.hypot(*run.T)
-    longest = max(_STEP, float(length.sum()) / _MOST_STEPS)
-    counts = np.maximum(np.ceil(length / longest), 1).astype(np.int64)
-    line = np.repeat(np.arange(len(start)), counts)
-    rank = np.arange(len(line)) - np.repeat(np.cumsum(counts) - counts, counts)
-    step = run[line] / counts[line, None]
-    begin = a[line] + step * rank[:, None]
-    return _Steps(begin, step, begin + step / 2.0, longest)
-
-
-def _near_distances(places: FloatArray, steps: _Steps) -> FloatArray:
-    """The distance from each place to the nearest step, exact up to one and a half steps; more where it is more.
-
-    Each place looks at the steps whose middle is in its cell of a grid or in one of the eight around it.
-    """
-    low, side = np.minimum(places.min(axis=0), steps.middle.min(axis=0)), 2.0 * steps.length
-    of_step, of_place = (((xy - low) // side).astype(np.int64) + 1 for xy in (steps.middle, places))
-    cells, group = np.unique((of_step[:, 0] << 32) | of_step[:, 1], return_inverse=True)
-    offsets, rows = kernels.group_rows(group, len(cells))
-    best = np.full(len(places), np.inf)
-    for dx, dy in product((-1, 0, 1), repeat=2):
-        wanted = ((of_place[:, 0] + dx) << 32) | (of_place[:, 1] + dy)
-        at = np.minimum(np.searchsorted(cells, wanted), len(cells) - 1)
-        asking = np.flatnonzero(cells[at] == wanted)
-        asker = np.repeat(asking, np.diff(offsets)[at[asking]])
-        found = kernels.ragged_rows(offsets, rows, at[asking])
-        np.minimum.at(best, asker, _distances(places[asker], steps.begin[found], steps.run[found]))
-    return best
-
-
-def _nearest(place: list[float], steps: _Steps, cells: kernels.CellIndex) -> float:
-    reach = 4.0 * steps.length
-    while True:
-        rows = kernels.candidate_rows(cells, place[0], place[1], reach)
-        begin, run = (column if rows is None else column[rows] for column in (steps.begin, steps.run))
-        best = float(_distances(np.array([place]), begin, run).min(initial=np.inf))
-        if rows is None or best <= reach - steps.length:  # a step whose middle is farther cannot be nearer
-            return best
-        reach *= 4.0
-
-
-def _distances(place: FloatArray, begin: FloatArray, run: FloatArray) -> FloatArray:
-    """From places to straight steps, one each."""
-    squared = (run * run).sum(axis=1)
-    part = ((place - begin) * run).sum(axis=1) / np.where(squared > 0.0, squared, 1.0)
-    return np.asarray(np.hypot(*(begin + np.clip(part, 0.0, 1.0)[:, None] * run - place).T))
+    return start, start + 1
 
 
 def _segments(network: RoadNetwork) -> tuple[_Places, _Places, FloatArray, IntArray]:
     """Both ends of every straight piece of the polylines, its share of its road, and the road."""
-    inner = np.ones(len(network.points), np.bool_)
-    inner[network.offsets[1:] - 1] = False
-    start = np.flatnonzero(inner)
+    start, end = _segment_rows(network)
     line = np.repeat(np.arange(len(network.sources)), np.diff(network.offsets) - 1)
     position = along(network.offsets, network.points)
     total = position[network.offsets[1:] - 1][line]
-    share = (position[start + 1] - position[start]) / np.where(total > 0.0, total, 1.0)
+    share = (position[end] - position[start]) / np.where(total > 0.0, total, 1.0)
     places = _complex(network.points)
-    return places[start], places[start + 1], share, line
+    return places[start], places[end], share, line
 
 
 def _pair_keys(numbers: IntArray, ours: int, places: int) -> tuple[IntArray, IntArray]:
