@@ -142,7 +142,9 @@ class _Import:
         xy = np.column_stack([self._axis(axis) for axis in ("x", "y")])
         row_of = dict(zip(self.id_of, range(len(node_ids)), strict=True))
         ends = np.array([[row_of[u] for u, _, _ in self.edges], [row_of[v] for _, v, _ in self.edges]], np.int64)
-        bends = _bends(_polylines(self.edge_data), xy[ends.T])
+        shapes = ((data.get("linestring"), data.get("geometry")) for data in self.edge_data)
+        given = {i: b if a is None else a for i, (a, b) in enumerate(shapes) if a is not None or b is not None}
+        bends = _bends(geometry.polylines_of(given, lambda i: f"The linestring of edge {self.edge_ids[i]}"), xy[ends.T])
         node_attributes = _by_name(self.node_data, _NODE_COLUMNS)
         others = {row: label for row, label in enumerate(self.id_of) if _as_label_id(label) is None}
         if others:
@@ -235,24 +237,6 @@ def _edge_ids(store: GraphStore, given: list[Any]) -> IntArray:
         return np.array(ids, np.int64)
     free = count(max([-1, *(id for id in ids if id is not None), *store.edges.iter_ids()]) + 1)
     return np.array([next(free) if id is None else id for id in ids], np.int64)
-
-
-def _polylines(edges: list[dict[str, Any]]) -> dict[int, FloatArray]:
-    """`linestring`, else `geometry`, as points (points, 2) by edge, for the edges that have one."""
-    given = ((data.get("linestring"), data.get("geometry")) for data in edges)
-    shapes = {i: b if a is None else a for i, (a, b) in enumerate(given) if a is not None or b is not None}
-    if not shapes:
-        return {}
-    lines = {i: shape for i, shape in shapes.items() if hasattr(type(shape), "coords")}
-    points, offsets = geometry.points_of_many(list(lines.values()))
-    bounds = offsets.tolist()
-    found = {i: points[a:b] for i, a, b in zip(lines, bounds[:-1], bounds[1:], strict=True)}
-    for i, shape in shapes.items():
-        if i not in lines:
-            found[i] = geometry.points_of(shape, "A linestring")
-    if not np.isfinite(points).all():
-        raise BadValue("a linestring has a coordinate that is not finite")
-    return found
 
 
 def _by_name(rows: list[dict[Any, Any]], ours: frozenset[str]) -> dict[str, dict[int, Any]]:

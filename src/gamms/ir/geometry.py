@@ -1,6 +1,6 @@
 """The one door to shapely: polylines in and out of its LineString."""
 
-from collections.abc import Sequence
+from collections.abc import Callable, Mapping, Sequence
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
@@ -56,21 +56,19 @@ def points_of(shape: Any, name: str) -> FloatArray:
     return points
 
 
-def points_of_many(shapes: Sequence[Any]) -> tuple[FloatArray, "np.ndarray[Any, np.dtype[np.int64]]"]:
-    """The points of many LineStrings at once: `points` (points, 2) and `offsets` (shapes + 1,) into them.
+def polylines_of(shapes: Mapping[int, object], name_of: Callable[[int], str]) -> dict[int, FloatArray]:
+    """Return the points (points, 2) of many LineStrings or sequences of coordinates, by row; see `points_of`."""
+    found: dict[int, FloatArray] = {}
+    if any(hasattr(type(shape), "coords") for shape in shapes.values()):  # else shapely need not be loaded
+        import shapely
 
-    Raises:
-        BadValue: one of them is no LineString.
-    """
-    import shapely
-
-    for shape in shapes:
-        if not isinstance(shape, shapely.LineString) or shape.is_empty:
-            raise BadValue(f"A linestring or geometry must be a LineString with points, not {shown(shape)}.")
-    points, lines = shapely.get_coordinates(shapes, return_index=True)
-    points.setflags(write=False)
-    offsets = np.searchsorted(lines, np.arange(len(shapes) + 1))
-    return points, offsets
+        lines = {row: shape for row, shape in shapes.items() if isinstance(shape, shapely.LineString)}
+        points, owners = shapely.get_coordinates(list(lines.values()), return_index=True)
+        points.setflags(write=False)
+        bounds = np.searchsorted(owners, np.arange(len(lines) + 1)).tolist()
+        if np.isfinite(points).all() and min(np.diff(bounds), default=2) > 1:  # else `points_of` says which is wrong
+            found = {row: points[a:b] for row, a, b in zip(lines, bounds[:-1], bounds[1:], strict=True)}
+    return {row: found[row] if row in found else points_of(shape, name_of(row)) for row, shape in shapes.items()}
 
 
 def distances_to_lines(points: FloatArray, starts: FloatArray, ends: FloatArray) -> FloatArray:

@@ -1,6 +1,7 @@
 """The fidelity report: how far a graph is from the map that it was made of, and whether it keeps its promises."""
 
 import os
+from dataclasses import replace
 from itertools import pairwise
 from pathlib import Path
 from typing import Any, NamedTuple
@@ -14,7 +15,7 @@ from gamms.ir.graph import FloatArray, GraphColumns, IntArray
 from gamms.osm.files import as_file
 from gamms.osm.load import network_in_metres, read_any_network
 from gamms.osm.network import BoolArray, RoadNetwork, along, chosen_roads, network_of_columns
-from gamms.osm.networkx_bridge import network_of_edges
+from gamms.osm.networkx_bridge import network_of_graph
 from gamms.osm.topology import chains_of, degrees
 from gamms.osm.ways import OSMType, components
 from gamms.progress import progress
@@ -168,7 +169,9 @@ def _edges_of(graph: Any) -> tuple[RoadNetwork, dict[str, Any]]:
     if not hasattr(graph, "is_directed"):
         raise BadType(f"graph must be a networkx graph, ctx.graph or its columns, not {shown(graph)}.")
     drawn = all("linestring" in data and "length" in data for _, _, data in graph.edges(data=True))
-    return (network_of_edges(graph) if drawn else network_in_metres(graph)), dict(graph.graph)
+    if not drawn:
+        return network_in_metres(graph), dict(graph.graph)
+    return replace(network_of_graph(graph), crs=graph.graph.get("crs")), dict(graph.graph)
 
 
 def _source_network(source: Any, retain_all: bool, osm_type: OSMType | None) -> RoadNetwork:

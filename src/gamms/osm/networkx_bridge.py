@@ -7,7 +7,7 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 from gamms.errors import BadType, BadValue
-from gamms.ir.geometry import line_strings, points_of, points_of_many
+from gamms.ir.geometry import line_strings, polylines_of
 from gamms.ir.graph import FloatArray, IntArray
 from gamms.osm.network import RoadNetwork, network_of_lines, reversed_points
 from gamms.osm.speeds import speed_kph, travel_times
@@ -83,29 +83,10 @@ def to_road_graph(network: RoadNetwork) -> "nx.MultiDiGraph[int]":
     return graph
 
 
-def network_of_edges(graph: Any) -> RoadNetwork:
-    """The edges of a graph that `to_digraph` made, each as a one-way road with the data of its edge as tags."""
-    rows = {node: row for row, node in enumerate(graph)}
-    edges = list(graph.edges(data=True))
-    points, offsets = points_of_many([data["linestring"] for _, _, data in edges])
-    return RoadNetwork(
-        xy=np.array([(data["x"], data["y"]) for _, data in graph.nodes(data=True)], np.float64).reshape(-1, 2),
-        sources=np.array([rows[u] for u, _, _ in edges], np.int64),
-        targets=np.array([rows[v] for _, v, _ in edges], np.int64),
-        offsets=offsets,
-        points=points,
-        lengths=np.array([data["length"] for _, _, data in edges], np.float64),
-        two_way=np.zeros(len(edges), np.bool_),
-        ways=np.arange(len(edges)),
-        tags=[data for _, _, data in edges],
-        crs=graph.graph.get("crs"),
-    )
-
-
 def network_of_graph(graph: Any) -> RoadNetwork:
     """The nodes and edges of a networkx graph in its own coordinates; every edge is a one-way road.
 
-    `crs` stays open; an edge without a length has NaN.
+    `crs` stays None; an edge without a length has NaN.
 
     Raises:
         BadType: it is no networkx graph.
@@ -122,12 +103,10 @@ def network_of_graph(graph: Any) -> RoadNetwork:
     targets = np.array([rows[v] for _, v, _ in edges], np.int64)
     lengths = np.array([_length(u, v, data) for u, v, data in edges], np.float64)
     tags = [{name: value for name, value in data.items() if name not in _OWN} for _, _, data in edges]
-    bends = {
-        road: _oriented(points_of(shape, f"The geometry of edge ({u!r}, {v!r})"), xy[rows[u]], xy[rows[v]])
-        for road, (u, v, data) in enumerate(edges)
-        if (shape := data.get("geometry", data.get("linestring"))) is not None
-    }
-    return network_of_lines(xy, (sources, targets), bends, lengths, tags, None)
+    shapes = {road: data.get("geometry", data.get("linestring")) for road, (_, _, data) in enumerate(edges)}
+    given = {road: shape for road, shape in shapes.items() if shape is not None}
+    bends = polylines_of(given, lambda road: f"The geometry of edge ({edges[road][0]!r}, {edges[road][1]!r})")
+    return network_of_lines(xy, (sources, targets), _oriented(bends, xy, sources, targets), lengths, tags, None)
 
 
 def _numbers(network: RoadNetwork) -> tuple[IntArray, IntArray]:
@@ -177,8 +156,15 @@ def _length(u: object, v: object, data: Mapping[str, Any]) -> float:
     return length
 
 
-def _oriented(points: FloatArray, start: FloatArray, end: FloatArray) -> FloatArray:
-    """An undirected graph may store the geometry of (u, v) from v to u."""
-    along = np.hypot(*(points[0] - start)) + np.hypot(*(points[-1] - end))
-    against = np.hypot(*(points[0] - end)) + np.hypot(*(points[-1] - start))
-    return points[::-1] if against < along else points
+def _oriented(
+    bends: dict[int, FloatArray], xy: FloatArray, sources: IntArray, targets: IntArray
+) -> dict[int, FloatArray]:
+    """Let every polyline begin at its source: an undirected graph may store the geometry of (u, v) from v to u."""
+    if not bends:
+        return bends
+    roads = np.fromiter(bends, np.int64, len(bends))
+    first, last = (np.array([bend[end] for bend in bends.values()]) for end in (0, -1))
+    start, end = xy[sources[roads]], xy[targets[roads]]
+    along = np.hypot(*(first - start).T) + np.hypot(*(last - end).T)
+    against = np.hypot(*(first - end).T) + np.hypot(*(last - start).T)
+    return {**bends, **{road: bends[road][::-1] for road in roads[against < along].tolist()}}
