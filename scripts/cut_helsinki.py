@@ -14,15 +14,16 @@ from dataclasses import replace
 from importlib.util import find_spec
 from pathlib import Path
 
+import networkx as nx
 import numpy as np
 import shapely
 
 import gamms
+from gamms.ir.geometry import line_strings
 from gamms.ir.projection import WGS84, project
 from gamms.osm.constants import wall_estimates
 from gamms.osm.heights import WallRules
 from gamms.osm.network import RoadNetwork, network_of_segments
-from gamms.osm.networkx_bridge import to_road_graph
 from gamms.osm.osmium_reader import read_footprints, read_ways
 from gamms.osm.polygons import Faces, faces_of, footprints_of
 from gamms.osm.topology import simplify
@@ -102,6 +103,18 @@ def rounded(network: RoadNetwork) -> RoadNetwork:
     """Places and lengths on a binary grid, which compresses well; nothing moves by more than 6 mm."""
     xy, points, lengths = (np.round(values * GRID) / GRID for values in (network.xy, network.points, network.lengths))
     return replace(network, xy=xy, points=points, lengths=lengths)
+
+
+def to_road_graph(network: RoadNetwork) -> "nx.MultiDiGraph[int]":
+    """One edge per road, with its tags and `oneway`; for saving a map that is to be cut later."""
+    graph: nx.MultiDiGraph[int] = nx.MultiDiGraph(attribution=network.attribution, crs=network.crs)
+    graph.add_nodes_from((node, {"x": x, "y": y}) for node, (x, y) in enumerate(network.xy.tolist()))
+    lines = line_strings(network.points, np.repeat(np.arange(len(network.sources)), np.diff(network.offsets)))
+    ends = zip(network.sources.tolist(), network.targets.tolist(), strict=True)
+    for road, (u, v) in enumerate(ends):
+        tags = {**network.tags[network.ways[road]], "oneway": not network.two_way[road]}
+        graph.add_edge(u, v, id=road, linestring=lines[road], length=float(network.lengths[road]), **tags)
+    return graph
 
 
 def save(network: RoadNetwork, faces: Faces, out: Path) -> None:

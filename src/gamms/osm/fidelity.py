@@ -183,7 +183,7 @@ def _source_network(source: Any, retain_all: bool, osm_type: OSMType | None) -> 
         return network_in_metres(source)
     file = as_file(source)
     with progress() as show:
-        return read_any_network(file, retain_all=retain_all, show=show, osm_type=osm_type)
+        return read_any_network(file, show, osm_type, retain_all=retain_all)
 
 
 def _parallel_roads(roads: RoadNetwork) -> int:

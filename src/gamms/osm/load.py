@@ -37,7 +37,8 @@ if TYPE_CHECKING:
     import networkx as nx
 
 FilePath = str | os.PathLike[str]
-_Reader = Callable[[Callable[[str], None]], RoadNetwork]
+Show = Callable[[str], None]
+_Reader = Callable[..., RoadNetwork]  # `read_network` or `read_line_network`
 _WIDEST_JUNCTION_M = 1000.0
 _SLOW_BYTES = 32 << 20
 _FILE = Path(__file__).parent.parent / "data" / "helsinki.gamms"
@@ -84,9 +85,8 @@ def graph_from_xml(
         BadValue, BadType: an argument is impossible.
         MissingExtra: osmium or pyproj is not installed.
     """
-    recipe = recipe_of(resolution, tolerance, bidirectional=bidirectional, retain_all=retain_all, simplify=False)
-    file = as_file(filepath)
-    return _graph(filepath, recipe, lambda show: read_network(file, retain_all=retain_all, show=show))
+    recipe = recipe_of(resolution, tolerance, bidirectional=bidirectional, retain_all=retain_all)
+    return _graph(filepath, recipe, read_network)
 
 
 def graph_from_file(
@@ -117,14 +117,15 @@ def graph_from_file(
         raise BadType(
             f"osm_type must be an OSMType such as OSMType.DRIVE, or None for all roads, not {shown(osm_type)}."
         )
-    both = osm_type in (None, OSMType.WALK) if bidirectional is None else bidirectional
     recipe = recipe_of(
-        resolution, tolerance, bidirectional=both, retain_all=retain_all, simplify=simplify, osm_type=osm_type
+        resolution,
+        tolerance,
+        bidirectional=bidirectional,
+        retain_all=retain_all,
+        simplify=simplify,
+        osm_type=osm_type,
     )
-    file = as_file(filepath)
-    return _graph(
-        filepath, recipe, lambda show: read_network(file, retain_all=retain_all, show=show, osm_type=osm_type)
-    )
+    return _graph(filepath, recipe, read_network)
 
 
 def graph_from_geojson(
@@ -150,8 +151,7 @@ def graph_from_geojson(
         MissingExtra: pyproj is not installed.
     """
     recipe = recipe_of(resolution, tolerance, bidirectional=bidirectional, retain_all=retain_all, simplify=simplify)
-    file = as_file(filepath)
-    return _graph(filepath, recipe, lambda show: read_line_network(file, retain_all=retain_all, show=show))
+    return _graph(filepath, recipe, read_line_network)
 
 
 def process_osm_graph(
@@ -170,7 +170,7 @@ def process_osm_graph(
         BadValue: a node lacks a position, or the CRS, a length or the resolution is impossible.
         MissingExtra: the graph has a CRS and pyproj is not installed.
     """
-    recipe = recipe_of(resolution, 0.0, bidirectional=bidirectional, retain_all=True, simplify=False)
+    recipe = recipe_of(resolution, 0.0, bidirectional=bidirectional)
     with progress() as show:
         show("Reading the graph")
         return cut(network_in_metres(osmg), recipe, show)
@@ -207,22 +207,23 @@ def resample_columns(
     Raises:
         BadType, BadValue: the resolution is impossible.
     """
-    recipe = recipe_of(resolution, 0.0, bidirectional=bidirectional, retain_all=True, simplify=False)
+    recipe = recipe_of(resolution, 0.0, bidirectional=bidirectional)
     with progress() as show:
         return cut(network_of_columns(columns), recipe, show)
 
 
 def _graph(filepath: FilePath, recipe: Recipe, read: _Reader) -> "nx.DiGraph[int]":
+    file = as_file(filepath)
     # Nothing can be shown while osmium reads its first nodes: say so before, where that takes a second.
-    with progress(0.0 if as_file(filepath).stat().st_size > _SLOW_BYTES else 1.0) as show:
-        network = read(show)
+    with progress(0.0 if file.stat().st_size > _SLOW_BYTES else 1.0) as show:
+        network = read(file, show, recipe.osm_type, retain_all=recipe.retain_all)
         show(f"Joining {len(network.sources)} roads")
         if recipe.simplify:
             network = simplified(network)
         return cut(consolidate(network, recipe.tolerance), recipe, show)
 
 
-def cut(network: RoadNetwork, recipe: Recipe, show: Callable[[str], None]) -> "nx.DiGraph[int]":
+def cut(network: RoadNetwork, recipe: Recipe, show: Show) -> "nx.DiGraph[int]":
     """Cut joined roads as the recipe says, and make the graph."""
     show(f"Cutting {len(network.sources)} roads")
     pieces = resample(both_ways(network) if recipe.bidirectional else network, recipe.resolution)
@@ -252,20 +253,26 @@ def _in_metres(network: RoadNetwork, crs: Any) -> RoadNetwork:
     return projected(network, name)
 
 
-def recipe_of(resolution: float, tolerance: float, **wishes: Any) -> Recipe:
-    """What a caller asked for, checked.
+def recipe_of(
+    resolution: float,
+    tolerance: float,
+    *,
+    bidirectional: bool | None,
+    retain_all: bool = True,
+    simplify: bool = False,
+    osm_type: OSMType | None = None,
+) -> Recipe:
+    """Check how a graph is to be made; agents who ride or drive honour one-way streets unless told otherwise.
 
     Raises:
         BadType, BadValue: a resolution or tolerance is impossible.
     """
-    number = as_float(resolution, "resolution")
-    if number <= 0.0:
-        raise BadValue(f"resolution must be more than 0 metres, not {number}. The default is 10.")
-    return Recipe(number, _tolerance(tolerance), **{name: _plain(value, name) for name, value in wishes.items()})
-
-
-def _plain(wish: Any, name: str) -> Any:
-    return wish if isinstance(wish, OSMType) or wish is None else as_bool(wish, name)
+    metres = as_float(resolution, "resolution")
+    if metres <= 0.0:
+        raise BadValue(f"resolution must be more than 0 metres, not {metres}. The default is 10.")
+    both = osm_type in (None, OSMType.WALK) if bidirectional is None else as_bool(bidirectional, "bidirectional")
+    retain_all, simplify = as_bool(retain_all, "retain_all"), as_bool(simplify, "simplify")
+    return Recipe(metres, _tolerance(tolerance), both, retain_all, simplify, osm_type)
 
 
 def _tolerance(tolerance: float) -> float:
@@ -278,29 +285,23 @@ def _tolerance(tolerance: float) -> float:
     return number
 
 
-def read_network(
-    file: Path, *, retain_all: bool, show: Callable[[str], None], osm_type: OSMType | None = None
-) -> RoadNetwork:
-    """The roads of an OpenStreetMap file, one per pair of consecutive vertices, in UTM metres."""
-    return _network(file, read_ways(file, show, osm_type), retain_all=retain_all, show=show)
+def read_network(file: Path, show: Show, osm_type: OSMType | None, *, retain_all: bool) -> RoadNetwork:
+    """Read the roads of an OpenStreetMap file, one per pair of consecutive vertices, in UTM metres."""
+    return _network(file, read_ways(file, show, osm_type), show, retain_all=retain_all)
 
 
-def read_line_network(file: Path, *, retain_all: bool, show: Callable[[str], None]) -> RoadNetwork:
-    """The lines of a GeoJSON file, one road per pair of consecutive vertices, in UTM metres."""
+def read_line_network(file: Path, show: Show, _osm_type: OSMType | None, *, retain_all: bool) -> RoadNetwork:
+    """Read the lines of a GeoJSON file, one per pair of consecutive vertices, in UTM metres."""
     show(f"Reading {file.name}")
-    return _network(file, read_lines(file), retain_all=retain_all, show=show)
+    return _network(file, read_lines(file), show, retain_all=retain_all)
 
 
-def read_any_network(
-    file: Path, *, retain_all: bool, show: Callable[[str], None], osm_type: OSMType | None = None
-) -> RoadNetwork:
-    """The roads of a file of either kind: the first byte tells which."""
-    if is_geojson(file):
-        return read_line_network(file, retain_all=retain_all, show=show)
-    return read_network(file, retain_all=retain_all, show=show, osm_type=osm_type)
+def read_any_network(file: Path, show: Show, osm_type: OSMType | None, *, retain_all: bool) -> RoadNetwork:
+    """Read the roads of a file of either kind: the first byte tells which."""
+    return (read_line_network if is_geojson(file) else read_network)(file, show, osm_type, retain_all=retain_all)
 
 
-def _network(file: Path, ways: Ways, *, retain_all: bool, show: Callable[[str], None]) -> RoadNetwork:
+def _network(file: Path, ways: Ways, show: Show, *, retain_all: bool) -> RoadNetwork:
     segments = segments_of(ways)
     if not len(segments.sources):
         raise BadFile(

@@ -69,20 +69,6 @@ def _edges(network: RoadNetwork, numbers: IntArray) -> Iterator[tuple[int, int, 
             yield v, u, {"id": id + 1, **own, **of_way, "travel_time": time}
 
 
-def to_road_graph(network: RoadNetwork) -> "nx.MultiDiGraph[int]":
-    """One edge per road, with its tags and `oneway`; for saving a map that is to be cut later."""
-    import networkx as nx
-
-    graph: nx.MultiDiGraph[int] = nx.MultiDiGraph(attribution=network.attribution, crs=network.crs)
-    graph.add_nodes_from((node, {"x": x, "y": y}) for node, (x, y) in enumerate(network.xy.tolist()))
-    lines = line_strings(network.points, _lines(network.offsets))
-    ends = zip(network.sources.tolist(), network.targets.tolist(), strict=True)
-    for road, (u, v) in enumerate(ends):
-        tags = {**network.tags[network.ways[road]], "oneway": not network.two_way[road]}
-        graph.add_edge(u, v, id=road, linestring=lines[road], length=float(network.lengths[road]), **tags)
-    return graph
-
-
 def network_of_graph(graph: Any) -> RoadNetwork:
     """The nodes and edges of a networkx graph in its own coordinates; every edge is a one-way road.
 

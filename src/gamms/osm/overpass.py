@@ -78,7 +78,9 @@ class _Elements:
     relations: dict[int, Element]
 
 
-def streets_of_place(location: Location, options: StreetOptions, show: Show, *, offline: bool) -> RoadNetwork:
+def streets_of_place(
+    location: Location, name: str, options: StreetOptions, show: Show, *, offline: bool
+) -> RoadNetwork:
     """Download the streets inside the boundary of a place, in UTM metres.
 
     Raises:
@@ -87,8 +89,8 @@ def streets_of_place(location: Location, options: StreetOptions, show: Show, *, 
         MissingExtra: requests or pyproj is not installed.
     """
     _check_location(location)
-    servers = MapServers(shown(location), show, offline=offline)
-    return _streets(servers, _boundary(servers, location), shown(location), options, show)
+    servers = MapServers(name, show, offline=offline)
+    return _streets(servers, _boundary(servers, location), name, options, show)
 
 
 def streets_of_polygon(polygon: Any, name: str, options: StreetOptions, show: Show, *, offline: bool) -> RoadNetwork:

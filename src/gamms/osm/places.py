@@ -1,20 +1,21 @@
-"""Road networks of places, by name or by area, from OpenStreetMap's servers or from what they answered before.
+"""Road networks of places, by name or by area, from OpenStreetMap's servers or from their cached answers.
 
-`overpass.py` has the streets downloaded; the rest is what is done to the streets of a file, too.
+`overpass.py` downloads the streets; the rest is done as for the streets of a file.
 """
 
+import inspect
 from collections.abc import Callable
-from typing import TYPE_CHECKING, Any, NamedTuple
+from typing import TYPE_CHECKING, Any, NamedTuple, TypedDict, TypeVar, Unpack
 
 import numpy as np
 
 from gamms.arguments import as_float
-from gamms.errors import BadType, BadValue, PlaceError
+from gamms.errors import BadType, BadValue, PlaceError, nearest
 from gamms.ir.geometry import polygon as polygon_of
 from gamms.ir.projection import WGS84, project, utm_crs
-from gamms.osm.load import Recipe, cut, recipe_of
+from gamms.osm.load import cut, recipe_of
 from gamms.osm.network import RoadNetwork
-from gamms.osm.overpass import Location, Show, StreetOptions, streets_of_place, streets_of_polygon
+from gamms.osm.overpass import Location, StreetOptions, streets_of_place, streets_of_polygon
 from gamms.osm.topology import consolidate
 from gamms.osm.ways import OSMType
 from gamms.progress import progress
@@ -26,12 +27,20 @@ if TYPE_CHECKING:
 _MOST_RADIUS_M = 75_000.0
 _CORNERS = 64  # of a circle
 
+Made = TypeVar("Made", bound=Callable[..., Any])
 
-class _Options(NamedTuple):
-    """The options of a caller, checked."""
 
-    recipe: Recipe
-    streets: StreetOptions
+class PlaceOptions(TypedDict, total=False):
+    """Options of the functions that make graphs of areas; `create_osm_graph` says what each means."""
+
+    osm_type: OSMType
+    resolution: float
+    simplify: bool
+    retain_all: bool
+    truncate_by_edge: bool
+    custom_filter: str | list[str] | None
+    tolerance: float
+    bidirectional: bool | None
     offline: bool
 
 
@@ -71,88 +80,64 @@ def create_osm_graph(
         BadValue, BadType: an argument is impossible.
         MissingExtra: requests or pyproj is not installed.
     """
-    options = _options(
+    options = _Options(
         osm_type, resolution, simplify, retain_all, truncate_by_edge, custom_filter, tolerance, bidirectional, offline
     )
-    return _graph(
-        lambda show: streets_of_place(location, options.streets, show, offline=options.offline), options, repr(location)
-    )
+    return _graph(streets_of_place, location, shown(location), options)
 
 
+def _with_place_options(make: Made) -> Made:
+    """Show the options of `create_osm_graph`, with their defaults, in the signature of a function of areas."""
+    signature = inspect.signature(make)
+    places = [one for one in signature.parameters.values() if one.kind is not one.VAR_KEYWORD]
+    options = [one for one in inspect.signature(create_osm_graph).parameters.values() if one.default is not one.empty]
+    options = [one.replace(kind=inspect.Parameter.KEYWORD_ONLY) for one in options]
+    make.__signature__ = signature.replace(parameters=[*places, *options])  # type: ignore[attr-defined] # as inspect says
+    return make
+
+
+@_with_place_options
 def graph_from_bbox(
     left: float,
     bottom: float,
     right: float,
     top: float,
-    *,
-    osm_type: OSMType = OSMType.WALK,
-    resolution: float = 10.0,
-    simplify: bool = True,
-    retain_all: bool = False,
-    truncate_by_edge: bool = True,
-    custom_filter: str | list[str] | None = None,
-    tolerance: float = 10.0,
-    bidirectional: bool | None = None,
-    offline: bool = False,
+    **options: Unpack[PlaceOptions],
 ) -> "nx.DiGraph[int]":
     """Make a graph of the streets between two longitudes, `left` and `right`, and two latitudes, `bottom` and `top`.
 
     The other arguments, the result and the errors are those of `create_osm_graph`.
     """
-    options = _options(
-        osm_type, resolution, simplify, retain_all, truncate_by_edge, custom_filter, tolerance, bidirectional, offline
-    )
-    box = _box(left, bottom, right, top)
-    return _graph_of_area(polygon_of(box), f"the box {(left, bottom, right, top)}", options)
+    box, name = _box(left, bottom, right, top), f"the box {(left, bottom, right, top)}"
+    return _graph(streets_of_polygon, polygon_of(box), name, _options("graph_from_bbox", options))
 
 
+@_with_place_options
 def graph_from_point(
     lat: float,
     lon: float,
     radius_m: float,
-    *,
-    osm_type: OSMType = OSMType.WALK,
-    resolution: float = 10.0,
-    simplify: bool = True,
-    retain_all: bool = False,
-    truncate_by_edge: bool = True,
-    custom_filter: str | list[str] | None = None,
-    tolerance: float = 10.0,
-    bidirectional: bool | None = None,
-    offline: bool = False,
+    **options: Unpack[PlaceOptions],
 ) -> "nx.DiGraph[int]":
     """Make a graph of the streets within `radius_m` metres of a position in degrees, as the crow flies.
 
     The other arguments, the result and the errors are those of `create_osm_graph`.
     """
-    options = _options(
-        osm_type, resolution, simplify, retain_all, truncate_by_edge, custom_filter, tolerance, bidirectional, offline
-    )
-    circle = _circle(lat, lon, radius_m)
-    return _graph_of_area(polygon_of(circle), f"the circle of {radius_m} m around lat={lat}, lon={lon}", options)
+    circle, name = _circle(lat, lon, radius_m), f"the circle of {radius_m} m around lat={lat}, lon={lon}"
+    return _graph(streets_of_polygon, polygon_of(circle), name, _options("graph_from_point", options))
 
 
+@_with_place_options
 def graph_from_polygon(
     polygon: Any,  # a shapely Polygon or MultiPolygon
-    *,
-    osm_type: OSMType = OSMType.WALK,
-    resolution: float = 10.0,
-    simplify: bool = True,
-    retain_all: bool = False,
-    truncate_by_edge: bool = True,
-    custom_filter: str | list[str] | None = None,
-    tolerance: float = 10.0,
-    bidirectional: bool | None = None,
-    offline: bool = False,
+    **options: Unpack[PlaceOptions],
 ) -> "nx.DiGraph[int]":
     """Make a graph of the streets inside a shapely Polygon or MultiPolygon of degrees (longitude, latitude).
 
     The other arguments, the result and the errors are those of `create_osm_graph`.
     """
-    options = _options(
-        osm_type, resolution, simplify, retain_all, truncate_by_edge, custom_filter, tolerance, bidirectional, offline
-    )
-    return _graph_of_area(polygon, f"the polygon {str(polygon)[:60]}", options)
+    name = f"the polygon {str(polygon)[:60]}"
+    return _graph(streets_of_polygon, polygon, name, _options("graph_from_polygon", options))
 
 
 def get_network_type(osm_type: OSMType) -> str:
@@ -168,42 +153,48 @@ def get_network_type(osm_type: OSMType) -> str:
     return osm_type.name.lower()
 
 
-def _graph_of_area(polygon: Any, name: str, options: _Options) -> "nx.DiGraph[int]":
-    return _graph(
-        lambda show: streets_of_polygon(polygon, name, options.streets, show, offline=options.offline), options, name
-    )
+class _Options(NamedTuple):
+    osm_type: OSMType = OSMType.WALK
+    resolution: float = 10.0
+    simplify: bool = True
+    retain_all: bool = False
+    truncate_by_edge: bool = True
+    custom_filter: str | list[str] | None = None
+    tolerance: float = 10.0
+    bidirectional: bool | None = None
+    offline: bool = False
 
 
-def _graph(download: Callable[[Show], RoadNetwork], options: _Options, name: str) -> "nx.DiGraph[int]":
-    # Servers take their time before they answer: show at once what is asked.
-    with progress(1.0 if options.offline else 0.0) as show:
-        network = download(show)
-        show(f"Joining {len(network.sources)} streets")
-        joined = consolidate(network, options.recipe.tolerance)
-        if not len(joined.sources):
-            raise PlaceError(f"All of {name} is within the tolerance of {options.recipe.tolerance} m. Lower it.")
-        return cut(joined, options.recipe, show)
+def _options(call: str, given: PlaceOptions) -> _Options:
+    for name in given:
+        if name not in _Options._fields:
+            raise BadType(f"{call}() has no argument {name!r}.{nearest(name, _Options._fields)}")
+    return _Options(**given)
 
 
-def _options(
-    osm_type: OSMType,
-    resolution: float,
-    simplify: bool,
-    retain_all: bool,
-    truncate_by_edge: bool,
-    custom_filter: str | list[str] | None,
-    tolerance: float,
-    bidirectional: bool | None,
-    offline: bool,
-) -> _Options:
-    get_network_type(osm_type)  # checks it
-    _check_filter(custom_filter)
-    both = osm_type is OSMType.WALK if bidirectional is None else bidirectional
+def _graph(streets_of: Callable[..., RoadNetwork], place: Any, name: str, options: _Options) -> "nx.DiGraph[int]":
+    get_network_type(options.osm_type)  # checks it
+    _check_filter(options.custom_filter)
     recipe = recipe_of(
-        resolution, tolerance, bidirectional=both, retain_all=retain_all, simplify=simplify, osm_type=osm_type
+        options.resolution,
+        options.tolerance,
+        bidirectional=options.bidirectional,
+        retain_all=options.retain_all,
+        simplify=options.simplify,
+        osm_type=options.osm_type,
     )
-    streets = StreetOptions(osm_type, recipe.simplify, recipe.retain_all, bool(truncate_by_edge), custom_filter)
-    return _Options(recipe, streets, bool(offline))
+    truncate_by_edge, offline = bool(options.truncate_by_edge), bool(options.offline)
+    wanted = StreetOptions(
+        options.osm_type, recipe.simplify, recipe.retain_all, truncate_by_edge, options.custom_filter
+    )
+    # Servers take their time before they answer: show at once what is asked.
+    with progress(1.0 if offline else 0.0) as show:
+        network = streets_of(place, name, wanted, show, offline=offline)
+        show(f"Joining {len(network.sources)} streets")
+        joined = consolidate(network, recipe.tolerance)
+        if not len(joined.sources):
+            raise PlaceError(f"All of {name} is within the tolerance of {recipe.tolerance} m. Lower it.")
+        return cut(joined, recipe, show)
 
 
 def _check_filter(custom_filter: object) -> None:
