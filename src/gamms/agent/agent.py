@@ -1,6 +1,6 @@
 """Agents as users hold them: views of one row of a block, with sensors and a strategy."""
 
-from collections.abc import Callable, Iterable
+from collections.abc import Callable, Iterable, Mapping, Sequence
 from math import hypot
 from typing import TYPE_CHECKING, Any, ClassVar
 
@@ -25,7 +25,8 @@ from gamms.typing.actions import (
     level_quat,
 )
 from gamms.typing.agent_engine import AgentType, IAerialAgent, IAgent, MaybeNone, TurnAccess
-from gamms.typing.sensor_engine import Carried, ISensor, LiveData, SensorType, refuse_no_sensor
+from gamms.typing.graph_engine import IGraph
+from gamms.typing.sensor_engine import Carried, ISensor, LiveData, SensorType, owner_of, refuse_no_sensor
 from gamms.typing.state import AerialState, AerialStrategy, AsyncStrategy, State, Strategy
 
 _KINDS = tuple(AgentType)
@@ -61,6 +62,15 @@ class Member(Guarded, IAgent):
     _ACTION: ClassVar[str]  # what a strategy is to choose
 
     strategy: Strategy | MaybeNone
+    _phase: DecidePhase
+    _ctx: IContext
+    _block: AgentBlock
+    _row: int
+    _near: Mapping[int, Sequence[int]]  # of an agent on the ground; what is in it is a node
+    _sensor_list: dict[str, ISensor]
+    _shared: frozenset[int]  # id() of the sensors that another agent carries, too
+    _carried: tuple[Carried, ...]  # the same as the list, in the form that is read fastest
+    _last: list[Any]  # what `get_state` returned last
 
     def __repr__(self) -> str:
         """Name the agent and where it stands."""
@@ -142,17 +152,8 @@ class Member(Guarded, IAgent):
 
         Several agents may carry one sensor: it looks with the heading of the one that asks, and leaves that one out.
         """
-        as_name(name, "a sensor")
         refuse_no_sensor(sensor)
-        other = self._ctx.agent.agents.get(getattr(sensor, "_owner", None) or "")
-        sensor.set_owner(self.name)
-        self._sensor_list[name] = sensor
-        self._note(events.AGENT_SENSOR_REGISTER, name, sensor)
-        if other is not None and other is not self:
-            other._share(sensor)
-            self._share(sensor)
-        else:
-            self._carry()
+        self._add_sensor(name, sensor)
 
     @refused_while_deciding
     def deregister_sensor(self, name: str) -> None:
@@ -250,27 +251,22 @@ class Member(Guarded, IAgent):
     def _is_closed(self) -> bool:
         return self._block.journal is CLOSED
 
-    def _begin(self, ctx: IContext, block: AgentBlock, name: str, attributes: Iterable[str]) -> None:
-        """Begin as a view of a row that a subclass adds to a block; `attributes` are only checked here."""
+    def _begin(self, ctx: IContext, block: AgentBlock, attributes: Iterable[str]) -> IGraph:
+        """Begin as a view of a row that a subclass adds to a block; check the names of attributes; return the graph."""
         for key in attributes:
             if key not in self._SETTABLE and hasattr(type(self), key):
                 raise AttributeError(f"{key!r} cannot be set when an agent is created.")
-        as_name(name, "an agent")
-        self._phase: DecidePhase = phase_of(ctx)
-        self._ctx = ctx
-        self._block = block
-        self._row: int
-        self._near: Any = ()  # node ids that a plain action may name; any container with fast `in`
-        self._sensor_list: dict[str, ISensor] = {}
-        self._shared = _NOT_SHARED  # id() of the sensors that another agent carries, too
-        self._carried: tuple[Carried, ...] = ()  # the same as the list, in the form that is read fastest
-        self._last: list[Any] = [{}]  # what `get_state` returned last
-        self.strategy = None
-
-    def _adopt(self, attributes: dict[str, Any]) -> None:
-        """Take on what the caller gave to be attributes."""
-        for key, value in attributes.items():
-            setattr(self, key, value)
+        put = object.__setattr__  # NOTE: a third of the time of `__setattr__` (benchmarks/README.md, creation)
+        put(self, "_phase", phase_of(ctx))
+        put(self, "_ctx", ctx)
+        put(self, "_block", block)
+        put(self, "_near", {})
+        put(self, "_sensor_list", {})
+        put(self, "_shared", _NOT_SHARED)
+        put(self, "_carried", ())
+        put(self, "_last", [{}])
+        put(self, "strategy", None)
+        return ctx.graph.graph
 
     def _act(self, action: Any) -> None:
         """Do what an action that is no plain node id says."""
@@ -301,6 +297,19 @@ class Member(Guarded, IAgent):
         held = ((name, sensor.type, getattr(sensor, "data", None)) for name, sensor in self._sensor_list.items())
         return {name: (kind, data) for name, kind, data in held}
 
+    def _add_sensor(self, name: str, sensor: ISensor) -> None:
+        as_name(name, "a sensor")
+        owner = owner_of(sensor)
+        other = None if owner is None else self._ctx.agent.agents.get(owner)
+        sensor.set_owner(self._block.names[self._row])
+        self._sensor_list[name] = sensor
+        self._note(events.AGENT_SENSOR_REGISTER, name, sensor)
+        if other is not None and other is not self:
+            other._share(sensor)
+            self._share(sensor)
+        else:
+            self._carry()
+
     def _share(self, sensor: ISensor) -> None:
         """Name this agent as the owner of a sensor for every look of its own: another agent carries it, too."""
         self._shared |= {id(sensor)}
@@ -308,12 +317,12 @@ class Member(Guarded, IAgent):
 
     def _carry(self) -> None:
         self._block.changed_structure()
-        own, shared = self.name, self._shared
-        sensors = self._sensor_list.items()
+        shared, sensors = self._shared, self._sensor_list.items()
+        own = self.name if shared else None
         self._carried = tuple([_carried(name, one, own if id(one) in shared else None) for name, one in sensors])
 
     def _disown(self, sensor: ISensor) -> None:
-        if getattr(sensor, "_owner", self.name) == self.name:  # unless another agent carries it by now
+        if owner_of(sensor) in (None, self.name):  # unless another agent carries it by now
             sensor.set_owner(None)
 
 
@@ -336,14 +345,16 @@ class Agent(Member):
     _ACTION = "a node id"
 
     def __init__(self, ctx: IContext, name: str, start_node_id: Any, **kwargs: Any) -> None:
-        self._enter(ctx, AgentBlock(ctx.graph.graph), name, start_node_id, **kwargs)
+        self._enter(ctx, AgentBlock(ctx.graph.graph), as_name(name, "an agent"), start_node_id, **kwargs)
 
     def _enter(self, ctx: IContext, block: AgentBlock, name: str, start_node_id: Any, **kwargs: Any) -> None:
         """Become the view of a new row of a block."""
-        self._begin(ctx, block, name, kwargs)
-        self._near = ctx.graph.graph.neighborhoods
-        self._row = block.add(name, self._known(start_node_id))
-        self._adopt(kwargs)
+        graph = self._begin(ctx, block, kwargs)
+        node = known_node(graph, block, start_node_id)
+        object.__setattr__(self, "_near", graph.neighborhoods)
+        object.__setattr__(self, "_row", block.add(name, node))
+        for key, value in kwargs.items():
+            setattr(self, key, value)
 
     @property
     def current_node_id(self) -> int:
@@ -426,7 +437,7 @@ class AerialAgent(Member, IAerialAgent):
         self, ctx: IContext, name: str, start_node_id: Any, speed: Any, position: Any = None, **kwargs: Any
     ) -> None:
         block = AgentBlock(ctx.graph.graph)
-        self._enter(ctx, block, name, start_node_id, speed, position, **kwargs)
+        self._enter(ctx, block, as_name(name, "an agent"), start_node_id, speed, position, **kwargs)
 
     def _enter(
         self,
@@ -439,14 +450,15 @@ class AerialAgent(Member, IAerialAgent):
         **kwargs: Any,
     ) -> None:
         """Become the view of a new row of a block."""
-        self._begin(ctx, block, name, kwargs)
-        node = self._known(start_node_id)
+        graph = self._begin(ctx, block, kwargs)
+        node = known_node(graph, block, start_node_id)
         units = as_float(speed, f"speed of agent {name!r}")
         if units < 0.0:
             raise BadValue(f"speed of agent {name!r} must not be negative, not {units}.")
-        where = above(ctx.graph.graph, node, 0.0) if position is None else as_position(position)
+        where = above(graph, node, 0.0) if position is None else as_position(position)
         self._row = block.add(name, node, None, where, units)
-        self._adopt(kwargs)
+        for key, value in kwargs.items():
+            setattr(self, key, value)
 
     def __repr__(self) -> str:
         """Name the agent and where it is."""
@@ -567,10 +579,10 @@ class _Look:
         if own is None:
             sensor.sense(node_id)
             return
-        owner = getattr(sensor, "_owner", own)
+        owner = owner_of(sensor)
         sensor.set_owner(own)
         try:
             sensor.sense(node_id)
         finally:
-            if owner != own:  # whoever asks the sensor itself gets the view of the one that registered it last
+            if owner not in (None, own):  # a look that no agent asks for is that of the one that registered it last
                 sensor.set_owner(owner)

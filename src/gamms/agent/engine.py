@@ -19,21 +19,24 @@ from gamms.readonly import ReadOnlyMapping
 from gamms.text import shown
 from gamms.typing import IContext
 from gamms.typing.agent_engine import AgentType, IAgentEngine, SensorsOfAgent
-from gamms.typing.sensor_engine import ISensor, is_sensor
+from gamms.typing.sensor_engine import ISensor, is_sensor, owner_of
 from gamms.typing.state import AerialStrategy, AsyncStrategy, NodeId, Strategy
 
-_KEYWORDS = (
-    "start_node_id",
-    "sensors",
-    "team",
-    "strategy",
-    "type",
-    "agent_type",
-    "orientation",
-    "meta",
-    "speed",
-    "position",
-    "quat",
+_KINDS_OF_KEYWORDS = frozenset({"type", "agent_type"})
+_KEYWORDS = dict.fromkeys(
+    (
+        "start_node_id",
+        "sensors",
+        "team",
+        "strategy",
+        "type",
+        "agent_type",
+        "orientation",
+        "meta",
+        "speed",
+        "position",
+        "quat",
+    )
 )
 
 
@@ -155,10 +158,10 @@ class AgentEngine(Guarded, IAgentEngine):
         if "sensors" in kwargs:
             kwargs["sensors"] = _listed(kwargs["sensors"])
         given = dict(kwargs)
-        kind = self._kind_of(name, kwargs)
-        sensors = self._found_sensors(name, kwargs.pop("sensors", ()))
+        kind = self._kind_of(name, kwargs) if not _KINDS_OF_KEYWORDS.isdisjoint(kwargs) else AgentType.BASIC
+        sensors = self._found_sensors(name, kwargs.pop("sensors")) if "sensors" in kwargs else {}
         strategy = kwargs.pop("strategy", None)
-        hints = misspelt(kwargs, _KEYWORDS)
+        hints = [] if _KEYWORDS.keys() >= kwargs.keys() else misspelt(kwargs, _KEYWORDS)
         for needed, what in _NEEDED[kind].items():
             if needed not in kwargs:
                 raise MissingKey(" ".join([f"Agent {shown(name)} needs {needed}=, {what}.", *hints]))
@@ -278,20 +281,22 @@ class AgentEngine(Guarded, IAgentEngine):
         rows = len(block)
         try:
             agent._enter(self._ctx, block, name, **kwargs)
-            agent.register_strategy(strategy)
+            if strategy is not None:
+                agent.strategy = strategy
         except BaseException:
             if len(block) > rows:
                 block.remove(rows)
             raise
         self._agents[name] = agent  # before its sensors: one may ask who its owner is
-        self._equip(agent, sensors)
+        if sensors:
+            self._equip(agent, sensors)
 
     def _equip(self, agent: Member, sensors: dict[str, ISensor]) -> None:
         """Give a new agent its sensors, or take it out again."""
-        owners = [(sensor, getattr(sensor, "_owner", None)) for sensor in sensors.values()]
+        owners = [(sensor, owner_of(sensor)) for sensor in sensors.values()]
         try:
             for key, sensor in sensors.items():
-                agent.register_sensor(key, sensor)
+                agent._add_sensor(key, sensor)
         except BaseException:
             equipped = list(agent._sensor_list.values())
             self._take_out(agent)
@@ -329,20 +334,21 @@ class AgentEngine(Guarded, IAgentEngine):
 
     def _found_sensors(self, name: str, given: Any) -> dict[str, ISensor]:
         """The sensors an agent is to carry, by the name it knows them by."""
+        is_dict = type(given) is not list and isinstance(given, Mapping)
         if isinstance(given, str) or not isinstance(given, Iterable):
             raise BadType(
                 f"sensors= of agent {shown(name)} must be a list of sensor ids or a dict, not {shown(given)}."
             )
-        pairs = given.items() if isinstance(given, Mapping) else ((sensor_id, sensor_id) for sensor_id in given)
+        pairs = given.items() if isinstance(given, Mapping) else ((one, one) for one in given)
         found = {}
         for key, sensor in pairs:
             is_id = isinstance(sensor, str)
             if not is_id and not is_sensor(sensor):
                 raise BadType(f"Agent {name!r} cannot carry {shown(sensor)}: sensors= takes sensors and their ids.")
-            if isinstance(given, Mapping):
+            if is_dict:
                 as_name(key, "a sensor")
             try:
-                found[key if is_id or isinstance(given, Mapping) else sensor.sensor_id] = (
+                found[key if is_id or is_dict else sensor.sensor_id] = (
                     self._ctx.sensor.get_sensor(sensor) if is_id else sensor
                 )
             except KeyError as error:

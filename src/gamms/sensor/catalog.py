@@ -35,7 +35,7 @@ class Kind(NamedTuple):
         keywords = {**self.keywords, **{key: value for key, value in given.items() if key in self.keywords}}
         who = (ctx, sensor_id, type) if self.tells_type else (ctx, sensor_id)
         sensor = self.make(*who, **keywords)
-        for setting in self.settings:
+        for setting in self.settings if given else ():
             part, _, name = setting.rpartition(".")
             if name in given:
                 setattr(getattr(sensor, part) if part else sensor, name, given[name])

@@ -114,7 +114,8 @@ class SensorEngine(Guarded, ISensorEngine):
         kind = KINDS[sensor_type]
         self._refuse_name(sensor_id)
         sensor = kind.create(self.ctx, sensor_id, sensor_type, dict(options))
-        self._warn_of_ignored(sensor_id, sensor_type, options.keys() - kind.names() - SHARED_KEYWORDS)
+        if options:
+            self._warn_of_ignored(sensor_id, sensor_type, options.keys() - kind.names() - SHARED_KEYWORDS)
         self._sensors[sensor_id] = sensor
         return sensor
 

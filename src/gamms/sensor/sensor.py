@@ -58,16 +58,29 @@ class Sensor(Guarded, ISensor):
     _called = "sensor"
     _CHECKS: ClassVar[dict[str, Callable[[Any, str], Any]]]  # attribute -> what it may be set to
 
+    _is_ours: ClassVar[bool] = True  # whether its class is not one of the user's own
+
     type: SensorType
     sensor_id: str
+    ctx: IContext
+    _phase: DecidePhase
+    _last: list[Any]  # `data`; the place, range and heading of the last look
+    _owner: str | None
 
     def __init__(self, ctx: IContext, sensor_id: str, sensor_type: SensorType) -> None:
-        self._phase: DecidePhase = phase_of(ctx)
-        self._last: list[Any] = [None, None]  # `data`; the place, range and heading of the last look
-        self.ctx = ctx
-        self.sensor_id = sensor_id
-        self.type = sensor_type
-        self._owner: str | None = None
+        phase = phase_of(ctx)
+        phase.refuse("make a sensor")
+        put = object.__setattr__  # NOTE: a third of the time of `__setattr__` (benchmarks/README.md, creation)
+        put(self, "_phase", phase)
+        put(self, "_last", [None, None])
+        put(self, "ctx", ctx)
+        put(self, "sensor_id", as_name(sensor_id, "a sensor"))
+        put(self, "type", _checked_type(sensor_type, "type"))
+        put(self, "_owner", None)
+
+    def __init_subclass__(cls, **kwargs: Any) -> None:
+        super().__init_subclass__(**kwargs)
+        cls._is_ours = cls.__module__.startswith(_OURS)
 
     def __repr__(self) -> str:
         """Name the sensor, its kind and its owner."""
@@ -106,17 +119,18 @@ class Sensor(Guarded, ISensor):
     def set_owner(self, owner: str | None) -> None:
         """Name the agent that carries the sensor, or nobody."""
         self._phase.sensor_changes += 1
-        self._owner = None if owner is None else as_name(owner, "the owner of a sensor")
+        object.__setattr__(self, "_owner", None if owner is None else as_name(owner, "the owner of a sensor"))
 
     @refused_while_deciding
     def reset(self) -> None:
         """Forget what was sensed."""
         self._last[:] = [] if isinstance(self._last[0], list) else {}, None
 
-    @refused_while_deciding
     def live_result(self) -> Sequence[Any]:
         """Return the list whose first item is what was sensed last; of a class of the user's own, its `data`."""
-        return self._last if type(self).__module__.startswith(_OURS) else super().live_result()
+        if self._phase.agent is not None:
+            self._phase.refuse("call sensor.live_result")
+        return self._last if self._is_ours else super().live_result()
 
     def _snapshot(self) -> Any:
         """Return what was sensed, for `_restore`."""
@@ -129,7 +143,7 @@ class Sensor(Guarded, ISensor):
     @refused_while_deciding
     def view_from(self, node_id: int | None, owner: str | None) -> SensorView:
         """Return what it would see now, for drawing; a class of the user's own is not asked, but what it saw last."""
-        if not type(self).__module__.startswith(_OURS):
+        if not self._is_ours:
             return self.last_view()
         twin = self._twin()
         twin._owner = owner

@@ -143,6 +143,12 @@ Carried = tuple[str, Callable[[int], None], ISensor, Sequence[Any]]
 _INTERFACE = ("sensor_id", "type", "data", "sense", "update", "set_owner")
 
 
+def owner_of(sensor: ISensor) -> str | None:
+    """Return the name of the agent that carries a sensor, where the sensor knows it under the name of 1.0.0."""
+    owner: str | None = getattr(sensor, "_owner", None)
+    return owner
+
+
 def is_sensor(value: object) -> bool:
     """Whether `value` can serve as a sensor: an `ISensor`, or any object with its attributes and methods."""
     return isinstance(value, ISensor) or not _missing(value)
