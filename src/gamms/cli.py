@@ -212,7 +212,7 @@ def main() -> None:
 
 def _changes(texts: list[str]) -> dict[str, Any]:
     """Parse `--set`: dotted path -> value."""
-    from gamms.scenario.files import from_yaml
+    from gamms.scenario.documents import from_yaml
 
     changes = {}
     for text in texts:

@@ -11,7 +11,7 @@ import yaml
 
 from gamms import scenario
 from gamms.scenario import ScenarioError
-from gamms.scenario.files import from_json, from_yaml
+from gamms.scenario.documents import from_json, from_yaml
 
 
 @pytest.fixture(params=["CSafeLoader", "SafeLoader"])

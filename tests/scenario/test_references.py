@@ -126,7 +126,7 @@ def hostile(canary):
         "gamms.osm:graph_from_file": {"path": str(canary)},
         "gamms.graph:grid": {"n": 3, "m": 3},
         "gamms.scenario:load": {"path": "helper.yaml"},
-        "gamms.scenario.files:read": {"file": "x"},
+        "gamms.scenario.documents:read": {"file": "x"},
         "gamms.cli:main": {},
         "gamms.folders:write_whole": {"path": str(canary), "data": "x"},
         "gamms.strategies.choices:first": {},

@@ -7,7 +7,7 @@ from collections import defaultdict
 from collections.abc import Callable, Collection, Hashable, Iterable, Iterator, Mapping, Sequence
 from itertools import pairwise
 from math import inf
-from typing import Any, NamedTuple
+from typing import Annotated, Any, NamedTuple
 
 import numpy as np
 
@@ -21,7 +21,7 @@ from gamms.ir.agents import Position
 from gamms.ir.graph import FloatArray
 from gamms.text import shown
 from gamms.typing import AgentType
-from gamms.typing.game import Track
+from gamms.typing.game import TEAMS, Track
 
 
 class Contact(NamedTuple):
@@ -45,7 +45,7 @@ class Nearness(NamedTuple):
     passing: bool
 
 
-Side = Hashable | Callable[[Member], object]  # a team, or a function of an agent
+Side = Annotated[Hashable | Callable[[Member], object], TEAMS]  # a team, or a function of an agent
 Test = Callable[[Member], object]  # whether an agent is on a side
 Place = int | Position  # where an agent counts as being: a node id; (x, y, z) of one that flies, where that is measured
 Visit = tuple[int, float, float]  # node id; from when until when

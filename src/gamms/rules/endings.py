@@ -1,7 +1,7 @@
 """How games end: an agent reaches its goal, time is up, or one team is left."""
 
 from collections.abc import Hashable, Iterable, Mapping
-from typing import Any, overload
+from typing import Annotated, Any, overload
 
 from gamms.agent import Member
 from gamms.arguments import as_float, as_int, as_key
@@ -11,6 +11,7 @@ from gamms.rules.contacts import tracks_of, visits_of
 from gamms.rules.hooks import with_hooks
 from gamms.text import shown
 from gamms.typing import AgentType, NodeId, Rule
+from gamms.typing.game import TEAMS, Team
 
 _STARTS = "starts of "
 
@@ -34,7 +35,12 @@ def reach(
     team: Hashable, nodes: Nodes, *, winner: Hashable = ITS_TEAM, score: float = 0, passing: bool = True
 ) -> Rule: ...
 def reach(
-    team: object, nodes: object = None, *, winner: Hashable = ITS_TEAM, score: float = 0, passing: bool = True
+    team: Annotated[object, TEAMS],
+    nodes: object = None,
+    *,
+    winner: Team = ITS_TEAM,
+    score: float = 0,
+    passing: bool = True,
 ) -> Rule:
     """Make a rule by which the game ends when an agent on the ground reaches a goal of its team.
 

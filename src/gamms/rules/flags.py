@@ -1,7 +1,7 @@
 """Capture the flag: an agent takes the flag of another team and brings it home."""
 
 from collections.abc import Hashable, Iterable, Mapping, Sequence
-from typing import Any
+from typing import Annotated, Any
 
 from gamms import kernels
 from gamms.agent import Member
@@ -14,11 +14,12 @@ from gamms.rules.hooks import with_hooks
 from gamms.rules.territory import Colors, Territory, as_territory
 from gamms.text import shown
 from gamms.typing import AgentType, NodeId, Rule
+from gamms.typing.game import OWNERS
 from gamms.visual.drawers.rules import FlagsDrawer
 
 
 def capture_flag(
-    flags: Mapping[Any, NodeId],
+    flags: Annotated[Mapping[Any, NodeId], OWNERS],
     *,
     territory: Territory | str | None = None,
     goal: int | None = 1,

@@ -1,4 +1,4 @@
-"""What a rule may carry besides its function, for `ctx.game.add` to use."""
+"""What a rule may carry besides its function, for `ctx.game.add`."""
 
 from collections.abc import Callable, Hashable, Sequence
 from typing import TypedDict, TypeVar, Unpack

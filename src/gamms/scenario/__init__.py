@@ -3,14 +3,14 @@
     scenario = gamms.scenario.load("match.yaml")
     result = scenario.replace(**{"teams.red.count": 8}).play(seed=7)
 
-Read `shape.py` first: what a file may say. `files.py` reads it, `explain.py` and `checks.py` say what is wrong with it,
-`references.py` finds the code it names and `code.py` runs that. `scenario.py` builds: `worlds.py` loads the map,
-`placing.py` draws places, `building.py` puts everything into a context. A client: it uses a context as you would.
-To add a key, write it into `shape.py`, and what it does into `building.py`.
+Read `spec.py` first: the keys of a file. `documents.py` reads files, `checks.py` finds what is wrong beyond types,
+`references.py` finds the code that a file names and `code.py` runs it. `scenario.py` has the class: `world.py` loads
+the map and places agents, `building.py` puts everything into a context. May import: `context` and below, `rules`.
+To add a key, write it into `spec.py`, and what it does into `building.py`.
 """
 
-from gamms.scenario.errors import ScenarioError
+from gamms.scenario.documents import ScenarioError
 from gamms.scenario.scenario import Scenario, from_recording, load
-from gamms.scenario.shape import Spec, schema
+from gamms.scenario.spec import Spec, schema
 
 __all__ = ["Scenario", "ScenarioError", "Spec", "from_recording", "load", "schema"]

@@ -4,21 +4,24 @@ from collections.abc import Callable, Mapping
 from copy import deepcopy
 from dataclasses import dataclass
 from importlib import import_module
-from typing import Any, overload
+from typing import Any, NamedTuple, TypeVar, overload
 
+from gamms import agent as agents
 from gamms.arguments import as_int
 from gamms.context import Context
-from gamms.game import Plan
+from gamms.game import Game, Plan
+from gamms.ir.agents import Position
 from gamms.plain import is_same
 from gamms.scenario.checks import RULES, call_in, sensor_type
 from gamms.scenario.code import Library, called, first_of, needs, plan_of, rule_of, strategy_of
-from gamms.scenario.errors import ScenarioError, at, joined
-from gamms.scenario.explain import checked
-from gamms.scenario.placing import Member, members, node_at, place
-from gamms.scenario.redrawing import move_start, put_back, take_out, values_of
-from gamms.scenario.shape import ByPriority, Code, Conflicts, LatLon, Sensor, Spec, said
+from gamms.scenario.documents import ScenarioError, at, joined
+from gamms.scenario.spec import ByPriority, Code, Conflicts, LatLon, Sensor, Spec, checked, given_values
+from gamms.scenario.spec import Rule as RuleSpec
+from gamms.scenario.world import Member, members, node_at, place
 from gamms.text import shown
 from gamms.typing.game import Rule
+
+T = TypeVar("T")
 
 Strategies = Mapping[str, Callable[..., Any]]  # by team or agent
 
@@ -88,7 +91,7 @@ class Building:
             self._map = map
 
     def draw_again(self) -> None:
-        """Make again what follows from the seed of the context, which is another one than that of the last time.
+        """Make again what follows from the seed of the context, which has changed.
 
         These are places, what functions give, strategies and rules. What was changed since then stays as it is: an
         agent that was moved, another strategy, a fact that was published.
@@ -136,7 +139,7 @@ class Building:
     # -- agents and sensors -------------------------------------------------------------------------------------
 
     def _add_agent(self, member: Member, node: int) -> "_Built":
-        team, own = self.spec.teams[member.team], member.told
+        team, own = self.spec.teams[member.team], member.own
         start, meta = self._start(member, node), self.config(member)["meta"]
         keywords: dict[str, Any] = {"team": member.team, "meta": meta}
         if isinstance(start, tuple):
@@ -167,23 +170,23 @@ class Building:
         built.node, built.start, built.meta = node, start, deepcopy(meta)
 
     def _start(self, member: Member, node: int) -> Any:
-        """Where an agent begins: a node, or (x, y, z) above it."""
+        """Return where an agent begins: a node, or (x, y, z) above it."""
         if self.kind_of(member) != "aerial":
             return node
-        altitude = _first_given(getattr(member.told, "altitude", None), self.spec.teams[member.team].altitude)
+        altitude = _first_given(getattr(member.own, "altitude", None), self.spec.teams[member.team].altitude)
         return (*self.ctx.graph.graph.get_node(node)[1:3], altitude or 0.0)
 
     def kind_of(self, member: Member) -> str:
-        """Whether an agent is "basic" or "aerial"."""
-        return _first_given(member.told and member.told.type, self.spec.teams[member.team].type) or "basic"
+        """Return whether an agent is "basic" or "aerial"."""
+        return _first_given(member.own.type if member.own else None, self.spec.teams[member.team].type) or "basic"
 
     def sensors_of(self, member: Member) -> list[str]:
-        """The names of the sensors that an agent carries."""
-        return _first_given(member.told and member.told.sensors, self.spec.teams[member.team].sensors) or []
+        """Return the names of the sensors that an agent carries."""
+        return _first_given(member.own.sensors if member.own else None, self.spec.teams[member.team].sensors) or []
 
     def config(self, member: Member) -> dict[str, Any]:
-        """What the paper's `map_strategy` is told about an agent."""
-        meta = {**self.spec.teams[member.team].meta, **(member.told.meta if member.told else {})}
+        """Return what the paper's `map_strategy` gets about an agent."""
+        meta = {**self.spec.teams[member.team].meta, **(member.own.meta if member.own else {})}
         return {
             "team": member.team,
             "type": self.kind_of(member),
@@ -196,14 +199,14 @@ class Building:
         with at(path):
             if sensor.function is not None:
                 return self.ctx.sensor.from_function(id, self._function(sensor, path))
-            keywords = said(sensor)
+            keywords = given_values(sensor)
             kind = sensor_type(keywords.pop("type"))
             if isinstance(sensor.at, tuple):
                 keywords["at"] = (float(sensor.at[0]), float(sensor.at[1]))
             return self.ctx.sensor.create_sensor(id, kind, **keywords)
 
     def _function(self, sensor: Sensor, path: str) -> Any:
-        """The function of a sensor, or what it makes if it is made with parameters."""
+        """Return the function of a sensor, or what it makes of its parameters."""
         function = self.library.get(sensor.function or "", path)
         given = self.parameters(sensor.with_ or {}, f"{path}.with")
         if given or first_of(function) == "ctx":
@@ -213,14 +216,14 @@ class Building:
     # -- strategies ---------------------------------------------------------------------------------------------
 
     def _strategies(self) -> dict[str, Any]:
-        """Agent -> its strategy, of those that have one."""
+        """Return the strategies by agent."""
         mapped: dict[str, Mapping[str, Any]] = {}
         made = {member.name: self._strategy(member, mapped) for member in self.members}
         return {name: strategy for name, strategy in made.items() if strategy is not None}
 
     def _strategy(self, member: Member, mapped: dict[str, Mapping[str, Any]]) -> Any:
         given = self.given.get(member.name, self.given.get(member.team))
-        own = None if member.told is None else member.told.strategy
+        own = None if member.own is None else member.own.strategy
         path = f"{f'teams.{member.team}' if own is None else member.path}.strategy"
         if given is not None:
             return strategy_of(given, None, self.ctx, f"strategies[{shown(member.team)}]")
@@ -234,7 +237,7 @@ class Building:
         )
 
     def _made_plans(self) -> dict[str, Plan]:
-        """Team -> its plan, of those that have one and are given no strategy instead."""
+        """Return the plans by team, of those that are given no strategy instead."""
         plans = {}
         for name, team in self.spec.teams.items():
             if team.plan is None or name in self.given:
@@ -249,9 +252,9 @@ class Building:
         return plans
 
     def _mapped(self, member: Member, code: Code, path: str, mapped: dict[str, Mapping[str, Any]]) -> Any:
-        """What a module's `map_strategy` says for an agent: it is asked once for all that name the module there."""
+        """Return what a module's `map_strategy` gives an agent; it is called once for all agents that name it there."""
         if path not in mapped:
-            is_of_team = member.told is None or member.told.strategy is None
+            is_of_team = member.own is None or member.own.strategy is None
             listed = self.by_team[member.team] if is_of_team else [member]
             config = {one.name: {"start_node_id": self._agents[one.name].node, **self.config(one)} for one in listed}
             function = self.library.get(code.function, path)
@@ -270,8 +273,8 @@ class Building:
 
     # -- rules, conflicts, values -------------------------------------------------------------------------------
 
-    def _rule(self, given: Any, path: str) -> Rule:
-        """The function that a rule names, or what it makes."""
+    def _rule(self, given: str | RuleSpec, path: str) -> Rule:
+        """Return the function that a rule names, or what it makes."""
         function, parameters = (given, {}) if isinstance(given, str) else (given.rule, given.with_)
         rule: Rule = rule_of(self.library.get(function, path, RULES), self.parameters(parameters, f"{path}.with"), path)
         return rule
@@ -290,11 +293,11 @@ class Building:
         return rules.Conflicts(capacity, given.among, allow_swaps=given.allow_swaps, resolve=resolve)
 
     def parameters(self, given: Mapping[str, Any], path: str) -> dict[str, Any]:
-        """Parameters or facts by name, each as `value` makes it."""
+        """Return parameters or facts by name, each as `value` makes it."""
         return {name: self.value(one, joined(path, name)) for name, one in given.items()}
 
-    def value(self, value: Any, path: str) -> Any:
-        """A copy, in which `{node_at: [x, y]}` is a node, and `{function: …, with: …}` what that gives."""
+    def value(self, value: object, path: str) -> Any:
+        """Return a copy, in which `{node_at: [x, y]}` is a node, and `{function: …, with: …}` what that gives."""
         if isinstance(value, list):
             return [self.value(one, joined(path, number)) for number, one in enumerate(value)]
         if not isinstance(value, Mapping):
@@ -308,7 +311,7 @@ class Building:
         return {key: self.value(one, joined(path, key)) for key, one in value.items()}
 
     def _call(self, call: Code, path: str) -> Any:
-        """What a function among the parameters gives, or itself if it is one that is called later."""
+        """Return what a function among the parameters gives, or itself if it is one that is called later."""
         function = self.library.get(call.function, path)
         given = self.parameters(call.with_, joined(path, "with"))
         first = (self.ctx,) if first_of(function) == "ctx" else ()
@@ -317,8 +320,8 @@ class Building:
         return called(function, given, first, path) if given or not needs(function, first) else function
 
 
-def _first_given(*values: Any) -> Any:
-    """The first that is not None: what an agent says for itself counts before what its team says."""
+def _first_given(*values: T | None) -> T | None:
+    """Return the first that is not None: an agent's own value counts before its team's."""
     return next((value for value in values if value is not None), None)
 
 
@@ -331,8 +334,65 @@ def _as_code(given: str | Code | None) -> Code | None:
 
 
 def _as_node(key: str | int, path: str) -> int:
-    """A node that is a key: in JSON, all keys are texts."""
+    """Return a node that is a key: in JSON, all keys are texts."""
     try:
         return as_int(int(key), "A node id")
     except ValueError:
-        raise ScenarioError(joined(path, key), "is no node id.") from None
+        raise ScenarioError(joined(path, key), "is not a node id.") from None
+
+
+# -- drawing a start again for another seed --------------------------------------------------------------------------
+
+
+class Values(NamedTuple):
+    """The values of a game before its first turn."""
+
+    facts: dict[str, Any]
+    data: dict[str, Any]
+    scores: dict[Any, float]
+    events: list[dict[str, Any]]
+
+
+def values_of(game: Game) -> Values:
+    """Return copies of what a game holds now."""
+    return Values(dict(game.facts), deepcopy(game.data), dict(game.scores), [dict(event) for event in game.events])
+
+
+def take_out(game: Game, built: Values) -> tuple[Values, list[str]]:
+    """Empty a game; return what was added or changed since it held `built`, and which keys of `data` were removed."""
+    now = values_of(game)
+    removed = [key for key in built.data if key not in now.data]
+    game.state.facts.clear()
+    game.data.clear()
+    game.scores.clear()
+    game.events.clear()
+    return Values(
+        {name: fact for name, fact in now.facts.items() if fact is not built.facts.get(name)},
+        _changed(now.data, built.data),
+        _changed(now.scores, built.scores),
+        now.events[len(built.events) :],
+    ), removed
+
+
+def put_back(game: Game, changed: Values, removed: list[str]) -> None:
+    """Make the changes that `take_out` has returned."""
+    game.publish(**changed.facts)
+    game.data.update(changed.data)
+    for key in removed:
+        game.data.pop(key, None)
+    game.scores.update(changed.scores)
+    game.events.extend(changed.events)
+
+
+def move_start(agent: agents.Member, before: int | Position, now: int | Position) -> None:
+    """Let an agent begin elsewhere, unless it has been moved since: nodes, or (x, y, z)."""
+    if isinstance(now, tuple):
+        if agent.position == before:
+            agent.position = now
+            agent.position = now  # as if it had been there before, too
+    elif agent.current_node_id == before:
+        agent.current_node_id = agent.prev_node_id = now
+
+
+def _changed(now: Mapping[Any, Any], built: Mapping[Any, Any]) -> dict[Any, Any]:
+    return {key: value for key, value in now.items() if key not in built or not is_same(value, built[key])}

@@ -1,34 +1,48 @@
-"""Whether a scenario makes sense beyond the types of its values: everything that can be told without running code."""
+"""Checks of a scenario beyond the types of its values, without running code; and its defaults, written out."""
 
-from collections.abc import Iterator, Mapping
+from collections.abc import Callable, Iterator, Mapping
+from importlib import import_module
+from inspect import Parameter, signature
 from itertools import islice
 from typing import Any
 
 from gamms.errors import UnknownName, nearest
-from gamms.scenario import worlds
-from gamms.scenario.code import check_parameters, first_of, function_of
-from gamms.scenario.errors import ScenarioError, joined
-from gamms.scenario.explain import checked, unknown_key
-from gamms.scenario.placing import members
+from gamms.scenario import world
+from gamms.scenario.code import Library, check_parameters, first_of, function_of, needs
+from gamms.scenario.documents import ScenarioError, copied, joined
 from gamms.scenario.references import OFFERED, Found, Sources, find
-from gamms.scenario.shape import ByPriority, Code, From, Rule, Sensor, Spec, Team, said
+from gamms.scenario.spec import (
+    Agent,
+    ByPriority,
+    Code,
+    From,
+    Rule,
+    Sensor,
+    Spec,
+    Team,
+    checked,
+    given_values,
+    plain_of,
+    unknown_key,
+)
+from gamms.scenario.world import members
 from gamms.sensor.catalog import KINDS
 from gamms.text import shown
+from gamms.typing.game import OWNERS, team_parameters
 from gamms.typing.sensor_engine import SensorType
 
 RULES = "gamms.rules"
 _FEW = 20  # names that are compared or listed
 _RESOLVERS = ("by_priority", "at_random", "nobody")
-_NAMING_TEAMS = {"tag": ("taggers", "tagged"), "reach": ("team", "winner"), "capture_flag": ("flags",)}
 
 
 def check_sense(spec: Spec) -> None:
-    """Look at names and numbers that have to fit each other.
+    """Check names and numbers that have to fit each other.
 
     Raises:
         ScenarioError: some do not.
     """
-    worlds.kind_of(spec.map)
+    world.kind_of(spec.map)
     members(spec)
     for name, sensor in spec.sensors.items():
         _check_sensor(f"sensors.{name}", sensor, spec)
@@ -49,13 +63,13 @@ def check_sense(spec: Spec) -> None:
 
 
 def sensor_type(given: str) -> SensorType | None:
-    """The type of that name, in any case; None if there is none that is built in."""
+    """Return the type of that name, in any case; None if there is no such built-in one."""
     kind = SensorType.__members__.get(given.upper().removeprefix("SENSORTYPE."))
     return kind if kind in KINDS else None
 
 
 def _check_sensor(path: str, sensor: Sensor, spec: Spec) -> None:
-    given = said(sensor)
+    given = given_values(sensor)
     if (sensor.type is None) == (sensor.function is None):
         raise ScenarioError(path, "give exactly one of type and function.")
     if sensor.function is not None:
@@ -102,12 +116,13 @@ def _check_team(path: str, team: Team, earlier: set[str], spec: Spec) -> None:
 
 
 def _check_teams_of(rule: Rule, spec: Spec, path: str) -> None:
-    """Look at the parameters of our own rules that name teams."""
+    """Check the parameters of our own rules whose annotations say that they name teams."""
+    rules = import_module(RULES)
     name = rule.rule.removeprefix(f"{RULES}:")
-    for parameter in _NAMING_TEAMS.get(name, ()):
+    for parameter, names in team_parameters(getattr(rules, name)).items() if name in rules.__all__ else ():
         given = rule.with_.get(parameter)
         where = f"{path}.{parameter}"
-        if name == "capture_flag" and isinstance(given, dict):  # a flag may be nobody's
+        if names == OWNERS and isinstance(given, dict):  # which may be other than teams
             without = [team for team in spec.teams if team not in given]
             for team in islice((team for team in given if team not in spec.teams), _FEW):
                 if nearest(team, without):
@@ -118,7 +133,7 @@ def _check_teams_of(rule: Rule, spec: Spec, path: str) -> None:
                 _known_team(team, spec, where)
 
 
-def _known_team(team: Any, spec: Spec, path: str) -> None:
+def _known_team(team: object, spec: Spec, path: str) -> None:
     if team not in spec.teams:
         few = ", ".join(islice(spec.teams, _FEW))
         hint = nearest(team, spec.teams) or f" Teams are: {few}{', …' if len(spec.teams) > _FEW else ''}."
@@ -126,7 +141,7 @@ def _known_team(team: Any, spec: Spec, path: str) -> None:
 
 
 def references(spec: Spec, sources: Sources) -> Iterator[Found]:
-    """All code that building the scenario would import, in the order of the file.
+    """Yield all code that building the scenario would import, in the order of the file.
 
     Raises:
         ScenarioError: some of it is not there.
@@ -157,8 +172,8 @@ def references(spec: Spec, sources: Sources) -> Iterator[Found]:
     yield from nested(spec.data, sources, "data")
 
 
-def nested(value: Any, sources: Sources, path: str) -> Iterator[Found]:
-    """The code that is named inside parameters and facts: `{function: …, with: {…}}`."""
+def nested(value: object, sources: Sources, path: str) -> Iterator[Found]:
+    """Yield the code that is named inside parameters and facts: `{function: …, with: {…}}`."""
     call = call_in(value, path)
     if call is not None:
         yield from _code(call, sources, path)
@@ -170,11 +185,11 @@ def nested(value: Any, sources: Sources, path: str) -> Iterator[Found]:
             yield from nested(one, sources, joined(path, number))
 
 
-def call_in(value: Any, path: str) -> Code | None:
-    """The function and its parameters, if a value among parameters is `{function: module:function, with: {…}}`.
+def call_in(value: object, path: str) -> Code | None:
+    """Return the function and its parameters, if a value among parameters is `{function: module:function, with: {…}}`.
 
     Raises:
-        ScenarioError: the parameters are no mapping.
+        ScenarioError: the parameters are not a mapping.
     """
     if not isinstance(value, Mapping) or not set(value) <= {"function", "with"}:
         return None
@@ -192,7 +207,7 @@ def _code(given: str | Code, sources: Sources, path: str) -> Iterator[Found]:
 
 
 def check_code(spec: Spec, sources: Sources) -> list[Found]:
-    """Find all code, and compare parameters with what our own functions take; nobody else's code is run.
+    """Find all code, and compare parameters with what our own functions take; no other code is run.
 
     Raises:
         ScenarioError: some is not there, or takes no such parameters.
@@ -204,12 +219,12 @@ def check_code(spec: Spec, sources: Sources) -> list[Found]:
             function = function_of(one, None)
             first = ("ctx",) if first_of(function) in ("ctx", "state") else ()
             check_parameters(function, given[one.path], first, one.path)
-    worlds.map_file(spec.map, sources.folder)
+    world.map_file(spec.map, sources.folder)
     return found
 
 
 def _given(spec: Spec) -> Iterator[tuple[str, Mapping[str, Any]]]:
-    """Where a rule or a strategy stands, and its parameters."""
+    """Yield where each rule and strategy is in the file, and its parameters."""
     for number, rule in enumerate(spec.rules):
         yield f"rules.{number}", rule.with_ if isinstance(rule, Rule) else {}
     for path, one in _equipped(spec):
@@ -219,8 +234,8 @@ def _given(spec: Spec) -> Iterator[tuple[str, Mapping[str, Any]]]:
             yield f"{path}.plan", one.plan.with_ if isinstance(one.plan, Code) else {}
 
 
-def _equipped(spec: Spec) -> Iterator[tuple[str, Any]]:
-    """Teams and the agents they list, each with its path."""
+def _equipped(spec: Spec) -> Iterator[tuple[str, Team | Agent]]:
+    """Yield teams and the agents that they list, each with its path."""
     for name, team in spec.teams.items():
         yield f"teams.{name}", team
         yield from ((f"teams.{name}.agents.{number}", agent) for number, agent in enumerate(team.agents))
@@ -236,3 +251,100 @@ def unknown_strategies(given: Mapping[str, Any], spec: Spec) -> None:
     for name in given:
         if name not in known:
             raise UnknownName("team or agent", name, known)
+
+
+# -- the defaults of functions, written out --------------------------------------------------------------------------
+
+
+_GIVEN_LATER = ("ctx", "state")  # parameters of functions that the game calls
+
+
+def written_out(spec: Spec, library: Library) -> dict[str, Any]:
+    """Return a scenario as plain values, with the defaults of its keys and of the functions that were used.
+
+    A default that is not a plain value, such as a function, is left out. Nothing is imported: what has been replaced by
+    the caller, such as a strategy, stays as it is written.
+    """
+    return _Defaults(library).of(copied(plain_of(spec)))
+
+
+class _Defaults:
+    """Writes the defaults of functions into plain values."""
+
+    def __init__(self, library: Library) -> None:
+        self._library = library
+
+    def of(self, spec: dict[str, Any]) -> dict[str, Any]:
+        generator = spec["map"]["generator"]
+        if generator is not None:
+            spec["map"]["generator"] = self._code(generator, "map.generator")
+        spec["sensors"] = {name: self._sensor(one, f"sensors.{name}") for name, one in spec["sensors"].items()}
+        for name, team in spec["teams"].items():
+            if team["plan"] is not None:
+                team["plan"] = self._code(team["plan"], f"teams.{name}.plan")
+            for path, one in [(f"teams.{name}", team), *((f"teams.{name}.agents", one) for one in team["agents"])]:
+                one["meta"] = self._values(one["meta"], f"{path}.meta")
+                if one["strategy"] is not None:
+                    one["strategy"] = self._code(one["strategy"], f"{path}.strategy")
+        spec["rules"] = [self._rule(one, f"rules.{number}") for number, one in enumerate(spec["rules"])]
+        spec["facts"], spec["data"] = self._values(spec["facts"], "facts"), self._values(spec["data"], "data")
+        return spec
+
+    def _rule(self, given: str | dict[str, Any], path: str) -> dict[str, Any]:
+        rule: dict[str, Any] = (
+            {"rule": given, "with": {}, "phase": "after", "name": None} if isinstance(given, str) else given
+        )
+        function = self._library.known(rule["rule"], RULES)
+        return {**rule, "with": self._with(function, rule["with"], f"{path}.with")}
+
+    def _sensor(self, sensor: dict[str, Any], path: str) -> dict[str, Any]:
+        if sensor["function"] is None:
+            kind = sensor_type(sensor["type"])
+            usual = {} if kind is None else copied(KINDS[kind].keywords)
+            return {**sensor, **{name: value for name, value in usual.items() if sensor[name] is None}}
+        function = self._library.known(sensor["function"])
+        given = sensor["with"] or {}
+        is_made = given or (function is not None and first_of(function) == "ctx")  # else it is called in every turn
+        return {**sensor, "with": self._with(function, given, f"{path}.with") if is_made else None}
+
+    def _code(self, given: str | Mapping[str, Any], path: str) -> dict[str, Any]:
+        """Write out a strategy, a generator, or a call among parameters."""
+        code: Mapping[str, Any] = {"function": given, "with": {}} if isinstance(given, str) else given
+        function = self._library.known(code["function"])
+        return {**code, "with": self._with(function, code.get("with") or {}, f"{path}.with")}
+
+    def _with(self, function: Callable[..., Any] | None, given: Mapping[str, Any], path: str) -> dict[str, Any]:
+        written = self._values(given, path)
+        if function is None:
+            return written
+        first = (None,) if first_of(function) in _GIVEN_LATER else ()
+        if not given and needs(function, first):
+            return written  # it is taken as it is: with parameters it would be called
+        return {**_plain_defaults(function), **written}
+
+    def _values(self, given: Mapping[str, Any], path: str) -> dict[str, Any]:
+        return {name: self._value(one, f"{path}.{name}") for name, one in given.items()}
+
+    def _value(self, value: object, path: str) -> Any:
+        if isinstance(value, list):
+            return [self._value(one, path) for one in value]
+        if not isinstance(value, Mapping):
+            return value
+        return self._values(value, path) if call_in(value, path) is None else self._code(value, path)
+
+
+def _plain_defaults(function: Callable[..., Any]) -> dict[str, Any]:
+    """Return the defaults of a function's parameters, those that a file could have."""
+    try:
+        parameters = signature(function).parameters.values()
+    except (TypeError, ValueError):  # some functions in C
+        return {}
+    named = (Parameter.POSITIONAL_OR_KEYWORD, Parameter.KEYWORD_ONLY)
+    defaults = {}
+    for one in parameters:
+        if one.kind in named and one.default is not Parameter.empty and one.name not in _GIVEN_LATER:
+            try:
+                defaults[one.name] = copied(one.default)
+            except ScenarioError:
+                continue
+    return defaults

@@ -1,4 +1,4 @@
-"""Runs the code that a scenario names: imports it, and makes strategies and rules of it."""
+"""Runs the code that a scenario names: imports it, and makes strategies and rules with it."""
 
 import importlib
 import sys
@@ -10,8 +10,9 @@ from pathlib import Path
 from types import ModuleType
 from typing import Any
 
+from gamms.context import Context
 from gamms.errors import nearest
-from gamms.scenario.errors import ScenarioError, joined
+from gamms.scenario.documents import ScenarioError, joined
 from gamms.scenario.references import Found, Sources, find, is_defined_in, private_package
 from gamms.text import shown
 
@@ -30,7 +31,7 @@ class Library:
         self._known: dict[str, Callable[..., Any]] = {}
 
     def get(self, text: str, path: str, short: str | None = None) -> Callable[..., Any]:
-        """The function of a reference; see `find`.
+        """Return the function of a reference; see `find`.
 
         Raises:
             ScenarioError: there is none; it names the path.
@@ -75,7 +76,7 @@ def function_of(found: Found, folder: Path | None) -> Callable[..., Any]:
 
 @contextmanager
 def _raising(path: str, what: str) -> Iterator[None]:
-    """Tell whatever the code of a scenario raises by where the scenario names it; SystemExit, too.
+    """Say of an error of the scenario's code where the scenario names the code; of SystemExit, too.
 
     Raises:
         ScenarioError: in its place.
@@ -89,7 +90,7 @@ def _raising(path: str, what: str) -> Iterator[None]:
 
 
 def _private(found: Found, folder: Path) -> ModuleType:
-    """A module from the folder of a scenario, under a name of its own; anew if its file has changed."""
+    """Import a module of a scenario under a private name; again if its file has changed."""
     folder = folder.resolve()
     package = private_package(folder)
     stamps = _stamps.setdefault(package, {})
@@ -119,23 +120,23 @@ def _stamp(file: Path) -> tuple[int, int]:
     return (status.st_mtime_ns, status.st_size)
 
 
-def strategy_of(function: Callable[..., Any], given: Mapping[str, Any] | None, ctx: Any, path: str) -> Any:
-    """The strategy that a function is, or makes.
+def strategy_of(function: Callable[..., Any], given: Mapping[str, Any] | None, ctx: Context, path: str) -> Any:
+    """Return the strategy that a function is, or makes.
 
     A function whose first parameter is `state`, or that takes something and is given nothing, is the strategy. One
     whose first parameter is `ctx`, that takes nothing, or that is given parameters, makes it.
 
     Raises:
-        ScenarioError: the parameters do not fit, or what it makes is no function.
+        ScenarioError: the parameters do not fit, or what it makes is not a function.
     """
     return _decider_of(function, given, ctx, path, ("state",), "strategy")
 
 
-def plan_of(function: Callable[..., Any], given: Mapping[str, Any] | None, ctx: Any, path: str) -> Any:
-    """The plan that a function is, or makes; as `strategy_of`, with `states` or `arrays` for the first parameter.
+def plan_of(function: Callable[..., Any], given: Mapping[str, Any] | None, ctx: Context, path: str) -> Any:
+    """Return the plan that a function is, or makes; as `strategy_of`, but with `states` or `arrays` first.
 
     Raises:
-        ScenarioError: the parameters do not fit, or what it makes is no function.
+        ScenarioError: the parameters do not fit, or what it makes is not a function.
     """
     return _decider_of(function, given, ctx, path, ("states", "arrays"), "plan")
 
@@ -143,7 +144,7 @@ def plan_of(function: Callable[..., Any], given: Mapping[str, Any] | None, ctx: 
 def _decider_of(
     function: Callable[..., Any],
     given: Mapping[str, Any] | None,
-    ctx: Any,
+    ctx: Context,
     path: str,
     arguments: tuple[str, ...],
     what: str,
@@ -155,17 +156,17 @@ def _decider_of(
 
 
 def rule_of(function: Callable[..., Any], given: Mapping[str, Any] | None, path: str) -> Any:
-    """The rule that a function is, or makes.
+    """Return the rule that a function is, or makes.
 
     A function whose first parameter is `ctx`, or that needs something and is given nothing, is the rule. Any other
     makes it.
 
     Raises:
-        ScenarioError: the parameters do not fit, or what it makes is no function.
+        ScenarioError: the parameters do not fit, or what it makes is not a function.
     """
     if first_of(function) == "state":
         raise ScenarioError(
-            path, f"{getattr(function, '__name__', function)} takes a state: it is no rule, but a strategy."
+            path, f"{getattr(function, '__name__', function)} takes a state: it is not a rule, but a strategy."
         )
     if first_of(function) == "ctx" or (not given and needs(function)):
         return _bound(function, (None,), given, path)
@@ -175,7 +176,7 @@ def rule_of(function: Callable[..., Any], given: Mapping[str, Any] | None, path:
 def made(
     function: Callable[..., Any], given: Mapping[str, Any] | None, first: tuple[Any, ...], path: str, what: str
 ) -> Any:
-    """What a function makes of its parameters; it can be called.
+    """Return what a function makes of its parameters; it can be called.
 
     Raises:
         ScenarioError: the parameters do not fit, the function raises, or what it makes cannot be called.
@@ -183,12 +184,12 @@ def made(
     one = called(function, given, first, path)
     if not callable(one):
         name = getattr(function, "__name__", function)
-        raise ScenarioError(path, f"{name} gives {shown(one)}, which is no {what}.")
+        raise ScenarioError(path, f"{name} gives {shown(one)}, which is not a {what}.")
     return one
 
 
 def called(function: Callable[..., Any], given: Mapping[str, Any] | None, first: tuple[Any, ...], path: str) -> Any:
-    """What a function returns.
+    """Call a function.
 
     Raises:
         ScenarioError: the parameters do not fit, or the function raises, which is then the cause.
@@ -222,7 +223,7 @@ def check_parameters(function: Callable[..., Any], given: Mapping[str, Any], fir
 
 
 def first_of(function: Callable[..., Any]) -> str:
-    """The name of the first parameter; "" without one."""
+    """Return the name of the first parameter; "" without one."""
     try:
         return next(iter(signature(function).parameters), "")
     except (TypeError, ValueError):
@@ -230,7 +231,7 @@ def first_of(function: Callable[..., Any]) -> str:
 
 
 def needs(function: Callable[..., Any], first: tuple[Any, ...] = ()) -> bool:
-    """Whether it cannot be called with these alone."""
+    """Whether a function cannot be called with these arguments alone."""
     try:
         known = list(signature(function).parameters.values())[len(first) :]
     except (TypeError, ValueError):

@@ -12,12 +12,12 @@ import sys
 from collections.abc import Iterable
 from importlib.util import find_spec
 from pathlib import Path, PureWindowsPath
-from typing import Any, NamedTuple
+from typing import NamedTuple
 
 from gamms.arguments import as_items
 from gamms.errors import BadType, BadValue, nearest
 from gamms.limits import refuse_above
-from gamms.scenario.errors import ScenarioError, at
+from gamms.scenario.documents import ScenarioError, at
 from gamms.text import shown
 
 OFFERED = ("gamms.strategies", "gamms.rules", "gamms.rules.territory", "gamms.demo.strategies")
@@ -60,32 +60,32 @@ class Found(NamedTuple):
 
 
 def allowed(packages: Iterable[str]) -> tuple[str, ...]:
-    """Packages as the caller allows them.
+    """Check the packages that the caller allows.
 
     Raises:
-        BadType: they are one text, or no texts.
-        BadValue: one is no package, or one whose functions are never offered.
+        BadType: they are one text, or not texts.
+        BadValue: one is not a package, or one whose functions are never offered.
     """
     names = tuple(as_items(packages, "allow", "names of packages, such as ['my_package'],"))
     if not all(isinstance(name, str) for name in names):
         raise BadType(f"allow must be names of packages, such as ['my_package'], not {shown(packages)}.")
     for name in names:
         if not _is_dotted(name):
-            raise BadValue(f"{shown(name)} in allow is no name of a package.")
+            raise BadValue(f"{shown(name)} in allow is not the name of a package.")
         if name.partition(".")[0] in _REFUSED:
             raise BadValue(f"{shown(name)} cannot be allowed: scenarios never name all of GAMMS, nor of Python itself.")
     return names
 
 
 def private_package(folder: Path) -> str:
-    """The name under which the modules of a folder are imported."""
+    """Return the name under which the modules of a folder are imported."""
     return f"_gamms_scenario_{hashlib.sha256(str(folder.resolve()).encode()).hexdigest()[:16]}"
 
 
-def is_defined_in(value: Any, package: str) -> bool:
+def is_defined_in(value: object, package: str) -> bool:
     """Whether calling a value calls what a package defines: a function, a class or an object of a class of its own."""
 
-    def is_own(part: Any) -> bool:
+    def is_own(part: object) -> bool:
         name = getattr(part, "__module__", None)
         return isinstance(name, str) and (name == package or name.startswith(f"{package}."))
 
@@ -98,13 +98,13 @@ def is_defined_in(value: Any, package: str) -> bool:
 
 
 def inside(text: str, folder: Path | None, path: str, what: str) -> Path:
-    """A file in the folder of a scenario or below, which need not be there.
+    """Return a file in the folder of a scenario or below, which need not exist.
 
     Raises:
         ScenarioError: it would be elsewhere, directly or through a symbolic link.
     """
     if folder is None:
-        raise ScenarioError(path, f"{text!r} is a {what}, and a scenario that is no file needs folder= to find it in.")
+        raise ScenarioError(path, f"{text!r} is a {what}, and a scenario without a file needs folder= to find it in.")
     given = PureWindowsPath(text)  # knows both kinds of slash, and drives
     if given.anchor or ".." in given.parts or "\0" in text:
         raise ScenarioError(path, f"{text!r} leads out of the folder of the scenario. Put the {what} into it.")
@@ -115,7 +115,7 @@ def inside(text: str, folder: Path | None, path: str, what: str) -> Path:
 
 
 def find(text: str, sources: Sources, path: str, *, short: str | None = None) -> Found:
-    """Where the code of a reference is; nothing is imported but the parts of GAMMS that are offered.
+    """Find the code of a reference; nothing is imported but the parts of GAMMS that are offered.
 
     Args:
         text: `module:function`, `file.py:function`, or one of these without `:function`.
@@ -140,14 +140,14 @@ def find(text: str, sources: Sources, path: str, *, short: str | None = None) ->
 
 
 def chosen(text: str, path: str) -> tuple[Found, Path]:
-    """Where the code is that a person asks for, and the folder it is in: a file may be anywhere, and import it.
+    """Find the code that a person names, and its folder: a file may be anywhere.
 
     Raises:
         ScenarioError: there is no such file, module or function.
     """
     left, colon, function = text.rpartition(":")
     if not colon:
-        raise ScenarioError(path, f"{text!r} is no reference to code; write mine.py:strategy or module:function.")
+        raise ScenarioError(path, f"{text!r} is not a reference to code; write mine.py:strategy or module:function.")
     file = Path(left).absolute() if left.endswith(".py") else None
     folder = Path.cwd() if file is None else file.parent
     top = left.partition(".")[0]
@@ -161,7 +161,7 @@ def chosen(text: str, path: str) -> tuple[Found, Path]:
 
 
 def offered(module: str) -> list[str]:
-    """What a module of GAMMS offers; empty if it is for programs only."""
+    """Return what a module of GAMMS offers; empty if it is for programs only."""
     from importlib import import_module
 
     if module not in OFFERED:
@@ -171,13 +171,13 @@ def offered(module: str) -> list[str]:
 
 
 def _located(text: str, sources: Sources, path: str, short: str | None = None) -> Found:
-    """Where a reference leads; whether the function is there is not looked at yet."""
+    """Return where a reference leads, without a look whether the function is there."""
     folder = sources.folder
     left, colon, function = text.partition(":")
     if not colon and short is not None:
         left, colon, function = short, ":", left
     if (colon and not function.isidentifier()) or not left:
-        raise ScenarioError(path, f"{shown(text)} is no reference to code; write module:function.")
+        raise ScenarioError(path, f"{shown(text)} is not a reference to code; write module:function.")
     if left.endswith(".py") or "/" in left or "\\" in left:
         file = inside(left, folder, path, "Python file")
         if not file.is_file():
@@ -187,7 +187,7 @@ def _located(text: str, sources: Sources, path: str, short: str | None = None) -
             raise ScenarioError(path, f"{left!r} cannot be imported: it may have letters, digits and _ in its name.")
         return _in(folder or Path(), Found(path, text, dotted, function, file, None))
     if not _is_dotted(left):
-        raise ScenarioError(path, f"{shown(text)} is no reference to code; write module:function.")
+        raise ScenarioError(path, f"{shown(text)} is not a reference to code; write module:function.")
     if left.partition(".")[0] == "gamms":
         if left not in OFFERED:
             hint = nearest(left, OFFERED) or f" Scenarios may name what is in {', '.join(OFFERED)}."
@@ -201,7 +201,7 @@ def _located(text: str, sources: Sources, path: str, short: str | None = None) -
 
 
 def _in(folder: Path, found: Found) -> Found:
-    """The same, if no package that is imported on the way to it leads out of the folder."""
+    """Return the same, if no package that is imported on the way to it leads out of the folder."""
     *packages, _ = found.module.split(".")
     for depth in range(1, len(packages) + 1):
         inside("/".join([*packages[:depth], "__init__.py"]), folder, found.path, "Python file")
@@ -209,7 +209,7 @@ def _in(folder: Path, found: Found) -> Found:
 
 
 def _in_folder(dotted: str, folder: Path, path: str) -> Path | None:
-    """The file of a module in the folder."""
+    """Return the file of a module in the folder."""
     stem = "/".join(dotted.split("."))
     for text in (f"{stem}/__init__.py", f"{stem}.py"):
         if folder.joinpath(text).is_file():
@@ -218,7 +218,7 @@ def _in_folder(dotted: str, folder: Path, path: str) -> Path | None:
 
 
 def _owner(found: Found, sources: Sources) -> str:
-    """The installed package, or the part of it, whose functions may be named.
+    """Return the installed package, or the part of it, whose functions may be named.
 
     Raises:
         ScenarioError: it is not installed, or was not allowed to be named.
@@ -226,7 +226,7 @@ def _owner(found: Found, sources: Sources) -> str:
     dotted, top, path = found.module, found.module.partition(".")[0], found.path
     if top in _REFUSED:
         raise ScenarioError(
-            path, f"{found.text!r} is no code for games: Python's own modules are not offered to scenarios."
+            path, f"{found.text!r} is not code for games: Python's own modules are not offered to scenarios."
         )
     try:
         spec = find_spec(top)
@@ -256,7 +256,7 @@ def _owner(found: Found, sources: Sources) -> str:
 
 
 def _entry_points() -> Iterable[tuple[str, str]]:
-    """Module and function of what installed packages offer to scenarios; "" for all that a module defines."""
+    """Yield module and function of what installed packages offer to scenarios; "" for all that a module defines."""
     from importlib.metadata import entry_points
 
     for entry in entry_points(group=GROUP):
@@ -265,7 +265,7 @@ def _entry_points() -> Iterable[tuple[str, str]]:
 
 
 def _casual_places() -> set[Path]:
-    """Where Python finds modules only because of where it was started."""
+    """Return the folders where Python finds modules only because of where it was started."""
     casual = {Path.cwd()}
     main = getattr(sys.modules.get("__main__"), "__file__", None)
     if main is not None:
@@ -275,7 +275,7 @@ def _casual_places() -> set[Path]:
 
 
 def _neighbour(name: str, folder: Path | None) -> str:
-    """A hint at a file of the folder with nearly that name."""
+    """Return a hint at a file of the folder with nearly that name."""
     if folder is None or not folder.is_dir():
         return ""
     names = sorted(file.name for file in folder.glob("*.py"))
@@ -302,7 +302,7 @@ def _is_dotted(text: str) -> bool:
 
 
 def _names_in(file: Path, path: str) -> tuple[set[str], set[str]]:
-    """The names that a file binds: those of the folder's own, and those that it imports from elsewhere.
+    """Return the names that a file binds: those of the folder's own, and those that it imports from elsewhere.
 
     "*" is among its own where only running it could tell.
     """
@@ -311,7 +311,7 @@ def _names_in(file: Path, path: str) -> tuple[set[str], set[str]]:
     try:
         tree = ast.parse(file.read_bytes(), str(file))
     except (SyntaxError, ValueError, RecursionError, MemoryError) as error:
-        raise ScenarioError(path, f"{file} is no Python: {error}.") from None
+        raise ScenarioError(path, f"{file} is not Python: {error}.") from None
     own: set[str] = set()
     others: set[str] = set()
     waiting: list[ast.AST] = list(tree.body)

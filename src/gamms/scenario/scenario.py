@@ -1,7 +1,7 @@
 """A game as data: read from a file or made in Python, changed, built and played."""
 
 import os
-from collections.abc import Iterable, Mapping
+from collections.abc import Iterable, Mapping, Sequence
 from functools import cache, partial
 from typing import Any
 
@@ -10,32 +10,32 @@ from gamms.context import Context, create_context
 from gamms.errors import BadType
 from gamms.game.result import Result
 from gamms.ir.graph import GraphColumns
-from gamms.scenario import files, plain, worlds
+from gamms.recorder import Recording
+from gamms.scenario import documents, world
 from gamms.scenario.building import Building, Strategies
-from gamms.scenario.checks import check_code, check_sense, unknown_strategies
+from gamms.scenario.checks import check_code, check_sense, unknown_strategies, written_out
 from gamms.scenario.code import Library
-from gamms.scenario.defaults import written_out
-from gamms.scenario.errors import ScenarioError, named
-from gamms.scenario.explain import checked
-from gamms.scenario.placing import members, node_at, place
+from gamms.scenario.documents import ScenarioError, named
 from gamms.scenario.references import Found, Sources, allowed
-from gamms.scenario.shape import LatLon, Place, Spec
+from gamms.scenario.spec import LatLon, Place, Spec, checked
+from gamms.scenario.world import members, node_at, place
 from gamms.text import shown
 from gamms.typing.graph_engine import Engine as GraphEngine
+from gamms.visual import Engine
 
 
 class Scenario:
     """A game, described completely; it does not change.
 
     Args:
-        folder: where code and maps are looked for; None: nowhere.
-        file: what errors are told to be about.
+        folder: the folder of code and maps; None: none.
+        file: named by errors.
         allow: installed packages whose functions may be named, though they have no entry point that says so.
-        given: the keys of a scenario file, as plain values. Those of a stranger go through `load` or
-            `from_recording`: among keywords, `folder` and `allow` would be taken as said by you.
+        given: the keys of a scenario file, as plain values. Values from elsewhere go through `load` or
+            `from_recording`: among keywords, `folder` and `allow` would be taken as yours.
 
     Attributes:
-        spec: what it says, typed; see `Spec`.
+        spec: its contents, typed; see `Spec`.
         folder: see above.
         file: see above.
         allow: see above.
@@ -50,25 +50,25 @@ class Scenario:
         folder: str | os.PathLike[str] | None = None,
         file: str | os.PathLike[str] | None = None,
         allow: Iterable[str] = (),
-        **given: Any,
+        **given: object,
     ) -> None:
         self.folder = None if folder is None else as_path(folder, "folder").absolute()
         self.file = None if file is None else as_path(file, "file")
         self.allow = allowed(allow)
         self._library = Library(Sources(self.folder, self.allow))
         with named(self.file):
-            self._raw: dict[str, Any] = plain.copied(given)
+            self._raw: dict[str, Any] = documents.copied(given)
             self.spec: Spec = checked(self._raw, Spec)
             check_sense(self.spec)
-        self._loaded = cache(partial(worlds.load, self.spec.map, self.folder, self._library))
+        self._loaded = cache(partial(world.load, self.spec.map, self.folder, self._library))
 
     def to_dict(self) -> dict[str, Any]:
-        """What it says as plain values: `Scenario(**scenario.to_dict())` says the same."""
-        copy: dict[str, Any] = plain.copied(self._raw)
+        """Return its contents as plain values: `Scenario(**scenario.to_dict())` is the same."""
+        copy: dict[str, Any] = documents.copied(self._raw)
         return copy
 
-    def replace(self, **changes: Any) -> "Scenario":
-        """The same scenario with other values: `replace(**{"turns": 50, "teams.red.count": 8})`.
+    def replace(self, **changes: object) -> "Scenario":
+        """Return the same scenario with other values: `replace(**{"turns": 50, "teams.red.count": 8})`.
 
         A part of a path is a key, or the number or the name of an item of a list. The map is shared.
 
@@ -76,7 +76,7 @@ class Scenario:
             ScenarioError: a path leads nowhere, or the value cannot be there.
         """
         with named(self.file):
-            raw = plain.changed(self._raw, changes)
+            raw = documents.changed(self._raw, changes)
             new = _from_plain(raw, self.folder, self.file, self.allow)
         if raw.get("map") == self._raw.get("map"):
             new._loaded = self._loaded
@@ -84,7 +84,7 @@ class Scenario:
         return new
 
     def columns(self) -> GraphColumns:
-        """The map as read-only arrays, for looking up nodes; loads it if need be.
+        """Return the map as read-only arrays, for looking up nodes; it is loaded if need be.
 
         Raises:
             ScenarioError: it cannot be loaded.
@@ -93,18 +93,18 @@ class Scenario:
             columns: GraphColumns = self._loaded().columns
             return columns
 
-    def node_at(self, place: Any) -> int:
-        """The node of the map that `[x, y]` or `{"lat": …, "lon": …}` means, or that has this id.
+    def node_at(self, place: int | Sequence[float] | Mapping[str, float] | LatLon | None) -> int:
+        """Return the node of the map that `[x, y]` or `{"lat": …, "lon": …}` means, or that has this id.
 
         Raises:
-            ScenarioError: there is no such node, or it is no place.
+            ScenarioError: there is no such node, or it is not a place.
         """
-        with named(self.file), create_context(logger_config=worlds.quiet()) as ctx:
-            worlds.put(ctx, self._loaded())
+        with named(self.file), create_context(logger_config=world.quiet()) as ctx:
+            world.put(ctx, self._loaded())
             return node_at(ctx, place if isinstance(place, LatLon) else checked(place, Place, "place"), "place")
 
     def code(self) -> list[Found]:
-        """The code that `build` would import, found without running any of it.
+        """Return the code that `build` would import, found without running any of it.
 
         Raises:
             ScenarioError: some of it is not there.
@@ -113,30 +113,30 @@ class Scenario:
             return check_code(self.spec, Sources(self.folder, self.allow))
 
     def check(self) -> list[str]:
-        """Do everything that can be done without running code or asking a server; say what was done.
+        """Do everything that can be done without running code or asking a server; return what was done.
 
         Raises:
             ScenarioError: something is wrong.
         """
         found = self.code()
-        everybody = members(self.spec)
+        agents = members(self.spec)
         done = ["keys, types and names", f"{len(found)} references to code (found, not run)"]
-        if worlds.is_data(self.spec.map):
-            with named(self.file), create_context(seed=self.spec.seed, logger_config=worlds.quiet()) as ctx:
-                worlds.put(ctx, self._loaded())
-                place(ctx, self.spec, everybody)
-                done += [f"the map ({len(ctx.graph.graph)} nodes)", f"the places of {len(everybody)} agents"]
+        if world.is_data(self.spec.map):
+            with named(self.file), create_context(seed=self.spec.seed, logger_config=world.quiet()) as ctx:
+                world.put(ctx, self._loaded())
+                place(ctx, self.spec, agents)
+                done += [f"the map ({len(ctx.graph.graph)} nodes)", f"the places of {len(agents)} agents"]
         return done
 
     def build(
         self,
         seed: int | None = None,
         strategies: Strategies | None = None,
-        vis_engine: Any = None,
+        vis_engine: Engine = Engine.NO_VIS,
         *,
         graph_engine: GraphEngine = GraphEngine.MEMORY,
     ) -> Context:
-        """A context with the game in it, ready to play; the caller terminates it.
+        """Return a context with the game in it, ready to play; the caller terminates it.
 
         The code that the scenario names is imported now. The map is loaded by the first call only.
 
@@ -148,25 +148,24 @@ class Scenario:
 
         Raises:
             ScenarioError: something cannot be done as it is written.
-            UnknownName (KeyError): a strategy is for a team or agent that is not there.
+            UnknownName (KeyError): a strategy is for an unknown team or agent.
         """
         given = dict(as_mapping({} if strategies is None else strategies, "strategies"))
         unknown_strategies(given, self.spec)
         with named(self.file):
             if not self._loaded.cache_info().currsize:
                 self.code()
-            world = self._loaded()
-        keywords = {} if vis_engine is None else {"vis_engine": vis_engine}
+            map = self._loaded()
         ctx = create_context(
             graph_engine,
-            logger_config=worlds.quiet(),
+            vis_engine,
+            logger_config=world.quiet(),
             seed=self.spec.seed if seed is None else seed,
             game={**self._settings(), "max_turns": self.spec.turns},
-            **keywords,
         )
         try:
             with named(self.file):
-                worlds.put(ctx, world)
+                world.put(ctx, map)
                 building = Building(ctx, self.spec, self._library, given)
                 building.build()
                 ctx.game.scenario = written_out(self.spec, self._library)
@@ -182,7 +181,7 @@ class Scenario:
         return ctx
 
     def play(self, seed: int | None = None, strategies: Strategies | None = None) -> Result:
-        """Build it, play it to its end, terminate the context; see `build`."""
+        """Build the game, play it to its end, and terminate the context; see `build`."""
         with self.build(seed, strategies) as ctx:
             return ctx.game.run()
 
@@ -192,12 +191,12 @@ class Scenario:
     __hash__ = None  # type: ignore[assignment] # what holds dicts has no hash
 
     def __repr__(self) -> str:
-        """Name it, and who plays."""
+        """Name it and its teams."""
         teams = ", ".join(f"{name}: {team.count + len(team.agents)}" for name, team in self.spec.teams.items())
         return f"Scenario({self.spec.name!r}, {teams})"
 
     def __reduce__(self) -> tuple[Any, ...]:
-        # The map is left behind: worker pools load it once each.
+        # Without the map: each worker of a pool loads it once.
         return _from_plain, (self._raw, self.folder, self.file, self.allow)
 
     def _settings(self) -> dict[str, Any]:
@@ -213,36 +212,41 @@ def load(path: str | os.PathLike[str], allow: Iterable[str] = ()) -> Scenario:
         allow: installed packages whose functions it may name, though they have no entry point that says so.
 
     Raises:
-        ScenarioError: it is no scenario; the message names the place in the file and the nearest valid key.
+        ScenarioError: it is not a scenario; the message names the place in the file and the nearest valid key.
         OSError: it cannot be read.
     """
     file = as_path(path, "path")
     with named(file):
-        return _from_plain(files.read(file), file.absolute().parent, file, allow)
+        return _from_plain(documents.read(file), file.absolute().parent, file, allow)
 
 
 def from_recording(
-    recording: Any, *, folder: str | os.PathLike[str] | None = None, allow: Iterable[str] = ()
+    recording: Recording, *, folder: str | os.PathLike[str] | None = None, allow: Iterable[str] = ()
 ) -> Scenario:
     """Read the scenario that the game of a recording was built from.
 
-    The recording names code; only GAMMS's own may be meant unless you say more.
+    The recording names code: only GAMMS's own is used unless you allow more.
 
     Args:
         recording: as `gamms.recorder.open` gives it.
-        folder: where its code and maps are; None: nowhere.
+        folder: the folder of its code and maps; None: none.
         allow: installed packages whose functions it may name, though they have no entry point that says so.
 
     Raises:
-        ScenarioError: it was built by a program, or what is in it is no scenario.
+        ScenarioError: it was built by a program, or what is in it is not a scenario.
     """
     if not hasattr(recording, "header"):
         raise BadType(f"from_recording takes a recording, as gamms.recorder.open gives it, not {shown(recording)}.")
     return _from_plain(recording.header.get("scenario"), folder, None, allow)
 
 
-def _from_plain(raw: Any, folder: Any, file: Any, allow: Iterable[str]) -> Scenario:
-    """A scenario of plain values that are data: they cannot say where code comes from."""
+def _from_plain(
+    raw: object,
+    folder: str | os.PathLike[str] | None,
+    file: str | os.PathLike[str] | None,
+    allow: Iterable[str],
+) -> Scenario:
+    """Make a scenario of plain values that are data: they cannot say where code comes from."""
     if not isinstance(raw, Mapping):
         raise ScenarioError("", f"a scenario is a mapping with the keys map and teams, not {type(raw).__name__}.")
     for key in raw:

@@ -1,7 +1,7 @@
 """Contract of the turn engine: what it gives to rules, plans and resolvers of conflicts."""
 
-from collections.abc import Awaitable, Callable, Mapping
-from typing import Any, NamedTuple, Protocol
+from collections.abc import Awaitable, Callable, Hashable, Mapping
+from typing import Annotated, Any, NamedTuple, Protocol
 
 Track = tuple[tuple[int, ...], tuple[float, ...]]
 """Nodes, and from 0 to 1 when an agent is at each of them; it is at the last one until 1."""
@@ -18,6 +18,18 @@ TeamPlan = Callable[[dict[str, Any]], Awaitable[None] | None]
 
 Any: `State`, or `AerialState` of agents that fly.
 """
+
+
+TEAMS, OWNERS = "teams", "teams, or other owners"
+
+Team = Annotated[Hashable, TEAMS]
+"""A parameter of a function that makes rules, which names teams: a scenario file is checked for misspelt ones."""
+
+
+def team_parameters(make_rule: Callable[..., object]) -> dict[str, str]:
+    """Return the parameters of a function whose annotations say that they name teams: name -> TEAMS or OWNERS."""
+    notes = ((name, getattr(one, "__metadata__", ())) for name, one in make_rule.__annotations__.items())
+    return {name: note for name, some in notes for note in some if note in (TEAMS, OWNERS)}
 
 
 class Move(NamedTuple):

@@ -1,12 +1,18 @@
-"""What a scenario file may say: its keys and their types, and the one door to msgspec.
+"""The keys of a scenario file and their types, checked by msgspec; errors name the place and what was probably meant.
 
 `Spec` is the whole file. Every class is one mapping in it; a key that is not listed is an error.
 """
 
-from typing import Annotated, Any, Literal
+import types
+from collections.abc import Iterable
+from typing import Annotated, Any, Literal, Union, cast, get_args, get_origin
 
 import msgspec
 from msgspec import Meta
+
+from gamms.errors import nearest
+from gamms.scenario.documents import ScenarioError, joined
+from gamms.text import shown
 
 Metres = Annotated[float, Meta(ge=0.0, description="Map units; metres on maps of streets.")]
 Count = Annotated[int, Meta(ge=0)]
@@ -24,6 +30,7 @@ Reference = Annotated[
 ]
 Travel = Literal["walk", "bike", "drive"]
 Values = dict[str, Any]
+Kind = object  # a type, or a form such as `int | None`
 
 
 class _Mapping(
@@ -218,36 +225,103 @@ class Spec(_Mapping, frozen=True, kw_only=True):
 
 
 def schema() -> dict[str, Any]:
-    """The JSON Schema of a scenario file, for editors."""
+    """Return the JSON Schema of a scenario file, for editors."""
     return {"$schema": "https://json-schema.org/draft/2020-12/schema", **msgspec.json.schema(Spec)}
 
 
-def converted(value: Any, kind: Any) -> Any:
-    """Plain values as what a type describes.
-
-    Raises:
-        ValueError: they are not; the message is msgspec's.
-    """
-    return msgspec.convert(value, kind)
-
-
 def plain_of(spec: Spec) -> dict[str, Any]:
-    """Everything that a scenario says, defaults included, as plain values."""
+    """Return everything in a scenario, defaults included, as plain values."""
     plain: dict[str, Any] = msgspec.to_builtins(spec)
     return plain
 
 
-def is_mapping(kind: Any) -> bool:
+def _is_mapping(kind: Kind) -> bool:
     """Whether a type is one of the mappings above."""
     return isinstance(kind, type) and issubclass(kind, msgspec.Struct)
 
 
-def fields_of(kind: Any) -> dict[str, tuple[Any, bool]]:
-    """Key -> its type, and whether it must be there."""
-    return {field.encode_name: (field.type, field.required) for field in msgspec.structs.fields(kind)}
+def _fields_of(kind: Kind) -> dict[str, tuple[Kind, bool]]:
+    """Return the type of each key, and whether the key must be there."""
+    return {
+        field.encode_name: (field.type, field.required)
+        for field in msgspec.structs.fields(cast("type[msgspec.Struct]", kind))
+    }
 
 
-def said(part: Any) -> dict[str, Any]:
-    """What a mapping says, by Python's names: all that is not None."""
+def given_values(part: _Mapping) -> dict[str, Any]:
+    """Return the values in a mapping that are not None, by Python's names."""
     values = {name: getattr(part, name) for name in part.__struct_fields__}
     return {name: value for name, value in values.items() if value is not None}
+
+
+# -- checks ----------------------------------------------------------------------------------------------------------
+
+
+def checked(value: object, kind: Kind, path: str = "") -> Any:
+    """Convert plain values to what a type describes.
+
+    Raises:
+        ScenarioError: they are not; it names the innermost place that is wrong.
+    """
+    try:
+        return msgspec.convert(value, kind)
+    except (ValueError, TypeError, RecursionError) as error:
+        raise _explained(value, kind, path, error) from None
+
+
+def unknown_key(path: str, key: object, value: object, known: Iterable[object]) -> ScenarioError:
+    """Return the error of an unknown key."""
+    names = [str(one) for one in known]
+    hint = nearest(key, names) or (f" Keys here are: {', '.join(names)}." if names else "")
+    return ScenarioError(joined(path, key), f"unknown key, with the value {shown(value)}.{hint}")
+
+
+def _explained(value: object, kind: Kind, path: str, error: Exception) -> ScenarioError:
+    for option in _options(kind):
+        if _is_mapping(option) and isinstance(value, dict):
+            known = _fields_of(option)
+            for key in value:
+                if key not in known:
+                    return unknown_key(path, key, value[key], known)
+            for key, (_, is_required) in known.items():
+                if is_required and key not in value:
+                    return ScenarioError(joined(path, key), f"is missing in {shown(value)}.")
+        for key, inner, inner_kind in _parts(value, option):
+            try:
+                msgspec.convert(inner, inner_kind)
+            except (ValueError, TypeError, RecursionError) as inner_error:
+                return _explained(inner, inner_kind, joined(path, key), inner_error)
+    return ScenarioError(path, f"cannot be {shown(value)}: {_in_words(value, kind, str(error))}")
+
+
+def _parts(value: object, kind: Kind) -> list[tuple[object, object, Kind]]:
+    """Return key, value and type of what a value is made of, as far as it may be of that type."""
+    origin, args = get_origin(kind), get_args(kind)
+    if isinstance(value, dict):
+        if _is_mapping(kind):
+            known = _fields_of(kind)
+            return [(key, inner, known[key][0]) for key, inner in value.items() if key in known]
+        return [(key, inner, args[1]) for key, inner in value.items()] if origin is dict else []
+    if isinstance(value, list) and origin is list:
+        return [(number, inner, args[0]) for number, inner in enumerate(value)]
+    if isinstance(value, list) and origin is tuple and len(value) == len(args):
+        return [(number, inner, one) for number, (inner, one) in enumerate(zip(value, args, strict=True))]
+    return []
+
+
+def _options(kind: Kind) -> list[Kind]:
+    """Return the types of a union, without their notes."""
+    if get_origin(kind) is Annotated:
+        return _options(get_args(kind)[0])
+    if get_origin(kind) in (Union, types.UnionType):
+        return [one for option in get_args(kind) for one in _options(option)]
+    return [kind]
+
+
+def _in_words(value: object, kind: Kind, message: str) -> str:
+    """Say what is possible instead."""
+    choices = [choice for option in _options(kind) if get_origin(option) is Literal for choice in get_args(option)]
+    if choices:
+        return f"use one of {', '.join(map(str, choices))}.{nearest(value, choices)}"
+    plain = message.replace("`", "").replace("null", "nothing").replace("object", "mapping").replace("array", "list")
+    return f"{plain[:1].lower()}{plain[1:].split(' - at ')[0]}."

@@ -1,0 +1,361 @@
+"""Scenario files and plain values: what is read, paths in it, changes by path, and errors that name a path.
+
+The only module that knows YAML. Reading never runs code, and is bounded.
+"""
+
+import json
+import math
+import re
+from collections.abc import Iterator, Mapping
+from contextlib import contextmanager
+from enum import Enum
+from pathlib import Path, PurePath
+from typing import Any
+
+from gamms.errors import GammsError, nearest
+from gamms.text import printable, shown
+
+_LONGEST = 500  # letters of a path
+
+
+class ScenarioError(GammsError, ValueError):
+    """A scenario that cannot be played as it is written.
+
+    Attributes:
+        path: where in the scenario, such as `teams.red.count`; "" for the whole.
+        file: the file it was read from, or None.
+    """
+
+    def __init__(self, path: str, message: str, file: object = None) -> None:
+        self.path, self.message, self.file = path, message, None if file is None else str(file)
+        super().__init__(printable(": ".join(part for part in (self.file, path, message) if part)))
+
+    def within(self, file: object) -> "ScenarioError":
+        """Return the same error with its file."""
+        return ScenarioError(self.path, self.message, file)
+
+
+def joined(path: str, key: object) -> str:
+    """Return the path of what `key` leads to; of long ones the beginning, since every value of a file gets one."""
+    text = f"{path}.{key}" if path else str(key)
+    return text if len(text) <= _LONGEST else f"{text[:_LONGEST]}…"
+
+
+@contextmanager
+def at(path: str) -> Iterator[None]:
+    """Say of errors of engines where in the scenario they come from.
+
+    Raises:
+        ScenarioError: instead of any of ours, or of a file that cannot be read.
+    """
+    try:
+        yield
+    except ScenarioError:
+        raise
+    except (GammsError, OSError) as error:
+        raise ScenarioError(path, str(error)) from error
+
+
+@contextmanager
+def named(file: object) -> Iterator[None]:
+    """Say of errors in which file they are; None if there is none.
+
+    Raises:
+        ScenarioError: the same, with the file.
+    """
+    try:
+        yield
+    except ScenarioError as error:
+        if file is None or error.file is not None:
+            raise
+        raise error.within(file) from error.__cause__
+
+
+# -- plain values ----------------------------------------------------------------------------------------------------
+
+
+_DEEPEST = 40
+_INT64 = 1 << 63
+
+
+def copied(value: object, path: str = "", depth: int = 0) -> Any:
+    """Return a copy of dicts, lists and scalars: what a file could hold.
+
+    Raises:
+        ScenarioError: something in it is not a plain value, NaN, or nested too deep.
+    """
+    if depth > _DEEPEST:
+        raise ScenarioError(path, f"this is nested more than {_DEEPEST} deep.")
+    if isinstance(value, Mapping):
+        return {checked_key(key, path): copied(one, joined(path, key), depth + 1) for key, one in value.items()}
+    if isinstance(value, (list, tuple)):
+        return [copied(one, joined(path, number), depth + 1) for number, one in enumerate(value)]
+    if isinstance(value, Enum):
+        return value.name
+    if isinstance(value, PurePath):
+        return value.as_posix()
+    if hasattr(value, "item") and getattr(value, "ndim", None) == 0:  # a scalar of NumPy
+        value = value.item()
+    if isinstance(value, float) and math.isnan(value):
+        raise ScenarioError(path, "cannot be NaN, which is not a number.")
+    if value is None or isinstance(value, (bool, int, float, str)):
+        return value
+    raise ScenarioError(path, f"{shown(value)} is no plain value; a scenario is made of what a file could hold.")
+
+
+def checked_key(key: object, path: str = "") -> str | int:
+    """Check a key of a mapping: a text, or an integer of 64 bits. Longer ones can be made to share one hash.
+
+    Raises:
+        ScenarioError: it is something else.
+    """
+    if isinstance(key, bool) or not isinstance(key, (str, int)):
+        raise ScenarioError(path, f"a key must be a text or an integer, not {shown(key)}. Put quotes around it.")
+    if isinstance(key, int) and not -_INT64 <= key < _INT64:
+        raise ScenarioError(path, f"a key that is an integer must fit into 64 bits, not {shown(key)}.")
+    return key
+
+
+def changed(raw: dict[Any, Any], changes: Mapping[str, Any]) -> dict[Any, Any]:
+    """Return a copy in which each dotted path leads to another value.
+
+    A part of a path is a key, or the number or the name of an item of a list. The last key may be new.
+
+    Raises:
+        ScenarioError: a path leads nowhere.
+    """
+    new: dict[Any, Any] = copied(raw)
+    for path, value in changes.items():
+        here: Any = new
+        *way, last = path.split(".")
+        for number, part in enumerate(way):
+            here = _entered(here, part, ".".join(way[: number + 1]), is_section=number == 0)
+        _put(here, last, copied(value, path), path)
+    return new
+
+
+def _entered(here: Any, part: str, path: str, *, is_section: bool) -> Any:
+    """Return what a part of a path leads to."""
+    key = _found(here, part)
+    if key is None and is_section:
+        return here.setdefault(part, {})  # such as settings, of which there need not be any
+    if key is None:
+        raise ScenarioError(path, f"there is no {part!r} to change.{nearest(part, _known(here))}")
+    if here[key] is None:
+        here[key] = {}
+    return here[key]
+
+
+def _put(here: dict[Any, Any] | list[Any], last: str, value: object, path: str) -> None:
+    key = _found(here, last)
+    if key is not None:
+        here[key] = value
+    elif isinstance(here, dict):
+        here[last] = value
+    else:
+        raise ScenarioError(path, f"there is no {last!r} to change.{nearest(last, _known(here))}")
+
+
+def _found(here: object, part: str) -> Any:
+    """Return the key or index of a part; None if there is none."""
+    if isinstance(here, dict):
+        return next((key for key in here if str(key) == part), None)
+    if isinstance(here, list):
+        names = [str(number) for number in range(len(here))]
+        for labels in (names, _known(here)):
+            if part in labels:
+                return labels.index(part)
+    return None
+
+
+def _known(here: object) -> list[str]:
+    """Return the names with which a path can go on."""
+    if isinstance(here, dict):
+        return [str(key) for key in here]
+    if isinstance(here, list):
+        return [str(one.get("name", one.get("rule", ""))) if isinstance(one, dict) else str(one) for one in here]
+    return []
+
+
+# -- files -----------------------------------------------------------------------------------------------------------
+
+
+MOST_BYTES = 1_000_000
+_SUFFIXES = (".yaml", ".yml", ".json")
+
+# What a plain word of YAML 1.2 means. YAML 1.1, which PyYAML reads otherwise, makes booleans of `on` and `no`.
+_WORDS = re.compile(
+    r"(?P<null>~|null|Null|NULL|)"
+    r"|(?P<bool>true|True|TRUE|false|False|FALSE)"
+    r"|(?P<int>[-+]?[0-9]+)"
+    r"|(?P<float>[-+]?(?:\.[0-9]+|[0-9]+(?:\.[0-9]*)?)(?:[eE][-+]?[0-9]+)?|[-+]?\.(?:inf|Inf|INF))"
+)
+_TAG = "tag:yaml.org,2002:"
+
+
+def read(file: Path) -> Any:
+    """Read the plain values in a scenario file.
+
+    Raises:
+        ScenarioError: it is too large, not a text, not YAML or JSON, or has a key twice.
+        OSError: it cannot be read.
+    """
+    if file.suffix.lower() not in _SUFFIXES:
+        raise ScenarioError("", f"a scenario file ends in {', '.join(_SUFFIXES)}, not {file.suffix!r}.")
+    with file.open("rb") as stream:
+        data = stream.read(MOST_BYTES + 1)
+    if len(data) > MOST_BYTES:
+        raise ScenarioError("", f"the file has more than {MOST_BYTES:,} bytes. Put maps and tables into other files.")
+    try:
+        text = data.decode("utf-8-sig")
+    except UnicodeDecodeError as error:
+        raise ScenarioError("", f"the file is not UTF-8 text: {error}.") from None
+    return from_json(text) if file.suffix.lower() == ".json" else from_yaml(text)
+
+
+def from_json(text: str) -> Any:
+    """Return the plain values in a text of JSON.
+
+    Raises:
+        ScenarioError: it is not one, or has a key twice.
+    """
+    try:
+        return json.loads(text, object_pairs_hook=_once, parse_constant=_refuse_constant, parse_float=_float)
+    except (ValueError, RecursionError) as error:
+        if isinstance(error, ScenarioError):
+            raise
+        raise ScenarioError("", f"this is no JSON: {error}.") from None
+
+
+def from_yaml(text: str) -> Any:
+    """Return the plain values in a text of YAML 1.2, which may use neither aliases nor tags.
+
+    Raises:
+        ScenarioError: it is not one, or has a key twice.
+    """
+    import yaml
+
+    loader = getattr(yaml, "CSafeLoader", yaml.SafeLoader)  # NOTE: ten times as fast; only its events are asked for
+    try:
+        return _Document(yaml.parse(text, Loader=loader)).read()
+    except yaml.YAMLError as error:
+        raise ScenarioError("", f"this is no YAML: {' '.join(str(error).split())}.") from None
+
+
+class _Document:
+    """Plain values made of the events of YAML, as they come: what is not plain is refused before more is read.
+
+    Args:
+        events: of the whole stream.
+    """
+
+    def __init__(self, events: Iterator[Any]) -> None:
+        self._events = events
+
+    def read(self) -> Any:
+        """Return the value of the only document; None without one."""
+        import yaml
+
+        value, documents = None, 0
+        for event in self._events:
+            if isinstance(event, yaml.DocumentStartEvent):
+                documents += 1
+                if documents > 1:
+                    raise ScenarioError("", f"{_line(event)}: a file holds a single document.")
+                value = self._value(next(self._events), "", 1)
+        return value
+
+    def _value(self, event: Any, path: str, depth: int) -> Any:
+        import yaml
+
+        if depth > _DEEPEST:
+            raise ScenarioError("", f"the file is nested more than {_DEEPEST} deep.")
+        if isinstance(event, yaml.ScalarEvent):
+            return _scalar(event, path)
+        if isinstance(event, yaml.AliasEvent):
+            raise ScenarioError("", f"{_line(event)}: aliases (*name) are not allowed; write it out.")
+        is_map = isinstance(event, yaml.MappingStartEvent)
+        if event.tag not in (None, "!", f"{_TAG}{'map' if is_map else 'seq'}"):
+            raise ScenarioError(path, f"{_line(event)}: the tag {event.tag!r} is not allowed.")
+        return self._mapping(path, depth) if is_map else self._sequence(path, depth)
+
+    def _sequence(self, path: str, depth: int) -> list[Any]:
+        import yaml
+
+        found: list[Any] = []
+        for event in self._events:
+            if isinstance(event, yaml.SequenceEndEvent):
+                break
+            found.append(self._value(event, joined(path, len(found)), depth + 1))
+        return found
+
+    def _mapping(self, path: str, depth: int) -> dict[Any, Any]:
+        import yaml
+
+        found: dict[Any, Any] = {}
+        for event in self._events:
+            if isinstance(event, yaml.MappingEndEvent):
+                break
+            key = self._value(event, path, depth + 1)
+            try:
+                checked_key(key)
+            except ScenarioError as error:
+                raise ScenarioError(path, f"{_line(event)}: {error.message}") from None
+            _add_once(found, key, self._value(next(self._events), joined(path, key), depth + 1), path)
+        return found
+
+
+def _scalar(event: Any, path: str) -> Any:
+    """Return the value of a single word or text."""
+    tag = event.tag
+    if tag is None and event.implicit[0]:
+        word = _WORDS.fullmatch(event.value)
+        kind = "str" if word is None else word.lastgroup
+    else:
+        kind = "str" if tag in (None, "!") else tag.removeprefix(_TAG)
+    read_scalar = _SCALARS.get(kind or "")
+    if read_scalar is None:
+        raise ScenarioError(path, f"{_line(event)}: the tag {tag!r} is not allowed.")
+    try:
+        return read_scalar(event.value)
+    except (ValueError, KeyError) as error:
+        raise ScenarioError(path, f"{_line(event)}: {error}.") from None
+
+
+def _line(event: Any) -> str:
+    return f"line {event.start_mark.line + 1}"
+
+
+def _once(pairs: list[tuple[Any, Any]]) -> dict[Any, Any]:
+    """Return a mapping in which no key is twice."""
+    found: dict[Any, Any] = {}
+    for key, value in pairs:
+        _add_once(found, key, value, "")
+    return found
+
+
+def _add_once(found: dict[Any, Any], key: object, value: object, path: str) -> None:
+    if key in found:
+        values = f"{shown(found[key])} and with {shown(value)}"
+        raise ScenarioError(joined(path, key), f"this key is there twice, with {values}.")
+    found[key] = value
+
+
+def _refuse_constant(name: str) -> Any:
+    raise ScenarioError("", f"{name} is not a number in JSON.")
+
+
+def _float(text: str) -> float:
+    number = float(text.replace(".inf", "inf").replace(".Inf", "inf").replace(".INF", "inf"))
+    if math.isinf(number) and "inf" not in text.lower():
+        raise ValueError(f"{shown(text)} is too large")
+    return number
+
+
+_SCALARS: dict[str, Any] = {
+    "null": lambda _: None,
+    "bool": lambda text: {"true": True, "false": False}[text.lower()],
+    "int": int,
+    "float": _float,
+    "str": str,
+}
