@@ -1,14 +1,30 @@
-"""What happens, in order: noted by whoever changes the state, read by the recorder."""
+"""What can happen in a game: the table of event kinds, and the journal in which a context notes them.
 
-from typing import Any
+Each kind says which of its fields name agents and nodes, who may know of it, what it does to a state, and which records
+of format version 2 stand for it. A live context and the columns of a recording are both such a state, so that playing
+again and working out the state at a turn are the same act. Adding a kind is a code and an entry of `EVENTS`.
+"""
 
-Log = list[Any]  # (row id, node id) of each move of an agent on the ground as two ints; else (kind, data) as a tuple
+from collections.abc import Callable, Iterator, Mapping, Sequence
+from copy import deepcopy
+from enum import Enum
+from typing import TYPE_CHECKING, Any, NamedTuple, Protocol
+
+from gamms.arguments import as_bool, as_int, as_key, as_name, as_numbers
+from gamms.errors import BadType, BadValue
+from gamms.text import shown
+
+if TYPE_CHECKING:
+    from gamms.ir.game_state import GameState
+
+Log = list[Any]  # (id, node id) of each move of an agent on the ground as two ints; else (kind, data) as a tuple
+Record = tuple[int, dict[str, Any]]  # an operation code of format version 2, and its data
 
 TERMINATE = 0x00000000
 SIMULATE = 0x00000001
-SNAPSHOT = 0x00000010  # not in 1.0.0, like all that are marked so
-UNFINISHED = 0x00000011  # not in 1.0.0: the last log is that of a turn that was not over
-COPIED = -1  # never written: a record of version 2 that is copied as it is, and what was noted when it happened
+SNAPSHOT = 0x00000010
+UNFINISHED = 0x00000011
+REPLAYED = -1  # never written: a record of version 2 that is replayed, and what was noted when it happened
 AGENT_CREATE = 0x01000000
 AGENT_DELETE = 0x01000001
 AGENT_CURRENT_NODE = 0x01100000
@@ -18,28 +34,565 @@ AGENT_SENSOR_DEREGISTER = 0x01100003
 AGENT_ORIENTATION = 0x01100004
 AERIAL_AGENT_POSITION = 0x01100005
 AERIAL_AGENT_QUATERNION = 0x01100006
-AGENT_TEAM = 0x01100010  # not in 1.0.0
-AGENT_ALIVE = 0x01100011  # not in 1.0.0
-AGENT_SPEED = 0x01100012  # not in 1.0.0
-AGENT_STRATEGY = 0x01100013  # not in 1.0.0
-AGENT_PROGRESS = 0x01100014  # not in 1.0.0: how far along edges several agents are
-FLYERS_ABOVE = 0x01100030  # not in 1.0.0: which nodes are below all who fly, in a turn that has changed the map
-AERIAL_AGENT_FLIGHT = 0x01100020  # not in 1.0.0: (number of the flyer, node below it, x, y, z)
-AERIAL_AGENT_TURN = 0x01100021  # not in 1.0.0: (number of the flyer, w, x, y, z)
-WORLD = 0x03000000  # not in 1.0.0: graph and obstacles
-VISUALS = 0x03000010  # not in 1.0.0: what it looks like
-VISUAL_COMMANDS = 0x03000011  # not in 1.0.0: what an artist draws, from the end of this turn on
-GAME_SCORES = 0x04000000  # not in 1.0.0
-GAME_DATA = 0x04000001  # not in 1.0.0
-GAME_EVENT = 0x04000002  # not in 1.0.0
-GAME_OVER = 0x04000003  # not in 1.0.0
-GAME_TURN = 0x04000004  # not in 1.0.0: the game has counted otherwise than it did
-GAME_MEMORY = 0x04000005  # not in 1.0.0: what agents and teams remember
-GAME_FACTS = 0x04000006  # not in 1.0.0
-GAME_CHANCE = 0x04000007  # not in 1.0.0: where the context's own random stream stands
-SENSORS = 0x06000000  # not in 1.0.0: sensors came
-SENSED = 0x06000001  # not in 1.0.0: what agents sensed in this turn
-USER_EVENT = 0x05000000  # not in 1.0.0
+AGENT_TEAM = 0x01100010
+AGENT_ALIVE = 0x01100011
+AGENT_SPEED = 0x01100012
+AGENT_STRATEGY = 0x01100013
+AGENT_PROGRESS = 0x01100014
+AERIAL_AGENT_FLIGHT = 0x01100020
+AERIAL_AGENT_TURN = 0x01100021
+FLYERS_ABOVE = 0x01100030
+MOVES = 0x01100040  # never written as an event: the ints of a log, and a column of their own in a file
+COMPONENT_REGISTER = 0x02000000
+COMPONENT_CREATE = 0x02000001
+COMPONENT_UPDATE = 0x02000002
+COMPONENT_DELETE = 0x02000003
+COMPONENT_UNREGISTER = 0x02000004
+WORLD = 0x03000000
+VISUALS = 0x03000010
+VISUAL_COMMANDS = 0x03000011
+GAME_SCORES = 0x04000000
+GAME_DATA = 0x04000001
+GAME_EVENT = 0x04000002
+GAME_OVER = 0x04000003
+GAME_TURN = 0x04000004
+GAME_MEMORY = 0x04000005
+GAME_FACTS = 0x04000006
+GAME_CHANCE = 0x04000007
+USER_EVENT = 0x05000000
+SENSORS = 0x06000000
+SENSED = 0x06000001
+
+
+# -- what events are applied to ---------------------------------------------------------------------------------
+
+Row = Any  # what a state calls an agent: a row of its columns, or the agent itself
+
+
+class AgentsState(Protocol):
+    """The agents of a state. Whatever names an agent that is not there raises a KeyError or a ValueError."""
+
+    def add(self, name: str, kwargs: dict[str, Any], state: dict[str, Any], strategy: str | None) -> None:
+        """Add an agent: the keywords it was created with, and those columns that do not follow from them."""
+
+    def remove(self, name: str) -> None:
+        """Take an agent out."""
+
+    def row(self, name: str) -> Row:
+        """Find an agent by its name."""
+
+    def row_of(self, number: int) -> Row:
+        """Find an agent by its number."""
+
+    def set(self, row: Row, column: str, value: Any) -> None:
+        """Set one of the columns of `ir.agents.BY_ROW`, or `strategies`, the names of these."""
+
+    def move(self, numbers: Sequence[int], nodes: Sequence[int]) -> None:
+        """Move agents on the ground, in this order; numbers may come more than once."""
+
+    def fly(self, row: Row, node: int | None, position: tuple[float, ...]) -> None:
+        """Move a flyer to a position, above this node; None: the node was not noted."""
+
+    def turn(self, row: Row, quat: tuple[float, ...]) -> None:
+        """Turn a flyer in space."""
+
+    def progress(self, numbers: Any, sources: Any, targets: Any, shares: Any) -> None:
+        """Set how far along edges agents are, as arrays."""
+
+    def equip(self, row: Row, name: str, sensor_id: str) -> None:
+        """Let an agent carry a sensor."""
+
+    def unequip(self, row: Row, name: str) -> None:
+        """Let an agent carry a sensor no longer."""
+
+
+class ComponentsState(Protocol):
+    """The recorded components of a state."""
+
+    def apply(self, kind: int, data: dict[str, Any]) -> None:
+        """Do what a record of one of the five operation codes of components says."""
+
+
+class State(Protocol):
+    """What events are applied to: a live context, or columns that are read from a recording.
+
+    Attributes:
+        agents: the agents.
+        game: what the game has come to.
+        components: the user's recorded objects.
+    """
+
+    agents: AgentsState
+    components: ComponentsState
+
+    @property
+    def game(self) -> "GameState":
+        """What the game has come to."""
+
+    def restore(self, snapshot: dict[str, Any]) -> None:
+        """Become what a snapshot says."""
+
+    def end_turn(self) -> None:
+        """End the turn."""
+
+    def count(self, turn: int, pace: int, starts: dict[str, Any]) -> None:
+        """Number this turn, and the following ones by adding `pace`; agents began at `starts`."""
+
+    def emit(self, event: dict[str, Any]) -> None:
+        """Add to what rules emitted."""
+
+    def publish(self, facts: dict[str, Any], removed: Sequence[str]) -> None:
+        """Publish facts, and withdraw others."""
+
+    def set_rng(self, rng_state: Any) -> None:
+        """Set the state of the context's own random stream."""
+
+    def add_sensors(self, groups: list[dict[str, Any]]) -> None:
+        """Make sensors: of each type and keywords all `ids`."""
+
+    def replace_world(self, world: bytes) -> None:
+        """Replace graph and obstacles."""
+
+    def show(self, visuals: dict[str, Any]) -> None:
+        """Declare what it looks like."""
+
+    def draw(self, drawing: dict[str, Any]) -> None:
+        """Let an artist draw these commands from now on."""
+
+
+# -- kinds ------------------------------------------------------------------------------------------------------
+
+
+class Audience(Enum):
+    """Who may know of an event while the game goes on."""
+
+    ALL = "all"
+    TEAM = "the team of the agent"
+    SENSED = "the team of the agent, and who senses it"
+    HOST = "only whoever runs the game"
+
+
+class Role(Enum):
+    """What the value of a field means to the outside."""
+
+    AGENT = "the name of an agent"
+    NUMBER = "the number of an agent, or an array of them"
+    NODE = "a node id, or an array of them"
+    PLAIN = "nothing"
+
+
+class Field(NamedTuple):
+    """A field of an event.
+
+    Attributes:
+        role: whether it names an agent or a node.
+        check: takes a value and what to call it in an error; gives the value that is meant; None takes any plain value.
+        is_optional: whether it may be missing.
+    """
+
+    role: Role = Role.PLAIN
+    check: Callable[[Any, str], Any] | None = None
+    is_optional: bool = False
+
+    def value_of(self, data: Mapping[str, Any], key: str) -> Any:
+        """Return the checked value of the field `key`.
+
+        Raises:
+            KeyError, BadType, BadValue: there is none, or an impossible one.
+        """
+        value = data[key]
+        return value if self.check is None else self.check(value, key)
+
+
+class EventKind(NamedTuple):
+    """A kind of event.
+
+    Attributes:
+        code: the number that stands for it in recordings.
+        name: what tables and streams call it.
+        fields: of the dict that is its data; of a tuple the names of its items, in their order.
+        audience: who may know of it.
+        apply: does to a state what has happened.
+        records: gives what stands for it in format version 2, by its data and who moved; None: nothing does.
+        is_tuple: whether its data are a tuple.
+    """
+
+    code: int
+    name: str
+    fields: Mapping[str, Field]
+    audience: Audience
+    apply: Callable[[State, Any], None]
+    records: "Callable[[Any, Mover | None], Iterator[Record]] | None" = None
+    is_tuple: bool = False
+
+
+class Mover(NamedTuple):
+    """The agent that an event moves: its name, and the node it was on, or above, before."""
+
+    name: str
+    before: int
+
+
+def _heading(value: Any, name: str) -> tuple[float, ...] | None:
+    return None if value is None else tuple(as_numbers(value, name, "(cos, sin)"))
+
+
+def _position(value: Any, name: str) -> tuple[float, ...]:
+    return tuple(as_numbers(value, name, "(x, y, z)"))
+
+
+def _quat(value: Any, name: str) -> tuple[float, ...]:
+    return tuple(as_numbers(value, name, "(w, x, y, z)"))
+
+
+_ANY = Field()
+_OPTIONAL = Field(is_optional=True)
+_AGENT = Field(Role.AGENT, as_name)
+_NAME = Field(check=as_name)
+_NUMBER = Field(Role.NUMBER)
+_NODE = Field(Role.NODE, as_int)
+_NODES = Field(Role.NODE)
+_BY_NAME = {"agent_name": _AGENT}
+
+
+def _as_it_is(code: int) -> Callable[[Any, Mover | None], Iterator[Record]]:
+    """Return what gives the event itself as its record."""
+
+    def records(data: Any, _: Mover | None) -> Iterator[Record]:
+        yield code, data
+
+    return records
+
+
+def _nothing(_state: State, _data: Any) -> None:
+    """Leave the state as it is."""
+
+
+def _kind(
+    name: str,
+    fields: Mapping[str, Field],
+    audience: Audience,
+    apply: Callable[[State, Any], None] = _nothing,
+    records: Callable[[Any, Mover | None], Iterator[Record]] | None = None,
+    *,
+    is_in_version_2: bool = False,
+    is_tuple: bool = False,
+) -> EventKind:
+    code = globals()[name]
+    records = _as_it_is(code) if is_in_version_2 else records
+    return EventKind(code, name, fields, audience, apply, records, is_tuple)
+
+
+def _column(
+    name: str, column: str, key: str, field: Field, audience: Audience, *, is_in_version_2: bool = False
+) -> EventKind:
+    """Return the kind that sets one column of one agent."""
+
+    def apply(state: State, data: Any) -> None:
+        value = field.value_of(data, key)
+        state.agents.set(state.agents.row(data["agent_name"]), column, value)
+
+    return _kind(name, {**_BY_NAME, key: field}, audience, apply, is_in_version_2=is_in_version_2)
+
+
+# -- agents -----------------------------------------------------------------------------------------------------
+
+
+def _create(state: State, data: Any) -> None:
+    state.agents.add(data["name"], data["kwargs"], data.get("state", {}), data.get("strategy"))
+
+
+_NODE_KEYWORDS = {"prev_node_id": AGENT_PREV_NODE, "current_node_id": AGENT_CURRENT_NODE}
+
+
+def _creation_records(data: Any, _: Mover | None) -> Iterator[Record]:
+    """Yield the creation and what 1.0.0 records beside it, or has to be given because it knows other keywords."""
+    yield AGENT_CREATE, {"name": data["name"], "kwargs": data["kwargs"]}
+    name, given, made = {"agent_name": data["name"]}, data["kwargs"], data.get("state", {})
+    for key in given:
+        if key in _NODE_KEYWORDS:
+            yield _NODE_KEYWORDS[key], {**name, "node_id": given[key]}
+        elif key == "orientation" and "heading" in made:
+            yield AGENT_ORIENTATION, {**name, "orientation": list(made["heading"])}
+        elif key == "position" and "position" in made:
+            yield AERIAL_AGENT_POSITION, {**name, "position": list(made["position"])}
+            yield AGENT_PREV_NODE, {**name, "node_id": given["start_node_id"]}
+        elif key in ("quat", "orientation") and "quat" in made:
+            yield AERIAL_AGENT_QUATERNION, {**name, "quat": list(made["quat"])}
+    sensors = given.get("sensors", ())
+    for key, sensor_id in sensors.items() if isinstance(sensors, dict) else zip(sensors, sensors, strict=True):
+        yield AGENT_SENSOR_REGISTER, {**name, "name": key, "sensor_id": sensor_id}
+
+
+def _register(state: State, data: Any) -> None:
+    state.agents.equip(state.agents.row(data["agent_name"]), data["name"], data["sensor_id"])
+
+
+def _deregister(state: State, data: Any) -> None:
+    state.agents.unequip(state.agents.row(data["agent_name"]), data["name"])
+
+
+def _move(state: State, data: Any) -> None:
+    state.agents.move(data[::2], data[1::2])
+
+
+def _move_records(data: Any, mover: Mover | None) -> Iterator[Record]:
+    assert mover is not None  # noqa: S101 - every move is somebody's
+    yield AGENT_PREV_NODE, {"agent_name": mover.name, "node_id": mover.before}
+    yield AGENT_CURRENT_NODE, {"agent_name": mover.name, "node_id": data[1]}
+
+
+def _flight(state: State, data: Any) -> None:
+    number, node, *position = data
+    state.agents.fly(state.agents.row_of(number), node, tuple(position))
+
+
+def _flight_records(data: Any, mover: Mover | None) -> Iterator[Record]:
+    assert mover is not None  # noqa: S101 - as above
+    yield AERIAL_AGENT_POSITION, {"agent_name": mover.name, "position": list(data[2:])}
+    yield AGENT_PREV_NODE, {"agent_name": mover.name, "node_id": mover.before}
+
+
+def _turn(state: State, data: Any) -> None:
+    number, *quat = data
+    state.agents.turn(state.agents.row_of(number), tuple(quat))
+
+
+def _turn_records(data: Any, mover: Mover | None) -> Iterator[Record]:
+    assert mover is not None  # noqa: S101 - as above
+    yield AERIAL_AGENT_QUATERNION, {"agent_name": mover.name, "quat": list(data[1:])}
+
+
+def _fly_by_name(state: State, data: Any) -> None:
+    node = as_int(data["node"], "node") if "node" in data else None
+    state.agents.fly(state.agents.row(data["agent_name"]), node, _position(data["position"], "position"))
+
+
+def _position_records(data: Any, mover: Mover | None) -> Iterator[Record]:
+    yield AERIAL_AGENT_POSITION, {"agent_name": data["agent_name"], "position": data["position"]}
+    if mover is not None:
+        yield AGENT_PREV_NODE, {"agent_name": data["agent_name"], "node_id": mover.before}
+
+
+def _progress(state: State, data: Any) -> None:
+    state.agents.progress(data["numbers"], data["edge_source"], data["edge_target"], data["edge_share"])
+
+
+def _above(state: State, data: Any) -> None:
+    for name, node, previous in zip(data["names"], data["node"].tolist(), data["previous"].tolist(), strict=True):
+        row = state.agents.row(name)
+        state.agents.set(row, "node", node)
+        state.agents.set(row, "previous", previous)
+
+
+def _component(code: int) -> Callable[[State, Any], None]:
+    return lambda state, data: state.components.apply(code, data)
+
+
+# -- the game ---------------------------------------------------------------------------------------------------
+
+_OVER = {"reason", "winner", "truncated"}
+
+
+def change(values: dict[Any, Any], changes: Mapping[str, Any]) -> None:
+    """Change a dict: what is `set`, what is `removed`, and what lists and sets have `more`."""
+    values.update(deepcopy(changes.get("set", {})))
+    for key, more in changes.get("more", {}).items():
+        known = values[key]  # in place, or lists that grow in every turn would be copied in every turn
+        if isinstance(known, set):
+            known.update(more)
+        else:
+            known.extend(deepcopy(more))
+    for key in changes.get("removed", ()):
+        values.pop(key, None)
+
+
+def as_over(value: Any) -> dict[str, Any] | None:
+    """Return why a game is over; None: it goes on.
+
+    Raises:
+        BadValue: a game is not over like this.
+    """
+    if value is not None and (not isinstance(value, Mapping) or set(value) != _OVER):
+        raise BadValue(f"A game is over with {sorted(_OVER)}, not with {shown(value)}.")
+    return None if value is None else dict(value)
+
+
+def as_event(data: Any) -> dict[str, Any]:
+    """Return what a rule emitted, as it is in `ctx.game.events`.
+
+    Raises:
+        BadType: it has no kind.
+    """
+    found = dict(data)
+    if not isinstance(found.get("kind"), str):
+        raise BadType(f"{shown(found)} is no event: it has no kind.")
+    return deepcopy(found)
+
+
+def _scores(state: State, data: Any) -> None:
+    scores = dict(data["scores"])
+    state.game.scores.clear()
+    state.game.scores.update(scores)
+
+
+def _over(state: State, data: Any) -> None:
+    state.game.over = as_over(data or None)
+
+
+def _count(state: State, data: Any) -> None:
+    state.count(int(data["turn"]), int(data["pace"]), data.get("starts", {}))
+
+
+def _remember(state: State, data: Any) -> None:
+    for name, changes in data["agents"].items():
+        change(state.game.memory_of(name), changes)
+    for team, changes in data["teams"]:
+        change(state.game.team_memories.setdefault(team, {}), changes)
+
+
+_BY_NAME_AND_SENSOR = {**_BY_NAME, "name": _NAME, "sensor_id": _NAME}
+_KINDS = (
+    _kind("TERMINATE", {}, Audience.ALL, is_in_version_2=True),
+    _kind("SIMULATE", {}, Audience.ALL, lambda state, _: state.end_turn(), is_in_version_2=True),
+    _kind(
+        "SNAPSHOT",
+        {"names": _ANY, "numbers": _NUMBER, "node": _NODES},
+        Audience.HOST,
+        lambda state, data: state.restore(data),
+    ),
+    _kind("UNFINISHED", {}, Audience.HOST),
+    _kind(
+        "AGENT_CREATE",
+        {"name": _AGENT, "kwargs": _ANY, "state": _OPTIONAL, "strategy": _OPTIONAL},
+        Audience.ALL,
+        _create,
+        _creation_records,
+    ),
+    _kind(
+        "AGENT_DELETE",
+        {"name": _AGENT},
+        Audience.ALL,
+        lambda state, data: state.agents.remove(data["name"]),
+        is_in_version_2=True,
+    ),
+    _column("AGENT_CURRENT_NODE", "node", "node_id", _NODE, Audience.SENSED, is_in_version_2=True),
+    _column("AGENT_PREV_NODE", "previous", "node_id", _NODE, Audience.SENSED, is_in_version_2=True),
+    _kind("AGENT_SENSOR_REGISTER", _BY_NAME_AND_SENSOR, Audience.TEAM, _register, is_in_version_2=True),
+    _kind("AGENT_SENSOR_DEREGISTER", _BY_NAME_AND_SENSOR, Audience.TEAM, _deregister, is_in_version_2=True),
+    _column(
+        "AGENT_ORIENTATION", "heading", "orientation", Field(check=_heading), Audience.SENSED, is_in_version_2=True
+    ),
+    _kind(
+        "AERIAL_AGENT_POSITION",
+        {**_BY_NAME, "position": Field(check=_position), "node": Field(Role.NODE, as_int, is_optional=True)},
+        Audience.SENSED,
+        _fly_by_name,
+        _position_records,
+    ),
+    _column("AERIAL_AGENT_QUATERNION", "quat", "quat", Field(check=_quat), Audience.SENSED, is_in_version_2=True),
+    _column("AGENT_TEAM", "teams", "team", Field(check=as_key), Audience.ALL),
+    _column("AGENT_ALIVE", "alive", "alive", Field(check=as_bool), Audience.ALL),
+    _column("AGENT_SPEED", "speed", "speed", _ANY, Audience.TEAM),
+    _column("AGENT_STRATEGY", "strategies", "strategy", _ANY, Audience.HOST),
+    _kind(
+        "AGENT_PROGRESS",
+        {"numbers": _NUMBER, "edge_source": _NODES, "edge_target": _NODES, "edge_share": _ANY},
+        Audience.SENSED,
+        _progress,
+    ),
+    _kind(
+        "AERIAL_AGENT_FLIGHT",
+        {"number": _NUMBER, "node": _NODE, "x": _ANY, "y": _ANY, "z": _ANY},
+        Audience.SENSED,
+        _flight,
+        _flight_records,
+        is_tuple=True,
+    ),
+    _kind(
+        "AERIAL_AGENT_TURN",
+        {"number": _NUMBER, "w": _ANY, "x": _ANY, "y": _ANY, "z": _ANY},
+        Audience.SENSED,
+        _turn,
+        _turn_records,
+        is_tuple=True,
+    ),
+    _kind("FLYERS_ABOVE", {"names": Field(Role.AGENT), "node": _NODES, "previous": _NODES}, Audience.SENSED, _above),
+    _kind("MOVES", {"number": _NUMBER, "node": _NODE}, Audience.SENSED, _move, _move_records, is_tuple=True),
+    *(
+        _kind(name, dict.fromkeys(fields, _ANY), Audience.ALL, _component(globals()[name]), is_in_version_2=True)
+        for name, fields in {
+            "COMPONENT_REGISTER": ("key", "struct"),
+            "COMPONENT_CREATE": ("name", "type"),
+            "COMPONENT_UPDATE": ("name", "key", "value"),
+            "COMPONENT_DELETE": ("name",),
+            "COMPONENT_UNREGISTER": ("key",),
+        }.items()
+    ),
+    _kind("WORLD", {"world": _ANY}, Audience.ALL, lambda state, data: state.replace_world(data["world"])),
+    _kind("VISUALS", {"artists": _ANY}, Audience.ALL, lambda state, data: state.show(data)),
+    _kind("VISUAL_COMMANDS", {"name": _ANY}, Audience.ALL, lambda state, data: state.draw(data)),
+    _kind("GAME_SCORES", {"scores": _ANY}, Audience.ALL, _scores),
+    _kind(
+        "GAME_DATA",
+        dict.fromkeys(("set", "more", "removed"), _OPTIONAL),
+        Audience.HOST,
+        lambda state, data: change(state.game.data, data),
+    ),
+    _kind("GAME_EVENT", {"kind": _NAME}, Audience.ALL, lambda state, data: state.emit(as_event(data))),
+    _kind("GAME_OVER", dict.fromkeys(sorted(_OVER), _OPTIONAL), Audience.ALL, _over),
+    _kind("GAME_TURN", {"turn": _ANY, "pace": _ANY, "starts": _OPTIONAL}, Audience.ALL, _count),
+    _kind("GAME_MEMORY", {"agents": _ANY, "teams": _ANY}, Audience.TEAM, _remember),
+    _kind(
+        "GAME_FACTS",
+        {"set": _ANY, "removed": _ANY},
+        Audience.ALL,
+        lambda state, data: state.publish(data["set"], data["removed"]),
+    ),
+    _kind("GAME_CHANCE", {"chance": _ANY}, Audience.HOST, lambda state, data: state.set_rng(data["chance"])),
+    _kind("USER_EVENT", {"kind": _NAME}, Audience.ALL),
+    _kind(
+        "SENSORS", {"sensor_kinds": _ANY}, Audience.HOST, lambda state, data: state.add_sensors(data["sensor_kinds"])
+    ),
+    _kind("SENSED", {"agents": _NUMBER, "ids": _ANY}, Audience.TEAM),
+)
+EVENTS: dict[int, EventKind] = {kind.code: kind for kind in _KINDS}
+"""All kinds, by their codes."""
+
+
+def events_of(log: Log) -> Iterator[tuple[int, Any]]:
+    """Yield the events of a log: moves that follow each other as one, `(MOVES, [number, node, number, node, …])`."""
+    types, begin = list(map(type, log)), 0
+    for _ in range(types.count(tuple)):
+        end = types.index(tuple, begin)
+        if end > begin:
+            yield MOVES, log[begin:end]
+        yield log[end]
+        begin = end + 1
+    if begin < len(log):
+        yield MOVES, log[begin:]
+
+
+def steps_of(log: Log) -> Iterator[tuple[int, Any]]:
+    """Yield the same with each move by itself."""
+    for kind, data in events_of(log):
+        if kind == MOVES:
+            for step in zip(data[::2], data[1::2], strict=True):
+                yield MOVES, step
+        else:
+            yield kind, data
+
+
+def records_of(kind: int, data: Any, mover: Mover | None = None) -> Iterator[Record]:
+    """Yield the records of format version 2 that stand for an event; else the event itself."""
+    known = EVENTS.get(kind)
+    if known is None or known.records is None:
+        yield kind, data
+    else:
+        yield from known.records(data, mover)
+
+
+# -- the journal ------------------------------------------------------------------------------------------------
 
 
 class Journal:

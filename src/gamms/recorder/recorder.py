@@ -302,7 +302,7 @@ class Recorder(Guarded, IRecorder):
         """Let a record of version 2 happen, and write it as it is, in place of what its happening has noted."""
         kind, log, copied = record["opCode"], self._log(), deepcopy(record)  # what happens may keep parts of it
         if kind == kinds.SIMULATE:
-            log.append((kinds.COPIED, (copied, [])))  # first, for this ends the turn
+            log.append((kinds.REPLAYED, (copied, [])))  # first, for this ends the turn
             player.happen(kind, record["data"])
             return
         before = len(log)
@@ -312,7 +312,7 @@ class Recorder(Guarded, IRecorder):
         finally:
             noted = log[before:]
             del log[before:]
-        log.append((kinds.COPIED, (copied, noted)))
+        log.append((kinds.REPLAYED, (copied, noted)))
         if kind == OpCodes.COMPONENT_REGISTER.value:
             self._waiting = [one for one in self._waiting if one[1]["key"] != record["data"]["key"]]
 

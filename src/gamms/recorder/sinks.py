@@ -141,7 +141,7 @@ class Version2Sink:
                 for record in records_of_move(name, before, step, timestamp):
                     self._write(record)
                 self._nodes[name] = step
-            elif step[0] == kinds.COPIED:
+            elif step[0] == kinds.REPLAYED:
                 self._copy(*step[1])
                 is_over = is_over and step[1][0]["opCode"] != kinds.SIMULATE
             else:
