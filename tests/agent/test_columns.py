@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 
 from gamms.ir.agents import AgentBlock, Selection
-from gamms.ir.events import CLOSED
+from gamms.ir.journal import CLOSED
 from gamms.ir.positions import Positions
 
 

@@ -15,7 +15,7 @@ from gamms.errors import TooLarge
 from gamms.ir import events as kinds
 from gamms.recorder import RecordingError
 from gamms.recorder import open as opened_recording
-from gamms.recorder.roster import Roster
+from gamms.recorder.detached import DetachedAgents
 
 FLOOR = 1 << 20
 
@@ -96,7 +96,7 @@ def test_agents_come_and_go_without_looking_at_all_others(made, monkeypatch):
     touched = [0]
 
     def counting(name):
-        whole = getattr(Roster, name)
+        whole = getattr(DetachedAgents, name)
 
         def counted(self, *args):
             touched[0] += self._size + len(self._new) if name == "settle" and self._gone else len(self._new)
@@ -105,7 +105,7 @@ def test_agents_come_and_go_without_looking_at_all_others(made, monkeypatch):
         return counted
 
     for name in ("settle", "_add_new"):
-        monkeypatch.setattr(Roster, name, counting(name))
+        monkeypatch.setattr(DetachedAgents, name, counting(name))
     count = 1_000
     with suppress(RecordingError), opened_recording(io.BytesIO(made(count))) as recording:
         recording.state(recording.turns)

@@ -10,7 +10,7 @@ from gamms.deciding import DecidePhase, Guarded, phase_of, refused_while_decidin
 from gamms.errors import BadValue, ContextTerminated, GammsError, MissingKey, UnknownName
 from gamms.ir import events
 from gamms.ir.agents import AgentBlock, Position, Quat
-from gamms.ir.events import CLOSED
+from gamms.ir.journal import CLOSED
 from gamms.readonly import ReadOnlyMapping
 from gamms.typing import IContext
 from gamms.typing.actions import (

@@ -14,6 +14,7 @@ from gamms.errors import BadType, ContextTerminated, Duplicate, GammsError, Miss
 from gamms.ir import events
 from gamms.ir.agents import AgentBlock
 from gamms.ir.graph import FloatArray
+from gamms.ir.journal import CLOSED, Muted
 from gamms.ir.positions import Positions
 from gamms.readonly import ReadOnlyMapping
 from gamms.text import shown
@@ -170,7 +171,7 @@ class AgentEngine(Guarded, IAgentEngine):
         block, agent = self._block, object.__new__(_CLASSES[kind])
         journal = block.journal
         if not journal.is_silent:
-            block.journal = events.Muted(journal)  # what follows is a part of the creation
+            block.journal = Muted(journal)  # what follows is a part of the creation
         try:
             self._add(agent, name, kwargs, sensors, strategy)
         finally:
@@ -249,7 +250,7 @@ class AgentEngine(Guarded, IAgentEngine):
         with suppress(GammsError):  # a graph of the user's own may have ended
             self.block.locate()  # while there is a graph
         for block in (self._block, *(agent._block for agent in self._deleted)):
-            block.journal = events.CLOSED
+            block.journal = CLOSED
 
     def _new_block(self) -> None:
         self._block = AgentBlock()

@@ -7,7 +7,7 @@ from typing import Any, NamedTuple, Protocol
 
 from gamms.errors import BadValue
 from gamms.ir import events
-from gamms.ir.events import CLOSED, NOBODY, Journal
+from gamms.ir.journal import CLOSED, NOBODY, Journal
 
 Position = tuple[float, float, float]  # x, y, z; map units
 Quat = tuple[float, float, float, float]  # w, x, y, z; of length 1

@@ -1,17 +1,18 @@
-"""What can happen in a game: the table of event kinds, and the journal in which a context notes them.
+"""What can happen in a game: the table of event kinds.
 
 Each kind says which of its fields name agents and nodes, who may know of it, what it does to a state, and which records
 of format version 2 stand for it. A live context and the columns of a recording are both such a state, so that playing
 again and working out the state at a turn are the same act. Adding a kind is a code and an entry of `EVENTS`.
 """
 
-from collections.abc import Callable, Iterator, Mapping, Sequence
+from collections.abc import Callable, Iterator, Mapping
 from copy import deepcopy
 from enum import Enum
-from typing import TYPE_CHECKING, Any, NamedTuple, Protocol
+from typing import TYPE_CHECKING, Any, NamedTuple
 
-from gamms.arguments import as_bool, as_int, as_key, as_name, as_numbers
+from gamms.arguments import as_bool, as_int, as_key, as_name, as_numbers, as_range
 from gamms.errors import BadType, BadValue
+from gamms.ir.event_state import State
 from gamms.text import shown
 
 if TYPE_CHECKING:
@@ -62,102 +63,6 @@ GAME_CHANCE = 0x04000007
 USER_EVENT = 0x05000000
 SENSORS = 0x06000000
 SENSED = 0x06000001
-
-
-# -- what events are applied to ---------------------------------------------------------------------------------
-
-Row = Any  # what a state calls an agent: a row of its columns, or the agent itself
-
-
-class AgentsState(Protocol):
-    """The agents of a state. Whatever names an agent that is not there raises a KeyError or a ValueError."""
-
-    def add(self, name: str, kwargs: dict[str, Any], state: dict[str, Any], strategy: str | None) -> None:
-        """Add an agent: the keywords it was created with, and those columns that do not follow from them."""
-
-    def remove(self, name: str) -> None:
-        """Take an agent out."""
-
-    def row(self, name: str) -> Row:
-        """Find an agent by its name."""
-
-    def row_of(self, number: int) -> Row:
-        """Find an agent by its number."""
-
-    def set(self, row: Row, column: str, value: Any) -> None:
-        """Set one of the columns of `ir.agents.BY_ROW`, or `strategies`, the names of these."""
-
-    def move(self, numbers: Sequence[int], nodes: Sequence[int]) -> None:
-        """Move agents on the ground, in this order; numbers may come more than once."""
-
-    def fly(self, row: Row, node: int | None, position: tuple[float, ...]) -> None:
-        """Move a flyer to a position, above this node; None: the node was not noted."""
-
-    def turn(self, row: Row, quat: tuple[float, ...]) -> None:
-        """Turn a flyer in space."""
-
-    def progress(self, numbers: Any, sources: Any, targets: Any, shares: Any) -> None:
-        """Set how far along edges agents are, as arrays."""
-
-    def equip(self, row: Row, name: str, sensor_id: str) -> None:
-        """Let an agent carry a sensor."""
-
-    def unequip(self, row: Row, name: str) -> None:
-        """Let an agent carry a sensor no longer."""
-
-
-class ComponentsState(Protocol):
-    """The recorded components of a state."""
-
-    def apply(self, kind: int, data: dict[str, Any]) -> None:
-        """Do what a record of one of the five operation codes of components says."""
-
-
-class State(Protocol):
-    """What events are applied to: a live context, or columns that are read from a recording.
-
-    Attributes:
-        agents: the agents.
-        game: what the game has come to.
-        components: the user's recorded objects.
-    """
-
-    agents: AgentsState
-    components: ComponentsState
-
-    @property
-    def game(self) -> "GameState":
-        """What the game has come to."""
-
-    def restore(self, snapshot: dict[str, Any]) -> None:
-        """Become what a snapshot says."""
-
-    def end_turn(self) -> None:
-        """End the turn."""
-
-    def count(self, turn: int, pace: int, starts: dict[str, Any]) -> None:
-        """Number this turn, and the following ones by adding `pace`; agents began at `starts`."""
-
-    def emit(self, event: dict[str, Any]) -> None:
-        """Add to what rules emitted."""
-
-    def publish(self, facts: dict[str, Any], removed: Sequence[str]) -> None:
-        """Publish facts, and withdraw others."""
-
-    def set_rng(self, rng_state: Any) -> None:
-        """Set the state of the context's own random stream."""
-
-    def add_sensors(self, groups: list[dict[str, Any]]) -> None:
-        """Make sensors: of each type and keywords all `ids`."""
-
-    def replace_world(self, world: bytes) -> None:
-        """Replace graph and obstacles."""
-
-    def show(self, visuals: dict[str, Any]) -> None:
-        """Declare what it looks like."""
-
-    def draw(self, drawing: dict[str, Any]) -> None:
-        """Let an artist draw these commands from now on."""
 
 
 # -- kinds ------------------------------------------------------------------------------------------------------
@@ -243,6 +148,12 @@ def _position(value: Any, name: str) -> tuple[float, ...]:
 
 def _quat(value: Any, name: str) -> tuple[float, ...]:
     return tuple(as_numbers(value, name, "(w, x, y, z)"))
+
+
+def _speed(value: Any, name: str) -> Any:
+    if value is not None:
+        as_range(value, name)
+    return value
 
 
 _ANY = Field()
@@ -386,7 +297,7 @@ def _above(state: State, data: Any) -> None:
 
 
 def _component(code: int) -> Callable[[State, Any], None]:
-    return lambda state, data: state.components.apply(code, data)
+    return lambda state, data: state.change_component(code, data)
 
 
 # -- the game ---------------------------------------------------------------------------------------------------
@@ -430,10 +341,22 @@ def as_event(data: Any) -> dict[str, Any]:
     return deepcopy(found)
 
 
+def set_scores(game: "GameState", scores: Any) -> None:
+    """Replace the scores of a game.
+
+    Raises:
+        BadValue: these are none.
+    """
+    try:
+        found = dict(scores)
+    except (TypeError, ValueError) as error:
+        raise BadValue(f"its scores are none ({error})") from error
+    game.scores.clear()
+    game.scores.update(found)
+
+
 def _scores(state: State, data: Any) -> None:
-    scores = dict(data["scores"])
-    state.game.scores.clear()
-    state.game.scores.update(scores)
+    set_scores(state.game, data["scores"])
 
 
 def _over(state: State, data: Any) -> None:
@@ -493,7 +416,7 @@ _KINDS = (
     _column("AERIAL_AGENT_QUATERNION", "quat", "quat", Field(check=_quat), Audience.SENSED, is_in_version_2=True),
     _column("AGENT_TEAM", "teams", "team", Field(check=as_key), Audience.ALL),
     _column("AGENT_ALIVE", "alive", "alive", Field(check=as_bool), Audience.ALL),
-    _column("AGENT_SPEED", "speed", "speed", _ANY, Audience.TEAM),
+    _column("AGENT_SPEED", "speed", "speed", Field(check=_speed), Audience.TEAM),
     _column("AGENT_STRATEGY", "strategies", "strategy", _ANY, Audience.HOST),
     _kind(
         "AGENT_PROGRESS",
@@ -520,7 +443,13 @@ _KINDS = (
     _kind("FLYERS_ABOVE", {"names": Field(Role.AGENT), "node": _NODES, "previous": _NODES}, Audience.SENSED, _above),
     _kind("MOVES", {"number": _NUMBER, "node": _NODE}, Audience.SENSED, _move, _move_records, is_tuple=True),
     *(
-        _kind(name, dict.fromkeys(fields, _ANY), Audience.ALL, _component(globals()[name]), is_in_version_2=True)
+        _kind(
+            name,
+            {key: _NAME if key == "name" else _ANY for key in fields},
+            Audience.ALL,
+            _component(globals()[name]),
+            is_in_version_2=True,
+        )
         for name, fields in {
             "COMPONENT_REGISTER": ("key", "struct"),
             "COMPONENT_CREATE": ("name", "type"),
@@ -531,7 +460,12 @@ _KINDS = (
     ),
     _kind("WORLD", {"world": _ANY}, Audience.ALL, lambda state, data: state.replace_world(data["world"])),
     _kind("VISUALS", {"artists": _ANY}, Audience.ALL, lambda state, data: state.show(data)),
-    _kind("VISUAL_COMMANDS", {"name": _ANY}, Audience.ALL, lambda state, data: state.draw(data)),
+    _kind(
+        "VISUAL_COMMANDS",
+        dict.fromkeys(("artist", "layer", "visible"), _ANY),
+        Audience.ALL,
+        lambda state, data: state.draw(data),
+    ),
     _kind("GAME_SCORES", {"scores": _ANY}, Audience.ALL, _scores),
     _kind(
         "GAME_DATA",
@@ -558,6 +492,8 @@ _KINDS = (
 )
 EVENTS: dict[int, EventKind] = {kind.code: kind for kind in _KINDS}
 """All kinds, by their codes."""
+COMPONENTS = frozenset(code for code in EVENTS if code >> 24 == COMPONENT_REGISTER >> 24)
+"""The kinds that change components."""
 
 
 def events_of(log: Log) -> Iterator[tuple[int, Any]]:
@@ -592,100 +528,19 @@ def records_of(kind: int, data: Any, mover: Mover | None = None) -> Iterator[Rec
         yield from known.records(data, mover)
 
 
-# -- the journal ------------------------------------------------------------------------------------------------
+def renumbered(kind: int, data: Any, number_of: Callable[[int], int]) -> Any:
+    """Return the data of an event with other numbers of agents.
 
-
-class Journal:
-    """The events of one context since somebody began to read.
-
-    Attributes:
-        log: what has happened; the reader empties it.
-        ids: row of an agent -> the number by which moves name it, which stays when rows are closed up.
-        names: that number -> the agent's name.
-        progressed: the numbers of agents whose progress along an edge was set; the reader empties it.
-        is_silent: whether it notes nothing, not even moves.
+    Args:
+        kind: of the event.
+        data: of the event; not changed.
+        number_of: number -> the other number of the same agent.
     """
-
-    is_silent: bool = False
-
-    def __init__(self, names: list[str]) -> None:
-        self.log: Log = []
-        self.progressed: set[int] = set()
-        self.names = list(names)
-        self.ids = list(range(len(names)))
-
-    def note(self, kind: int, data: Any) -> None:
-        """Something other than a move has happened; `data` are plain values."""
-        self.log.append((kind, data))
-
-    def flew(self, row: int, node: int, position: tuple[float, float, float]) -> None:
-        """A flyer is somewhere else, and this is the node below it."""
-        self.log.append((AERIAL_AGENT_FLIGHT, (self.ids[row], node, *position)))
-
-    def turned(self, row: int, quat: tuple[float, float, float, float]) -> None:
-        """A flyer has turned."""
-        self.log.append((AERIAL_AGENT_TURN, (self.ids[row], *quat)))
-
-    def entered(self, row: int, name: str) -> None:
-        """An agent has come, in the last row."""
-        del self.ids[row:]
-        self.ids += [-1] * (row - len(self.ids))  # rows of agents whose creation failed
-        self.ids.append(len(self.names))
-        self.names.append(name)
-
-    def kept(self, rows: list[int]) -> None:
-        """Only these rows are left, in this order."""
-        self.ids = [self.ids[row] for row in rows]
-
-
-class Muted(Journal):
-    """Another journal while what happens is not worth a note, but for who has which number."""
-
-    def __init__(self, journal: Journal) -> None:
-        super().__init__([])
-        self._journal = journal
-
-    def note(self, kind: int, data: Any) -> None:
-        """Nothing is noted."""
-
-    def flew(self, row: int, node: int, position: tuple[float, float, float]) -> None:
-        """Nothing is noted."""
-
-    def turned(self, row: int, quat: tuple[float, float, float, float]) -> None:
-        """Nothing is noted."""
-
-    def entered(self, row: int, name: str) -> None:
-        """An agent has come, in the last row."""
-        self._journal.entered(row, name)
-
-    def kept(self, rows: list[int]) -> None:
-        """Only these rows are left, in this order."""
-        self._journal.kept(rows)
-
-
-class _Silent(Journal):
-    """Notes nothing."""
-
-    is_silent = True
-
-    def __deepcopy__(self, memo: dict[int, Any]) -> "_Silent":
-        return self
-
-    def note(self, kind: int, data: Any) -> None:
-        pass
-
-    def flew(self, row: int, node: int, position: tuple[float, float, float]) -> None:
-        pass
-
-    def turned(self, row: int, quat: tuple[float, float, float, float]) -> None:
-        pass
-
-    def entered(self, row: int, name: str) -> None:
-        pass
-
-    def kept(self, rows: list[int]) -> None:
-        pass
-
-
-NOBODY = _Silent([])  # agents are changed and nothing is noted
-CLOSED = _Silent([])  # the context has ended: agents are no longer changed
+    fields = EVENTS[kind].fields if kind in EVENTS else {}
+    if isinstance(data, tuple):
+        return (number_of(data[0]), *data[1:])
+    found = dict(data)
+    for key in (key for key, field in fields.items() if field.role is Role.NUMBER):
+        found[key] = data[key].copy()
+        found[key][:] = [number_of(number) for number in data[key].tolist()]
+    return found

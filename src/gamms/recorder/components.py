@@ -150,7 +150,7 @@ class Components(Guarded):
         }
         return set(self._component_registry), components
 
-    def told(self) -> dict[str, Any]:
+    def keyframe(self) -> dict[str, Any]:
         """What a keyframe says of them: the `classes`, each with the names of its fields, and all `values` by name."""
         return {
             "classes": [[*key, list(kind.fields)] for key, (_, kind) in self._classes.items()],

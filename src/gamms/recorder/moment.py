@@ -8,9 +8,8 @@ from typing import Any
 import numpy as np
 
 from gamms.ir.tables import table_of
-from gamms.recorder import state
-from gamms.recorder.errors import Damaged
-from gamms.text import reason
+from gamms.recorder.detached import DetachedState
+from gamms.recorder.keyframes import Columns
 from gamms.typing.map_storage import IPackedGraph
 
 _KINDS = np.array(["BASIC", "AERIAL"])  # the names of AgentType
@@ -51,36 +50,27 @@ class State:
         return self._map()
 
 
-def roster_of(folded: state.State) -> dict[str, np.ndarray[Any, Any]]:
-    """The columns that seldom change."""
+def named_columns(columns: Columns) -> dict[str, np.ndarray[Any, Any]]:
+    """Return the columns that seldom change."""
     lists = {"name": "names", "team": "teams", "speed": "speed", "strategy": "strategies"}
-    columns = table_of({name: folded[key] for name, key in lists.items()})
-    return {name: _frozen(column) for name, column in columns.items()}
+    table = table_of({name: columns[key] for name, key in lists.items()})
+    return {name: _frozen(column) for name, column in table.items()}
 
 
 def state_of(
-    folded: state.State, turn: int, roster: dict[str, np.ndarray[Any, Any]], map_then: Callable[[], IPackedGraph]
+    state: DetachedState, turn: int, named: dict[str, np.ndarray[Any, Any]], map_then: Callable[[], IPackedGraph]
 ) -> State:
-    """A state for the caller to keep.
-
-    Raises:
-        Damaged: scores are not what they should be.
-    """
-    agents = {name: roster[name] for name in ("name", "team")}
-    agents["kind"] = _frozen(_KINDS[(folded["kind"] != 0).astype(np.int64)])
-    agents["alive"] = _frozen(folded["alive"] != 0)
-    agents["node"] = _frozen(folded["node"].copy())
-    agents["previous"] = _frozen(folded["previous"].copy())
-    agents |= {name: roster[name] for name in ("speed", "strategy")}
+    """Return a state for the caller to keep."""
+    columns = state.agents.columns
+    agents = {name: named[name] for name in ("name", "team")}
+    agents["kind"] = _frozen(_KINDS[(columns["kind"] != 0).astype(np.int64)])
+    agents["alive"] = _frozen(columns["alive"] != 0)
+    agents |= {name: _frozen(columns[name].copy()) for name in ("node", "previous")}
+    agents |= {name: named[name] for name in ("speed", "strategy")}
     for key, names in _PARTS.items():
-        columns = _frozen(folded[key].T.copy())
-        agents.update(zip(names, columns, strict=True))
-    try:
-        scores = dict(folded["scores"])
-    except (TypeError, ValueError) as error:
-        raise Damaged(f"its scores are none ({reason(error)})") from error
-    data, over, components = (deepcopy(folded[name]) for name in ("data", "over", "components"))
-    return State(turn, agents, scores, data, over, components, map_then)
+        agents.update(zip(names, _frozen(columns[key].T.copy()), strict=True))
+    game = deepcopy((state.game.data, state.game.over))
+    return State(turn, agents, dict(state.game.scores), *game, deepcopy(state.components), map_then)
 
 
 def _frozen(column: np.ndarray[Any, Any]) -> np.ndarray[Any, Any]:

@@ -3,6 +3,7 @@
 import os
 import time
 from collections.abc import Callable, Iterator, KeysView
+from contextlib import nullcontext
 from copy import deepcopy
 from typing import Any, BinaryIO
 
@@ -10,6 +11,7 @@ from gamms.arguments import as_bool, as_int, as_name
 from gamms.deciding import Guarded, phase_of, refused_while_deciding
 from gamms.errors import BadType, BadValue, ContextTerminated
 from gamms.ir import events as kinds
+from gamms.ir.events import EVENTS
 from gamms.plain import to_plain, why_not_plain
 from gamms.recorder.components import Components
 from gamms.recorder.errors import RecorderBusy, RecordingError
@@ -17,8 +19,7 @@ from gamms.recorder.formats import version2
 from gamms.recorder.formats.output import Output
 from gamms.recorder.formats.reader import Reader
 from gamms.recorder.maps import without_map
-from gamms.recorder.records import TURN_NS, Record, check_record
-from gamms.recorder.replaying import Player
+from gamms.recorder.replaying import TURN_NS, Record, Replayer
 from gamms.recorder.session import Session
 from gamms.recorder.sinks import Version2Sink, Version3Sink, header_of
 from gamms.recorder.streams import Target, locks, readable
@@ -36,7 +37,6 @@ class Recorder(Guarded, IRecorder):
         ctx: the context; Any: the hall's own class, whose rooms meet here.
         components: the user's recorded objects.
         is_replaying: whether a recording is being played.
-        clock: the time stamp of what is being replayed.
     """
 
     _called = "ctx.record"
@@ -46,15 +46,11 @@ class Recorder(Guarded, IRecorder):
         self.ctx = ctx
         self.components = Components(self._component_event, self._phase)
         self.is_replaying = False
-        self.clock = 0
         self._session: Session | None = None
         self._target: Target | None = None
-        self._source: Reader | None = None
+        self._replayer: Replayer | None = None
         self._kept = self.components.kept()  # when the recording was paused
-        self._is_copying = False
-        self._is_copying_records = False  # of version 2, into version 2
         self._version = 3  # of what is being written
-        self._waiting: list[Any] = []  # declarations that a recording which is copied may make as well
 
     # -- writing ------------------------------------------------------------------------------------------------
 
@@ -162,7 +158,6 @@ class Recorder(Guarded, IRecorder):
         Raises:
             RecordingError: see `stop`.
         """
-        self._end_copying()
         session = self._session
         if session is None:
             return
@@ -183,7 +178,6 @@ class Recorder(Guarded, IRecorder):
         if self._session is None or self._session.is_paused:
             self.ctx.logger.warning("There is nothing to pause: no recording is being written.")
             return
-        self._end_copying()
         self._session.pause()
         self._kept = self.components.kept()
 
@@ -211,7 +205,7 @@ class Recorder(Guarded, IRecorder):
             return
         if not self.record():
             raise RecorderBusy("No recording is being written, or it is paused.")
-        check_record(opCode, data)
+        _check_record(opCode, data)
         if opCode is OpCodes.SIMULATE and self._session is not None:
             self._session.end_turn()
         else:
@@ -232,8 +226,8 @@ class Recorder(Guarded, IRecorder):
 
     def time(self) -> int:
         """Nanoseconds: of the recording while one is replayed or written, where a turn counts as a second."""
-        if self.is_replaying:
-            return self.clock
+        if self._replayer is not None:
+            return self._replayer.clock
         return time.monotonic_ns() if self._session is None else self._session.turn * TURN_NS
 
     # -- playing ------------------------------------------------------------------------------------------------
@@ -259,16 +253,14 @@ class Recorder(Guarded, IRecorder):
         try:
             magic = stream.read(8)
             stream.seek(-len(magic), os.SEEK_CUR)
-            if magic[:4] == MAGIC_NUMBER and int.from_bytes(magic[4:], "big") < 3:
-                yield from self._replay_version_2(stream)
-            else:
-                yield from self._replay_version_3(stream)
+            is_version_2 = magic[:4] == MAGIC_NUMBER and int.from_bytes(magic[4:], "big") < 3
+            yield from self._replay_version_2(stream) if is_version_2 else self._replay_version_3(stream)
         except ContextTerminated:
             if not self.ctx.is_terminated():
                 raise
         finally:
-            self._end_copying()
-            self.is_replaying, self._source = False, None
+            self._end_replay()
+            self.is_replaying = False
             if is_owned:
                 stream.close()
 
@@ -276,85 +268,32 @@ class Recorder(Guarded, IRecorder):
         reader = Reader(stream)
         if reader.warning:
             self.ctx.logger.warning(reader.warning)
-        self._source, player = reader, Player(self)
-        player.attach(reader.header)
-        if self.record() and self._session is not None and self._session.begins_like(reader.header):
-            self._waiting = self._session.copy(reader.header, self._copied_keyframe)
-            self._is_copying = True
-        yield from player.play(reader)
+        self._replayer = Replayer(self.ctx, self._recording)
+        yield from self._replayer.play(reader)
 
     def _replay_version_2(self, stream: BinaryIO) -> Iterator[Record]:
-        player = Player(self, is_version_2=True)
-        if self.record() and self._version == 2 and self._session is not None and self._session.is_new:
-            self._waiting = self._session.copy_events(lambda _: None)
-            self._is_copying_records = True
+        self._replayer = replayer = Replayer(self.ctx, self._recording, is_version_2=True)
+        if (session := self._recording()) is not None and self._version == 2:
+            session.take_records()
         for record in version2.read(stream):
-            self.clock = record["timestamp"]
-            if self._is_copying_records and self.record():
-                self._happen_and_copy(player, record)
-            elif record["opCode"] != kinds.TERMINATE:
-                player.happen(record["opCode"], record["data"])
+            replayer.clock = record["timestamp"]
+            session = self._recording()
+            taken = session is not None and session.takes_records
+            with session.as_replayed(deepcopy(record)) if session is not None and taken else nullcontext():
+                if record["opCode"] != kinds.TERMINATE:
+                    replayer.apply(record["opCode"], record["data"])
             yield record
             if self.ctx.is_terminated():
                 return
 
-    def _happen_and_copy(self, player: Player, record: Record) -> None:
-        """Let a record of version 2 happen, and write it as it is, in place of what its happening has noted."""
-        kind, log, copied = record["opCode"], self._log(), deepcopy(record)  # what happens may keep parts of it
-        if kind == kinds.SIMULATE:
-            log.append((kinds.REPLAYED, (copied, [])))  # first, for this ends the turn
-            player.happen(kind, record["data"])
-            return
-        before = len(log)
-        try:
-            if kind != kinds.TERMINATE:
-                player.happen(kind, record["data"])
-        finally:
-            noted = log[before:]
-            del log[before:]
-        log.append((kinds.REPLAYED, (copied, noted)))
-        if kind == OpCodes.COMPONENT_REGISTER.value:
-            self._waiting = [one for one in self._waiting if one[1]["key"] != record["data"]["key"]]
+    def _recording(self) -> Session | None:
+        """The recording that is being written now."""
+        return self._session if self.record() else None
 
-    # -- for the player -----------------------------------------------------------------------------------------
-
-    @property
-    def is_copying(self) -> bool:
-        """Whether a recording is written that has the very events of the one which is replayed.
-
-        It is where the one began with the other; else what a replay does is recorded like what anybody does.
-        """
-        return self._is_copying and self.record()
-
-    @refused_while_deciding
-    def copy(self, *entries: Any) -> None:
-        """Write events of a replayed recording, as they are there."""
-        if self.record():
-            self._log().extend(entries)
-
-    @refused_while_deciding
-    def renumber(self, names: list[str], numbers: list[int], following: int) -> None:
-        """Let agents have the numbers that a replayed recording gives them, and the next new one this."""
-        if self.is_copying and self._session is not None:
-            self._session.renumber(names, numbers, following)
-
-    @refused_while_deciding
-    def tell_anew(self) -> None:
-        """Write how things are, which a replay has set."""
-        if self.record() and self._session is not None:
-            self._session.tell_anew()
-
-    def _end_copying(self) -> None:
-        if (self._is_copying or self._is_copying_records) and self._session is not None:
-            self._session.end_copying()
-            self.copy(*self._waiting)
-        self._is_copying = self._is_copying_records = False
-
-    def _copied_keyframe(self, turn: int) -> Any:
-        if self._source is None or turn > self._source.turns or self._source.keyframe_before(turn) != turn:
-            return None
-        found = self._source.keyframe(turn)
-        return None if found is None else found[1]
+    def _end_replay(self) -> None:
+        if self._session is not None:
+            self._session.end_replay()
+        self._replayer = None
 
     def _log(self) -> list[Any]:
         assert self._session is not None  # noqa: S101 - asked only while there is one
@@ -403,10 +342,30 @@ class Recorder(Guarded, IRecorder):
 
     def _component_event(self, opcode_name: str, data: dict[str, Any]) -> None:
         if self.record():
-            event = (OpCodes[opcode_name].value, to_plain(data))
-            self._log().append(event)
-            if self._is_copying and opcode_name == "COMPONENT_REGISTER":
-                self._waiting = [other for other in self._waiting if other[1]["key"] != data["key"]]
+            assert self._session is not None  # noqa: S101 - it is being written
+            self._session.note_component(OpCodes[opcode_name].value, to_plain(data))
+
+
+def _check_record(opcode: Any, data: Any) -> None:
+    """Check that a record of the user's own can be read again.
+
+    Raises:
+        BadType, BadValue: it cannot.
+    """
+    if not isinstance(opcode, OpCodes):
+        raise BadType(f"opCode must be one of gamms.typing.OpCodes, not {shown(opcode)}.")
+    if opcode is OpCodes.TERMINATE:
+        raise BadValue("TERMINATE is written by ctx.record.stop().")
+    if not isinstance(data, dict):
+        raise BadType(f"What is recorded must be a dict of plain values, not {shown(data)}.")
+    if flaw := why_not_plain(data):
+        raise BadType(f"What is recorded must be a dict of plain values, not {shown(data)}: data{flaw}.")
+    fields = {key: field for key, field in EVENTS[opcode.value].fields.items() if not field.is_optional}
+    if missing := sorted(fields.keys() - data.keys()):
+        raise BadValue(f"The data of {opcode.name} must have {', '.join(map(repr, missing))}, not only {list(data)}.")
+    for key, field in fields.items():
+        if field.check is not None:
+            field.check(data[key], f"{key!r} of {opcode.name}")
 
 
 def _checked_options(version: Any, created: Any, provenance: Any) -> dict[str, Any]:

@@ -12,13 +12,13 @@ import numpy as np
 from gamms.arguments import as_context, as_int, as_mapping
 from gamms.errors import BadValue
 from gamms.ir import events as kinds
-from gamms.ir.events import Log
-from gamms.recorder import component_fold, tables
+from gamms.ir.events import COMPONENTS, Log
+from gamms.recorder import tables
+from gamms.recorder.detached import DetachedAgents, DetachedState
 from gamms.recorder.errors import Damaged, RecordingError
-from gamms.recorder.fold import Fold
 from gamms.recorder.formats.reader import Reader
 from gamms.recorder.maps import given_map, has_map, hash_in, hash_of
-from gamms.recorder.moment import State, roster_of, state_of
+from gamms.recorder.moment import State, named_columns, state_of
 from gamms.recorder.streams import readable
 from gamms.text import reason
 from gamms.typing.map_storage import IPackedGraph, packed_graphs
@@ -77,9 +77,9 @@ class Recording:
                 raise RecordingError(f"The scenario in this recording says {key!r}, which only its reader can say.")
         self.warning = reader.warning
         self._turns: int | None = None
-        self._fold: Fold | None = None
-        self._at = 0  # turns that the fold knows
-        self._roster: tuple[int, dict[str, Any]] = (-1, {})
+        self._state: DetachedState | None = None
+        self._at = 0  # turns that it knows
+        self._named: tuple[tuple[DetachedAgents, int] | None, dict[str, Any]] = (None, {})
         self._maps: dict[int, IPackedGraph] = {}  # turn in which the map became so -> the map; the first and one other
         self._map_turns: list[int] | None = None
 
@@ -137,12 +137,13 @@ class Recording:
         if not 0 <= turn <= self.turns:
             raise BadValue(f"There is no state after {turn} turns: this recording has {self.turns} turns.")
         try:
-            fold = self._folded(turn)
-            if self._roster[0] != fold.changes:
-                self._roster = fold.changes, roster_of(fold.state)
-            return state_of(fold.state, turn, self._roster[1], lambda: self._map_at(turn))
+            state = self._state_at(turn)
+            version = state.agents, state.agents.version
+            if self._named[0] != version:
+                self._named = version, named_columns(state.agents.columns)
+            return state_of(state, turn, self._named[1], lambda: self._map_at(turn))
         except Damaged as error:
-            self._fold = None
+            self._state = None
             raise RecordingError(f"The state after turn {turn} cannot be worked out: {reason(error)}.") from error
 
     @overload
@@ -160,23 +161,22 @@ class Recording:
         for turn in range(self.turns + 1):
             yield self.state(turn)
 
-    def _folded(self, turn: int) -> Fold:
-        """The state after so many turns: from the last keyframe, or from the state that was asked for last."""
-        fold = self._fold
-        if fold is None or not max(self._reader.keyframe_before(turn), 0) <= self._at <= turn:
+    def _state_at(self, turn: int) -> DetachedState:
+        """Return the state after so many turns: from the last keyframe, or from the state that was asked for last."""
+        state = self._state
+        if state is None or not max(self._reader.keyframe_before(turn), 0) <= self._at <= turn:
             found = self._reader.keyframe(turn)
             if found is None:
                 raise RecordingError("This recording does not say how it begins.")
-            self._fold = None
-            self._roster = (-1, {})
-            self._at, fold = found[0], Fold(found[1], found[0])
+            self._state, self._named = None, (None, {})
+            self._at, state = found[0], DetachedState(found[1], found[0])
             if "components" not in found[1]:  # as in the first recordings of version 3
-                for _, _, kind, data in self._reader.events(0, self._at, component_fold.EVENTS):
-                    fold.happen(kind, data)
-        self._fold = None  # if the next line fails, it is somewhere between
-        fold.advance(self._reader, self._at, turn)
-        self._fold, self._at = fold, turn
-        return fold
+                for _, _, kind, data in self._reader.events(0, self._at, COMPONENTS):
+                    state.apply_event(kind, data)
+        self._state = None  # if the next line fails, it is somewhere between
+        state.advance(self._reader, self._at, turn)
+        self._state, self._at = state, turn
+        return state
 
     def resume(
         self,
@@ -236,7 +236,7 @@ class Recording:
         live = resuming.opened_context(seed, vis_engine, is_quiet=is_quiet) if ctx is None else ctx
         try:
             live.reseed(seed)
-            resuming.resume(live, self._reader, turn, self._folded(turn), maps, is_fresh=ctx is None)
+            resuming.resume(live, self._reader, turn, self._state_at(turn), maps, is_fresh=ctx is None)
             resuming.register(live, strategies)
         except BaseException:
             if ctx is None:
@@ -265,7 +265,7 @@ class Recording:
         if not 1 <= turn <= self.turns:
             raise BadValue(f"There is no turn {turn}: this recording has turns 1 to {self.turns}.")
         with self._live(turn - 1, {}, is_quiet=True) as ctx:
-            return resuming.observation(ctx, self._reader.log(turn - 1), self._folded(turn - 1), turn, agent)
+            return resuming.observation(ctx, self._reader.log(turn - 1), self._state_at(turn - 1), turn, agent)
 
     # -- the map ------------------------------------------------------------------------------------------------
 
@@ -367,10 +367,10 @@ class Recording:
     def _names_at(self, log: int) -> tuple[dict[int, str], int]:
         """See `tables.NamesAt`."""
         try:
-            fold = self._folded(log)
+            agents = self._state_at(log).agents
         except Damaged as error:
             raise RecordingError(f"The state after turn {log} cannot be worked out: {reason(error)}.") from error
-        return dict(zip(fold.state["numbers"].tolist(), fold.state["names"], strict=True)), fold.following
+        return agents.names_by_number(), agents.following
 
     def _logs_of(self, start: int | None, stop: int | None) -> tuple[int, int]:
         """The logs of turns from `start` on and before `stop`; turn n is in log n - 1."""

@@ -8,16 +8,18 @@ from typing import TYPE_CHECKING, Any, NamedTuple
 from gamms.arguments import as_int
 from gamms.errors import BadFile, BadValue, UnknownName
 from gamms.ir import events as kinds
-from gamms.recorder import game_state, sensed, state
+from gamms.ir.events import COMPONENTS, change
+from gamms.recorder import sensed
+from gamms.recorder.detached import DetachedState
 from gamms.recorder.errors import UNFIT, RecordingError
 from gamms.recorder.maps import hash_of
-from gamms.recorder.replaying import COMPONENTS, Player
+from gamms.recorder.replaying import Replayer
 from gamms.text import reason, shown
 from gamms.typing import SensorType
 from gamms.typing.context import contexts
+from gamms.typing.opcodes import OpCodes
 
 if TYPE_CHECKING:
-    from gamms.recorder.fold import Fold
     from gamms.recorder.formats.reader import Reader
 
 Strategies = Mapping[str, Any]  # agent or team -> its strategy
@@ -37,13 +39,13 @@ def opened_context(seed: int, vis_engine: Any, *, is_quiet: bool) -> Any:
     return ctx
 
 
-def observation(ctx: Any, log: kinds.Log, fold: "Fold", turn: int, agent: str) -> dict[str, Any]:
+def observation(ctx: Any, log: kinds.Log, before: DetachedState, turn: int, agent: str) -> dict[str, Any]:
     """What an agent was told in a turn.
 
     Args:
         ctx: a context in which the game was resumed from the turn before; it is changed.
         log: of the turn.
-        fold: the state before it.
+        before: the state before it.
         turn: its number.
         agent: its name.
 
@@ -52,10 +54,11 @@ def observation(ctx: Any, log: kinds.Log, fold: "Fold", turn: int, agent: str) -
         UnknownName (KeyError): there was no such living agent.
         RecordingError: what is in the recording is damaged.
     """
-    player = Player(ctx.record)
-    names = dict(zip(fold.state["numbers"].tolist(), fold.state["names"], strict=True))
-    told = player.play_until(log, kinds.SENSED, names, fold.following)
-    if told is None:
+    replayer = Replayer(ctx)
+    agents = replayer.state.agents
+    agents.names, agents.following = before.agents.names_by_number(), before.agents.following
+    found = replayer.play_until(log, kinds.SENSED)
+    if found is None:
         raise BadValue(
             f"What was sensed in turn {turn} is not in this recording: start it with ctx.record.start(…, sensed=True), "
             "and play by ctx.game."
@@ -66,11 +69,13 @@ def observation(ctx: Any, log: kinds.Log, fold: "Fold", turn: int, agent: str) -
         raise
     except UNFIT as error:
         raise RecordingError(f"Agent {shown(agent)} cannot be asked in turn {turn}: {reason(error)}.") from error
-    numbers = {name: number for number, name in names.items()}
+    numbers = {name: number for number, name in agents.names.items()}
     try:
-        looks = sensed.looks_of(told, numbers[agent])
+        looks = sensed.looks_of(found, numbers[agent])
         graph = ctx.graph.graph
-        state["sensor"] = {look.sensor: (_kind_of(look), sensed.data_of(look, graph, names)) for _, look in looks}
+        state["sensor"] = {
+            look.sensor: (_kind_of(look), sensed.data_of(look, graph, agents.names)) for _, look in looks
+        }
     except UNFIT as error:
         raise RecordingError(
             f"What was sensed in turn {turn} is damaged: {type(error).__name__}: {reason(error)}."
@@ -90,14 +95,14 @@ class Maps(NamedTuple):
     packed: Callable[[], bytes]  # gives it as it was at the turn
 
 
-def resume(ctx: Any, reader: "Reader", turn: int, fold: "Fold", maps: Maps, *, is_fresh: bool) -> None:
+def resume(ctx: Any, reader: "Reader", turn: int, then: DetachedState, maps: Maps, *, is_fresh: bool) -> None:
     """Let a context be as a recording was after so many turns.
 
     Args:
         ctx: the context; its graph has nothing in it, or is that of the recording at its start or then.
         reader: the recording.
         turn: how many turns.
-        fold: the state after these.
+        then: the state after these.
         maps: what the map was.
         is_fresh: whether nothing was done with the context yet.
 
@@ -107,17 +112,19 @@ def resume(ctx: Any, reader: "Reader", turn: int, fold: "Fold", maps: Maps, *, i
     _attach(ctx, maps)
     strategies = {name: agent.strategy for name, agent in ctx.agent.agents.items()}
     facts = dict(ctx.game.facts)
-    chance = fold.state["chance"] if ctx.seed == seed_at(reader, turn) else None
     ctx.game.draw_start = None
     ctx.game.state.begin_from_here()
+    replayer = Replayer(ctx)
     try:
         told = _told(reader, turn)
         told["facts"] = facts | told["facts"]  # for those which a recording cannot hold
         if is_fresh:
             ctx.game.configure(told["settings"])
-        _make_room(ctx, fold.state["names"])
-        with ctx.agent.block.trusting():
-            state.put(ctx, {**fold.state, **told, "chance": chance, "turn": fold.game_turn(turn)})
+        snapshot = then.keyframe(turn) | told
+        if ctx.seed != seed_at(reader, turn):
+            snapshot["chance"] = None
+        _make_room(ctx, snapshot["names"])
+        replayer.state.restore(snapshot)
     except UNFIT as error:
         raise RecordingError(f"This game cannot go on from turn {turn}: {reason(error)}") from error
     for name, agent in ctx.agent.agents.items():
@@ -125,9 +132,9 @@ def resume(ctx: Any, reader: "Reader", turn: int, fold: "Fold", maps: Maps, *, i
     looks = [data for _, data in _before(reader, turn, (kinds.VISUALS,))]
     drawings = reader.header.get("drawings", [])
     drawings = [*drawings, *(data for _, data in _before(reader, turn, (kinds.VISUAL_COMMANDS,)))]
-    Player(ctx.record).dress(looks[-1] if looks else reader.header.get("visuals"), drawings)
+    replayer.show(looks[-1] if looks else reader.header.get("visuals"), drawings)
     for kind, data in _before(reader, turn, tuple(COMPONENTS)):
-        ctx.record.components.apply(COMPONENTS[kind], data, lenient=True)
+        ctx.record.components.apply(OpCodes(kind).name, data, lenient=True)
 
 
 def register(ctx: Any, strategies: Strategies) -> None:
@@ -205,7 +212,7 @@ def _told(reader: "Reader", turn: int) -> dict[str, Any]:
         elif kind == kinds.GAME_EVENT:
             told["events"].append(data)
         elif kind == kinds.GAME_FACTS:
-            game_state.apply(told["facts"], data)
+            change(told["facts"], data)
         else:
             starts |= data.get("starts", {})
     return deepcopy({**told, "starts": starts})

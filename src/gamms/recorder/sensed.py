@@ -1,6 +1,6 @@
 """What agents sensed in one turn, as columns of ids, and back again."""
 
-from collections.abc import Iterable, Mapping
+from collections.abc import Callable, Iterable, Mapping
 from itertools import chain
 from typing import Any, NamedTuple
 
@@ -90,6 +90,23 @@ def looks_of(data: Mapping[str, Any], agent: int | None = None) -> list[tuple[in
         first, second = data["ids"][begin:middle].tolist(), data["ids"][middle:end].tolist()
         found.append((int(owners[row]), Look(sensor, kind, form, first, second, other)))
     return found
+
+
+def renumbered(data: Mapping[str, Any], number_of: Callable[[int], int]) -> dict[str, Any]:
+    """Return what was packed with other numbers of the agents that were seen.
+
+    Args:
+        data: what was packed.
+        number_of: number -> the other number of the same agent.
+
+    Raises:
+        KeyError, ValueError, TypeError, IndexError: nobody packed this.
+    """
+    ids, ends = data["ids"].copy(), np.cumsum(data["sizes"].reshape(-1)).tolist()
+    for row in np.flatnonzero(np.isin(data["forms"], (_AGENTS, _IN_SPACE))).tolist():
+        part = slice(ends[2 * row - 1] if row else 0, ends[2 * row])
+        ids[part] = [number_of(number) for number in ids[part].tolist()]
+    return {**data, "ids": ids}
 
 
 def data_of(look: Look, graph: Any, names: Mapping[int, str]) -> Any:

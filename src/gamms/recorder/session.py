@@ -1,7 +1,8 @@
 """One recording while it is being written: what the journal holds becomes the log of each turn."""
 
-from collections.abc import Callable, Iterator, Mapping
+from collections.abc import Iterator, Mapping
 from contextlib import contextmanager
+from copy import deepcopy
 from itertools import takewhile
 from operator import attrgetter
 from typing import Any
@@ -9,20 +10,23 @@ from typing import Any
 import numpy as np
 
 from gamms.ir import events as kinds
-from gamms.ir.events import NOBODY, Log
+from gamms.ir.events import Log
+from gamms.ir.journal import NOBODY
 from gamms.plain import plain_subset
-from gamms.recorder import game_state, sensed, state
+from gamms.recorder import keyframes, sensed
+from gamms.recorder.changes import GameWatch
+from gamms.recorder.detached import DetachedState
 from gamms.recorder.drawings import DrawingWatch
+from gamms.recorder.errors import Damaged
+from gamms.recorder.host import HostContext
 from gamms.recorder.left_out import LeftOut
 from gamms.recorder.maps import is_map_of
 from gamms.recorder.noting import PlainJournal
 from gamms.recorder.saving import Saving
-from gamms.typing.opcodes import OpCodes
 
 _SOMEBODY_ELSE = object()
 _REVISIONS = attrgetter("graph.revision", "obstacle_revision")
 _OF_AGENTS = kinds.AGENT_CREATE >> 24
-_DECLARATION = OpCodes.COMPONENT_REGISTER.value
 _TURNS_AT_ONCE = 64
 _ENTRIES_AT_ONCE = 1 << 20  # of logs: what may wait to be written
 _KEYFRAME_ENTRIES = 1 << 17  # of logs between two keyframes: 65,536 moves, which take some milliseconds to read
@@ -45,7 +49,7 @@ class Session:
     Attributes:
         is_paused: whether nothing is written for now.
         has_failed: whether it could not be written further: nothing is noted then, and nothing more written.
-        copied: while a recording is being replayed, whose events are copied as they are: its keyframe after a turn.
+        takes_records: whether records of version 2 that are replayed are written as they are.
         visuals: what it looked like when the first turn was over.
         drawings: what artists draw.
         world: graph and obstacles as they were when there was a graph for the first time, or when the first turn was
@@ -70,16 +74,18 @@ class Session:
         self._saving = Saving(self._save)
         self.turn, self.seed = 0, ctx.seed
         self.is_paused = self.has_failed = False
-        self.copied: Callable[[int], state.State | None] | None = None
+        self._replayed: DetachedState | None = None  # of a recording that this one began like
+        self.takes_records = False
+        self._pending: Log = []  # declarations of components which that one may have as well
         self.header: dict[str, Any] | None = None
         has_map = next(iter(ctx.graph.graph.get_nodes()), None) is not None
         self._left_out = LeftOut(ctx)
         self.world: bytes | None = self._left_out.packed() if has_map else None
         self._left_out.look_over()
         self.drawings = DrawingWatch(ctx.visual, with_custom=with_drawings)
-        self._declarations, self.visuals = self._declarations_now(), self._looks()
+        self._declarations, self.visuals = self.drawings.edits, self._looks()
         self._listen()
-        self.begin = state.captured(ctx) | game_state.at_the_start(ctx) | state.of_components(ctx)
+        self.begin = keyframes.captured(ctx) | keyframes.first_history(ctx) | keyframes.components_of(ctx)
         self._revised = _REVISIONS(self._room)
         self._watch_game()
 
@@ -104,11 +110,15 @@ class Session:
         journal = self._journal
         if not self.turn:
             self.seed = self.ctx.seed
-        if self.copied is None:
-            self._tell_changes()
-            journal.log += self.drawings.changes()
-            self._game.count(journal.log)
+        self._tell_changes()
+        journal.log += self.drawings.changes()
+        self._game.count(journal.log)
         log, journal.log, self._front = journal.log, [], 0
+        if self._replayed is not None:
+            try:
+                self._replayed.apply(log)
+            except Damaged:  # by what a program has written among it
+                self._replayed = None
         self._logs.append(log)
         self._entries_here += len(log)
         self.turn += 1
@@ -119,6 +129,7 @@ class Session:
 
     def pause(self) -> None:
         """Write nothing until `play`."""
+        self.end_replay()
         self._tell_changes()
         self._hush()
         self.is_paused = True
@@ -138,17 +149,18 @@ class Session:
         # Those who come back do so in their order, and so do all who follow them.
         kept = [name for name, other in takewhile(lambda pair: pair[0] == pair[1], zip(left, now, strict=False))]
         gone = [(kinds.AGENT_DELETE, {"name": name}) for name in known if name not in kept]
-        snapshot = state.captured(self.ctx) | game_state.told(self.ctx) | {"seed": self.ctx.seed}
+        snapshot = keyframes.captured(self.ctx) | keyframes.history(self.ctx) | {"seed": self.ctx.seed}
         self._front = len(waiting)
         self._journal.log = [*waiting, *gone, (kinds.SNAPSHOT, snapshot)]
         self._watch_game()
 
     def close(self) -> None:
         """Write what is left, and listen no longer."""
+        self.end_replay()
         self._hush()
         if self.has_failed or self._leave():
             return  # and has said so
-        if not self.is_paused and self.copied is None:
+        if not self.is_paused:
             self._tell_changes()
         log = self._journal.log
         if log:
@@ -163,36 +175,71 @@ class Session:
     def is_new(self) -> bool:
         """Whether nothing has happened yet but that classes of components were declared."""
         is_new = not self._has_begun and not self.turn and not self.begin["names"] and not self.is_paused
-        return is_new and all(entry[0] == _DECLARATION for entry in self.log if type(entry) is tuple)
+        log = self.log
+        return is_new and all(entry[0] == kinds.COMPONENT_REGISTER for entry in log if type(entry) is tuple)
 
-    def begins_like(self, header: dict[str, Any]) -> bool:
-        """Whether nothing has happened yet that a recording with this header does not tell as well."""
-        return self.is_new and (self.world is None or is_map_of(self.world, header))
+    def adopt(self, header: dict[str, Any], begin: keyframes.Keyframe) -> bool:
+        """Begin as a recording does that is replayed, if nothing has happened yet; returns whether it has not.
 
-    def copy(self, header: dict[str, Any], keyframe: Callable[[int], state.State | None]) -> Log:
-        """Copy what happens from a recording that is being replayed, rather than work it out; gives the log so far."""
-        self.header, self.world = header, header.get("world", b"")  # not None: there is a map
-        begin = keyframe(0)
-        self.begin = self.begin if begin is None else begin
-        return self.copy_events(keyframe)
+        What follows are the same events then, and give the same bytes.
+        """
+        if not self.is_new or not (self.world is None or is_map_of(self.world, header)):
+            return False
+        self._replayed = DetachedState(deepcopy(begin))
+        self.header, self.world, self.begin = header, header.get("world", b""), begin  # not None: there is a map
+        self._set_declarations_aside()
+        return True
 
-    def copy_events(self, keyframe: Callable[[int], state.State | None]) -> Log:
-        """Let nobody work out what a replayed recording says itself, and give the log so far."""
-        self.copied = keyframe
-        waiting, self._journal.log = self._journal.log, []
-        return waiting
+    def take_records(self) -> None:
+        """Take the records of a replay of version 2 as they are, if nothing has happened yet."""
+        self.takes_records = self.is_new
+        if self.takes_records:
+            self._set_declarations_aside()
 
-    def end_copying(self) -> None:
+    def _set_declarations_aside(self) -> None:
+        """Write declarations of components when the replay has ended, unless it makes the same."""
+        self._pending, self._journal.log = self._journal.log, []
+
+    def end_replay(self) -> None:
         """Go on by what the context says."""
-        self.copied = None
-        self._revised = _REVISIONS(self._room)
-        self._watch_game()
-        self._declarations = self._declarations_now()
-        self._journal.living = dict.fromkeys(self.ctx.agent.agents)
-        self._front = len(self.log)
+        self._replayed, self.takes_records = None, False
+        self.log.extend(self._pending)
+        self._pending = []
 
-    def tell_anew(self) -> None:
-        """Say how things are now, which a replay has set."""
+    def renumber(self, snapshot: keyframes.Keyframe) -> None:
+        """Give agents the numbers that they have in a snapshot, and expect no changes but those that follow it."""
+        journal, block = self._journal, self.ctx.agent.block
+        journal.names = [""] * snapshot["next"]
+        journal.living = dict.fromkeys(snapshot["names"])
+        for name, number in zip(snapshot["names"], snapshot["numbers"].tolist(), strict=True):
+            journal.ids[block.row_of(name)] = number
+            journal.names[number] = name
+        self._expect_no_changes()
+
+    def note_component(self, kind: int, data: dict[str, Any]) -> None:
+        """Note what has happened to a component."""
+        self.log.append((kind, data))
+        if kind == kinds.COMPONENT_REGISTER:
+            self._pending = [one for one in self._pending if one[1]["key"] != data["key"]]
+
+    @contextmanager
+    def as_replayed(self, record: dict[str, Any]) -> Iterator[None]:
+        """Write a record of version 2 as it is, in place of what is noted while it happens."""
+        log = self.log
+        if record["opCode"] == kinds.SIMULATE:
+            log.append((kinds.REPLAYED, (record, [])))  # first, for this ends the turn
+            yield
+            return
+        before = len(log)
+        try:
+            yield
+        finally:
+            log[before:] = [(kinds.REPLAYED, (record, log[before:]))]
+        if record["opCode"] == kinds.COMPONENT_REGISTER:
+            self._pending = [one for one in self._pending if one[1]["key"] != record["data"]["key"]]
+
+    def emit_snapshot(self) -> None:
+        """Write how things are now, which a replay has set."""
         self._tell_changes(is_set_next=True)
         self._hush()
         self._set(self._journal.living)
@@ -218,22 +265,12 @@ class Session:
         self._hush()
         self._saving.end()
 
-    def renumber(self, names: list[str], numbers: list[int], following: int) -> None:
-        """Let agents have the numbers that a replayed recording gives them, and the next new one this."""
-        journal, agents = self._journal, self.ctx.agent
-        journal.names[following:] = [""] * (following - len(journal.names))
-        block = agents.block
-        journal.ids += [-1] * (len(block) - len(journal.ids))
-        for name, number in zip(names, numbers, strict=True):
-            journal.ids[block.row_of(name)] = number
-            journal.names[number] = name
-
     # -- listening ----------------------------------------------------------------------------------------------
 
     def _listen(self) -> None:
         block = self.ctx.agent.block
         block.locate()
-        self._journal = block.journal = PlainJournal(block.names, self._left_out)
+        self._journal = block.journal = PlainJournal(block.names, self._left_out, self._accept)
         self.ctx.visual.after_turn.append(self.end_turn)
         self.ctx.game.after_reset.append(self.begin_anew)
         if self._with_sensed:
@@ -317,15 +354,14 @@ class Session:
         self._since_keyframe += self._entries_here + self._journal.weight + _OF_VALUE * self._sink.new_values()
         self._journal.weight = 0
         self._rests_at, self._entries_here = self.turn + _TURNS_AT_ONCE, 0
-        if self.copied is not None:
-            keyframe = self.copied(self.turn)
-        elif self._since_keyframe >= max(_KEYFRAME_ENTRIES, 2 * _KEYFRAME_TURNS * len(self.ctx.agent.agents)):
-            keyframe = state.captured(self.ctx) | {"pace": self._game.pace} | state.of_components(self.ctx)
-        else:
-            keyframe = None
-        if keyframe is not None:
-            self._sink.keyframe(keyframe)
+        if self._since_keyframe >= max(_KEYFRAME_ENTRIES, 2 * _KEYFRAME_TURNS * len(self.ctx.agent.agents)):
+            self._sink.keyframe(self._keyframe())
             self._since_keyframe = 0
+
+    def _keyframe(self) -> keyframes.Keyframe:
+        if self._replayed is not None:  # which knows what no context can be: strategies are functions
+            return self._replayed.keyframe(self.turn)
+        return keyframes.captured(self.ctx) | {"pace": self._game.pace} | keyframes.components_of(self.ctx)
 
     def _hand_over(self) -> None:
         if not self._has_begun:
@@ -349,19 +385,41 @@ class Session:
             changes = (self._world_changes() if has_changed else []) + self._new_sensors()
             log[self._front : self._front] = changes
             self._front += len(changes)
-            above = state.above(self.ctx) if has_changed and not is_set_next else None
+            above = keyframes.flyers_of(self.ctx) if has_changed and not is_set_next else None
             if above is not None:
                 log.append((kinds.FLYERS_ABOVE, above))
-        if self._declarations_now() != self._declarations:
+        if self.drawings.edits != self._declarations:
             log += self._visual_changes()
         if self._journal.progressed:
             log += self._new_progress()
         self._strategies.tell(log)
         self._game.tell(log)
 
+    def _accept(self, kind: int, data: Any) -> None:
+        """Expect what an event of a replay has changed: it is noted already, and what changes later comes behind it."""
+        self._front = len(self.log)
+        if kind == kinds.WORLD:
+            self._revised = _REVISIONS(self._room)
+        elif kind == kinds.VISUALS:
+            self._declarations = self.drawings.edits
+        elif kind == kinds.VISUAL_COMMANDS:
+            self.drawings.changes()
+        elif kind == kinds.SENSORS:
+            self._sensors = len(self._all_sensors)
+        elif kind == kinds.AGENT_PROGRESS:
+            self._journal.progressed.clear()
+        else:
+            self._game.accept(kind, data)
+
+    def _expect_no_changes(self) -> None:
+        """Expect everything to be as it is now."""
+        self._revised, self._declarations = _REVISIONS(self._room), self.drawings.edits
+        self.drawings.changes()
+        self._watch_game()
+
     def _watch_game(self) -> None:
         """From now on, tell what becomes other than it is now."""
-        self._game, self._strategies = game_state.GameWatch(self.ctx), _StrategyWatch(self.ctx)
+        self._game, self._strategies = GameWatch(self.ctx), _StrategyWatch(self.ctx)
         self._sensors = len(self.ctx.sensor.sensors)
         self._journal.progressed.clear()
 
@@ -371,7 +429,7 @@ class Session:
         rows = [row for row in range(len(block)) if ids[row] in progressed]
         progressed.clear()
         numbers = np.array([ids[row] for row in rows], np.int64)
-        progress = state.progress_of([block.progress[row] for row in rows])
+        progress = keyframes.progress_columns([block.progress[row] for row in rows])
         return [(kinds.AGENT_PROGRESS, {"numbers": numbers, **progress})]
 
     def _new_sensors(self) -> Log:
@@ -379,20 +437,17 @@ class Session:
         described = self.ctx.sensor.described()[self._sensors :]
         self._sensors += len(described)
         self._left_out.look_over_sensors(described)
-        return [(kinds.SENSORS, {"sensor_kinds": state.grouped(described)})] if described else []
-
-    def _declarations_now(self) -> int:
-        return self.drawings.edits
+        return [(kinds.SENSORS, {"sensor_kinds": keyframes.grouped(described)})] if described else []
 
     def _visual_changes(self) -> Log:
         """What says that it looks otherwise. What was declared in the first turn goes into the header."""
-        self._declarations, visuals = self._declarations_now(), self._looks()
+        self._declarations, visuals = self.drawings.edits, self._looks()
         if not self.turn:
             self.visuals = visuals
             return []
         return [(kinds.VISUALS, visuals)]
 
-    def _looks(self) -> state.State:
+    def _looks(self) -> dict[str, Any]:
         """Return what it looks like, as far as there are plain values for it."""
         return plain_subset(self.drawings.specs())
 
@@ -408,7 +463,7 @@ class Session:
 class _StrategyWatch:
     """Which strategies or plans decide for which agents, since it was asked last."""
 
-    def __init__(self, ctx: Any) -> None:
+    def __init__(self, ctx: HostContext) -> None:
         self._ctx = ctx
         self._functions = self._now()
         self._named = dict(zip(ctx.agent.agents, self._functions, strict=True))
@@ -421,7 +476,7 @@ class _StrategyWatch:
         before, self._functions = self._named, now
         self._named = dict(zip(self._ctx.agent.agents, now, strict=True))
         log += [
-            (kinds.AGENT_STRATEGY, {"agent_name": name, "strategy": state.name_of(function)})
+            (kinds.AGENT_STRATEGY, {"agent_name": name, "strategy": keyframes.name_of(function)})
             for name, function in self._named.items()
             if function is not before.get(name)
         ]
@@ -429,5 +484,5 @@ class _StrategyWatch:
     def _now(self) -> list[Any]:
         agents = self._ctx.agent.agents.values()
         if self._ctx.game.plans:
-            return [state.decider_of(self._ctx, agent) for agent in agents]
+            return [keyframes.decider_of(self._ctx, agent) for agent in agents]
         return [agent.strategy for agent in agents]

@@ -2,20 +2,21 @@
 
 import io
 import os
-from collections.abc import Callable
+from collections.abc import Callable, Iterable, Sequence
 from functools import cache
 from typing import Any
 
 from gamms.ir import events as kinds
-from gamms.ir.events import Log
+from gamms.ir.event_state import AgentsState, State
+from gamms.ir.events import EVENTS, Log, Mover, records_of, steps_of
 from gamms.ir.packing import to_bytes
 from gamms.plain import to_plain
-from gamms.recorder import state
 from gamms.recorder.formats.output import Output
 from gamms.recorder.formats.tracks import FORMS
 from gamms.recorder.formats.version2 import Version2Writer
 from gamms.recorder.formats.writer import Writer
-from gamms.recorder.records import TURN_NS, Record, named, records_of, records_of_move, steps_of
+from gamms.recorder.keyframes import Keyframe
+from gamms.recorder.replaying import TURN_NS, Record
 from gamms.recorder.session import Session
 
 _MOST_WAITING = 1 << 16  # bytes
@@ -32,7 +33,7 @@ class Version3Sink:
     def __init__(self, output: Output, header: Callable[[Session], dict[str, Any]]) -> None:
         self._output, self._header = output, header
         self._writer: Writer = None  # type: ignore[assignment] # until it begins
-        self._beginning: tuple[bytes, state.State] | None = None
+        self._beginning: tuple[bytes, Keyframe] | None = None
         self._values = 0
 
     @property
@@ -81,7 +82,7 @@ class Version3Sink:
         before, self._values = self._values, self._writer.values
         return self._values - before
 
-    def keyframe(self, keyframe: state.State) -> None:
+    def keyframe(self, keyframe: Keyframe) -> None:
         """Write the whole state."""
         self._writer.keyframe(keyframe)
 
@@ -103,19 +104,19 @@ class Version2Sink:
         self._output = output
         self._waiting = io.BytesIO()
         self._writer = Version2Writer(self._waiting)
+        self._agents = _AgentNodes()
         self._turn = 0
         self._since = 0, 0  # a turn, and its time stamp, from which those of the others follow
         self._end: Record | None = None  # how a recording ended that was copied, and nothing came after it
 
     def begin(self, session: Session, *, is_final: bool) -> None:  # noqa: ARG002 - nothing of it changes later
         """Write what is in front of the records."""
-        self._names: list[str] = list(session.begin["names"])
-        self._nodes: dict[str, int] = dict(zip(self._names, session.begin["node"].tolist(), strict=True))
+        self._agents.restore(session.begin)
         self.flush()
 
     def mark(self) -> Any:
         """How far it has come, for `back_to`."""
-        known = {**vars(self), "_names": self._names[:], "_nodes": self._nodes.copy()}
+        known = {**vars(self), "_agents": self._agents.copy()}
         return known, self._waiting.getvalue(), self._output.end
 
     def back_to(self, mark: Any) -> None:
@@ -133,23 +134,19 @@ class Version2Sink:
             self._add(log)
 
     def _add(self, log: Log) -> None:
-        is_over = True
-        for number, step in steps_of(log):
-            if number is not None:
-                name = self._names[number]
-                before, timestamp = self._nodes.get(name, step), self._timestamp(self._turn)
-                for record in records_of_move(name, before, step, timestamp):
-                    self._write(record)
-                self._nodes[name] = step
-            elif step[0] == kinds.REPLAYED:
-                self._copy(*step[1])
-                is_over = is_over and step[1][0]["opCode"] != kinds.SIMULATE
-            else:
-                kind, data = self._by_name(step)
-                self._happen(kind, data, self._timestamp(self._turn))
-                is_over = is_over and kind != kinds.UNFINISHED
+        is_over, timestamp = True, self._timestamp(self._turn)
+        for kind, data in steps_of(log):
+            if kind == kinds.REPLAYED:
+                self._copy(*data)
+                is_over, timestamp = is_over and data[0]["opCode"] != kinds.SIMULATE, self._timestamp(self._turn)
+                continue
+            mover = self._agents.mover(kind, data)
+            self._agents.follow(kind, data)
+            if kind in EVENTS and EVENTS[kind].records is not None:
+                self._write(timestamp, records_of(kind, data, mover))
+            is_over = is_over and kind != kinds.UNFINISHED
         if is_over:
-            self._write(*records_of(kinds.SIMULATE, {}, self._timestamp(self._turn)))
+            self._write(timestamp, [(kinds.SIMULATE, {})])
         self._turn += 1
         if self._waiting.tell() > _MOST_WAITING:
             self.flush()
@@ -158,49 +155,22 @@ class Version2Sink:
         begin, timestamp = self._since
         return timestamp + (turn - begin) * TURN_NS
 
-    def _by_name(self, event: tuple[int, Any]) -> tuple[int, Any]:
-        """The event as it is where agents are named."""
-        return named(event, self._names[event[1][0]]) if event[0] in FORMS else event
-
     def _copy(self, record: Record, noted: Log) -> None:
         """Write a record of another recording as it is there, and go on from its time."""
-        for step in noted:
-            self._follow(*self._by_name(step))
+        for kind, data in steps_of(noted):
+            self._agents.follow(kind, data)
         self._since = self._turn, record["timestamp"]
         if record["opCode"] == kinds.TERMINATE:
             self._end = record
         else:
-            self._write(record)
+            self._write(record["timestamp"], [(record["opCode"], record.get("data"))])
 
-    def _happen(self, kind: int, data: Any, timestamp: int) -> None:
-        before = self._follow(kind, data)
-        if kind in _OF_VERSION_2:
-            self._write(*records_of(kind, data, timestamp, before))
-
-    def _follow(self, kind: int, data: Any) -> int | None:
-        """Keep in mind who is where; where one that has flown was before."""
-        before = None
-        if kind == kinds.AGENT_CREATE:
-            self._names.append(data["name"])
-            self._nodes[data["name"]] = data.get("state", {}).get("node", data["kwargs"]["start_node_id"])
-        elif kind == kinds.AGENT_CURRENT_NODE:
-            self._nodes[data["agent_name"]] = data["node_id"]
-        elif kind == kinds.AERIAL_AGENT_POSITION and "node" in data:
-            before = self._nodes.get(data["agent_name"])
-            self._nodes[data["agent_name"]] = data["node"]
-        elif kind == kinds.FLYERS_ABOVE:
-            self._nodes.update(zip(data["names"], data["node"].tolist(), strict=True))
-        elif kind == kinds.SNAPSHOT:
-            self._names = list(data["names"])
-            self._nodes = dict(zip(self._names, data["node"].tolist(), strict=True))
-        return before
-
-    def _write(self, *records: dict[str, Any]) -> None:
-        for record in records:
-            self._writer.write(record["timestamp"], record["opCode"], record.get("data"))
+    def _write(self, timestamp: int, records: Iterable[tuple[int, Any]]) -> None:
+        for code, data in records:
+            self._writer.write(timestamp, code, data)
             self._end = None
 
-    def keyframe(self, keyframe: state.State) -> None:
+    def keyframe(self, keyframe: Keyframe) -> None:
         """There is no place for it."""
 
     def new_values(self) -> int:
@@ -222,19 +192,69 @@ class Version2Sink:
         self.flush()
 
 
-_OF_VERSION_2 = {
-    kinds.SIMULATE,
-    kinds.AGENT_CREATE,
-    kinds.AGENT_DELETE,
-    kinds.AGENT_CURRENT_NODE,
-    kinds.AGENT_PREV_NODE,
-    kinds.AGENT_SENSOR_REGISTER,
-    kinds.AGENT_SENSOR_DEREGISTER,
-    kinds.AGENT_ORIENTATION,
-    kinds.AERIAL_AGENT_POSITION,
-    kinds.AERIAL_AGENT_QUATERNION,
-    *range(0x02000000, 0x02000005),
-}
+class _AgentNodes(State, AgentsState):
+    """Where agents are: what records of moves say as well, and events do not."""
+
+    def __init__(self) -> None:
+        self.agents = self
+        self._names: list[str] = []  # by number
+        self._nodes: dict[str, int] = {}
+
+    def copy(self) -> "_AgentNodes":
+        """Return a copy."""
+        copy = _AgentNodes()
+        copy._names, copy._nodes = self._names[:], self._nodes.copy()
+        return copy
+
+    def mover(self, kind: int, data: Any) -> Mover | None:
+        """Return the agent that an event moves or turns."""
+        if kind == kinds.MOVES or kind in FORMS:
+            name = self._names[data[0]]
+        elif kind == kinds.AERIAL_AGENT_POSITION and "node" in data:
+            name = data["agent_name"]
+        else:
+            return None
+        return Mover(name, self._nodes.get(name, data[1] if kind == kinds.MOVES else 0))
+
+    def follow(self, kind: int, data: Any) -> None:
+        """Apply an event that concerns agents."""
+        if kind == kinds.SNAPSHOT or kind >> 24 == kinds.AGENT_CREATE >> 24:
+            EVENTS[kind].apply(self, data)
+
+    def restore(self, snapshot: Keyframe) -> None:
+        """Become what a snapshot says."""
+        names, numbers = snapshot["names"], snapshot["numbers"].tolist()
+        self._names = [""] * snapshot["next"]
+        for number, name in zip(numbers, names, strict=True):
+            self._names[number] = name
+        self._nodes = dict(zip(names, snapshot["node"].tolist(), strict=True))
+
+    def add(self, name: str, kwargs: dict[str, Any], state: dict[str, Any], strategy: str | None) -> None:  # noqa: ARG002
+        """Add an agent."""
+        self._names.append(name)
+        self._nodes[name] = state.get("node", kwargs["start_node_id"])
+
+    def row(self, name: str) -> str:
+        """Return the name."""
+        return name
+
+    def row_of(self, number: int) -> str:
+        """Return the name of an agent."""
+        return self._names[number]
+
+    def set(self, row: str, column: str, value: Any) -> None:
+        """Set the node of an agent."""
+        if column == "node":
+            self._nodes[row] = value
+
+    def move(self, numbers: Sequence[int], nodes: Sequence[int]) -> None:
+        """Move agents."""
+        self._nodes.update(zip((self._names[number] for number in numbers), nodes, strict=True))
+
+    def fly(self, row: str, node: int | None, position: tuple[float, ...]) -> None:  # noqa: ARG002
+        """Move a flyer."""
+        if node is not None:
+            self._nodes[row] = node
 
 
 @cache

@@ -8,26 +8,25 @@ import numpy as np
 from gamms.arguments import as_name
 from gamms.errors import UnknownName
 from gamms.ir import events as kinds
+from gamms.ir.events import EVENTS, steps_of
 from gamms.ir.graph import IntArray
 from gamms.ir.tables import table_of
 from gamms.recorder.errors import DAMAGES, RecordingError
 from gamms.recorder.formats.reader import Reader
 from gamms.recorder.formats.tracks import FORMS
-from gamms.recorder.records import named, steps_of
 from gamms.recorder.sensed import looks_of, seen_by
 from gamms.text import reason, shown
-from gamms.typing.opcodes import OpCodes
 
 Table = dict[str, np.ndarray[Any, Any]]
 NamesAt = Callable[[int], tuple[dict[int, str], int]]
 """When a log begins: number -> name of the agents who are there, and the number that the next one gets."""
 
-KINDS = {code: name for name, code in vars(kinds).items() if isinstance(code, int)}
-KINDS |= {
-    kinds.AERIAL_AGENT_FLIGHT: "AERIAL_AGENT_POSITION",
+KINDS = {code: kind.name for code, kind in EVENTS.items()} | {
+    kinds.MOVES: "MOVE",
+    kinds.AERIAL_AGENT_FLIGHT: "AERIAL_AGENT_POSITION",  # the same by number
     kinds.AERIAL_AGENT_TURN: "AERIAL_AGENT_QUATERNION",
-}  # the same by number
-KINDS |= {code.value: code.name for code in OpCodes}
+}
+"""What steps and tables call events, by their codes."""
 
 _LONG_NAME = 64  # characters; arrays of texts have room for the longest in each row
 _MOST_CHARACTERS = 1 << 18
@@ -49,16 +48,21 @@ def steps(reader: Reader, start: int, stop: int, names_at: NamesAt) -> Iterator[
     """Everything that happened in these logs: `turn`, `event`, and for a move `agent` and `node`, else `data`."""
     names, following = names_at(start)
     for log in range(start, stop):
-        for number, step in steps_of(reader.log(log)):
-            if number is not None:
-                yield {"turn": log + 1, "event": "MOVE", "agent": _name(names, number, log), "node": step}
+        for kind, data in steps_of(reader.log(log)):
+            if kind == kinds.MOVES:
+                yield {"turn": log + 1, "event": "MOVE", "agent": _name(names, data[0], log), "node": data[1]}
                 continue
-            kind, data = step
             if kind in _ROSTER:
                 names, following = _roster_after(kind, data, names, following)
-            elif kind in FORMS:
-                kind, data = named(step, _name(names, data[0], log))
-            yield {"turn": log + 1, "event": KINDS.get(kind, f"{kind:#010x}"), "data": data}
+            told = _by_name(kind, data, _name(names, data[0], log)) if kind in FORMS else data
+            yield {"turn": log + 1, "event": KINDS.get(kind, f"{kind:#010x}"), "data": told}
+
+
+def _by_name(kind: int, data: Any, name: str) -> dict[str, Any]:
+    """Return the data of an event that names its agent by number, as one that names it."""
+    if kind == kinds.AERIAL_AGENT_FLIGHT:
+        return {"agent_name": name, "position": list(data[2:]), "node": data[1]}
+    return {"agent_name": name, "quat": list(data[1:])}
 
 
 def _name(names: dict[int, str], number: int, log: int) -> str:

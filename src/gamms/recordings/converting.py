@@ -12,17 +12,17 @@ import numpy as np
 
 from gamms.arguments import as_path
 from gamms.context import Context
-from gamms.errors import BadValue, GammsError
+from gamms.errors import BadValue
 from gamms.folders import whole_file
 from gamms.ir import events as kinds
 from gamms.plain import to_plain
 from gamms.recorder import Recording, RecordingError
 from gamms.recorder import open as opened
 from gamms.recorder.maps import HASH
-from gamms.recorder.replaying import Player
+from gamms.recorder.replaying import Replayer
 from gamms.recorder.streams import named
 from gamms.recordings.contexts import records_of, version_of, with_nodes_made_up
-from gamms.text import as_text, reason, written
+from gamms.text import as_text, written
 from gamms.typing.actions import known_node
 
 _PROVENANCE = {"converted": "from a recording of version 2"}
@@ -72,60 +72,22 @@ def to_version_3(
 
 def _replay(ctx: Context, records: Iterator[_Record]) -> None:
     """Let the records happen, and be recorded; two that are one move become one."""
-    happen = _Happening(ctx)
+    replayer = Replayer(ctx, is_version_2=True)
     waiting: _Record | None = None
     for record in chain(records, [{"opCode": kinds.TERMINATE}]):
+        kind, data = record["opCode"], to_plain(record.get("data"))
         if waiting is not None:
             if _is_move(ctx, waiting, record):
                 block = ctx.agent.block
-                node = known_node(ctx.graph.graph, block, record["data"]["node_id"])
-                block.move(block.row_of(record["data"]["agent_name"]), node)
+                block.move(block.row_of(data["agent_name"]), known_node(ctx.graph.graph, block, data["node_id"]))
                 waiting = None
                 continue
-            happen(waiting)
+            replayer.apply(waiting["opCode"], waiting["data"])
             waiting = None
-        if record["opCode"] == kinds.AGENT_PREV_NODE:
+        if kind == kinds.AGENT_PREV_NODE:
             waiting = record
-        elif record["opCode"] != kinds.TERMINATE:
-            happen(record)
-
-
-class _Happening:
-    """Lets records of version 2 happen, and be recorded with what version 2 leaves out: where those are who fly."""
-
-    def __init__(self, ctx: Context) -> None:
-        self._ctx = ctx
-        self._player = Player(ctx.record, is_version_2=True)
-        self._special = {
-            kinds.AGENT_CREATE: self._create,
-            kinds.AGENT_DELETE: self._delete,
-            kinds.AERIAL_AGENT_POSITION: self._fly,
-        }
-
-    def __call__(self, record: _Record) -> None:
-        special = self._special.get(record["opCode"])
-        if special is None:
-            self._player.happen(record["opCode"], record["data"])
-            return
-        try:
-            special(record["data"])
-        except (GammsError, KeyError, TypeError, ValueError, AttributeError) as error:
-            raise RecordingError(
-                f"An event of kind {record['opCode']:#010x} cannot happen here: {reason(error)}"
-            ) from error
-
-    def _create(self, data: Any) -> None:
-        data = to_plain(data)
-        if not self._player._was_refused(data["name"], data["kwargs"]):
-            self._ctx.agent.create_agent(data["name"], **data["kwargs"])
-
-    def _delete(self, data: Any) -> None:
-        if data["name"] in self._ctx.agent.agents:  # 1.0.0 wrote it down if not
-            self._ctx.agent.delete_agent(data["name"])
-
-    def _fly(self, data: Any) -> None:
-        agent: Any = self._ctx.agent.get_agent(data["agent_name"])
-        agent.position = tuple(data["position"])
+        elif kind != kinds.TERMINATE:
+            replayer.apply(kind, data)
 
 
 def _is_move(ctx: Context, before: _Record, after: _Record) -> bool:

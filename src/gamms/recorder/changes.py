@@ -1,134 +1,21 @@
-"""What `ctx.game` and the context's own chance have come to, as plain values, and back again."""
+"""What has changed in a game since it was recorded last, as events."""
 
-from collections.abc import Mapping
-from copy import deepcopy
+from collections.abc import Callable, Mapping
 from marshal import dumps
 from operator import is_not
 from typing import Any
 
-from gamms.errors import BadValue
 from gamms.ir import events as kinds
 from gamms.ir.events import Log
 from gamms.plain import is_same, plain_subset, to_plain
-from gamms.recorder.errors import Damaged
-from gamms.text import shown
+from gamms.recorder.keyframes import places_of
 
 Changes = dict[str, Any]  # of a dict: what is `set`, what is `removed`, and what lists and sets have `more`
 
 _NO_REFERENCES = 2  # the last version of marshal that writes a value whether or not it was written before
-_OVER = {"reason", "winner", "truncated"}
 _MARKED = (bool, int, float, str, bytes, type(None), list, tuple, set, frozenset, dict)
 _NUMBERS = (int, float)
 _HEAD = 5  # bytes before the items of a list: its type and length
-
-
-def captured(ctx: Any) -> dict[str, Any]:
-    """What a keyframe holds of a game."""
-    game = ctx.game
-    return {
-        "scores": list(to_plain(game.scores).items()),
-        "data": plain_subset(game.data),
-        "over": to_plain(game.over),
-        "turn": game.turn,
-        "memories": _memories(game),
-        "team_memories": list(_team_memories(game).items()),
-        "chance": to_plain(ctx.rng_state()),
-    }
-
-
-def told(ctx: Any) -> dict[str, Any]:
-    """What a snapshot has as well, and keyframes are too many for: settings, events, facts, where agents began."""
-    game = ctx.game
-    return {
-        "events": to_plain(game.events),
-        "settings": game.plain_settings(),
-        **({"facts": plain_subset(game.facts)} if game.facts else {}),
-        **({"starts": to_plain(game.starts)} if game.starts else {}),
-    }
-
-
-def at_the_start(ctx: Any) -> dict[str, Any]:
-    """Return the same for the beginning of a recording, without the starts of agents that are all there still."""
-    first = told(ctx)
-    if first.get("starts") == _places(ctx):
-        del first["starts"]
-    return first
-
-
-def put(ctx: Any, state: Mapping[str, Any]) -> None:
-    """Let a game be as a keyframe or a snapshot says."""
-    game = ctx.game.state
-    game.scores.clear()
-    game.scores.update((key, value) for key, value in state["scores"])
-    game.data.clear()
-    game.data.update(deepcopy(state["data"]))
-    put_over(ctx, state["over"])
-    game.turn = int(state.get("turn", 0))
-    for memory in game.memories.values():
-        memory.clear()
-    for name, memory in state.get("memories", {}).items():
-        game.memory_of(name).update(deepcopy(memory))
-    by_team = dict(deepcopy(state.get("team_memories", [])))
-    game.team_memories = {team: dict(memory) for team, memory in by_team.items()}
-    put_chance(ctx, state.get("chance"))
-    if "events" in state:
-        game.events[:] = map(as_event, deepcopy(state["events"]))
-        publish_only(ctx, deepcopy(state.get("facts", {})))
-    if "starts" in state:
-        game.began = dict(state["starts"])
-
-
-def put_over(ctx: Any, over: Any) -> None:
-    """Let a game be over for this reason, or not."""
-    if over is not None and (not isinstance(over, Mapping) or set(over) != _OVER):
-        raise BadValue(f"A game is over with {sorted(_OVER)}, not with {shown(over)}.")
-    ctx.game.state.over = None if over is None else dict(over)
-
-
-def publish_only(ctx: Any, facts: dict[str, Any]) -> None:
-    """Publish these facts and no others."""
-    ctx.game.state.facts.clear()
-    ctx.game.publish(**facts)
-
-
-def put_chance(ctx: Any, chance: Any) -> None:
-    """Let the context's own random stream go on from here; None: nobody had asked for it."""
-    if chance is not None:
-        ctx.rng.bit_generator.state = chance
-
-
-def as_event(data: Any) -> dict[str, Any]:
-    """What a rule emitted, as it is in `ctx.game.events`.
-
-    Raises:
-        Damaged: it has no kind.
-    """
-    found = dict(data)
-    if not isinstance(found.get("kind"), str):
-        raise Damaged(f"{shown(found)} is no event: it has no kind")
-    return found
-
-
-def remember(ctx: Any, data: Mapping[str, Any]) -> None:
-    """Let agents and teams remember what an event says."""
-    game = ctx.game.state
-    for name, changes in data["agents"].items():
-        apply(game.memory_of(name), changes)
-    for team, changes in data["teams"]:
-        apply(game.team_memories.setdefault(team, {}), changes)
-
-
-def apply(values: dict[Any, Any], changes: Changes) -> None:
-    """Change a dict as `Kept.changes` gave it."""
-    values.update(deepcopy(changes.get("set", {})))
-    for key, more in changes.get("more", {}).items():
-        known = values[key]  # in place, or lists that grow in every turn would be copied in every turn
-        if isinstance(known, set):
-            known.update(more)
-        else:
-            known.extend(deepcopy(more))
-    for key in changes.get("removed", ()):
-        values.pop(key, None)
 
 
 class Kept:
@@ -214,7 +101,29 @@ class GameWatch:
         self._facts = ctx.game.facts.copy()
         self._chance = to_plain(ctx.rng_state())
         self._turn, self.pace = self._state.turn, 0
-        self._places = _places(ctx)
+        self._places = places_of(ctx)
+
+    def accept(self, kind: int, data: Any) -> None:
+        """Expect what an event of a replay has changed."""
+        if kind in _ACCEPTED:
+            _ACCEPTED[kind](self, data)
+
+    def _accept_turn(self, data: Any) -> None:
+        self._turn, self.pace = self._state.turn, int(data["pace"])
+
+    def _accept_memories(self, data: Any) -> None:
+        for name in data["agents"]:
+            self._memories[name] = Kept(self._state.memories[name])
+        for team, _ in data["teams"]:
+            self._team_memories[team] = Kept(self._state.team_memories[team])
+
+    def _accept_rest(self, _: Any) -> None:
+        game = self._state
+        self._events, self._scores, self._over = len(game.events), to_plain(game.scores), to_plain(game.over)
+        self._facts, self._chance = game.facts.copy(), to_plain(self._ctx.rng_state())
+
+    def _accept_data(self, _: Any) -> None:
+        self._data = Kept(self._state.data)
 
     def count(self, log: Log) -> None:
         """A turn is over: add the event that says how the game counts it, unless it does as it did before."""
@@ -279,6 +188,15 @@ class GameWatch:
         )
 
 
+_ACCEPTED: dict[int, Callable[[GameWatch, Any], None]] = {
+    **dict.fromkeys((kinds.GAME_EVENT, kinds.GAME_SCORES, kinds.GAME_OVER), GameWatch._accept_rest),
+    **dict.fromkeys((kinds.GAME_FACTS, kinds.GAME_CHANCE), GameWatch._accept_rest),
+    kinds.GAME_DATA: GameWatch._accept_data,
+    kinds.GAME_TURN: GameWatch._accept_turn,
+    kinds.GAME_MEMORY: GameWatch._accept_memories,
+}
+
+
 def _is_other(scores: Mapping[Any, Any], before: Any) -> bool:
     """Whether scores are others than `plain` gave them, arrays among them, too."""
     if all(type(score) in _NUMBERS for score in scores.values()):
@@ -297,18 +215,3 @@ def _each(now: Mapping[Any, dict[Any, Any]], kept: dict[Any, Kept]) -> dict[Any,
     for key in [key for key in kept if key not in now]:
         found[key] = {"removed": list(kept.pop(key).values)}
     return found
-
-
-def _memories(game: Any) -> dict[str, dict[Any, Any]]:
-    return {name: plain_subset(memory) for name, memory in sorted(game.memories.items()) if memory}
-
-
-def _team_memories(game: Any) -> dict[Any, dict[Any, Any]]:
-    return {to_plain(team): plain_subset(memory) for team, memory in game.team_memories.items() if memory}
-
-
-def _places(ctx: Any) -> dict[str, Any]:
-    """Where the agents are: nodes, or (x, y, z) of those who fly."""
-    columns = ctx.agent.block
-    at = (node if position is None else position for node, position in zip(columns.node, columns.position, strict=True))
-    return dict(zip(columns.names, at, strict=True))

@@ -1,0 +1,545 @@
+"""The state of a recording at a turn: columns that events are applied to, without a context."""
+
+from typing import Any, NamedTuple
+
+import numpy as np
+
+from gamms.ir import events as kinds
+from gamms.ir.event_state import AgentsState, State
+from gamms.ir.events import EVENTS, Log, events_of, set_scores
+from gamms.ir.game_state import GameState
+from gamms.ir.graph import IntArray
+from gamms.recorder.errors import DAMAGES, Damaged
+from gamms.recorder.formats.reader import Reader
+from gamms.recorder.formats.tracks import FORMS, Tracks
+from gamms.recorder.keyframes import ARRAYS, LISTS, Keyframe, checked, checked_name, checked_shares, opened, packed
+from gamms.text import reason, shown
+
+_FEW = 24  # agents that are found faster one by one
+_SHARE = 64  # of all agents: fewer than one of so many are found one by one, too
+
+# Kinds whose data this state does not hold, and which therefore are not read.
+_NOT_HELD = {
+    kinds.UNFINISHED,
+    kinds.WORLD,
+    kinds.VISUALS,
+    kinds.VISUAL_COMMANDS,
+    kinds.GAME_EVENT,
+    kinds.GAME_FACTS,
+    kinds.USER_EVENT,
+    kinds.SENSED,
+}
+_OTHERS = frozenset(EVENTS.keys() - FORMS.keys() - _NOT_HELD)  # than those that are applied many at once
+_OF_FLYERS = {kinds.AERIAL_AGENT_POSITION, kinds.AERIAL_AGENT_QUATERNION}  # flights, turns of who wrote by name
+_APART = _OTHERS - {  # events that change nothing that moves of others look at or change
+    kinds.SNAPSHOT,
+    kinds.AGENT_CREATE,
+    kinds.AGENT_DELETE,
+    kinds.AGENT_CURRENT_NODE,
+    kinds.AGENT_PREV_NODE,
+    kinds.FLYERS_ABOVE,
+}
+# Keywords of a creation that do not become attributes of the agent.
+_NO_ATTRIBUTES = {"start_node_id", "sensors", "team", "strategy", "type", "orientation", "speed", "position", "quat"}
+_NO_ATTRIBUTES |= {"prev_node_id", "current_node_id", "alive"}
+
+
+class DetachedState(State):
+    """A state of its own that events are applied to.
+
+    Every call raises Damaged (ValueError) where an event does not fit the state.
+
+    Args:
+        keyframe: not to be used afterwards; checked, for a stranger may have written it.
+        at: how many turns it knows.
+
+    Attributes:
+        agents: with their columns.
+        game: what the game has come to, but for what was emitted and published.
+        sensor_groups: the sensors, those of each type and keywords together.
+        rng_state: of the context's own random stream; None: not known.
+        component_classes: (module, name) of each class -> its fields.
+        components: name -> its values by field.
+    """
+
+    agents: "DetachedAgents"
+
+    def __init__(self, keyframe: Keyframe, at: int = 0) -> None:
+        self._log = at  # the one whose events happen
+        self.component_classes: dict[tuple[str, str], list[str]] = {}
+        self.components: dict[Any, dict[str, Any]] = {}
+        try:
+            if (recorded := keyframe.get("components")) is not None:
+                self.component_classes = {(module, name): list(each) for module, name, each in recorded["classes"]}
+                self.components = {name: dict(fields) for name, fields in recorded["values"].items()}
+        except DAMAGES as error:
+            raise _not_right(error) from error
+        self.restore(keyframe)
+
+    # -- events ---------------------------------------------------------------------------------------------------
+
+    def apply(self, log: Log) -> None:
+        """Apply the log of one turn, event by event: what `advance` does at once."""
+        for kind, data in events_of(log):
+            self.apply_event(kind, data)
+        self._log += 1
+        self.agents.settle()
+
+    def apply_event(self, kind: int, data: Any) -> None:
+        """Apply an event; one of an unknown kind does nothing."""
+        known = EVENTS.get(kind)
+        if known is None:
+            return
+        try:
+            known.apply(self, data)
+        except Damaged:
+            raise
+        except DAMAGES as error:
+            raise Damaged(
+                f"an event of kind {kind:#010x} does not fit ({type(error).__name__}: {reason(error)})"
+            ) from error
+
+    def advance(self, reader: Reader, start: int, stop: int) -> None:
+        """Apply the turns `start` to `stop - 1` of a recording; of these, a few at a time are in memory."""
+        for begin, end in reader.pieces(start, stop):
+            self._advance(reader, begin, end)
+        self.agents.settle()
+
+    def _advance(self, reader: Reader, start: int, stop: int) -> None:
+        pending = _PendingMoves(reader, start, stop)
+        in_order = not self.agents.are_walkers(pending.numbers)
+        apart = _APART - _OF_FLYERS if pending.has_flyers else _APART
+        for event, (turn, place, kind, data) in enumerate(reader.events(start, stop, _OTHERS)):
+            if (in_order or kind not in apart) and (batch := pending.before(event, turn, place)):
+                self._go(batch, in_order=in_order)
+            self._log = turn
+            self.apply_event(kind, data)
+            in_order = in_order or kind == kinds.SNAPSHOT
+        self._go(pending.rest(), in_order=in_order)
+
+    def _go(self, batch: "_Batch", *, in_order: bool) -> None:
+        """Apply moves, flights and turns in space, in their order if moves may be those of flyers."""
+        agents, done, flights = self.agents, 0, batch.flights
+        if in_order and not agents.are_walkers(batch.numbers):
+            for i, after in enumerate(batch.after.tolist()):
+                agents.move(batch.numbers[done:after], batch.nodes[done:after])
+                agents.fly_all(flights.at(slice(i, i + 1)))
+                done = after
+            flights = flights.at(slice(0, 0))
+        agents.move(batch.numbers[done:], batch.nodes[done:])
+        agents.fly_all(flights)
+        agents.turn_all(batch.turns)
+
+    # -- what events change ---------------------------------------------------------------------------------------
+
+    def restore(self, snapshot: Keyframe) -> None:
+        """Become what a keyframe or a snapshot says; components stay, of which a snapshot says nothing."""
+        try:
+            self.agents = DetachedAgents(checked(opened(snapshot)), int(snapshot["next"]))
+            self.sensor_groups = list(snapshot.get("sensor_kinds", ()))
+            self.rng_state = snapshot.get("chance")
+            self.game = GameState(data=dict(snapshot["data"]), over=snapshot["over"])
+            set_scores(self.game, snapshot["scores"])
+            self.game.memories = {name: dict(memory) for name, memory in snapshot.get("memories", {}).items()}
+            self.game.team_memories = {team: dict(memory) for team, memory in snapshot.get("team_memories", ())}
+            self._clock = int(snapshot.get("turn", 0)), self._log, int(snapshot.get("pace", 0))
+        except DAMAGES as error:
+            raise _not_right(error) from error
+
+    def count(self, turn: int, pace: int, starts: dict[str, Any]) -> None:  # noqa: ARG002 - named as in `State`
+        """Number this turn, and the following ones by adding `pace`."""
+        self._clock = turn, self._log + 1, pace
+
+    def game_turn(self, turns: int) -> int:
+        """Return the number that the game gave to the last of so many turns."""
+        counted, at, pace = self._clock
+        return counted + pace * (turns - at)
+
+    def set_rng(self, rng_state: Any) -> None:
+        """Set the state of the context's own random stream."""
+        self.rng_state = rng_state
+
+    def add_sensors(self, groups: list[dict[str, Any]]) -> None:
+        """Add sensors."""
+        self.sensor_groups.extend(groups)
+
+    def change_component(self, kind: int, data: dict[str, Any]) -> None:
+        """Change names, fields and values, without a class that could do anything."""
+        if kind == kinds.COMPONENT_REGISTER:
+            module, name = data["key"]
+            self.component_classes[module, name] = list(data["struct"])
+        elif kind == kinds.COMPONENT_CREATE:
+            module, name = data["type"]
+            self.components[data["name"]] = dict.fromkeys(self.component_classes[module, name])
+        elif kind == kinds.COMPONENT_UPDATE:
+            self.components[data["name"]][data["key"]] = data["value"]
+        elif kind == kinds.COMPONENT_DELETE:
+            del self.components[data["name"]]
+
+    def keyframe(self, turns: int) -> Keyframe:
+        """Return the keyframe after so many turns, as a live context gives it."""
+        self.agents.settle()
+        self.game.turn = self.game_turn(turns)
+        classes = [[*key, fields] for key, fields in self.component_classes.items()]
+        return {
+            **packed(self.agents.columns, self.agents.following, self.sensor_groups, self.game, self.rng_state),
+            "pace": self._clock[2],
+            "components": {"classes": classes, "values": {name: dict(one) for name, one in self.components.items()}},
+        }
+
+
+class DetachedAgents(AgentsState):
+    """Columns of agents; thousands may come and go, at a cost that does not depend on how many there are.
+
+    New rows wait until one of them is asked for, and rows of removed agents stay until `settle`.
+
+    Args:
+        columns: see `keyframes.opened`; only this makes them longer or shorter.
+        following: the number that the next new agent gets.
+
+    Attributes:
+        columns: `LISTS` and `ARRAYS` of `keyframes`, one row for each agent.
+        following: the number that the next new agent gets.
+        version: a number that changes whenever agents come or go, or any of the lists changes.
+        flyers: how many agents fly or have flown.
+    """
+
+    def __init__(self, columns: dict[str, Any], following: int) -> None:
+        self.columns, self.following, self.version = columns, following, 0
+        self._index()
+
+    def __len__(self) -> int:
+        return len(self._row_of)
+
+    def _index(self) -> None:
+        """Work out which agents are in which rows."""
+        numbers, names = self.columns["numbers"].tolist(), self.columns["names"]
+        self._row_of: dict[int, int] = dict(zip(numbers, range(len(numbers)), strict=True))
+        self._row_of_name: dict[str, int] = dict(zip(names, range(len(names)), strict=True))
+        if not len(self._row_of) == len(self._row_of_name) == len(names):
+            raise Damaged("two agents have the same name or number")
+        self._whole: dict[str, np.ndarray[Any, Any]] = {name: self.columns[name] for name in ARRAYS}
+        # with room behind the last row
+        self._size = len(names)  # rows that are in the columns
+        self._new: list[dict[str, Any]] = []  # rows that are not
+        self._gone: list[int] = []
+        self._order: IntArray | None = None  # rows, by the numbers of their agents
+        self._is_counted = numbers == list(range(len(numbers)))  # rows are numbers
+        self.flyers = int(np.count_nonzero(self.columns["kind"]))
+
+    # -- who is there ---------------------------------------------------------------------------------------------
+
+    def add(self, name: str, kwargs: dict[str, Any], state: dict[str, Any], strategy: str | None) -> None:
+        """Add an agent.
+
+        Raises:
+            Damaged: another one has its name.
+        """
+        number, place = self.following, self._size + len(self._new)
+        row = _row_of_creation(checked_name(name), number, kwargs, state, strategy)
+        if name in self._row_of_name or number in self._row_of:
+            raise Damaged("two agents have the same name or number")
+        self._row_of[number] = self._row_of_name[name] = place
+        self._is_counted = self._is_counted and number == place
+        self._order = None
+        self.flyers += row["kind"] != 0
+        self._new.append(row)
+        self.following += 1
+        self.version += 1
+
+    def remove(self, name: str) -> None:
+        """Take an agent out (KeyError)."""
+        row = self.row(name)
+        del self._row_of_name[name], self._row_of[int(self.columns["numbers"][row])]
+        self._gone.append(row)
+        self._order, self._is_counted = None, False
+        self.version += 1
+        if len(self._gone) > len(self):  # so that each agent pays for one other
+            self.settle()
+
+    def row(self, name: str) -> int:
+        """Return the row of an agent by its name (KeyError)."""
+        row = self._row_of_name[name]
+        if row >= self._size:
+            self._add_new()
+        return row
+
+    def row_of(self, number: int) -> int:
+        """Return the row of an agent by its number.
+
+        Raises:
+            Damaged: there is none.
+        """
+        row = self._row_of.get(number)
+        if row is None:
+            raise _unknown(number)
+        if row >= self._size:
+            self._add_new()
+        return row
+
+    def names_by_number(self) -> dict[int, str]:
+        """Return the names of the agents by their numbers."""
+        return dict(zip(self.columns["numbers"].tolist(), self.columns["names"], strict=True))
+
+    def are_few(self, numbers: Any) -> bool:
+        """Whether so many agents are better looked for one by one than among all at once."""
+        return len(numbers) < max(_FEW, len(self) // _SHARE)
+
+    def rows(self, numbers: IntArray) -> IntArray:
+        """Return the rows of agents by their numbers.
+
+        Raises:
+            Damaged: one of them is not there.
+        """
+        if self.are_few(numbers):
+            return np.array([self.row_of(number) for number in numbers.tolist()], np.int64)
+        self.settle()
+        if self._are_rows(numbers):
+            return numbers
+        if self._order is None:
+            self._order = self.columns["numbers"].argsort(kind="stable")
+        ordered = self.columns["numbers"][self._order]
+        places = ordered.searchsorted(numbers)
+        places[places == len(ordered)] = 0
+        is_known = ordered[places] == numbers if len(ordered) else np.zeros(len(numbers), np.bool_)
+        if not is_known.all():
+            raise _unknown(int(numbers[~is_known][0]))
+        rows: IntArray = self._order[places]
+        return rows
+
+    def _are_rows(self, numbers: IntArray) -> bool:
+        """Whether these numbers are the rows themselves."""
+        return self._is_counted and int(numbers.min()) >= 0 and int(numbers.max()) < len(self)
+
+    def are_walkers(self, numbers: IntArray) -> bool:
+        """Whether all these are agents on the ground who are here now."""
+        if not len(numbers) or (not self.flyers and self._are_rows(numbers)):
+            return True
+        try:
+            rows = self.rows(numbers)
+        except Damaged:
+            return False
+        return not self.columns["kind"][rows].any()
+
+    def settle(self) -> None:
+        """Let each row of the columns be that of an agent."""
+        self._add_new()
+        if not self._gone:
+            return
+        stays = np.ones(self._size, np.bool_)
+        stays[self._gone] = False
+        rows = np.flatnonzero(stays).tolist()
+        for name in LISTS:
+            column = self.columns[name]
+            self.columns[name] = [column[row] for row in rows]
+        for name in ARRAYS:
+            self.columns[name] = self.columns[name][stays]
+        self._index()
+
+    def _add_new(self) -> None:
+        if not self._new:
+            return
+        new, self._new = self._new, []
+        begin, self._size = self._size, self._size + len(new)
+        for name in LISTS:
+            self.columns[name].extend([row[name] for row in new])
+        for name in ARRAYS:
+            try:
+                self._room(name, begin)[begin : self._size] = [row[name] for row in new]
+            except DAMAGES as error:
+                raise Damaged(f"an agent comes whose {shown(name)} is not right ({reason(error)})") from error
+            self.columns[name] = self._whole[name][: self._size]
+
+    def _room(self, name: str, begin: int) -> "np.ndarray[Any, Any]":
+        """Return a column with room for all rows, of which those before `begin` are filled."""
+        column = self._whole[name]
+        if len(column) < self._size:
+            dtype, shape = ARRAYS[name]
+            column = self._whole[name] = np.empty((2 * self._size, *shape), dtype)
+            column[:begin] = self.columns[name]
+        return column
+
+    # -- where they are -------------------------------------------------------------------------------------------
+
+    def set(self, row: int, column: str, value: Any) -> None:
+        """Set one column of an agent."""
+        if value is None and column == "heading":
+            value = np.nan
+        self.columns[column][row] = value
+        self.version += column in LISTS
+
+    def move(self, numbers: Any, nodes: Any) -> None:
+        """Move agents: their numbers and nodes, (moves,) each, in their order."""
+        if not self.are_few(numbers):
+            rows = self.rows(np.asarray(numbers, np.int64))
+            self._follow(rows, {"node": ("previous", np.asarray(nodes, np.int64))})
+            return
+        for number, end in zip(map(int, numbers), map(int, nodes), strict=True):
+            row = self.row_of(number)
+            node = self.columns["node"]
+            self.columns["previous"][row] = node[row]
+            node[row] = end
+
+    def fly(self, row: int, node: int | None, position: tuple[float, ...]) -> None:
+        """Move a flyer."""
+        columns = self.columns
+        if not columns["kind"][row]:
+            raise _grounded(columns["names"][row])
+        columns["previous_position"][row] = columns["position"][row]
+        columns["position"][row] = position
+        columns["previous"][row] = columns["node"][row]
+        if node is not None:
+            columns["node"][row] = node
+
+    def turn(self, row: int, quat: tuple[float, ...]) -> None:
+        """Turn a flyer in space."""
+        self.columns["quat"][row] = quat
+
+    def fly_all(self, flights: Tracks) -> None:
+        """Move flyers, in the order of the flights."""
+        if self.are_few(flights.numbers):
+            for number, node, *position in flights.data():
+                self.fly(self.row_of(number), node, tuple(position))
+            return
+        rows = self.rows(flights.numbers)
+        if not self.columns["kind"][rows].all():
+            row = rows[self.columns["kind"][rows] == 0][0]
+            raise _grounded(self.columns["names"][row])
+        nodes, positions = flights.nodes[:, 0], flights.floats
+        self._follow(rows, {"node": ("previous", nodes), "position": ("previous_position", positions)})
+
+    def turn_all(self, turns: Tracks) -> None:
+        """Turn flyers in space, in the order of the turns."""
+        if len(turns.numbers):
+            rows = self.rows(turns.numbers)
+            self.columns["quat"][rows] = turns.floats  # of several at one row, the last one stays
+
+    def progress(self, numbers: Any, sources: Any, targets: Any, shares: Any) -> None:
+        """Set how far along edges agents are."""
+        rows, columns = self.rows(np.asarray(numbers, np.int64)), self.columns
+        columns["edge_source"][rows], columns["edge_target"][rows] = sources, targets
+        columns["edge_share"][rows] = checked_shares(shares)
+
+    def equip(self, row: int, name: str, sensor_id: str) -> None:
+        """Let an agent carry a sensor."""
+        self.columns["sensors"][row][name] = sensor_id
+
+    def unequip(self, row: int, name: str) -> None:
+        """Let an agent carry a sensor no longer."""
+        self.columns["sensors"][row].pop(name, None)
+
+    def _follow(self, rows: IntArray, paths: dict[str, tuple[str, np.ndarray[Any, Any]]]) -> None:
+        """Set columns to the last of the values that each row gets, and other columns to the one before it.
+
+        Args:
+            rows: (values,), where each goes; a row may get several, one after the other.
+            paths: column -> the column of what was before, and the values, (values, …).
+        """
+        places = np.arange(len(rows))
+        last, last_but_one = np.full((2, len(self.columns["node"])), -1)
+        last[rows] = places  # of several at one row, the last one stays
+        is_earlier = last[rows] != places
+        last_but_one[rows[is_earlier]] = places[is_earlier]
+        moved = np.flatnonzero(last >= 0)
+        ends, came = last[moved], last_but_one[moved]
+        for name, (before, values) in paths.items():
+            column = self.columns[name]
+            came_from = column[moved]
+            came_from[came >= 0] = values[came[came >= 0]]
+            self.columns[before][moved] = came_from
+            column[moved] = values[ends]
+
+
+def _row_of_creation(
+    name: str, number: int, given: dict[str, Any], state: dict[str, Any], strategy: str | None
+) -> dict[str, Any]:
+    """Return the row of a new agent."""
+    node, sensors = int(given["start_node_id"]), given.get("sensors") or {}
+    places = {key: (np.nan,) * shape[0] for key, (_, shape) in ARRAYS.items() if shape}
+    places |= {key: value for key, value in state.items() if key in places}
+    return {
+        "names": name,
+        "teams": given.get("team"),
+        "speed": given.get("speed"),
+        "sensors": dict(sensors) if isinstance(sensors, dict) else {one: one for one in sensors},
+        "attributes": {key: value for key, value in given.items() if key not in _NO_ATTRIBUTES},
+        "strategies": strategy,
+        "numbers": number,
+        "kind": int(given.get("type") == 1 or not np.isnan(places["position"][0])),
+        "node": int(state.get("node", node)),
+        "previous": node,
+        "alive": 1,
+        "edge_source": 0,
+        "edge_target": 0,
+        "edge_share": 0.0,
+        **places,
+    }
+
+
+# -- moves that wait ------------------------------------------------------------------------------------------------
+
+
+class _Batch(NamedTuple):
+    """Moves, flights and turns in space, in the order of each of the three."""
+
+    numbers: IntArray  # (moves,): of agents
+    nodes: IntArray  # (moves,)
+    flights: Tracks
+    after: IntArray  # (flights,): how many of these moves come before each
+    turns: Tracks
+
+    def __bool__(self) -> bool:
+        """Whether there is anything."""
+        return bool(len(self.numbers) or len(self.flights.numbers) or len(self.turns.numbers))
+
+
+class _PendingMoves:
+    """The moves, flights and turns in space of turns `start` to `stop - 1` of a recording that are not applied yet.
+
+    Attributes:
+        numbers: of the agents of all moves.
+        has_flyers: whether there are flights, or turns in space.
+    """
+
+    def __init__(self, reader: Reader, start: int, stop: int) -> None:
+        turns, self.numbers, self._nodes = reader.moves(start, stop)
+        self._flights = reader.tracks(kinds.AERIAL_AGENT_FLIGHT, start, stop, _OTHERS)
+        self._turns = reader.tracks(kinds.AERIAL_AGENT_TURN, start, stop, _OTHERS)
+        self._start, self._begins = start, turns.searchsorted(np.arange(start, stop)).tolist()
+        self._before = self._flights.before.tolist(), self._turns.before.tolist()
+        self._done = 0, 0, 0
+        self.has_flyers = bool(len(self._flights.turns) or len(self._turns.turns))
+
+    def before(self, event: int, turn: int, place: int) -> _Batch:
+        """Take what comes before an event.
+
+        Args:
+            event: the event, counted in those of the other kinds.
+            turn: in which it happens.
+            place: how many moves of this turn come before it.
+        """
+        flown, turned = self._before
+        return self._until(self._begins[turn - self._start] + place, flown[event], turned[event])
+
+    def rest(self) -> _Batch:
+        """Take all that is left."""
+        return self._until(len(self.numbers), len(self._flights.turns), len(self._turns.turns))
+
+    def _until(self, *ends: int) -> _Batch:
+        moves, flights, turns = (slice(begin, end) for begin, end in zip(self._done, ends, strict=True))
+        after = self._flights.after[flights] - self._done[0]
+        self._done = ends  # type: ignore[assignment] # three of them
+        flown, turned = self._flights.tracks.at(flights), self._turns.tracks.at(turns)
+        return _Batch(self.numbers[moves], self._nodes[moves], flown, after, turned)
+
+
+def _unknown(number: int) -> Damaged:
+    return Damaged(f"agent number {number} moves and is not there")
+
+
+def _grounded(name: str) -> Damaged:
+    return Damaged(f"agent {shown(name)} flies and is on the ground")
+
+
+def _not_right(error: Exception) -> Damaged:
+    return Damaged(f"the whole state is not right ({type(error).__name__}: {reason(error)})")

@@ -1,0 +1,307 @@
+"""A whole state as a keyframe or a snapshot holds it: columns of agents, the game as plain values."""
+
+from math import isnan
+from typing import Any
+
+import numpy as np
+
+from gamms.ir.agents import Progress
+from gamms.ir.game_state import GameState
+from gamms.ir.graph import FloatArray, IntArray
+from gamms.plain import plain_subset, to_plain
+from gamms.recorder.errors import Damaged
+from gamms.recorder.host import HostContext
+from gamms.text import shown
+
+Keyframe = dict[str, Any]
+Columns = dict[str, Any]  # those of `LISTS` and `ARRAYS`
+
+LISTS = ("names", "teams", "speed", "sensors", "attributes", "strategies")
+ARRAYS: dict[str, tuple[type, tuple[int, ...]]] = {
+    "numbers": (np.int64, ()),
+    "kind": (np.int64, ()),
+    "node": (np.int64, ()),
+    "previous": (np.int64, ()),
+    "heading": (np.float64, (2,)),
+    "position": (np.float64, (3,)),
+    "previous_position": (np.float64, (3,)),
+    "quat": (np.float64, (4,)),
+    "alive": (np.int64, ()),
+    "edge_source": (np.int64, ()),
+    "edge_target": (np.int64, ()),
+    "edge_share": (np.float64, ()),
+}
+_ON_EDGES = ("edge_source", "edge_target", "edge_share")  # may be missing while no agent is on an edge
+_MOST_AGENTS = 1 << 24  # that one recording may number
+_NOT = float("nan")  # stands for None in a column of floats
+
+
+# -- to be written ------------------------------------------------------------------------------------------------
+
+
+def captured(ctx: HostContext) -> Keyframe:
+    """Return the state of a context that is being recorded, as a keyframe holds it."""
+    rows, agents = ctx.agent.block, list(ctx.agent.agents.values())
+    rows.locate()
+    columns: Columns = {
+        "names": list(rows.names),
+        "numbers": np.array(rows.journal.ids[: len(agents)], np.int64),
+        **{name: np.array(getattr(rows, name), np.int64) for name in ("kind", "node", "previous", "alive")},
+        **{name: _floats(getattr(rows, name), ARRAYS[name][1][0]) for name in _PLACES},
+        **progress_columns(rows.progress),
+        "teams": [to_plain(team) for team in rows.teams],
+        "speed": [to_plain(speed) for speed in rows.speed],
+        "sensors": [{name: one.sensor_id for name, one in agent.sensors.items()} for agent in agents],
+        "attributes": [plain_subset(vars(agent)) if vars(agent) else {} for agent in agents],
+        "strategies": [name_of(decider_of(ctx, agent)) for agent in agents],
+    }
+    described = ctx.sensor.described()
+    return packed(columns, len(rows.journal.names), grouped(described), ctx.game.state, ctx.rng_state())
+
+
+_PLACES = ("heading", "position", "previous_position", "quat")
+
+
+def packed(columns: Columns, following: int, groups: list[dict[str, Any]], game: GameState, rng_state: Any) -> Keyframe:
+    """Return a state in the form that is short to write.
+
+    It has `came` instead of `previous`, and `carried` instead of the `sensors` of each agent.
+
+    Args:
+        columns: of the agents.
+        following: the number that the next new agent gets.
+        groups: the sensors, those of each type and keywords together or not.
+        game: what the game has come to.
+        rng_state: of the context's own random stream.
+    """
+    groups = grouped(sensors_in(groups))
+    return {
+        "names": list(columns["names"]),
+        "numbers": columns["numbers"].copy(),
+        "next": following,
+        **{name: columns[name].copy() for name in ("kind", "node")},
+        "came": _folded(columns["previous"] - columns["node"]),
+        **{name: columns[name].copy() for name in (*_PLACES, "alive")},
+        **({name: columns[name].copy() for name in _ON_EDGES} if columns["edge_share"].any() else {}),
+        "teams": list(columns["teams"]),
+        "speed": list(columns["speed"]),
+        "carried": _carried(columns["sensors"], groups),
+        "sensor_kinds": groups,
+        "attributes": {row: values for row, values in enumerate(columns["attributes"]) if values},
+        "strategies": list(columns["strategies"]),
+        "scores": list(to_plain(game.scores).items()),
+        "data": plain_subset(game.data),
+        "over": to_plain(game.over),
+        "turn": game.turn,
+        "memories": {name: plain_subset(memory) for name, memory in sorted(game.memories.items()) if memory},
+        "team_memories": [
+            (to_plain(team), plain_subset(memory)) for team, memory in game.team_memories.items() if memory
+        ],
+        "chance": to_plain(rng_state),
+    }
+
+
+def history(ctx: HostContext) -> Keyframe:
+    """Return what snapshots hold as well, and keyframes are too many for: events, facts, settings, starts."""
+    game = ctx.game
+    return {
+        "events": to_plain(game.events),
+        "settings": game.plain_settings(),
+        **({"facts": plain_subset(game.facts)} if game.facts else {}),
+        **({"starts": to_plain(game.starts)} if game.starts else {}),
+    }
+
+
+def first_history(ctx: HostContext) -> Keyframe:
+    """Return the same for the beginning of a recording, without the starts of agents that are all there still."""
+    first = history(ctx)
+    if first.get("starts") == places_of(ctx):
+        del first["starts"]
+    return first
+
+
+def places_of(ctx: HostContext) -> dict[str, Any]:
+    """Return where agents are: nodes, or (x, y, z) of flyers."""
+    columns = ctx.agent.block
+    at = (node if position is None else position for node, position in zip(columns.node, columns.position, strict=True))
+    return dict(zip(columns.names, at, strict=True))
+
+
+def components_of(ctx: HostContext) -> Keyframe:
+    """Return the recorded components, which keyframes have; a snapshot is followed by events that say them."""
+    return {"components": to_plain(ctx.record.components.keyframe())}
+
+
+def flyers_of(ctx: HostContext) -> dict[str, Any] | None:
+    """Return which nodes are and were below all flyers, which follows from the map; None if there are none."""
+    columns = ctx.agent.block
+    columns.locate()
+    if not columns.flyers:
+        return None
+    found: dict[str, Any] = {"names": [columns.names[row] for row in columns.flyers]}
+    for name in ("node", "previous"):
+        column = getattr(columns, name)
+        found[name] = np.array([column[row] for row in columns.flyers], np.int64)
+    return found
+
+
+def progress_columns(progress: list[Progress | None]) -> Columns:
+    """Return how far along edges agents are, as columns; zeros where an agent is on no edge."""
+    rows = [one or (0, 0, 0.0) for one in progress]
+    return {name: np.array([row[i] for row in rows], ARRAYS[name][0]) for i, name in enumerate(_ON_EDGES)}
+
+
+def grouped(described: list[dict[str, Any]]) -> list[dict[str, Any]]:
+    """Return sensors that differ by their ids alone together."""
+    groups: dict[str, dict[str, Any]] = {}
+    for one in described:
+        keywords = plain_subset(one["keywords"])
+        group = groups.setdefault(repr((one["type"], keywords)), {"type": one["type"], "keywords": keywords, "ids": []})
+        group["ids"].append(one["id"])
+    return list(groups.values())
+
+
+def decider_of(ctx: HostContext, agent: Any) -> Any:
+    """Return the function that decides for an agent: the plan of its team, its own strategy, or None."""
+    plan = ctx.game.plans.get(agent.team)
+    return agent.strategy if plan is None else plan.function
+
+
+def name_of(strategy: Any) -> str | None:
+    """Return what a strategy is called: its module and its name there."""
+    if strategy is None:
+        return None
+    return f"{getattr(strategy, '__module__', '?')}:{getattr(strategy, '__qualname__', type(strategy).__qualname__)}"
+
+
+def _carried(sensors: list[dict[str, str]], groups: list[dict[str, Any]]) -> dict[str, Any]:
+    """Return which sensors agents carry, as places in the list of all, and under which names, unless by their ids."""
+    names, ids = [name for one in sensors for name in one], [sensor_id for one in sensors for sensor_id in one.values()]
+    place = {sensor_id: i for i, sensor_id in enumerate(one for group in groups for one in group["ids"])}
+    others = [sensor_id for sensor_id in dict.fromkeys(ids) if sensor_id not in place]
+    place |= {sensor_id: len(place) + i for i, sensor_id in enumerate(others)}
+    return {
+        "names": None if names == ids else names,
+        "ids": np.array([place[sensor_id] for sensor_id in ids], np.int64),
+        "others": others,
+        "counts": np.array([len(one) for one in sensors], np.int64),
+    }
+
+
+def _folded(numbers: IntArray) -> IntArray:
+    """Return small numbers of either sign as small ones without: 0, -1, 1, -2 as 0, 1, 2, 3."""
+    folded: IntArray = (numbers << 1) ^ (numbers >> 63)
+    return folded
+
+
+def _floats(values: list[Any], width: int) -> FloatArray:
+    rows = [(_NOT,) * width if value is None else value for value in values]
+    return np.array(rows, np.float64).reshape(-1, width)
+
+
+# -- that was read ------------------------------------------------------------------------------------------------
+
+
+def opened(keyframe: Keyframe) -> Columns:
+    """Return the columns of agents, whether or not the keyframe was `packed`."""
+    columns = {name: keyframe[name] for name in (*LISTS, *ARRAYS) if name in keyframe}
+    if "came" not in keyframe:
+        return columns
+    came, carried = keyframe["came"], keyframe["carried"]
+    columns["previous"] = keyframe["node"] + ((came >> 1) ^ -(came & 1))
+    known = [*(sensor["id"] for sensor in sensors_in(keyframe.get("sensor_kinds", ()))), *carried["others"]]
+    ids = [known[place] for place in carried["ids"].tolist()]
+    ends = np.cumsum(carried["counts"]).tolist()
+    pairs = list(zip(ids if carried["names"] is None else carried["names"], ids, strict=True))
+    columns["sensors"] = [dict(pairs[start:end]) for start, end in zip([0, *ends], ends, strict=False)]
+    if isinstance(attributes := keyframe["attributes"], dict):  # in the first recordings of version 3 it is a list
+        columns["attributes"] = [attributes.get(row, {}) for row in range(len(keyframe["names"]))]
+    return columns
+
+
+def checked(columns: Columns) -> Columns:
+    """Return columns of their own, of the right kinds and of one length.
+
+    Raises:
+        Damaged: they are not right; other errors tell the same.
+    """
+    names = [checked_name(name) for name in columns["names"]]
+    columns = dict.fromkeys(_ON_EDGES, np.zeros(len(names))) | columns
+    whole: Columns = {name: list(columns[name]) for name in LISTS}
+    for name, (dtype, shape) in ARRAYS.items():
+        whole[name] = np.array(columns[name], dtype)
+        if whole[name].shape != (len(names), *shape):
+            raise Damaged(f"{shown(name)} has the shape {whole[name].shape}, with {len(names)} agents")
+    checked_shares(whole["edge_share"])
+    lengths = {name: len(whole[name]) for name in LISTS}
+    if set(lengths.values()) != {len(names)}:
+        raise Damaged(f"its lists have different lengths: {lengths}")
+    return whole
+
+
+def checked_name(name: Any) -> str:
+    """Return the name of an agent.
+
+    Raises:
+        Damaged: it is no text.
+    """
+    if not isinstance(name, str):
+        raise Damaged(f"{shown(name)} is no name of an agent")
+    return name
+
+
+def checked_following(numbers: list[int], following: int) -> int:
+    """Return the number that the next new agent gets.
+
+    Raises:
+        Damaged: one of the agents has a greater one, or it is not to be believed.
+    """
+    if not all(0 <= number < following for number in numbers) or not 0 <= following <= _MOST_AGENTS:
+        raise Damaged(f"the next agent cannot get the number {following}")
+    return following
+
+
+def checked_shares(values: Any) -> FloatArray:
+    """Return how much of their edges agents have covered, (agents,).
+
+    Raises:
+        Damaged: one of them less than nothing, or all.
+    """
+    found: FloatArray = np.asarray(values, np.float64)
+    if not ((found >= 0.0) & (found < 1.0)).all():
+        raise Damaged("an agent has covered less than nothing, or all, of the edge it is on")
+    return found
+
+
+def progress_of(source: Any, target: Any, share: Any) -> Progress | None:
+    """Return how far along an edge an agent is; None where it is on none.
+
+    Raises:
+        Damaged: it has covered less than nothing, or all, of it.
+    """
+    covered = float(checked_shares(share))
+    return Progress(int(source), int(target), covered) if covered else None
+
+
+def sensors_in(groups: Any) -> list[dict[str, Any]]:
+    """Return the sensors that are `grouped`, one by one."""
+    return [
+        {"id": sensor_id, "type": group["type"], "keywords": group["keywords"]}
+        for group in groups
+        for sensor_id in group["ids"]
+    ]
+
+
+def row_of(columns: Columns, row: int) -> dict[str, Any]:
+    """Return where an agent is, as the columns of a live context hold it."""
+    return {
+        "node": int(columns["node"][row]),
+        "previous": int(columns["previous"][row]),
+        **{name: _tuple(columns[name][row]) for name in _PLACES},
+        "progress": progress_of(*(columns[name][row] for name in _ON_EDGES)),
+    }
+
+
+def _tuple(row: FloatArray) -> tuple[float, ...] | None:
+    values = tuple(row.tolist())
+    return None if isnan(values[0]) else values

@@ -1,0 +1,349 @@
+"""A live context as the state that events of a recording are applied to."""
+
+from collections.abc import Callable, Iterator, Sequence
+from contextlib import contextmanager
+from copy import deepcopy
+from typing import Any
+
+from gamms.arguments import as_numbers
+from gamms.errors import BadType, BadValue, GammsError
+from gamms.ir import events as kinds
+from gamms.ir.agents import EVENTS, AgentBlock
+from gamms.ir.event_state import AgentsState, State
+from gamms.ir.events import Mover, as_event, as_over, set_scores
+from gamms.ir.journal import Muted
+from gamms.recorder import sensed
+from gamms.recorder.errors import Damaged
+from gamms.recorder.host import HostContext
+from gamms.recorder.keyframes import Keyframe, checked, checked_following, opened, progress_of, row_of, sensors_in
+from gamms.text import reason, shown
+from gamms.typing.actions import as_position
+from gamms.typing.opcodes import OpCodes
+
+_PLACES = {"heading": 2, "position": 3, "previous_position": 3, "quat": 4}  # how many numbers each has
+
+
+class LiveState(State):
+    """A context that becomes what a recording of version 3 says, to the last bit.
+
+    Attributes:
+        pace: by how much the game counts on in a turn.
+    """
+
+    agents: "LiveAgents"
+
+    def __init__(self, ctx: HostContext) -> None:
+        self._ctx = ctx
+        self.agents, self.game, self.pace = LiveAgents(ctx), ctx.game.state, 0
+        self._shown: Any = {}  # artists of the recording
+
+    def restore(self, snapshot: Keyframe) -> None:
+        """Become what a snapshot says: agents of the same name and kind are moved, missing ones made, others stay."""
+        self.agents.restore(snapshot, lambda: self.add_sensors(snapshot.get("sensor_kinds", ())))
+        game = self.game
+        set_scores(game, snapshot["scores"])
+        game.data.clear()
+        game.data.update(deepcopy(snapshot["data"]))
+        game.over, game.turn = as_over(snapshot["over"]), int(snapshot.get("turn", 0))
+        for memory in game.memories.values():
+            memory.clear()
+        for name, memory in snapshot.get("memories", {}).items():
+            game.memory_of(name).update(deepcopy(memory))
+        by_team = dict(deepcopy(snapshot.get("team_memories", [])))
+        game.team_memories = {team: dict(memory) for team, memory in by_team.items()}
+        self.set_rng(snapshot.get("chance"))
+        if "events" in snapshot:
+            game.events[:] = map(as_event, snapshot["events"])
+            self.publish(deepcopy(snapshot.get("facts", {})), list(game.facts))
+        if "starts" in snapshot:
+            game.began = dict(snapshot["starts"])
+        self.pace = int(snapshot.get("pace", 0))
+
+    def end_turn(self) -> None:
+        """End the turn, also of a recording that is being written."""
+        self.game.turn += self.pace
+        self._ctx.visual.simulate()
+
+    def count(self, turn: int, pace: int, starts: dict[str, Any]) -> None:
+        """Number this turn, when it is over, and the following ones by adding `pace`; agents began at `starts`."""
+        self.pace, self.game.turn = pace, turn - pace
+        self.game.began |= starts
+
+    def emit(self, event: dict[str, Any]) -> None:
+        """Add to what rules emitted."""
+        self.game.events.append(event)
+
+    def publish(self, facts: dict[str, Any], removed: Sequence[str]) -> None:
+        """Publish facts, and withdraw others."""
+        for name in removed:
+            self.game.facts.pop(name, None)
+        self._ctx.game.publish(**deepcopy(facts))
+
+    def set_rng(self, rng_state: Any) -> None:
+        """Set the state of the context's own random stream; None: it was not drawn from."""
+        if rng_state is not None:
+            self._ctx.rng.bit_generator.state = rng_state
+
+    def add_sensors(self, groups: Any) -> None:
+        """Make the sensors that there are not yet."""
+        for sensor in sensors_in(groups):
+            if sensor["id"] not in self._ctx.sensor.sensors:
+                self._ctx.sensor.make(sensor)
+
+    def replace_world(self, world: bytes) -> None:
+        """Replace graph and obstacles."""
+        self._ctx.graph.storage.unpack(world)
+
+    def show(self, visuals: dict[str, Any]) -> None:
+        """Declare what it looks like; a visual engine of the caller's may have no artists."""
+        artists = getattr(self._ctx.visual, "artists", None)
+        if artists is not None:
+            self._shown = artists.add_specs(visuals, self._shown)
+
+    def draw(self, drawing: dict[str, Any]) -> None:
+        """Let an artist draw these commands from now on."""
+        artists = getattr(self._ctx.visual, "artists", None)
+        if artists is not None:
+            artists.add_drawing(drawing)
+
+    def change_component(self, kind: int, data: dict[str, Any]) -> None:
+        """Do what an operation code of components says; the components note it themselves."""
+        self._ctx.record.components.apply(OpCodes(kind).name, data)
+
+
+class LiveAgents(AgentsState):
+    """The agents of a context. What has a number is noted in the journal with the number that the agent has there.
+
+    Attributes:
+        names: number in the recording -> name.
+        following: the number that the next new agent gets.
+    """
+
+    def __init__(self, ctx: HostContext) -> None:
+        self._ctx, self._engine = ctx, ctx.agent
+        self.names: dict[int, str] = {}
+        self.following = 0
+
+    # -- who is there ---------------------------------------------------------------------------------------------
+
+    def restore(self, snapshot: Keyframe, make_sensors: Callable[[], None]) -> None:
+        """Make and place the agents of a snapshot."""
+        columns = checked(opened(snapshot))
+        numbers, names = columns["numbers"].tolist(), columns["names"]
+        self.following = checked_following(numbers, snapshot["next"])
+        make_sensors()
+        with self._engine.block.trusting():
+            for row, name in enumerate(names):
+                self._put(name, columns, row)
+        self.names = dict(zip(numbers, names, strict=True))
+
+    def _put(self, name: str, columns: dict[str, Any], row: int) -> None:
+        flies, speed, sensors = bool(columns["kind"][row]), columns["speed"][row], columns["sensors"][row]
+        agent = self._engine.agents.get(name)
+        if agent is None or bool(agent.type) != flies:
+            if agent is not None:
+                self._engine.delete_agent(name)
+            given: dict[str, Any] = {"start_node_id": int(columns["node"][row]), "sensors": sensors}
+            if flies:
+                given |= {"type": 1, "speed": speed}
+            agent = self._engine.create_agent(name, **given)
+        self._equip_as(agent, sensors)
+        for key, value in columns["attributes"][row].items():
+            agent.__dict__[key] = deepcopy(value)
+        agent.team, agent.alive = columns["teams"][row], bool(columns["alive"][row])
+        if not flies:
+            agent.speed = speed
+        self._block.write(self._block.row_of(name), row_of(columns, row))
+
+    def _equip_as(self, agent: Any, sensors: dict[str, str]) -> None:
+        """Let an agent carry these sensors, as far as there are such."""
+        there = {name: sensor_id for name, sensor_id in sensors.items() if sensor_id in self._ctx.sensor.sensors}
+        if list(there.items()) != [(name, sensor.sensor_id) for name, sensor in agent.sensors.items()]:
+            for name in list(agent.sensors):
+                agent.deregister_sensor(name)
+            for name, sensor_id in there.items():
+                agent.register_sensor(name, self._ctx.sensor.get_sensor(sensor_id))
+
+    def add(self, name: str, kwargs: dict[str, Any], state: dict[str, Any], strategy: str | None) -> None:  # noqa: ARG002
+        """Create an agent where it was, perhaps on a node that the map has no longer; and to the last bit."""
+        places = {key: tuple(map(float, value)) for key, value in state.items() if key in _PLACES}
+        for key, numbers in places.items():
+            if len(numbers) != _PLACES[key]:
+                raise BadValue(f"{shown(key)} has {_PLACES[key]} numbers, and not {shown(numbers)}.")
+        with self._engine.block.trusting():
+            agent = self._engine.create_agent(name, **self._with_known_sensors(kwargs))
+        self._block.write(self._block.row_of(agent.name), places)
+        self.names[self.following] = name
+        self.following += 1
+
+    def _with_known_sensors(self, given: dict[str, Any]) -> dict[str, Any]:
+        """Return the keywords of an agent without sensors that are not here."""
+        sensors, known = given.get("sensors") or (), self._ctx.sensor.sensors
+        if all(sensor_id in known for sensor_id in (sensors.values() if isinstance(sensors, dict) else sensors)):
+            return given
+        self._ctx.logger.error("Sensors that are not here are left out of the replay.")
+        if isinstance(sensors, dict):
+            return given | {"sensors": {name: one for name, one in sensors.items() if one in known}}
+        return given | {"sensors": [one for one in sensors if one in known]}
+
+    def remove(self, name: str) -> None:
+        """Delete an agent."""
+        self._engine.get_agent(name)
+        self._engine.delete_agent(name)
+
+    @property
+    def _block(self) -> AgentBlock:
+        block: AgentBlock = self._engine.block
+        return block
+
+    def row(self, name: str) -> int:
+        """Return the row of an agent by its name (KeyError)."""
+        return self._block.row_of(self._engine.get_agent(name).name)
+
+    def row_of(self, number: int) -> int:
+        """Return the row of an agent by its number.
+
+        Raises:
+            Damaged: there is none.
+        """
+        try:
+            return self._block.row_of(self.names[number])
+        except KeyError as error:
+            raise Damaged(f"Agent number {number} is not there: {reason(error)}") from error
+
+    # -- what they are --------------------------------------------------------------------------------------------
+
+    def set(self, row: int, column: str, value: Any) -> None:
+        """Set one column of an agent; strategies are functions, which a recording does not hold."""
+        if column in EVENTS:
+            if column == "speed" and self._block.kind[row]:
+                raise BadType(f"Agent {self._block.names[row]!r} flies, and keeps its speed.")
+            self._block.set(row, column, value)
+        elif column != "strategies":
+            self._block.write(row, {column: value})
+
+    def move(self, numbers: Sequence[int], nodes: Sequence[int]) -> None:
+        """Move agents on the ground, and note it."""
+        for number, node in zip(numbers, nodes, strict=True):
+            self.move_one(number, node)
+
+    def move_one(self, number: int, node: int) -> tuple[str, int]:
+        """Move an agent, and note it; returns its name, and the node it was on."""
+        block, name = self._engine.block, self.names[number]
+        row = block.row_of(name)
+        before: int = block.node[row]
+        block.move(row, node)
+        return name, before
+
+    def fly(self, row: int, node: int | None, position: tuple[float, ...]) -> None:
+        """Move a flyer, and note it."""
+        self._check_flies(row)
+        self._block.fly(row, as_position(position), node)
+
+    def turn(self, row: int, quat: tuple[float, ...]) -> None:
+        """Turn a flyer in space, and note it."""
+        w, x, y, z = as_numbers(quat, "quat", "(w, x, y, z)")
+        self._check_flies(row)
+        self._block.turn(row, (w, x, y, z))
+
+    def mover(self, row: int) -> Mover:
+        """Return a flyer that is about to move."""
+        self._check_flies(row)
+        return Mover(self._block.names[row], self._block.nearest(row))
+
+    def _check_flies(self, row: int) -> None:
+        if not self._block.kind[row]:
+            raise BadType(f"Agent {self._block.names[row]!r} does not fly.")
+
+    def progress(self, numbers: Any, sources: Any, targets: Any, shares: Any) -> None:
+        """Set how far along edges agents are."""
+        for number, *where in zip(numbers.tolist(), sources, targets, shares, strict=True):
+            self._block.write(self.row_of(number), {"progress": progress_of(*where)})
+
+    def _agent(self, row: int) -> Any:
+        return self._engine.agents[self._block.names[row]]
+
+    def equip(self, row: int, name: str, sensor_id: str) -> None:
+        """Let an agent carry a sensor, if it is here."""
+        sensor = self._ctx.sensor.sensors.get(sensor_id)
+        if sensor is None:
+            self._ctx.logger.error(f"Sensor {shown(sensor_id)} is not here: it is left out of the replay.")
+            return
+        try:
+            self._agent(row).register_sensor(name, sensor)
+        except GammsError as error:
+            self._ctx.logger.error(f"{reason(error)} The sensor is left out of the replay.")  # noqa: TRY400 - ILogger has none
+
+    def unequip(self, row: int, name: str) -> None:
+        """Let an agent carry a sensor no longer."""
+        self._agent(row).deregister_sensor(name)
+
+    # -- the journal ----------------------------------------------------------------------------------------------
+
+    @contextmanager
+    def unnoted(self) -> Iterator[None]:
+        """Note nothing of what happens to agents: it follows from an event that is noted as it is."""
+        block = self._block
+        if block.journal.is_silent:
+            yield
+            return
+        journal, block.journal = block.journal, Muted(block.journal)
+        try:
+            yield
+        finally:
+            block.journal = journal
+
+    def note(self, kind: int, data: Any) -> None:
+        """Note an event of the recording, with the numbers that agents have in the journal."""
+        journal = self._block.journal
+        if journal.is_silent:
+            return
+
+        def number_of(number: int) -> int:
+            return journal.ids[self.row_of(number)]
+
+        if kind == kinds.SENSED:
+            data = sensed.renumbered(data, number_of)
+        journal.append(kind, kinds.renumbered(kind, data, number_of))
+
+
+# -- format version 2 -----------------------------------------------------------------------------------------------
+
+
+class LegacyState(LiveState):
+    """A context in which records of version 2 happen as in gamms 1.0.0, which wrote more than it accepted.
+
+    They are what a program did: they are checked, and noted like it.
+    """
+
+    def __init__(self, ctx: HostContext) -> None:
+        super().__init__(ctx)
+        self.agents = _LegacyAgents(ctx)
+
+    def change_component(self, kind: int, data: dict[str, Any]) -> None:
+        """Do what an operation code of components says, unless 1.0.0 refused it after it had written it down."""
+        self._ctx.record.components.apply(OpCodes(kind).name, data, lenient=True)
+
+
+_ATTRIBUTES = {"node": "current_node_id", "previous": "prev_node_id", "heading": "orientation", "quat": "quat"}
+
+
+class _LegacyAgents(LiveAgents):
+    def add(self, name: str, kwargs: dict[str, Any], state: dict[str, Any], strategy: str | None) -> None:  # noqa: ARG002
+        """Create an agent, unless 1.0.0 made none of this."""
+        is_refused = name in self._engine.agents or "start_node_id" not in kwargs
+        if not is_refused and not (kwargs.get("type") == 1 and "speed" not in kwargs):
+            self._engine.create_agent(name, **kwargs)
+
+    def remove(self, name: str) -> None:
+        """Delete an agent, if it is there."""
+        if name in self._engine.agents:
+            self._engine.delete_agent(name)
+
+    def set(self, row: int, column: str, value: Any) -> None:
+        """Set an attribute of an agent."""
+        setattr(self._agent(row), _ATTRIBUTES[column], value)
+
+    def fly(self, row: int, node: int | None, position: tuple[float, ...]) -> None:  # noqa: ARG002
+        """Put a flyer somewhere; the graph says which node is below."""
+        self._agent(row).position = position
