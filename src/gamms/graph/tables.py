@@ -139,15 +139,22 @@ class Table:
     ids: memoryview
     alive: memoryview
 
+    _empty: ClassVar[dict[str, np.ndarray[Any, Any]]]  # the columns of a table without rows
+
+    def __init_subclass__(cls, **kwargs: Any) -> None:
+        super().__init_subclass__(**kwargs)
+        cls._empty = {name: np.zeros((0, width), dtype) for name, (dtype, width) in cls.columns.items()}
+        for name, array in cls._empty.items():
+            setattr(cls, name, array.reshape(-1).data)
+
     def __init__(self) -> None:
         self.index = RowIndex()
         self.count = 0  # rows in use, dead ones included
         self.dead = 0
         self.capacity = 0
         self.attributes: dict[str, dict[int, Any]] = {}  # name -> row -> value
-        self._arrays = {name: np.zeros((0, width), dtype) for name, (dtype, width) in self.columns.items()}
+        self._arrays = self._empty.copy()  # NOTE: shared, because most contexts are made long before their map
         self._is_shared = False
-        self._resize(_START)
 
     def __len__(self) -> int:
         return self.count - self.dead
@@ -173,8 +180,9 @@ class Table:
     def reserve(self, rows: int) -> None:
         """Make room for `rows` more rows."""
         if self.count + rows > self.capacity:
-            is_bulk = rows >= self.capacity  # fits exactly; what grows little by little is copied ever more rarely
-            self._resize(self.count + rows if is_bulk else max(self.count + rows, self.capacity + self.capacity // 2))
+            grown = max(_START, self.capacity + self.capacity // 2)
+            is_bulk = rows >= max(_START, self.capacity)  # fits exactly; the others are copied ever more rarely
+            self._resize(self.count + rows if is_bulk else max(self.count + rows, grown))
 
     def find(self, id: int) -> int:
         """The row of `id`.

@@ -12,6 +12,17 @@ from gamms.ir.graph import FloatArray, IntArray
 _FEW = 8  # where fewer than one row in so many has changed, arrays are copied and changed instead of made again
 
 
+def _frozen(values: Any, kind: type) -> Any:
+    """Return a read-only array of what a column holds."""
+    array: np.ndarray[Any, Any] = np.array(values, kind)
+    array.setflags(write=False)
+    return array
+
+
+_NO_ROWS: IntArray = _frozen([], np.int64)
+_NO_XYZ: FloatArray = _frozen(np.zeros((0, 3)), np.float64)
+
+
 class Positions:
     """Where the agents of a block are, in the order of their creation.
 
@@ -111,9 +122,8 @@ class Positions:
 
     def _forget(self) -> None:
         self._by_node, self._node_of = None, []
-        self._node_ids: IntArray = _frozen([], np.int64)
-        self._flyers: IntArray = self._node_ids
-        self._flyer_xyz: FloatArray = _frozen(np.zeros((0, 3)), np.float64)
+        self._node_ids = self._flyers = _NO_ROWS
+        self._flyer_xyz = _NO_XYZ
         self._stale: set[int] = set(range(len(self._block)))  # rows that the arrays do not show yet
 
     def _follow(self, rows: Iterable[int]) -> None:
@@ -155,13 +165,6 @@ class Positions:
             self._flyers = _frozen(block.flyers, np.int64)
             self._flyer_xyz = _frozen([block.position[row] for row in block.flyers], np.float64)
         stale.clear()
-
-
-def _frozen(values: Any, kind: type) -> Any:
-    """Return a read-only array of what a column holds."""
-    array: np.ndarray[Any, Any] = np.array(values, kind)
-    array.setflags(write=False)
-    return array
 
 
 def _changed(array: np.ndarray[Any, Any], rows: Iterable[int], values: list[Any]) -> Any:

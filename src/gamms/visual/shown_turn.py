@@ -68,12 +68,15 @@ class Moves(NamedTuple):
     paths: Paths
 
 
+_NO_MOVES = Moves({}, Paths.through(np.empty((0, 2, 2)), ()))
+
+
 class Motion:
     """The last move of every agent, from the start of a turn's frames to their end."""
 
     def __init__(self, ctx: IContext) -> None:
         self._ctx = ctx
-        self.moves = Moves({}, Paths.through(np.empty((0, 2, 2)), ()))
+        self.moves = _NO_MOVES
         self._steps: dict[str, tuple[Any, Any]] = {}
         self._now: tuple[float, FloatArray, list[_Point]] | None = None  # where all that moved are after a share
         self._columns: GraphColumns | None = None
