@@ -51,8 +51,7 @@ def film():
             self.frame = av.VideoFrame(*size, "bgra")
 
         def add(self, picture):
-            self.kept.append(bytearray(4 * size[0] * size[1]))
-            picture.copy_bgrx(self.kept[-1])
+            self.kept.append(picture.bgrx().tobytes())
             if len(self.kept) == 50:
                 self.finish(is_over=False)
 

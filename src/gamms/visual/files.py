@@ -204,7 +204,7 @@ class Frames:
         self._shown, self._viewpoint = source.artists.shown, source.drawing.viewpoint
         self._title, self._note = as_text(title, "title"), as_text(note, "note")
         self._background = rgba(background)
-        self._canvas = Canvas(width, height, is_tracked=True)
+        self._canvas = Canvas(width, height)
         self._camera: Camera | None = None
         self._artists: dict[str, IArtist] | None = None
         self._is_new_turn = True

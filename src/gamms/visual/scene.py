@@ -157,7 +157,6 @@ class Tiles:
         if self._fill(level, area.tiles(), may_cut_out=is_settling and not budget.is_leaping):
             budget.spend()
         self._sharpen(level, area.tiles(), budget)
-        canvas.note_all()
         if level.scale == camera.scale:
             self._blit(canvas.surface, level, area)
             return
@@ -527,7 +526,7 @@ class Scene:
         still = same if budget or not self._expects_more else self._lasting(same)
         begin = self._from_stage(canvas, camera, background, still)
         tiled = [part for part in self._parts[begin:] if self._is_tiled(part, is_moving=budget is not None)]
-        if begin == 0 and (canvas.is_tracked or self._parts[:1] != tiled[:1]):
+        if begin == 0 and not (budget and self._parts[:1] == tiled[:1]):
             canvas.fill(background)
         for place, part in enumerate(self._parts[begin:], begin):
             if part in tiled and (budget or place):  # at the back, a whole surface is kept
@@ -538,7 +537,7 @@ class Scene:
             if overlay is not None:
                 canvas.surface.blit(overlay, (0, 0))
             if place + 1 in (same, still):
-                self._stages.append((self._parts[: place + 1], camera, background, canvas.keep()))
+                self._stages.append((self._parts[: place + 1], camera, background, canvas.surface.copy()))
         for part in tiled:
             if part.tiles is not None and budget is not None:
                 part.tiles.paint_ahead(camera, budget)
@@ -572,7 +571,7 @@ class Scene:
         if not self._stages:
             return 0
         parts, _, _, surface = self._stages[-1]
-        canvas.show(surface)
+        canvas.surface.blit(surface, (0, 0))
         return len(parts)
 
 

@@ -7,7 +7,7 @@ format is one file here and one line below; an installed package adds one throug
 Pixels are painted by `raster.py` on the surfaces of `pygame_backend.py`; optional libraries have one file each.
 """
 
-from collections.abc import Callable, Sequence
+from collections.abc import Callable
 from pathlib import Path
 from typing import Any, Protocol
 
@@ -34,14 +34,8 @@ class PaintedFrame(Protocol):
     def pixels(self) -> ByteArray:
         """RGB, as (height, width, 3), of its own."""
 
-    def copy_bgrx(self, buffer: bytearray) -> None:
-        """Write blue, green, red and a byte without meaning, row by row: the fastest way to an encoder."""
-
-    def changes(self) -> list[tuple[int, int, int, int]] | None:
-        """Left, top, width and height of where it may differ from the frame before; None: anywhere."""
-
-    def cut(self, corners: Sequence[tuple[int, int]], strip: PixelArray) -> None:
-        """Write squares, by their upper left corners, side by side into a strip (side, sides); see `copy_bgrx`."""
+    def bgrx(self) -> PixelArray:
+        """Blue, green, red and a byte without meaning, as (height, width): the fastest way to an encoder."""
 
 
 class FilmWriter(Protocol):

@@ -1,6 +1,5 @@
 """MP4 files by PyAV. Between two frames a few agents move, so only the squares that differ are converted."""
 
-from collections.abc import Iterable
 from pathlib import Path
 from queue import Queue
 from threading import Thread
@@ -10,7 +9,7 @@ import numpy as np
 
 from gamms.errors import MissingExtra
 from gamms.visual.backends import PaintedFrame
-from gamms.visual.backends.coverage import ByteArray
+from gamms.visual.backends.coverage import ByteArray, PixelArray
 
 TILE, BORDER = 64, 4  # pixels; of a square, and around it, for colours are mixed from neighbours
 SIDE = TILE + 2 * BORDER
@@ -26,25 +25,18 @@ class Square(NamedTuple):
     corner: tuple[int, int]
 
 
-def squares(boxes: Iterable[tuple[int, int, int, int]], width: int, height: int) -> list[Square] | None:
-    """The tiles that boxes touch; None where there are too many, or the picture is too small."""
+def squares(before: PixelArray, now: PixelArray) -> list[Square] | None:
+    """Return the tiles in which two frames differ; None where there are too many, or the picture is too small."""
+    height, width = now.shape
     if min(width, height) < SIDE:
         return None
-    blocks = {  # most boxes are small and many lie in the same tiles
-        (max(left, 0) // TILE, max(top, 0) // TILE, (min(left + across, width) - 1) // TILE, (top + down - 1) // TILE)
-        for left, top, across, down in set(boxes)
-        if across and down
-    }
-    lowest = (height - 1) // TILE
-    found = {
-        (x, y)
-        for left, top, right, bottom in blocks
-        for x in range(left, right + 1)
-        for y in range(top, min(bottom, lowest) + 1)
-    }
-    if len(found) > MOST:
+    differs = before.view(np.uint64) != now.view(np.uint64)  # two pixels each
+    by_row = np.array([differs[top : top + TILE].any(axis=0) for top in range(0, height, TILE)])
+    rows, columns = np.nonzero(np.logical_or.reduceat(by_row, np.arange(0, width // 2, TILE // 2), axis=1))
+    if len(rows) > MOST:
         return None
-    return [_square(x * TILE, y * TILE, width, height) for x, y in sorted(found)]
+    places = zip((columns * TILE).tolist(), (rows * TILE).tolist(), strict=True)
+    return [_square(left, top, width, height) for left, top in places]
 
 
 def _square(left: int, top: int, width: int, height: int) -> Square:
@@ -100,10 +92,10 @@ class Mp4:
 
         from av.video.reformatter import VideoReformatter
 
-        self._size = width, height
         self._frame: Any = av.VideoFrame(width, height, "bgra")
         self._strip: Any = av.VideoFrame(SIDE * STRIP, SIDE, "bgra")
-        self._pixels, self._squares = planes_of(self._frame)[0], planes_of(self._strip)[0].view(np.uint32)
+        # The pixels of the frame before, and of squares that are to be converted.
+        self._pixels, self._squares = (planes_of(one)[0].view(np.uint32) for one in (self._frame, self._strip))
         self._reformatters: tuple[Any, Any] = VideoReformatter(), VideoReformatter()  # each knows one size
         self._few = _one_thread(self._reformatters[1], self._strip)
         self._converted: Any = None  # the frame before, in the colours of the encoder
@@ -113,7 +105,6 @@ class Mp4:
         self._number, self._time_base = 0, 1 / rate
         self._stream = self._file.add_stream("libx264", rate=rate, options=_OPTIONS)
         self._stream.width, self._stream.height, self._stream.pix_fmt = width, height, "yuv420p"
-        self._buffer = bytearray(4 * width * height)
         self._waiting: Queue[Any] = Queue()
         self._free: Queue[Any] = Queue()  # fresh memory for every frame would cost more than filling it
         for _ in range(_AHEAD):
@@ -128,12 +119,13 @@ class Mp4:
         Raises:
             OSError: the file cannot be written.
         """
-        boxes = picture.changes() if self._number else None
-        tiles = None if boxes is None else squares(boxes, *self._size)
+        pixels = picture.bgrx()
+        tiles = squares(self._pixels, pixels) if self._number else None
         if tiles is None:
-            self._convert(picture)
+            self._pixels[:] = pixels
+            self._converted = self._reformatters[0].reformat(self._frame, format="yuv420p")
         elif tiles:
-            self._change(picture, tiles)
+            self._change(pixels, tiles)
         frame = self._free.get()
         for mine, its in zip(planes_of(self._converted), planes_of(frame), strict=True):
             its[:] = mine
@@ -175,20 +167,18 @@ class Mp4:
         if self._error is not None:
             raise self._error
 
-    def _convert(self, picture: PaintedFrame) -> None:
-        """Turn all of a picture into the colours of the encoder."""
-        picture.copy_bgrx(self._buffer)
-        self._pixels[:] = np.frombuffer(self._buffer, np.uint8).reshape(self._pixels.shape)
-        self._converted = self._reformatters[0].reformat(self._frame, format="yuv420p")
-
-    def _change(self, picture: PaintedFrame, tiles: list[Square]) -> None:
+    def _change(self, pixels: PixelArray, tiles: list[Square]) -> None:
         """Put tiles of a picture into the frame before; the encoder has copied that by now."""
         planes = planes_of(self._converted)
         for begin in range(0, len(tiles), STRIP):
             some = tiles[begin : begin + STRIP]
-            picture.cut([tile.corner for tile in some], self._squares)
+            for number, (_, _, (x, y)) in enumerate(some):
+                self._squares[:, number * SIDE : (number + 1) * SIDE] = pixels[y : y + SIDE, x : x + SIDE]
             converted = self._reformatters[1].reformat(self._strip, format="yuv420p", **self._few)
             paste(planes, planes_of(converted), some)
+        for left, top, _ in tiles:
+            tile = slice(top, top + TILE), slice(left, left + TILE)
+            self._pixels[tile] = pixels[tile]
 
 
 def _one_thread(reformatter: Any, frame: Any) -> dict[str, int]:

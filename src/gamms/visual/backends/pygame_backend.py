@@ -7,7 +7,7 @@ import os
 import re
 import sys
 from collections import deque
-from collections.abc import Callable, Iterable, Iterator, Sequence
+from collections.abc import Callable, Iterable, Iterator
 from contextlib import contextmanager
 from functools import lru_cache
 from itertools import repeat
@@ -36,15 +36,12 @@ _MOST_IMAGE_PX = 4096
 _IMAGE_BYTES = 12  # per pixel: decoded, copied with transparency and scaled; 9 measured
 _SVG_PX = 1024
 _MOST_FONT_PX, _MOST_LETTERS = 2048, 10_000
-_MOST_TRACKED = 256  # surfaces that are painted together
+_MOST_NOTED = 256  # surfaces that are painted together
 _LETTERS = 8  # that are as broad as one is high, at most
 
 BLACK, WHITE = (0, 0, 0, 255), (255, 255, 255, 255)
 
-Box = tuple[int, int, int, int]  # left, top, width, height, pixels
 Placed = tuple["Surface", tuple[int, int]]  # a surface, and where its upper left corner lies
-Mark = tuple[Box, Placed | None]  # where something was painted, and what it was if it is known
-_NOTHING: "tuple[None, list[Mark]]" = None, []
 
 
 @lru_cache(maxsize=1)
@@ -76,85 +73,42 @@ class Canvas:
         width: pixels.
         height: pixels.
         surface: what to paint on instead of a new one, such as that of a window; 32 bits.
-        is_tracked: remember what changes from picture to picture; nobody else may paint on the surface then.
     """
 
-    def __init__(self, width: int, height: int, surface: "Surface | None" = None, *, is_tracked: bool = False) -> None:
+    def __init__(self, width: int, height: int, surface: "Surface | None" = None) -> None:
         self._pygame = load()
         self.width, self.height = width, height
-        self.is_tracked = is_tracked
-        self._below: Surface | None = None
-        self._over: list[Mark] = []  # over what lies below
-        self._deeper: tuple[Surface | None, list[Mark]] = _NOTHING  # what lies deeper, and what was painted over it
-        self._taken_off: list[Mark] = []  # of the picture before
-        self._changed: list[Box] | None = None  # apart from both, since the picture before; None: everything
         self.surface: Surface = self._pygame.Surface((width, height), 0, 32) if surface is None else surface
+        self._noted: list[Placed] | None = None  # what is painted, while it is noted and nothing but surfaces
 
     def fill(self, color: Rgba) -> None:
         """Paint all of it; transparency does not count here."""
         self.surface.fill(color[:3])
-        self._below, self._over, self._taken_off, self._changed, self._deeper = None, [], [], None, _NOTHING
 
-    # -- from picture to picture -----------------------------------------------------------------------------
-
-    def show(self, below: "Surface") -> None:
-        """Begin a picture with what `keep` gave; where it was shown last, only what was painted over it is restored."""
-        if self.is_tracked and below is self._deeper[0]:  # of what lies below, some is to be taken off
-            self._below, self._over, self._deeper = below, [*self._deeper[1], *self._over], _NOTHING
-        if self.is_tracked and below is self._below:
-            self.surface.blits([(below, box, box) for box, _ in self._over], doreturn=False)
-            self._taken_off, self._changed = self._over, []
-        else:
-            self.surface.blit(below, (0, 0))
-            self._taken_off, self._changed, self._deeper = [], None, _NOTHING
-        self._below, self._over = below, []
-
-    def keep(self) -> "Surface":
-        """What was painted so far, to `show` it again."""
-        below = self.surface.copy()
-        self._deeper = self._below, self._over
-        if self._changed is not None:
-            self._changed += [box for box, _ in (*self._taken_off, *self._over)]
-        self._below, self._over, self._taken_off = below, [], []
-        return below
-
-    def changes(self) -> "list[Box] | None":
-        """Where this picture may differ from the one before, as far as it is tracked; None: anywhere."""
-        if self._changed is None or not self.is_tracked:
-            return None
-        return self._changed + _differing(self._taken_off, self._over)
-
-    def cut(self, corners: Sequence[tuple[int, int]], strip: PixelArray) -> None:
-        """Write squares of the picture, by their upper left corners, side by side into a strip that is as high."""
-        pixels, side = self._pygame.surfarray.pixels2d(self.surface).T, len(strip)
-        for number, (x, y) in enumerate(corners):
-            strip[:, number * side : (number + 1) * side] = pixels[y : y + side, x : x + side]
-
-    def laid(self, paint: "Callable[[], None]") -> "list[Placed] | None":
-        """Paint, and return what `stamps` would need to paint the same again; None where that is not known."""
-        begin = len(self._over)
+    def noted(self, paint: "Callable[[], None]") -> "list[Placed] | None":
+        """Paint, and return what `stamps` needs to paint the same again; None where that is not known, or much."""
+        self._noted = []
         paint()
-        laid = [placed for _, placed in self._over[begin:] if placed is not None]
-        return laid if self.is_tracked and len(laid) == len(self._over) - begin else None
+        noted, self._noted = self._noted, None
+        return noted
 
     def _lay(self, surface: "Surface", place: tuple[int, int]) -> None:
-        self._note(self.surface.blit(surface, place), (surface, place))
-
-    def _note(self, box: Any, placed: Placed | None = None) -> None:
-        if self.is_tracked:
-            self._over.append((tuple(box), placed))
+        self.surface.blit(surface, place)
+        if self._noted is not None:
+            self._noted.append((surface, place))
 
     def pixels(self) -> ByteArray:
         """RGB, as (height, width, 3); a copy, which is read-only."""
         data = self._pygame.image.tobytes(self.surface, "RGB")
         return np.frombuffer(data, np.uint8).reshape(self.height, self.width, 3)
 
-    def copy_bgrx(self, buffer: bytearray) -> None:
-        """Write blue, green, red and a byte without meaning, row by row, into a buffer of that size."""
+    def bgrx(self) -> PixelArray:
+        """Blue, green, red and a byte without meaning, as one number for each pixel; painted over by the next frame."""
         if self.surface.get_masks()[:3] == _BGRX and self.surface.get_pitch() == 4 * self.width:
-            buffer[:] = memoryview(self.surface.get_buffer())  # type: ignore[arg-type] # it is a buffer, untyped
+            data: Any = self.surface.get_buffer()
         else:
-            buffer[:] = self._pygame.image.tobytes(self.surface, "BGRA")
+            data = self._pygame.image.tobytes(self.surface, "BGRA")
+        return np.frombuffer(data, np.uint32).reshape(self.height, self.width)
 
     # -- shapes ----------------------------------------------------------------------------------------------
 
@@ -186,22 +140,15 @@ class Canvas:
         self._lay(stamp(patch.coverage, color), (patch.left, patch.top))
 
     def stamps(self, placed: Iterable[Placed], count: int) -> None:
-        """Paint so many surfaces, in order; of many it is faster to track none than each."""
-        if self.is_tracked and count <= _MOST_TRACKED:
-            placed = list(placed)
-            boxes = self.surface.blits(placed, doreturn=True)
-            self._over.extend(((x, y, w, h), one) for (x, y, w, h), one in zip(boxes or (), placed, strict=True))
-            return
-        self.note_all()
+        """Paint so many surfaces, in order."""
+        if self._noted is not None:
+            placed = list(placed) if count <= _MOST_NOTED else placed
+            self._noted = [*self._noted, *placed] if isinstance(placed, list) else None
         fast = getattr(self.surface, "fblits", None)  # of pygame-ce
         if fast is None:
             self.surface.blits(placed, doreturn=False)
         else:
             fast(placed)
-
-    def note_all(self) -> None:
-        """Note that all of the surface is painted on by others."""
-        self._note((0, 0, self.width, self.height))
 
     @contextmanager
     def _painted(self, low: FloatArray, high: FloatArray, alpha: int) -> Iterator[tuple["Surface", int, int]]:
@@ -209,7 +156,7 @@ class Canvas:
         left, top = np.maximum(low, 0).astype(int).tolist()
         right, bottom = np.minimum(high, (self.width, self.height)).astype(int).tolist()
         area = self._pygame.Rect(left, top, max(right - left, 0), max(bottom - top, 0))
-        self._note(area)
+        self._noted = None
         if alpha == 255:
             yield self.surface, 0, 0
             return
@@ -245,15 +192,6 @@ class Canvas:
         """Draw an image file in a square of `side` px around (x, y), turned counter-clockwise by degrees."""
         drawn = _image(path, round(min(side, _MOST_IMAGE_PX)), round(angle % 360.0, 1))
         self._lay(drawn, (round(x - drawn.get_width() / 2), round(y - drawn.get_height() / 2)))
-
-
-def _differing(before: list[Mark], now: list[Mark]) -> list[Box]:
-    """Where a picture differs from the one before; what stays, in the same order, changes nothing."""
-    both = set(before).intersection(now)
-    stay = {mark for mark in both if mark[1] is not None}
-    if [mark for mark in before if mark in stay] != [mark for mark in now if mark in stay]:
-        stay = set()
-    return [mark[0] for mark in (*before, *now) if mark not in stay]
 
 
 def text_width(words: str, font_px: int) -> int:

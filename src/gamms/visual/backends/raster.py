@@ -43,10 +43,10 @@ class Painting:
 
     def paint(self, canvas: Canvas, camera: Camera) -> None:
         """Paint what the camera sees, from back to front."""
-        if canvas.is_tracked and self._laid[0] == camera:
+        if self._laid[0] == camera:
             canvas.stamps(self._laid[1], len(self._laid[1]))
             return
-        laid = canvas.laid(lambda: self._paint_anew(canvas, camera))
+        laid = canvas.noted(lambda: self._paint_anew(canvas, camera))
         self._laid = (None, []) if laid is None else (camera, laid)
 
     def _paint_anew(self, canvas: Canvas, camera: Camera) -> None:
