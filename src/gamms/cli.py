@@ -35,7 +35,7 @@ if TYPE_CHECKING:
     from gamms.game import Result
     from gamms.osm import Report
     from gamms.scenario import Scenario
-    from gamms.scenario.references import Found
+    from gamms.scenario.code import Found
 
 app = typer.Typer(
     name="gamms",
@@ -225,7 +225,7 @@ def _changes(texts: list[str]) -> dict[str, Any]:
 
 def _found_strategies(texts: list[str]) -> "dict[str, tuple[Found, Path]]":
     """Find the code of `--strategy`: team or agent -> where it is, and the folder to import it from."""
-    from gamms.scenario.references import chosen
+    from gamms.scenario.code import chosen
 
     found = {}
     for text in texts:

@@ -109,6 +109,10 @@ def test_a_plan_that_was_taken_away_stays_away(made):
 def test_wrong_plans_are_named(made):
     for change, message in (
         ({"teams.red.plan": "players:spread"}, "teams.red.strategy: is never asked, because the team has a plan"),
+        (
+            {"teams.blue.plan": "players:spread", "teams.blue.strategy": None},
+            "teams.blue.agents.0.strategy: is never asked",
+        ),
         ({"teams.red.plan": "players:spred", "teams.red.strategy": None}, "teams.red.plan: .*'spred'.*'spread'"),
         (
             {"teams.red.plan": {"function": "players:spread", "with": {"stop": 1}}, "teams.red.strategy": None},

@@ -2,7 +2,7 @@
 
 from collections.abc import Callable, Hashable, Iterable, Mapping
 from math import inf
-from typing import Any, cast
+from typing import Annotated, Any, cast
 
 import numpy as np
 
@@ -12,6 +12,7 @@ from gamms.errors import BadType, BadValue, UnknownName
 from gamms.rules.hooks import with_hooks
 from gamms.text import shown
 from gamms.typing import ColorType, NodeId, Rule
+from gamms.typing.game import OWNERS, TEAMS
 from gamms.visual.drawers.rules import TERRITORIES, TerritoryDrawer, as_text
 
 __all__ = ["by_distance", "halves", "published"]
@@ -23,7 +24,7 @@ Colors = Mapping[Any, ColorType]  # team -> colour
 
 
 def by_distance(
-    ctx: Context, bases: Mapping[Any, NodeId | Iterable[NodeId]], weight: str | None = "length"
+    ctx: Context, bases: Annotated[Mapping[Any, NodeId | Iterable[NodeId]], OWNERS], weight: str | None = "length"
 ) -> dict[int, Hashable]:
     """Give every node to the team whose base is nearest by road, there or back, whichever is shorter.
 
@@ -53,7 +54,9 @@ def by_distance(
     return {node: owners[node] for node in graph.get_nodes() if node in owners}
 
 
-def halves(ctx: Context, axis: str = "x", teams: Iterable[Hashable] | None = None) -> dict[int, Hashable]:
+def halves(
+    ctx: Context, axis: str = "x", teams: Annotated[Iterable[Hashable] | None, TEAMS] = None
+) -> dict[int, Hashable]:
     """Split the map across an axis, with as nearly as many nodes on either side.
 
     Args:

@@ -1,26 +1,358 @@
-"""Runs the code that a scenario names: imports it, and makes strategies and rules with it."""
+"""The code that a scenario names: found without importing any of it, then imported, and called.
 
+A name in a file may mean three things, and nothing else. In the folder of the file: a function that is defined there.
+Of GAMMS: what the modules in `OFFERED` list. Of an installed package: what an entry point of the group
+`gamms.scenario` names, or, if the caller allows the package, what that defines itself.
+"""
+
+import ast
+import hashlib
 import importlib
+import os
 import sys
-from collections.abc import Callable, Iterator, Mapping
+from collections.abc import Callable, Iterable, Iterator, Mapping
 from contextlib import contextmanager
 from functools import partial, update_wrapper
+from importlib.util import find_spec
 from inspect import Parameter, signature
-from pathlib import Path
+from pathlib import Path, PureWindowsPath
 from types import ModuleType
-from typing import Any
+from typing import Any, NamedTuple
 
+from gamms.arguments import as_items
 from gamms.context import Context
-from gamms.errors import nearest
-from gamms.scenario.documents import ScenarioError, joined
-from gamms.scenario.references import Found, Sources, find, is_defined_in, private_package
+from gamms.errors import BadType, BadValue, nearest
+from gamms.limits import refuse_above
+from gamms.plain import Plain
+from gamms.scenario.documents import ScenarioError, at, copied, joined
 from gamms.text import shown
 
+OFFERED = ("gamms.strategies", "gamms.rules", "gamms.rules.territory", "gamms.demo.strategies")
+GROUP = "gamms.scenario"  # of entry points
+RULES = "gamms.rules"  # the module of rules that are named without one
+GIVEN_LATER = ("ctx", "state", "states", "arrays")  # first parameters that the game gives, not the file
+_ARGUMENTS = {"strategy": ("state",), "plan": ("states", "arrays"), "rule": ("ctx",)}
+_NAMED = (Parameter.POSITIONAL_OR_KEYWORD, Parameter.KEYWORD_ONLY)
+_BYTES_PER_LETTER = 1 << 10  # that a file of Python takes as a syntax tree: "f();f();…" takes 720
+_REFUSED = frozenset({"__main__", "gamms", *sys.stdlib_module_names})
 _stamps: dict[str, dict[Path, tuple[int, int]]] = {}  # private package -> when its files were written, and how long
 
 
+Function = Callable[..., Any]
+Parameters = Mapping[str, Plain]
+
+
+class Sources(NamedTuple):
+    """The places where the code of a scenario may be; the caller sets them, never a file.
+
+    Attributes:
+        folder: of the scenario; None: only GAMMS and installed packages.
+        allow: installed packages that may be named without an entry point.
+    """
+
+    folder: Path | None = None
+    allow: tuple[str, ...] = ()
+
+
+class Found(NamedTuple):
+    """A reference to code, and where it leads."""
+
+    path: str  # where in the scenario it stands
+    text: str  # the reference
+    module: str  # dotted; for a file, below the folder of the scenario
+    function: str  # its name in the module; "" for the module's `map_strategy`
+    file: Path | None  # None for a module of an installed package
+    owner: str | None  # the package that must define the function; None where its name alone says that it may be used
+
+    def __str__(self) -> str:
+        """Name the function and its file, as `gamms run` prints it."""
+        name = f"{self.module}:{self.wanted}"
+        return f"{name}, installed" if self.file is None else f"{name}, from {self.file}"
+
+    @property
+    def wanted(self) -> str:
+        """Return the name of the function."""
+        return self.function or "map_strategy"
+
+
+def allowed(packages: Iterable[str]) -> tuple[str, ...]:
+    """Check the packages that a caller allows.
+
+    Raises:
+        BadType: they are one text, or no texts.
+        BadValue: one is no package, or one whose functions are never offered.
+    """
+    names = tuple(as_items(packages, "allow", "names of packages, such as ['my_package'],"))
+    if not all(isinstance(name, str) for name in names):
+        raise BadType(f"allow must be names of packages, such as ['my_package'], not {shown(packages)}.")
+    for name in names:
+        if not _is_dotted(name):
+            raise BadValue(f"{shown(name)} in allow is not the name of a package.")
+        if name.partition(".")[0] in _REFUSED:
+            raise BadValue(f"{shown(name)} cannot be allowed: scenarios never name all of GAMMS, nor of Python itself.")
+    return names
+
+
+def private_package(folder: Path) -> str:
+    """Return the name under which the modules of a folder are imported."""
+    return f"_gamms_scenario_{hashlib.sha256(str(folder.resolve()).encode()).hexdigest()[:16]}"
+
+
+def is_defined_in(value: object, package: str) -> bool:
+    """Return whether a package defines what is called: a function, a class, or the class of an object."""
+
+    def is_own(part: object) -> bool:
+        name = getattr(part, "__module__", None)
+        return isinstance(name, str) and (name == package or name.startswith(f"{package}."))
+
+    if not callable(value) or not is_own(value):
+        return False
+    if not isinstance(value, type):
+        return True
+    makers = ((value.__init__, object.__init__), (value.__new__, object.__new__), (type(value).__call__, type.__call__))  # type: ignore[misc] # of the class itself
+    return all(maker is plain or is_own(maker) for maker, plain in makers)
+
+
+def inside(text: str, folder: Path | None, path: str, what: str) -> Path:
+    """Return the path of a file in the folder of a scenario or below, whether it exists or not.
+
+    Raises:
+        ScenarioError: it would be elsewhere, directly or through a symbolic link.
+    """
+    if folder is None:
+        raise ScenarioError(path, f"{text!r} is a {what}, and a scenario without a file needs folder= to find it in.")
+    given = PureWindowsPath(text)  # knows both kinds of slash, and drives
+    if given.anchor or ".." in given.parts or "\0" in text:
+        raise ScenarioError(path, f"{text!r} leads out of the folder of the scenario. Put the {what} into it.")
+    file = folder.joinpath(*given.parts)
+    if not file.resolve().is_relative_to(folder.resolve()):
+        raise ScenarioError(path, f"{text!r} leads out of the folder of the scenario, to {file.resolve()}.")
+    return file
+
+
+def find(text: str, sources: Sources, path: str, *, short: str | None = None) -> Found:
+    """Find the code of a reference; nothing is imported but the parts of GAMMS that are offered.
+
+    Args:
+        text: `module:function`, `file.py:function`, or one of these without `:function`.
+        sources: where it may be; the folder is looked through first.
+        path: where in the scenario the reference stands.
+        short: the module of a name without a colon; None if that is a module.
+
+    Raises:
+        ScenarioError: there is no such file, module or function, or it may not be named.
+    """
+    return _checked(_located(text, sources, path, short), is_imported_allowed=False)
+
+
+def chosen(text: str, path: str) -> tuple[Found, Path]:
+    """Find code that a person asks for, and its folder: a file may be anywhere, and import the function.
+
+    Raises:
+        ScenarioError: there is no such file, module or function.
+    """
+    left, colon, function = text.rpartition(":")
+    if not colon:
+        raise ScenarioError(path, f"{text!r} is not a reference to code; write mine.py:strategy or module:function.")
+    file = Path(left).absolute() if left.endswith(".py") else None
+    folder = Path.cwd() if file is None else file.parent
+    top = left.partition(".")[0]
+    allow = (top,) if file is None and _is_dotted(left) and top not in _REFUSED else ()
+    found = _located(text if file is None else f"{file.name}:{function}", Sources(folder, allow), path)
+    return _checked(found, is_imported_allowed=True)._replace(owner=None), folder
+
+
+def offered(module: str) -> list[str]:
+    """Return the names of the functions that a module of GAMMS offers; none if it is for programs only."""
+    if module not in OFFERED:
+        return []
+    found = importlib.import_module(module)
+    return [name for name in found.__all__ if callable(getattr(found, name))]
+
+
+def offered_function(text: str, short: str | None = None) -> Function | None:
+    """Return the function of a reference if GAMMS offers it; see `find`."""
+    module, _, name = (text if ":" in text or short is None else f"{short}:{text}").partition(":")
+    return getattr(importlib.import_module(module), name) if name in offered(module) else None
+
+
+def _located(text: str, sources: Sources, path: str, short: str | None = None) -> Found:
+    """Find the module of a reference; whether the function is there is not looked at yet."""
+    folder = sources.folder
+    left, colon, function = text.partition(":")
+    if not colon and short is not None:
+        left, colon, function = short, ":", left
+    if (colon and not function.isidentifier()) or not left:
+        raise ScenarioError(path, f"{shown(text)} is not a reference to code; write module:function.")
+    if left.endswith(".py") or "/" in left or "\\" in left:
+        file = inside(left, folder, path, "Python file")
+        if not file.is_file():
+            raise ScenarioError(path, f"there is no file {left!r} in {folder}.{_neighbour(left, folder)}")
+        dotted = ".".join(PureWindowsPath(left).with_suffix("").parts)
+        if not _is_dotted(dotted):
+            raise ScenarioError(path, f"{left!r} cannot be imported: it may have letters, digits and _ in its name.")
+        return _in(folder or Path(), Found(path, text, dotted, function, file, None))
+    if not _is_dotted(left):
+        raise ScenarioError(path, f"{shown(text)} is not a reference to code; write module:function.")
+    if left.partition(".")[0] == "gamms":
+        if left not in OFFERED:
+            hint = nearest(left, OFFERED) or f" Scenarios may name what is in {', '.join(OFFERED)}."
+            raise ScenarioError(path, f"{left!r} is not offered to scenarios.{hint}")
+        return Found(path, text, left, function, None, None)
+    in_folder = None if folder is None else _in_folder(left, folder, path)
+    if folder is not None and in_folder is not None:
+        return _in(folder, Found(path, text, left, function, in_folder, None))
+    found = Found(path, text, left, function, None, None)
+    return found._replace(owner=_owner(found, sources))
+
+
+def _in(folder: Path, found: Found) -> Found:
+    """Check that no package that is imported on the way to a module leads out of the folder."""
+    *packages, _ = found.module.split(".")
+    for depth in range(1, len(packages) + 1):
+        inside("/".join([*packages[:depth], "__init__.py"]), folder, found.path, "Python file")
+    return found._replace(owner=private_package(folder))
+
+
+def _in_folder(dotted: str, folder: Path, path: str) -> Path | None:
+    """Return the file of a module in the folder."""
+    stem = "/".join(dotted.split("."))
+    for text in (f"{stem}/__init__.py", f"{stem}.py"):
+        if folder.joinpath(text).is_file():
+            return inside(text, folder, path, "Python file")
+    return None
+
+
+def _owner(found: Found, sources: Sources) -> str:
+    """Return the installed package, or the part of it, whose functions may be named.
+
+    Raises:
+        ScenarioError: it is not installed, or was not allowed to be named.
+    """
+    dotted, top, path = found.module, found.module.partition(".")[0], found.path
+    if top in _REFUSED:
+        raise ScenarioError(
+            path, f"{found.text!r} is not code for games: Python's own modules are not offered to scenarios."
+        )
+    try:
+        spec = find_spec(top)
+    except (ValueError, ImportError):
+        spec = None
+    if spec is None:
+        where = "installed" if sources.folder is None else f"in {sources.folder}, nor installed"
+        hint = _neighbour(dotted, sources.folder) or _built_in(dotted)
+        raise ScenarioError(path, f"there is no module {dotted!r} {where}.{hint}")
+    for package in sources.allow:
+        if dotted == package or dotted.startswith(f"{package}."):
+            return package
+    places = list(spec.submodule_search_locations or ()) or [spec.origin or ""]
+    if any(Path(place).resolve().parent in _start_folders() for place in places):
+        raise ScenarioError(
+            path, f"the module {dotted!r} is in {places[0]}, which is neither the folder of the scenario nor installed."
+        )
+    for module, function in _entry_points():
+        if module == dotted and function in ("", found.wanted):
+            return top if function else module
+    raise ScenarioError(
+        path,
+        f"the installed package {top!r} does not offer {dotted}:{found.wanted} to scenarios."
+        f"{_neighbour(dotted, sources.folder)} If you trust this file with all that the package defines: "
+        f"--allow {top}, or allow=[{top!r}] in Python.",
+    )
+
+
+def _entry_points() -> Iterable[tuple[str, str]]:
+    """Yield module and function of what installed packages offer; "" for all that a module defines."""
+    from importlib.metadata import entry_points
+
+    for entry in entry_points(group=GROUP):
+        module, _, function = entry.value.partition("[")[0].partition(":")
+        yield module.strip(), function.strip()
+
+
+def _start_folders() -> set[Path]:
+    """Return the folders of which Python imports modules only because of where it was started."""
+    folders = {Path.cwd()}
+    main = getattr(sys.modules.get("__main__"), "__file__", None)
+    if main is not None:
+        folders.add(Path(main).resolve().parent)
+    chosen = {Path(one).resolve() for one in os.environ.get("PYTHONPATH", "").split(os.pathsep) if one}
+    return folders - chosen - {Path(__file__).resolve().parents[2]}
+
+
+def _neighbour(name: str, folder: Path | None) -> str:
+    """Return a hint at a file of the folder with nearly that name."""
+    if folder is None or not folder.is_dir():
+        return ""
+    names = sorted(file.name for file in folder.glob("*.py"))
+    return nearest(name, names if name.endswith(".py") else [one.removesuffix(".py") for one in names])
+
+
+def _built_in(name: str) -> str:
+    near = nearest(name, offered("gamms.strategies"))
+    return near.replace("Did you mean '", "Did you mean 'gamms.strategies:")
+
+
+def _checked(found: Found, *, is_imported_allowed: bool) -> Found:
+    """Refuse a function that can be seen not to be there, or to be defined elsewhere."""
+    if found.file is not None:
+        own, others = _names_in(found.file, found.path)
+        if found.wanted in others - own and not is_imported_allowed:
+            raise ScenarioError(
+                found.path,
+                f"{found.wanted!r} is not defined in {found.file}, only imported there. Name it where it is.",
+            )
+        names: Iterable[str] = own | others if is_imported_allowed else own
+    elif found.module in OFFERED:
+        names = offered(found.module)
+    else:
+        return found
+    if found.wanted not in names and "*" not in names:
+        hint = nearest(found.wanted, sorted(names)) or (
+            "" if found.function else " Write module:function, or give the module one."
+        )
+        raise ScenarioError(found.path, f"there is no function {found.wanted!r} in {found.file or found.module}.{hint}")
+    return found
+
+
+def _is_dotted(text: str) -> bool:
+    return all(part.isidentifier() for part in text.split("."))
+
+
+def _names_in(file: Path, path: str) -> tuple[set[str], set[str]]:
+    """Return the names that a file binds: its own or the folder's, and those that it imports from elsewhere.
+
+    "*" is among its own where only running it could tell.
+    """
+    with at(path):
+        refuse_above(file.stat().st_size * _BYTES_PER_LETTER, f"reading {file}")
+    try:
+        tree = ast.parse(file.read_bytes(), str(file))
+    except (SyntaxError, ValueError, RecursionError, MemoryError) as error:
+        raise ScenarioError(path, f"{file} is not Python: {error}.") from None
+    own: set[str] = set()
+    others: set[str] = set()
+    waiting: list[ast.AST] = list(tree.body)
+    while waiting:
+        node = waiting.pop()
+        if isinstance(node, (ast.FunctionDef, ast.AsyncFunctionDef, ast.ClassDef)):
+            own.add("*" if node.name == "__getattr__" else node.name)
+            continue
+        if isinstance(node, (ast.Import, ast.ImportFrom)):
+            names = {(alias.asname or alias.name).partition(".")[0] for alias in node.names}
+            is_own = "*" in names or (isinstance(node, ast.ImportFrom) and node.level > 0)
+            (own if is_own else others).update(names)
+        elif isinstance(node, ast.Name) and isinstance(node.ctx, ast.Store):
+            own.add(node.id)
+        waiting.extend(ast.iter_child_nodes(node))
+    return own, others
+
+
+# -- importing and calling --------------------------------------------------------------------------------------
+
+
 class Library:
-    """The functions that a scenario has asked for; each is looked for once.
+    """The functions of a scenario, each imported once.
 
     Args:
         sources: where they may be.
@@ -28,10 +360,10 @@ class Library:
 
     def __init__(self, sources: Sources) -> None:
         self._sources = sources
-        self._known: dict[str, Callable[..., Any]] = {}
+        self._known: dict[str, Function] = {}
 
-    def get(self, text: str, path: str, short: str | None = None) -> Callable[..., Any]:
-        """Return the function of a reference; see `find`.
+    def get(self, text: str, path: str, short: str | None = None) -> Function:
+        """Import the function of a reference; see `find`.
 
         Raises:
             ScenarioError: there is none; it names the path.
@@ -41,8 +373,8 @@ class Library:
             self._known[key] = function_of(find(text, self._sources, path, short=short), self._sources.folder)
         return self._known[key]
 
-    def known(self, text: str, short: str | None = None) -> Callable[..., Any] | None:
-        """Return the function of a reference if something has asked for it; else None, and nothing is imported."""
+    def known(self, text: str, short: str | None = None) -> Function | None:
+        """Return the function of a reference if it has been imported; else None."""
         return self._known.get(_key(text, short))
 
 
@@ -50,7 +382,7 @@ def _key(text: str, short: str | None) -> str:
     return f"{short}:{text}" if short and ":" not in text else text
 
 
-def function_of(found: Found, folder: Path | None) -> Callable[..., Any]:
+def function_of(found: Found, folder: Path | None) -> Function:
     """Import the code of a reference.
 
     A module from the folder gets a private name, so that `strategies.py` of two scenarios are two modules, and
@@ -61,7 +393,7 @@ def function_of(found: Found, folder: Path | None) -> Callable[..., Any]:
     """
     with _raising(found.path, f"importing {found.text!r} failed:"):
         module = importlib.import_module(found.module) if found.file is None else _private(found, folder or Path())
-        function = getattr(module, found.wanted, None)
+        function: Function | None = getattr(module, found.wanted, None)
     if not callable(function):
         hint = nearest(found.wanted, [name for name in vars(module) if not name.startswith("_")])
         raise ScenarioError(found.path, f"there is no function {found.wanted!r} in {found.text!r}.{hint}")
@@ -71,12 +403,12 @@ def function_of(found: Found, folder: Path | None) -> Callable[..., Any]:
             f"{found.wanted!r} in {found.text!r} is from elsewhere, {getattr(function, '__module__', 'nowhere')}. A "
             "scenario may name what is defined there: write a function that calls it.",
         )
-    return function  # type: ignore[no-any-return] # it can be called
+    return function
 
 
 @contextmanager
 def _raising(path: str, what: str) -> Iterator[None]:
-    """Say of an error of the scenario's code where the scenario names the code; of SystemExit, too.
+    """Turn what the code of a scenario raises, SystemExit included, into an error at the place that names it.
 
     Raises:
         ScenarioError: in its place.
@@ -90,7 +422,7 @@ def _raising(path: str, what: str) -> Iterator[None]:
 
 
 def _private(found: Found, folder: Path) -> ModuleType:
-    """Import a module of a scenario under a private name; again if its file has changed."""
+    """Import a module of the folder of a scenario under a private name; again if a file has changed."""
     folder = folder.resolve()
     package = private_package(folder)
     stamps = _stamps.setdefault(package, {})
@@ -120,126 +452,93 @@ def _stamp(file: Path) -> tuple[int, int]:
     return (status.st_mtime_ns, status.st_size)
 
 
-def strategy_of(function: Callable[..., Any], given: Mapping[str, Any] | None, ctx: Context, path: str) -> Any:
-    """Return the strategy that a function is, or makes.
+def made(function: Function, given: Parameters, ctx: Context | None, path: str, what: str) -> Function:
+    """Return the strategy, plan or rule that a function is, or that it makes.
 
-    A function whose first parameter is `state`, or that takes something and is given nothing, is the strategy. One
-    whose first parameter is `ctx`, that takes nothing, or that is given parameters, makes it.
+    It is one if its first parameter has the name in `_ARGUMENTS`, or if it needs an argument and is given nothing. One
+    whose first parameter is `ctx`, that takes nothing, or that is given parameters, makes one.
 
-    Raises:
-        ScenarioError: the parameters do not fit, or what it makes is not a function.
-    """
-    return _decider_of(function, given, ctx, path, ("state",), "strategy")
-
-
-def plan_of(function: Callable[..., Any], given: Mapping[str, Any] | None, ctx: Context, path: str) -> Any:
-    """Return the plan that a function is, or makes; as `strategy_of`, but with `states` or `arrays` first.
+    Args:
+        function: the function.
+        given: its parameters.
+        ctx: the context for a function that takes it.
+        path: where in the scenario it is named.
+        what: "strategy", "plan" or "rule".
 
     Raises:
         ScenarioError: the parameters do not fit, or what it makes is not a function.
     """
-    return _decider_of(function, given, ctx, path, ("states", "arrays"), "plan")
-
-
-def _decider_of(
-    function: Callable[..., Any],
-    given: Mapping[str, Any] | None,
-    ctx: Context,
-    path: str,
-    arguments: tuple[str, ...],
-    what: str,
-) -> Any:
-    first, takes_any = first_of(function), needs(function)
-    if first in arguments or (first != "ctx" and not given and takes_any):
-        return _bound(function, (None,), given, path)
-    return made(function, given, (ctx,) if first == "ctx" else (), path, what)
-
-
-def rule_of(function: Callable[..., Any], given: Mapping[str, Any] | None, path: str) -> Any:
-    """Return the rule that a function is, or makes.
-
-    A function whose first parameter is `ctx`, or that needs something and is given nothing, is the rule. Any other
-    makes it.
-
-    Raises:
-        ScenarioError: the parameters do not fit, or what it makes is not a function.
-    """
-    if first_of(function) == "state":
-        raise ScenarioError(
-            path, f"{getattr(function, '__name__', function)} takes a state: it is not a rule, but a strategy."
-        )
-    if first_of(function) == "ctx" or (not given and needs(function)):
-        return _bound(function, (None,), given, path)
-    return made(function, given, (), path, "rule")
-
-
-def made(
-    function: Callable[..., Any], given: Mapping[str, Any] | None, first: tuple[Any, ...], path: str, what: str
-) -> Any:
-    """Return what a function makes of its parameters; it can be called.
-
-    Raises:
-        ScenarioError: the parameters do not fit, the function raises, or what it makes cannot be called.
-    """
-    one = called(function, given, first, path)
+    first, name = first_of(function), getattr(function, "__name__", function)
+    if what == "rule" and first == "state":
+        raise ScenarioError(path, f"{name} takes a state: it is not a rule, but a strategy.")
+    if first in _ARGUMENTS[what] or (first != "ctx" and not given and needs(function)):
+        check_parameters(function, given, 1, path)
+        return update_wrapper(partial(function, **given), function) if given else function
+    one = called(function, given, (ctx,) if first == "ctx" else (), path)
     if not callable(one):
-        name = getattr(function, "__name__", function)
         raise ScenarioError(path, f"{name} gives {shown(one)}, which is not a {what}.")
-    return one
+    return one  # type: ignore[no-any-return] # it can be called
 
 
-def called(function: Callable[..., Any], given: Mapping[str, Any] | None, first: tuple[Any, ...], path: str) -> Any:
-    """Call a function.
+def called(function: Function, given: Parameters, first: tuple[object, ...], path: str) -> Any:
+    """Call a function and return what it returns.
 
     Raises:
         ScenarioError: the parameters do not fit, or the function raises, which is then the cause.
     """
-    check_parameters(function, given or {}, first, path)
+    check_parameters(function, given, len(first), path)
     with _raising(path, f"{getattr(function, '__name__', function)} raised"):
-        return function(*first, **(given or {}))
+        return function(*first, **given)
 
 
-def check_parameters(function: Callable[..., Any], given: Mapping[str, Any], first: tuple[Any, ...], path: str) -> None:
-    """Compare parameters with those that a function takes, the first ones aside.
+def check_parameters(function: Function, given: Iterable[str], first: int, path: str) -> None:
+    """Compare parameters with those that a function takes, the `first` ones aside.
 
     Raises:
         ScenarioError: one is not known, or missing.
     """
-    try:
-        known = list(signature(function).parameters.values())
-    except (TypeError, ValueError):  # some functions in C
+    known = _parameters_of(function)
+    if known is None:
         return
     name = getattr(function, "__name__", str(function))
     takes_all = any(one.kind is Parameter.VAR_KEYWORD for one in known)
-    left = [one for one in known[len(first) :] if one.kind in (Parameter.POSITIONAL_OR_KEYWORD, Parameter.KEYWORD_ONLY)]
-    names = [one.name for one in left]
+    left = {one.name: one for one in known[first:] if one.kind in _NAMED}
     for key in given:
-        if key not in names and not takes_all:
-            hint = nearest(key, names) or (f" It takes: {', '.join(names)}." if names else " It takes none.")
+        if key not in left and not takes_all:
+            hint = nearest(key, left) or (f" It takes: {', '.join(left)}." if left else " It takes none.")
             raise ScenarioError(joined(path, f"with.{key}"), f"{name} takes no such parameter.{hint}")
-    for one in left:
-        if one.default is Parameter.empty and one.name not in given:
-            raise ScenarioError(joined(path, f"with.{one.name}"), f"is missing; {name} needs it.")
+    for key, one in left.items():
+        if one.default is Parameter.empty and key not in given:
+            raise ScenarioError(joined(path, f"with.{key}"), f"is missing; {name} needs it.")
 
 
-def first_of(function: Callable[..., Any]) -> str:
+def first_of(function: Function) -> str:
     """Return the name of the first parameter; "" without one."""
-    try:
-        return next(iter(signature(function).parameters), "")
-    except (TypeError, ValueError):
-        return ""
+    return next((one.name for one in _parameters_of(function) or ()), "")
 
 
-def needs(function: Callable[..., Any], first: tuple[Any, ...] = ()) -> bool:
-    """Whether a function cannot be called with these arguments alone."""
-    try:
-        known = list(signature(function).parameters.values())[len(first) :]
-    except (TypeError, ValueError):
-        return True
+def needs(function: Function, first: int = 0) -> bool:
+    """Return whether a function cannot be called with the `first` parameters alone."""
+    known = _parameters_of(function)
     variable = (Parameter.VAR_POSITIONAL, Parameter.VAR_KEYWORD)
-    return any(one.default is Parameter.empty and one.kind not in variable for one in known)
+    return known is None or any(one.default is Parameter.empty and one.kind not in variable for one in known[first:])
 
 
-def _bound(function: Callable[..., Any], first: tuple[Any, ...], given: Mapping[str, Any] | None, path: str) -> Any:
-    check_parameters(function, given or {}, first, path)
-    return update_wrapper(partial(function, **given), function) if given else function
+def plain_defaults(function: Function) -> dict[str, Plain]:
+    """Return the defaults of a function's parameters, those that a file could hold."""
+    defaults = {}
+    for one in _parameters_of(function) or ():
+        if one.kind in _NAMED and one.default is not Parameter.empty and one.name not in GIVEN_LATER:
+            try:
+                defaults[one.name] = copied(one.default)
+            except ScenarioError:
+                continue
+    return defaults
+
+
+def _parameters_of(function: Function) -> list[Parameter] | None:
+    """Return the parameters of a function; None of one in C that does not say."""
+    try:
+        return list(signature(function).parameters.values())
+    except (TypeError, ValueError):
+        return None

@@ -11,14 +11,13 @@ from gamms.errors import BadType
 from gamms.game.result import Result
 from gamms.ir.graph import GraphColumns
 from gamms.recorder import Recording
-from gamms.scenario import documents, world
-from gamms.scenario.building import Building, Strategies
-from gamms.scenario.checks import check_code, check_sense, unknown_strategies, written_out
-from gamms.scenario.code import Library
+from gamms.scenario import documents, maps
+from gamms.scenario.builder import Builder, Strategies, written_out
+from gamms.scenario.code import Found, Library, Sources, allowed
 from gamms.scenario.documents import ScenarioError, named
-from gamms.scenario.references import Found, Sources, allowed
+from gamms.scenario.placement import members, node_at, place
 from gamms.scenario.spec import LatLon, Place, Spec, checked
-from gamms.scenario.world import members, node_at, place
+from gamms.scenario.validation import check_code, check_sense, unknown_strategies
 from gamms.text import shown
 from gamms.typing.graph_engine import Engine as GraphEngine
 from gamms.visual import Engine
@@ -60,7 +59,7 @@ class Scenario:
             self._raw: dict[str, Any] = documents.copied(given)
             self.spec: Spec = checked(self._raw, Spec)
             check_sense(self.spec)
-        self._loaded = cache(partial(world.load, self.spec.map, self.folder, self._library))
+        self._loaded = cache(partial(maps.load, self.spec.map, self.folder, self._library))
 
     def to_dict(self) -> dict[str, Any]:
         """Return its contents as plain values: `Scenario(**scenario.to_dict())` is the same."""
@@ -99,8 +98,8 @@ class Scenario:
         Raises:
             ScenarioError: there is no such node, or it is not a place.
         """
-        with named(self.file), create_context(logger_config=world.quiet()) as ctx:
-            world.put(ctx, self._loaded())
+        with named(self.file), create_context(logger_config=maps.quiet()) as ctx:
+            maps.put(ctx, self._loaded())
             return node_at(ctx, place if isinstance(place, LatLon) else checked(place, Place, "place"), "place")
 
     def code(self) -> list[Found]:
@@ -121,9 +120,9 @@ class Scenario:
         found = self.code()
         agents = members(self.spec)
         done = ["keys, types and names", f"{len(found)} references to code (found, not run)"]
-        if world.is_data(self.spec.map):
-            with named(self.file), create_context(seed=self.spec.seed, logger_config=world.quiet()) as ctx:
-                world.put(ctx, self._loaded())
+        if maps.is_data(self.spec.map):
+            with named(self.file), create_context(seed=self.spec.seed, logger_config=maps.quiet()) as ctx:
+                maps.put(ctx, self._loaded())
                 place(ctx, self.spec, agents)
                 done += [f"the map ({len(ctx.graph.graph)} nodes)", f"the places of {len(agents)} agents"]
         return done
@@ -159,15 +158,15 @@ class Scenario:
         ctx = create_context(
             graph_engine,
             vis_engine,
-            logger_config=world.quiet(),
+            logger_config=maps.quiet(),
             seed=self.spec.seed if seed is None else seed,
             game={**self._settings(), "max_turns": self.spec.turns},
         )
         try:
             with named(self.file):
-                world.put(ctx, map)
-                building = Building(ctx, self.spec, self._library, given)
-                building.build()
+                maps.put(ctx, map)
+                builder = Builder(ctx, self.spec, self._library, given)
+                builder.build()
                 ctx.game.scenario = written_out(self.spec, self._library)
         except BaseException:
             ctx.terminate()
@@ -175,7 +174,7 @@ class Scenario:
 
         def draw_again() -> None:
             with named(self.file):
-                building.draw_again()
+                builder.draw_again()
 
         ctx.game.draw_start = draw_again
         return ctx

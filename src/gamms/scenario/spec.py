@@ -1,11 +1,11 @@
-"""The keys of a scenario file and their types, checked by msgspec; errors name the place and what was probably meant.
+"""The schema of a scenario file: its keys, their types and defaults, and what is wrong with a value. Uses msgspec.
 
 `Spec` is the whole file. Every class is one mapping in it; a key that is not listed is an error.
 """
 
+import re
 import types
-from collections.abc import Iterable
-from typing import Annotated, Any, Literal, Union, cast, get_args, get_origin
+from typing import Annotated, Any, Literal, Union, get_args, get_origin
 
 import msgspec
 from msgspec import Meta
@@ -30,13 +30,12 @@ Reference = Annotated[
 ]
 Travel = Literal["walk", "bike", "drive"]
 Values = dict[str, Any]
-Kind = object  # a type, or a form such as `int | None`
 
 
 class _Mapping(
     msgspec.Struct, forbid_unknown_fields=True, frozen=True, kw_only=True, rename={"with_": "with", "from_": "from"}
 ):
-    """One mapping of the file."""
+    """A mapping of the file."""
 
 
 class LatLon(_Mapping, frozen=True, kw_only=True):
@@ -118,7 +117,7 @@ class Map(_Mapping, frozen=True, kw_only=True):
 
 
 class Sensor(_Mapping, frozen=True, kw_only=True):
-    """What each agent that carries it gets one of: a built-in type, or a function."""
+    """A kind of sensor, built-in or a function, of which each agent that names it gets one."""
 
     type: str | None = None
     function: Reference | None = None
@@ -135,14 +134,14 @@ class Sensor(_Mapping, frozen=True, kw_only=True):
 
 
 class From(_Mapping, frozen=True, kw_only=True):
-    """Away from every agent of an earlier team, as the crow flies."""
+    """A distance to every agent of an earlier team, in a straight line."""
 
     team: Name
     at_least: Metres
 
 
-class _Equipment(_Mapping, frozen=True, kw_only=True):
-    """What a team says for all its agents, and an agent for itself."""
+class Equipment(_Mapping, frozen=True, kw_only=True):
+    """The keys that a team sets for all its agents, and an agent for itself."""
 
     type: Literal["basic", "aerial"] | None = None
     speed: Annotated[float, Meta(gt=0.0)] | None = None
@@ -152,15 +151,15 @@ class _Equipment(_Mapping, frozen=True, kw_only=True):
     meta: Values = {}
 
 
-class Agent(_Equipment, frozen=True, kw_only=True):
+class Agent(Equipment, frozen=True, kw_only=True):
     """One agent; without a node it is placed as its team says."""
 
     name: Name
     node: Place | None = None
 
 
-class Team(_Equipment, frozen=True, kw_only=True):
-    """Agents that play together: listed, or so many of them placed by chance."""
+class Team(Equipment, frozen=True, kw_only=True):
+    """Agents that play together: listed, or a number of them placed at random."""
 
     count: Count = 0
     agents: list[Agent] = []
@@ -181,7 +180,7 @@ class Rule(_Mapping, frozen=True, kw_only=True):
 
 
 class ByPriority(_Mapping, frozen=True, kw_only=True):
-    """The teams, the first to win first."""
+    """The teams in the order in which they win."""
 
     by_priority: Annotated[list[Name], Meta(min_length=1)]
 
@@ -224,93 +223,93 @@ class Spec(_Mapping, frozen=True, kw_only=True):
     data: Values = {}
 
 
-def schema() -> dict[str, Any]:
+def schema() -> Values:
     """Return the JSON Schema of a scenario file, for editors."""
     return {"$schema": "https://json-schema.org/draft/2020-12/schema", **msgspec.json.schema(Spec)}
 
 
-def plain_of(spec: Spec) -> dict[str, Any]:
-    """Return everything in a scenario, defaults included, as plain values."""
-    plain: dict[str, Any] = msgspec.to_builtins(spec)
-    return plain
-
-
-def _is_mapping(kind: Kind) -> bool:
-    """Whether a type is one of the mappings above."""
-    return isinstance(kind, type) and issubclass(kind, msgspec.Struct)
-
-
-def _fields_of(kind: Kind) -> dict[str, tuple[Kind, bool]]:
-    """Return the type of each key, and whether the key must be there."""
-    return {
-        field.encode_name: (field.type, field.required)
-        for field in msgspec.structs.fields(cast("type[msgspec.Struct]", kind))
-    }
-
-
-def given_values(part: _Mapping) -> dict[str, Any]:
-    """Return the values in a mapping that are not None, by Python's names."""
-    values = {name: getattr(part, name) for name in part.__struct_fields__}
-    return {name: value for name, value in values.items() if value is not None}
-
-
-# -- checks ----------------------------------------------------------------------------------------------------------
-
-
-def checked(value: object, kind: Kind, path: str = "") -> Any:
-    """Convert plain values to what a type describes.
+def checked(value: object, kind: Any, path: str = "") -> Any:  # Any: a type, or a union of types
+    """Convert plain values to a type.
 
     Raises:
-        ScenarioError: they are not; it names the innermost place that is wrong.
+        ScenarioError: they do not fit; it names the innermost place that is wrong, and the nearest valid key.
     """
     try:
         return msgspec.convert(value, kind)
     except (ValueError, TypeError, RecursionError) as error:
-        raise _explained(value, kind, path, error) from None
+        raise _explained(value, kind, path, str(error)) from None
 
 
-def unknown_key(path: str, key: object, value: object, known: Iterable[object]) -> ScenarioError:
-    """Return the error of an unknown key."""
-    names = [str(one) for one in known]
-    hint = nearest(key, names) or (f" Keys here are: {', '.join(names)}." if names else "")
-    return ScenarioError(joined(path, key), f"unknown key, with the value {shown(value)}.{hint}")
+def to_plain(part: msgspec.Struct) -> Values:
+    """Return a mapping of the schema as plain values, defaults included."""
+    plain: Values = msgspec.to_builtins(part)
+    return plain
 
 
-def _explained(value: object, kind: Kind, path: str, error: Exception) -> ScenarioError:
+def given_values(part: msgspec.Struct) -> Values:
+    """Return the values of a mapping by Python's names: all that are not None."""
+    values = {name: getattr(part, name) for name in part.__struct_fields__}
+    return {name: value for name, value in values.items() if value is not None}
+
+
+# -- errors -----------------------------------------------------------------------------------------------------
+
+# A step of a path of msgspec: `.name` of a mapping above, `[3]` of a list, `[...]` for some value of another mapping.
+_STEP = re.compile(r"\.(\w+)|\[(?:(\d+)|\.\.\.)\]")
+
+
+def _explained(value: Any, kind: object, path: str, message: str) -> ScenarioError:
+    """Return the error for a value that is not of a type, at the place that msgspec's message names."""
+    words, _, place = message.rpartition(" - at `") if " - at `" in message else (message, "", "")
+    for name, number in _STEP.findall(place):
+        step: str | int | None = int(number) if number else name or None
+        kind = _kind_of(kind, step)
+        if step is None:
+            return _explained_within(value, kind, path, message)
+        value, path = value[step], joined(path, step)
+    for fields in map(_fields_of, _options(kind)) if isinstance(value, dict) else ():
+        for key in value if fields else ():
+            if key not in fields:
+                hint = nearest(key, fields) or f" Keys here are: {', '.join(fields)}."
+                return ScenarioError(joined(path, key), f"unknown key, with the value {shown(value[key])}.{hint}")
+        for key, field in fields.items():
+            if field.required and key not in value:
+                return ScenarioError(joined(path, key), f"is missing in {shown(value)}.")
+    return ScenarioError(path, f"cannot be {shown(value)}: {_in_words(value, kind, words)}")
+
+
+def _explained_within(values: dict[Any, Any], kind: Any, path: str, message: str) -> ScenarioError:
+    """Return the error for the first value of a mapping that is not of a type."""
+    for key, value in values.items():
+        try:
+            msgspec.convert(value, kind)
+        except (ValueError, TypeError, RecursionError) as error:
+            return _explained(value, kind, joined(path, key), str(error))
+    return ScenarioError(path, message)
+
+
+def _kind_of(kind: object, step: str | int | None) -> object:
+    """Return the type of what a step leads to; None stands for any value of a mapping."""
     for option in _options(kind):
-        if _is_mapping(option) and isinstance(value, dict):
-            known = _fields_of(option)
-            for key in value:
-                if key not in known:
-                    return unknown_key(path, key, value[key], known)
-            for key, (_, is_required) in known.items():
-                if is_required and key not in value:
-                    return ScenarioError(joined(path, key), f"is missing in {shown(value)}.")
-        for key, inner, inner_kind in _parts(value, option):
-            try:
-                msgspec.convert(inner, inner_kind)
-            except (ValueError, TypeError, RecursionError) as inner_error:
-                return _explained(inner, inner_kind, joined(path, key), inner_error)
-    return ScenarioError(path, f"cannot be {shown(value)}: {_in_words(value, kind, str(error))}")
+        origin, arguments, fields = get_origin(option), get_args(option), _fields_of(option)
+        if isinstance(step, str) and step in fields:
+            return fields[step].type
+        if step is None and origin is dict:
+            return arguments[1]
+        if isinstance(step, int) and origin in (list, tuple):
+            return arguments[step if origin is tuple else 0]
+    return Any
 
 
-def _parts(value: object, kind: Kind) -> list[tuple[object, object, Kind]]:
-    """Return key, value and type of what a value is made of, as far as it may be of that type."""
-    origin, args = get_origin(kind), get_args(kind)
-    if isinstance(value, dict):
-        if _is_mapping(kind):
-            known = _fields_of(kind)
-            return [(key, inner, known[key][0]) for key, inner in value.items() if key in known]
-        return [(key, inner, args[1]) for key, inner in value.items()] if origin is dict else []
-    if isinstance(value, list) and origin is list:
-        return [(number, inner, args[0]) for number, inner in enumerate(value)]
-    if isinstance(value, list) and origin is tuple and len(value) == len(args):
-        return [(number, inner, one) for number, (inner, one) in enumerate(zip(value, args, strict=True))]
-    return []
+def _fields_of(kind: object) -> dict[str, msgspec.structs.FieldInfo]:
+    """Return the keys of a mapping of the schema; nothing for another type."""
+    if not (isinstance(kind, type) and issubclass(kind, msgspec.Struct)):
+        return {}
+    return {field.encode_name: field for field in msgspec.structs.fields(kind)}
 
 
-def _options(kind: Kind) -> list[Kind]:
-    """Return the types of a union, without their notes."""
+def _options(kind: object) -> list[object]:
+    """Return the types that a type may be, without their annotations."""
     if get_origin(kind) is Annotated:
         return _options(get_args(kind)[0])
     if get_origin(kind) in (Union, types.UnionType):
@@ -318,10 +317,10 @@ def _options(kind: Kind) -> list[Kind]:
     return [kind]
 
 
-def _in_words(value: object, kind: Kind, message: str) -> str:
-    """Say what is possible instead."""
+def _in_words(value: object, kind: object, message: str) -> str:
+    """Return what is possible instead of a value."""
     choices = [choice for option in _options(kind) if get_origin(option) is Literal for choice in get_args(option)]
     if choices:
         return f"use one of {', '.join(map(str, choices))}.{nearest(value, choices)}"
     plain = message.replace("`", "").replace("null", "nothing").replace("object", "mapping").replace("array", "list")
-    return f"{plain[:1].lower()}{plain[1:].split(' - at ')[0]}."
+    return f"{plain[:1].lower()}{plain[1:]}."

@@ -1,0 +1,446 @@
+"""Builds the game of a scenario in a context, draws it again for another seed, and writes out its defaults."""
+
+from collections.abc import Mapping
+from copy import deepcopy
+from dataclasses import dataclass
+from importlib import import_module
+from typing import Any, NamedTuple
+
+from gamms.agent import Member as Agent
+from gamms.arguments import as_int
+from gamms.context import Context
+from gamms.game import Game, Plan
+from gamms.graph.storage import MapSnapshot
+from gamms.plain import Plain, is_same
+from gamms.scenario.code import (
+    GIVEN_LATER,
+    RULES,
+    Function,
+    Library,
+    called,
+    first_of,
+    made,
+    needs,
+    plain_defaults,
+)
+from gamms.scenario.documents import ScenarioError, at, copied, joined
+from gamms.scenario.placement import Member, members, node_at, place
+from gamms.scenario.spec import ByPriority, Code, Conflicts, LatLon, Spec, Values, checked, given_values, to_plain
+from gamms.scenario.spec import Plan as PlanSpec
+from gamms.scenario.spec import Rule as RuleSpec
+from gamms.scenario.validation import NamedCode, call_in, code_in, sensor_type
+from gamms.sensor.catalog import KINDS
+from gamms.text import shown
+from gamms.typing.game import IConflicts, Rule
+
+Strategies = Mapping[str, Function]  # by team or agent
+_Start = int | tuple[float, float, float]  # a node, or (x, y, z)
+
+
+@dataclass
+class _Built:
+    """An agent, with what it was built of."""
+
+    agent: Agent
+    node: int
+    start: _Start
+    meta: Values
+    functions: dict[str, tuple[Any, Function]]  # sensor -> itself and its function
+    strategy: Function | None = None
+
+
+class Builder:
+    """Builds a game in a context that has the map already.
+
+    Args:
+        ctx: the context.
+        spec: the scenario.
+        library: its functions.
+        strategies: by team or agent, in place of those of the scenario.
+    """
+
+    def __init__(self, ctx: Context, spec: Spec, library: Library, strategies: Strategies) -> None:
+        self.ctx, self.spec, self.library, self.given = ctx, spec, library, strategies
+        self.members = members(spec)
+        self.by_team: dict[str, list[Member]] = {}
+        for member in self.members:
+            self.by_team.setdefault(member.team, []).append(member)
+        self._agents: dict[str, _Built] = {}
+        self._rules: dict[str, Rule] = {}  # by their names in the game
+        self._plans: dict[str, Plan] = {}  # by team
+        self._values = _values_of(ctx.game)
+        self._map: MapSnapshot | None = None  # as it was before the code of the scenario changed it, if that did
+
+    def build(self) -> None:
+        """Put agents, facts, strategies, rules and conflicts into the context.
+
+        Raises:
+            ScenarioError: something cannot be done as it is written.
+        """
+        map = self.ctx.graph.storage.snapshot()
+        nodes = place(self.ctx, self.spec, self.members)
+        for member in self.members:
+            self._agents[member.name] = self._add_agent(member, nodes[member.name])
+        game = self.ctx.game
+        self._add_values()
+        for name, strategy in self._strategies().items():
+            self._agents[name].agent.register_strategy(strategy)
+            self._agents[name].strategy = strategy
+        self._plans = self._made_plans()
+        game.plans = self._plans
+        for number, given in enumerate(self.spec.rules):
+            with at(f"rules.{number}"):
+                rule = self._rule(given, f"rules.{number}")
+                keywords: dict[str, Any] = {} if isinstance(given, str) else {"phase": given.phase, "name": given.name}
+                game.add(rule, **keywords)
+            self._rules[game.rules[-1].name] = rule
+        if self.spec.conflicts is not None:
+            with at("conflicts"):
+                game.conflicts = self._conflicts(self.spec.conflicts)
+        self._values = _values_of(game)
+        if (map.revision, map.obstacle_revision) != (self.ctx.graph.graph.revision, self.ctx.graph.obstacle_revision):
+            self._map = map
+
+    def draw_again(self) -> None:
+        """Make again what follows from the seed of the context, which has changed.
+
+        These are places, what functions give, strategies and rules. What was changed since then stays as it is: an
+        agent that was moved, another strategy, a fact that was published.
+
+        Raises:
+            ScenarioError: something cannot be done as it is written; not all agents can be placed, for example.
+        """
+        if self._map is not None:
+            self.ctx.graph.storage.restore(self._map)
+        nodes = place(self.ctx, self.spec, self.members)
+        for member in self.members:
+            self._draw_agent(member, nodes[member.name])
+        game = self.ctx.game
+        changes = _take_out(game, self._values)
+        self._add_values()
+        for name, strategy in self._strategies().items():
+            built = self._agents[name]
+            if built.agent.strategy is built.strategy:
+                built.agent.register_strategy(strategy)
+            built.strategy = strategy
+        before, self._plans = self._plans, self._made_plans()
+        game.plans = {team: self._plans[team] if one == before.get(team) else one for team, one in game.plans.items()}
+        self._draw_rules()
+        self._values = _values_of(game)
+        _put_back(game, *changes)
+
+    def _draw_rules(self) -> None:
+        """Make the rules again, prepare them, and put them in place of those that are still there."""
+        now = self.ctx.game.rules
+        for (name, before), (number, given) in zip(list(self._rules.items()), enumerate(self.spec.rules), strict=True):
+            with at(f"rules.{number}"):
+                rule: Any = self._rule(given, f"rules.{number}")
+                if hasattr(rule, "prepare"):
+                    rule.prepare(self.ctx)
+            now = tuple(one._replace(rule=rule) if one.name == name and one.rule is before else one for one in now)
+            self._rules[name] = rule
+        self.ctx.game.restore_rules(now)
+
+    def _add_values(self) -> None:
+        game = self.ctx.game
+        with at("facts"):
+            game.publish(**self._parameters(self.spec.facts, "facts"))
+        game.data.update(self._parameters(self.spec.data, "data"))
+
+    # -- agents and sensors -------------------------------------------------------------------------------------
+
+    def _add_agent(self, member: Member, node: int) -> _Built:
+        start, meta = self._start(member, node), self._config(member)["meta"]
+        keywords: dict[str, Any] = {"team": member.team, "meta": meta}
+        if isinstance(start, tuple):
+            keywords |= {"type": "AERIAL", "position": start}
+        speed = self._of(member, "speed")
+        if speed is not None:
+            keywords["speed"] = speed
+        functions = {}
+        with at(member.path):
+            sensors = {name: self._sensor(name, member) for name in self._of(member, "sensors") or ()}
+            agent = self.ctx.agent.create_agent(member.name, start_node_id=node, sensors=sensors, **keywords)
+        for name, sensor in sensors.items():
+            if self.spec.sensors[name].function is not None:
+                functions[name] = sensor, sensor.function
+        return _Built(agent, node, start, deepcopy(meta), functions)
+
+    def _draw_agent(self, member: Member, node: int) -> None:
+        built, start, meta = self._agents[member.name], self._start(member, node), self._config(member)["meta"]
+        agent: Any = built.agent  # with attributes of its own
+        _move_start(agent, built.start, start)
+        if is_same(getattr(agent, "meta", None), built.meta):
+            agent.meta = meta
+        for name, (sensor, before) in built.functions.items():
+            with at(f"sensors.{name}"):
+                function = self._function(name)
+                if sensor.function is before:
+                    sensor.function = function
+            built.functions[name] = sensor, function
+        built.node, built.start, built.meta = node, start, deepcopy(meta)
+
+    def _of(self, member: Member, key: str) -> Any:
+        """Return what an agent sets for itself, else what its team sets for it; None if neither does."""
+        own = getattr(member.listed, key, None)
+        return getattr(self.spec.teams[member.team], key) if own is None else own
+
+    def _start(self, member: Member, node: int) -> _Start:
+        if self._of(member, "type") != "aerial":
+            return node
+        _, x, y = self.ctx.graph.graph.get_node(node)[:3]
+        return (x, y, self._of(member, "altitude") or 0.0)
+
+    def _config(self, member: Member) -> Values:
+        """Return what the paper's `map_strategy` gets to know of an agent, but for its node."""
+        meta = {**self.spec.teams[member.team].meta, **(member.listed.meta if member.listed else {})}
+        return {
+            "team": member.team,
+            "type": self._of(member, "type") or "basic",
+            "sensors": list(self._of(member, "sensors") or ()),
+            "meta": {"team": member.team, **self._parameters(meta, joined(member.path, "meta"))},
+        }
+
+    def _sensor(self, name: str, member: Member) -> Any:
+        sensor, id = self.spec.sensors[name], f"{member.name}/{name}"
+        with at(f"sensors.{name}"):
+            if sensor.function is not None:
+                return self.ctx.sensor.from_function(id, self._function(name))
+            keywords = given_values(sensor)
+            kind = sensor_type(keywords.pop("type"))
+            if isinstance(sensor.at, tuple):
+                keywords["at"] = (float(sensor.at[0]), float(sensor.at[1]))
+            return self.ctx.sensor.create_sensor(id, kind, **keywords)
+
+    def _function(self, name: str) -> Function:
+        """Return the function of a sensor, or what it makes if it is made with parameters."""
+        sensor, path = self.spec.sensors[name], f"sensors.{name}"
+        function = self.library.get(sensor.function or "", path)
+        given = self._parameters(sensor.with_ or {}, f"{path}.with")
+        if given or first_of(function) == "ctx":
+            function = called(function, given, (self.ctx,) if first_of(function) == "ctx" else (), path)
+        return function
+
+    # -- strategies ---------------------------------------------------------------------------------------------
+
+    def _strategies(self) -> dict[str, Function]:
+        """Make the strategies: agent -> its own, of those that have one."""
+        mapped: dict[str, Mapping[str, Function]] = {}
+        made_for = {member.name: self._strategy(member, mapped) for member in self.members}
+        return {name: strategy for name, strategy in made_for.items() if strategy is not None}
+
+    def _strategy(self, member: Member, mapped: dict[str, Mapping[str, Function]]) -> Function | None:
+        given = self.given.get(member.name, self.given.get(member.team))
+        if given is not None:
+            return made(given, {}, self.ctx, f"strategies[{shown(member.team)}]", "strategy")
+        is_own = member.listed is not None and member.listed.strategy is not None
+        path = f"{member.path if is_own else f'teams.{member.team}'}.strategy"
+        strategy = self._of(member, "strategy")
+        if strategy is None:
+            return None
+        code = _as_code(strategy)
+        if ":" not in code.function:
+            if path not in mapped:
+                mapped[path] = self._map_strategy(code, path, [member] if is_own else self.by_team[member.team])
+            return _mapped_for(member, mapped[path], path)
+        return self._made(code, path, "strategy")
+
+    def _made(self, code: Code, path: str, what: str) -> Function:
+        """Return the strategy, plan or rule that a function is, or makes."""
+        function = self.library.get(code.function, path, RULES if what == "rule" else None)
+        return made(function, self._parameters(code.with_, f"{path}.with"), self.ctx, path, what)
+
+    def _made_plans(self) -> dict[str, Plan]:
+        """Make the plans: team -> its own, of those that have one and are given no strategy instead."""
+        plans = {}
+        for name, team in self.spec.teams.items():
+            if team.plan is None or name in self.given:
+                continue
+            code, path = _as_code(team.plan), f"teams.{name}.plan"
+            named = [member.name for member in self.by_team.get(name, []) if member.name in self.given]
+            if named:
+                raise ScenarioError(path, f"decides for {named[0]!r} as well: give a strategy for the whole team.")
+            plans[name] = Plan(self._made(code, path, "plan"), getattr(code, "arrays", False))
+        return plans
+
+    def _map_strategy(self, code: Code, path: str, listed: list[Member]) -> Mapping[str, Function]:
+        """Call the `map_strategy` of a module for agents."""
+        config = {one.name: {"start_node_id": self._agents[one.name].node, **self._config(one)} for one in listed}
+        function = self.library.get(code.function, path)
+        answer = called(function, self._parameters(code.with_, f"{path}.with"), (config,), path)
+        if not isinstance(answer, Mapping):
+            raise ScenarioError(path, f"map_strategy gives {shown(answer)}, and not a dict of agents and strategies.")
+        return answer
+
+    # -- rules, conflicts, values -------------------------------------------------------------------------------
+
+    def _rule(self, given: str | RuleSpec, path: str) -> Rule:
+        code = Code(function=given) if isinstance(given, str) else Code(function=given.rule, with_=given.with_)
+        return self._made(code, path, "rule")
+
+    def _conflicts(self, given: Conflicts) -> IConflicts:
+        rules, path = import_module(RULES), "conflicts.resolve"
+        capacity = given.capacity
+        if isinstance(capacity, dict):
+            capacity = {_as_node(node, "conflicts.capacity"): number for node, number in capacity.items()}
+        if isinstance(given.resolve, ByPriority):
+            resolve = rules.by_priority(given.resolve.by_priority)
+        elif given.resolve in ("at_random", "nobody"):
+            resolve = getattr(rules, given.resolve)()
+        else:
+            resolve = self.library.get(given.resolve, path)
+        conflicts: IConflicts = rules.Conflicts(capacity, given.among, allow_swaps=given.allow_swaps, resolve=resolve)
+        return conflicts
+
+    def _parameters(self, given: Values, path: str) -> Values:
+        """Return parameters or facts by name, each as `_value` makes it."""
+        return {name: self._value(one, joined(path, name)) for name, one in given.items()}
+
+    def _value(self, value: Plain, path: str) -> Any:
+        """Copy a value, in which `{node_at: [x, y]}` becomes a node, and `{function: …, with: …}` what that gives."""
+        if isinstance(value, list):
+            return [self._value(one, joined(path, number)) for number, one in enumerate(value)]
+        if not isinstance(value, Mapping):
+            return value
+        call = call_in(value, [path])
+        if call is not None:
+            return self._call(call, path)
+        if set(value) == {"node_at"}:
+            where = joined(path, "node_at")
+            return node_at(self.ctx, checked(value["node_at"], LatLon | tuple[float, float], where), where)
+        return {key: self._value(one, joined(path, key)) for key, one in value.items()}
+
+    def _call(self, call: Code, path: str) -> Any:
+        """Return what a function among the parameters gives, or itself if it is one that is called later."""
+        function = self.library.get(call.function, path)
+        given = self._parameters(call.with_, joined(path, "with"))
+        first = (self.ctx,) if first_of(function) == "ctx" else ()
+        if first_of(function) == "state":
+            return made(function, given, self.ctx, path, "strategy")
+        return called(function, given, first, path) if given or not needs(function, len(first)) else function
+
+
+def _as_code(given: str | Code) -> Code:
+    return Code(function=given) if isinstance(given, str) else given
+
+
+def _mapped_for(member: Member, mapped: Mapping[str, Function], path: str) -> Function | None:
+    strategy = mapped.get(member.name)
+    if strategy is not None and not callable(strategy):
+        raise ScenarioError(path, f"map_strategy gives {shown(strategy)} for {member.name!r}, which is no strategy.")
+    return strategy
+
+
+def _as_node(key: str | int, path: str) -> int:
+    """Return the node that a key stands for: in JSON, all keys are texts."""
+    try:
+        return as_int(int(key), "A node id")
+    except ValueError:
+        raise ScenarioError(joined(path, key), "is no node id.") from None
+
+
+# -- changes that are not the scenario's --------------------------------------------------------------------------
+
+
+class _GameValues(NamedTuple):
+    """The values of a game before its first turn."""
+
+    facts: dict[str, Any]
+    data: dict[str, Any]
+    scores: dict[Any, float]
+    events: list[dict[str, Any]]
+
+
+def _values_of(game: Game) -> _GameValues:
+    """Copy the values of a game."""
+    return _GameValues(dict(game.facts), deepcopy(game.data), dict(game.scores), [dict(event) for event in game.events])
+
+
+def _take_out(game: Game, built: _GameValues) -> tuple[_GameValues, list[str]]:
+    """Empty a game; return what was added or changed since it held `built`, and which keys of `data` were removed."""
+    now = _values_of(game)
+    removed = [key for key in built.data if key not in now.data]
+    game.state.facts.clear()
+    game.data.clear()
+    game.scores.clear()
+    game.events.clear()
+    return _GameValues(
+        {name: fact for name, fact in now.facts.items() if fact is not built.facts.get(name)},
+        _changed(now.data, built.data),
+        _changed(now.scores, built.scores),
+        now.events[len(built.events) :],
+    ), removed
+
+
+def _put_back(game: Game, changed: _GameValues, removed: list[str]) -> None:
+    """Make the changes again that `_take_out` has returned."""
+    game.publish(**changed.facts)
+    game.data.update(changed.data)
+    for key in removed:
+        game.data.pop(key, None)
+    game.scores.update(changed.scores)
+    game.events.extend(changed.events)
+
+
+def _move_start(agent: Any, before: _Start, now: _Start) -> None:
+    """Move an agent to another start, unless the program has moved it away from the old one."""
+    is_aerial = isinstance(now, tuple)
+    if (agent.position if is_aerial else agent.current_node_id) != before:
+        return
+    if is_aerial:
+        agent.position = now
+        agent.position = now  # so that its position before is the same
+    else:
+        agent.current_node_id = agent.prev_node_id = now
+
+
+def _changed(now: Mapping[Any, Plain], built: Mapping[Any, Plain]) -> dict[Any, Plain]:
+    return {key: value for key, value in now.items() if key not in built or not is_same(value, built[key])}
+
+
+# -- defaults -----------------------------------------------------------------------------------------------------
+
+
+def written_out(spec: Spec, library: Library) -> Values:
+    """Return a scenario as plain values with the defaults of its keys and functions, as a recording holds it.
+
+    A later version builds the same game of it. A default that is no plain value, such as a function, is left out.
+    Nothing is imported: what the caller has replaced, such as a strategy, stays as it is written.
+    """
+    plain: Values = copied(to_plain(spec))
+    for sensor in plain["sensors"].values():
+        kind = None if sensor["type"] is None else sensor_type(sensor["type"])
+        usual = {} if kind is None else copied(KINDS[kind].keywords)
+        sensor |= {name: value for name, value in usual.items() if sensor[name] is None}
+    for one in code_in(spec):
+        if one.what != "resolver":
+            _write_defaults(plain, one, library.known(one.reference, one.short))
+    return plain
+
+
+def _write_defaults(plain: Values, one: NamedCode, function: Function | None) -> None:
+    """Write a function and its defaults as a mapping, in place of its name alone."""
+    here: Any = plain
+    for key in one.keys[:-1]:
+        here = here[key]
+    code = here[one.keys[-1]]
+    if isinstance(code, str):
+        code = _in_full(one.what, code)
+    given = code.get("with") or {}
+    if function is not None:
+        first = first_of(function)
+        is_called = given or (
+            first == "ctx" if one.what == "sensor" else not needs(function, int(first in GIVEN_LATER))
+        )
+        if is_called:
+            given = {**plain_defaults(function), **given}
+        elif one.what == "sensor":
+            given = None
+    here[one.keys[-1]] = {**code, "with": given}
+
+
+def _in_full(what: str, reference: str) -> Values:
+    """Return a reference as the mapping that it is short for."""
+    if what == "rule":
+        return to_plain(RuleSpec(rule=reference))
+    return to_plain((PlanSpec if what == "plan" else Code)(function=reference))

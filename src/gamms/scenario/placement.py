@@ -1,0 +1,197 @@
+"""Places the agents: on the node that is given for them, or on one drawn as their team says."""
+
+from collections.abc import Iterable, Mapping
+from typing import NamedTuple
+
+import numpy as np
+
+from gamms.context import Context
+from gamms.errors import UnknownName
+from gamms.ir.graph import FloatArray, IntArray
+from gamms.ir.obstacles import BoolArray
+from gamms.limits import refuse_above
+from gamms.scenario.documents import ScenarioError, at, joined
+from gamms.scenario.spec import Agent, From, LatLon, Place, Spec, Team
+from gamms.text import shown
+
+_AGENT_BYTES = 10_000  # that plays; 5,000 measured, and what it remembers
+_SENSOR_BYTES = 2_000  # 1,000 measured, and what it shows
+_TRIES = 20  # as `ctx.graph.place`: when agents have to keep apart, an unlucky beginning may leave no room
+
+
+class Member(NamedTuple):
+    """One agent of a team."""
+
+    name: str
+    team: str
+    path: str  # in the scenario
+    listed: Agent | None  # its entry in the list of agents; None for a counted one
+
+
+def members(spec: Spec) -> list[Member]:
+    """Return all agents of a scenario in its order: of each team the listed ones, then the counted.
+
+    Raises:
+        ScenarioError: a name is there twice, or there are more agents than memory is allowed for.
+    """
+    found: list[Member] = []
+    total = 0  # bytes
+    for team, said in spec.teams.items():
+        path = f"teams.{team}"
+        with at(f"{path}.count"):
+            total += said.count * (_AGENT_BYTES + _SENSOR_BYTES * len(said.sensors or ()))
+            refuse_above(total, f"{shown(said.count)} agents")
+        listed = [
+            Member(agent.name, team, f"{path}.agents.{number}", agent) for number, agent in enumerate(said.agents)
+        ]
+        counted = [Member(f"{team}_{number}", team, path, None) for number in range(said.count)]
+        found += [*listed, *counted]
+    seen: dict[str, Member] = {}
+    for member in found:
+        if member.name in seen:
+            where = joined(member.path, "name" if member.listed else "count")
+            raise ScenarioError(
+                where,
+                f"there is already an agent named {shown(member.name)}, in {seen[member.name].path}. Choose another.",
+            )
+        seen[member.name] = member
+    return found
+
+
+def place(ctx: Context, spec: Spec, agents: Iterable[Member]) -> dict[str, int]:
+    """Return the node on which each agent starts, by name.
+
+    An agent that is placed by chance draws from a stream of its team's and its own name: how many there are in other
+    teams moves no agent, unless a team keeps away `from` them, and more agents of a team do not move those before.
+
+    Raises:
+        ScenarioError: a node is unknown, or so many do not fit; it says how many did.
+    """
+    map = _Places(ctx)
+    nodes: dict[str, int] = {}
+    by_team: dict[str, list[Member]] = {team: [] for team in spec.teams}
+    for member in agents:
+        by_team[member.team].append(member)
+    rows: dict[str, IntArray] = {}
+    for name, team in spec.teams.items():
+        placed = _Team(map, name, team, rows).place(by_team[name])
+        rows[name] = np.array(list(placed.values()), np.int64)
+        nodes.update((agent, map.ids[row]) for agent, row in placed.items())
+    return nodes
+
+
+def node_at(ctx: Context, given: Place, path: str) -> int:
+    """Return the node that an id, [x, y], or a latitude and longitude means.
+
+    Raises:
+        ScenarioError: there is no such node, or the map knows no degrees.
+    """
+    with at(path):
+        if isinstance(given, LatLon):
+            return int(ctx.graph.nearest_node(lat=given.lat, lon=given.lon))
+        if isinstance(given, tuple):
+            return int(ctx.graph.nearest_node(*given))
+        if not ctx.graph.graph.has_node(given):
+            raise UnknownName("node", given)
+        return int(given)
+
+
+class _Places:
+    """Rows and positions of the nodes of a map."""
+
+    def __init__(self, ctx: Context) -> None:
+        self.ctx, columns = ctx, ctx.graph.columns()
+        self.ids: list[int] = columns.node_ids.tolist()
+        self.xy: FloatArray = columns.xy
+        self._row_of: dict[int, int] | None = None
+
+    def row_of(self, node: int) -> int:
+        if self._row_of is None:
+            self._row_of = {id: row for row, id in enumerate(self.ids)}
+        return self._row_of[node]
+
+    def metres(self, x: float, y: float) -> FloatArray:
+        """Return how far all nodes are from a place, in a straight line."""
+        return np.hypot(self.xy[:, 0] - x, self.xy[:, 1] - y)
+
+
+class _Team:
+    """Places the agents of one team."""
+
+    def __init__(self, map: _Places, name: str, said: Team, others: Mapping[str, IntArray]) -> None:
+        self.map, self.name, self.said, self.path = map, name, said, f"teams.{name}"
+        self.away = [said.from_] if isinstance(said.from_, From) else said.from_
+        self.others = others
+
+    def place(self, team: list[Member]) -> dict[str, int]:
+        """Return the row of each agent's node, by name."""
+        given = [(one.name, one.listed.node, f"{one.path}.node") for one in team if one.listed]
+        fixed = {
+            name: self.map.row_of(node_at(self.map.ctx, node, path)) for name, node, path in given if node is not None
+        }
+        free = [member.name for member in team if member.name not in fixed]
+        drawn = self._drawn(free, list(fixed.values())) if free else {}
+        return {member.name: (fixed | drawn)[member.name] for member in team}
+
+    def _drawn(self, names: list[str], taken: list[int]) -> dict[str, int]:
+        allowed = self._allowed()
+        best: dict[str, int] = {}
+        for attempt in range(_TRIES if self.said.apart else 1):
+            drawn = self._try(names, allowed.copy(), taken, attempt)
+            if len(drawn) == len(names):
+                return drawn
+            best = max(best, drawn, key=len)
+        raise ScenarioError(self.path, self._refusal(len(best), len(names), taken))
+
+    def _try(self, names: list[str], allowed: BoolArray, taken: list[int], attempt: int) -> dict[str, int]:
+        """Draw a node for one agent after the other, of those that are left."""
+        for row in taken:
+            self._close(allowed, row)
+        drawn: dict[str, int] = {}
+        for name in names:
+            rows = np.flatnonzero(allowed)
+            if not len(rows):
+                break
+            stream = self.map.ctx.stream("scenario", "place", self.name, name, attempt)
+            drawn[name] = row = int(rows[stream.integers(len(rows))])
+            self._close(allowed, row)
+        return drawn
+
+    def _close(self, allowed: BoolArray, row: int) -> None:
+        """Exclude a node, and those that are too near to it."""
+        allowed[row] = False
+        if self.said.apart:
+            allowed[self.map.metres(*self.map.xy[row]) < self.said.apart] = False
+
+    def _allowed(self) -> BoolArray:
+        """Return on which nodes the team may start (nodes,)."""
+        allowed = np.ones(len(self.map.ids), np.bool_)
+        if self.said.near is not None and self.said.within is not None:
+            centre = self.map.row_of(node_at(self.map.ctx, self.said.near, f"{self.path}.near"))
+            x, y = self.said.near if isinstance(self.said.near, tuple) else self.map.xy[centre]
+            allowed &= self.map.metres(x, y) <= self.said.within
+        for one in self.away:
+            for row in self.others[one.team].tolist():
+                allowed &= self.map.metres(*self.map.xy[row]) >= one.at_least
+        return allowed
+
+    def _refusal(self, placed: int, wanted: int, taken: list[int]) -> str:
+        words, ways_out = [f"only {placed} of {wanted} agents could be placed"], ["count"]
+        if self.said.within is not None:
+            words.append(f"within {self.said.within:g} of {_in_words(self.said.near)}")
+            ways_out.append("within")
+        if self.said.apart:
+            words.append(f"at least {self.said.apart:g} apart")
+            ways_out.append("apart")
+        for one in self.away:
+            words.append(f"at least {one.at_least:g} from {one.team}")
+            ways_out.append("from")
+        others = f", beside {len(taken)} on nodes of their own" if taken else ""
+        return f"{', '.join(words)}{others}. Change {' or '.join(dict.fromkeys(ways_out))}."
+
+
+def _in_words(near: Place | None) -> str:
+    """Return a place as a file gives it."""
+    if isinstance(near, LatLon):
+        return f"latitude {near.lat:g}, longitude {near.lon:g}"
+    return f"[{near[0]:g}, {near[1]:g}]" if isinstance(near, tuple) else f"node {near}"

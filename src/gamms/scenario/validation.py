@@ -1,0 +1,268 @@
+"""Checks of a scenario beyond the types of its values: names that fit each other, and the code that it names."""
+
+from collections.abc import Iterable, Iterator, Mapping
+from functools import cache
+from itertools import islice
+from typing import NamedTuple
+
+from gamms.errors import UnknownName, nearest
+from gamms.plain import Plain
+from gamms.scenario import maps
+from gamms.scenario.code import GIVEN_LATER, RULES, Found, Sources, check_parameters, find, first_of, offered_function
+from gamms.scenario.documents import ScenarioError, joined
+from gamms.scenario.placement import members
+from gamms.scenario.spec import (
+    ByPriority,
+    Code,
+    Equipment,
+    From,
+    Rule,
+    Sensor,
+    Spec,
+    Team,
+    Values,
+    checked,
+    given_values,
+)
+from gamms.sensor.catalog import KINDS
+from gamms.text import shown
+from gamms.typing.game import OWNERS, team_parameters
+from gamms.typing.sensor_engine import SensorType
+
+_FEW = 20  # names that are compared or listed
+_RESOLVERS = ("by_priority", "at_random", "nobody")
+
+
+class NamedCode(NamedTuple):
+    """Code that a scenario names."""
+
+    what: str  # "strategy", "plan", "rule", "sensor", "resolver", or "value" for what is made when the game is built
+    keys: tuple[str | int, ...]  # where it is in the scenario
+    reference: str
+    given: Values
+
+    @property
+    def path(self) -> str:
+        """Return the place in the scenario as a text."""
+        return joined_all(self.keys)
+
+    @property
+    def short(self) -> str | None:
+        """Return the module of a name without a colon, if there is one."""
+        return RULES if self.what == "rule" else None
+
+
+def joined_all(keys: Iterable[str | int]) -> str:
+    """Return the path of what several keys lead to, one after the other."""
+    path = ""
+    for key in keys:
+        path = joined(path, key)
+    return path
+
+
+def check_sense(spec: Spec) -> None:
+    """Check names and numbers that have to fit each other.
+
+    Raises:
+        ScenarioError: some do not.
+    """
+    maps.kind_of(spec.map)
+    members(spec)
+    for name, sensor in spec.sensors.items():
+        _check_sensor(f"sensors.{name}", sensor, spec)
+    earlier: set[str] = set()
+    for name, team in spec.teams.items():
+        _check_team(f"teams.{name}", team, earlier, spec)
+        earlier.add(name)
+    if spec.conflicts is not None and isinstance(spec.conflicts.resolve, ByPriority):
+        for number, team_name in enumerate(spec.conflicts.resolve.by_priority):
+            _known_team(team_name, spec, f"conflicts.resolve.by_priority.{number}")
+    for one in code_in(spec):
+        _check_teams_of(one, spec)
+
+
+def sensor_type(given: str) -> SensorType | None:
+    """Return the built-in type of that name, in upper or lower case; None if there is none."""
+    kind = SensorType.__members__.get(given.upper().removeprefix("SENSORTYPE."))
+    return kind if kind in KINDS else None
+
+
+def _check_sensor(path: str, sensor: Sensor, spec: Spec) -> None:
+    given = given_values(sensor)
+    if (sensor.type is None) == (sensor.function is None):
+        raise ScenarioError(path, "give exactly one of type and function.")
+    if sensor.function is not None:
+        known = ["function", "with"]
+    else:
+        kind = sensor_type(sensor.type or "")
+        if kind is None:
+            names = [one.name for one in KINDS]
+            hint = nearest((sensor.type or "").upper(), names) or f" Use one of {', '.join(names)}."
+            raise ScenarioError(f"{path}.type", f"unknown sensor type {sensor.type!r}.{hint}")
+        known = ["type", *sorted(KINDS[kind].names())]
+    for key in (key.rstrip("_") for key in given):
+        if key not in known:
+            what = f"a {sensor.type} sensor" if sensor.type else "a function"
+            raise ScenarioError(joined(path, key), f"{what} has none. It has: {', '.join(known)}.")
+    for key in ("team", "exclude"):
+        teams = given.get(key, [])
+        for team in [teams] if isinstance(teams, str) else teams:
+            _known_team(team, spec, f"{path}.{key}")
+
+
+def _check_team(path: str, team: Team, earlier: set[str], spec: Spec) -> None:
+    if not team.count and not team.agents:
+        raise ScenarioError(path, "this team has no agents. Give it count or agents.")
+    if (team.near is None) != (team.within is None):
+        missing, given = ("within", "near") if team.within is None else ("near", "within")
+        raise ScenarioError(f"{path}.{missing}", f"is missing: {given} needs it.")
+    for number, away in enumerate([team.from_] if isinstance(team.from_, From) else team.from_):
+        if away.team not in earlier:
+            where = f"{path}.from.team" if isinstance(team.from_, From) else f"{path}.from.{number}.team"
+            _known_team(away.team, spec, where)
+            raise ScenarioError(where, f"{away.team!r} must stand before this team in the file: it is placed first.")
+    for where, one in [(path, team), *((f"{path}.agents.{i}", agent) for i, agent in enumerate(team.agents))]:
+        _check_equipment(where, one, team, spec)
+
+
+def _check_equipment(where: str, one: Equipment, team: Team, spec: Spec) -> None:
+    """Check what a team sets for all its agents, or one of them for itself."""
+    for number, sensor in enumerate(one.sensors or []):
+        if sensor not in spec.sensors:
+            hint = nearest(sensor, spec.sensors)
+            raise ScenarioError(f"{where}.sensors.{number}", f"there is no sensor {sensor!r} in sensors.{hint}")
+    if team.plan is not None and one.strategy is not None:
+        raise ScenarioError(f"{where}.strategy", "is never asked, because the team has a plan. Give one of them.")
+    is_aerial = (one.type or team.type) == "aerial"
+    if is_aerial and one.speed is None and team.speed is None and (one is not team or team.count):
+        raise ScenarioError(f"{where}.speed", "is missing: an aerial agent needs it, in map units per turn.")
+    if one.altitude is not None and not is_aerial and (one is not team or team.type != "aerial"):
+        raise ScenarioError(f"{where}.altitude", "is for agents of type aerial.")
+
+
+def _check_teams_of(one: NamedCode, spec: Spec) -> None:
+    """Check the parameters of a function of GAMMS whose annotations say that they name teams."""
+    for name, names in _team_parameters(one.reference, one.short).items():
+        given, path = one.given.get(name), joined_all((*one.keys, "with", name))
+        if is_call(given):
+            continue
+        teams = [team for team in (given if isinstance(given, (dict, list)) else [given]) if isinstance(team, str)]
+        unknown = (team for team in teams if team not in spec.teams)
+        if names == OWNERS:  # other values are right, unless they are misspelt teams
+            without = [team for team in spec.teams if team not in teams]
+            unknown = (team for team in islice(unknown, _FEW) if nearest(team, without))
+        for team in unknown:
+            _known_team(team, spec, path)
+
+
+@cache
+def _team_parameters(reference: str, short: str | None) -> dict[str, str]:
+    function = offered_function(reference, short)
+    return {} if function is None else team_parameters(function)
+
+
+def _known_team(team: str, spec: Spec, path: str) -> None:
+    if team not in spec.teams:
+        few = ", ".join(islice(spec.teams, _FEW))
+        hint = nearest(team, spec.teams) or f" Teams are: {few}{', …' if len(spec.teams) > _FEW else ''}."
+        raise ScenarioError(path, f"unknown team {shown(team)}.{hint}")
+
+
+# -- code -------------------------------------------------------------------------------------------------------
+
+
+def code_in(spec: Spec) -> Iterator[NamedCode]:
+    """Yield all code that a scenario names, in the order of the file."""
+    if spec.map.generator is not None:
+        yield from _code("value", ("map", "generator"), spec.map.generator)
+    for name, sensor in spec.sensors.items():
+        if sensor.function is not None:
+            yield from _code("sensor", ("sensors", name), Code(function=sensor.function, with_=sensor.with_ or {}))
+    for name, team in spec.teams.items():
+        yield from _code_of_equipment(("teams", name), team)
+        if team.plan is not None:
+            yield from _code("plan", ("teams", name, "plan"), team.plan)
+        for number, agent in enumerate(team.agents):
+            yield from _code_of_equipment(("teams", name, "agents", number), agent)
+    for number, rule in enumerate(spec.rules):
+        yield from _code("rule", ("rules", number), rule)
+    resolve = spec.conflicts.resolve if spec.conflicts else None
+    if isinstance(resolve, str) and resolve not in _RESOLVERS:
+        yield from _code("resolver", ("conflicts", "resolve"), resolve)
+    yield from _nested(("facts",), spec.facts)
+    yield from _nested(("data",), spec.data)
+
+
+def _code_of_equipment(keys: tuple[str | int, ...], one: Equipment) -> Iterator[NamedCode]:
+    if one.strategy is not None:
+        yield from _code("strategy", (*keys, "strategy"), one.strategy)
+    yield from _nested((*keys, "meta"), one.meta)
+
+
+def _code(what: str, keys: tuple[str | int, ...], given: str | Code | Rule) -> Iterator[NamedCode]:
+    if isinstance(given, str):
+        yield NamedCode(what, keys, given, {})
+        return
+    yield NamedCode(what, keys, given.rule if isinstance(given, Rule) else given.function, given.with_)
+    yield from _nested((*keys, "with"), given.with_)
+
+
+def _nested(keys: tuple[str | int, ...], value: Plain) -> Iterator[NamedCode]:
+    """Yield the code that is named inside parameters and facts: `{function: …, with: {…}}`."""
+    call = call_in(value, keys)
+    if call is not None:
+        yield from _code("value", keys, call)
+    elif isinstance(value, (Mapping, list)):
+        for key, one in value.items() if isinstance(value, Mapping) else enumerate(value):
+            yield from _nested((*keys, key), one)
+
+
+def is_call(value: Plain) -> bool:
+    """Return whether a value among parameters is `{function: module:function, with: {…}}`."""
+    if not isinstance(value, Mapping) or not set(value) <= {"function", "with"}:
+        return False
+    function = value.get("function")
+    return isinstance(function, str) and ":" in function
+
+
+def call_in(value: Plain, keys: Iterable[str | int]) -> Code | None:
+    """Return the function and its parameters if a value among parameters is a call.
+
+    Raises:
+        ScenarioError: the parameters are no mapping.
+    """
+    if not is_call(value):
+        return None
+    code: Code = checked({key: one for key, one in value.items() if one is not None}, Code, joined_all(keys))
+    return code
+
+
+def check_code(spec: Spec, sources: Sources) -> list[Found]:
+    """Find all code, and compare parameters with what functions of GAMMS take; no other code is run.
+
+    Raises:
+        ScenarioError: some is not there, or takes no such parameters.
+    """
+    found = []
+    for one in code_in(spec):
+        if one.what == "resolver" and ":" not in one.reference:
+            hint = nearest(one.reference, _RESOLVERS)
+            raise ScenarioError(one.path, f"there is no resolver {one.reference!r}.{hint}")
+        found.append(find(one.reference, sources, one.path, short=one.short))
+        function = offered_function(one.reference, one.short)
+        if function is not None and (one.given or one.what in ("strategy", "plan", "rule")):
+            check_parameters(function, one.given, int(first_of(function) in GIVEN_LATER), one.path)
+    maps.map_file(spec.map, sources.folder)
+    return found
+
+
+def unknown_strategies(given: Iterable[str], spec: Spec) -> None:
+    """Refuse strategies for teams and agents that do not exist.
+
+    Raises:
+        UnknownName (KeyError): there is no such team or agent.
+    """
+    known = [*spec.teams, *(member.name for member in members(spec))]
+    for name in given:
+        if name not in known:
+            raise UnknownName("team or agent", name, known)
