@@ -11,7 +11,7 @@ from types import SimpleNamespace
 import pytest
 
 from gamms.errors import BadFile, BadValue, ContextTerminated, UnknownType, WriteConflict
-from gamms.graph import Engine
+from gamms.graph import Engine, file
 
 
 @pytest.fixture
@@ -53,9 +53,12 @@ def test_a_database_is_complete_after_save(reopened, fill):
     ctx = reopened()
     fill(ctx)
     ctx.graph.save()
-    assert [row[1] for row in rows_in(reopened.path, "nodes")] == [1, 2, -7, 40]
-    assert [row[1] for row in rows_in(reopened.path, "edges")] == [1, 2, 3, 4]
-    assert len(rows_in(reopened.path, "obstacle_face")) == 1
+    ((_, _, saves, data),) = rows_in(reopened.path, "saved_map")
+    held = file.decode(data)
+    assert saves == 1
+    assert held.columns.node_ids.tolist() == [1, 2, -7, 40]
+    assert held.columns.edge_ids.tolist() == [1, 2, 3, 4]
+    assert len(held.faces) == 1
 
 
 def test_what_was_loaded_is_in_the_database(reopened, fill, everything, ctx, tmp_path):
@@ -190,22 +193,15 @@ def test_a_folder_is_no_database(open_ctx, tmp_path):
 
 
 DAMAGES = {
-    "an edge from nowhere": "UPDATE edges SET source = 999",
-    "a node without a place": "UPDATE nodes SET x = NULL",
-    "a place that is text": "UPDATE nodes SET y = 'far'",
-    "an infinite place": "UPDATE nodes SET y = 9e999",
-    "a negative length": "UPDATE edges SET length = -1",
-    "half a polyline": "UPDATE edges SET linestring = x'0011'",
-    "a polyline of one point": "UPDATE edges SET linestring = zeroblob(16)",
-    "attributes that are no JSON": "UPDATE nodes SET attributes = '{'",
-    "attributes that are a number": "UPDATE nodes SET attributes = '5'",
-    "attributes that are a list": "UPDATE edges SET attributes = '[1]'",
-    "attributes without names": """UPDATE edges SET attributes = '{"dict":[[1,2]]}'""",
-    "an unknown tag": """UPDATE edges SET attributes = '{"code":"__import__"}'""",
-    "a face without a corner": "UPDATE obstacle_face SET trx = NULL",
-    "a face of a kind that is text": "UPDATE obstacle_face SET type = 'wall'",
-    "a missing table": "DROP TABLE edges",
-    "a missing column": "ALTER TABLE nodes DROP COLUMN x",
+    "a map that is cut off": "UPDATE saved_map SET map = substr(map, 1, length(map) - 9)",
+    "a map of other bytes": "UPDATE saved_map SET map = zeroblob(500)",
+    "a map that is text": "UPDATE saved_map SET map = 'far'",
+    "no map": "UPDATE saved_map SET map = NULL",
+    "a count that is text": "UPDATE saved_map SET saves = 'often'",
+    "no count": "UPDATE saved_map SET saves = NULL",
+    "a count of none": "UPDATE saved_map SET saves = 0",
+    "a missing table": "DROP TABLE saved_map",
+    "a missing column": "ALTER TABLE saved_map DROP COLUMN map",
 }
 
 

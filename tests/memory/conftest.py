@@ -5,6 +5,12 @@ import pytest
 from gamms.memory import MemoryStore, PathLike, SqliteStore
 
 
+@pytest.fixture
+def rows_of():
+    """Gives all rows of a map, in order."""
+    return lambda store, name: [store.get_data(name, key) for key in store.query_keys(name)]
+
+
 @pytest.fixture(params=["memory", "sqlite", "sqlite in memory"])
 def store(request, tmp_path):
     path = ":memory:" if request.param == "sqlite in memory" else str(tmp_path / "new folder" / "store.db")

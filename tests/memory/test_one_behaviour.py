@@ -44,7 +44,6 @@ def test_a_row_shares_nothing_with_the_caller(store):
     store.insert_data("m", given)
     given["path"][0].append(2)
     store.get_data("m", 1)["path"][0].append(3)
-    store.read_columns("m")["path"][0][0].append(4)
     assert store.get_data("m", 1) == {"id": 1, "path": [[1]]}
 
 
@@ -107,12 +106,12 @@ def test_maps_are_listed_in_the_order_of_their_creation(store):
         (int, None, None),
     ],
 )
-def test_a_value_of_the_fields_type_survives(store, python_type, value, back):
+def test_a_value_of_the_fields_type_survives(rows_of, store, python_type, value, back):
     store.create_map("m", {"id": str, "value": python_type}, "id")
     store.insert_data("m", {"id": "k", "value": value})
     assert store.get_data("m", "k")["value"] == back
     assert type(store.get_data("m", "k")["value"]) is type(back)
-    assert store.read_columns("m") == {"id": ["k"], "value": [back]}
+    assert rows_of(store, "m") == [{"id": "k", "value": back}]
 
 
 def test_nan_and_the_sign_of_zero_survive(store):
@@ -179,7 +178,7 @@ LOOP.append(LOOP)
         ("nothing", 7, ValueError),
     ],
 )
-def test_a_value_the_field_cannot_hold_changes_nothing(store, field, value, error):
+def test_a_value_the_field_cannot_hold_changes_nothing(rows_of, store, field, value, error):
     store.create_map("m", SCHEMA | {"colour": Colour}, "id")
     row = ROW | {"colour": Colour.RED}
     store.insert_data("m", row)
@@ -190,7 +189,7 @@ def test_a_value_the_field_cannot_hold_changes_nothing(store, field, value, erro
     if field != "id":
         with pytest.raises(error):
             store.update_data("m", {"id": 1, "tag": "changed"} | {field: value})
-    assert store.read_columns("m") == {name: [kept] for name, kept in row.items()}
+    assert rows_of(store, "m") == [row]
 
 
 @pytest.mark.parametrize("key", [2, "1", 1.0, True, None, [], 2**70, math.nan])
@@ -214,13 +213,10 @@ def test_a_key_that_is_there_is_a_key_error_on_insert(nodes):
 def test_an_unknown_map_is_an_index_error_at_the_call(nodes, name):
     for call in (
         lambda: nodes.insert_data(name, ROW),
-        lambda: nodes.insert_many(name, {}),
         lambda: nodes.get_data(name, 1),
         lambda: nodes.update_data(name, {}),
         lambda: nodes.delete_data(name, 1),
         lambda: nodes.query_keys(name),
-        lambda: nodes.read_columns(name),
-        lambda: nodes.clear_map(name),
     ):
         with pytest.raises(IndexError, match="Unknown map"):
             call()
@@ -266,40 +262,9 @@ def test_a_row_must_be_whole_and_name_its_key(nodes):
         nodes.insert_data("nodes", {name: value for name, value in ROW.items() if name != "path"})
     with pytest.raises(ValueError, match="id"):
         nodes.update_data("nodes", {"x": 1.0})
-    for call in (nodes.insert_data, nodes.update_data, nodes.insert_many):
+    for call in (nodes.insert_data, nodes.update_data):
         with pytest.raises(TypeError):
             call("nodes", [("id", 1)])
-
-
-def test_many_rows_are_inserted_and_read_at_once(store):
-    store.create_map("m", {"id": int, "path": tuple}, "id")
-    columns = {"id": [3, 1, 2], "path": [(1,), None, ((2,),)]}
-    store.insert_many("m", columns)
-    assert store.read_columns("m") == columns
-    assert store.get_data("m", 2) == {"id": 2, "path": ((2,),)}
-    store.insert_many("m", {"id": [], "path": []})
-    store.clear_map("m")
-    assert store.read_columns("m") == {"id": [], "path": []}
-    assert store.list_maps() == ["m"]
-
-
-@pytest.mark.parametrize(
-    ("columns", "error"),
-    [
-        ({"id": [7, 1], "x": [0.0, 0.0]}, KeyError),
-        ({"id": [7, 7], "x": [0.0, 0.0]}, KeyError),
-        ({"id": [7, 8], "x": [0.0, "a"]}, TypeError),
-        ({"id": [7, 8], "x": [0.0]}, ValueError),
-        ({"id": [7]}, ValueError),
-        ({"id": [7], "x": [0.0], "y": [0.0]}, ValueError),
-    ],
-)
-def test_many_rows_are_inserted_all_or_none(store, columns, error):
-    store.create_map("m", {"id": int, "x": float}, "id")
-    store.insert_data("m", {"id": 1, "x": 1.0})
-    with pytest.raises(error):
-        store.insert_many("m", columns)
-    assert store.read_columns("m") == {"id": [1], "x": [1.0]}
 
 
 HOSTILE = [

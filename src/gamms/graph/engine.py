@@ -3,7 +3,7 @@
 import os
 from collections.abc import Callable, Iterator
 from functools import wraps
-from typing import TYPE_CHECKING, Any, Concatenate, ParamSpec, TypeVar
+from typing import TYPE_CHECKING, Any, Concatenate, ParamSpec, TypeVar, cast
 
 from gamms.deciding import Guarded, phase_of, refused_while_deciding
 from gamms.errors import BadFile, BadValue, ContextTerminated, UnknownType, WriteConflict
@@ -23,7 +23,7 @@ if TYPE_CHECKING:
     import networkx as nx
     from numpy.random import Generator
 
-    from gamms.graph.database import GraphDatabase
+    from gamms.graph.map_database import MapDatabase
     from gamms.graph.visibility import TablePath, Visibility, VisibilityTables
     from gamms.typing.memory_engine import IPathLike
 
@@ -65,7 +65,7 @@ class GraphEngine(Guarded, IGraphEngine):
         self._graph: Graph | None = Graph(self._store, self._phase)
         self._storage = MapStorage(ctx, self._store, self._obstacles, self._phase)
         self._tables: VisibilityTables | None = None
-        self._database: GraphDatabase | None = None
+        self._database: MapDatabase | None = None
         self._saved: tuple[object, ...] | None = None  # the `_state` that a file has
         if engine is Engine.SQLITE:
             self._open_database(path)
@@ -305,16 +305,16 @@ class GraphEngine(Guarded, IGraphEngine):
         return self._obstacles
 
     def _open_database(self, path: "IPathLike | None") -> None:
-        from gamms.graph import database
+        from gamms.graph.map_database import STORE, MapDatabase, NoFile
 
         self._is_kept = path is not None
-        path = path or database.NoFile()
-        store = self._ctx.ictx.memory.create_store(StoreType.DATABASE, database.STORE, path)
-        self._database = database.GraphDatabase(store)
+        path = path or NoFile()
+        store = self._ctx.ictx.memory.create_store(StoreType.DATABASE, STORE, path)
+        self._database = MapDatabase(cast("Any", store))
         self._storage.put(self._database.read())
         self._saved = self._state()
 
-    def _write_finally(self, database: "GraphDatabase") -> None:
+    def _write_finally(self, database: "MapDatabase") -> None:
         """Write what can be written, beside the database if need be: what is not written now is lost."""
         if self._state() == self._saved:
             return

@@ -64,30 +64,20 @@ class Database:
             finally:
                 self.connection.set_progress_handler(None, 0)
 
-    def read_table(
-        self, table: str, columns: Sequence[str], sized: Sequence[str], order: str = ""
-    ) -> list[tuple[Any, ...]]:
+    def read_table(self, table: str, columns: Sequence[str], order: str = "") -> list[tuple[Any, ...]]:
         """Return all rows of a table, after asking how large they are; all names are quoted.
-
-        Args:
-            table: its name.
-            columns: the names of the columns to read.
-            sized: those of them that may hold text or bytes.
-            order: a clause.
 
         Raises:
             TooLarge: the values would take far more memory than the size of the file explains.
         """
         if self._is_file:
-            sizes = "".join(f" + ifnull(length(CAST({name} AS BLOB)), 0)" for name in sized)
+            sizes = "".join(f" + ifnull(length(CAST({name} AS BLOB)), 0)" for name in columns)
             ((rows, size),) = self.read(f"SELECT count(*), total(0{sizes}) FROM {table}")  # noqa: S608 - quoted names
-            self.allowance().charge(rows * len(columns) * _BYTES_PER_CELL + int(size))
+            allowance = Allowance(
+                self._size() + _BYTES_PER_CHANGE * self.connection.total_changes, f"The database {self.path!r}"
+            )
+            allowance.charge(rows * len(columns) * _BYTES_PER_CELL + int(size))
         return self.read(f"SELECT {', '.join(columns)} FROM {table} {order}")  # noqa: S608 - quoted names
-
-    def allowance(self) -> Allowance:
-        """Return the memory that what is read from the file may take."""
-        size = self._size() + _BYTES_PER_CHANGE * self.connection.total_changes
-        return Allowance(size, f"The database {self.path!r}")
 
     def write(self, sql: str, values: Sequence[Any] = ()) -> int:
         """Change something in the running transaction, and return how many rows it touched."""
@@ -108,11 +98,11 @@ class Database:
         finally:
             self.write("RELEASE gamms")
 
-    def begin(self, kind: str = "IMMEDIATE") -> None:
-        """Start a transaction unless one is running; while an IMMEDIATE one runs, no other program can write."""
+    def begin(self) -> None:
+        """Start a transaction unless one is running; meanwhile no other program can write."""
         with self.naming_the_file():
             if not self.connection.in_transaction:
-                self.connection.execute(f"BEGIN {kind}")
+                self.connection.execute("BEGIN IMMEDIATE")
 
     def commit(self) -> None:
         """Make the running transaction permanent."""

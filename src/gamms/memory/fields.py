@@ -4,7 +4,7 @@ Values are copied on their way in and out, so that every store keeps and returns
 """
 
 import math
-from collections.abc import Callable, Iterable, Mapping, Sequence
+from collections.abc import Callable, Iterable, Mapping
 from functools import lru_cache
 from typing import Any
 
@@ -111,21 +111,15 @@ class Schema:
         self.names = list(schema)
         self.key_at = self.names.index(primary_key)
         self.key = self.fields[self.key_at]
-        self._ways_in = [(one.name, one.stored_key if one is self.key else one.stored) for one in self.fields]
         self.type_names = {field.name: field.type_name for field in self.fields}
 
-    def columns(self, columns: Mapping[str, Sequence[Any]]) -> list[list[Any]]:
-        """Return whole columns, in field order, as they are stored."""
-        self._check_whole(columns)
-        lengths = {name: len(columns[name]) for name in self.names}
-        if len(set(lengths.values())) > 1:
-            raise BadValue(f"The columns for map {self.map_name!r} must be equally long, not {lengths}.")
-        return [[stored(value) for value in columns[name]] for name, stored in self._ways_in]
-
-    def row(self, struct: Mapping[str, Any]) -> list[list[Any]]:
-        """Return one whole row as columns of one value."""
-        self._check_whole(struct)
-        return [[stored(struct[name])] for name, stored in self._ways_in]
+    def row(self, struct: Mapping[str, Any]) -> list[Any]:
+        """Return a whole row as it is stored, in field order."""
+        self._check_names(struct)
+        missing = [name for name in self.names if name not in struct]
+        if missing:
+            raise BadValue(f"A row of map {self.map_name!r} lacks {missing}. Give every field; None is a value.")
+        return [(one.stored_key if one is self.key else one.stored)(struct[one.name]) for one in self.fields]
 
     def change(self, struct: Mapping[str, Any]) -> tuple[Any, dict[int, Any]]:
         """Return the key in `struct`, and what it changes: positions of fields, the key among them, and values."""
@@ -151,12 +145,6 @@ class Schema:
     def unknown_key(self, key: object) -> UnknownName:
         """Return the error for a key that has no row."""
         return UnknownName(f"key ({self.key.type_name}) of map {self.map_name!r}:", key)
-
-    def _check_whole(self, struct: Mapping[str, Any]) -> None:
-        self._check_names(struct)
-        missing = [name for name in self.names if name not in struct]
-        if missing:
-            raise BadValue(f"A row of map {self.map_name!r} lacks {missing}. Give every field; None is a value.")
 
     def _check_is_row(self, struct: object) -> None:
         if not isinstance(struct, Mapping):

@@ -12,7 +12,6 @@ from typing import TYPE_CHECKING, Any
 
 from gamms.arguments import as_name
 from gamms.errors import BadFile, BadType, BadValue, Duplicate, GammsError, TooLarge, UnknownName
-from gamms.limits import Allowance
 from gamms.memory.database import Database, from_cbor, quoted, to_cbor
 from gamms.memory.fields import DuplicateKey, Field, Schema, UnknownMap, check_name, plain
 from gamms.text import shown
@@ -114,16 +113,6 @@ class Store(IStore):
         found = self._map(map_name)
         found.append(found.schema.row(struct))
 
-    def insert_many(self, map_name: str, columns: Mapping[str, Sequence[Any]]) -> None:
-        """Add many rows at once, given as one equally long list per field; all or none.
-
-        Raises:
-            DuplicateKey: a key has a row already, or comes twice.
-            BadValue: a field is missing, unknown, or of another length.
-        """
-        found = self._map(map_name)
-        found.append(found.schema.columns(columns))
-
     def get_data(self, map_name: str, key: Any) -> Mapping[str, Any]:
         """Return a row by key, as a fresh dict."""
         found = self._map(map_name)
@@ -131,14 +120,6 @@ class Store(IStore):
         if row is None:
             raise found.schema.unknown_key(key)
         return {field.name: field.given(value) for field, value in zip(found.schema.fields, row, strict=True)}
-
-    def read_columns(self, map_name: str) -> dict[str, list[Any]]:
-        """Return all rows in insertion order, as one fresh list per field."""
-        found = self._map(map_name)
-        return {
-            field.name: column if field.is_scalar else [field.given(value) for value in column]
-            for field, column in zip(found.schema.fields, found.columns(), strict=True)
-        }
 
     def update_data(self, map_name: str, struct: Mapping[str, Any]) -> None:
         """Change the given fields of the row whose key is in `struct`; all or none."""
@@ -153,10 +134,6 @@ class Store(IStore):
         if not found.remove(found.schema.lookup(key)):
             raise found.schema.unknown_key(key)
 
-    def clear_map(self, map_name: str) -> None:
-        """Remove all rows and keep the map."""
-        self._map(map_name).clear()
-
     def query_keys(self, map_name: str) -> Iterator[Any]:
         """Return all keys as of now, in insertion order; the map may change while you iterate."""
         return iter(self._map(map_name).keys())
@@ -165,9 +142,9 @@ class Store(IStore):
         """Release the store; it is unusable afterwards. Closing it again does nothing."""
         if self._is_closed:
             return
-        self._release()
+        self._is_closed = True  # even if the last changes cannot be written
         self._maps.clear()
-        self._is_closed = True
+        self._release()
 
     def _map(self, map_name: str) -> "Rows":
         self._check_open()
@@ -251,23 +228,16 @@ class SqliteStore(Store):
         self._database.begin()
 
     @contextmanager
-    def transaction(self, *, is_writing: bool = True) -> Iterator[None]:
-        """Commit what the block writes, or nothing of it; let it see the file as it is at one moment.
-
-        While a block that `is_writing` runs, no other program can write.
-        """
+    def transaction(self) -> Iterator[None]:
+        """Commit what the block writes, or nothing of it; meanwhile no other program can write."""
         self.flush()
-        self._database.begin("IMMEDIATE" if is_writing else "DEFERRED")
+        self._database.begin()
         try:
             yield
             self._database.commit()
         except BaseException:
             self._database.undo()
             raise
-
-    def allowance(self) -> Allowance:
-        """Return the memory that what is read from the file may take."""
-        return self._database.allowance()
 
     def _rows_of(self, schema: Schema) -> "Rows":
         place = self._places.get(schema.map_name)
@@ -300,8 +270,8 @@ class Rows(ABC):
     schema: Schema
 
     @abstractmethod
-    def append(self, columns: list[list[Any]]) -> None:
-        """Add rows, given as one list per field; all or none (DuplicateKey)."""
+    def append(self, row: list[Any]) -> None:
+        """Add a row (DuplicateKey)."""
 
     @abstractmethod
     def row(self, key: Any) -> Sequence[Any] | None:
@@ -319,23 +289,6 @@ class Rows(ABC):
     def keys(self) -> list[Any]:
         """Return all keys."""
 
-    @abstractmethod
-    def columns(self) -> list[list[Any]]:
-        """Return everything, one list per field."""
-
-    @abstractmethod
-    def clear(self) -> None:
-        """Drop all rows."""
-
-    def first_repeated(self, keys: list[Any]) -> Any:
-        """Return the first of some new keys that is there already, or twice among them."""
-        seen = set(self.keys())
-        for key in keys:
-            if key in seen:
-                break
-            seen.add(key)
-        return key
-
 
 class _DictRows(Rows):
     """Rows in a dict, which keeps insertion order, and a row's place when it changes."""
@@ -344,15 +297,18 @@ class _DictRows(Rows):
         self.schema = schema
         self._rows: dict[Any, list[Any]] = {}
 
-    def append(self, columns: list[list[Any]]) -> None:
-        keys = columns[self.schema.key_at]
-        if len(set(keys)) < len(keys) or not self._rows.keys().isdisjoint(keys):
-            raise DuplicateKey(self.schema.map_name, self.first_repeated(keys))
-        self._rows.update(zip(keys, map(list, zip(*columns, strict=True)), strict=True))
+    def append(self, row: list[Any]) -> None:
+        key = row[self.schema.key_at]
+        if key in self._rows:
+            raise DuplicateKey(self.schema.map_name, key)
+        self._rows[key] = row
 
     def row(self, key: Any) -> Sequence[Any] | None:
         row = self._rows.get(key)
-        return None if row is None else [self._fresh(at, value) for at, value in enumerate(row)]
+        if row is None:
+            return None
+        fields = zip(self.schema.fields, row, strict=True)
+        return [value if field.is_scalar else plain(value, field.place) for field, value in fields]
 
     def change(self, key: Any, values: dict[int, Any]) -> bool:
         if key not in self._rows:
@@ -366,16 +322,6 @@ class _DictRows(Rows):
 
     def keys(self) -> list[Any]:
         return list(self._rows)
-
-    def columns(self) -> list[list[Any]]:
-        return [[self._fresh(at, row[at]) for row in self._rows.values()] for at in range(len(self.schema.fields))]
-
-    def clear(self) -> None:
-        self._rows.clear()
-
-    def _fresh(self, at: int, value: Any) -> Any:
-        field = self.schema.fields[at]
-        return value if field.is_scalar else plain(value, field.place)
 
 
 # -- where a map lies in the database ---------------------------------------------------------------------------
@@ -404,8 +350,7 @@ def _read_places(database: Database) -> dict[str, _Place]:
     if not database.read("SELECT 1 FROM sqlite_master WHERE name = ?", (_LIST,)):
         return {}
     database.check_table(_LIST, _LIST_SQL)
-    columns = ["name", "place"]
-    return {name: _parsed(name, text, database.path) for name, text in database.read_table(_LIST, columns, columns)}
+    return {name: _parsed(name, text, database.path) for name, text in database.read_table(_LIST, ["name", "place"])}
 
 
 def _parsed(name: Any, text: Any, path: str) -> _Place:
@@ -459,33 +404,25 @@ class _SqlRows(Rows):
             )
         database.check_table(place.table, place.sql())
         self._columns = [quoted(place.columns[name]) for name in schema.names]
-        # A float may be bytes, too.
-        has_size = [field.python_type not in (int, bool) for field in schema.fields]
-        self._sized = [name for name, is_sized in zip(self._columns, has_size, strict=True) if is_sized]
         self._table, self._key = quoted(place.table), self._columns[schema.key_at]
 
-    def append(self, columns: list[list[Any]]) -> None:
-        encoded = [
-            [_to_sql(one, field) for one in column] for field, column in zip(self.schema.fields, columns, strict=True)
-        ]
-        names, marks = ", ".join(self._columns), ", ".join("?" * len(columns))
+    def append(self, row: list[Any]) -> None:
+        encoded = [_to_sql(one, field) for field, one in zip(self.schema.fields, row, strict=True)]
+        names, marks = ", ".join(self._columns), ", ".join("?" * len(row))
         insert = f"INSERT INTO {self._table} ({names}) VALUES ({marks})"  # noqa: S608 - quoted names
         try:
-            with self._database.all_or_nothing():
-                self._database.connection.executemany(insert, zip(*encoded, strict=True))
+            self._database.write(insert, encoded)
         except BadFile as error:
             if not isinstance(error.__cause__, self._database.integrity_error):
                 raise
-            raise DuplicateKey(self.schema.map_name, self.first_repeated(columns[self.schema.key_at])) from None
+            raise DuplicateKey(self.schema.map_name, row[self.schema.key_at]) from None
 
     def row(self, key: Any) -> Sequence[Any] | None:
         select = f"SELECT {', '.join(self._columns)} FROM {self._table} WHERE {self._key} = ?"  # noqa: S608 - quoted
         found = self._database.read(select, (_to_sql(key, self.schema.key),))
-        return (
-            [self._stored(field, one) for field, one in zip(self.schema.fields, found[0], strict=True)]
-            if found
-            else None
-        )
+        if not found:
+            return None
+        return [self._stored(field, one) for field, one in zip(self.schema.fields, found[0], strict=True)]
 
     def change(self, key: Any, values: dict[int, Any]) -> bool:
         names = ", ".join(f"{self._columns[at]} = ?" for at in values)
@@ -498,18 +435,8 @@ class _SqlRows(Rows):
         return self._database.write(delete, (_to_sql(key, self.schema.key),)) > 0
 
     def keys(self) -> list[Any]:
-        return [self._stored(self.schema.key, key) for (key,) in self._read([self._key])]
-
-    def columns(self) -> list[list[Any]]:
-        rows = self._read(self._columns)
-        return [[self._stored(field, row[at]) for row in rows] for at, field in enumerate(self.schema.fields)]
-
-    def clear(self) -> None:
-        self._database.write(f"DELETE FROM {self._table}")  # noqa: S608 - a quoted name
-
-    def _read(self, columns: list[str]) -> list[tuple[Any, ...]]:
-        sized = [name for name in columns if name in self._sized]
-        return self._database.read_table(self._table, columns, sized, f"ORDER BY {_ORDER}")
+        rows = self._database.read_table(self._table, [self._key], f"ORDER BY {_ORDER}")
+        return [self._stored(self.schema.key, key) for (key,) in rows]
 
     def _stored(self, field: Field, value: Any) -> Any:
         """The stored value for one in the file, or a `BadFile`."""

@@ -6,6 +6,7 @@ from enum import IntEnum
 from typing import Any
 
 Schema = dict[str, type]  # field -> Python type
+Row = Mapping[str, Any]  # field -> value
 
 
 class StoreType(IntEnum):
