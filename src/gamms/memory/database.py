@@ -1,4 +1,4 @@
-"""A connection to SQLite whose errors name the file; the only file that knows sqlite3 and cbor2.
+"""A connection to SQLite whose errors name the file; the only module that imports sqlite3.
 
 Nothing in a foreign file is run, and nothing takes more time or memory than the size of the file explains.
 """
@@ -12,16 +12,10 @@ from gamms.errors import BadFile
 from gamms.limits import Allowance
 from gamms.text import shown
 
-# CBOR has arrays and maps only. A map whose one key is a "simple value", which plain data never is,
-# marks the rest.
-_MARKS: dict[type, int] = {tuple: 32, set: 33, frozenset: 34, dict: 35}
-_MARKED: dict[int, type] = {mark: kind for kind, mark in _MARKS.items()}
-
 _STEP = 1_000_000  # instructions of SQLite's machine between two looks at how many there were
 _STEPS_PER_BYTE = 20  # that reading may take for each byte of the file,
 _STEPS_PER_CHANGE = 1_000  # and for each row that was written and need not be in the file yet
 _BYTES_PER_CHANGE = 64
-_BYTES_PER_ITEM = 64  # of memory, for each item of a compound value
 _BYTES_PER_CELL = 48  # of memory, beside the text or the bytes in it
 
 
@@ -161,50 +155,3 @@ class Database:
         self._steps += _STEP
         per_change = _STEPS_PER_CHANGE * self.connection.total_changes
         return self._steps > _STEP + _STEPS_PER_BYTE * self._size() + per_change
-
-
-def to_cbor(value: Any) -> bytes:
-    """Return plain data as CBOR; the same data, the same bytes."""
-    from cbor2 import CBORSimpleValue, dumps
-
-    def marked(value: Any) -> Any:
-        kind = type(value)
-        if kind is list:
-            return [marked(one) for one in value]
-        if kind is dict and not any(isinstance(key, (tuple, frozenset)) for key in value):
-            return {key: marked(one) for key, one in value.items()}
-        if kind not in _MARKS:
-            return value
-        items = [marked(one) for one in (value.items() if kind is dict else value)]
-        if kind in (set, frozenset):
-            items.sort(key=dumps)
-        return {CBORSimpleValue(_MARKS[kind]): items}
-
-    return dumps(marked(value))
-
-
-def from_cbor(payload: Any, path: str) -> Any:
-    """Return CBOR as plain data.
-
-    Raises:
-        BadFile: it is none.
-    """
-    from cbor2 import CBORSimpleValue, loads
-
-    allowance = Allowance(len(payload), f"A value in the database {path!r}")
-
-    def unmarked(value: Any) -> Any:
-        allowance.charge(_BYTES_PER_ITEM)  # a value may hold one list many times
-        if isinstance(value, list):
-            return [unmarked(one) for one in value]
-        if not isinstance(value, dict):
-            return value
-        if len(value) == 1 and isinstance(mark := next(iter(value)), CBORSimpleValue):
-            return _MARKED[mark.value](unmarked(value[mark]))
-        return {key: unmarked(one) for key, one in value.items()}
-
-    try:
-        return unmarked(loads(payload))
-    except Exception as error:
-        # Whatever goes wrong in a damaged file, it is the file that is wrong.
-        raise BadFile(f"The database {path!r} holds a damaged value: {error}.") from error

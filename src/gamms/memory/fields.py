@@ -12,9 +12,10 @@ import numpy as np
 
 from gamms.arguments import as_int
 from gamms.errors import BadType, BadValue, GammsError, UnknownName, nearest
+from gamms.ir import packing
 from gamms.text import shown
 
-MAX_DEPTH = 64  # deeper than any data we met, shallow enough for every CBOR reader; also ends a cycle
+MAX_DEPTH = packing.MOST_DEPTH - 1  # also ends a cycle
 MAX_FIELDS = 1000  # a SQLite table holds no more than 2000 columns
 
 _FLOATING = (float, np.floating)

@@ -4,7 +4,7 @@ import json
 import math
 import os
 import struct
-from abc import ABC, abstractmethod
+from abc import abstractmethod
 from collections.abc import Iterator, Mapping, Sequence
 from contextlib import contextmanager
 from dataclasses import dataclass
@@ -12,7 +12,9 @@ from typing import TYPE_CHECKING, Any
 
 from gamms.arguments import as_name
 from gamms.errors import BadFile, BadType, BadValue, Duplicate, GammsError, TooLarge, UnknownName
-from gamms.memory.database import Database, from_cbor, quoted, to_cbor
+from gamms.ir import packing
+from gamms.limits import Allowance
+from gamms.memory.database import Database, quoted
 from gamms.memory.fields import DuplicateKey, Field, Schema, UnknownMap, check_name, plain
 from gamms.text import shown
 from gamms.typing import IPathLike, IStore, StoreType
@@ -65,11 +67,11 @@ class Store(IStore):
 
     def __init__(self, name: str) -> None:
         self._name = as_name(name, "a store")
-        self._maps: dict[str, Rows] = {}
+        self._maps: dict[str, _Rows] = {}
         self._is_closed = False
 
     @abstractmethod
-    def _rows_of(self, schema: Schema) -> "Rows":
+    def _rows_of(self, schema: Schema) -> "_Rows":
         """Find or make the place for the rows of a map."""
 
     def _drop(self, map_name: str) -> None:
@@ -146,7 +148,7 @@ class Store(IStore):
         self._maps.clear()
         self._release()
 
-    def _map(self, map_name: str) -> "Rows":
+    def _map(self, map_name: str) -> "_Rows":
         self._check_open()
         if not self._has(map_name):
             raise UnknownMap(map_name, self._maps)
@@ -176,7 +178,7 @@ class MemoryStore(Store):
         """In memory."""
         return StoreType.MEMORY
 
-    def _rows_of(self, schema: Schema) -> "Rows":
+    def _rows_of(self, schema: Schema) -> "_Rows":
         return _DictRows(schema)
 
 
@@ -239,7 +241,7 @@ class SqliteStore(Store):
             self._database.undo()
             raise
 
-    def _rows_of(self, schema: Schema) -> "Rows":
+    def _rows_of(self, schema: Schema) -> "_Rows":
         place = self._places.get(schema.map_name)
         if place is None:
             with self._database.all_or_nothing():
@@ -264,34 +266,8 @@ class SqliteStore(Store):
 # -- the rows of a map ------------------------------------------------------------------------------------------
 
 
-class Rows(ABC):
-    """The rows of one map in insertion order; values are plain and checked, and those that come out are fresh."""
-
-    schema: Schema
-
-    @abstractmethod
-    def append(self, row: list[Any]) -> None:
-        """Add a row (DuplicateKey)."""
-
-    @abstractmethod
-    def row(self, key: Any) -> Sequence[Any] | None:
-        """Return the row with a key."""
-
-    @abstractmethod
-    def change(self, key: Any, values: dict[int, Any]) -> bool:
-        """Replace values by their position in the row, all or none; return False if there is no such row."""
-
-    @abstractmethod
-    def remove(self, key: Any) -> bool:
-        """Drop a row; return False if there is none."""
-
-    @abstractmethod
-    def keys(self) -> list[Any]:
-        """Return all keys."""
-
-
-class _DictRows(Rows):
-    """Rows in a dict, which keeps insertion order, and a row's place when it changes."""
+class _DictRows:
+    """The rows of a map in a dict; values are plain and checked, and those that come out are fresh."""
 
     def __init__(self, schema: Schema) -> None:
         self.schema = schema
@@ -392,8 +368,8 @@ def _free_name(wanted: str, taken: set[str]) -> str:
     return name
 
 
-class _SqlRows(Rows):
-    """Rows in a table of a database. Names are quoted, values are bound."""
+class _SqlRows:
+    """The same in a table of a database. Names are quoted, values are bound."""
 
     def __init__(self, database: Database, schema: Schema, place: _Place) -> None:
         self.schema, self._database = schema, database
@@ -453,11 +429,14 @@ class _SqlRows(Rows):
             ) from None
 
 
+_Rows = _DictRows | _SqlRows
+
+
 def _to_sql(value: Any, field: Field) -> Any:
     if value is None:
         return None
     if not field.is_scalar:
-        return to_cbor(value)
+        return packing.to_bytes(value, field.place)
     # SQLite turns NaN into NULL and -0.0 into 0.0; as eight bytes they stay what they are.
     if field.python_type is float and (math.isnan(value) or (value == 0.0 and math.copysign(1.0, value) < 0.0)):
         return struct.pack("<d", value)
@@ -466,7 +445,7 @@ def _to_sql(value: Any, field: Field) -> Any:
 
 def _from_sql(value: Any, field: Field, path: str) -> Any:
     if not field.is_scalar:
-        return from_cbor(value, path)
+        return packing.Decoder(Allowance(len(value), f"A value in the database {path!r}")).value(value)
     if field.python_type is bool:
         return {0: False, 1: True}[value]
     if field.python_type is float and isinstance(value, bytes):
