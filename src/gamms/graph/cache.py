@@ -42,6 +42,10 @@ class Cache:
         self._add(key, made)
         return made
 
+    def take_over(self, other: "Cache") -> None:
+        """Hold the entries of another cache."""
+        self.revision, self.entries, self.bytes = other.revision, other.entries.copy(), other.bytes
+
     def clear(self) -> None:
         """Discard all entries."""
         self.entries.clear()

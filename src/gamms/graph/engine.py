@@ -83,6 +83,23 @@ class GraphEngine(Guarded, IGraphEngine):
         self._phase.refuse("use ctx.graph.storage")
         return self._storage
 
+    def fork(self, ctx: IContext, memo: dict[int, Any]) -> "GraphEngine":
+        """Return an engine for a fork of the game; both have the same map until it is changed in one of them.
+
+        Args:
+            ctx: of the fork.
+            memo: gets what takes the place of the parts of this engine there; see `copy.deepcopy`.
+        """
+        engine = GraphEngine(ctx)
+        engine._store, engine._obstacles = self._store.fork(), self._obstacles.fork()
+        engine._graph = self.graph.fork(engine._store, engine._phase)
+        engine._storage = MapStorage(ctx, engine._store, engine._obstacles, engine._phase)
+        engine._storage.visibility_rows = self._storage.visibility_rows
+        for name in ("_graph", "_store", "_obstacles", "_storage"):
+            memo[id(getattr(self, name))] = getattr(engine, name)
+        memo[id(self)], memo[id(self._store.neighborhoods)] = engine, engine._store.neighborhoods
+        return engine
+
     # -- obstacles ----------------------------------------------------------------------------------------------
 
     @refused_while_deciding

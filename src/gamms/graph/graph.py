@@ -83,12 +83,19 @@ class Graph(Guarded, IGraph):
         copied = memo[id(self)] = type(self)(deepcopy(self._store, memo), deepcopy(self._phase, memo))
         return copied
 
+    def fork(self, store: GraphStore, phase: DecidePhase) -> "Graph":
+        """Return this graph for another context, with the fork of its store."""
+        graph = Graph(store, phase)
+        graph._routes.cache.take_over(self._routes.cache)
+        return graph
+
     # -- one by one ---------------------------------------------------------------------------------------------
 
     def add_node(self, node_data: dict[str, Any]) -> None:
         """Add a node."""
         if self._phase.agent is not None:  # NOTE: a decorator costs a fifth of the rest (w1, one by one)
             self._phase.refuse("call ctx.graph.graph.add_node")
+        self._store.own()
         id = records.as_id(records.required(node_data, "id", "A node"), "a node")
         x = records.as_coordinate(records.required(node_data, "x", "A node"), "x", id)
         y = records.as_coordinate(records.required(node_data, "y", "A node"), "y", id)
@@ -107,6 +114,7 @@ class Graph(Guarded, IGraph):
         """Add an edge."""
         if self._phase.agent is not None:  # NOTE: a decorator costs a fifth of the rest (w1, one by one)
             self._phase.refuse("call ctx.graph.graph.add_edge")
+        self._store.own()
         id = records.as_id(records.required(edge_data, "id", "An edge"), "an edge")
         length = records.as_length(records.required(edge_data, "length", "An edge"), id)
         source, target = self._end_rows(edge_data, id)
@@ -141,6 +149,7 @@ class Graph(Guarded, IGraph):
     @refused_while_deciding
     def update_node(self, node_data: dict[str, Any]) -> None:
         """Change the given keys of a node."""
+        self._store.own()
         id = records.as_id(records.required(node_data, "id", "An update of a node"), "a node")
         nodes, row = self._store.nodes, self._store.nodes.find(id)
         x, y = nodes.xy[2 * row], nodes.xy[2 * row + 1]
@@ -157,6 +166,7 @@ class Graph(Guarded, IGraph):
     @refused_while_deciding
     def update_edge(self, edge_data: dict[str, Any]) -> None:
         """Change the given keys of an edge."""
+        self._store.own()
         id = records.as_id(records.required(edge_data, "id", "An update of an edge"), "an edge")
         edges, row = self._store.edges, self._store.edges.find(id)
         old_ends = (edges.sources[row], edges.targets[row])
@@ -342,6 +352,7 @@ class Graph(Guarded, IGraph):
             DuplicateId (KeyError), BadValue (ValueError), BadType (TypeError): nothing has changed then.
         """
         new_ids, xy = records.checked_nodes(ids, x, y)
+        self._store.own()
         self._store.nodes.extend(new_ids, xy=xy)
         self._store.rows_added()
 
@@ -360,6 +371,7 @@ class Graph(Guarded, IGraph):
         Raises:
             UnknownName, DuplicateId (KeyError), BadValue (ValueError), BadType (TypeError): nothing has changed then.
         """
+        self._store.own()
         self._store.edges.extend(**records.checked_edges(self._store.nodes, ids, sources, targets, lengths))
         self._store.rows_added()
 

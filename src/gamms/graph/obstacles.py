@@ -1,9 +1,11 @@
 """Obstacle faces: quadrangles in space by id, kept as columns."""
 
 from collections.abc import Iterable, Iterator, Mapping
+from copy import copy
 from itertools import chain, islice
 from math import isfinite, isqrt
 from typing import Any
+from weakref import WeakSet
 
 import numpy as np
 
@@ -39,6 +41,7 @@ class Obstacles:
 
     def __init__(self) -> None:
         self.revision = 0  # changes with every change
+        self._sharers: WeakSet[Obstacles] | None = None  # itself, and those that have the same rows
         self._reset()
 
     def __len__(self) -> int:
@@ -65,6 +68,7 @@ class Obstacles:
         """
         if face.id in self._row_of:
             raise DuplicateId("an obstacle face", face.id)
+        self._own()
         self._row_of[face.id] = self._used + len(self._new)
         self._new.append(face)
         self.revision += 1
@@ -80,6 +84,7 @@ class Obstacles:
         row_of = dict(zip(ids, range(self._used, self._used + len(ids)), strict=True))
         if len(row_of) < len(ids) or not self._row_of.keys().isdisjoint(row_of):
             raise DuplicateId("an obstacle face", _first_taken(ids, self._row_of))
+        self._own()
         self._write(new)
         self._row_of.update(row_of)
         self.revision += 1
@@ -91,6 +96,7 @@ class Obstacles:
 
     def remove(self, face_id: int) -> None:
         """Remove a face (KeyError)."""
+        self._own()
         row = self._row(face_id)
         del self._row_of[int(self._ids[row])]
         self._boxes[row] = np.nan  # which meets no square
@@ -104,6 +110,7 @@ class Obstacles:
 
     def put(self, columns: ObstacleColumns) -> None:
         """Hold the faces of these columns and no others."""
+        self._stop_sharing()
         self._reset()
         self.add_many(columns)
 
@@ -203,6 +210,37 @@ class Obstacles:
             new = np.empty((room, *old.shape[1:]), old.dtype)
             new[: len(rows)] = old[rows]
             setattr(self, name, new)
+
+    # -- sharing ------------------------------------------------------------------------------------------------
+
+    def fork(self) -> "Obstacles":
+        """Return the same faces for another context; both have the same rows until one of them changes."""
+        self._write_new()
+        if self._sharers is None:
+            self._sharers = WeakSet([self])
+        obstacles = copy(self)
+        self._sharers.add(obstacles)
+        return obstacles
+
+    def __deepcopy__(self, memo: dict[int, Any]) -> "Obstacles":
+        """Copy, for a look ahead into a game that goes on elsewhere."""
+        obstacles = memo[id(self)] = Obstacles()
+        obstacles.put(self.columns())
+        obstacles.revision = self.revision
+        return obstacles
+
+    def _own(self) -> None:
+        """Share nothing any longer; called before every change."""
+        if self._sharers is not None and self._stop_sharing():
+            self._row_of, self._new = dict(self._row_of), []
+            self._take(np.arange(self._used), self._used)
+
+    def _stop_sharing(self) -> bool:
+        """Leave the rows to the others that have them; return whether there are such."""
+        sharers, self._sharers = self._sharers, None
+        if sharers is not None:
+            sharers.discard(self)
+        return bool(sharers)
 
 
 class FaceGrid:

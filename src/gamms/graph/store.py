@@ -3,6 +3,7 @@
 from collections.abc import Mapping
 from copy import deepcopy
 from typing import Any
+from weakref import WeakSet
 
 import numpy as np
 
@@ -24,9 +25,10 @@ class Neighborhoods(dict[int, tuple[int, ...]]):
 
     # NOTE: a dict with __missing__ answers a known node without a Python call (benchmarks/README.md, w2).
 
-    def __init__(self, store: "GraphStore") -> None:
+    def __init__(self, store: "GraphStore", source: "Neighborhoods | None" = None) -> None:
         self._store = store
         self._misses = 0
+        self.source = source  # of a store with the same graph, which is asked instead
 
     def __deepcopy__(self, memo: dict[int, Any]) -> "Neighborhoods":
         return deepcopy(self._store, memo).neighborhoods
@@ -37,6 +39,9 @@ class Neighborhoods(dict[int, tuple[int, ...]]):
         self._misses = 0
 
     def __missing__(self, id: int) -> tuple[int, ...]:
+        if self.source is not None:
+            made = self[id] = self.source[id]
+            return made
         id = records.as_id(id, "a node")
         made = (id, *(other for other in self._store.indexes.neighbors(id) if other != id))
         self._misses += 1
@@ -65,11 +70,13 @@ class GraphStore:
 
     def __init__(self) -> None:
         self.revision = -1
+        self._sharers: WeakSet[GraphStore] | None = None  # itself, and the stores that have the same tables
         self.neighborhoods = Neighborhoods(self)
         self.clear()
 
     def clear(self) -> None:
         """Remove every node and edge."""
+        self._stop_sharing()
         self.nodes, self.edges = NodeTable(), EdgeTable()
         self.crs: str | None = None
         self.attribution: str | None = None
@@ -96,6 +103,7 @@ class GraphStore:
             DuplicateId (KeyError): an id is taken, or given twice.
             BadValue: they have another CRS.
         """
+        self.own()
         nodes, edges = self.nodes, self.edges
         if len(nodes) and None not in (columns.crs, self.crs) and columns.crs != self.crs:
             raise BadValue(f"its CRS is {columns.crs}, that of the graph is {self.crs}; project it first")
@@ -117,6 +125,7 @@ class GraphStore:
 
     def remove_node(self, node_id: int) -> None:
         """Remove a node and the edges at it; a missing node is no error."""
+        self.own()
         row = self.nodes.index.row(node_id)
         if row < 0:
             return
@@ -129,15 +138,50 @@ class GraphStore:
 
     def remove_edge(self, edge_id: int) -> None:
         """Remove an edge (KeyError)."""
+        self.own()
         self._drop_edge(self.edges.find(edge_id))
         self.revision += 1
         self._compact()
 
     def close(self) -> None:
         """Release everything; whatever is asked of the graph from now on raises ContextTerminated."""
+        self._stop_sharing()
         self.neighborhoods.clear()
         closed: Any = Closed()
         self.nodes = self.edges = self.indexes = self._columns = closed
+
+    def fork(self) -> "GraphStore":
+        """Return another store of this graph; both have the same tables until one of them changes."""
+        columns = self.columns()  # which leaves no dead rows
+        store = GraphStore()
+        store.nodes, store.edges, store.indexes, store._columns = self.nodes, self.edges, self.indexes, columns
+        store.neighborhoods = Neighborhoods(store, self.neighborhoods)
+        store.revision, store.crs, store.attribution = self.revision, self.crs, self.attribution
+        if self._sharers is None:
+            self._sharers = WeakSet([self])
+        self._sharers.add(store)
+        store._sharers = self._sharers
+        return store
+
+    def own(self) -> None:
+        """Share nothing any longer; called before every change."""
+        if self._sharers is None:
+            return
+        if self._stop_sharing():
+            columns, revision = self.columns(), self.revision
+            self.replace(columns, self.attribution)
+            self.revision, self._columns = revision, columns
+        self.indexes.neighborhoods = self.neighborhoods
+
+    def _stop_sharing(self) -> bool:
+        """Leave the tables to the other stores that have them; return whether there are such."""
+        sharers, self._sharers, self.neighborhoods.source = self._sharers, None, None
+        if sharers is None:
+            return False
+        sharers.discard(self)
+        for store in sharers:
+            store.neighborhoods.source = None
+        return bool(sharers)
 
     def __reduce__(self) -> tuple[Any, ...]:
         """Pickle the graph; its indexes are made again."""
