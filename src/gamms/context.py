@@ -233,6 +233,32 @@ class Context(Guarded, IContext):
         return kernels.stream(self._seed, *plain)
 
     @refused_while_deciding
+    def fork(self, seed: int) -> "tuple[Context, dict[int, Any]]":
+        """Return a context with the same map and copies of the agents and sensors, for `ctx.game.fork`.
+
+        Args:
+            seed: of all its streams.
+
+        Returns:
+            The context, and what takes the place of which objects there, by `id()`; see `copy.deepcopy`.
+        """
+        ahead = Context(InternalContext(memory_engine=memory.MemoryEngine()), logger=self._logger)
+        ahead._seed, ahead.is_seeded = seed, self.is_seeded
+        ahead.graph_engine = graph.GraphEngine(ahead)
+        ahead.agent_engine = agent.AgentEngine(ahead)
+        ahead.sensor_engine = sensor.SensorEngine(ahead)
+        ahead.visual_engine = visual.NoEngine(ahead)
+        memo: dict[int, Any] = {id(self): ahead, id(self._phase): ahead._phase, id(self._logger): self._logger}
+        memo[id(self.visual_engine)], memo[id(self._internal_context)] = ahead.visual_engine, ahead._internal_context
+        if self._recorder is not None:
+            memo[id(self._recorder)] = None
+        ahead.graph_engine.share_with(self.graph, memo)
+        ahead.sensor_engine.copy_from(self.sensor, memo)
+        ahead.agent_engine.copy_from(self.agent, memo)
+        ahead.set_alive()
+        return ahead, memo
+
+    @refused_while_deciding
     def set_alive(self) -> None:
         """Begin."""
         self._alive = True

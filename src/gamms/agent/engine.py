@@ -245,6 +245,35 @@ class AgentEngine(Guarded, IAgentEngine):
                     agent.register_sensor(name, sensor)
 
     @refused_while_deciding
+    def copy_from(self, other: "AgentEngine", memo: dict[int, Any]) -> None:
+        """Take copies of the agents of another context into this one, which has none yet.
+
+        Args:
+            other: the engine of that context.
+            memo: has what takes the place of their sensors, and gets the copies; see `copy.deepcopy`.
+        """
+        source, block = other.block, self._block
+        source.locate()
+        block.graph = None if source.graph is None else self._ctx.graph.graph
+        memo[id(other)], memo[id(source)] = self, block
+        for agent in other._agents.values():
+            block.take_over(source, agent._row)
+            shared: dict[int, Any] = {
+                id(agent.__dict__): _copied(agent.__dict__),
+                id(agent._last): [dict(agent._last[0])],
+                id(agent._carried): (),
+                id(agent.strategy): agent.strategy,
+            }
+            memo |= shared
+            twin = self._agents[agent.name] = deepcopy(agent, memo)
+            for key in shared:
+                del memo[key]
+            twin._shared = frozenset(
+                [id(twin._sensor_list[name]) for name, one in agent._sensor_list.items() if id(one) in agent._shared]
+            )
+            twin._carry()
+
+    @refused_while_deciding
     def terminate(self) -> None:
         """Close the engine: agents stay readable and do nothing."""
         with suppress(GammsError):  # a graph of the user's own may have ended

@@ -6,10 +6,12 @@ from contextlib import contextmanager
 from time import perf_counter
 from typing import Any, Literal, NamedTuple, overload
 
+from gamms import kernels
 from gamms.arguments import as_bool, as_int, as_key, as_name
 from gamms.deciding import Protected, phase_of, refused_while_deciding
 from gamms.errors import BadType, BadValue, ContextTerminated, UnknownName
 from gamms.game.deciders import ArrayPlan, Plan
+from gamms.game.forking import copy_game
 from gamms.game.order import COUNTED
 from gamms.game.random_streams import GlobalRandom
 from gamms.game.result import Collectors, Result
@@ -378,6 +380,32 @@ class Game(Settings):
             raise SnapshotError("A snapshot cannot be restored while the game is being recorded or replayed.")
         self._snapshots.restore_streams(snapshot)
         self._snapshots.restore(snapshot)
+
+    @refused_while_deciding
+    def fork(self, seed: int) -> "Game":
+        """Return a detached game that goes on from here, with other random numbers.
+
+        They follow from the seed and from that of this game. The fork has a context of its own (`ctx`), without
+        recorder and window. The map is shared until one of both games changes it; agents, sensors, data, memories,
+        rules, settings and collectors are copies. Nothing that happens in the fork changes this game. `reset` of the
+        fork returns to where it began.
+
+        Functions that close over the context or an agent get those of the fork; whatever else they hold is shared. So
+        is what cannot be copied.
+
+        Raises:
+            BadType, BadValue: the seed is no integer of 64 bits.
+            SnapshotError: a turn is being played.
+            ContextTerminated: the context has ended.
+        """
+        self._refuse_in_turn("taken")
+        own_seed = kernels.purpose_key(self.ctx.seed, "fork", as_int(seed, "seed")) >> 1
+        ctx, memo = self.ctx.fork(own_seed)
+        game: Game = ctx.game
+        copy_game(self._snapshots, game._snapshots, {**memo, id(self): game, id(self._state): game._state})
+        game._state.began = self.starts
+        game.scenario = self.scenario
+        return game
 
     # -- for rules ----------------------------------------------------------------------------------------------
 

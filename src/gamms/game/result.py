@@ -125,6 +125,20 @@ class _Collector(NamedTuple):
     histories: dict[str, LogHistory]
 
 
+class _SharedColumns(dict[str, list[Any]]):
+    """The columns of a collector of another game, up to some points; each is copied when it is first asked for."""
+
+    def __init__(self, points: dict[str, LogPoint], histories: dict[str, LogHistory]) -> None:
+        super().__init__()
+        self._points, self._histories = points, histories
+
+    def __missing__(self, name: str) -> list[Any]:
+        column: list[Any] = []
+        self._histories[name].go_to(column, self._points[name])
+        self[name] = column
+        return column
+
+
 class Collectors:
     """The collectors of one game, by name."""
 
@@ -158,7 +172,19 @@ class Collectors:
 
     def tables(self) -> dict[str, dict[str, list[Any]]]:
         """Return what was collected so far, by name."""
-        return {name: {key: list(values) for key, values in one.columns.items()} for name, one in self._all.items()}
+        return {name: {key: list(one.columns[key]) for key in one.histories} for name, one in self._all.items()}
+
+    def copy_from(self, other: "Collectors", own: Callable[[Any], Any]) -> None:
+        """Take over the collectors of another game and what they have collected, which is copied when it is needed.
+
+        Args:
+            other: the collectors of that game.
+            own: gives the function to call for one of theirs.
+        """
+        for name, (one, points) in other.snapshot().items():
+            histories = {key: LogHistory() for key in points}
+            columns = _SharedColumns(points, histories)
+            self._all[name] = one._replace(fn=own(one.fn), columns=columns, histories=histories)
 
     def snapshot(self) -> dict[str, tuple[_Collector, dict[str, LogPoint]]]:
         """Return the collectors and what they have collected, for `restore`."""

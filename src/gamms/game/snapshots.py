@@ -139,12 +139,17 @@ def _put_each(known: dict[str, dict[Any, Any]], values: dict[str, dict[Any, Any]
         known[name] = values[name]
 
 
-def copied(value: Any) -> Any:
-    """Return a copy that shares nothing that can change, of the same shape: what is one object stays one."""
+def copied(value: Any, memo: dict[int, Any] | None = None) -> Any:
+    """Return a copy that shares nothing that can change, of the same shape: what is one object stays one.
+
+    Args:
+        value: what is copied.
+        memo: what takes the place of which objects; see `copy.deepcopy`.
+    """
     try:
         return _copied(value, set())
     except _Unusual:
-        return deepcopy(value)
+        return deepcopy(value, memo)
 
 
 class _Unusual(Exception):

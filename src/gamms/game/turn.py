@@ -1,6 +1,7 @@
 """One turn: all agents observe the same world, decide, and move at once."""
 
 from collections.abc import Callable, Iterable
+from copy import copy
 from functools import lru_cache
 from time import perf_counter
 from typing import TYPE_CHECKING, Any
@@ -255,6 +256,14 @@ class TurnMoves:
         self.order, self.starts, self.ends, self.actions = order, starts, ends, actions
         self.slots = order.slots
         self._by_name: dict[str, Move] | None = None
+
+    def of_agents(self, twin_of: Callable[[Any], Any]) -> "TurnMoves":
+        """Return the same moves of other agents, of which each takes the place of one of these."""
+        order = copy(self.order)
+        order.slots = [copy(slot) for slot in self.slots]
+        for slot in order.slots:
+            slot.agent = twin_of(slot.agent)
+        return TurnMoves(order, self.starts, self.ends, self.actions)
 
     def by_name(self) -> dict[str, Move]:
         """Return agent -> its move, of all on the ground, in the order of the names."""

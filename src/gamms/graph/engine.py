@@ -83,22 +83,21 @@ class GraphEngine(Guarded, IGraphEngine):
         self._phase.refuse("use ctx.graph.storage")
         return self._storage
 
-    def fork(self, ctx: IContext, memo: dict[int, Any]) -> "GraphEngine":
-        """Return an engine for a fork of the game; both have the same map until it is changed in one of them.
+    @refused_while_deciding
+    def share_with(self, other: "GraphEngine", memo: dict[int, Any]) -> None:
+        """Have the map of another context, until it is changed in one of both.
 
         Args:
-            ctx: of the fork.
-            memo: gets what takes the place of the parts of this engine there; see `copy.deepcopy`.
+            other: the engine of that context.
+            memo: gets what takes the place of its parts here; see `copy.deepcopy`.
         """
-        engine = GraphEngine(ctx)
-        engine._store, engine._obstacles = self._store.fork(), self._obstacles.fork()
-        engine._graph = self.graph.fork(engine._store, engine._phase)
-        engine._storage = MapStorage(ctx, engine._store, engine._obstacles, engine._phase)
-        engine._storage.visibility_rows = self._storage.visibility_rows
+        self._store, self._obstacles = other._store.fork(), other._obstacles.fork()
+        self._graph = other.graph.fork(self._store, self._phase)
+        self._storage = MapStorage(self._ctx, self._store, self._obstacles, self._phase)
+        self._storage.visibility_rows = other._storage.visibility_rows
         for name in ("_graph", "_store", "_obstacles", "_storage"):
-            memo[id(getattr(self, name))] = getattr(engine, name)
-        memo[id(self)], memo[id(self._store.neighborhoods)] = engine, engine._store.neighborhoods
-        return engine
+            memo[id(getattr(other, name))] = getattr(self, name)
+        memo[id(other)], memo[id(other._store.neighborhoods)] = self, self._store.neighborhoods
 
     # -- obstacles ----------------------------------------------------------------------------------------------
 

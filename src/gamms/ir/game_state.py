@@ -85,6 +85,7 @@ class GameState:
         has_begun: whether a turn was played since the game was created, reset or resumed.
         stream_version: changes whenever all random streams begin again.
         event_history, error_history: of the two logs, for snapshots.
+        shared_logs: those of the two that are the ones of another game and were not read yet.
     """
 
     turn: int = 0
@@ -107,6 +108,25 @@ class GameState:
     stream_version: int = 0
     event_history: LogHistory = field(default_factory=LogHistory)
     error_history: LogHistory = field(default_factory=LogHistory)
+    shared_logs: dict[str, LogPoint] = field(default_factory=dict)
+
+    def share_logs(self, source: "GameState") -> None:
+        """Take over the events and errors of another game; they are copied when they are first read."""
+        self.shared_logs = {
+            "events": source.event_history.mark(source.events),
+            "errors": source.error_history.mark(source.errors),
+        }
+        self.event_history, self.error_history = LogHistory(), LogHistory()
+        del self.events, self.errors
+
+    def __getattr__(self, name: str) -> list[Any]:
+        """Copy a log that was taken over."""
+        if name not in ("events", "errors"):
+            raise AttributeError(f"A game has no {name!r}.")
+        log: list[Any] = []
+        (self.event_history if name == "events" else self.error_history).go_to(log, self.shared_logs.pop(name))
+        setattr(self, name, log)
+        return log
 
     def memory_of(self, name: str) -> dict[Any, Any]:
         """Return the memory of an agent, to be written to."""

@@ -1,6 +1,7 @@
 """The sensor room's front: creates sensors and keeps them by name."""
 
 from collections.abc import Callable, Iterable
+from copy import deepcopy
 from typing import Any, Literal, NamedTuple, Unpack, overload
 
 from gamms.arguments import as_name
@@ -199,6 +200,23 @@ class SensorEngine(Guarded, ISensorEngine):
                 sensor.reset()
 
     @refused_while_deciding
+    def copy_from(self, other: "SensorEngine", memo: dict[int, Any]) -> None:
+        """Take copies of the sensors of another context into this one, which has none yet.
+
+        Args:
+            other: the engine of that context.
+            memo: has what takes the place of its other parts, and gets the copies; see `copy.deepcopy`.
+        """
+        memo[id(other)], memo[id(other._memory)] = self, self._memory
+        for name, part in vars(other._memory).items():
+            memo[id(part)] = getattr(self._memory, name)
+        for sensor in other._sensors.values():
+            for sensed in sensor._last if isinstance(sensor, Sensor) else ():
+                memo[id(sensed)] = sensed  # no look changes what an earlier one has given
+        self._sensors |= {name: _copy_of(sensor, memo) for name, sensor in other._sensors.items()}
+        self._warned |= other._warned
+
+    @refused_while_deciding
     def terminate(self) -> None:
         """Close the room; sensors stay readable."""
 
@@ -247,6 +265,17 @@ def _memory_of(sensor: Any) -> tuple[Callable[[], Any], Callable[[Any], None]]:
         return sensor._snapshot, sensor._restore
     functions = getattr(sensor, "snapshot", None), getattr(sensor, "restore", None)
     return functions if all(map(callable, functions)) else (_nothing, _restore_nothing)  # type: ignore[return-value] # both are
+
+
+def _copy_of(sensor: ISensor, memo: dict[int, Any]) -> ISensor:
+    """Return a copy; a sensor of the caller's class that cannot be copied is shared."""
+    if isinstance(sensor, Sensor):
+        return deepcopy(sensor, memo)
+    try:
+        return deepcopy(sensor, memo)
+    except Exception:  # noqa: BLE001 - whatever a caller's object raises when it is copied
+        memo[id(sensor)] = sensor
+        return sensor
 
 
 def _nothing() -> None:

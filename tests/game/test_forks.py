@@ -1,0 +1,331 @@
+"""A fork goes on from where the game is, with other random numbers, and leaves the game alone."""
+
+import gc
+import threading
+from functools import partial
+
+import pytest
+from hypothesis import HealthCheck, given, settings
+from hypothesis import strategies as st
+from test_snapshots import build, plain, wander
+
+import gamms
+from gamms.errors import BadType, ContextTerminated, IllegalMutation
+from gamms.game import SnapshotError
+from gamms.sensor import SensorType
+
+
+def seen(game):
+    """All that can be seen of a game but for its seed."""
+    found = plain(game.ctx)
+    del found["result"]["seed"]
+    return found
+
+
+def places(game):
+    return {name: agent.current_node_id for name, agent in game.ctx.agent.agents.items()}
+
+
+@pytest.fixture
+def game(grid):
+    ctx = build(grid)
+    ctx.game.run(3)
+    yield ctx.game
+    ctx.terminate()
+
+
+def test_a_fork_begins_as_the_game_is(game):
+    assert seen(game.fork(1)) == seen(game)
+
+
+def test_a_fork_leaves_the_game_alone(game):
+    before = seen(game)
+    game.fork(1).run(5)
+    assert seen(game) == before
+
+
+def test_the_game_leaves_its_forks_alone(game):
+    fork = game.fork(1)
+    before = seen(fork)
+    game.run(5)
+    assert seen(fork) == before
+
+
+def test_a_fork_draws_other_numbers(game):
+    games = [game.fork(3), game.fork(3), game.fork(2), game.fork(game.ctx.seed), game]
+    for one in games:
+        one.run(4)
+    drawn = [seen(one) for one in games]
+    assert drawn[0] == drawn[1]
+    assert all(one != other for i, one in enumerate(drawn[1:]) for other in drawn[i + 2 :])
+
+
+def test_forks_of_forks_and_snapshots_in_forks(game):
+    fork = game.fork(1)
+    here = fork.snapshot()
+    first = seen(fork) if fork.run(3) else None
+    fork.restore(here)
+    nested = fork.fork(7)
+    nested.run(3)
+    assert seen(fork.fork(7)) == seen(fork)
+    fork.run(3)
+    assert seen(fork) == first
+    with pytest.raises(gamms.errors.BadValue, match="another context"):
+        fork.restore(game.snapshot())
+
+
+def test_a_fork_that_is_reset_is_where_it_began(game):
+    fork = game.fork(1)
+    before = seen(fork)
+    fork.run(4)
+    fork.reset()
+    assert fork.turn == 3
+    assert seen(fork)["agents"] == before["agents"]
+
+
+def test_agents_respawn_in_a_fork_where_they_began_in_the_game(game):
+    fork = game.fork(1)
+    fork.respawn("a3")
+    assert (fork.start_node("a3"), places(fork)["a3"]) == (15, 15)
+
+
+@pytest.mark.parametrize("turns", [0, 2])
+def test_a_game_can_be_forked_before_its_first_turn(grid, turns):
+    with build(grid) as ctx:
+        ctx.game.run(turns)
+        fork = ctx.game.fork(1)
+        fork.run(2)
+        assert (fork.turn, ctx.game.turn) == (turns + 2, turns)
+
+
+def test_a_fork_of_a_game_in_a_database(grid):
+    with grid(engine=gamms.graph.Engine.SQLITE) as ctx:
+        ctx.agent.create_agent("a", start_node_id=0, strategy=wander)
+        fork = ctx.game.fork(1)
+        fork.ctx.graph.graph.remove_node(15)
+        fork.run(3)
+        assert ctx.graph.graph.has_node(15)
+
+
+# -- the map --------------------------------------------------------------------------------------------------------
+
+
+CHANGES = {
+    "add_node": lambda graph: graph.graph.add_node({"id": 99, "x": 0.0, "y": 0.0}),
+    "add_edge": lambda graph: graph.graph.add_edge({"id": 99, "source": 0, "target": 15, "length": 1.0}),
+    "add_nodes": lambda graph: graph.add_nodes([98, 99], [0.0, 1.0], [0.0, 1.0]),
+    "add_edges": lambda graph: graph.add_edges([98, 99], [0, 15], [15, 0]),
+    "update_node": lambda graph: graph.graph.update_node({"id": 5, "x": 99.0, "tags": ["park"]}),
+    "update_edge": lambda graph: graph.graph.update_edge({"id": 5, "length": 99.0}),
+    "remove_node": lambda graph: graph.graph.remove_node(5),
+    "remove_edge": lambda graph: graph.graph.remove_edge(5),
+    "clear": lambda graph: graph.graph.clear(),
+    "attach": lambda graph: (graph.graph.clear(), graph.attach_networkx_graph(gamms.graph.grid(2, 2))),
+    "add_obstacle_face": lambda graph: graph.add_obstacle_face(9, (0, 0, 9), (1, 0, 9), (0, 0, 0), (1, 0, 0), 0),
+    "add_obstacles": lambda graph: graph.add_obstacles([[[0, 0, 9], [1, 0, 9], [0, 0, 0], [1, 0, 0]]], ids=[9]),
+    "remove_obstacle_face": lambda graph: graph.remove_obstacle_face(0),
+    "crs": lambda graph: setattr(graph.graph, "crs", "EPSG:3067"),
+}
+
+
+def map_of(ctx):
+    columns, graph = ctx.graph.columns(), ctx.graph.graph
+    rows = [getattr(columns, name) for name in ("node_ids", "xy", "edge_ids", "sources", "targets", "lengths")]
+    faces = [face.tolist() for face in ctx.graph.obstacle_columns()]
+    near = {node: list(graph.neighborhoods[node]) for node in graph.get_nodes()}
+    found = list(graph.get_nodes(25, 0, 0)), list(graph.get_edges(25, 0, 0))
+    tags = [graph.node_attributes(node) for node in graph.get_nodes()]
+    ways = [graph.distance(0, 15)] if graph.has_node(15) and graph.has_node(0) else []
+    return [[row.tolist() for row in rows], faces, near, found, tags, ways, graph.crs]
+
+
+@pytest.mark.parametrize("change", CHANGES.values(), ids=CHANGES)
+@pytest.mark.parametrize("changed", ["game", "fork", "both", "fork of the fork"])
+def test_the_map_is_shared_until_it_is_changed(grid, change, changed):
+    with grid() as ctx, grid() as alone:
+        for one in (ctx, alone):
+            one.graph.add_obstacle_face(0, (5, 0, 9), (5, 5, 9), (5, 0, 0), (5, 5, 0), 0)
+        before = map_of(ctx)
+        fork = ctx.game.fork(1).ctx
+        nested = fork.game.fork(2).ctx
+        assert map_of(fork) == map_of(nested) == before
+        change(alone.graph)
+        after = map_of(alone)
+        everyone = {"game": [ctx], "fork": [fork], "both": [ctx, fork], "fork of the fork": [nested]}[changed]
+        for one in everyone:
+            change(one.graph)
+        for one in (ctx, fork, nested):
+            assert map_of(one) == (after if one in everyone else before)
+
+
+def test_a_fork_keeps_the_map_when_the_game_ends(grid):
+    ctx = grid()
+    before = map_of(ctx)
+    fork = ctx.game.fork(1).ctx
+    ctx.terminate()
+    assert map_of(fork) == before
+    fork.terminate()
+
+
+def test_a_game_changes_its_own_map_in_place_once_its_forks_are_gone(grid):
+    with grid() as ctx:
+        fork = ctx.game.fork(1)
+        nodes = ctx.graph.graph._store.nodes
+        assert fork.ctx.graph.graph._store.nodes is nodes
+        del fork
+        gc.collect()
+        ctx.graph.graph.remove_edge(3)
+        assert ctx.graph.graph._store.nodes is nodes
+
+
+# -- what functions hold --------------------------------------------------------------------------------------------
+
+
+def test_functions_that_close_over_the_context_see_the_fork(grid):
+    with grid() as ctx:
+        seen = []
+        target = ctx.agent.create_agent("target", start_node_id=0)
+        others = [target]
+
+        def look(state):
+            found = [agent.current_node_id for agent in others]
+            seen.append((ctx.game.turn, target.current_node_id, found, game is ctx.game))
+            state["action"] = state["curr_pos"]
+
+        game = ctx.game
+        ctx.agent.create_agent("eyes", start_node_id=5, strategy=look)
+        ctx.agent.create_agent("more", start_node_id=5, strategy=partial(lambda one, state: one(state), look))
+
+        @ctx.game.add
+        def count(_):
+            ctx.game.data["count"] = ctx.game.data.get("count", 0) + 1
+
+        fork = ctx.game.fork(1)
+        fork.turn = 10
+        fork.ctx.agent.get_agent("target").current_node_id = 15
+        fork.step()
+        assert seen == [(10, 15, [15], True)] * 2
+        assert (fork.data, ctx.game.data) == ({"count": 1}, {})
+        assert fork.moves.keys() == {"target", "eyes", "more"}
+
+
+def test_objects_are_copied_and_what_cannot_be_copied_is_shared(grid):
+    class Strategy:
+        def __init__(self, *held):
+            self.calls, self.held = 0, held
+
+        def __call__(self, state):
+            self.calls += 1
+            state["action"] = state["curr_pos"]
+
+    with grid() as ctx:
+        own, shared = Strategy(ctx), Strategy(threading.Lock())
+        lock = threading.Lock()
+        agent = ctx.agent.create_agent("own", start_node_id=0, strategy=own, meta={"lock": lock, "hp": [1]})
+        ctx.agent.create_agent("shared", start_node_id=0, strategy=shared)
+        fork = ctx.game.fork(1)
+        fork.step()
+        twin = fork.ctx.agent.get_agent("own")
+        assert (own.calls, twin.strategy.calls, shared.calls) == (0, 1, 1)
+        assert twin.strategy.held == (fork.ctx,)
+        assert twin.meta["lock"] is lock
+        assert agent.meta is not None
+
+
+def test_sensors_of_a_fork_are_its_own(grid):
+    with grid() as ctx:
+        looks = []
+        ctx.sensor.from_function("inbox", lambda node_id, agent: looks.append(ctx.game.turn))
+        ctx.sensor.create_sensor("eyes", SensorType.AGENT_RANGE, sensor_range=15, detection=0.5)
+        ctx.agent.create_agent("a", start_node_id=0, sensors=["inbox", "eyes"], strategy=wander)
+        ctx.agent.create_agent("b", start_node_id=0, sensors=["eyes"], strategy=wander)
+        ctx.game.run(2)
+        fork = ctx.game.fork(1)
+        fork.ctx.sensor.get_sensor("eyes").range = 99.0
+        fork.turn = 7
+        fork.step()
+        assert looks[-1] == 7
+        assert ctx.sensor.get_sensor("eyes").range == 15.0
+        assert fork.ctx.agent.get_agent("b").sensors["eyes"] is fork.ctx.sensor.get_sensor("eyes")
+        states = [one.get_state() for one in (ctx.agent.get_agent("b"), fork.ctx.agent.get_agent("b"))]
+        assert states[0]["sensor"] is not states[1]["sensor"]
+
+
+def test_plans_and_awaited_strategies_go_on_in_a_fork(grid):
+    async def later(states):
+        wander(states["a"])
+
+    with grid() as ctx:
+        ctx.agent.create_agent("a", start_node_id=0, team="red")
+        ctx.game.command("red", later)
+        ctx.game.run(2)
+        fork = ctx.game.fork(1)
+        assert not fork.run(3).errors
+        assert fork.plans["red"].function is later
+
+
+# -- when -----------------------------------------------------------------------------------------------------------
+
+
+def test_forks_belong_to_the_program_that_runs_the_game(grid):
+    with grid() as ctx:
+        refused = []
+
+        def cheat(state):
+            state["action"] = 0
+            with pytest.raises(IllegalMutation, match=r"call ctx\.game\.fork"):
+                ctx.game.fork(1)
+            with pytest.raises(IllegalMutation, match=r"call ctx\.fork"):
+                ctx.fork(1)
+            refused.append("strategy")
+
+        @ctx.game.add
+        def rule(_):
+            with pytest.raises(SnapshotError, match="middle of a turn"):
+                ctx.game.fork(1)
+            refused.append("rule")
+
+        ctx.agent.create_agent("a", start_node_id=0, strategy=cheat)
+        ctx.game.step()
+        assert refused == ["strategy", "rule"]
+        with pytest.raises(BadType):
+            ctx.game.fork("one")
+    with pytest.raises(ContextTerminated):
+        ctx.game.fork(1)
+
+
+def test_a_recording_goes_on_while_forks_are_played(grid, tmp_path):
+    bytes_of = []
+    for forks in (0, 3):
+        path = tmp_path / f"{forks}.ggr"
+        with build(grid) as ctx:
+            ctx.record.start(path)
+            for _ in range(4):
+                ctx.game.step()
+                for seed in range(forks):
+                    ctx.game.fork(seed).run(2)
+            ctx.record.stop()
+        bytes_of.append(path.read_bytes())
+    assert bytes_of[0] == bytes_of[1]
+
+
+@settings(max_examples=20, deadline=None, suppress_health_check=list(HealthCheck))
+@given(
+    before=st.integers(0, 6),
+    ahead=st.integers(1, 4),
+    seeds=st.lists(st.integers(0, 9), min_size=1, max_size=3),
+    after=st.integers(1, 4),
+)
+def test_a_game_goes_on_as_if_it_was_never_forked(grid, before, ahead, seeds, after):
+    with build(grid) as forked, build(grid) as alone:
+        for ctx in (forked, alone):
+            ctx.game.run(before)
+        results = {}
+        for seed in [*seeds, *seeds]:
+            fork = forked.game.fork(seed)
+            fork.run(ahead)
+            assert results.setdefault(seed, seen(fork)) == seen(fork)
+            fork.ctx.terminate()
+        for ctx in (forked, alone):
+            ctx.game.run(after)
+        assert plain(forked) == plain(alone)
