@@ -92,7 +92,7 @@ class GraphEngine(Guarded, IGraphEngine):
             memo: gets what takes the place of its parts here; see `copy.deepcopy`.
         """
         self._store, self._obstacles = other._store.fork(), other._obstacles.fork()
-        self._graph = other.graph.fork(self._store, self._phase)
+        self._graph = other.graph._fork(self._store, self._phase)
         self._storage = MapStorage(self._ctx, self._store, self._obstacles, self._phase)
         self._storage.visibility_rows = other._storage.visibility_rows
         for name in ("_graph", "_store", "_obstacles", "_storage"):

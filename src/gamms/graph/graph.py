@@ -83,7 +83,7 @@ class Graph(Guarded, IGraph):
         copied = memo[id(self)] = type(self)(deepcopy(self._store, memo), deepcopy(self._phase, memo))
         return copied
 
-    def fork(self, store: GraphStore, phase: DecidePhase) -> "Graph":
+    def _fork(self, store: GraphStore, phase: DecidePhase) -> "Graph":
         """Return this graph for another context, with the fork of its store."""
         graph = Graph(store, phase)
         graph._routes.cache.take_over(self._routes.cache)
