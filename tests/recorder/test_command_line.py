@@ -272,7 +272,7 @@ def test_a_conversion_that_fails_leaves_no_file(game, tmp_path, monkeypatch):
     def interrupt(*_):
         raise KeyboardInterrupt
 
-    monkeypatch.setattr("gamms.recordings.converting._replay", interrupt)
+    monkeypatch.setattr("gamms.recordings.conversion._replay", interrupt)
     with pytest.raises(KeyboardInterrupt):
         recordings.to_version_3(SAMPLES / "basic.ggr", tmp_path / "out")
     assert sorted(tmp_path.iterdir()) == before

@@ -1,7 +1,7 @@
-"""A context to replay a recording in, when there is nothing but the recording."""
+"""Contexts to replay a recording in, when there is nothing but the recording."""
 
 import os
-from collections.abc import Iterator
+from collections.abc import Callable, Iterator
 from typing import Any
 
 from gamms.arguments import as_path
@@ -17,10 +17,10 @@ _NODES = {kinds.AGENT_CURRENT_NODE, kinds.AGENT_PREV_NODE}
 
 
 def version_of(path: str | os.PathLike[str]) -> int:
-    """The format version of a recording.
+    """Return the format version of a recording.
 
     Raises:
-        RecordingError (ValueError): it is none.
+        RecordingError (ValueError): it is not a recording.
         OSError: it cannot be read.
     """
     with as_path(path, "The path of a recording").open("rb") as file:
@@ -30,15 +30,15 @@ def version_of(path: str | os.PathLike[str]) -> int:
     return int.from_bytes(head[4:], "big")
 
 
-def fresh(vis_engine: Engine = Engine.NO_VIS) -> Context:
-    """A context with nothing in it, which says nothing."""
-    return create_context(seed=0, logger_config=_QUIET, vis_engine=vis_engine)
-
-
 def context_for(
     path: str | os.PathLike[str], map: str | os.PathLike[str] | None = None, vis_engine: Engine = Engine.NO_VIS
 ) -> Context:
-    """A fresh context to replay a recording of any version in; the map is for one that holds none, see below.
+    """Create a context to replay a recording of any version in.
+
+    Args:
+        path: of the recording.
+        map: see `with_map`; for a recording of version 2 `with_nodes_made_up`.
+        vis_engine: see `create_context`.
 
     Raises:
         BadFile, RecordingError (ValueError): a file is damaged at its beginning.
@@ -48,26 +48,19 @@ def context_for(
 
 
 def with_map(map: str | os.PathLike[str] | None, vis_engine: Engine = Engine.NO_VIS) -> Context:
-    """A fresh context with the map in a file that `ctx.graph.save` wrote; None: without one.
+    """Create a context with the map in a file that `ctx.graph.save` wrote; None: without one.
 
     Raises:
         BadFile (ValueError): the file is damaged.
         OSError: it cannot be read.
     """
-    ctx = fresh(vis_engine)
-    try:
-        if map is not None:
-            ctx.graph.load(map)
-    except BaseException:
-        ctx.terminate()
-        raise
-    return ctx
+    return _filled(vis_engine, lambda ctx: None if map is None else ctx.graph.load(map))
 
 
 def with_nodes_made_up(
     path: str | os.PathLike[str], map: str | os.PathLike[str] | None = None, vis_engine: Engine = Engine.NO_VIS
 ) -> Context:
-    """A fresh context for a recording of version 2, which has no map.
+    """Create a context for a recording of version 2, which has no map.
 
     Args:
         path: of the recording.
@@ -78,13 +71,17 @@ def with_nodes_made_up(
         BadFile, RecordingError (ValueError): a file is damaged at its beginning.
         OSError: one cannot be read.
     """
-    ctx = fresh(vis_engine)
+    if map is not None:
+        return with_map(map, vis_engine)
+    ids = sorted(set(_node_ids(path)))
+    return _filled(vis_engine, lambda ctx: ctx.graph.add_nodes(ids, x=[0.0] * len(ids), y=[0.0] * len(ids)))
+
+
+def _filled(vis_engine: Engine, fill: Callable[[Context], object]) -> Context:
+    """Create a context that logs nothing, and fill it."""
+    ctx = create_context(seed=0, logger_config=_QUIET, vis_engine=vis_engine)
     try:
-        if map is not None:
-            ctx.graph.load(map)
-        else:
-            ids = sorted(set(_node_ids(path)))
-            ctx.graph.add_nodes(ids, x=[0.0] * len(ids), y=[0.0] * len(ids))
+        fill(ctx)
     except BaseException:
         ctx.terminate()
         raise
@@ -92,7 +89,7 @@ def with_nodes_made_up(
 
 
 def records_of(path: str | os.PathLike[str]) -> Iterator[dict[str, Any]]:
-    """The records of a recording of version 2.
+    """Yield the records of a recording of version 2.
 
     Raises:
         RecordingError (ValueError): it is damaged, or ends too early; the records before that were yielded.
@@ -102,7 +99,7 @@ def records_of(path: str | os.PathLike[str]) -> Iterator[dict[str, Any]]:
 
 
 def _node_ids(path: str | os.PathLike[str]) -> Iterator[int]:
-    """The node ids in a recording of version 2, as far as it is whole."""
+    """Yield the node ids in a recording of version 2, as far as it is whole."""
     is_begun = False
     try:
         for record in records_of(path):

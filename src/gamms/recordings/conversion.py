@@ -1,4 +1,4 @@
-"""Recordings in other forms: version 2 as version 3, version 3 as lines of JSON."""
+"""Converts recordings: version 2 to version 3, version 3 to lines of JSON."""
 
 import json
 import os
@@ -6,7 +6,6 @@ from base64 import b64encode
 from collections.abc import Iterator
 from itertools import chain
 from math import isfinite, isnan
-from typing import Any
 
 import numpy as np
 
@@ -15,7 +14,7 @@ from gamms.context import Context
 from gamms.errors import BadValue
 from gamms.folders import whole_file
 from gamms.ir import events as kinds
-from gamms.plain import to_plain
+from gamms.plain import Plain, to_plain
 from gamms.recorder import Recording, RecordingError
 from gamms.recorder import open as opened
 from gamms.recorder.maps import HASH
@@ -26,7 +25,7 @@ from gamms.text import as_text, written
 from gamms.typing.actions import known_node
 
 _PROVENANCE = {"converted": "from a recording of version 2"}
-_Record = dict[str, Any]
+_Record = dict[str, Plain]
 _MOST_BITS = 14_000  # of an integer that Python writes out
 
 
@@ -71,7 +70,7 @@ def to_version_3(
 
 
 def _replay(ctx: Context, records: Iterator[_Record]) -> None:
-    """Let the records happen, and be recorded; two that are one move become one."""
+    """Apply and record the records of a recording; two records of one move become one event."""
     replayer = Replayer(ctx, is_version_2=True)
     waiting: _Record | None = None
     for record in chain(records, [{"opCode": kinds.TERMINATE}]):
@@ -91,7 +90,7 @@ def _replay(ctx: Context, records: Iterator[_Record]) -> None:
 
 
 def _is_move(ctx: Context, before: _Record, after: _Record) -> bool:
-    """Whether an agent on the ground goes on from where it is."""
+    """Return whether two records are a move of an agent on the ground from its node."""
     if after["opCode"] != kinds.AGENT_CURRENT_NODE:
         return False
     name, there = after["data"]["agent_name"], after["data"]["node_id"]
@@ -111,7 +110,7 @@ def _is_move(ctx: Context, before: _Record, after: _Record) -> bool:
 def to_json_lines(path: str | os.PathLike[str], out: str | os.PathLike[str]) -> str | None:
     """Write every event of a recording of version 3 as a line of JSON, after one for the header and one for the start.
 
-    Bytes are in base64; NaN is null. The map is told by its size only. Halves of surrogate pairs are escaped.
+    Bytes are in base64; NaN is null. Of the map only the size is written. Halves of surrogate pairs are escaped.
 
     Returns:
         What is missing of a recording that was not finished.
@@ -132,7 +131,7 @@ def to_json_lines(path: str | os.PathLike[str], out: str | os.PathLike[str]) -> 
 
 
 def _lines(recording: Recording) -> Iterator[_Record]:
-    size: dict[str, Any] = {"sha256": recording.map_hash(0)}
+    size: dict[str, Plain] = {"sha256": recording.map_hash(0)}
     if HASH not in recording.header:
         columns = recording.graph.columns()
         size = {"nodes": len(columns.node_ids), "edges": len(columns.edge_ids), "crs": columns.crs}
@@ -145,8 +144,8 @@ def _lines(recording: Recording) -> Iterator[_Record]:
     yield from recording.steps()
 
 
-def as_json(value: Any) -> Any:
-    """What JSON can hold of a plain value; integers of more than 4,300 digits become texts in hexadecimal."""
+def as_json(value: Plain) -> Plain:
+    """Return what JSON can hold of a plain value; integers of more than 4,300 digits become hexadecimal texts."""
     if isinstance(value, dict):
         return {key if isinstance(key, str) else as_text(key): as_json(one) for key, one in value.items()}
     if isinstance(value, (list, tuple, set, frozenset)):

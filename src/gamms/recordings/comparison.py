@@ -1,0 +1,254 @@
+"""Compares recordings: where two games differ first, and whether one agrees with itself and with its replay."""
+
+import io
+import os
+from collections.abc import Iterator
+from itertools import count
+from pathlib import Path
+from typing import NamedTuple
+
+import numpy as np
+
+from gamms.errors import BadType, GammsError
+from gamms.ir.packing import to_bytes
+from gamms.plain import Plain
+from gamms.recorder import Reader, Recording, RecordingError, State
+from gamms.recorder import open as opened
+from gamms.recorder.maps import HASH
+from gamms.recordings.contexts import with_map
+from gamms.text import as_text, reason, shown, written
+
+
+class Difference(NamedTuple):
+    """The first thing in which two games differ.
+
+    Attributes:
+        turn: after which they differ; 0: from the start.
+        agent: whose field it is; None: the game's own.
+        field: a column of `State.agents`; or "agents", "scores", "data", "over", "components", "events", "map" or
+            "turns".
+        first: the value in the first game.
+        second: the value in the second.
+    """
+
+    turn: int
+    agent: str | None
+    field: str
+    first: Plain
+    second: Plain
+
+    def __str__(self) -> str:
+        """Say it in one line."""
+        whose = "" if self.agent is None else f"agent {self.agent!r}, "
+        pair = written(self.first), written(self.second)
+        return f"Turn {self.turn}, {whose}{self.field}: {pair[0]} in the first, {pair[1]} in the second"
+
+
+def first_difference(first: Recording, second: Recording) -> Difference | None:
+    """Return the first thing in which two games differ; None if they are the same game.
+
+    Their seeds, and who recorded them when, do not count.
+
+    Raises:
+        RecordingError (ValueError): one of them is damaged.
+    """
+    for one in (first, second):
+        if not isinstance(one, Recording):
+            raise BadType(f"first_difference compares recordings, as gamms.recorder.open gives them, not {shown(one)}.")
+    logs = first.logs(), second.logs()
+    for turn in count():
+        if turn > min(first.turns, second.turns):
+            break
+        pair = (None, None) if turn == 0 else (next(logs[0]), next(logs[1]))
+        if turn and _is_same(*pair):
+            continue  # from equal states, equal events lead to equal states
+        maps = first.map_hash(turn), second.map_hash(turn)
+        found = next(differences(first[turn], second[turn], maps), None)
+        if found is None and turn:
+            found = _of_events(turn, first, second)
+        if found is not None:
+            return found
+    if first.turns != second.turns:
+        return Difference(min(first.turns, second.turns), None, "turns", first.turns, second.turns)
+    return _of_events(first.turns + 1, first, second)
+
+
+def _is_same(one: Plain, other: Plain) -> bool:
+    try:
+        if one == other:
+            return True
+    except ValueError:  # arrays are compared item by item
+        pass
+    return to_bytes(one, "A log") == to_bytes(other, "A log")  # as NaN is, too
+
+
+def differences(first: State, second: State, maps: tuple[str, str]) -> Iterator[Difference]:
+    """Yield the differences of two states: of their maps, whose hashes are `maps`, then agent by agent."""
+    turn = first.turn
+    if maps[0] != maps[1]:
+        yield Difference(
+            turn, None, "map", *(_size(one, name) for one, name in zip((first, second), maps, strict=True))
+        )
+    names = [state.agents["name"].tolist() for state in (first, second)]
+    if set(names[0]) != set(names[1]):
+        only = [sorted(set(names[i]) - set(names[1 - i])) for i in (0, 1)]
+        yield Difference(turn, None, "agents", *only)
+        return
+    row_of = {name: row for row, name in enumerate(names[1])}
+    order = [row_of[name] for name in names[0]]
+    found = []
+    for place, (field, column) in enumerate(first.agents.items()):
+        pairs = zip(column.tolist(), second.agents[field][order].tolist(), strict=True)
+        row, pair = next(((row, pair) for row, pair in enumerate(pairs) if not _is_equal(*pair)), (None, None))
+        if row is not None and pair is not None:
+            found.append((row, place, Difference(turn, names[0][row], field, *pair)))
+    yield from (difference for *_, difference in sorted(found, key=lambda one: one[:2]))
+    for field in ("scores", "data", "over", "components"):
+        values = getattr(first, field), getattr(second, field)
+        if not _is_equal(*values):
+            yield Difference(turn, None, field, *values)
+
+
+def _is_equal(one: Plain, other: Plain) -> bool:
+    """Return whether two values are the same, NaN being equal to itself."""
+    return one == other if type(one) is int and type(other) is int else _plain(one) == _plain(other)
+
+
+def _plain(value: Plain) -> Plain:
+    """Return what a value can be compared by."""
+    if isinstance(value, np.ndarray):
+        return (str(value.dtype), _plain(value.tolist()))
+    if isinstance(value, dict):
+        return {key: _plain(one) for key, one in value.items()}
+    if isinstance(value, (list, tuple)):
+        return [_plain(one) for one in value]
+    return "NaN" if value != value else value  # noqa: PLR0124 - that is what NaN is
+
+
+def _size(state: State, name: str) -> str:
+    try:
+        columns = state.graph.columns()
+    except RecordingError:  # it is not in the recording
+        return f"SHA-256 {name}"
+    return f"{len(columns.node_ids)} nodes, {len(columns.edge_ids)} edges"
+
+
+def _of_events(turn: int, first: Recording, second: Recording) -> Difference | None:
+    """Return the difference between the events of rules and programs in a turn."""
+    events = [list(one.events(turn, turn + 1)) for one in (first, second)]
+    for i in range(max(map(len, events))):
+        pair = [one[i] if i < len(one) else None for one in events]
+        if not _is_equal(*pair):
+            return Difference(turn, None, "events", *pair)
+    return None
+
+
+# -- one recording ----------------------------------------------------------------------------------------------
+
+
+def verify(path: str | os.PathLike[str], map: str | os.PathLike[str] | None = None) -> None:
+    """Read all of a recording of version 3, compute its keyframes again, then replay it and record that.
+
+    What is recorded must be the same events, to the last bit; the same bytes, where the same versions of GAMMS and zlib
+    pack them.
+
+    Args:
+        path: of the recording.
+        map: a file that `ctx.graph.save` wrote, for a recording that does not hold its map.
+
+    Raises:
+        RecordingError (ValueError): the first thing that is wrong: the recording was not finished, a block or the
+            index is damaged, a keyframe says something else than the turns before it, it cannot be replayed, it comes
+            out otherwise than it went in, or the map is another.
+        BadFile (ValueError): the map is damaged.
+        OSError: one of the files cannot be read.
+    """
+    with opened(path, graph=map) as recording:  # which says what to do with version 2
+        name = recording.header.get(HASH)
+    with Reader(path) as reader:
+        reader.verify()
+        if reader.warning:
+            raise RecordingError(reader.warning)
+    if name is not None and map is None:
+        raise RecordingError(
+            "What can be read without its map is whole; but this recording does not hold its map, only the SHA-256 of "
+            f"it, {as_text(name)}, and cannot be replayed without. Give that map: --map FILE.gamms."
+        )
+    _check_keyframes(path)
+    before, after = Path(path).read_bytes(), re_recorded(path, map)
+    if before != after and (part := _differing_part(before, after)) is not None:
+        raise RecordingError(f"Replayed and recorded again, it is another recording: {part} is not the same.")
+
+
+class _Walker(Reader):
+    """Reads no keyframe but the first, so that every state follows from all turns before."""
+
+    def keyframe_before(self, turn: int) -> int:
+        """Return the start."""
+        return super().keyframe_before(min(turn, 0))
+
+    def keyframe(self, turn: int) -> tuple[int, dict[str, Plain]] | None:
+        """Return the keyframe of the start."""
+        return super().keyframe(min(turn, 0))
+
+
+def _check_keyframes(path: str | os.PathLike[str]) -> None:
+    """Compare what every keyframe says with what follows from the turns before it.
+
+    Raises:
+        RecordingError: one says something else.
+    """
+    with Reader(path) as reader, _Walker(path) as walker:
+        stored, computed = Recording(reader), Recording(walker)
+        turns, turn = [], reader.keyframe_before(stored.turns)
+        while turn > 0:
+            turns.append(turn)
+            turn = reader.keyframe_before(turn - 1)
+        for turn in reversed(turns):
+            difference = next(differences(computed.state(turn), stored.state(turn), ("", "")), None)
+            if difference is not None:
+                raise RecordingError(
+                    f"The keyframe after turn {turn} is not what follows from the turns before it. {difference}."
+                )
+
+
+def _differing_part(before: bytes, after: bytes) -> str | None:
+    """Return the part in which two recordings differ; None if they differ only in blocks and packing."""
+    with Reader(io.BytesIO(before)) as first, Reader(io.BytesIO(after)) as second:
+        if first.turns != second.turns:
+            return "the number of turns"
+        if _packed(first.header) != _packed(second.header):
+            return "the header"
+        differing = (turn for turn in range(first.turns) if _packed(first.log(turn)) != _packed(second.log(turn)))
+        turn = next(differing, None)
+        return None if turn is None else f"turn {turn + 1}"
+
+
+def _packed(value: Plain) -> bytes:
+    return to_bytes(value, "The recording")
+
+
+class _Whole(io.BytesIO):
+    """A buffer that is read only when the recording is finished, so that turns need not be written one by one."""
+
+    def seekable(self) -> bool:
+        """Return False."""
+        return False
+
+
+def re_recorded(path: str | os.PathLike[str], map: str | os.PathLike[str] | None = None) -> bytes:
+    """Replay a recording of version 3 into a fresh context, record it there, and return the bytes.
+
+    Raises:
+        RecordingError (ValueError): it cannot be replayed.
+    """
+    stream = _Whole()
+    with with_map(map) as ctx:
+        ctx.record.start(stream)
+        try:
+            for _ in ctx.record.replay(path):
+                pass
+        except GammsError as error:
+            raise RecordingError(f"It cannot be replayed: {reason(error)}") from error
+        ctx.record.stop()
+    return stream.getvalue()
