@@ -388,7 +388,7 @@ DAMAGES = {
     "cut off in the head": lambda data: data[:50],
     "cut off": lambda data: data[:-1],
     "longer": lambda data: data + b"x",
-    "too new": lambda data: data[:8] + b"\x02" + data[9:],
+    "too new": lambda data: data[:8] + b"\x03" + data[9:],
     "a flipped bit": lambda data: data[:-3] + bytes([data[-3] ^ 1]) + data[-2:],
     "another checksum": lambda data: data[:12] + b"abcd" + data[16:],
     "too few nodes": lambda data: sealed(data[:64] + b"\x01" + data[65:]),

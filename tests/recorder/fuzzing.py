@@ -188,14 +188,14 @@ def _change_body(chance, parts):
 def _change_value(chance, parts):
     found = [part for part in parts if part[0] != blocks.TURNS and part[1]]
     part = chance.choice(found or parts)
-    value, _ = blocks.unpacked(part[1], MOST)
+    value, _ = packing.unpack_parts(part[1], MOST)
     part[1] = packing.packed(damaged(chance, value))
 
 
 def _change_column(chance, parts):
     """Put other numbers into a column of turns, or damage the data of its events."""
     part = chance.choice([part for part in parts if part[0] == blocks.TURNS] or parts)
-    data, rest = blocks.unpacked(part[1], MOST, has_columns=True)
+    data, rest = packing.unpack_parts(part[1], MOST, has_columns=True)
     reader = packing.ByteReader(rest)
     table = _columns_of(reader, part[2])
     table += _tracks_of(reader, table[6])

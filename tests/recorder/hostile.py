@@ -11,8 +11,8 @@ import numpy as np
 
 import gamms
 from gamms.ir import events as kinds
+from gamms.ir import packing
 from gamms.recorder import Reader, Writer
-from gamms.recorder.formats import blocks
 
 PRIME = (1 << 61) - 1  # the hash of an integer is what is left when it is divided by this
 
@@ -43,7 +43,7 @@ def honest(turns=2):
 @contextmanager
 def unpadded():
     """Write blocks that take less than readers believe."""
-    with mock.patch.object(blocks, "padded", lambda body, _: body):
+    with mock.patch.object(packing, "padded", lambda body, _: body):
         yield
 
 

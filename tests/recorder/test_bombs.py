@@ -31,7 +31,7 @@ def promised(size, data):
 
 def file_of(*parts, header=None):
     """A file with correct checksums: a header, and blocks of type, body and counts."""
-    body = blocks.value_body(HEADER, "header") if header is None else header
+    body = packing.pack(HEADER, "header") if header is None else header
     data = blocks.MAGIC + sealed(blocks.HEADER, body, 0, [0, 0, 0, 0])
     return data + b"".join(sealed(type, body_, zlib.crc32(body), counts) for type, body_, counts in parts)
 

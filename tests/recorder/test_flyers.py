@@ -258,7 +258,7 @@ def changed(data, change):
     """A recording whose first block of turns has another body; `change` gets the values in it and the columns."""
     parts = parts_of(data)
     part = next(part for part in parts if part[0] == blocks.TURNS)
-    part[1] = b"".join(map(packing.packed, change(*blocks.unpacked(part[1], 1 << 20, has_columns=True))))
+    part[1] = b"".join(map(packing.packed, change(*packing.unpack_parts(part[1], 1 << 20, has_columns=True))))
     return rebuilt(random.Random(0), parts)
 
 

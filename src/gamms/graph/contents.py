@@ -1,13 +1,17 @@
 """All that a saved graph holds, checked: what files and databases are written from and read into."""
 
+from dataclasses import replace
 from typing import Any, NamedTuple
 
 import numpy as np
 
 from gamms import kernels
-from gamms.errors import BadFile, GammsError
+from gamms.errors import BadFile, BadValue, GammsError
 from gamms.graph.tables import RowIndex
+from gamms.ir import packing
 from gamms.ir.graph import FloatArray, GraphColumns, IntArray
+from gamms.plain import Plain, is_plain, why_not_plain
+from gamms.text import shown
 from gamms.typing.graph_engine import ObsFace
 
 
@@ -23,11 +27,7 @@ LeftOut = dict[tuple[str, str], list[int]]  # "node" or "edge", and the name of 
 
 
 def savable(contents: Contents) -> tuple[Contents, LeftOut]:
-    """The same without the attributes that are no plain data, and which these are."""
-    from dataclasses import replace
-
-    from gamms.graph.plain import is_plain
-
+    """Return the same without the attributes that are no plain data, and which these are."""
     columns, left_out = contents.columns, LeftOut()
     given = {"node": (columns.node_attributes, columns.node_ids), "edge": (columns.edge_attributes, columns.edge_ids)}
     kept: dict[str, dict[str, dict[int, Any]]] = {"node": {}, "edge": {}}
@@ -42,13 +42,33 @@ def savable(contents: Contents) -> tuple[Contents, LeftOut]:
     return contents._replace(columns=columns), left_out
 
 
+def attribute_bytes(value: Plain, kind: str, name: str) -> bytes:
+    """Return the value of an attribute as bytes, the same bytes for the same value.
+
+    Args:
+        value: what is saved.
+        kind: "Node" or "Edge", for the message.
+        name: of the attribute.
+
+    Raises:
+        BadValue: it is no plain value.
+    """
+    if flaw := why_not_plain(value):
+        raise BadValue(
+            f"{kind} attribute {name!r} cannot be saved: {shown(value)} (it{flaw}). Only None, bool, int, float, "
+            f"str, bytes, arrays of numbers, and list, tuple, set and dict of these can; convert it, or remove the "
+            f"attribute before saving."
+        )
+    return packing.to_bytes(value, f"{kind} attribute {name!r}")
+
+
 def checked_columns(
     arrays: dict[str, Any],
     bends: dict[int, FloatArray],
     attributes: tuple[dict[str, dict[int, Any]], dict[str, dict[int, Any]]],
     crs: str | None,
 ) -> GraphColumns:
-    """Columns from arrays that a stranger wrote.
+    """Return columns from the arrays of a file, which may hold anything.
 
     Args:
         arrays: `node_ids`, `xy`, `edge_ids`, `sources` and `targets` (node rows), `lengths`.

@@ -1,40 +1,38 @@
 """The save format: one file that holds a graph completely, and that a stranger can open without fear.
 
-Layout: 8 bytes `GAMMSMAP`; three little-endian uint32: format version, size and CRC-32 of the header; the header,
-JSON in UTF-8; then the columns, one after the other. The header names each column with its dtype, shape, stored
-size and CRC-32. A stored column is zlib over its bytes, all first bytes of the items, then all second bytes, and so
-on; columns of integers are differences from the item before. Nothing in a file is ever evaluated or imported.
+Layout: 8 bytes `GAMMSMAP`; three little-endian uint32: format version, size and CRC-32 of what follows; then a dict of
+arrays and plain values, as `ir/packing.py` packs it. Nothing in a file is ever evaluated or imported.
 """
 
-import json
 import os
 import zlib
-from collections.abc import Iterable
+from collections.abc import Iterable, Mapping
 from itertools import count
-from math import prod
 from struct import Struct
 from typing import Any
 
 import numpy as np
 
 from gamms.arguments import as_path
-from gamms.errors import BadFile, BadValue, GammsError, MissingFolder
+from gamms.errors import BadFile, GammsError, MissingFolder
 from gamms.folders import write_whole
-from gamms.graph import plain, records
-from gamms.graph.contents import Contents, checked_columns
+from gamms.graph import records
+from gamms.graph.contents import Contents, attribute_bytes, checked_columns
 from gamms.graph.obstacles import checked_face
-from gamms.ir.graph import FloatArray, GraphColumns
+from gamms.ir import packing
+from gamms.ir.graph import FloatArray
 from gamms.limits import Allowance
+from gamms.plain import Plain
 from gamms.typing.graph_engine import ObsFace
 
 MAGIC = b"GAMMSMAP"
-VERSION = 1
+VERSION = 2  # of development versions, 1 was; it is not read
 
 _HEAD = Struct("<8sIII")
-_MOST_HEADER = 1 << 21  # more than 10,000 attributes, each of which takes three columns
-_DTYPES: dict[str, np.dtype[Any]] = {"int64": np.dtype("<i8"), "float64": np.dtype("<f8"), "uint8": np.dtype("u1")}
 _GRAPH = ("node_ids", "xy", "edge_ids", "sources", "targets", "lengths")
 _OTHERS = ("bend_rows", "bend_sizes", "bend_points", "face_ids", "face_types", "face_corners")
+
+_Attributes = dict[str, dict[int, Plain]]  # by name, by row
 
 
 def save(path: str | os.PathLike[str], contents: Contents) -> None:
@@ -79,153 +77,108 @@ def load(path: str | os.PathLike[str]) -> Contents:
 
 
 def encode(contents: Contents) -> bytes:
-    """A graph as the bytes of a file; the same graph gives the same bytes."""
-    columns = _columns_of(contents)
-    stored = [_pack(array) for array in columns.values()]
-    header = {
-        "crs": contents.columns.crs,
+    """Return a graph as the bytes of a file; the same graph gives the same bytes.
+
+    Raises:
+        BadValue: an attribute is no plain data.
+    """
+    graph = contents.columns
+    state = {
+        "crs": graph.crs,
         "attribution": contents.attribution,
-        "columns": [
-            [name, array.dtype.name, list(array.shape), len(blob), zlib.crc32(blob)]
-            for (name, array), blob in zip(columns.items(), stored, strict=True)
-        ],
+        **_arrays_of(contents),
+        "node_attributes": _columns_of(graph.node_attributes, "Node"),
+        "edge_attributes": _columns_of(graph.edge_attributes, "Edge"),
     }
-    text = json.dumps(header, separators=(",", ":"), ensure_ascii=False).encode("utf-8", "surrogatepass")
-    if len(text) > _MOST_HEADER:
-        raise BadValue(f"A graph cannot be saved whose attribution and names of attributes take {len(text)} bytes.")
-    return b"".join([_HEAD.pack(MAGIC, VERSION, len(text), zlib.crc32(text)), text, *stored])
+    body = packing.pack(state, "A graph")
+    return _HEAD.pack(MAGIC, VERSION, len(body), zlib.crc32(body)) + body
 
 
 def decode(data: bytes) -> Contents:
-    """The graph in the bytes of a file.
+    """Return the graph in the bytes of a file.
 
     Raises:
         BadFile: see `load`.
     """
-    header, position = _read_header(data)
+    body = _checked_body(data)
     try:
-        allowance = Allowance(len(data), "it")
-        columns = _unpack_all(data, position, header["columns"], allowance)
-        attributes = _attributes_of(columns, plain.Texts(allowance))
-        crs, attribution = (records.as_text(header[key], key) for key in ("crs", "attribution"))
-        return _contents_of(columns, attributes, crs, attribution)
+        state = packing.unpack(body, packing.Decoder(Allowance(len(data), "it")))
+        arrays, others = ({name: _array_of(state, name) for name in names} for names in (_GRAPH, _OTHERS))
+        attributes = _attributes_of(state["node_attributes"]), _attributes_of(state["edge_attributes"])
+        crs, attribution = (records.as_text(state[key], key) for key in ("crs", "attribution"))
+        graph = checked_columns(arrays, _bends_of(others), attributes, crs)
+        return Contents(graph, list(_faces_of(others)), attribution)
     except BadFile:
         raise
-    except (KeyError, ValueError, TypeError, OverflowError, IndexError, GammsError) as error:
+    except (KeyError, ValueError, TypeError, OverflowError, IndexError, AttributeError, GammsError) as error:
         raise BadFile(f"its contents are damaged ({error})") from error
 
 
-# -- columns <-> bytes ------------------------------------------------------------------------------------------
-
-
-def _read_header(data: bytes) -> tuple[dict[str, Any], int]:
+def _checked_body(data: bytes) -> bytes:
     if len(data) < _HEAD.size or not data.startswith(MAGIC):
         raise BadFile("it does not begin like one")
     _, version, size, crc = _HEAD.unpack_from(data)
     if version > VERSION:
-        raise BadFile(f"it has format version {version}, this GAMMS reads up to {VERSION}; install a newer one")
-    text = data[_HEAD.size : _HEAD.size + size]
-    if size > _MOST_HEADER or len(text) < size or zlib.crc32(text) != crc:
-        raise BadFile("its header is damaged or cut off")
-    try:
-        header = json.loads(text)
-    except (ValueError, RecursionError) as error:
-        raise BadFile(f"its header is damaged ({error})") from error
-    if not isinstance(header, dict):
-        raise BadFile("its header is damaged")
-    return header, _HEAD.size + size
-
-
-def _pack(array: np.ndarray[Any, Any]) -> bytes:
-    flat = array.reshape(-1)
-    if array.dtype.kind == "i":
-        flat = np.diff(flat, prepend=flat.dtype.type(0))
-    size = array.dtype.itemsize
-    flat = np.ascontiguousarray(flat.astype(array.dtype.newbyteorder("<")))
-    return zlib.compress(flat.view(np.uint8).reshape(-1, size).T.tobytes(), 9)
-
-
-def _unpack_all(
-    data: bytes, position: int, entries: list[Any], allowance: Allowance
-) -> dict[str, np.ndarray[Any, Any]]:
-    columns = {}
-    for name, dtype_name, shape, size, crc in entries:
-        dtype = _DTYPES[dtype_name]
-        if not all(isinstance(n, int) and 0 <= n < 2**40 for n in (*shape, size)) or len(shape) > 2:
-            raise BadFile(f"column {name!r} has an impossible size")
-        raw = dtype.itemsize * prod(shape)
-        if not raw and ":" in name:
-            raise BadFile(f"the column {name!r} is empty")  # an attribute without values is not written
-        allowance.charge(raw)
-        blob = data[position : position + size]
-        if len(blob) < size or zlib.crc32(blob) != crc:
-            raise BadFile(f"column {name!r} is damaged or cut off")
-        columns[str(name)] = _unpack(blob, dtype, tuple(shape), raw)
-        position += size
-    if position != len(data):
+        raise BadFile(f"it has format version {version}, this GAMMS reads {VERSION}; install a newer one")
+    if version < VERSION:
+        raise BadFile(f"it has format version {version}, which was never released; save the graph again")
+    if len(data) > _HEAD.size + size:
         raise BadFile("there is something behind its end")
-    return columns
-
-
-def _unpack(blob: bytes, dtype: np.dtype[Any], shape: tuple[int, ...], raw: int) -> np.ndarray[Any, Any]:
-    inflate = zlib.decompressobj()
-    try:
-        data = inflate.decompress(blob, raw + 1)
-    except zlib.error as error:
-        raise BadFile(f"a column is damaged ({error})") from error
-    if len(data) != raw:
-        raise BadFile("a column has another size than it says")
-    flat = np.frombuffer(data, np.uint8).reshape(dtype.itemsize, -1).T.copy().view(dtype).reshape(-1)
-    flat = flat.astype(dtype.newbyteorder("="))
-    return (np.cumsum(flat, dtype=flat.dtype) if dtype.kind == "i" else flat).reshape(shape)
+    body = data[_HEAD.size :]
+    if len(body) < size or zlib.crc32(body) != crc:
+        raise BadFile("it is damaged or cut off")
+    return body
 
 
 # -- contents <-> columns ---------------------------------------------------------------------------------------
 
 
-def _columns_of(contents: Contents) -> dict[str, np.ndarray[Any, Any]]:
+def _arrays_of(contents: Contents) -> dict[str, np.ndarray[Any, Any]]:
     graph, faces = contents.columns, contents.faces
-    columns: dict[str, np.ndarray[Any, Any]] = {name: getattr(graph, name) for name in _GRAPH}
     rows = sorted(graph.bends)
     bends = [graph.bends[row] for row in rows]
-    columns["bend_rows"] = np.array(rows, np.int64)
-    columns["bend_sizes"] = np.array([len(bend) for bend in bends], np.int64)
-    columns["bend_points"] = np.concatenate([np.zeros((0, 2)), *bends])
-    columns["face_ids"] = np.array([face.id for face in faces], np.int64)
-    columns["face_types"] = np.array([face.type for face in faces], np.int64)
-    columns["face_corners"] = np.array([face[1:5] for face in faces], np.float64).reshape(-1, 12)
-    columns.update(_attribute_columns(graph))
+    return {
+        **{name: getattr(graph, name) for name in _GRAPH},
+        "bend_rows": np.array(rows, np.int64),
+        "bend_sizes": np.array([len(bend) for bend in bends], np.int64),
+        "bend_points": np.concatenate([np.zeros((0, 2)), *bends]),
+        "face_ids": np.array([face.id for face in faces], np.int64),
+        "face_types": np.array([face.type for face in faces], np.int64),
+        "face_corners": np.array([face[1:5] for face in faces], np.float64).reshape(-1, 12),
+    }
+
+
+def _array_of(state: dict[str, Plain], name: str) -> np.ndarray[Any, Any]:
+    array = state[name]
+    is_float = name in ("xy", "lengths", "bend_points", "face_corners")
+    if not isinstance(array, np.ndarray) or array.dtype != (np.float64 if is_float else np.int64):
+        raise BadFile(f"{name!r} is no array of the right type")
+    return array
+
+
+def _columns_of(attributes: Mapping[str, Mapping[int, Plain]], kind: str) -> dict[str, list[Plain]]:
+    """Return of each attribute the rows that have it, which value each has, and the distinct values."""
+    columns: dict[str, list[Plain]] = {}
+    for name, by_row in sorted(attributes.items()):
+        rows = sorted(by_row)
+        written = [attribute_bytes(by_row[row], kind, name) for row in rows]
+        code_of = {one: code for code, one in enumerate(dict.fromkeys(written))}
+        value_of = dict(zip(written, (by_row[row] for row in rows), strict=True))
+        codes = np.array([code_of[one] for one in written], np.int64)
+        columns[name] = [np.array(rows, np.int64), codes, [value_of[one] for one in code_of]]
     return columns
 
 
-def _attribute_columns(graph: GraphColumns) -> dict[str, np.ndarray[Any, Any]]:
-    columns: dict[str, np.ndarray[Any, Any]] = {}
-    for kind, attributes in (("node", graph.node_attributes), ("edge", graph.edge_attributes)):
-        for name, values in sorted(attributes.items()):
-            rows = sorted(values)
-            texts = [plain.to_text(values[row], f"{kind.capitalize()} attribute {name!r}") for row in rows]
-            code_of = {text: code for code, text in enumerate(dict.fromkeys(texts))}
-            prefix = f"{kind}:{name}"
-            columns[f"{prefix}:rows"] = np.array(rows, np.int64)
-            columns[f"{prefix}:codes"] = np.array([code_of[text] for text in texts], np.int64)
-            columns[f"{prefix}:values"] = np.frombuffer("\n".join(code_of).encode("utf-8", "surrogatepass"), np.uint8)
-    return columns
-
-
-_Attributes = tuple[dict[str, dict[int, Any]], dict[str, dict[int, Any]]]  # of nodes, of edges
-
-
-def _contents_of(
-    columns: dict[str, np.ndarray[Any, Any]], attributes: _Attributes, crs: str | None, attribution: str | None
-) -> Contents:
-    arrays = {name: columns.pop(name) for name in _GRAPH}
-    others = {name: columns.pop(name) for name in _OTHERS}
-    for name, array in {**arrays, **others}.items():
-        wanted = "f" if name in ("xy", "lengths", "bend_points", "face_corners") else "i"
-        if array.dtype.kind != wanted:
-            raise BadFile(f"column {name!r} has the wrong type")
-    graph = checked_columns(arrays, _bends_of(others), attributes, crs)
-    return Contents(graph, list(_faces_of(others)), attribution)
+def _attributes_of(columns: Plain) -> _Attributes:
+    """Return attributes by name and row; rows of one value share it."""
+    found: _Attributes = {}
+    for name, (rows, codes, values) in columns.items():
+        if type(name) is not str or not len(rows) == len(codes) > 0 or min(rows.ndim, codes.ndim) != 1:
+            raise BadFile(f"attribute {name!r} is damaged")
+        if not 0 <= int(codes.min()) <= int(codes.max()) < len(values):
+            raise BadFile(f"attribute {name!r} is damaged")
+        found[name] = dict(zip(rows.tolist(), (values[code] for code in codes.tolist()), strict=True))
+    return found
 
 
 def _bends_of(columns: dict[str, np.ndarray[Any, Any]]) -> dict[int, FloatArray]:
@@ -249,17 +202,3 @@ def _faces_of(columns: dict[str, np.ndarray[Any, Any]]) -> Iterable[ObsFace]:
         raise BadFile("an obstacle face is there twice")
     for id, type, (tr, tl, br, bl) in zip(ids, types, corners, strict=True):
         yield checked_face(id, tr, tl, br, bl, type)
-
-
-def _attributes_of(columns: dict[str, np.ndarray[Any, Any]], texts: plain.Texts) -> _Attributes:
-    """The attributes of nodes and of edges, taken out of the columns; rows of one text share its value."""
-    found: dict[str, dict[str, dict[int, Any]]] = {"node": {}, "edge": {}}
-    for key in [key for key in columns if key.endswith(":rows")]:
-        kind, name = key.removesuffix(":rows").split(":", 1)
-        rows, codes, text = (columns.pop(f"{kind}:{name}:{part}") for part in ("rows", "codes", "values"))
-        lines = text.tobytes().decode("utf-8", "surrogatepass").split("\n")
-        if len(rows) != len(codes) or (len(codes) and not 0 <= int(codes.min()) <= int(codes.max()) < len(lines)):
-            raise BadFile(f"attribute {name!r} is damaged")
-        values = [texts.read(line) for line in lines]
-        found[kind][name] = dict(zip(rows.tolist(), (values[code] for code in codes.tolist()), strict=True))
-    return found["node"], found["edge"]

@@ -2,8 +2,7 @@
 
 Layout, little-endian: 8 bytes `GAMMSEYE`; uint32 version; uint32 CRC-32 of all that follows; 32 bytes key of the
 world; float64 radius and observer height; uint64 nodes, seen, size of the stored counts, size of the stored rows; the
-counts, the rows. Both are int32, replaced by their differences, all first bytes, then all second bytes, and so on,
-then zlib.
+counts, the rows: packed bytes of arrays of int32 (`ir/packing.py`).
 """
 
 import os
@@ -15,10 +14,11 @@ import numpy as np
 
 from gamms.errors import BadFile
 from gamms.graph.sights import RowArray, Seen
+from gamms.ir import packing
 from gamms.limits import Allowance
 
 MAGIC = b"GAMMSEYE"
-VERSION = 1
+VERSION = 2
 
 _HEAD = Struct("<8sII32sddQQQQ")
 _CHECKED = 16  # bytes before those that the CRC-32 is of
@@ -27,7 +27,7 @@ _LEAST_BYTES = 1024  # that a file may take beyond 5 for each number
 
 def encode(seen: Seen, key: bytes, radius: float, observer_height: float) -> bytes:
     """A table as the bytes of a file."""
-    stored = [_pack(column) for column in seen]
+    stored = [packing.packed(packing.array_bytes(column), is_noisy=True) for column in seen]
     sizes = len(seen.counts), len(seen.rows), *map(len, stored)
     head = _HEAD.pack(MAGIC, VERSION, 0, key, radius, observer_height, *sizes)
     body = b"".join((head[_CHECKED:], *stored))
@@ -110,18 +110,8 @@ def _check(table: Seen) -> None:
         raise BadFile("its rows are damaged")
 
 
-def _pack(column: RowArray) -> bytes:
-    steps = np.diff(column, prepend=np.int32(0)).astype("<i4")
-    return zlib.compress(steps.view(np.uint8).reshape(-1, 4).T.tobytes(), 6)
-
-
 def _unpack(stored: bytes, count: int) -> RowArray:
-    inflate = zlib.decompressobj()
-    try:
-        planes = inflate.decompress(stored, 4 * count + 1)
-    except zlib.error as error:
-        raise BadFile(f"a column is damaged ({error})") from error
-    if len(planes) != 4 * count or not (inflate.eof and not inflate.unused_data):
+    data, rest = packing.unpacked(stored, 4 * count)
+    if len(data) != 4 * count or rest:
         raise BadFile("a column has another size than it says")
-    steps = np.frombuffer(planes, np.uint8).reshape(4, -1).T.copy().view("<i4").reshape(-1)
-    return np.cumsum(steps, dtype=np.int32)
+    return packing.array_of(data, np.dtype(np.int32))

@@ -9,7 +9,7 @@ The same value gives the same bytes. docs/recording-format.md describes all of i
 """
 
 import zlib
-from collections.abc import Callable, Iterable
+from collections.abc import Callable, Iterable, Sequence
 from functools import cache
 from typing import TYPE_CHECKING, Any
 
@@ -18,7 +18,7 @@ import numpy.typing as npt
 
 from gamms.errors import BadFile, BadType, BadValue
 from gamms.ir.graph import IntArray
-from gamms.limits import Allowance, Keys
+from gamms.limits import PER_BYTE, Allowance, Keys
 from gamms.plain import MOST_DIMENSIONS, Plain
 from gamms.text import reason, shown
 
@@ -148,6 +148,69 @@ class ByteReader:
         """Refuse bytes that were not read."""
         if self.at != len(self.data):
             raise BadFile(f"{len(self.data) - self.at} bytes are left over")
+
+
+# -- bodies -----------------------------------------------------------------------------------------------------
+
+
+def pack(value: Plain, where: str) -> bytes:
+    """Return a plain value as packed bytes, which are as many as `unpack` believes of it.
+
+    Raises:
+        BadType, BadValue: something in it is not plain; `where` says what it is.
+    """
+    return pack_parts([to_bytes(value, where)])
+
+
+def unpack(body: bytes, decoder: "Decoder", *, is_new: bool = True) -> Plain:
+    """Return what `pack` got.
+
+    Args:
+        body: what `pack` returned.
+        decoder: of the file.
+        is_new: whether the value is charged to the file; what is read again is not.
+
+    Raises:
+        BadFile: it is damaged, or the file has too much of it.
+    """
+    return decoder.value(unpack_parts(body, decoder.most_bytes)[0], is_new=is_new)
+
+
+def pack_parts(values: Sequence[bytes], columns: bytes = b"", cost: int = 0) -> bytes:
+    """Return values and columns as packed bytes.
+
+    Args:
+        values: the bytes of plain values.
+        columns: what there is beside them.
+        cost: of the columns, in bytes of memory.
+    """
+    data = b"".join(values)
+    body = packed(data)
+    if columns:
+        body += packed(columns, is_noisy=True)
+    cost = max(cost, _OF_BYTE * (len(data) + len(columns)))
+    if PER_BYTE * len(body) < cost + most_cost_of(data):
+        cost += sum(map(cost_of, values))
+    return padded(body, cost)
+
+
+def unpack_parts(body: bytes, most: int, *, has_columns: bool = False) -> tuple[bytes, bytes]:
+    """Return the bytes of the values, and the columns.
+
+    Raises:
+        BadFile: they are damaged, or would inflate to more than `most` bytes.
+    """
+    columns, (values, rest) = b"", unpacked(body, most)
+    if has_columns:
+        columns, rest = unpacked(rest, most)
+    if rest.strip(b"\0"):
+        raise BadFile(f"{len(rest)} bytes are left over")
+    return values, columns
+
+
+def padded(body: bytes, cost: int) -> bytes:
+    """Return packed bytes, followed by zeros where they are fewer than readers believe of so much memory."""
+    return body + bytes(max(0, -(-cost // PER_BYTE) - len(body)))
 
 
 # -- columns ----------------------------------------------------------------------------------------------------

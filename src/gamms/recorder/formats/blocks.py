@@ -4,14 +4,10 @@ All numbers are little-endian. A file: `MAGIC`, a header block, other blocks, an
 """
 
 import zlib
-from collections.abc import Sequence
 from struct import Struct
 from typing import NamedTuple
 
 from gamms.errors import BadFile, BadValue
-from gamms.ir import packing
-from gamms.limits import PER_BYTE
-from gamms.plain import Plain
 
 MAGIC = b"MMGR\0\0\0\3"  # the last four bytes are the format version, which is big-endian as in older versions
 SYNC = b"\xd3GB"
@@ -24,7 +20,6 @@ MOST_TURNS = 1 << 16
 
 # Bytes of memory, or as much time as these would take: what is counted in heads is charged before it is read.
 _OF_TURN, _OF_MOVE, _OF_EVENT = 512, 32, 64
-_OF_BYTE = 4  # of a body that is inflated
 
 _HEAD = Struct("<3sBIIIIIIII")
 HEAD_SIZE = _HEAD.size
@@ -60,66 +55,6 @@ class Counts(NamedTuple):
 def cost_of(turns: int, moves: int, events: int) -> int:
     """Return how much memory turns take, without the values of events, in bytes."""
     return _OF_TURN * turns + _OF_MOVE * moves + _OF_EVENT * events
-
-
-def padded(body: bytes, cost: int) -> bytes:
-    """Return a body, followed by zeros where it is smaller than readers believe of what takes so much memory."""
-    return body + bytes(max(0, -(-cost // PER_BYTE) - HEAD_SIZE - len(body)))
-
-
-def body_of(values: Sequence[bytes], columns: bytes = b"", cost: int = 0) -> bytes:
-    """Return the body of a block.
-
-    Args:
-        values: the bytes of the plain values in it.
-        columns: what it has beside them.
-        cost: of the columns.
-    """
-    data = b"".join(values)
-    body = packing.packed(data)
-    if columns:
-        body += packing.packed(columns, is_noisy=True)
-    cost = max(cost, _OF_BYTE * (len(data) + len(columns)))
-    if PER_BYTE * len(body) < cost + packing.most_cost_of(data):
-        cost += sum(map(packing.cost_of, values))
-    return padded(body, cost)
-
-
-def unpacked(body: bytes, most: int, *, has_columns: bool = False) -> tuple[bytes, bytes]:
-    """Return the bytes of the values in a body, and its columns.
-
-    Raises:
-        BadFile: it is damaged, or would inflate to more than `most` bytes.
-    """
-    columns, (values, rest) = b"", packing.unpacked(body, most)
-    if has_columns:
-        columns, rest = packing.unpacked(rest, most)
-    if rest.strip(b"\0"):
-        raise BadFile(f"{len(rest)} bytes are left over")
-    return values, columns
-
-
-def value_body(value: Plain, where: str) -> bytes:
-    """Return a plain value as the body of a block.
-
-    Raises:
-        BadType, BadValue: something in it is not plain; `where` says what it is.
-    """
-    return body_of([packing.to_bytes(value, where)])
-
-
-def value_of(body: bytes, decoder: packing.Decoder, *, is_new: bool = True) -> Plain:
-    """Return the plain value in the body of a block.
-
-    Args:
-        body: of the block.
-        decoder: of the file.
-        is_new: whether it is charged to the file.
-
-    Raises:
-        BadFile: it is damaged, or the file has too much of it.
-    """
-    return decoder.value(unpacked(body, decoder.most_bytes)[0], is_new=is_new)
 
 
 def block(type: int, body: bytes, key: int, counts: Counts) -> bytes:

@@ -210,7 +210,7 @@ class Collected:
         parts += map(column, self._columns_of_events())
         for kind, some in sorted(self._rows.items()):
             parts += some.columns(kind)
-        return blocks.body_of(self._data, b"".join(parts), blocks.cost_of(*self.counts[1:]))
+        return packing.pack_parts(self._data, b"".join(parts), blocks.cost_of(*self.counts[1:]))
 
     def _columns_of_events(self) -> list[IntArray]:
         """How many moves come before each event, its kind, and the size of its data."""
@@ -326,7 +326,7 @@ def chunk_of(head: blocks.Head, body: bytes, decoder: packing.Decoder, charged: 
     Raises:
         BadFile: it is damaged.
     """
-    data, columns = blocks.unpacked(body, decoder.most_bytes, has_columns=True)
+    data, columns = packing.unpack_parts(body, decoder.most_bytes, has_columns=True)
     reader = ByteReader(columns)
     move_ends = _ends(reader.column(head.turns), head.moves, "moves")
     event_ends = _ends(reader.column(head.turns), head.events, "events")

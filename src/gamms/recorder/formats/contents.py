@@ -112,7 +112,7 @@ def contents_of(source: Input, decoder: packing.Decoder) -> Contents:
     with at_byte(at):
         head = blocks.head_of(source.read(at, min(blocks.HEAD_SIZE, source.size - at)))
         _, body = source.body(_block(at, head), 0)
-        header = blocks.value_of(body, decoder)
+        header = packing.unpack(body, decoder)
         if head.type != blocks.HEADER or not isinstance(header, dict):
             raise BadFile("the header is not here")
     return Contents(header, head.crc, *_blocks_of(source, at + head.total, head.crc))

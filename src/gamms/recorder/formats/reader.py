@@ -11,7 +11,7 @@ import numpy as np
 from gamms.arguments import as_path
 from gamms.errors import BadFile, BadValue
 from gamms.ir.graph import IntArray
-from gamms.ir.packing import Decoder
+from gamms.ir.packing import Decoder, unpack
 from gamms.limits import Allowance
 from gamms.recorder.formats import blocks, chunks
 from gamms.recorder.formats.contents import Block, Contents, Input, at_byte, contents_of, turns_of
@@ -178,7 +178,7 @@ class Reader:
         with at_byte(block.at):
             head, body = self._body(block)
             is_new = (block.at, head.crc) not in self._charged
-            state = blocks.value_of(body, self._decoder, is_new=is_new)
+            state = unpack(body, self._decoder, is_new=is_new)
             self._charged[block.at, head.crc] = bytearray()
             if not isinstance(state, dict):
                 raise BadFile("this is no keyframe")

@@ -12,6 +12,7 @@ from collections.abc import Callable, Sequence
 from typing import Any, BinaryIO
 
 from gamms.errors import BadType, BadValue
+from gamms.ir import packing
 from gamms.recorder.formats import blocks, chunks
 from gamms.recorder.formats.output import Output
 
@@ -57,7 +58,7 @@ class Writer:
             raise BadValue(
                 f"Blocks of {turns} turns or {size} bytes cannot be; at least 1 of both, at most 65,536 turns."
             )
-        body = blocks.value_body(_is_dict(header, "header"), "The header")
+        body = packing.pack(_is_dict(header, "header"), "The header")
         head = blocks.block(blocks.HEADER, body, 0, blocks.Counts())
         self._turns, self._seconds, self._size, self._clock = turns, seconds, size, clock
         self._key = blocks.head_of(head[: blocks.HEAD_SIZE]).crc
@@ -151,7 +152,7 @@ class Writer:
             RecordingError: see `add_turn`.
         """
         self._file.check()
-        body = blocks.value_body(_is_dict(state, "keyframe"), "A keyframe")
+        body = packing.pack(_is_dict(state, "keyframe"), "A keyframe")
         if len(self._open):
             self._close_block()
         self._put(blocks.KEYFRAME, body, blocks.Counts(self.turns))
