@@ -2,6 +2,8 @@
 
 import numpy as np
 import pytest
+from hypothesis import given
+from hypothesis import strategies as st
 
 from gamms.ir.agents import AgentBlock, Selection
 from gamms.ir.journal import CLOSED
@@ -211,3 +213,36 @@ def test_the_rows_of_flyers_follow_them(columns, positions):
         [1],
     )
     assert Positions(other).flyers.tolist() == [0]
+
+
+ROWS, NODES, PARTS = st.integers(0, 5), st.integers(0, 9), st.integers(-3, 3).map(float)
+VERBS = st.one_of(
+    st.tuples(st.just("move"), ROWS, NODES),
+    st.tuples(st.just("fly"), st.integers(3, 5), st.tuples(PARTS, PARTS, PARTS), NODES),
+    st.tuples(st.just("turn"), st.integers(3, 5), st.tuples(PARTS, PARTS, PARTS, PARTS)),
+    st.tuples(st.just("set"), ROWS, st.just("heading"), st.sampled_from([(0.0, 1.0), None])),
+    st.tuples(st.just("set"), ROWS, st.sampled_from(["node", "previous"]), NODES),
+    st.tuples(st.just("set"), ROWS, st.just("alive"), st.booleans()),
+    st.tuples(st.just("set"), ROWS, st.just("teams"), st.sampled_from(["red", None])),
+    st.tuples(st.just("move_all"), st.permutations([0, 1, 2]).map(Selection), st.lists(NODES, min_size=3, max_size=3)),
+)
+
+
+@given(verbs=st.lists(VERBS, max_size=12), kept=st.permutations(range(6)))
+def test_columns_that_are_arrays_come_out_as_lists_do(verbs, kept):
+    lists = AgentBlock()
+    for row in range(6):
+        lists.add(f"a{row}", row, None, (0.0, float(row), 1.0) if row > 2 else None, 1.0 if row > 2 else None)
+    arrays = AgentBlock.from_arrays(lists.arrays())
+    logs = lists.subscribe(), arrays.subscribe()
+    positions = Positions(lists), Positions(arrays)
+    for verb, *given_to_it in verbs:
+        for block in (lists, arrays):
+            getattr(block, verb)(*given_to_it)
+    assert logs[0].take() == logs[1].take()
+    assert positions[0].by_node == positions[1].by_node
+    assert positions[0].flyer_xyz.tolist() == positions[1].flyer_xyz.tolist()
+    for block in (lists, arrays):
+        block.keep(kept)
+    for name, column in lists.arrays().items():
+        np.testing.assert_array_equal(column, arrays.arrays()[name])

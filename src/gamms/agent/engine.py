@@ -176,8 +176,8 @@ class AgentEngine(Guarded, IAgentEngine):
             self._add(agent, name, kwargs, sensors, strategy)
         finally:
             block.journal = journal
+        journal.entered(agent._row, name)
         if not journal.is_silent:
-            journal.entered(agent._row, name)
             journal.note(events.AGENT_CREATE, {"name": name, "kwargs": given, "state": self._more_of(agent._row)})
         return agent
 

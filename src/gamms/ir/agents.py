@@ -1,13 +1,15 @@
 """Agents as rows of columns: `AgentBlock`, which owns every change of them, and the change logs that others read."""
 
-from collections.abc import Callable, Iterable, Iterator, Sequence
+from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
 from contextlib import contextmanager
 from operator import itemgetter
 from typing import Any, NamedTuple, Protocol
 
+import numpy as np
+
 from gamms.errors import BadValue
 from gamms.ir import events
-from gamms.ir.journal import CLOSED, NOBODY, Journal
+from gamms.ir.journal import CLOSED, PLAIN, Journal
 
 Position = tuple[float, float, float]  # x, y, z; map units
 Quat = tuple[float, float, float, float]  # w, x, y, z; of length 1
@@ -69,6 +71,16 @@ BY_ROW = (
     "alive",
     "progress",
 )
+ARRAYS: dict[str, tuple[type, tuple[int, ...]]] = {  # columns that may be arrays: the kind and the shape of a row
+    "kind": (np.int64, ()),
+    "node": (np.int64, ()),
+    "previous": (np.int64, ()),
+    "heading": (np.float64, (2,)),  # NaN stands for None
+    "position": (np.float64, (3,)),
+    "previous_position": (np.float64, (3,)),
+    "quat": (np.float64, (4,)),
+    "alive": (np.bool_, ()),
+}
 _PLACES = ("node", "previous", "heading", "position", "previous_position", "quat", "progress")
 _OF_STRUCTURE = frozenset({"teams", "speed", "alive"})
 _OF_VERSION = frozenset({"node", "position", "teams", "alive"})
@@ -86,8 +98,9 @@ class AgentBlock:
     """Agents, one row each in the order of their creation, and the verbs that change them.
 
     What callers pass is validated before (`typing.actions`), not here. Columns are read directly and written through
-    the verbs alone; they are lists, because the paper's loop reads and writes them one by one
-    (benchmarks/README.md, w2).
+    the verbs alone. Those of the agents of a context are lists, because the paper's loop reads and writes them one by
+    one (benchmarks/README.md, w2); those of a block that is made from arrays are arrays (`ARRAYS`), and no agent can be
+    added to them.
 
     Args:
         graph: finds the nodes below flyers; None: their nodes are those that were written.
@@ -107,7 +120,7 @@ class AgentBlock:
         flyers: the rows of flyers, ascending.
         inactive: the rows of agents that are not alive.
         removed: how many rows are those of agents that were removed; `keep` closes them up.
-        journal: how it writes: plainly (`NOBODY`), noting what it writes, or not at all (`CLOSED`).
+        journal: how it writes: plainly (`PLAIN`), noting what it writes, or not at all (`CLOSED`).
         structure_version: changes whenever an agent comes, goes, dies, returns, or has another team, speed or sensor.
         trusts_nodes: whether any integer is taken for a node, because a recording is replayed whose map has changed.
     """
@@ -129,7 +142,7 @@ class AgentBlock:
         "trusts_nodes",
     )
 
-    def __init__(self, graph: NodeFinder | None = None, journal: Journal = NOBODY) -> None:
+    def __init__(self, graph: NodeFinder | None = None, journal: Journal = PLAIN) -> None:
         self.names: list[str] = []
         self.teams: list[Any] = []
         self.kind: list[int] = []
@@ -155,6 +168,30 @@ class AgentBlock:
         self._version = 0
         self._unlocated: set[int] = set()  # rows of flyers that have moved since their node was found
         self._surveyed: int | None = None  # the revision of the graph in which the nodes of the other flyers were found
+
+    @classmethod
+    def from_arrays(cls, columns: Mapping[str, Any]) -> "AgentBlock":
+        """Return a block of what `arrays` gave: arrays that are written to, and lists for the other columns."""
+        block = cls()
+        for name in BY_ROW:
+            setattr(block, name, columns[name])
+        block._renew()
+        return block
+
+    def arrays(self) -> dict[str, Any]:
+        """Return copies of all columns, those in `ARRAYS` as arrays, where NaN stands for None."""
+        columns: dict[str, Any] = {}
+        for name in BY_ROW:
+            column = getattr(self, name)
+            if name not in ARRAYS:
+                columns[name] = list(column)
+                continue
+            kind, shape = ARRAYS[name]
+            if shape and isinstance(column, list):
+                none = (np.nan,) * shape[0]
+                column = [none if value is None else value for value in column]
+            columns[name] = np.array(column, kind).reshape(-1, *shape)
+        return columns
 
     def __len__(self) -> int:
         return len(self.names)
@@ -207,7 +244,8 @@ class AgentBlock:
         self.removed = 0
         for name in BY_ROW:
             column = getattr(self, name)
-            setattr(self, name, [column[row] for row in rows])
+            is_list = isinstance(column, list)
+            setattr(self, name, [column[row] for row in rows] if is_list else column[rows])
         self.journal.kept(rows)
         self._unlocated = {i for i, row in enumerate(rows) if row in self._unlocated}
         self._renew()
@@ -231,7 +269,7 @@ class AgentBlock:
         """Move an agent on the ground; the node it was on is its previous one."""
         # NOTE: every move of the paper's loop (benchmarks/README.md, w2 and w4).
         journal = self.journal
-        if journal is not NOBODY:
+        if journal is not PLAIN:
             if not journal.is_silent:
                 log = journal.log
                 log.append(journal.ids[row])
@@ -248,8 +286,14 @@ class AgentBlock:
         journal = self.journal
         if journal is CLOSED:
             return
-        rows.write(self.previous, rows.of(self.node))
-        rows.write(self.node, nodes)
+        previous: Any = self.previous  # a list or an array
+        node: Any = self.node
+        if isinstance(node, list):
+            rows.write(previous, rows.of(node))
+            rows.write(node, nodes)
+        else:
+            previous[rows.rows] = node[rows.rows]
+            node[rows.rows] = nodes
         self._changed |= rows.as_set
         if not journal.is_silent:
             ids = journal.ids
@@ -260,7 +304,7 @@ class AgentBlock:
         journal = self.journal
         if journal is CLOSED:
             return
-        getattr(self, column)[row] = value
+        self._put(row, column, value)
         if column in _OF_VERSION:
             self._changed.add(row)
         if column in _OF_STRUCTURE:
@@ -294,28 +338,34 @@ class AgentBlock:
             return
         self.previous[row] = self.nearest(row)
         before = self.previous_position[row] = self.position[row]
-        self.position[row] = position
         if node is not None:
             self.node[row] = node
-        elif before is None or position[:2] != before[:2]:
+        elif before is None or position[0] != before[0] or position[1] != before[1]:
             self._unlocated.add(row)
+        self.position[row] = position
         self._changed.add(row)
         if not journal.is_silent:
             journal.flew(row, self.nearest(row), position)
 
     def turn(self, row: int, quat: Quat) -> None:
         """Turn a flyer."""
-        if self.journal is not CLOSED:
+        journal = self.journal
+        if journal is not CLOSED:
             self.quat[row] = quat
-            self.journal.turned(row, quat)
+            if not journal.is_silent:
+                journal.turned(row, quat)
 
     def write(self, row: int, values: dict[str, Any]) -> None:
         """Overwrite columns of one agent and note nothing (used by replay)."""
         for name, value in values.items():
-            getattr(self, name)[row] = value
+            self._put(row, name, value)
         self._changed.add(row)
         if self.kind[row]:
             self._unlocated.add(row)
+
+    def _put(self, row: int, name: str, value: Any) -> None:
+        column = getattr(self, name)
+        column[row] = np.nan if value is None and isinstance(column, np.ndarray) else value
 
     # -- the nodes below flyers ---------------------------------------------------------------------------------
 
@@ -393,7 +443,7 @@ class AgentBlock:
 
     def values(self) -> dict[str, list[Any]]:
         """Return copies of all columns, for `restore`."""
-        return {name: list(getattr(self, name)) for name in BY_ROW}
+        return {name: getattr(self, name).copy() for name in BY_ROW}
 
     def restore(self, values: dict[str, list[Any]], *, has_structure: bool) -> None:
         """Set the columns to what `values` gave.

@@ -33,7 +33,6 @@ ARRAYS: dict[str, tuple[type, tuple[int, ...]]] = {
 }
 _ON_EDGES = ("edge_source", "edge_target", "edge_share")  # may be missing while no agent is on an edge
 _MOST_AGENTS = 1 << 24  # that one recording may number
-_NOT = float("nan")  # stands for None in a column of floats
 
 
 # -- to be written ------------------------------------------------------------------------------------------------
@@ -43,11 +42,11 @@ def captured(ctx: HostContext) -> Keyframe:
     """Return the state of a context that is being recorded, as a keyframe holds it."""
     rows, agents = ctx.agent.block, list(ctx.agent.agents.values())
     rows.locate()
+    arrays = rows.arrays()
     columns: Columns = {
-        "names": list(rows.names),
+        **{name: arrays[name] for name in ("names", "kind", "node", "previous", *_PLACES)},
         "numbers": np.array(rows.journal.ids[: len(agents)], np.int64),
-        **{name: np.array(getattr(rows, name), np.int64) for name in ("kind", "node", "previous", "alive")},
-        **{name: _floats(getattr(rows, name), ARRAYS[name][1][0]) for name in _PLACES},
+        "alive": arrays["alive"].astype(np.int64),
         **progress_columns(rows.progress),
         "teams": [to_plain(team) for team in rows.teams],
         "speed": [to_plain(speed) for speed in rows.speed],
@@ -192,11 +191,6 @@ def _folded(numbers: IntArray) -> IntArray:
     """Return small numbers of either sign as small ones without: 0, -1, 1, -2 as 0, 1, 2, 3."""
     folded: IntArray = (numbers << 1) ^ (numbers >> 63)
     return folded
-
-
-def _floats(values: list[Any], width: int) -> FloatArray:
-    rows = [(_NOT,) * width if value is None else value for value in values]
-    return np.array(rows, np.float64).reshape(-1, width)
 
 
 # -- that was read ------------------------------------------------------------------------------------------------

@@ -11,7 +11,7 @@ import numpy as np
 
 from gamms.ir import events as kinds
 from gamms.ir.events import Log
-from gamms.ir.journal import NOBODY
+from gamms.ir.journal import PLAIN
 from gamms.plain import plain_subset
 from gamms.recorder import keyframes, sensed
 from gamms.recorder.changes import GameWatch
@@ -288,7 +288,7 @@ class Session:
     def _hush(self) -> None:
         block = self.ctx.agent.block
         if block.journal is self._journal:
-            block.journal = NOBODY
+            block.journal = PLAIN
         if self.end_turn in self.ctx.visual.after_turn:
             self.ctx.visual.after_turn.remove(self.end_turn)
         if self.begin_anew in self.ctx.game.after_reset:
