@@ -108,7 +108,7 @@ def declare(ctx: Context) -> None:
     ctx.visual.add_artist("legend", legend_of_teams(ctx))
 
 
-def draw_names(ctx: Any, data: Mapping[str, Any]) -> None:
+def draw_names(ctx: Context, data: Mapping[str, Any]) -> None:
     """Write each agent's name right of it, where it would be neither upon another name nor upon an agent."""
     wide, high, disc = (share * drawing_of(ctx).extent() for share in _LABEL)
     share = data.get("_alpha", 1.0)

@@ -11,6 +11,7 @@ from pathlib import Path
 from typing import Any
 
 from gamms import recorder, recordings
+from gamms.context import Context
 from gamms.errors import BadValue, UnknownName
 from gamms.rendering.fog import DARK, Fog
 from gamms.visual.appearance import PAPER
@@ -112,7 +113,7 @@ def _checked_turns(path: str | os.PathLike[str], options: RenderOptions) -> int 
 class _Renderer:
     """A context into which a recording is replayed, and what has to be declared in it."""
 
-    def __init__(self, ctx: Any, options: RenderOptions, total: int | None, show: Show) -> None:
+    def __init__(self, ctx: Context, options: RenderOptions, total: int | None, show: Show) -> None:
         self._ctx, self._options, self._total, self._show = ctx, options, total, show
         self._turn = 0
         self._fog: Fog | None = None
@@ -136,8 +137,8 @@ class _Renderer:
         film_plan(out, options.fps, options.width, options.height, options.frames_per_turn, 1.0)
         self._play(records, max((options.first or 1) - 1, 0))
         begun = self._turn
-        size = {"width": options.width, "height": options.height, "frames_per_turn": options.frames_per_turn}
-        with self._ctx.visual.film(out, options.fps, **size, title=options.title, background=self._background):
+        size = options.width, options.height, options.frames_per_turn
+        with self._ctx.visual.film(out, options.fps, *size, title=options.title, background=self._background):
             self._play(records, options.last)
             if self._turn == begun:
                 raise BadValue(f"There is no turn to film: this recording has {self._turn} turns.")
@@ -184,7 +185,7 @@ class _Renderer:
         return f"turn {self._turn}".ljust(len(f"turn {self._total or 0}"))
 
 
-def _view(ctx: Any) -> float:
+def _view(ctx: Context) -> float:
     """How much is seen around the agent that is followed, map units: some hundred metres, but no more than there is."""
     columns = ctx.graph.columns()
     wanted = _VIEW_EDGES * usual_edge(columns) if columns.crs is None else _VIEW_M

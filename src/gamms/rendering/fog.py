@@ -3,16 +3,21 @@
 Sensors are asked again, for a recording does not hold what they saw: those of the kinds that come with GAMMS.
 """
 
+from collections.abc import Iterator, Sequence
 from typing import Any
 
 import numpy as np
 
 from gamms import kernels
+from gamms.agent.agent import Member
+from gamms.context import Context
 from gamms.errors import BadValue, UnknownName
 from gamms.ir.graph import FloatArray, GraphColumns, IntArray
+from gamms.ir.obstacles import BoolArray
 from gamms.ir.sensed import SensorView
 from gamms.text import shown
 from gamms.typing import SensorType
+from gamms.typing.artist import Drawer
 from gamms.visual import Artist
 from gamms.visual.appearance import Rgb, group_colors
 from gamms.visual.camera import inside
@@ -41,7 +46,7 @@ class Fog:
         BadValue: none of its agents carries a sensor.
     """
 
-    def __init__(self, ctx: Any, team: str) -> None:
+    def __init__(self, ctx: Context, team: str) -> None:
         self._ctx, self._team = ctx, team
         if not any(True for _ in self._own()):
             raise UnknownName("team", team, {str(agent.team) for agent in ctx.agent.create_iter()})
@@ -54,7 +59,7 @@ class Fog:
         self._made: tuple[Any, ...] = ()  # columns, points, offsets, ends of streets
         self._declare()
 
-    def _own(self) -> Any:
+    def _own(self) -> Iterator[Member]:
         return (agent for agent in self._ctx.agent.create_iter() if str(agent.team) == self._team)
 
     def _declare(self) -> None:
@@ -85,13 +90,14 @@ class Fog:
         found = {_rounded(place) for view in views for place in view.agents.tolist()}
         self._hide({agent.name for agent in self._others() if not self._is_found(agent, found)})
 
-    def _others(self) -> Any:
+    def _others(self) -> Iterator[Member]:
         return (agent for agent in self._ctx.agent.create_iter() if str(agent.team) != self._team)
 
-    def _is_found(self, agent: Any, found: set[tuple[float, float]]) -> bool:
+    def _is_found(self, agent: Member, found: set[tuple[float, float]]) -> bool:
         flies = bool(agent.type)
-        place = agent.position[:2] if flies else self._ctx.graph.graph.get_node(agent.current_node_id)[1:3]
-        return _rounded(place) in found or (not flies and agent.current_node_id in self._now)
+        return _rounded(self._ctx.visual.position_of(agent.name)) in found or (
+            not flies and agent.current_node_id in self._now
+        )
 
     def _hide(self, names: set[str]) -> None:
         visual = self._ctx.visual
@@ -104,7 +110,7 @@ class Fog:
             if declared is not None:
                 visual.add_artist(name, declared)
 
-    def _sights_of(self, agent: Any) -> Any:
+    def _sights_of(self, agent: Member) -> Iterator[Sight]:
         return (self._ctx.visual.drawing.carriers.sight(sensor, agent) for sensor in agent.sensors.values())
 
     def _show_sights(self, sights: list[Sight]) -> None:
@@ -124,7 +130,7 @@ class Fog:
 
     # -- drawers ---------------------------------------------------------------------------------------------
 
-    def _draw_streets(self, ctx: Any, _: Any) -> None:
+    def _draw_streets(self, ctx: Context, _: dict[str, Any]) -> None:
         columns = ctx.graph.columns()
         points, offsets, ends = self._streets(columns)
         shades = np.isin(columns.node_ids, list(self._seen)).astype(np.int64)
@@ -146,10 +152,10 @@ class Fog:
         points, offsets, ends = self._made[1:]
         return points, offsets, ends
 
-    def _draw_flags(self, ctx: Any, data: Any) -> None:
+    def _draw_flags(self, ctx: Context, data: dict[str, Any]) -> None:
         render_flags(ctx, data | {"hidden": set(self._hidden)})
 
-    def _draw_tags(self, ctx: Any, data: Any) -> None:
+    def _draw_tags(self, ctx: Context, data: dict[str, Any]) -> None:
         render_tags(ctx, data | {"of": {agent.name for agent in self._own()}})
 
 
@@ -158,24 +164,24 @@ class _TurnDrawer:
 
     once_a_turn = True
 
-    def __init__(self, draw: Any) -> None:
+    def __init__(self, draw: Drawer) -> None:
         self._draw = draw
 
-    def __call__(self, ctx: Any, data: Any) -> None:
+    def __call__(self, ctx: Context, data: dict[str, Any]) -> None:
         self._draw(ctx, data)
 
 
-def _hidden(ctx: Any) -> Artist:
+def _hidden(ctx: Context) -> Artist:
     artist = Artist(ctx, lambda *_: None)
     artist.set_visible(False)
     return artist
 
 
-def _rounded(place: Any) -> tuple[float, float]:
+def _rounded(place: Sequence[float]) -> tuple[float, float]:
     return round(float(place[0]), _DIGITS), round(float(place[1]), _DIGITS)
 
 
-def _at(xy: FloatArray, places: FloatArray) -> Any:
+def _at(xy: FloatArray, places: FloatArray) -> BoolArray:
     """Which of `xy` (nodes, 2) are among places (places, 2)."""
     if len(places) == 0:
         return np.zeros(len(xy), bool)
@@ -183,7 +189,7 @@ def _at(xy: FloatArray, places: FloatArray) -> Any:
     return np.isin(np.round(xy, _DIGITS) @ (1.0, 1.0j), wanted)
 
 
-def _inside(xy: FloatArray, outline: FloatArray) -> Any:
+def _inside(xy: FloatArray, outline: FloatArray) -> BoolArray:
     """Which of `xy` (nodes, 2) are inside a polygon (corners, 2)."""
     is_inside = np.zeros(len(xy), bool)
     if len(outline) < 3 or not np.isfinite(outline).all():

@@ -11,10 +11,12 @@ from gamms.arguments import as_float
 from gamms.errors import BadType, BadValue, UnknownName, nearest
 from gamms.ir.graph import FloatArray, IntArray
 from gamms.text import shown
-from gamms.typing import ColorType, IContext
+from gamms.typing import ColorType, IAgent, IContext
 
 Rgb = tuple[int, int, int]
 Rgba = tuple[int, int, int, int]
+AnyColor = ColorType | str
+"""RGB or RGBA, the name of a colour, or `#rrggbb`."""
 
 
 class Color:
@@ -96,7 +98,7 @@ def string_to_color(text: str) -> Rgb:
     return red, green, blue
 
 
-def rgba(color: Any) -> Rgba:
+def rgba(color: AnyColor) -> Rgba:
     """RGB, RGBA, a name or `#rrggbb` as four integers, clipped to 0-255.
 
     Raises:
@@ -110,7 +112,7 @@ def rgba(color: Any) -> Rgba:
 
 
 @lru_cache(maxsize=1024)
-def _rgba(color: Any) -> Rgba:
+def _rgba(color: AnyColor) -> Rgba:
     if isinstance(color, str):
         return (*string_to_color(color), 255)
     try:
@@ -139,7 +141,7 @@ _TABLES = {
 NAMES = tuple(_TABLES)
 
 
-def table(name: Any) -> tuple[Rgb, ...]:
+def table(name: object) -> tuple[Rgb, ...]:
     """The colours of a map from low to high, LEVELS of them.
 
     Raises:
@@ -170,7 +172,7 @@ def colorized(colorize: Colorize, values: FloatArray) -> tuple[list[Rgb], IntArr
     return colors, np.array([place_of[color] for color in named], np.int64)[places]
 
 
-def color_group(agent: Any) -> Any:
+def color_group(agent: IAgent) -> Any:
     """Return the team of an agent, or its name if it has none: agents of one group have one colour."""
     team = getattr(agent, "team", None)
     return agent.name if team is None else team

@@ -219,7 +219,7 @@ def state_of(name: str, artist: IArtist) -> Any:
     return name, artist.get_layer(), artist.get_drawer(), _print_of(getattr(artist, "data", None))
 
 
-def _print_of(value: Any) -> Any:
+def _print_of(value: object) -> Any:
     """Something hashable that differs where two values would be drawn differently."""
     if isinstance(value, dict):
         return tuple((_print_of(key), _print_of(one)) for key, one in value.items())

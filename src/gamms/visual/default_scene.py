@@ -184,7 +184,7 @@ def team_rows(ctx: IContext) -> Rows | None:
     return Rows("", tuple(Row(colors[str(team)], str(team), _score(scores.get(team))) for team in named))
 
 
-def _score(score: Any) -> str:
+def _score(score: object) -> str:
     return f"{score:g}" if isinstance(score, int | float) else ""
 
 

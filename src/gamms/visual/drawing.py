@@ -14,8 +14,8 @@ from gamms.errors import BadType, BadValue
 from gamms.ir.draw import FARTHEST, DrawCommands, DrawKind, DrawSpace
 from gamms.ir.graph import FloatArray, GraphColumns, IntArray
 from gamms.text import shown
-from gamms.typing import ColorType, IContext
-from gamms.visual.appearance import BY_DAY, Color, WallTones, rgba
+from gamms.typing import IAgent, IContext
+from gamms.visual.appearance import BY_DAY, AnyColor, Color, WallTones, rgba
 from gamms.visual.camera import Viewpoint
 from gamms.visual.shown_turn import Carriers, Motion, TurnEvents
 
@@ -24,13 +24,19 @@ _CIRCLES = 4  # that make a disc: two edges and two areas, in world units and in
 _COLUMNS = {"kind": "q", "layer": "q", "space": "q", "size": "d", "width": "d", "angle": "d"}  # and their type codes
 
 
+Points = Sequence[Sequence[float]] | FloatArray
+"""(x, y) pairs of numbers."""
+Offsets = Sequence[int] | IntArray
+"""Where each of several lines or polygons begins among their points, and where the last one ends."""
+
+
 class Disc(NamedTuple):
     """The look of a disc with an edge: `radius` in world units, but at least some pixels."""
 
     radius: float
     at_least_px: float
-    color: Any
-    edge: Any
+    color: AnyColor
+    edge: AnyColor
     edge_px: float = 3.0  # half of it is hidden
 
 
@@ -45,13 +51,13 @@ class Commands:
         self._counts = array("q")  # of points, of each command
 
     def add_circles(
-        self, centers: Any, radius: float, color: Any, width: float = 0.0, space: DrawSpace = DrawSpace.WORLD
+        self, centers: Points, radius: float, color: AnyColor, width: float = 0.0, space: DrawSpace = DrawSpace.WORLD
     ) -> None:
         """Draw equal circles around `centers` (circles, 2); `radius` in the unit of `space`, `width` px."""
         points = _as_points(centers)
         self._add(DrawKind.CIRCLE, points, _ONE * len(points), color, space=space, size=radius, width=width)
 
-    def add_discs(self, centers: Any, discs: Sequence[Disc], looks: IntArray) -> None:
+    def add_discs(self, centers: Points, discs: Sequence[Disc], looks: IntArray) -> None:
         """Draw discs around `centers` (discs, 2), each above those before it; `looks` (discs,) are rows of `discs`."""
         points, n = np.repeat(_as_points(centers), _CIRCLES, axis=0), _CIRCLES * len(looks)
         sizes, widths, inks = [], [], []
@@ -70,7 +76,7 @@ class Commands:
         self._counts.extend(_ONE * n)
 
     def add_lines(
-        self, points: Any, offsets: Any, color: Any, width: float = 1.0, space: DrawSpace = DrawSpace.SCREEN
+        self, points: Points, offsets: Offsets, color: AnyColor, width: float = 1.0, space: DrawSpace = DrawSpace.SCREEN
     ) -> None:
         """Draw polylines of one style; line `i` is `points[offsets[i]:offsets[i + 1]]`.
 
@@ -84,18 +90,18 @@ class Commands:
             raise BadValue("Each line needs two points or more, and the offsets must go from 0 to their number.")
         self._add(DrawKind.LINE, points, counts, color, space=space, width=width)
 
-    def add_line(self, points: Any, color: Any, width: float = 1.0) -> None:
+    def add_line(self, points: Points, color: AnyColor, width: float = 1.0) -> None:
         """Draw one polyline; `width` in pixels."""
         self.add_lines(points, (0, len(points)), color, width)
 
-    def add_polygon(self, points: Any, color: Any, width: float = 0.0) -> None:
+    def add_polygon(self, points: Points, color: AnyColor, width: float = 0.0) -> None:
         """Draw a polygon; `width` of its outline in pixels, 0 = filled."""
         points = _as_points(points)
         if len(points) < 3:
             raise BadValue(f"A polygon needs three points or more, not {len(points)}.")
         self._add(DrawKind.POLYGON, points, [len(points)], color, width=width)
 
-    def add_polygons(self, points: Any, offsets: Any, color: Any, width: float = 0.0) -> None:
+    def add_polygons(self, points: Points, offsets: Offsets, color: AnyColor, width: float = 0.0) -> None:
         """Draw polygons of one style; polygon `i` is `points[offsets[i]:offsets[i + 1]]`.
 
         Raises:
@@ -106,12 +112,12 @@ class Commands:
             raise BadValue("Each polygon needs three points or more, and the offsets must go from 0 to their number.")
         self._add(DrawKind.POLYGON, points, counts, color, width=width)
 
-    def add_rectangle(self, x: float, y: float, width: float, height: float, color: Any) -> None:
+    def add_rectangle(self, x: float, y: float, width: float, height: float, color: AnyColor) -> None:
         """Fill a rectangle whose top-left corner is at (x, y); `width` and `height` in pixels."""
         extent = as_range(width, "The width of a rectangle"), as_range(height, "The height of a rectangle")
         self._add(DrawKind.RECTANGLE, _as_points([(x, y), extent]), [2], color, space=DrawSpace.SCREEN)
 
-    def add_text(self, text: str, x: float, y: float, color: Any, font_px: float) -> None:
+    def add_text(self, text: str, x: float, y: float, color: AnyColor, font_px: float) -> None:
         """Write `text` with its top-left corner at (x, y)."""
         self._add(
             DrawKind.TEXT,
@@ -141,7 +147,7 @@ class Commands:
         kind: DrawKind,
         points: FloatArray,
         counts: Sequence[int] | IntArray,
-        color: Any,
+        color: AnyColor,
         *,
         space: DrawSpace = DrawSpace.WORLD,
         size: float = 0.0,
@@ -236,7 +242,7 @@ def _first_bad(points: FloatArray) -> tuple[float, float]:
     return x, y
 
 
-def _as_extent(value: Any, name: str) -> float:
+def _as_extent(value: object, name: str) -> float:
     if type(value) is float and 0.0 <= value <= FARTHEST:
         return value
     number = as_range(value, name)
@@ -294,7 +300,7 @@ class Drawing:
         text: str,
         x: float,
         y: float,
-        color: ColorType = Color.Black,
+        color: AnyColor = Color.Black,
         perform_culling_test: bool = True,
         font_size: int | None = None,
     ) -> None:
@@ -308,7 +314,7 @@ class Drawing:
         y: float,
         width: float,
         height: float,
-        color: ColorType = Color.Black,
+        color: AnyColor = Color.Black,
         perform_culling_test: bool = True,
     ) -> None:
         """Fill a rectangle whose top-left corner is at (x, y); `width` and `height` in pixels."""
@@ -320,7 +326,7 @@ class Drawing:
         x: float,
         y: float,
         radius: float,
-        color: ColorType = Color.Black,
+        color: AnyColor = Color.Black,
         width: int = 0,
         perform_culling_test: bool = True,
     ) -> None:
@@ -334,7 +340,7 @@ class Drawing:
         start_y: float,
         end_x: float,
         end_y: float,
-        color: ColorType = Color.Black,
+        color: AnyColor = Color.Black,
         width: int = 1,
         is_aa: bool = False,
         perform_culling_test: bool = True,
@@ -347,7 +353,7 @@ class Drawing:
     def render_linestring(
         self,
         points: Sequence[tuple[float, float]],
-        color: ColorType = Color.Black,
+        color: AnyColor = Color.Black,
         width: int = 1,
         closed: bool = False,
         is_aa: bool = False,
@@ -360,7 +366,7 @@ class Drawing:
     def render_polygon(
         self,
         points: Sequence[tuple[float, float]],
-        color: ColorType = Color.Black,
+        color: AnyColor = Color.Black,
         width: int = 0,
         perform_culling_test: bool = True,
     ) -> None:
@@ -383,9 +389,9 @@ class Drawing:
 
     def render_lines(
         self,
-        points: Any,
-        offsets: Any,
-        color: ColorType = Color.Black,
+        points: Points,
+        offsets: Offsets,
+        color: AnyColor = Color.Black,
         width: float = 1,
         *,
         in_world: bool = False,
@@ -397,7 +403,9 @@ class Drawing:
         if self.commands is not None:
             self.commands.add_lines(points, offsets, color, width, DrawSpace.WORLD if in_world else DrawSpace.SCREEN)
 
-    def render_polygons(self, points: Any, offsets: Any, color: ColorType = Color.Black, width: float = 0) -> None:
+    def render_polygons(
+        self, points: Points, offsets: Offsets, color: AnyColor = Color.Black, width: float = 0
+    ) -> None:
         """Draw many polygons at once: polygon `i` is `points[offsets[i]:offsets[i + 1]]`.
 
         `width` is the outline in pixels, 0 = filled. A polygon is filled where it winds around; so one with a seam to
@@ -408,9 +416,9 @@ class Drawing:
 
     def render_circles(
         self,
-        centers: Any,
+        centers: Points,
         radius: float,
-        color: ColorType = Color.Black,
+        color: AnyColor = Color.Black,
         width: float = 0,
         *,
         in_pixels: bool = False,
@@ -432,7 +440,7 @@ class Drawing:
             share = as_float(share, "share")
         return self.motion.position_of(agent_name, share)
 
-    def is_shown(self, agent: Any, share: float = 1.0) -> bool:
+    def is_shown(self, agent: IAgent, share: float = 1.0) -> bool:
         """Whether an agent is drawn after a share of its last move: one that is out is not, once it has got there."""
         return getattr(agent, "alive", True) or (
             as_float(share, "share") < 1.0 and agent.name in self.events.eliminated()
@@ -465,10 +473,10 @@ class Drawing:
 
     def render_discs(
         self,
-        centers: Any,
+        centers: Points,
         radius: float,
-        color: ColorType = Color.Black,
-        edge: ColorType = Color.White,
+        color: AnyColor = Color.Black,
+        edge: AnyColor = Color.White,
         *,
         at_least_px: float = 0.0,
     ) -> None:
@@ -476,7 +484,7 @@ class Drawing:
         if self.commands is not None:
             self.render_all_discs(centers, [Disc(radius, at_least_px, color, edge)], np.zeros(len(centers), np.int64))
 
-    def render_all_discs(self, centers: Any, discs: "Sequence[Disc]", looks: IntArray) -> None:
+    def render_all_discs(self, centers: Points, discs: "Sequence[Disc]", looks: IntArray) -> None:
         """Draw discs of several looks, each above those before it; `looks` (discs,) are rows of `discs`."""
         if self.commands is not None:
             self.commands.add_discs(centers, discs, looks)

@@ -12,7 +12,20 @@ from gamms.ir.draw import DrawCommands, DrawSpace
 from gamms.ir.graph import FloatArray, IntArray
 from gamms.text import shown
 from gamms.typing import IArtist, IContext
-from gamms.visual.appearance import DIVERGING, LEVELS, PAPER, Colorize, Rgb, Rgba, colorized, inks, levels, rgba, table
+from gamms.visual.appearance import (
+    DIVERGING,
+    LEVELS,
+    PAPER,
+    AnyColor,
+    Colorize,
+    Rgb,
+    Rgba,
+    colorized,
+    inks,
+    levels,
+    rgba,
+    table,
+)
 from gamms.visual.camera import Camera
 from gamms.visual.drawing import Commands
 
@@ -159,10 +172,10 @@ class _Pen:
     def _place(self, x: float, y: float) -> tuple[float, float]:
         return self._camera.left + x / self._scale, self._camera.top - y / self._scale
 
-    def rectangle(self, x: float, y: float, width: float, height: float, color: Any) -> None:
+    def rectangle(self, x: float, y: float, width: float, height: float, color: AnyColor) -> None:
         self.commands.add_rectangle(*self._place(x, y), width, height, color)
 
-    def disc(self, x: float, y: float, radius: float, color: Any) -> None:
+    def disc(self, x: float, y: float, radius: float, color: AnyColor) -> None:
         for size, ink in ((radius + 1.5, _RIM), (radius, color)):
             self.commands.add_circles([self._place(x, y)], size, ink, space=DrawSpace.SCREEN)
 
@@ -228,7 +241,7 @@ def _shown(block: Rows) -> tuple[Row, ...]:
     return (*block.rows[: _MOST_ROWS - 1], Row(PAPER, f"and {len(block.rows) - _MOST_ROWS + 1} more"))
 
 
-def legend_only(ctx: Any, data: dict[str, Any]) -> None:
+def legend_only(ctx: IContext, data: dict[str, Any]) -> None:
     """A drawer that draws nothing: the artist has a legend only."""
 
 
@@ -310,7 +323,7 @@ def _numbers(values: Iterable[Any], of: str) -> FloatArray:
         raise BadValue(f"A value of {of} is too large for a float.") from None
 
 
-def _is_endless(value: Any) -> bool:
+def _is_endless(value: object) -> bool:
     return isinstance(value, float | np.floating) and not np.isfinite(value)
 
 

@@ -5,7 +5,7 @@ from enum import Enum
 from itertools import groupby, pairwise, product, takewhile
 from operator import itemgetter
 from time import perf_counter
-from typing import Any, NamedTuple
+from typing import TYPE_CHECKING, Any, NamedTuple
 
 import numpy as np
 
@@ -19,6 +19,9 @@ from gamms.visual.backends.pygame_backend import Canvas, load, on_glass
 from gamms.visual.backends.raster import Painting
 from gamms.visual.camera import Camera, bounds, fit_box
 from gamms.visual.constants import CACHE_ZOOM_MAX
+
+if TYPE_CHECKING:
+    from pygame import Surface
 
 _STEP = 256  # px: sides are multiples of it, so that a view that grows does not need a new surface in every frame
 _LARGEST = 4_000_000  # px: 16 MB; larger ones are not kept
@@ -329,7 +332,7 @@ class Tiles:
             scaled.fill(_LOST, special_flags=pygame.BLEND_RGB_ADD)
         return scaled
 
-    def _blit(self, surface: Any, level: _Level, area: _Area, *, is_copy: bool = False) -> None:
+    def _blit(self, surface: "Surface", level: _Level, area: _Area, *, is_copy: bool = False) -> None:
         """Put the tiles of an area on a surface of its size; a copy takes glass as it is."""
         if is_copy or self.background is not None:
             surface.fill((0, 0, 0, 0) if self.background is None else self.background[:3])
@@ -376,7 +379,7 @@ def _stretches(numbers: list[int]) -> Iterator[tuple[int, int]]:
         yield numbers[first], numbers[end - 1] + 1
 
 
-def _part(surface: Any, tiles: _Area, place: Place) -> Any:
+def _part(surface: "Surface", tiles: _Area, place: Place) -> Any:
     """A tile of its own, so that it does not keep the whole surface alive."""
     x, y = (place[0] - tiles.left) * SIDE, (place[1] - tiles.top) * SIDE
     return surface.subsurface((x, y, SIDE, SIDE)).copy()
@@ -506,7 +509,7 @@ class Scene:
         high = np.max([box[1] for box in boxes], axis=0) if boxes else np.zeros(2)
         return fit_box(low, high, width, height, header, aside)
 
-    def note_overlay(self, artists: tuple[IArtist, ...], surface: Any) -> None:
+    def note_overlay(self, artists: tuple[IArtist, ...], surface: "Surface | None") -> None:
         """Show a surface above what these artists drew; None: nothing."""
         if surface is None:
             self._overlays.pop(artists, None)

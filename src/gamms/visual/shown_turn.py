@@ -222,7 +222,7 @@ class Carriers:
         self._key: Any = None
         self._of: dict[int, list[Any]] = {}
 
-    def of(self, sensor: Any) -> list[Any]:
+    def of(self, sensor: ISensor) -> list[Any]:
         """The agents that carry a sensor, dead ones too, in the order of their creation."""
         version = self._ctx.agent.structure_version
         if version is None or version != self._key:
@@ -233,7 +233,7 @@ class Carriers:
                     carriers += [agent] * (agent not in carriers[-1:])
         return self._of.get(id(sensor), [])
 
-    def is_blind(self, sensor: Any) -> bool:
+    def is_blind(self, sensor: ISensor) -> bool:
         """Whether all agents that carry a sensor are out of the game."""
         carriers = self.of(sensor)
         return bool(carriers) and not any(agent.alive for agent in carriers)
@@ -254,7 +254,7 @@ class Carriers:
                 yield from ((sensor, agent) for agent in living)
 
     @staticmethod
-    def sight(sensor: Any, agent: Any) -> Sight:
+    def sight(sensor: ISensor, agent: IAgent | None) -> Sight:
         """What a sensor sees for an agent; None: what it saw last, or would see from there."""
         look = getattr(sensor, "view_from", None)  # a class that is no child of ISensor has none
         place, name = (None, None) if agent is None else (agent.current_node_id, agent.name)
@@ -282,7 +282,7 @@ def view_of(sensor: ISensor) -> SensorView:
     return view
 
 
-def _has_looked(sensor: Any) -> bool:
+def _has_looked(sensor: ISensor) -> bool:
     try:
         return says_something(view_of(sensor))
     except NotOffered:

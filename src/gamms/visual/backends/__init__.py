@@ -13,7 +13,7 @@ from typing import Any, Protocol
 
 from gamms.plugins import Registry
 from gamms.visual.backends import svg
-from gamms.visual.backends.coverage import ByteArray, PixelArray
+from gamms.visual.backends.coverage import PaintedFrame
 
 Backend = Callable[..., bytes]
 
@@ -26,16 +26,6 @@ def _png(*args: Any, **kwargs: Any) -> bytes:
     from gamms.visual.backends.raster import png
 
     return png(*args, **kwargs)
-
-
-class PaintedFrame(Protocol):
-    """A frame of a film."""
-
-    def pixels(self) -> ByteArray:
-        """RGB, as (height, width, 3), of its own."""
-
-    def bgrx(self) -> PixelArray:
-        """Blue, green, red and a byte without meaning, as (height, width): the fastest way to an encoder."""
 
 
 class FilmWriter(Protocol):

@@ -8,8 +8,7 @@ from typing import Any, NamedTuple
 import numpy as np
 
 from gamms.errors import MissingExtra
-from gamms.visual.backends import PaintedFrame
-from gamms.visual.backends.coverage import ByteArray, PixelArray
+from gamms.visual.backends.coverage import ByteArray, PaintedFrame, PixelArray
 
 TILE, BORDER = 64, 4  # pixels; of a square, and around it, for colours are mixed from neighbours
 SIDE = TILE + 2 * BORDER

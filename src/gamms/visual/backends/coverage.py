@@ -4,7 +4,7 @@ Pixel (column, row) is the square from (column, row) to (column + 1, row + 1); y
 """
 
 from itertools import pairwise
-from typing import Any, NamedTuple
+from typing import Any, NamedTuple, Protocol
 
 import numpy as np
 
@@ -13,10 +13,21 @@ from gamms.ir.graph import FloatArray, IntArray
 from gamms.visual.camera import extent
 
 ByteArray = np.ndarray[Any, np.dtype[np.uint8]]
+SingleArray = np.ndarray[Any, np.dtype[np.float32]]
 PixelArray = np.ndarray[Any, np.dtype[np.uint32]]  # (rows, columns)  blue, green, red and a byte without meaning
 
 _FINER = 4  # lines per row of pixels on which the sides of a polygon are looked at
 _AT_ONCE = 2_000_000  # pixels that are looked at together, so that memory stays bounded
+
+
+class PaintedFrame(Protocol):
+    """A frame of a film."""
+
+    def pixels(self) -> ByteArray:
+        """RGB, as (height, width, 3), of its own."""
+
+    def bgrx(self) -> PixelArray:
+        """Blue, green, red and a byte without meaning, as (height, width): the fastest way to an encoder."""
 
 
 class Patch(NamedTuple):
@@ -142,7 +153,7 @@ def _parts(lengths: FloatArray, half: float) -> list[slice]:
     return [slice(begin, end) for begin, end in pairwise(borders)]
 
 
-def _stroke(patch: ByteArray, starts: Any, ends: Any, half: float) -> None:
+def _stroke(patch: ByteArray, starts: SingleArray, ends: SingleArray, half: float) -> None:
     """Write the larger of what a patch has and what the lines (float32, in its pixels) cover."""
     is_steep = np.abs(ends - starts)[:, 1] > np.abs(ends - starts)[:, 0]
     for steep in (False, True):
@@ -152,7 +163,7 @@ def _stroke(patch: ByteArray, starts: Any, ends: Any, half: float) -> None:
             _flat_strokes(patch.T if steep else patch, starts[rows][:, turned], ends[rows][:, turned], half)
 
 
-def _flat_strokes(patch: ByteArray, starts: Any, ends: Any, half: float) -> None:
+def _flat_strokes(patch: ByteArray, starts: SingleArray, ends: SingleArray, half: float) -> None:
     """Lines that go across more than down: in each column they touch, look at the pixels around their middle."""
     back = starts[:, 0] > ends[:, 0]
     starts, ends = np.where(back[:, None], ends, starts), np.where(back[:, None], starts, ends)
@@ -173,7 +184,7 @@ def _flat_strokes(patch: ByteArray, starts: Any, ends: Any, half: float) -> None
     _keep_largest(patch, row, column, covered)
 
 
-def _nearness(across: Any, down: Any, ways: Any, half: float) -> Any:
+def _nearness(across: SingleArray, down: SingleArray, ways: SingleArray, half: float) -> Any:
     """Coverage by lines from the origin along `ways` (columns, 2), at (columns, rows) places; 0 to 1."""
     squares = np.maximum((ways * ways).sum(axis=1), np.float32(1e-12))[:, None]
     along = np.clip((across * ways[:, :1] + down * ways[:, 1:]) / squares, 0, 1)
@@ -182,7 +193,7 @@ def _nearness(across: Any, down: Any, ways: Any, half: float) -> Any:
     return np.clip(np.float32(half + 0.5) - np.sqrt(beside * beside + above * above), 0, 1)
 
 
-def _keep_largest(patch: ByteArray, row: IntArray, column: IntArray, covered: Any) -> None:
+def _keep_largest(patch: ByteArray, row: IntArray, column: IntArray, covered: SingleArray) -> None:
     rows = patch.shape[0]
     places = np.nonzero((covered > 0) & (row >= 0) & (row < rows))
     value = np.rint(covered[places] * 255).astype(np.uint8)

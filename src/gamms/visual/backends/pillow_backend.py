@@ -7,8 +7,7 @@ from typing import Any
 import numpy as np
 
 from gamms.errors import MissingExtra
-from gamms.visual.backends import PaintedFrame
-from gamms.visual.backends.coverage import ByteArray
+from gamms.visual.backends.coverage import ByteArray, PaintedFrame
 
 _OWN = 192  # colours taken from the first frame; the others are spread evenly, for what comes later
 _SPREAD = (0, 85, 170, 255)

@@ -17,6 +17,7 @@ from gamms.ir.graph import FloatArray, IntArray
 from gamms.ir.obstacles import BoolArray
 from gamms.visual.appearance import PAPER, Rgba, inks
 from gamms.visual.backends import coverage
+from gamms.visual.backends.coverage import ByteArray
 from gamms.visual.backends.pygame_backend import Canvas, Placed, stamp
 from gamms.visual.camera import CSS_DPI, Camera, clipped, extent, touching
 
@@ -157,7 +158,7 @@ class _Circles:
             paint(canvas, centers[rows], radius[rows], width[rows], color[rows])
 
 
-def _stretches(values: Any) -> Iterator[tuple[int, int, int]]:
+def _stretches(values: "np.ndarray[Any, Any]") -> Iterator[tuple[int, int, int]]:
     """Equal values that follow each other: the value, the first place and the last place + 1."""
     if len(values):
         changes = np.flatnonzero(values[1:] != values[:-1]) + 1
@@ -165,7 +166,7 @@ def _stretches(values: Any) -> Iterator[tuple[int, int, int]]:
             yield int(values[begin]), begin, end
 
 
-def _are_hidden(centers: FloatArray, radius: FloatArray, width: FloatArray, color: Any) -> BoolArray:
+def _are_hidden(centers: FloatArray, radius: FloatArray, width: FloatArray, color: ByteArray) -> BoolArray:
     """Which circles lie wholly below one of the next few around the same point, as do those that make one disc."""
     hidden, outer = np.zeros(len(centers), bool), radius + width / 2
     covers = (width == 0.0) & (color[:, 3] == _OPAQUE)
@@ -177,10 +178,11 @@ def _are_hidden(centers: FloatArray, radius: FloatArray, width: FloatArray, colo
     return hidden
 
 
-def _stamped(canvas: Canvas, centers: FloatArray, radius: FloatArray, width: FloatArray, color: Any) -> None:
+def _stamped(canvas: Canvas, centers: FloatArray, radius: FloatArray, width: FloatArray, color: ByteArray) -> None:
     is_hidden = _are_hidden(centers, radius, width, color)
     if is_hidden.any():
-        centers, radius, width, color = (column[~is_hidden] for column in (centers, radius, width, color))
+        centers, radius, width = (column[~is_hidden] for column in (centers, radius, width))
+        color = color[~is_hidden]
     reach = np.ceil(radius + width / 2) + 1
     corner = centers - reach[:, None]
     whole = np.floor(corner)
@@ -222,7 +224,7 @@ def _ring(radius: float, width: float) -> tuple[float, float]:
     return (radius, 0.0) if width == 0.0 else (radius + width / 2, max(radius - width / 2, 0.0))
 
 
-def _large(canvas: Canvas, centers: FloatArray, radius: FloatArray, width: FloatArray, color: Any) -> None:
+def _large(canvas: Canvas, centers: FloatArray, radius: FloatArray, width: FloatArray, color: ByteArray) -> None:
     columns = (centers.tolist(), radius.tolist(), width.tolist(), color.tolist())
     for (x, y), r, w, (red, green, blue, alpha) in zip(*columns, strict=True):
         patch = coverage.disc(x, y, *_ring(r, w), canvas.width, canvas.height)

@@ -7,10 +7,10 @@ from typing import Any, TypeVar, cast
 import numpy as np
 
 from gamms.errors import BadValue
-from gamms.typing import ColorType, IAerialAgent, IContext
+from gamms.typing import ColorType, IAerialAgent, IAgent, IContext
 from gamms.typing.agent_engine import AgentType
-from gamms.visual.appearance import AgentData, Circle, Rectangle, Rgb, rgba
-from gamms.visual.drawing import Disc, drawing_of
+from gamms.visual.appearance import AgentData, AnyColor, Circle, Rectangle, Rgb, rgba
+from gamms.visual.drawing import Disc, Points, drawing_of
 
 _Shape = TypeVar("_Shape", Circle, Rectangle)
 
@@ -44,7 +44,7 @@ def _described(kind: type[_Shape], data: dict[str, Any]) -> _Shape:
 
 
 def rings(
-    ctx: IContext, centers: Any, radius: float, color: ColorType, at_least_px: float, width_px: float = 2.0
+    ctx: IContext, centers: Points, radius: float, color: ColorType, at_least_px: float, width_px: float = 2.0
 ) -> None:
     """Draw a ring around each of `centers` (rings, 2); a large one keeps the small one inside it."""
     visual = drawing_of(ctx)
@@ -120,7 +120,7 @@ def render_agents(ctx: IContext, looks: list[AgentData], share: float) -> bool:
     return True
 
 
-def _place(ctx: IContext, look: AgentData, agent: Any, share: float) -> tuple[float, float] | None:
+def _place(ctx: IContext, look: AgentData, agent: IAgent, share: float) -> tuple[float, float] | None:
     """Return where an agent is drawn, and note it in its look; None if it is not drawn."""
     visual = drawing_of(ctx)
     look.current_position = visual.position_of(look.name, share) if visual.is_shown(agent, share) else None
@@ -140,7 +140,7 @@ def _height(z: float) -> str:
 
 
 @lru_cache(maxsize=256)
-def outline_of(color: Any) -> Rgb:
+def outline_of(color: AnyColor) -> Rgb:
     """Dark around bright colours, white around the others."""
     red, green, blue, _ = rgba(color)
     luminance = 0.299 * red + 0.587 * green + 0.114 * blue

@@ -9,7 +9,7 @@ from gamms.ir.graph import FloatArray, GraphColumns, IntArray
 from gamms.ir.obstacles import BoolArray, ObstacleColumns
 from gamms.ir.palette import COLOR_TYPES, OTHER_OBSTACLE
 from gamms.typing import IContext
-from gamms.visual.appearance import GraphData, Rgb, Rgba, WallTones, rgba
+from gamms.visual.appearance import AnyColor, GraphData, Rgb, Rgba, WallTones, rgba
 from gamms.visual.camera import inside
 from gamms.visual.drawing import Drawing, drawing_of
 from gamms.visual.legend import Values
@@ -120,13 +120,13 @@ def usual_edge(columns: GraphColumns) -> float:
     return float(np.ptp(columns.xy, axis=0).max()) if len(columns.xy) > 1 else 1.0
 
 
-def _draw_nodes(ctx: IContext, columns: GraphColumns, rows: IntArray, unit: float, color: Any) -> None:
+def _draw_nodes(ctx: IContext, columns: GraphColumns, rows: IntArray, unit: float, color: AnyColor) -> None:
     visual, centers = drawing_of(ctx), columns.xy[rows]
     visual.render_circles(centers, _NODE * unit, color)
     visual.render_circles(centers, _NODE_PX, color, in_pixels=True)
 
 
-def _draw_edges(ctx: IContext, columns: GraphColumns, rows: IntArray, unit: float, color: Any) -> None:
+def _draw_edges(ctx: IContext, columns: GraphColumns, rows: IntArray, unit: float, color: AnyColor) -> None:
     points: FloatArray
     points, offsets = polylines(columns, rows)
     drawing_of(ctx).render_lines(points, offsets, color, _EDGE * unit, in_world=True)
@@ -178,7 +178,7 @@ def _between_rings(way: FloatArray, radius: float) -> FloatArray:
     return np.vstack([begin, way[(along > ends[0]) & (along < ends[1])], end])
 
 
-def _edges_between(columns: Any, here: int, ends: set[int]) -> "np.ndarray[Any, np.dtype[np.int64]]":
+def _edges_between(columns: GraphColumns, here: int, ends: set[int]) -> "np.ndarray[Any, np.dtype[np.int64]]":
     """The edges that lead from a node to some others."""
     [begin] = np.flatnonzero(columns.node_ids == here)
     edges = columns.out_edges[columns.offsets[begin] : columns.offsets[begin + 1]]
@@ -316,7 +316,7 @@ def render_obstacles(ctx: IContext, data: dict[str, Any]) -> None:
         _draw_tops(visual, columns, columns.types == type, colors.get(type, OTHER_OBSTACLE), thickness)
 
 
-def _draw_tops(visual: Drawing, columns: ObstacleColumns, chosen: BoolArray, color: Any, thickness: float) -> None:
+def _draw_tops(visual: Drawing, columns: ObstacleColumns, chosen: BoolArray, color: AnyColor, thickness: float) -> None:
     tops = columns.corners[chosen, 1::-1, :2]  # from top left to top right
     if len(tops):
         offsets = np.arange(0, 2 * len(tops) + 1, 2)
@@ -346,7 +346,7 @@ def _draw_buildings(
         _draw_tops(visual, columns, (columns.types == type) & ~is_around, color, thickness)
 
 
-def _fill(visual: Drawing, built: Footprints, chosen: BoolArray, color: Any) -> None:
+def _fill(visual: Drawing, built: Footprints, chosen: BoolArray, color: AnyColor) -> None:
     if chosen.any():
         visual.render_polygons(*built.chosen(chosen), color)
 
@@ -378,6 +378,6 @@ def _between(low: Rgb, high: Rgb, share: float) -> Rgb:
     return red, green, blue
 
 
-def _shaded(color: Any) -> Rgba:
+def _shaded(color: AnyColor) -> Rgba:
     red, green, blue, alpha = rgba(color)
     return round(_SHADE * red), round(_SHADE * green), round(_SHADE * blue), alpha

@@ -14,7 +14,7 @@ from gamms.errors import BadType
 from gamms.ir.graph import FloatArray, GraphColumns, IntArray
 from gamms.text import shown
 from gamms.typing import IContext
-from gamms.visual.appearance import color_group, group_colors, rgba
+from gamms.visual.appearance import AnyColor, color_group, group_colors, rgba
 from gamms.visual.constants import Layer
 from gamms.visual.drawers.graph import one_way_each, polylines, usual_edge
 from gamms.visual.drawing import drawing_of
@@ -54,7 +54,7 @@ def _first(items: Iterable[tuple[Any, Any]]) -> dict[Any, Any]:
     return dict(islice(items, _MOST))
 
 
-def _is_owned(value: Any) -> bool:
+def _is_owned(value: object) -> bool:
     return isinstance(value, dict) and all(isinstance(nodes, str) for nodes in value.values())
 
 
@@ -100,14 +100,14 @@ class FlagsDrawer:
         render_flags(ctx, {**data, **self.keywords})
 
 
-def _checked_colors(colors: Any) -> Mapping[Any, Any] | None:
+def _checked_colors(colors: object) -> Mapping[Any, Any] | None:
     """Raise BadType unless these are colours by team."""
     if colors is not None and not isinstance(colors, Mapping):
         raise BadType(f"colors must be a mapping from teams to colours, not {shown(colors)}.")
     return colors
 
 
-def _pennant(ctx: IContext, x: float, y: float, color: Any) -> None:
+def _pennant(ctx: IContext, x: float, y: float, color: AnyColor) -> None:
     visual = drawing_of(ctx)
     height = _FLAG * visual.extent()
     top = y + height
@@ -234,7 +234,7 @@ def render_eliminated(ctx: IContext, data: dict[str, Any]) -> None:
             _cross(ctx, x, y, arm, ink, _LINE_PX + more_px)
 
 
-def _cross(ctx: IContext, x: float, y: float, arm: float, ink: Any, width_px: float) -> None:
+def _cross(ctx: IContext, x: float, y: float, arm: float, ink: AnyColor, width_px: float) -> None:
     cross = [(x - arm, y - arm), (x + arm, y + arm), (x - arm, y + arm), (x + arm, y - arm)]
     drawing_of(ctx).render_lines(cross, [0, 2, 4], ink, width_px)
 

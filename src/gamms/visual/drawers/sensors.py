@@ -10,9 +10,9 @@ from gamms.ir.graph import FloatArray, GraphColumns, IntArray
 from gamms.ir.sensed import SensorView
 from gamms.text import shown
 from gamms.typing import IContext
-from gamms.visual.appearance import Color, Rgba, rgba
+from gamms.visual.appearance import AnyColor, Color, Rgba, rgba
 from gamms.visual.drawers.agents import rings
-from gamms.visual.drawing import drawing_of
+from gamms.visual.drawing import Points, drawing_of
 from gamms.visual.shown_turn import view_of
 
 _ALPHA = 150
@@ -67,14 +67,14 @@ def _draw(ctx: IContext, data: dict[str, Any], view: SensorView) -> None:
         rings(ctx, view.agents, data.get("size", _AGENT_RADIUS), color, _RING_PX)
 
 
-def _mark(ctx: IContext, centers: Any, radius: float, color: Any) -> None:
+def _mark(ctx: IContext, centers: Points, radius: float, color: AnyColor) -> None:
     """A ring, and a small dot for when the ring is too small: an agent there keeps its own colour."""
     visual = drawing_of(ctx)
     visual.render_circles(centers, radius, color, 2.0)
     visual.render_circles(centers, _NODE_PX, _see_through(color), in_pixels=True)
 
 
-def _see_through(color: Any) -> Rgba:
+def _see_through(color: AnyColor) -> Rgba:
     """The colour with our transparency, unless it brings its own."""
     red, green, blue, alpha = rgba(color)
     return red, green, blue, min(alpha, _ALPHA)
@@ -91,7 +91,7 @@ _SPILL = 0.2  # of the map's longer side: how far a field may reach beyond it, o
 _FILL_ALPHA, _RIM_ALPHA = 30, 130
 
 
-def field_of_view(ctx: IContext, outline: Any, color: Any) -> None:
+def field_of_view(ctx: IContext, outline: Points, color: AnyColor) -> None:
     """Fill `outline` (corners, 2) so that what lies below stays visible; a field that holds the whole map is none.
 
     Raises:
@@ -164,7 +164,7 @@ def _without(corners: FloatArray, is_left_out: "np.ndarray[Any, np.dtype[np.bool
     return corners[np.repeat(counts > 1, counts)], np.cumsum([0, *counts[counts > 1]])
 
 
-def _faint(color: Any, alpha: int) -> Rgba:
+def _faint(color: AnyColor, alpha: int) -> Rgba:
     """The colour with our transparency, unless it brings more of its own."""
     red, green, blue, own = rgba(color)
     return red, green, blue, min(own, alpha)

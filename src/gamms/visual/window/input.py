@@ -1,7 +1,7 @@
 """Keys, mouse and window buttons, and the questions that a person answers with them."""
 
 from collections.abc import Callable, Mapping
-from typing import Any, NamedTuple
+from typing import TYPE_CHECKING, Any, NamedTuple
 
 import numpy as np
 
@@ -10,6 +10,9 @@ from gamms.typing import IContext
 from gamms.typing.agent_engine import AgentType
 from gamms.visual.backends.pygame_backend import load
 from gamms.visual.camera import Point, WindowCamera, nearest_point
+
+if TYPE_CHECKING:
+    from pygame.event import Event
 
 Answer = int | tuple[float, float, float]
 _UP, _DOWN = (0, 0, 1), (0, 0, -1)
@@ -195,23 +198,23 @@ class Input:
 
     # -- the window ------------------------------------------------------------------------------------------
 
-    def _quit(self, event: Any) -> None:  # noqa: ARG002
+    def _quit(self, event: "Event") -> None:  # noqa: ARG002
         self._do.quit()
 
-    def _resize(self, event: Any) -> None:
+    def _resize(self, event: "Event") -> None:
         self._do.resize(event.w, event.h)
 
-    def _leave(self, event: Any) -> None:  # noqa: ARG002
+    def _leave(self, event: "Event") -> None:  # noqa: ARG002
         self.pointer, self._drag = None, None
 
-    def _lose_focus(self, event: Any) -> None:
+    def _lose_focus(self, event: "Event") -> None:
         """Release all keys and buttons: another window gets the events of their release."""
         self._leave(event)
         self._held.clear()
 
     # -- keys ------------------------------------------------------------------------------------------------
 
-    def _press(self, event: Any) -> None:
+    def _press(self, event: "Event") -> None:
         if self._answer_by_key(event.key):
             return
         if event.key in self._ways:
@@ -219,7 +222,7 @@ class Input:
         if event.key in self._keys:
             self._keys[event.key]()
 
-    def _release(self, event: Any) -> None:
+    def _release(self, event: "Event") -> None:
         self._held.discard(event.key)
 
     def _answer_by_key(self, key: int) -> bool:
@@ -240,7 +243,7 @@ class Input:
 
     # -- mouse -----------------------------------------------------------------------------------------------
 
-    def _button(self, event: Any) -> None:
+    def _button(self, event: "Event") -> None:
         if event.button in (1, 2, 3):
             self.pointer = event.pos
             if event.button == 1 and self._answer_by_click(*event.pos):
@@ -259,7 +262,7 @@ class Input:
                 return True
         return False
 
-    def _move(self, event: Any) -> None:
+    def _move(self, event: "Event") -> None:
         self.pointer = event.pos
         if self._drag is None:
             return
@@ -269,13 +272,13 @@ class Input:
             self._camera.move_by(right, down)
             self._drag = event.pos
 
-    def _let_go(self, event: Any) -> None:
+    def _let_go(self, event: "Event") -> None:
         is_click = self._drag is not None and self._dragged_px < _CLICK_PX
         self._drag = None
         if is_click and event.button == 1:
             self._do.click(event.pos)
 
-    def _wheel(self, event: Any) -> None:
+    def _wheel(self, event: "Event") -> None:
         notches = getattr(event, "precise_y", 0.0) or event.y
         self._zoom(_ZOOM**-notches)
 

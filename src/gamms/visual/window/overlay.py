@@ -231,7 +231,7 @@ class WindowLegend:
             place = canvas.width - self.width, top
             canvas.surface.blit(self._glass, place, special_flags=load().BLEND_PREMULTIPLIED)
 
-    def _painted(self, behind: Any) -> Any:
+    def _painted(self, behind: Rgba) -> Any:
         canvas, theme = Canvas(self.width, self.height), self._theme
         canvas.fill(behind)
         card = plain_panel(self.width - EDGE_PX, self.height - EDGE_PX, theme.card, theme.border)
@@ -505,7 +505,7 @@ def facts_about(ctx: IContext, name: str) -> list[str]:
     return lines
 
 
-def _summary(data: Any) -> str:
+def _summary(data: object) -> str:
     """What a sensor sensed, in a few words."""
     if isinstance(data, dict):
         counts = [f"{len(part)} {name}" for name, part in data.items() if isinstance(part, dict | list | tuple | set)]
