@@ -94,10 +94,8 @@ class Fog:
         return (agent for agent in self._ctx.agent.create_iter() if str(agent.team) != self._team)
 
     def _is_found(self, agent: Member, found: set[tuple[float, float]]) -> bool:
-        flies = bool(agent.type)
-        return _rounded(self._ctx.visual.position_of(agent.name)) in found or (
-            not flies and agent.current_node_id in self._now
-        )
+        is_on_seen_node = not agent.type and agent.current_node_id in self._now
+        return is_on_seen_node or _rounded(self._ctx.visual.position_of(agent.name)) in found
 
     def _hide(self, names: set[str]) -> None:
         visual = self._ctx.visual

@@ -1,9 +1,9 @@
 """A scene: what is drawn, kept as long as it stays the same, and painted in layers and tiles."""
 
-from collections.abc import Callable, Iterator, Mapping
+from collections.abc import Callable, Iterable, Iterator, Mapping
 from enum import Enum
 from itertools import groupby, pairwise, product, takewhile
-from operator import itemgetter
+from operator import is_, itemgetter
 from time import perf_counter
 from typing import TYPE_CHECKING, Any, NamedTuple
 
@@ -386,7 +386,6 @@ def _part(surface: "Surface", tiles: _Area, place: Place) -> Any:
 
 
 _FEW = 400  # points that are repainted faster than shown from a cache
-_STAGES = 2
 
 Draw = Callable[[ArtistGroup], DrawCommands]
 _Groups = list[tuple["_Pace", dict[str, IArtist], ArtistGroup]]
@@ -397,8 +396,7 @@ class Part:
 
     Attributes:
         is_static: the same until the world changes.
-        is_of_turn: the same for all frames of a turn.
-        lasts: it will be there in the next frame, too.
+        lasts: the same for all frames of a turn.
         is_old: it was there in the turn before, too.
     """
 
@@ -406,7 +404,6 @@ class Part:
         self.artists = group.artists
         self.painting, self.key = Painting(commands), key
         self.is_static = self.lasts = self.is_old = key is not None
-        self.is_of_turn = self.is_static
         self.is_much = len(commands.points) > _FEW
         self.tiles: Tiles | None = None
 
@@ -452,7 +449,6 @@ class Scene:
         self._overlays: dict[tuple[IArtist, ...], Any] = {}
         self._ctx, self._world = ctx, world
         self._grouped: tuple[Mapping[str, IArtist], int, _Groups] | None = None  # artists, their edits, and groups
-        self._frames, self._expects_more = 0, False  # of this turn; whether there will be more, as there were before
         self._parts: list[Part] = []
         self._before: list[Part] = []
         self._stages: list[_Still] = []  # what was painted of the parts at the back, the fewest first
@@ -462,9 +458,6 @@ class Scene:
 
         Within a turn, static artists, and those whose drawer has a true attribute `once_a_turn`, are not asked again.
         """
-        if is_new_turn:
-            self._expects_more, self._frames = self._frames > 1, 0
-        self._frames += 1
         world, known = self._world(), {part.key: part for part in self._parts if part.is_static}
         asked = {} if is_new_turn else {part.artists: part for part in self._parts}
         self._before, self._parts = self._parts, []
@@ -475,9 +468,8 @@ class Scene:
                 key = (world, *(state_of(name, artist) for name, artist in members.items()))
                 part = known.get(key) or Part(group, draw(group), key)
             else:
-                part = self._moving_part(group, draw)
+                part = self._moving_part(group, draw, is_new_turn=is_new_turn)
             part.lasts = pace is not _Pace.FRAME
-            part.is_of_turn = part.lasts
             self._parts.append(part)
 
     def _groups(self, artists: Mapping[str, IArtist], *, is_new_turn: bool) -> _Groups:
@@ -491,14 +483,14 @@ class Scene:
         self._grouped = (artists, Artist.edits, groups) if are_counted else None
         return groups
 
-    def _moving_part(self, group: ArtistGroup, draw: Draw) -> Part:
+    def _moving_part(self, group: ArtistGroup, draw: Draw, *, is_new_turn: bool) -> Part:
         """The part of the frame before, where it would look the same."""
         commands = draw(group)
         for part in self._before:
             is_taken = any(part is other for other in self._parts)  # by artists that draw the same
             if not part.is_static and not is_taken and part.shows_what(commands):
                 part.artists = group.artists
-                part.is_old |= self._frames == 1
+                part.is_old |= is_new_turn
                 return part
         return Part(group, commands)
 
@@ -525,9 +517,10 @@ class Scene:
             background: the colour behind everything.
             budget: the time there is for a camera that moves; None: it rests, so that whole surfaces are kept.
         """
-        same = 0 if budget else _leading(self._parts, self._before)
-        still = same if budget or not self._expects_more else self._lasting(same)
-        begin = self._from_stage(canvas, camera, background, still)
+        # What is the same for a turn lies on what is the same for the whole game: both are kept, and nothing else.
+        stops = set() if budget else {_leading(part.is_static for part in self._parts)}
+        stops |= set() if budget else {_leading(part.lasts for part in self._parts)}
+        begin = self._from_stage(canvas, camera, background, stops)
         tiled = [part for part in self._parts[begin:] if self._is_tiled(part, is_moving=budget is not None)]
         if begin == 0 and not (budget and self._parts[:1] == tiled[:1]):
             canvas.fill(background)
@@ -539,7 +532,7 @@ class Scene:
             overlay = self._overlays.get(part.artists)
             if overlay is not None:
                 canvas.surface.blit(overlay, (0, 0))
-            if place + 1 in (same, still):
+            if place + 1 in stops:
                 self._stages.append((self._parts[: place + 1], camera, background, canvas.surface.copy()))
         for part in tiled:
             if part.tiles is not None and budget is not None:
@@ -551,37 +544,33 @@ class Scene:
 
     def _is_tiled(self, part: Part, *, is_moving: bool) -> bool:
         """Whether a part is so much, and stays the same for so long, that it is better kept than repainted."""
-        is_kept = part.is_static or (part.is_of_turn if self._tiles_turns else is_moving and part.is_old)
+        is_kept = part.is_static or (part.lasts if self._tiles_turns else is_moving and part.is_old)
         return part.is_much and is_kept
 
-    def _lasting(self, same: int) -> int:
-        """How many parts at the back will be there in the next frame, too, when so many were there in the last one."""
-        lasting = (part.lasts for part in self._parts[same:])
-        return same + sum(takewhile(bool, lasting))
-
-    def _from_stage(self, canvas: Canvas, camera: Camera, background: Rgba, still: int) -> int:
-        """Show what was painted before of the most of the first few parts, and return how many parts that are.
-
-        What is the same for a turn lies on what is the same for the whole game: both are kept, and nothing else.
-        """
-        if still == 0:
+    def _from_stage(self, canvas: Canvas, camera: Camera, background: Rgba, stops: set[int]) -> int:
+        """Show what was painted before of the most of the first parts, and return how many parts that are."""
+        if not stops:
             return 0
         self._stages = [
-            stage
-            for stage in self._stages
-            if stage[1:3] == (camera, background) and _leading(stage[0], self._parts) == len(stage[0]) <= still
-        ][-_STAGES:]
+            (parts, *seen, surface)
+            for parts, *seen, surface in self._stages
+            if len(parts) in stops and seen == [camera, background] and _are_first(parts, self._parts)
+        ]
         if not self._stages:
             return 0
-        parts, _, _, surface = self._stages[-1]
+        parts, _, _, surface = max(self._stages, key=lambda stage: len(stage[0]))
         canvas.surface.blit(surface, (0, 0))
         return len(parts)
 
 
-def _leading(parts: list[Part], before: list[Part]) -> int:
-    """How many parts at the back are those of the frame before."""
-    same = (now is then for now, then in zip(parts, before, strict=False))
-    return sum(takewhile(bool, same))
+def _leading(are_so: Iterable[bool]) -> int:
+    """Count those at the beginning that are so."""
+    return sum(takewhile(bool, are_so))
+
+
+def _are_first(parts: list[Part], others: list[Part]) -> bool:
+    """Return whether others begin with these very parts."""
+    return len(parts) <= len(others) and all(map(is_, parts, others))
 
 
 class _Pace(Enum):
