@@ -63,7 +63,7 @@ def test_svg_and_png_show_the_same_place(ctx, tmp_path):
     ],
 )
 def test_a_missing_library_is_asked_for_by_its_extra(ctx, tmp_path, monkeypatch, library, call, extra):
-    from gamms.visual.backends import pygame
+    from gamms.visual.backends import pygame_backend
 
     real = builtins.__import__
 
@@ -72,7 +72,7 @@ def test_a_missing_library_is_asked_for_by_its_extra(ctx, tmp_path, monkeypatch,
             raise ImportError(name)
         return real(name, *arguments, **keywords)
 
-    pygame.load.cache_clear()
+    pygame_backend.load.cache_clear()
     monkeypatch.setattr(builtins, "__import__", without)
     with pytest.raises(MissingExtra, match=rf'pip install "gamms\[{extra}\]"'):
         call(ctx.visual, tmp_path)
