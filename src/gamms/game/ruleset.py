@@ -93,6 +93,8 @@ class RuleSet:
 
     def warn_of_unknown_teams(self) -> None:
         """Warn about the teams that rules name and no agent plays for, once for each new rule."""
+        if not self._unchecked:
+            return
         for named in [one for one in self._unchecked if one in self.rules]:
             teams = self._ctx.agent.teams
             for team in getattr(named.rule, "teams", ()):

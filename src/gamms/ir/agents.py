@@ -289,7 +289,7 @@ class AgentBlock:
         previous: Any = self.previous  # a list or an array
         node: Any = self.node
         if isinstance(node, list):
-            rows.write(previous, rows.of(node))
+            rows.copy(node, previous)
             rows.write(node, nodes)
         else:
             previous[rows.rows] = node[rows.rows]
@@ -491,6 +491,13 @@ class Selection:
     def of(self, column: Sequence[Any]) -> list[Any]:
         """Return what the column holds in these rows."""
         return list(self._pick(column))
+
+    def copy(self, source: list[Any], target: list[Any]) -> None:
+        """Set one column to the values of another in these rows."""
+        if len(target) == len(self.rows):
+            target[:] = source
+        else:
+            self.write(target, self.of(source))
 
     def write(self, column: list[Any], values: list[Any]) -> None:
         """Set the column in these rows."""
