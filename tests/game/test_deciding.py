@@ -515,7 +515,7 @@ READERS = {
     "AerialAgent": "",
     "SensorEngine": "described get_sensor",
     "Sensor": "heading last_view outline place places_of pose sense_many",
-    "Notice": "on_trial repeated wanted",
+    "DetectionModel": "on_trial repeated wanted",
     "GraphEngine": """columns distance distance_matrix distances edge_attributes from_latlon get_obstacle_face
         get_obstacle_faces nearest_node networkx_labels node_attributes obstacle_columns place
         shortest_path to_latlon to_networkx visibility visibility_table visible weights""",

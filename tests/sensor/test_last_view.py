@@ -5,7 +5,7 @@ from math import inf, pi
 import pytest
 
 from gamms.errors import UnknownName
-from gamms.sensor import SensorType, looks
+from gamms.sensor import SensorType, fov_geometry
 
 DRAWN = [SensorType.NEIGHBOR, *(SensorType[name] for name in ("MAP", "RANGE", "ARC", "AGENT", "AGENT_RANGE"))]
 
@@ -44,7 +44,7 @@ def test_a_range_sensor_shows_nodes_edges_and_its_disc(ctx):
     assert view.nodes.tolist() == [[0, 0], [1, 0]]
     assert view.lines.tolist() == [[0, 0], [1, 0], [1, 0], [0, 0]]
     assert view.offsets.tolist() == [0, 2, 4]
-    assert view.outline.tolist() == looks.disc(1, 0, 1.2).tolist()
+    assert view.outline.tolist() == fov_geometry.disc(1, 0, 1.2).tolist()
     assert len(view.agents) == 0
 
 
@@ -53,7 +53,7 @@ def test_a_view_is_that_of_the_last_look_whatever_happens_afterwards(ctx):
     scout = ctx.agent.create_agent("scout", start_node_id=0, sensors=["eye"], orientation=(0.0, 1.0))
     scout.get_state()
     before = eye.last_view()
-    assert before.outline.tolist() == looks.sector(0, 0, 2.0, (0.0, 1.0), pi / 2).tolist()
+    assert before.outline.tolist() == fov_geometry.sector(0, 0, 2.0, (0.0, 1.0), pi / 2).tolist()
     scout.orientation = (1.0, 0.0)
     scout.current_node_id = 3
     eye.range, eye.fov = 9.0, 1.0
@@ -69,7 +69,7 @@ def test_a_sensor_of_agents_shows_their_nodes_and_its_disc(ctx):
     ctx.agent.get_agent("anna").register_sensor("eye", eye)
     eye.sense(0)
     assert eye.last_view().agents.tolist() == [[1, 0]]
-    assert eye.last_view().outline.tolist() == looks.disc(0, 0, 2.0).tolist()
+    assert eye.last_view().outline.tolist() == fov_geometry.disc(0, 0, 2.0).tolist()
 
 
 def test_a_view_without_bounds_has_no_outline(ctx):
@@ -90,4 +90,4 @@ def test_a_view_is_there_even_if_the_data_was_emptied_by_its_reader(ctx):
     eye.sense(0)
     eye.data["nodes"].clear()
     assert eye.last_view().nodes.tolist() == []
-    assert eye.last_view().outline.tolist() == looks.disc(0, 0, 1.2).tolist()
+    assert eye.last_view().outline.tolist() == fov_geometry.disc(0, 0, 1.2).tolist()

@@ -1,7 +1,7 @@
-"""The sensor room: what an agent sees of the world from its node.
+"""Sensors: what an agent sees of the world from where it is.
 
 Read `catalog.py` first: it says which kinds there are and how each is made. A new kind is one file and one line
-there. May import: typing, kernels, ir and below, never another room.
+there. May import: typing, kernels, ir and below, never another engine.
 """
 
 from gamms.kernels import multiply_quaternions, quaternion_to_direction
@@ -9,8 +9,7 @@ from gamms.sensor.aerial import AerialAgentSensor, AerialSensor, OccludedAerialA
 from gamms.sensor.agents import AgentSensor, OccludedAgentSensor
 from gamms.sensor.engine import SensorEngine
 from gamms.sensor.function import FunctionSensor
-from gamms.sensor.map import MapSensor, OccludedMapSensor
-from gamms.sensor.neighbor import NeighborSensor
+from gamms.sensor.map import MapSensor, NeighborSensor, OccludedMapSensor
 from gamms.typing.sensor_engine import ISensor, ISensorEngine, SensorType
 
 __all__ = [

@@ -13,12 +13,11 @@ from gamms.errors import BadValue
 from gamms.ir.graph import FloatArray, IntArray
 from gamms.ir.sensed import Sensed, SensorView
 from gamms.kernels import Quaternion
-from gamms.sensor import looks
+from gamms.sensor import fov_geometry
+from gamms.sensor.detection import DetectionModel
 from gamms.sensor.map import map_view, ragged
-from gamms.sensor.memory import memory_of
-from gamms.sensor.notice import Notice
 from gamms.sensor.sensor import Sensor, of_data
-from gamms.sensor.views import at_height
+from gamms.sensor.views import at_height, memory_of
 from gamms.typing import AgentType, IAerialAgent, IContext
 from gamms.typing.graph_engine import Surroundings
 from gamms.typing.sensor_engine import SensorType
@@ -31,7 +30,7 @@ Axis = tuple[float, float, float]
 
 
 class Pose(NamedTuple):
-    """From where and whither a sensor looks."""
+    """Where a sensor is, and where it looks."""
 
     position: FloatArray  # (3,)
     axis: Axis
@@ -61,7 +60,7 @@ class FlyingSensor(Sensor):
         return self._quat
 
     @quat.setter
-    def quat(self, quat: Any) -> None:
+    def quat(self, quat: Sequence[float]) -> None:
         self._quat = _checked_quat(quat, f"quat of {self.sensor_id!r}")
 
     @property
@@ -70,26 +69,26 @@ class FlyingSensor(Sensor):
         return self._at
 
     @at.setter
-    def at(self, at: Any) -> None:
+    def at(self, at: Sequence[float] | None) -> None:
         self._at = None if at is None else _checked_point(at, f"at of {self.sensor_id!r}")
 
     @refused_while_deciding
     def set_owner(self, owner: str | None) -> None:
-        """Name the aerial agent that carries the sensor, or nobody.
+        """Name the aerial agent that carries the sensor; None for no agent.
 
         Raises:
             UnknownName (KeyError): there is no such agent.
             BadValue (ValueError): it does not fly.
         """
-        self._refuse_walker(owner)
+        self._refuse_ground_agent(owner)
         super().set_owner(owner)
 
     def view_from(self, node_id: int | None, owner: str | None) -> SensorView:
         """Return what it would see now, for drawing."""
-        self._refuse_walker(owner)
+        self._refuse_ground_agent(owner)
         return super().view_from(node_id, owner)
 
-    def _refuse_walker(self, owner: str | None) -> None:
+    def _refuse_ground_agent(self, owner: str | None) -> None:
         if owner is not None and self.ctx.agent.get_agent(owner).type is not AgentType.AERIAL:
             raise BadValue(
                 f"Sensor {self.sensor_id!r} ({self.type}) needs an agent that flies; {owner!r} does not. "
@@ -97,7 +96,7 @@ class FlyingSensor(Sensor):
             )
 
     def pose(self) -> Pose | None:
-        """From where and whither it looks; None while nobody carries it and no place is fixed."""
+        """Return the pose of the sensor; None while no agent carries it and no place is fixed."""
         if self._at is not None:
             return Pose(np.array(self._at), kernels.quaternion_to_direction(self._quat))
         if self._owner is None:
@@ -115,7 +114,7 @@ class FlyingSensor(Sensor):
             notice.reset()
 
     def _reaches(self, offsets: FloatArray, axis: Axis) -> IntArray:
-        """Which offsets (points, 3) lie in range and in the cone: their positions."""
+        """Return which offsets (points, 3) lie in range and in the cone, by index."""
         with np.errstate(over="ignore"):  # infinitely far away is far away
             near = np.flatnonzero(np.einsum("ij,ij->i", offsets, offsets) <= self.range * self.range)
         if self.fov >= 2.0 * pi:
@@ -168,11 +167,11 @@ class AerialSensor(FlyingSensor):
 
     @of_data
     def last_view(self) -> SensorView:
-        """The nodes and edges seen last, and the ground inside the cone they were seen in."""
+        """Return the nodes and edges seen last, and the ground inside the cone they were seen in."""
         pose: Pose | None = self._last[1]
         outline = np.zeros((0, 2))
-        if pose is not None and not self._is_occluded:  # what walls leave of it is no polygon
-            outline = looks.footprint(*pose, self.range, self.fov)
+        if pose is not None and not self._is_occluded:  # what obstacles leave of it is not a polygon
+            outline = fov_geometry.footprint(*pose, self.range, self.fov)
         return map_view(self.data, outline)
 
     def _seen(self, pose: Pose | None) -> Surroundings:
@@ -197,9 +196,9 @@ class OccludedAerialSensor(AerialSensor):
 class AerialAgentSensor(FlyingSensor):
     """`data`: fresh `{agent name: (AgentType, (x, y, z))}` of the other agents, in the order of their creation.
 
-    Agents on the ground are at height 0 of their node. Whoever is at most `range` away in space and inside the cone is
-    seen, both rims included, but for an agent at the very point of the sensor, as in 1.0.0. Without an owner and a
-    fixed place nobody is seen.
+    Agents on the ground are at height 0 of their node. Seen is an agent at most `range` away in space and inside
+    the cone, both rims included, but for one at the very point of the sensor, as in 1.0.0. Without an owner and a fixed
+    place none is seen.
 
     Args:
         ctx: the context.
@@ -209,7 +208,7 @@ class AerialAgentSensor(FlyingSensor):
         quat: how it is turned relative to its owner; by default it looks straight ahead.
 
     Attributes:
-        notice: whom of those in view it reports: by team, and by chance.
+        notice: which of the agents in view it reports: by team, and at random.
 
     Raises:
         BadValue, BadType: a range or fov that is negative, NaN or no number; a quaternion that is zero or none.
@@ -225,14 +224,14 @@ class AerialAgentSensor(FlyingSensor):
         self.range = as_range(sensor_range, f"sensor_range of {sensor_id!r}")
         self.fov = fov
         self._last[0] = {}
-        self.notice = Notice(sensor_id, self._phase)
+        self.notice = DetectionModel(sensor_id, self._phase)
         self._nearby = memory_of(ctx).nearby
 
-    def _snapshot(self) -> Any:
+    def _snapshot(self) -> tuple[Any, ...]:
         """Return what was sensed and how often, for `_restore`."""
         return tuple(self._last), self.notice._looks.copy()
 
-    def _restore(self, before: Any) -> None:
+    def _restore(self, before: tuple[Any, ...]) -> None:
         """Restore what was sensed and how often."""
         self._last[:], looks = before
         self.notice._looks = looks.copy()
@@ -264,12 +263,12 @@ class AerialAgentSensor(FlyingSensor):
 
     @of_data
     def last_view(self) -> SensorView:
-        """The agents seen last, where they were then, and the shadow of the cone they were seen in."""
+        """Return the agents seen last, where they were then, and the shadow of the cone they were seen in."""
         pose: Pose | None = self._last[1]
         agents = np.array([place[:2] for _, place in self.data.values()], np.float64).reshape(-1, 2)
         outline = np.zeros((0, 2))
         if pose is not None and not self._is_occluded:
-            outline = looks.shadow(*pose, self.range, self.fov)
+            outline = fov_geometry.shadow(*pose, self.range, self.fov)
         return SensorView(agents=agents, names=tuple(self.data), outline=outline)
 
     def _twin(self) -> Self:
@@ -278,7 +277,7 @@ class AerialAgentSensor(FlyingSensor):
         return twin
 
     def _found(self, pose: Pose | None) -> IntArray:
-        """The rows (agents,) of those who are seen."""
+        """Return the rows (agents,) of those that are seen."""
         if pose is None:
             return np.zeros(0, np.int64)
         positions, own = self.ctx.agent.positions, self._owner if self._at is None else None
@@ -298,13 +297,13 @@ class AerialAgentSensor(FlyingSensor):
 
 
 class OccludedAerialAgentSensor(AerialAgentSensor):
-    """The same, without whom obstacles hide."""
+    """The same, without the agents that obstacles hide."""
 
     _type = SensorType.OCCLUDED_AERIAL_AGENT
     _is_occluded = True
 
 
-def _checked_quat(quat: Any, name: str) -> Quaternion:
+def _checked_quat(quat: object, name: str) -> Quaternion:
     w, x, y, z = as_numbers(quat, name, "(w, x, y, z)")
     unit = kernels.unit_quaternion((w, x, y, z))
     if unit is None:
@@ -312,6 +311,6 @@ def _checked_quat(quat: Any, name: str) -> Quaternion:
     return unit
 
 
-def _checked_point(at: Any, name: str) -> Axis:
+def _checked_point(at: object, name: str) -> Axis:
     x, y, z = as_numbers(at, name, "(x, y, z)")
     return x, y, z

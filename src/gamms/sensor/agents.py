@@ -1,4 +1,4 @@
-"""AGENT, AGENT_RANGE, AGENT_ARC, OCCLUDED_AGENT: who is around."""
+"""AGENT, AGENT_RANGE, AGENT_ARC, OCCLUDED_AGENT: the agents around."""
 
 from collections.abc import Sequence
 from math import inf
@@ -7,17 +7,15 @@ from typing import Any, Self
 import numpy as np
 
 from gamms import kernels
-from gamms.arguments import as_ids, as_range
+from gamms.arguments import as_ids
 from gamms.errors import UnknownName
 from gamms.ir.graph import FloatArray
 from gamms.ir.positions import Positions
 from gamms.ir.sensed import Sensed, SensorView
+from gamms.sensor.detection import DetectionModel
 from gamms.sensor.map import ragged
-from gamms.sensor.memory import memory_of
-from gamms.sensor.nearby import NearbyAgents
-from gamms.sensor.notice import Notice
 from gamms.sensor.sensor import ALL_AROUND, FULL_CIRCLE, GroundSensor, Heading, of_data
-from gamms.sensor.views import Place, coordinates, in_sight
+from gamms.sensor.views import NearbyAgents, Place, coordinates, in_sight, memory_of
 from gamms.typing import IContext
 from gamms.typing.graph_engine import NodeColumns
 from gamms.typing.sensor_engine import SensorType
@@ -31,22 +29,13 @@ class AgentSensor(GroundSensor):
     Without an owner, or at a fixed place, every agent counts as another. The geometry is that of `MapSensor`, applied
     to the nodes the agents stand on, or fly nearest to.
 
-    Args:
-        ctx: the context.
-        sensor_id: the sensor's name.
-        sensor_type: AGENT, AGENT_RANGE or AGENT_ARC.
-        sensor_range: map units; may be infinite.
-        fov: full opening angle in radians; exactly 2 pi sees all around.
-        orientation: `(cos, sin)` relative to the owner's heading; absolute without an owner.
-        owner: name of the agent that carries the sensor.
+    For the other arguments see `GroundSensor`.
 
-    Raises:
-        BadValue, BadType: a range or fov that is negative, NaN or no number.
+    Args:
+        owner: name of the agent that carries the sensor.
     """
 
     __slots__ = ("_nearby", "_notice")
-
-    _is_occluded = False
 
     def __init__(
         self,
@@ -55,23 +44,20 @@ class AgentSensor(GroundSensor):
         sensor_type: SensorType,
         sensor_range: float,
         fov: float = FULL_CIRCLE,
-        orientation: tuple[float, float] = (1.0, 0.0),
+        orientation: Heading = (1.0, 0.0),
         owner: str | None = None,
+        observer_height: float = 1.6,
     ) -> None:
-        super().__init__(ctx, sensor_id, sensor_type)
-        self.range = as_range(sensor_range, f"sensor_range of {sensor_id!r}")
-        self.fov = fov
-        self.orientation = orientation
-        self._last[0] = {}
-        self._notice: Notice | None = None
+        super().__init__(ctx, sensor_id, sensor_type, sensor_range, fov, orientation, observer_height)
+        self._notice: DetectionModel | None = None
         self._owner = owner
         self._nearby: NearbyAgents = memory_of(ctx).nearby
 
     @property
-    def notice(self) -> Notice:
-        """Whom of those in view it reports: by team, and by chance."""
+    def notice(self) -> DetectionModel:
+        """Which of the agents in view are reported: by team, and at random."""
         if self._notice is None:  # NOTE: made when asked for, so that a look touches less memory (see `NearbyAgents`)
-            self._notice = Notice(self.sensor_id, self._phase)
+            self._notice = DetectionModel(self.sensor_id, self._phase)
         return self._notice
 
     def reset(self) -> None:
@@ -80,11 +66,11 @@ class AgentSensor(GroundSensor):
         if self._notice is not None:
             self._notice.reset()
 
-    def _snapshot(self) -> Any:
+    def _snapshot(self) -> tuple[Any, ...]:
         """Return what was sensed and how often, for `_restore`."""
         return tuple(self._last), None if self._notice is None else self._notice._looks.copy()
 
-    def _restore(self, before: Any) -> None:
+    def _restore(self, before: tuple[Any, ...]) -> None:
         """Restore what was sensed and how often."""
         self._last[:], looks = before
         if self._notice is not None and (looks or self._notice._looks):
@@ -97,7 +83,7 @@ class AgentSensor(GroundSensor):
         place = self.place(node_id) if node_id is None or self._at is not None else node_id
         heading = ALL_AROUND if self.fov == FULL_CIRCLE else self.heading()
         if self.range == inf and heading == ALL_AROUND and not self._is_occluded and self._notice is None:
-            data = self._everyone(place)
+            data = self._all_agents(place)
         else:
             positions, rows = self._found(place, heading)
             names, nodes = positions.names, positions.nodes
@@ -117,7 +103,7 @@ class AgentSensor(GroundSensor):
 
     @of_data
     def last_view(self) -> SensorView:
-        """The agents seen last, at their nodes of then, and the field of view from where they were seen."""
+        """Return the agents seen last, at their nodes of then, and the field of view from where they were seen."""
         return SensorView(agents=self.places_of(self.data.values()), names=tuple(self.data), outline=self.outline())
 
     def _twin(self) -> Self:
@@ -125,7 +111,7 @@ class AgentSensor(GroundSensor):
         twin._notice = None if self._notice is None else self._notice.repeated()
         return twin
 
-    def _everyone(self, place: Place) -> dict[str, int]:
+    def _all_agents(self, place: Place) -> dict[str, int]:
         if not isinstance(place, tuple) and not self.ctx.graph.graph.has_node(place):
             raise UnknownName("node", place)
         return self._nearby.nodes_by_name()
@@ -148,7 +134,7 @@ class AgentSensor(GroundSensor):
         return positions, rows
 
     def _ahead(self, place: Place, rows: list[int], nodes: Sequence[int], heading: Heading) -> list[int]:
-        """Those rows whose agents are in the field of view."""
+        """Return those rows whose agents are in the field of view."""
         if len(rows) > _FEW:
             dx, dy = self._offsets(place, rows).T
             return _kept(rows, kernels.in_cone(dx, dy, heading, self.fov))
@@ -162,46 +148,17 @@ class AgentSensor(GroundSensor):
         return offsets
 
     def _in_sight(self, place: Place, rows: list[int]) -> list[int]:
-        """Those rows whom no obstacle hides; asked where `_is_occluded`."""
-        raise NotImplementedError
-
-
-class OccludedAgentSensor(AgentSensor):
-    """The same, without whom obstacles hide; for the sight lines see `OccludedMapSensor`.
-
-    Args:
-        ctx: the context.
-        sensor_id: the sensor's name.
-        sensor_type: OCCLUDED_AGENT.
-        sensor_range: map units; may be infinite.
-        fov: full opening angle in radians; exactly 2 pi sees all around.
-        orientation: `(cos, sin)` relative to the owner's heading; absolute without an owner.
-        owner: name of the agent that carries the sensor.
-        observer_height: of the sight lines above the ground, map units.
-    """
-
-    _is_occluded = True
-
-    def __init__(
-        self,
-        ctx: IContext,
-        sensor_id: str,
-        sensor_type: SensorType,
-        sensor_range: float,
-        fov: float = FULL_CIRCLE,
-        orientation: tuple[float, float] = (1.0, 0.0),
-        owner: str | None = None,
-        observer_height: float = 1.6,
-    ) -> None:
-        super().__init__(ctx, sensor_id, sensor_type, sensor_range, fov, orientation, owner)
-        self.observer_height = observer_height
-
-    def _in_sight(self, place: Place, rows: list[int]) -> list[int]:
+        """Return those rows whose agents no obstacle hides."""
         nodes = NodeColumns(self.ctx.agent.positions.node_ids[rows], self._nearby.coordinates().xy[rows])
         return _kept(rows, in_sight(self.ctx, place, nodes, self.range, self.observer_height))
 
-    def _area(self, x: float, y: float, radius: float, heading: Heading, fov: float) -> FloatArray:
-        return memory_of(self.ctx).views_past_obstacles.area((x, y), (radius, heading, fov), self.observer_height)
+
+class OccludedAgentSensor(AgentSensor):
+    """The same, without the agents that obstacles hide."""
+
+    __slots__ = ()
+
+    _is_occluded = True
 
 
 def _kept(rows: list[int], is_kept: "np.ndarray[Any, np.dtype[np.bool_]]") -> list[int]:

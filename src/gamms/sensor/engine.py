@@ -1,4 +1,4 @@
-"""The sensor room's front: creates sensors and keeps them by name."""
+"""The sensor engine: creates sensors and keeps them by name."""
 
 from collections.abc import Callable, Iterable
 from copy import deepcopy
@@ -19,10 +19,9 @@ from gamms.sensor.aerial import AerialAgentSensor, AerialSensor
 from gamms.sensor.agents import AgentSensor, OccludedAgentSensor
 from gamms.sensor.catalog import KINDS, SHARED_KEYWORDS, SYNONYMS
 from gamms.sensor.function import FunctionSensor
-from gamms.sensor.map import MapSensor, OccludedMapSensor
-from gamms.sensor.memory import Memory
-from gamms.sensor.neighbor import NeighborSensor
+from gamms.sensor.map import MapSensor, NeighborSensor, OccludedMapSensor
 from gamms.sensor.sensor import Sensor
+from gamms.sensor.views import Memory
 from gamms.text import shown
 from gamms.typing import IContext
 from gamms.typing.sensor_engine import ISensor, ISensorEngine, SensorOptions, SensorType, refuse_no_sensor
@@ -114,7 +113,7 @@ class SensorEngine(Guarded, ISensorEngine):
         sensor_type = _checked_type(synonym if sensor_type is None else sensor_type, sensor_id)
         kind = KINDS[sensor_type]
         self._refuse_name(sensor_id)
-        sensor = kind.create(self.ctx, sensor_id, sensor_type, dict(options))
+        sensor = kind.create(self.ctx, sensor_id, sensor_type, options)  # type: ignore[arg-type] # a dict
         if options:
             self._warn_of_ignored(sensor_id, sensor_type, options.keys() - kind.names() - SHARED_KEYWORDS)
         self._sensors[sensor_id] = sensor
@@ -135,7 +134,7 @@ class SensorEngine(Guarded, ISensorEngine):
         self._sensors[sensor.sensor_id] = sensor
 
     def get_sensor(self, sensor_id: str) -> ISensor:
-        """A sensor by name (KeyError)."""
+        """Return a sensor by name (KeyError)."""
         try:
             return self._sensors[sensor_id]
         except (KeyError, TypeError):
@@ -161,7 +160,7 @@ class SensorEngine(Guarded, ISensorEngine):
         return decorate
 
     def described(self) -> list[dict[str, Any]]:
-        """Every sensor in words: `id`, `type`, and for built-in kinds the `keywords` to make it again."""
+        """Return `id` and `type` of every sensor, and for built-in kinds the `keywords` to create it again."""
         described: list[dict[str, Any]] = []
         for sensor_id, sensor in self._sensors.items():
             kind = KINDS.get(sensor.type)
@@ -173,7 +172,7 @@ class SensorEngine(Guarded, ISensorEngine):
 
     @refused_while_deciding
     def make(self, described: dict[str, Any]) -> ISensor | None:
-        """A sensor as `described` told it; None, and a warning, for one of a kind that is not built in."""
+        """Create a sensor from what `described` returned; None, with a warning, if its kind is not built in."""
         kind = SensorType.__members__.get(str(described["type"]))
         if kind not in KINDS:
             self.ctx.logger.warning(f"Sensor {described['id']!r} is of the kind {described['type']}: add it yourself.")
@@ -218,7 +217,7 @@ class SensorEngine(Guarded, ISensorEngine):
 
     @refused_while_deciding
     def terminate(self) -> None:
-        """Close the room; sensors stay readable."""
+        """Close the engine; sensors stay readable."""
 
     def _settings(self) -> SensorSettings:
         """Return how the sensors are set now; the same object as long as nothing has changed."""
@@ -231,7 +230,7 @@ class SensorEngine(Guarded, ISensorEngine):
         return known
 
     def _set_all(self, settings: SensorSettings) -> None:
-        """Let there be the sensors that there were, set as they were."""
+        """Restore which sensors there are, and their settings."""
         self._sensors.clear()
         for sensor, owner, keywords in zip(settings.sensors, settings.owners, settings.keywords, strict=True):
             self._sensors[sensor.sensor_id] = sensor
@@ -255,11 +254,11 @@ class SensorEngine(Guarded, ISensorEngine):
             raise Duplicate("a sensor", sensor_id)
 
 
-def _keywords_of(sensor: Any) -> dict[str, Any] | None:
+def _keywords_of(sensor: ISensor) -> dict[str, Any] | None:
     return KINDS[sensor.type].keywords_of(sensor) if _is_built_in(sensor) else None
 
 
-def _memory_of(sensor: Any) -> tuple[Callable[[], Any], Callable[[Any], None]]:
+def _memory_of(sensor: object) -> tuple[Callable[[], Any], Callable[[Any], None]]:
     """Return the functions that give and restore what a sensor has sensed; the caller's classes need not have them."""
     if isinstance(sensor, Sensor):
         return sensor._snapshot, sensor._restore
@@ -282,7 +281,7 @@ def _nothing() -> None:
     """Return nothing."""
 
 
-def _restore_nothing(_: Any) -> None:
+def _restore_nothing(_: object) -> None:
     """Restore nothing."""
 
 
@@ -290,7 +289,7 @@ def _is_built_in(sensor: ISensor) -> bool:
     return isinstance(sensor, Sensor) and sensor.type in KINDS
 
 
-def _checked_type(kind: Any, sensor_id: str) -> SensorType:
+def _checked_type(kind: object, sensor_id: str) -> SensorType:
     if isinstance(kind, SensorType) and kind in KINDS:
         return kind
     known = [one.name for one in KINDS]
@@ -316,8 +315,8 @@ def _way_out(kind: SensorType, name: str) -> str:
     return nearest(name, known) or (f" It takes: {', '.join(sorted(known))}." if known else " It takes none.")
 
 
-def _custom_member(name: Any, ctx: IContext) -> SensorType:
-    """`SensorType.<name>`, added to the enumeration if it is new: kinds live as long as the process."""
+def _custom_member(name: str, ctx: IContext) -> SensorType:
+    """Return `SensorType.<name>`, added to the enumeration if it is new: kinds live as long as the process."""
     as_name(name, "a kind of sensor")
     if name in SensorType.__members__:
         ctx.logger.warning(f"SensorType.{name} exists already and is used again.")

@@ -34,7 +34,7 @@ class FunctionSensor(Sensor):
 
     @property
     def function(self) -> Callable[..., Any]:
-        """What is called; settable."""
+        """The function; settable."""
         return self._function
 
     @function.setter
@@ -62,8 +62,8 @@ class FunctionSensor(Sensor):
             raise
 
 
-def _parameters(fn: Any, sensor_id: str) -> int:
-    """How many arguments, at most two, a function is to be called with."""
+def _parameters(fn: object, sensor_id: str) -> int:
+    """Return how many arguments, at most two, a function is to be called with."""
     from inspect import Parameter, signature
 
     wanted = f"The function of sensor {sensor_id!r} must take (), (node_id) or (node_id, agent)"

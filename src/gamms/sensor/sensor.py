@@ -1,4 +1,4 @@
-"""What every built-in sensor has: a name, a kind, an owner, the last result, perhaps a fixed place."""
+"""What built-in sensors have in common: a name, a kind, an owner, the last result, a fixed place, a field of view."""
 
 from collections.abc import Callable, Iterable, Sequence
 from copy import copy
@@ -13,8 +13,8 @@ from gamms.deciding import DecidePhase, Guarded, phase_of, refused_while_decidin
 from gamms.errors import BadType, BadValue, GammsError, UnknownName
 from gamms.ir.graph import FloatArray
 from gamms.ir.sensed import SensorView
-from gamms.sensor import looks
-from gamms.sensor.views import FULL_CIRCLE, Place, coordinates
+from gamms.sensor import fov_geometry
+from gamms.sensor.views import FULL_CIRCLE, Place, coordinates, memory_of
 from gamms.text import shown
 from gamms.typing import IContext
 from gamms.typing.sensor_engine import ISensor, SensorType
@@ -24,17 +24,18 @@ __all__ = ["ALL_AROUND", "FULL_CIRCLE", "GroundSensor", "Heading", "Sensor", "ch
 Heading = tuple[float, float]  # (cos, sin); (0.0, 0.0) sees all around
 
 R = TypeVar("R")
+S = TypeVar("S", bound="Sensor")
 
 ALL_AROUND: Heading = (0.0, 0.0)
 _OURS = "gamms.sensor."
 _UNIT = 1e-9  # how much the length of a direction that is given may miss 1, to be read back as it was given
 
 
-def of_data(look: Callable[[Any], R]) -> Callable[[Any], R]:
+def of_data(look: Callable[[S], R]) -> Callable[[S], R]:
     """Decorate a method that reads `data`, to raise BadValue where it was set to what no such sensor sees."""
 
     @wraps(look)
-    def read(sensor: Any) -> R:
+    def read(sensor: S) -> R:
         try:
             return look(sensor)
         except GammsError:
@@ -86,7 +87,7 @@ class Sensor(Guarded, ISensor):
         """Name the sensor, its kind and its owner."""
         return f"{type(self).__name__}({self.sensor_id!r}, {self.type}, owner={self._owner!r})"
 
-    def __setattr__(self, name: str, value: Any) -> None:
+    def __setattr__(self, name: str, value: object) -> None:
         """Set an attribute after a look at it; refused while a strategy is running.
 
         Raises:
@@ -108,7 +109,7 @@ class Sensor(Guarded, ISensor):
         return phase.shown(self._last[0])
 
     @data.setter
-    def data(self, data: Any) -> None:
+    def data(self, data: object) -> None:
         self._last[0] = data
 
     @refused_while_deciding
@@ -117,7 +118,7 @@ class Sensor(Guarded, ISensor):
 
     @refused_while_deciding
     def set_owner(self, owner: str | None) -> None:
-        """Name the agent that carries the sensor, or nobody."""
+        """Name the agent that carries the sensor; None for no agent."""
         self._phase.sensor_changes += 1
         object.__setattr__(self, "_owner", None if owner is None else as_name(owner, "the owner of a sensor"))
 
@@ -132,11 +133,11 @@ class Sensor(Guarded, ISensor):
             self._phase.refuse("call sensor.live_result")
         return self._last if self._is_ours else super().live_result()
 
-    def _snapshot(self) -> Any:
+    def _snapshot(self) -> tuple[Any, ...]:
         """Return what was sensed, for `_restore`."""
         return tuple(self._last)
 
-    def _restore(self, before: Any) -> None:
+    def _restore(self, before: tuple[Any, ...]) -> None:
         """Restore what was sensed."""
         self._last[:] = before
 
@@ -160,13 +161,25 @@ class Sensor(Guarded, ISensor):
         return twin
 
     def places_of(self, node_ids: Iterable[int]) -> FloatArray:
-        """Where the nodes of a look are (nodes, 2); those that were removed since then are left out."""
+        """Return where the nodes of a look are (nodes, 2); those that were removed since then are left out."""
         graph = self.ctx.graph.graph
         return graph.positions([id for id in node_ids if graph.has_node(id)])
 
 
 class GroundSensor(Sensor):
     """Looks over the ground, from the node it is asked about or from a fixed place.
+
+    A sight line of an occluded sensor runs from where it looks to each node, both ends `observer_height` above the
+    ground. What lies behind an obstacle is not seen; the node that it is on always is.
+
+    Args:
+        ctx: the context.
+        sensor_id: the sensor's name.
+        sensor_type: its kind.
+        sensor_range: map units; may be infinite.
+        fov: full opening angle in radians; exactly 2 pi sees all around.
+        orientation: `(cos, sin)` relative to the owner's heading; absolute without an owner.
+        observer_height: of the sight lines above the ground, map units; used by occluded sensors alone.
 
     Attributes:
         range: map units; may be infinite.
@@ -175,15 +188,33 @@ class GroundSensor(Sensor):
         at: a node id or (x, y) to look from, whatever node is asked about; None looks from that node.
     """
 
-    __slots__ = ("_at", "fov", "orientation", "range")
+    __slots__ = ("_at", "fov", "observer_height", "orientation", "range")
+
+    _is_occluded = False
 
     range: float
     fov: float
     orientation: Heading
+    observer_height: float
 
-    def __init__(self, ctx: IContext, sensor_id: str, sensor_type: SensorType) -> None:
+    def __init__(
+        self,
+        ctx: IContext,
+        sensor_id: str,
+        sensor_type: SensorType,
+        sensor_range: float,
+        fov: float = FULL_CIRCLE,
+        orientation: Heading = (1.0, 0.0),
+        observer_height: float = 1.6,
+    ) -> None:
         super().__init__(ctx, sensor_id, sensor_type)
         self._at: Place | None = None
+        self.range = as_range(sensor_range, f"sensor_range of {sensor_id!r}")
+        self.fov = fov
+        self.orientation = orientation
+        if self._is_occluded:
+            self.observer_height = observer_height
+        self._last[0] = {}
 
     @property
     def at(self) -> Place | None:
@@ -191,19 +222,19 @@ class GroundSensor(Sensor):
         return self._at
 
     @at.setter
-    def at(self, at: Any) -> None:
+    def at(self, at: object) -> None:
         self._at = None if at is None else checked_place(self.ctx, at, f"at of {self.sensor_id!r}")
 
-    def place(self, node_id: Any) -> Place:
-        """Where it looks from when asked about a node."""
+    def place(self, node_id: int | None) -> Place:
+        """Return where it looks from when asked about a node."""
         if self._at is not None:
             return self._at
         if node_id is None:
             raise BadType(f"Sensor {self.sensor_id!r} has no place of its own: sense(node_id), or give it at=.")
-        return node_id  # type: ignore[no-any-return] # the graph checks it
+        return node_id  # the graph checks it
 
     def heading(self) -> Heading:
-        """Whither it looks, turned by the heading of its owner; (0.0, 0.0) while that has none."""
+        """Return where it looks, turned by the heading of its owner; (0.0, 0.0) while that has none."""
         if self._owner is None or self._at is not None:
             return self.orientation
         cos, sin = self.ctx.agent.get_agent(self._owner).orientation
@@ -227,7 +258,7 @@ class GroundSensor(Sensor):
 
     @of_data
     def outline(self) -> FloatArray:
-        """Corners (corners, 2) of the field of view of the last look; none where it had no end."""
+        """Return the corners (corners, 2) of the field of view of the last look; none where it had no end."""
         looked: tuple[Place, float, float, Heading] | None = self._last[1]  # place, range, fov, heading
         if looked is None:
             return np.zeros((0, 2))
@@ -239,15 +270,18 @@ class GroundSensor(Sensor):
         return self._area(x, y, radius, heading, fov)
 
     def _area(self, x: float, y: float, radius: float, heading: Heading, fov: float) -> FloatArray:
-        """Corners of what it covers from a place."""
-        return looks.sector(x, y, radius, heading, fov)
+        """Return the corners of what it covers from a place."""
+        if self._is_occluded:
+            views = memory_of(self.ctx).views_past_obstacles
+            return views.area((x, y), (radius, heading, fov), self.observer_height)
+        return fov_geometry.sector(x, y, radius, heading, fov)
 
     def _where(self, place: Place) -> tuple[float, float]:
         return coordinates(self.ctx, place)
 
 
-def checked_place(ctx: IContext, at: Any, name: str) -> Place:
-    """A node id or (x, y) from what a caller passed.
+def checked_place(ctx: IContext, at: object, name: str) -> Place:
+    """Return a node id or (x, y) from what a caller passed.
 
     Raises:
         UnknownName (KeyError): there is no such node.
@@ -261,8 +295,8 @@ def checked_place(ctx: IContext, at: Any, name: str) -> Place:
     return x, y
 
 
-def checked_orientation(value: Any, name: str) -> Heading:
-    """`(cos, sin)` of length 1 from what a caller passed.
+def checked_orientation(value: Iterable[object], name: str) -> Heading:
+    """Return `(cos, sin)` of length 1 from what a caller passed.
 
     Raises:
         BadValue: it is no pair of finite numbers, or (0, 0).
@@ -277,7 +311,7 @@ def checked_orientation(value: Any, name: str) -> Heading:
     return (x, y) if abs(length - 1.0) <= _UNIT else (x / length, y / length)
 
 
-def _checked_type(value: Any, name: str) -> SensorType:
+def _checked_type(value: object, name: str) -> SensorType:
     if not isinstance(value, SensorType):
         raise BadType(f"{name} must be a SensorType, not {shown(value)}.")
     return value

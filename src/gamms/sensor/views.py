@@ -1,15 +1,21 @@
-"""What was seen from a place: remembered as long as the world stays as it is, and shared by all sensors."""
+"""What the built-in sensors of a context share: what is seen from a place, and where all agents are.
 
-from collections.abc import Iterable
+Both are remembered as long as the world stays as it is.
+"""
+
+from collections.abc import Hashable, Iterable
 from math import inf, pi
-from typing import Any
+from typing import Any, NamedTuple
 
 import numpy as np
 
 from gamms import kernels
 from gamms.arguments import as_int
+from gamms.errors import UnknownName
 from gamms.ir.graph import FloatArray, IntArray
-from gamms.sensor import looks
+from gamms.ir.obstacles import BoolArray
+from gamms.ir.positions import Positions
+from gamms.sensor import fov_geometry
 from gamms.typing import IContext
 from gamms.typing.graph_engine import IGraph, NodeColumns, Surroundings
 
@@ -36,7 +42,7 @@ class Views:
         self._words = 0
 
     def look(self, place: Place, radius: float, fov: float, heading: tuple[float, float]) -> Surroundings:
-        """What a map sensor sees; shared, and therefore not to be changed."""
+        """Return what a map sensor sees; shared, and therefore not to be changed."""
         # NOTE: the graph is asked for once: three properties cost a third of a look (benchmarks/README.md, w3).
         graph = self._graph = self._graph or self._ctx.graph.graph
         revision = graph.revision
@@ -55,7 +61,7 @@ class Views:
             return self.look(as_int(place, "The id of a node"), radius, fov, heading)
 
     def known_ids(self, place: Place, radius: float) -> Iterable[int] | None:
-        """The ids of the nodes within a radius of a place, if somebody has looked there already."""
+        """Return the ids of the nodes within a radius of a place, if a sensor has looked there already."""
         if self._revision is None or self._revision != self._ctx.graph.graph.revision:
             return None
         seen = self._seen.get(radius, {}).get(place)
@@ -67,13 +73,13 @@ class Views:
             return graph.among(nodes_ahead(self._ctx, place, radius, fov, heading).ids)
         return graph.within(place, radius, fov, heading)
 
-    def _forget(self, revision: Any) -> None:
+    def _forget(self, revision: object) -> None:
         self._revision = revision
         self._seen.clear()
         self._words = 0
 
-    def _keep(self, kind: Any, place: Place, seen: Surroundings) -> Surroundings:
-        """Remember a view, as long as it fits in; when the room is full, all others are forgotten."""
+    def _keep(self, kind: Hashable, place: Place, seen: Surroundings) -> Surroundings:
+        """Remember a view, if it is small enough; when there are too many, all others are forgotten."""
         words = _WORDS_PER_VIEW + _WORDS_PER_NODE * len(seen.nodes) + len(seen.edges)
         if self._revision is None or words > _MOST_WORDS:
             return seen
@@ -94,7 +100,7 @@ class ViewsPastObstacles(Views):
     def look_past(
         self, place: Place, radius: float, fov: float, heading: tuple[float, float], height: float
     ) -> Surroundings:
-        """What a map sensor sees whose sight lines run `height` above the ground."""
+        """Return what a map sensor sees whose sight lines run `height` above the ground."""
         self._renew()
         kind = (radius, fov, heading, height)
         try:
@@ -106,7 +112,7 @@ class ViewsPastObstacles(Views):
             return self.look_past(as_int(place, "The id of a node"), radius, fov, heading, height)
 
     def area(self, place: tuple[float, float], sector: Sector, height: float) -> FloatArray:
-        """Corners (corners, 2) of what is in sight of a sector, cut off far beyond the map."""
+        """Return the corners (corners, 2) of what is in sight of a sector, cut off far beyond the map."""
         self._renew()
         key = place, sector, height
         if key not in self._areas:
@@ -119,11 +125,13 @@ class ViewsPastObstacles(Views):
         (radius, heading, fov), see = sector, self._ctx.graph.visible
         end = _FAR_BEYOND * float(np.abs(self._ctx.graph.columns().xy - place).max(initial=0.0))
         within, origin = min(radius, end) if radius < inf and end > 0.0 else radius, np.array([*place, height])
-        return looks.area_in_sight(lambda points: see(origin, at_height(points, height)), *place, within, heading, fov)
+        return fov_geometry.area_in_sight(
+            lambda points: see(origin, at_height(points, height)), *place, within, heading, fov
+        )
 
     def _renew(self) -> None:
-        room = self._ctx.graph
-        revision = (room.graph.revision, room.obstacle_revision)
+        graph = self._ctx.graph
+        revision = (graph.graph.revision, graph.obstacle_revision)
         if revision != self._revision or None in revision:
             self._forget(None if None in revision else revision)
             self._areas.clear()
@@ -141,7 +149,7 @@ class ViewsPastObstacles(Views):
 
 
 def coordinates(ctx: IContext, place: Place) -> tuple[float, float]:
-    """(x, y) of a place.
+    """Return (x, y) of a place.
 
     Raises:
         UnknownName (KeyError): there is no such node.
@@ -153,13 +161,13 @@ def coordinates(ctx: IContext, place: Place) -> tuple[float, float]:
 
 
 def nodes_ahead(ctx: IContext, place: Place, radius: float, fov: float, heading: tuple[float, float]) -> NodeColumns:
-    """The nodes in range and inside the field of view, as arrays."""
+    """Return the nodes in range and inside the field of view, as arrays."""
     x, y = coordinates(ctx, place)
     return ahead_of(ctx.graph.graph.nodes_near(x, y, radius), x, y, fov, heading)
 
 
 def ahead_of(nodes: NodeColumns, x: float, y: float, fov: float, heading: tuple[float, float]) -> NodeColumns:
-    """Those nodes that are inside the field of view of who looks from (x, y)."""
+    """Return those nodes that are inside the field of view from (x, y)."""
     if fov == FULL_CIRCLE or heading == (0.0, 0.0):
         return nodes
     ids, xy = nodes
@@ -170,7 +178,7 @@ def ahead_of(nodes: NodeColumns, x: float, y: float, fov: float, heading: tuple[
 def in_sight(
     ctx: IContext, place: Place, nodes: NodeColumns, radius: float, height: float
 ) -> "np.ndarray[tuple[int, ...], np.dtype[np.bool_]]":
-    """Whether no obstacle hides each node; all sight lines run `height` above the ground.
+    """Return whether no obstacle hides each node; all sight lines run `height` above the ground.
 
     A visibility table answers if there is one; it was made of the same sight lines.
     """
@@ -183,5 +191,139 @@ def in_sight(
 
 
 def at_height(xy: FloatArray, height: float) -> FloatArray:
-    """Points (points, 3) above places (points, 2)."""
+    """Return points (points, 3) above places (points, 2)."""
     return np.column_stack([xy, np.full(len(xy), height)])
+
+
+# -- agents ----------------------------------------------------------------------------------------------------------
+
+
+_MOST_IDS = 1 << 22  # of nodes: what may be remembered in all
+_WIDE = 4096  # nodes: a disc with more is compared with the places of all agents instead
+
+
+class Coordinates(NamedTuple):
+    """Where all agents are on the map, in the order of their creation."""
+
+    xyz: FloatArray  # (agents, 3)  of the node, at height 0, or of an agent that flies
+    xy: FloatArray  # (agents, 2)  of the node
+    is_flying: BoolArray  # (agents,)
+
+
+class NearbyAgents:
+    """The agents of one context, as sensors find them."""
+
+    def __init__(self, ctx: IContext, views: Views) -> None:
+        self._ctx = ctx
+        self._views = views
+        self._graph: IGraph | None = None
+        self._key: tuple[Positions | None, int, int | None] = (None, 0, None)
+        self._coordinates: Coordinates | None = None
+        self._nodes_by_name: dict[str, int] | None = None
+        self._revision: int | None = None  # of the graph that the discs are of
+        self._discs: dict[float, dict[Place, tuple[int, ...] | None]] = {}
+        self._ids: dict[int, int] = {}  # one object per id
+        self._kept = 0
+
+    def coordinates(self) -> Coordinates:
+        """Return where all agents are on the map.
+
+        Raises:
+            UnknownName (KeyError): an agent stands on a node that was removed.
+        """
+        positions, graph = self._ctx.agent.positions, self._ctx.graph.graph
+        key = (positions, positions.version, graph.revision)
+        if self._coordinates is None or key != self._key or key[2] is None:
+            xy = self._xy_of(positions)
+            xyz, is_flying = np.column_stack([xy, np.zeros(len(xy))]), np.zeros(len(xy), np.bool_)
+            xyz[positions.flyers], is_flying[positions.flyers] = positions.flyer_xyz, True
+            self._coordinates = Coordinates(xyz, xy, is_flying)
+            self._key, self._nodes_by_name = key, None
+        return self._coordinates
+
+    def nodes_by_name(self) -> dict[str, int]:
+        """Return a fresh dict of all living agents: name -> id of the node."""
+        self.coordinates()
+        if self._nodes_by_name is None:
+            positions = self._ctx.agent.positions
+            names, nodes = positions.names, positions.nodes
+            self._nodes_by_name = {names[row]: nodes[row] for row in positions.living.tolist()}
+        return self._nodes_by_name.copy()
+
+    def within(self, place: Place, radius: float) -> tuple[Positions, list[int]]:
+        """Return where agents are, and the rows of those within `radius` of a place, the rim included.
+
+        Raises:
+            UnknownName (KeyError): there is no such node, or an agent stands on one that was removed.
+        """
+        graph = self._graph = self._graph or self._ctx.graph.graph
+        revision = graph.revision
+        if revision != self._revision or revision is None:
+            self._forget(revision)
+        try:
+            disc = self._discs[radius][place]
+        except (KeyError, TypeError):  # not known, or not hashable
+            disc = self._disc(place if isinstance(place, tuple) else as_int(place, "The id of a node"), radius)
+        positions = self._ctx.agent.positions
+        return positions, self._compared(place, radius) if disc is None else positions.rows_on(disc)
+
+    def _forget(self, revision: int | None) -> None:
+        self.coordinates()  # which finds agents on removed nodes
+        self._revision, self._kept = revision, 0
+        self._discs.clear()
+        self._ids.clear()
+
+    def _disc(self, place: Place, radius: float) -> tuple[int, ...] | None:
+        """Return the ids of the nodes in a disc; None where there are too many to remember."""
+        ids = None if radius == inf else self._views.known_ids(place, radius)
+        if ids is None:
+            x, y = coordinates(self._ctx, place)
+            ids = [] if radius == inf else self._ctx.graph.graph.nodes_near(x, y, radius).ids.tolist()
+        # NOTE: a tuple of shared ints is a sixth of a set, and what counts is how much memory a look touches
+        # (benchmarks/README.md, 1,000 agents in Helsinki).
+        disc = tuple([self._ids.setdefault(id, id) for id in ids])
+        kept = disc if radius != inf and len(disc) <= _WIDE else None
+        if self._kept > _MOST_IDS:
+            self._discs.clear()
+            self._kept = 0
+        self._discs.setdefault(radius, {})[place] = kept
+        self._kept += 16 + len(kept or ())
+        return kept
+
+    def _compared(self, place: Place, radius: float) -> list[int]:
+        xy, living = self.coordinates().xy, self._ctx.agent.positions.living
+        dx, dy = (xy[living] - coordinates(self._ctx, place)).T
+        with np.errstate(over="ignore"):  # infinitely far away is far away
+            rows: list[int] = living[dx * dx + dy * dy <= radius * radius].tolist()
+        return rows
+
+    def _xy_of(self, positions: Positions) -> FloatArray:
+        graph, nodes = self._ctx.graph.graph, positions.node_ids
+        try:
+            return graph.positions(nodes)
+        except UnknownName:
+            lost = next(i for i, node in enumerate(nodes.tolist()) if not graph.has_node(node))
+            raise UnknownName(f"node under agent {positions.names[lost]!r}:", int(nodes[lost])) from None
+
+
+# -- both ------------------------------------------------------------------------------------------------------------
+
+
+class Memory:
+    """What sensors share; one per context.
+
+    Attributes:
+        views, views_past_obstacles: what was seen from where.
+        nearby: which agents are near a place.
+    """
+
+    def __init__(self, ctx: IContext) -> None:
+        self.views = Views(ctx)
+        self.views_past_obstacles = ViewsPastObstacles(ctx)
+        self.nearby = NearbyAgents(ctx, self.views)
+
+
+def memory_of(ctx: IContext) -> Memory:
+    """Return the memory of the context's sensor engine; one of its own for a sensor in an engine of another class."""
+    shared = getattr(ctx.sensor, "memory", None)
+    return shared if isinstance(shared, Memory) else Memory(ctx)

@@ -1,4 +1,4 @@
-"""What a look covers, as polygons and polylines for whoever draws it: computed when asked for, never while sensing."""
+"""Fields of view as polygons and polylines, for drawing: computed when asked for, never while sensing."""
 
 from collections.abc import Callable, Iterable, Sequence
 from itertools import chain

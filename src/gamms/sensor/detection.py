@@ -1,10 +1,10 @@
-"""Whom of those in view a sensor reports: by team, and by chance."""
+"""Which of the agents in view a sensor reports: by team, and at random."""
 
-from collections.abc import Callable, Iterator, Sequence
+from collections.abc import Callable, Collection, Hashable, Iterable, Iterator, Sequence
 from contextlib import contextmanager
 from copy import copy
 from numbers import Real
-from typing import Any
+from typing import Any, cast
 
 import numpy as np
 
@@ -16,14 +16,15 @@ from gamms.text import shown
 from gamms.typing import IContext
 
 Chance = Callable[[FloatArray], FloatArray]  # distances -> probabilities
+Detection = float | Sequence[tuple[float, float]] | Chance | None
 
 
-class Notice(Guarded):
-    """Settings of one sensor that looks for agents; as they are at first, everybody in view is reported.
+class DetectionModel(Guarded):
+    """Which of the agents in view one sensor reports; all, unless something is set.
 
     Attributes:
         team: a team, or several in a list, tuple or set: only their agents are reported; None: of all teams.
-        exclude: likewise, of agents that are not reported; None: nobody.
+        exclude: likewise, of agents that are not reported; None: no team.
         detection: how probable it is that an agent in view is noticed: a number, pairs `(distance, probability)` with
             straight lines between them, or a function from distances (agents,) to probabilities (agents,). None:
             always. What is drawn follows from the seed of the context, the sensor, its owner, the turn of the game, how
@@ -34,23 +35,18 @@ class Notice(Guarded):
 
     def __init__(self, sensor_id: str, phase: DecidePhase = UNDECIDED) -> None:
         self._sensor_id = sensor_id
-        self.team: Any = None
-        self.exclude: Any = None
-        self._detection: Any = None
+        self.team: object = None
+        self.exclude: object = None
+        self._detection: Detection = None
         self._chance: Chance | None = None
         self._looks: dict[str | None, tuple[int, int]] = {}  # by owner: the turn of the last look, and which of it
         self._phase = phase
 
-    def __setattr__(self, name: str, value: Any) -> None:
+    def __setattr__(self, name: str, value: object) -> None:
         """Set an attribute; refused while a strategy is running."""
         super().__setattr__(name, value)
         if name[0] != "_":
             self._phase.sensor_changes += 1
-
-    @property
-    def is_everybody(self) -> bool:
-        """Whether nobody is left out."""
-        return self.team is None and self.exclude is None and self._chance is None
 
     @property
     def needs_chance(self) -> bool:
@@ -58,12 +54,12 @@ class Notice(Guarded):
         return self._chance is not None
 
     @property
-    def detection(self) -> Any:
+    def detection(self) -> Detection:
         """See above; settable."""
         return self._detection
 
     @detection.setter
-    def detection(self, detection: Any) -> None:
+    def detection(self, detection: Detection) -> None:
         self._chance = _chance_of(detection, f"detection of {self._sensor_id!r}")
         self._detection = detection
 
@@ -72,7 +68,7 @@ class Notice(Guarded):
         """Forget how many looks there were."""
         self._looks.clear()
 
-    def repeated(self) -> "Notice":
+    def repeated(self) -> "DetectionModel":
         """Return a copy whose next look draws what the last one of this turn drew, and changes nothing here."""
         twin = copy(self)
         twin._looks = {owner: (turn, look - 1) for owner, (turn, look) in self._looks.items()}
@@ -80,7 +76,7 @@ class Notice(Guarded):
 
     @contextmanager
     def on_trial(self) -> Iterator[None]:
-        """Let looks of a strategy that is running count for nothing: what the sensor notices stays as it would be."""
+        """Let looks of a strategy that is running not count: they do not change what the sensor notices later."""
         if self._phase.agent is None:
             yield
             return
@@ -92,12 +88,12 @@ class Notice(Guarded):
             self._looks = looks
 
     def wanted(self, rows: list[int], teams: Sequence[Any]) -> list[int]:
-        """Those rows whose agents are of a team that is reported; `teams` by row."""
+        """Return those rows whose agents are of a team that is reported; `teams` by row."""
         if self.team is None and self.exclude is None:
             return rows
         return [row for row in rows if self._is_wanted(teams[row])]
 
-    def _is_wanted(self, team: Any) -> bool:
+    def _is_wanted(self, team: Hashable) -> bool:
         if self.team is not None and team not in _teams(self.team):
             return False
         return self.exclude is None or team not in _teams(self.exclude)
@@ -106,7 +102,7 @@ class Notice(Guarded):
     def is_noticed(
         self, ctx: IContext, owner: str | None, names: list[str], distances: FloatArray
     ) -> "np.ndarray[tuple[int, ...], np.dtype[np.bool_]]":
-        """Draw who is noticed (agents,): one more look of this owner's."""
+        """Draw which agents are noticed (agents,): one more look of this owner's."""
         turn = 0 if (game := ctx.current_game) is None else game.turn
         last, look = self._looks.get(owner, (turn, 0))
         look = look + 1 if last == turn else 1
@@ -124,14 +120,15 @@ class Notice(Guarded):
         return noticed
 
 
-def _teams(given: Any) -> Any:
+def _teams(given: object) -> Collection[Any]:
     return given if isinstance(given, list | tuple | set | frozenset) else (given,)
 
 
-def _chance_of(detection: Any, name: str) -> Chance | None:
+def _chance_of(detection: Detection, name: str) -> Chance | None:
     if detection is None or callable(detection):
-        return detection  # type: ignore[no-any-return] # None or a function
-    points = _points_of([(0.0, detection)] if isinstance(detection, Real) else detection, name)
+        return detection
+    pairs: object = [(0.0, detection)] if isinstance(detection, Real) else detection
+    points = _points_of(cast("Iterable[tuple[float, float]]", pairs), name)
     if not np.isfinite(points).all() or (points[:, 1] < 0.0).any() or (points[:, 1] > 1.0).any():
         raise BadValue(f"{name} must be made of probabilities from 0 to 1, not {shown(detection)}.")
     if (np.diff(points[:, 0]) <= 0.0).any():
@@ -139,7 +136,7 @@ def _chance_of(detection: Any, name: str) -> Chance | None:
     return lambda distances: np.interp(distances, points[:, 0], points[:, 1])
 
 
-def _points_of(detection: Any, name: str) -> FloatArray:
+def _points_of(detection: Iterable[tuple[float, float]], name: str) -> FloatArray:
     try:
         points = np.array([(float(distance), float(chance)) for distance, chance in detection])
     except (TypeError, ValueError, OverflowError):
