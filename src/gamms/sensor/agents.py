@@ -14,7 +14,7 @@ from gamms.ir.positions import Positions
 from gamms.ir.sensed import Sensed, SensorView
 from gamms.sensor.detection import DetectionModel
 from gamms.sensor.map import ragged
-from gamms.sensor.sensor import ALL_AROUND, FULL_CIRCLE, GroundSensor, Heading, of_data
+from gamms.sensor.sensor import ALL_AROUND, FULL_CIRCLE, GroundSensor, Heading, OccludedSensor, of_data
 from gamms.sensor.views import NearbyAgents, Place, coordinates, in_sight, memory_of
 from gamms.typing import IContext
 from gamms.typing.graph_engine import NodeColumns
@@ -150,15 +150,13 @@ class AgentSensor(GroundSensor):
     def _in_sight(self, place: Place, rows: list[int]) -> list[int]:
         """Return those rows whose agents no obstacle hides."""
         nodes = NodeColumns(self.ctx.agent.positions.node_ids[rows], self._nearby.coordinates().xy[rows])
-        return _kept(rows, in_sight(self.ctx, place, nodes, self.range, self.observer_height))
+        return _kept(rows, in_sight(self.ctx, place, nodes, self.range, self._observer_height))
 
 
-class OccludedAgentSensor(AgentSensor):
+class OccludedAgentSensor(OccludedSensor, AgentSensor):
     """The same, without the agents that obstacles hide."""
 
     __slots__ = ()
-
-    _is_occluded = True
 
 
 def _kept(rows: list[int], is_kept: "np.ndarray[Any, np.dtype[np.bool_]]") -> list[int]:

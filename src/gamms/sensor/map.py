@@ -9,7 +9,7 @@ from gamms.arguments import as_ids, as_int
 from gamms.ir.graph import FloatArray, IntArray
 from gamms.ir.sensed import Sensed, SensorView
 from gamms.sensor import fov_geometry
-from gamms.sensor.sensor import ALL_AROUND, FULL_CIRCLE, GroundSensor, Heading, Sensor, of_data
+from gamms.sensor.sensor import ALL_AROUND, FULL_CIRCLE, GroundSensor, Heading, OccludedSensor, Sensor, of_data
 from gamms.sensor.views import Place, memory_of
 from gamms.typing import IContext
 from gamms.typing.graph_engine import Surroundings
@@ -68,16 +68,14 @@ class MapSensor(GroundSensor):
     def _look(self, place: Place, heading: Heading) -> Surroundings:
         if self._is_occluded:
             views = self._memory.views_past_obstacles
-            return views.look_past(place, self.range, self.fov, heading, self.observer_height)
+            return views.look_past(place, self.range, self.fov, heading, self._observer_height)
         return self._memory.views.look(place, self.range, self.fov, heading)
 
 
-class OccludedMapSensor(MapSensor):
+class OccludedMapSensor(OccludedSensor, MapSensor):
     """The same, without what obstacles hide."""
 
     __slots__ = ()
-
-    _is_occluded = True
 
 
 def ragged(rows: list[list[int]]) -> tuple[IntArray, IntArray]:

@@ -19,7 +19,16 @@ from gamms.text import shown
 from gamms.typing import IContext
 from gamms.typing.sensor_engine import ISensor, SensorType
 
-__all__ = ["ALL_AROUND", "FULL_CIRCLE", "GroundSensor", "Heading", "Sensor", "checked_place", "of_data"]
+__all__ = [
+    "ALL_AROUND",
+    "FULL_CIRCLE",
+    "GroundSensor",
+    "Heading",
+    "OccludedSensor",
+    "Sensor",
+    "checked_place",
+    "of_data",
+]
 
 Heading = tuple[float, float]  # (cos, sin); (0.0, 0.0) sees all around
 
@@ -188,14 +197,13 @@ class GroundSensor(Sensor):
         at: a node id or (x, y) to look from, whatever node is asked about; None looks from that node.
     """
 
-    __slots__ = ("_at", "fov", "observer_height", "orientation", "range")
+    __slots__ = ("_at", "_observer_height", "fov", "orientation", "range")
 
     _is_occluded = False
 
     range: float
     fov: float
     orientation: Heading
-    observer_height: float
 
     def __init__(
         self,
@@ -213,7 +221,7 @@ class GroundSensor(Sensor):
         self.fov = fov
         self.orientation = orientation
         if self._is_occluded:
-            self.observer_height = observer_height
+            self._observer_height = as_float(observer_height, f"observer_height of {sensor_id!r}")
         self._last[0] = {}
 
     @property
@@ -273,11 +281,28 @@ class GroundSensor(Sensor):
         """Return the corners of what it covers from a place."""
         if self._is_occluded:
             views = memory_of(self.ctx).views_past_obstacles
-            return views.area((x, y), (radius, heading, fov), self.observer_height)
+            return views.area((x, y), (radius, heading, fov), self._observer_height)
         return fov_geometry.sector(x, y, radius, heading, fov)
 
     def _where(self, place: Place) -> tuple[float, float]:
         return coordinates(self.ctx, place)
+
+
+class OccludedSensor(GroundSensor):
+    """Mix-in: looks past obstacles, and not through them; see `GroundSensor`."""
+
+    __slots__ = ()
+
+    _is_occluded = True
+
+    @property
+    def observer_height(self) -> float:
+        """The height of its sight lines above the ground, map units; settable."""
+        return self._observer_height
+
+    @observer_height.setter
+    def observer_height(self, height: float) -> None:
+        self._observer_height = height
 
 
 def checked_place(ctx: IContext, at: object, name: str) -> Place:
