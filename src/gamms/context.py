@@ -253,7 +253,7 @@ class Context(Guarded, IContext):
         if self._recorder is not None:
             memo[id(self._recorder)] = None
         ahead.graph_engine.share_with(self.graph, memo)
-        ahead.sensor_engine.copy_from(self.sensor, memo)
+        ahead.sensor_engine.storage.copy_from(self.sensor.storage, memo)
         ahead.agent_engine.copy_from(self.agent, memo)
         ahead.set_alive()
         return ahead, memo

@@ -107,7 +107,7 @@ def plain(ctx):
             "facts": dict(game.facts),
             "memories": {name: memory for name, memory in game.memories.items() if memory},
             "teams": game.team_memories,
-            "sensors": ctx.sensor.described(),
+            "sensors": ctx.sensor.storage.described(),
             "sensed": {name: sensor.data for name, sensor in ctx.sensor.sensors.items()},
             "nodes": sorted(ctx.graph.graph.get_nodes()),
             "faces": len(ctx.graph.obstacle_columns()[0]),

@@ -82,7 +82,7 @@ def public(ctx):
                 | {"position": getattr(agent, "position", None), "quat": getattr(agent, "quat", None)}
                 for agent in ctx.agent.agents.values()
             ],
-            "sensors": ctx.sensor.described(),
+            "sensors": ctx.sensor.storage.described(),
             "owners": {name: one._owner for name, one in ctx.sensor.sensors.items()},
             "graph": [getattr(columns, name) for name in columns.__dataclass_fields__],
             "obstacles": list(graph.obstacle_columns()),

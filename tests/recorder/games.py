@@ -83,7 +83,7 @@ def everything(ctx):
         "events": ctx.game.events,
         "over": ctx.game.over,
         "world": ctx.graph.storage.pack(),
-        "sensors": ctx.sensor.described(),
+        "sensors": ctx.sensor.storage.described(),
         "components": {
             name: dict(vars(ctx.record.get_component(name))["__recorded_component_"])
             for name in ctx.record.component_iter()

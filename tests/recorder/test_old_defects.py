@@ -235,7 +235,7 @@ def test_d17_the_file_says_on_which_map_by_which_version_and_seed_it_was_made(ct
     assert header["package"]
     again = replayed(data)[0]
     assert again.graph.storage.pack() == ctx.graph.storage.pack()
-    assert again.sensor.described() == ctx.sensor.described()
+    assert again.sensor.storage.described() == ctx.sensor.storage.described()
     for private in (os.uname().nodename, str(Path.home()), str(tmp_path)):
         assert private.encode() not in data
 

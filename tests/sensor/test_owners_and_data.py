@@ -139,7 +139,7 @@ def test_what_was_seen_is_remembered_within_bounds_and_forgotten_after_an_edit(c
     for turn in range(300):
         sensor.orientation = (1.0, turn / 100)
         sensor.sense(0)
-    memo = ctx.sensor.memory.views
+    memo = ctx.sensor.storage.memory.views
     assert 0 < len(memo._seen) <= 10
     assert memo._words <= 1000
     ctx.graph.graph.update_node({"id": 1, "x": 2})
@@ -153,4 +153,4 @@ def test_a_view_too_large_to_remember_is_seen_all_the_same(ctx, monkeypatch):
     for _ in range(2):
         sensor.sense(0)
         assert len(sensor.data["nodes"]) == 6
-    assert ctx.sensor.memory.views._seen == {}
+    assert ctx.sensor.storage.memory.views._seen == {}

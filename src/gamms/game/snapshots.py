@@ -75,7 +75,7 @@ class SnapshotTaker(NamedTuple):
             "turns": self.turns.snapshot(),  # first: it brings the counts up to date
             "agents": ctx.agent.snapshot(),
             "world": ctx.graph.storage.snapshot(),
-            "sensors": ctx.sensor.snapshot(),
+            "sensors": ctx.sensor.storage.snapshot(),
             "settings": self.settings.settings(),
             "rules": self.rules.rules,
             "collectors": self.collectors.snapshot(),
@@ -96,7 +96,7 @@ class SnapshotTaker(NamedTuple):
         ctx, state, parts = self.ctx, self.state, snapshot._parts
         ctx.graph.storage.restore(parts["world"])
         ctx.agent.restore(parts["agents"])
-        ctx.sensor.restore(parts["sensors"], forget=forget)
+        ctx.sensor.storage.restore(parts["sensors"], forget=forget)
         if self.settings.settings() != parts["settings"]:
             self.settings.configure(parts["settings"])
         if self.rules.rules is not parts["rules"]:

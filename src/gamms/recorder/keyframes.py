@@ -54,7 +54,7 @@ def captured(ctx: HostContext) -> Keyframe:
         "attributes": [plain_subset(vars(agent)) if vars(agent) else {} for agent in agents],
         "strategies": [name_of(decider_of(ctx, agent)) for agent in agents],
     }
-    described = ctx.sensor.described()
+    described = ctx.sensor.storage.described()
     return packed(columns, len(rows.journal.names), grouped(described), ctx.game.state, ctx.rng_state())
 
 

@@ -35,7 +35,7 @@ class LeftOut:
         for agent in self._ctx.agent.agents.values():
             if vars(agent):
                 self.plain_part("agent", agent.name, vars(agent))
-        self.look_over_sensors(self._ctx.sensor.described())
+        self.look_over_sensors(self._ctx.sensor.storage.described())
 
     def look_over_sensors(self, described: list[dict[str, Any]]) -> None:
         """Tell what of these sensors cannot be written."""

@@ -88,7 +88,7 @@ class LiveState(State):
         """Make the sensors that there are not yet."""
         for sensor in sensors_in(groups):
             if sensor["id"] not in self._ctx.sensor.sensors:
-                self._ctx.sensor.make(sensor)
+                self._ctx.sensor.storage.create(sensor)
 
     def replace_world(self, world: bytes) -> None:
         """Replace graph and obstacles."""

@@ -434,7 +434,7 @@ class Session:
 
     def _new_sensors(self) -> Log:
         """What says that sensors came; none ever goes."""
-        described = self.ctx.sensor.described()[self._sensors :]
+        described = self.ctx.sensor.storage.described()[self._sensors :]
         self._sensors += len(described)
         self._left_out.look_over_sensors(described)
         return [(kinds.SENSORS, {"sensor_kinds": keyframes.grouped(described)})] if described else []

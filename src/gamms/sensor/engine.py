@@ -62,9 +62,8 @@ class SensorEngine(Guarded, ISensorEngine):
         self._phase = phase_of(ctx)
         self.ctx = ctx
         self._sensors: dict[str, ISensor] = {}
-        self._memory = Memory(ctx)
         self._warned: set[tuple[SensorType, str]] = set()
-        self._known_settings: SensorSettings | None = None
+        self._storage = SensorStorage(self)
 
     @property
     def sensors(self) -> dict[str, ISensor]:  # type: ignore[override] # an attribute, in the contract
@@ -73,10 +72,10 @@ class SensorEngine(Guarded, ISensorEngine):
         return self._sensors if is_open else ReadOnlyMapping(self._sensors)  # type: ignore[return-value] # it reads like it
 
     @property
-    def memory(self) -> Memory:
-        """What the built-in sensors share; not for strategies."""
-        self._phase.refuse("use ctx.sensor.memory")
-        return self._memory
+    def storage(self) -> "SensorStorage":
+        """What other engines do with the sensors; not for strategies."""
+        self._phase.refuse("use ctx.sensor.storage")
+        return self._storage
 
     @overload
     def create_sensor(
@@ -159,10 +158,42 @@ class SensorEngine(Guarded, ISensorEngine):
 
         return decorate
 
+    @refused_while_deciding
+    def terminate(self) -> None:
+        """Close the engine; sensors stay readable."""
+
+    def _warn_of_ignored(self, sensor_id: str, kind: SensorType, ignored: Iterable[str]) -> None:
+        """Warn about keywords that a kind does not take, once for each kind and keyword."""
+        for name in sorted(ignored):
+            if (kind, name) not in self._warned:
+                self._warned.add((kind, name))
+                self.ctx.logger.warning(f"Sensor {sensor_id!r}: {kind.name} ignores {name}=.{_way_out(kind, name)}")
+
+    def _refuse_name(self, sensor_id: str) -> None:
+        if self.ctx.is_terminated():
+            raise ContextTerminated("ctx.sensor")
+        if as_name(sensor_id, "a sensor") in self._sensors:
+            raise Duplicate("a sensor", sensor_id)
+
+
+class SensorStorage(Guarded):
+    """The sensors of a context as other engines need them: described, restored and copied.
+
+    Attributes:
+        memory: what the built-in sensors share.
+    """
+
+    _called = "ctx.sensor.storage"
+
+    def __init__(self, engine: SensorEngine) -> None:
+        self._engine, self._phase = engine, phase_of(engine.ctx)
+        self.memory = Memory(engine.ctx)
+        self._known_settings: SensorSettings | None = None
+
     def described(self) -> list[dict[str, Any]]:
         """Return `id` and `type` of every sensor, and for built-in kinds the `keywords` to create it again."""
         described: list[dict[str, Any]] = []
-        for sensor_id, sensor in self._sensors.items():
+        for sensor_id, sensor in self._engine._sensors.items():
             kind = KINDS.get(sensor.type)
             is_ours = kind is None or kind.is_of(sensor)
             keywords = kind.keywords_of(sensor) if kind is not None and is_ours else {}
@@ -171,13 +202,15 @@ class SensorEngine(Guarded, ISensorEngine):
         return described
 
     @refused_while_deciding
-    def make(self, described: dict[str, Any]) -> ISensor | None:
+    def create(self, described: dict[str, Any]) -> ISensor | None:
         """Create a sensor from what `described` returned; None, with a warning, if its kind is not built in."""
         kind = SensorType.__members__.get(str(described["type"]))
         if kind not in KINDS:
-            self.ctx.logger.warning(f"Sensor {described['id']!r} is of the kind {described['type']}: add it yourself.")
+            self._engine.ctx.logger.warning(
+                f"Sensor {described['id']!r} is of the kind {described['type']}: add it yourself."
+            )
             return None
-        return self.create_sensor(described["id"], kind, **described["keywords"])
+        return self._engine.create_sensor(described["id"], kind, **described["keywords"])
 
     @refused_while_deciding
     def snapshot(self) -> SensorsSnapshot:
@@ -199,30 +232,30 @@ class SensorEngine(Guarded, ISensorEngine):
                 sensor.reset()
 
     @refused_while_deciding
-    def copy_from(self, other: "SensorEngine", memo: dict[int, Any]) -> None:
+    def copy_from(self, other: "SensorStorage", memo: dict[int, Any]) -> None:
         """Take copies of the sensors of another context into this one, which has none yet.
 
         Args:
-            other: the engine of that context.
+            other: the storage of that context.
             memo: has what takes the place of its other parts, and gets the copies; see `copy.deepcopy`.
         """
-        memo[id(other)], memo[id(other._memory)] = self, self._memory
-        for name, part in vars(other._memory).items():
-            memo[id(part)] = getattr(self._memory, name)
-        for sensor in other._sensors.values():
+        memo[id(other)], memo[id(other._engine)], memo[id(other.memory)] = self, self._engine, self.memory
+        for name, part in vars(other.memory).items():
+            memo[id(part)] = getattr(self.memory, name)
+        for sensor in other._engine._sensors.values():
             for sensed in sensor._last if isinstance(sensor, Sensor) else ():
                 memo[id(sensed)] = sensed  # no look changes what an earlier one has given
-        self._sensors |= {name: _copy_of(sensor, memo) for name, sensor in other._sensors.items()}
-        self._warned |= other._warned
-
-    @refused_while_deciding
-    def terminate(self) -> None:
-        """Close the engine; sensors stay readable."""
+        self._engine._sensors |= {name: _copy_of(sensor, memo) for name, sensor in other._engine._sensors.items()}
+        self._engine._warned |= other._engine._warned
 
     def _settings(self) -> SensorSettings:
         """Return how the sensors are set now; the same object as long as nothing has changed."""
         # NOTE: most snapshots are of games whose sensors stay as they are (benchmarks/README.md, snapshots).
-        known, changes, sensors = self._known_settings, self._phase.sensor_changes, tuple(self._sensors.values())
+        known, changes, sensors = (
+            self._known_settings,
+            self._phase.sensor_changes,
+            tuple(self._engine._sensors.values()),
+        )
         if known is None or known.changes != changes or known.sensors != sensors:
             owners = tuple([getattr(sensor, "_owner", None) for sensor in sensors])
             keywords, memories = tuple(map(_keywords_of, sensors)), tuple(map(_memory_of, sensors))
@@ -231,27 +264,14 @@ class SensorEngine(Guarded, ISensorEngine):
 
     def _set_all(self, settings: SensorSettings) -> None:
         """Restore which sensors there are, and their settings."""
-        self._sensors.clear()
+        self._engine._sensors.clear()
         for sensor, owner, keywords in zip(settings.sensors, settings.owners, settings.keywords, strict=True):
-            self._sensors[sensor.sensor_id] = sensor
+            self._engine._sensors[sensor.sensor_id] = sensor
             if getattr(sensor, "_owner", owner) != owner:
                 sensor.set_owner(owner)
             if keywords is not None and _keywords_of(sensor) != keywords:
                 KINDS[sensor.type].apply(sensor, keywords)
         self._known_settings = settings._replace(changes=self._phase.sensor_changes)
-
-    def _warn_of_ignored(self, sensor_id: str, kind: SensorType, ignored: Iterable[str]) -> None:
-        """Warn about keywords that a kind does not take, once for each kind and keyword."""
-        for name in sorted(ignored):
-            if (kind, name) not in self._warned:
-                self._warned.add((kind, name))
-                self.ctx.logger.warning(f"Sensor {sensor_id!r}: {kind.name} ignores {name}=.{_way_out(kind, name)}")
-
-    def _refuse_name(self, sensor_id: str) -> None:
-        if self.ctx.is_terminated():
-            raise ContextTerminated("ctx.sensor")
-        if as_name(sensor_id, "a sensor") in self._sensors:
-            raise Duplicate("a sensor", sensor_id)
 
 
 def _keywords_of(sensor: ISensor) -> dict[str, Any] | None:

@@ -325,5 +325,5 @@ class Memory:
 
 def memory_of(ctx: IContext) -> Memory:
     """Return the memory of the context's sensor engine; one of its own for a sensor in an engine of another class."""
-    shared = getattr(ctx.sensor, "memory", None)
+    shared = getattr(getattr(ctx.sensor, "storage", None), "memory", None)
     return shared if isinstance(shared, Memory) else Memory(ctx)
