@@ -25,7 +25,18 @@ from gamms.scenario.code import (
 )
 from gamms.scenario.documents import ScenarioError, at, copied, joined
 from gamms.scenario.placement import Member, members, node_at, place
-from gamms.scenario.spec import ByPriority, Code, Conflicts, LatLon, Spec, Values, checked, given_values, to_plain
+from gamms.scenario.spec import (
+    ByPriority,
+    Code,
+    Conflicts,
+    LatLon,
+    Spec,
+    Values,
+    checked,
+    given_values,
+    in_full,
+    to_plain,
+)
 from gamms.scenario.spec import Plan as PlanSpec
 from gamms.scenario.spec import Rule as RuleSpec
 from gamms.scenario.validation import NamedCode, call_in, code_in, sensor_type
@@ -34,6 +45,10 @@ from gamms.text import shown
 from gamms.typing.game import IConflicts, Rule
 
 Strategies = Mapping[str, Function]  # by team or agent
+_KINDS: dict[str, type[Any]] = {
+    "rule": RuleSpec,
+    "plan": PlanSpec,
+}  # of mappings that a text may stand for, beside Code
 _Start = int | tuple[float, float, float]  # a node, or (x, y, z)
 
 
@@ -90,9 +105,8 @@ class Builder:
         game.plans = self._plans
         for number, given in enumerate(self.spec.rules):
             with at(f"rules.{number}"):
-                rule = self._rule(given, f"rules.{number}")
-                keywords: dict[str, Any] = {} if isinstance(given, str) else {"phase": given.phase, "name": given.name}
-                game.add(rule, **keywords)
+                rule, full = self._rule(given, f"rules.{number}"), in_full(RuleSpec, given)
+                game.add(rule, phase=full.phase, name=full.name)
             self._rules[game.rules[-1].name] = rule
         if self.spec.conflicts is not None:
             with at("conflicts"):
@@ -238,7 +252,7 @@ class Builder:
         strategy = self._of(member, "strategy")
         if strategy is None:
             return None
-        code = _as_code(strategy)
+        code = in_full(Code, strategy)
         if ":" not in code.function:
             if path not in mapped:
                 mapped[path] = self._map_strategy(code, path, [member] if is_own else self.by_team[member.team])
@@ -256,11 +270,11 @@ class Builder:
         for name, team in self.spec.teams.items():
             if team.plan is None or name in self.given:
                 continue
-            code, path = _as_code(team.plan), f"teams.{name}.plan"
+            plan, path = in_full(PlanSpec, team.plan), f"teams.{name}.plan"
             named = [member.name for member in self.by_team.get(name, []) if member.name in self.given]
             if named:
                 raise ScenarioError(path, f"decides for {named[0]!r} as well: give a strategy for the whole team.")
-            plans[name] = Plan(self._made(code, path, "plan"), getattr(code, "arrays", False))
+            plans[name] = Plan(self._made(plan, path, "plan"), plan.arrays)
         return plans
 
     def _map_strategy(self, code: Code, path: str, listed: list[Member]) -> Mapping[str, Function]:
@@ -269,14 +283,14 @@ class Builder:
         function = self.library.get(code.function, path)
         answer = called(function, self._parameters(code.with_, f"{path}.with"), (config,), path)
         if not isinstance(answer, Mapping):
-            raise ScenarioError(path, f"map_strategy gives {shown(answer)}, and not a dict of agents and strategies.")
+            raise ScenarioError(path, f"map_strategy gives {shown(answer)}, not a dict of agents and strategies.")
         return answer
 
     # -- rules, conflicts, values -------------------------------------------------------------------------------
 
     def _rule(self, given: str | RuleSpec, path: str) -> Rule:
-        code = Code(function=given) if isinstance(given, str) else Code(function=given.rule, with_=given.with_)
-        return self._made(code, path, "rule")
+        rule = in_full(RuleSpec, given)
+        return self._made(Code(function=rule.rule, with_=rule.with_), path, "rule")
 
     def _conflicts(self, given: Conflicts) -> IConflicts:
         rules, path = import_module(RULES), "conflicts.resolve"
@@ -320,10 +334,6 @@ class Builder:
         return called(function, given, first, path) if given or not needs(function, len(first)) else function
 
 
-def _as_code(given: str | Code) -> Code:
-    return Code(function=given) if isinstance(given, str) else given
-
-
 def _mapped_for(member: Member, mapped: Mapping[str, Function], path: str) -> Function | None:
     strategy = mapped.get(member.name)
     if strategy is not None and not callable(strategy):
@@ -336,7 +346,7 @@ def _as_node(key: str | int, path: str) -> int:
     try:
         return as_int(int(key), "A node id")
     except ValueError:
-        raise ScenarioError(joined(path, key), "is no node id.") from None
+        raise ScenarioError(joined(path, key), "is not a node id.") from None
 
 
 # -- changes that are not the scenario's --------------------------------------------------------------------------
@@ -425,7 +435,7 @@ def _write_defaults(plain: Values, one: NamedCode, function: Function | None) ->
         here = here[key]
     code = here[one.keys[-1]]
     if isinstance(code, str):
-        code = _in_full(one.what, code)
+        code = to_plain(in_full(_KINDS.get(one.what, Code), code))
     given = code.get("with") or {}
     if function is not None:
         first = first_of(function)
@@ -437,10 +447,3 @@ def _write_defaults(plain: Values, one: NamedCode, function: Function | None) ->
         elif one.what == "sensor":
             given = None
     here[one.keys[-1]] = {**code, "with": given}
-
-
-def _in_full(what: str, reference: str) -> Values:
-    """Return a reference as the mapping that it is short for."""
-    if what == "rule":
-        return to_plain(RuleSpec(rule=reference))
-    return to_plain((PlanSpec if what == "plan" else Code)(function=reference))

@@ -6,14 +6,18 @@ The only module that knows YAML. Reading never runs code, and is bounded.
 import json
 import math
 import re
-from collections.abc import Iterator, Mapping
+from collections.abc import Callable, Iterator, Mapping
 from contextlib import contextmanager
 from enum import Enum
 from pathlib import Path, PurePath
-from typing import Any
+from typing import TYPE_CHECKING, NoReturn
 
 from gamms.errors import GammsError, nearest
+from gamms.plain import Plain
 from gamms.text import printable, shown
+
+if TYPE_CHECKING:
+    import yaml
 
 _LONGEST = 500  # letters of a path
 
@@ -78,7 +82,7 @@ _DEEPEST = 40
 _INT64 = 1 << 63
 
 
-def copied(value: object, path: str = "", depth: int = 0) -> Any:
+def copied(value: Plain, path: str = "", depth: int = 0) -> Plain:
     """Return a copy of dicts, lists and scalars: what a file could hold.
 
     Raises:
@@ -116,47 +120,35 @@ def checked_key(key: object, path: str = "") -> str | int:
     return key
 
 
-def changed(raw: dict[Any, Any], changes: Mapping[str, Any]) -> dict[Any, Any]:
-    """Return a copy in which each dotted path leads to another value.
+def changed(raw: dict[str, Plain], changes: Mapping[str, Plain]) -> dict[str, Plain]:
+    """Copy a mapping, with another value at each dotted path.
 
-    A part of a path is a key, or the number or the name of an item of a list. The last key may be new.
+    A part of a path is a key, or the number or the name of an item of a list. The last key may be new, and the first,
+    such as settings.
 
     Raises:
         ScenarioError: a path leads nowhere.
     """
-    new: dict[Any, Any] = copied(raw)
+    new: dict[str, Plain] = copied(raw)
     for path, value in changes.items():
-        here: Any = new
-        *way, last = path.split(".")
-        for number, part in enumerate(way):
-            here = _entered(here, part, ".".join(way[: number + 1]), is_section=number == 0)
-        _put(here, last, copied(value, path), path)
+        here: Plain = new
+        parts = path.split(".")
+        for number, part in enumerate(parts):
+            is_last, key = number + 1 == len(parts), _found(here, part)
+            if key is None:
+                if not (isinstance(here, dict) and (is_last or number == 0)):
+                    hint = nearest(part, _known(here))
+                    raise ScenarioError(".".join(parts[: number + 1]), f"there is no {part!r} to change.{hint}")
+                here[part], key = None, part
+            if is_last:
+                here[key] = copied(value, path)
+            elif here[key] is None:
+                here[key] = {}
+            here = here[key]
     return new
 
 
-def _entered(here: Any, part: str, path: str, *, is_section: bool) -> Any:
-    """Return what a part of a path leads to."""
-    key = _found(here, part)
-    if key is None and is_section:
-        return here.setdefault(part, {})  # such as settings, of which there need not be any
-    if key is None:
-        raise ScenarioError(path, f"there is no {part!r} to change.{nearest(part, _known(here))}")
-    if here[key] is None:
-        here[key] = {}
-    return here[key]
-
-
-def _put(here: dict[Any, Any] | list[Any], last: str, value: object, path: str) -> None:
-    key = _found(here, last)
-    if key is not None:
-        here[key] = value
-    elif isinstance(here, dict):
-        here[last] = value
-    else:
-        raise ScenarioError(path, f"there is no {last!r} to change.{nearest(last, _known(here))}")
-
-
-def _found(here: object, part: str) -> Any:
+def _found(here: Plain, part: str) -> Plain:
     """Return the key or index of a part; None if there is none."""
     if isinstance(here, dict):
         return next((key for key in here if str(key) == part), None)
@@ -168,7 +160,7 @@ def _found(here: object, part: str) -> Any:
     return None
 
 
-def _known(here: object) -> list[str]:
+def _known(here: Plain) -> list[str]:
     """Return the names with which a path can go on."""
     if isinstance(here, dict):
         return [str(key) for key in here]
@@ -193,7 +185,7 @@ _WORDS = re.compile(
 _TAG = "tag:yaml.org,2002:"
 
 
-def read(file: Path) -> Any:
+def read(file: Path) -> Plain:
     """Read the plain values in a scenario file.
 
     Raises:
@@ -213,7 +205,7 @@ def read(file: Path) -> Any:
     return from_json(text) if file.suffix.lower() == ".json" else from_yaml(text)
 
 
-def from_json(text: str) -> Any:
+def from_json(text: str) -> Plain:
     """Return the plain values in a text of JSON.
 
     Raises:
@@ -227,7 +219,7 @@ def from_json(text: str) -> Any:
         raise ScenarioError("", f"this is no JSON: {error}.") from None
 
 
-def from_yaml(text: str) -> Any:
+def from_yaml(text: str) -> Plain:
     """Return the plain values in a text of YAML 1.2, which may use neither aliases nor tags.
 
     Raises:
@@ -243,16 +235,16 @@ def from_yaml(text: str) -> Any:
 
 
 class _Document:
-    """Plain values made of the events of YAML, as they come: what is not plain is refused before more is read.
+    """Makes plain values of the events of a YAML parser; what is not plain is refused before more is read.
 
     Args:
         events: of the whole stream.
     """
 
-    def __init__(self, events: Iterator[Any]) -> None:
+    def __init__(self, events: "Iterator[yaml.Event]") -> None:
         self._events = events
 
-    def read(self) -> Any:
+    def read(self) -> Plain:
         """Return the value of the only document; None without one."""
         import yaml
 
@@ -265,7 +257,7 @@ class _Document:
                 value = self._value(next(self._events), "", 1)
         return value
 
-    def _value(self, event: Any, path: str, depth: int) -> Any:
+    def _value(self, event: "yaml.Event", path: str, depth: int) -> Plain:
         import yaml
 
         if depth > _DEEPEST:
@@ -275,37 +267,38 @@ class _Document:
         if isinstance(event, yaml.AliasEvent):
             raise ScenarioError("", f"{_line(event)}: aliases (*name) are not allowed; write it out.")
         is_map = isinstance(event, yaml.MappingStartEvent)
-        if event.tag not in (None, "!", f"{_TAG}{'map' if is_map else 'seq'}"):
-            raise ScenarioError(path, f"{_line(event)}: the tag {event.tag!r} is not allowed.")
+        tag = getattr(event, "tag", None)
+        if tag not in (None, "!", f"{_TAG}{'map' if is_map else 'seq'}"):
+            raise ScenarioError(path, f"{_line(event)}: the tag {tag!r} is not allowed.")
         return self._mapping(path, depth) if is_map else self._sequence(path, depth)
 
-    def _sequence(self, path: str, depth: int) -> list[Any]:
+    def _sequence(self, path: str, depth: int) -> list[Plain]:
         import yaml
 
-        found: list[Any] = []
+        found: list[Plain] = []
         for event in self._events:
             if isinstance(event, yaml.SequenceEndEvent):
                 break
             found.append(self._value(event, joined(path, len(found)), depth + 1))
         return found
 
-    def _mapping(self, path: str, depth: int) -> dict[Any, Any]:
+    def _mapping(self, path: str, depth: int) -> dict[str | int, Plain]:
         import yaml
 
-        found: dict[Any, Any] = {}
+        found: dict[str | int, Plain] = {}
         for event in self._events:
             if isinstance(event, yaml.MappingEndEvent):
                 break
             key = self._value(event, path, depth + 1)
             try:
-                checked_key(key)
+                key = checked_key(key)
             except ScenarioError as error:
                 raise ScenarioError(path, f"{_line(event)}: {error.message}") from None
             _add_once(found, key, self._value(next(self._events), joined(path, key), depth + 1), path)
         return found
 
 
-def _scalar(event: Any, path: str) -> Any:
+def _scalar(event: "yaml.ScalarEvent", path: str) -> Plain:
     """Return the value of a single word or text."""
     tag = event.tag
     if tag is None and event.implicit[0]:
@@ -322,26 +315,26 @@ def _scalar(event: Any, path: str) -> Any:
         raise ScenarioError(path, f"{_line(event)}: {error}.") from None
 
 
-def _line(event: Any) -> str:
-    return f"line {event.start_mark.line + 1}"
+def _line(event: "yaml.Event") -> str:
+    return f"line {event.start_mark.line + 1 if event.start_mark else 0}"
 
 
-def _once(pairs: list[tuple[Any, Any]]) -> dict[Any, Any]:
+def _once(pairs: list[tuple[str, Plain]]) -> dict[str | int, Plain]:
     """Return a mapping in which no key is twice."""
-    found: dict[Any, Any] = {}
+    found: dict[str | int, Plain] = {}
     for key, value in pairs:
         _add_once(found, key, value, "")
     return found
 
 
-def _add_once(found: dict[Any, Any], key: object, value: object, path: str) -> None:
+def _add_once(found: dict[str | int, Plain], key: str | int, value: Plain, path: str) -> None:
     if key in found:
         values = f"{shown(found[key])} and with {shown(value)}"
         raise ScenarioError(joined(path, key), f"this key is there twice, with {values}.")
     found[key] = value
 
 
-def _refuse_constant(name: str) -> Any:
+def _refuse_constant(name: str) -> NoReturn:
     raise ScenarioError("", f"{name} is not a number in JSON.")
 
 
@@ -352,7 +345,7 @@ def _float(text: str) -> float:
     return number
 
 
-_SCALARS: dict[str, Any] = {
+_SCALARS: dict[str, Callable[[str], Plain]] = {
     "null": lambda _: None,
     "bool": lambda text: {"true": True, "false": False}[text.lower()],
     "int": int,

@@ -2,20 +2,20 @@
 
 import logging
 from pathlib import Path
-from typing import Any
 
+from gamms import osm
 from gamms.context import Context, create_context
 from gamms.graph import grid
 from gamms.graph.storage import MapSnapshot
 from gamms.scenario.code import Library, called, inside
 from gamms.scenario.documents import ScenarioError, at
-from gamms.scenario.spec import Code, Grid, Helsinki, Map, MapFile, MapPlace, given_values
+from gamms.scenario.spec import Code, Map, MapFile, MapPlace, Values, given_values, in_full
 from gamms.text import shown
 
-KINDS = ("grid", "helsinki", "file", "place", "generator")
+_KINDS = Map.__struct_fields__
 
 
-def quiet() -> dict[str, Any]:
+def quiet() -> Values:
     """Return how the contexts of scenarios log: as the program has set it, or from warnings on."""
     level = logging.getLogger("gamms").level
     return {"level": logging.getLevelName(level) if level else "WARNING"}
@@ -27,10 +27,10 @@ def kind_of(map: Map) -> str:
     Raises:
         ScenarioError: none, or several.
     """
-    given = [kind for kind in KINDS if getattr(map, kind) is not None]
+    given = [kind for kind in _KINDS if getattr(map, kind) is not None]
     if len(given) != 1:
         reason = f"{' and '.join(given)} are given" if given else "nothing is given"
-        raise ScenarioError("map", f"give exactly one of {', '.join(KINDS)}; {reason}.")
+        raise ScenarioError("map", f"give exactly one of {', '.join(_KINDS)}; {reason}.")
     return given[0]
 
 
@@ -48,7 +48,7 @@ def map_file(map: Map, folder: Path | None) -> Path | None:
     """
     if map.file is None:
         return None
-    text = map.file if isinstance(map.file, str) else map.file.path
+    text = in_full(MapFile, map.file).path
     path = "map.file" if isinstance(map.file, str) else "map.file.path"
     file = inside(text, folder, path, "map")
     if not file.is_file():
@@ -64,17 +64,16 @@ def load(map: Map, folder: Path | None, library: Library) -> MapSnapshot:
     """
     kind = kind_of(map)
     with create_context(logger_config=quiet()) as ctx, at(f"map.{kind}"):
-        given = getattr(map, kind)
-        if kind == "grid":
-            _load_grid(ctx, given)
-        elif kind == "helsinki":
-            _load_helsinki(ctx, given)
-        elif kind == "file":
-            _load_file(ctx, MapFile(path=given) if isinstance(given, str) else given, map_file(map, folder))
-        elif kind == "place":
-            _load_place(ctx, MapPlace(location=given) if isinstance(given, str) else given)
-        else:
-            _generate(ctx, Code(function=given) if isinstance(given, str) else given, library)
+        if map.grid is not None:
+            ctx.graph.attach_networkx_graph(grid(map.grid.height, map.grid.width, map.grid.spacing))
+        elif map.helsinki is not None:
+            osm.helsinki(ctx, **given_values(map.helsinki))
+        elif map.place is not None:
+            _load_place(ctx, in_full(MapPlace, map.place))
+        elif map.generator is not None:
+            _generate(ctx, in_full(Code, map.generator), library)
+        elif map.file is not None and (file := map_file(map, folder)) is not None:
+            _load_file(ctx, in_full(MapFile, map.file), file)
         if not len(ctx.graph.graph):
             raise ScenarioError(f"map.{kind}", "this map has no nodes.")
         return ctx.graph.storage.snapshot()
@@ -85,50 +84,39 @@ def put(ctx: Context, map: MapSnapshot) -> None:
     ctx.graph.storage.copy_from(map)
 
 
-def _load_grid(ctx: Context, given: Grid) -> None:
-    ctx.graph.attach_networkx_graph(grid(given.height, given.width, given.spacing))
-
-
-def _load_helsinki(ctx: Context, given: Helsinki) -> None:
-    from gamms import osm
-
-    osm.helsinki(ctx, **given_values(given))
-
-
-def _load_file(ctx: Context, given: MapFile, file: Path | None) -> None:
-    from gamms import osm
-
-    options = given_values(given)
+def _load_file(ctx: Context, given: MapFile, file: Path) -> None:
+    options = _options_of(given)
     del options["path"]
-    has_buildings = options.pop("buildings")
-    if "osm_type" in options:
-        options["osm_type"] = osm.OSMType[options["osm_type"].upper()]
-    assert file is not None  # noqa: S101 - asked only of map files
-    if file.suffix == ".gamms" or osm.is_geojson(file):
-        for option in [*options] if file.suffix == ".gamms" else {"osm_type"}.intersection(options):
-            raise ScenarioError(f"map.file.{option}", f"{file.name} is no OpenStreetMap file, which this is for.")
-        if has_buildings:
-            raise ScenarioError("map.file.buildings", f"{file.name} is no OpenStreetMap file, which this is for.")
-    if file.suffix == ".gamms":
+    is_saved, is_geojson = file.suffix == ".gamms", osm.is_geojson(file)
+    for option in options if is_saved else {"osm_type", "buildings"}.intersection(options if is_geojson else ()):
+        raise ScenarioError(f"map.file.{option}", f"{file.name} is no OpenStreetMap file, which this is for.")
+    options.pop("buildings", None)
+    if is_saved:
         ctx.graph.load(file)
-    elif osm.is_geojson(file):
+    elif is_geojson:
         ctx.graph.attach_networkx_graph(osm.graph_from_geojson(file, **options))
     else:
         ctx.graph.attach_networkx_graph(osm.graph_from_file(file, **options))
-    if has_buildings:
+    if given.buildings:
         ctx.graph.add_obstacles(osm.obstacle_from_file(file, crs=ctx.graph.crs))
 
 
 def _load_place(ctx: Context, given: MapPlace) -> None:
-    from gamms import osm
+    options = _options_of(given)
+    options.pop("buildings", None)
+    ctx.graph.attach_networkx_graph(osm.create_osm_graph(options.pop("location"), **options))
+    if given.buildings:
+        ctx.graph.add_obstacles(osm.obstacle_from_osm(given.location, crs=ctx.graph.crs, offline=given.offline))
 
+
+def _options_of(given: MapFile | MapPlace) -> Values:
+    """Return what is set for a map, as functions of `gamms.osm` take it; buildings only if they are wanted."""
     options = given_values(given)
-    location, has_buildings = options.pop("location"), options.pop("buildings")
-    if "osm_type" in options:
-        options["osm_type"] = osm.OSMType[options["osm_type"].upper()]
-    ctx.graph.attach_networkx_graph(osm.create_osm_graph(location, **options))
-    if has_buildings:
-        ctx.graph.add_obstacles(osm.obstacle_from_osm(location, crs=ctx.graph.crs, offline=given.offline))
+    if given.osm_type is not None:
+        options["osm_type"] = osm.OSMType[given.osm_type.upper()]
+    if not given.buildings:
+        del options["buildings"]
+    return options
 
 
 def _generate(ctx: Context, given: Code, library: Library) -> None:

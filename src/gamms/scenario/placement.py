@@ -16,7 +16,7 @@ from gamms.text import shown
 
 _AGENT_BYTES = 10_000  # that plays; 5,000 measured, and what it remembers
 _SENSOR_BYTES = 2_000  # 1,000 measured, and what it shows
-_TRIES = 20  # as `ctx.graph.place`: when agents have to keep apart, an unlucky beginning may leave no room
+_TRIES = 20  # as `ctx.graph.place`: when agents have to keep apart, unlucky first draws may leave no node
 
 
 class Member(NamedTuple):
@@ -36,16 +36,15 @@ def members(spec: Spec) -> list[Member]:
     """
     found: list[Member] = []
     total = 0  # bytes
-    for team, said in spec.teams.items():
-        path = f"teams.{team}"
+    for name, team in spec.teams.items():
+        path = f"teams.{name}"
         with at(f"{path}.count"):
-            total += said.count * (_AGENT_BYTES + _SENSOR_BYTES * len(said.sensors or ()))
-            refuse_above(total, f"{shown(said.count)} agents")
-        listed = [
-            Member(agent.name, team, f"{path}.agents.{number}", agent) for number, agent in enumerate(said.agents)
+            total += team.count * (_AGENT_BYTES + _SENSOR_BYTES * len(team.sensors or ()))
+            refuse_above(total, f"{shown(team.count)} agents")
+        found += [
+            Member(agent.name, name, f"{path}.agents.{number}", agent) for number, agent in enumerate(team.agents)
         ]
-        counted = [Member(f"{team}_{number}", team, path, None) for number in range(said.count)]
-        found += [*listed, *counted]
+        found += [Member(f"{name}_{number}", name, path, None) for number in range(team.count)]
     seen: dict[str, Member] = {}
     for member in found:
         if member.name in seen:
@@ -118,9 +117,9 @@ class _Places:
 class _Team:
     """Places the agents of one team."""
 
-    def __init__(self, map: _Places, name: str, said: Team, others: Mapping[str, IntArray]) -> None:
-        self.map, self.name, self.said, self.path = map, name, said, f"teams.{name}"
-        self.away = [said.from_] if isinstance(said.from_, From) else said.from_
+    def __init__(self, map: _Places, name: str, spec: Team, others: Mapping[str, IntArray]) -> None:
+        self.map, self.name, self.spec, self.path = map, name, spec, f"teams.{name}"
+        self.away = [spec.from_] if isinstance(spec.from_, From) else spec.from_
         self.others = others
 
     def place(self, team: list[Member]) -> dict[str, int]:
@@ -136,7 +135,7 @@ class _Team:
     def _drawn(self, names: list[str], taken: list[int]) -> dict[str, int]:
         allowed = self._allowed()
         best: dict[str, int] = {}
-        for attempt in range(_TRIES if self.said.apart else 1):
+        for attempt in range(_TRIES if self.spec.apart else 1):
             drawn = self._try(names, allowed.copy(), taken, attempt)
             if len(drawn) == len(names):
                 return drawn
@@ -160,16 +159,16 @@ class _Team:
     def _close(self, allowed: BoolArray, row: int) -> None:
         """Exclude a node, and those that are too near to it."""
         allowed[row] = False
-        if self.said.apart:
-            allowed[self.map.metres(*self.map.xy[row]) < self.said.apart] = False
+        if self.spec.apart:
+            allowed[self.map.metres(*self.map.xy[row]) < self.spec.apart] = False
 
     def _allowed(self) -> BoolArray:
         """Return on which nodes the team may start (nodes,)."""
         allowed = np.ones(len(self.map.ids), np.bool_)
-        if self.said.near is not None and self.said.within is not None:
-            centre = self.map.row_of(node_at(self.map.ctx, self.said.near, f"{self.path}.near"))
-            x, y = self.said.near if isinstance(self.said.near, tuple) else self.map.xy[centre]
-            allowed &= self.map.metres(x, y) <= self.said.within
+        if self.spec.near is not None and self.spec.within is not None:
+            centre = self.map.row_of(node_at(self.map.ctx, self.spec.near, f"{self.path}.near"))
+            x, y = self.spec.near if isinstance(self.spec.near, tuple) else self.map.xy[centre]
+            allowed &= self.map.metres(x, y) <= self.spec.within
         for one in self.away:
             for row in self.others[one.team].tolist():
                 allowed &= self.map.metres(*self.map.xy[row]) >= one.at_least
@@ -177,11 +176,11 @@ class _Team:
 
     def _refusal(self, placed: int, wanted: int, taken: list[int]) -> str:
         words, ways_out = [f"only {placed} of {wanted} agents could be placed"], ["count"]
-        if self.said.within is not None:
-            words.append(f"within {self.said.within:g} of {_in_words(self.said.near)}")
+        if self.spec.within is not None:
+            words.append(f"within {self.spec.within:g} of {_in_words(self.spec.near)}")
             ways_out.append("within")
-        if self.said.apart:
-            words.append(f"at least {self.said.apart:g} apart")
+        if self.spec.apart:
+            words.append(f"at least {self.spec.apart:g} apart")
             ways_out.append("apart")
         for one in self.away:
             words.append(f"at least {one.at_least:g} from {one.team}")

@@ -5,7 +5,7 @@
 
 import re
 import types
-from typing import Annotated, Any, Literal, Union, get_args, get_origin
+from typing import Annotated, Any, Literal, TypeVar, Union, get_args, get_origin
 
 import msgspec
 from msgspec import Meta
@@ -30,6 +30,7 @@ Reference = Annotated[
 ]
 Travel = Literal["walk", "bike", "drive"]
 Values = dict[str, Any]
+_T = TypeVar("_T", bound=msgspec.Struct)
 
 
 class _Mapping(
@@ -240,6 +241,11 @@ def checked(value: object, kind: Any, path: str = "") -> Any:  # Any: a type, or
         raise _explained(value, kind, path, str(error)) from None
 
 
+def in_full(kind: type[_T], given: str | _T) -> _T:
+    """Return a mapping of the schema; a text stands for one with that value for its first key."""
+    return kind(**{kind.__struct_fields__[0]: given}) if isinstance(given, str) else given
+
+
 def to_plain(part: msgspec.Struct) -> Values:
     """Return a mapping of the schema as plain values, defaults included."""
     plain: Values = msgspec.to_builtins(part)
@@ -258,14 +264,18 @@ def given_values(part: msgspec.Struct) -> Values:
 _STEP = re.compile(r"\.(\w+)|\[(?:(\d+)|\.\.\.)\]")
 
 
-def _explained(value: Any, kind: object, path: str, message: str) -> ScenarioError:
+def _explained(value: Any, kind: Any, path: str, message: str) -> ScenarioError:
     """Return the error for a value that is not of a type, at the place that msgspec's message names."""
     words, _, place = message.rpartition(" - at `") if " - at `" in message else (message, "", "")
     for name, number in _STEP.findall(place):
         step: str | int | None = int(number) if number else name or None
         kind = _kind_of(kind, step)
         if step is None:
-            return _explained_within(value, kind, path, message)
+            for key, one in value.items():
+                try:
+                    msgspec.convert(one, kind)
+                except (ValueError, TypeError, RecursionError) as error:
+                    return _explained(one, kind, joined(path, key), str(error))
         value, path = value[step], joined(path, step)
     for fields in map(_fields_of, _options(kind)) if isinstance(value, dict) else ():
         for key in value if fields else ():
@@ -276,16 +286,6 @@ def _explained(value: Any, kind: object, path: str, message: str) -> ScenarioErr
             if field.required and key not in value:
                 return ScenarioError(joined(path, key), f"is missing in {shown(value)}.")
     return ScenarioError(path, f"cannot be {shown(value)}: {_in_words(value, kind, words)}")
-
-
-def _explained_within(values: dict[Any, Any], kind: Any, path: str, message: str) -> ScenarioError:
-    """Return the error for the first value of a mapping that is not of a type."""
-    for key, value in values.items():
-        try:
-            msgspec.convert(value, kind)
-        except (ValueError, TypeError, RecursionError) as error:
-            return _explained(value, kind, joined(path, key), str(error))
-    return ScenarioError(path, message)
 
 
 def _kind_of(kind: object, step: str | int | None) -> object:

@@ -23,6 +23,7 @@ from gamms.scenario.spec import (
     Values,
     checked,
     given_values,
+    in_full,
 )
 from gamms.sensor.catalog import KINDS
 from gamms.text import shown
@@ -200,11 +201,9 @@ def _code_of_equipment(keys: tuple[str | int, ...], one: Equipment) -> Iterator[
 
 
 def _code(what: str, keys: tuple[str | int, ...], given: str | Code | Rule) -> Iterator[NamedCode]:
-    if isinstance(given, str):
-        yield NamedCode(what, keys, given, {})
-        return
-    yield NamedCode(what, keys, given.rule if isinstance(given, Rule) else given.function, given.with_)
-    yield from _nested((*keys, "with"), given.with_)
+    code = in_full(Code, given) if isinstance(given, str) else given
+    yield NamedCode(what, keys, code.rule if isinstance(code, Rule) else code.function, code.with_)
+    yield from _nested((*keys, "with"), code.with_)
 
 
 def _nested(keys: tuple[str | int, ...], value: Plain) -> Iterator[NamedCode]:
