@@ -10,7 +10,6 @@ from hypothesis import strategies as st
 
 from gamms import kernels
 from gamms.kernels import paths
-from gamms.kernels import scipy as twin
 
 LAWS = settings(max_examples=200, deadline=None, derandomize=True)
 NODES = 8
@@ -39,7 +38,7 @@ def test_distances_equal_those_of_networkx(edges, rows, cutoff):
     reference.add_nodes_from(range(NODES))
     reference.add_weighted_edges_from(edges)
     known = nx.multi_source_dijkstra_path_length(reference, set(rows), cutoff=cutoff)
-    found = paths.shortest_distances(arcs_of(edges), np.array(rows), cutoff)
+    found = paths.heap_distances(arcs_of(edges), np.array(rows), cutoff)
     assert found.tolist() == [known.get(node, math.inf) for node in range(NODES)]
 
 
@@ -47,8 +46,8 @@ def test_distances_equal_those_of_networkx(edges, rows, cutoff):
 @LAWS
 def test_scipy_finds_the_same_bits(edges, rows, cutoff):
     arcs, rows = arcs_of(edges), np.array(rows)
-    heap = paths.shortest_distances(arcs, rows, cutoff)
-    assert twin.scipy_distances(arcs, rows, cutoff).tobytes() == heap.tobytes()
+    heap = paths.heap_distances(arcs, rows, cutoff)
+    assert paths.scipy_distances(arcs, rows, cutoff).tobytes() == heap.tobytes()
 
 
 @pytest.mark.parametrize("seed", range(3))
@@ -57,22 +56,22 @@ def test_scipy_finds_the_same_bits_on_large_graphs(seed):
     weights = rng.choice([0.0, 0.1, 0.2, 0.7, 1.1], 4000) * rng.choice([1.0, 1e-9, 1e9], 4000)
     arcs = kernels.make_arcs(*rng.integers(0, 1000, (2, 4000)), weights, 1000)
     rows = rng.integers(0, 1000, 2)
-    heap = paths.shortest_distances(arcs, rows)
-    assert twin.scipy_distances(arcs, rows).tobytes() == heap.tobytes()
+    heap = paths.heap_distances(arcs, rows)
+    assert paths.scipy_distances(arcs, rows).tobytes() == heap.tobytes()
     assert kernels.shortest_distances(arcs, rows).tobytes() == heap.tobytes()
 
 
 def test_scipy_keeps_edges_of_weight_zero():
     arcs = arcs_of([(0, 1, 0.0), (1, 2, 0.0), (2, 3, -0.0)], nodes=4)
-    assert twin.scipy_distances(arcs, np.array([0])).tolist() == [0.0] * 4
+    assert paths.scipy_distances(arcs, np.array([0])).tolist() == [0.0] * 4
 
 
 def test_without_scipy_the_heap_is_used(monkeypatch):
     rng = np.random.default_rng(5)
     arcs = kernels.make_arcs(*rng.integers(0, 500, (2, 2000)), rng.random(2000), 500)
     known = kernels.shortest_distances(arcs, np.array([3]))
-    monkeypatch.setattr(twin, "is_installed", lambda: False)
-    monkeypatch.setattr(twin, "scipy_distances", None)
+    monkeypatch.setattr(paths, "is_installed", lambda: False)
+    monkeypatch.setattr(paths, "scipy_distances", None)
     assert kernels.shortest_distances(arcs, np.array([3])).tobytes() == known.tobytes()
 
 

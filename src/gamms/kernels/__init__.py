@@ -18,23 +18,24 @@ from gamms.kernels.draws import (
     name_key,
     name_keys,
     purpose_key,
+    stream,
+    stream_key,
     turn_key,
 )
-from gamms.kernels.occlusion import blocks, visible
-from gamms.kernels.paths import Arcs, first_steps, make_arcs, tight_arcs
-from gamms.kernels.rings import closed_rings
-from gamms.kernels.rotations import (
+from gamms.kernels.fields_of_view import (
     Quaternion,
     about_z,
+    in_cone,
     in_view,
+    is_in_cone,
     multiply_quaternions,
     quaternion_to_direction,
     unit_quaternion,
     yaw,
 )
-from gamms.kernels.scipy import shortest_distances
-from gamms.kernels.sight import in_cone, is_in_cone
-from gamms.kernels.streams import stream, stream_key
+from gamms.kernels.occlusion import blocks, visible
+from gamms.kernels.paths import Arcs, first_steps, make_arcs, shortest_distances, tight_arcs
+from gamms.kernels.rings import closed_rings
 
 __all__ = [
     "Arcs",

@@ -44,12 +44,12 @@ def build_cells(xy: FloatArray) -> CellIndex:
 
 
 def candidate_rows(cells: CellIndex, x: float, y: float, d: float) -> IntArray | None:
-    """Rows of a superset of the points within `d` of (x, y); None when a scan of all points is cheaper."""
+    """Return rows of a superset of the points within `d` of (x, y); None when a scan of all points is cheaper."""
     return rows_between(cells, (x - d, y - d), (x + d, y + d))
 
 
 def rows_between(cells: CellIndex, low: tuple[float, float], high: tuple[float, float]) -> IntArray | None:
-    """Rows of a superset of the points in a rectangle, its rim included; None when a scan of all is cheaper."""
+    """Return rows of a superset of the points in a rectangle, its rim included; None when a scan of all is cheaper."""
     # A point on the rim must not fall out by rounding.
     rim = 1e-9 * (abs(low[0]) + abs(low[1]) + abs(high[0]) + abs(high[1]))
     if (max(high[0] - low[0], high[1] - low[1]) + 2.0 * rim) / cells.size > _MOST_STRIPES:

@@ -21,7 +21,7 @@ def group_rows(keys: IntArray, groups: int) -> tuple[IntArray, IntArray]:
 
 
 def ragged_rows(offsets: IntArray, rows: IntArray, groups: IntArray) -> IntArray:
-    """The rows of several groups, concatenated in the order of `groups`."""
+    """Return the rows of several groups, concatenated in the order of `groups`."""
     first = offsets[groups]
     counts = offsets[groups + 1] - first
     ends = np.cumsum(counts)
@@ -32,7 +32,7 @@ def ragged_rows(offsets: IntArray, rows: IntArray, groups: IntArray) -> IntArray
 
 
 def chosen_runs(offsets: IntArray, chosen: IntArray) -> tuple[IntArray, IntArray]:
-    """The places in some runs, one run after the other, and the offsets that divide them.
+    """Return the positions in some runs, one run after the other, and the offsets that divide them.
 
     Args:
         offsets: (runs + 1,) run `i` is `offsets[i]:offsets[i + 1]`.
@@ -44,11 +44,11 @@ def chosen_runs(offsets: IntArray, chosen: IntArray) -> tuple[IntArray, IntArray
 
 
 def expand_ranges(first: IntArray, last: IntArray) -> tuple[IntArray, IntArray]:
-    """The places in several ranges, concatenated, and which range each is in.
+    """Return the positions in several ranges, concatenated, and which range each is in.
 
     Args:
         first: (ranges,)
-        last: (ranges,) one behind the last place; a range that ends before it begins is empty.
+        last: (ranges,) one behind the last position; a range that ends before it begins is empty.
     """
     counts = np.maximum(last - first, 0)
     groups = np.repeat(np.arange(len(counts)), counts)

@@ -9,13 +9,16 @@ and the array form give the same numbers on every machine:
 
 from collections.abc import Iterable
 from functools import lru_cache
+from typing import TYPE_CHECKING
 
 import numpy as np
 
 from gamms.ir.graph import FloatArray, IntArray
 
-BitArray = np.ndarray[tuple[int, ...], np.dtype[np.uint64]]  # 64 random bits each, or the hashes of names
+if TYPE_CHECKING:
+    from numpy.random import Generator
 
+BitArray = np.ndarray[tuple[int, ...], np.dtype[np.uint64]]  # 64 random bits each, or the hashes of names
 _MASK = (1 << 64) - 1
 _GAMMA = 0x9E3779B97F4A7C15
 _FACTORS = (0xBF58476D1CE4E5B9, 0x94D049BB133111EB)
@@ -113,3 +116,21 @@ def _hash(text: str) -> int:
     from hashlib import blake2b
 
     return int.from_bytes(blake2b(text.encode(errors="surrogatepass"), digest_size=8).digest(), "little")
+
+
+def stream(seed: int, *names: str | int) -> "Generator":
+    """Return the generator of one purpose.
+
+    A Philox counter-based generator (Salmon et al., "Parallel random numbers: as easy as 1, 2, 3", SC 2011)
+    keyed by a hash of the seed and the names; the same arguments give the same draws on every machine.
+    """
+    from numpy.random import Generator, Philox
+
+    return Generator(Philox(key=stream_key(seed, *names)))
+
+
+def stream_key(seed: int, *names: str | int) -> int:
+    """Return 128 bits that follow from the seed and the names."""
+    from hashlib import blake2b
+
+    return int.from_bytes(blake2b(repr((seed, *names)).encode(), digest_size=16).digest(), "little")

@@ -29,7 +29,7 @@ _MANY = 1 << 18  # pairs that are held in memory at a time
 
 
 def blocks(origins: FloatArray, targets: FloatArray, corners: FloatArray) -> BoolArray:
-    """Whether each quadrangle blocks its own sight line.
+    """Return whether each quadrangle blocks its own sight line.
 
     Args:
         origins: (lines, 3) where the observers are; or (3,), the same for all.
@@ -44,7 +44,7 @@ def blocks(origins: FloatArray, targets: FloatArray, corners: FloatArray) -> Boo
 
 
 def visible(corners: FloatArray, origin: FloatArray, targets: FloatArray) -> BoolArray:
-    """Whether no quadrangle blocks the line from one observer to each target: `blocks` for all pairs, but faster.
+    """Return whether no quadrangle blocks the line to each target: `blocks` for all pairs, but faster.
 
     Args:
         corners: (faces, 4, 3)

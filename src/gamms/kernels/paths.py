@@ -1,11 +1,14 @@
-"""Shortest paths: distances along edges, and the next step on the way."""
+"""Shortest paths: distances along edges, and the next step on the way; by SciPy where it is installed."""
 
+from functools import cache
 from math import inf
-from typing import NamedTuple
+from typing import Any, NamedTuple
 
 import numpy as np
 
 from gamms.ir.graph import FloatArray, IntArray
+
+_FEW = 1000  # arcs: below, a heap in Python is done before SciPy has checked its arguments
 
 
 class Arcs(NamedTuple):
@@ -35,8 +38,8 @@ def make_arcs(starts: IntArray, ends: IntArray, weights: FloatArray, nodes: int)
     return Arcs(offsets, ends[is_first], weights[is_first])
 
 
-def shortest_distances(arcs: Arcs, rows: IntArray, cutoff: float = inf) -> FloatArray:
-    """The distance of every node from the nearest of some nodes.
+def heap_distances(arcs: Arcs, rows: IntArray, cutoff: float = inf) -> FloatArray:
+    """Return the distance of every node from the nearest of some nodes: the specification.
 
     Dijkstra's algorithm (1959) with a binary heap. The weights of a path are added one by one, from its start: rounding
     never turns a longer sum into a smaller one, so that the result does not depend on the order of the heap, and
@@ -48,7 +51,7 @@ def shortest_distances(arcs: Arcs, rows: IntArray, cutoff: float = inf) -> Float
         cutoff: what is farther away than this counts as out of reach.
 
     Returns:
-        (nodes,) infinite where there is no way.
+        (nodes,) infinite where there is no path.
     """
     from heapq import heapify, heappop, heappush
 
@@ -71,7 +74,7 @@ def shortest_distances(arcs: Arcs, rows: IntArray, cutoff: float = inf) -> Float
 
 
 def tight_arcs(arcs: Arcs, distances: FloatArray) -> Arcs:
-    """The arcs that shortest paths may use, each of weight 1.
+    """Return the arcs that shortest paths may use, each of weight 1.
 
     Args:
         arcs: the ways.
@@ -85,7 +88,7 @@ def tight_arcs(arcs: Arcs, distances: FloatArray) -> Arcs:
 
 
 def first_steps(tight: Arcs, hops: FloatArray, ids: IntArray) -> IntArray:
-    """For every node, the one before it on its shortest path from the start.
+    """Return for every node the one before it on its shortest path from the start.
 
     Of equally long paths the one with the fewest edges counts; of these, the one whose ids, read from the node
     back to the start, are least at the first difference. On reversed arcs that is the next node on the way *to* the
@@ -97,7 +100,7 @@ def first_steps(tight: Arcs, hops: FloatArray, ids: IntArray) -> IntArray:
         ids: (nodes,) different numbers.
 
     Returns:
-        (nodes,) rows; -1 for the start itself and where there is no way.
+        (nodes,) rows; -1 for the start itself and where there is no path.
     """
     starts = np.repeat(np.arange(len(tight.offsets) - 1), np.diff(tight.offsets))
     is_step = hops[starts] + 1.0 == hops[tight.ends]
@@ -106,3 +109,36 @@ def first_steps(tight: Arcs, hops: FloatArray, ids: IntArray) -> IntArray:
     steps = np.full(len(ids), -1, np.int64)
     steps[ends[order]] = starts[order]
     return steps
+
+
+def shortest_distances(arcs: Arcs, rows: IntArray, cutoff: float = inf) -> FloatArray:
+    """Return what `heap_distances` returns; by SciPy where it is installed and faster."""
+    if len(arcs.ends) < _FEW or len(rows) == 0 or not is_installed():
+        return heap_distances(arcs, rows, cutoff)
+    return scipy_distances(arcs, rows, cutoff)
+
+
+def scipy_distances(arcs: Arcs, rows: IntArray, cutoff: float = inf) -> FloatArray:
+    """Return what `heap_distances` returns: Dijkstra with a Fibonacci heap, in C; `rows` must not be empty."""
+    sparse = _sparse()
+    nodes = len(arcs.offsets) - 1
+    # Given as rows, not as a list of triples: so explicit zeros stay edges, and nothing is added up.
+    matrix = sparse.csr_array((arcs.weights, arcs.ends.astype(np.int32), arcs.offsets.astype(np.int32)), (nodes, nodes))
+    found: FloatArray = sparse.csgraph.dijkstra(matrix, indices=np.unique(rows), min_only=True, limit=cutoff)
+    return found
+
+
+@cache
+def is_installed() -> bool:
+    """Return whether SciPy can be imported; tried once."""
+    try:
+        _sparse()
+    except ImportError:
+        return False
+    return True
+
+
+def _sparse() -> Any:
+    import scipy.sparse.csgraph
+
+    return scipy.sparse

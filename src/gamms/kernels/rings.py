@@ -8,7 +8,7 @@ _FEWEST = 3  # lines that enclose something
 
 
 def closed_rings(starts: FloatArray, ends: FloatArray) -> IntArray:
-    """First row and last row + 1, (rings, 2), of lines that lead back to where they began, each on to the next.
+    """Return first row and last row + 1, (rings, 2), of consecutive lines that end where they began.
 
     A line belongs to one ring at most; of rings that share lines, the one that closes first is taken.
 
@@ -36,7 +36,7 @@ def closed_rings(starts: FloatArray, ends: FloatArray) -> IntArray:
 
 
 def _places(points: FloatArray) -> IntArray:
-    """Numbers (points,) that are equal where points are."""
+    """Return numbers (points,) that are equal where points are."""
     # NOTE: axis by axis, which takes a fifth of the time of `np.unique(..., axis=0)` (the buildings of a city).
     place = np.zeros(len(points), np.int64)
     for axis in points.T:

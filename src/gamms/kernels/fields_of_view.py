@@ -1,20 +1,20 @@
-"""Rotations in space as unit quaternions `(w, x, y, z)`: products, axes, headings; and cones around an axis."""
+"""Fields of view: rotations in space as unit quaternions (w, x, y, z), headings, and what lies inside a cone."""
 
-from math import atan2, cos, hypot, sin
+from math import atan2, cos, hypot, pi, sin
 
 import numpy as np
 
 from gamms.ir.graph import FloatArray
 
 Quaternion = tuple[float, float, float, float]
-
 _UNIT = 2e-9  # how far the square of a length is from 1 at most, where the length is 1 to 1e-9
 _VERTICAL = 1e-9  # of a length of 1: what points less sideways than this has no heading
+_RIM = 1e-12  # radians: what lies on the rim is inside, however the angles were rounded
 _RIM = 1e-12  # radians: what lies on the rim is inside, however the angles were rounded
 
 
 def multiply_quaternions(q1: Quaternion, q2: Quaternion) -> Quaternion:
-    """Hamilton's product: the rotation `q2`, then `q1`."""
+    """Return Hamilton's product: the rotation `q2`, then `q1`."""
     w1, x1, y1, z1 = q1
     w2, x2, y2, z2 = q2
     return (
@@ -26,13 +26,13 @@ def multiply_quaternions(q1: Quaternion, q2: Quaternion) -> Quaternion:
 
 
 def quaternion_to_direction(quat: Quaternion) -> tuple[float, float, float]:
-    """Where the x axis points after a rotation; of length 1 for a unit quaternion."""
+    """Return the direction of the x axis after a rotation; of length 1 for a unit quaternion."""
     w, x, y, z = quat
     return (1.0 - 2.0 * (y * y + z * z), 2.0 * (x * y + w * z), 2.0 * (x * z - w * y))
 
 
 def unit_quaternion(quat: Quaternion) -> Quaternion | None:
-    """`quat`, finite, at length 1; as it is where its length is 1 to 1e-9; None if it is zero."""
+    """Return `quat`, finite, at length 1; as it is where its length is 1 to 1e-9; None if it is zero."""
     w, x, y, z = quat
     if abs(w * w + x * x + y * y + z * z - 1.0) < _UNIT:  # programs compare what they set with what they read
         return quat
@@ -45,7 +45,7 @@ def unit_quaternion(quat: Quaternion) -> Quaternion | None:
 
 
 def yaw(quat: Quaternion) -> tuple[float, float]:
-    """`(cos, sin)` of the heading of what is turned by `(w, x, y, z)`; (0.0, 0.0) if it points straight up or down.
+    """Return the heading `(cos, sin)` of a rotation `(w, x, y, z)`; (0.0, 0.0) if it points straight up or down.
 
     Unturned it heads east: the heading is that of the turned x axis, seen from above.
     """
@@ -57,7 +57,7 @@ def yaw(quat: Quaternion) -> tuple[float, float]:
 
 
 def about_z(heading: tuple[float, float]) -> Quaternion:
-    """The turn `(w, x, y, z)` about the vertical to a heading `(cos, sin)`."""
+    """Return the rotation `(w, x, y, z)` about the vertical to a heading `(cos, sin)`."""
     half = atan2(heading[1], heading[0]) / 2.0
     return (cos(half), 0.0, 0.0, sin(half))
 
@@ -65,7 +65,7 @@ def about_z(heading: tuple[float, float]) -> Quaternion:
 def in_view(
     offsets: FloatArray, axis: tuple[float, float, float], fov: float
 ) -> "np.ndarray[tuple[int, ...], np.dtype[np.bool_]]":
-    """Whether each offset lies within `fov / 2` radians of the axis, the rim included.
+    """Return whether each offset lies within `fov / 2` radians of the axis, the rim included.
 
     Args:
         offsets: (points, 3) from the observer; an offset of zero counts as straight ahead.
@@ -77,3 +77,30 @@ def in_view(
         np.arctan2(across, offsets @ np.array(axis)) <= fov / 2.0 + _RIM
     )
     return seen
+
+
+def in_cone(
+    dx: FloatArray, dy: FloatArray, heading: tuple[float, float], fov: float
+) -> "np.ndarray[tuple[int, ...], np.dtype[np.bool_]]":
+    """Return whether each offset lies within `fov` radians around `heading`, the rim included.
+
+    Args:
+        dx: (points,) offsets from the observer.
+        dy: (points,) offsets from the observer.
+        heading: `(cos, sin)` of the direction of view, of any positive length.
+        fov: full opening angle in radians.
+
+    An offset of zero counts as straight ahead.
+    """
+    off_axis = np.abs(np.arctan2(dy, dx) - np.arctan2(heading[1], heading[0]))
+    off_axis = np.minimum(off_axis, 2.0 * np.pi - off_axis)
+    rim = fov / 2.0 + _RIM
+    seen: np.ndarray[tuple[int, ...], np.dtype[np.bool_]] = (off_axis <= rim) | ((dx == 0.0) & (dy == 0.0))
+    return seen
+
+
+def is_in_cone(dx: float, dy: float, heading: tuple[float, float], fov: float) -> bool:
+    """Return `in_cone` of one offset."""
+    # NOTE: NumPy takes longer for a handful of offsets than `math` does (benchmarks/README.md, AGENT_ARC among 10).
+    off_axis = abs(atan2(dy, dx) - atan2(heading[1], heading[0]))
+    return min(off_axis, 2.0 * pi - off_axis) <= fov / 2.0 + _RIM or (dx == 0.0 and dy == 0.0)
