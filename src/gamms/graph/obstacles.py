@@ -4,23 +4,23 @@ from collections.abc import Iterable, Iterator, Mapping
 from copy import copy
 from itertools import chain, islice
 from math import isfinite, isqrt
-from typing import Any
+from typing import Any, ClassVar
 from weakref import WeakSet
 
 import numpy as np
 
 from gamms import kernels
 from gamms.arguments import as_float, as_int
-from gamms.errors import BadType, BadValue, DuplicateId, UnknownName
+from gamms.errors import BadType, BadValue, DuplicateId
 from gamms.graph import records
 from gamms.graph.records import is_everywhere
+from gamms.graph.tables import Table
 from gamms.ir.graph import FloatArray, IntArray
 from gamms.ir.obstacles import BoolArray, ObstacleColumns
 from gamms.text import shown
 from gamms.typing.graph_values import Corner, ObsFace
 from gamms.typing.obstacles import face_columns
 
-_ROOM = 16  # faces
 _AT_ONCE = 4096  # faces
 _FEW = 256  # faces that are looked through one by one
 _KEYS = ("face_id", "tr", "tl", "br", "bl", "type")
@@ -32,20 +32,31 @@ _type_of = type  # the contract calls an argument of faces `type`
 Corner2D = tuple[float, float]
 
 
-class Obstacles:
-    """The faces of one graph, in insertion order.
+class _FaceTable(Table):
+    """All faces; a removed one has a box of NaN, which meets no square."""
 
-    A removed face leaves its row, which is dropped when as many rows are dead as alive; so a long loop of adding
-    and removing single faces takes time in proportion to its length.
-    """
+    kind = "an obstacle face"
+    columns: ClassVar = {
+        "ids": (np.int64, 1),
+        "types": (np.int64, 1),
+        "corners": (np.float64, 12),
+        "boxes": (np.float64, 6),  # least x, y, z, greatest x, y, z
+        "alive": (np.uint8, 1),
+    }
+
+
+class Obstacles:
+    """The faces of one graph, in insertion order."""
+
+    _grid: "FaceGrid | None"
 
     def __init__(self) -> None:
         self.revision = 0  # changes with every change
-        self._sharers: WeakSet[Obstacles] | None = None  # itself, and those that have the same rows
+        self._sharers: WeakSet[Obstacles] | None = None  # itself, and those that have the same table
         self._reset()
 
     def __len__(self) -> int:
-        return len(self._row_of)
+        return len(self._faces) + len(self._new)
 
     def __iter__(self) -> Iterator[ObsFace]:
         columns = self.columns()
@@ -54,8 +65,9 @@ class Obstacles:
 
     def columns(self) -> ObstacleColumns:
         """All faces as read-only arrays that stay as they are now."""
-        rows = self._rows()
-        arrays = self._ids[rows], self._corners[rows], self._types[rows]
+        table = self._written()
+        rows = table.living()
+        arrays = table.array("ids")[rows], table.array("corners")[rows].reshape(-1, 4, 3), table.array("types")[rows]
         for array in arrays:
             array.setflags(write=False)
         return ObstacleColumns(*arrays)
@@ -66,11 +78,9 @@ class Obstacles:
         Raises:
             DuplicateId (KeyError): its id is taken.
         """
-        if face.id in self._row_of:
+        if face.id in self._new or self._faces.index.row(face.id) >= 0:
             raise DuplicateId("an obstacle face", face.id)
-        self._own()
-        self._row_of[face.id] = self._used + len(self._new)
-        self._new.append(face)
+        self._new[face.id] = face
         self.revision += 1
 
     def add_many(self, new: ObstacleColumns) -> None:
@@ -79,30 +89,28 @@ class Obstacles:
         Raises:
             DuplicateId (KeyError): an id is taken, or twice among the new ones.
         """
-        self._write_new()
-        ids = new.ids.tolist()
-        row_of = dict(zip(ids, range(self._used, self._used + len(ids)), strict=True))
-        if len(row_of) < len(ids) or not self._row_of.keys().isdisjoint(row_of):
-            raise DuplicateId("an obstacle face", _first_taken(ids, self._row_of))
         self._own()
-        self._write(new)
-        self._row_of.update(row_of)
+        _write(self._written(), new)
         self.revision += 1
 
     def get(self, face_id: int) -> ObsFace:
         """A face by id (KeyError)."""
-        row = self._row(face_id)
-        return _face(int(self._ids[row]), self._corners[row].tolist(), int(self._types[row]))
+        table = self._written()
+        row = table.find(records.as_id(face_id, "an obstacle face"))
+        corners = table.array("corners")[row].reshape(4, 3).tolist()
+        return _face(int(table.ids[row]), corners, int(table.array("types")[row]))
 
     def remove(self, face_id: int) -> None:
         """Remove a face (KeyError)."""
         self._own()
-        row = self._row(face_id)
-        del self._row_of[int(self._ids[row])]
-        self._boxes[row] = np.nan  # which meets no square
+        table = self._written()
+        row = table.find(records.as_id(face_id, "an obstacle face"))
+        table.remove(row)
+        table.array("boxes")[row] = np.nan
         self.revision += 1
-        if self._used > 2 * len(self._row_of) + _ROOM:
-            self._compact()
+        if table.dead > len(table) + _FEW:  # so a long loop of adding and removing takes time in proportion
+            table.compact()
+            self._grid = None
 
     def replace(self, faces: Iterable[ObsFace]) -> None:
         """Hold `faces` and no others."""
@@ -110,28 +118,29 @@ class Obstacles:
 
     def put(self, columns: ObstacleColumns) -> None:
         """Hold the faces of these columns and no others."""
-        self._stop_sharing()
         self._reset()
         self.add_many(columns)
 
     def near(self, d: float, x: float, y: float) -> Iterator[int]:
         """Ids of the faces whose bounding box meets the square of half side d around (x, y); all for `d < 0`."""
+        table = self._written()
         if is_everywhere(d, x, y):
-            return iter(list(self._row_of))
+            return table.iter_ids()
         rows = self._between((x - d, y - d), (x + d, y + d))
         rows.sort()
-        low_x, low_y, _, high_x, high_y, _ = self._boxes[rows].T
+        low_x, low_y, _, high_x, high_y, _ = table.array("boxes")[rows].T
         hit = (low_x <= x + d) & (high_x >= x - d) & (low_y <= y + d) & (high_y >= y - d)
-        return iter(self._ids[rows[hit]].tolist())
+        return iter(table.array("ids")[rows[hit]].tolist())
 
     def visible(self, origin: FloatArray, targets: FloatArray) -> BoolArray:
         """Whether no face blocks the line from origin (3,) to each target (targets, 3)."""
-        if not len(targets) or not self._row_of:
+        table = self._written()
+        if not len(targets) or not len(table):
             return np.ones(len(targets), np.bool_)
         rows = self._between(*surroundings(origin, targets))
-        if self._used > len(self._row_of):
-            rows = rows[~np.isnan(self._boxes[rows, 0])]
-        return kernels.visible(self._corners.take(rows, axis=0), origin, targets)
+        if table.dead:
+            rows = rows[table.array("alive")[rows] != 0]
+        return kernels.visible(table.array("corners").take(rows, axis=0).reshape(-1, 4, 3), origin, targets)
 
     def free_ids(self, count: int) -> IntArray:
         """So many ids after the greatest.
@@ -139,86 +148,47 @@ class Obstacles:
         Raises:
             BadValue: there are not so many.
         """
-        first = max(self._row_of, default=-1) + 1
+        first = max(self._written().iter_ids(), default=-1) + 1
         if first + count - 1 > _MOST:
             raise BadValue(f"There are no {count} ids after the greatest, {first - 1}. Give ids yourself.")
         return np.arange(first, first + count, dtype=np.int64) if count else np.zeros(0, np.int64)
 
-    # -- rows ---------------------------------------------------------------------------------------------------
+    # -- inside -------------------------------------------------------------------------------------------------
 
     def _reset(self) -> None:
-        self._row_of: dict[int, int] = {}  # in insertion order, and so are the rows
-        self._new: list[ObsFace] = []  # faces added one by one, whose rows are not written yet
-        self._used = 0  # rows that are written
-        self._ids = np.zeros(0, np.int64)
-        self._types = np.zeros(0, np.int64)
-        self._corners = np.zeros((0, 4, 3))
-        self._boxes = np.zeros((0, 6))  # least x, y, z, greatest x, y, z
-        self._grid: FaceGrid | None = None
+        self._stop_sharing()
+        self._faces = _FaceTable()
+        self._new: dict[int, ObsFace] = {}  # added one by one, and not in the table yet
+        self._grid = None
 
-    def _write(self, new: ObstacleColumns) -> None:
-        self._reserve(len(new.ids))
-        rows = slice(self._used, self._used + len(new.ids))
-        self._ids[rows], self._types[rows], self._corners[rows] = new.ids, new.types, new.corners
-        self._boxes[rows] = np.hstack((new.corners.min(axis=1), new.corners.max(axis=1)))
-        self._used += len(new.ids)
-
-    def _write_new(self) -> None:
-        """Write what was added one by one; rows are read after this only."""
+    def _written(self) -> _FaceTable:
+        """The table, with the faces in it that were added one by one."""
         if self._new:
-            faces, self._new = self._new, []
-            self._write(face_columns(faces))
-
-    def _row(self, face_id: int) -> int:
-        self._write_new()
-        try:
-            return self._row_of[records.as_id(face_id, "an obstacle face")]
-        except KeyError:
-            raise UnknownName("obstacle face", face_id) from None
+            self._own()
+            faces, self._new = self._new, {}
+            _write(self._faces, face_columns([*faces.values()]))
+        return self._faces
 
     def _between(self, low: tuple[float, float], high: tuple[float, float]) -> IntArray:
         """Rows, in any order, of a superset of the faces whose box meets a rectangle; dead ones may be among them."""
-        self._write_new()
-        if self._used > _FEW:
-            if self._grid is None or self._grid.is_worn(self._used):
-                self._grid = FaceGrid(self._boxes[: self._used])
-            rows = self._grid.between(low, high, self._used)
+        table = self._faces
+        if table.count > _FEW:
+            if self._grid is None or self._grid.is_worn(table.count):
+                self._grid = FaceGrid(table.array("boxes"))
+            rows = self._grid.between(low, high, table.count)
             if rows is not None:
                 return rows
-        return np.arange(self._used)
-
-    def _rows(self) -> IntArray:
-        self._write_new()
-        return np.fromiter(self._row_of.values(), np.int64, len(self._row_of))
-
-    def _reserve(self, count: int) -> None:
-        if self._used + count > len(self._ids):
-            self._take(np.arange(self._used), max(2 * self._used, self._used + count, _ROOM))
-
-    def _compact(self) -> None:
-        rows = self._rows()
-        self._take(rows, len(rows))
-        self._row_of = dict(zip(self._row_of, range(len(rows)), strict=True))
-        self._used = len(rows)
-
-    def _take(self, rows: IntArray, room: int) -> None:
-        """Keep these rows, in arrays with room for so many."""
-        if len(rows) < self._used:
-            self._grid = None
-        for name in ("_ids", "_types", "_corners", "_boxes"):
-            old = getattr(self, name)
-            new = np.empty((room, *old.shape[1:]), old.dtype)
-            new[: len(rows)] = old[rows]
-            setattr(self, name, new)
+        return np.arange(table.count)
 
     # -- sharing ------------------------------------------------------------------------------------------------
 
     def fork(self) -> "Obstacles":
-        """Return the same faces for another context; both have the same rows until one of them changes."""
-        self._write_new()
+        """Return the same faces for another context; both have the same table until one of them changes."""
+        self._written()
         if self._sharers is None:
             self._sharers = WeakSet([self])
         obstacles = copy(self)
+        obstacles._new = {}
         self._sharers.add(obstacles)
         return obstacles
 
@@ -230,17 +200,24 @@ class Obstacles:
         return obstacles
 
     def _own(self) -> None:
-        """Share nothing any longer; called before every change."""
+        """Share nothing any longer; called before every change of the table."""
         if self._sharers is not None and self._stop_sharing():
-            self._row_of, self._new = dict(self._row_of), []
-            self._take(np.arange(self._used), self._used)
+            new, self._new = self._new, {}
+            columns = self.columns()
+            self._faces, self._grid, self._new = _FaceTable(), None, new
+            _write(self._faces, columns)
 
     def _stop_sharing(self) -> bool:
-        """Leave the rows to the others that have them; return whether there are such."""
+        """Leave the table to the others that have it; return whether there are such."""
         sharers, self._sharers = self._sharers, None
         if sharers is not None:
             sharers.discard(self)
         return bool(sharers)
+
+
+def _write(table: _FaceTable, new: ObstacleColumns) -> None:
+    boxes = np.hstack((new.corners.min(axis=1), new.corners.max(axis=1)))
+    table.extend(new.ids, types=new.types, corners=new.corners, boxes=boxes)
 
 
 class FaceGrid:
@@ -389,11 +366,6 @@ def _type_array(types: Any, count: int) -> IntArray:
 def _face(id: int, corners: list[list[float]], type: int) -> ObsFace:
     tr, tl, br, bl = corners
     return ObsFace(id, (*tr,), (*tl,), (*br,), (*bl,), type)  # type: ignore[arg-type] # three numbers each
-
-
-def _first_taken(ids: list[int], taken: Mapping[int, int]) -> int:
-    seen = set(taken)
-    return next(id for id in ids if id in seen or seen.add(id))  # type: ignore[func-returns-value] # add is None, so false
 
 
 def _corner(value: Any, name: str, id: int) -> Corner:

@@ -192,7 +192,7 @@ class Table:
         """
         row = self.index.row(id)
         if row < 0:
-            raise UnknownName(self.kind.split()[-1], id)
+            raise UnknownName(self.kind.partition(" ")[2], id)
         return row
 
     def extend(self, ids: IntArray, **columns: np.ndarray[Any, Any]) -> int:
