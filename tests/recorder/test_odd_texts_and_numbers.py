@@ -143,6 +143,16 @@ def test_many_rows_are_cut_short(tmp_path):
     assert "and 100 more" in result.output
 
 
+@pytest.mark.parametrize("number", [5.0, True, "5", None, -1, 0, 1 << 70], ids=str)
+def test_a_replay_refuses_a_number_for_the_next_agent_that_is_none(number):
+    data = hostile.recording([[]], {"next": number})
+    for version in (2, 3):
+        with gamms.create_context() as ctx:
+            ctx.record.start(io.BytesIO(), version=version)
+            with pytest.raises(recorder.RecordingError, match="cannot"):
+                list(ctx.record.replay(io.BytesIO(data)))
+
+
 @pytest.mark.parametrize("kind", [np.arange(3), None, 5, ["a"]], ids=str)
 def test_a_replay_refuses_events_whose_kind_is_no_text(kind):
     for data in (

@@ -12,7 +12,17 @@ from gamms.ir.graph import IntArray
 from gamms.recorder.errors import DAMAGES, Damaged
 from gamms.recorder.formats.reader import Reader
 from gamms.recorder.formats.tracks import FORMS, Tracks
-from gamms.recorder.keyframes import ARRAYS, LISTS, Keyframe, checked, checked_name, checked_shares, opened, packed
+from gamms.recorder.keyframes import (
+    ARRAYS,
+    LISTS,
+    Keyframe,
+    checked,
+    checked_following,
+    checked_name,
+    checked_shares,
+    opened,
+    packed,
+)
 from gamms.text import reason, shown
 
 _FEW = 24  # agents that are found faster one by one
@@ -135,7 +145,8 @@ class DetachedState(State):
     def restore(self, snapshot: Keyframe) -> None:
         """Become what a keyframe or a snapshot says; components stay, of which a snapshot says nothing."""
         try:
-            self.agents = DetachedAgents(checked(opened(snapshot)), int(snapshot["next"]))
+            columns = checked(opened(snapshot))
+            self.agents = DetachedAgents(columns, checked_following(columns["numbers"].tolist(), snapshot["next"]))
             self.sensor_groups = list(snapshot.get("sensor_kinds", ()))
             self.rng_state = snapshot.get("chance")
             self.game = GameState(data=dict(snapshot["data"]), over=snapshot["over"])

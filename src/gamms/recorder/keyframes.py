@@ -250,8 +250,9 @@ def checked_following(numbers: list[int], following: int) -> int:
     Raises:
         Damaged: one of the agents has a greater one, or it is not to be believed.
     """
-    if not all(0 <= number < following for number in numbers) or not 0 <= following <= _MOST_AGENTS:
-        raise Damaged(f"the next agent cannot get the number {following}")
+    is_number = type(following) is int and 0 <= following <= _MOST_AGENTS
+    if not is_number or not all(0 <= number < following for number in numbers):
+        raise Damaged(f"the next agent cannot get the number {shown(following)}")
     return following
 
 
