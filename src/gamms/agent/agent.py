@@ -256,7 +256,7 @@ class Member(Guarded, IAgent):
         for key in attributes:
             if key not in self._SETTABLE and hasattr(type(self), key):
                 raise AttributeError(f"{key!r} cannot be set when an agent is created.")
-        put = object.__setattr__  # NOTE: a third of the time of `__setattr__` (benchmarks/README.md, creation)
+        put = object.__setattr__  # NOTE: a third of the time of `__setattr__` (benchmarks/README.md)
         put(self, "_phase", phase_of(ctx))
         put(self, "_ctx", ctx)
         put(self, "_block", block)

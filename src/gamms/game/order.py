@@ -84,9 +84,8 @@ class AgentSlot:
                 "facts": facts,
             }
         )
-        sensors = agent.sensors.items()
-        self.foreign = [name for name, sensor in sensors if not type(sensor).__module__.startswith("gamms.sensor.")]
-        self.sees_world_only = all(_sees_world_only(type(sensor)) for _, sensor in sensors)
+        self.foreign = [name for name, _, _, result in self.carried if type(result) is not list]
+        self.sees_world_only = all(getattr(sensor, "sees_world_only", False) for _, _, sensor, _ in self.carried)
         self.counts = state.counts.setdefault(self.name, dict.fromkeys(COUNTED, 0))
 
 
@@ -186,10 +185,6 @@ def _with_shared_keys(template: dict[str, Any]) -> dict[str, Any]:
         setattr(instance, key, template.get(key))
     del instance.action  # type: ignore[attr-defined]
     return instance.__dict__
-
-
-def _sees_world_only(kind: type) -> bool:
-    return kind.__module__.startswith("gamms.sensor.") and kind.__module__ != "gamms.sensor.function"
 
 
 def _speed(agent: Any) -> float | None:

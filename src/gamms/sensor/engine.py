@@ -24,7 +24,7 @@ from gamms.sensor.sensor import Sensor
 from gamms.sensor.views import Memory
 from gamms.text import shown
 from gamms.typing import IContext
-from gamms.typing.sensor_engine import ISensor, ISensorEngine, SensorOptions, SensorType, refuse_no_sensor
+from gamms.typing.sensor_engine import ISensor, ISensorEngine, SensorOptions, SensorType, owner_of, refuse_no_sensor
 
 # Kinds by the class that senses them, for type checkers.
 _Neighbor = Literal[SensorType.NEIGHBOR]
@@ -257,7 +257,7 @@ class SensorStorage(Guarded):
             tuple(self._engine._sensors.values()),
         )
         if known is None or known.changes != changes or known.sensors != sensors:
-            owners = tuple([getattr(sensor, "_owner", None) for sensor in sensors])
+            owners = tuple([owner_of(sensor) for sensor in sensors])
             keywords, memories = tuple(map(_keywords_of, sensors)), tuple(map(_memory_of, sensors))
             known = self._known_settings = SensorSettings(changes, sensors, owners, keywords, memories)
         return known
@@ -267,7 +267,7 @@ class SensorStorage(Guarded):
         self._engine._sensors.clear()
         for sensor, owner, keywords in zip(settings.sensors, settings.owners, settings.keywords, strict=True):
             self._engine._sensors[sensor.sensor_id] = sensor
-            if getattr(sensor, "_owner", owner) != owner:
+            if owner_of(sensor) != owner:
                 sensor.set_owner(owner)
             if keywords is not None and _keywords_of(sensor) != keywords:
                 KINDS[sensor.type].apply(sensor, keywords)

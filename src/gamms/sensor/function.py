@@ -28,6 +28,8 @@ class FunctionSensor(Sensor):
         BadType: `fn` cannot be called so.
     """
 
+    sees_world_only = False
+
     def __init__(self, ctx: IContext, sensor_id: str, fn: Callable[..., Any]) -> None:
         super().__init__(ctx, sensor_id, SensorType.CUSTOM)
         self.function = fn

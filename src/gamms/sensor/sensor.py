@@ -68,6 +68,7 @@ class Sensor(Guarded, ISensor):
     _called = "sensor"
     _CHECKS: ClassVar[dict[str, Callable[[Any, str], Any]]]  # attribute -> what it may be set to
 
+    sees_world_only = True
     _is_ours: ClassVar[bool] = True  # whether its class is not one of the user's own
 
     type: SensorType
@@ -80,7 +81,7 @@ class Sensor(Guarded, ISensor):
     def __init__(self, ctx: IContext, sensor_id: str, sensor_type: SensorType) -> None:
         phase = phase_of(ctx)
         phase.refuse("make a sensor")
-        put = object.__setattr__  # NOTE: a third of the time of `__setattr__` (benchmarks/README.md, creation)
+        put = object.__setattr__  # NOTE: a third of the time of `__setattr__` (benchmarks/README.md)
         put(self, "_phase", phase)
         put(self, "_last", [None, None])
         put(self, "ctx", ctx)
@@ -91,6 +92,7 @@ class Sensor(Guarded, ISensor):
     def __init_subclass__(cls, **kwargs: Any) -> None:
         super().__init_subclass__(**kwargs)
         cls._is_ours = cls.__module__.startswith(_OURS)
+        cls.sees_world_only = cls._is_ours and cls.sees_world_only
 
     def __repr__(self) -> str:
         """Name the sensor, its kind and its owner."""

@@ -1,4 +1,4 @@
-"""Contract of the sensor room."""
+"""Contract of the sensor engine."""
 
 from abc import ABC, abstractmethod
 from collections.abc import Callable, Sequence
@@ -70,9 +70,11 @@ class ISensor(ABC):
 
     @abstractmethod
     def set_owner(self, owner: str | None) -> None:
-        """Name the agent that carries the sensor, or nobody."""
+        """Name the agent that carries the sensor; None for no agent."""
 
     # -- may override -------------------------------------------------------------------------------------------
+
+    sees_world_only: bool = False  # whether it looks at nothing but the graph and the agents
 
     def sense_many(self, node_ids: Sequence[int] | np.ndarray[Any, Any]) -> Sensed:
         """Look from many nodes: exactly what `sense` would see from each of them.
@@ -90,10 +92,10 @@ class ISensor(ABC):
         return Sensed(np.arange(len(values) + 1), values)
 
     def reset(self) -> None:  # noqa: B027 - most sensors of a user's own have nothing to forget
-        """Forget what was sensed and drawn, as if it had just been made; called when a game begins anew."""
+        """Forget what was sensed and drawn, as if it had just been made; called when a game is reset."""
 
     def last_view(self) -> SensorView:
-        """What was seen last, for whoever draws it; empty before the first time.
+        """Return what was seen last, for drawing; empty before the first time.
 
         Raises:
             NotOffered: this sensor cannot be drawn.
@@ -245,4 +247,4 @@ class ISensorEngine(ABC):
 
     @abstractmethod
     def terminate(self) -> None:
-        """Close the room; sensors stay readable."""
+        """Close the engine; sensors stay readable."""
