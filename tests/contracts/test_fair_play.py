@@ -440,15 +440,24 @@ def test_a_rule_that_an_undone_turn_changes_is_found():
         check_rule(rule, make_ctx)
 
 
+class Map:
+    def __init__(self):
+        self.nodes = (1, 2)
+
+    @functools.cached_property
+    def sum(self):
+        return sum(self.nodes)
+
+
 def test_constants_and_caches_are_no_hidden_state():
-    bases, table = {"red": 0}, np.arange(9)
+    bases, table, places = {"red": 0}, np.arange(9), Map()
 
     @functools.cache
     def way(node):
         return [node, node + 1]
 
     def rule(ctx, far=(1, 2), names={"a": [1]}):  # noqa: B006 - it is only read
-        way(bases["red"] + int(table[1]) + len(far) + len(names) + len(AGENTS))
+        way(places.sum + bases["red"] + int(table[1]) + len(far) + len(names) + len(AGENTS))
         ctx.game.data["turn"] = ctx.game.turn
 
     check_rule(rule, make_ctx)

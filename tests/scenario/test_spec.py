@@ -2,13 +2,15 @@
 
 import json
 import pickle
+from typing import Annotated
 
 import pytest
 
-from gamms import scenario
+from gamms import rules, scenario
 from gamms.errors import GammsError
 from gamms.scenario import ScenarioError
 from gamms.sensor import SensorType
+from gamms.typing.game import OWNERS, TEAMS, Team
 
 WRONG = [
     ({"teams.red.cuont": 8}, "teams.red.cuont", "8. Did you mean 'count'?"),
@@ -71,6 +73,23 @@ def test_an_error_names_the_place_and_the_way_out(made, changes, path, hint):
     assert str(raised.value).startswith(f"{path}: ")
     assert hint in str(raised.value)
     assert isinstance(raised.value, (GammsError, ValueError))
+
+
+def test_the_teams_that_a_new_rule_names_are_checked_by_its_annotations(made, monkeypatch):
+    def escort(convoy: Team, guards: Annotated[list[str], TEAMS], watched: Annotated[dict[str, int], OWNERS]):
+        pass
+
+    monkeypatch.setattr(rules, "escort", escort, raising=False)
+    monkeypatch.setattr(rules, "__all__", [*rules.__all__, "escort"])
+    right = {"convoy": "red", "guards": ["blue"], "watched": {"gold": 3}}
+    made({"rules.0": {"rule": "escort", "with": right}})
+    for wrong, path in (
+        ({"convoy": "rad"}, "convoy"),
+        ({"guards": ["red", "rad"]}, "guards"),
+        ({"watched": {"rad": 3}}, "watched"),
+    ):
+        with pytest.raises(ScenarioError, match=rf"^rules\.0\.with\.{path}: unknown team 'rad'. Did you mean 'red'?"):
+            made({"rules.0": {"rule": "escort", "with": right | wrong}})
 
 
 def test_an_error_of_a_file_begins_with_its_name(folder):

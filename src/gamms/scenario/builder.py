@@ -45,10 +45,7 @@ from gamms.text import shown
 from gamms.typing.game import IConflicts, Rule
 
 Strategies = Mapping[str, Function]  # by team or agent
-_KINDS: dict[str, type[Any]] = {
-    "rule": RuleSpec,
-    "plan": PlanSpec,
-}  # of mappings that a text may stand for, beside Code
+_IN_FULL: dict[str, type[Any]] = {"rule": RuleSpec, "plan": PlanSpec}  # what a reference is short for; else Code
 _Start = int | tuple[float, float, float]  # a node, or (x, y, z)
 
 
@@ -435,7 +432,7 @@ def _write_defaults(plain: Values, one: NamedCode, function: Function | None) ->
         here = here[key]
     code = here[one.keys[-1]]
     if isinstance(code, str):
-        code = to_plain(in_full(_KINDS.get(one.what, Code), code))
+        code = to_plain(in_full(_IN_FULL.get(one.what, Code), code))
     given = code.get("with") or {}
     if function is not None:
         first = first_of(function)

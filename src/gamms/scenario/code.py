@@ -57,7 +57,7 @@ class Sources(NamedTuple):
 class Found(NamedTuple):
     """A reference to code, and where it leads."""
 
-    path: str  # where in the scenario it stands
+    path: str  # where in the scenario it is
     text: str  # the reference
     module: str  # dotted; for a file, below the folder of the scenario
     function: str  # its name in the module; "" for the module's `map_strategy`
@@ -79,8 +79,8 @@ def allowed(packages: Iterable[str]) -> tuple[str, ...]:
     """Check the packages that a caller allows.
 
     Raises:
-        BadType: they are one text, or no texts.
-        BadValue: one is no package, or one whose functions are never offered.
+        BadType: they are one text, or not texts.
+        BadValue: one is not a package, or one whose functions are never offered.
     """
     names = tuple(as_items(packages, "allow", "names of packages, such as ['my_package'],"))
     if not all(isinstance(name, str) for name in names):
@@ -136,7 +136,7 @@ def find(text: str, sources: Sources, path: str, *, short: str | None = None) ->
     Args:
         text: `module:function`, `file.py:function`, or one of these without `:function`.
         sources: where it may be; the folder is looked through first.
-        path: where in the scenario the reference stands.
+        path: where in the scenario the reference is.
         short: the module of a name without a colon; None if that is a module.
 
     Raises:

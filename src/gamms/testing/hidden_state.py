@@ -5,7 +5,7 @@ import sys
 from collections import deque
 from collections.abc import Callable, Iterator, Mapping
 from dis import get_instructions
-from functools import partial
+from functools import cached_property, partial
 from itertools import count
 from pathlib import Path
 from types import BuiltinMethodType, CodeType, FunctionType, MethodType, ModuleType
@@ -130,7 +130,7 @@ def _attributes(owner: object) -> Iterator[tuple[str, object]]:
         getattr(owner, "__dict__", {})
     )
     for name, value in values.items():
-        if not name.startswith("__"):
+        if not name.startswith("__") and not isinstance(getattr(kind, name, None), cached_property):
             yield f"The attribute {name!r} of {kind.__name__}", value
 
 
