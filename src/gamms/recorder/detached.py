@@ -378,6 +378,9 @@ class DetachedAgents(AgentsState):
             value = np.nan
         self.columns[column][row] = value
         self.version += column in LISTS
+        if column == "node" or (column == "alive" and not value):  # and then it is on no edge
+            self.columns["edge_source"][row] = self.columns["edge_target"][row] = 0
+            self.columns["edge_share"][row] = 0.0
 
     def move(self, numbers: Any, nodes: Any) -> None:
         """Move agents: their numbers and nodes, (moves,) each, in their order."""

@@ -1,0 +1,244 @@
+"""The table of event kinds: whole, and the same whether applied to a live context or to columns."""
+
+import io
+
+import numpy as np
+import pytest
+from games import copied, empty_context, grid_context, recorded
+from hypothesis import given, settings
+from hypothesis import strategies as st
+from test_frozen_recordings import everything_of_version_3, flights_of_version_3, turns_of_version_3
+
+from gamms.ir import events as kinds
+from gamms.ir.events import EVENTS, Audience, Field, Mover, Role, events_of, records_of, renumbered, steps_of
+from gamms.recorder import Reader
+from gamms.recorder import open as opened
+from gamms.recorder.detached import DetachedState
+from gamms.recorder.formats.tracks import FORMS
+from gamms.recorder.formats.version2 import FIELDS
+from gamms.recorder.keyframes import captured, components_of
+from gamms.recorder.replaying import Replayer
+from gamms.typing.opcodes import OpCodes
+
+ALL = EVENTS.values()
+
+
+@pytest.mark.parametrize("kind", ALL, ids=lambda kind: kind.name)
+def test_every_kind_has_a_code_fields_an_audience_and_what_it_does(kind):
+    assert EVENTS[kind.code] is kind
+    assert getattr(kinds, kind.name) == kind.code
+    assert all(isinstance(field, Field) and isinstance(field.role, Role) for field in kind.fields.values())
+    assert isinstance(kind.audience, Audience)
+    assert callable(kind.apply)
+
+
+def test_every_code_is_in_the_table():
+    codes = {name: code for name, code in vars(kinds).items() if name.isupper() and type(code) is int}
+    assert codes.pop("REPLAYED") < 0  # which no file holds
+    assert {code: name for name, code in codes.items()} == {kind.code: kind.name for kind in ALL}
+
+
+def test_the_records_of_version_2_are_those_of_its_operation_codes():
+    assert {code.value for code in OpCodes} <= {kind.code for kind in ALL if kind.records is not None}
+    for code in OpCodes:
+        required = {key for key, field in EVENTS[code.value].fields.items() if not field.is_optional}
+        assert required == FIELDS[code.value], code
+
+
+@pytest.mark.parametrize("kind", [kind for kind in ALL if kind.records is not None], ids=lambda kind: kind.name)
+def test_what_stands_for_an_event_in_version_2_is_of_version_2(kind):
+    values = {"name": "anna", "agent_name": "anna", "kwargs": {"start_node_id": 4}, "node_id": 5}
+    if kind.is_tuple:
+        data = (3, *(float(i) for i in range(1, len(kind.fields))))
+    else:
+        data = {key: values.get(key, 0) for key, field in kind.fields.items() if not field.is_optional}
+    found = list(records_of(kind.code, data, Mover("anna", 7) if kind.is_tuple else None))
+    assert found
+    for code, record in found:
+        assert code in FIELDS
+        assert FIELDS[code] <= record.keys()
+        assert "number" not in record
+
+
+def test_events_whose_data_are_numbers_have_as_many_fields():
+    for code, (nodes, floats) in FORMS.items():
+        roles = [field.role for field in EVENTS[code].fields.values()]
+        assert EVENTS[code].is_tuple
+        assert roles == [Role.NUMBER, *[Role.NODE] * nodes, *[Role.PLAIN] * floats]
+
+
+def test_who_may_know_follows_from_the_kind_alone():
+    assert EVENTS[kinds.GAME_SCORES].audience is Audience.ALL
+    assert EVENTS[kinds.GAME_MEMORY].audience is Audience.TEAM
+    assert EVENTS[kinds.MOVES].audience is Audience.SENSED
+    assert EVENTS[kinds.GAME_CHANCE].audience is Audience.HOST  # it would foretell what others draw
+
+
+def test_moves_that_follow_each_other_are_one_event():
+    note = (kinds.USER_EVENT, {"kind": "note"})
+    log = [0, 5, 1, 6, note, 0, 7]
+    assert list(events_of(log)) == [(kinds.MOVES, [0, 5, 1, 6]), note, (kinds.MOVES, [0, 7])]
+    assert list(steps_of(log)) == [(kinds.MOVES, (0, 5)), (kinds.MOVES, (1, 6)), note, (kinds.MOVES, (0, 7))]
+    assert list(events_of([])) == []
+
+
+def test_agents_get_other_numbers_wherever_an_event_has_some():
+    numbers = {0: 10, 1: 11}.get
+    assert renumbered(kinds.AERIAL_AGENT_TURN, (1, 1.0, 0.0, 0.0, 0.0), numbers) == (11, 1.0, 0.0, 0.0, 0.0)
+    data = {"numbers": np.array([0, 1]), "edge_source": np.array([0, 1])}
+    found = renumbered(kinds.AGENT_PROGRESS, data, numbers)
+    assert (found["numbers"].tolist(), found["edge_source"].tolist()) == ([10, 11], [0, 1])
+    assert data["numbers"].tolist() == [0, 1]
+
+
+# -- live and detached --------------------------------------------------------------------------------------------
+
+NODES = st.integers(0, 8)  # of the grid; node `3 * y + x` is at (10 x, 10 y)
+VALUES = st.recursive(st.none() | st.integers() | st.text(max_size=3), lambda inner: st.lists(inner, max_size=3))
+
+
+def position_of(node, z):
+    return (10.0 * (node % 3), 10.0 * (node // 3), z)
+
+
+@st.composite
+def programmes(draw):
+    """Events of a game: agents who come, go and change, and what the game comes to."""
+    agents, found = {}, []  # number -> (name, whether it flies)
+    number_of_next = 0
+    whats = ["come", "walk", "fly", "turn", "put", "came", "face", "team", "alive", "speed", "progress", "equip", "go"]
+    whats += ["score", "data", "over", "memory", "sensor", "component", "strategy"]
+    for what in draw(st.lists(st.sampled_from(["come", "come", "walk", "walk", "fly", *whats]), max_size=25)):
+        walkers = [number for number, (_, flies) in agents.items() if not flies]
+        flyers = [number for number, (_, flies) in agents.items() if flies]
+        node, z = draw(NODES), float(draw(st.integers(0, 3)))
+        if what == "come":
+            name, flies = f"a{number_of_next}", draw(st.booleans())
+            kwargs = {"start_node_id": node, "team": z, "sensors": ["near"][: draw(st.integers(0, 1))], "fuel": 3}
+            state = {}
+            if flies:
+                place = position_of(node, z)
+                kwargs |= {"type": 1, "speed": 2.0}
+                state = {"position": place, "previous_position": place, "quat": (1.0, 0.0, 0.0, 0.0), "node": node}
+            found.append((kinds.AGENT_CREATE, {"name": name, "kwargs": kwargs, "state": state}))
+            agents[number_of_next] = name, flies
+            number_of_next += 1
+        elif what == "walk" and walkers:
+            moves = draw(st.lists(st.tuples(st.sampled_from(walkers), NODES), min_size=1, max_size=40))
+            found.append((kinds.MOVES, [number for move in moves for number in move]))
+        elif what in ("fly", "turn") and flyers:
+            number = draw(st.sampled_from(flyers))
+            flight = kinds.AERIAL_AGENT_FLIGHT, (number, node, *position_of(node, z))
+            turn = kinds.AERIAL_AGENT_TURN, (number, 0.0, 0.6, 0.8, 0.0)
+            found.append(flight if what == "fly" else turn)
+        elif what in ("put", "came", "face", "speed", "progress") and walkers:
+            number = draw(st.sampled_from(walkers))
+            name = {"agent_name": agents[number][0]}
+            columns = {key: np.array([node]) for key in ("edge_source", "edge_target")}
+            found.append(
+                {
+                    "put": (kinds.AGENT_CURRENT_NODE, {**name, "node_id": node}),
+                    "came": (kinds.AGENT_PREV_NODE, {**name, "node_id": node}),
+                    "face": (kinds.AGENT_ORIENTATION, {**name, "orientation": [0.6, 0.8] if z else None}),
+                    "speed": (kinds.AGENT_SPEED, {**name, "speed": z or None}),
+                    "progress": (
+                        kinds.AGENT_PROGRESS,
+                        {"numbers": np.array([number]), **columns, "edge_share": np.array([z / 4])},
+                    ),
+                }[what]
+            )
+        elif what in ("team", "alive", "equip", "strategy", "go") and agents:
+            number = draw(st.sampled_from(sorted(agents)))
+            name = {"agent_name": agents[number][0]}
+            sensor = {**name, "name": "eyes", "sensor_id": "others"}
+            carried = kinds.AGENT_SENSOR_REGISTER if z else kinds.AGENT_SENSOR_DEREGISTER
+            found.append(
+                {
+                    "team": (kinds.AGENT_TEAM, {**name, "team": node}),
+                    "alive": (kinds.AGENT_ALIVE, {**name, "alive": z > 1}),
+                    "equip": (carried, sensor),
+                    "strategy": (kinds.AGENT_STRATEGY, {**name, "strategy": "here:there"}),
+                    "go": (kinds.AGENT_DELETE, {"name": agents[number][0]}),
+                }[what]
+            )
+            if what == "go":
+                del agents[number]
+        elif what in ("score", "data", "over", "memory", "sensor", "component"):
+            changes = {"set": {"key": draw(VALUES), "list": [node]}, "removed": ["gone"]}
+            over = {"reason": "won", "winner": node, "truncated": False}
+            group = {"type": "NEIGHBOR", "keywords": {}, "ids": [f"sensor {node}"]}
+            found.append(
+                {
+                    "score": (kinds.GAME_SCORES, {"scores": [("red", node)]}),
+                    "data": (kinds.GAME_DATA, changes),
+                    "over": (kinds.GAME_OVER, over if z else {}),
+                    "memory": (kinds.GAME_MEMORY, {"agents": {"anna": changes}, "teams": [(1, changes)]}),
+                    "sensor": (kinds.SENSORS, {"sensor_kinds": [group]}),
+                    "component": (kinds.COMPONENT_REGISTER, {"key": ["here", f"C{node}"], "struct": {"x": "int"}}),
+                }[what]
+            )
+    return found
+
+
+def comparable(keyframe):
+    """What of a keyframe a context can hold: strategies are functions."""
+    sensors = {sensor_id for group in keyframe["sensor_kinds"] for sensor_id in group["ids"]}
+    left_out = ("strategies", "numbers", "next", "pace", "chance", "turn", "sensor_kinds")
+    return {key: value for key, value in keyframe.items() if key not in left_out} | {"sensors": sensors}
+
+
+@settings(deadline=None)
+@given(programmes())
+def test_events_come_to_the_same_live_and_detached(programme):
+    with grid_context() as ctx:
+        ctx.record.start(io.BytesIO())
+        begin = captured(ctx) | components_of(ctx)
+        detached = DetachedState(begin)
+        replayer = Replayer(ctx)
+        for kind, data in programme:
+            replayer.apply(kind, data)
+            detached.apply_event(kind, data)
+        live = captured(ctx) | components_of(ctx)
+        np.testing.assert_equal(comparable(detached.keyframe(0)), comparable(live))
+
+
+def test_an_event_that_cannot_happen_changes_nothing_and_is_not_noted():
+    stream = io.BytesIO()
+    with empty_context() as ctx:
+        ctx.record.start(stream)
+        before = captured(ctx)
+        replayer = Replayer(ctx)
+        with pytest.raises(ValueError, match="cannot happen here"):
+            replayer.apply(kinds.AGENT_TEAM, {"agent_name": "nobody", "team": 1})
+        np.testing.assert_equal(captured(ctx), before)
+        ctx.record.stop()
+    with Reader(io.BytesIO(stream.getvalue())) as reader:
+        assert reader.count_events() == {}
+
+
+# -- keyframes follow from events ---------------------------------------------------------------------------------
+
+
+@pytest.fixture
+def a_keyframe_after_each_turn(monkeypatch):
+    monkeypatch.setattr("gamms.recorder.session._TURNS_AT_ONCE", 1)
+    monkeypatch.setattr("gamms.recorder.session._KEYFRAME_ENTRIES", 0)
+    monkeypatch.setattr("gamms.recorder.session._KEYFRAME_TURNS", 0)
+
+
+@pytest.mark.parametrize("game", [everything_of_version_3, flights_of_version_3, turns_of_version_3])
+def test_a_replay_that_is_recorded_works_out_the_very_keyframes(game, a_keyframe_after_each_turn):
+    data = recorded(game)
+    with Reader(io.BytesIO(data)) as reader:
+        assert reader.keyframe(50)[0] == 50
+    assert copied(data) == data
+
+
+def test_attributes_that_an_agent_was_created_with_follow_from_its_creation():
+    def play(ctx):
+        ctx.visual.simulate()
+        ctx.agent.create_agent("anna", start_node_id=3, fuel=[1, 2], orientation=(0.0, 1.0))
+        ctx.visual.simulate()
+
+    with opened(io.BytesIO(recorded(play))) as recording, recording.resume(2) as ctx:
+        assert ctx.agent.get_agent("anna").fuel == [1, 2]
