@@ -1,5 +1,6 @@
 """The table of event kinds: whole, and the same whether applied to a live context or to columns."""
 
+import dataclasses
 import io
 
 import numpy as np
@@ -11,12 +12,14 @@ from test_frozen_recordings import everything_of_version_3, flights_of_version_3
 
 from gamms.ir import events as kinds
 from gamms.ir.events import EVENTS, Audience, Field, Mover, Role, events_of, records_of, renumbered, steps_of
+from gamms.ir.game_state import GameState
 from gamms.recorder import Reader
 from gamms.recorder import open as opened
+from gamms.recorder.changes import DETECTED
 from gamms.recorder.detached import DetachedState
 from gamms.recorder.formats.tracks import FORMS
 from gamms.recorder.formats.version2 import FIELDS
-from gamms.recorder.keyframes import captured, components_of
+from gamms.recorder.keyframes import GAME_FIELDS, captured, components_of
 from gamms.recorder.replaying import Replayer
 from gamms.typing.opcodes import OpCodes
 
@@ -242,3 +245,14 @@ def test_attributes_that_an_agent_was_created_with_follow_from_its_creation():
 
     with opened(io.BytesIO(recorded(play))) as recording, recording.resume(2) as ctx:
         assert ctx.agent.get_agent("anna").fuel == [1, 2]
+
+
+def test_every_field_of_a_game_is_recorded_or_is_known_not_to_be():
+    """A new field of `GameState` gets an event kind, and a line in one of these tables, or a place in this set."""
+    not_recorded = {"errors", "counts", "timings", "moves", "players", "last_turn", "start", "has_begun"}
+    not_recorded |= {"stream_version", "event_history", "error_history", "shared_logs"}
+    by_itself = {"began", "turn"}  # with GAME_TURN
+    names = {field.name for field in dataclasses.fields(GameState)}
+    assert names - not_recorded == DETECTED.keys() | by_itself
+    assert names >= not_recorded
+    assert GAME_FIELDS.keys() == DETECTED.keys() - {"events", "facts"} | {"turn"}  # which snapshots hold

@@ -11,8 +11,7 @@ what it does; a new format is one file in `formats/`.
 from gamms.recorder.errors import RecordingError
 from gamms.recorder.formats.reader import Reader
 from gamms.recorder.formats.writer import Writer
-from gamms.recorder.moment import State
 from gamms.recorder.recorder import Recorder, RecorderBusy
-from gamms.recorder.recording import Recording, open  # noqa: A004 - as `Recording` says: `gamms.recorder.open`
+from gamms.recorder.recording import Recording, State, open  # noqa: A004 - as `Recording` says: `gamms.recorder.open`
 
 __all__ = ["Reader", "Recorder", "RecorderBusy", "Recording", "RecordingError", "State", "Writer", "open"]

@@ -2,13 +2,15 @@
 
 from collections.abc import Callable, Mapping
 from marshal import dumps
-from operator import is_not
+from operator import attrgetter, is_not
 from typing import Any
 
 from gamms.ir import events as kinds
 from gamms.ir.events import Log
+from gamms.ir.game_state import Scores
 from gamms.plain import is_same, plain_subset, to_plain
-from gamms.recorder.keyframes import places_of
+from gamms.recorder.host import HostContext
+from gamms.recorder.keyframes import decider_of, name_of, places_of
 
 Changes = dict[str, Any]  # of a dict: what is `set`, what is `removed`, and what lists and sets have `more`
 
@@ -26,6 +28,10 @@ class Kept:
     """
 
     __slots__ = ("_marks", "values")
+
+    def __bool__(self) -> bool:
+        """Whether there is anything."""
+        return bool(self.values)
 
     def __init__(self, now: Mapping[Any, Any]) -> None:
         self.values = plain_subset(now)
@@ -83,135 +89,255 @@ def _mark(value: Any) -> bytes | None:
         return None
 
 
-class GameWatch:
-    """What has changed since it was asked last, in `ctx.game` and the chance of its context.
+class _NewEntries:
+    """The entries that were appended to a log of the game."""
+
+    def __init__(self, entries: list[Any]) -> None:
+        self.known = len(entries)
+
+    def accept(self, entries: list[Any], data: Any) -> None:  # noqa: ARG002 - as in the others
+        """Expect what an event of a replay has changed."""
+        self.known = len(entries)
+
+    def detect(self, entries: list[Any]) -> list[Any]:
+        """Return the data of the events that say what has changed since."""
+        before, self.known = self.known, len(entries)
+        return [to_plain(entry) for entry in entries[before:]]
+
+
+class _Value:
+    """Another value in place of the one before."""
+
+    def __init__(self, value: Any) -> None:
+        self.known = to_plain(value)
+
+    def accept(self, value: Any, data: Any) -> None:  # noqa: ARG002 - as in the others
+        """Expect what an event of a replay has changed."""
+        self.known = to_plain(value)
+
+    def detect(self, value: Any) -> list[Any]:
+        """Return the data of the events that say what has changed since."""
+        before = self.known
+        if type(value) is Scores and all(type(score) in _NUMBERS for score in value.values()):
+            if value == before:
+                return []
+        elif is_same(to_plain(value), before):
+            return []
+        self.known = to_plain(value)
+        return [self._data()]
+
+    def _data(self) -> Any:
+        return self.known or {}
+
+
+class _Scores(_Value):
+    def _data(self) -> Any:
+        return {"scores": list(self.known.items())}
+
+
+class _Items:
+    """Changed items of a dict."""
+
+    def __init__(self, values: Mapping[Any, Any]) -> None:
+        self.known = Kept(values)
+
+    def accept(self, values: Mapping[Any, Any], data: Any) -> None:  # noqa: ARG002 - as in the others
+        """Expect what an event of a replay has changed."""
+        self.known = Kept(values)
+
+    def detect(self, values: Mapping[Any, Any]) -> list[Any]:
+        """Return the data of the events that say what has changed since."""
+        found = self.known.changes(values)
+        return [] if found is None else [found]
+
+
+class _Facts:
+    """Facts that were published or withdrawn."""
+
+    def __init__(self, facts: Mapping[str, Any]) -> None:
+        self.known = dict(facts)
+
+    def accept(self, facts: Mapping[str, Any], data: Any) -> None:  # noqa: ARG002 - as in the others
+        """Expect what an event of a replay has changed."""
+        self.known = dict(facts)
+
+    def detect(self, facts: Mapping[str, Any]) -> list[Any]:
+        """Return the data of the events that say what has changed since."""
+        known = self.known
+        if facts.keys() == known.keys() and not any(map(is_not, facts.values(), known.values())):
+            return []
+        self.known = now = dict(facts)
+        changed = {
+            name: fact
+            for name, fact in now.items()
+            if name not in known or not (fact is known[name] or is_same(to_plain(fact), to_plain(known[name])))
+        }
+        removed = [name for name in known if name not in now]
+        return [{"set": plain_subset(changed), "removed": removed}] if changed or removed else []
+
+
+class _Memories:
+    """Changed items of the memories of agents, or of teams."""
+
+    def __init__(self, memories: Mapping[Any, dict[Any, Any]], *, of_teams: bool) -> None:
+        self._of_teams = of_teams
+        self.known = {name: Kept(memory) for name, memory in memories.items() if memory}
+
+    def accept(self, memories: Mapping[Any, dict[Any, Any]], data: Any) -> None:
+        """Expect what an event of a replay has changed."""
+        for name in dict(data["teams"]) if self._of_teams else data["agents"]:
+            self.known[name] = Kept(memories[name])
+
+    def detect(self, memories: Mapping[Any, dict[Any, Any]]) -> list[Any]:
+        """Return the data of the events that say what has changed since."""
+        found, known = {}, self.known
+        if not known and not any(memories.values()):
+            return []
+        for key in sorted(memories) if all(type(key) is str for key in memories) else memories:
+            if memories[key] or key in known:
+                changes = known.setdefault(key, Kept({})).changes(memories[key])
+                if changes is not None:
+                    found[key] = changes
+        for key in [key for key in known if key not in memories]:
+            found[key] = {"removed": list(known.pop(key).values)}
+        teams = [(to_plain(team), one) for team, one in found.items()] if self._of_teams else []
+        return [{"agents": {} if self._of_teams else found, "teams": teams}] if found else []
+
+
+_Detector = _NewEntries | _Value | _Items | _Facts | _Memories
+
+DETECTED: dict[str, tuple[int, Callable[[Any], _Detector]]] = {
+    "events": (kinds.GAME_EVENT, _NewEntries),
+    "scores": (kinds.GAME_SCORES, _Scores),
+    "data": (kinds.GAME_DATA, _Items),
+    "over": (kinds.GAME_OVER, _Value),
+    "facts": (kinds.GAME_FACTS, _Facts),
+    "memories": (kinds.GAME_MEMORY, lambda memories: _Memories(memories, of_teams=False)),
+    "team_memories": (kinds.GAME_MEMORY, lambda memories: _Memories(memories, of_teams=True)),
+}
+"""Field of `GameState` -> the kind of event that says how it changes, and what finds that out."""
+
+_VALUES = attrgetter(*DETECTED)
+
+
+class GameChanges:
+    """Finds what has changed since it was asked last, in `ctx.game` and the chance of its context.
 
     Attributes:
         pace: by how much the number of the turn went up in the last turn.
     """
 
-    def __init__(self, ctx: Any) -> None:
+    def __init__(self, ctx: HostContext) -> None:
         self._ctx, self._game, self._state = ctx, ctx.game, ctx.game.state
-        self._events = len(ctx.game.events)
-        self._scores = to_plain(ctx.game.scores)
-        self._data = Kept(ctx.game.data)
-        self._over = to_plain(ctx.game.over)
-        self._memories = {name: Kept(memory) for name, memory in ctx.game.memories.items() if memory}
-        self._team_memories = {team: Kept(memory) for team, memory in ctx.game.team_memories.items() if memory}
-        self._facts = ctx.game.facts.copy()
-        self._chance = to_plain(ctx.rng_state())
+        self._detectors = [(name, kind, make(getattr(self._state, name))) for name, (kind, make) in DETECTED.items()]
+        self._is_known = True  # that something is in one of them
+        self._rng_state = to_plain(ctx.rng_state())
         self._turn, self.pace = self._state.turn, 0
         self._places = places_of(ctx)
 
     def accept(self, kind: int, data: Any) -> None:
         """Expect what an event of a replay has changed."""
-        if kind in _ACCEPTED:
-            _ACCEPTED[kind](self, data)
-
-    def _accept_turn(self, data: Any) -> None:
-        self._turn, self.pace = self._state.turn, int(data["pace"])
-
-    def _accept_memories(self, data: Any) -> None:
-        for name in data["agents"]:
-            self._memories[name] = Kept(self._state.memories[name])
-        for team, _ in data["teams"]:
-            self._team_memories[team] = Kept(self._state.team_memories[team])
-
-    def _accept_rest(self, _: Any) -> None:
-        game = self._state
-        self._events, self._scores, self._over = len(game.events), to_plain(game.scores), to_plain(game.over)
-        self._facts, self._chance = game.facts.copy(), to_plain(self._ctx.rng_state())
-
-    def _accept_data(self, _: Any) -> None:
-        self._data = Kept(self._state.data)
+        if kind == kinds.GAME_TURN:
+            self._turn, self.pace = self._state.turn, int(data["pace"])
+        elif kind == kinds.GAME_CHANCE:
+            self._rng_state = to_plain(self._ctx.rng_state())
+        for name, code, detector in self._detectors:
+            if code == kind:
+                detector.accept(getattr(self._state, name), data)
+                self._is_known = True
 
     def count(self, log: Log) -> None:
-        """A turn is over: add the event that says how the game counts it, unless it does as it did before."""
+        """Add the event that says how the game counts the turn that is over, unless it does as it did before."""
         now, before, pace = self._state.turn, self._turn, self.pace
         if now == before + pace:
             self._turn = now
             return
         self.pace, self._turn = now - before, now
         starts = self._game.starts
-        is_told = before > 0 or starts.items() <= self._places.items()
+        is_known = before > 0 or starts.items() <= self._places.items()
         log.append(
-            (kinds.GAME_TURN, {"turn": now, "pace": self.pace, **({} if is_told else {"starts": to_plain(starts)})})
+            (kinds.GAME_TURN, {"turn": now, "pace": self.pace, **({} if is_known else {"starts": to_plain(starts)})})
         )
 
-    def tell(self, log: Log) -> None:
+    def detect(self, log: Log) -> None:
         """Add the events that say what else has changed."""
         # NOTE: most games have no scores, facts or data, and are asked in every turn (benchmarks/README.md, w4).
-        game = self._state
-        events, scores, data, over, facts = game.events, game.scores, game.data, game.over, game.facts
-        memories, team_memories = game.memories, game.team_memories
-        if len(events) != self._events:
-            log += [(kinds.GAME_EVENT, to_plain(event)) for event in events[self._events :]]
-            self._events = len(events)
-        if (scores or self._scores) and _is_other(scores, self._scores):
-            self._scores = to_plain(scores)
-            log.append((kinds.GAME_SCORES, {"scores": list(self._scores.items())}))
-        if (data or self._data.values) and (found := self._data.changes(data)) is not None:
-            log.append((kinds.GAME_DATA, found))
-        if over is not None or self._over is not None:
-            log += self._new_end(over)
-        known = self._facts
-        if (facts or known) and (facts.keys() != known.keys() or any(map(is_not, facts.values(), known.values()))):
-            log += self._new_facts(dict(facts))
-        has_memories = memories and any(memories.values())
-        if has_memories or team_memories or self._memories or self._team_memories:
-            log += self._new_memories()
-        if (chance := self._ctx.rng_state()) is not None and not is_same(chance, self._chance):
-            self._chance = to_plain(chance)
-            log.append((kinds.GAME_CHANCE, {"chance": self._chance}))
-
-    def _new_end(self, over: dict[str, Any] | None) -> Log:
-        before, self._over = self._over, to_plain(over)
-        return [] if is_same(before, self._over) else [(kinds.GAME_OVER, self._over or {})]
-
-    def _new_facts(self, now: dict[str, Any]) -> Log:
-        before, self._facts = self._facts, now
-        changed = {
-            name: fact
-            for name, fact in now.items()
-            if name not in before or not (fact is before[name] or is_same(to_plain(fact), to_plain(before[name])))
-        }
-        removed = [name for name in before if name not in now]
-        return [(kinds.GAME_FACTS, {"set": plain_subset(changed), "removed": removed})] if changed or removed else []
-
-    def _new_memories(self) -> Log:
-        agents = _each(self._game.memories, self._memories)
-        teams = list(_each(self._game.team_memories, self._team_memories).items())
-        return (
-            [(kinds.GAME_MEMORY, {"agents": agents, "teams": [(to_plain(team), one) for team, one in teams]})]
-            if agents or teams
-            else []
-        )
+        values = _VALUES(self._state)
+        if self._is_known or any(values):
+            for value, (_, kind, detector) in zip(values, self._detectors, strict=True):
+                if value or detector.known:
+                    log += [(kind, data) for data in detector.detect(value)]
+            self._is_known = any(detector.known for _, _, detector in self._detectors)
+        if (rng_state := self._ctx.rng_state()) is not None and not is_same(rng_state, self._rng_state):
+            self._rng_state = to_plain(rng_state)
+            log.append((kinds.GAME_CHANCE, {"chance": self._rng_state}))
 
 
-_ACCEPTED: dict[int, Callable[[GameWatch, Any], None]] = {
-    **dict.fromkeys((kinds.GAME_EVENT, kinds.GAME_SCORES, kinds.GAME_OVER), GameWatch._accept_rest),
-    **dict.fromkeys((kinds.GAME_FACTS, kinds.GAME_CHANCE), GameWatch._accept_rest),
-    kinds.GAME_DATA: GameWatch._accept_data,
-    kinds.GAME_TURN: GameWatch._accept_turn,
-    kinds.GAME_MEMORY: GameWatch._accept_memories,
-}
+class StrategyChanges:
+    """Which strategies or plans decide for which agents, since it was asked last."""
+
+    def __init__(self, ctx: HostContext) -> None:
+        self._ctx, self._game, self._engine = ctx, ctx.game, ctx.agent
+        self._functions = self._now()
+        self._named = dict(zip(ctx.agent.agents, self._functions, strict=True))
+
+    def detect(self, log: Log) -> None:
+        """Add the events that say what has changed."""
+        now = self._now()
+        if now == self._functions:
+            return
+        before, self._functions = self._named, now
+        self._named = dict(zip(self._ctx.agent.agents, now, strict=True))
+        log += [
+            (kinds.AGENT_STRATEGY, {"agent_name": name, "strategy": name_of(function)})
+            for name, function in self._named.items()
+            if function is not before.get(name)
+        ]
+
+    def _now(self) -> list[Any]:
+        agents = self._engine.agents.values()
+        if self._game.plans:
+            return [decider_of(self._ctx, agent) for agent in agents]
+        return [agent.strategy for agent in agents]
 
 
-def _is_other(scores: Mapping[Any, Any], before: Any) -> bool:
-    """Whether scores are others than `plain` gave them, arrays among them, too."""
-    if all(type(score) in _NUMBERS for score in scores.values()):
-        return bool(scores != before)
-    return not is_same(to_plain(scores), before)
+class DrawingChanges:
+    """Compares what artists draw with what was recorded last.
 
+    Args:
+        visual: the visual engine of the context.
+        with_custom: whether drawers of the program's own are called; else only drawings of a replay are recorded.
 
-def _each(now: Mapping[Any, dict[Any, Any]], kept: dict[Any, Kept]) -> dict[Any, Changes]:
-    """What has changed in each of several dicts."""
-    found = {}
-    for key in sorted(now) if all(type(key) is str for key in now) else now:
-        if now[key] or key in kept:
-            changes = kept.setdefault(key, Kept({})).changes(now[key])
-            if changes is not None:
-                found[key] = changes
-    for key in [key for key in kept if key not in now]:
-        found[key] = {"removed": list(kept.pop(key).values)}
-    return found
+    Attributes:
+        first: the drawings at the beginning.
+    """
+
+    def __init__(self, visual: Any, *, with_custom: bool) -> None:
+        self._artists = getattr(visual, "artists", None)  # an engine of the caller's may have none
+        self._with_custom = with_custom
+        self._known: dict[str, Any] = {}
+        self.first = [data for _, data in self.changes()]
+
+    @property
+    def edits(self) -> int:
+        """A number that changes whenever an artist is declared, added or removed."""
+        return 0 if self._artists is None else int(self._artists.edits)
+
+    def specs(self) -> dict[str, Any]:
+        """Describe all artists as plain values, as far as there are such; see `Artists.specs`."""
+        if self._artists is None:
+            return {"artists": [], "is_declared": False}
+        specs: dict[str, Any] = self._artists.specs(with_drawings=self._with_custom)
+        return specs
+
+    def changes(self) -> Log:
+        """Return events that say what artists draw which have not drawn that before."""
+        artists = self._artists
+        if artists is None or not (self._with_custom or self._known or artists.drawings.commands):
+            return []
+        known, self._known = self._known, artists.recorded_drawings(with_custom=self._with_custom)
+        return [
+            (kinds.VISUAL_COMMANDS, data)
+            for name, data in self._known.items()
+            if name not in known or not is_same(known[name], data)
+        ]

@@ -6,7 +6,7 @@ import numpy as np
 
 from gamms.ir import events as kinds
 from gamms.ir.event_state import AgentsState, State
-from gamms.ir.events import EVENTS, Log, events_of, set_scores
+from gamms.ir.events import EVENTS, Log, events_of
 from gamms.ir.game_state import GameState
 from gamms.ir.graph import IntArray
 from gamms.recorder.errors import DAMAGES, Damaged
@@ -22,6 +22,7 @@ from gamms.recorder.keyframes import (
     checked_shares,
     opened,
     packed,
+    restore_game,
 )
 from gamms.text import reason, shown
 
@@ -149,10 +150,8 @@ class DetachedState(State):
             self.agents = DetachedAgents(columns, checked_following(columns["numbers"].tolist(), snapshot["next"]))
             self.sensor_groups = list(snapshot.get("sensor_kinds", ()))
             self.rng_state = snapshot.get("chance")
-            self.game = GameState(data=dict(snapshot["data"]), over=snapshot["over"])
-            set_scores(self.game, snapshot["scores"])
-            self.game.memories = {name: dict(memory) for name, memory in snapshot.get("memories", {}).items()}
-            self.game.team_memories = {team: dict(memory) for team, memory in snapshot.get("team_memories", ())}
+            self.game = GameState()
+            restore_game(self.game, snapshot)
             self._clock = int(snapshot.get("turn", 0)), self._log, int(snapshot.get("pace", 0))
         except DAMAGES as error:
             raise _not_right(error) from error

@@ -1,11 +1,14 @@
 """A whole state as a keyframe or a snapshot holds it: columns of agents, the game as plain values."""
 
+from collections.abc import Callable
+from copy import deepcopy
 from math import isnan
-from typing import Any
+from typing import Any, NamedTuple
 
 import numpy as np
 
 from gamms.ir.agents import Progress
+from gamms.ir.events import as_over, set_scores
 from gamms.ir.game_state import GameState
 from gamms.ir.graph import FloatArray, IntArray
 from gamms.plain import plain_subset, to_plain
@@ -88,16 +91,70 @@ def packed(columns: Columns, following: int, groups: list[dict[str, Any]], game:
         "sensor_kinds": groups,
         "attributes": {row: values for row, values in enumerate(columns["attributes"]) if values},
         "strategies": list(columns["strategies"]),
-        "scores": list(to_plain(game.scores).items()),
-        "data": plain_subset(game.data),
-        "over": to_plain(game.over),
-        "turn": game.turn,
-        "memories": {name: plain_subset(memory) for name, memory in sorted(game.memories.items()) if memory},
-        "team_memories": [
-            (to_plain(team), plain_subset(memory)) for team, memory in game.team_memories.items() if memory
-        ],
+        **{name: field.captured(getattr(game, name)) for name, field in GAME_FIELDS.items()},
         "chance": to_plain(rng_state),
     }
+
+
+# -- the game -----------------------------------------------------------------------------------------------------
+
+
+class GameField(NamedTuple):
+    """A field of `GameState` that keyframes hold.
+
+    Attributes:
+        captured: gives its value as plain values.
+        restore: sets it in a game to what was captured.
+        default: what older recordings mean, which do not have it; ...: all have it.
+    """
+
+    captured: Callable[[Any], Any]
+    restore: Callable[[GameState, Any], None]
+    default: Any = ...
+
+
+def _captured_each(memories: dict[Any, dict[Any, Any]]) -> list[tuple[Any, dict[Any, Any]]]:
+    return [(to_plain(name), plain_subset(memory)) for name, memory in memories.items() if memory]
+
+
+def _restore_data(game: GameState, data: dict[str, Any]) -> None:
+    game.data.clear()
+    game.data.update(deepcopy(data))
+
+
+def _restore_over(game: GameState, over: Any) -> None:
+    game.over = as_over(over)
+
+
+def _restore_turn(game: GameState, turn: Any) -> None:
+    game.turn = int(turn)
+
+
+def _restore_memories(game: GameState, memories: dict[str, dict[Any, Any]]) -> None:
+    for memory in game.memories.values():
+        memory.clear()
+    for name, memory in memories.items():
+        game.memory_of(name).update(deepcopy(memory))
+
+
+def _restore_team_memories(game: GameState, memories: Any) -> None:
+    game.team_memories = {team: dict(memory) for team, memory in deepcopy(list(memories))}
+
+
+GAME_FIELDS = {
+    "scores": GameField(lambda scores: list(to_plain(scores).items()), set_scores),
+    "data": GameField(plain_subset, _restore_data),
+    "over": GameField(to_plain, _restore_over),
+    "turn": GameField(to_plain, _restore_turn, 0),
+    "memories": GameField(lambda memories: dict(sorted(_captured_each(memories))), _restore_memories, {}),
+    "team_memories": GameField(_captured_each, _restore_team_memories, ()),
+}
+
+
+def restore_game(game: GameState, keyframe: Keyframe) -> None:
+    """Let a game be as a keyframe says."""
+    for name, field in GAME_FIELDS.items():
+        field.restore(game, keyframe[name] if field.default is ... else keyframe.get(name, field.default))
 
 
 def history(ctx: HostContext) -> Keyframe:

@@ -10,12 +10,21 @@ from gamms.errors import BadType, BadValue, GammsError
 from gamms.ir import events as kinds
 from gamms.ir.agents import EVENTS, AgentBlock
 from gamms.ir.event_state import AgentsState, State
-from gamms.ir.events import Mover, as_event, as_over, set_scores
+from gamms.ir.events import Mover, as_event
 from gamms.ir.journal import Muted
 from gamms.recorder import sensed
 from gamms.recorder.errors import Damaged
 from gamms.recorder.host import HostContext
-from gamms.recorder.keyframes import Keyframe, checked, checked_following, opened, progress_of, row_of, sensors_in
+from gamms.recorder.keyframes import (
+    Keyframe,
+    checked,
+    checked_following,
+    opened,
+    progress_of,
+    restore_game,
+    row_of,
+    sensors_in,
+)
 from gamms.text import reason, shown
 from gamms.typing.actions import as_position
 from gamms.typing.opcodes import OpCodes
@@ -41,16 +50,7 @@ class LiveState(State):
         """Become what a snapshot says: agents of the same name and kind are moved, missing ones made, others stay."""
         self.agents.restore(snapshot, lambda: self.add_sensors(snapshot.get("sensor_kinds", ())))
         game = self.game
-        set_scores(game, snapshot["scores"])
-        game.data.clear()
-        game.data.update(deepcopy(snapshot["data"]))
-        game.over, game.turn = as_over(snapshot["over"]), int(snapshot.get("turn", 0))
-        for memory in game.memories.values():
-            memory.clear()
-        for name, memory in snapshot.get("memories", {}).items():
-            game.memory_of(name).update(deepcopy(memory))
-        by_team = dict(deepcopy(snapshot.get("team_memories", [])))
-        game.team_memories = {team: dict(memory) for team, memory in by_team.items()}
+        restore_game(game, snapshot)
         self.set_rng(snapshot.get("chance"))
         if "events" in snapshot:
             game.events[:] = map(as_event, snapshot["events"])

@@ -14,14 +14,14 @@ from gamms.ir import events as kinds
 from gamms.ir.events import EVENTS
 from gamms.plain import to_plain, why_not_plain
 from gamms.recorder.components import Components
+from gamms.recorder.encoders import Version2Encoder, Version3Encoder, header_of
 from gamms.recorder.errors import RecorderBusy, RecordingError
 from gamms.recorder.formats import version2
 from gamms.recorder.formats.output import Output
 from gamms.recorder.formats.reader import Reader
 from gamms.recorder.maps import without_map
 from gamms.recorder.replaying import TURN_NS, Record, Replayer
-from gamms.recorder.session import Session
-from gamms.recorder.sinks import Version2Sink, Version3Sink, header_of
+from gamms.recorder.session import RecordingSession
 from gamms.recorder.streams import Target, locks, readable
 from gamms.text import shown
 from gamms.typing.opcodes import MAGIC_NUMBER, OpCodes
@@ -46,7 +46,7 @@ class Recorder(Guarded, IRecorder):
         self.ctx = ctx
         self.components = Components(self._component_event, self._phase)
         self.is_replaying = False
-        self._session: Session | None = None
+        self._session: RecordingSession | None = None
         self._target: Target | None = None
         self._replayer: Replayer | None = None
         self._kept = self.components.kept()  # when the recording was paused
@@ -106,20 +106,20 @@ class Recorder(Guarded, IRecorder):
         flags = {"sensed": sensed, "overwrite": overwrite, "embed_graph": embed_graph}
         sensed, overwrite, embed_graph = (as_bool(flag, name) for name, flag in flags.items())
 
-        def header(session: Session) -> dict[str, Any]:
+        def header(session: RecordingSession) -> dict[str, Any]:
             told = header_of(self.ctx, session, options) if session.header is None else session.header
             return told if embed_graph else without_map(told)
 
         drawings = self._has_drawings if drawings is None else as_bool(drawings, "drawings")
-        session = Session(
+        session = RecordingSession(
             self.ctx, with_sensed=sensed, with_drawings=drawings and version == 3
         )  # before there is a file: not every map can be written
         target: Target | None = None
         try:
             target = Target(path, overwrite=overwrite)
             output = Output(target.stream)
-            sink = Version2Sink(output) if version == 2 else Version3Sink(output, header)
-            session.write_to(sink, in_background=target.is_owned)
+            encoder = Version2Encoder(output) if version == 2 else Version3Encoder(output, header)
+            session.write_to(encoder, in_background=target.is_owned)
             target.keep()
         except BaseException:
             session.abandon()
@@ -286,7 +286,7 @@ class Recorder(Guarded, IRecorder):
             if self.ctx.is_terminated():
                 return
 
-    def _recording(self) -> Session | None:
+    def _recording(self) -> RecordingSession | None:
         """The recording that is being written now."""
         return self._session if self.record() else None
 

@@ -4,6 +4,8 @@ import os
 from bisect import bisect_right
 from collections import Counter
 from collections.abc import Callable, Iterator, Mapping
+from copy import deepcopy
+from dataclasses import dataclass, field
 from html import escape
 from typing import Any, BinaryIO, Self, overload
 
@@ -13,12 +15,13 @@ from gamms.arguments import as_context, as_int, as_mapping
 from gamms.errors import BadValue
 from gamms.ir import events as kinds
 from gamms.ir.events import COMPONENTS, Log
+from gamms.ir.tables import table_of
 from gamms.recorder import tables
 from gamms.recorder.detached import DetachedAgents, DetachedState
 from gamms.recorder.errors import Damaged, RecordingError
 from gamms.recorder.formats.reader import Reader
+from gamms.recorder.keyframes import Columns
 from gamms.recorder.maps import given_map, has_map, hash_in, hash_of
-from gamms.recorder.moment import State, named_columns, state_of
 from gamms.recorder.streams import readable
 from gamms.text import reason
 from gamms.typing.map_storage import IPackedGraph, packed_graphs
@@ -26,6 +29,12 @@ from gamms.typing.opcodes import MAGIC_NUMBER
 
 _BLOBS = ("world",)  # parts of the header that are no words
 _CALLERS = ("folder", "file", "allow")  # what `Scenario(**header["scenario"])` takes as said by the caller
+_KINDS = np.array(["BASIC", "AERIAL"])  # the names of AgentType
+_PARTS = {
+    "position": ("x", "y", "z"),
+    "heading": ("heading_x", "heading_y"),
+    "quat": ("quat_w", "quat_x", "quat_y", "quat_z"),
+}
 
 
 def open(source: str | os.PathLike[str] | BinaryIO, *, graph: Any = None) -> "Recording":
@@ -51,6 +60,36 @@ def open(source: str | os.PathLike[str] | BinaryIO, *, graph: Any = None) -> "Re
         if is_owned:
             stream.close()
         raise
+
+
+@dataclass(frozen=True, eq=False)
+class State:
+    """How things were after a turn.
+
+    Attributes:
+        turn: how many turns were over.
+        agents: read-only columns (agents,), one row for each agent in the order of their creation: name, team, kind
+            ("BASIC" or "AERIAL"), alive, node, previous (node), speed, strategy; x, y and z of those who fly;
+            heading_x and heading_y, which is where those on the ground were told to look; quat_w, quat_x, quat_y and
+            quat_z, how those who fly are turned. What an agent does not have is NaN, or None.
+        scores: by whatever the rules keep scores for.
+        data: what rules had kept in `ctx.game.data`, as far as it was plain.
+        over: why the game was over, who had won, whether time was up; None while it went on.
+        components: by name, the fields of each with their values; None where one was not set.
+    """
+
+    turn: int
+    agents: dict[str, np.ndarray[Any, Any]]
+    scores: dict[Any, Any]
+    data: dict[str, Any]
+    over: dict[str, Any] | None
+    components: dict[Any, dict[str, Any]]
+    _map: Callable[[], IPackedGraph] = field(repr=False)
+
+    @property
+    def graph(self) -> IPackedGraph:
+        """The map as it was then, read-only; while the recording is open."""
+        return self._map()
 
 
 class Recording:
@@ -140,8 +179,8 @@ class Recording:
             state = self._state_at(turn)
             version = state.agents, state.agents.version
             if self._named[0] != version:
-                self._named = version, named_columns(state.agents.columns)
-            return state_of(state, turn, self._named[1], lambda: self._map_at(turn))
+                self._named = version, _named_columns(state.agents.columns)
+            return _state_of(state, turn, self._named[1], lambda: self._map_at(turn))
         except Damaged as error:
             self._state = None
             raise RecordingError(f"The state after turn {turn} cannot be worked out: {reason(error)}.") from error
@@ -388,3 +427,31 @@ def _refuse_version_2(magic: bytes) -> None:
             "This recording has format version 2, which holds neither a map nor an index. `gamms convert IN OUT` "
             "makes version 3 of it; ctx.record.replay plays it as it is."
         )
+
+
+def _named_columns(columns: Columns) -> dict[str, np.ndarray[Any, Any]]:
+    """Return the columns that seldom change."""
+    lists = {"name": "names", "team": "teams", "speed": "speed", "strategy": "strategies"}
+    table = table_of({name: columns[key] for name, key in lists.items()})
+    return {name: _frozen(column) for name, column in table.items()}
+
+
+def _state_of(
+    state: DetachedState, turn: int, named: dict[str, np.ndarray[Any, Any]], map_then: Callable[[], IPackedGraph]
+) -> State:
+    """Return a state for the caller to keep."""
+    columns = state.agents.columns
+    agents = {name: named[name] for name in ("name", "team")}
+    agents["kind"] = _frozen(_KINDS[(columns["kind"] != 0).astype(np.int64)])
+    agents["alive"] = _frozen(columns["alive"] != 0)
+    agents |= {name: _frozen(columns[name].copy()) for name in ("node", "previous")}
+    agents |= {name: named[name] for name in ("speed", "strategy")}
+    for key, names in _PARTS.items():
+        agents.update(zip(names, _frozen(columns[key].T.copy()), strict=True))
+    game = deepcopy((state.game.data, state.game.over))
+    return State(turn, agents, dict(state.game.scores), *game, deepcopy(state.components), map_then)
+
+
+def _frozen(column: np.ndarray[Any, Any]) -> np.ndarray[Any, Any]:
+    column.setflags(write=False)
+    return column

@@ -14,32 +14,29 @@ from gamms.ir.events import Log
 from gamms.ir.journal import PLAIN
 from gamms.plain import plain_subset
 from gamms.recorder import keyframes, sensed
-from gamms.recorder.changes import GameWatch
+from gamms.recorder.changes import DrawingChanges, GameChanges, StrategyChanges
 from gamms.recorder.detached import DetachedState
-from gamms.recorder.drawings import DrawingWatch
 from gamms.recorder.errors import Damaged
-from gamms.recorder.host import HostContext
-from gamms.recorder.left_out import LeftOut
 from gamms.recorder.maps import is_map_of
-from gamms.recorder.noting import PlainJournal
 from gamms.recorder.saving import Saving
+from gamms.recorder.session_journal import SessionJournal, SkippedValues
 
-_SOMEBODY_ELSE = object()
+_OTHER_AGENT = object()
 _REVISIONS = attrgetter("graph.revision", "obstacle_revision")
 _OF_AGENTS = kinds.AGENT_CREATE >> 24
 _TURNS_AT_ONCE = 64
 _ENTRIES_AT_ONCE = 1 << 20  # of logs: what may wait to be written
 _KEYFRAME_ENTRIES = 1 << 17  # of logs between two keyframes: 65,536 moves, which take some milliseconds to read
 _KEYFRAME_TURNS = 64  # at least, of which each agent acts in: what a keyframe costs grows with the agents, too
-_OF_VALUE = 64  # such entries take as long to read as one event with a value; those of flights: `PlainJournal.weight`
+_OF_VALUE = 64  # such entries take as long to read as one event with a value; those of flights: `SessionJournal.weight`
 
-Sink = Any  # what writes logs in some format: `begin(session, is_final)`, `add(logs)`, `keyframe(state)`, `flush()`,
+Encoder = Any  # what writes logs in some format: `begin(session, is_final)`, `add(logs)`, `keyframe(state)`, `flush()`,
 #            `close()`; `new_values()`, how many events with a value were written since it was asked last; `mark()` and
 #            `back_to(mark)`, which forgets what was written since; `is_current`, whether what was flushed can be read
 
 
-class Session:
-    """Listens to a context and hands what happens to a sink.
+class RecordingSession:
+    """Listens to a context and hands what happens to a encoder.
 
     Args:
         ctx: the context.
@@ -64,10 +61,13 @@ class Session:
         self._with_sensed = with_sensed
         self._room, self._visual = ctx.graph, ctx.visual
         self._all_sensors = ctx.sensor.sensors
-        self._sink: Sink = None
+        self._encoder: Encoder = None
         self._has_begun = False  # for good: until the first turn is over, a map may be loaded
         self._logs: list[Log] = []
-        self._rests_at, self._entries_here = _TURNS_AT_ONCE, 0  # the turn of the next point of rest; since the last one
+        self._interval_ends, self._entries_here = (
+            _TURNS_AT_ONCE,
+            0,
+        )  # turn, entries
         self._since_keyframe = 0  # entries
         self._front = 0  # where in the log a change of the map goes: behind what was told before another beginning
         self._writes_at = 1  # the turn at whose end the turns are written that wait: the first, then the points of rest
@@ -79,26 +79,26 @@ class Session:
         self._pending: Log = []  # declarations of components which that one may have as well
         self.header: dict[str, Any] | None = None
         has_map = next(iter(ctx.graph.graph.get_nodes()), None) is not None
-        self._left_out = LeftOut(ctx)
-        self.world: bytes | None = self._left_out.packed() if has_map else None
-        self._left_out.look_over()
-        self.drawings = DrawingWatch(ctx.visual, with_custom=with_drawings)
+        self._skipped = SkippedValues(ctx)
+        self.world: bytes | None = self._skipped.packed() if has_map else None
+        self._skipped.check_all()
+        self.drawings = DrawingChanges(ctx.visual, with_custom=with_drawings)
         self._declarations, self.visuals = self.drawings.edits, self._looks()
         self._listen()
         self.begin = keyframes.captured(ctx) | keyframes.first_history(ctx) | keyframes.components_of(ctx)
         self._revised = _REVISIONS(self._room)
         self._watch_game()
 
-    def write_to(self, sink: Sink, *, in_background: bool) -> None:
+    def write_to(self, encoder: Encoder, *, in_background: bool) -> None:
         """Begin to write.
 
         Args:
-            sink: what writes.
+            encoder: what writes.
             in_background: whether another thread writes turns that wait for long; else every turn is written at its
                 end, if it can be read then.
         """
-        self._sink, self._in_background = sink, in_background
-        sink.begin(self, is_final=False)
+        self._encoder, self._in_background = encoder, in_background
+        encoder.begin(self, is_final=False)
 
     @property
     def log(self) -> Log:
@@ -110,7 +110,7 @@ class Session:
         journal = self._journal
         if not self.turn:
             self.seed = self.ctx.seed
-        self._tell_changes()
+        self._note_changes()
         journal.log += self.drawings.changes()
         self._game.count(journal.log)
         log, journal.log, self._front = journal.log, [], 0
@@ -123,23 +123,23 @@ class Session:
         self._entries_here += len(log)
         self.turn += 1
         if self.world is None:  # a map that comes later is an event, however long it took
-            self.world = self._left_out.packed()
+            self.world = self._skipped.packed()
         if self.turn >= self._writes_at or self._entries_here >= _ENTRIES_AT_ONCE:
             self._write()
 
     def pause(self) -> None:
         """Write nothing until `play`."""
         self.end_replay()
-        self._tell_changes()
-        self._hush()
+        self._note_changes()
+        self._stop_listening()
         self.is_paused = True
         self._members = dict(self.ctx.agent.agents)
 
     def play(self) -> None:
         """Write again, beginning with how things are now."""
-        self._set(self._members)
+        self._note_snapshot(self._members)
 
-    def _set(self, known: Mapping[str, Any]) -> None:
+    def _note_snapshot(self, known: Mapping[str, Any]) -> None:
         """Say how things are now to a reader who knows these agents; None for one who may be anybody of that name."""
         waiting = self._journal.log
         self._listen()
@@ -157,18 +157,18 @@ class Session:
     def close(self) -> None:
         """Write what is left, and listen no longer."""
         self.end_replay()
-        self._hush()
+        self._stop_listening()
         if self.has_failed or self._leave():
             return  # and has said so
         if not self.is_paused:
-            self._tell_changes()
+            self._note_changes()
         log = self._journal.log
         if log:
             log.append((kinds.UNFINISHED, {}))
             self._logs.append(log)
         with self._writing():
-            self._hand_over()
-            self._sink.close()
+            self._encode()
+            self._encoder.close()
             self._saving.end()
 
     @property
@@ -240,29 +240,29 @@ class Session:
 
     def emit_snapshot(self) -> None:
         """Write how things are now, which a replay has set."""
-        self._tell_changes(is_set_next=True)
-        self._hush()
-        self._set(self._journal.living)
+        self._note_changes(is_set_next=True)
+        self._stop_listening()
+        self._note_snapshot(self._journal.living)
 
-    def begin_anew(self) -> None:
+    def restart(self) -> None:
         """The game was reset: what this turn said of agents is taken back, perhaps with the nodes they were on."""
-        self._hush()
+        self._stop_listening()
         told = [entry for entry in self.log if type(entry) is tuple]
         known: dict[str, Any] = dict(self._journal.living)
         for kind, data in reversed(told):
             if kind == kinds.AGENT_CREATE:
                 known.pop(data["name"], None)
             elif kind == kinds.AGENT_DELETE:
-                known[data["name"]] = _SOMEBODY_ELSE
+                known[data["name"]] = _OTHER_AGENT
         if any(kind == kinds.SNAPSHOT for kind, _ in told):
             known = self._journal.living
         else:
             self._journal.log = [(kind, data) for kind, data in told if kind >> 24 != _OF_AGENTS]
-        self._set(known)
+        self._note_snapshot(known)
 
     def abandon(self) -> None:
         """Listen no longer, and write nothing more."""
-        self._hush()
+        self._stop_listening()
         self._saving.end()
 
     # -- listening ----------------------------------------------------------------------------------------------
@@ -270,29 +270,29 @@ class Session:
     def _listen(self) -> None:
         block = self.ctx.agent.block
         block.locate()
-        self._journal = block.journal = PlainJournal(block.names, self._left_out, self._accept)
+        self._journal = block.journal = SessionJournal(block.names, self._skipped, self._accept)
         self.ctx.visual.after_turn.append(self.end_turn)
-        self.ctx.game.after_reset.append(self.begin_anew)
+        self.ctx.game.after_reset.append(self.restart)
         if self._with_sensed:
             self.ctx.game.after_observing.append(self._note_sensed)
 
     def _note_sensed(self, agents: list[Any], states: list[dict[str, Any]]) -> None:
         """Write down what agents are about to decide by, after what has become so before."""
-        self._tell_changes()
+        self._note_changes()
         journal, columns = self._journal, self.ctx.agent.block
         numbers = dict(zip(columns.names, journal.ids, strict=False))
         nodes = dict(zip(columns.names, columns.node, strict=True))
         results = [(numbers[agent.name], told["sensor"]) for agent, told in zip(agents, states, strict=True)]
         journal.log.append((kinds.SENSED, sensed.packed(results, numbers, nodes)))
 
-    def _hush(self) -> None:
+    def _stop_listening(self) -> None:
         block = self.ctx.agent.block
         if block.journal is self._journal:
             block.journal = PLAIN
         if self.end_turn in self.ctx.visual.after_turn:
             self.ctx.visual.after_turn.remove(self.end_turn)
-        if self.begin_anew in self.ctx.game.after_reset:
-            self.ctx.game.after_reset.remove(self.begin_anew)
+        if self.restart in self.ctx.game.after_reset:
+            self.ctx.game.after_reset.remove(self.restart)
         if self._note_sensed in self.ctx.game.after_observing:
             self.ctx.game.after_observing.remove(self._note_sensed)
 
@@ -308,13 +308,13 @@ class Session:
         with self._writing():
             if self._in_background:
                 self._in_background = self._saving.begin()
-            self._hand_over()
-            if self.turn >= self._rests_at or self._entries_here >= _ENTRIES_AT_ONCE:
-                self._point_of_rest()
-            if self._sink.is_current and not self._in_background:
-                self._sink.flush()
+            self._encode()
+            if self.turn >= self._interval_ends or self._entries_here >= _ENTRIES_AT_ONCE:
+                self._end_interval()
+            if self._encoder.is_current and not self._in_background:
+                self._encoder.flush()
             else:
-                self._writes_at = self._rests_at
+                self._writes_at = self._interval_ends
 
     def _leave(self) -> bool:
         """Whether this is another process than the one that records, which then writes nothing more."""
@@ -327,7 +327,7 @@ class Session:
     def _writing(self) -> Iterator[None]:
         """Write all of it or end the recording; or, if that is interrupted by Ctrl-C, let nothing have been written."""
         with self._saving.lock:
-            before, logs, weight, sink = dict(vars(self)), self._logs[:], self._journal.weight, self._sink.mark()
+            before, logs, weight, encoder = dict(vars(self)), self._logs[:], self._journal.weight, self._encoder.mark()
             try:
                 self._saving.check()
                 yield
@@ -337,25 +337,25 @@ class Session:
             except BaseException:
                 vars(self).update(before)
                 self._logs[:], self._journal.weight = logs, weight
-                self._sink.back_to(sink)
+                self._encoder.back_to(encoder)
                 raise
 
     def _save(self) -> None:
         """Write the turns that wait, which no later turn has done; or let the next one say what went wrong."""
         try:
-            self._hand_over()
-            self._sink.flush()
+            self._encode()
+            self._encoder.flush()
         except Exception:
             self._writes_at = 0
             raise
 
-    def _point_of_rest(self) -> None:
+    def _end_interval(self) -> None:
         """Where a keyframe may be: by what was recorded, never by the clock."""
-        self._since_keyframe += self._entries_here + self._journal.weight + _OF_VALUE * self._sink.new_values()
+        self._since_keyframe += self._entries_here + self._journal.weight + _OF_VALUE * self._encoder.new_values()
         self._journal.weight = 0
-        self._rests_at, self._entries_here = self.turn + _TURNS_AT_ONCE, 0
+        self._interval_ends, self._entries_here = self.turn + _TURNS_AT_ONCE, 0
         if self._since_keyframe >= max(_KEYFRAME_ENTRIES, 2 * _KEYFRAME_TURNS * len(self.ctx.agent.agents)):
-            self._sink.keyframe(self._keyframe())
+            self._encoder.keyframe(self._keyframe())
             self._since_keyframe = 0
 
     def _keyframe(self) -> keyframes.Keyframe:
@@ -363,15 +363,15 @@ class Session:
             return self._replayed.keyframe(self.turn)
         return keyframes.captured(self.ctx) | {"pace": self._game.pace} | keyframes.components_of(self.ctx)
 
-    def _hand_over(self) -> None:
+    def _encode(self) -> None:
         if not self._has_begun:
             self._has_begun = True
-            self._sink.begin(self, is_final=True)
+            self._encoder.begin(self, is_final=True)
         if waiting := self._logs[:]:
-            self._sink.add(waiting)
+            self._encoder.add(waiting)
             del self._logs[: len(waiting)]  # others may have joined, behind them
 
-    def _tell_changes(self, *, is_set_next: bool = False) -> None:
+    def _note_changes(self, *, is_set_next: bool = False) -> None:
         """Record what no journal notes: a change of the map, before who stands on it, and what the game has come to.
 
         Args:
@@ -392,8 +392,8 @@ class Session:
             log += self._visual_changes()
         if self._journal.progressed:
             log += self._new_progress()
-        self._strategies.tell(log)
-        self._game.tell(log)
+        self._strategies.detect(log)
+        self._game.detect(log)
 
     def _accept(self, kind: int, data: Any) -> None:
         """Expect what an event of a replay has changed: it is noted already, and what changes later comes behind it."""
@@ -419,7 +419,7 @@ class Session:
 
     def _watch_game(self) -> None:
         """From now on, tell what becomes other than it is now."""
-        self._game, self._strategies = GameWatch(self.ctx), _StrategyWatch(self.ctx)
+        self._game, self._strategies = GameChanges(self.ctx), StrategyChanges(self.ctx)
         self._sensors = len(self.ctx.sensor.sensors)
         self._journal.progressed.clear()
 
@@ -436,7 +436,7 @@ class Session:
         """What says that sensors came; none ever goes."""
         described = self.ctx.sensor.storage.described()[self._sensors :]
         self._sensors += len(described)
-        self._left_out.look_over_sensors(described)
+        self._skipped.check_sensors(described)
         return [(kinds.SENSORS, {"sensor_kinds": keyframes.grouped(described)})] if described else []
 
     def _visual_changes(self) -> Log:
@@ -453,36 +453,8 @@ class Session:
 
     def _world_changes(self) -> Log:
         """What says that the map is another one. The first map goes into the header: it may be loaded late."""
-        self._revised, world = _REVISIONS(self._room), self._left_out.packed()
+        self._revised, world = _REVISIONS(self._room), self._skipped.packed()
         if self.world is None:
             self.world = world
             return []
         return [(kinds.WORLD, {"world": world})]
-
-
-class _StrategyWatch:
-    """Which strategies or plans decide for which agents, since it was asked last."""
-
-    def __init__(self, ctx: HostContext) -> None:
-        self._ctx = ctx
-        self._functions = self._now()
-        self._named = dict(zip(ctx.agent.agents, self._functions, strict=True))
-
-    def tell(self, log: Log) -> None:
-        """Add the events that say what has changed."""
-        now = self._now()
-        if now == self._functions:
-            return
-        before, self._functions = self._named, now
-        self._named = dict(zip(self._ctx.agent.agents, now, strict=True))
-        log += [
-            (kinds.AGENT_STRATEGY, {"agent_name": name, "strategy": keyframes.name_of(function)})
-            for name, function in self._named.items()
-            if function is not before.get(name)
-        ]
-
-    def _now(self) -> list[Any]:
-        agents = self._ctx.agent.agents.values()
-        if self._ctx.game.plans:
-            return [keyframes.decider_of(self._ctx, agent) for agent in agents]
-        return [agent.strategy for agent in agents]

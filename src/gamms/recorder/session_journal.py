@@ -3,20 +3,66 @@
 At once, because what a program hands over it may change a moment later, and what is recorded is how it was.
 """
 
-from collections.abc import Callable
+from collections.abc import Callable, Mapping
 from typing import Any
 
 from gamms.ir import events as kinds
 from gamms.ir.agents import Position, Quat
 from gamms.ir.journal import Journal
-from gamms.plain import to_plain
+from gamms.plain import plain_subset, to_plain
 from gamms.recorder import keyframes
-from gamms.recorder.left_out import LeftOut
+from gamms.recorder.host import HostContext
 
 _OF_FLIGHT = 7  # its weight
 
 
-class PlainJournal(Journal):
+class SkippedValues:
+    """Tells a context's logger what is not in its recording; once for each key of nodes, edges, agents and sensors."""
+
+    def __init__(self, ctx: HostContext) -> None:
+        self._ctx = ctx
+        self._warned: set[tuple[str, Any]] = set()
+
+    def packed(self) -> bytes:
+        """Graph and obstacles of the context, as far as they can be written."""
+        packed: bytes
+        packed, left_out = self._ctx.graph.storage.pack_savable()
+        for (kind, key), ids in left_out.items():
+            others = f" and {len(ids) - 1} more" if len(ids) > 1 else ""
+            self._warn(kind, f"{ids[0]}{others}", key)
+        return packed
+
+    def plain_part(self, kind: str, name: Any, values: Mapping[Any, Any]) -> dict[Any, Any]:
+        """What of the values of an agent or sensor can be written."""
+        left_out: list[Any] = []
+        part = plain_subset(values, left_out)
+        for key in left_out:
+            self._warn(kind, repr(name), key)
+        return part
+
+    def check_all(self) -> None:
+        """Tell what of the agents and sensors of the context cannot be written."""
+        for agent in self._ctx.agent.agents.values():
+            if vars(agent):
+                self.plain_part("agent", agent.name, vars(agent))
+        self.check_sensors(self._ctx.sensor.storage.described())
+
+    def check_sensors(self, described: list[dict[str, Any]]) -> None:
+        """Tell what of these sensors cannot be written."""
+        for sensor in described:
+            self.plain_part("sensor", sensor["id"], sensor["keywords"])
+
+    def _warn(self, kind: str, which: str, key: Any) -> None:
+        if (kind, key) in self._warned:
+            return
+        self._warned.add((kind, key))
+        self._ctx.logger.warning(
+            f"{kind.capitalize()} {which} has {key!r} with something in it that is no plain value: that is left out of "
+            "the recording, here and wherever else."
+        )
+
+
+class SessionJournal(Journal):
     """Notes what can be written of what happens.
 
     Args:
@@ -29,10 +75,10 @@ class PlainJournal(Journal):
         weight: what it costs to read the flights that were noted, beside the entries of the log, in such entries.
     """
 
-    def __init__(self, names: list[str], left_out: LeftOut, accept: Callable[[int, Any], None]) -> None:
+    def __init__(self, names: list[str], left_out: SkippedValues, accept: Callable[[int, Any], None]) -> None:
         super().__init__(names)
         self._accept = accept
-        self._left_out = left_out
+        self._skipped = left_out
         self.living = dict.fromkeys(names)
         self.weight = 0
 
@@ -70,7 +116,7 @@ class PlainJournal(Journal):
         if "sensors" in given:
             given["sensors"] = _sensors(given["sensors"])
         named = {} if strategy is None else {"strategy": keyframes.name_of(strategy)}
-        return {**data, "kwargs": self._left_out.plain_part("agent", data["name"], given), **named}
+        return {**data, "kwargs": self._skipped.plain_part("agent", data["name"], given), **named}
 
 
 def _sensors(given: Any) -> Any:

@@ -17,12 +17,12 @@ from gamms.recorder.formats.version2 import Version2Writer
 from gamms.recorder.formats.writer import Writer
 from gamms.recorder.keyframes import Keyframe
 from gamms.recorder.replaying import TURN_NS, Record
-from gamms.recorder.session import Session
+from gamms.recorder.session import RecordingSession
 
 _MOST_WAITING = 1 << 16  # bytes
 
 
-class Version3Sink:
+class Version3Encoder:
     """Writes the container of docs/recording-format.md.
 
     Args:
@@ -30,7 +30,7 @@ class Version3Sink:
         header: what the header says of a session.
     """
 
-    def __init__(self, output: Output, header: Callable[[Session], dict[str, Any]]) -> None:
+    def __init__(self, output: Output, header: Callable[[RecordingSession], dict[str, Any]]) -> None:
         self._output, self._header = output, header
         self._writer: Writer = None  # type: ignore[assignment] # until it begins
         self._beginning: tuple[bytes, Keyframe] | None = None
@@ -41,7 +41,7 @@ class Version3Sink:
         """Whether what was flushed can be read at once."""
         return self._output.can_overwrite
 
-    def begin(self, session: Session, *, is_final: bool) -> None:
+    def begin(self, session: RecordingSession, *, is_final: bool) -> None:
         """Write how the recording begins, unless that is there: for now, so that it opens, or for good."""
         if not is_final and not self._output.can_overwrite:
             return
@@ -95,7 +95,7 @@ class Version3Sink:
         self._writer.close()
 
 
-class Version2Sink:
+class Version2Encoder:
     """Writes what gamms 1.0.0 reads; what that does not know is left out."""
 
     is_current = True
@@ -109,7 +109,7 @@ class Version2Sink:
         self._since = 0, 0  # a turn, and its time stamp, from which those of the others follow
         self._end: Record | None = None  # how a recording ended that was copied, and nothing came after it
 
-    def begin(self, session: Session, *, is_final: bool) -> None:  # noqa: ARG002 - nothing of it changes later
+    def begin(self, session: RecordingSession, *, is_final: bool) -> None:  # noqa: ARG002 - nothing of it changes later
         """Write what is in front of the records."""
         self._agents.restore(session.begin)
         self.flush()
@@ -264,7 +264,7 @@ def _package() -> str:
     return version("gamms")
 
 
-def header_of(ctx: Any, session: Session, options: dict[str, Any]) -> dict[str, Any]:
+def header_of(ctx: Any, session: RecordingSession, options: dict[str, Any]) -> dict[str, Any]:
     """What a recording says of the context it was made in: no host, no user, no path, and no time unless asked."""
     created = options.get("created")
     if created is None and (epoch := os.environ.get("SOURCE_DATE_EPOCH")):
