@@ -165,7 +165,7 @@ def test_a_drawer_or_legend_that_fails_is_logged_and_the_game_goes_on(ctx):
 
 def test_what_is_too_much_for_a_recording_is_left_out_with_a_warning(ctx, monkeypatch):
     said = []
-    ctx.logger.warning = lambda words, *_: said.append(words)
+    monkeypatch.setattr(ctx.logger, "warning", lambda words, *_: said.append(words))
     monkeypatch.setattr("gamms.ir.draw.MOST_POINTS", 3)
     ctx.agent.create_agent("a", start_node_id=0)
     ctx.visual.add_artist("mine", {"drawer": lambda ctx, _: ctx.visual.render_circles([(0, 0)] * 4, 1.0)})
