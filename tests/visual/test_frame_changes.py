@@ -92,7 +92,7 @@ def test_each_frame_is_what_it_would_be_if_it_were_painted_anew(city, case, fram
     city.game.run(max_turns=4)
     film.discard()
     assert len(anew) == 4 * frames_per_turn
-    # A static part above is laid on as glass, which rounds; hairlines of a plate begin elsewhere.
+    # A static part above is laid on as a transparent surface, which rounds; hairlines of tiles begin elsewhere.
     assert max(anew) <= (40 if case.startswith("followed") else 1)
     if case in ("plain", "declared") and frames_per_turn > 1:
         assert sum(changes is not None for changes in witness.changes) >= 3

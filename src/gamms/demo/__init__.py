@@ -1,7 +1,7 @@
 """The demo: capture the flag between two teams on the streets of a city.
 
 A client of clients: it plays a scenario. The game is a file, `data/capture_the_flag.yaml`, with other teams or on
-another map if that is asked for. Read `strategies.py` next; `report.py` draws the game and tells what happened in it.
+another map if that is asked for. Read `strategies.py` next; `report.py` draws the game and reports what happened in it.
 """
 
 from math import isfinite
@@ -33,7 +33,7 @@ class Team(NamedTuple):
 
 
 def capture_the_flag(teams: tuple[Team, Team], turns: int, map: Path | None = None) -> Scenario:
-    """The game between two teams, on the streets of Helsinki or of a map file.
+    """Return the game between two teams, on the streets of Helsinki or of a map file.
 
     Raises:
         BadValue: the map is too small.
@@ -73,7 +73,7 @@ def _sized(side: Team) -> dict[str, Any]:
 
 
 def _on_other_ground(game: Scenario, teams: tuple[Team, Team]) -> Scenario:
-    """The flags near the two ends of the map."""
+    """Return the game with its flags near the two ends of the map."""
     columns = game.columns()
     if len(columns.node_ids) < _LEAST_NODES:
         raise BadValue(f"The map has {len(columns.node_ids)} nodes; the game needs at least {_LEAST_NODES}.")
@@ -84,7 +84,7 @@ def _on_other_ground(game: Scenario, teams: tuple[Team, Team]) -> Scenario:
 
 
 def _flag(columns: GraphColumns, share: float) -> int:
-    """The node nearest to the middle of the strip that lies `share` of the way along the longer side of the map."""
+    """Return the node in the middle of the strip that lies `share` of the way along the longer side of the map."""
     along = columns.xy[:, int(np.argmax(np.ptp(columns.xy, axis=0)))]
     low, high = np.quantile(along, (max(share - 0.05, 0.0), min(share + 0.05, 1.0)))
     strip = np.flatnonzero((along >= low) & (along <= high))
@@ -93,7 +93,7 @@ def _flag(columns: GraphColumns, share: float) -> int:
 
 
 def _with_room(game: Scenario, teams: tuple[Team, Team]) -> Scenario:
-    """Wider circles to start in, where teams are large or nodes are few."""
+    """Return the game with wider circles to start in, where teams are large or nodes are few."""
     xy, changes = game.columns().xy, {}
     for side in teams:
         flag = xy[game.columns().node_ids == game.node_at(game.spec.teams[side.name].near)]

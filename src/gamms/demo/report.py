@@ -11,7 +11,7 @@ from gamms.visual import Artist, legend_of_teams
 from gamms.visual.appearance import team_colors
 from gamms.visual.drawing import drawing_of
 
-_TOLD = {
+_SENTENCES = {
     "take": "{agent} takes the {flag} flag",
     "capture": "{agent} brings it home: {score}",
     "drop": "{agent} is tagged, and the {flag} flag is saved",
@@ -19,7 +19,7 @@ _TOLD = {
 
 
 def result(ctx: Context, played: Result, map_name: str, turns: int) -> dict[str, Any]:
-    """The whole game as plain data, for `result.json`."""
+    """Return the whole game as plain data, for `result.json`."""
     columns, flags = ctx.graph.columns(), ctx.game.facts["flags"]
     return {
         "game": "capture the flag",
@@ -45,12 +45,12 @@ def result(ctx: Context, played: Result, map_name: str, turns: int) -> dict[str,
 
 
 def to_json(data: dict[str, Any]) -> str:
-    """`result` as text."""
+    """Return `result` as text."""
     return json.dumps(data, indent=2, ensure_ascii=False) + "\n"
 
 
 def headline(ctx: Context, played: Result) -> str:
-    """The score in one line."""
+    """Return the score in one line."""
     end = f"{played.winner} wins" if played.winner else "a draw"
     return f"{_score(list(sides(ctx)), Counter(played.scores))} after {played.turns} turns ({played.reason}): {end}"
 
@@ -59,13 +59,13 @@ def story(ctx: Context, played: Result) -> Iterator[tuple[int, str]]:
     """Turn and sentence of everything that moved a flag."""
     score: Counter[str] = Counter()
     for event in played.events:
-        if event["kind"] in _TOLD:
+        if event["kind"] in _SENTENCES:
             score[ctx.agent.get_agent(event["agent"]).team] += event["kind"] == "capture"
-            yield event["turn"], _TOLD[event["kind"]].format(score=_score(list(sides(ctx)), score), **event)
+            yield event["turn"], _SENTENCES[event["kind"]].format(score=_score(list(sides(ctx)), score), **event)
 
 
 def table(ctx: Context, played: Result) -> list[tuple[str, ...]]:
-    """One row per team: name, agents, then how often what happened."""
+    """Return one row per team: name, agents, then how often what happened."""
     rows: list[tuple[str, ...]] = [("team", "agents", "captures", "flags taken", "tags", "flags saved")]
     for team, agents in sides(ctx).items():
         rows.append((team, str(len(agents)), *map(str, _counts(ctx, played, team).values())))
@@ -73,7 +73,7 @@ def table(ctx: Context, played: Result) -> list[tuple[str, ...]]:
 
 
 def sides(ctx: Context) -> dict[str, list[Any]]:
-    """The teams in the order of the scenario, with their agents."""
+    """Return the teams in the order of the scenario, with their agents."""
     order = dict.fromkeys(agent.team for agent in ctx.agent.create_iter())
     return {team: ctx.agent.teams[team] for team in order}
 
@@ -95,7 +95,7 @@ _ASIDE = "\u00a0" * 2  # as wide as the disc of an agent, for text is placed in 
 
 
 def declare(ctx: Context) -> None:
-    """Declare streets, agents and their names to the visual room; territory and flags are drawn by their rules."""
+    """Declare streets, agents and their names ; territory and flags are drawn by their rules."""
     ctx.visual.set_graph_visual(node_size=0.0, edge_color=(120, 124, 130))
     teams = sides(ctx)
     colors = team_colors(teams)

@@ -1,6 +1,6 @@
 """How the agents play: plain functions of the state, which see the others through their sensor only.
 
-Besides, they know the map, and what is announced to everybody: whose ground is whose, and who carries which flag.
+Besides, they know the map, and what is announced to all: the team of each node, and which agent carries which flag.
 """
 
 from collections.abc import Sequence
@@ -19,7 +19,7 @@ _WHIM_M = 6.0  # how much of a detour may look attractive, so that no two games 
 
 
 def player(ctx: Context, defenders: int) -> Strategy:
-    """A strategy: the first few of a team defend, the others attack."""
+    """Return a strategy: the first few of a team defend, the others attack."""
     defend, attack = defender(ctx), attacker(ctx)
 
     def strategy(state: State) -> None:
@@ -30,7 +30,7 @@ def player(ctx: Context, defenders: int) -> Strategy:
 
 
 def attacker(ctx: Context) -> Strategy:
-    """A strategy: take the other team's flag and carry it home, around the defenders in sight."""
+    """Return a strategy: take the other team's flag and carry it home, around the defenders in sight."""
     graph = ctx.graph.graph
 
     def strategy(state: State) -> None:
@@ -53,7 +53,7 @@ def attacker(ctx: Context) -> Strategy:
 
 
 def defender(ctx: Context) -> Strategy:
-    """A strategy: chase the nearest intruder in sight; walk about near the own flag while there is none."""
+    """Return a strategy: chase the nearest intruder in sight; walk about near the own flag while there is none."""
     graph = ctx.graph.graph
 
     def strategy(state: State) -> None:
@@ -78,13 +78,13 @@ def defender(ctx: Context) -> Strategy:
 
 
 def _steps(state: State) -> Sequence[int]:
-    """The nodes an agent may go to; staying is no step, except at a dead end without a way out."""
+    """Return the nodes an agent may go to; staying is no step, except at a dead end without a way out."""
     legal = state["legal"]
     return legal[1:] or legal
 
 
 def _places(ctx: Context, state: State, team: str) -> list[tuple[int, float, float]]:
-    """Node, x and y of the agents of a team in sight."""
+    """Return node, x and y of the agents of a team in sight."""
     seen = state["sensor"]["seen"][1]
     nodes = [node for name, node in seen.items() if ctx.agent.get_agent(name).team == team]
     return [(node, *ctx.graph.graph.get_node(node)[1:3]) for node in nodes]

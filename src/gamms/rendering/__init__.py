@@ -92,7 +92,7 @@ def render(
 
 
 def _checked_turns(path: str | os.PathLike[str], options: RenderOptions) -> int | None:
-    """How many turns a recording has; None for one of version 2, which has to be replayed to know.
+    """Return how many turns a recording has; None for one of version 2, which has to be replayed to know.
 
     Raises:
         BadValue: there are no such turns.
@@ -174,19 +174,19 @@ class _Renderer:
             ctx.visual.follow(options.follow, _view(ctx) if options.view is None else options.view)
 
     def _end_turn(self) -> None:
-        """A turn was replayed; it is filmed right after this."""
+        """Count a turn that was replayed; it is filmed right after this."""
         self._turn += 1
         if self._ctx.visual.is_filming or self._options.fog is not None:
             self._begin()
         self._show(f"Turn {self._turn}" if self._total is None else f"Turn {self._turn} of {self._total}")
 
     def _words(self) -> str:
-        """The turn, as long as that of the last one so that the legend stays where it is."""
+        """Return the turn, as long as that of the last one so that the legend stays where it is."""
         return f"turn {self._turn}".ljust(len(f"turn {self._total or 0}"))
 
 
 def _view(ctx: Context) -> float:
-    """How much is seen around the agent that is followed, map units: some hundred metres, but no more than there is."""
+    """Return how much is seen around the agent that is followed, map units: some hundred metres at most."""
     columns = ctx.graph.columns()
     wanted = _VIEW_EDGES * usual_edge(columns) if columns.crs is None else _VIEW_M
     widest = longer_side(columns)

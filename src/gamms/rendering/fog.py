@@ -38,7 +38,7 @@ class Fog:
     """What a team knows of the map, and artists that show no more than that.
 
     Args:
-        ctx: a context whose visuals nobody has declared.
+        ctx: a context in which no visuals were declared.
         team: its text.
 
     Raises:
@@ -180,7 +180,7 @@ def _rounded(place: Sequence[float]) -> tuple[float, float]:
 
 
 def _at(xy: FloatArray, places: FloatArray) -> BoolArray:
-    """Which of `xy` (nodes, 2) are among places (places, 2)."""
+    """Return which of `xy` (nodes, 2) are among places (places, 2)."""
     if len(places) == 0:
         return np.zeros(len(xy), bool)
     wanted = np.round(places, _DIGITS) @ (1.0, 1.0j)
@@ -188,7 +188,7 @@ def _at(xy: FloatArray, places: FloatArray) -> BoolArray:
 
 
 def _inside(xy: FloatArray, outline: FloatArray) -> BoolArray:
-    """Which of `xy` (nodes, 2) are inside a polygon (corners, 2)."""
+    """Return which of `xy` (nodes, 2) are inside a polygon (corners, 2)."""
     is_inside = np.zeros(len(xy), bool)
     if len(outline) < 3 or not np.isfinite(outline).all():
         return is_inside

@@ -30,7 +30,14 @@ from gamms.typing.state import (
     State,
     Strategy,
 )
-from gamms.typing.visualization_engine import ColorType, IVisualizationEngine
+from gamms.typing.visualization_engine import (
+    AgentVisual,
+    ColorType,
+    GraphVisual,
+    IVisualizationEngine,
+    ObstacleVisual,
+    SensorVisual,
+)
 
 __all__ = [
     "Action",
@@ -38,10 +45,12 @@ __all__ = [
     "AerialState",
     "AerialStrategy",
     "AgentType",
+    "AgentVisual",
     "ArtistType",
     "AsyncStrategy",
     "ColorType",
     "Draws",
+    "GraphVisual",
     "IAerialAgent",
     "IAgent",
     "IAgentEngine",
@@ -68,10 +77,12 @@ __all__ = [
     "NodeId",
     "OSMEdge",
     "ObsFace",
+    "ObstacleVisual",
     "OpCodes",
     "Rule",
     "SensorOptions",
     "SensorType",
+    "SensorVisual",
     "State",
     "StoreType",
     "Strategy",

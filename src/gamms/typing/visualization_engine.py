@@ -194,4 +194,4 @@ class IVisualizationEngine(ABC):
 
     @abstractmethod
     def get_viewport(self) -> tuple[float, float, float, float, float] | None:
-        """`(left, right, top, bottom, pixels per unit)`; None where nothing is shown."""
+        """Return `(left, right, top, bottom, pixels per unit)`; None where nothing is shown."""

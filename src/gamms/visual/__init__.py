@@ -66,7 +66,7 @@ class _Lazy:
 
 
 def lazy(name: str) -> _Lazy:
-    """The module of that name, which is imported when it is first used."""
+    """Return the module of that name, which is imported when it is first used."""
     return _Lazy(name)
 
 

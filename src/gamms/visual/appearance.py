@@ -54,7 +54,7 @@ _NAMED_TEAMS = {"blue": 0, "red": 1, "green": 2, "pink": 3, "purple": 3, "orange
 
 
 def team_colors(teams: Iterable[Any]) -> dict[str, Rgb]:
-    """A colour for each team, by its text: its own where it is named after one, else the next that is left.
+    """Return a colour for each team, by its text: its own where it is named after one, else the next that is left.
 
     Args:
         teams: in the order in which they choose; a team may be anything.
@@ -68,7 +68,7 @@ def team_colors(teams: Iterable[Any]) -> dict[str, Rgb]:
 
 
 def inks(background: Rgba) -> tuple[Rgb, Rgb]:
-    """Two greys for words on a background: one that is easy to read, and a fainter one."""
+    """Return two greys for words on a background: one that is easy to read, and a fainter one."""
     if sum(background[:3]) < 3 * 128:
         return (222, 224, 228), (150, 154, 160)
     return (51, 51, 51), (119, 119, 119)
@@ -83,7 +83,7 @@ _NAMES |= {name.replace("gray", "grey"): value for name, value in _NAMES.items()
 
 
 def string_to_color(text: str) -> Rgb:
-    """The colour called `text`: a name in any case, or `#rrggbb`.
+    """Return the colour called `text`: a name in any case, or `#rrggbb`.
 
     Raises:
         BadValue (ValueError): no such colour.
@@ -99,7 +99,7 @@ def string_to_color(text: str) -> Rgb:
 
 
 def rgba(color: AnyColor) -> Rgba:
-    """RGB, RGBA, a name or `#rrggbb` as four integers, clipped to 0-255.
+    """Return RGB, RGBA, a name or `#rrggbb` as four integers, clipped to 0-255.
 
     Raises:
         BadType: not a colour.
@@ -142,7 +142,7 @@ NAMES = tuple(_TABLES)
 
 
 def table(name: object) -> tuple[Rgb, ...]:
-    """The colours of a map from low to high, LEVELS of them.
+    """Return the colours of a map from low to high, LEVELS of them.
 
     Raises:
         UnknownName (KeyError): there is no such map.
@@ -156,7 +156,7 @@ def table(name: object) -> tuple[Rgb, ...]:
 
 
 def levels(values: FloatArray, low: float, high: float) -> IntArray:
-    """The level (values,) of each value, 0 to LEVELS - 1; what lies outside has that of the nearer end."""
+    """Return the level (values,) of each value, 0 to LEVELS - 1; what lies outside has that of the nearer end."""
     if high <= low:
         return np.full(len(values), LEVELS // 2, np.int64)
     share = (np.clip(values, low, high) - low) / (high - low)
@@ -164,7 +164,7 @@ def levels(values: FloatArray, low: float, high: float) -> IntArray:
 
 
 def colorized(colorize: Colorize, values: FloatArray) -> tuple[list[Rgb], IntArray]:
-    """What a caller's function makes of values: its different colours, and the place of each value's among them."""
+    """Apply a caller's function to values; return the different colours, and the place of each value's among them."""
     distinct, places = np.unique(values, return_inverse=True)
     named = [rgba(colorize(value))[:3] for value in distinct.tolist()]
     colors = list(dict.fromkeys(named))

@@ -66,7 +66,7 @@ class Artist(Guarded, IArtist):
         Artist.edits += 1
 
     def get_layer(self) -> int:
-        """The layer."""
+        """Return the layer."""
         return self._layer
 
     @refused_while_deciding
@@ -76,7 +76,7 @@ class Artist(Guarded, IArtist):
         Artist.edits += 1
 
     def get_visible(self) -> bool:
-        """Whether it is shown."""
+        """Return whether it is shown."""
         return self._visible
 
     @refused_while_deciding
@@ -90,7 +90,7 @@ class Artist(Guarded, IArtist):
         Artist.edits += 1
 
     def get_drawer(self) -> Drawer:
-        """The function that draws."""
+        """Return the function that draws."""
         return self._drawer
 
     @refused_while_deciding
@@ -102,7 +102,7 @@ class Artist(Guarded, IArtist):
         Artist.edits += 1
 
     def get_artist_type(self) -> ArtistType:
-        """Static or dynamic."""
+        """Return whether it changes from frame to frame."""
         return self._artist_type
 
     @refused_while_deciding
@@ -113,7 +113,7 @@ class Artist(Guarded, IArtist):
         self._render_mode = render_mode
 
     def get_render_mode(self) -> RenderMode:
-        """Whether it is repainted or shown from a cache."""
+        """Return whether it is repainted or shown from a cache."""
         return self._render_mode
 
     @property
@@ -129,7 +129,7 @@ class Artist(Guarded, IArtist):
 
 
 def looks_of(artists: Mapping[str, IArtist]) -> Iterator[AgentData]:
-    """How agents look, of those that visible artists show."""
+    """Return how agents look, of those that visible artists show."""
     for artist in artists.values():
         data = getattr(artist, "data", None)
         look = data.get("agent_data") if isinstance(data, dict) and artist.get_visible() else None
@@ -201,7 +201,7 @@ class ArtistGroup:
 
 
 def _is_disc(ctx: IContext, artist: IArtist) -> bool:
-    """Whether an artist draws an agent on the ground as a disc."""
+    """Return whether an artist draws an agent on the ground as a disc."""
     if artist.get_drawer() is not render_agent or type(artist).draw is not Artist.draw:
         return False
     look = _data_of(artist).get("agent_data")
@@ -220,7 +220,7 @@ def state_of(name: str, artist: IArtist) -> Any:
 
 
 def _print_of(value: object) -> Any:
-    """Something hashable that differs where two values would be drawn differently."""
+    """Return something hashable that differs where two values would be drawn differently."""
     if isinstance(value, dict):
         return tuple((_print_of(key), _print_of(one)) for key, one in value.items())
     if isinstance(value, list | tuple | set | frozenset):

@@ -160,7 +160,7 @@ class Artists(Guarded):
 
     @outside_of_deciding
     def shown(self, scene: "DefaultScene | None" = None) -> dict[str, IArtist]:
-        """The artists that draw: the declared ones, and those of a default scene as far as none were declared.
+        """Return the artists that draw: the declared ones, and the default scene as far as none were declared.
 
         Raises:
             ContextTerminated: the context has ended.
@@ -175,7 +175,7 @@ class Artists(Guarded):
         return {"eliminated": marks} | artists
 
     def _of_default(self, scene: "DefaultScene | None") -> dict[str, IArtist]:
-        """All of the default scene where nothing was declared; in a replay of declared visuals, what its rules drew."""
+        """Return the default scene where nothing was declared; in a replay of declared visuals, what its rules drew."""
         if self.is_declared and not self._is_replayed:
             return {}
         if scene is None:
@@ -360,7 +360,7 @@ class Artists(Guarded):
 
     @refused_while_deciding
     def add_drawing(self, recorded: dict[str, Any]) -> None:
-        """Show what was recorded of an artist that the recording has told of; else nothing.
+        """Show what was recorded of an artist that the recording has declared; else do nothing.
 
         Raises:
             BadType, BadValue, KeyError: this is no recorded drawing; nothing has changed.
@@ -424,7 +424,7 @@ class Artists(Guarded):
 
 
 def _is_drawn(artist: IArtist, with_custom: bool) -> bool:
-    """Whether the draw commands of an artist are recorded."""
+    """Return whether the draw commands of an artist are recorded."""
     if isinstance(artist.get_drawer(), RecordedDrawer):
         return True
     kind = _kind_of(artist)

@@ -18,7 +18,7 @@ _SHORTEST = 1e-12  # what goes less far along an axis does not go along it
 def touching(
     low: FloatArray, high: FloatArray, box: tuple[float, float, float, float]
 ) -> "np.ndarray[tuple[int, ...], np.dtype[np.bool_]]":
-    """Which boxes, from `low` to `high` (boxes, 2), touch the box (left, low, right, high)."""
+    """Return which boxes, from `low` to `high` (boxes, 2), touch the box (left, low, right, high)."""
     left, bottom, right, top = box
     is_touching: np.ndarray[tuple[int, ...], np.dtype[np.bool_]] = (
         (high[:, 0] >= left) & (low[:, 0] <= right) & (high[:, 1] >= bottom) & (low[:, 1] <= top)
@@ -27,7 +27,7 @@ def touching(
 
 
 def extent(starts: FloatArray, ends: FloatArray) -> tuple[FloatArray, FloatArray]:
-    """The lower left and the upper right corner of lines (lines, 2), of which there is at least one."""
+    """Return the lower left and the upper right corner of lines (lines, 2), of which there is at least one."""
     # NOTE: a tenth of the time of min(axis=0), which goes through pairs (first frame of 100,000 edges).
     low: FloatArray = np.minimum(starts.T, ends.T, order="C").min(axis=1)
     high: FloatArray = np.maximum(starts.T, ends.T, order="C").max(axis=1)
@@ -35,7 +35,7 @@ def extent(starts: FloatArray, ends: FloatArray) -> tuple[FloatArray, FloatArray
 
 
 def inside(points: FloatArray, corners: FloatArray) -> "np.ndarray[tuple[int, ...], np.dtype[np.bool_]]":
-    """Which points (points, 2) are in a polygon (corners, 2), by how often a ray to the right crosses its sides."""
+    """Return which points (points, 2) are in a polygon (corners, 2), by crossings of a ray to the right."""
     x, y = points.T[:, :, None]
     begin, end = corners, np.roll(corners, -1, axis=0)
     crosses = (begin[:, 1] > y) != (end[:, 1] > y)
@@ -48,7 +48,7 @@ def inside(points: FloatArray, corners: FloatArray) -> "np.ndarray[tuple[int, ..
 def clipped(
     starts: FloatArray, ends: FloatArray, low: tuple[float, float], high: tuple[float, float]
 ) -> tuple[FloatArray, FloatArray]:
-    """The parts of lines (lines, 2) inside a box; lines that miss it are left out, their order stays."""
+    """Return the parts of lines (lines, 2) inside a box; lines that miss it are left out, their order stays."""
     ways = ends - starts
     enter, leave = np.zeros(len(starts)), np.ones(len(starts))
     is_inside = np.ones(len(starts), bool)
@@ -65,7 +65,7 @@ def clipped(
     return begin + enter[is_inside, None] * way, begin + leave[is_inside, None] * way
 
 
-CSS_DPI = 96.0  # at which a pixel is what everybody takes for one
+CSS_DPI = 96.0  # at which pixels have the usual size
 _MARGIN = 0.04  # of the picture's shorter side
 _SMALLEST = 1e-9  # world units; anything smaller is a point
 
@@ -80,7 +80,7 @@ class Camera(NamedTuple):
     scale: float
 
     def to_screen(self, points: FloatArray) -> FloatArray:
-        """World points (points, 2) in pixels."""
+        """Return world points (points, 2) in pixels."""
         screen: FloatArray = (points - (self.left, self.top)) * (self.scale, -self.scale)
         return screen
 
@@ -93,7 +93,7 @@ class Look(NamedTuple):
     world_width: float
 
     def camera(self, width: int, height: int) -> Camera:
-        """The camera of a picture of so many pixels."""
+        """Return the camera of a picture of so many pixels."""
         scale = width / self.world_width
         return Camera(width, height, self.x - self.world_width / 2, self.y + height / 2 / scale, scale)
 
@@ -105,7 +105,7 @@ class Follow(NamedTuple):
     world_width: float
 
     def camera(self, place: tuple[float, float], width: int, height: int) -> Camera:
-        """The camera over a place, moved by whole pixels only so that streets do not flicker."""
+        """Return the camera over a place, moved by whole pixels only so that streets do not flicker."""
         camera = Look(*place, self.world_width).camera(width, height)
         left, top = round(camera.left * camera.scale) / camera.scale, round(camera.top * camera.scale) / camera.scale
         return camera._replace(left=left, top=top)
@@ -154,7 +154,7 @@ class Viewpoint(Guarded):
 
     @outside_of_deciding
     def camera(self, width: int, height: int, share: float = 1.0) -> Camera | None:
-        """The camera of a picture of so many pixels, after a share of the agents' last moves; None sees everything."""
+        """Return the camera of a picture after a share of the agents' last moves; None sees everything."""
         if self.followed is not None:
             try:
                 x, y = self._position_of(self.followed.name, share)
@@ -167,12 +167,12 @@ class Viewpoint(Guarded):
 
 
 def fit(commands: DrawCommands, width: int, height: int, header: float = 0.0, aside: float = 0.0) -> Camera:
-    """A camera that sees everything drawn, as large as it gets below a header and left of a legend, pixels."""
+    """Return a camera that sees everything drawn, as large as it gets below a header and left of a legend, pixels."""
     return fit_box(*bounds(commands), width, height, header, aside)
 
 
 def fit_box(low: FloatArray, high: FloatArray, width: int, height: int, header: float, aside: float = 0.0) -> Camera:
-    """A camera that sees all from corner to corner, as large as it gets below a header and left of a legend, pixels."""
+    """Return a camera that sees all from corner to corner below a header and left of a legend, pixels."""
     margin = _MARGIN * min(width, height)
     free = max(width - aside - 2 * margin, 1.0), max(height - header - 2 * margin, 1.0)
     scale = min(
@@ -184,7 +184,7 @@ def fit_box(low: FloatArray, high: FloatArray, width: int, height: int, header: 
 
 
 def bounds(commands: DrawCommands) -> tuple[FloatArray, FloatArray]:
-    """Lower left and upper right corner of everything drawn, in world units; sizes in pixels do not count."""
+    """Return the lower left and upper right corner of everything drawn, world units; sizes in pixels do not count."""
     if len(commands) == 0:
         return np.zeros(2), np.zeros(2)
     reach = np.where(commands.space == DrawSpace.WORLD, commands.size, 0.0)
@@ -194,7 +194,7 @@ def bounds(commands: DrawCommands) -> tuple[FloatArray, FloatArray]:
 
 
 def _corners(commands: DrawCommands) -> FloatArray:
-    """The points of all commands, with the far corner of each rectangle in place of its extent."""
+    """Return the points of all commands, with the far corner of each rectangle in place of its extent."""
     points = commands.points.copy()
     rows = np.flatnonzero(commands.kind == DrawKind.RECTANGLE)
     anchors = commands.offsets[rows]
@@ -302,9 +302,9 @@ class WindowCamera:
         """Let everything between two corners be seen, in the middle if that leaves margins of so many pixels."""
         (x, y), (across, up) = ((low + high) / 2).tolist(), (high - low).tolist()
         left, top, right, bottom = margins
-        room, down = max(self._width - left - right, 1.0), max(self._height - top - bottom, 1.0)
-        unit = max(across / room, up / down) or 2.0 * _HALF_WIDTH / self._width  # of the world, per pixel
-        slack = (room - across / unit) / 2, (down - up / unit) / 2  # pixels, at either side
+        across_px, down_px = max(self._width - left - right, 1.0), max(self._height - top - bottom, 1.0)
+        unit = max(across / across_px, up / down_px) or 2.0 * _HALF_WIDTH / self._width  # of the world, per pixel
+        slack = (across_px - across / unit) / 2, (down_px - up / unit) / 2  # pixels, at either side
         self._x = x + _shift(right - left, slack[0]) * unit
         self._y = y + _shift(top - bottom, slack[1]) * unit
         self._size = unit * self._width / 2
@@ -316,7 +316,7 @@ class WindowCamera:
         self.camera_y += down_px / self.scale
 
     def zoom(self, factor: float, around: Point | None = None, closest: float = _CLOSEST) -> None:
-        """See `factor` times as much, down to a half width of `closest`; a point of the screen stays where it is."""
+        """Show `factor` times as much, down to a half width of `closest`; a point of the screen stays where it is."""
         size = max(self._size * factor, min(closest, self._size))
         if around is not None:
             x, y = self.screen_to_world(*around)
@@ -362,7 +362,7 @@ class WindowCamera:
         return self._y + self.camera_size_y
 
     def camera(self) -> Camera:
-        """What frames are painted through: shifted to whole pixels, so that what was painted once can be shifted."""
+        """Return what frames are painted through: moved by whole pixels, so that painted tiles can be shifted."""
         scale = self.scale
         left, top = round(self.bound_left * scale), round(self.bound_bottom * scale)
         return Camera(self._width, self._height, left / scale, top / scale, scale)
@@ -370,22 +370,22 @@ class WindowCamera:
     # -- conversions -----------------------------------------------------------------------------------------
 
     def world_to_screen(self, x: float, y: float) -> Point:
-        """A world point in pixels."""
+        """Return a world point in pixels."""
         return (x - self.bound_left) * self.scale, (self.bound_bottom - y) * self.scale
 
     def screen_to_world(self, x: float, y: float) -> Point:
-        """A point in pixels as a world point."""
+        """Return a point in pixels as a world point."""
         return self.bound_left + x / self.scale, self.bound_bottom - y / self.scale
 
 
 def _shift(margins_px: float, slack_px: float) -> float:
-    """How far from the middle, in pixels, what is between margins of such a difference has to be."""
+    """Return how far from the middle, in pixels, content between margins of such a difference has to be."""
     shift = abs(margins_px) / 2 - slack_px
     return 0.0 if shift <= 0.0 else shift if margins_px > 0.0 else -shift
 
 
 def is_near(camera: Camera, before: Camera) -> bool:
-    """Whether a camera has moved and zoomed so little that it may be on its way."""
+    """Return whether a camera has moved and zoomed so little that it may be on its way."""
     if not 1 / _STEADY <= camera.scale / before.scale <= _STEADY:
         return False
     (x, y), (then_x, then_y) = _middle(camera), _middle(before)
@@ -401,7 +401,7 @@ _REACH_PX = 14.0
 
 
 def nearest_point(points: FloatArray, x: float, y: float, reach_px: float = _REACH_PX) -> int | None:
-    """The row of the screen point (points, 2) nearest_point to (x, y), if one is within reach."""
+    """Return the row of the screen point (points, 2) nearest to (x, y), if one is within reach."""
     if len(points) == 0:
         return None
     distances = np.hypot(*(points - (x, y)).T)

@@ -47,33 +47,33 @@ class RenderManager(WindowCamera):
         self.camera_x, self.camera_y = int(x), int(y)
 
     def world_to_screen_scale(self, world_size: float) -> float:
-        """A length in world units as pixels."""
+        """Return a length in world units as pixels."""
         return world_size * self.scale
 
     def screen_to_world_scale(self, screen_size: float) -> float:
-        """A length in pixels as world units."""
+        """Return a length in pixels as world units."""
         return screen_size / self.scale
 
     def viewport_to_screen(self, x: float, y: float) -> Point:
-        """A share of the screen in pixels."""
+        """Return a share of the screen in pixels."""
         return x * self._width, y * self._height
 
     def screen_to_viewport(self, x: float, y: float) -> Point:
-        """A point in pixels as shares of the screen."""
+        """Return a point in pixels as shares of the screen."""
         return x / self._width, y / self._height
 
     def viewport_to_screen_scale(self, viewport_size: float) -> float:
-        """A share of the width in pixels."""
+        """Return a share of the width in pixels."""
         return viewport_size * self._width
 
     def screen_to_viewport_scale(self, screen_size: float) -> float:
-        """A length in pixels as a share of the width."""
+        """Return a length in pixels as a share of the width."""
         return screen_size / self._width
 
     # -- culling: whether nothing of it is seen --------------------------------------------------------------
 
     def check_circle_culled(self, x: float, y: float, radius: float) -> bool:
-        """Whether a disc is wholly outside."""
+        """Return whether a disc is wholly outside."""
         beyond = (
             max(self.bound_left - x, x - self.bound_right, 0.0),
             max(self.bound_top - y, y - self.bound_bottom, 0.0),
@@ -81,22 +81,22 @@ class RenderManager(WindowCamera):
         return float(np.hypot(*beyond)) > radius
 
     def check_line_culled(self, x1: float, y1: float, x2: float, y2: float) -> bool:
-        """Whether a line is wholly outside."""
+        """Return whether a line is wholly outside."""
         return self.check_lines_culled([(x1, y1), (x2, y2)])
 
     def check_lines_culled(self, points: Sequence[Point]) -> bool:
-        """Whether a polyline is wholly outside."""
+        """Return whether a polyline is wholly outside."""
         corners = np.asarray(points, np.float64).reshape(-1, 2)
         return not self._is_crossed(corners[:-1], corners[1:])
 
     def check_polygon_culled(self, points: Sequence[Point]) -> bool:
-        """Whether a filled polygon is wholly outside; one around everything that is seen is not."""
+        """Return whether a filled polygon is wholly outside; one around everything that is seen is not."""
         corners = np.asarray(points, np.float64).reshape(-1, 2)
         is_crossed = self._is_crossed(corners, np.roll(corners, -1, axis=0))
         return not (is_crossed or inside(np.array([(self._x, self._y)]), corners).any())
 
     def check_rectangle_culled(self, x: float, y: float, width: float, height: float) -> bool:
-        """Whether what `render_rectangle` draws, from its top-left corner and in pixels, is wholly outside."""
+        """Return whether what `render_rectangle` draws, from its top-left corner and in pixels, is wholly outside."""
         left, top = self.world_to_screen(x, y)
         return left > self._width or top > self._height or left + width < 0.0 or top + height < 0.0
 
@@ -115,7 +115,7 @@ class WindowNames:
     drawing: Drawing
     question: Question | None
     screen: Any
-    glass: Any
+    drawer_surface: Any
     turn_seconds: Any
 
     @property
@@ -174,12 +174,12 @@ class WindowNames:
         return self.artists.declared["input_overlay"]
 
     def _get_target_surface(self) -> Any:
-        """A surface for drawers that paint with the library itself: above what their layer draws; else the screen."""
+        """Return a surface for drawers that paint with pygame: above what their layer draws; else the screen."""
         if self.drawing.commands is None:
             return window_surface() or self.screen
-        if self.glass is None:
-            self.glass = load().Surface(self.screen.get_size(), load().SRCALPHA, 32)
-        return self.glass
+        if self.drawer_surface is None:
+            self.drawer_surface = load().Surface(self.screen.get_size(), load().SRCALPHA, 32)
+        return self.drawer_surface
 
     def _toggle_waiting_simulation(self, is_waiting: bool) -> None:
         """Begin to show a turn, or end it; `update` shows its frames."""

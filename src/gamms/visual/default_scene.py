@@ -1,7 +1,7 @@
 """The default scene of a scenario that declares no visuals: grey streets, toned buildings, and agents in colours.
 
 Agents have the colours of their teams, or their own. What few sensors see is drawn in the colours of the living
-agents that carry them, below the agents. Flags, territories and the tags of this turn are drawn, and a legend tells
+agents that carry them, below the agents. Flags, territories and the tags of this turn are drawn, and a legend shows
 the teams.
 """
 
@@ -33,7 +33,7 @@ from gamms.visual.legend import Row, Rows, legend_only
 from gamms.visual.shown_turn import Sight, says_something
 
 MOST_SENSORS = 20  # more of them would hide what happens
-_NOBODYS = (110, 114, 120)
+_WITHOUT_CARRIER = (110, 114, 120)
 _USUAL_PX, _LEAST_PX, _MANY = 6.0, 3.0, 150  # radius of agents; of more than so many a smaller one
 RING = 1.7  # of a sensed agent, in radii of its disc
 _WALL, _THICKEST = 0.3, 0.5  # of a wall: in radii of agents, and at most in metres
@@ -74,13 +74,13 @@ class DefaultScene:
         self._tags, self._legend = Artist(ctx, render_tags, Layer.TAGS), legend_of_teams(ctx)
 
     def artists(self, declared: Container[str]) -> dict[str, IArtist]:
-        """Artists of the map, every agent, the sensors while they are few, what rules keep, and the legend, by name."""
+        """Return the artists of the map, all agents, the sensors while they are few, rules, and the legend, by name."""
         self._renew_map()
         self._renew_agents()
         return self._map | self._agents | self._sensors(declared) | self.of_rules() | {"legend": self._legend}
 
     def of_rules(self) -> dict[str, IArtist]:
-        """Artists of what rules remember, which is all that a replay has, under the names by which rules draw it."""
+        """Return the artists of what rules remember, which is all that a replay has, by the names that rules use."""
         artists: dict[str, IArtist] = {"tags": self._tags}
         for name in territories_in(self._ctx):
             drawer = self._territories.setdefault(name, TerritoryDrawer(name))
@@ -124,17 +124,17 @@ class DefaultScene:
             disc.data = {"agent_data": AgentData(name, color, self._unit, least_px=least_px), "_alpha": 1.0}
 
     def _sensors(self, declared: Container[str]) -> dict[str, IArtist]:
-        """Artists of what sensors see at present."""
+        """Return artists of what sensors see at present."""
         nodes, found = len(self._ctx.graph.columns().node_ids), dict[str, list[Sight]]()
         for sight in drawing_of(self._ctx).carriers.sights(MOST_SENSORS):
-            if sight.view is None or _is_told(sight.view, nodes):
+            if sight.view is None or _is_worth_drawing(sight.view, nodes):
                 found.setdefault(sight.sensor.sensor_id, []).append(sight)
         colored = {name: [(self._color_of(one.carrier), one.view) for one in sights] for name, sights in found.items()}
         self._views = artists_of_sights(self._ctx, colored, self._unit, declared, self._views)
         return dict(self._views)
 
     def _color_of(self, carrier: str | None) -> Rgb:
-        return _NOBODYS if carrier is None else self._colors[carrier]
+        return _WITHOUT_CARRIER if carrier is None else self._colors[carrier]
 
 
 def artists_of_sights(
@@ -175,7 +175,7 @@ def artists_of_sights(
 
 
 def team_rows(ctx: IContext) -> Rows | None:
-    """The legend of the teams: colour, name and score; None where there are not two."""
+    """Return the legend of the teams: colour, name and score; None where there are not two."""
     colors, teams = group_colors(ctx), dict.fromkeys(getattr(agent, "team", None) for agent in ctx.agent.create_iter())
     scores = {} if ctx.current_game is None else ctx.current_game.scores
     named = [team for team in teams if team is not None]
@@ -189,19 +189,19 @@ def _score(score: object) -> str:
 
 
 def legend_of_teams(ctx: IContext) -> Artist:
-    """An artist that draws nothing but the legend of the teams."""
+    """Return an artist that draws nothing but the legend of the teams."""
     artist = Artist(ctx, legend_only)
     artist.data = {"legend": team_rows}
     return artist
 
 
-def _is_told(view: SensorView, nodes: int) -> bool:
-    """Whether there is something to draw, and not just the whole map, which has so many nodes."""
+def _is_worth_drawing(view: SensorView, nodes: int) -> bool:
+    """Return whether there is something to draw, and not just the whole map, which has so many nodes."""
     return says_something(view) and (len(view.nodes) < nodes or len(view.outline) > 0)
 
 
 def sight_radius(columns: GraphColumns) -> float:
-    """A radius, in world units, at which agents neither hide streets nor vanish."""
+    """Return a radius, in world units, at which agents neither hide streets nor vanish."""
     if len(columns.xy) == 0:
         return 1.0
     widest = float(np.ptp(columns.xy, axis=0).max())

@@ -178,7 +178,7 @@ class Commands:
         self._text += [text] * commands
 
     def freeze(self) -> DrawCommands:
-        """Everything added so far, as read-only columns."""
+        """Return everything added so far, as read-only columns."""
         columns = {name: _read_only(np.array(column)) for name, column in self._columns.items()}
         return DrawCommands(
             **columns,
@@ -190,7 +190,7 @@ class Commands:
 
 
 def joined(below: DrawCommands, above: DrawCommands) -> DrawCommands:
-    """Both, the second on the highest layer of all."""
+    """Return both, the second on the highest layer of all."""
     if len(above) == 0:
         return below
     top = max(int(below.layer.max(initial=0)), int(above.layer.max(initial=0)))
@@ -207,7 +207,7 @@ def joined(below: DrawCommands, above: DrawCommands) -> DrawCommands:
 
 
 def magnified(commands: DrawCommands, factor: float) -> DrawCommands:
-    """The same with everything that is measured in pixels so many times as large."""
+    """Return the same with everything that is measured in pixels so many times as large."""
     if factor == 1.0:
         return commands
     in_pixels, points = commands.space == DrawSpace.SCREEN, commands.points.copy()
@@ -429,7 +429,7 @@ class Drawing:
             self.commands.add_circles(centers, radius, color, width, space)
 
     def position_of(self, agent_name: str, share: float = 1.0) -> tuple[float, float]:
-        """Where an agent is shown after a share of its last move; 1.0 is where it stands.
+        """Return where an agent is shown after a share of its last move; 1.0 is where it is now.
 
         While a film or a window shows a turn, drawers find the share in `data["_alpha"]`.
 
@@ -441,19 +441,19 @@ class Drawing:
         return self.motion.position_of(agent_name, share)
 
     def is_shown(self, agent: IAgent, share: float = 1.0) -> bool:
-        """Whether an agent is drawn after a share of its last move: one that is out is not, once it has got there."""
+        """Return whether an agent is drawn after a share of its last move; an eliminated one is until it arrives."""
         return getattr(agent, "alive", True) or (
             as_float(share, "share") < 1.0 and agent.name in self.events.eliminated()
         )
 
     def hidden_agents(self, share: float = 1.0) -> set[str]:
-        """The names of the agents that are not drawn, after a share of their last moves."""
+        """Return the names of the agents that are not drawn, after a share of their last moves."""
         positions, agents = self._ctx.agent.positions, self._ctx.agent.agents
         out = [agents[positions.names[row]] for row in positions.inactive]
         return {agent.name for agent in out if not self.is_shown(agent, share)}
 
     def extent(self) -> float:
-        """How much of the map pictures show, world units, for marks that are as large in all; 0.0 for no map.
+        """Return how much of the map pictures show, world units, for marks of one size in all; 0.0 for no map.
 
         It is the longer side of the map, or less where `look_at` or `follow` said so.
         """
@@ -461,7 +461,7 @@ class Drawing:
         return whole if look is None else min(whole, look.world_width)
 
     def of_map(self, measure: Callable[[GraphColumns], Measured]) -> Measured:
-        """What a function makes of the map, worked out once per map: drawers ask for it in every frame."""
+        """Return what a function makes of the map, computed once per map: drawers ask for it in every frame."""
         columns = self._ctx.graph.columns()
         if self._measured[0] is not columns:
             self._measured = columns, {}
@@ -491,7 +491,7 @@ class Drawing:
 
 
 def longer_side(columns: GraphColumns) -> float:
-    """How long a map is from west to east or from south to north, whichever is longer; 0.0 for no map."""
+    """Return the larger of the extents of a map from west to east and from south to north; 0.0 for no map."""
     return float(np.ptp(columns.xy, axis=0).max()) if len(columns.xy) else 0.0
 
 

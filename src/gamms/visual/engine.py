@@ -183,7 +183,7 @@ class PictureEngine(Guarded, IVisualizationEngine):
         self.viewpoint.follow(agent_name, width)
 
     def get_viewport(self) -> tuple[float, float, float, float, float] | None:
-        """None: nothing is shown."""
+        """Return None: nothing is shown."""
         return None
 
     # -- turns -----------------------------------------------------------------------------------------------
@@ -204,7 +204,7 @@ class PictureEngine(Guarded, IVisualizationEngine):
         """Do nothing: there is no window to close."""
 
     def human_input(self, agent_name: str, state: dict[str, Any]) -> int | tuple[float, float, float]:  # noqa: ARG002 - there is no window to ask in
-        """Stay: the agent's own node, or no movement for an agent that flies."""
+        """Return the agent's own node, or no movement for an agent that flies."""
         position: int | tuple[float, ...] = state["curr_pos"]
         return (0.0, 0.0, 0.0) if isinstance(position, tuple) else position
 
@@ -223,7 +223,7 @@ class NoEngine(PictureEngine):
         super().__init__(ctx, simulation_time_constant=kwargs.get("simulation_time_constant", 2.0))
 
     def get_viewport(self) -> None:
-        """None: nothing is shown."""
+        """Return None: nothing is shown."""
         return
 
 
@@ -278,7 +278,7 @@ class OffscreenEngine(PictureEngine):
         super().terminate()
 
     def get_viewport(self) -> tuple[float, float, float, float, float] | None:
-        """`(left, right, low end, high end, pixels per unit)` where `look_at` was called; None sees everything."""
+        """Return `(left, right, low end, high end, pixels per unit)` after `look_at`; None sees everything."""
         if self.viewpoint.look is None:
             return None
         camera = self.viewpoint.look.camera(self.width, self.height)

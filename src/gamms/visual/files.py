@@ -87,12 +87,12 @@ def _backend(path: Path) -> Backend:
 
 
 def header_px(title: str) -> float:
-    """How much room a title takes above a picture."""
+    """Return the height that a title takes above a picture."""
     return _HEADER_PX if title else 0.0
 
 
 def noted(ctx: IContext, note: str) -> str:
-    """The note, and the source of the map unless the note already names it."""
+    """Return the note, and the source of the map unless the note already names it."""
     note = as_text(note, "note")
     attribution: str | None = getattr(ctx.graph, "attribution", None)
     if attribution and attribution not in note:
@@ -220,7 +220,7 @@ class Frames:
             self._blocks, self._legend = blocks, Legend(blocks, self._canvas.width, self._canvas.height)
 
     def at(self, share: float) -> Canvas:
-        """The picture after a share of the agents' last moves; it is painted over by the next one."""
+        """Return the picture after a share of the agents' last moves; it is painted over by the next one."""
         if self._artists is None:
             self.begin_turn()
         artists = self._artists or {}
@@ -242,7 +242,7 @@ class Frames:
         painted[2].paint(self._canvas, camera)
 
     def _world(self) -> Any:
-        """What changes when the graph or the obstacles do."""
+        """Return what changes when the graph or the obstacles do."""
         graph = self.ctx.graph
         return getattr(graph.graph, "revision", None), getattr(graph, "obstacle_revision", None)
 

@@ -34,7 +34,7 @@ _LINE_PX, _GAP_PX, _PAD_PX = 23.0, 16.0, 12.0
 _LETTER, _BROAD = 0.37, 0.52  # how broad letters are, in font heights; a legend need not know it exactly
 _BROAD_ONES = frozenset("mw@%&")  # and capitals
 _SWATCH_PX, _BAR_PX, _BAR_HEIGHT_PX = 7.0, 16.0, 150.0
-_ASIDE = 0.4  # of the width of a picture: more room is not taken from the map
+_ASIDE = 0.4  # of the width of a picture: no more is taken from the map
 _MOST_ROWS = 12
 _MOST_COLORS = 1024
 _RIM = (255, 255, 255)
@@ -70,7 +70,7 @@ Block = Bar | Rows
 
 
 def blocks_of(ctx: IContext, artists: Mapping[str, IArtist]) -> tuple[Block, ...]:
-    """What the legends of visible artists say, lower layers first.
+    """Return the blocks of the legends of visible artists, lower layers first.
 
     Raises:
         BadType: a legend is none.
@@ -145,7 +145,7 @@ class Legend:
     def commands(
         self, camera: Camera, header: float = 0.0, background: Rgba = (*PAPER, 255), *, ground: int = _GROUND
     ) -> DrawCommands:
-        """The legend as the camera has to see it, below a header of so many pixels; sizes are not `fine` yet.
+        """Return the legend as the camera has to see it, below a header of so many pixels; sizes are not `fine` yet.
 
         Between it and the map lies its background, as opaque as `ground` says, from 0 to 255.
         """
@@ -204,7 +204,7 @@ def _draw_rows(pen: _Pen, block: Rows, left: float, top: float, width: float) ->
 
 
 def _draw_title(pen: _Pen, title: str, left: float, top: float) -> float:
-    """Write a title, and return how much room it took."""
+    """Write a title, and return its height, pixels."""
     if title:
         pen.text(title, left, top + 0.5 * _LINE_PX, _TITLE_PX)
     return _title_height(title)
@@ -235,14 +235,14 @@ def _long(words: str, font_px: float) -> float:
 
 
 def _shown(block: Rows) -> tuple[Row, ...]:
-    """The rows, without those that are too many."""
+    """Return the rows, without those that are too many."""
     if len(block.rows) <= _MOST_ROWS:
         return block.rows
     return (*block.rows[: _MOST_ROWS - 1], Row(PAPER, f"and {len(block.rows) - _MOST_ROWS + 1} more"))
 
 
 def legend_only(ctx: IContext, data: dict[str, Any]) -> None:
-    """A drawer that draws nothing: the artist has a legend only."""
+    """Draw nothing: the artist has a legend only."""
 
 
 legend_only.once_a_turn = True  # type: ignore[attr-defined]  # what drawers are asked for
@@ -280,7 +280,7 @@ def checked(
     span: tuple[float | None, float | None],
     title: str,
 ) -> Values:
-    """What a caller gave, checked and in colours.
+    """Check the values that a caller gave, and return them in colours.
 
     Args:
         of: "nodes" or "edges".
@@ -313,7 +313,7 @@ def checked(
 
 
 def _numbers(values: Iterable[Any], of: str) -> FloatArray:
-    """Numbers, NaN and infinite ones among them."""
+    """Return numbers, NaN and infinite ones among them."""
     found = list(values)
     if not all(type(value) in (float, int) for value in found):
         found = [value if _is_endless(value) else as_float(value, f"A value of {of}") for value in found]
@@ -328,7 +328,7 @@ def _is_endless(value: object) -> bool:
 
 
 def _span(values: FloatArray, span: tuple[float | None, float | None], *, is_even: bool = False) -> tuple[float, float]:
-    """The values at both ends of the map: the given ones, or those of the finite values.
+    """Return the values at both ends of the map: the given ones, or those of the finite values.
 
     Raises:
         BadValue: the lower one is not below the higher.
@@ -370,5 +370,5 @@ def _bar(title: str, colors: list[Rgb], low: float, high: float) -> Block:
 
 
 def _tick(value: float) -> str:
-    """A number in three digits, or in all of a large integer's."""
+    """Return a number in three digits, or in all of those of a large integer."""
     return f"{value:.0f}" if _HUNDRED <= abs(value) < _HUGE else f"{value:.3g}"

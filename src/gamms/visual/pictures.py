@@ -105,7 +105,7 @@ class Pictures(Guarded):
         background: ColorType = PAPER,
         dpi: float = 96.0,
     ) -> bytes:
-        """A picture of the present state as bytes; `format` is `.svg`, `.png`, or a name that ends so. See `save`.
+        """Return a picture as bytes; `format` is `.svg`, `.png`, or a name that ends so. See `save`.
 
         Raises:
             BadValue: a size or dpi that is not positive, or too large.
@@ -149,7 +149,7 @@ class Pictures(Guarded):
         note: str = "",
         background: ColorType = PAPER,
     ) -> "ByteArray":
-        """The present state as pixels: red, green and blue from 0 to 255, (height, width, 3); see `save`.
+        """Return the present state as pixels: red, green and blue from 0 to 255, (height, width, 3); see `save`.
 
         The size is that of the engine, 1280 x 720 if it was given none.
 

@@ -15,7 +15,7 @@ from gamms.typing import ArtistType, IArtist, IContext
 from gamms.typing.artist import Drawer
 from gamms.visual.appearance import Rgba
 from gamms.visual.artist import Artist, ArtistGroup, in_painting_order, state_of
-from gamms.visual.backends.pygame_backend import Canvas, load, on_glass
+from gamms.visual.backends.pygame_backend import Canvas, load, painted_transparent
 from gamms.visual.backends.raster import Painting
 from gamms.visual.camera import Camera, bounds, fit_box
 from gamms.visual.constants import CACHE_ZOOM_MAX
@@ -34,7 +34,7 @@ class SurfacePool:
         self._kept: dict[tuple[str, int], Any] = {}
 
     def surface(self, use: str, width: int, height: int, flags: int = 0) -> Any:
-        """A surface of that size, on which there still is what was painted last for the same use."""
+        """Return a surface of that size, still with what was painted last for the same use."""
         kept = self._kept.get((use, flags))
         if kept is None or kept.get_width() < width or kept.get_height() < height:
             across, down = (-(-length // _STEP) * _STEP for length in (width, height))
@@ -70,7 +70,7 @@ class FrameBudget:
         self._end, self._is_first = perf_counter() + seconds, True
 
     def has_time(self, seconds: float) -> bool:
-        """Whether there is time for something that takes so long; for the first thing there always is."""
+        """Return whether there is time for something that takes so long; for the first thing there always is."""
         is_first, self._is_first = self._is_first, False
         return is_first or perf_counter() + seconds < self._end
 
@@ -80,7 +80,7 @@ class FrameBudget:
 
 
 def whole_frame() -> FrameBudget:
-    """The budget of a frame in which all that the camera sees is painted at once."""
+    """Return the budget of a frame in which all that the camera sees is painted at once."""
     return FrameBudget(0.0, is_leaping=True)
 
 
@@ -93,7 +93,7 @@ class _Area(NamedTuple):
     bottom: int
 
     def tiles(self) -> "_Area":
-        """The tiles that hold these pixels."""
+        """Return the tiles that hold these pixels."""
         return _Area(self.left // SIDE, self.top // SIDE, -(-self.right // SIDE), -(-self.bottom // SIDE))
 
     def wider(self, by: int) -> "_Area":
@@ -112,31 +112,31 @@ class _Level:
         self.rough: set[Place] = set()  # those that were cut out of another level
 
     def forget(self, place: Place) -> None:
-        """Have this tile no longer."""
+        """Remove a tile."""
         self.tiles.pop(place, None)
         self.rough.discard(place)
 
     def view(self, camera: Camera) -> _Area:
-        """The pixels of this level that a camera sees."""
+        """Return the pixels of this level that a camera sees."""
         share = self.scale / camera.scale
         x, y = self._phase
         left, top = round(camera.left * self.scale - x), round(-camera.top * self.scale - y)
         return _Area(left, top, left + round(camera.width * share), top + round(camera.height * share))
 
     def camera(self, tiles: _Area) -> Camera:
-        """A camera that sees just these tiles."""
+        """Return a camera that sees just these tiles."""
         size = (tiles.right - tiles.left) * SIDE, (tiles.bottom - tiles.top) * SIDE
         x, y = self._phase
         return Camera(*size, (tiles.left * SIDE + x) / self.scale, -(tiles.top * SIDE + y) / self.scale, self.scale)
 
 
 class Tiles:
-    """A painting as tiles, on a background or on glass.
+    """A painting as tiles, on a background, or transparent.
 
     Args:
         painting: what is painted.
         box: its lower left and upper right corner, in world units; None where it has no extent.
-        background: None is glass.
+        background: None: transparent.
         pool: surfaces to paint on, which several paintings may share.
     """
 
@@ -166,12 +166,12 @@ class Tiles:
         canvas.surface.blit(self._scaled(level, area, (camera.width, camera.height)), (0, 0), special_flags=self._flags)
 
     def is_sharp(self, camera: Camera) -> bool:
-        """Whether all that the camera sees is painted in the scale in which it is shown."""
+        """Return whether all that the camera sees is painted in the scale in which it is shown."""
         level = self._levels.get(_grid_of(camera))
         return level is not None and not level.rough.intersection(level.view(camera).tiles().places())
 
     def _level_for(self, camera: Camera, budget: FrameBudget) -> _Level:
-        """The level to show: that of the camera's scale, or while zooming one that is near."""
+        """Return the level to show: that of the camera's scale, or while zooming one that is near."""
         last = next(reversed(self._levels.values()), None)
         if budget.is_zooming and last is not None:
             share = camera.scale / last.scale
@@ -185,7 +185,7 @@ class Tiles:
     # -- painting --------------------------------------------------------------------------------------------
 
     def _fill(self, level: _Level, tiles: _Area, *, may_cut_out: bool) -> bool:
-        """See to it that there are tiles: empty, cut out of another level, or painted at once; whether it took time."""
+        """Make missing tiles: empty, cut out of another level, or painted at once; return whether it took time."""
         missing = [place for place in tiles.places() if place not in level.tiles]
         if not missing:
             return False
@@ -200,7 +200,7 @@ class Tiles:
         return True
 
     def _is_empty(self, level: _Level, place: Place) -> bool:
-        """Whether nothing is drawn on a tile; then it is there already."""
+        """Return whether nothing is drawn on a tile, which is then kept as empty."""
         camera = level.camera(_Area(*place, place[0] + 1, place[1] + 1))
         if self._box is not None:
             (left, low), (right, high) = (corner.tolist() for corner in self._box)
@@ -233,7 +233,7 @@ class Tiles:
                 self._paint_timed(level, row)
 
     def _row(self, place: Place, waiting: set[Place]) -> _Area:
-        """A tile, and as many of those right of it as take no longer than a frame has for them."""
+        """Return a tile, and as many of those right of it as take no longer than a frame has for them."""
         column, row = place
         end = column + 1
         while (end, row) in waiting and end - column < self._at_once:
@@ -251,7 +251,7 @@ class Tiles:
 
     def _painted(self, camera: Camera) -> Any:
         if self.background is None:
-            return on_glass(lambda color: self._painted_on(camera, color))
+            return painted_transparent(lambda color: self._painted_on(camera, color))
         return self._painted_on(camera, self.background)
 
     def _painted_on(self, camera: Camera, color: Rgba) -> Any:
@@ -292,7 +292,7 @@ class Tiles:
 
     @staticmethod
     def _is_known(other: _Level, level: _Level, place: Place) -> bool:
-        """Whether a level has all that is to be seen on a tile of another level."""
+        """Return whether a level has all that is to be seen on a tile of another level."""
         area = other.view(level.camera(_Area(*place, place[0] + 1, place[1] + 1)))
         return all(there in other.tiles for there in area.tiles().places())
 
@@ -321,7 +321,7 @@ class Tiles:
     # -- surfaces --------------------------------------------------------------------------------------------
 
     def _scaled(self, level: _Level, area: _Area, size: tuple[int, int]) -> Any:
-        """An area in another size; making it smaller costs it some brightness, which is given back."""
+        """Return an area in another size; the brightness that shrinking costs is given back."""
         pygame = load()
         flags = pygame.SRCALPHA if self.background is None else 0
         part = self._pool.surface("part", max(area.right - area.left, 1), max(area.bottom - area.top, 1), flags)
@@ -333,7 +333,7 @@ class Tiles:
         return scaled
 
     def _blit(self, surface: "Surface", level: _Level, area: _Area, *, is_copy: bool = False) -> None:
-        """Put the tiles of an area on a surface of its size; a copy takes glass as it is."""
+        """Put the tiles of an area on a surface of its size; a copy takes transparency as it is."""
         if is_copy or self.background is not None:
             surface.fill((0, 0, 0, 0) if self.background is None else self.background[:3])
         placed = [
@@ -350,7 +350,7 @@ _Grid = tuple[float, tuple[float, float]]  # scale and phase
 
 
 def _grid_of(camera: Camera) -> _Grid:
-    """The scale of a camera, and by how much it lies right of and below whole pixels of the world."""
+    """Return the scale of a camera, and by how much it lies right of and below whole pixels of the world."""
     across, down = camera.left * camera.scale, -camera.top * camera.scale
     x, y = (part - round(part) for part in (across, down))
     return camera.scale, (x if abs(x) > _ROUNDING_PX else 0.0, y if abs(y) > _ROUNDING_PX else 0.0)
@@ -362,7 +362,7 @@ def _around(places: list[Place]) -> _Area:
 
 
 def _rectangles(places: list[Place]) -> Iterator[_Area]:
-    """Areas that hold these places, each of them once, and nothing else."""
+    """Yield areas that hold these places, each of them once, and nothing else."""
     rows: dict[tuple[int, int], list[int]] = {}  # in which there is just this stretch of columns
     for row, there in groupby(sorted(places, key=itemgetter(1, 0)), itemgetter(1)):
         for stretch in _stretches([column for column, _ in there]):
@@ -373,14 +373,14 @@ def _rectangles(places: list[Place]) -> Iterator[_Area]:
 
 
 def _stretches(numbers: list[int]) -> Iterator[tuple[int, int]]:
-    """First and last number + 1 of numbers, in order, that follow each other."""
+    """Yield the first and last number + 1 of numbers, in order, that follow each other."""
     breaks = [place for place in range(1, len(numbers)) if numbers[place] > numbers[place - 1] + 1]
     for first, end in pairwise([0, *breaks, len(numbers)]):
         yield numbers[first], numbers[end - 1] + 1
 
 
 def _part(surface: "Surface", tiles: _Area, place: Place) -> Any:
-    """A tile of its own, so that it does not keep the whole surface alive."""
+    """Return a tile of its own, so that it does not keep the whole surface alive."""
     x, y = (place[0] - tiles.left) * SIDE, (place[1] - tiles.top) * SIDE
     return surface.subsurface((x, y, SIDE, SIDE)).copy()
 
@@ -388,7 +388,7 @@ def _part(surface: "Surface", tiles: _Area, place: Place) -> Any:
 _FEW = 400  # points that are repainted faster than shown from a cache
 
 Draw = Callable[[ArtistGroup], DrawCommands]
-_Groups = list[tuple["_Pace", dict[str, IArtist], ArtistGroup]]
+_Groups = list[tuple["_Rate", dict[str, IArtist], ArtistGroup]]
 
 
 class Part:
@@ -424,7 +424,7 @@ class Part:
         self.tiles.show(canvas, camera, budget)
 
     def shows_what(self, commands: DrawCommands) -> bool:
-        """Whether these commands would give the same part."""
+        """Return whether these commands would give the same part."""
         mine = self.painting.commands
         if not np.array_equal(mine.points, commands.points) or mine.text != commands.text:  # what differs most often
             return False
@@ -461,30 +461,30 @@ class Scene:
         world, known = self._world(), {part.key: part for part in self._parts if part.is_static}
         asked = {} if is_new_turn else {part.artists: part for part in self._parts}
         self._before, self._parts = self._parts, []
-        for pace, members, group in self._groups(artists, is_new_turn=is_new_turn):
-            if pace is not _Pace.FRAME and group.artists in asked:
+        for rate, members, group in self._groups(artists, is_new_turn=is_new_turn):
+            if rate is not _Rate.FRAME and group.artists in asked:
                 part = asked[group.artists]
-            elif pace is _Pace.STATIC:
+            elif rate is _Rate.STATIC:
                 key = (world, *(state_of(name, artist) for name, artist in members.items()))
                 part = known.get(key) or Part(group, draw(group), key)
             else:
                 part = self._moving_part(group, draw, is_new_turn=is_new_turn)
-            part.lasts = pace is not _Pace.FRAME
+            part.lasts = rate is not _Rate.FRAME
             self._parts.append(part)
 
     def _groups(self, artists: Mapping[str, IArtist], *, is_new_turn: bool) -> _Groups:
-        """Artists in painting order, those together that make one part; within a turn they are sorted once."""
+        """Return artists in painting order, those together that make one part; within a turn they are sorted once."""
         if self._grouped is not None and not is_new_turn and self._grouped[:2] == (artists, Artist.edits):
             return self._grouped[2]
         by_likeness = groupby(in_painting_order(artists), _likeness)
-        parts = [(pace, dict(members)) for (pace, *_), members in by_likeness]
-        groups = [(pace, members, ArtistGroup(self._ctx, members)) for pace, members in parts]
+        parts = [(rate, dict(members)) for (rate, *_), members in by_likeness]
+        groups = [(rate, members, ArtistGroup(self._ctx, members)) for rate, members in parts]
         are_counted = all(isinstance(artist, Artist) for artist in artists.values())  # others may change unseen
         self._grouped = (artists, Artist.edits, groups) if are_counted else None
         return groups
 
     def _moving_part(self, group: ArtistGroup, draw: Draw, *, is_new_turn: bool) -> Part:
-        """The part of the frame before, where it would look the same."""
+        """Return a part: that of the frame before, where it would look the same."""
         commands = draw(group)
         for part in self._before:
             is_taken = any(part is other for other in self._parts)  # by artists that draw the same
@@ -495,7 +495,7 @@ class Scene:
         return Part(group, commands)
 
     def fit(self, width: int, height: int, header: float, aside: float = 0.0) -> Camera:
-        """A camera that sees everything below a header and left of a legend of so many pixels."""
+        """Return a camera that sees everything below a header and left of a legend of so many pixels."""
         boxes = [box for part in self._parts if (box := part.box) is not None]
         low = np.min([box[0] for box in boxes], axis=0) if boxes else np.zeros(2)
         high = np.max([box[1] for box in boxes], axis=0) if boxes else np.zeros(2)
@@ -539,11 +539,11 @@ class Scene:
                 part.tiles.paint_ahead(camera, budget)
 
     def is_sharp(self, camera: Camera) -> bool:
-        """Whether everything is painted in the scale in which it is shown."""
+        """Return whether everything is painted in the scale in which it is shown."""
         return all(part.tiles is None or part.tiles.is_sharp(camera) for part in self._parts)
 
     def _is_tiled(self, part: Part, *, is_moving: bool) -> bool:
-        """Whether a part is so much, and stays the same for so long, that it is better kept than repainted."""
+        """Return whether a part is so much, and stays the same for so long, that it is better kept than repainted."""
         is_kept = part.is_static or (part.lasts if self._tiles_turns else is_moving and part.is_old)
         return part.is_much and is_kept
 
@@ -573,7 +573,7 @@ def _are_first(parts: list[Part], others: list[Part]) -> bool:
     return len(parts) <= len(others) and all(map(is_, parts, others))
 
 
-class _Pace(Enum):
+class _Rate(Enum):
     """How often artists draw."""
 
     STATIC = "when the world changes"
@@ -581,11 +581,11 @@ class _Pace(Enum):
     FRAME = "for every frame"
 
 
-def _likeness(item: tuple[str, IArtist]) -> tuple[_Pace, int, Drawer | None]:
-    """Key of the artists that make one part: those that change together."""
+def _likeness(item: tuple[str, IArtist]) -> tuple[_Rate, int, Drawer | None]:
+    """Return the key of the artists that make one part: those that change together."""
     artist = item[1]
     if artist.get_artist_type() is ArtistType.STATIC:
-        return _Pace.STATIC, 0, None
+        return _Rate.STATIC, 0, None
     if getattr(artist.get_drawer(), "once_a_turn", False):
-        return _Pace.TURN, artist.get_layer(), artist.get_drawer()
-    return _Pace.FRAME, artist.get_layer(), None
+        return _Rate.TURN, artist.get_layer(), artist.get_drawer()
+    return _Rate.FRAME, artist.get_layer(), None

@@ -28,7 +28,7 @@ class Paths(NamedTuple):
 
     @classmethod
     def through(cls, straight: FloatArray, bends: Sequence[FloatArray]) -> "Paths":
-        """Paths from start to end, (paths, 2, 2), then paths along polylines, (points, 2) each."""
+        """Make paths from start to end, (paths, 2, 2), then paths along polylines, (points, 2) each."""
         counts = np.array([*[2] * len(straight), *map(len, bends)], np.int64)
         is_long = (straight[:, 0] != straight[:, 1]).any(axis=1)
         shares = np.column_stack([np.zeros(len(straight)), is_long]).ravel()
@@ -37,7 +37,7 @@ class Paths(NamedTuple):
         return cls(points, np.concatenate([shares, *map(_shares, bends)]), offsets)
 
     def at(self, share: float) -> FloatArray:
-        """The points (paths, 2) after a share of each path's length."""
+        """Return the points (paths, 2) after a share of each path's length."""
         if len(self.points) == 0:
             return np.empty((0, 2))
         first, last = self.offsets[:-1], self.offsets[1:] - 1
@@ -49,7 +49,7 @@ class Paths(NamedTuple):
         return found
 
     def until(self, row: int, share: float, end: _Point) -> list[_Point]:
-        """The points of a path up to a share of its length, which is at `end`."""
+        """Return the points of a path up to a share of its length, which is at `end`."""
         part = slice(self.offsets[row], self.offsets[row + 1])
         points = [(x, y) for x, y in self.points[part].tolist()]
         return points if share >= 1.0 else [*points[: bisect_right(self.shares[part].tolist(), share)], end]
@@ -135,7 +135,7 @@ class Motion:
         return self._now[1:]
 
     def _rows_of(self, steps: list[tuple[int, int]]) -> IntArray:
-        """The rows (steps, 2) of the nodes of steps; -1 is a node that is gone."""
+        """Return the rows (steps, 2) of the nodes of steps; -1 is a node that is gone."""
         if not steps:
             return np.empty((0, 2), np.int64)
         try:
@@ -152,7 +152,7 @@ class Motion:
         return np.where(columns.node_ids[rows] == ids, rows, -1)
 
     def _bends(self, ends: IntArray) -> dict[int, FloatArray]:
-        """The polylines of the first edges between nodes, for the steps (steps, 2) that have one."""
+        """Return the polylines of the first edges between nodes, for the steps (steps, 2) that have one."""
         columns = self._ctx.graph.columns()
         if not columns.bends:
             return {}
@@ -166,7 +166,7 @@ class Motion:
 
 
 def _step(agent: IAgent) -> tuple[Any, Any]:
-    """The nodes, or positions in the air, of an agent before and after its last move."""
+    """Return the nodes, or positions in the air, of an agent before and after its last move."""
     if agent.type == AgentType.AERIAL:
         flyer = cast("IAerialAgent", agent)
         return flyer.prev_position, flyer.position
@@ -182,16 +182,16 @@ class TurnEvents:
         self._eliminated: frozenset[str] | None = None  # of the last turn, once they are asked for
 
     def end_turn(self) -> None:
-        """A turn is over: its events are those that came since the one before."""
+        """End a turn: its events are those that came since the one before."""
         self._begin, self._end = self._end, len(self._events())
         self._eliminated = None
 
     def of_kind(self, kind: str) -> list[dict[str, Any]]:
-        """The events of that kind in the last turn."""
+        """Return the events of that kind in the last turn."""
         return [event for event in self._events()[self._begin : self._end] if event.get("kind") == kind]
 
     def eliminated(self) -> frozenset[str]:
-        """The names of the agents that went out of the game in the last turn."""
+        """Return the names of the agents that went out of the game in the last turn."""
         if self._eliminated is None:
             names = (event.get("agent") for event in self.of_kind("eliminated"))
             self._eliminated = frozenset(name for name in names if isinstance(name, str))
@@ -211,7 +211,7 @@ class Sight(NamedTuple):
 
     sensor: ISensor
     carrier: str | None
-    view: SensorView | None  # None: it cannot say; drawing it will tell why
+    view: SensorView | None  # None: it has none; drawing it will show the error
 
 
 class Carriers:
@@ -223,7 +223,7 @@ class Carriers:
         self._of: dict[int, list[Any]] = {}
 
     def of(self, sensor: ISensor) -> list[Any]:
-        """The agents that carry a sensor, dead ones too, in the order of their creation."""
+        """Return the agents that carry a sensor, dead ones too, in the order of their creation."""
         version = self._ctx.agent.structure_version
         if version is None or version != self._key:
             self._key, self._of = version, {}
@@ -234,19 +234,19 @@ class Carriers:
         return self._of.get(id(sensor), [])
 
     def is_blind(self, sensor: ISensor) -> bool:
-        """Whether all agents that carry a sensor are out of the game."""
+        """Return whether all agents that carry a sensor are out of the game."""
         carriers = self.of(sensor)
         return bool(carriers) and not any(agent.alive for agent in carriers)
 
     def sights(self, most: int) -> list[Sight]:
-        """What the sensors see that have looked; nothing where there are more than so many."""
+        """Return what the sensors see that have looked; nothing where there are more than so many."""
         found = list(islice(self._looking(), most + 1))
         return [] if len(found) > most else [self.sight(*one) for one in found]
 
     def _looking(self) -> Iterator[tuple[Any, Any]]:
-        """Sensors that have looked, with each living agent that carries them, or None."""
+        """Yield sensors that have looked, with each living agent that carries them, or None."""
         game = self._ctx.current_game
-        is_played = game is not None and game.turn > 0  # here or in a recording: then everybody has looked
+        is_played = game is not None and game.turn > 0  # here or in a recording: then all have looked
         for sensor in self._ctx.sensor.sensors.values():
             carriers = self.of(sensor)
             living = [agent for agent in carriers if agent.alive] if carriers else [None]
@@ -255,7 +255,7 @@ class Carriers:
 
     @staticmethod
     def sight(sensor: ISensor, agent: IAgent | None) -> Sight:
-        """What a sensor sees for an agent; None: what it saw last, or would see from there."""
+        """Return what a sensor sees for an agent; None: what it saw last, or would see from there."""
         look = getattr(sensor, "view_from", None)  # a class that is no child of ISensor has none
         place, name = (None, None) if agent is None else (agent.current_node_id, agent.name)
         try:
@@ -268,7 +268,7 @@ class Carriers:
 
 
 def view_of(sensor: ISensor) -> SensorView:
-    """What a sensor saw last.
+    """Return what a sensor saw last.
 
     Raises:
         NotOffered: it has no `last_view`.
@@ -292,5 +292,5 @@ def _has_looked(sensor: ISensor) -> bool:
 
 
 def says_something(view: SensorView) -> bool:
-    """Whether there is anything to draw."""
+    """Return whether there is anything to draw."""
     return any(len(part) for part in (view.nodes, view.lines, view.agents, view.outline))

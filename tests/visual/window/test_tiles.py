@@ -122,7 +122,7 @@ def test_zooming_out_does_not_dim_the_paper(ctx, seen, person):
 
 
 def test_glass_shows_what_is_behind_it(ctx, seen):
-    """A static layer above a moving one is painted on glass."""
+    """A static layer above a moving one is painted on a transparent surface."""
     ctx.visual.set_graph_visual(node_size=2)
     behind = {"drawer": lambda ctx, data: ctx.visual.render_circle(150, 150, 100, (255, 0, 0)), "layer": 3}
     ctx.visual.add_artist("behind", behind)

@@ -38,7 +38,7 @@ class FilmWriter(Protocol):
         """End the file."""
 
     def discard(self) -> None:
-        """Stop; the file is of no use."""
+        """Stop writing; the file is incomplete."""
 
 
 FILMS: Registry[FilmWriter] = Registry("film format", "gamms.films")

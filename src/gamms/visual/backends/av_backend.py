@@ -44,7 +44,7 @@ def _square(left: int, top: int, width: int, height: int) -> Square:
 
 
 def planes_of(frame: Any) -> list[ByteArray]:
-    """The planes of a frame of PyAV as arrays (rows, columns) that can be written to."""
+    """Return the planes of a frame of PyAV as arrays (rows, columns) that can be written to."""
     found = []
     for plane in frame.planes:
         rows = np.frombuffer(plane, np.uint8).reshape(plane.height, plane.line_size)
@@ -147,7 +147,7 @@ class Mp4:
             self._file.close()
 
     def discard(self) -> None:
-        """Stop; what was written is of no use."""
+        """Stop writing; the file is incomplete."""
         self._waiting.put(None)
         self._thread.join()
         self._file.close()
@@ -181,7 +181,7 @@ class Mp4:
 
 
 def _one_thread(reformatter: Any, frame: Any) -> dict[str, int]:
-    """What keeps PyAV from sharing out a few pixels among all processors, which takes longer than the work itself."""
+    """Return keywords that keep PyAV from dividing a few pixels among all processors, which is slower."""
     try:
         reformatter.reformat(frame, format="yuv420p", threads=1)
     except TypeError:  # an old version, which does not

@@ -24,10 +24,10 @@ class PaintedFrame(Protocol):
     """A frame of a film."""
 
     def pixels(self) -> ByteArray:
-        """RGB, as (height, width, 3), of its own."""
+        """Return red, green and blue as an array (height, width, 3) of its own."""
 
     def bgrx(self) -> PixelArray:
-        """Blue, green, red and a byte without meaning, as (height, width): the fastest way to an encoder."""
+        """Return blue, green, red and an unused byte as an array (height, width): the fastest way to an encoder."""
 
 
 class Patch(NamedTuple):
@@ -39,7 +39,7 @@ class Patch(NamedTuple):
 
 
 def disc(x: float, y: float, outer: float, inner: float, width: int, height: int) -> Patch | None:
-    """A disc of radius `outer` px with a hole of radius `inner`, cut to a picture; None where nothing is in it."""
+    """Return a disc of radius `outer` px with a hole of radius `inner`, cut to a picture; None where it is empty."""
     left, top = max(0, int(np.floor(x - outer - 1))), max(0, int(np.floor(y - outer - 1)))
     right, bottom = min(width, int(np.ceil(x + outer + 1))), min(height, int(np.ceil(y + outer + 1)))
     if left >= right or top >= bottom:
@@ -54,7 +54,7 @@ def disc(x: float, y: float, outer: float, inner: float, width: int, height: int
 
 
 def strokes(starts: FloatArray, ends: FloatArray, width_px: float, width: int, height: int) -> Patch | None:
-    """All lines together, with round ends, cut to a picture; where they overlap they count once.
+    """Return the coverage of lines with round ends, cut to a picture; where they overlap they count once.
 
     Args:
         starts: (lines, 2), pixels.
@@ -80,7 +80,7 @@ def strokes(starts: FloatArray, ends: FloatArray, width_px: float, width: int, h
 
 
 def broad_strokes(starts: FloatArray, ends: FloatArray, width_px: float, width: int, height: int) -> Patch:
-    """The same as `strokes` for few lines of any width: its cost does not grow with the width."""
+    """Return the same as `strokes` for few lines of any width: its cost does not grow with the width."""
     half = width_px / 2
     covered = np.zeros((height, width), np.uint8)
     for start, end in zip(starts, ends, strict=True):
@@ -95,12 +95,12 @@ def broad_strokes(starts: FloatArray, ends: FloatArray, width_px: float, width: 
 
 
 def polygon(points: FloatArray, width: int, height: int) -> Patch | None:
-    """A filled polygon (corners, 2), cut to a picture; what it winds around in either direction is inside."""
+    """Return a filled polygon (corners, 2), cut to a picture; what it winds around in either direction is inside."""
     return polygons(points, np.array([0, len(points)]), width, height)
 
 
 def polygons(points: FloatArray, offsets: IntArray, width: int, height: int) -> Patch | None:
-    """All filled polygons together, cut to a picture; where they overlap they count once.
+    """Return the coverage of filled polygons, cut to a picture; where they overlap they count once.
 
     Args:
         points: (points, 2), pixels.
@@ -128,7 +128,7 @@ def polygons(points: FloatArray, offsets: IntArray, width: int, height: int) -> 
 
 
 def _crossings(points: FloatArray, offsets: IntArray, lines: int) -> tuple[IntArray, FloatArray, IntArray]:
-    """Where sides of polygons cross fine lines: which line, at which x, downwards (1) or upwards (-1).
+    """Find where sides of polygons cross fine lines: which line, at which x, downwards (1) or upwards (-1).
 
     Each polygon has lines of its own, so many after those of the one before.
     """
@@ -146,7 +146,7 @@ def _crossings(points: FloatArray, offsets: IntArray, lines: int) -> tuple[IntAr
 
 
 def _parts(lengths: FloatArray, half: float) -> list[slice]:
-    """Slices of lines with a bounded number of pixels each."""
+    """Return slices of lines with a bounded number of pixels each."""
     pixels = np.cumsum((lengths + 2 * half + 3) * (3 * half + 5))
     cuts = np.searchsorted(pixels, np.arange(_AT_ONCE, float(pixels[-1]), _AT_ONCE)).tolist()
     borders = sorted({0, *cuts, len(lengths)})
@@ -164,7 +164,7 @@ def _stroke(patch: ByteArray, starts: SingleArray, ends: SingleArray, half: floa
 
 
 def _flat_strokes(patch: ByteArray, starts: SingleArray, ends: SingleArray, half: float) -> None:
-    """Lines that go across more than down: in each column they touch, look at the pixels around their middle."""
+    """Paint lines that go across more than down: in each column, look at the pixels around their middle."""
     back = starts[:, 0] > ends[:, 0]
     starts, ends = np.where(back[:, None], ends, starts), np.where(back[:, None], starts, ends)
     ways = ends - starts
@@ -185,7 +185,7 @@ def _flat_strokes(patch: ByteArray, starts: SingleArray, ends: SingleArray, half
 
 
 def _nearness(across: SingleArray, down: SingleArray, ways: SingleArray, half: float) -> Any:
-    """Coverage by lines from the origin along `ways` (columns, 2), at (columns, rows) places; 0 to 1."""
+    """Return the coverage, 0 to 1, by lines from the origin along `ways` (columns, 2), at (columns, rows) places."""
     squares = np.maximum((ways * ways).sum(axis=1), np.float32(1e-12))[:, None]
     along = np.clip((across * ways[:, :1] + down * ways[:, 1:]) / squares, 0, 1)
     beside = across - along * ways[:, :1]

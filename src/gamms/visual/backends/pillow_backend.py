@@ -1,4 +1,4 @@
-"""The one door to Pillow: PNG and GIF files."""
+"""PNG and GIF files, by Pillow, which no other file imports."""
 
 import io
 from pathlib import Path
@@ -14,7 +14,7 @@ _SPREAD = (0, 85, 170, 255)
 
 
 def _image_module() -> Any:
-    """Pillow's `Image`.
+    """Return Pillow's `Image`.
 
     Raises:
         MissingExtra: it is not installed.
@@ -27,19 +27,19 @@ def _image_module() -> Any:
 
 
 def png_file(pixels: ByteArray, dpi: float) -> bytes:
-    """A PNG file of RGB pixels (height, width, 3) that says how large it is on paper."""
+    """Return a PNG file of RGB pixels (height, width, 3) that says how large it is on paper."""
     data = io.BytesIO()
     _image_module().fromarray(pixels).save(data, "PNG", dpi=(dpi, dpi))
     return data.getvalue()
 
 
 def pixels_of(file: bytes) -> ByteArray:
-    """The RGB pixels (height, width, 3) of an image file."""
+    """Return the RGB pixels (height, width, 3) of an image file."""
     return np.asarray(_image_module().open(io.BytesIO(file)).convert("RGB"))
 
 
 def image_size(path: str) -> tuple[int, int]:
-    """Width and height of an image file, which is not decoded.
+    """Return the width and height of an image file, which is not decoded.
 
     Raises:
         OSError: it is no image.
@@ -102,7 +102,7 @@ class Gif:
             self._file.write(b";")
 
     def discard(self) -> None:
-        """Stop; what was written is of no use."""
+        """Stop writing; the file is incomplete."""
         self._file.close()
 
     def _write(self) -> None:
@@ -122,7 +122,7 @@ class Gif:
 
 
 def _header(module: Any, image: Any, palette: Any) -> list[bytes]:
-    """The beginning of a file that repeats for ever, up to its first frame."""
+    """Return the beginning of a file that repeats for ever, up to its first frame."""
     data = io.BytesIO()
     first = module.new("P", image.size)
     first.putpalette(palette.getpalette())
@@ -140,7 +140,7 @@ def _palette(module: Any, image: Any) -> Any:
 
 
 def _changed(before: Any, image: Any) -> tuple[int, int, int, int] | None:
-    """The box around what changed; all of it in the first frame."""
+    """Return the box around what changed; all of it in the first frame."""
     if before is None:
         return (0, 0, *image.size)
     differs = np.asarray(before) != np.asarray(image)

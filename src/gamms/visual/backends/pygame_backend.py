@@ -1,4 +1,4 @@
-"""The one door to pygame (pygame-ce or pygame): surfaces to paint on, with smooth edges and true transparency.
+"""The adapter of pygame (pygame-ce or pygame): surfaces to paint on, with smooth edges and true transparency.
 
 Nothing here opens a window or touches sound; a surface needs neither.
 """
@@ -46,7 +46,7 @@ Placed = tuple["Surface", tuple[int, int]]  # a surface, and where its upper lef
 
 @lru_cache(maxsize=1)
 def load() -> Any:
-    """The library, with fonts ready, without a display, without sound and without its greeting.
+    """Return pygame with fonts ready, without a display, without sound and without its greeting.
 
     Raises:
         MissingExtra: it is not installed.
@@ -98,12 +98,12 @@ class Canvas:
             self._noted.append((surface, place))
 
     def pixels(self) -> ByteArray:
-        """RGB, as (height, width, 3); a copy, which is read-only."""
+        """Return red, green and blue as an array (height, width, 3): a copy, which is read-only."""
         data = self._pygame.image.tobytes(self.surface, "RGB")
         return np.frombuffer(data, np.uint8).reshape(self.height, self.width, 3)
 
     def bgrx(self) -> PixelArray:
-        """Blue, green, red and a byte without meaning, as one number for each pixel; painted over by the next frame."""
+        """Return blue, green, red and an unused byte of each pixel as one number; the next frame overwrites them."""
         if self.surface.get_masks()[:3] == _BGRX and self.surface.get_pitch() == 4 * self.width:
             data: Any = self.surface.get_buffer()
         else:
@@ -152,7 +152,7 @@ class Canvas:
 
     @contextmanager
     def _painted(self, low: FloatArray, high: FloatArray, alpha: int) -> Iterator[tuple["Surface", int, int]]:
-        """A surface to paint opaquely on, and its place; what was painted is then blended in with `alpha`, once."""
+        """Yield a surface to paint opaquely on, and its place; it is then blended in with `alpha`, once."""
         left, top = np.maximum(low, 0).astype(int).tolist()
         right, bottom = np.minimum(high, (self.width, self.height)).astype(int).tolist()
         area = self._pygame.Rect(left, top, max(right - left, 0), max(bottom - top, 0))
@@ -180,7 +180,7 @@ class Canvas:
         """Write with the upper left, or upper right, corner at (x, y); dark words get a light edge if no other."""
         edge = PAPER if edge is None and _is_dark(color[:3]) else edge
         font_px = min(max(round(font_px), 1), _MOST_FONT_PX)
-        # What is certainly beyond the edge is cut off: a stranger's map may want to be credited in a million letters.
+        # What is certainly beyond the edge is cut off: a hostile map may want to be credited in a million letters.
         most = min(_LETTERS * (self.width + round(max(-x, 0.0))) // font_px + _LETTERS, _MOST_LETTERS)
         words = words[-most:] if align_right else words[:most]
         written = _text(_UNWRITABLE.sub(" ", words), font_px, color, edge)
@@ -195,13 +195,13 @@ class Canvas:
 
 
 def text_width(words: str, font_px: int) -> int:
-    """How wide words are, in pixels."""
+    """Return how wide words are, in pixels."""
     width: int = _font(font_px).size(_UNWRITABLE.sub(" ", words))[0]
     return width
 
 
 def stamp(coverage: ByteArray, color: Rgba) -> "Surface":
-    """A surface of one colour that is as opaque as `coverage` (rows, columns) says."""
+    """Return a surface of one colour that is as opaque as `coverage` (rows, columns) says."""
     rows, columns = coverage.shape
     surface = _paint(columns, rows, (*color[:3], 255))
     opacity = coverage if color[3] == 255 else (coverage.astype(np.uint16) * color[3] // 255).astype(np.uint8)
@@ -209,13 +209,13 @@ def stamp(coverage: ByteArray, color: Rgba) -> "Surface":
     return surface
 
 
-def on_glass(paint: "Callable[[Rgba], Surface]") -> "Surface":
-    """What is painted alike over whatever colour it is given, as `veil` makes it."""
-    return veil(paint(BLACK), paint(WHITE))
+def painted_transparent(paint: "Callable[[Rgba], Surface]") -> "Surface":
+    """Paint alike over two colours, and return what was painted on a transparent surface; see `transparent`."""
+    return transparent(paint(BLACK), paint(WHITE))
 
 
-def veil(over_black: "Surface", over_white: "Surface") -> "Surface":
-    """What was painted alike over black and over white, as a surface one can see through.
+def transparent(over_black: "Surface", over_white: "Surface") -> "Surface":
+    """Return what was painted alike over black and over white as a transparent surface.
 
     It is to be blitted with BLEND_PREMULTIPLIED.
     """
@@ -237,7 +237,7 @@ def _paint(width: int, height: int, color: Rgba) -> "Surface":
 
 
 def _font(font_px: int) -> "Font":
-    """The font that comes with pygame; another program may have closed the fonts meanwhile."""
+    """Return the font that comes with pygame; another program may have closed the fonts meanwhile."""
     pygame = load()
     if not pygame.font.get_init():
         pygame.font.init()
@@ -253,7 +253,7 @@ def _opened_font(font_px: int) -> "Font":
 
 @lru_cache(maxsize=4096)
 def _text(words: str, font_px: int, color: Rgba, edge: Rgb | None) -> "Surface":
-    """The words with a free pixel on every side."""
+    """Return the words on a surface with a free pixel on every side."""
     font, ink = _font(font_px), color[:3]
     written = font.render(words, True, ink)
     pygame = load()
@@ -276,7 +276,7 @@ _held: "WeakValueDictionary[str, Surface]" = WeakValueDictionary()
 
 
 def hold_image(surface: "Surface") -> str:
-    """A name under which a loaded image can be drawn as if it were a file, as long as it lives."""
+    """Return a name under which a loaded image can be drawn as if it were a file, as long as it lives."""
     name = f"surface {id(surface):#x}"
     if _held.get(name) is not surface:
         _held[name] = surface
@@ -296,7 +296,7 @@ def _image(path: str, side: int, angle: float) -> "Surface":
 
 @lru_cache(maxsize=64)
 def _opened_image(path: str) -> "Surface":
-    """The image with its transparency, in the order of bytes that blits are fast with.
+    """Return the image with its transparency, in the order of bytes that blits are fast with.
 
     Raises:
         BadValue: it cannot be read.

@@ -59,7 +59,7 @@ _Run = Callable[[Canvas, Camera], None]
 
 
 def _runs(commands: DrawCommands, rows: IntArray) -> Iterator[tuple[DrawKind, int, int]]:
-    """Kind, first place and last place + 1 of commands that follow each other and have one style where it matters."""
+    """Yield kind, first place and last place + 1 of commands of one style that follow each other."""
     if len(rows) == 0:
         return
     kind = commands.kind[rows]
@@ -73,7 +73,7 @@ def _runs(commands: DrawCommands, rows: IntArray) -> Iterator[tuple[DrawKind, in
 
 
 def _view(camera: Camera, margin_px: float) -> tuple[float, float, float, float]:
-    """Left, low, right and high end of what a camera sees and so many pixels around it, in world units."""
+    """Return the left, low, right and high end of what a camera sees and so many pixels around it, world units."""
     margin = margin_px / camera.scale
     right, low = camera.left + camera.width / camera.scale, camera.top - camera.height / camera.scale
     return camera.left - margin, low - margin, right + margin, camera.top + margin
@@ -159,7 +159,7 @@ class _Circles:
 
 
 def _stretches(values: "np.ndarray[Any, Any]") -> Iterator[tuple[int, int, int]]:
-    """Equal values that follow each other: the value, the first place and the last place + 1."""
+    """Yield equal values that follow each other: the value, the first place and the last place + 1."""
     if len(values):
         changes = np.flatnonzero(values[1:] != values[:-1]) + 1
         for begin, end in pairwise([0, *changes.tolist(), len(values)]):
@@ -167,7 +167,7 @@ def _stretches(values: "np.ndarray[Any, Any]") -> Iterator[tuple[int, int, int]]
 
 
 def _are_hidden(centers: FloatArray, radius: FloatArray, width: FloatArray, color: ByteArray) -> BoolArray:
-    """Which circles lie wholly below one of the next few around the same point, as do those that make one disc."""
+    """Return which circles are hidden by one of the next few around the same point, as are those of one disc."""
     hidden, outer = np.zeros(len(centers), bool), radius + width / 2
     covers = (width == 0.0) & (color[:, 3] == _OPAQUE)
     for ahead in range(1, _NEXT):
@@ -202,7 +202,7 @@ def _stamped(canvas: Canvas, centers: FloatArray, radius: FloatArray, width: Flo
 
 @lru_cache(maxsize=8192)
 def _stamp(look: int, alpha: int) -> Any:
-    """One circle as a surface: tenths of pixels, the place within the pixel and the colour, as `_BITS` are put."""
+    """Return a circle as a surface; `look` has tenths of pixels, the place within the pixel and colour, see `_BITS`."""
     parts = []
     for bits in _BITS[::-1]:
         parts.append(look & ((1 << bits) - 1))
@@ -220,7 +220,7 @@ def _stamp(look: int, alpha: int) -> Any:
 
 
 def _ring(radius: float, width: float) -> tuple[float, float]:
-    """Outer and inner radius; 0 for a disc without a hole."""
+    """Return the outer and inner radius; 0 for a disc without a hole."""
     return (radius, 0.0) if width == 0.0 else (radius + width / 2, max(radius - width / 2, 0.0))
 
 
@@ -288,7 +288,7 @@ class _Command(NamedTuple):
 
     @classmethod
     def of(cls, commands: DrawCommands, row: int, camera: Camera) -> "_Command":
-        """Row `row` of the columns, as the camera sees it."""
+        """Return row `row` of the columns as the camera sees it."""
         points = commands.points[commands.offsets[row] : commands.offsets[row + 1]]
         scale = camera.scale if commands.space[row] == DrawSpace.WORLD else 1.0
         return cls(
@@ -331,7 +331,7 @@ def _text(canvas: Canvas, camera: Camera, command: _Command) -> None:
 
 
 def _reach(command: _Command) -> float:
-    """More pixels than the words can be wide."""
+    """Return more pixels than the words can be wide."""
     return 2.0 * command.size * len(command.text)
 
 
@@ -371,7 +371,7 @@ def frame_words(canvas: Canvas, title: str, note: str, background: Rgba = (*PAPE
 def painted(
     commands: DrawCommands, camera: Camera, *, title: str, note: str, background: Rgba, dpi: float = CSS_DPI
 ) -> Canvas:
-    """A whole picture."""
+    """Paint a whole picture."""
     canvas = Canvas(camera.width, camera.height)
     canvas.fill(background)
     Painting(commands).paint(canvas, camera)
@@ -380,7 +380,7 @@ def painted(
 
 
 def png(commands: DrawCommands, camera: Camera, *, title: str, note: str, background: Rgba, dpi: float = 96.0) -> bytes:
-    """The whole picture as a PNG file.
+    """Return the whole picture as a PNG file.
 
     Raises:
         MissingExtra: pygame or Pillow is not installed.

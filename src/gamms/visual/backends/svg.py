@@ -52,7 +52,7 @@ class _Sheet(NamedTuple):
     text: list[str]  # (commands,)
 
     def points_of(self, row: int) -> list[list[int]]:
-        """The points of one command."""
+        """Return the points of one command."""
         points: list[list[int]] = self.points[self.offsets[row] : self.offsets[row + 1]].tolist()
         return points
 
@@ -60,7 +60,7 @@ class _Sheet(NamedTuple):
 def svg(
     commands: DrawCommands, camera: Camera, *, title: str, note: str, background: Rgba, dpi: float = CSS_DPI
 ) -> bytes:
-    """The whole picture as an SVG file, as large on paper as `dpi` says."""
+    """Return the whole picture as an SVG file, as large on paper as `dpi` says."""
     sheet = _sheet(commands, camera)
     lines = [
         _opening(camera, dpi),
@@ -86,7 +86,7 @@ def _opening(camera: Camera, dpi: float) -> str:
 
 
 def _frame(camera: Camera, title: str, note: str, background: Rgba, fine: float) -> Iterator[str]:
-    """The words around the picture, `fine` times as large as on a screen."""
+    """Return the words around the picture, `fine` times as large as on a screen."""
     ink, faint = ("#{:02x}{:02x}{:02x}".format(*color) for color in inks(background))
     if title:
         x, y, size = (f"{length * fine:g}" for length in (20, 32, 20))
@@ -122,7 +122,7 @@ def _sheet(commands: DrawCommands, camera: Camera) -> _Sheet:
 
 
 def _seen(commands: DrawCommands, camera: Camera) -> IntArray:
-    """The rows in painting order, without those that are outside of the picture."""
+    """Return the rows in painting order, without those that are outside of the picture."""
     rows = commands.in_painting_order()
     if len(rows) == 0:
         return rows
@@ -153,7 +153,7 @@ def _tenths(pixels: FloatArray) -> IntArray:
 
 
 def _runs(sheet: _Sheet) -> Iterator[tuple[int, int]]:
-    """First row and last row + 1 of commands that share their kind, colour and width."""
+    """Yield commands that follow each other and are painted together: first row and last row + 1."""
     if len(sheet.kind) == 0:
         return
     style = np.column_stack([sheet.kind, sheet.width, sheet.color])
@@ -162,7 +162,7 @@ def _runs(sheet: _Sheet) -> Iterator[tuple[int, int]]:
 
 
 def _group(sheet: _Sheet, begin: int, end: int) -> str:
-    """The elements of one run; empty where nothing of it is large enough to be seen."""
+    """Return the elements of one run; empty where nothing of it is large enough to be seen."""
     kind = DrawKind(int(sheet.kind[begin]))
     if kind is DrawKind.LINE:
         path = _lines(sheet, begin, end)
@@ -186,7 +186,7 @@ def _paint(role: str, color: Rgba) -> str:
 
 
 def _lines(sheet: _Sheet, begin: int, end: int) -> str:
-    """One path through all lines of a run: where each starts, then steps; repeated points are left out."""
+    """Return one path through all lines of a run: where each starts, then steps; repeated points are left out."""
     offsets = sheet.offsets[begin : end + 1] - sheet.offsets[begin]
     points = sheet.points[sheet.offsets[begin] : sheet.offsets[end]]
     line = np.repeat(np.arange(end - begin), np.diff(offsets))
@@ -211,7 +211,7 @@ def _numbers(tenths: IntArray) -> list[str]:
 
 
 def _number(tenths: int) -> str:
-    """Tenths of pixels as the shortest decimal number of pixels."""
+    """Return tenths of pixels as the shortest decimal number of pixels."""
     whole, tenth = divmod(abs(tenths), 10)
     sign = "-" if tenths < 0 else ""
     return f"{sign}{whole}.{tenth}" if tenth else f"{sign}{whole}"
@@ -245,7 +245,7 @@ def _text(sheet: _Sheet, row: int) -> str:
 
 
 def _halo(sheet: _Sheet, row: int) -> str:
-    """An edge around dark text, so that it can be read over a map."""
+    """Return an edge around dark text, so that it can be read over a map."""
     is_dark = sheet.color[row, :3].mean() < _MID_GREY
     return _HALO if is_dark else ""
 
@@ -262,7 +262,7 @@ def _image(sheet: _Sheet, row: int) -> str:
 
 
 def _embedded(path: Path) -> str:
-    """The image itself, so that the picture is one file."""
+    """Return the image itself, so that the picture is one file."""
     if path.suffix.lower() not in _IMAGE_TYPES:
         raise BadValue(f"Cannot put {path.name!r} into a picture; use one of {', '.join(_IMAGE_TYPES)}.")
     return f"data:image/{_IMAGE_TYPES[path.suffix.lower()]};base64,{b64encode(path.read_bytes()).decode()}"

@@ -141,7 +141,7 @@ def _height(z: float) -> str:
 
 @lru_cache(maxsize=256)
 def outline_of(color: AnyColor) -> Rgb:
-    """Dark around bright colours, white around the others."""
+    """Return a dark colour around bright ones, white around the others."""
     red, green, blue, _ = rgba(color)
     luminance = 0.299 * red + 0.587 * green + 0.114 * blue
     return _DARK if luminance > _BRIGHT else _WHITE

@@ -14,7 +14,7 @@ from gamms.visual.camera import inside
 from gamms.visual.drawing import Drawing, drawing_of
 from gamms.visual.legend import Values
 
-_FEW = 2_000  # up to so many edges there is room for broader streets
+_FEW = 2_000  # up to so many edges streets are drawn broader
 _ID_PX, _INK = 17, (60, 60, 60)
 _STREET = 2.0  # metres: how broad a street of a real map is drawn, but never thinner than a pixel
 _SLIM = 0.2  # at most so broad, in lengths of a usual edge
@@ -37,7 +37,7 @@ def render_graph(ctx: IContext, data: dict[str, Any]) -> None:
 
 
 def _streets(columns: GraphColumns, look: GraphData) -> tuple[FloatArray, IntArray, float]:
-    """The polylines of the graph and how broad they are on a real map, made once per revision."""
+    """Return the polylines of the graph and how broad they are on a real map, made once per revision."""
     if columns.revision not in look.edge_line_points:
         look.edge_line_points.clear()
         points, offsets = polylines(columns, one_way_each(columns))
@@ -47,7 +47,7 @@ def _streets(columns: GraphColumns, look: GraphData) -> tuple[FloatArray, IntArr
 
 
 def usual(lengths: FloatArray) -> float:
-    """The median of some lengths; 0.0 of none."""
+    """Return the median of some lengths; 0.0 of none."""
     if len(lengths) == 0:
         return 0.0
     # NOTE: not np.median, which first loads masked arrays for 15 ms (first frame of 100,000 edges).
@@ -56,7 +56,7 @@ def usual(lengths: FloatArray) -> float:
 
 
 def polylines(columns: GraphColumns, rows: IntArray) -> tuple[FloatArray, IntArray]:
-    """Points (points, 2) and offsets (rows + 1,) of the edges in `rows`."""
+    """Return the points (points, 2) and offsets (rows + 1,) of the edges in `rows`."""
     is_bent = ~_is_straight(columns)[rows]
     bends = [columns.bends[row] for row in rows[is_bent].tolist()]
     counts = np.full(len(rows), 2, np.int64)
@@ -71,7 +71,7 @@ def polylines(columns: GraphColumns, rows: IntArray) -> tuple[FloatArray, IntArr
 
 
 def one_way_each(columns: GraphColumns) -> IntArray:
-    """Edge rows without those that repeat an earlier one, in the same or the opposite direction."""
+    """Return edge rows without those that repeat an earlier one, in the same or the opposite direction."""
     straight = np.flatnonzero(_is_straight(columns))
     low = np.minimum(columns.sources[straight], columns.targets[straight])
     high = np.maximum(columns.sources[straight], columns.targets[straight])
@@ -83,14 +83,14 @@ def one_way_each(columns: GraphColumns) -> IntArray:
 
 
 def _is_straight(columns: GraphColumns) -> BoolArray:
-    """Which edges, (edges,), have no polyline."""
+    """Return which edges, (edges,), have no polyline."""
     is_straight = np.ones(len(columns.edge_ids), bool)
     is_straight[list(columns.bends)] = False
     return is_straight
 
 
 def _undirected(bend: FloatArray) -> bytes:
-    """The same bytes for a polyline and its reverse."""
+    """Return the same bytes for a polyline and its reverse."""
     return min(bend.tobytes(), bend[::-1].tobytes())
 
 
@@ -113,7 +113,7 @@ def render_values(ctx: IContext, data: dict[str, Any]) -> None:
 
 
 def usual_edge(columns: GraphColumns) -> float:
-    """How long an edge is usually, in a straight line; of a map without any, how large the map is, or 1.0."""
+    """Return the median length of edges as the crow flies; for a map without any, how large it is, or 1.0."""
     ways = columns.xy[columns.targets] - columns.xy[columns.sources]
     if len(ways):
         return usual(np.hypot(ways[:, 0], ways[:, 1]))
@@ -134,7 +134,7 @@ def _draw_edges(ctx: IContext, columns: GraphColumns, rows: IntArray, unit: floa
 
 
 def _rows(known: IntArray, ids: IntArray) -> tuple[IntArray, "np.ndarray[Any, np.dtype[np.bool_]]"]:
-    """The rows of those ids that are known, and which these are."""
+    """Return the rows of those ids that are known, and which these are."""
     order = np.argsort(known, kind="stable")
     places = np.minimum(np.searchsorted(known, ids, sorter=order), max(len(known) - 1, 0))
     is_there = known[order[places]] == ids if len(known) else np.zeros(len(ids), bool)
@@ -150,7 +150,7 @@ _CHOICE_PX, _RING_PX = 3.0, 11.0
 def render_input_overlay(ctx: IContext, data: dict[str, Any]) -> None:
     """Draw the ways to `data['_input_options']` (number -> node; 0 is where the agent is) and rings around them.
 
-    `data['graph_data']`, a GraphData, says how; nothing is drawn while nobody is asked.
+    `data['graph_data']`, a GraphData, says how; nothing is drawn while no person is asked.
     """
     options: dict[int, int] = data.get("_input_options", {})
     if not options or not data.get("_waiting_user_input"):
@@ -169,7 +169,7 @@ def render_input_overlay(ctx: IContext, data: dict[str, Any]) -> None:
 
 
 def _between_rings(way: FloatArray, radius: float) -> FloatArray:
-    """A way without its ends, which would cover the agents there; all of it where that would leave nothing."""
+    """Return a way without its ends, which would cover the agents there; all of it where nothing would be left."""
     along = np.concatenate(([0.0], np.cumsum(np.hypot(*np.diff(way, axis=0).T))))
     ends = radius, along[-1] - radius
     if ends[0] >= ends[1]:
@@ -179,7 +179,7 @@ def _between_rings(way: FloatArray, radius: float) -> FloatArray:
 
 
 def _edges_between(columns: GraphColumns, here: int, ends: set[int]) -> "np.ndarray[Any, np.dtype[np.int64]]":
-    """The edges that lead from a node to some others."""
+    """Return the edges that lead from a node to some others."""
     [begin] = np.flatnonzero(columns.node_ids == here)
     edges = columns.out_edges[columns.offsets[begin] : columns.offsets[begin + 1]]
     targets = columns.node_ids[columns.targets[edges]].tolist()
@@ -200,18 +200,18 @@ class Footprints(NamedTuple):
     row_of: IntArray  # (faces,)  the footprint that a face stands around; -1 = none
 
     def chosen(self, is_chosen: BoolArray) -> tuple[FloatArray, IntArray]:
-        """Points and offsets of some footprints."""
+        """Return the points and offsets of some footprints."""
         take, offsets = kernels.chosen_runs(self.offsets, np.flatnonzero(is_chosen))
         return self.points[take], offsets
 
     def boxes(self) -> tuple[FloatArray, FloatArray]:
-        """Lower left and upper right corners, (footprints, 2) each."""
+        """Return the lower left and upper right corners, (footprints, 2) each."""
         first = self.offsets[:-1]
         return np.minimum.reduceat(self.points, first), np.maximum.reduceat(self.points, first)
 
 
 def footprints(faces: ObstacleColumns) -> Footprints:
-    """The footprints of faces whose top edges lead, one after the other, around something.
+    """Return the footprints of faces whose top edges lead, one after the other, around something.
 
     A ring inside the one before, of the same type, height and base, is a courtyard: it makes a hole.
     """
@@ -239,7 +239,7 @@ def footprints(faces: ObstacleColumns) -> Footprints:
 
 
 def _rings(rights: FloatArray, lefts: FloatArray) -> tuple[IntArray, list[bool]]:
-    """First and last row + 1 of every ring, and whether its faces go on from right to left, as those of maps do."""
+    """Return the first and last row + 1 of every ring, and whether its faces go on from right to left."""
     found = dict.fromkeys(map(tuple, kernels.closed_rings(rights, lefts).tolist()), True)
     taken = np.zeros(len(rights), bool)
     for begin, end in found:
@@ -253,7 +253,7 @@ def _rings(rights: FloatArray, lefts: FloatArray) -> tuple[IntArray, list[bool]]
 
 
 def _bundles(outlines: list[_Outline], looks: list[list[float]]) -> list[list[int]]:
-    """Rings that make one footprint: the outer one, then those of its courtyards."""
+    """Yield the rings that make one footprint: the outer one, then those of its courtyards."""
     bundles: list[list[int]] = []
     for ring, outline in enumerate(outlines):
         outer, *holes = bundles[-1] if bundles else [ring]
@@ -266,7 +266,7 @@ def _bundles(outlines: list[_Outline], looks: list[list[float]]) -> list[list[in
 
 
 def _is_within(outline: _Outline, other: _Outline) -> bool:
-    """Whether the middles of all edges are inside another outline."""
+    """Return whether the middles of all edges are inside another outline."""
     for axis in (0, 1):
         mine, around = ([point[axis] for point in one] for one in (outline, other))
         if min(mine) < min(around) or max(mine) > max(around):
@@ -276,7 +276,7 @@ def _is_within(outline: _Outline, other: _Outline) -> bool:
 
 
 def _with_holes(outlines: list[_Outline]) -> _Outline:
-    """One polygon: a seam leads from the first outline to each other one, which runs the other way around, and back."""
+    """Return one polygon: a seam leads from the first outline to each other one, which is reversed, and back."""
     outer, *holes = outlines
     seam, polygon = outer[0], list(outer)
     for hole in holes:
@@ -286,7 +286,7 @@ def _with_holes(outlines: list[_Outline]) -> _Outline:
 
 
 def _area(outline: _Outline) -> float:
-    """Twice the area; negative where it runs clockwise."""
+    """Return twice the area; negative where it runs clockwise."""
     x, y = (np.array(outline) - outline[0]).T
     return float(x @ np.roll(y, -1) - y @ np.roll(x, -1))
 
@@ -352,7 +352,7 @@ def _fill(visual: Drawing, built: Footprints, chosen: BoolArray, color: AnyColor
 
 
 def _is_fence(ctx: IContext, built: Footprints) -> BoolArray:
-    """Which rings have the whole graph inside: they are around the scene, not in it."""
+    """Return which rings have the whole graph inside: they are around the scene, not in it."""
     xy: FloatArray = ctx.graph.columns().xy
     if len(xy) == 0 or len(built.types) == 0:
         return np.zeros(len(built.types), bool)
@@ -362,7 +362,7 @@ def _is_fence(ctx: IContext, built: Footprints) -> BoolArray:
 
 
 def _steps(heights: FloatArray) -> IntArray:
-    """Which of the tones each height has."""
+    """Return which of the tones each height has."""
     if len(heights) == 0:
         return np.zeros(0, np.int64)
     low, high = np.percentile(heights, (_LOWEST, _TALLEST)).tolist()

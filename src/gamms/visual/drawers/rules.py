@@ -27,13 +27,13 @@ _FLAG = 0.04  # the height of a flag, in widths of what is seen
 
 
 def game_data(ctx: IContext) -> Mapping[Any, Any]:
-    """What the rules of a context remember; nothing where no game has begun, which a drawer would not do."""
+    """Return what the rules of a context remember; nothing where no game has begun."""
     game = ctx.current_game
     return {} if game is None else game.data
 
 
 def flags_in(ctx: IContext) -> dict[str, dict[str, Any]]:
-    """All that looks like flags in what rules remember, by its key."""
+    """Return all that looks like flags in what rules remember, by its key."""
     return _first(
         (key, kept | {"bases": _first(kept["bases"].items())})
         for key, kept in game_data(ctx).items()
@@ -42,7 +42,7 @@ def flags_in(ctx: IContext) -> dict[str, dict[str, Any]]:
 
 
 def territories_in(ctx: IContext) -> dict[str, dict[Any, str]]:
-    """All territories in what rules remember, by name: team -> ids of its nodes, as text."""
+    """Return all territories in what rules remember, by name: team -> ids of its nodes, as text."""
     kept = game_data(ctx).get(TERRITORIES)
     if not isinstance(kept, dict):
         return {}
@@ -50,7 +50,7 @@ def territories_in(ctx: IContext) -> dict[str, dict[Any, str]]:
 
 
 def _first(items: Iterable[tuple[Any, Any]]) -> dict[Any, Any]:
-    """What is drawn of many: no game has so many, but a stranger's recording may."""
+    """Return the first few items: no game has so many, but a hostile recording may."""
     return dict(islice(items, _MOST))
 
 
@@ -119,7 +119,7 @@ def _pennant(ctx: IContext, x: float, y: float, color: AnyColor) -> None:
 
 
 def as_text(ids: IntArray) -> str:
-    """Ascending ids as text such as "0..41 57": it is short and immutable."""
+    """Return ascending ids as text such as "0..41 57": it is short and immutable."""
     cuts = np.flatnonzero(np.diff(ids) != 1)
     begins, ends = ids[np.r_[0, cuts + 1]].tolist(), ids[np.r_[cuts, len(ids) - 1]].tolist()
     runs = zip(begins, ends, strict=True)
@@ -127,7 +127,7 @@ def as_text(ids: IntArray) -> str:
 
 
 def in_text(text: str, ids: IntArray) -> "np.ndarray[Any, np.dtype[np.bool_]]":
-    """Which ids (ids,) are among those that `as_text` was given; a stranger's text may name any number of others.
+    """Return which ids (ids,) are among those in a text of `as_text`; a hostile text may name any number.
 
     Raises:
         ValueError, OverflowError: the text was not made so.
@@ -180,7 +180,7 @@ class _Ground(NamedTuple):
 
 
 def _places(columns: GraphColumns, owned: Mapping[Any, str]) -> dict[Any, _Ground]:
-    """The ground of each team, without nodes that are gone."""
+    """Return the ground of each team, without nodes that are gone."""
     streets, found = one_way_each(columns), {}
     for team, nodes in owned.items():
         is_own = in_text(nodes, columns.node_ids)
@@ -193,7 +193,7 @@ def _places(columns: GraphColumns, owned: Mapping[Any, str]) -> dict[Any, _Groun
 
 
 def team_colors_of(ctx: IContext, teams: Mapping[Any, Any], given: Mapping[Any, Any] | None) -> dict[Any, Any]:
-    """A colour for each team: the given one, or what its agents have where nothing is declared."""
+    """Return a colour for each team: the given one, or what its agents have where nothing is declared."""
     usual = group_colors(ctx, sorted(teams, key=str))
     return {team: (given or {}).get(team, usual[str(team)]) for team in sorted(teams, key=str)}
 

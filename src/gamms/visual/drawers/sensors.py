@@ -68,14 +68,14 @@ def _draw(ctx: IContext, data: dict[str, Any], view: SensorView) -> None:
 
 
 def _mark(ctx: IContext, centers: Points, radius: float, color: AnyColor) -> None:
-    """A ring, and a small dot for when the ring is too small: an agent there keeps its own colour."""
+    """Draw a ring, and a small dot for when the ring is too small: an agent there keeps its own colour."""
     visual = drawing_of(ctx)
     visual.render_circles(centers, radius, color, 2.0)
     visual.render_circles(centers, _NODE_PX, _see_through(color), in_pixels=True)
 
 
 def _see_through(color: AnyColor) -> Rgba:
-    """The colour with our transparency, unless it brings its own."""
+    """Return the colour with our transparency, unless it brings its own."""
     red, green, blue, alpha = rgba(color)
     return red, green, blue, min(alpha, _ALPHA)
 
@@ -116,7 +116,7 @@ def field_of_view(ctx: IContext, outline: Points, color: AnyColor) -> None:
 
 
 def cut(corners: FloatArray, low: FloatArray, high: FloatArray) -> FloatArray:
-    """The part (corners, 2) of a polygon that is inside a box, by the algorithm of Sutherland and Hodgman."""
+    """Return the part (corners, 2) of a polygon that is inside a box, by the algorithm of Sutherland and Hodgman."""
     if ((corners >= low) & (corners <= high)).all():  # as most are
         return corners
     for axis in (0, 1):
@@ -126,7 +126,7 @@ def cut(corners: FloatArray, low: FloatArray, high: FloatArray) -> FloatArray:
 
 
 def _cut_off(corners: FloatArray, axis: int, limit: float, side: float) -> FloatArray:
-    """The part of a polygon that is not beyond a limit; `side` is 1.0 where larger is beyond, else -1.0."""
+    """Return the part of a polygon that is not beyond a limit; `side` is 1.0 where larger is beyond, else -1.0."""
     beyond, following = side * (corners[:, axis] - limit), np.roll(corners, -1, axis=0)
     next_beyond = side * (following[:, axis] - limit)
     crosses = (beyond > 0.0) != (next_beyond > 0.0)
@@ -140,7 +140,7 @@ def _cut_off(corners: FloatArray, axis: int, limit: float, side: float) -> Float
 
 
 def _around_the_map(columns: GraphColumns) -> tuple[FloatArray, FloatArray] | None:
-    """Lower left and upper right corner of the box that fields are cut to; None for a map without extent."""
+    """Return the lower left and upper right corner of the box that fields of view are cut to; None for no extent."""
     xy = columns.xy
     if len(xy) == 0:
         return None
@@ -150,14 +150,14 @@ def _around_the_map(columns: GraphColumns) -> tuple[FloatArray, FloatArray] | No
 
 
 def _is_on_a_side(corners: FloatArray, low: FloatArray, high: FloatArray) -> "np.ndarray[Any, np.dtype[np.bool_]]":
-    """From which corners on the rim follows a side of the box: there the field goes on."""
+    """Return from which corners on the rim a side of the box follows: there the field goes on."""
     rim = np.stack([corners, np.roll(corners, -1, axis=0)])  # (2, corners, 2)  from corner to corner
     on_a_side: np.ndarray[Any, np.dtype[np.bool_]] = ((rim == low).all(axis=0) | (rim == high).all(axis=0)).any(axis=1)
     return on_a_side
 
 
 def _without(corners: FloatArray, is_left_out: "np.ndarray[Any, np.dtype[np.bool_]]") -> tuple[FloatArray, IntArray]:
-    """Points and offsets of what remains of a rim without some pieces, each named by the corner it begins at."""
+    """Return the points and offsets of a rim without some pieces, each named by the corner it begins at."""
     first = int(np.argmax(is_left_out)) + 1
     corners, is_left_out = np.roll(corners, -first, axis=0), np.roll(is_left_out, -first)
     counts = np.diff(np.flatnonzero(is_left_out) + 1, prepend=0)  # of corners from one gap to the next
@@ -165,6 +165,6 @@ def _without(corners: FloatArray, is_left_out: "np.ndarray[Any, np.dtype[np.bool
 
 
 def _faint(color: AnyColor, alpha: int) -> Rgba:
-    """The colour with our transparency, unless it brings more of its own."""
+    """Return the colour with our transparency, unless it brings more of its own."""
     red, green, blue, own = rgba(color)
     return red, green, blue, min(own, alpha)

@@ -18,7 +18,7 @@ _owners: list[object] = []
 
 
 def open_window(owner: object, width: int, height: int, title: str) -> Any:
-    """The surface of a window that can be resized.
+    """Open a window that can be resized, and return its surface.
 
     Raises:
         MissingExtra: the library is not installed.
@@ -56,7 +56,7 @@ def close_window(owner: object) -> None:
 
 
 def window_surface() -> Any:
-    """The surface of the window as large as it is now; None while there is no window."""
+    """Return the surface of the window as large as it is now; None while there is no window."""
     display = load().display
     return display.get_surface() if display.get_init() else None
 
@@ -114,7 +114,7 @@ class Pace:
         self._speed = min(max(self._speed + steps, 0), len(_SPEEDS) - 1)
 
     def pause(self) -> None:
-        """Stand still, or go on."""
+        """Pause, or go on."""
         self.is_paused, self.is_stepping = not self.is_paused, False
 
     def step(self) -> None:
@@ -132,7 +132,7 @@ class Pace:
         self.clock.tick()
 
     def share(self, turn_seconds: float) -> float:
-        """How much of a turn of so many seconds is shown, from 0.0 to 1.0."""
+        """Return how much of a turn of so many seconds is shown, from 0.0 to 1.0."""
         if not self.is_showing or turn_seconds <= 0.0:
             return 1.0
         return min(self.shown_seconds / turn_seconds, 1.0)
@@ -149,5 +149,5 @@ class Pace:
 
     @staticmethod
     def now() -> float:
-        """Seconds since some moment."""
+        """Return seconds since some moment."""
         return monotonic()

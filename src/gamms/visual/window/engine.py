@@ -67,7 +67,7 @@ class WindowEngine(WindowNames, PictureEngine):
         overlay: what is shown beside the artists.
         question: that a person is asked, if any.
         screen: the surface of the window.
-        glass: what a drawer has painted on with pygame itself, if any did in this frame.
+        drawer_surface: what a drawer has painted on with pygame itself, if any did in this frame.
 
     Raises:
         BadValue, BadType: an option that is impossible.
@@ -107,7 +107,7 @@ class WindowEngine(WindowNames, PictureEngine):
         self._declare_options(look)
         for sentence in misspelt(kwargs, _OPTIONS):
             ctx.logger.warning("vis_kwargs: %s", sentence)
-        self._scene, self.glass = Scene(ctx, self._world, tiles_turns=True), None
+        self._scene, self.drawer_surface = Scene(ctx, self._world, tiles_turns=True), None
         self._has_painters = self._will_quit = False
         self._is_fresh = True
         self._last_camera: Camera | None = None
@@ -250,19 +250,19 @@ class WindowEngine(WindowNames, PictureEngine):
         overlay.paint(canvas, self.hud, self.question)
 
     def _draw(self, group: ArtistGroup, share: float) -> DrawCommands:
-        self.glass = None
+        self.drawer_surface = None
         for artist in group.artists:
             if isinstance(getattr(artist, "data", None), dict) and "agent_data" in artist.data:
                 artist.data["_waiting_simulation"] = self.pace.is_showing
         commands = group.commands(share)
-        self._scene.note_overlay(group.artists, self.glass)
-        if self.glass is not None:
+        self._scene.note_overlay(group.artists, self.drawer_surface)
+        if self.drawer_surface is not None:
             kinds = {artist.get_artist_type() for artist in group.artists}
             self._has_painters = self._has_painters or ArtistType.STATIC in kinds
         return commands
 
     def _world(self) -> Any:
-        """What STATIC artists' drawings depend on; what they paint themselves depends on the camera, too."""
+        """Return what STATIC artists' drawings depend on; what they paint themselves depends on the camera, too."""
         graph = self.ctx.graph
         seen = self.camera.camera() if self._has_painters else None
         return getattr(graph.graph, "revision", None), getattr(graph, "obstacle_revision", None), seen
@@ -301,18 +301,18 @@ class WindowEngine(WindowNames, PictureEngine):
             self._see_graph(is_pointed=True)
 
     def get_viewport(self) -> tuple[float, float, float, float, float]:
-        """`(left, right, low end, high end, pixels per unit)` of what is seen."""
+        """Return `(left, right, low end, high end, pixels per unit)` of what is seen."""
         view = self.camera
         return view.bound_left, view.bound_right, view.bound_top, view.bound_bottom, view.scale
 
     def resized(self, width: int, height: int) -> None:
-        """The window has another size now."""
+        """Take the new size of the window."""
         self.screen = window_surface() or self.screen
         self.width, self.height = width, height
         self.camera.set_screen_size(width, height)
 
     def _fit(self) -> None:
-        """See the whole graph, as long as the camera was not moved."""
+        """Show the whole graph, as long as the camera was not moved."""
         if self.camera.is_pointed:
             return
         revision = getattr(self.ctx.graph.graph, "revision", None)
@@ -349,7 +349,7 @@ class WindowEngine(WindowNames, PictureEngine):
             MissingFile (FileNotFoundError): there is no such image.
         """
         path = kwargs.get("image_path")
-        if path is not None and not os.path.isfile(path):  # noqa: PTH113 - as elsewhere in the room
+        if path is not None and not os.path.isfile(path):  # noqa: PTH113 - as in other files of drawing
             raise MissingFile(f"the image of agent {name!r}", path)
         return self.artists.set_agent_visual(name, **kwargs)
 
@@ -387,7 +387,7 @@ class WindowEngine(WindowNames, PictureEngine):
 
 
 def _held(image: Any) -> str:
-    """The path of an image file, or a name for a loaded image."""
+    """Return the path of an image file, or a name for a loaded image."""
     return hold_image(image) if isinstance(image, load().Surface) else image_path(image)
 
 

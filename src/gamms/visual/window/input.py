@@ -91,7 +91,7 @@ class Flight:
         self.answer = _UP if step > 0 else _DOWN
 
     def type_digit(self, digit: int) -> None:
-        """0 stays."""
+        """Stay where the digit is 0."""
         if digit == 0:
             self.answer = (0, 0, 0)
 
@@ -100,7 +100,7 @@ Question = Walk | Flight
 
 
 def question(ctx: IContext, name: str, state: dict[str, Any]) -> Question:
-    """What to ask about an agent.
+    """Return what to ask about an agent.
 
     Raises:
         UnknownName (KeyError): there is no such agent, or it is on no node.

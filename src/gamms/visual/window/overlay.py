@@ -16,7 +16,7 @@ from gamms.typing.agent_engine import AgentType
 from gamms.visual.appearance import BY_NIGHT, PAPER, AgentData, Rgba, rgba
 from gamms.visual.artist import Artist, looks_of
 from gamms.visual.artists import Artists
-from gamms.visual.backends.pygame_backend import Canvas, load, on_glass, text_width
+from gamms.visual.backends.pygame_backend import Canvas, load, painted_transparent, text_width
 from gamms.visual.backends.raster import Painting
 from gamms.visual.camera import Camera, Point, WindowCamera, nearest_point
 from gamms.visual.constants import Layer
@@ -65,7 +65,7 @@ THEMES = {
 
 
 def theme_called(name: str) -> Theme:
-    """The theme of that name.
+    """Return the theme of that name.
 
     Raises:
         BadValue: there is none.
@@ -122,13 +122,13 @@ class Hud:
         self._panel(canvas, prompt, canvas.width / 2, low - _ABOVE_NOTE_PX, align=(0.5, 1.0))
 
     def _foot(self, canvas: Canvas, words: str, *, is_right: bool = False) -> None:
-        """Small print in a lower corner."""
+        """Write small print in a lower corner."""
         x, y, edge = canvas.width - EDGE_PX if is_right else EDGE_PX, canvas.height - 20, self.theme.background[:3]
         if words:
             canvas.text(words, x, y, _SMALL_PX, self.theme.faint, align_right=is_right, edge=edge)
 
     def paint_facts(self, canvas: Canvas, facts: list[str], at: Point, beside_px: float) -> None:
-        """Paint facts right of a point, or left of it where there is no room or the legend is."""
+        """Paint facts right of a point, or left of it where it does not fit or the legend is."""
         x, y = at
         lines = _wrapped(tuple(map(_short, facts)), canvas.width)
         width, height = _size(lines)
@@ -153,7 +153,7 @@ class Hud:
         return left + width, top + height
 
     def tag(self, canvas: Canvas, words: str, x: float, y: float, *, is_loud: bool = False) -> None:
-        """A short label right of and above a point, or around it where it is loud."""
+        """Write a short label right of and above a point, or around it where it is loud."""
         if not is_loud:
             canvas.text(words, x, y, _SMALL_PX, self.theme.ink, edge=self.theme.background[:3])
             return
@@ -164,7 +164,7 @@ class Hud:
 
 
 def score_line(scores: Mapping[Any, float]) -> str:
-    """Scores by name, on one line."""
+    """Return scores by name, on one line."""
     return " · ".join(f"{name} {value:g}" for name, value in scores.items())
 
 
@@ -174,13 +174,13 @@ def _short(line: str) -> str:
 
 @lru_cache(maxsize=256)
 def _wrapped(lines: tuple[str, ...], width_px: int) -> tuple[str, ...]:
-    """The lines of a panel as narrow as the window."""
-    room, narrow = width_px - 2 * (EDGE_PX + _PAD_PX), list[str]()
+    """Return the lines of a panel as narrow as the window."""
+    most_px, narrow = width_px - 2 * (EDGE_PX + _PAD_PX), list[str]()
     for line in lines:
         narrow.append("")
         for word in line.split(" "):
             longer = f"{narrow[-1]} {word}" if narrow[-1] else word
-            if narrow[-1] and text_width(longer, _FONT_PX) > room:
+            if narrow[-1] and text_width(longer, _FONT_PX) > most_px:
                 narrow.append(word)
             else:
                 narrow[-1] = longer
@@ -200,7 +200,7 @@ class WindowLegend:
         self._theme = theme
         self._explained: tuple[tuple[Block, ...], int, int] = ((), 1, 1)
         self._legend = Legend(*self._explained)
-        self._glass: Any = None
+        self._panel_surface: Any = None
 
     @property
     def blocks(self) -> tuple[Block, ...]:
@@ -209,7 +209,7 @@ class WindowLegend:
 
     @property
     def width(self) -> int:
-        """Pixels from the right edge of the window; 0 where there is no legend, or no room for it."""
+        """Pixels from the right edge of the window; 0 where there is no legend, or it does not fit."""
         return round(self._legend.aside)
 
     @property
@@ -220,16 +220,16 @@ class WindowLegend:
     def explain(self, blocks: tuple[Block, ...], width: int, height: int) -> None:
         """Say this from now on, in a window of so many pixels."""
         if (blocks, width, height) != self._explained:
-            self._explained, self._glass = (blocks, width, height), None
+            self._explained, self._panel_surface = (blocks, width, height), None
             self._legend = Legend(blocks, width, height - _FOOT_PX)
 
     def paint(self, canvas: Canvas, top: int) -> None:
-        """Paint it from `top` downwards, if there is room for it above the foot of the window."""
+        """Paint it from `top` downwards, if it fits above the foot of the window."""
         if self.width and top + self.height <= canvas.height - _FOOT_PX:
-            if self._glass is None:
-                self._glass = on_glass(self._painted)
+            if self._panel_surface is None:
+                self._panel_surface = painted_transparent(self._painted)
             place = canvas.width - self.width, top
-            canvas.surface.blit(self._glass, place, special_flags=load().BLEND_PREMULTIPLIED)
+            canvas.surface.blit(self._panel_surface, place, special_flags=load().BLEND_PREMULTIPLIED)
 
     def _painted(self, behind: Rgba) -> Any:
         canvas, theme = Canvas(self.width, self.height), self._theme
@@ -243,7 +243,7 @@ class WindowLegend:
 
 @lru_cache(maxsize=64)
 def plain_panel(width: int, height: int, color: Rgba, border: Rgba | None = None, radius: int = 8) -> Any:
-    """An empty panel with round corners, as a surface."""
+    """Return an empty panel with round corners, as a surface."""
     pygame = load()
     surface = pygame.Surface((width, height), pygame.SRCALPHA, 32)
     if border is not None:
@@ -317,12 +317,12 @@ class Overlay(Guarded):
         self._hinted = None, {}
 
     def at(self, share: float) -> dict[str, IArtist]:
-        """The artists of a frame, after a share of the agents' last moves."""
+        """Return the artists of a frame, after a share of the agents' last moves."""
         self._share = share
         return self.shown | self.hints()
 
     def hints(self) -> dict[str, IArtist]:
-        """Artists of what the agent under the pointer sees, as far as it is not shown already."""
+        """Return artists of what the agent under the pointer sees, as far as it is not shown already."""
         name = self._pointed_name()
         if name != self._hinted[0]:
             self._hinted = name, {} if name is None else self._hints_of(name)
@@ -350,9 +350,9 @@ class Overlay(Guarded):
         self._pinned = None
 
     def pointed_at(self) -> tuple[list[str], tuple[float, float], float] | None:
-        """What is known about the agent under the pointer, else about the one that was clicked.
+        """Return what is known about the agent under the pointer, else about the one that was clicked.
 
-        Also where it is on the screen, and how many pixels beside it there is room for words.
+        Also where it is on the screen, and how many pixels beside it words begin.
         """
         name = self._pointed_name()
         if name is None:
@@ -387,7 +387,7 @@ class Overlay(Guarded):
     # -- words -----------------------------------------------------------------------------------------------
 
     def turn_lines(self, ctx: IContext) -> list[str]:
-        """What `hud` says unless it is replaced: turn, scores, frames per second."""
+        """Return what `hud` says unless it is replaced: turn, scores, frames per second."""
         game = ctx.current_game
         turn = self.turns if game is None or not game.turn else game.turn
         speed = "" if self._pace.speed == 1.0 else f" · {self._pace.speed:g}x"
@@ -397,7 +397,7 @@ class Overlay(Guarded):
         return [*lines, *self._left(), self._frames_per_second()]
 
     def _left(self) -> list[str]:
-        """How many of each team are left, once an agent is out."""
+        """Return how many of each team are left, once an agent is out."""
         positions = self._ctx.agent.positions
         teams, living = positions.teams, positions.living.tolist()
         if len(living) == len(teams):
@@ -415,7 +415,7 @@ class Overlay(Guarded):
         return self._fps[1]
 
     def lines(self, write: HudLines | None) -> list[str]:
-        """What a function of the context writes; one that fails is logged once."""
+        """Return what a function of the context writes; one that fails is logged once."""
         if write is None:
             return []
         try:
@@ -481,14 +481,14 @@ class Overlay(Guarded):
 
 
 def _cells(left: float, top: float, width: float) -> list[tuple[int, int]]:
-    """The cells of a coarse grid that a line of text touches."""
+    """Return the cells of a coarse grid that a line of text touches."""
     columns = range(int(left // _CELL_PX), int((left + width) // _CELL_PX) + 1)
     rows = range(int(top // _CELL_PX), int((top + _NAME_PX) // _CELL_PX) + 1)
     return [(column, row) for column in columns for row in rows]
 
 
 def facts_about(ctx: IContext, name: str) -> list[str]:
-    """An agent in a few lines: name, team, where it is, and what its sensors last sensed."""
+    """Return an agent in a few lines: name, team, where it is, and what its sensors last sensed."""
     agent: Any = ctx.agent.get_agent(name)
     team = getattr(agent, "team", None)
     lines = [name if team is None else f"{name} · team {team}"]
@@ -499,14 +499,14 @@ def facts_about(ctx: IContext, name: str) -> list[str]:
         lines.append(f"at node {agent.current_node_id}, from {agent.prev_node_id}")
     if not getattr(agent, "alive", True):
         lines.append("out of the game")
-    told = agent.state.get("sensor") if isinstance(agent.state, dict) else None
-    for sensor, (kind, data) in (told or {}).items():
+    sensed = agent.state.get("sensor") if isinstance(agent.state, dict) else None
+    for sensor, (kind, data) in (sensed or {}).items():
         lines.append(f"{sensor} ({getattr(kind, 'name', kind)}): {_summary(data)}")
     return lines
 
 
 def _summary(data: object) -> str:
-    """What a sensor sensed, in a few words."""
+    """Return what a sensor sensed, in a few words."""
     if isinstance(data, dict):
         counts = [f"{len(part)} {name}" for name, part in data.items() if isinstance(part, dict | list | tuple | set)]
         if counts and len(counts) == len(data):
