@@ -254,7 +254,7 @@ class Context(Guarded, IContext):
             memo[id(self._recorder)] = None
         ahead.graph_engine.share_with(self.graph, memo)
         ahead.sensor_engine.storage.copy_from(self.sensor.storage, memo)
-        ahead.agent_engine.copy_from(self.agent, memo)
+        ahead.agent_engine.storage.copy_from(self.agent.storage, memo)
         ahead.set_alive()
         return ahead, memo
 

@@ -70,6 +70,7 @@ class AgentEngine(Guarded, IAgentEngine):
         self._ctx = ctx
         self._agents: dict[str, Member] = {}
         self._new_block()
+        self._storage = AgentStorage(self)
         self._deleted: WeakSet[Member] = WeakSet()  # those that a program still holds; each has a block of its own
 
     @property
@@ -86,6 +87,12 @@ class AgentEngine(Guarded, IAgentEngine):
         if self._block.removed:
             self._close_up()
         return self._block
+
+    @property
+    def storage(self) -> "AgentStorage":
+        """What other engines do with all agents at once; not for strategies."""
+        self._phase.refuse("use ctx.agent.storage")
+        return self._storage
 
     @property
     def positions(self) -> Positions:
@@ -211,69 +218,6 @@ class AgentEngine(Guarded, IAgentEngine):
         return dict(sorted(teams.items(), key=lambda item: str(item[0])))
 
     @refused_while_deciding
-    def snapshot(self) -> AgentsSnapshot:
-        """Return all agents as they are now, for `restore`."""
-        block = self.block
-        block.locate()
-        agents = [
-            (agent, _copied(agent.__dict__), agent.strategy, agent._sensor_list.copy(), agent._last[0])
-            for agent in self._agents.values()
-        ]
-        rows = {id(agent): row for row, (agent, *_) in enumerate(agents)}
-        deleted = [(agent, agent._block) for agent in self._deleted if agent._block is not block]
-        return AgentsSnapshot(block.values(), (block, block.structure_version), agents, deleted, rows)
-
-    @refused_while_deciding
-    def restore(self, before: AgentsSnapshot) -> None:
-        """Restore all agents: those that came since are deleted, those that went are back."""
-        block = self.block
-        has_structure = before.structure == (block, block.structure_version)
-        if not has_structure:
-            self._restore_agents(before)
-        self._block.restore(before.columns, has_structure=has_structure)
-        for agent, attributes, strategy, sensors, last in before.agents:
-            if attributes or agent.__dict__:
-                agent.__dict__.clear()
-                agent.__dict__.update(_copied(attributes))
-            if agent.strategy is not strategy:
-                agent.strategy = strategy
-            agent._last[0] = last
-            if agent._sensor_list != sensors:
-                for name in [name for name in agent._sensor_list if name not in sensors]:
-                    agent.deregister_sensor(name)
-                for name, sensor in sensors.items():
-                    agent.register_sensor(name, sensor)
-
-    @refused_while_deciding
-    def copy_from(self, other: "AgentEngine", memo: dict[int, Any]) -> None:
-        """Take copies of the agents of another context into this one, which has none yet.
-
-        Args:
-            other: the engine of that context.
-            memo: has what takes the place of their sensors, and gets the copies; see `copy.deepcopy`.
-        """
-        source, block = other.block, self._block
-        source.locate()
-        block.graph = None if source.graph is None else self._ctx.graph.graph
-        memo[id(other)], memo[id(source)] = self, block
-        for agent in other._agents.values():
-            block.take_over(source, agent._row)
-            shared: dict[int, Any] = {
-                id(agent.__dict__): _copied(agent.__dict__),
-                id(agent._last): [dict(agent._last[0])],
-                id(agent._carried): (),
-                id(agent.strategy): agent.strategy,
-            }
-            memo |= shared
-            twin = self._agents[agent.name] = deepcopy(agent, memo)
-            for key in shared:
-                del memo[key]
-            twin._shared = frozenset(
-                [id(twin._sensor_list[name]) for name, one in agent._sensor_list.items() if id(one) in agent._shared]
-            )
-            twin._carry()
-
-    @refused_while_deciding
     def terminate(self) -> None:
         """Close the engine: agents stay readable and do nothing."""
         with suppress(GammsError):  # a graph of the user's own may have ended
@@ -284,22 +228,6 @@ class AgentEngine(Guarded, IAgentEngine):
     def _new_block(self) -> None:
         self._block = AgentBlock()
         self._positions = Positions(self._block)
-
-    def _restore_agents(self, before: AgentsSnapshot) -> None:
-        """Restore which agents there are, in the same order."""
-        there = {id(agent) for agent, *_ in before.agents}
-        for agent in [agent for agent in self._agents.values() if id(agent) not in there]:
-            self.delete_agent(agent.name)
-        block = self.block
-        if [agent for agent, *_ in before.agents] != list(self._agents.values()):
-            self._new_block()
-            self._block.succeed(block)
-            self._agents = {}
-            for agent, *_ in before.agents:
-                agent._live_in(self._block)
-                self._agents[agent.name] = agent
-        for agent, own in before.deleted:  # they are again as they were when they were deleted
-            agent._block, agent._row = own, 0
 
     def _add(
         self, agent: Agent | AerialAgent, name: str, kwargs: dict[str, Any], sensors: dict[str, ISensor], strategy: Any
@@ -396,6 +324,96 @@ class AgentEngine(Guarded, IAgentEngine):
             hint = nearest(given.upper() if isinstance(given, str) else given, AgentType.__members__)
             self._ctx.logger.warning(f"Agent {shown(name)}: unknown type {shown(given)}, so it is BASIC.{hint}")
         return AgentType.AERIAL if AgentType.AERIAL in (kind, _as_type(kwargs.get("agent_type"))) else AgentType.BASIC
+
+
+class AgentStorage(Guarded):
+    """The agents of a context as other engines need them: restored and copied."""
+
+    _called = "ctx.agent.storage"
+
+    def __init__(self, engine: AgentEngine) -> None:
+        self._engine, self._phase = engine, engine._phase
+
+    @refused_while_deciding
+    def snapshot(self) -> AgentsSnapshot:
+        """Return all agents as they are now, for `restore`."""
+        engine, block = self._engine, self._engine.block
+        block.locate()
+        agents = [
+            (agent, _copied(agent.__dict__), agent.strategy, agent._sensor_list.copy(), agent._last[0])
+            for agent in engine._agents.values()
+        ]
+        rows = {id(agent): row for row, (agent, *_) in enumerate(agents)}
+        deleted = [(agent, agent._block) for agent in engine._deleted if agent._block is not block]
+        return AgentsSnapshot(block.values(), (block, block.structure_version), agents, deleted, rows)
+
+    @refused_while_deciding
+    def restore(self, before: AgentsSnapshot) -> None:
+        """Restore all agents: those that came since are deleted, those that went are back."""
+        block = self._engine.block
+        has_structure = before.structure == (block, block.structure_version)
+        if not has_structure:
+            self._restore_agents(before)
+        self._engine.block.restore(before.columns, has_structure=has_structure)
+        for agent, attributes, strategy, sensors, last in before.agents:
+            if attributes or agent.__dict__:
+                agent.__dict__.clear()
+                agent.__dict__.update(_copied(attributes))
+            if agent.strategy is not strategy:
+                agent.strategy = strategy
+            agent._last[0] = last
+            if agent._sensor_list != sensors:
+                for name in [name for name in agent._sensor_list if name not in sensors]:
+                    agent.deregister_sensor(name)
+                for name, sensor in sensors.items():
+                    agent.register_sensor(name, sensor)
+
+    @refused_while_deciding
+    def copy_from(self, other: "AgentStorage", memo: dict[int, Any]) -> None:
+        """Take copies of the agents of another context into this one, which has none yet.
+
+        Args:
+            other: that of the other context.
+            memo: has what takes the place of their sensors, and gets the copies; see `copy.deepcopy`.
+        """
+        engine, source = self._engine, other._engine.block
+        block = engine.block
+        source.locate()
+        block.graph = None if source.graph is None else engine._ctx.graph.graph
+        memo[id(other)], memo[id(other._engine)], memo[id(source)] = self, engine, block
+        for agent in other._engine._agents.values():
+            block.take_over(source, agent._row)
+            shared: dict[int, Any] = {
+                id(agent.__dict__): _copied(agent.__dict__),
+                id(agent._last): [dict(agent._last[0])],
+                id(agent._carried): (),
+                id(agent.strategy): agent.strategy,
+            }
+            memo |= shared
+            twin = engine._agents[agent.name] = deepcopy(agent, memo)
+            for key in shared:
+                del memo[key]
+            twin._shared = frozenset(
+                [id(twin._sensor_list[name]) for name, one in agent._sensor_list.items() if id(one) in agent._shared]
+            )
+            twin._carry()
+
+    def _restore_agents(self, before: AgentsSnapshot) -> None:
+        """Restore which agents there are, in the same order."""
+        engine = self._engine
+        there = {id(agent) for agent, *_ in before.agents}
+        for agent in [agent for agent in engine._agents.values() if id(agent) not in there]:
+            engine.delete_agent(agent.name)
+        block = engine.block
+        if [agent for agent, *_ in before.agents] != list(engine._agents.values()):
+            engine._new_block()
+            engine._block.succeed(block)
+            engine._agents = {}
+            for agent, *_ in before.agents:
+                agent._live_in(engine._block)
+                engine._agents[agent.name] = agent
+        for agent, own in before.deleted:  # they are again as they were when they were deleted
+            agent._block, agent._row = own, 0
 
 
 _CLASSES: dict[AgentType, type[Agent] | type[AerialAgent]] = {

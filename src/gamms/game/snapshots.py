@@ -73,7 +73,7 @@ class SnapshotTaker(NamedTuple):
         ctx, state = self.ctx, self.state
         parts = {
             "turns": self.turns.snapshot(),  # first: it brings the counts up to date
-            "agents": ctx.agent.snapshot(),
+            "agents": ctx.agent.storage.snapshot(),
             "world": ctx.graph.storage.snapshot(),
             "sensors": ctx.sensor.storage.snapshot(),
             "settings": self.settings.settings(),
@@ -95,7 +95,7 @@ class SnapshotTaker(NamedTuple):
         """Restore everything but the random streams; with `forget`, sensors forget what they have sensed."""
         ctx, state, parts = self.ctx, self.state, snapshot._parts
         ctx.graph.storage.restore(parts["world"])
-        ctx.agent.restore(parts["agents"])
+        ctx.agent.storage.restore(parts["agents"])
         ctx.sensor.storage.restore(parts["sensors"], forget=forget)
         if self.settings.settings() != parts["settings"]:
             self.settings.configure(parts["settings"])
