@@ -51,7 +51,7 @@ def test_a_plain_value_stays_equal_and_is_of_built_in_types(value):
         ),
         (1j, " is of type complex"),
     ],
-    ids=str,
+    ids=["object", "function", "key", "array of texts", "depth", "complex"],
 )
 def test_what_is_not_plain_is_named_with_its_place(value, why):
     assert why_not_plain(value) == why
