@@ -14,7 +14,7 @@ from gamms.errors import BadFile
 from gamms.ir import packing
 from gamms.recorder import RecordingError
 from gamms.recorder.formats import blocks
-from gamms.recorder.formats.plain_cbor import Damaged, PlainReader
+from gamms.recorder.formats.cbor_reader import BadCbor, CborReader
 
 LIMIT = 200 << 20  # bytes of memory
 
@@ -195,8 +195,8 @@ def test_keys_that_were_made_to_have_one_hash_are_refused():
     assert packing.from_bytes(as_keys(pairs[:9])) == dict.fromkeys(pairs[:9], 1)
     with pytest.raises(BadFile, match="made to have one hash"):
         packing.from_bytes(as_keys(pairs))
-    with pytest.raises(Damaged, match="made to have one hash"):
-        PlainReader(as_keys_of_version_2(pairs)).item()
+    with pytest.raises(BadCbor, match="made to have one hash"):
+        CborReader(as_keys_of_version_2(pairs)).item()
 
 
 @pytest.mark.parametrize("count", [500, 5_000])

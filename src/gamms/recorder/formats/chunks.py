@@ -9,8 +9,10 @@ A block holds the values of events, one behind the other, and columns (`ir/packi
 """
 
 from array import array
-from collections.abc import Collection, Iterator, Sequence
-from dataclasses import dataclass, field
+from collections.abc import Collection, Iterator, Mapping, Sequence
+from dataclasses import dataclass
+from itertools import chain
+from types import MappingProxyType
 from typing import Any, NamedTuple
 
 import numpy as np
@@ -30,38 +32,46 @@ Log = list[Any]
 BYTES_PER_MOVE, _BYTES_PER_EVENT, _BYTES_PER_NUMBER = 4, 8, 4  # estimates that cost nothing
 
 
-@dataclass(slots=True)
-class Turn:
-    """The log of one turn, checked and taken apart."""
+class Part(NamedTuple):
+    """The logs of one turn or of several, checked and taken apart."""
 
     moves: "array[int]"  # row, node, row, node, …
-    after: Sequence[int] = ()  # moves of the turn before each event
+    turns: Sequence[int]  # moves of each turn
+    after: Sequence[int] = ()  # moves before each event, of which a part of several turns has none
     kinds: Sequence[int] = ()
-    data: Sequence[bytes] = ()  # of the events but those whose data are but numbers
-    rows: dict[int, Rows] = field(default_factory=dict)  # these, by their kind
+    data: Sequence[bytes] = ()  # of the events but those whose data are only numbers
+    rows: Mapping[int, Rows] = MappingProxyType({})  # these, by their kind
+
+    @property
+    def size(self) -> int:
+        """An estimate of the bytes that it takes."""
+        values = sum(map(len, self.data)) + _BYTES_PER_EVENT * len(self.data)
+        numbers = sum(len(some.ints) + len(some.floats) for some in self.rows.values())
+        return BYTES_PER_MOVE * (len(self.moves) >> 1) + values + _BYTES_PER_NUMBER * numbers
 
 
-def turn_of(log: Sequence[Any]) -> Turn:
-    """A log taken apart.
+def part_of(log: Sequence[Any]) -> Part:
+    """Return the log of a turn, taken apart.
 
     Raises:
         BadType, BadValue: it is none, or has an event that is not plain.
     """
     log = log if isinstance(log, list) else list(log)
     try:
-        turn = Turn(array("q", log))
+        moves = array("q", log)
+        part = Part(moves, (len(moves) >> 1,))
     except (TypeError, OverflowError):
-        turn = _mixed(log)
-    _check_pairs(len(turn.moves))
-    if len(turn.moves) > 2 * blocks.MOST_MOVES or len(turn.kinds) > blocks.MOST_EVENTS:
+        part = _mixed(log)
+    _check_pairs(len(part.moves))
+    if len(part.moves) > 2 * blocks.MOST_MOVES or len(part.kinds) > blocks.MOST_EVENTS:
         raise BadValue(
-            f"A turn of {len(turn.moves) // 2} moves and {len(turn.kinds)} events cannot be recorded; at most "
+            f"A turn of {part.turns[0]} moves and {len(part.kinds)} events cannot be recorded; at most "
             f"{blocks.MOST_MOVES} moves and {blocks.MOST_EVENTS} events can."
         )
-    return turn
+    return part
 
 
-def _mixed(log: Log) -> Turn:
+def _mixed(log: Log) -> Part:
     types, begin = list(map(type, log)), 0
     moves, after, kinds, data = array("q"), [], [], []
     rows: dict[int, list[Any]] = {kind: [] for kind in FORMS}
@@ -78,7 +88,8 @@ def _mixed(log: Log) -> Turn:
             data.append(packing.to_bytes(one, f"An event of kind {kind}"))
         begin = end + 1
     moves.extend(_moves(log[begin:]))
-    return Turn(moves, after, kinds, data, {kind: Rows.of(kind, each) for kind, each in rows.items() if each})
+    found = {kind: Rows.of(kind, each) for kind, each in rows.items() if each}
+    return Part(moves, (len(moves) >> 1,), after, kinds, data, found)
 
 
 def _moves(numbers: Log) -> "array[int]":
@@ -107,119 +118,91 @@ def _check_pairs(size: int) -> None:
 # -- collecting and writing -------------------------------------------------------------------------------------
 
 
-class Mark(NamedTuple):
-    """How much there was of the turns that wait for their block."""
-
-    turns: int = 0
-    moves: int = 0  # times two
-    events: int = 0
-    values: int = 0
-    rows: dict[int, tuple[int, int]] = {}  # noqa: RUF012 - never changed
-    size: int = 0
-
-
 class Collected:
     """The turns that wait for their block.
 
     Args:
         first: turns before it.
+        parts: the first turns.
+
+    Attributes:
+        turns: how many there are; likewise `moves`, `events`, and `values`, the events that have one.
+        size: in bytes, an estimate.
     """
 
-    def __init__(self, first: int) -> None:
+    def __init__(self, first: int, parts: Sequence[Part] = ()) -> None:
         self.first = first
-        self.size = 0  # in bytes, an estimate
-        self._moves = array("q")
-        self._turns: tuple[list[int], list[int]] = [], []  # moves, events of each turn
-        self._after = array("q")
-        self._kinds = array("q")
-        self._data: list[bytes] = []
-        self._rows: dict[int, Rows] = {}
-
-    def __len__(self) -> int:
-        return len(self._turns[0])
-
-    @property
-    def values(self) -> int:
-        """How many events have a value."""
-        return len(self._data)
+        self._keep(parts)
 
     @property
     def counts(self) -> blocks.Counts:
         """What the head of the block says."""
-        return blocks.Counts(self.first, len(self), len(self._moves) // 2, len(self._kinds))
+        return blocks.Counts(self.first, self.turns, self.moves, self.events)
 
     def fits(self, moves: int, events: int = 0) -> bool:
         """Return whether so many moves and events can still join."""
-        counts = self.counts
-        return counts.moves + moves <= blocks.MOST_MOVES and counts.events + events <= blocks.MOST_EVENTS
+        return self.moves + moves <= blocks.MOST_MOVES and self.events + events <= blocks.MOST_EVENTS
 
-    def add(self, turn: Turn) -> None:
-        """Let a turn join."""
-        moves, before = len(turn.moves) // 2, len(self._moves) // 2
-        self._moves.extend(turn.moves)
-        self._turns[0].append(moves)
-        self._turns[1].append(len(turn.kinds))
-        self.size += BYTES_PER_MOVE * moves
-        if turn.kinds:
-            self._after.extend([before + after for after in turn.after])
-            self._kinds.extend(turn.kinds)
-            self._data.extend(turn.data)
-            self.size += _BYTES_PER_EVENT * len(turn.data) + sum(map(len, turn.data))
-        for kind, rows in turn.rows.items():
-            self._rows.setdefault(kind, Rows()).extend(rows)
-            self.size += _BYTES_PER_NUMBER * rows.numbers
+    def add(self, part: Part) -> None:
+        """Add turns."""
+        self._parts.append(part)
+        self.turns += len(part.turns)
+        self.moves += len(part.moves) >> 1
+        self.events += len(part.kinds)
+        self.values += len(part.data)
+        self.size += part.size
 
-    def add_moves(self, moves: "array[int]", counts: list[int]) -> None:
-        """Let turns of so many moves each and nothing else join."""
-        self._moves.extend(moves)
-        self._turns[0].extend(counts)
-        self._turns[1].extend(bytes(len(counts)))
-        self.size += BYTES_PER_MOVE * sum(counts)
+    def mark(self) -> int:
+        """Return how many parts there are, for `cut` and `since`."""
+        return len(self._parts)
 
-    def mark(self) -> Mark:
-        """How much there is."""
-        rows = {kind: (len(rows.ints), len(rows.floats)) for kind, rows in self._rows.items()}
-        return Mark(len(self), len(self._moves), len(self._kinds), len(self._data), rows, self.size)
+    def cut(self, mark: int) -> None:
+        """Forget what is behind a mark, even if adding it was interrupted."""
+        self._keep(self._parts[:mark])
 
-    def cut(self, mark: Mark) -> None:
-        """Forget what is behind a mark, be it half a turn."""
-        # Copies: what was interrupted may still look at these.
-        self._turns = self._turns[0][: mark.turns], self._turns[1][: mark.turns]
-        self._moves, self._after = self._moves[: mark.moves], self._after[: mark.events]
-        self._kinds, self._data = self._kinds[: mark.events], self._data[: mark.values]
-        self._rows = {kind: self._rows[kind].until(*sizes) for kind, sizes in mark.rows.items()}
-        self.size = mark.size
-
-    def since(self, mark: Mark) -> "Collected":
+    def since(self, mark: int) -> "Collected":
         """Return the turns behind a mark, for a block of their own."""
-        part = Collected(self.first + mark.turns)
-        part._moves = self._moves[mark.moves :]
-        part._turns = self._turns[0][mark.turns :], self._turns[1][mark.turns :]
-        part._after = array("q", [after - mark.moves // 2 for after in self._after[mark.events :]])
-        part._kinds, part._data = self._kinds[mark.events :], self._data[mark.values :]
-        rows = {kind: rows.since(*mark.rows.get(kind, (0, 0))) for kind, rows in self._rows.items()}
-        part._rows = {kind: some for kind, some in rows.items() if some.numbers}
-        return part
+        before = sum(len(part.turns) for part in self._parts[:mark])
+        return Collected(self.first + before, self._parts[mark:])
+
+    def _keep(self, parts: Sequence[Part]) -> None:
+        self._parts: list[Part] = []
+        self.turns = self.moves = self.events = self.values = self.size = 0
+        for part in parts:
+            self.add(part)
 
     def body(self) -> bytes:
         """Return the body of the block."""
-        moves = np.frombuffer(self._moves, np.int64).reshape(-1, 2)
+        parts = self._parts
+        moves = np.frombuffer(b"".join([part.moves for part in parts]), np.int64).reshape(-1, 2)
         rows = np.ascontiguousarray(moves[:, 0])
-        parts = [column(np.array(sizes, np.int64)) for sizes in self._turns]
-        parts += [column(steps(rows)), *layout_of(rows.tobytes()).columns(moves[:, 1])]
-        parts += map(column, self._columns_of_events())
-        for kind, some in sorted(self._rows.items()):
-            parts += some.columns(kind)
-        return packing.pack_parts(self._data, b"".join(parts), blocks.cost_of(*self.counts[1:]))
+        columns = [column(np.array(list(chain.from_iterable(part.turns for part in parts)), np.int64))]
+        columns += [column(one) for one in self._columns_of_events()]
+        columns[2:2] = [column(steps(rows)), *layout_of(rows.tobytes()).columns(moves[:, 1])]
+        for kind in sorted(FORMS):
+            if some := [part.rows[kind] for part in parts if kind in part.rows]:
+                columns += Rows.joined(some).columns(kind)
+        data = [one for part in parts for one in part.data]
+        return packing.pack_parts(data, b"".join(columns), blocks.cost_of(*self.counts[1:]))
 
-    def _columns_of_events(self) -> list[IntArray]:
-        """How many moves come before each event, its kind, and the size of its data."""
-        after, kinds = (np.frombuffer(column, np.int64) for column in (self._after, self._kinds))
-        if not len(kinds):
-            return [kinds] * 3
-        sizes = np.zeros(len(kinds), np.int64)
-        sizes[~np.isin(kinds, list(FORMS)) if self._rows else slice(None)] = [len(one) for one in self._data]
-        return [steps(after), kinds, sizes]
+    def _columns_of_events(self) -> Iterator[IntArray]:
+        """Yield the events of each turn; of each event how many moves come before it, its kind, and its size."""
+        if not self.events:
+            yield np.zeros(self.turns, np.int64)
+            yield from [np.zeros(0, np.int64)] * 3
+            return
+        of_turns, after, kinds, sizes = numbers = [list[int]() for _ in range(4)]
+        moves = 0
+        for part in self._parts:
+            of_turns += [len(part.kinds)] if part.kinds else [0] * len(part.turns)
+            after += [moves + one for one in part.after]
+            kinds += part.kinds
+            data = map(len, part.data)
+            sizes += [0 if kind in FORMS else next(data) for kind in part.kinds]
+            moves += len(part.moves) >> 1
+        for one in numbers:
+            array = np.array(one, np.int64)
+            yield steps(array) if one is after else array
 
 
 # -- reading ----------------------------------------------------------------------------------------------------

@@ -6,8 +6,8 @@ it. Moves are such tracks, and so are events whose data are only numbers: an age
 """
 
 from array import array
-from collections.abc import Iterator
-from dataclasses import dataclass, field
+from collections.abc import Iterator, Sequence
+from dataclasses import dataclass
 from functools import lru_cache
 from itertools import chain
 from typing import Any, NamedTuple
@@ -101,17 +101,11 @@ def _by_number(numbers: IntArray) -> IntArray:
 # -- events -----------------------------------------------------------------------------------------------------
 
 
-@dataclass(slots=True)
-class Rows:
-    """The events of one kind that wait for their block."""
+class Rows(NamedTuple):
+    """Events of one kind that wait for their block."""
 
-    ints: "array[int]" = field(default_factory=lambda: array("q"))  # number of the agent, and perhaps a node, of each
-    floats: "array[float]" = field(default_factory=lambda: array("d"))
-
-    @property
-    def numbers(self) -> int:
-        """How many numbers there are."""
-        return len(self.ints) + len(self.floats)
+    ints: "array[int]"  # number of the agent, and perhaps a node, of each
+    floats: "array[float]"
 
     @classmethod
     def of(cls, kind: int, events: list[Any]) -> "Rows":
@@ -137,18 +131,11 @@ class Rows:
         except OverflowError:
             raise BadValue(f"An event of kind {kind:#010x} has a number of more than 64 bits.") from None
 
-    def extend(self, other: "Rows") -> None:
-        """Add the events of a turn."""
-        self.ints.extend(other.ints)
-        self.floats.extend(other.floats)
-
-    def since(self, ints: int, floats: int) -> "Rows":
-        """Return those behind so many numbers."""
-        return Rows(self.ints[ints:], self.floats[floats:])
-
-    def until(self, ints: int, floats: int) -> "Rows":
-        """Return those in front of so many numbers."""
-        return Rows(self.ints[:ints], self.floats[:floats])
+    @classmethod
+    def joined(cls, parts: Sequence["Rows"]) -> "Rows":
+        """Return the events of several turns."""
+        ints, floats = (b"".join(numbers) for numbers in zip(*parts, strict=True))
+        return cls(array("q", ints), array("d", floats))
 
     def columns(self, kind: int) -> Iterator[bytes]:
         """Yield the columns that stand in the block: of floats, their bits as integers."""

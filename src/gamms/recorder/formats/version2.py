@@ -4,7 +4,7 @@ Layout: 4 bytes `MMGR`; the version, a big-endian uint32; then one CBOR map per 
 keys `timestamp` (int, nanoseconds), `opCode` (int) and, but for the last record of all, `data` (a map). There is no
 index and no checksum. The last record says TERMINATE; what may follow it is not read.
 
-The only file of this format that knows cbor2, and only to write: reading is up to `plain_cbor.py`, which opens no tags.
+Only this file loads cbor2, and only to write: `cbor_reader.py` reads, and opens no tags.
 """
 
 from collections.abc import Callable, Iterator, Mapping
@@ -16,8 +16,8 @@ import numpy as np
 from gamms.errors import BadType, BadValue
 from gamms.limits import Keys
 from gamms.recorder.errors import RecordingError
-from gamms.recorder.formats import plain_cbor
-from gamms.recorder.formats.plain_cbor import Damaged, Incomplete, PlainReader, Tagged
+from gamms.recorder.formats import cbor_reader
+from gamms.recorder.formats.cbor_reader import BadCbor, CborReader, Incomplete, Tagged
 from gamms.text import reason
 from gamms.typing.opcodes import MAGIC_NUMBER, OpCodes
 
@@ -55,7 +55,7 @@ FIELDS: dict[int, frozenset[str]] = {
 _HEADER = Struct(">4sI")
 _BLOCK = 1 << 16
 _TERMINATE = OpCodes.TERMINATE.value
-# How every record of 1.0.0 begins; read in one go, the rest by `PlainReader`.
+# How every record of 1.0.0 begins; read in one go, the rest by `CborReader`.
 _FRONT = Struct(">11sxQ7sxI5s")
 _FRONT_TEXTS = (b"\xa3\x69timestamp", b"\x66opCode", b"\x64data")
 _MARKS = (0x1B, 0x1A)
@@ -129,7 +129,7 @@ def _read_record(window: _Window) -> Record:
         except Incomplete:
             if window.grow():
                 continue
-        except Damaged as error:
+        except BadCbor as error:
             raise _damaged(window.offset, str(error)) from error
         if window.position == len(window.data):
             raise RecordingError(f"{ENDED} There is no closing record at byte {window.offset}.")
@@ -142,14 +142,14 @@ def _next_record(window: _Window) -> Record:
         begin, time, code, opcode, rest = _FRONT.unpack_from(data, position)
         marks = (data[position + _MARKS_AT[0]], data[position + _MARKS_AT[1]])
         if (begin, code, rest) == _FRONT_TEXTS and marks == _MARKS:
-            reader = PlainReader(data, position + _FRONT.size, window.keys)
+            reader = CborReader(data, position + _FRONT.size, window.keys)
             record: Record = {"timestamp": time, "opCode": opcode, "data": reader.item(1)}
             window.position = reader.position
             return record
-    reader = PlainReader(data, position, window.keys)
+    reader = CborReader(data, position, window.keys)
     found = reader.item()
     if type(found) is not dict:
-        raise Damaged("it is no map")
+        raise BadCbor("it is no map")
     window.position = reader.position
     return found
 
@@ -203,10 +203,10 @@ class Version2Writer:
                 record["data"] = self._plain(data) if opcode in _USERS else data
             encoded = self._dumps(record)
             if opcode in _USERS:
-                PlainReader(encoded).item()
+                CborReader(encoded).item()
         except self._errors as error:
             raise BadType(f"{OpCodes(opcode).name} cannot be recorded: {reason(error)}. Use plain data.") from error
-        except (Damaged, RecursionError) as error:
+        except (BadCbor, RecursionError) as error:
             raise BadValue(f"{OpCodes(opcode).name} cannot be recorded: {reason(error)}.") from error
         self._stream.write(encoded)
 
@@ -217,7 +217,7 @@ class Version2Writer:
         if isinstance(value, list | tuple):
             return tuple(self._plain(one) for one in value)
         if isinstance(value, set | frozenset):
-            return self._tag(plain_cbor.SET, tuple(sorted(map(self._plain, value), key=self._dumps)))
+            return self._tag(cbor_reader.SET, tuple(sorted(map(self._plain, value), key=self._dumps)))
         if isinstance(value, Tagged):
             return self._tag(value.number, self._plain(value.value))
         if isinstance(value, np.generic | np.ndarray):

@@ -67,16 +67,16 @@ class Writer:
         self._open = chunks.Collected(0)
         self._file.append(blocks.MAGIC + head)
         self._saved_at = clock()
-        self._saved = chunks.Mark()  # what there is of the open block in provisional blocks
+        self._saved = 0  # parts of the open block that are in provisional blocks
 
     @property
     def turns(self) -> int:
         """How many turns were added."""
-        return self._open.first + len(self._open)
+        return self._open.first + self._open.turns
 
     @property
     def values(self) -> int:
-        """How many events with a value were added: all but those whose data are but numbers."""
+        """How many events with a value were added: all but those whose data are only numbers."""
         return self._values + self._open.values
 
     def add_turn(self, log: Sequence[Any]) -> None:
@@ -87,10 +87,10 @@ class Writer:
             RecordingError: the stream cannot be written. What was written before stays readable.
         """
         self._file.check()
-        turn = chunks.turn_of(log)
-        if not self._open.fits(len(turn.moves) >> 1, len(turn.kinds)):
+        part = chunks.part_of(log)
+        if not self._open.fits(part.turns[0], len(part.kinds)):
             self._close_block()
-        self._open.add(turn)
+        self._open.add(part)
         self._close_or_flush()
 
     def add_moves(self, logs: Sequence[list[int]]) -> None:
@@ -106,7 +106,7 @@ class Writer:
         counts = [len(log) >> 1 for log in logs]
         is_whole = 2 * sum(counts) == len(moves) and not self._file.is_closed
         if is_whole and self._open.fits(len(moves) >> 1) and not self._is_full_before(counts):
-            self._open.add_moves(moves, counts)
+            self._open.add(chunks.Part(moves, counts))
             self._close_or_flush()
             return
         for log in logs:
@@ -114,13 +114,7 @@ class Writer:
 
     def mark(self) -> tuple[Any, ...]:
         """How far it has come, for `back_to`."""
-        return (
-            self._open,
-            self._open.mark(),
-            self._saved,
-            self._values,
-            self._file.end,
-        )
+        return self._open, self._open.mark(), self._saved, self._values, self._file.end
 
     def back_to(self, mark: tuple[Any, ...]) -> None:
         """Forget what was added since, even if that was interrupted anywhere."""
@@ -129,14 +123,14 @@ class Writer:
         self._file.back_to(end)
 
     def _close_or_flush(self) -> None:
-        if self._is_full(len(self._open), self._open.size):
+        if self._is_full(self._open.turns, self._open.size):
             self._close_block()
         elif self._seconds is not None and self._clock() - self._saved_at >= self._seconds:
             self.flush()
 
     def _is_full_before(self, counts: list[int]) -> bool:
         """Return whether turns of so many moves each would close the block before the last of them."""
-        turns, size = len(self._open) + len(counts) - 1, self._open.size + chunks.BYTES_PER_MOVE * sum(counts[:-1])
+        turns, size = self._open.turns + len(counts) - 1, self._open.size + chunks.BYTES_PER_MOVE * sum(counts[:-1])
         return len(counts) > 1 and self._is_full(turns, size)
 
     def _is_full(self, turns: int, size: int) -> bool:
@@ -153,7 +147,7 @@ class Writer:
         """
         self._file.check()
         body = packing.pack(_is_dict(state, "keyframe"), "A keyframe")
-        if len(self._open):
+        if self._open.turns:
             self._close_block()
         self._put(blocks.KEYFRAME, body, blocks.Counts(self.turns))
 
@@ -164,7 +158,7 @@ class Writer:
             RecordingError: see `add_turn`.
         """
         self._file.check()
-        if self._file.can_overwrite and len(self._open) > self._saved.turns:
+        if self._file.can_overwrite and self._open.mark() > self._saved:
             part = self._open.since(self._saved)
             self._file.extend(self._block(blocks.TURNS, part.body(), part.counts))
             self._saved = self._open.mark()
@@ -178,7 +172,7 @@ class Writer:
         """
         if self._file.is_closed:
             return
-        if len(self._open):
+        if self._open.turns:
             self._close_block()
         self._put(blocks.END, b"", blocks.Counts(self.turns))
         self._file.close()
@@ -187,7 +181,7 @@ class Writer:
         self._put(blocks.TURNS, self._open.body(), self._open.counts)
         self._values += self._open.values
         self._open = chunks.Collected(self.turns)
-        self._saved, self._saved_at = chunks.Mark(), self._clock()
+        self._saved, self._saved_at = 0, self._clock()
 
     def _put(self, type: int, body: bytes, counts: blocks.Counts) -> None:
         self._file.append(self._block(type, body, counts))
