@@ -60,6 +60,12 @@ WRONG = [
     ({"seed": "x"}, "seed", "expected int"),
     ({"turns": 1.5}, "turns", "expected int"),
     ({"teams": {}}, "teams", "length >= 1"),
+    ({"sensors": {"eyes": {"a - at `$": 1}}}, "sensors.eyes.a - at `$", "unknown key, with the value 1"),
+    ({"a - at `$": 1}, "a - at `$", "unknown key"),
+    ({"settings": {"legal": "x` - at `$"}}, "settings.legal", "use one of edges, any"),
+    ({"facts": {1: 2}}, "facts.1", "cannot be 1: expected str, got int"),
+    ({"teams": {5: {"count": 1}}}, "teams.5", "cannot be 5: expected str, got int"),
+    ({"teams.red": {5: 1}}, "teams.red.5", "unknown key"),
     ({"facts": {"a": 1j}}, "facts.a", "no plain value"),
     ({"facts": {"a": float("nan")}}, "facts.a", "NaN"),
 ]

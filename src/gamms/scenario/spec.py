@@ -5,6 +5,7 @@
 
 import re
 import types
+from collections.abc import Iterable
 from typing import Annotated, Any, Literal, TypeVar, Union, get_args, get_origin
 
 import msgspec
@@ -260,23 +261,42 @@ def given_values(part: msgspec.Struct) -> Values:
 
 # -- errors -----------------------------------------------------------------------------------------------------
 
-# A step of a path of msgspec: `.name` of a mapping above, `[3]` of a list, `[...]` for some value of another mapping.
+# What msgspec says where: `$.teams[...].agents[3]`, in which `[...]` is some value, or key, of a mapping with any keys.
+_PLACE = re.compile(r" - at `(key` in `)?\$([^`]*)`$")
 _STEP = re.compile(r"\.(\w+)|\[(?:(\d+)|\.\.\.)\]")
 
 
 def _explained(value: Any, kind: Any, path: str, message: str) -> ScenarioError:
     """Return the error for a value that is not of a type, at the place that msgspec's message names."""
-    words, _, place = message.rpartition(" - at `") if " - at `" in message else (message, "", "")
-    for name, number in _STEP.findall(place):
+    place = _PLACE.search(message)
+    for name, number in _STEP.findall(place[2]) if place else ():
+        if (error := _error_of_keys(value, kind, path)) is not None:
+            return error
         step: str | int | None = int(number) if number else name or None
         kind = _kind_of(kind, step)
         if step is None:
-            for key, one in value.items():
-                try:
-                    msgspec.convert(one, kind)
-                except (ValueError, TypeError, RecursionError) as error:
-                    return _explained(one, kind, joined(path, key), str(error))
+            return _explained_one(((one, joined(path, key)) for key, one in value.items()), kind, message)
         value, path = value[step], joined(path, step)
+    if (error := _error_of_keys(value, kind, path)) is not None:
+        return error
+    if place and place[1]:
+        return _explained_one(((key, joined(path, key)) for key in value), _kind_of(kind, "key"), message)
+    words = message[: place.start()] if place else message
+    return ScenarioError(path, f"cannot be {shown(value)}: {_in_words(value, kind, words)}")
+
+
+def _explained_one(values: Iterable[tuple[Any, str]], kind: Any, message: str) -> ScenarioError:
+    """Return the error for the first of some values, each with its path, that is not of a type."""
+    for value, path in values:
+        try:
+            msgspec.convert(value, kind)
+        except (ValueError, TypeError, RecursionError) as error:
+            return _explained(value, kind, path, str(error))
+    return ScenarioError("", message)
+
+
+def _error_of_keys(value: Any, kind: Any, path: str) -> ScenarioError | None:
+    """Return the error for a key that a mapping of the schema does not have, or needs; None if there is none."""
     for fields in map(_fields_of, _options(kind)) if isinstance(value, dict) else ():
         for key in value if fields else ():
             if key not in fields:
@@ -285,17 +305,17 @@ def _explained(value: Any, kind: Any, path: str, message: str) -> ScenarioError:
         for key, field in fields.items():
             if field.required and key not in value:
                 return ScenarioError(joined(path, key), f"is missing in {shown(value)}.")
-    return ScenarioError(path, f"cannot be {shown(value)}: {_in_words(value, kind, words)}")
+    return None
 
 
 def _kind_of(kind: object, step: str | int | None) -> object:
-    """Return the type of what a step leads to; None stands for any value of a mapping."""
+    """Return the type of what a step leads to; None stands for the values of a mapping, "key" for its keys."""
     for option in _options(kind):
         origin, arguments, fields = get_origin(option), get_args(option), _fields_of(option)
         if isinstance(step, str) and step in fields:
             return fields[step].type
-        if step is None and origin is dict:
-            return arguments[1]
+        if step in (None, "key") and origin is dict:
+            return arguments[0 if step else 1]
         if isinstance(step, int) and origin in (list, tuple):
             return arguments[step if origin is tuple else 0]
     return Any
