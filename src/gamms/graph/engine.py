@@ -17,11 +17,12 @@ from gamms.text import shown
 from gamms.typing import IContext
 from gamms.typing.graph_engine import Corner, Engine, IGraphEngine, IPackedGraph, ObsFace
 from gamms.typing.memory_engine import StoreType
-from gamms.typing.obstacles import line_ends
+from gamms.typing.obstacles import Faces, line_ends
 
 if TYPE_CHECKING:
     import networkx as nx
     from numpy.random import Generator
+    from numpy.typing import ArrayLike
 
     from gamms.graph.map_database import MapDatabase
     from gamms.graph.visibility import TablePath, Visibility, VisibilityTables
@@ -107,7 +108,7 @@ class GraphEngine(Guarded, IGraphEngine):
         self._present().add(checked_face(face_id, tr, tl, br, bl, type))
 
     @refused_while_deciding
-    def add_obstacles(self, faces: Any, ids: Any = None, types: Any = 0) -> list[int]:
+    def add_obstacles(self, faces: Faces, ids: "ArrayLike | None" = None, types: "ArrayLike" = 0) -> list[int]:
         """Add many quadrangles at once, all or none; returns their ids.
 
         Args:
@@ -148,7 +149,7 @@ class GraphEngine(Guarded, IGraphEngine):
         """A number that changes with every change of the obstacles."""
         return self._present().revision
 
-    def visible(self, origin: Any, targets: Any) -> BoolArray:
+    def visible(self, origin: "ArrayLike", targets: "ArrayLike") -> BoolArray:
         """Whether no face blocks the straight line from origin (3,) to each of the targets (targets, 3)."""
         return self._present().visible(*line_ends(origin, targets))
 

@@ -116,7 +116,7 @@ def grid(n: int, m: int, spacing: float = 10.0) -> "nx.DiGraph[int]":
     return made  # type: ignore[no-any-return] # its stubs refuse pairs that are lists
 
 
-def _side(value: Any, name: str) -> int:
+def _side(value: int, name: str) -> int:
     side = as_int(value, name)
     if side < 1:
         raise BadValue(f"{name} must be at least 1, not {side}.")

@@ -1,13 +1,14 @@
 """Obstacle faces: quadrangles in space by id, kept as columns."""
 
-from collections.abc import Iterable, Iterator, Mapping
+from collections.abc import Iterable, Iterator, Mapping, Sequence
 from copy import copy
 from itertools import chain, islice
 from math import isfinite, isqrt
-from typing import Any, ClassVar
+from typing import Any, ClassVar, cast
 from weakref import WeakSet
 
 import numpy as np
+from numpy.typing import ArrayLike
 
 from gamms import kernels
 from gamms.arguments import as_float, as_int
@@ -19,7 +20,7 @@ from gamms.ir.graph import FloatArray, IntArray
 from gamms.ir.obstacles import BoolArray, ObstacleColumns
 from gamms.text import shown
 from gamms.typing.graph_values import Corner, ObsFace
-from gamms.typing.obstacles import face_columns
+from gamms.typing.obstacles import Faces, face_columns
 
 _AT_ONCE = 4096  # faces
 _FEW = 256  # faces that are looked through one by one
@@ -266,7 +267,9 @@ def surroundings(origin: FloatArray, targets: FloatArray) -> tuple[Corner2D, Cor
     return (low_x - margin, low_y - margin), (high_x + margin, high_y + margin)
 
 
-def checked_face(face_id: Any, tr: Any, tl: Any, br: Any, bl: Any, type: Any) -> ObsFace:
+def checked_face(
+    face_id: int, tr: Sequence[float], tl: Sequence[float], br: Sequence[float], bl: Sequence[float], type: int
+) -> ObsFace:
     """A face from what a caller passed.
 
     Raises:
@@ -290,7 +293,7 @@ def checked_face(face_id: Any, tr: Any, tl: Any, br: Any, bl: Any, type: Any) ->
     )
 
 
-def checked_faces(faces: Any, ids: Any, types: Any, obstacles: Obstacles) -> ObstacleColumns:
+def checked_faces(faces: Faces, ids: ArrayLike | None, types: ArrayLike, obstacles: Obstacles) -> ObstacleColumns:
     """Faces from what a caller of `add_obstacles` passed; without ids they get those after the greatest.
 
     Raises:
@@ -310,7 +313,7 @@ def checked_faces(faces: Any, ids: Any, types: Any, obstacles: Obstacles) -> Obs
     return ObstacleColumns(checked_ids, corners, _type_array(types, count))
 
 
-def _columns_of_records(given: Iterator[Any], ids: Any, types: Any) -> ObstacleColumns:
+def _columns_of_records(given: Iterator[Any], ids: object, types: object) -> ObstacleColumns:
     if ids is not None or not (isinstance(types, int) and types == 0):
         raise BadValue("Records of faces have their own face_id and type: leave out ids and types.")
     parts = []
@@ -319,7 +322,7 @@ def _columns_of_records(given: Iterator[Any], ids: Any, types: Any) -> ObstacleC
     return ObstacleColumns(*map(np.concatenate, zip(*parts, strict=True)))
 
 
-def _face_of_record(record: Any) -> ObsFace:
+def _face_of_record(record: Mapping[str, Any]) -> ObsFace:
     face = [records.required(record, key, "An obstacle face") for key in _KEYS]
     for key in record if len(record) > len(_KEYS) else ():
         if key not in _KEYS:
@@ -327,16 +330,16 @@ def _face_of_record(record: Any) -> ObsFace:
     return checked_face(*face)
 
 
-def _iterator(faces: Any) -> Iterator[Any]:
+def _iterator(faces: Faces) -> Iterator[Any]:
     try:
-        return iter(faces)
+        return iter(cast("Iterable[Any]", faces))
     except TypeError:
         raise BadType(
             f"faces must be an array (faces, 4, 3) or dicts with {', '.join(_KEYS)}, not {shown(faces)}."
         ) from None
 
 
-def _corner_array(faces: Any) -> FloatArray:
+def _corner_array(faces: Sequence[Any] | FloatArray) -> FloatArray:
     wanted = "faces must be an array (faces, 4, 3): the corners tr, tl, br, bl of each, as x, y, z"
     try:
         array = np.asarray(faces) if len(faces) else np.zeros((0, 4, 3))
@@ -354,7 +357,7 @@ def _corner_array(faces: Any) -> FloatArray:
     return array.astype(np.float64)
 
 
-def _type_array(types: Any, count: int) -> IntArray:
+def _type_array(types: ArrayLike, count: int) -> IntArray:
     if np.ndim(types) == 0:
         return np.full(count, as_int(types, "types"), np.int64)
     array = records.id_array(types, "types")
@@ -368,7 +371,7 @@ def _face(id: int, corners: list[list[float]], type: int) -> ObsFace:
     return ObsFace(id, (*tr,), (*tl,), (*br,), (*bl,), type)  # type: ignore[arg-type] # three numbers each
 
 
-def _corner(value: Any, name: str, id: int) -> Corner:
+def _corner(value: Sequence[float], name: str, id: int) -> Corner:
     where = f"Corner {name} of obstacle face {id}"
     try:
         numbers = tuple(value)

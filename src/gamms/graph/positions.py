@@ -13,6 +13,7 @@ from gamms.graph.store import GraphStore
 from gamms.ir import projection
 from gamms.ir.graph import FloatArray, IntArray
 from gamms.text import shown
+from gamms.typing.graph_values import Numbers
 
 if TYPE_CHECKING:
     from numpy.random import Generator
@@ -58,7 +59,7 @@ def place(
     raise BadValue(demand.refusal(len(best)))
 
 
-def to_latlon(crs: str | None, x: Any, y: Any) -> tuple[Any, Any]:
+def to_latlon(crs: str | None, x: Numbers, y: Numbers) -> tuple[Any, Any]:
     """Latitude and longitude in degrees: floats for numbers, arrays for arrays."""
     known = _known(crs, "graph.to_latlon(x, y)")
     xy = pairs(x, y, ("x", "y"))
@@ -66,7 +67,7 @@ def to_latlon(crs: str | None, x: Any, y: Any) -> tuple[Any, Any]:
     return _column(lonlat, 1), _column(lonlat, 0)
 
 
-def from_latlon(crs: str | None, lat: Any, lon: Any) -> tuple[Any, Any]:
+def from_latlon(crs: str | None, lat: Numbers, lon: Numbers) -> tuple[Any, Any]:
     """Map units x and y: floats for numbers, arrays for arrays."""
     xy = _projected(crs, lat, lon, "graph.from_latlon(lat=, lon=)")
     return _column(xy, 0), _column(xy, 1)
@@ -112,7 +113,7 @@ def refuse_far(crs: str, nodes: FloatArray, places: FloatArray, nearest: FloatAr
         )
 
 
-def pairs(first: Any, second: Any, names: tuple[str, str]) -> FloatArray:
+def pairs(first: Numbers, second: Numbers, names: tuple[str, str]) -> FloatArray:
     """Two numbers as (2,), two arrays of one length as (places, 2); all finite.
 
     Raises:
@@ -128,7 +129,7 @@ def pairs(first: Any, second: Any, names: tuple[str, str]) -> FloatArray:
     return np.stack(arrays, axis=-1)
 
 
-def _projected(crs: str | None, lat: Any, lon: Any, call: str) -> FloatArray:
+def _projected(crs: str | None, lat: Numbers, lon: Numbers, call: str) -> FloatArray:
     known = _known(crs, call)
     lonlat = pairs(lon, lat, ("lon", "lat"))
     for name, most, values in (("lat", _MOST_LAT, lonlat[..., 1]), ("lon", _MOST_LON, lonlat[..., 0])):
@@ -147,7 +148,7 @@ def _known(crs: str | None, call: str) -> str:
     return crs
 
 
-def _numbers(values: Any, name: str) -> FloatArray:
+def _numbers(values: Numbers, name: str) -> FloatArray:
     try:
         array = np.asarray(values)
     except ValueError as error:
@@ -217,36 +218,38 @@ def _closer_than(store: GraphStore, xy: FloatArray, row: int, apart: float) -> I
     return found
 
 
-def _count(n: Any) -> int:
+def _count(n: object) -> int:
     count = as_int(n, "n")
     if count < 0:
         raise BadValue(f"n must not be negative, not {count}.")
     return count
 
 
-def _disc(store: GraphStore, near: Any, radius: Any) -> tuple[float, float, float] | None:
+def _disc(
+    store: GraphStore, near: int | tuple[float, float] | None, radius: float | None
+) -> tuple[float, float, float] | None:
     if (near is None) != (radius is None):
         given, missing = ("near", "radius") if radius is None else ("radius", "near")
         raise BadValue(f"place(…) got {given}= without {missing}=: give both, or neither for the whole graph.")
     if near is None:
         return None
     try:
-        row = store.nodes.find(records.as_id(index(near), "a node"))
+        row = store.nodes.find(records.as_id(index(near), "a node"))  # type: ignore[arg-type] # the except is the check
         x, y = store.nodes.xy[2 * row], store.nodes.xy[2 * row + 1]
     except TypeError:
         x, y = _point(near)
     return x, y, as_range(radius, "radius")
 
 
-def _point(near: Any) -> tuple[float, float]:
+def _point(near: int | tuple[float, float]) -> tuple[float, float]:
     try:
-        x, y = near
+        x, y = near  # type: ignore[misc] # the except is the check
     except (TypeError, ValueError):
         raise BadType(f"near must be the id of a node or a pair (x, y), not {shown(near)}.") from None
     return as_float(x, "x of near"), as_float(y, "y of near")
 
 
-def _generator(rng: Any) -> "Generator":
+def _generator(rng: "Generator | int | None") -> "Generator":
     from numpy.random import Generator
 
     if isinstance(rng, Generator):

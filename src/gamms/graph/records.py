@@ -1,10 +1,11 @@
 """Nodes and edges as callers give them, one or many: checked, and split into columns and attributes."""
 
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from math import inf, isfinite, isnan
 from typing import Any
 
 import numpy as np
+from numpy.typing import ArrayLike
 
 from gamms import arguments
 from gamms.arguments import as_float, as_int
@@ -18,7 +19,7 @@ NODE_KEYS = frozenset(("id", "x", "y"))
 EDGE_KEYS = frozenset(("id", "source", "target", "length", "linestring"))
 
 
-def required(record: Any, key: str, kind: str) -> Any:
+def required(record: Mapping[str, Any], key: str, kind: str) -> Any:
     """`record[key]`.
 
     Raises:
@@ -33,22 +34,22 @@ def required(record: Any, key: str, kind: str) -> Any:
         raise BadType(f"{kind} must be given as a dict, not {shown(record)}.") from None
 
 
-def as_id(value: Any, kind: str) -> int:
+def as_id(value: object, kind: str) -> int:
     """An id as a plain int."""
     return value if type(value) is int and -(2**63) <= value < 2**63 else as_int(value, f"The id of {kind}")
 
 
-def as_text(value: Any, name: str) -> str | None:
+def as_text(value: object, name: str) -> str | None:
     """`value` as plain Unicode text, or None."""
     return None if value is None else arguments.as_text(value, name, "a string or None")
 
 
-def as_coordinate(value: Any, axis: str, id: int) -> float:
+def as_coordinate(value: object, axis: str, id: int) -> float:
     """A coordinate as a finite float."""
     return value if type(value) is float and isfinite(value) else as_float(value, f"{axis} of node {id}")
 
 
-def as_length(value: Any, id: int) -> float:
+def as_length(value: object, id: int) -> float:
     """A length as a finite float that is not negative."""
     length = value if type(value) is float and isfinite(value) else as_float(value, f"The length of edge {id}")
     if length < 0.0:
@@ -56,7 +57,7 @@ def as_length(value: Any, id: int) -> float:
     return length
 
 
-def bend_of(linestring: Any, id: int, ends: Sequence[float]) -> FloatArray | None:
+def bend_of(linestring: object, id: int, ends: Sequence[float]) -> FloatArray | None:
     """The polyline (points, 2) of an edge; None when it is the straight line between `ends` (x0, y0, x1, y1).
 
     Raises:
@@ -84,7 +85,7 @@ def extras(record: dict[str, Any], keys: frozenset[str]) -> dict[str, Any]:
     return given
 
 
-def id_array(values: Any, name: str) -> IntArray:
+def id_array(values: ArrayLike, name: str) -> IntArray:
     """Ids as an array (ids,).
 
     Raises:
@@ -103,7 +104,7 @@ def id_array(values: Any, name: str) -> IntArray:
     return array.astype(np.int64)
 
 
-def number_array(values: Any, count: int, name: str) -> FloatArray:
+def number_array(values: ArrayLike, count: int, name: str) -> FloatArray:
     """Numbers as an array (count,) of finite floats.
 
     Raises:
@@ -144,7 +145,7 @@ def is_everywhere(d: float, x: float, y: float) -> bool:
     return is_all
 
 
-def checked_nodes(ids: Any, x: Any, y: Any) -> tuple[IntArray, FloatArray]:
+def checked_nodes(ids: ArrayLike, x: ArrayLike, y: ArrayLike) -> tuple[IntArray, FloatArray]:
     """Ids (nodes,) and coordinates (nodes, 2).
 
     Raises:
@@ -154,7 +155,9 @@ def checked_nodes(ids: Any, x: Any, y: Any) -> tuple[IntArray, FloatArray]:
     return ids, np.column_stack([number_array(x, len(ids), "x"), number_array(y, len(ids), "y")])
 
 
-def checked_edges(nodes: NodeTable, ids: Any, sources: Any, targets: Any, lengths: Any) -> dict[str, Any]:
+def checked_edges(
+    nodes: NodeTable, ids: ArrayLike, sources: ArrayLike, targets: ArrayLike, lengths: ArrayLike | None
+) -> dict[str, Any]:
     """Ids, node rows of both ends, and lengths, (edges,) each.
 
     Raises:

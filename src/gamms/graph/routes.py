@@ -7,7 +7,6 @@ the way to it, are computed once; then a path from anywhere is a walk.
 from collections.abc import Iterable
 from functools import partial
 from math import inf
-from typing import Any
 
 import numpy as np
 
@@ -20,6 +19,7 @@ from gamms.graph.store import GraphStore
 from gamms.ir.graph import FloatArray, GraphColumns, IntArray
 from gamms.text import shown
 from gamms.typing.graph_engine import between, one_end
+from gamms.typing.graph_values import NodeIds
 
 _MOST_BYTES = 256 * 2**20  # the tables of one goal take 12 bytes a node
 
@@ -56,7 +56,9 @@ class Routes:
         found: float = self._distances_to(columns, end, weight)[row]
         return found
 
-    def distances(self, source: Any, target: Any, weight: str | None, cutoff: float | None) -> dict[int, float]:
+    def distances(
+        self, source: NodeIds | None, target: NodeIds | None, weight: str | None, cutoff: float | None
+    ) -> dict[int, float]:
         """Return the distances from the nearest source to each node, or from each node to the nearest target."""
         nodes = one_end(source, target)
         columns = self._store.columns()
@@ -66,7 +68,7 @@ class Routes:
         near = np.flatnonzero(np.isfinite(found))
         return dict(zip(columns.node_ids[near].tolist(), found[near].tolist(), strict=True))
 
-    def distance_matrix(self, sources: Any, targets: Any, weight: str | None) -> FloatArray:
+    def distance_matrix(self, sources: NodeIds, targets: NodeIds, weight: str | None) -> FloatArray:
         """Return the distances (sources, targets); infinite where there is no path."""
         columns = self._store.columns()
         starts, ends = self._rows(sources, "sources"), self._rows(targets, "targets")
@@ -115,7 +117,7 @@ class Routes:
     def _row(self, node_id: int) -> int:
         return self._store.nodes.find(records.as_id(node_id, "a node"))
 
-    def _rows(self, node_ids: Any, name: str) -> IntArray:
+    def _rows(self, node_ids: NodeIds, name: str) -> IntArray:
         """Return the rows of one node or of several."""
         if not isinstance(node_ids, Iterable):
             return np.array([self._row(node_ids)])
@@ -154,7 +156,7 @@ def edge_weights(columns: GraphColumns, weight: str | None) -> FloatArray:
     return weights
 
 
-def _number(value: Any, columns: GraphColumns, row: int, weight: str | None) -> float:
+def _number(value: object, columns: GraphColumns, row: int, weight: str | None) -> float:
     if type(value) is float and value >= 0.0:
         return value
     return as_range(value, f"The weight {weight!r} of edge {columns.edge_ids[row]}")

@@ -3,12 +3,14 @@
 from bisect import bisect_left
 from collections.abc import Callable, Iterator
 from itertools import chain
-from typing import Any, ClassVar
+from typing import Any, ClassVar, TypeVar
 
 import numpy as np
 
 from gamms.errors import BadValue, ContextTerminated, DuplicateId, UnknownName
 from gamms.ir.graph import FloatArray, IntArray
+
+T = TypeVar("T")
 
 _START = 16
 _CHUNK = 4096  # ids that are made Python ints at a time, for callers who want only the first
@@ -352,13 +354,13 @@ class Closed:
         raise ContextTerminated("its graph")
 
 
-def own(value: Any, depth: int = 0) -> Any:
+def own(value: T, depth: int = 0) -> T:
     """`value`, with the lists, dicts, sets and arrays in it copied: no caller can change what the graph holds.
 
     Raises:
         BadValue: it is nested too deeply, or holds itself.
     """
-    copy = _COPIES.get(type(value))
+    copy: Callable[[T, int], T] | None = _COPIES.get(type(value))
     if copy is None:
         return value
     if depth > MOST_DEPTH:

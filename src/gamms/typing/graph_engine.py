@@ -358,12 +358,12 @@ class _Routes:
             path.append(self._ids[row])
         return path
 
-    def distances(self, nodes: Any, cutoff: float | None = None, *, reverse: bool) -> FloatArray:
+    def distances(self, nodes: NodeIds, cutoff: float | None = None, *, reverse: bool) -> FloatArray:
         """(nodes,) from the nearest of some nodes, or to it."""
         limit = inf if cutoff is None else as_range(cutoff, "cutoff")
         return kernels.shortest_distances(self._arcs(reverse=reverse), self.rows(nodes), limit)
 
-    def matrix(self, sources: Any, targets: Any) -> FloatArray:
+    def matrix(self, sources: NodeIds, targets: NodeIds) -> FloatArray:
         """(sources, targets) from each to each."""
         return between(self._arcs, self.rows(sources), self.rows(targets))
 
@@ -371,7 +371,7 @@ class _Routes:
         """The finite ones by node id."""
         return {id: far for id, far in zip(self._ids, distances.tolist(), strict=True) if far < inf}
 
-    def rows(self, nodes: Any) -> IntArray:
+    def rows(self, nodes: NodeIds) -> IntArray:
         """Rows of one node or of several (KeyError)."""
         ids = [as_int(id, "The id of a node") for id in (nodes if isinstance(nodes, Iterable) else [nodes])]
         for id in ids:
@@ -402,18 +402,19 @@ def between(arcs_of: Callable[..., kernels.Arcs], starts: IntArray, ends: IntArr
     return found[end_of].T.copy() if reverse else found[start_of]
 
 
-def one_end(source: Any, target: Any) -> Any:
+def one_end(source: NodeIds | None, target: NodeIds | None) -> NodeIds:
     """What is given of the two.
 
     Raises:
         BadValue: both are, or neither.
     """
-    if (source is None) == (target is None):
+    given = [nodes for nodes in (source, target) if nodes is not None]
+    if len(given) != 1:
         raise BadValue(
             "Give distances either source= or target=, not both and not neither. "
             "The way from one node to another is graph.distance(source, target)."
         )
-    return target if source is None else source
+    return given[0]
 
 
 class IGraphEngine(IObstacles):

@@ -1,16 +1,20 @@
 """Contracts of obstacles, which are quadrangles in space, and of the visibility tables that follow from them."""
 
 from abc import ABC, abstractmethod
-from collections.abc import Iterator, Sequence, Sized
+from collections.abc import Iterable, Iterator, Mapping, Sequence, Sized
 from typing import Any
 
 import numpy as np
+from numpy.typing import ArrayLike
 
 from gamms import kernels
 from gamms.errors import BadType, BadValue
 from gamms.ir.graph import FloatArray, IntArray
 from gamms.ir.obstacles import BoolArray, ObstacleColumns
 from gamms.typing.graph_values import Corner, NodeIds, ObsFace
+
+Faces = ArrayLike | Iterable[Mapping[str, Any]]
+"""Corners (faces, 4, 3): tr, tl, br, bl of each; or the arguments of `add_obstacle_face`, as dicts."""
 
 
 class IObstacles(ABC):
@@ -23,7 +27,7 @@ class IObstacles(ABC):
         """Add a quadrangle (KeyError for a taken id, ValueError for a bad corner)."""
 
     @abstractmethod
-    def add_obstacles(self, faces: Any, ids: Any = None, types: Any = 0) -> list[int]:
+    def add_obstacles(self, faces: Faces, ids: ArrayLike | None = None, types: ArrayLike = 0) -> list[int]:
         """Add many quadrangles at once, all or none; returns their ids.
 
         `faces` is an array (faces, 4, 3) of the corners tr, tl, br, bl, with `ids` (None: those after the greatest)
@@ -57,7 +61,7 @@ class IObstacles(ABC):
         """All quadrangles as read-only arrays, in insertion order."""
         return face_columns([self.get_obstacle_face(id) for id in self.get_obstacle_faces()])
 
-    def visible(self, origin: Any, targets: Any) -> BoolArray:
+    def visible(self, origin: ArrayLike, targets: ArrayLike) -> BoolArray:
         """Whether no face blocks the straight line from one place to each of others.
 
         A face that touches either end blocks; one that the line runs along does not, nor one of no area. A line of
@@ -101,7 +105,7 @@ class IVisibility(ABC, Sized):
         """Whether a node within the radius of another is visible from there."""
 
     @abstractmethod
-    def mask(self, observer_id: int, ids: Any) -> BoolArray:
+    def mask(self, observer_id: int, ids: ArrayLike) -> BoolArray:
         """Whether each of some nodes is within the radius and visible from a node; `ids` is (nodes,) of integers."""
 
     @abstractmethod
@@ -135,7 +139,7 @@ def face_columns(faces: Sequence[ObsFace]) -> ObstacleColumns:
     return ObstacleColumns(ids, np.array([face[1:5] for face in faces], np.float64).reshape(-1, 4, 3), types)
 
 
-def line_ends(origin: Any, targets: Any) -> tuple[FloatArray, FloatArray]:
+def line_ends(origin: ArrayLike, targets: ArrayLike) -> tuple[FloatArray, FloatArray]:
     """Both ends of sight lines from what a caller passed: shapes (3,) and (targets, 3), finite.
 
     Raises:
@@ -152,7 +156,7 @@ def line_ends(origin: Any, targets: Any) -> tuple[FloatArray, FloatArray]:
     return start, ends
 
 
-def _points(value: Any, name: str) -> FloatArray:
+def _points(value: ArrayLike, name: str) -> FloatArray:
     try:
         array = np.asarray(value)
     except (TypeError, ValueError) as error:
