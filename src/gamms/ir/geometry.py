@@ -34,14 +34,14 @@ def line_strings(points: FloatArray, lines: "np.ndarray[Any, np.dtype[np.int64]]
     return list(shapely.linestrings(points, indices=lines))
 
 
-def points_of(shape: Any, name: str) -> FloatArray:
+def points_of(shape: object, name: str) -> FloatArray:
     """The points (points, 2) of a LineString or a sequence of coordinates.
 
     Raises:
         BadValue: fewer than two points, or points that are not finite pairs of numbers.
     """
     try:
-        coordinates = getattr(shape, "coords", shape)  # of a shape with several parts this raises
+        coordinates: Any = getattr(shape, "coords", shape)  # of a shape with several parts this raises
         given = np.array([tuple(point)[:2] for point in coordinates])
         if given.dtype.kind in "USb":
             raise TypeError("text and bools are no numbers")  # noqa: TRY301 - the except says which shape it was

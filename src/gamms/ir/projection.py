@@ -38,7 +38,7 @@ def utm_crs(lonlat: FloatArray) -> str:
     return crs
 
 
-def project(points: FloatArray, source: Any, target: str) -> FloatArray:
+def project(points: FloatArray, source: object, target: str) -> FloatArray:
     """Positions (points, 2) of one CRS in another; degrees are longitude, latitude.
 
     Raises:
@@ -83,7 +83,7 @@ def ellipsoid_lengths(start: FloatArray, end: FloatArray) -> FloatArray:
     return np.asarray(lengths, np.float64)
 
 
-def crs_of(crs: Any) -> tuple[str, bool]:
+def crs_of(crs: object) -> tuple[str, bool]:
     """The text of a CRS that a graph names, and whether it counts in degrees; else it counts in metres.
 
     Raises:
@@ -118,13 +118,13 @@ def _is_in_zone(lonlat: FloatArray, crs: str) -> "np.ndarray[Any, np.dtype[np.bo
     return is_in
 
 
-def _transformed(points: FloatArray, source: Any, target: Any) -> FloatArray:
+def _transformed(points: FloatArray, source: object, target: object) -> FloatArray:
     """Positions (points, 2) of one CRS in another; infinite where there is none."""
     return np.column_stack(_transformer(source, target).transform(points[:, 0], points[:, 1]))
 
 
 @lru_cache(maxsize=32)
-def _transformer(source: Any, target: Any) -> Any:
+def _transformer(source: object, target: object) -> Any:
     pyproj = _pyproj()
     try:
         return pyproj.Transformer.from_crs(source, target, always_xy=True)

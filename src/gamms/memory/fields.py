@@ -13,6 +13,7 @@ import numpy as np
 from gamms.arguments import as_int
 from gamms.errors import BadType, BadValue, GammsError, UnknownName, nearest
 from gamms.ir import packing
+from gamms.plain import Plain
 from gamms.text import shown
 
 MAX_DEPTH = packing.MOST_DEPTH - 1  # also ends a cycle
@@ -58,7 +59,7 @@ class Field:
         module, name = self.python_type.__module__, self.python_type.__qualname__
         return name if module == "builtins" else f"{module}.{name}"
 
-    def stored(self, value: Any) -> Any:
+    def stored(self, value: object) -> Plain:
         """Return the plain copy of a value that a store keeps.
 
         Raises:
@@ -77,7 +78,7 @@ class Field:
             self.given(plain(copy, self.place))
         return copy
 
-    def given(self, fresh: Any) -> Any:
+    def given(self, fresh: Plain) -> Plain:
         """Return the caller's value for a stored one that belongs to nothing else."""
         if fresh is None or self._scalar is not None or type(fresh) is self.python_type:
             return fresh
@@ -89,7 +90,7 @@ class Field:
                 f"{self.place} must hold what {self.type_name}(…) accepts, not {shown(fresh)}: {error}."
             ) from error
 
-    def stored_key(self, value: Any) -> Any:
+    def stored_key(self, value: object) -> Plain:
         """Return a value as a primary key: never None, always equal to itself; raises what `stored` raises."""
         key = self.stored(value)
         if key is None:
@@ -132,7 +133,7 @@ class Schema:
         changes = {at: field.stored(struct[field.name]) for at, field in enumerate(self.fields) if field.name in struct}
         return key, {**changes, self.key_at: key}
 
-    def lookup(self, key: Any) -> Any:
+    def lookup(self, key: object) -> Plain:
         """Return a key as rows are found by it.
 
         Raises:
@@ -168,7 +169,7 @@ def check_name(name: str, place: str) -> None:
     _text(name, place)
 
 
-def _check_types(schema: Any) -> None:
+def _check_types(schema: object) -> None:
     if not isinstance(schema, dict) or not schema:
         raise BadType(f"A schema must be a dict of field names to types with at least one field, not {shown(schema)}.")
     if len(schema) > MAX_FIELDS:
@@ -195,7 +196,7 @@ def _check_key(schema: dict[str, type], primary_key: str) -> None:
 # -- plain values -----------------------------------------------------------------------------------------------
 
 
-def plain(value: Any, place: str, depth: int = 0) -> Any:
+def plain(value: object, place: str, depth: int = 0) -> Plain:
     """Return a deep copy of a value, made of built-in types only.
 
     Raises:
@@ -210,7 +211,7 @@ def plain(value: Any, place: str, depth: int = 0) -> Any:
     return copy(value, place, depth + 1)
 
 
-def _number(value: Any, place: str) -> float:
+def _number(value: object, place: str) -> float:
     if isinstance(value, bool) or not isinstance(value, (int, np.integer, *_FLOATING)):
         raise _refusal(value, place, "a number")
     try:
@@ -219,7 +220,7 @@ def _number(value: Any, place: str) -> float:
         raise BadValue(f"{place} must fit into a float, not {shown(value)}.") from None
 
 
-def _text(value: Any, place: str) -> str:
+def _text(value: object, place: str) -> str:
     if not isinstance(value, str):
         raise _refusal(value, place, "a str")
     plain_text = str.__str__(value)
@@ -230,27 +231,27 @@ def _text(value: Any, place: str) -> str:
     return plain_text
 
 
-def _truth(value: Any, place: str) -> bool:
+def _truth(value: object, place: str) -> bool:
     if not isinstance(value, (bool, np.bool_)):
         raise _refusal(value, place, "a bool")
     return bool(value)
 
 
-def _octets(value: Any, place: str) -> bytes:
+def _octets(value: object, place: str) -> bytes:
     if not isinstance(value, bytes):
         raise _refusal(value, place, "bytes")
     return bytes(value)
 
 
-def _refusal(value: Any, place: str, wanted: str) -> BadType:
+def _refusal(value: object, place: str, wanted: str) -> BadType:
     return BadType(f"{place} must be {wanted}, not {shown(value)} ({type(value).__name__}).")
 
 
-def _items(value: Any, place: str, depth: int) -> list[Any]:
+def _items(value: Iterable[Plain], place: str, depth: int) -> list[Any]:
     return [plain(one, place, depth) for one in value]
 
 
-def _pairs(value: Any, place: str, depth: int) -> dict[Any, Any]:
+def _pairs(value: Mapping[Plain, Plain], place: str, depth: int) -> dict[Any, Any]:
     return {plain(key, place, depth): plain(one, place, depth) for key, one in value.items()}
 
 

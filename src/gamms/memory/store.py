@@ -16,6 +16,7 @@ from gamms.ir import packing
 from gamms.limits import Allowance
 from gamms.memory.database import Database, quoted
 from gamms.memory.fields import DuplicateKey, Field, Schema, UnknownMap, check_name, plain
+from gamms.plain import Plain
 from gamms.text import shown
 from gamms.typing import IPathLike, IStore, StoreType
 
@@ -115,7 +116,7 @@ class Store(IStore):
         found = self._map(map_name)
         found.append(found.schema.row(struct))
 
-    def get_data(self, map_name: str, key: Any) -> Mapping[str, Any]:
+    def get_data(self, map_name: str, key: object) -> Mapping[str, Any]:
         """Return a row by key, as a fresh dict."""
         found = self._map(map_name)
         row = found.row(found.schema.lookup(key))
@@ -130,7 +131,7 @@ class Store(IStore):
         if not found.change(key, changes):
             raise found.schema.unknown_key(key)
 
-    def delete_data(self, map_name: str, key: Any) -> None:
+    def delete_data(self, map_name: str, key: object) -> None:
         """Remove a row."""
         found = self._map(map_name)
         if not found.remove(found.schema.lookup(key)):
@@ -279,21 +280,21 @@ class _DictRows:
             raise DuplicateKey(self.schema.map_name, key)
         self._rows[key] = row
 
-    def row(self, key: Any) -> Sequence[Any] | None:
+    def row(self, key: Plain) -> Sequence[Any] | None:
         row = self._rows.get(key)
         if row is None:
             return None
         fields = zip(self.schema.fields, row, strict=True)
         return [value if field.is_scalar else plain(value, field.place) for field, value in fields]
 
-    def change(self, key: Any, values: dict[int, Any]) -> bool:
+    def change(self, key: Plain, values: dict[int, Any]) -> bool:
         if key not in self._rows:
             return False
         for at, value in values.items():
             self._rows[key][at] = value
         return True
 
-    def remove(self, key: Any) -> bool:
+    def remove(self, key: Plain) -> bool:
         return self._rows.pop(key, None) is not None
 
     def keys(self) -> list[Any]:
@@ -329,7 +330,7 @@ def _read_places(database: Database) -> dict[str, _Place]:
     return {name: _parsed(name, text, database.path) for name, text in database.read_table(_LIST, ["name", "place"])}
 
 
-def _parsed(name: Any, text: Any, path: str) -> _Place:
+def _parsed(name: object, text: Plain, path: str) -> _Place:
     try:
         place = _Place(**json.loads(text))
         columns, types = dict(place.columns), dict(place.types)
@@ -393,20 +394,20 @@ class _SqlRows:
                 raise
             raise DuplicateKey(self.schema.map_name, row[self.schema.key_at]) from None
 
-    def row(self, key: Any) -> Sequence[Any] | None:
+    def row(self, key: Plain) -> Sequence[Any] | None:
         select = f"SELECT {', '.join(self._columns)} FROM {self._table} WHERE {self._key} = ?"  # noqa: S608 - quoted
         found = self._database.read(select, (_to_sql(key, self.schema.key),))
         if not found:
             return None
         return [self._stored(field, one) for field, one in zip(self.schema.fields, found[0], strict=True)]
 
-    def change(self, key: Any, values: dict[int, Any]) -> bool:
+    def change(self, key: Plain, values: dict[int, Any]) -> bool:
         names = ", ".join(f"{self._columns[at]} = ?" for at in values)
         bound = [_to_sql(value, self.schema.fields[at]) for at, value in values.items()]
         update = f"UPDATE {self._table} SET {names} WHERE {self._key} = ?"  # noqa: S608 - quoted names
         return self._database.write(update, [*bound, _to_sql(key, self.schema.key)]) > 0
 
-    def remove(self, key: Any) -> bool:
+    def remove(self, key: Plain) -> bool:
         delete = f"DELETE FROM {self._table} WHERE {self._key} = ?"  # noqa: S608 - quoted names
         return self._database.write(delete, (_to_sql(key, self.schema.key),)) > 0
 
@@ -414,7 +415,7 @@ class _SqlRows:
         rows = self._database.read_table(self._table, [self._key], f"ORDER BY {_ORDER}")
         return [self._stored(self.schema.key, key) for (key,) in rows]
 
-    def _stored(self, field: Field, value: Any) -> Any:
+    def _stored(self, field: Field, value: Plain) -> Plain:
         """The stored value for one in the file, or a `BadFile`."""
         if value is None:
             return None
@@ -432,7 +433,7 @@ class _SqlRows:
 _Rows = _DictRows | _SqlRows
 
 
-def _to_sql(value: Any, field: Field) -> Any:
+def _to_sql(value: Plain, field: Field) -> Plain:
     if value is None:
         return None
     if not field.is_scalar:
@@ -443,7 +444,7 @@ def _to_sql(value: Any, field: Field) -> Any:
     return value
 
 
-def _from_sql(value: Any, field: Field, path: str) -> Any:
+def _from_sql(value: Plain, field: Field, path: str) -> Plain:
     if not field.is_scalar:
         return packing.Decoder(Allowance(len(value), f"A value in the database {path!r}")).value(value)
     if field.python_type is bool:

@@ -15,6 +15,7 @@ from gamms.osm.files import as_file
 from gamms.osm.heights import HeightEstimates, TagFilter, WallRules
 
 if TYPE_CHECKING:
+    from gamms.osm.overpass import Location, Tags
     from gamms.osm.polygons import Faces
 
 Record = dict[str, Any]  # the arguments of `ctx.graph.add_obstacle_face`
@@ -29,7 +30,7 @@ def obstacle_from_file(
     height_estimates: HeightEstimates | None = None,
     min_tolerance: float = 0.5,
     relative_tolerance: float = 0.01,
-    crs: Any = None,
+    crs: object = None,
 ) -> Iterator[Record]:
     """The walls of the buildings in an OpenStreetMap file (.osm, .xml, .osm.gz, .osm.bz2, .osm.pbf).
 
@@ -77,12 +78,12 @@ obstacle_from_xml = obstacle_from_file  # the name that 1.0.0 gave it
 
 
 def obstacle_from_osm(
-    location: Any,
-    tags: Any = OSM_OBSTACLE_TAGS,
+    location: "Location",
+    tags: "Tags" = OSM_OBSTACLE_TAGS,
     height_estimates: HeightEstimates | None = None,
     min_tolerance: float = 0.5,
     relative_tolerance: float = 0.01,
-    crs: Any = None,
+    crs: object = None,
     *,
     offline: bool = False,
 ) -> Iterator[Record]:
@@ -106,7 +107,7 @@ def obstacle_from_osm(
 
 def faces_of_features(
     features: Iterable[tuple[Any, Mapping[str, Any]]],
-    crs: Any = None,
+    crs: object = None,
     height_estimates: HeightEstimates | None = None,
     min_tolerance: float = 0.5,
     relative_tolerance: float = 0.01,
@@ -171,7 +172,7 @@ def _records_of_features(
     return _records(faces_of(shapes, [wall for _, wall in chosen], projection(points), *tolerances))
 
 
-def _chosen_projection(crs: Any) -> Callable[[FloatArray], Projection]:
+def _chosen_projection(crs: object) -> Callable[[FloatArray], Projection]:
     """From the points of a map to its projection: to the CRS that the caller gave, or to the UTM zone of the points."""
     target = _target(crs)
     if target is None:
@@ -226,7 +227,7 @@ def _tolerances(min_tolerance: float, relative_tolerance: float) -> tuple[float,
     return given
 
 
-def _target(crs: Any) -> str | None:
+def _target(crs: object) -> str | None:
     """The text of a CRS that counts in metres."""
     if crs is None:
         return None

@@ -4,7 +4,7 @@ import os
 from dataclasses import replace
 from itertools import pairwise
 from pathlib import Path
-from typing import Any, NamedTuple
+from typing import TYPE_CHECKING, Any, NamedTuple, Union
 
 import numpy as np
 
@@ -20,6 +20,13 @@ from gamms.osm.topology import chains_of, degrees
 from gamms.osm.ways import OSMType, components
 from gamms.progress import progress
 from gamms.text import shown
+from gamms.typing import IGraphEngine
+
+if TYPE_CHECKING:
+    import networkx as nx
+
+Cut = Union["nx.Graph[Any]", IGraphEngine, GraphColumns]
+Source = Union[str, os.PathLike[str], "nx.Graph[Any]", GraphColumns, RoadNetwork]
 
 _LENGTH_ERROR = 0.001
 _SLACK = 1e-9
@@ -86,8 +93,8 @@ class Report(NamedTuple):
 
 
 def report(
-    graph: Any,  # a networkx graph of ours, ctx.graph or its columns
-    source: Any,  # a path, a networkx graph, or columns or a RoadNetwork
+    graph: Cut,
+    source: Source,
     *,
     resolution: float | None = None,
     retain_all: bool | None = None,
@@ -162,11 +169,12 @@ def _compared(edges: RoadNetwork, source: RoadNetwork, about: dict[str, Any]) ->
     )
 
 
-def _edges_of(graph: Any) -> tuple[RoadNetwork, dict[str, Any]]:
-    columns = graph.columns() if callable(getattr(graph, "columns", None)) else graph
+def _edges_of(graph: Cut) -> tuple[RoadNetwork, dict[str, Any]]:
+    get = getattr(graph, "columns", None)
+    columns = get() if callable(get) else graph
     if isinstance(columns, GraphColumns):
         return network_of_columns(columns), {}
-    if not hasattr(graph, "is_directed"):
+    if isinstance(graph, GraphColumns | IGraphEngine) or not hasattr(graph, "is_directed"):
         raise BadType(f"graph must be a networkx graph, ctx.graph or its columns, not {shown(graph)}.")
     drawn = all("linestring" in data and "length" in data for _, _, data in graph.edges(data=True))
     if not drawn:
@@ -174,7 +182,7 @@ def _edges_of(graph: Any) -> tuple[RoadNetwork, dict[str, Any]]:
     return replace(network_of_graph(graph), crs=graph.graph.get("crs")), dict(graph.graph)
 
 
-def _source_network(source: Any, retain_all: bool, osm_type: OSMType | None) -> RoadNetwork:
+def _source_network(source: Source, retain_all: bool, osm_type: OSMType | None) -> RoadNetwork:
     if isinstance(source, RoadNetwork):
         return source
     if isinstance(source, GraphColumns):

@@ -15,6 +15,7 @@ from gamms.errors import BadFile
 from gamms.limits import refuse_above
 from gamms.osm.files import as_file
 from gamms.osm.network import offsets_of
+from gamms.osm.servers import Json
 from gamms.osm.ways import Ways, is_against, is_one_way
 
 _MEMORY_PER_BYTE = 10  # that Python needs for what it reads
@@ -34,7 +35,7 @@ class _Lines:
     against: list[bool] = field(default_factory=list)
     tags: list[dict[str, Any]] = field(default_factory=list)
 
-    def add(self, coordinates: Any, feature: Mapping[str, Any], number: int) -> None:
+    def add(self, coordinates: Json, feature: Mapping[str, Any], number: int) -> None:
         properties = feature.get("properties") or {}
         if not isinstance(coordinates, list) or not isinstance(properties, dict):
             _refuse(self.file, f"feature {number} has no list of coordinates, or properties that are no object")
@@ -111,7 +112,7 @@ def _features(file: Path, document: dict[str, Any]) -> Iterator[dict[str, Any]]:
             yield feature
 
 
-def _line_coordinates(file: Path, geometry: Any, number: int, level: int = 0) -> Iterator[Any]:
+def _line_coordinates(file: Path, geometry: Json, number: int, level: int = 0) -> Iterator[Any]:
     if geometry is None:  # a feature without a place
         return
     kind = geometry.get("type") if isinstance(geometry, dict) else None
@@ -130,7 +131,7 @@ def _line_coordinates(file: Path, geometry: Any, number: int, level: int = 0) ->
                 yield from _line_coordinates(file, part, number, level + 1)
 
 
-def _position(file: Path, place: Any, number: int) -> tuple[float, float]:
+def _position(file: Path, place: Json, number: int) -> tuple[float, float]:
     try:
         lon, lat = (_degrees(value) for value in place[:2])
     except (TypeError, ValueError, OverflowError, KeyError):
@@ -141,13 +142,13 @@ def _position(file: Path, place: Any, number: int) -> tuple[float, float]:
     return lon, lat
 
 
-def _degrees(value: Any) -> float:
+def _degrees(value: Json) -> float:
     if isinstance(value, bool) or not isinstance(value, (int, float)):
         raise TypeError
     return float(value)
 
 
-def _tags(properties: Mapping[str, Any], id: Any, number: int) -> dict[str, Any]:
+def _tags(properties: Mapping[str, Any], id: Json, number: int) -> dict[str, Any]:
     """The properties of a feature, and what every road has: `osmid` and `oneway`."""
     kept = {name: value for name, value in properties.items() if name not in _NO_TAGS and value is not None}
     oneway, junction = (_hashable(properties.get(name)) for name in ("oneway", "junction"))
@@ -158,7 +159,7 @@ def _tags(properties: Mapping[str, Any], id: Any, number: int) -> dict[str, Any]
     }
 
 
-def _osmid(number: int, *given: Any) -> int:
+def _osmid(number: int, *given: Json) -> int:
     """The first of the given ids that has a number in it, such as way/123; else the number of the feature."""
     for id in given:
         match = re.fullmatch(r"(?:way/)?(-?\d{1,18})", str(id), re.ASCII)
@@ -167,7 +168,7 @@ def _osmid(number: int, *given: Any) -> int:
     return number
 
 
-def _hashable(value: Any) -> Any:
+def _hashable(value: Json) -> str | int | None:
     return value if isinstance(value, (str, bool, int)) else None
 
 

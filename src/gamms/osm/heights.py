@@ -2,7 +2,7 @@
 
 import re
 from collections.abc import Iterable, Mapping
-from typing import Any, NamedTuple
+from typing import NamedTuple
 
 from gamms.arguments import as_float, as_int
 from gamms.errors import BadType, BadValue
@@ -87,7 +87,7 @@ def _plausible(text: str, unit: float) -> float | None:
 # -- the tables of a caller -------------------------------------------------------------------------------------
 
 
-def _checked_filter(tags: Any) -> dict[str, frozenset[str] | None]:
+def _checked_filter(tags: object) -> dict[str, frozenset[str] | None]:
     if not isinstance(tags, Mapping):
         raise BadType(f"tags must be a dict such as {{'building': True}}, not {shown(tags)}.")
     checked: dict[str, frozenset[str] | None] = {}
@@ -103,7 +103,7 @@ def _checked_filter(tags: Any) -> dict[str, frozenset[str] | None]:
     return checked
 
 
-def _checked_estimates(estimates: Any) -> dict[tuple[str, str], tuple[float, int]]:
+def _checked_estimates(estimates: object) -> dict[tuple[str, str], tuple[float, int]]:
     if not isinstance(estimates, Mapping):
         raise BadType(f"height_estimates must be a dict, not {shown(estimates)}. Start from HEIGHT_ESTIMATES_TYPES.")
     checked: dict[tuple[str, str], tuple[float, int]] = {}

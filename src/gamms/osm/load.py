@@ -155,7 +155,7 @@ def graph_from_geojson(
 
 
 def process_osm_graph(
-    osmg: Any,  # any networkx graph
+    osmg: "nx.Graph[Any]",
     resolution: float = 10.0,
     bidirectional: bool = True,
 ) -> "nx.DiGraph[int]":
@@ -176,7 +176,7 @@ def process_osm_graph(
         return cut(network_in_metres(osmg), recipe, show)
 
 
-def consolidated_graph(osmg: Any, tolerance: float) -> "nx.MultiDiGraph[int]":
+def consolidated_graph(osmg: "nx.Graph[Any]", tolerance: float) -> "nx.MultiDiGraph[int]":
     """Merge the nodes of a networkx graph that make up one junction; the result can be cut by `process_osm_graph`.
 
     Junctions, where three roads or more end, that a road of at most twice the tolerance joins become one
@@ -235,14 +235,14 @@ def cut(network: RoadNetwork, recipe: Recipe, show: Show) -> "nx.DiGraph[int]":
     return graph
 
 
-def network_in_metres(osmg: Any) -> RoadNetwork:
+def network_in_metres(osmg: "nx.Graph[Any]") -> RoadNetwork:
     """The roads of a networkx graph, projected if it counts in degrees; a street there and back is one road."""
     network = network_of_graph(osmg)
     network = connected(_in_metres(network, osmg.graph.get("crs")))
     return joined_directions(network) if osmg.is_directed() else both_ways(network)
 
 
-def _in_metres(network: RoadNetwork, crs: Any) -> RoadNetwork:
+def _in_metres(network: RoadNetwork, crs: object) -> RoadNetwork:
     if crs is None:
         return network
     name, in_degrees = crs_of(crs)

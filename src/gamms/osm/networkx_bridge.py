@@ -42,7 +42,7 @@ def to_multidigraph(network: RoadNetwork) -> "nx.MultiDiGraph[int]":
     return graph
 
 
-def _fill(graph: Any, network: RoadNetwork) -> None:
+def _fill(graph: "nx.DiGraph[int]", network: RoadNetwork) -> None:
     about = {"attribution": network.attribution, "crs": network.crs}
     graph.graph.update({name: text for name, text in about.items() if text is not None})
     numbers, firsts = _numbers(network)
@@ -69,7 +69,7 @@ def _edges(network: RoadNetwork, numbers: IntArray) -> Iterator[tuple[int, int, 
             yield v, u, {"id": id + 1, **own, **of_way, "travel_time": time}
 
 
-def network_of_graph(graph: Any) -> RoadNetwork:
+def network_of_graph(graph: "nx.Graph[Any]") -> RoadNetwork:
     """The nodes and edges of a networkx graph in its own coordinates; every edge is a one-way road.
 
     `crs` stays None; an edge without a length has NaN.

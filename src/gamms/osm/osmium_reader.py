@@ -4,7 +4,7 @@ from array import array
 from collections.abc import Callable, Iterator
 from contextlib import contextmanager
 from pathlib import Path
-from typing import Any
+from typing import TYPE_CHECKING, Any, cast
 
 import numpy as np
 
@@ -15,6 +15,9 @@ from gamms.osm.files import WAY_OUT, allowance_of, file_format
 from gamms.osm.heights import Wall, WallRules
 from gamms.osm.polygons import RING_ROLES, Outlines, outlines_of_ways
 from gamms.osm.ways import OSMType, Ways, is_against, is_open_to, kept_tags, traffic_rule
+
+if TYPE_CHECKING:
+    from osmium import io, osm
 
 _DEGREE = 10_000_000  # osmium counts in units of 1e-7 degrees
 _NOWHERE = 2**31 - 1
@@ -31,7 +34,7 @@ class _Lines:
         self.x, self.y = array("q"), array("q")
         self.row_of: dict[int, int] = {}  # way id -> row
 
-    def add(self, way: Any) -> None:
+    def add(self, way: "osm.Way") -> None:
         self.allowance.charge(_BYTES_PER_POINT * len(way.nodes))
         for node in way.nodes:
             place = node.location
@@ -41,7 +44,7 @@ class _Lines:
         self.row_of[way.id] = len(self.offsets) - 1
         self.offsets.append(len(self.refs))
 
-    def complete(self, source: Any, tell: Callable[[int], None]) -> None:
+    def complete(self, source: "io.File", tell: Callable[[int], None]) -> None:
         """Look for the nodes that osmium itself does not find: those after their way, and those with negative ids."""
         from osmium import FileProcessor, osm
 
@@ -94,7 +97,7 @@ def read_ways(file: Path, show: Callable[[str], None], osm_type: OSMType | None 
     return Ways(offsets, refs, lines.lonlat(), np.array(against, np.bool_), tags)
 
 
-def _source_of(file: Path) -> Any:
+def _source_of(file: Path) -> "io.File":
     """A map file for osmium to open.
 
     Raises:
@@ -145,12 +148,12 @@ class _Footprints:
         self.ways_of: list[list[int]] = []  # ids of the ways around each footprint
         self.relations: set[int] = set()
 
-    def read(self, source: Any) -> None:
+    def read(self, source: "io.File") -> None:
         from osmium import FileProcessor, osm
         from osmium.filter import KeyFilter
 
         for relation in FileProcessor(source, osm.RELATION).with_filter(KeyFilter(*self.rules.keys)):
-            self._add_relation(relation)
+            self._add_relation(cast("osm.Relation", relation))
         members = {way for ways in self.ways_of for way in ways}
         for way in _ways(source, *self.rules.keys):
             self._add_way(way)
@@ -160,7 +163,7 @@ class _Footprints:
                     self.lines.add(way)
         self.lines.complete(source, lambda _: None)
 
-    def _add_relation(self, relation: Any) -> None:
+    def _add_relation(self, relation: "osm.Relation") -> None:
         if relation.deleted or relation.id in self.relations:
             return
         self.relations.add(relation.id)
@@ -170,7 +173,7 @@ class _Footprints:
             self.walls.append(wall)
             self.ways_of.append([part.ref for part in relation.members if part.type == "w" and part.role in RING_ROLES])
 
-    def _add_way(self, way: Any) -> None:
+    def _add_way(self, way: "osm.Way") -> None:
         if way.deleted or len(way.nodes) < 4 or not way.ends_have_same_id() or way.id in self.lines.row_of:
             return
         tags = {tag.k: tag.v for tag in way.tags}
@@ -190,10 +193,10 @@ class _Footprints:
         return outlines_of_ways(offsets, self.lines.lonlat(), row_of, self.ways_of, self.walls)
 
 
-def _ways(source: Any, *keys: str) -> Iterator[Any]:
+def _ways(source: "io.File", *keys: str) -> "Iterator[osm.Way]":
     """Read the ways that have one of these tags, if any are given."""
     from osmium import FileProcessor, osm
     from osmium.filter import EntityFilter, KeyFilter
 
     objects = FileProcessor(source, osm.NODE | osm.WAY).with_locations().with_filter(EntityFilter(osm.WAY))
-    return iter(objects.with_filter(KeyFilter(*keys)) if keys else objects)
+    return cast("Iterator[osm.Way]", iter(objects.with_filter(KeyFilter(*keys)) if keys else objects))

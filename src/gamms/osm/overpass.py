@@ -5,7 +5,7 @@ import math
 from collections.abc import Callable, Iterator, Mapping, Sequence
 from dataclasses import dataclass
 from itertools import chain, groupby
-from typing import Any, NamedTuple
+from typing import TYPE_CHECKING, Any, NamedTuple
 
 import numpy as np
 
@@ -24,7 +24,7 @@ from gamms.osm.polygons import (
     repaired,
     widened,
 )
-from gamms.osm.servers import MapServers
+from gamms.osm.servers import Json, MapServers
 from gamms.osm.settings import setting
 from gamms.osm.topology import simplify
 from gamms.osm.ways import (
@@ -43,6 +43,9 @@ from gamms.osm.ways import (
 from gamms.progress import progress
 from gamms.text import shown
 
+if TYPE_CHECKING:
+    from shapely.geometry.base import BaseGeometry
+
 _MARGIN_M = 500.0  # around an area, so that its junctions are those of the whole map
 _MOST_KM2 = 20_000.0
 _KM_PER_DEGREE = 111.32
@@ -51,7 +54,7 @@ _SIDEWALKS = ("sidewalk", "sidewalk:both", "sidewalk:left", "sidewalk:right")  #
 _AREAS = ("Polygon", "MultiPolygon")
 Show = Callable[[str], None]
 Location = str | dict[str, str] | Sequence[str | dict[str, str]]
-Tags = Mapping[str, bool | str | list[str]]
+Tags = Mapping[str, bool | list[str]] | Mapping[str, bool | str | list[str]]
 Element = dict[str, Any]
 _Query = tuple[list[str], str]  # the kinds of elements with their filters, and what to output of those found
 _FARTHEST = (180.0, 90.0)  # degrees of longitude and latitude
@@ -93,7 +96,9 @@ def streets_of_place(
     return _streets(servers, _boundary(servers, location), name, options, show)
 
 
-def streets_of_polygon(polygon: Any, name: str, options: StreetOptions, show: Show, *, offline: bool) -> RoadNetwork:
+def streets_of_polygon(
+    polygon: "BaseGeometry", name: str, options: StreetOptions, show: Show, *, offline: bool
+) -> RoadNetwork:
     """Download the streets inside a shapely Polygon or MultiPolygon in degrees; raises as `streets_of_place` does."""
     if getattr(polygon, "geom_type", None) not in _AREAS:
         raise BadType(
@@ -105,7 +110,9 @@ def streets_of_polygon(polygon: Any, name: str, options: StreetOptions, show: Sh
     return _streets(MapServers(name, show, offline=offline), polygon, name, options, show)
 
 
-def features_of_place(location: Location, tags: Tags, *, offline: bool = False) -> list[tuple[Any, dict[str, str]]]:
+def features_of_place(
+    location: Location, tags: Tags, *, offline: bool = False
+) -> "list[tuple[BaseGeometry, dict[str, str]]]":
     """Download the areas with some of these tags in a place: shapely polygons in degrees, each with all of its tags.
 
     Raises:
@@ -130,7 +137,7 @@ def features_of_place(location: Location, tags: Tags, *, offline: bool = False) 
         return areas
 
 
-def _boundary(servers: MapServers, location: Location) -> Any:
+def _boundary(servers: MapServers, location: Location) -> "BaseGeometry":
     """The outline of a place, or of several together."""
     queries = [location] if isinstance(location, (str, dict)) else list(location)
     boundary = area_of([_outline(servers, query) for query in queries])
@@ -142,7 +149,7 @@ def _boundary(servers: MapServers, location: Location) -> Any:
     return boundary
 
 
-def _outline(servers: MapServers, query: str | dict[str, str]) -> Any:
+def _outline(servers: MapServers, query: str | dict[str, str]) -> dict[str, Any]:
     places = servers.search(query, fault_of_places)
     places = sorted(places, key=lambda place: float(place["importance"]), reverse=True)
     outlines = [place["geojson"] for place in places if (place.get("geojson") or {}).get("type") in _AREAS]
@@ -151,10 +158,13 @@ def _outline(servers: MapServers, query: str | dict[str, str]) -> Any:
             f"There is no place {shown(query)}, or its boundary is not on the map (the server knows {len(places)} "
             "places of that name, and no outline). Check the spelling, or use graph_from_point or graph_from_bbox."
         )
-    return outlines[0]
+    outline: dict[str, Any] = outlines[0]
+    return outline
 
 
-def _streets(servers: MapServers, polygon: Any, name: str, options: StreetOptions, show: Show) -> RoadNetwork:
+def _streets(
+    servers: MapServers, polygon: "BaseGeometry", name: str, options: StreetOptions, show: Show
+) -> RoadNetwork:
     show(f"Downloading the streets of {name}")
     surroundings = widened(polygon, _MARGIN_M)
     filters = options.custom_filter or _filter_of(options.osm_type)
@@ -178,7 +188,7 @@ def _streets(servers: MapServers, polygon: Any, name: str, options: StreetOption
     )
 
 
-def _part(segments: Segments, area: Any, options: StreetOptions) -> Segments:
+def _part(segments: Segments, area: "BaseGeometry", options: StreetOptions) -> Segments:
     """The segments in an area and, unless all are wanted, connected with each other."""
     if not len(segments.sources):
         return segments
@@ -204,7 +214,7 @@ def _ways(found: _Elements, osm_type: OSMType) -> Ways:
     return Ways(offsets, ids, lonlat, np.array([is_against(rule) for rule in rules], np.bool_), tags)
 
 
-def _areas(found: _Elements, tags: Tags, boundary: Any) -> list[tuple[Any, dict[str, str]]]:
+def _areas(found: _Elements, tags: Tags, boundary: "BaseGeometry") -> "list[tuple[BaseGeometry, dict[str, str]]]":
     """Return the closed ways and multipolygons with one of these tags as shapes with all their tags."""
     rings = [way for way in found.ways.values() if _is_ring(way) and _suits(way, tags)]
     relations = [one for one in found.relations.values() if _is_area(one) and _suits(one, tags)]
@@ -251,7 +261,9 @@ def _vertices(found: _Elements, lines: list[list[int]]) -> tuple[IntArray, Float
 # -- the language of Overpass -----------------------------------------------------------------------------------
 
 
-def _download(servers: MapServers, area: Any, queries: list[_Query], fault_of: Callable[[Any], str]) -> _Elements:
+def _download(
+    servers: MapServers, area: "BaseGeometry", queries: list[_Query], fault_of: Callable[[Any], str]
+) -> _Elements:
     """Ask each query for the whole area."""
     found: dict[str, dict[int, Element]] = {"node": {}, "way": {}, "relation": {}}
     for outline in outlines_of(area, float(setting("max_query_area_size"))):
@@ -311,7 +323,7 @@ def _check_tags(tags: object) -> None:
             raise BadType(f"tags[{shown(key)}] must be True, a text or a list of texts, not {shown(value)}.")
 
 
-def _fault_of(polygon: Any) -> str:
+def _fault_of(polygon: "BaseGeometry") -> str:
     """Why no map can be made of the area inside a shapely shape, in words."""
     if polygon.geom_type not in _AREAS:
         return f"it is a {polygon.geom_type}, not an area"
@@ -326,14 +338,14 @@ def _fault_of(polygon: Any) -> str:
     return f"it has {km2:.0f} km², and {_MOST_KM2:.0f} km² are the most" if km2 > _MOST_KM2 else ""
 
 
-def fault_of_places(answer: Any) -> str:
+def fault_of_places(answer: Json) -> str:
     """The fault of Nominatim's answer to the question where a place is; an empty one has none."""
     if not isinstance(answer, list) or not all(isinstance(place, dict) for place in answer):
         return "it is no list of places"
     return next((fault for place in answer if (fault := _fault_of_place(place))), "")
 
 
-def fault_of_streets(answer: Any) -> str:
+def fault_of_streets(answer: Json) -> str:
     """The fault of Overpass's answer to the question for streets; an empty one has none."""
     fault = _fault_of_elements(answer)
     if fault:
@@ -344,7 +356,7 @@ def fault_of_streets(answer: Any) -> str:
     return "" if cut is None else f"it lacks nodes of the way {cut}"
 
 
-def fault_of_areas(answer: Any) -> str:
+def fault_of_areas(answer: Json) -> str:
     """The fault of Overpass's answer to the question for buildings and the like; an empty one has none."""
     fault = _fault_of_elements(answer)
     if fault:
@@ -355,7 +367,7 @@ def fault_of_areas(answer: Any) -> str:
     return f"it lacks nodes of {cut} of its {len(ways)} ways" if cut > _MOST_CUT * len(ways) else ""
 
 
-def _fault_of_elements(answer: Any) -> str:
+def _fault_of_elements(answer: Json) -> str:
     if not isinstance(answer, dict) or not isinstance(answer.get("elements"), list):
         return "it has no list of elements"
     if answer.get("remark"):
@@ -378,7 +390,7 @@ def _fault_of_place(place: dict[str, Any]) -> str:
     return "a place has a boundary that is no polygon"
 
 
-def _is_outline(coordinates: Any, kind: str) -> bool:
+def _is_outline(coordinates: Json, kind: str) -> bool:
     try:
         rings = coordinates if kind == "Polygon" else list(chain.from_iterable(coordinates))
         return bool(rings) and all(len(ring) >= 4 and all(map(_is_position, ring)) for ring in rings)
@@ -386,7 +398,7 @@ def _is_outline(coordinates: Any, kind: str) -> bool:
         return False
 
 
-def _is_position(place: Any) -> bool:
+def _is_position(place: object) -> bool:
     return (
         isinstance(place, list)
         and len(place) >= 2
@@ -394,7 +406,7 @@ def _is_position(place: Any) -> bool:
     )
 
 
-def _is_element(element: Any) -> bool:
+def _is_element(element: object) -> bool:
     if not isinstance(element, dict) or not isinstance(element.get("type"), str):
         return False
     tags = element.get("tags", {})
@@ -427,9 +439,9 @@ def _is_relation(relation: dict[str, Any]) -> bool:
 _ELEMENTS = {"node": _is_node, "way": _is_way, "relation": _is_relation}
 
 
-def _is_id(value: Any) -> bool:
+def _is_id(value: object) -> bool:
     return isinstance(value, int) and not isinstance(value, bool)
 
 
-def _is_number(value: Any) -> bool:
+def _is_number(value: object) -> bool:
     return isinstance(value, (int, float)) and not isinstance(value, bool) and math.isfinite(value)

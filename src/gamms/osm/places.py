@@ -12,6 +12,7 @@ import numpy as np
 from gamms.arguments import as_float
 from gamms.errors import BadType, BadValue, PlaceError, nearest
 from gamms.ir.geometry import polygon as polygon_of
+from gamms.ir.graph import FloatArray
 from gamms.ir.projection import WGS84, project, utm_crs
 from gamms.osm.load import cut, recipe_of
 from gamms.osm.network import RoadNetwork
@@ -23,6 +24,8 @@ from gamms.text import shown
 
 if TYPE_CHECKING:
     import networkx as nx
+    from shapely import MultiPolygon, Polygon
+    from shapely.geometry.base import BaseGeometry
 
 _MOST_RADIUS_M = 75_000.0
 _CORNERS = 64  # of a circle
@@ -129,7 +132,7 @@ def graph_from_point(
 
 @_with_place_options
 def graph_from_polygon(
-    polygon: Any,  # a shapely Polygon or MultiPolygon
+    polygon: "Polygon | MultiPolygon",
     **options: Unpack[PlaceOptions],
 ) -> "nx.DiGraph[int]":
     """Make a graph of the streets inside a shapely Polygon or MultiPolygon of degrees (longitude, latitude).
@@ -172,7 +175,9 @@ def _options(call: str, given: PlaceOptions) -> _Options:
     return _Options(**given)
 
 
-def _graph(streets_of: Callable[..., RoadNetwork], place: Any, name: str, options: _Options) -> "nx.DiGraph[int]":
+def _graph(
+    streets_of: Callable[..., RoadNetwork], place: "Location | BaseGeometry", name: str, options: _Options
+) -> "nx.DiGraph[int]":
     get_network_type(options.osm_type)  # checks it
     _check_filter(options.custom_filter)
     recipe = recipe_of(
@@ -220,7 +225,7 @@ def _box(left: float, bottom: float, right: float, top: float) -> list[tuple[flo
     return [(west, south), (east, south), (east, north), (west, north)]
 
 
-def _circle(lat: float, lon: float, radius_m: float) -> Any:
+def _circle(lat: float, lon: float, radius_m: float) -> FloatArray:
     latitude, longitude, radius = as_float(lat, "lat"), as_float(lon, "lon"), as_float(radius_m, "radius_m")
     if not (abs(latitude) <= 90.0 and abs(longitude) <= 180.0):
         raise BadValue(f"lat={latitude}, lon={longitude} is no position: they are degrees up to 90 and 180.")

@@ -3,7 +3,7 @@
 import math
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
@@ -12,6 +12,9 @@ from gamms.ir.graph import FloatArray, IntArray
 from gamms.ir.projection import WGS84, project, utm_crs
 from gamms.limits import refuse_above
 from gamms.osm.heights import Wall
+
+if TYPE_CHECKING:
+    from shapely.geometry.base import BaseGeometry
 
 RING_ROLES = ("outer", "inner", "")  # of the ways in a multipolygon that enclose it
 _POLYGON = 3  # shapely's number of the type
@@ -93,7 +96,7 @@ def _chosen(outlines: Outlines, is_chosen: BoolArray) -> tuple[FloatArray, IntAr
     return points, np.repeat(np.arange(int(is_chosen.sum())), sizes[is_chosen])
 
 
-def shapes_of(shapes: Sequence[Any]) -> Shapes:
+def shapes_of(shapes: "Sequence[BaseGeometry]") -> Shapes:
     """Shapes of a caller as an array; what is no polygon or multipolygon becomes an empty one."""
     import shapely
 
@@ -111,7 +114,7 @@ def coordinates_of(shapes: Shapes) -> FloatArray:
     return points
 
 
-def is_inside(area: Any, xy: FloatArray) -> BoolArray:
+def is_inside(area: "BaseGeometry", xy: FloatArray) -> BoolArray:
     """Which points (points, 2) lie in an area or on its outline."""
     import shapely
 
@@ -120,7 +123,7 @@ def is_inside(area: Any, xy: FloatArray) -> BoolArray:
     return inside
 
 
-def meets(area: Any, shapes: Shapes) -> BoolArray:
+def meets(area: "BaseGeometry", shapes: Shapes) -> BoolArray:
     """Which shapes have a point in common with an area."""
     import shapely
 
@@ -129,20 +132,20 @@ def meets(area: Any, shapes: Shapes) -> BoolArray:
     return met
 
 
-def area_of(geojson: Sequence[dict[str, Any]]) -> Any:
+def area_of(geojson: Sequence[dict[str, Any]]) -> "BaseGeometry":
     """The union of some outlines in GeoJSON, as a shapely shape."""
     import shapely
 
     return shapely.union_all([shapely.geometry.shape(one) for one in geojson])
 
 
-def widened(area: Any, metres: float) -> Any:
+def widened(area: "BaseGeometry", metres: float) -> "BaseGeometry":
     """An area of degrees with a margin, as a shapely shape in degrees."""
     crs, in_metres = _in_metres(area)
     return _in_degrees(in_metres.buffer(metres), crs)
 
 
-def outlines_of(area: Any, most_m2: float) -> list[FloatArray]:
+def outlines_of(area: "BaseGeometry", most_m2: float) -> list[FloatArray]:
     """Simple outlines in degrees that together cover an area of degrees, none larger than `most_m2`."""
     import shapely
 
@@ -155,7 +158,7 @@ def outlines_of(area: Any, most_m2: float) -> list[FloatArray]:
     return [shapely.get_coordinates(_in_degrees(cell, crs).exterior) for cell in cells]
 
 
-def _cells(area: Any, most_m2: float) -> list[Any]:
+def _cells(area: "BaseGeometry", most_m2: float) -> "list[BaseGeometry]":
     """A convex area, cut into squares where it is too large."""
     import shapely
 
@@ -172,14 +175,14 @@ def _cells(area: Any, most_m2: float) -> list[Any]:
     return [cell for cell in cut if cell.geom_type == "Polygon" and cell.area]
 
 
-def _in_metres(area: Any) -> tuple[str, Any]:
+def _in_metres(area: "BaseGeometry") -> "tuple[str, BaseGeometry]":
     import shapely
 
     crs = utm_crs(shapely.get_coordinates(area))
     return crs, shapely.transform(area, lambda points: project(points, WGS84, crs))
 
 
-def _in_degrees(area: Any, crs: str) -> Any:
+def _in_degrees(area: "BaseGeometry", crs: str) -> "BaseGeometry":
     import shapely
 
     return shapely.transform(area, lambda points: project(points, crs, WGS84))

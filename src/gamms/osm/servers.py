@@ -17,7 +17,7 @@ from http import HTTPStatus
 from ipaddress import ip_address
 from pathlib import Path
 from threading import RLock, Thread
-from typing import Any, NoReturn
+from typing import Any, NoReturn, TypeAlias
 from urllib.parse import urlencode, urlsplit
 
 from gamms.arguments import as_float
@@ -42,7 +42,10 @@ _CHUNK = 4096
 _LATER = "Try again later; what was downloaded before works with offline=True."
 _ONE_AT_A_TIME = RLock()  # threads take turns at the servers
 
-Fault = Callable[[Any], str]  # what is wrong with the data of an answer; "" if nothing
+Json: TypeAlias = Any
+"""Data of an answer, which is checked before it is used."""
+
+Fault = Callable[[Json], str]  # what is wrong with the data of an answer; "" if nothing
 
 
 @dataclass(slots=True, frozen=True)
@@ -80,7 +83,7 @@ class MapServers:
         self._paused_s, self._pauses = 0.0, 0
         self._unsaved: list[tuple[Path, bytes]] = []
 
-    def search(self, query: str | dict[str, str], fault_of: Fault) -> Any:
+    def search(self, query: str | dict[str, str], fault_of: Fault) -> Json:
         """Ask Nominatim for places, with their outlines.
 
         Raises:
@@ -97,7 +100,7 @@ class MapServers:
         patience_s = min(self._timeout_s, _SEARCH_S)
         return self._kept(url, asked, fault_of, lambda: self._search(url, asked, patience_s))
 
-    def query(self, query: str, fault_of: Fault) -> Any:
+    def query(self, query: str, fault_of: Fault) -> Json:
         """Ask Overpass a question in its own language, without its settings; raises what `search` raises."""
         memory = setting("overpass_memory")
         size = "" if memory is None else f"[maxsize:{memory}]"
@@ -110,7 +113,7 @@ class MapServers:
         for path, content in self._unsaved:
             self._save(path, content)
 
-    def _kept(self, url: str, asked: dict[str, str], fault_of: Fault, ask: Callable[[], _Answer]) -> Any:
+    def _kept(self, url: str, asked: dict[str, str], fault_of: Fault, ask: Callable[[], _Answer]) -> Json:
         """The answer from the disk, or else from the server."""
         key = hashlib.sha256(f"{url}?{urlencode(asked)}".encode()).hexdigest()
         path, damage = self._folder / f"{key}.json", ""
@@ -163,7 +166,7 @@ class MapServers:
             self._pause(url, pause_s)
         return self._patiently("POST", url, self._timeout_s, data=asked)
 
-    def _patiently(self, method: str, url: str, patience_s: float, **options: Any) -> _Answer:
+    def _patiently(self, method: str, url: str, patience_s: float, **options: dict[str, str]) -> _Answer:
         for pause_s in _PAUSES_S:
             answer = _request(method, url, patience_s, self._show, **options)
             if answer.status not in _BUSY:
@@ -197,7 +200,9 @@ def is_local(url: str) -> bool:
 # -- one request ------------------------------------------------------------------------------------------------
 
 
-def _request(method: str, url: str, patience_s: float, show: Callable[[str], None], **options: Any) -> _Answer:
+def _request(
+    method: str, url: str, patience_s: float, show: Callable[[str], None], **options: dict[str, str]
+) -> _Answer:
     """Ask in a thread of its own: reading from a server that sends one byte at a time cannot be interrupted."""
     outcome: list[_Answer | Exception] = []
     most_bytes = max_memory() // _MEMORY_PER_BYTE  # asked here: threads do not inherit it
@@ -254,7 +259,7 @@ def _read(
         ) from error
 
 
-def _checked(url: str, answer: _Answer, fault_of: Fault) -> Any:
+def _checked(url: str, answer: _Answer, fault_of: Fault) -> Json:
     """The data of an answer that is what was asked for."""
     host, said = _host(url), " ".join(re.sub(r"<[^>]*>", " ", answer.text).split())[:120]
     if answer.status >= HTTPStatus.BAD_REQUEST:
@@ -277,7 +282,7 @@ def _checked(url: str, answer: _Answer, fault_of: Fault) -> Any:
     return data
 
 
-def _parsed(content: bytes) -> Any:
+def _parsed(content: bytes) -> Json:
     return json.loads(content, parse_constant=_refuse_constant)
 
 
@@ -285,7 +290,7 @@ def _refuse_constant(name: str) -> NoReturn:
     raise ValueError(f"{name} is no number")
 
 
-def _has_shapes(data: Any) -> bool:
+def _has_shapes(data: Json) -> bool:
     """Whether an answer holds a street, an area or the like, not only nodes or nothing."""
     return isinstance(data, dict) and any(element["type"] != "node" for element in data["elements"])
 

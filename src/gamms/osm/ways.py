@@ -131,18 +131,18 @@ def is_open_to(osm_type: OSMType | None, tags: Mapping[str, str]) -> bool:
     return not any(tags.get(name) in values for name, values in closed.items())
 
 
-def traffic_rule(osm_type: OSMType | None, tags: Mapping[str, Any]) -> Any:
+def traffic_rule(osm_type: OSMType | None, tags: Mapping[str, Any]) -> object:
     """The value of `oneway` that holds for this way of moving: bicycles may have one of their own."""
     rule = tags.get("oneway")
     return tags.get("oneway:bicycle", rule) if osm_type is OSMType.BIKE else rule
 
 
-def is_against(oneway: Any) -> bool:
+def is_against(oneway: object) -> bool:
     """Whether the traffic of a one-way road runs against the order of its vertices."""
     return oneway in _AGAINST
 
 
-def is_one_way(oneway: Any, junction: Any) -> bool:
+def is_one_way(oneway: object, junction: object) -> bool:
     """Whether traffic runs one way: where nothing is said it does so in a roundabout only."""
     return oneway is True or oneway in _ONE_WAY or (oneway is None and junction == "roundabout")
 

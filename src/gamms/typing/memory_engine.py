@@ -71,7 +71,7 @@ class IStore(ABC):
         """Add a row; the caller's dict is neither changed nor kept."""
 
     @abstractmethod
-    def get_data(self, map_name: str, key: Any) -> Mapping[str, Any]:
+    def get_data(self, map_name: str, key: object) -> Mapping[str, Any]:
         """A row by key."""
 
     @abstractmethod
@@ -79,7 +79,7 @@ class IStore(ABC):
         """Change the given fields of the row whose key is in `struct`."""
 
     @abstractmethod
-    def delete_data(self, map_name: str, key: Any) -> None:
+    def delete_data(self, map_name: str, key: object) -> None:
         """Remove a row."""
 
     @abstractmethod
