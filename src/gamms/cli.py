@@ -80,7 +80,7 @@ def about(version: Annotated[bool, typer.Option("--version", help="Show the vers
 @app.command()
 @bounded
 def demo(
-    turns: Annotated[int, typer.Option(min=1, help="The game ends after this many turns at the latest.")] = 600,
+    max_turns: Annotated[int, typer.Option(min=1, help="The game ends after this many turns at the latest.")] = 600,
     seed: Annotated[int, typer.Option(help="The same seed plays the same game.")] = 1,
     teams: Annotated[str, typer.Option(help="Agents per team: 5, or 5,3, or with names: cats=5,dogs=3.")] = "5",
     out: Annotated[Path, typer.Option(help="The folder for result.json, game.ggr, game.mp4 and final.png.")] = Path(
@@ -94,7 +94,7 @@ def demo(
 
     sides = _parsed_teams(teams)
     with one_sentence():
-        game = capture_the_flag(sides, turns, map)
+        game = capture_the_flag(sides, max_turns, map)
         map_name = _HELSINKI if map is None else map.name
         with game.build(seed) as ctx:
             check_ways(ctx)
@@ -103,7 +103,7 @@ def demo(
                 recording = making.enter_context(recorded(ctx, out))
                 film_file = making.enter_context(filmed(ctx, out, map_name) if film else nullcontext())
                 played = ctx.game.run(progress=True)
-            data = report.to_json(report.result(ctx, played, map_name, turns))
+            data = report.to_json(report.result(ctx, played, map_name, max_turns))
             (out / "result.json").write_text(data, encoding="utf-8")
             pictures = save_pictures(ctx, out, f"{map_name}: {report.headline(ctx, played)}")
             _print_demo(ctx, played, sides, map_name)
@@ -122,7 +122,9 @@ def play_scenario(
     seed: Annotated[
         int | None, typer.Option(help="The same seed plays the same game; by default that of the file.")
     ] = None,
-    turns: Annotated[int | None, typer.Option(min=0, help="The game ends after this many turns at the latest.")] = None,
+    max_turns: Annotated[
+        int | None, typer.Option(min=0, help="The game ends after this many turns at the latest.")
+    ] = None,
     changes: Annotated[list[str] | None, typer.Option("--set", help="Change the scenario: teams.red.count=8.")] = None,
     strategies: Annotated[
         list[str] | None, typer.Option("--strategy", help="Play a team by a strategy of yours: red=mine.py:strategy.")
@@ -135,8 +137,8 @@ def play_scenario(
 
     with one_sentence():
         game = scenario.load(file, allow or ()).replace(**_changes(changes or []))
-        if turns is not None:
-            game = game.replace(turns=turns)
+        if max_turns is not None:
+            game = game.replace(max_turns=max_turns)
         found = _found_strategies(strategies or [])
         for line in _code_of(game, found):
             echo(f"imports {printable_line(line)}")

@@ -18,7 +18,7 @@ def run(*arguments):
 
 
 def test_it_tells_the_story_and_writes_both_files(tmp_path):
-    done = run("--turns", 400, "--out", tmp_path)
+    done = run("--max-turns", 400, "--out", tmp_path)
 
     assert done.exit_code == 0
     assert "Capture the flag in Central Helsinki, seed 1" in done.stdout
@@ -35,7 +35,7 @@ def test_it_tells_the_story_and_writes_both_files(tmp_path):
 
 
 def test_it_films_the_game_and_names_all_that_it_wrote(tmp_path):
-    done = CliRunner().invoke(cli.app, ["demo", "--turns", "10", "--out", str(tmp_path)], catch_exceptions=False)
+    done = CliRunner().invoke(cli.app, ["demo", "--max-turns", "10", "--out", str(tmp_path)], catch_exceptions=False)
     files = {"result.json", "game.ggr", "game.mp4", "final.png", "final.svg"}
     assert {path.name for path in tmp_path.iterdir()} == files
     assert all(f"{tmp_path / name}" in done.stdout for name in files)
@@ -54,7 +54,7 @@ def test_it_films_the_game_and_names_all_that_it_wrote(tmp_path):
 )
 def test_what_is_not_installed_is_left_out_with_a_sentence(tmp_path, missing, film, picture):
     code = f"import sys; sys.modules['{missing}'] = None; from gamms.cli import main; main()"
-    command = [sys.executable, "-c", code, "demo", "--turns", "3", "--out", "out"]
+    command = [sys.executable, "-c", code, "demo", "--max-turns", "3", "--out", "out"]
     done = subprocess.run(command, cwd=tmp_path, capture_output=True, text=True, check=False)
     assert done.returncode == 0, done.stderr
     assert sorted(path.name for path in (tmp_path / "out").iterdir()) == sorted(
@@ -73,7 +73,19 @@ def test_the_same_seed_gives_the_same_bytes_in_any_process(tmp_path):
         out = tmp_path / hash_seed
         out.mkdir()
         printed = subprocess.run(
-            [sys.executable, "-m", "gamms.cli", "demo", "--turns", "150", "--seed", "5", "--out", "here", "--no-film"],
+            [
+                sys.executable,
+                "-m",
+                "gamms.cli",
+                "demo",
+                "--max-turns",
+                "150",
+                "--seed",
+                "5",
+                "--out",
+                "here",
+                "--no-film",
+            ],
             cwd=out,
             env={**os.environ, "PYTHONHASHSEED": hash_seed},
             capture_output=True,
@@ -85,12 +97,12 @@ def test_the_same_seed_gives_the_same_bytes_in_any_process(tmp_path):
 
 def test_another_seed_plays_another_game(tmp_path):
     for seed in (1, 2):
-        run("--turns", 100, "--seed", seed, "--out", tmp_path / str(seed))
+        run("--max-turns", 100, "--seed", seed, "--out", tmp_path / str(seed))
     assert (tmp_path / "1" / "final.svg").read_bytes() != (tmp_path / "2" / "final.svg").read_bytes()
 
 
 def test_teams_may_have_names_and_sizes_of_their_own(tmp_path):
-    run("--turns", 20, "--teams", "cats=3,dogs=2", "--out", tmp_path)
+    run("--max-turns", 20, "--teams", "cats=3,dogs=2", "--out", tmp_path)
     result = json.loads((tmp_path / "result.json").read_text())
     assert [(team["name"], team["agents"]) for team in result["teams"]] == [("cats", 3), ("dogs", 2)]
     assert sorted(agent["name"] for agent in result["agents"]) == ["cats_0", "cats_1", "cats_2", "dogs_0", "dogs_1"]
@@ -99,7 +111,7 @@ def test_teams_may_have_names_and_sizes_of_their_own(tmp_path):
 @pytest.mark.parametrize(
     ("arguments", "hint"),
     [
-        (["--turns", "0"], "--turns"),
+        (["--max-turns", "0"], "--max-turns"),
         (["--teams", "many"], "cats=5,dogs=3"),
         (["--teams", "0"], "1 to 1000"),
         (["--teams", "a=1,a=2"], "two names"),
@@ -132,7 +144,7 @@ def squares(side, step=0.0005):
 def test_it_plays_on_any_map(tmp_path):
     town = tmp_path / "town.osm"
     town.write_text(squares(6))
-    done = run("--turns", 60, "--map", town, "--out", tmp_path)
+    done = run("--max-turns", 60, "--map", town, "--out", tmp_path)
     assert done.exit_code == 0
     assert "town.osm" in done.stdout
     assert json.loads((tmp_path / "result.json").read_text())["map"]["name"] == "town.osm"

@@ -64,7 +64,7 @@ def test_the_demo_needs_no_extra(tmp_path):
     code = (
         "import sys; extras = ['pyproj', 'osmium', 'osmnx', 'scipy', 'numba', 'pygame', 'av', 'PIL']\n"
         "sys.modules |= dict.fromkeys(extras)\n"
-        "from gamms.cli import main; sys.argv = ['gamms', 'demo', '--turns', '3', '--out', 'out']; main()"
+        "from gamms.cli import main; sys.argv = ['gamms', 'demo', '--max-turns', '3', '--out', 'out']; main()"
     )
     done = subprocess.run([sys.executable, "-c", code], cwd=tmp_path, capture_output=True, text=True, check=False)
     assert "Wrote out" in done.stdout, done.stderr

@@ -324,7 +324,7 @@ def test_version_2_is_replayed_too():
 
 def test_a_demo_is_recorded_and_can_be_verified(tmp_path):
     for out in ("one", "two", "two"):
-        done = run("demo", "--no-film", "--turns", 40, "--out", tmp_path / out)
+        done = run("demo", "--no-film", "--max-turns", 40, "--out", tmp_path / out)
         assert str(tmp_path / out / "game.ggr") in done.stdout
     one, two = tmp_path / "one/game.ggr", tmp_path / "two/game.ggr"
     assert one.read_bytes() == two.read_bytes()

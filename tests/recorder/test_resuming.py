@@ -285,7 +285,7 @@ def test_the_game_of_a_scenario_goes_on_from_its_recording_alone(tmp_path):
         '  red: {count: 2, strategy: "gamms.strategies:random_walk"}\n'
         '  blue: {count: 2, strategy: "gamms.strategies:random_walk"}\n'
         "rules: [{rule: tag, with: {taggers: red, tagged: blue}}]\n"
-        "turns: 12\nseed: 4\n"
+        "max_turns: 12\nseed: 4\n"
     )
     recording = played(scenario.load(file).build())
     again = scenario.Scenario(**recording.header["scenario"])

@@ -10,7 +10,7 @@ from gamms import scenario
 LITTLE = {
     "name": "little",
     "seed": 3,
-    "turns": 15,
+    "max_turns": 15,
     "map": {"grid": {"width": 8, "height": 6, "spacing": 10}},
     "sensors": {"near": {"type": "NEIGHBOR"}, "eyes": {"type": "AGENT_RANGE", "sensor_range": 30}},
     "teams": {

@@ -20,7 +20,7 @@ def run(*arguments):
 
 
 def test_a_game_is_played_and_written(folder):
-    done = run("run", "little.yaml", "--seed", 7, "--turns", 4, "--set", "teams.red.count=2", "--out", "out")
+    done = run("run", "little.yaml", "--seed", 7, "--max-turns", 4, "--set", "teams.red.count=2", "--out", "out")
     assert done.exit_code == 0
     assert "little, seed 7" in done.stdout
     result = json.loads((folder / "out" / "result.json").read_text())
@@ -55,12 +55,12 @@ def test_a_strategy_of_the_caller_may_be_anywhere(folder, tmp_path):
     [
         (["--set", "teams.red.cuont=8"], 1, "Did you mean 'count'?"),
         (["--set", "teams.rde.count=8"], 1, "Did you mean 'red'?"),
-        (["--set", "turns"], 2, "teams.red.count=8"),
+        (["--set", "max_turns"], 2, "teams.red.count=8"),
         (["--strategy", "mine.py:strategy"], 2, "red=mine.py:strategy"),
         (["--strategy", "red=mine.py"], 1, "module:function"),
         (["--strategy", "red=mine.py:strategy"], 1, "no file 'mine.py'"),
         (["--strategy", "rde=players.py:wander"], 1, "Did you mean 'red'?"),
-        (["--turns", "-1"], 2, "--turns"),
+        (["--max-turns", "-1"], 2, "--max-turns"),
     ],
 )
 def test_a_wrong_argument_ends_in_one_sentence(folder, arguments, code, hint):

@@ -89,7 +89,7 @@ def test_the_scenario_of_a_recording_has_the_seed_that_was_played(made):
 def test_parameters_that_are_no_plain_values_are_left_out():
     game = Scenario(
         seed=1,
-        turns=3,
+        max_turns=3,
         map={"grid": {"width": 3, "height": 3}},
         teams={"red": {"count": 1, "strategy": "gamms.strategies:random_walk"}},
         rules=[{"rule": "reach", "with": {"team": "red", "nodes": 8}}],

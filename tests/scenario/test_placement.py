@@ -11,7 +11,7 @@ from gamms.scenario import Scenario, ScenarioError
 
 
 def played_on(width, height, teams, seed=1):
-    return Scenario(seed=seed, turns=1, map={"grid": {"width": width, "height": height}}, teams=teams)
+    return Scenario(seed=seed, max_turns=1, map={"grid": {"width": width, "height": height}}, teams=teams)
 
 
 def places(scenario, seed=None):

@@ -233,7 +233,7 @@ def make():
         ctx.graph.graph.remove_node(40)
         ctx.graph.graph.node_attributes(1)["names"].append("b")
     assert one.play() == first
-    assert one.replace(turns=3).play().turns == 3
+    assert one.replace(max_turns=3).play().turns == 3
     with one.build() as ctx:
         assert ctx.graph.graph.has_node(40)
 
@@ -251,7 +251,7 @@ def tables_made(monkeypatch):
 
 def test_games_of_one_scenario_share_their_visibility(made, tables_made):
     one = made()
-    first = [table_of(game) for game in (one, one, one.replace(turns=3))]
+    first = [table_of(game) for game in (one, one, one.replace(max_turns=3))]
     assert len(tables_made) == 1
     assert first[0] == first[1] == first[2]
     table_of(made())
@@ -295,7 +295,7 @@ def table_of(one, change=lambda ctx: None):
 
 def test_many_games_leave_nothing_behind(made, tmp_path, monkeypatch):
     monkeypatch.setattr(tempfile, "tempdir", str(tmp_path))  # others put their files elsewhere
-    one = made(turns=2)
+    one = made(max_turns=2)
     one.play()
     gc.collect()
     files, modules, objects = set(tmp_path.iterdir()), set(sys.modules), len(gc.get_objects())

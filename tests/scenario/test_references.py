@@ -244,7 +244,7 @@ def test_a_package_that_the_caller_allows_offers_what_it_defines(folder, little,
         assert name not in sys.modules
     Scenario(folder=folder, allow=[name], **little).play()
     (folder / "little.yaml").write_text(yaml.safe_dump(little))
-    scenario.load(folder / "little.yaml", allow=[name]).replace(turns=3).play()
+    scenario.load(folder / "little.yaml", allow=[name]).replace(max_turns=3).play()
     for other in (f"{name}:system", f"{name}.players:system", "yaml:unsafe_load", "networkx:path_graph"):
         little["teams"]["red"]["strategy"] = other
         with pytest.raises(ScenarioError):

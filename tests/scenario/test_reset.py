@@ -65,7 +65,7 @@ class Floods:
 def floods():
     return Floods()
 """
-GRID = {"map": {"grid": {"width": 6, "height": 6}}, "turns": 8, "seed": 1}
+GRID = {"map": {"grid": {"width": 6, "height": 6}}, "max_turns": 8, "seed": 1}
 
 
 def drawn(name):
@@ -162,7 +162,7 @@ def test_a_game_that_is_reset_to_a_seed_is_the_game_of_that_seed(game, seeds, pl
 
 
 def test_the_demo_is_drawn_again():
-    game = scenario.load(FILE).replace(turns=4)
+    game = scenario.load(FILE).replace(max_turns=4)
     with game.build() as ctx:
         ctx.game.run()
         ctx.game.reset(5)

@@ -58,7 +58,7 @@ WRONG = [
     ({"rules.0.wiht": {}}, "rules.0.wiht", "Did you mean 'with'?"),
     ({"rules.0": {"rule": "capture_flag", "with": {"flags": {"bleu": 3}}}}, "rules.0.with.flags", "'blue'"),
     ({"seed": "x"}, "seed", "expected int"),
-    ({"turns": 1.5}, "turns", "expected int"),
+    ({"max_turns": 1.5}, "max_turns", "expected int"),
     ({"teams": {}}, "teams", "length >= 1"),
     ({"sensors": {"eyes": {"a - at `$": 1}}}, "sensors.eyes.a - at `$", "unknown key, with the value 1"),
     ({"a - at `$": 1}, "a - at `$", "unknown key"),
@@ -191,7 +191,7 @@ def test_values_are_replaced_by_dotted_paths(made):
     one = made()
     new = one.replace(
         **{
-            "turns": 5,
+            "max_turns": 5,
             "teams.red.count": 2,
             "teams.blue.agents.bert.node": 3,
             "teams.blue.agents.0.node": 4,
@@ -199,7 +199,7 @@ def test_values_are_replaced_by_dotted_paths(made):
             "settings.legal": "any",
         }
     )
-    assert (new.spec.turns, new.spec.teams["red"].count, new.spec.settings.legal) == (5, 2, "any")
+    assert (new.spec.max_turns, new.spec.teams["red"].count, new.spec.settings.legal) == (5, 2, "any")
     assert [agent.node for agent in new.spec.teams["blue"].agents] == [4, 3]
     assert new.spec.rules[0].with_["hops"] == 2
     assert one == made()
@@ -210,10 +210,10 @@ def test_values_are_replaced_by_dotted_paths(made):
     [
         ("teams.rde.count", "Did you mean 'red'?"),
         ("teams.red.cuont", "Did you mean 'count'?"),
-        ("trns", "Did you mean 'turns'?"),
+        ("max_trns", "Did you mean 'max_turns'?"),
         ("teams.blue.agents.brt.node", "Did you mean 'bert'?"),
         ("rules.7", "no '7' to change"),
-        ("turns.x.y", "no 'x' to change"),
+        ("max_turns.x.y", "no 'x' to change"),
         ("sttings.legal", "Did you mean 'settings'?"),
     ],
 )

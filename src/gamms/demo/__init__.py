@@ -32,7 +32,7 @@ class Team(NamedTuple):
     size: int
 
 
-def capture_the_flag(teams: tuple[Team, Team], turns: int, map: Path | None = None) -> Scenario:
+def capture_the_flag(teams: tuple[Team, Team], max_turns: int, map: Path | None = None) -> Scenario:
     """Return the game between two teams, on the streets of Helsinki or of a map file.
 
     Raises:
@@ -42,7 +42,7 @@ def capture_the_flag(teams: tuple[Team, Team], turns: int, map: Path | None = No
     raw = load(FILE).to_dict()
     if map is not None:
         raw |= {"map": {"file": map.name}, "name": f"{raw['name']} in {map.name}"}
-    raw["rules"][3]["with"]["turns"] = turns
+    raw["rules"][3]["with"]["turns"] = max_turns
     sides = dict(zip(raw["teams"], teams, strict=True))
     raw["teams"] = {side.name: {**raw["teams"][of], **_sized(side)} for of, side in sides.items()}
     _, tag, flags, _ = (rule["with"] for rule in raw["rules"])

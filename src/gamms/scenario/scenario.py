@@ -67,7 +67,7 @@ class Scenario:
         return copy
 
     def replace(self, **changes: object) -> "Scenario":
-        """Return the same scenario with other values: `replace(**{"turns": 50, "teams.red.count": 8})`.
+        """Return the same scenario with other values: `replace(**{"max_turns": 50, "teams.red.count": 8})`.
 
         A part of a path is a key, or the number or the name of an item of a list. The map is shared.
 
@@ -160,7 +160,7 @@ class Scenario:
             vis_engine,
             logger_config=maps.quiet(),
             seed=self.spec.seed if seed is None else seed,
-            game={**self._settings(), "max_turns": self.spec.turns},
+            game={**self._settings(), "max_turns": self.spec.max_turns},
         )
         try:
             with named(self.file):

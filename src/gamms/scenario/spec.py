@@ -216,7 +216,7 @@ class Spec(_Mapping, frozen=True, kw_only=True):
     name: str = ""
     description: str = ""
     seed: int | None = None
-    turns: Count | None = None
+    max_turns: Count | None = None
     sensors: dict[Name, Sensor] = {}
     rules: list[Reference | Rule] = []
     conflicts: Conflicts | None = None
