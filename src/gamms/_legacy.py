@@ -39,6 +39,10 @@ _ROOMS_OF: dict[str, tuple[str, ...]] = {
     "gamms.VisualizationEngine.utils": ("gamms.visual",),
     "gamms.internal_context": ("gamms.context",),
     "gamms.osm_constants": ("gamms.osm.constants",),
+    "gamms.typing.artist": ("gamms.typing.visualization_engine",),
+    "gamms.typing.compute_engine": ("gamms.typing.internal_context",),
+    "gamms.typing.message_engine": ("gamms.typing.internal_context",),
+    "gamms.typing.opcodes": ("gamms.typing.recorder",),
 }
 
 _LATER: dict[str, str] = {

@@ -4,10 +4,10 @@ import dataclasses
 from typing import Optional
 
 import pytest
+from gamms.typing.opcodes import OpCodes
 
 from gamms.errors import BadType, Duplicate, UnknownName
 from gamms.recorder.components import Components
-from gamms.typing.opcodes import OpCodes
 
 
 class Log(list):

@@ -5,13 +5,13 @@ import json
 from pathlib import Path
 
 import pytest
+from gamms.typing.opcodes import OpCodes
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from gamms.recorder.components import Components
 from gamms.recorder.errors import RecordingError
 from gamms.recorder.formats import version2
-from gamms.typing.opcodes import OpCodes
 
 SAMPLES = Path(__file__).parent / "samples/version2"
 KEY = ["somewhere.else", "Maker.<locals>.Gate"]

@@ -6,6 +6,7 @@ import io
 import numpy as np
 import pytest
 from games import copied, empty_context, grid_context, recorded
+from gamms.typing.opcodes import OpCodes
 from hypothesis import given, settings
 from hypothesis import strategies as st
 from test_frozen_recordings import everything_of_version_3, flights_of_version_3, turns_of_version_3
@@ -21,7 +22,6 @@ from gamms.recorder.formats.tracks import FORMS
 from gamms.recorder.formats.version2 import FIELDS
 from gamms.recorder.keyframes import GAME_FIELDS, captured, components_of
 from gamms.recorder.replaying import Replayer
-from gamms.typing.opcodes import OpCodes
 
 ALL = EVENTS.values()
 

@@ -9,6 +9,7 @@ from pathlib import Path
 import cbor2
 import numpy as np
 import pytest
+from gamms.typing.opcodes import OpCodes
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
@@ -17,7 +18,6 @@ from gamms.recorder.errors import RecordingError
 from gamms.recorder.formats import cbor_reader, version2
 from gamms.recorder.formats.cbor_reader import Tagged
 from gamms.recorder.formats.version2 import Version2Writer
-from gamms.typing.opcodes import OpCodes
 
 SAMPLES = {path.stem: path.read_bytes() for path in sorted((Path(__file__).parent / "samples/version2").glob("*.ggr"))}
 MUTANTS = 2_000

@@ -68,6 +68,10 @@ def strategy(state: gamms.typing.State) -> None:
     state["action"] = state["curr_pos"] + state["turn"]
 
 
+def misnamed(state: gamms.typing.Stat) -> None:  # error
+    pass
+
+
 def rule(ctx: gamms.Context) -> None:
     ctx.gme.end("over")  # error
     ctx.agent.create_itr()  # error

@@ -7,7 +7,7 @@ about agents, add a column to the block, its event, and a property.
 from gamms.agent.agent import AerialAgent, Agent, Member
 from gamms.agent.engine import AgentEngine
 from gamms.typing.agent_engine import AgentType, IAerialAgent, IAgent, IAgentEngine
-from gamms.typing.opcodes import OpCodes
+from gamms.typing.recorder import OpCodes
 
 NoOpAgent = IAgent  # in 1.0.0, too, a name that cannot be instantiated
 

@@ -25,9 +25,9 @@ from gamms.typing.actions import (
     level_quat,
 )
 from gamms.typing.agent_engine import AgentType, IAerialAgent, IAgent, MaybeNone, TurnAccess
+from gamms.typing.game import AerialState, AerialStrategy, AsyncStrategy, State, Strategy
 from gamms.typing.graph_engine import IGraph
 from gamms.typing.sensor_engine import Carried, ISensor, LiveData, SensorType, owner_of, refuse_no_sensor
-from gamms.typing.state import AerialState, AerialStrategy, AsyncStrategy, State, Strategy
 
 _KINDS = tuple(AgentType)
 _SCALARS = frozenset({str, bytes, int, float, bool, type(None)})

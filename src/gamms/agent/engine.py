@@ -20,8 +20,8 @@ from gamms.readonly import ReadOnlyMapping
 from gamms.text import shown
 from gamms.typing import IContext
 from gamms.typing.agent_engine import AgentType, IAgentEngine, SensorsOfAgent
+from gamms.typing.game import AerialStrategy, AsyncStrategy, NodeId, Strategy
 from gamms.typing.sensor_engine import ISensor, is_sensor, owner_of
-from gamms.typing.state import AerialStrategy, AsyncStrategy, NodeId, Strategy
 
 _KINDS_OF_KEYWORDS = frozenset({"type", "agent_type"})
 _KEYWORDS = dict.fromkeys(

@@ -7,7 +7,7 @@ from collections.abc import Sequence
 from math import hypot
 
 from gamms.context import Context
-from gamms.typing.state import State, Strategy
+from gamms.typing.game import State, Strategy
 
 __all__ = ["attacker", "defender", "player"]
 

@@ -27,7 +27,7 @@ from gamms.recorder.keyframes import (
 )
 from gamms.text import reason, shown
 from gamms.typing.actions import as_position
-from gamms.typing.opcodes import OpCodes
+from gamms.typing.recorder import OpCodes
 
 _PLACES = {"heading": 2, "position": 3, "previous_position": 3, "quat": 4}  # how many numbers each has
 

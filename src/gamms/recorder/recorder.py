@@ -24,8 +24,7 @@ from gamms.recorder.replaying import TURN_NS, Record, Replayer
 from gamms.recorder.session import RecordingSession
 from gamms.recorder.streams import Target, locks, readable
 from gamms.text import shown
-from gamms.typing.opcodes import MAGIC_NUMBER, OpCodes
-from gamms.typing.recorder import IRecorder
+from gamms.typing.recorder import MAGIC_NUMBER, IRecorder, OpCodes
 
 _VERSIONS = (2, 3)
 

@@ -25,7 +25,7 @@ from gamms.recorder.maps import given_map, has_map, hash_in, hash_of
 from gamms.recorder.streams import readable
 from gamms.text import reason
 from gamms.typing.map_storage import IPackedGraph, packed_graphs
-from gamms.typing.opcodes import MAGIC_NUMBER
+from gamms.typing.recorder import MAGIC_NUMBER
 
 _BLOBS = ("world",)  # parts of the header that are no words
 _CALLERS = ("folder", "file", "allow")  # what `Scenario(**header["scenario"])` takes as said by the caller

@@ -17,7 +17,7 @@ from gamms.recorder.replaying import Replayer
 from gamms.text import reason, shown
 from gamms.typing import SensorType
 from gamms.typing.context import contexts
-from gamms.typing.opcodes import OpCodes
+from gamms.typing.recorder import OpCodes
 
 if TYPE_CHECKING:
     from gamms.recorder.formats.reader import Reader

@@ -9,7 +9,7 @@ from gamms.context import Context, create_context
 from gamms.ir import events as kinds
 from gamms.recorder import RecordingError
 from gamms.recorder.formats import version2
-from gamms.typing.opcodes import MAGIC_NUMBER
+from gamms.typing.recorder import MAGIC_NUMBER
 from gamms.visual import Engine
 
 _QUIET = {"level": "CRITICAL"}  # what a recording cannot say, such as the sensors of version 2, is no news

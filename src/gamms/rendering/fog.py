@@ -17,7 +17,7 @@ from gamms.ir.obstacles import BoolArray
 from gamms.ir.sensed import SensorView
 from gamms.text import shown
 from gamms.typing import SensorType
-from gamms.typing.artist import Drawer
+from gamms.typing.visualization_engine import Drawer
 from gamms.visual import Artist
 from gamms.visual.appearance import Rgb, group_colors
 from gamms.visual.camera import inside

@@ -6,7 +6,7 @@ from typing import Any, overload
 from gamms.arguments import as_float
 from gamms.errors import BadValue
 from gamms.strategies.knowledge import as_strategy, drawn_fraction
-from gamms.typing.state import AerialState, AerialStrategy, State, Strategy
+from gamms.typing.game import AerialState, AerialStrategy, State, Strategy
 
 
 @overload

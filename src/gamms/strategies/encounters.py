@@ -10,7 +10,7 @@ from gamms.arguments import as_context, as_range
 from gamms.strategies.knowledge import as_known_node, enemies_in_sight, legal_on_map, node_of
 from gamms.strategies.movement import as_otherwise, move_to, random_walk, stay, step_towards
 from gamms.typing import IContext
-from gamms.typing.state import NodeId, State, Strategy
+from gamms.typing.game import NodeId, State, Strategy
 
 
 def chase(ctx: IContext, otherwise: Strategy | None = random_walk) -> Strategy:

@@ -8,8 +8,8 @@ from gamms.arguments import as_int, as_items
 from gamms.errors import BadType, MissingKey, UnknownName
 from gamms.text import shown
 from gamms.typing import IContext
+from gamms.typing.game import AerialState, State
 from gamms.typing.sensor_engine import SensorType
-from gamms.typing.state import AerialState, State
 
 if TYPE_CHECKING:
     from typing_extensions import TypeIs

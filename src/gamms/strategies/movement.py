@@ -20,7 +20,7 @@ from gamms.strategies.knowledge import (
     required,
 )
 from gamms.typing import IContext
-from gamms.typing.state import AerialState, NodeId, State, Strategy
+from gamms.typing.game import AerialState, NodeId, State, Strategy
 
 
 def stay(state: State | AerialState) -> None:

@@ -1,39 +1,44 @@
-"""Contracts: what each room promises (verbs). Values that cross rooms are here too: Node, OSMEdge, ObsFace.
+"""Contracts: what each engine promises. Values that several engines use are here too: Node, OSMEdge, ObsFace, State.
 
 Each contract has three parts: what you *must* write, what you *may* override for speed, what you get *free*.
-Read `graph_engine.py` and `sensor_engine.py` first. May import: `gamms.ir` and below.
+Read `graph_engine.py`, `sensor_engine.py` and `game.py` first. May import: `gamms.kernels` and below.
 """
+
+from importlib import import_module
+from types import ModuleType
+from typing import TYPE_CHECKING
 
 from gamms.typing import logger
 from gamms.typing.agent_engine import AgentType, IAerialAgent, IAgent, IAgentEngine
-from gamms.typing.artist import ArtistType, IArtist
-from gamms.typing.compute_engine import IComputeEngine, ITask
 from gamms.typing.context import IContext
-from gamms.typing.game import IConflicts, Move, Rule
-from gamms.typing.graph_engine import IGraph, IGraphEngine, Node, ObsFace, OSMEdge
-from gamms.typing.internal_context import IInternalContext
-from gamms.typing.logger import ILogger
-from gamms.typing.memory_engine import IMemoryEngine, IPathLike, IStore, StoreType
-from gamms.typing.message_engine import IMessageEngine
-from gamms.typing.opcodes import OpCodes
-from gamms.typing.recorder import IRecorder
-from gamms.typing.sensor_engine import ISensor, ISensorEngine, SensorOptions, SensorType
-from gamms.typing.state import (
+from gamms.typing.game import (
     Action,
     AerialAction,
     AerialState,
     AerialStrategy,
     AsyncStrategy,
     Draws,
+    IConflicts,
+    Move,
     NodeAction,
     NodeId,
+    Rule,
     State,
     Strategy,
+    TeamPlan,
 )
+from gamms.typing.graph_engine import IGraph, IGraphEngine, Node, ObsFace, OSMEdge
+from gamms.typing.internal_context import IComputeEngine, IInternalContext, IMessageEngine, ITask
+from gamms.typing.logger import ILogger
+from gamms.typing.memory_engine import IMemoryEngine, IPathLike, IStore, StoreType
+from gamms.typing.recorder import IRecorder, OpCodes
+from gamms.typing.sensor_engine import ISensor, ISensorEngine, SensorOptions, SensorType
 from gamms.typing.visualization_engine import (
     AgentVisual,
+    ArtistType,
     ColorType,
     GraphVisual,
+    IArtist,
     IVisualizationEngine,
     ObstacleVisual,
     SensorVisual,
@@ -86,5 +91,13 @@ __all__ = [
     "State",
     "StoreType",
     "Strategy",
+    "TeamPlan",
     "logger",
 ]
+
+if not TYPE_CHECKING:  # which would take every misspelt name for one that is there
+
+    def __getattr__(name: str) -> ModuleType:
+        if name in {"artist", "compute_engine", "message_engine", "opcodes"}:  # modules of 1.0.0: see `gamms._legacy`
+            return import_module(f"gamms.typing.{name}")
+        raise AttributeError(f"module {__name__!r} has no attribute {name!r}")

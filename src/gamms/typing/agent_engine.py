@@ -7,8 +7,8 @@ from typing import Any, NamedTuple
 
 from gamms.ir.agents import AgentBlock, Position, Quat
 from gamms.ir.positions import Positions
+from gamms.typing.game import AerialStrategy, AsyncStrategy, NodeId, State, Strategy
 from gamms.typing.sensor_engine import Carried, ISensor
-from gamms.typing.state import AerialStrategy, AsyncStrategy, NodeId, State, Strategy
 
 SensorsOfAgent = Iterable[str | ISensor] | Mapping[str, str | ISensor]
 MaybeNone = Any  # of a value that is None at times, and is used as if it never were

@@ -1,7 +1,123 @@
-"""Contract of the turn engine: what it gives to rules, plans and resolvers of conflicts."""
+"""What programs and the turn engine give each other: states, actions, strategies, plans, rules, resolvers."""
 
-from collections.abc import Awaitable, Callable, Hashable, Mapping
-from typing import Annotated, Any, NamedTuple, Protocol
+from collections.abc import Awaitable, Callable, Hashable, Mapping, Sequence
+from typing import TYPE_CHECKING, Annotated, Any, NamedTuple, NotRequired, Protocol, TypedDict, TypeVar
+
+import numpy as np
+
+from gamms.ir.agents import Position, Quat
+from gamms.ir.graph import FloatArray
+from gamms.typing.sensor_engine import SensorType
+
+if TYPE_CHECKING:
+    from numpy.random import Generator
+
+
+T = TypeVar("T")
+
+NodeId = int | np.integer[Any]
+"""What is taken for the id of a node; what is given back is an int."""
+
+
+class NodeAction(TypedDict):
+    """Move to a node, and face somewhere."""
+
+    node_id: NodeId
+    orientation: NotRequired[tuple[float, float] | None]
+    """`(cos, sin)` of the heading, of any length but zero; None: follow the moves again."""
+
+
+class AerialAction(TypedDict, total=False):
+    """Fly, turn, or both."""
+
+    direction: Sequence[float] | FloatArray
+    """`(dx, dy, dz)`, of any length: the agent moves by its speed; all zeros: it stays."""
+    quat: Sequence[float]
+    """`(w, x, y, z)`, of any length: how the agent is turned from now on."""
+
+
+Action = NodeId | Sequence[int] | NodeAction
+"""Of an agent on the ground: a node id; of one with a speed also the nodes on the way, one after the other."""
+
+
+class Draws(Protocol):
+    """Random numbers of one agent; in every turn they follow from the seed, its name and the turn alone."""
+
+    def random(self) -> float:
+        """Return a number in [0, 1)."""
+
+    def below(self, n: int) -> int:
+        """Return an integer from 0 to `n - 1`, each as likely."""
+
+    def choice(self, options: Sequence[T]) -> T:
+        """Return one of the options, each as likely."""
+
+    def bits(self) -> int:
+        """Return 64 random bits."""
+
+
+class _GameKeys(TypedDict, total=False):
+    """What `ctx.game` adds to the state of every agent; `agent.get_state()` alone does not."""
+
+    name: str
+    """The agent's name."""
+    team: Any  # any value that can be a key of a dict
+    """The agent's team; None: no team."""
+    turn: int
+    """How many turns were played before this one."""
+    draw: Draws
+    """The agent's own random numbers, fast."""
+    rng: "Generator"
+    """The agent's own random numbers as a NumPy generator, for distributions."""
+    memory: dict[Any, Any]
+    """The agent's own dict, which lasts for the game."""
+    team_memory: dict[Any, Any]
+    """A copy of what the team remembers; what is written into it is known to the team in the next turn."""
+    facts: Mapping[str, Any]
+    """What the scenario has published; read-only all the way down."""
+
+
+class State(_GameKeys):
+    """What an agent on the ground knows when it decides: the argument of its strategy.
+
+    `curr_pos` and `sensor` are always there. The others are put there by `ctx.game`.
+    """
+
+    curr_pos: int
+    """The id of the node that the agent is on."""
+    sensor: dict[str, tuple[SensorType, Any]]
+    """Name -> kind of sensor, and what it has sensed; `docs/sensors.md` has the shape for each kind."""
+    legal: NotRequired[Sequence[int]]
+    """The ids of the nodes that the agent may move to, its own first."""
+    action: NotRequired[Action]
+    """What the agent does: set by the strategy."""
+
+
+class AerialState(_GameKeys):
+    """What an aerial agent knows when it decides: the argument of its strategy."""
+
+    curr_pos: Position
+    """`(x, y, z)`, map units."""
+    quat: Quat
+    """How the agent is turned: `(w, x, y, z)` of length 1."""
+    sensor: dict[str, tuple[SensorType, Any]]
+    """Name -> kind of sensor, and what it has sensed."""
+    legal: NotRequired[Sequence[int]]
+    """`()`: an aerial agent is not bound to nodes."""
+    action: NotRequired[tuple[float, float, float] | FloatArray | AerialAction]
+    """What the agent does, such as `(dx, dy, dz)`: set by the strategy."""
+
+
+Strategy = Callable[[State], None]
+"""Decides for an agent on the ground: it reads the state and sets `state["action"]`."""
+AerialStrategy = Callable[[AerialState], None]
+"""Decides for an aerial agent."""
+AsyncStrategy = Callable[[Any], Awaitable[None]]
+"""Decides for an agent that `ctx.game` waits for, such as an `async def`. Any: `State` or `AerialState`."""
+
+
+# -- rules and conflicts ---------------------------------------------------------------------------------------------
+
 
 Track = tuple[tuple[int, ...], tuple[float, ...]]
 """Nodes, and from 0 to 1 when an agent is at each of them; it is at the last one until 1."""

@@ -1,10 +1,35 @@
-"""Contract of the recorder."""
+"""Contract of the recorder, and the operation codes of recordings in format version 2."""
 
 from abc import ABC, abstractmethod
 from collections.abc import Callable, Iterable, Iterator
+from enum import Enum
 from typing import Any, BinaryIO
 
-from gamms.typing.opcodes import OpCodes
+from gamms.ir import events as kinds
+
+MAGIC_NUMBER = b"MMGR"
+VERSION = (2).to_bytes(4, "big")
+
+
+class OpCodes(Enum):
+    """What one record says."""
+
+    TERMINATE = kinds.TERMINATE
+    SIMULATE = kinds.SIMULATE
+    AGENT_CREATE = kinds.AGENT_CREATE
+    AGENT_DELETE = kinds.AGENT_DELETE
+    AGENT_CURRENT_NODE = kinds.AGENT_CURRENT_NODE
+    AGENT_PREV_NODE = kinds.AGENT_PREV_NODE
+    AGENT_SENSOR_REGISTER = kinds.AGENT_SENSOR_REGISTER
+    AGENT_SENSOR_DEREGISTER = kinds.AGENT_SENSOR_DEREGISTER
+    AGENT_ORIENTATION = kinds.AGENT_ORIENTATION
+    AERIAL_AGENT_POSITION = kinds.AERIAL_AGENT_POSITION
+    AERIAL_AGENT_QUATERNION = kinds.AERIAL_AGENT_QUATERNION
+    COMPONENT_REGISTER = kinds.COMPONENT_REGISTER
+    COMPONENT_CREATE = kinds.COMPONENT_CREATE
+    COMPONENT_UPDATE = kinds.COMPONENT_UPDATE
+    COMPONENT_DELETE = kinds.COMPONENT_DELETE
+    COMPONENT_UNREGISTER = kinds.COMPONENT_UNREGISTER
 
 
 class IRecorder(ABC):

@@ -16,7 +16,7 @@ from gamms.ir.draw import DrawCommands
 from gamms.text import shown
 from gamms.typing import ArtistType, IArtist, IContext
 from gamms.typing.agent_engine import AgentType
-from gamms.typing.artist import Drawer
+from gamms.typing.visualization_engine import Drawer
 from gamms.visual.appearance import AgentData
 from gamms.visual.constants import Shape
 from gamms.visual.drawers import render_circle, render_rectangle

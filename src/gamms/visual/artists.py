@@ -9,8 +9,7 @@ from gamms.deciding import Guarded, Protected, outside_of_deciding, phase_of, re
 from gamms.errors import BadType, BadValue, ContextTerminated
 from gamms.text import shown
 from gamms.typing import ArtistType, IArtist, IContext
-from gamms.typing.artist import Drawer
-from gamms.typing.visualization_engine import AgentVisual, GraphVisual, ObstacleVisual, SensorVisual
+from gamms.typing.visualization_engine import AgentVisual, Drawer, GraphVisual, ObstacleVisual, SensorVisual
 from gamms.visual.appearance import AgentData, Circle, Colorize, GraphData, Rectangle
 from gamms.visual.artist import Artist, looks_of
 from gamms.visual.constants import Layer, Shape

@@ -14,7 +14,7 @@ import numpy as np
 from gamms.ir.graph import GraphColumns
 from gamms.ir.sensed import SensorView
 from gamms.typing import ArtistType, IArtist, IContext
-from gamms.typing.artist import Drawer
+from gamms.typing.visualization_engine import Drawer
 from gamms.visual.appearance import BY_DAY, AgentData, GraphData, Rgb, WallTones, color_group, group_colors
 from gamms.visual.artist import Artist
 from gamms.visual.constants import Layer

@@ -12,7 +12,7 @@ import numpy as np
 from gamms.ir.draw import DrawCommands
 from gamms.ir.graph import FloatArray
 from gamms.typing import ArtistType, IArtist, IContext
-from gamms.typing.artist import Drawer
+from gamms.typing.visualization_engine import Drawer
 from gamms.visual.appearance import Rgba
 from gamms.visual.artist import Artist, ArtistGroup, in_painting_order, state_of
 from gamms.visual.backends.pygame_backend import Canvas, load, painted_transparent

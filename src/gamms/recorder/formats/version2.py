@@ -19,7 +19,7 @@ from gamms.recorder.errors import RecordingError
 from gamms.recorder.formats import cbor_reader
 from gamms.recorder.formats.cbor_reader import BadCbor, CborReader, Incomplete, Tagged
 from gamms.text import reason
-from gamms.typing.opcodes import MAGIC_NUMBER, OpCodes
+from gamms.typing.recorder import MAGIC_NUMBER, OpCodes
 
 Record = dict[str, Any]  # timestamp, opCode, data
 
