@@ -8,6 +8,7 @@ again and working out the state at a turn are the same act. Adding a kind is a c
 from collections.abc import Callable, Iterator, Mapping
 from copy import deepcopy
 from enum import Enum
+from functools import partial
 from typing import TYPE_CHECKING, Any, NamedTuple
 
 from gamms.arguments import as_bool, as_int, as_key, as_name, as_numbers, as_range
@@ -156,61 +157,81 @@ def _speed(value: Any, name: str) -> Any:
     return value
 
 
-_ANY = Field()
-_OPTIONAL = Field(is_optional=True)
-_AGENT = Field(Role.AGENT, as_name)
-_NAME = Field(check=as_name)
-_NUMBER = Field(Role.NUMBER)
-_NODE = Field(Role.NODE, as_int)
-_NODES = Field(Role.NODE)
-_BY_NAME = {"agent_name": _AGENT}
+_NODE, _NODES, _NUMBER = Field(Role.NODE, as_int), Field(Role.NODE), Field(Role.NUMBER)
+_FIELDS = {  # fields of these names; all others hold any plain value
+    "agent_name": Field(Role.AGENT, as_name),
+    "names": Field(Role.AGENT),
+    "number": _NUMBER,
+    "numbers": _NUMBER,
+    "node_id": _NODE,
+    "node": _NODES,
+    "previous": _NODES,
+    "edge_source": _NODES,
+    "edge_target": _NODES,
+    **dict.fromkeys(("name", "sensor_id", "kind"), Field(check=as_name)),
+    "orientation": Field(check=_heading),
+    "position": Field(check=_position),
+    "quat": Field(check=_quat),
+    "team": Field(check=as_key),
+    "alive": Field(check=as_bool),
+    "speed": Field(check=_speed),
+}
+EVENTS: dict[int, EventKind] = {}
+"""All kinds, by their codes."""
+
+_Apply = Callable[[State, Any], None]
+_Records = Callable[[Any, Mover | None], Iterator[Record]]
 
 
-def _as_it_is(code: int) -> Callable[[Any, Mover | None], Iterator[Record]]:
-    """Return what gives the event itself as its record."""
+def _fields_of(spec: str) -> dict[str, Field]:
+    """Return fields by their names, such as "name:AGENT ?state": a role of its own, and one that may be missing."""
+    fields = {}
+    for part in spec.split():
+        key, _, role = part.removeprefix("?").partition(":")
+        field = _FIELDS.get(key, Field())
+        fields[key] = Field(Role[role] if role else field.role, field.check, part.startswith("?"))
+    return fields
+
+
+def _event(
+    name: str, audience: Audience, fields: str = "", records: _Records | None = None, *, is_tuple: bool = False
+) -> Callable[[_Apply], _Apply]:
+    """Add a kind, whose code is the constant of that name, by what it does to a state."""
+    code = int(globals()[name])
+
+    def add(apply: _Apply) -> _Apply:
+        EVENTS[code] = EventKind(code, name, _fields_of(fields), audience, apply, records, is_tuple)
+        return apply
+
+    return add
+
+
+def _record(name: str, audience: Audience, fields: str = "") -> Callable[[_Apply], _Apply]:
+    """Add a kind which is a record of format version 2 itself."""
+    code = int(globals()[name])
 
     def records(data: Any, _: Mover | None) -> Iterator[Record]:
         yield code, data
 
-    return records
+    return _event(name, audience, fields, records)
 
 
 def _nothing(_state: State, _data: Any) -> None:
     """Leave the state as it is."""
 
 
-def _kind(
-    name: str,
-    fields: Mapping[str, Field],
-    audience: Audience,
-    apply: Callable[[State, Any], None] = _nothing,
-    records: Callable[[Any, Mover | None], Iterator[Record]] | None = None,
-    *,
-    is_in_version_2: bool = False,
-    is_tuple: bool = False,
-) -> EventKind:
-    code = globals()[name]
-    records = _as_it_is(code) if is_in_version_2 else records
-    return EventKind(code, name, fields, audience, apply, records, is_tuple)
-
-
-def _column(
-    name: str, column: str, key: str, field: Field, audience: Audience, *, is_in_version_2: bool = False
-) -> EventKind:
-    """Return the kind that sets one column of one agent."""
+def _sets(column: str, key: str) -> _Apply:
+    """Return what sets one column of one agent to a field."""
+    field = _FIELDS.get(key, Field())
 
     def apply(state: State, data: Any) -> None:
         value = field.value_of(data, key)
         state.agents.set(state.agents.row(data["agent_name"]), column, value)
 
-    return _kind(name, {**_BY_NAME, key: field}, audience, apply, is_in_version_2=is_in_version_2)
+    return apply
 
 
 # -- agents -----------------------------------------------------------------------------------------------------
-
-
-def _create(state: State, data: Any) -> None:
-    state.agents.add(data["name"], data["kwargs"], data.get("state", {}), data.get("strategy"))
 
 
 _NODE_KEYWORDS = {"prev_node_id": AGENT_PREV_NODE, "current_node_id": AGENT_CURRENT_NODE}
@@ -235,16 +256,9 @@ def _creation_records(data: Any, _: Mover | None) -> Iterator[Record]:
         yield AGENT_SENSOR_REGISTER, {**name, "name": key, "sensor_id": sensor_id}
 
 
-def _register(state: State, data: Any) -> None:
-    state.agents.equip(state.agents.row(data["agent_name"]), data["name"], data["sensor_id"])
-
-
-def _deregister(state: State, data: Any) -> None:
-    state.agents.unequip(state.agents.row(data["agent_name"]), data["name"])
-
-
-def _move(state: State, data: Any) -> None:
-    state.agents.move(data[::2], data[1::2])
+@_event("AGENT_CREATE", Audience.ALL, "name:AGENT kwargs ?state ?strategy", _creation_records)
+def _create(state: State, data: Any) -> None:
+    state.agents.add(data["name"], data["kwargs"], data.get("state", {}), data.get("strategy"))
 
 
 def _move_records(data: Any, mover: Mover | None) -> Iterator[Record]:
@@ -253,9 +267,9 @@ def _move_records(data: Any, mover: Mover | None) -> Iterator[Record]:
     yield AGENT_CURRENT_NODE, {"agent_name": mover.name, "node_id": data[1]}
 
 
-def _flight(state: State, data: Any) -> None:
-    number, node, *position = data
-    state.agents.fly(state.agents.row_of(number), node, tuple(position))
+@_event("MOVES", Audience.SENSED, "number node", _move_records, is_tuple=True)
+def _move(state: State, data: Any) -> None:
+    state.agents.move(data[::2], data[1::2])
 
 
 def _flight_records(data: Any, mover: Mover | None) -> Iterator[Record]:
@@ -264,9 +278,10 @@ def _flight_records(data: Any, mover: Mover | None) -> Iterator[Record]:
     yield AGENT_PREV_NODE, {"agent_name": mover.name, "node_id": mover.before}
 
 
-def _turn(state: State, data: Any) -> None:
-    number, *quat = data
-    state.agents.turn(state.agents.row_of(number), tuple(quat))
+@_event("AERIAL_AGENT_FLIGHT", Audience.SENSED, "number node x y z", _flight_records, is_tuple=True)
+def _flight(state: State, data: Any) -> None:
+    number, node, *position = data
+    state.agents.fly(state.agents.row_of(number), node, tuple(position))
 
 
 def _turn_records(data: Any, mover: Mover | None) -> Iterator[Record]:
@@ -274,9 +289,10 @@ def _turn_records(data: Any, mover: Mover | None) -> Iterator[Record]:
     yield AERIAL_AGENT_QUATERNION, {"agent_name": mover.name, "quat": list(data[1:])}
 
 
-def _fly_by_name(state: State, data: Any) -> None:
-    node = as_int(data["node"], "node") if "node" in data else None
-    state.agents.fly(state.agents.row(data["agent_name"]), node, _position(data["position"], "position"))
+@_event("AERIAL_AGENT_TURN", Audience.SENSED, "number w x y z", _turn_records, is_tuple=True)
+def _turn(state: State, data: Any) -> None:
+    number, *quat = data
+    state.agents.turn(state.agents.row_of(number), tuple(quat))
 
 
 def _position_records(data: Any, mover: Mover | None) -> Iterator[Record]:
@@ -285,10 +301,28 @@ def _position_records(data: Any, mover: Mover | None) -> Iterator[Record]:
         yield AGENT_PREV_NODE, {"agent_name": data["agent_name"], "node_id": mover.before}
 
 
+@_event("AERIAL_AGENT_POSITION", Audience.SENSED, "agent_name position ?node", _position_records)
+def _fly_by_name(state: State, data: Any) -> None:
+    node = as_int(data["node"], "node") if "node" in data else None
+    state.agents.fly(state.agents.row(data["agent_name"]), node, _position(data["position"], "position"))
+
+
+@_record("AGENT_SENSOR_REGISTER", Audience.TEAM, "agent_name name sensor_id")
+def _register(state: State, data: Any) -> None:
+    state.agents.equip(state.agents.row(data["agent_name"]), data["name"], data["sensor_id"])
+
+
+@_record("AGENT_SENSOR_DEREGISTER", Audience.TEAM, "agent_name name sensor_id")
+def _deregister(state: State, data: Any) -> None:
+    state.agents.unequip(state.agents.row(data["agent_name"]), data["name"])
+
+
+@_event("AGENT_PROGRESS", Audience.SENSED, "numbers edge_source edge_target edge_share")
 def _progress(state: State, data: Any) -> None:
     state.agents.progress(data["numbers"], data["edge_source"], data["edge_target"], data["edge_share"])
 
 
+@_event("FLYERS_ABOVE", Audience.SENSED, "names node previous")
 def _above(state: State, data: Any) -> None:
     for name, node, previous in zip(data["names"], data["node"].tolist(), data["previous"].tolist(), strict=True):
         row = state.agents.row(name)
@@ -296,11 +330,12 @@ def _above(state: State, data: Any) -> None:
         state.agents.set(row, "previous", previous)
 
 
-def _component(code: int) -> Callable[[State, Any], None]:
-    return lambda state, data: state.change_component(code, data)
-
-
 # -- the game ---------------------------------------------------------------------------------------------------
+
+
+def _change_component(code: int, state: State, data: Any) -> None:
+    state.change_component(code, data)
+
 
 _OVER = {"reason", "winner", "truncated"}
 
@@ -355,18 +390,22 @@ def set_scores(game: "GameState", scores: Any) -> None:
     game.scores.update(found)
 
 
+@_event("GAME_SCORES", Audience.ALL, "scores")
 def _scores(state: State, data: Any) -> None:
     set_scores(state.game, data["scores"])
 
 
+@_event("GAME_OVER", Audience.ALL, "?reason ?winner ?truncated")
 def _over(state: State, data: Any) -> None:
     state.game.over = as_over(data or None)
 
 
+@_event("GAME_TURN", Audience.ALL, "turn pace ?starts")
 def _count(state: State, data: Any) -> None:
     state.count(int(data["turn"]), int(data["pace"]), data.get("starts", {}))
 
 
+@_event("GAME_MEMORY", Audience.TEAM, "agents teams")
 def _remember(state: State, data: Any) -> None:
     for name, changes in data["agents"].items():
         change(state.game.memory_of(name), changes)
@@ -374,124 +413,41 @@ def _remember(state: State, data: Any) -> None:
         change(state.game.team_memories.setdefault(team, {}), changes)
 
 
-_BY_NAME_AND_SENSOR = {**_BY_NAME, "name": _NAME, "sensor_id": _NAME}
-_KINDS = (
-    _kind("TERMINATE", {}, Audience.ALL, is_in_version_2=True),
-    _kind("SIMULATE", {}, Audience.ALL, lambda state, _: state.end_turn(), is_in_version_2=True),
-    _kind(
-        "SNAPSHOT",
-        {"names": _ANY, "numbers": _NUMBER, "node": _NODES},
-        Audience.HOST,
-        lambda state, data: state.restore(data),
-    ),
-    _kind("UNFINISHED", {}, Audience.HOST),
-    _kind(
-        "AGENT_CREATE",
-        {"name": _AGENT, "kwargs": _ANY, "state": _OPTIONAL, "strategy": _OPTIONAL},
-        Audience.ALL,
-        _create,
-        _creation_records,
-    ),
-    _kind(
-        "AGENT_DELETE",
-        {"name": _AGENT},
-        Audience.ALL,
-        lambda state, data: state.agents.remove(data["name"]),
-        is_in_version_2=True,
-    ),
-    _column("AGENT_CURRENT_NODE", "node", "node_id", _NODE, Audience.SENSED, is_in_version_2=True),
-    _column("AGENT_PREV_NODE", "previous", "node_id", _NODE, Audience.SENSED, is_in_version_2=True),
-    _kind("AGENT_SENSOR_REGISTER", _BY_NAME_AND_SENSOR, Audience.TEAM, _register, is_in_version_2=True),
-    _kind("AGENT_SENSOR_DEREGISTER", _BY_NAME_AND_SENSOR, Audience.TEAM, _deregister, is_in_version_2=True),
-    _column(
-        "AGENT_ORIENTATION", "heading", "orientation", Field(check=_heading), Audience.SENSED, is_in_version_2=True
-    ),
-    _kind(
-        "AERIAL_AGENT_POSITION",
-        {**_BY_NAME, "position": Field(check=_position), "node": Field(Role.NODE, as_int, is_optional=True)},
-        Audience.SENSED,
-        _fly_by_name,
-        _position_records,
-    ),
-    _column("AERIAL_AGENT_QUATERNION", "quat", "quat", Field(check=_quat), Audience.SENSED, is_in_version_2=True),
-    _column("AGENT_TEAM", "teams", "team", Field(check=as_key), Audience.ALL),
-    _column("AGENT_ALIVE", "alive", "alive", Field(check=as_bool), Audience.ALL),
-    _column("AGENT_SPEED", "speed", "speed", Field(check=_speed), Audience.TEAM),
-    _column("AGENT_STRATEGY", "strategies", "strategy", _ANY, Audience.HOST),
-    _kind(
-        "AGENT_PROGRESS",
-        {"numbers": _NUMBER, "edge_source": _NODES, "edge_target": _NODES, "edge_share": _ANY},
-        Audience.SENSED,
-        _progress,
-    ),
-    _kind(
-        "AERIAL_AGENT_FLIGHT",
-        {"number": _NUMBER, "node": _NODE, "x": _ANY, "y": _ANY, "z": _ANY},
-        Audience.SENSED,
-        _flight,
-        _flight_records,
-        is_tuple=True,
-    ),
-    _kind(
-        "AERIAL_AGENT_TURN",
-        {"number": _NUMBER, "w": _ANY, "x": _ANY, "y": _ANY, "z": _ANY},
-        Audience.SENSED,
-        _turn,
-        _turn_records,
-        is_tuple=True,
-    ),
-    _kind("FLYERS_ABOVE", {"names": Field(Role.AGENT), "node": _NODES, "previous": _NODES}, Audience.SENSED, _above),
-    _kind("MOVES", {"number": _NUMBER, "node": _NODE}, Audience.SENSED, _move, _move_records, is_tuple=True),
-    *(
-        _kind(
-            name,
-            {key: _NAME if key == "name" else _ANY for key in fields},
-            Audience.ALL,
-            _component(globals()[name]),
-            is_in_version_2=True,
-        )
-        for name, fields in {
-            "COMPONENT_REGISTER": ("key", "struct"),
-            "COMPONENT_CREATE": ("name", "type"),
-            "COMPONENT_UPDATE": ("name", "key", "value"),
-            "COMPONENT_DELETE": ("name",),
-            "COMPONENT_UNREGISTER": ("key",),
-        }.items()
-    ),
-    _kind("WORLD", {"world": _ANY}, Audience.ALL, lambda state, data: state.replace_world(data["world"])),
-    _kind("VISUALS", {"artists": _ANY}, Audience.ALL, lambda state, data: state.show(data)),
-    _kind(
-        "VISUAL_COMMANDS",
-        dict.fromkeys(("artist", "layer", "visible"), _ANY),
-        Audience.ALL,
-        lambda state, data: state.draw(data),
-    ),
-    _kind("GAME_SCORES", {"scores": _ANY}, Audience.ALL, _scores),
-    _kind(
-        "GAME_DATA",
-        dict.fromkeys(("set", "more", "removed"), _OPTIONAL),
-        Audience.HOST,
-        lambda state, data: change(state.game.data, data),
-    ),
-    _kind("GAME_EVENT", {"kind": _NAME}, Audience.ALL, lambda state, data: state.emit(as_event(data))),
-    _kind("GAME_OVER", dict.fromkeys(sorted(_OVER), _OPTIONAL), Audience.ALL, _over),
-    _kind("GAME_TURN", {"turn": _ANY, "pace": _ANY, "starts": _OPTIONAL}, Audience.ALL, _count),
-    _kind("GAME_MEMORY", {"agents": _ANY, "teams": _ANY}, Audience.TEAM, _remember),
-    _kind(
-        "GAME_FACTS",
-        {"set": _ANY, "removed": _ANY},
-        Audience.ALL,
-        lambda state, data: state.publish(data["set"], data["removed"]),
-    ),
-    _kind("GAME_CHANCE", {"chance": _ANY}, Audience.HOST, lambda state, data: state.set_rng(data["chance"])),
-    _kind("USER_EVENT", {"kind": _NAME}, Audience.ALL),
-    _kind(
-        "SENSORS", {"sensor_kinds": _ANY}, Audience.HOST, lambda state, data: state.add_sensors(data["sensor_kinds"])
-    ),
-    _kind("SENSED", {"agents": _NUMBER, "ids": _ANY}, Audience.TEAM),
-)
-EVENTS: dict[int, EventKind] = {kind.code: kind for kind in _KINDS}
-"""All kinds, by their codes."""
+_record("AGENT_DELETE", Audience.ALL, "name:AGENT")(lambda state, data: state.agents.remove(data["name"]))
+_record("AGENT_CURRENT_NODE", Audience.SENSED, "agent_name node_id")(_sets("node", "node_id"))
+_record("AGENT_PREV_NODE", Audience.SENSED, "agent_name node_id")(_sets("previous", "node_id"))
+_record("AGENT_ORIENTATION", Audience.SENSED, "agent_name orientation")(_sets("heading", "orientation"))
+_record("AERIAL_AGENT_QUATERNION", Audience.SENSED, "agent_name quat")(_sets("quat", "quat"))
+_event("AGENT_TEAM", Audience.ALL, "agent_name team")(_sets("teams", "team"))
+_event("AGENT_ALIVE", Audience.ALL, "agent_name alive")(_sets("alive", "alive"))
+_event("AGENT_SPEED", Audience.TEAM, "agent_name speed")(_sets("speed", "speed"))
+_event("AGENT_STRATEGY", Audience.HOST, "agent_name strategy")(_sets("strategies", "strategy"))
+
+_event("GAME_DATA", Audience.HOST, "?set ?more ?removed")(lambda state, data: change(state.game.data, data))
+_event("GAME_EVENT", Audience.ALL, "kind")(lambda state, data: state.emit(as_event(data)))
+_event("GAME_FACTS", Audience.ALL, "set removed")(lambda state, data: state.publish(data["set"], data["removed"]))
+_event("GAME_CHANCE", Audience.HOST, "chance")(lambda state, data: state.set_rng(data["chance"]))
+_event("USER_EVENT", Audience.ALL, "kind")(_nothing)
+
+_record("TERMINATE", Audience.ALL)(_nothing)
+_record("SIMULATE", Audience.ALL)(lambda state, _: state.end_turn())
+_event("SNAPSHOT", Audience.HOST, "names numbers node")(lambda state, data: state.restore(data))
+_event("UNFINISHED", Audience.HOST)(_nothing)
+_event("WORLD", Audience.ALL, "world")(lambda state, data: state.replace_world(data["world"]))
+_event("VISUALS", Audience.ALL, "artists")(lambda state, data: state.show(data))
+_event("VISUAL_COMMANDS", Audience.ALL, "artist layer visible")(lambda state, data: state.draw(data))
+_event("SENSORS", Audience.HOST, "sensor_kinds")(lambda state, data: state.add_sensors(data["sensor_kinds"]))
+_event("SENSED", Audience.TEAM, "agents:NUMBER ids")(_nothing)
+
+for _name, _spec in {
+    "COMPONENT_REGISTER": "key struct",
+    "COMPONENT_CREATE": "name type",
+    "COMPONENT_UPDATE": "name key value",
+    "COMPONENT_DELETE": "name",
+    "COMPONENT_UNREGISTER": "key",
+}.items():
+    _record(_name, Audience.ALL, _spec)(partial(_change_component, globals()[_name]))
+
 COMPONENTS = frozenset(code for code in EVENTS if code >> 24 == COMPONENT_REGISTER >> 24)
 """The kinds that change components."""
 

@@ -1,13 +1,12 @@
 """What has changed in a game since it was recorded last, as events."""
 
-from collections.abc import Callable, Mapping
+from collections.abc import Iterable, Mapping
 from marshal import dumps
 from operator import attrgetter, is_not
 from typing import Any
 
 from gamms.ir import events as kinds
 from gamms.ir.events import Log
-from gamms.ir.game_state import Scores
 from gamms.plain import is_same, plain_subset, to_plain
 from gamms.recorder.host import HostContext
 from gamms.recorder.keyframes import decider_of, name_of, places_of
@@ -89,84 +88,66 @@ def _mark(value: Any) -> bytes | None:
         return None
 
 
-class _NewEntries:
-    """The entries that were appended to a log of the game."""
+class _Detector:
+    """Finds what has changed in one field of a game since it was asked last: here, another value than before.
 
-    def __init__(self, entries: list[Any]) -> None:
-        self.known = len(entries)
-
-    def accept(self, entries: list[Any], data: Any) -> None:  # noqa: ARG002 - as in the others
-        """Expect what an event of a replay has changed."""
-        self.known = len(entries)
-
-    def detect(self, entries: list[Any]) -> list[Any]:
-        """Return the data of the events that say what has changed since."""
-        before, self.known = self.known, len(entries)
-        return [to_plain(entry) for entry in entries[before:]]
-
-
-class _Value:
-    """Another value in place of the one before."""
+    Attributes:
+        known: what the value was then.
+    """
 
     def __init__(self, value: Any) -> None:
-        self.known = to_plain(value)
+        self.known = self._plain(value)
 
-    def accept(self, value: Any, data: Any) -> None:  # noqa: ARG002 - as in the others
+    def accept(self, value: Any, data: Any) -> None:  # noqa: ARG002 - named as in `_Memories`
         """Expect what an event of a replay has changed."""
-        self.known = to_plain(value)
+        self.known = self._plain(value)
 
     def detect(self, value: Any) -> list[Any]:
-        """Return the data of the events that say what has changed since."""
-        before = self.known
-        if type(value) is Scores and all(type(score) in _NUMBERS for score in value.values()):
-            if value == before:
-                return []
-        elif is_same(to_plain(value), before):
+        """Return the data of the events that say what has changed."""
+        before, self.known = self.known, self._plain(value)
+        return [] if is_same(before, self.known) else [self.known or {}]
+
+    def _plain(self, value: Any) -> Any:
+        return to_plain(value)
+
+
+class _Scores(_Detector):
+    def detect(self, value: Any) -> list[Any]:
+        if all(type(score) in _NUMBERS for score in value.values()) and value == self.known:
             return []
-        self.known = to_plain(value)
-        return [self._data()]
-
-    def _data(self) -> Any:
-        return self.known or {}
+        return [{"scores": list(scores.items())} for scores in super().detect(value)]
 
 
-class _Scores(_Value):
-    def _data(self) -> Any:
-        return {"scores": list(self.known.items())}
+class _NewEntries(_Detector):
+    """The entries that were appended to a list."""
+
+    def detect(self, value: list[Any]) -> list[Any]:
+        before, self.known = self.known, len(value)
+        return [to_plain(entry) for entry in value[before:]]
+
+    def _plain(self, value: list[Any]) -> int:
+        return len(value)
 
 
-class _Items:
+class _Items(_Detector):
     """Changed items of a dict."""
 
-    def __init__(self, values: Mapping[Any, Any]) -> None:
-        self.known = Kept(values)
-
-    def accept(self, values: Mapping[Any, Any], data: Any) -> None:  # noqa: ARG002 - as in the others
-        """Expect what an event of a replay has changed."""
-        self.known = Kept(values)
-
-    def detect(self, values: Mapping[Any, Any]) -> list[Any]:
-        """Return the data of the events that say what has changed since."""
-        found = self.known.changes(values)
+    def detect(self, value: Mapping[Any, Any]) -> list[Any]:
+        found = self.known.changes(value)
         return [] if found is None else [found]
 
+    def _plain(self, value: Mapping[Any, Any]) -> "Kept":
+        return Kept(value)
 
-class _Facts:
+
+class _Facts(_Detector):
     """Facts that were published or withdrawn."""
 
-    def __init__(self, facts: Mapping[str, Any]) -> None:
-        self.known = dict(facts)
-
-    def accept(self, facts: Mapping[str, Any], data: Any) -> None:  # noqa: ARG002 - as in the others
-        """Expect what an event of a replay has changed."""
-        self.known = dict(facts)
-
-    def detect(self, facts: Mapping[str, Any]) -> list[Any]:
-        """Return the data of the events that say what has changed since."""
+    def detect(self, value: Mapping[str, Any]) -> list[Any]:
         known = self.known
-        if facts.keys() == known.keys() and not any(map(is_not, facts.values(), known.values())):
+        if value.keys() == known.keys() and not any(map(is_not, value.values(), known.values())):
             return []
-        self.known = now = dict(facts)
+        self.known = now = dict(value)
         changed = {
             name: fact
             for name, fact in now.items()
@@ -175,45 +156,58 @@ class _Facts:
         removed = [name for name in known if name not in now]
         return [{"set": plain_subset(changed), "removed": removed}] if changed or removed else []
 
+    def _plain(self, value: Mapping[str, Any]) -> dict[str, Any]:
+        return dict(value)
 
-class _Memories:
-    """Changed items of the memories of agents, or of teams."""
 
-    def __init__(self, memories: Mapping[Any, dict[Any, Any]], *, of_teams: bool) -> None:
-        self._of_teams = of_teams
-        self.known = {name: Kept(memory) for name, memory in memories.items() if memory}
+class _Memories(_Detector):
+    """Changed items of the memories of agents."""
 
-    def accept(self, memories: Mapping[Any, dict[Any, Any]], data: Any) -> None:
-        """Expect what an event of a replay has changed."""
-        for name in dict(data["teams"]) if self._of_teams else data["agents"]:
-            self.known[name] = Kept(memories[name])
+    def accept(self, value: Mapping[Any, dict[Any, Any]], data: Any) -> None:
+        for name in self._names_in(data):
+            self.known[name] = Kept(value[name])
 
-    def detect(self, memories: Mapping[Any, dict[Any, Any]]) -> list[Any]:
-        """Return the data of the events that say what has changed since."""
+    def detect(self, value: Mapping[Any, dict[Any, Any]]) -> list[Any]:
         found, known = {}, self.known
-        if not known and not any(memories.values()):
+        if not known and not any(value.values()):
             return []
-        for key in sorted(memories) if all(type(key) is str for key in memories) else memories:
-            if memories[key] or key in known:
-                changes = known.setdefault(key, Kept({})).changes(memories[key])
+        for key in sorted(value) if all(type(key) is str for key in value) else value:
+            if value[key] or key in known:
+                changes = known.setdefault(key, Kept({})).changes(value[key])
                 if changes is not None:
                     found[key] = changes
-        for key in [key for key in known if key not in memories]:
+        for key in [key for key in known if key not in value]:
             found[key] = {"removed": list(known.pop(key).values)}
-        teams = [(to_plain(team), one) for team, one in found.items()] if self._of_teams else []
-        return [{"agents": {} if self._of_teams else found, "teams": teams}] if found else []
+        return [self._data(found)] if found else []
+
+    def _plain(self, value: Mapping[Any, dict[Any, Any]]) -> "dict[Any, Kept]":
+        return {name: Kept(memory) for name, memory in value.items() if memory}
+
+    def _names_in(self, data: Any) -> Iterable[Any]:
+        return data["agents"]  # type: ignore[no-any-return] # a dict
+
+    def _data(self, found: dict[Any, Changes]) -> dict[str, Any]:
+        return {"agents": found, "teams": []}
 
 
-_Detector = _NewEntries | _Value | _Items | _Facts | _Memories
+class _TeamMemories(_Memories):
+    """Changed items of the memories of teams."""
 
-DETECTED: dict[str, tuple[int, Callable[[Any], _Detector]]] = {
+    def _names_in(self, data: Any) -> Iterable[Any]:
+        return dict(data["teams"])
+
+    def _data(self, found: dict[Any, Changes]) -> dict[str, Any]:
+        return {"agents": {}, "teams": [(to_plain(team), one) for team, one in found.items()]}
+
+
+DETECTED: dict[str, tuple[int, type[_Detector]]] = {
     "events": (kinds.GAME_EVENT, _NewEntries),
     "scores": (kinds.GAME_SCORES, _Scores),
     "data": (kinds.GAME_DATA, _Items),
-    "over": (kinds.GAME_OVER, _Value),
+    "over": (kinds.GAME_OVER, _Detector),
     "facts": (kinds.GAME_FACTS, _Facts),
-    "memories": (kinds.GAME_MEMORY, lambda memories: _Memories(memories, of_teams=False)),
-    "team_memories": (kinds.GAME_MEMORY, lambda memories: _Memories(memories, of_teams=True)),
+    "memories": (kinds.GAME_MEMORY, _Memories),
+    "team_memories": (kinds.GAME_MEMORY, _TeamMemories),
 }
 """Field of `GameState` -> the kind of event that says how it changes, and what finds that out."""
 

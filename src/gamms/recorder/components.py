@@ -142,17 +142,8 @@ class Components(Guarded):
         del self._component_registry[key]
 
     def snapshot(self) -> Iterator[tuple[str, dict[str, Any]]]:
-        """The events that make all this anew: the classes, the components, their values."""
-        needed = {kind.key for name, one in self._components.items() if (kind := self._kind(one, name))}
-        for key, (_, kind) in self._classes.items():
-            if key in self._component_registry or key in needed:
-                yield "COMPONENT_REGISTER", _registration(key, {name: str(one) for name, one in kind.fields.items()})
-        for name, component in self._components.items():
-            if self._is_recorded(component, name):
-                yield from _events_of(component)
-        for key in self._classes:
-            if key in needed and key not in self._component_registry:
-                yield "COMPONENT_UNREGISTER", {"key": list(key)}
+        """Yield the events that make all this: the classes, the components, their values."""
+        return self.since((set(), {}))
 
     def kept(self) -> Kept:
         """All that is recorded now, for `since`."""

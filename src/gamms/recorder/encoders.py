@@ -15,6 +15,7 @@ from gamms.recorder.formats.output import Output
 from gamms.recorder.formats.tracks import FORMS
 from gamms.recorder.formats.version2 import Version2Writer
 from gamms.recorder.formats.writer import Writer
+from gamms.recorder.host import HostContext
 from gamms.recorder.keyframes import Keyframe
 from gamms.recorder.replaying import TURN_NS, Record
 from gamms.recorder.session import RecordingSession
@@ -264,7 +265,7 @@ def _package() -> str:
     return version("gamms")
 
 
-def header_of(ctx: Any, session: RecordingSession, options: dict[str, Any]) -> dict[str, Any]:
+def header_of(ctx: HostContext, session: RecordingSession, options: dict[str, Any]) -> dict[str, Any]:
     """What a recording says of the context it was made in: no host, no user, no path, and no time unless asked."""
     created = options.get("created")
     if created is None and (epoch := os.environ.get("SOURCE_DATE_EPOCH")):

@@ -19,6 +19,7 @@ from gamms.recorder.errors import RecorderBusy, RecordingError
 from gamms.recorder.formats import version2
 from gamms.recorder.formats.output import Output
 from gamms.recorder.formats.reader import Reader
+from gamms.recorder.host import HostContext
 from gamms.recorder.maps import without_map
 from gamms.recorder.replaying import TURN_NS, Record, Replayer
 from gamms.recorder.session import RecordingSession
@@ -40,7 +41,7 @@ class Recorder(Guarded, IRecorder):
 
     _called = "ctx.record"
 
-    def __init__(self, ctx: Any) -> None:
+    def __init__(self, ctx: HostContext) -> None:
         self._phase = phase_of(ctx)
         self.ctx = ctx
         self.components = Components(self._component_event, self._phase)

@@ -12,6 +12,7 @@ from gamms.ir.events import COMPONENTS, change
 from gamms.recorder import sensed
 from gamms.recorder.detached import DetachedState
 from gamms.recorder.errors import UNFIT, RecordingError
+from gamms.recorder.host import HostContext
 from gamms.recorder.maps import hash_of
 from gamms.recorder.replaying import Replayer
 from gamms.text import reason, shown
@@ -28,18 +29,19 @@ _SEED_BITS = 63
 _TOLD = (kinds.SNAPSHOT, kinds.GAME_EVENT, kinds.GAME_FACTS, kinds.GAME_TURN)
 
 
-def opened_context(seed: int, vis_engine: Any, *, is_quiet: bool) -> Any:
+def opened_context(seed: int, vis_engine: Any, *, is_quiet: bool) -> HostContext:
     """A fresh context; `vis_engine` None: without a window."""
     level = getLogger("gamms").level  # which stays what the program has made it
     more = {} if vis_engine is None else {"vis_engine": vis_engine}
-    ctx: Any = contexts["gamms"](seed=seed, **more, **({"logger_config": {"level": level}} if level else {}))
+    made: Any = contexts["gamms"](seed=seed, **more, **({"logger_config": {"level": level}} if level else {}))
     if is_quiet:
-        ctx.logger = getLogger("gamms.quiet")
-        ctx.logger.setLevel(CRITICAL + 1)
+        made.logger = getLogger("gamms.quiet")
+        made.logger.setLevel(CRITICAL + 1)
+    ctx: HostContext = made
     return ctx
 
 
-def observation(ctx: Any, log: kinds.Log, before: DetachedState, turn: int, agent: str) -> dict[str, Any]:
+def observation(ctx: HostContext, log: kinds.Log, before: DetachedState, turn: int, agent: str) -> dict[str, Any]:
     """What an agent was told in a turn.
 
     Args:
@@ -95,7 +97,7 @@ class Maps(NamedTuple):
     packed: Callable[[], bytes]  # gives it as it was at the turn
 
 
-def resume(ctx: Any, reader: "Reader", turn: int, then: DetachedState, maps: Maps, *, is_fresh: bool) -> None:
+def resume(ctx: HostContext, reader: "Reader", turn: int, then: DetachedState, maps: Maps, *, is_fresh: bool) -> None:
     """Let a context be as a recording was after so many turns.
 
     Args:
@@ -137,7 +139,7 @@ def resume(ctx: Any, reader: "Reader", turn: int, then: DetachedState, maps: Map
         ctx.record.components.apply(OpCodes(kind).name, data, lenient=True)
 
 
-def register(ctx: Any, strategies: Strategies) -> None:
+def register(ctx: HostContext, strategies: Strategies) -> None:
     """Give agents these strategies.
 
     Raises:
@@ -173,7 +175,7 @@ def as_seed(given: Any, recorded: Any) -> int:
     return recorded
 
 
-def _attach(ctx: Any, maps: Maps) -> None:
+def _attach(ctx: HostContext, maps: Maps) -> None:
     is_empty = next(iter(ctx.graph.graph.get_nodes()), None) is None
     now = None if is_empty else hash_of(ctx.graph.storage.pack_savable()[0])
     if now not in (None, maps.first, maps.then):
@@ -188,7 +190,7 @@ def _attach(ctx: Any, maps: Maps) -> None:
             raise RecordingError(f"The map of this recording is damaged: {reason(error)}") from error
 
 
-def _make_room(ctx: Any, names: list[str]) -> None:
+def _make_room(ctx: HostContext, names: list[str]) -> None:
     """Delete agents who were not there, and those who came in another order, to be made again."""
     agents = ctx.agent.agents
     for name in [name for name in agents if name not in set(names)]:

@@ -17,6 +17,7 @@ from gamms.recorder import keyframes, sensed
 from gamms.recorder.changes import DrawingChanges, GameChanges, StrategyChanges
 from gamms.recorder.detached import DetachedState
 from gamms.recorder.errors import Damaged
+from gamms.recorder.host import HostContext
 from gamms.recorder.maps import is_map_of
 from gamms.recorder.saving import Saving
 from gamms.recorder.session_journal import SessionJournal, SkippedValues
@@ -56,7 +57,7 @@ class RecordingSession:
         seed: of the context when the first turn was over.
     """
 
-    def __init__(self, ctx: Any, *, with_sensed: bool = False, with_drawings: bool = False) -> None:
+    def __init__(self, ctx: HostContext, *, with_sensed: bool = False, with_drawings: bool = False) -> None:
         self.ctx = ctx
         self._with_sensed = with_sensed
         self._room, self._visual = ctx.graph, ctx.visual
