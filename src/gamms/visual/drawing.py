@@ -278,7 +278,7 @@ class Drawing:
     """
 
     def __init__(
-        self, ctx: IContext, wall_tones: WallTones = BY_DAY, held_image: Callable[[Any], str] | None = None
+        self, ctx: IContext, wall_tones: WallTones = BY_DAY, held_image: Callable[[object], str] | None = None
     ) -> None:
         self._ctx, self.wall_tones, self._held_image = ctx, wall_tones, held_image or image_path
         self.motion, self.events, self.carriers = Motion(ctx), TurnEvents(ctx), Carriers(ctx)
@@ -378,7 +378,7 @@ class Drawing:
         self,
         x: float,
         y: float,
-        image: Any,
+        image: object,
         size: float,
         angle: float = 0.0,
         perform_culling_test: bool = True,
@@ -500,7 +500,7 @@ def drawing_of(ctx: IContext) -> Drawing:
     return cast("Drawing", ctx.visual.drawing)  # type: ignore[attr-defined] # of our own engines
 
 
-def image_path(image: Any) -> str:
+def image_path(image: object) -> str:
     """Check the path of an image file.
 
     Raises:

@@ -33,10 +33,10 @@ class _Method:
     def __init__(self, part: str, method: Callable[..., Any]) -> None:
         self._part, self._method = part, method
 
-    def __call__(self, engine: Any, *args: Any, **kwargs: Any) -> Any:
+    def __call__(self, engine: object, *args: object, **kwargs: object) -> Any:
         return self.__get__(engine, type(engine))(*args, **kwargs)
 
-    def __get__(self, engine: Any, owner: type) -> Any:
+    def __get__(self, engine: object, owner: type) -> Any:
         return self._method if engine is None else getattr(getattr(engine, self._part), self._method.__name__)
 
 
@@ -50,11 +50,11 @@ class _Attribute(Generic[_T]):
     def __init__(self, part: str, name: str) -> None:
         self._part, self._name = part, name
 
-    def __get__(self, engine: Any, owner: type) -> _T:
+    def __get__(self, engine: object, owner: type) -> _T:
         value: _T = getattr(getattr(engine, self._part), self._name)
         return value
 
-    def __set__(self, engine: Any, value: _T) -> None:
+    def __set__(self, engine: object, value: _T) -> None:
         setattr(getattr(engine, self._part), self._name, value)
 
 
@@ -108,13 +108,13 @@ class PictureEngine(Guarded, IVisualizationEngine):
     def render_layer(self, layer_id: int) -> None:
         """Do nothing: layers are painted with the picture."""
 
-    def create_layer(self, layer_id: int, *args: Any, **kwargs: Any) -> None:
+    def create_layer(self, layer_id: int, *args: object, **kwargs: object) -> None:
         """Do nothing: a layer is there as soon as an artist is on it."""
 
     def clear_layer(self, layer_id: int) -> None:
         """Do nothing: every picture begins empty."""
 
-    def fill_layer(self, layer_id: int, *args: Any, **kwargs: Any) -> None:
+    def fill_layer(self, layer_id: int, *args: object, **kwargs: object) -> None:
         """Do nothing: layers have no background of their own."""
 
     # -- artists ---------------------------------------------------------------------------------------------
@@ -219,8 +219,8 @@ class NoEngine(PictureEngine):
 
     calls_drawers = False
 
-    def __init__(self, ctx: IContext, **kwargs: Any) -> None:
-        super().__init__(ctx, simulation_time_constant=kwargs.get("simulation_time_constant", 2.0))
+    def __init__(self, ctx: IContext, *, simulation_time_constant: float = 2.0, **kwargs: object) -> None:  # noqa: ARG002 - options of other engines are no error
+        super().__init__(ctx, simulation_time_constant=simulation_time_constant)
 
     def get_viewport(self) -> None:
         """Return None: nothing is shown."""
@@ -259,7 +259,7 @@ class OffscreenEngine(PictureEngine):
         simulation_time_constant: float = 2.0,
         title: str = "",
         note: str = "",
-        **kwargs: Any,
+        **kwargs: object,
     ) -> None:
         super().__init__(ctx, simulation_time_constant=simulation_time_constant)
         from gamms.visual.backends.pygame_backend import load

@@ -98,7 +98,7 @@ def plain_block(block: Block) -> dict[str, Any]:
     return {"title": block.title, "rows": [tuple(row) for row in block.rows]}
 
 
-def block_from_plain(plain: Any) -> Block:
+def block_from_plain(plain: dict[str, Any]) -> Block:
     """Return the block that `plain_block` described.
 
     Raises:

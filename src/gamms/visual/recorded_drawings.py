@@ -28,7 +28,7 @@ class RecordedDrawer:
     def __init__(self, drawings: "RecordedDrawings", name: str) -> None:
         self._drawings, self._name = drawings, name
 
-    def __call__(self, ctx: IContext, data: Any) -> None:  # noqa: ARG002 - the arguments of every drawer
+    def __call__(self, ctx: IContext, data: dict[str, Any]) -> None:  # noqa: ARG002 - the arguments of every drawer
         """Draw it."""
         commands = self._drawings.commands.get(self._name)
         target = drawing_of(ctx).commands
@@ -60,7 +60,7 @@ class RecordedDrawings:
         self._static: dict[str, tuple[Any, Recorded]] = {}  # of STATIC artists, which draw when something has changed
         self._refused: set[str] = set()  # artists whose drawings cannot be recorded
 
-    def put(self, recorded: Any) -> None:
+    def put(self, recorded: Recorded) -> None:
         """Draw from now on what was recorded of an artist.
 
         Raises:

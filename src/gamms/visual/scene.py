@@ -400,7 +400,7 @@ class Part:
         is_old: it was there in the turn before, too.
     """
 
-    def __init__(self, group: ArtistGroup, commands: DrawCommands, key: Any = None) -> None:
+    def __init__(self, group: ArtistGroup, commands: DrawCommands, key: object = None) -> None:
         self.artists = group.artists
         self.painting, self.key = Painting(commands), key
         self.is_static = self.lasts = self.is_old = key is not None

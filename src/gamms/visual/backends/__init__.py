@@ -11,9 +11,11 @@ from collections.abc import Callable
 from pathlib import Path
 from typing import Any, Protocol
 
+from gamms.ir.draw import DrawCommands
 from gamms.plugins import Registry
 from gamms.visual.backends import svg
 from gamms.visual.backends.coverage import PaintedFrame
+from gamms.visual.camera import Camera
 
 Backend = Callable[..., bytes]
 
@@ -22,10 +24,10 @@ FORMATS.register(".svg")(svg.svg)
 
 
 @FORMATS.register(".png")
-def _png(*args: Any, **kwargs: Any) -> bytes:
+def _png(commands: DrawCommands, camera: Camera, **words: Any) -> bytes:
     from gamms.visual.backends.raster import png
 
-    return png(*args, **kwargs)
+    return png(commands, camera, **words)
 
 
 class FilmWriter(Protocol):

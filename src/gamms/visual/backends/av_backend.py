@@ -3,12 +3,17 @@
 from pathlib import Path
 from queue import Queue
 from threading import Thread
-from typing import Any, NamedTuple
+from typing import TYPE_CHECKING, Any, NamedTuple
 
 import numpy as np
 
 from gamms.errors import MissingExtra
 from gamms.visual.backends.coverage import ByteArray, PaintedFrame, PixelArray
+
+if TYPE_CHECKING:
+    from av import VideoFrame
+    from av.video.reformatter import VideoReformatter
+
 
 TILE, BORDER = 64, 4  # pixels; of a square, and around it, for colours are mixed from neighbours
 SIDE = TILE + 2 * BORDER
@@ -43,11 +48,11 @@ def _square(left: int, top: int, width: int, height: int) -> Square:
     return Square(left, top, corner)
 
 
-def planes_of(frame: Any) -> list[ByteArray]:
+def planes_of(frame: "VideoFrame") -> list[ByteArray]:
     """Return the planes of a frame of PyAV as arrays (rows, columns) that can be written to."""
     found = []
     for plane in frame.planes:
-        rows = np.frombuffer(plane, np.uint8).reshape(plane.height, plane.line_size)
+        rows = np.frombuffer(memoryview(plane), np.uint8).reshape(plane.height, plane.line_size)
         found.append(rows[:, : plane.width * (4 if frame.format.name == "bgra" else 1)])
     return found
 
@@ -180,7 +185,7 @@ class Mp4:
             self._pixels[tile] = pixels[tile]
 
 
-def _one_thread(reformatter: Any, frame: Any) -> dict[str, int]:
+def _one_thread(reformatter: "VideoReformatter", frame: "VideoFrame") -> dict[str, int]:
     """Return keywords that keep PyAV from dividing a few pixels among all processors, which is slower."""
     try:
         reformatter.reformat(frame, format="yuv420p", threads=1)

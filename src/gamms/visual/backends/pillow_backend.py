@@ -2,12 +2,17 @@
 
 import io
 from pathlib import Path
-from typing import Any
+from types import ModuleType
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
 from gamms.errors import MissingExtra
 from gamms.visual.backends.coverage import ByteArray, PaintedFrame
+
+if TYPE_CHECKING:
+    from PIL.Image import Image
+
 
 _OWN = 192  # colours taken from the first frame; the others are spread evenly, for what comes later
 _SPREAD = (0, 85, 170, 255)
@@ -121,7 +126,7 @@ class Gif:
             self._file.write(part)
 
 
-def _header(module: Any, image: Any, palette: Any) -> list[bytes]:
+def _header(module: ModuleType, image: "Image", palette: "Image") -> list[bytes]:
     """Return the beginning of a file that repeats for ever, up to its first frame."""
     data = io.BytesIO()
     first = module.new("P", image.size)
@@ -131,15 +136,15 @@ def _header(module: Any, image: Any, palette: Any) -> list[bytes]:
     return [whole[: whole.index(b"!\xf9\x04")]]
 
 
-def _palette(module: Any, image: Any) -> Any:
-    own = image.quantize(_OWN).getpalette()[: 3 * _OWN]
+def _palette(module: ModuleType, image: "Image") -> Any:
+    own = (image.quantize(_OWN).getpalette() or [])[: 3 * _OWN]
     spread = [value for red in _SPREAD for green in _SPREAD for blue in _SPREAD for value in (red, green, blue)]
     palette = module.new("P", (1, 1))
     palette.putpalette([*own, *[0] * (3 * _OWN - len(own)), *spread])
     return palette
 
 
-def _changed(before: Any, image: Any) -> tuple[int, int, int, int] | None:
+def _changed(before: "Image | None", image: "Image") -> tuple[int, int, int, int] | None:
     """Return the box around what changed; all of it in the first frame."""
     if before is None:
         return (0, 0, *image.size)

@@ -5,6 +5,7 @@ import warnings
 from collections.abc import Iterator
 from contextlib import contextmanager
 from time import monotonic
+from types import ModuleType
 from typing import Any
 
 from gamms.arguments import as_float
@@ -41,7 +42,7 @@ def open_window(owner: object, width: int, height: int, title: str) -> Any:
     return surface
 
 
-def _check_is_seen(pygame: Any) -> None:
+def _check_is_seen(pygame: ModuleType) -> None:
     """Raise pygame.error for the driver that SDL falls back to without a display, unless the user has named one."""
     if pygame.display.get_driver() == _FALLBACK and not any(map(os.environ.get, _DRIVER_CHOSEN)):
         raise pygame.error("no display is connected")

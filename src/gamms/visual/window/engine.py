@@ -88,7 +88,7 @@ class WindowEngine(WindowNames, PictureEngine):
         trails: int = 0,
         labels: bool = False,
         title: str = "GAMMS",
-        **kwargs: Any,
+        **kwargs: object,
     ) -> None:
         theme_ = theme_called(theme)
         drawing = Drawing(ctx, theme_.map.walls, _held)
@@ -386,7 +386,7 @@ class WindowEngine(WindowNames, PictureEngine):
         artist.set_visible(asked is not None)
 
 
-def _held(image: Any) -> str:
+def _held(image: object) -> str:
     """Return the path of an image file, or a name for a loaded image."""
     return hold_image(image) if isinstance(image, load().Surface) else image_path(image)
 

@@ -1,6 +1,7 @@
 """Keys, mouse and window buttons, and the questions that a person answers with them."""
 
 from collections.abc import Callable, Mapping
+from types import ModuleType
 from typing import TYPE_CHECKING, Any, NamedTuple
 
 import numpy as np
@@ -163,7 +164,7 @@ class Input:
         }  # fmt: skip
         self._digits = {getattr(pygame, f"K_{prefix}{digit}"): digit for digit in range(10) for prefix in ("", "KP")}
 
-    def _event_actions(self, pygame: Any) -> dict[int, Callable[[Any], None]]:
+    def _event_actions(self, pygame: ModuleType) -> dict[int, Callable[[Any], None]]:
         return {
             pygame.QUIT: self._quit,
             pygame.KEYDOWN: self._press,
