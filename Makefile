@@ -23,6 +23,7 @@ bench: $(VENV)/.dev
 
 figures: $(VENV)/.dev
 	$(BIN)/python examples/figures.py docs/figures
+	$(BIN)/python scripts/draw_architecture.py docs/figures
 
 format: $(VENV)/.dev
 	$(BIN)/ruff format .

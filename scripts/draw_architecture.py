@@ -14,7 +14,7 @@ from xml.sax.saxutils import escape
 
 ROOT = Path(__file__).parent.parent
 SRC = ROOT / "src" / "gamms"
-PACKAGES = ("game", "agent", "recorder")
+PACKAGES = ("game", "recorder")
 FRONT_DOOR = {"", "_legacy", "__main__"}  # they name everything, so that completion works
 
 CHAR, BOX_HEIGHT, GAP, ROW = 7.3, 30, 14, 74  # pixels

@@ -197,3 +197,18 @@ def test_commands_print_by_way_of_one_file(path):
     assert path.name == "cli_output.py" or not re.search(r"typer\.echo|(?<![.\w])print\(|Console\(", text), (
         f"{shown(path)} prints on its own: use echo and console of cli_output, which escape control characters"
     )
+
+
+def trees():
+    return {path: ast.parse(path.read_text()) for path in MODULES}
+
+
+def test_no_files_import_each_other_in_a_circle():
+    """Imports for type checkers and those in functions count; the package root, which names everything, does not."""
+    modules = draw_architecture.imports_of_modules()
+    modules = {name: others - OUTSIDE for name, others in modules.items() if name not in OUTSIDE}
+    draw_architecture.levels(modules)  # which names the files of a circle
+
+
+def test_the_source_stays_small():
+    assert len(MODULES) <= 240, f"{len(MODULES)} files: merge those that are always read together"
