@@ -98,3 +98,11 @@ def test_parameters_that_are_no_plain_values_are_left_out():
         said = ctx.game.scenario["rules"][0]["with"]
     assert set(said) == set(signature(rules.reach).parameters) - {"winner"}
     assert gamms.scenario.Scenario(**ctx.game.scenario).play() == game.play()
+
+
+def test_a_fact_named_function_is_a_fact(made):
+    game = made({"facts": {"function": "players:make"}, "teams.red.meta": {"function": "players:make"}})
+    game.check()
+    with game.build() as ctx:
+        assert dict(ctx.game.facts) == ctx.game.scenario["facts"] == {"function": "players:make"}
+        assert ctx.game.scenario["teams"]["red"]["meta"] == {"function": "players:make"}

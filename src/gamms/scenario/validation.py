@@ -190,30 +190,30 @@ def code_in(spec: Spec) -> Iterator[NamedCode]:
     resolve = spec.conflicts.resolve if spec.conflicts else None
     if isinstance(resolve, str) and resolve not in _RESOLVERS:
         yield from _code("resolver", ("conflicts", "resolve"), resolve)
-    yield from _nested(("facts",), spec.facts)
-    yield from _nested(("data",), spec.data)
+    yield from _code_among(("facts",), spec.facts)
+    yield from _code_among(("data",), spec.data)
 
 
 def _code_of_equipment(keys: tuple[str | int, ...], one: Equipment) -> Iterator[NamedCode]:
     if one.strategy is not None:
         yield from _code("strategy", (*keys, "strategy"), one.strategy)
-    yield from _nested((*keys, "meta"), one.meta)
+    yield from _code_among((*keys, "meta"), one.meta)
 
 
 def _code(what: str, keys: tuple[str | int, ...], given: str | Code | Rule) -> Iterator[NamedCode]:
     code = in_full(Code, given) if isinstance(given, str) else given
     yield NamedCode(what, keys, code.rule if isinstance(code, Rule) else code.function, code.with_)
-    yield from _nested((*keys, "with"), code.with_)
+    yield from _code_among((*keys, "with"), code.with_)
 
 
-def _nested(keys: tuple[str | int, ...], value: Plain) -> Iterator[NamedCode]:
-    """Yield the code that is named inside parameters and facts: `{function: …, with: {…}}`."""
-    call = call_in(value, keys)
-    if call is not None:
-        yield from _code("value", keys, call)
-    elif isinstance(value, (Mapping, list)):
-        for key, one in value.items() if isinstance(value, Mapping) else enumerate(value):
-            yield from _nested((*keys, key), one)
+def _code_among(keys: tuple[str | int, ...], values: Values | list[Plain]) -> Iterator[NamedCode]:
+    """Yield the code that is named among parameters and facts: `{function: …, with: {…}}`."""
+    for key, value in values.items() if isinstance(values, dict) else enumerate(values):
+        call = call_in(value, (*keys, key))
+        if call is not None:
+            yield from _code("value", (*keys, key), call)
+        elif isinstance(value, (dict, list)):
+            yield from _code_among((*keys, key), value)
 
 
 def is_call(value: Plain) -> bool:
