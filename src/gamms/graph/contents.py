@@ -1,7 +1,7 @@
 """All that a saved graph holds, checked: what files and databases are written from and read into."""
 
 from dataclasses import replace
-from typing import Any, NamedTuple
+from typing import NamedTuple
 
 import numpy as np
 
@@ -30,7 +30,7 @@ def savable(contents: Contents) -> tuple[Contents, LeftOut]:
     """Return the same without the attributes that are no plain data, and which these are."""
     columns, left_out = contents.columns, LeftOut()
     given = {"node": (columns.node_attributes, columns.node_ids), "edge": (columns.edge_attributes, columns.edge_ids)}
-    kept: dict[str, dict[str, dict[int, Any]]] = {"node": {}, "edge": {}}
+    kept: dict[str, dict[str, dict[int, Plain]]] = {"node": {}, "edge": {}}
     for kind, (attributes, ids) in given.items():
         for name, values in attributes.items():
             part = {row: value for row, value in values.items() if is_plain(value)}
@@ -63,9 +63,9 @@ def attribute_bytes(value: Plain, kind: str, name: str) -> bytes:
 
 
 def checked_columns(
-    arrays: dict[str, Any],
+    arrays: dict[str, packing.Array],
     bends: dict[int, FloatArray],
-    attributes: tuple[dict[str, dict[int, Any]], dict[str, dict[int, Any]]],
+    attributes: tuple[dict[str, dict[int, Plain]], dict[str, dict[int, Plain]]],
     crs: str | None,
 ) -> GraphColumns:
     """Return columns from the arrays of a file, which may hold anything.
@@ -104,8 +104,8 @@ def checked_columns(
     if edges and float(arrays["lengths"].min()) < 0.0:
         raise BadFile("a length is negative")
     for rows, count in zip(attributes, (nodes, edges), strict=True):
-        for name, values in rows.items():
-            _check_rows(np.array(list(values), np.int64), count, f"attribute {name!r}")
+        for name, by_row in rows.items():
+            _check_rows(np.array(list(by_row), np.int64), count, f"attribute {name!r}")
     offsets, out_edges = kernels.group_rows(arrays["sources"], nodes)
     return GraphColumns(
         **arrays,

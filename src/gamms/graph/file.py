@@ -9,7 +9,6 @@ import zlib
 from collections.abc import Iterable, Mapping
 from itertools import count
 from struct import Struct
-from typing import Any
 
 import numpy as np
 
@@ -133,7 +132,7 @@ def _checked_body(data: bytes) -> bytes:
 # -- contents <-> columns ---------------------------------------------------------------------------------------
 
 
-def _arrays_of(contents: Contents) -> dict[str, np.ndarray[Any, Any]]:
+def _arrays_of(contents: Contents) -> dict[str, packing.Array]:
     graph, faces = contents.columns, contents.faces
     rows = sorted(graph.bends)
     bends = [graph.bends[row] for row in rows]
@@ -148,7 +147,7 @@ def _arrays_of(contents: Contents) -> dict[str, np.ndarray[Any, Any]]:
     }
 
 
-def _array_of(state: dict[str, Plain], name: str) -> np.ndarray[Any, Any]:
+def _array_of(state: dict[str, Plain], name: str) -> packing.Array:
     array = state[name]
     is_float = name in ("xy", "lengths", "bend_points", "face_corners")
     if not isinstance(array, np.ndarray) or array.dtype != (np.float64 if is_float else np.int64):
@@ -181,7 +180,7 @@ def _attributes_of(columns: Plain) -> _Attributes:
     return found
 
 
-def _bends_of(columns: dict[str, np.ndarray[Any, Any]]) -> dict[int, FloatArray]:
+def _bends_of(columns: dict[str, packing.Array]) -> dict[int, FloatArray]:
     rows, sizes, points = (columns[name] for name in ("bend_rows", "bend_sizes", "bend_points"))
     if len(rows) != len(sizes) or len(np.unique(rows)) < len(rows) or (len(sizes) and int(sizes.min()) < 2):
         raise BadFile("the polylines are damaged")
@@ -195,7 +194,7 @@ def _bends_of(columns: dict[str, np.ndarray[Any, Any]]) -> dict[int, FloatArray]
     return {row: points[first:end] for row, first, end in bends}
 
 
-def _faces_of(columns: dict[str, np.ndarray[Any, Any]]) -> Iterable[ObsFace]:
+def _faces_of(columns: dict[str, packing.Array]) -> Iterable[ObsFace]:
     corners = columns["face_corners"].reshape(-1, 4, 3).tolist()
     ids, types = columns["face_ids"].tolist(), columns["face_types"].tolist()
     if len(set(ids)) < len(ids):

@@ -26,7 +26,7 @@ _LEAST_BYTES = 1024  # that a file may take beyond 5 for each number
 
 
 def encode(seen: Seen, key: bytes, radius: float, observer_height: float) -> bytes:
-    """A table as the bytes of a file."""
+    """Return a table as the bytes of a file."""
     stored = [packing.packed(packing.array_bytes(column), is_noisy=True) for column in seen]
     sizes = len(seen.counts), len(seen.rows), *map(len, stored)
     head = _HEAD.pack(MAGIC, VERSION, 0, key, radius, observer_height, *sizes)
@@ -35,7 +35,7 @@ def encode(seen: Seen, key: bytes, radius: float, observer_height: float) -> byt
 
 
 def read(path: Path, key: bytes, nodes: int) -> Seen | None:
-    """The table in a file; None where there is no file, or it is of another world.
+    """Return the table in a file; None where there is no file, or it is of another world.
 
     Raises:
         BadFile (ValueError): the file is damaged, foreign or too new.
@@ -53,7 +53,7 @@ def read(path: Path, key: bytes, nodes: int) -> Seen | None:
 
 
 def is_foreign(path: Path) -> bool:
-    """Whether there is a file that is something else."""
+    """Return whether there is a file of another kind."""
     try:
         with path.open("rb") as file:
             begin = file.read(len(MAGIC))
@@ -63,12 +63,12 @@ def is_foreign(path: Path) -> bool:
 
 
 def _is_of_another_world(head: bytes, key: bytes) -> bool:
-    """Whether this is the head of a sound file whose key is another."""
+    """Return whether this is the head of a sound file whose key is another."""
     return head[:12] == MAGIC + VERSION.to_bytes(4, "little") and len(head) == _HEAD.size and head[16:48] != key
 
 
 def decode(data: bytes, key: bytes, nodes: int) -> Seen:
-    """The table of a known world in the bytes of a file.
+    """Return the table of a known world in the bytes of a file.
 
     Raises:
         BadFile: see `read`.

@@ -11,7 +11,7 @@ The same value gives the same bytes. docs/recording-format.md describes all of i
 import zlib
 from collections.abc import Callable, Iterable, Sequence
 from functools import cache
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING, Any, TypeAlias
 
 import numpy as np
 import numpy.typing as npt
@@ -25,9 +25,13 @@ from gamms.text import reason, shown
 if TYPE_CHECKING:
     from msgspec.msgpack import Decoder as MessagePackDecoder
     from msgspec.msgpack import Encoder as MessagePackEncoder
+    from msgspec.msgpack import Ext
 
 Array = npt.NDArray[Any]
 """An array of any numbers."""
+
+Item: TypeAlias = "bool | int | float | str | Ext | None"
+"""What MessagePack holds of a value: a scalar, or an extension, which is not opened yet."""
 
 MOST_DEPTH = 32  # containers in each other
 DTYPES = {
@@ -293,26 +297,27 @@ def _encoder() -> "MessagePackEncoder":
 
 
 @cache
-def _extension() -> Callable[[int, bytes], Any]:
+def _extension() -> "type[Ext]":
     from msgspec.msgpack import Ext
 
     return Ext
 
 
-def _written(value: Plain, depth: int) -> Any:
+def _written(value: Plain, depth: int) -> Item:
     """Return the scalar or the extension that says a value in which `depth` containers may be in each other."""
     kind = type(value)
     if kind is int:
-        return value if -(1 << 63) <= value < 1 << 64 else _of_int(value)
+        return _of_int(value)
+    scalar: Item = value
     if kind in _SCALARS and (kind is not str or value.isascii()):
-        return value
+        return scalar
     way = _WAYS.get(kind) or next((way for kind, way in _WAYS.items() if isinstance(value, kind)), None)
     if way is None:
         raise TypeError(f"{shown(value)} is of type {kind.__name__}")
     return way(value, depth)
 
 
-def _container(code: int, items: list[Any], depth: int) -> Any:
+def _container(code: int, items: list[Plain], depth: int) -> Item:
     """Return the extension of a container."""
     if depth < 1:
         raise RecursionError
@@ -324,14 +329,14 @@ def _container(code: int, items: list[Any], depth: int) -> Any:
     return _extension()(code, _encoder().encode([_written(one, depth - 1) for one in items]))
 
 
-def _of_int(value: int) -> Any:
+def _of_int(value: int) -> Item:
     value = int(value)
     if -(1 << 63) <= value < 1 << 64:
         return value
     return _extension()(_INT, value.to_bytes(value.bit_length() // 8 + 1, "big", signed=True))
 
 
-def _of_text(value: str) -> Any:
+def _of_text(value: str) -> Item:
     text = str.__str__(value)  # of an enum, too
     try:
         text.encode()
@@ -340,17 +345,17 @@ def _of_text(value: str) -> Any:
     return text
 
 
-def _of_dict(value: dict[Plain, Plain], depth: int) -> Any:
+def _of_dict(value: dict[Plain, Plain], depth: int) -> Item:
     return _container(_DICT, [one for pair in value.items() for one in pair], depth)
 
 
-def _of_set(value: set[Plain] | frozenset[Plain], depth: int) -> Any:
+def _of_set(value: set[Plain] | frozenset[Plain], depth: int) -> Item:
     encode = _encoder().encode
     items = sorted(value, key=lambda one: encode([_written(one, depth - 1)]))  # a set has no order, and a file has
     return _container(_FROZENSET if isinstance(value, frozenset) else _SET, items, depth)
 
 
-def _of_array(value: Array, depth: int) -> Any:
+def _of_array(value: Array, depth: int) -> Item:
     dtype = value.dtype.newbyteorder("=")
     if dtype not in _NAMES or value.ndim > MOST_DIMENSIONS:
         raise TypeError(f"an array of dtype {value.dtype} and shape {value.shape}")
@@ -358,7 +363,7 @@ def _of_array(value: Array, depth: int) -> Any:
     return _container(_ARRAY, items, depth)
 
 
-_WAYS: dict[type, Callable[[Any, int], Any]] = {
+_WAYS: dict[type, Callable[[Plain, int], Item]] = {
     str: lambda value, _: _of_text(value),
     int: lambda value, _: _of_int(value),
     float: lambda value, _: float(value),
@@ -429,14 +434,17 @@ class Decoder:
             raise BadFile("a value does not begin like one")
         try:
             (one,) = _flat().decode(data)
-            return one if type(one) in _SCALARS else self._opened(one.code, one.data, MOST_DEPTH, charge)
+            return self._opened(one, MOST_DEPTH, charge)
         except BadFile:
             raise
         except (ValueError, TypeError, OverflowError, KeyError) as error:
             raise BadFile(f"a value is damaged ({reason(error)})") from error
 
-    def _opened(self, code: int, data: bytes, depth: int, charge: Callable[[int], None]) -> Plain:
-        """Return what an extension says."""
+    def _opened(self, item: Item, depth: int, charge: Callable[[int], None]) -> Plain:
+        """Return what a scalar or an extension says."""
+        if not isinstance(item, _extension()):
+            return item
+        code, data = item.code, bytes(item.data)
         if code == _BYTES:
             return data
         if code == _TEXT:
@@ -447,20 +455,20 @@ class Decoder:
             raise BadFile(f"more than {MOST_DEPTH} containers are in each other")
         make = _MAKERS[code]
         charge(_OF_CONTAINER + _OF_ITEM * _count_of(data) + len(data))
-        items: list[Any] = _flat().decode(data)
+        items: list[Plain] = [*_flat().decode(data)]
         if not _SCALARS.issuperset(map(type, items)):
             for place, one in enumerate(items):
                 if type(one) not in _SCALARS:
-                    items[place] = self._opened(one.code, one.data, depth - 1, charge)
+                    items[place] = self._opened(one, depth - 1, charge)
         return make(items, self.keys)
 
 
 def _charge_nothing(size: int) -> None:
-    """Charge what was charged before."""
+    """Charge nothing for what was charged before."""
 
 
 @cache
-def _flat() -> "MessagePackDecoder[list[Any]]":
+def _flat() -> "MessagePackDecoder[list[Item]]":
     """Return a decoder that refuses containers but extensions, which it does not open."""
     from msgspec.msgpack import Decoder, Ext
 
@@ -506,7 +514,7 @@ def _array_from(items: list[Plain], _: Keys) -> Array:
     return flat.reshape(shape)
 
 
-_MAKERS: dict[int, Callable[[list[Any], Keys], Plain]] = {
+_MAKERS: dict[int, Callable[[list[Plain], Keys], Plain]] = {
     _TUPLE: lambda items, keys: keys.check(tuple(items)),
     _LIST: lambda items, _: items,
     _DICT: _dict_of,

@@ -44,7 +44,7 @@ class Head(NamedTuple):
 
 
 class Counts(NamedTuple):
-    """How much a block of turns holds."""
+    """How many turns, moves and events a block holds, and how many turns come before it."""
 
     first: int = 0
     turns: int = 0

@@ -13,7 +13,7 @@ from collections.abc import Collection, Iterator, Mapping, Sequence
 from dataclasses import dataclass
 from itertools import chain
 from types import MappingProxyType
-from typing import Any, NamedTuple
+from typing import NamedTuple
 
 import numpy as np
 
@@ -26,7 +26,7 @@ from gamms.recorder.formats import blocks, tracks
 from gamms.recorder.formats.tracks import FORMS, Layout, Rows, Tracks, layout_of
 from gamms.text import reason, shown
 
-Log = list[Any]
+Log = list[Plain]
 """The log of one turn: ints two by two, and tuples."""
 
 BYTES_PER_MOVE, _BYTES_PER_EVENT, _BYTES_PER_NUMBER = 4, 8, 4  # estimates that cost nothing
@@ -50,7 +50,7 @@ class Part(NamedTuple):
         return BYTES_PER_MOVE * (len(self.moves) >> 1) + values + _BYTES_PER_NUMBER * numbers
 
 
-def part_of(log: Sequence[Any]) -> Part:
+def part_of(log: Sequence[object]) -> Part:
     """Return the log of a turn, taken apart.
 
     Raises:
@@ -74,7 +74,7 @@ def part_of(log: Sequence[Any]) -> Part:
 def _mixed(log: Log) -> Part:
     types, begin = list(map(type, log)), 0
     moves, after, kinds, data = array("q"), [], [], []
-    rows: dict[int, list[Any]] = {kind: [] for kind in FORMS}
+    rows: dict[int, list[Plain]] = {kind: [] for kind in FORMS}
     for _ in range(types.count(tuple)):
         end = types.index(tuple, begin)
         if end > begin:
@@ -104,7 +104,7 @@ def _moves(numbers: Log) -> "array[int]":
         raise BadValue(f"Rows and nodes have 64 bits; {shown(numbers)} has more.") from None
 
 
-def _checked_event(event: tuple[Any, ...]) -> tuple[int, Any]:
+def _checked_event(event: tuple[Plain, ...]) -> tuple[int, Plain]:
     if len(event) != 2 or type(event[0]) is not int or not -(1 << 63) <= event[0] < 1 << 63:
         raise BadValue(f"An event is a tuple of an int of 64 bits, its kind, and its data, not {shown(event)}.")
     return event
@@ -246,21 +246,21 @@ class Chunk:
     after: IntArray  # (events,): moves of the block before it
     kinds: IntArray  # (events,)
     values: Values  # of the events
-    tracks: dict[int, Tracks]  # the events whose data are but numbers, by their kind
+    tracks: dict[int, Tracks]  # the events whose data are only numbers, by their kind
     places: dict[int, IntArray]  # which events these are
 
     def numbers_of(self, first: int, last: int, kinds: Collection[int] | None = None) -> IntArray:
-        """Which events happen in the turns from `first` of the block on and before `last`, or those of some kinds."""
+        """Return which events happen in turns `first` to `last - 1` of the block, or those of some kinds."""
         begin, end = int(self.event_ends[first]), int(self.event_ends[last])
         numbers = np.arange(begin, end)
         return numbers if kinds is None else numbers[np.isin(self.kinds[begin:end], list(kinds))]
 
     def turns_of(self, numbers: IntArray) -> IntArray:
-        """In which turns of the block some events happen."""
+        """Return in which turns of the block some events happen."""
         return self.event_ends.searchsorted(numbers, side="right") - 1
 
-    def data_of(self, numbers: IntArray) -> Iterator[Any]:
-        """The data of some events, ascending.
+    def data_of(self, numbers: IntArray) -> Iterator[Plain]:
+        """Yield the data of some events, ascending.
 
         Raises:
             BadFile: they are damaged.
@@ -274,11 +274,11 @@ class Chunk:
                 yield self.values[number]
 
     def tracks_of(self, kind: int, numbers: IntArray) -> Tracks:
-        """Some events of a kind whose data are but numbers."""
+        """Return some events of a kind whose data are only numbers."""
         return self.tracks[kind].at(self.places[kind].searchsorted(numbers))
 
     def log(self, turn: int) -> Log:
-        """What was added as a turn of the recording."""
+        """Return the log of a turn of the recording."""
         turn -= self.first
         begin, end = self.move_ends[turn : turn + 2].tolist()
         flat: Log = self.moves[begin:end].reshape(-1).tolist()

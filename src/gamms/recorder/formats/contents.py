@@ -6,10 +6,11 @@ counts.
 
 import os
 from collections.abc import Iterator
-from typing import Any, BinaryIO, NamedTuple
+from typing import BinaryIO, NamedTuple
 
 from gamms.errors import BadFile
 from gamms.ir import packing
+from gamms.plain import Plain
 from gamms.recorder.errors import RecordingError
 from gamms.recorder.formats import blocks
 from gamms.text import reason, shown
@@ -20,7 +21,7 @@ _DAMAGES = (ValueError, TypeError, KeyError, IndexError, OverflowError, MemoryEr
 
 
 class Block(NamedTuple):
-    """Where a block is, and what it says of itself."""
+    """The place of a block, and its head."""
 
     at: int
     type: int
@@ -32,16 +33,16 @@ class Block(NamedTuple):
 
 
 class Contents(NamedTuple):
-    """A recording that has been looked over."""
+    """The header and the blocks of a recording."""
 
-    header: dict[str, Any]
+    header: dict[str, Plain]
     key: int
     found: list[Block]
     warning: str | None  # None of a finished one
 
 
 class at_byte:  # noqa: N801  # it reads as a word in `with at_byte(at):`
-    """Say where the damage is."""
+    """Name the byte of a block in the errors that it causes."""
 
     __slots__ = ("_at",)
 
@@ -74,7 +75,7 @@ class Input:
         self._stream = stream
 
     def read(self, at: int, size: int) -> bytes:
-        """So many bytes.
+        """Return bytes.
 
         Raises:
             BadFile: they are not there.
@@ -88,7 +89,7 @@ class Input:
         return data
 
     def body(self, block: Block, key: int) -> tuple[blocks.Head, bytes]:
-        """The head and the body of a block.
+        """Return the head and the body of a block.
 
         Raises:
             BadFile: they are damaged, or others than it says.
@@ -102,7 +103,7 @@ class Input:
 
 
 def contents_of(source: Input, decoder: packing.Decoder) -> Contents:
-    """Look a recording over.
+    """Return the header of a recording, and which blocks it has.
 
     Raises:
         RecordingError: it is none, or its header is damaged or cut off.
@@ -157,7 +158,7 @@ def _blocks_of(source: Input, begin: int, key: int) -> tuple[list[Block], str | 
 
 
 def turns_of(found: list[Block]) -> int:
-    """How many turns are in blocks that follow each other."""
+    """Return how many turns there are in blocks that follow each other."""
     return found[-1].first + found[-1].turns if found else 0
 
 
@@ -170,7 +171,7 @@ def _block_at(source: Input, at: int, key: int) -> Block | None:
 
 
 def _joins(source: Input, found: list[Block], block: Block, key: int) -> bool:
-    """Whether a block continues what was found; if so, it is added."""
+    """Return whether a block continues what was found; if so, it is added."""
     if block.type == blocks.END:
         return block.first == turns_of(found)
     if block.type not in (blocks.TURNS, blocks.KEYFRAME):
@@ -211,7 +212,7 @@ def _is_sound(source: Input, block: Block, key: int) -> bool:
 
 
 def _copy_behind(source: Input, at: int, key: int, found: list[Block]) -> Block | None:
-    """The first sound block of turns behind a damaged place that takes the place of the last one or continues it."""
+    """Return the first sound block behind a damaged place that replaces the last block of turns or continues it."""
     tries = 0
     for place in _places_of(source, blocks.SYNC + bytes([blocks.TURNS]), at + 1):
         block = _block_at(source, place, key)
@@ -225,7 +226,7 @@ def _copy_behind(source: Input, at: int, key: int, found: list[Block]) -> Block 
 
 
 def _places_of(source: Input, mark: bytes, at: int) -> Iterator[int]:
-    """Where these bytes are, from a place on."""
+    """Yield where these bytes are, from a place on."""
     while at < source.size:
         piece = source.read(at, min(_PIECE, source.size - at))
         place = piece.find(mark)

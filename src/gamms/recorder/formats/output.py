@@ -55,13 +55,13 @@ class Output:
             self._show()
 
     def back_to(self, end: int) -> None:
-        """Let all that is there from a byte on be provisional, even if writing it was interrupted."""
+        """Make all that is there from a byte on provisional, even if writing it was interrupted."""
         self.end = end
         if self.can_overwrite:
             self._length = self._stream.seek(0, os.SEEK_END) - self._begin
 
     def close(self) -> None:
-        """Let nothing more be written."""
+        """Refuse whatever else is written."""
         self.is_closed = True
 
     def _write(self, at: int, data: bytes) -> None:
@@ -76,7 +76,7 @@ class Output:
         self._stream.flush()
 
     def _show(self) -> None:
-        """Let the program find in its own object what was written."""
+        """Make what was written visible through the object of the program."""
         if self._readable is not None:
             self._readable.seek(0, os.SEEK_END)
 
@@ -93,7 +93,7 @@ class Output:
 
 
 def _can_overwrite(stream: BinaryIO) -> bool:
-    """Whether the stream goes back, writes there, and can be cut."""
+    """Return whether the stream can seek, overwrite and be cut."""
     if "a" in str(getattr(stream, "mode", "")):
         return False  # writes go to the end, wherever it stands
     with suppress(OSError, AttributeError):

@@ -4,7 +4,7 @@ import os
 from bisect import bisect_right
 from collections import Counter, OrderedDict
 from collections.abc import Collection, Iterator
-from typing import Any, BinaryIO, Self
+from typing import BinaryIO, Self
 
 import numpy as np
 
@@ -13,6 +13,7 @@ from gamms.errors import BadFile, BadValue
 from gamms.ir.graph import IntArray
 from gamms.ir.packing import Decoder, unpack
 from gamms.limits import Allowance
+from gamms.plain import Plain
 from gamms.recorder.formats import blocks, chunks
 from gamms.recorder.formats.contents import Block, Contents, Input, at_byte, contents_of, turns_of
 from gamms.recorder.formats.tracks import Stretch, concatenated
@@ -28,7 +29,7 @@ class Reader:
     turn that is not there.
     """
 
-    header: dict[str, Any]  # what the writer was given
+    header: dict[str, Plain]  # what the writer was given
     turns: int  # that are whole
     is_complete: bool  # whether the recording was finished
     warning: str | None  # what is missing of an unfinished one
@@ -76,7 +77,7 @@ class Reader:
             self._owned.close()
 
     def log(self, turn: int) -> chunks.Log:
-        """What was added as this turn, from 0: `row, node` of a move two by two, and tuples `(kind, data)`."""
+        """Return the log of a turn, from 0: `row, node` of a move two by two, and tuples `(kind, data)`."""
         self._check_range(turn, turn + 1)
         number = bisect_right(self._firsts, turn) - 1
         chunk = self._kept.get(number) or self._chunk(number)
@@ -84,7 +85,7 @@ class Reader:
             return chunk.log(turn)
 
     def moves(self, start: int = 0, stop: int | None = None) -> tuple[IntArray, IntArray, IntArray]:
-        """All moves of turns `start` to `stop - 1`, in their order: turns, rows, nodes, (moves,) each."""
+        """Return all moves of turns `start` to `stop - 1`, in their order: turns, rows, nodes, (moves,) each."""
         parts: list[tuple[IntArray, ...]] = []
         for chunk, first, last in self._parts(start, stop):
             begin, end = chunk.move_ends[first], chunk.move_ends[last]
@@ -100,8 +101,8 @@ class Reader:
 
     def events(
         self, start: int = 0, stop: int | None = None, kinds: Collection[int] | None = None
-    ) -> Iterator[tuple[int, int, int, Any]]:
-        """All other events of these turns, or those of some kinds, in their order.
+    ) -> Iterator[tuple[int, int, int, Plain]]:
+        """Yield all other events of these turns, or those of some kinds, in their order.
 
         Yields:
             The turn; how many moves of this turn come before the event; its kind; its data.
@@ -118,7 +119,7 @@ class Reader:
                 yield turn, place, kind, data
 
     def tracks(self, kind: int, start: int, stop: int, among: Collection[int] = ()) -> Stretch:
-        """All events of a kind whose data are but numbers (`FORMS`), of turns `start` to `stop - 1`.
+        """Return all events of a kind whose data are only numbers (`FORMS`), of turns `start` to `stop - 1`.
 
         Args:
             kind: of the events.
@@ -138,7 +139,7 @@ class Reader:
         return Stretch(concatenated(kind, parts), *map(np.concatenate, (turns, after, before)))
 
     def pieces(self, start: int, stop: int) -> Iterator[tuple[int, int]]:
-        """The turns `start` to `stop - 1` in pieces, from, to, of no more turns and blocks than are kept in memory."""
+        """Yield where pieces of these turns begin and end, of no more turns and blocks than stay in memory."""
         self._check_range(start, stop)
         while start < stop:
             last = bisect_right(self._firsts, start) - 1 + _KEPT
@@ -148,26 +149,26 @@ class Reader:
             start = end
 
     def count_moves(self) -> int:
-        """How many moves there are."""
+        """Return how many moves there are."""
         return sum(block.moves for block in self._chunks)
 
     def count_events(self) -> dict[int, int]:
-        """How many events of each kind there are."""
+        """Return how many events of each kind there are."""
         counts: Counter[int] = Counter()
         for chunk, _, _ in self._parts(0, None, with_events=True):
             counts.update(chunk.kinds.tolist())
         return dict(sorted(counts.items()))
 
     def keyframe_before(self, turn: int) -> int:
-        """How many turns the last keyframe knows that is early enough for `keyframe(turn)`; -1 if there is none."""
+        """Return how many turns come before the keyframe that `keyframe(turn)` returns; -1 if there is none."""
         number = bisect_right(self._keyframe_turns, turn) - 1
         return self._keyframe_turns[number] if number >= 0 else -1
 
-    def keyframe(self, turn: int) -> tuple[int, dict[str, Any]] | None:
-        """The last keyframe that knows no more than the first `turn` turns.
+    def keyframe(self, turn: int) -> tuple[int, dict[str, Plain]] | None:
+        """Return the last keyframe that stands before turn `turn`.
 
         Returns:
-            How many turns it knows, and the state after them; None if there is none so early.
+            How many turns come before it, and the state after them; None if there is none so early.
         """
         if not 0 <= turn <= self.turns:
             raise BadValue(f"There is no state after {turn} turns: this recording has {self.turns} turns.")
@@ -200,7 +201,7 @@ class Reader:
     def _parts(
         self, start: int, stop: int | None, *, with_events: bool = False
     ) -> Iterator[tuple[chunks.Chunk, int, int]]:
-        """The chunks that have these turns, or those that also have events; and which of their turns: from, to."""
+        """Yield the chunks that have these turns, or only those with events; and which of their turns: from, to."""
         stop = self.turns if stop is None else stop
         self._check_range(start, stop)
         number = max(bisect_right(self._firsts, start) - 1, 0)

@@ -10,7 +10,7 @@ from collections.abc import Iterator, Sequence
 from dataclasses import dataclass
 from functools import lru_cache
 from itertools import chain
-from typing import Any, NamedTuple
+from typing import NamedTuple
 
 import numpy as np
 
@@ -18,6 +18,7 @@ from gamms.errors import BadType, BadValue
 from gamms.ir import events as kinds
 from gamms.ir.graph import FloatArray, IntArray
 from gamms.ir.packing import ByteReader, column, steps
+from gamms.plain import Plain
 from gamms.text import reason, shown
 
 
@@ -108,7 +109,7 @@ class Rows(NamedTuple):
     floats: "array[float]"
 
     @classmethod
-    def of(cls, kind: int, events: list[Any]) -> "Rows":
+    def of(cls, kind: int, events: list[Plain]) -> "Rows":
         """Return the data of some events.
 
         Raises:
@@ -158,11 +159,11 @@ class Tracks:
     nodes: IntArray  # (events, 0 or 1)
     floats: FloatArray  # (events, floats)
 
-    def at(self, places: Any) -> "Tracks":
+    def at(self, places: IntArray | slice) -> "Tracks":
         """Return some of them."""
         return Tracks(self.numbers[places], self.nodes[places], self.floats[places])
 
-    def data(self) -> Iterator[tuple[Any, ...]]:
+    def data(self) -> Iterator[tuple[Plain, ...]]:
         """Yield the data of each event."""
         parts = (self.numbers, *self.nodes.T, *self.floats.T)
         return zip(*(part.tolist() for part in parts), strict=True)

@@ -9,19 +9,20 @@ Only this file loads cbor2, and only to write: `cbor_reader.py` reads, and opens
 
 from collections.abc import Callable, Iterator, Mapping
 from struct import Struct
-from typing import Any, BinaryIO
+from typing import BinaryIO
 
 import numpy as np
 
 from gamms.errors import BadType, BadValue
 from gamms.limits import Keys
+from gamms.plain import Plain
 from gamms.recorder.errors import RecordingError
 from gamms.recorder.formats import cbor_reader
 from gamms.recorder.formats.cbor_reader import BadCbor, CborReader, Incomplete, Tagged
 from gamms.text import reason
 from gamms.typing.recorder import MAGIC_NUMBER, OpCodes
 
-Record = dict[str, Any]  # timestamp, opCode, data
+Record = dict[str, Plain]  # timestamp, opCode, data
 
 VERSION = 2
 ENDED = "Recording ended unexpectedly."  # the words of 1.0.0, which programs look for
@@ -66,7 +67,7 @@ _MARKS_AT = (11, 27)
 
 
 def read(stream: BinaryIO) -> Iterator[Record]:
-    """The records of a recording, one by one, TERMINATE last; memory stays bounded whatever the file holds.
+    """Yield the records of a recording, TERMINATE last; memory stays bounded whatever the file holds.
 
     Raises:
         RecordingError: at the first `next`, when this is no recording of version 1 or 2; later, when a record is
@@ -100,7 +101,7 @@ class _Window:
         return self._behind + self.position
 
     def grow(self) -> bool:
-        """Look further: at least twice as far as now, so that a long record is not begun too often."""
+        """Read at least as much again, so that a long record is not begun too often; returns whether there was more."""
         left = self.data[self.position :]
         more = self._stream.read(max(_BLOCK, len(left)))
         if not isinstance(more, bytes):
@@ -190,7 +191,7 @@ class Version2Writer:
         self._stream = stream
         stream.write(_HEADER.pack(MAGIC_NUMBER, VERSION))
 
-    def write(self, timestamp: int, opcode: int, data: Mapping[str, Any] | None = None) -> None:
+    def write(self, timestamp: int, opcode: int, data: Mapping[str, Plain] | None = None) -> None:
         """Write one record; None leaves `data` out, as in TERMINATE.
 
         Raises:
@@ -210,8 +211,8 @@ class Version2Writer:
             raise BadValue(f"{OpCodes(opcode).name} cannot be recorded: {reason(error)}.") from error
         self._stream.write(encoded)
 
-    def _plain(self, value: Any) -> Any:
-        """The value as cbor2 takes it, with an order for sets, so that equal games give equal bytes."""
+    def _plain(self, value: Plain) -> Plain:
+        """Return the value as cbor2 takes it, with an order for sets, so that equal games give equal bytes."""
         if isinstance(value, Mapping):
             return {self._plain(key): self._plain(one) for key, one in value.items()}
         if isinstance(value, list | tuple):

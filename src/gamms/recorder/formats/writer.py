@@ -9,12 +9,16 @@ long anything took.
 import time
 from array import array
 from collections.abc import Callable, Sequence
-from typing import Any, BinaryIO
+from typing import BinaryIO, TypeAlias
 
 from gamms.errors import BadType, BadValue
 from gamms.ir import packing
+from gamms.plain import Plain
 from gamms.recorder.formats import blocks, chunks
 from gamms.recorder.formats.output import Output
+
+Mark: TypeAlias = tuple[chunks.Collected, int, int, int, int]
+"""How far a writer has come."""
 
 _FEWEST_TURNS = 16
 _MOST_SIZES = 64
@@ -23,7 +27,7 @@ _MOST_SIZES = 64
 class Writer:
     """Writes a recording into a binary stream, which stays open.
 
-    Requires: nobody else writes into the stream.
+    Requires: nothing else is written into the stream.
     Ensures: the same header, logs and keyframes give the same bytes. Whenever the program is killed, the turns of at
         most `seconds` are lost, `size` bytes or `turns` turns, whichever is least. Streams that cannot seek, cut and
         overwrite, and files opened for appending, get whole blocks only: there the seconds do not count.
@@ -32,7 +36,7 @@ class Writer:
     def __init__(
         self,
         stream: BinaryIO | Output,
-        header: dict[str, Any],
+        header: dict[str, Plain],
         *,
         turns: int = 64,
         seconds: float | None = 1.0,
@@ -79,7 +83,7 @@ class Writer:
         """How many events with a value were added: all but those whose data are only numbers."""
         return self._values + self._open.values
 
-    def add_turn(self, log: Sequence[Any]) -> None:
+    def add_turn(self, log: Sequence[object]) -> None:
         """Add the log of the next turn; it may be changed afterwards.
 
         Raises:
@@ -112,11 +116,11 @@ class Writer:
         for log in logs:
             self.add_turn(log)
 
-    def mark(self) -> tuple[Any, ...]:
-        """How far it has come, for `back_to`."""
+    def mark(self) -> Mark:
+        """Return a mark for `back_to`."""
         return self._open, self._open.mark(), self._saved, self._values, self._file.end
 
-    def back_to(self, mark: tuple[Any, ...]) -> None:
+    def back_to(self, mark: Mark) -> None:
         """Forget what was added since, even if that was interrupted anywhere."""
         self._open, collected, self._saved, self._values, end = mark
         self._open.cut(collected)
@@ -138,7 +142,7 @@ class Writer:
         is_large = size >= self._size and (turns >= _FEWEST_TURNS or size >= _MOST_SIZES * self._size)
         return turns >= self._turns or is_large
 
-    def keyframe(self, state: dict[str, Any]) -> None:
+    def keyframe(self, state: dict[str, Plain]) -> None:
         """Write down the whole state after the turns that were added so far.
 
         Raises:
@@ -190,7 +194,7 @@ class Writer:
         return blocks.block(type, body, self._key, counts)
 
 
-def _is_dict(value: Any, what: str) -> dict[str, Any]:
+def _is_dict(value: object, what: str) -> dict[str, Plain]:
     if not isinstance(value, dict):
         raise BadType(f"A {what} is a dict, not {type(value).__name__}.")
     return value
