@@ -115,7 +115,7 @@ VERBS = {
     "agents cleared": lambda ctx, s: ctx.agent.agents.clear(),
     "agent block": lambda ctx, s: setitem(ctx.agent.block.node, 1, 0),
     "positions": lambda ctx, s: ctx.agent.positions,
-    "turn_access": lambda ctx, s: other(ctx).turn_access(),
+    "agent storage": lambda ctx, s: ctx.agent.storage,
     "live_result": lambda ctx, s: sensor(ctx).live_result(),
     "register_sensor": lambda ctx, s: other(ctx).register_sensor("x", sensor(ctx, "tower")),
     "deregister_sensor": lambda ctx, s: other(ctx).deregister_sensor("others"),

@@ -24,7 +24,7 @@ from gamms.typing.actions import (
     known_node,
     level_quat,
 )
-from gamms.typing.agent_engine import AgentType, IAerialAgent, IAgent, MaybeNone, TurnAccess
+from gamms.typing.agent_engine import AgentType, IAerialAgent, IAgent, MaybeNone
 from gamms.typing.game import AerialState, AerialStrategy, AsyncStrategy, State, Strategy
 from gamms.typing.graph_engine import IGraph
 from gamms.typing.sensor_engine import Carried, ISensor, LiveData, SensorType, owner_of, refuse_no_sensor
@@ -237,13 +237,6 @@ class Member(Guarded, IAgent):
             raise NoStrategy(f"Agent {self.name!r} has no strategy. Give it one with register_strategy.")
         strategy(self.get_state())
         self.set_state()
-
-    # -- for engines --------------------------------------------------------------------------------------------
-
-    @refused_while_deciding
-    def turn_access(self) -> TurnAccess:
-        """Return what the turn engine reads and writes; valid until `structure_version` of the block changes."""
-        return TurnAccess(self._row, self._carried, self._last)
 
     # -- inside the package -------------------------------------------------------------------------------------
 

@@ -19,7 +19,7 @@ from gamms.ir.positions import Positions
 from gamms.readonly import ReadOnlyMapping
 from gamms.text import shown
 from gamms.typing import IContext
-from gamms.typing.agent_engine import AgentType, IAgentEngine, SensorsOfAgent
+from gamms.typing.agent_engine import AgentType, IAgentEngine, SensorsOfAgent, TurnAccess
 from gamms.typing.game import AerialStrategy, AsyncStrategy, NodeId, Strategy
 from gamms.typing.sensor_engine import ISensor, is_sensor, owner_of
 
@@ -327,12 +327,17 @@ class AgentEngine(Guarded, IAgentEngine):
 
 
 class AgentStorage(Guarded):
-    """The agents of a context as other engines need them: restored and copied."""
+    """The agents of a context as other engines need them: asked in turns, restored and copied."""
 
     _called = "ctx.agent.storage"
 
     def __init__(self, engine: AgentEngine) -> None:
         self._engine, self._phase = engine, engine._phase
+
+    @refused_while_deciding
+    def turn_access(self, agent: Member) -> TurnAccess:
+        """Return what the turn engine reads and writes of an agent; valid until `structure_version` changes."""
+        return TurnAccess(agent._row, agent._carried, agent._last)
 
     @refused_while_deciding
     def snapshot(self) -> AgentsSnapshot:

@@ -13,6 +13,7 @@ from gamms.ir.agents import Selection
 from gamms.ir.game_state import GameState
 from gamms.text import shown
 from gamms.typing import AgentType
+from gamms.typing.agent_engine import TurnAccess
 
 COUNTED = ("moves", "blocked", "illegal", "errors", "overruns")
 
@@ -22,6 +23,7 @@ class AgentSlot:
 
     Args:
         agent: the agent.
+        access: to its sensors and its last state.
         state: of the game.
         seed: of the game.
         facts: a read-only view of what was published.
@@ -60,10 +62,12 @@ class AgentSlot:
         "template",
     )
 
-    def __init__(self, agent: Any, state: GameState, seed: int, facts: Any, *, follows_edges: bool) -> None:
+    def __init__(
+        self, agent: Any, access: TurnAccess, state: GameState, seed: int, facts: Any, *, follows_edges: bool
+    ) -> None:
         self.agent = agent
         self.name, self.team = agent.name, agent.team
-        self.row, self.carried, self.last = agent.turn_access()
+        self.row, self.carried, self.last = access
         self.flies = agent.type is AgentType.AERIAL
         self.speed = None if self.flies else _speed(agent)
         self.is_plain = not self.flies and self.speed is None and follows_edges

@@ -135,7 +135,8 @@ class TurnEngine:
         spent["apply"] += applied - resolved
 
     def _slot(self, agent: Any) -> AgentSlot:
-        return AgentSlot(agent, self._state, self._ctx.seed, self._facts, follows_edges=self._settings.legal == "edges")
+        access, follows_edges = self._ctx.agent.storage.turn_access(agent), self._settings.legal == "edges"
+        return AgentSlot(agent, access, self._state, self._ctx.seed, self._facts, follows_edges=follows_edges)
 
     def _ask(self, order: TurnOrder, observers: list[Observer]) -> "TurnMoves":
         """Let all agents observe and decide.
