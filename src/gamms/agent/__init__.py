@@ -4,7 +4,7 @@ Read `agent.py` first. May import: typing, kernels, ir and below, never another 
 about agents, add a column to the block, its event, and a property.
 """
 
-from gamms.agent.agent import AerialAgent, Agent, Member
+from gamms.agent.agent import AerialAgent, Agent, BaseAgent
 from gamms.agent.engine import AgentEngine
 from gamms.typing.agent_engine import AgentType, IAerialAgent, IAgent, IAgentEngine
 from gamms.typing.recorder import OpCodes
@@ -16,10 +16,10 @@ __all__ = [
     "Agent",
     "AgentEngine",
     "AgentType",
+    "BaseAgent",
     "IAerialAgent",
     "IAgent",
     "IAgentEngine",
-    "Member",
     "NoOpAgent",
     "OpCodes",
 ]

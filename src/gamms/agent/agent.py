@@ -35,10 +35,10 @@ _NOT_SHARED: frozenset[int] = frozenset()
 
 
 class NoStrategy(GammsError, AttributeError):
-    """An agent was told to decide and has no strategy."""
+    """An agent is to decide and has no strategy."""
 
 
-class Member(Guarded, IAgent):
+class BaseAgent(Guarded, IAgent):
     """An agent of any kind; a subclass says where it begins, where it is and how it acts."""
 
     # NOTE: slots keep its own attributes close together; the caller's are in __dict__. The last state is in a list,
@@ -88,7 +88,7 @@ class Member(Guarded, IAgent):
             if name == "strategy" and value is not None:
                 as_function_of(value, "A strategy", "the state")
             if type(value) not in _SCALARS and not hasattr(type(self), name):
-                setattr(Member, name, _Attribute(name))
+                setattr(BaseAgent, name, _Attribute(name))
         object.__setattr__(self, name, value)
 
     # -- what it is ---------------------------------------------------------------------------------------------
@@ -105,7 +105,7 @@ class Member(Guarded, IAgent):
 
     @property
     def team(self) -> Any:
-        """The team it plays for; None for none. Any value that can be a key of a dict will do. Settable."""
+        """The team it plays for, any value that can be a key of a dict; None for no team. Settable."""
         return self._block.teams[self._row]
 
     @team.setter
@@ -157,7 +157,7 @@ class Member(Guarded, IAgent):
 
     @refused_while_deciding
     def deregister_sensor(self, name: str) -> None:
-        """Carry a sensor no longer; an unknown name is only warned about."""
+        """Stop carrying a sensor; an unknown name is only warned about."""
         as_name(name, "a sensor")
         sensor = self._sensor_list.pop(name, None)
         if sensor is None:
@@ -179,7 +179,7 @@ class Member(Guarded, IAgent):
         self.strategy = strategy
 
     def get_state(self) -> State:
-        """Sense; a fresh dict with `curr_pos` and `sensor`. After the end of the context it is the last one."""
+        """Sense; return a fresh dict with `curr_pos` and `sensor`, or the last one after the end of the context."""
         if self._phase.agent is not None:
             self._phase.refuse("call agent.get_state")
         block = self._block
@@ -196,7 +196,7 @@ class Member(Guarded, IAgent):
 
     @refused_while_deciding
     def sense(self) -> dict[str, tuple[SensorType, Any]]:
-        """Ask all sensors: name -> (kind, data); what `get_state` has under `sensor`."""
+        """Ask all sensors; return name -> (kind, data), as `get_state` has it under `sensor`."""
         node = self._block.node[self._row]
         sensed = {}
         for name, sense, sensor, last in self._carried:
@@ -205,7 +205,7 @@ class Member(Guarded, IAgent):
         return sensed
 
     def set_state(self) -> None:
-        """Do what `state['action']` says; nothing after the end of the context."""
+        """Do what `state['action']` says; do nothing after the end of the context."""
         if self._phase.agent is not None:
             self._phase.refuse("call agent.set_state")
         block = self._block
@@ -225,7 +225,7 @@ class Member(Guarded, IAgent):
             self._act(action)
 
     def step(self) -> None:
-        """`get_state`, decide, `set_state`; nothing after the end of the context.
+        """Sense, decide and move; do nothing after the end of the context.
 
         Raises:
             NoStrategy (AttributeError): there is no strategy.
@@ -272,7 +272,7 @@ class Member(Guarded, IAgent):
         self._block.set(self._row, column, value)
 
     def _note(self, kind: int, name: str, sensor: ISensor) -> None:
-        """Note that the agent carries a sensor, or no longer."""
+        """Note that the agent carries a sensor, or stops carrying it."""
         journal = self._block.journal
         if not journal.is_silent:
             journal.note(kind, {"agent_name": self.name, "name": name, "sensor_id": sensor.sensor_id})
@@ -319,7 +319,7 @@ class Member(Guarded, IAgent):
             sensor.set_owner(None)
 
 
-class Agent(Member):
+class Agent(BaseAgent):
     """An agent on the ground; see `IAgent` for what each call promises. Any other attribute is the caller's own.
 
     Args:
@@ -404,7 +404,7 @@ class Agent(Member):
             self._set("heading", heading)
 
 
-class AerialAgent(Member, IAerialAgent):
+class AerialAgent(BaseAgent, IAerialAgent):
     """An agent that flies; see `IAerialAgent` for what each call promises. Any other attribute is the caller's own.
 
     Args:
@@ -423,7 +423,7 @@ class AerialAgent(Member, IAerialAgent):
 
     __slots__ = ()
 
-    _SETTABLE = (Member._SETTABLE | {"quat"}) - {"speed"}
+    _SETTABLE = (BaseAgent._SETTABLE | {"quat"}) - {"speed"}
     _ACTION = "a direction (dx, dy, dz)"
 
     def __init__(
@@ -509,13 +509,13 @@ class AerialAgent(Member, IAerialAgent):
 
     @refused_while_deciding
     def sense(self) -> dict[str, tuple[SensorType, Any]]:
-        """Ask all sensors: name -> (kind, data)."""
+        """Ask all sensors; return name -> (kind, data)."""
         if self._carried:
             self._block.nearest(self._row)  # where the sensors look from
         return super().sense()
 
     def get_state(self) -> AerialState:  # type: ignore[override] # an agent of unknown kind is taken for one on the ground
-        """Sense; a fresh dict with `curr_pos`, `quat` and `sensor`."""
+        """Sense; return a fresh dict with `curr_pos`, `quat` and `sensor`."""
         if self._is_closed:
             return self._last[0] or self._state_of(self._unasked())
         sensed = self.sense()

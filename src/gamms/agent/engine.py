@@ -7,7 +7,7 @@ from numbers import Integral
 from typing import Any, Literal, NamedTuple, overload
 from weakref import WeakSet
 
-from gamms.agent.agent import AerialAgent, Agent, Member
+from gamms.agent.agent import AerialAgent, Agent, BaseAgent
 from gamms.arguments import as_name, misspelt
 from gamms.deciding import Guarded, phase_of, refused_while_deciding
 from gamms.errors import BadType, ContextTerminated, Duplicate, GammsError, MissingKey, UnknownName, nearest
@@ -46,9 +46,9 @@ class AgentsSnapshot(NamedTuple):
 
     columns: dict[str, list[Any]]
     structure: tuple[AgentBlock, int]  # which agents there are, and which team, speed and sensors they have
-    agents: list[tuple[Member, dict[str, Any], Any, dict[str, Any], dict[str, Any]]]
+    agents: list[tuple[BaseAgent, dict[str, Any], Any, dict[str, Any], dict[str, Any]]]
     # agent, attributes, strategy, sensors, last state
-    deleted: list[tuple[Member, AgentBlock]]  # with blocks of their own
+    deleted: list[tuple[BaseAgent, AgentBlock]]  # with blocks of their own
     rows: dict[int, int]  # id() of an agent -> its row
 
     def place_of(self, agent: Any) -> Any:
@@ -68,13 +68,13 @@ class AgentEngine(Guarded, IAgentEngine):
     def __init__(self, ctx: IContext) -> None:
         self._phase = phase_of(ctx)
         self._ctx = ctx
-        self._agents: dict[str, Member] = {}
+        self._agents: dict[str, BaseAgent] = {}
         self._new_block()
         self._storage = AgentStorage(self)
-        self._deleted: WeakSet[Member] = WeakSet()  # those that a program still holds; each has a block of its own
+        self._deleted: WeakSet[BaseAgent] = WeakSet()  # those that a program still holds; each has a block of its own
 
     @property
-    def agents(self) -> dict[str, Member]:  # type: ignore[override] # an attribute, in the contract
+    def agents(self) -> dict[str, BaseAgent]:  # type: ignore[override] # an attribute, in the contract
         """The agents by name, in the order of their creation; read-only while agents decide."""
         is_open = self._phase.agent is None
         return self._agents if is_open else ReadOnlyMapping(self._agents)  # type: ignore[return-value] # it reads like it
@@ -157,7 +157,7 @@ class AgentEngine(Guarded, IAgentEngine):
         **attributes: object,
     ) -> Agent: ...
     @refused_while_deciding
-    def create_agent(self, name: str, **kwargs: Any) -> Member:
+    def create_agent(self, name: str, **kwargs: Any) -> BaseAgent:
         """Create an agent; nothing has changed when this raises."""
         if self._ctx.is_terminated():
             raise ContextTerminated("ctx.agent")
@@ -188,8 +188,8 @@ class AgentEngine(Guarded, IAgentEngine):
             journal.note(events.AGENT_CREATE, {"name": name, "kwargs": given, "state": self._more_of(agent._row)})
         return agent
 
-    def get_agent(self, name: str) -> Member:
-        """An agent by name (KeyError)."""
+    def get_agent(self, name: str) -> BaseAgent:
+        """Return an agent by its name (KeyError)."""
         try:
             return self._agents[name]
         except (KeyError, TypeError):
@@ -197,7 +197,7 @@ class AgentEngine(Guarded, IAgentEngine):
 
     @refused_while_deciding
     def delete_agent(self, name: str) -> None:
-        """Take an agent out of the world; an unknown name is only warned about."""
+        """Delete an agent; an unknown name is only warned about."""
         agent = self._agents.get(as_name(name, "an agent"))
         if agent is None:
             self._ctx.logger.warning(f"{UnknownName('agent', name, self._agents)} Nothing is deleted.")
@@ -205,14 +205,14 @@ class AgentEngine(Guarded, IAgentEngine):
         self._take_out(agent)
         self._block.journal.note(events.AGENT_DELETE, {"name": name})
 
-    def create_iter(self) -> "Living":
-        """The agents in the order of their creation; each loop over it takes those of its beginning that are left."""
-        return Living(self)
+    def create_iter(self) -> "AgentIterator":
+        """Return the agents in the order of their creation; a loop takes those of its beginning that are still there."""
+        return AgentIterator(self)
 
     @property
-    def teams(self) -> dict[Any, list[Member]]:
-        """Team -> its agents in the order of their creation, dead ones too; the teams in the order of their text."""
-        teams: dict[Any, list[Member]] = {}
+    def teams(self) -> dict[Any, list[BaseAgent]]:
+        """Team -> its agents in the order of their creation, dead ones too; the teams are in the order of their text."""
+        teams: dict[Any, list[BaseAgent]] = {}
         for agent in self._agents.values():
             teams.setdefault(agent.team, []).append(agent)
         return dict(sorted(teams.items(), key=lambda item: str(item[0])))
@@ -249,8 +249,8 @@ class AgentEngine(Guarded, IAgentEngine):
         if sensors:
             self._equip(agent, sensors)
 
-    def _equip(self, agent: Member, sensors: dict[str, ISensor]) -> None:
-        """Give a new agent its sensors, or take it out again."""
+    def _equip(self, agent: BaseAgent, sensors: dict[str, ISensor]) -> None:
+        """Give a new agent its sensors, or remove it again."""
         owners = [(sensor, owner_of(sensor)) for sensor in sensors.values()]
         try:
             for key, sensor in sensors.items():
@@ -271,7 +271,7 @@ class AgentEngine(Guarded, IAgentEngine):
             more["node"] = block.nearest(row)
         return {name: value for name, value in more.items() if value is not None}
 
-    def _take_out(self, agent: Member) -> None:
+    def _take_out(self, agent: BaseAgent) -> None:
         """Remove an agent, which goes on as the only one of a block of its own; its sensors have no owner."""
         row, block = agent._row, self._block
         del self._agents[agent.name]
@@ -291,7 +291,7 @@ class AgentEngine(Guarded, IAgentEngine):
             agent._row = row
 
     def _found_sensors(self, name: str, given: Any) -> dict[str, ISensor]:
-        """The sensors an agent is to carry, by the name it knows them by."""
+        """Return the sensors that an agent is to carry, by their names in its state."""
         is_dict = type(given) is not list and isinstance(given, Mapping)
         if isinstance(given, str) or not isinstance(given, Iterable):
             raise BadType(
@@ -314,7 +314,7 @@ class AgentEngine(Guarded, IAgentEngine):
         return found
 
     def _kind_of(self, name: str, kwargs: dict[str, Any]) -> AgentType:
-        """What `type` and its synonym `agent_type` ask for.
+        """Return what `type` and its synonym `agent_type` ask for.
 
         As in 1.0.0, a `type` that is none means BASIC, and `agent_type` is an attribute, too, whatever it is.
         """
@@ -335,7 +335,7 @@ class AgentStorage(Guarded):
         self._engine, self._phase = engine, engine._phase
 
     @refused_while_deciding
-    def turn_access(self, agent: Member) -> TurnAccess:
+    def turn_access(self, agent: BaseAgent) -> TurnAccess:
         """Return what the turn engine reads and writes of an agent; valid until `structure_version` changes."""
         return TurnAccess(agent._row, agent._carried, agent._last)
 
@@ -354,7 +354,7 @@ class AgentStorage(Guarded):
 
     @refused_while_deciding
     def restore(self, before: AgentsSnapshot) -> None:
-        """Restore all agents: those that came since are deleted, those that went are back."""
+        """Restore all agents: delete those that were created since, bring back those that were deleted."""
         block = self._engine.block
         has_structure = before.structure == (block, block.structure_version)
         if not has_structure:
@@ -432,14 +432,14 @@ _NEEDED = {
 
 
 def _listed(sensors: Any) -> Any:
-    """Sensors in a form that can be looked at more than once; what is none stays as it is."""
+    """Return sensors in a form that can be read more than once; anything else stays as it is."""
     if isinstance(sensors, list | tuple | dict | str) or not isinstance(sensors, Iterable):
         return sensors
     return dict(sensors) if isinstance(sensors, Mapping) else list(sensors)
 
 
 def _as_type(given: Any) -> AgentType | None:
-    """A type given as a member, by name or by number; None if it is none."""
+    """Return a type that is given as a member, by name or by number; None if it is no type."""
     if isinstance(given, str):
         return AgentType.__members__.get(given.upper())
     return AgentType(int(given)) if isinstance(given, Integral) and given in _CLASSES else None
@@ -458,23 +458,23 @@ def _copied(attributes: dict[str, Any]) -> dict[str, Any]:
     return copied
 
 
-class Living(Iterator[Member]):
-    """The agents that live, as often as a program loops over them: 1.0.0 gave a view that could be kept."""
+class AgentIterator(Iterator[BaseAgent]):
+    """Loops over the agents of a context, as often as a program wants: 1.0.0 gave a view that could be reused."""
 
     def __init__(self, engine: AgentEngine) -> None:
         self._engine = engine
-        self._loop: Iterator[Member] | None = None
+        self._loop: Iterator[BaseAgent] | None = None
 
     def __len__(self) -> int:
         return len(self._engine._agents)
 
-    def __iter__(self) -> Iterator[Member]:  # noqa: PYI034 - every loop is one of its own
+    def __iter__(self) -> Iterator[BaseAgent]:  # noqa: PYI034 - every loop is one of its own
         block = self._engine._block
         for agent in list(self._engine._agents.values()):
             if agent._block is block:
                 yield agent
 
-    def __next__(self) -> Member:
+    def __next__(self) -> BaseAgent:
         if self._loop is None:
             self._loop = iter(self)
         return next(self._loop)

@@ -9,7 +9,7 @@ from typing import Any
 import numpy as np
 
 from gamms import kernels
-from gamms.agent.agent import Member
+from gamms.agent.agent import BaseAgent
 from gamms.context import Context
 from gamms.errors import BadValue, UnknownName
 from gamms.ir.graph import FloatArray, GraphColumns, IntArray
@@ -59,7 +59,7 @@ class Fog:
         self._made: tuple[Any, ...] = ()  # columns, points, offsets, ends of streets
         self._declare()
 
-    def _own(self) -> Iterator[Member]:
+    def _own(self) -> Iterator[BaseAgent]:
         return (agent for agent in self._ctx.agent.create_iter() if str(agent.team) == self._team)
 
     def _declare(self) -> None:
@@ -90,10 +90,10 @@ class Fog:
         found = {_rounded(place) for view in views for place in view.agents.tolist()}
         self._hide({agent.name for agent in self._others() if not self._is_found(agent, found)})
 
-    def _others(self) -> Iterator[Member]:
+    def _others(self) -> Iterator[BaseAgent]:
         return (agent for agent in self._ctx.agent.create_iter() if str(agent.team) != self._team)
 
-    def _is_found(self, agent: Member, found: set[tuple[float, float]]) -> bool:
+    def _is_found(self, agent: BaseAgent, found: set[tuple[float, float]]) -> bool:
         is_on_seen_node = not agent.type and agent.current_node_id in self._now
         return is_on_seen_node or _rounded(self._ctx.visual.position_of(agent.name)) in found
 
@@ -108,7 +108,7 @@ class Fog:
             if declared is not None:
                 visual.add_artist(name, declared)
 
-    def _sights_of(self, agent: Member) -> Iterator[Sight]:
+    def _sights_of(self, agent: BaseAgent) -> Iterator[Sight]:
         return (self._ctx.visual.drawing.carriers.sight(sensor, agent) for sensor in agent.sensors.values())
 
     def _show_sights(self, sights: list[Sight]) -> None:

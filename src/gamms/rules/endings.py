@@ -3,7 +3,7 @@
 from collections.abc import Hashable, Iterable, Mapping
 from typing import Annotated, Any, overload
 
-from gamms.agent import Member
+from gamms.agent import BaseAgent
 from gamms.arguments import as_float, as_int, as_key
 from gamms.context import Context
 from gamms.errors import BadType, BadValue, UnknownName
@@ -118,7 +118,7 @@ def last_team() -> Rule:
     return last_team
 
 
-def on_the_ground(ctx: Context, team: Hashable) -> list[Member]:
+def on_the_ground(ctx: Context, team: Hashable) -> list[BaseAgent]:
     """Return the living agents of a team on the ground, in the order of the names."""
     return [agent for agent in ctx.game.agents if agent.team == team and agent.type is not AgentType.AERIAL]
 

@@ -4,7 +4,7 @@ from collections.abc import Callable, Hashable, Iterable, Mapping, Sequence
 from typing import Any, NamedTuple, cast
 
 from gamms import kernels
-from gamms.agent import Member
+from gamms.agent import BaseAgent
 from gamms.arguments import as_key
 from gamms.context import Context
 from gamms.errors import BadType, BadValue, MissingKey, nearest
@@ -23,7 +23,7 @@ class Contest(NamedTuple):
 Resolver = Callable[[Contest, Any], Iterable[str | Move]]  # called with the contest and the `gamms.Context`
 
 
-def by_priority(teams_or_key: Sequence[Hashable] | Callable[[Member], Any]) -> Resolver:
+def by_priority(teams_or_key: Sequence[Hashable] | Callable[[BaseAgent], Any]) -> Resolver:
     """Make a resolver by which those that come first win; the names decide between equals.
 
     Args:
@@ -123,7 +123,7 @@ def _asked(resolve: Resolver, contest: Contest) -> str:
     return f"The resolver {getattr(resolve, '__name__', repr(resolve))!r}, asked about {what} {contest.node},"
 
 
-def _by_key(key: Callable[[Member], Any]) -> Resolver:
+def _by_key(key: Callable[[BaseAgent], Any]) -> Resolver:
     def by_priority(contest: Contest, ctx: Context) -> list[Move]:
         agent_of = ctx.agent.get_agent
         ranks = [key(agent_of(mover.agent)) for mover in contest.movers]

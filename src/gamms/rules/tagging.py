@@ -3,7 +3,7 @@
 from collections.abc import Callable
 from typing import cast
 
-from gamms.agent import Member
+from gamms.agent import BaseAgent
 from gamms.arguments import as_float
 from gamms.context import Context
 from gamms.errors import BadType, BadValue, nearest
@@ -14,15 +14,15 @@ from gamms.text import shown
 from gamms.typing.game import Rule
 from gamms.visual.drawers.rules import render_tags
 
-Then = Callable[[Context, Member, Member], object]  # called with the context, the tagger and the tagged agent
-_Tag = tuple[Member, Member, int]  # tagger, tagged, the node where the latter was
+Then = Callable[[Context, BaseAgent, BaseAgent], object]  # called with the context, the tagger and the tagged agent
+_Tag = tuple[BaseAgent, BaseAgent, int]  # tagger, tagged, the node where the latter was
 
 
-def _respawn(ctx: Context, _: Member, tagged: Member) -> None:
+def _respawn(ctx: Context, _: BaseAgent, tagged: BaseAgent) -> None:
     ctx.game.respawn(tagged)
 
 
-def _eliminate(ctx: Context, _: Member, tagged: Member) -> None:
+def _eliminate(ctx: Context, _: BaseAgent, tagged: BaseAgent) -> None:
     ctx.game.eliminate(tagged)
 
 

@@ -61,7 +61,7 @@ class IAgent(ABC):
 
     @abstractmethod
     def deregister_sensor(self, name: str) -> None:
-        """Carry a sensor no longer; an unknown name is only warned about."""
+        """Stop carrying a sensor; an unknown name is only warned about."""
 
     @abstractmethod
     def register_strategy(self, strategy: Strategy | AerialStrategy | AsyncStrategy | None) -> None:
@@ -69,11 +69,11 @@ class IAgent(ABC):
 
     @abstractmethod
     def step(self) -> None:
-        """`get_state`, decide, `set_state`."""
+        """Sense, decide and move: `get_state`, the strategy, `set_state`."""
 
     @abstractmethod
     def get_state(self) -> State:
-        """Sense; a fresh dict with `curr_pos` and `sensor: {name: (SensorType, data)}`."""
+        """Sense; return a fresh dict with `curr_pos` and `sensor: {name: (SensorType, data)}`."""
 
     @abstractmethod
     def set_state(self) -> None:
@@ -97,8 +97,8 @@ class IAerialAgent(IAgent):
 
     `get_state` gives `curr_pos`, `quat` and `sensor`. The action is a direction `(dx, dy, dz)` of any length, a tuple
     or a NumPy array: the agent moves by `speed` map units, or stays if all of it is 0. A dict may have `direction`,
-    any sequence, and `quat`; without both, nothing happens at all. A KeyError tells of no action, a ValueError of a
-    wrong count of numbers or of NaN and infinity, a TypeError of anything else; nothing has changed then.
+    any sequence, and `quat`; without both, nothing happens at all. A missing action raises KeyError, a
+    wrong count of numbers, NaN and infinity ValueError, anything else TypeError; nothing has changed then.
     """
 
     @property
@@ -173,15 +173,15 @@ class IAgentEngine(ABC):
 
     @abstractmethod
     def get_agent(self, name: str) -> IAgent:
-        """An agent by name (KeyError)."""
+        """Return an agent by its name (KeyError)."""
 
     @abstractmethod
     def delete_agent(self, name: str) -> None:
-        """Take an agent out of the world; an unknown name is only warned about."""
+        """Delete an agent; an unknown name is only warned about."""
 
     @abstractmethod
     def create_iter(self) -> Iterator[IAgent]:
-        """The agents in the order of their creation; agents may be created and deleted meanwhile."""
+        """Return the agents in the order of their creation; agents may be created and deleted meanwhile."""
 
     @property
     def positions(self) -> Positions:
@@ -198,7 +198,7 @@ class IAgentEngine(ABC):
     def structure_version(self) -> int | None:
         """A number that changes whenever an agent comes, goes, dies, returns, or has another team, speed or sensor.
 
-        None, as by default: whoever remembers something of the agents has to look again.
+        None, as by default: what was remembered about the agents has to be looked up again.
         """
         return None
 
