@@ -206,12 +206,12 @@ class AgentEngine(Guarded, IAgentEngine):
         self._block.journal.note(events.AGENT_DELETE, {"name": name})
 
     def create_iter(self) -> "AgentIterator":
-        """Return the agents in the order of their creation; a loop takes those of its beginning that are still there."""
+        """Return the agents in the order of their creation; a loop takes those of its beginning that are left."""
         return AgentIterator(self)
 
     @property
     def teams(self) -> dict[Any, list[BaseAgent]]:
-        """Team -> its agents in the order of their creation, dead ones too; the teams are in the order of their text."""
+        """Team -> its agents in the order of their creation, dead ones too; the teams in the order of their text."""
         teams: dict[Any, list[BaseAgent]] = {}
         for agent in self._agents.values():
             teams.setdefault(agent.team, []).append(agent)

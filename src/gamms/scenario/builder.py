@@ -24,7 +24,7 @@ from gamms.scenario.code import (
     plain_defaults,
 )
 from gamms.scenario.documents import ScenarioError, at, copied, joined
-from gamms.scenario.placement import BaseAgent, members, node_at, place
+from gamms.scenario.placement import Member, members, node_at, place
 from gamms.scenario.spec import (
     ByPriority,
     Code,
@@ -74,7 +74,7 @@ class Builder:
     def __init__(self, ctx: Context, spec: Spec, library: Library, strategies: Strategies) -> None:
         self.ctx, self.spec, self.library, self.given = ctx, spec, library, strategies
         self.members = members(spec)
-        self.by_team: dict[str, list[BaseAgent]] = {}
+        self.by_team: dict[str, list[Member]] = {}
         for member in self.members:
             self.by_team.setdefault(member.team, []).append(member)
         self._agents: dict[str, _Built] = {}
@@ -160,7 +160,7 @@ class Builder:
 
     # -- agents and sensors -------------------------------------------------------------------------------------
 
-    def _add_agent(self, member: BaseAgent, node: int) -> _Built:
+    def _add_agent(self, member: Member, node: int) -> _Built:
         start, meta = self._start(member, node), self._config(member)["meta"]
         keywords: dict[str, Any] = {"team": member.team, "meta": meta}
         if isinstance(start, tuple):
@@ -177,7 +177,7 @@ class Builder:
                 functions[name] = sensor, sensor.function
         return _Built(agent, node, start, deepcopy(meta), functions)
 
-    def _draw_agent(self, member: BaseAgent, node: int) -> None:
+    def _draw_agent(self, member: Member, node: int) -> None:
         built, start, meta = self._agents[member.name], self._start(member, node), self._config(member)["meta"]
         agent: Any = built.agent  # with attributes of its own
         _move_start(agent, built.start, start)
@@ -191,18 +191,18 @@ class Builder:
             built.functions[name] = sensor, function
         built.node, built.start, built.meta = node, start, deepcopy(meta)
 
-    def _of(self, member: BaseAgent, key: str) -> Any:
+    def _of(self, member: Member, key: str) -> Any:
         """Return what an agent sets for itself, else what its team sets for it; None if neither does."""
         own = getattr(member.listed, key, None)
         return getattr(self.spec.teams[member.team], key) if own is None else own
 
-    def _start(self, member: BaseAgent, node: int) -> _Start:
+    def _start(self, member: Member, node: int) -> _Start:
         if self._of(member, "type") != "aerial":
             return node
         _, x, y = self.ctx.graph.graph.get_node(node)[:3]
         return (x, y, self._of(member, "altitude") or 0.0)
 
-    def _config(self, member: BaseAgent) -> Values:
+    def _config(self, member: Member) -> Values:
         """Return what the paper's `map_strategy` gets to know of an agent, but for its node."""
         meta = {**self.spec.teams[member.team].meta, **(member.listed.meta if member.listed else {})}
         return {
@@ -212,7 +212,7 @@ class Builder:
             "meta": {"team": member.team, **self._parameters(meta, joined(member.path, "meta"))},
         }
 
-    def _sensor(self, name: str, member: BaseAgent) -> Any:
+    def _sensor(self, name: str, member: Member) -> Any:
         sensor, id = self.spec.sensors[name], f"{member.name}/{name}"
         with at(f"sensors.{name}"):
             if sensor.function is not None:
@@ -240,7 +240,7 @@ class Builder:
         made_for = {member.name: self._strategy(member, mapped) for member in self.members}
         return {name: strategy for name, strategy in made_for.items() if strategy is not None}
 
-    def _strategy(self, member: BaseAgent, mapped: dict[str, Mapping[str, Function]]) -> Function | None:
+    def _strategy(self, member: Member, mapped: dict[str, Mapping[str, Function]]) -> Function | None:
         given = self.given.get(member.name, self.given.get(member.team))
         if given is not None:
             return made(given, {}, self.ctx, f"strategies[{shown(member.team)}]", "strategy")
@@ -274,7 +274,7 @@ class Builder:
             plans[name] = Plan(self._made(plan, path, "plan"), plan.arrays)
         return plans
 
-    def _map_strategy(self, code: Code, path: str, listed: list[BaseAgent]) -> Mapping[str, Function]:
+    def _map_strategy(self, code: Code, path: str, listed: list[Member]) -> Mapping[str, Function]:
         """Call the `map_strategy` of a module for agents."""
         config = {one.name: {"start_node_id": self._agents[one.name].node, **self._config(one)} for one in listed}
         function = self.library.get(code.function, path)
@@ -331,7 +331,7 @@ class Builder:
         return called(function, given, first, path) if given or not needs(function, len(first)) else function
 
 
-def _mapped_for(member: BaseAgent, mapped: Mapping[str, Function], path: str) -> Function | None:
+def _mapped_for(member: Member, mapped: Mapping[str, Function], path: str) -> Function | None:
     strategy = mapped.get(member.name)
     if strategy is not None and not callable(strategy):
         raise ScenarioError(path, f"map_strategy gives {shown(strategy)} for {member.name!r}, which is no strategy.")
