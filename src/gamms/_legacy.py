@@ -1,4 +1,4 @@
-"""The import paths of gamms 1.0.0, each an alias of the room that answers for it now.
+"""The import paths of gamms 1.0.0, each an alias of the package that has its names now.
 
 `from gamms.SensorEngine.sensor_engine import SensorType` yields the very same object as `gamms.sensor.SensorType`.
 To retire a path, delete its line.
@@ -13,7 +13,7 @@ from typing import Any
 
 from gamms.errors import NotYetAttribute, NotYetImportable
 
-_ROOMS_OF: dict[str, tuple[str, ...]] = {
+_PACKAGES_OF: dict[str, tuple[str, ...]] = {
     "gamms.AgentEngine": ("gamms.agent",),
     "gamms.AgentEngine.agent_engine": ("gamms.agent",),
     "gamms.GraphEngine": ("gamms.graph", "gamms.memory"),
@@ -50,31 +50,31 @@ _LATER: dict[str, str] = {
     "gamms.MessageEngine": "the message engine",
 }
 
-# Old modules whose name says a class once `gamms` is imported, as in 1.0.0; they are there before anybody asks, because
-# an import that loads a module would also put it in the place of the class.
+# Old modules whose name says a class once `gamms` is imported, as in 1.0.0; they exist from the start, because an
+# import that loads a module would also put it in the place of the class.
 _SHADOWED = {"gamms.Recorder": ("gamms.recorder", "Recorder")}
 
 
 class _Alias(ModuleType):
-    """An empty module that answers every question by asking its rooms."""
+    """An empty module that looks up every name in the packages of its path."""
 
     def __init__(self, name: str) -> None:
-        super().__init__(name, doc=f"Old name of {' and '.join(_ROOMS_OF[name])}.")
+        super().__init__(name, doc=f"Old name of {' and '.join(_PACKAGES_OF[name])}.")
 
     def __getattr__(self, name: str) -> Any:
-        rooms = _ROOMS_OF[self.__name__]
+        packages = _PACKAGES_OF[self.__name__]
         if name == "__all__":  # what `from … import *` brings
-            return [public for room in rooms for public in getattr(import_module(room), name, ())]
+            return [public for package in packages for public in getattr(import_module(package), name, ())]
         if name.startswith("__"):
             raise AttributeError(name)
         child = f"{self.__name__}.{name}"
         if child in _LATER:
             raise NotYetAttribute(_LATER[child])
-        if child in _ROOMS_OF:
+        if child in _PACKAGES_OF:
             return import_module(child)
-        for room in rooms:
+        for package in packages:
             try:
-                return getattr(import_module(room), name)
+                return getattr(import_module(package), name)
             except AttributeError:
                 continue
         raise AttributeError(f"module {self.__name__!r} has no attribute {name!r}")
@@ -92,7 +92,7 @@ class _OldPaths:
         feature = _feature_of(fullname)
         if feature is not None:
             raise NotYetImportable(feature)
-        is_old = fullname in _ROOMS_OF
+        is_old = fullname in _PACKAGES_OF
         return ModuleSpec(fullname, self, is_package=True) if is_old else None  # type: ignore[arg-type]  # see NOTE
 
     def create_module(self, spec: ModuleSpec) -> ModuleType:
@@ -112,14 +112,14 @@ def install() -> None:
 
 
 def _feature_of(path: str) -> str | None:
-    """What is not built yet and would have to be for this import: an old module, or a name in a room."""
+    """Return the feature that is not built yet and that an import needs: an old module, or a name in a package."""
     parent, _, name = path.rpartition(".")
-    names = [getattr(sys.modules.get(room), "LATER", {}) for room in _ROOMS_OF.get(parent, (parent,))]
+    names = [getattr(sys.modules.get(package), "LATER", {}) for package in _PACKAGES_OF.get(parent, (parent,))]
     return next((later[name] for later in names if name in later), _LATER.get(path))
 
 
 def resolve(name: str) -> Any:
-    """What `gamms.<name>` says: a module, or a class in the place of one; None if it is no old path.
+    """Return what `gamms.<name>` is: a module, or a class in the place of one; None if it is not an old path.
 
     Raises:
         NotYetAttribute: it belongs to a feature that is not built yet.
@@ -130,4 +130,4 @@ def resolve(name: str) -> Any:
     if path in _SHADOWED:
         home, name = _SHADOWED[path]
         return getattr(import_module(home), name)
-    return import_module(path) if path in _ROOMS_OF else None
+    return import_module(path) if path in _PACKAGES_OF else None

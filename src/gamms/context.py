@@ -1,8 +1,8 @@
-"""The hall: the only module that knows every room, builds them and wires them to one context."""
+"""The composition root: the only module that knows every engine, builds them and wires them to one context."""
 
 import logging
 import os
-from collections.abc import Callable
+from collections.abc import Callable, Mapping
 from contextlib import ExitStack
 from types import TracebackType
 from typing import TYPE_CHECKING, Any, Self
@@ -21,6 +21,7 @@ from gamms.typing import (
     ILogger,
     IMemoryEngine,
     IMessageEngine,
+    IRecorder,
     ISensorEngine,
     IVisualizationEngine,
 )
@@ -74,7 +75,7 @@ class InternalContext(IInternalContext):
 class Context(Guarded, IContext):
     """One running scenario. Usable in a `with` statement, which terminates it.
 
-    The rooms are attributes, so that a program may build a context of its own engines.
+    The engines are attributes, so that a program may build a context of its own engines.
     """
 
     _called = "ctx"
@@ -91,8 +92,8 @@ class Context(Guarded, IContext):
         sensor_engine: ISensorEngine | None = None,
         visual_engine: IVisualizationEngine | None = None,
         graph_engine: IGraphEngine | None = None,
-        recorder: Any = None,
-        logger: Any = None,
+        recorder: IRecorder | None = None,
+        logger: ILogger | logging.Logger | None = None,
     ) -> None:
         self._phase = DecidePhase()
         self._internal_context: Any = internal_context
@@ -104,33 +105,33 @@ class Context(Guarded, IContext):
         self._logger: Any = logger or logging.getLogger("gamms")
         self._alive = False
         self._seed = _fresh_seed()
-        self.is_seeded = False  # whether the caller has said by what
+        self.is_seeded = False  # whether the caller has given the seed
         self._rng: Generator | None = None
         self._game: Game | None = None
 
     @property
     def agent(self) -> "agent.AgentEngine":
-        """The agent room."""
+        """The agent engine: creates agents and keeps them by name."""
         return self.agent_engine  # type: ignore[no-any-return] # a program may put its own there
 
     @property
     def graph(self) -> "graph.GraphEngine":
-        """The graph room."""
+        """The graph engine: the graph, its obstacles and what is visible in it."""
         return self.graph_engine  # type: ignore[no-any-return] # a program may put its own there
 
     @property
     def sensor(self) -> "sensor.SensorEngine":
-        """The sensor room."""
+        """The sensor engine: creates sensors and keeps them by name."""
         return self.sensor_engine  # type: ignore[no-any-return] # a program may put its own there
 
     @property
     def visual(self) -> "visual.PictureEngine":
-        """The visual room."""
+        """The visual engine: pictures, films and the window."""
         return self.visual_engine  # type: ignore[no-any-return] # a program may put its own there
 
     @property
     def record(self) -> "Recorder":
-        """The recorder."""
+        """The recorder: writes recordings and replays them."""
         return self.recorder  # type: ignore[no-any-return] # a program may put its own there
 
     @property
@@ -144,7 +145,7 @@ class Context(Guarded, IContext):
         return self._recorder
 
     @recorder.setter
-    def recorder(self, recorder: Any) -> None:
+    def recorder(self, recorder: IRecorder | None) -> None:
         self._recorder = recorder
 
     @property
@@ -181,7 +182,7 @@ class Context(Guarded, IContext):
         return self._internal_context
 
     @internal_context.setter
-    def internal_context(self, internal_context: Any) -> None:
+    def internal_context(self, internal_context: IInternalContext | None) -> None:
         self._internal_context = internal_context
 
     @property
@@ -198,7 +199,7 @@ class Context(Guarded, IContext):
 
     @property
     def seed(self) -> int:
-        """What every random stream of this context follows from."""
+        """The seed of all random streams of this context."""
         return self._seed
 
     @property
@@ -210,8 +211,8 @@ class Context(Guarded, IContext):
         return self._rng
 
     @refused_while_deciding
-    def reseed(self, seed: int, rng_state: Any = None) -> None:
-        """Let every stream follow from another seed; `rng` continues from `rng_state`, as `rng_state()` gave it."""
+    def reseed(self, seed: int, rng_state: Mapping[str, Any] | None = None) -> None:
+        """Let every stream follow from another seed; `rng` continues from a state that `rng_state` returned."""
         self._seed, self.is_seeded, self._rng = as_int(seed, "seed"), True, None
         self.graph.storage.restart_stream()
         if rng_state is not None:
@@ -222,7 +223,7 @@ class Context(Guarded, IContext):
         return None if self._rng is None else self._rng.bit_generator.state
 
     def stream(self, *names: str | int) -> "Generator":
-        """The random stream of one purpose: same seed and names, same draws, whoever else draws.
+        """Return the random stream of one purpose: same seed and names, same draws, whatever else is drawn.
 
         For example `ctx.stream("agent", name)` for an agent, `ctx.stream("weather", turn)` for a turn.
 
@@ -260,7 +261,7 @@ class Context(Guarded, IContext):
 
     @refused_while_deciding
     def set_alive(self) -> None:
-        """Begin."""
+        """Start the scenario."""
         self._alive = True
 
     def is_terminated(self) -> bool:
@@ -269,26 +270,26 @@ class Context(Guarded, IContext):
 
     @refused_while_deciding
     def terminate(self) -> None:
-        """End the scenario: close every room, in the order in which they depend on each other."""
+        """End the scenario: close all engines, in the order in which they depend on each other."""
         if not self._alive:
             return
         if self._game is not None:
             self._game.close()  # before the recorder stops, which writes how the game ended
         with ExitStack() as closing:  # calls the last one first, and all of them even when one raises
             closing.callback(self._die)
-            for room in ("visual_engine", "internal_context", "graph_engine", "sensor_engine", "agent_engine"):
-                closing.callback(_terminate, getattr(self, room))
+            for name in ("visual_engine", "internal_context", "graph_engine", "sensor_engine", "agent_engine"):
+                closing.callback(_terminate, getattr(self, name))
             recorder = self._recorder
             if recorder is not None and getattr(recorder, "is_open", recorder.record()):
                 closing.callback(getattr(recorder, "close", recorder.stop))
 
     def _repr_png_(self) -> bytes | None:
-        """The present state, for notebooks; None where it cannot be drawn as PNG."""
+        """Return the present state for notebooks; None where it cannot be drawn as PNG."""
         picture: bytes | None = self._shown(lambda drawn: drawn.pictures.as_png())
         return picture
 
     def _repr_html_(self) -> str | None:
-        """The same where PNG cannot be made, as SVG; else None."""
+        """Return the same as SVG where PNG cannot be made; else None."""
         page: str | None = None if self._repr_png_() is not None else self._shown(lambda drawn: drawn.as_html())
         return page
 
@@ -322,7 +323,7 @@ class Context(Guarded, IContext):
         except Exception as failure:
             if error is None:
                 raise
-            # What ended the block is what its author must see; a full disk must not take its place.
+            # The error that ended the block is the one to show; a full disk must not take its place.
             self.logger.error(f"The context could not be closed properly: {failure}")  # noqa: TRY400 - an `ILogger`
             error.add_note(f"The context could not be closed properly either: {failure}")
 
@@ -337,7 +338,7 @@ def create_context(
     graph_path: str | os.PathLike[str] | None = None,
     game: dict[str, Any] | None = None,
 ) -> Context:
-    """Open a context with every room in it.
+    """Open a context with all its engines.
 
     Args:
         graph_engine: MEMORY writes nothing to disk unless asked; SQLITE also keeps the graph in a database file.
@@ -364,7 +365,7 @@ def create_context(
         ctx._seed, ctx.is_seeded = as_int(seed, "seed"), True
     if game is not None:
         ctx.game.configure(game)
-    with ExitStack() as opened:  # closes what is open when a later room cannot be built
+    with ExitStack() as opened:  # closes what is open when a later engine cannot be built
         ctx.internal_context = InternalContext(memory_engine=memory.MemoryEngine())
         opened.callback(ctx.internal_context.terminate)
         ctx.graph_engine = graph.GraphEngine(ctx, engine=graph_engine, path=_database_path(graph_engine, graph_path))
@@ -379,21 +380,21 @@ def create_context(
 contexts.register("gamms")(create_context)
 
 
-def _keywords(given: Any, name: str) -> Any:
-    given = {} if given is None else as_mapping(given, name)
-    return {as_text(key, f"Each key of {name}"): value for key, value in given.items()}
+def _keywords(given: object, name: str) -> dict[str, Any]:
+    mapping = {} if given is None else as_mapping(given, name)
+    return {as_text(key, f"Each key of {name}"): value for key, value in mapping.items()}
 
 
-def _terminate(room: Any) -> None:
-    if room is not None:
-        room.terminate()
+def _terminate(engine: IAgentEngine | IInternalContext | None) -> None:
+    if engine is not None:
+        engine.terminate()
 
 
 def _fresh_seed() -> int:
     return int.from_bytes(os.urandom(6), "little")
 
 
-def _visual_engine(ctx: Context, engine: Any, keywords: dict[str, Any]) -> IVisualizationEngine:
+def _visual_engine(ctx: Context, engine: object, keywords: dict[str, Any]) -> IVisualizationEngine:
     if engine is visual.Engine.NO_VIS:
         return visual.NoEngine(ctx, **keywords)
     if engine is visual.Engine.OFFSCREEN:
@@ -406,7 +407,7 @@ def _visual_engine(ctx: Context, engine: Any, keywords: dict[str, Any]) -> IVisu
     raise UnknownEngine(f"Unknown visual engine {shown(engine)}. Use gamms.visual.Engine.NO_VIS, PYGAME or OFFSCREEN.")
 
 
-def _database_path(engine: Any, path: str | os.PathLike[str] | None) -> "memory.PathLike | None":
+def _database_path(engine: object, path: str | os.PathLike[str] | None) -> "memory.PathLike | None":
     if engine is not graph.Engine.SQLITE:
         if path is not None:
             raise BadValue(f"graph_path={shown(path)} needs graph_engine=gamms.graph.Engine.SQLITE.")
@@ -431,6 +432,6 @@ def _configured_logger(config: dict[str, Any]) -> logging.Logger:
 
 
 def _made_printable(record: logging.LogRecord) -> bool:
-    """Let no name of a file reach a terminal with the codes that control it."""
+    """Remove control codes from a message, such as those in the name of a file."""
     record.msg, record.args = printable(record.getMessage()), None
     return True

@@ -1,7 +1,7 @@
-"""Every exception GAMMS raises on purpose.
+"""The exceptions that GAMMS raises on purpose.
 
 GammsError
-├─ UnknownName (KeyError)          a name or id that no sensor, agent, node, edge or store answers to
+├─ UnknownName (KeyError)          a name or id that no sensor, agent, node, edge or store has
 ├─ UnknownType (ValueError)        a type that this call does not know
 ├─ UnknownEngine (NotImplementedError) a visual engine that is not there
 ├─ Duplicate (ValueError)          a name that is already taken
@@ -10,20 +10,26 @@ GammsError
 ├─ BadType (TypeError)             an argument of the wrong type
 ├─ BadFile (ValueError)            a file that is damaged, foreign or too large
 │  └─ TooLarge (also BadValue)     what a file holds or declares takes more memory than is allowed
-├─ NoPath (ValueError)             no way leads from one node to another
+├─ NoPath (ValueError)             no path leads from one node to another
 ├─ PlaceError (ValueError)         a place that is unknown, or has no map
 ├─ NetworkError (ConnectionError)  a map server that cannot be reached, is busy, or answers with nonsense
 ├─ MissingExtra (ImportError)      an optional library is needed and absent
 ├─ MissingKey (KeyError)           a dict or call without something it needs
 ├─ MissingFolder (FileNotFoundError) a file is to be written into a folder that is not there
-├─ NotOffered (NotImplementedError) a graph of somebody else's that does not override this call
+├─ MissingFile (FileNotFoundError) a file that is to be read is not there
+├─ NoDisplay (RuntimeError)        a window is asked for where none can be opened
+├─ NotOffered (NotImplementedError) a class of the caller's that does not override this call
 ├─ NotYet (NotImplementedError)    a feature that is announced and not built yet
 │  ├─ NotYetImportable (ImportError)   ... and was asked for by an import
 │  └─ NotYetAttribute (AttributeError) ... and was asked for by its name
-├─ Outdated (RuntimeError)         an answer that was worked out before things changed
+├─ Outdated (RuntimeError)         an answer that was computed before something changed
 ├─ WriteConflict (RuntimeError)    a file that another program has written since it was read
 ├─ IllegalMutation (RuntimeError)  a strategy tries to change something otherwise than by its action
 └─ ContextTerminated (AttributeError) the context has ended
+
+Packages add their own: NoStrategy (agent), IllegalAction, UnknownSetting and SnapshotError (game), ReadOnly (readonly),
+ScenarioError (scenario), RecordingError, RecorderBusy and Damaged (recorder), UnknownMap, DuplicateKey and BadKeyField
+(memory).
 """
 
 from collections.abc import Iterable
@@ -37,7 +43,7 @@ class GammsError(Exception):
     """Base class: `except GammsError` catches all of ours and nothing else."""
 
     def __reduce__(self) -> tuple[Any, ...]:
-        # Rebuilt without its constructor, which takes the parts of the message: worker pools send errors home.
+        # Rebuilt without its constructor, which takes the parts of the message: worker pools return errors.
         return _rebuilt, (type(self), self.args, dict(self.__dict__))
 
     def __str__(self) -> str:
@@ -58,7 +64,7 @@ _MANY = 1 << 10  # names that are searched for a similar one: of more, the searc
 
 
 def nearest(name: object, known: Iterable[object]) -> str:
-    """The hint of an error message: the known name most like `name`, or nothing."""
+    """Return the hint of an error message: the known name most like `name`, or nothing."""
     from difflib import get_close_matches
 
     names = [_searchable(one) for one in islice(known, _MANY)]
@@ -71,7 +77,7 @@ def _searchable(name: object) -> str:
 
 
 class UnknownName(GammsError, KeyError):
-    """A name or id nobody answers to."""
+    """A name or id that nothing has."""
 
     def __init__(self, kind: str, name: object, known: Iterable[object] = ()) -> None:
         names = list(islice(known, _MANY))
@@ -120,7 +126,7 @@ class TooLarge(BadFile, BadValue):
 
 
 class NoPath(GammsError, ValueError):
-    """No way leads from one node to another."""
+    """No path leads from one node to another."""
 
     def __init__(self, source: int, target: int) -> None:
         super().__init__(
@@ -155,7 +161,7 @@ class NetworkError(GammsError, ConnectionError):
 
 
 class NotOffered(GammsError, NotImplementedError):
-    """A call that a class of somebody else's may override, and does not."""
+    """A call that a class of the caller's may override, and does not."""
 
     def __init__(self, asked: object, call: str) -> None:
         super().__init__(f"{type(asked).__name__} does not offer {call}: override it in the class.")
@@ -195,7 +201,7 @@ class MissingFile(GammsError, FileNotFoundError):
 
 
 class Outdated(GammsError, RuntimeError):
-    """An answer that was worked out before things changed."""
+    """An answer that was computed before something changed."""
 
     def __init__(self, change: str, way_out: str) -> None:
         super().__init__(f"This no longer holds: {change}. Call {way_out} again.")

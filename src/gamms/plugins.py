@@ -1,4 +1,4 @@
-"""Named factories, filled by the rooms and by installed packages."""
+"""Named factories, filled by engines and by installed packages."""
 
 from collections.abc import Callable, Iterator
 from typing import Generic, TypeVar
@@ -9,7 +9,7 @@ T = TypeVar("T")
 
 
 class Registry(Generic[T]):
-    """What kind of thing it holds, and every name it answers to.
+    """Factories of one kind of object, by name.
 
     An installed package adds a name through an entry point of the registry's group.
     """
@@ -19,7 +19,7 @@ class Registry(Generic[T]):
         self._factories: dict[str, Callable[..., T]] = {}
 
     def register(self, name: str) -> Callable[[Callable[..., T]], Callable[..., T]]:
-        """Decorator: the decorated factory answers to `name`.
+        """Decorator: register a factory under `name`.
 
         Raises:
             Duplicate: the name is taken.

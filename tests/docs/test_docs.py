@@ -114,7 +114,7 @@ def test_every_page_can_be_reached_from_the_index():
 
 def test_every_old_import_path_is_on_the_page_about_compatibility():
     page = (DOCS / "compatibility.md").read_text(encoding="utf-8")
-    paths = [*_legacy._ROOMS_OF, *_legacy._LATER]
+    paths = [*_legacy._PACKAGES_OF, *_legacy._LATER]
     missing = [path for path in paths if f"`{path}`" not in page and f"`.{path.rpartition('.')[2]}`" not in page]
     assert not missing
 
