@@ -133,15 +133,15 @@ class GraphEngine(Guarded, IGraphEngine):
         self._present().remove(face_id)
 
     def get_obstacle_face(self, face_id: int) -> ObsFace:
-        """A quadrangle by id."""
+        """Return a quadrangle by id."""
         return self._present().get(face_id)
 
     def get_obstacle_faces(self, d: float = -1.0, x: float = 0.0, y: float = 0.0) -> Iterator[int]:
-        """Ids of the faces whose bounding box meets the square of half side d around (x, y); all for `d < 0`."""
+        """Return ids of the faces whose bounding box meets the square of half side d around (x, y); all for `d < 0`."""
         return self._present().near(d, x, y)
 
     def obstacle_columns(self) -> ObstacleColumns:
-        """All quadrangles as read-only arrays that stay as they are now."""
+        """Return all quadrangles as read-only arrays that stay as they are now."""
         return self._present().columns()
 
     @property
@@ -150,7 +150,7 @@ class GraphEngine(Guarded, IGraphEngine):
         return self._present().revision
 
     def visible(self, origin: "ArrayLike", targets: "ArrayLike") -> BoolArray:
-        """Whether no face blocks the straight line from origin (3,) to each of the targets (targets, 3)."""
+        """Return whether no face blocks the straight line from origin (3,) to each of the targets (targets, 3)."""
         return self._present().visible(*line_ends(origin, targets))
 
     def visibility(
@@ -162,7 +162,7 @@ class GraphEngine(Guarded, IGraphEngine):
         progress: bool = False,
         workers: int | None = None,
     ) -> "Visibility":
-        """Which nodes within `radius` of each node no wall hides; see `IGraphEngine`."""
+        """Return which nodes within `radius` of each node no face hides; see `IGraphEngine`."""
         if self._tables is None:
             from gamms.graph.visibility import VisibilityTables
 
@@ -171,7 +171,7 @@ class GraphEngine(Guarded, IGraphEngine):
         return self._tables.get(radius, observer_height, path, progress=progress, workers=workers)
 
     def visibility_table(self, radius: float, observer_height: float = 1.6) -> "Visibility | None":
-        """A current table that `visibility` made, of that height and at least that radius; None if there is none."""
+        """Return a current table that `visibility` made, of that height and at least that radius, if there is one."""
         return None if self._tables is None else self._tables.find(radius, observer_height)
 
     # -- in and out ---------------------------------------------------------------------------------------------
@@ -180,7 +180,7 @@ class GraphEngine(Guarded, IGraphEngine):
     def attach_networkx_graph(self, G: "nx.Graph[Any] | IPackedGraph") -> Graph:  # noqa: N803 - published name
         """Add any networkx graph, or the map of a recording, to what is there, all or nothing.
 
-        Integer labels become ids; other labels get the next free integers (`networkx_labels` tells which). An
+        Integer labels become ids; other labels get the next free integers (`networkx_labels` returns which). An
         undirected graph gives both directions. Missing edge ids are assigned, missing lengths come from
         `linestring` or `geometry`, all other attributes are kept. A map of a recording keeps its ids and its order.
 
@@ -256,7 +256,7 @@ class GraphEngine(Guarded, IGraphEngine):
 
     @refused_while_deciding
     def terminate(self) -> None:
-        """Write what a database has to hold, and let go of the graph."""
+        """Write what a database has to hold, and release the graph."""
         if self._graph is None:
             return
         try:
@@ -283,7 +283,7 @@ class GraphEngine(Guarded, IGraphEngine):
     to_networkx = _forwarded(Graph.to_networkx)
 
     def distance(self, source: int, target: int, weight: str | None = "length") -> float:
-        """The distance by path from one node to another; infinite where there is no path."""
+        """Return the distance by path from one node to another; infinite where there is no path."""
         graph = self._graph  # NOTE: not by the property, which takes as long as the rest (benchmarks/README.md, Paths)
         return (self.graph if graph is None else graph).distance(source, target, weight)
 
@@ -295,7 +295,7 @@ class GraphEngine(Guarded, IGraphEngine):
         apart: float = 0.0,
         rng: "Generator | int | None" = None,
     ) -> list[int]:
-        """Ids of `n` different nodes, drawn at random; see `IGraph`.
+        """Return ids of `n` different nodes, drawn at random; see `IGraph`.
 
         Without `rng` they come from a stream of their own, which follows from the seed of the context.
         """
@@ -311,7 +311,7 @@ class GraphEngine(Guarded, IGraphEngine):
 
     @property
     def attribution(self) -> str | None:
-        """Whom the data is by; shown where the graph is shown."""
+        """The authors of the data; shown where the graph is shown."""
         return self.graph.attribution
 
     # -- inside -------------------------------------------------------------------------------------------------
@@ -352,5 +352,5 @@ class GraphEngine(Guarded, IGraphEngine):
             raise
 
     def _state(self) -> tuple[object, ...]:
-        """What differs after every change of graph or obstacles."""
+        """Return what differs after every change of graph or obstacles."""
         return self.graph.revision, self.obstacle_revision, self.graph.attribution

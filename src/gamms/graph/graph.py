@@ -59,7 +59,7 @@ class Graph(Guarded, IGraph):
 
     @property
     def attribution(self) -> str | None:
-        """Whom the data is by, to be shown where the graph is shown; None when nobody asks for it."""
+        """The authors of the data, to be shown where the graph is shown; None if they do not ask for it."""
         return self._store.attribution
 
     @attribution.setter
@@ -67,11 +67,11 @@ class Graph(Guarded, IGraph):
         self._store.attribution = records.as_text(attribution, "graph.attribution")
 
     def __len__(self) -> int:
-        """How many nodes there are."""
+        """Return how many nodes there are."""
         return len(self._store.nodes)
 
     def __bool__(self) -> bool:
-        """A graph is a graph, empty or not."""
+        """Return True: an empty graph is one, too."""
         return True
 
     def __reduce__(self) -> tuple[Any, ...]:
@@ -135,14 +135,14 @@ class Graph(Guarded, IGraph):
         store.revision += 1
 
     def get_node(self, node_id: int) -> Node:
-        """The node with that id."""
+        """Return the node with that id."""
         nodes = self._store.nodes
         row = nodes.find(records.as_id(node_id, "a node"))
         xy = nodes.xy
         return Node(nodes.ids[row], xy[2 * row], xy[2 * row + 1])
 
     def get_edge(self, edge_id: int) -> OSMEdge:
-        """The edge with that id."""
+        """Return the edge with that id."""
         row = self._store.edges.find(records.as_id(edge_id, "an edge"))
         return self._store.indexes.edge_value(row)
 
@@ -205,17 +205,17 @@ class Graph(Guarded, IGraph):
     # -- queries ------------------------------------------------------------------------------------------------
 
     def get_nodes(self, d: float = -1.0, x: float = 0.0, y: float = 0.0) -> Iterator[int]:
-        """Ids of the nodes within d of (x, y), in insertion order; all for `d < 0`."""
+        """Return ids of the nodes within d of (x, y), in insertion order; all for `d < 0`."""
         store, is_all = self._store, records.is_everywhere(d, x, y)
         return store.nodes.iter_ids(None if is_all else store.indexes.nodes_within(x, y, d))
 
     def get_edges(self, d: float = -1.0, x: float = 0.0, y: float = 0.0) -> Iterator[int]:
-        """Ids of the edges with at least one end node within d of (x, y), in insertion order; all for `d < 0`."""
+        """Return the ids of the edges with an end node within d of (x, y), in insertion order; all for `d < 0`."""
         store, is_all = self._store, records.is_everywhere(d, x, y)
         return store.edges.iter_ids(None if is_all else store.indexes.edges_at(store.indexes.nodes_within(x, y, d)))
 
     def get_neighbors(self, node_id: int) -> Iterator[int]:
-        """Unique targets of the edges leaving a node, in edge insertion order."""
+        """Return unique targets of the edges leaving a node, in edge insertion order."""
         return iter(self._store.indexes.neighbors(records.as_id(node_id, "a node")))
 
     @property
@@ -225,13 +225,13 @@ class Graph(Guarded, IGraph):
         return found if self._phase.agent is None else ReadOnlyMapping(found)  # type: ignore[return-value] # it reads like them
 
     def has_node(self, node_id: int) -> bool:
-        """Whether there is a node with that id."""
+        """Return whether there is a node with that id."""
         return self._store.nodes.index.row(records.as_id(node_id, "a node")) >= 0
 
     def within(
         self, node_id: int, radius: float, fov: float = 2.0 * pi, heading: tuple[float, float] = (0.0, 0.0)
     ) -> Surroundings:
-        """What lies within `radius` of a node and inside its field of view."""
+        """Return what lies within `radius` of a node and inside its field of view."""
         nodes = self._store.nodes
         row = nodes.find(records.as_id(node_id, "a node"))
         x, y = nodes.xy[2 * row], nodes.xy[2 * row + 1]
@@ -244,41 +244,41 @@ class Graph(Guarded, IGraph):
         return self._among(rows)
 
     def nodes_near(self, x: float, y: float, radius: float) -> NodeColumns:
-        """The nodes within `radius` of (x, y), as arrays."""
+        """Return the nodes within `radius` of (x, y), as arrays."""
         nodes, rows = self._store.nodes, self._rows_near(as_float(x, "x"), as_float(y, "y"), radius)
         return NodeColumns(nodes.array("ids")[rows], nodes.array("xy")[rows])
 
     def among(self, node_ids: Sequence[int] | np.ndarray[Any, Any]) -> Surroundings:
-        """Some nodes, and the edges with both ends among them, in insertion order."""
+        """Return some nodes, and the edges with both ends among them, in insertion order."""
         return self._among(np.unique(self._rows(node_ids)))
 
     def positions(self, node_ids: Sequence[int] | np.ndarray[Any, Any]) -> FloatArray:
-        """Coordinates (nodes, 2) of several nodes."""
+        """Return coordinates (nodes, 2) of several nodes."""
         xy: FloatArray = self._store.nodes.array("xy")[self._rows(node_ids)]
         return xy
 
     def node_attributes(self, node_id: int) -> dict[str, Any]:
-        """The attributes of a node that are not `id`, `x` or `y`; a fresh dict (KeyError)."""
+        """Return the attributes of a node that are not `id`, `x` or `y`; a fresh dict (KeyError)."""
         nodes = self._store.nodes
         return self._phase.shown(nodes.attributes_of(nodes.find(records.as_id(node_id, "a node"))))
 
     def edge_attributes(self, edge_id: int) -> dict[str, Any]:
-        """The attributes of an edge beyond ends, length and linestring; a fresh dict (KeyError)."""
+        """Return the attributes of an edge beyond ends, length and linestring; a fresh dict (KeyError)."""
         edges = self._store.edges
         return self._phase.shown(edges.attributes_of(edges.find(records.as_id(edge_id, "an edge"))))
 
     # -- routing ------------------------------------------------------------------------------------------------
 
     def weights(self, weight: str | None = "length") -> FloatArray:
-        """What each edge costs, (edges,) in insertion order."""
+        """Return what each edge costs, (edges,) in insertion order."""
         return edge_weights(self._store.columns(), weight)
 
     def shortest_path(self, source: int, target: int, weight: str | None = "length") -> list[int]:
-        """Ids of the nodes on the shortest path from one node to another, both included."""
+        """Return ids of the nodes on the shortest path from one node to another, both included."""
         return self._routes.shortest_path(source, target, weight)
 
     def distance(self, source: int, target: int, weight: str | None = "length") -> float:
-        """The distance by path from one node to another; infinite where there is no path."""
+        """Return the distance by path from one node to another; infinite where there is no path."""
         # NOTE: many strategies ask this in each turn, of targets they asked for before (benchmarks/README.md, Paths).
         cache, store = self._routes.cache, self._store
         if cache.revision == store.revision and type(source) is int and type(target) is int:
@@ -298,21 +298,21 @@ class Graph(Guarded, IGraph):
         weight: str | None = "length",
         cutoff: float | None = None,
     ) -> dict[int, float]:
-        """The distances by path from a node to every other, or from every other to a node."""
+        """Return the distances by path from a node to every other, or from every other to a node."""
         return self._routes.distances(source, target, weight, cutoff)
 
     def distance_matrix(self, sources: NodeIds, targets: NodeIds, weight: str | None = "length") -> FloatArray:
-        """The distances by path from each of some nodes to each of others, (sources, targets)."""
+        """Return the distances by path from each of some nodes to each of others, (sources, targets)."""
         return self._routes.distance_matrix(sources, targets, weight)
 
     # -- places -------------------------------------------------------------------------------------------------
 
     def to_latlon(self, x: Numbers, y: Numbers) -> tuple[Any, Any]:
-        """Degrees of latitude and longitude of (x, y)."""
+        """Return degrees of latitude and longitude of (x, y)."""
         return positions.to_latlon(self.crs, x, y)
 
     def from_latlon(self, *, lat: Numbers, lon: Numbers) -> tuple[Any, Any]:
-        """(x, y) of degrees of latitude and longitude."""
+        """Return (x, y) of degrees of latitude and longitude."""
         return positions.from_latlon(self.crs, lat, lon)
 
     def nearest_node(
@@ -323,7 +323,7 @@ class Graph(Guarded, IGraph):
         lat: Numbers | None = None,
         lon: Numbers | None = None,
     ) -> Any:
-        """The id of the node nearest to a place, or the ids (places,) of those nearest to several."""
+        """Return the id of the node nearest to a place, or the ids (places,) of those nearest to several."""
         return positions.nearest_node(self._store, (x, y), (lat, lon))
 
     def place(
@@ -334,7 +334,7 @@ class Graph(Guarded, IGraph):
         apart: float = 0.0,
         rng: "Generator | int | None" = None,
     ) -> list[int]:
-        """Ids of `n` different nodes, drawn at random."""
+        """Return ids of `n` different nodes, drawn at random."""
         return positions.place(self._store, n, near, radius, apart, rng)
 
     # -- many at once -------------------------------------------------------------------------------------------
@@ -376,7 +376,7 @@ class Graph(Guarded, IGraph):
         self._store.rows_added()
 
     def columns(self) -> GraphColumns:
-        """The graph as read-only arrays that stay as they are now."""
+        """Return the graph as read-only arrays that stay as they are now."""
         columns = self._store.columns()
         if self._phase.agent is None:
             return columns
@@ -406,7 +406,7 @@ class Graph(Guarded, IGraph):
         return self
 
     def to_networkx(self) -> "nx.MultiDiGraph[int] | nx.DiGraph[int]":
-        """The graph as a networkx graph: a DiGraph, or a MultiDiGraph where edges are parallel."""
+        """Return the graph as a networkx graph: a DiGraph, or a MultiDiGraph where edges are parallel."""
         from gamms.graph.networkx_bridge import export
 
         return export(self.columns(), self.attribution)

@@ -38,7 +38,7 @@ class NodeGrid:
         self._late: set[int] = set()  # rows that were added or moved since
 
     def note(self, row: int) -> None:
-        """A node was added or moved."""
+        """Note that a node was added or moved."""
         self._late.add(row)
 
     @property
@@ -63,7 +63,7 @@ class NodeGrid:
         return found
 
     def nearest(self, x: float, y: float) -> int:
-        """The living node row nearest to (x, y), the first of several; there must be one."""
+        """Return the living node row nearest to (x, y), the first of several; there must be one."""
         d = self._cells.size
         for _ in range(_WIDER):
             rows = self.within(x, y, d)
@@ -97,12 +97,12 @@ class Adjacency:
         self._is_exact = edges.dead == 0  # whether every grouped edge is alive and still where it was
 
     def note_added(self, node: int, edge: int) -> None:
-        """An edge now has this end at `node`."""
+        """Note that an edge now has this end at `node`."""
         self._late.setdefault(node, []).append(edge)
         self._late_count += 1
 
     def note_changed(self) -> None:
-        """Some edge was removed or has moved away from its node."""
+        """Note that some edge was removed or has moved away from its node."""
         self._is_exact = False
 
     @property
@@ -147,7 +147,7 @@ class Values:
         self._made = 0
 
     def take(self, rows: IntArray, count: int) -> list[Any]:
-        """The values of `rows` in a table of `count` rows."""
+        """Return the values of `rows` in a table of `count` rows."""
         if count > len(self._values):
             self._grow(count)
         taken: list[Any] = self._values[rows].tolist()
@@ -185,7 +185,7 @@ class Values:
 
 
 def node_values(nodes: NodeTable, rows: IntArray) -> list[Node]:
-    """The values of node rows."""
+    """Return the values of node rows."""
     xy = nodes.array("xy")[rows]
     return list(map(_node, zip(nodes.array("ids")[rows].tolist(), xy[:, 0].tolist(), xy[:, 1].tolist(), strict=True)))
 
@@ -193,7 +193,7 @@ def node_values(nodes: NodeTable, rows: IntArray) -> list[Node]:
 def edge_values(
     edges: EdgeTable, nodes: NodeTable, rows: IntArray, take_nodes: Callable[[IntArray], list[Node]]
 ) -> list[OSMEdge]:
-    """The values of edge rows; `take_nodes` gives those of node rows."""
+    """Return the values of edge rows; `take_nodes` gives those of node rows."""
     sources, targets = edges.array("sources")[rows], edges.array("targets")[rows]
     ids = nodes.array("ids")
     first: list[Any] = take_nodes(sources)
@@ -222,11 +222,11 @@ class Indexes:
     # -- questions ----------------------------------------------------------------------------------------------
 
     def nodes_within(self, x: float, y: float, d: float) -> IntArray:
-        """Node rows whose distance to (x, y) is <= d, ascending."""
+        """Return node rows whose distance to (x, y) is <= d, ascending."""
         return self._node_grid().within(float(x), float(y), float(d))  # a NumPy float32 would round the rim away
 
     def nearest(self, x: float, y: float) -> int:
-        """The node row nearest to (x, y), the first of several; there must be a node."""
+        """Return the node row nearest to (x, y), the first of several; there must be a node."""
         return self._node_grid().nearest(x, y)
 
     def edges_at(self, nodes: IntArray) -> IntArray:
@@ -234,7 +234,7 @@ class Indexes:
         return np.union1d(self._adjacency("sources").at(nodes), self._adjacency("targets").at(nodes))
 
     def edges_among(self, nodes: IntArray) -> list[OSMEdge]:
-        """The edges with both ends among the node rows, in insertion order."""
+        """Return the edges with both ends among the node rows, in insertion order."""
         if len(self._is_seen) < self._nodes.count:
             self._is_seen = np.zeros(self._nodes.capacity, np.bool_)
         rows = self._adjacency("sources").at(nodes)
@@ -244,17 +244,17 @@ class Indexes:
         return self._edge_values.take(rows, self._edges.count)
 
     def node_values(self, rows: IntArray) -> list[Node]:
-        """The nodes in these rows."""
+        """Return the nodes in these rows."""
         self.is_built = True
         return self._node_values.take(rows, self._nodes.count)
 
     def edge_value(self, row: int) -> OSMEdge:
-        """The edge in a row."""
+        """Return the edge in a row."""
         made = edge_values(self._edges, self._nodes, np.array([row]), lambda rows: node_values(self._nodes, rows))
         return made[0]
 
     def neighbors(self, id: int) -> list[int]:
-        """Unique targets of the edges leaving a node, in edge insertion order.
+        """Return unique targets of the edges leaving a node, in edge insertion order.
 
         Raises:
             UnknownName (KeyError): there is no such node.
@@ -282,12 +282,12 @@ class Indexes:
     # -- notes --------------------------------------------------------------------------------------------------
 
     def node_added(self, row: int) -> None:
-        """A node was appended."""
+        """Note that a node was appended."""
         if self._grid is not None:
             self._grid.note(row)
 
     def node_moved(self, row: int) -> None:
-        """A node has other coordinates; straight edges at it have another shape."""
+        """Note that a node has other coordinates; straight edges at it have another shape."""
         if not self.is_built:
             return
         self.node_added(row)
@@ -296,18 +296,18 @@ class Indexes:
         self._edge_values.forget(self.edges_at(nodes))
 
     def node_removed(self, row: int) -> None:
-        """A node and its edges are dead."""
+        """Note that a node and its edges are dead."""
         self.neighborhoods.pop(self._nodes.ids[row], None)
 
     def edge_added(self, row: int, source: int, target: int) -> None:
-        """An edge was appended, or has these ends now."""
+        """Note that an edge was appended, or has these ends now."""
         for end, node in (("sources", source), ("targets", target)):
             if end in self._by_end:
                 self._by_end[end].note_added(node, row)
         self.neighborhoods.pop(self._nodes.ids[source], None)
 
     def edge_changed(self, row: int, old_ends: tuple[int, int], ends: tuple[int, int]) -> None:
-        """An edge has another length, shape or ends."""
+        """Note that an edge has another length, shape or ends."""
         if not self.is_built:
             return
         self._edge_values.forget(np.array([row]))
@@ -316,7 +316,7 @@ class Indexes:
             self.edge_added(row, *ends)
 
     def edge_removed(self, ends: tuple[int, int]) -> None:
-        """An edge is dead, or has left these ends."""
+        """Note that an edge is dead, or has left these ends."""
         for adjacency in self._by_end.values():
             adjacency.note_changed()
         self.neighborhoods.pop(self._nodes.ids[ends[0]], None)

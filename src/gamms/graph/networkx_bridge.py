@@ -188,7 +188,7 @@ class _Import:
 
 
 def _bends(shapes: dict[int, FloatArray], ends: FloatArray) -> dict[int, FloatArray]:
-    """The polylines that are more than the straight line between the ends (edges, 2, 2) of their edge."""
+    """Return the polylines that are more than the straight line between the ends (edges, 2, 2) of their edge."""
     pairs = [i for i, shape in shapes.items() if len(shape) == 2]
     if pairs:
         is_straight = (np.stack([shapes[i] for i in pairs]) == ends[pairs]).all(axis=(1, 2))

@@ -65,7 +65,7 @@ class Obstacles:
         return iter([_face(id, corners, type) for id, corners, type in listed])
 
     def columns(self) -> ObstacleColumns:
-        """All faces as read-only arrays that stay as they are now."""
+        """Return all faces as read-only arrays that stay as they are now."""
         table = self._written()
         rows = table.living()
         arrays = table.array("ids")[rows], table.array("corners")[rows].reshape(-1, 4, 3), table.array("types")[rows]
@@ -95,7 +95,7 @@ class Obstacles:
         self.revision += 1
 
     def get(self, face_id: int) -> ObsFace:
-        """A face by id (KeyError)."""
+        """Return a face by id (KeyError)."""
         table = self._written()
         row = table.find(records.as_id(face_id, "an obstacle face"))
         corners = table.array("corners")[row].reshape(4, 3).tolist()
@@ -123,7 +123,7 @@ class Obstacles:
         self.add_many(columns)
 
     def near(self, d: float, x: float, y: float) -> Iterator[int]:
-        """Ids of the faces whose bounding box meets the square of half side d around (x, y); all for `d < 0`."""
+        """Return ids of the faces whose bounding box meets the square of half side d around (x, y); all for `d < 0`."""
         table = self._written()
         if is_everywhere(d, x, y):
             return table.iter_ids()
@@ -134,7 +134,7 @@ class Obstacles:
         return iter(table.array("ids")[rows[hit]].tolist())
 
     def visible(self, origin: FloatArray, targets: FloatArray) -> BoolArray:
-        """Whether no face blocks the line from origin (3,) to each target (targets, 3)."""
+        """Return whether no face blocks the line from origin (3,) to each target (targets, 3)."""
         table = self._written()
         if not len(targets) or not len(table):
             return np.ones(len(targets), np.bool_)
@@ -163,7 +163,7 @@ class Obstacles:
         self._grid = None
 
     def _written(self) -> _FaceTable:
-        """The table, with the faces in it that were added one by one."""
+        """Return the table, with the faces in it that were added one by one."""
         if self._new:
             self._own()
             faces, self._new = self._new, {}
@@ -246,7 +246,7 @@ class FaceGrid:
         self._count = len(boxes)
 
     def is_worn(self, count: int) -> bool:
-        """Whether so many rows, of `count` now, were appended since that a new grid is cheaper."""
+        """Return whether so many rows, of `count` now, were appended since that a new grid is cheaper."""
         return count - self._count > _LATE + 2 * isqrt(self._count)
 
     def between(self, low: Corner2D, high: Corner2D, count: int) -> IntArray | None:
@@ -259,7 +259,7 @@ class FaceGrid:
 
 
 def surroundings(origin: FloatArray, targets: FloatArray) -> tuple[Corner2D, Corner2D]:
-    """The corners of a rectangle that has to be searched for faces that block lines from `origin` to `targets`."""
+    """Return the corners of a rectangle that has all faces which may block lines from `origin` to `targets`."""
     low, high = np.minimum(targets.min(axis=0), origin), np.maximum(targets.max(axis=0), origin)
     with np.errstate(over="ignore"):
         margin = _MARGIN * float((high - low).sum())
@@ -270,7 +270,7 @@ def surroundings(origin: FloatArray, targets: FloatArray) -> tuple[Corner2D, Cor
 def checked_face(
     face_id: int, tr: Sequence[float], tl: Sequence[float], br: Sequence[float], bl: Sequence[float], type: int
 ) -> ObsFace:
-    """A face from what a caller passed.
+    """Return a face from what a caller passed.
 
     Raises:
         BadType: an id or type that is no integer, a coordinate that is no number.

@@ -20,11 +20,11 @@ if TYPE_CHECKING:
 
 _NEAR_M = 1_000.0  # from which a place is never too far
 _MOST_LAT, _MOST_LON = 90.0, 360.0  # degrees; both -10 and 350 are in use for the same meridian
-_TRIES = 20  # how often to begin anew when nodes that must be apart do not fit
+_TRIES = 20  # how often to begin again when nodes that must be apart do not fit
 
 
 def nearest_node(store: GraphStore, xy: tuple[Any, Any], latlon: tuple[Any, Any]) -> Any:
-    """The id of the node nearest to a place, or the ids (places,) of those nearest to several."""
+    """Return the id of the node nearest to a place, or the ids (places,) of those nearest to several."""
     places = places_of(store.crs, xy, latlon)
     if not len(store.nodes):
         raise BadValue("The graph has no nodes, so none is nearest. Add nodes first.")
@@ -45,7 +45,7 @@ def place(
     apart: float,
     rng: "Generator | int | None",
 ) -> list[int]:
-    """Ids of `n` different nodes, drawn at random."""
+    """Return ids of `n` different nodes, drawn at random."""
     demand = _Demand(_count(n), as_range(apart, "apart"), _disc(store, near, radius))
     stream = _generator(rng)
     candidates = _candidates(store, demand)
@@ -60,7 +60,7 @@ def place(
 
 
 def to_latlon(crs: str | None, x: Numbers, y: Numbers) -> tuple[Any, Any]:
-    """Latitude and longitude in degrees: floats for numbers, arrays for arrays."""
+    """Return latitude and longitude in degrees: floats for numbers, arrays for arrays."""
     known = _known(crs, "graph.to_latlon(x, y)")
     xy = pairs(x, y, ("x", "y"))
     lonlat = projection.project_back_and_forth(xy.reshape(-1, 2), known, projection.WGS84).reshape(xy.shape)
@@ -68,13 +68,13 @@ def to_latlon(crs: str | None, x: Numbers, y: Numbers) -> tuple[Any, Any]:
 
 
 def from_latlon(crs: str | None, lat: Numbers, lon: Numbers) -> tuple[Any, Any]:
-    """Map units x and y: floats for numbers, arrays for arrays."""
+    """Return map units x and y: floats for numbers, arrays for arrays."""
     xy = _projected(crs, lat, lon, "graph.from_latlon(lat=, lon=)")
     return _column(xy, 0), _column(xy, 1)
 
 
 def places_of(crs: str | None, xy: tuple[Any, Any], latlon: tuple[Any, Any]) -> FloatArray:
-    """Places (2,) or (places, 2) in map units, given as x and y or as latitude and longitude.
+    """Return places (2,) or (places, 2) in map units, given as x and y or as latitude and longitude.
 
     Raises:
         BadType: neither pair is complete, or both are given.
@@ -114,7 +114,7 @@ def refuse_far(crs: str, nodes: FloatArray, places: FloatArray, nearest: FloatAr
 
 
 def pairs(first: Numbers, second: Numbers, names: tuple[str, str]) -> FloatArray:
-    """Two numbers as (2,), two arrays of one length as (places, 2); all finite.
+    """Return two numbers as (2,), two arrays of one length as (places, 2); all finite.
 
     Raises:
         BadType: they are not numbers.
@@ -176,7 +176,7 @@ class _Demand(NamedTuple):
     disc: tuple[float, float, float] | None  # x, y, radius
 
     def refusal(self, placed: int) -> str:
-        """What to tell who asked for more than fit."""
+        """Return the message for more nodes than fit."""
         words, ways_out = f"Only {placed} of {self.n} nodes could be placed", ["ask for fewer"]
         if self.disc is not None:
             words += " within {2:g} of ({0:g}, {1:g})".format(*self.disc)
@@ -194,7 +194,7 @@ def _candidates(store: GraphStore, demand: _Demand) -> IntArray:
 
 
 def _drawn(store: GraphStore, rows: IntArray, demand: _Demand) -> list[int]:
-    """The first rows that keep apart from those before them, as many as are asked for."""
+    """Return the first rows that keep apart from those before them, as many as are asked for."""
     if demand.apart == 0.0:
         drawn: list[int] = rows[: demand.n].tolist()
         return drawn

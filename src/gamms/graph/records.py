@@ -20,7 +20,7 @@ EDGE_KEYS = frozenset(("id", "source", "target", "length", "linestring"))
 
 
 def required(record: Mapping[str, Any], key: str, kind: str) -> Any:
-    """`record[key]`.
+    """Return `record[key]`.
 
     Raises:
         BadType: the record is no dict.
@@ -35,22 +35,22 @@ def required(record: Mapping[str, Any], key: str, kind: str) -> Any:
 
 
 def as_id(value: object, kind: str) -> int:
-    """An id as a plain int."""
+    """Return an id as a plain int."""
     return value if type(value) is int and -(2**63) <= value < 2**63 else as_int(value, f"The id of {kind}")
 
 
 def as_text(value: object, name: str) -> str | None:
-    """`value` as plain Unicode text, or None."""
+    """Return `value` as plain Unicode text, or None."""
     return None if value is None else arguments.as_text(value, name, "a string or None")
 
 
 def as_coordinate(value: object, axis: str, id: int) -> float:
-    """A coordinate as a finite float."""
+    """Return a coordinate as a finite float."""
     return value if type(value) is float and isfinite(value) else as_float(value, f"{axis} of node {id}")
 
 
 def as_length(value: object, id: int) -> float:
-    """A length as a finite float that is not negative."""
+    """Return a length as a finite float that is not negative."""
     length = value if type(value) is float and isfinite(value) else as_float(value, f"The length of edge {id}")
     if length < 0.0:
         raise BadValue(f"The length of edge {id} must not be negative, not {length}.")
@@ -58,7 +58,7 @@ def as_length(value: object, id: int) -> float:
 
 
 def bend_of(linestring: object, id: int, ends: Sequence[float]) -> FloatArray | None:
-    """The polyline (points, 2) of an edge; None when it is the straight line between `ends` (x0, y0, x1, y1).
+    """Return the polyline (points, 2) of an edge; None when it is the straight line between `ends` (x0, y0, x1, y1).
 
     Raises:
         BadValue: it is no polyline.
@@ -70,7 +70,7 @@ def bend_of(linestring: object, id: int, ends: Sequence[float]) -> FloatArray | 
 
 
 def extras(record: dict[str, Any], keys: frozenset[str]) -> dict[str, Any]:
-    """The keys that are not ours: the caller's attributes.
+    """Return the keys that are not ours: the caller's attributes.
 
     Raises:
         BadType: a key is no string.
@@ -86,7 +86,7 @@ def extras(record: dict[str, Any], keys: frozenset[str]) -> dict[str, Any]:
 
 
 def id_array(values: ArrayLike, name: str) -> IntArray:
-    """Ids as an array (ids,).
+    """Return ids as an array (ids,).
 
     Raises:
         BadType: they are not integers.
@@ -105,7 +105,7 @@ def id_array(values: ArrayLike, name: str) -> IntArray:
 
 
 def number_array(values: ArrayLike, count: int, name: str) -> FloatArray:
-    """Numbers as an array (count,) of finite floats.
+    """Return numbers as an array (count,) of finite floats.
 
     Raises:
         BadType: they are not numbers.
@@ -127,7 +127,7 @@ def number_array(values: ArrayLike, count: int, name: str) -> FloatArray:
 
 
 def is_everywhere(d: float, x: float, y: float) -> bool:
-    """Whether the disc of radius d around (x, y) is meant to be the whole plane.
+    """Return whether the disc of radius d around (x, y) is meant to be the whole plane.
 
     Raises:
         BadType: one of them is no number.
@@ -146,7 +146,7 @@ def is_everywhere(d: float, x: float, y: float) -> bool:
 
 
 def checked_nodes(ids: ArrayLike, x: ArrayLike, y: ArrayLike) -> tuple[IntArray, FloatArray]:
-    """Ids (nodes,) and coordinates (nodes, 2).
+    """Return ids (nodes,) and coordinates (nodes, 2).
 
     Raises:
         BadValue, BadType: they are none.

@@ -63,7 +63,7 @@ class Sights:
         self._obstacles.add_many(ObstacleColumns(np.arange(faces), scene.corners, np.zeros(faces, np.int64)))
 
     def seen(self, first: int, last: int) -> Seen:
-        """What the observers in these rows see; there must be one."""
+        """Return what the observers in these rows see; there must be one."""
         found = [self._row(self._points[row]) for row in range(first, last)]
         return Seen(np.array([len(rows) for rows in found], np.int32), np.concatenate(found))
 
@@ -99,7 +99,7 @@ def all_seen(scene: Scene, workers: int | None, show: Callable[[str], None]) -> 
 
 
 def _seen_by_processes(scene: Scene, spans: list[Span], workers: int) -> Generator[Seen, None, None]:
-    """What each span sees; where a process cannot be had or breaks down, this process works in its place."""
+    """Return what each span sees; where a process cannot be had or breaks down, this process works in its place."""
     processes: list[subprocess.Popen[bytes]] = []
     is_over = Event()
 

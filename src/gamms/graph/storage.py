@@ -158,17 +158,17 @@ class PackedGraph(IPackedGraph):
         return f"{type(self).__name__}({len(columns.node_ids)} nodes, {len(columns.edge_ids)} edges)"
 
     def columns(self) -> GraphColumns:
-        """The graph as read-only arrays."""
+        """Return the graph as read-only arrays."""
         return self._contents.columns
 
     def obstacle_columns(self) -> ObstacleColumns:
-        """The obstacles as read-only arrays."""
+        """Return the obstacles as read-only arrays."""
         obstacles = Obstacles()
         obstacles.replace(self._contents.faces)
         return obstacles.columns()
 
     def to_networkx(self) -> "nx.MultiDiGraph[int] | nx.DiGraph[int]":
-        """The graph as a networkx graph: a DiGraph, or a MultiDiGraph where edges are parallel."""
+        """Return the graph as a networkx graph: a DiGraph, or a MultiDiGraph where edges are parallel."""
         from gamms.graph.networkx_bridge import export
 
         return export(self._contents.columns, self._contents.attribution)

@@ -36,7 +36,7 @@ class RowIndex:
         self._others: dict[int, int] = {}  # id -> row, for every other row
 
     def row(self, id: int) -> int:
-        """The row of `id`, or -1."""
+        """Return the row of `id`, or -1."""
         row = id - self._first
         if 0 <= row < self._run and row not in self._gone:
             return row
@@ -44,7 +44,7 @@ class RowIndex:
         return row if row >= 0 or self._ascending is None else self._row_of_ascending(id)
 
     def rows(self, ids: IntArray, kind: str) -> IntArray:
-        """The rows (ids,) of many ids.
+        """Return the rows (ids,) of many ids.
 
         Raises:
             UnknownName (KeyError): one of them is not there.
@@ -108,7 +108,7 @@ class RowIndex:
         return row if is_there and row not in self._gone else -1
 
     def _look_up(self, ids: IntArray) -> IntArray:
-        """The rows (ids,) of many ids, -1 for those that are not there."""
+        """Return the rows (ids,) of many ids, -1 for those that are not there."""
         rows = ids - self._first
         rows[(rows < 0) | (rows >= self._run)] = -1
         if self._ascending is not None:
@@ -162,12 +162,12 @@ class Table:
         return self.count - self.dead
 
     def array(self, name: str) -> np.ndarray[Any, Any]:
-        """A column as an array of the rows in use; do not keep it."""
+        """Return a column as an array of the rows in use; do not keep it."""
         array = self._arrays[name][: self.count]
         return array[:, 0] if array.shape[1] == 1 else array
 
     def frozen(self, name: str) -> np.ndarray[Any, Any]:
-        """A column as a read-only array that stays as it is now."""
+        """Return a column as a read-only array that stays as it is now."""
         self._is_shared = True
         array = self.array(name)
         array.setflags(write=False)
@@ -187,7 +187,7 @@ class Table:
             self._resize(self.count + rows if is_bulk else max(self.count + rows, grown))
 
     def find(self, id: int) -> int:
-        """The row of `id`.
+        """Return the row of `id`.
 
         Raises:
             UnknownName (KeyError): it is not there.
@@ -221,13 +221,13 @@ class Table:
             values.pop(row, None)
 
     def living(self) -> IntArray:
-        """Rows that are not dead, ascending."""
+        """Return rows that are not dead, ascending."""
         if not self.dead:
             return np.arange(self.count)
         return np.flatnonzero(self.array("alive"))
 
     def iter_ids(self, rows: IntArray | None = None) -> Iterator[int]:
-        """The ids of `rows`, or of all living ones."""
+        """Return the ids of `rows`, or of all living ones."""
         ids = self.array("ids")
         if rows is None:
             rows = None if not self.dead else self.living()
@@ -235,7 +235,7 @@ class Table:
         return chain.from_iterable(ids[i : i + _CHUNK].tolist() for i in range(0, len(ids), _CHUNK))
 
     def attributes_of(self, row: int) -> dict[str, Any]:
-        """The attributes of one row, a fresh dict."""
+        """Return the attributes of one row, a fresh dict."""
         return {name: own(values[row]) for name, values in self.attributes.items() if row in values}
 
     def set_attributes(self, row: int, given: dict[str, Any]) -> None:
@@ -245,13 +245,13 @@ class Table:
 
     def compact(self) -> IntArray:
         """Drop the dead rows; returns the new row (rows,) of each old one, -1 for a dead one."""
-        kept = self.living()
+        alive = self.living()
         moved = np.full(self.count, -1, np.int64)
-        moved[kept] = np.arange(len(kept))
-        ids = self.array("ids")[kept]
-        self._arrays = {name: array[kept] for name, array in self._arrays.items()}
-        self.count, self.dead, self.capacity, self._is_shared = len(kept), 0, len(kept), False
-        self._resize(max(_START, len(kept)))
+        moved[alive] = np.arange(len(alive))
+        ids = self.array("ids")[alive]
+        self._arrays = {name: array[alive] for name, array in self._arrays.items()}
+        self.count, self.dead, self.capacity, self._is_shared = len(alive), 0, len(alive), False
+        self._resize(max(_START, len(alive)))
         self.index = RowIndex()
         self.index.extend(ids, 0, self.kind)
         self.attributes = {
@@ -355,7 +355,7 @@ class Closed:
 
 
 def own(value: T, depth: int = 0) -> T:
-    """`value`, with the lists, dicts, sets and arrays in it copied: no caller can change what the graph holds.
+    """Return `value`, with the lists, dicts, sets and arrays in it copied: no caller can change what the graph holds.
 
     Raises:
         BadValue: it is nested too deeply, or holds itself.

@@ -71,7 +71,7 @@ class MapFingerprint:
 
 
 def _nodes_of(store: GraphStore) -> tuple[IntArray, FloatArray]:
-    """Ids (nodes,) and coordinates (nodes, 2), in insertion order."""
+    """Return ids (nodes,) and coordinates (nodes, 2), in insertion order."""
     rows = store.nodes.living()
     return store.nodes.array("ids")[rows], store.nodes.array("xy")[rows]
 
@@ -132,24 +132,24 @@ class Visibility(Shareable, IVisibility):
         return len(self._ids)
 
     def sees(self, observer: int, target: int) -> bool:
-        """Whether a node within the radius of another is visible from there."""
+        """Return whether a node within the radius of another is visible from there."""
         seen, row = self._seen(self._row(observer)), self._row(target)
         place = int(seen.searchsorted(row))
         return place < len(seen) and int(seen[place]) == row
 
     def mask(self, observer_id: int, ids: ArrayLike) -> BoolArray:
-        """Whether each of some nodes (nodes,) is within the radius and visible from a node."""
+        """Return whether each of some nodes (nodes,) is within the radius and visible from a node."""
         is_seen = np.zeros(len(self._ids), np.bool_)
         is_seen[self._seen(self._row(observer_id))] = True
         found: BoolArray = is_seen[self._index.rows(records.id_array(ids, "ids"), "node")]
         return found
 
     def from_node(self, node_id: int) -> IntArray:
-        """Ids of the nodes that are visible from a node, itself included."""
+        """Return ids of the nodes that are visible from a node, itself included."""
         return self._ids[self._seen(self._row(node_id))]
 
     def watchers(self, node_id: int) -> IntArray:
-        """Ids of the nodes that a node is visible from, itself included."""
+        """Return ids of the nodes that a node is visible from, itself included."""
         row = self._row(node_id)
         if self._by_target is None:
             offsets, order = kernels.group_rows(self._rows.astype(np.int64), len(self))
@@ -159,15 +159,15 @@ class Visibility(Shareable, IVisibility):
         return self._ids[observers[offsets[row] : offsets[row + 1]]]
 
     def coverage(self, node_ids: NodeIds) -> IntArray:
-        """Ids of the nodes that are visible from at least one of some nodes."""
+        """Return ids of the nodes that are visible from at least one of some nodes."""
         return self._ids[self._is_covered(node_ids)]
 
     def hidden(self, watchers: NodeIds) -> IntArray:
-        """Ids of the nodes that are visible from none of some nodes."""
+        """Return ids of the nodes that are visible from none of some nodes."""
         return self._ids[~self._is_covered(watchers)]
 
     def nearest_hidden(self, node_id: int, watchers: NodeIds, weight: str | None = "length") -> int | None:
-        """The id of the node hidden from all watchers that is nearest by path from a node; itself if it is hidden."""
+        """Return the id of the nearest node, by path, that is hidden from all watchers."""
         row, is_covered = self._row(node_id), self._is_covered(watchers)
         if not is_covered[row]:
             return int(self._ids[row])
@@ -222,7 +222,7 @@ class VisibilityTables:
         self._tables: dict[tuple[float, float], Visibility] = {}
 
     def find(self, radius: float, observer_height: float) -> Visibility | None:
-        """The table of that height that holds and reaches so far; the smallest of several."""
+        """Return the table of that height that holds and reaches so far; the smallest of several."""
         fitting = [table for (_, height), table in self._tables.items() if height == observer_height]
         fitting = [table for table in fitting if table.radius >= radius and table.is_current]
         return min(fitting, key=lambda table: table.radius, default=None)
@@ -230,7 +230,7 @@ class VisibilityTables:
     def get(
         self, radius: float, observer_height: float, path: TablePath, *, progress: bool, workers: int | None
     ) -> Visibility:
-        """The table as it is known, else from its file, else made; see `IGraphEngine.visibility`."""
+        """Return the table as it is known, else from its file, else made; see `IGraphEngine.visibility`."""
         reach, height = as_range(radius, "radius"), as_float(observer_height, "observer_height")
         if workers is not None and as_int(workers, "workers") < 1:
             raise BadValue(f"workers must be at least 1, not {workers}; None takes one for each processor.")
@@ -273,7 +273,7 @@ class VisibilityTables:
         try:
             return None if place is None else sight_file.read(place.path, key, nodes)
         except (BadFile, OSError) as error:
-            self._ctx.logger.warning(f"{place.path} is no visibility table: {error}. It is worked out anew.")  # type: ignore[union-attr] # there is a place
+            self._ctx.logger.warning(f"{place.path} is no visibility table: {error}. It is computed again.")  # type: ignore[union-attr] # there is a place
             return None
 
     def _write(self, place: "_Place", data: bytes) -> None:
@@ -293,11 +293,11 @@ _ANOTHER_PATH = "Give a path= that can be written to, or path=False to keep the 
 
 
 class _Place(NamedTuple):
-    """Where a table is kept."""
+    """Where a table is stored."""
 
     path: Path
     is_asked: bool = False  # by the caller, who wants to know if it does not work
-    is_ours: bool = True  # else there is somebody's file, which is not to be overwritten
+    is_ours: bool = True  # else there is a file of something else, which is not to be overwritten
 
 
 def _made(scene: Scene, workers: int | None, *, is_shown: bool) -> Seen:

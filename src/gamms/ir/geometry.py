@@ -1,4 +1,4 @@
-"""The one door to shapely: polylines in and out of its LineString."""
+"""Polylines as shapely LineStrings and as arrays."""
 
 from collections.abc import Callable, Mapping, Sequence
 from typing import TYPE_CHECKING, Any
@@ -14,28 +14,28 @@ if TYPE_CHECKING:
 
 
 def line_string(points: FloatArray | Sequence[Sequence[float]]) -> "LineString":
-    """A shapely LineString through `points` of shape (points, 2)."""
+    """Return a shapely LineString through `points` of shape (points, 2)."""
     import shapely
 
     return shapely.LineString(points)
 
 
 def polygon(points: FloatArray | Sequence[Sequence[float]]) -> "Polygon":
-    """A shapely Polygon with the outline `points` of shape (points, 2)."""
+    """Return a shapely Polygon with the outline `points` of shape (points, 2)."""
     import shapely
 
     return shapely.Polygon(points)
 
 
 def line_strings(points: FloatArray, lines: "np.ndarray[Any, np.dtype[np.int64]]") -> "list[LineString]":
-    """Many LineStrings at once: `points[i]` of shape (points, 2) belongs to line `lines[i]` (ascending)."""
+    """Return many LineStrings at once: `points[i]` of shape (points, 2) belongs to line `lines[i]` (ascending)."""
     import shapely
 
     return list(shapely.linestrings(points, indices=lines))
 
 
 def points_of(shape: object, name: str) -> FloatArray:
-    """The points (points, 2) of a LineString or a sequence of coordinates.
+    """Return the points (points, 2) of a LineString or a sequence of coordinates.
 
     Raises:
         BadValue: fewer than two points, or points that are not finite pairs of numbers.
@@ -83,7 +83,7 @@ def distances_to_lines(points: FloatArray, starts: FloatArray, ends: FloatArray)
 
 
 def line_string_class() -> "type[LineString]":
-    """Shapely's LineString itself, which 1.0.0 could be asked for."""
+    """Return Shapely's LineString itself, which 1.0.0 could be asked for."""
     import shapely
 
     return shapely.LineString  # type: ignore[no-any-return] # shapely has no types

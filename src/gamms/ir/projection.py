@@ -1,4 +1,4 @@
-"""The one door to pyproj: between degrees and metres, and true lengths on the ellipsoid."""
+"""Projections by pyproj: between degrees and metres, and true lengths on the ellipsoid."""
 
 from functools import lru_cache
 from typing import Any
@@ -16,7 +16,7 @@ _BEYOND = 10.0  # degrees: a map may reach beyond its zone, a swapped latitude a
 
 
 def utm_crs(lonlat: FloatArray) -> str:
-    """The UTM zone of the mean position, as `EPSG:326xx` (north) or `EPSG:327xx` (south).
+    """Return the UTM zone of the mean position, as `EPSG:326xx` (north) or `EPSG:327xx` (south).
 
     Raises:
         BadValue: a position lies beyond 84 degrees north or south, where UTM ends, or far beside the zone.
@@ -57,7 +57,7 @@ def project(points: FloatArray, source: object, target: str) -> FloatArray:
 def project_back_and_forth(points: FloatArray, source: str, target: str) -> FloatArray:
     """Positions (points, 2) of one CRS in another, each of which leads back to a centimetre from where it came.
 
-    Far from the zone of a projection its formulas give numbers that mean another place, or none, or that nobody wants.
+    Far from the zone of a projection its formulas give numbers of another place, or useless ones.
 
     Raises:
         BadValue: a position lies outside the projection, or one of the two names no CRS.
@@ -84,7 +84,7 @@ def ellipsoid_lengths(start: FloatArray, end: FloatArray) -> FloatArray:
 
 
 def crs_of(crs: object) -> tuple[str, bool]:
-    """The text of a CRS that a graph names, and whether it counts in degrees; else it counts in metres.
+    """Return the text of a CRS that a graph names, and whether it counts in degrees; else it counts in metres.
 
     Raises:
         BadValue: it names no CRS, or one that counts in something else, such as feet.
@@ -105,7 +105,7 @@ def crs_of(crs: object) -> tuple[str, bool]:
 
 
 def _is_in_zone(lonlat: FloatArray, crs: str) -> "np.ndarray[Any, np.dtype[np.bool_]]":
-    """Whether positions (points, 2) lie in the zone where a CRS is in use, or not far beside it.
+    """Return whether positions (points, 2) lie in the zone where a CRS is in use, or not far beside it.
 
     Longitude decides: a northern zone is good south of the equator, too.
     """

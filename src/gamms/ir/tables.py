@@ -43,7 +43,7 @@ def _column(values: list[Any]) -> "np.ndarray[Any, Any]":
 
 
 def _are_even(texts: list[str]) -> bool:
-    """Whether the longest of these texts is not far longer than the others."""
+    """Return whether the longest of these texts is not far longer than the others."""
     lengths = list(map(len, texts))
     return max(lengths) * len(texts) <= _MOST_CHARACTERS + _SHARE * sum(lengths)
 

@@ -110,7 +110,7 @@ def _blocks(origins: FloatArray, targets: FloatArray, corners: FloatArray) -> Bo
 
 
 def _extent(vectors: FloatArray) -> FloatArray:
-    """The lengths of vectors as sums over the axes."""
+    """Return the lengths of vectors as sums over the axes."""
     lengths = np.abs(vectors[:3])
     added: FloatArray = lengths[0] + lengths[1] + lengths[2]
     return added
@@ -150,7 +150,7 @@ def _pairs(near: _Near, some: slice, seen: BoolArray) -> tuple[IntArray, IntArra
 
 
 def _faces_and_targets(corners: FloatArray, targets: FloatArray) -> _Near:
-    """What may hide what, as seen from an observer at zero.
+    """Return what may hide what, as seen from an observer at zero.
 
     Nothing is left out but by a comparison that is false for NaN.
 
@@ -186,7 +186,7 @@ def _sorted_directions(targets: FloatArray) -> tuple[FloatArray, IntArray]:
 def _sectors(
     corners: FloatArray, distance: FloatArray, blur: FloatArray, ways: FloatArray
 ) -> tuple[IntArray, IntArray]:
-    """Where in `ways` the targets are that lie in the direction of each face, widened by its blur."""
+    """Return where in `ways` the targets are that lie in the direction of each face, widened by its blur."""
     azimuths = np.arctan2(corners[1], corners[0])
     turns = azimuths - azimuths[0]
     turns -= _TURN * np.rint(turns / _TURN)

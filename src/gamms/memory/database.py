@@ -151,7 +151,7 @@ class Database:
             return 0
 
     def _is_too_much(self) -> bool:
-        """Whether to stop SQLite: pages may refer to each other so that a small file takes for ever to read."""
+        """Return whether to stop SQLite: pages may refer to each other so that a small file takes for ever to read."""
         self._steps += _STEP
         per_change = _STEPS_PER_CHANGE * self.connection.total_changes
         return self._steps > _STEP + _STEPS_PER_BYTE * self._size() + per_change

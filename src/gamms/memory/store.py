@@ -50,7 +50,7 @@ class PathLike(IPathLike):
         return self._path
 
     def exists(self) -> bool:
-        """Whether something is there."""
+        """Return whether something is there."""
         return os.path.exists(self._path)  # noqa: PTH110 - a PathLike is made of text
 
     def __repr__(self) -> str:
@@ -314,7 +314,7 @@ class _Place:
     columns: dict[str, str]  # field name to column name
 
     def sql(self) -> str:
-        """The statement that makes the table, as SQLite keeps it."""
+        """Return the statement that makes the table, as SQLite keeps it."""
         definitions = [f"{_ORDER} INTEGER PRIMARY KEY"]
         for name, type_name in self.types.items():
             unique = " NOT NULL UNIQUE" if name == self.key else ""
@@ -323,7 +323,7 @@ class _Place:
 
 
 def _read_places(database: Database) -> dict[str, _Place]:
-    """The maps that the file lists, from one session to the next."""
+    """Return the maps that the file lists, from one session to the next."""
     if not database.read("SELECT 1 FROM sqlite_master WHERE name = ?", (_LIST,)):
         return {}
     database.check_table(_LIST, _LIST_SQL)
@@ -361,7 +361,7 @@ def _add_place(database: Database, schema: Schema) -> _Place:
 
 
 def _free_name(wanted: str, taken: set[str]) -> str:
-    """`wanted`, or a name like it: SQLite ignores the case of names and keeps `sqlite_…` for itself."""
+    """Return `wanted`, or a name like it: SQLite ignores the case of names and keeps `sqlite_…` for itself."""
     name = f"map_{wanted}" if wanted.lower().startswith("sqlite_") else wanted
     while name.lower() in taken:
         name += "_"
@@ -416,7 +416,7 @@ class _SqlRows:
         return [self._stored(self.schema.key, key) for (key,) in rows]
 
     def _stored(self, field: Field, value: Plain) -> Plain:
-        """The stored value for one in the file, or a `BadFile`."""
+        """Return the stored value for one in the file, or a `BadFile`."""
         if value is None:
             return None
         try:

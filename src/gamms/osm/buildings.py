@@ -32,7 +32,7 @@ def obstacle_from_file(
     relative_tolerance: float = 0.01,
     crs: object = None,
 ) -> Iterator[Record]:
-    """The walls of the buildings in an OpenStreetMap file (.osm, .xml, .osm.gz, .osm.bz2, .osm.pbf).
+    """Return the walls of the buildings in an OpenStreetMap file (.osm, .xml, .osm.gz, .osm.bz2, .osm.pbf).
 
     A wall is a vertical quadrangle above one edge of a footprint, around courtyards too. A file without buildings
     gives no walls. Footprints that a file holds in part, or that cross themselves, give the walls that they enclose.
@@ -87,7 +87,7 @@ def obstacle_from_osm(
     *,
     offline: bool = False,
 ) -> Iterator[Record]:
-    """The walls of the buildings of a place, such as `"Monaco"`, from the servers of OpenStreetMap.
+    """Return the walls of the buildings of a place, such as `"Monaco"`, from the servers of OpenStreetMap.
 
     Everything but `location` is as for `obstacle_from_file`. Without `crs`, it is the UTM zone of the mean point of
     the footprints; give `ctx.graph.crs` if there are streets already, so that both fit. `offline` takes what the
@@ -114,7 +114,7 @@ def faces_of_features(
     *,
     tags: TagFilter | None = None,
 ) -> Iterator[Record]:
-    """The walls of shapely polygons and multipolygons in longitude and latitude, each with its tags.
+    """Return the walls of shapely polygons and multipolygons in longitude and latitude, each with its tags.
 
     What is no polygon, and a tag that is no text, is passed over. Everything else is as for `obstacle_from_file`.
 
@@ -132,7 +132,7 @@ def extract_osm_polygon_faces(
     min_tolerance: float = 0.5,
     relative_tolerance: float = 0.01,
 ) -> Iterator[Record]:
-    """The walls of the polygons in a GeoDataFrame, such as OSMnx makes, whose columns are the tags.
+    """Return the walls of the polygons in a GeoDataFrame, such as OSMnx makes, whose columns are the tags.
 
     One whose `crs` counts in degrees is projected to UTM; any other is taken as metres, just as it is.
 
@@ -160,7 +160,7 @@ def _records_of_features(
     tolerances: tuple[float, float],
     projection: Callable[[FloatArray], Projection],
 ) -> Iterator[Record]:
-    """The walls of shapes; `projection` says for all their points how these become metres."""
+    """Return the walls of shapes; `projection` says for all their points how these become metres."""
     from gamms.osm.polygons import coordinates_of, faces_of, shapes_of
 
     texts = ((shape, {key: text for key, text in tags.items() if isinstance(text, str)}) for shape, tags in features)
@@ -199,7 +199,7 @@ def _records(faces: "Faces") -> Iterator[Record]:
 
 
 def _crs_of_roads(file: Path) -> str | None:
-    """The CRS that `graph_from_xml` gives a file that is known to be sound; None if it has no roads."""
+    """Return the CRS that `graph_from_xml` gives a file that is known to be sound; None if it has no roads."""
     from gamms.osm.osmium_reader import read_ways
     from gamms.osm.ways import largest_part, segments_of
 
@@ -228,7 +228,7 @@ def _tolerances(min_tolerance: float, relative_tolerance: float) -> tuple[float,
 
 
 def _target(crs: object) -> str | None:
-    """The text of a CRS that counts in metres."""
+    """Return the text of a CRS that counts in metres."""
     if crs is None:
         return None
     name, in_degrees = crs_of(crs)

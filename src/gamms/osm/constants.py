@@ -80,7 +80,7 @@ HEIGHT_ESTIMATES_TYPES: dict[tuple[str, str], tuple[float, int]] = {  # (key, va
 
 
 def wall_estimates() -> dict[tuple[str, str], tuple[float, int]]:
-    """The heights that loaders of buildings take by default: HEIGHT_ESTIMATES_TYPES as it is now, with two changes.
+    """Return the default heights of loaders of buildings: HEIGHT_ESTIMATES_TYPES as it is now, with two changes.
 
     Land use is left out, because a neighbourhood is no wall around itself. And a building of a kind that has no row
     counts as `building=yes`, unless it is none (`no`, `proposed`, `razed`, `demolished`) or has no walls (`roof`,

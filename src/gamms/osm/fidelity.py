@@ -78,12 +78,12 @@ class Report(NamedTuple):
         return missing / self.length_before if self.length_before else 0.0
 
     def to_dict(self) -> dict[str, Any]:
-        """All of it, as JSON takes it; what is not finite becomes None."""
+        """Return all of it, as JSON takes it; what is not finite becomes None."""
         fields = {**self._asdict(), "length_error": self.length_error, "is_faithful": self.is_faithful}
         return {name: None if _is_strange(value) else value for name, value in fields.items()}
 
     def rows(self) -> list[tuple[str, str]]:
-        """What it says, as pairs of a title and a text."""
+        """Return what it says, as pairs of a title and a text."""
         return _rows(self)
 
     def __str__(self) -> str:
@@ -103,7 +103,7 @@ def report(
     """Compare a graph with the map that it was made of.
 
     Args:
-        graph: a graph that this room made, or a context's graph that it was attached to.
+        graph: a graph that `gamms.osm` made, or a context's graph that it was attached to.
         source: the map file, or the uncut network: any graph that `process_osm_graph` takes, or columns.
         resolution: as it was asked for; needed where the graph does not say so itself.
         retain_all: whether all parts of a file are compared, or the largest one; by default as the graph says.
@@ -291,7 +291,7 @@ def pieces_of(roads: RoadNetwork, source: RoadNetwork, resolution: float) -> Pie
 
 
 def deviations(source: RoadNetwork, roads: RoadNetwork) -> FloatArray:
-    """The distance of every vertex of the source from the nearest of these roads, exactly, in metres.
+    """Return the distance of every vertex of the source from the nearest of these roads, exactly, in metres.
 
     Given the other way round it is how far the roads lead off the map.
     """
@@ -308,7 +308,7 @@ def deviations(source: RoadNetwork, roads: RoadNetwork) -> FloatArray:
 
 
 def untrue_lengths(roads: RoadNetwork, rows: IntArray, source: RoadNetwork) -> int:
-    """How many of these uncut roads are not as long as the pieces of the source that they follow.
+    """Return how many of these uncut roads are not as long as the pieces of the source that they follow.
 
     Roads that run where the source has none, because they lead on to a merged junction, are not judged.
     """
@@ -349,7 +349,7 @@ def _segments(network: RoadNetwork) -> tuple[_Places, _Places, FloatArray, IntAr
 
 
 def _pair_keys(numbers: IntArray, ours: int, places: int) -> tuple[IntArray, IntArray]:
-    """One number per pair of places, whatever its order: for our segments, and for those of the source."""
+    """Return one number per pair of places, whatever its order: for our segments, and for those of the source."""
     a, b, from_a, from_b = np.split(numbers, np.cumsum([ours, ours, (len(numbers) - 2 * ours) // 2]))
     keys = [np.minimum(p, q) * places + np.maximum(p, q) for p, q in ((a, b), (from_a, from_b))]
     return keys[0], keys[1]

@@ -24,7 +24,7 @@ _DATA_SIZE, _RAW_SIZE = 3, 2  # numbers of fields in BlobHeader and in Blob
 
 
 def as_file(path: object) -> Path:
-    """`path` as the path of a file that is there.
+    """Return `path` as the path of a file that is there.
 
     Raises:
         BadType: it is not a path.
@@ -43,7 +43,7 @@ def as_file(path: object) -> Path:
 
 
 def file_format(file: Path) -> str:
-    """The format of a map file in osmium's words, judged by its first bytes.
+    """Return the format of a map file in osmium's words, judged by its first bytes.
 
     Raises:
         BadFile: it is empty, of another kind, damaged, or expands absurdly.
@@ -67,7 +67,7 @@ def file_format(file: Path) -> str:
 
 
 def allowance_of(file: Path) -> Allowance:
-    """The memory that what is read of a map file may take; it is let go before the next part is made of it."""
+    """Return the memory that what is read of a map file may take; it is let go before the next part is made of it."""
     return Allowance(file.stat().st_size, repr(str(file)), is_streamed=True)
 
 
@@ -89,7 +89,7 @@ def _refuse_bomb(file: Path, unpack: type[gzip.GzipFile] | type[bz2.BZ2File]) ->
 
 
 def unpacked_size(file: Path) -> int:
-    """The bytes of all blocks together. A damaged frame ends the count: its reader will say so."""
+    """Return the bytes of all blocks together. A damaged frame ends the count: its reader will say so."""
     return sum(_block_sizes(file))
 
 
@@ -106,7 +106,7 @@ def _block_sizes(file: Path) -> Iterator[int]:
 
 
 def _fields(message: bytes) -> dict[int, int]:
-    """The whole numbers of a protobuf message, by field."""
+    """Return the whole numbers of a protobuf message, by field."""
     found: dict[int, int] = {}
     at = 0
     while at < len(message):

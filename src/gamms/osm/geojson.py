@@ -52,7 +52,7 @@ class _Lines:
 
 
 def read_lines(file: Path) -> Ways:
-    """The lines of a GeoJSON file, in its order; points and polygons are passed over.
+    """Return the lines of a GeoJSON file, in its order; points and polygons are passed over.
 
     Raises:
         BadFile: it is no GeoJSON, damaged, too large, without lines, or not in degrees.
@@ -72,7 +72,7 @@ def read_lines(file: Path) -> Ways:
 
 
 def is_geojson(filepath: str | os.PathLike[str]) -> bool:
-    """Whether a file begins as a JSON object does.
+    """Return whether a file begins as a JSON object does.
 
     Raises:
         FileNotFoundError, IsADirectoryError: there is no such file.
@@ -149,7 +149,7 @@ def _degrees(value: Json) -> float:
 
 
 def _tags(properties: Mapping[str, Any], id: Json, number: int) -> dict[str, Any]:
-    """The properties of a feature, and what every road has: `osmid` and `oneway`."""
+    """Return the properties of a feature, and what every road has: `osmid` and `oneway`."""
     kept = {name: value for name, value in properties.items() if name not in _NO_TAGS and value is not None}
     oneway, junction = (_hashable(properties.get(name)) for name in ("oneway", "junction"))
     return {
@@ -160,7 +160,7 @@ def _tags(properties: Mapping[str, Any], id: Json, number: int) -> dict[str, Any
 
 
 def _osmid(number: int, *given: Json) -> int:
-    """The first of the given ids that has a number in it, such as way/123; else the number of the feature."""
+    """Return the first of the given ids that has a number in it, such as way/123; else the number of the feature."""
     for id in given:
         match = re.fullmatch(r"(?:way/)?(-?\d{1,18})", str(id), re.ASCII)
         if match:

@@ -48,7 +48,7 @@ class WallRules:
         self.keys = sorted({key for key, _ in self._estimates})
 
     def wall_of(self, tags: Mapping[str, str]) -> Wall | None:
-        """The walls of a thing with these tags; None if it has none."""
+        """Return the walls of a thing with these tags; None if it has none."""
         if tags.get("location") in _BURIED or not self._is_asked_for(tags):
             return None
         row = self._row_of(tags)
@@ -72,7 +72,7 @@ class WallRules:
 
 
 def _measured(tags: Mapping[str, str], metres: str, levels: str) -> float | None:
-    """A height that the tags say, in metres or else in levels; None where they say nothing that can be true."""
+    """Return a height that the tags say, in metres or else in levels; None where they say nothing that can be true."""
     text = tags.get(metres, "").lower()
     unit = _FOOT_M if any(word in text for word in _FEET) else 1.0
     return _plausible(text, unit) or _plausible(tags.get(levels, ""), _LEVEL_M)

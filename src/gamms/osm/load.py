@@ -103,8 +103,7 @@ def graph_from_file(
     Args:
         filepath: the map file (.osm, .xml, .osm.gz, .osm.bz2, .osm.pbf).
         resolution: metres between nodes, as for `graph_from_xml`; roads are cut from junction to junction.
-        bidirectional: let agents go against one-way streets; by default walkers may, and who rides or drives
-            may not.
+        bidirectional: let agents go against one-way streets; by default pedestrians may, and vehicles may not.
         retain_all: keep every part of the map, not only the largest connected one.
         tolerance: metres; junctions that a road of at most twice this length joins become one node.
             0 merges nothing but vertices at one place.
@@ -236,7 +235,7 @@ def cut(network: RoadNetwork, recipe: Recipe, show: Show) -> "nx.DiGraph[int]":
 
 
 def network_in_metres(osmg: "nx.Graph[Any]") -> RoadNetwork:
-    """The roads of a networkx graph, projected if it counts in degrees; a street there and back is one road."""
+    """Return the roads of a networkx graph, projected if it counts in degrees; a street there and back is one road."""
     network = network_of_graph(osmg)
     network = connected(_in_metres(network, osmg.graph.get("crs")))
     return joined_directions(network) if osmg.is_directed() else both_ways(network)
@@ -262,7 +261,7 @@ def recipe_of(
     simplify: bool = False,
     osm_type: OSMType | None = None,
 ) -> Recipe:
-    """Check how a graph is to be made; agents who ride or drive honour one-way streets unless told otherwise.
+    """Check how a graph is to be made; vehicles honour one-way streets by default.
 
     Raises:
         BadType, BadValue: a resolution or tolerance is impossible.

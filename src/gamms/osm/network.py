@@ -28,13 +28,13 @@ def chosen_lines(offsets: IntArray, points: FloatArray, lines: IntArray) -> tupl
 
 
 def reversed_points(offsets: IntArray) -> IntArray:
-    """The rows of the points such that every line runs backwards."""
+    """Return the rows of the points such that every line runs backwards."""
     mirror = np.repeat(offsets[:-1] + offsets[1:] - 1, np.diff(offsets))
     return mirror - np.arange(offsets[-1])
 
 
 def along(offsets: IntArray, points: FloatArray) -> FloatArray:
-    """How far along its own line each point is."""
+    """Return how far along its own line each point is."""
     if not len(points):
         return np.zeros(0)
     step = np.zeros(len(points))
@@ -78,14 +78,14 @@ def moved_ends(
 
 
 def lengths_of(offsets: IntArray, points: FloatArray) -> FloatArray:
-    """How long each line is drawn."""
+    """Return how long each line is drawn."""
     steps = np.hypot(*np.diff(points, axis=0, append=points[-1:]).T)
     steps[offsets[1:] - 1] = 0.0  # from the end of a line to the begin of the next
     return np.add.reduceat(steps, offsets[:-1]) if len(offsets) > 1 else np.zeros(0)
 
 
 def offsets_of(counts: IntArray) -> IntArray:
-    """Where groups of these sizes begin and end when they follow each other."""
+    """Return where groups of these sizes begin and end when they follow each other."""
     offsets = np.zeros(len(counts) + 1, np.int64)
     np.cumsum(counts, out=offsets[1:])
     return offsets
@@ -148,7 +148,7 @@ def network_of_lines(
     tags: Sequence[Mapping[str, Any]],
     crs: str | None,
 ) -> RoadNetwork:
-    """A network of one-way roads from its parts; road `i` has the vertices `bends[i]`, or is straight.
+    """Return a network of one-way roads from its parts; road `i` has the vertices `bends[i]`, or is straight.
 
     Nothing is measured or projected: a length may still be NaN, and a polyline may miss its nodes.
     """
@@ -197,7 +197,7 @@ def connected(network: RoadNetwork) -> RoadNetwork:
 
 
 def chosen_roads(network: RoadNetwork, roads: IntArray) -> RoadNetwork:
-    """The same nodes with some of the roads, in the order of `roads`."""
+    """Return the same nodes with some of the roads, in the order of `roads`."""
     offsets, points = chosen_lines(network.offsets, network.points, roads)
     return replace(
         network,
@@ -212,19 +212,19 @@ def chosen_roads(network: RoadNetwork, roads: IntArray) -> RoadNetwork:
 
 
 def without_unused_nodes(network: RoadNetwork) -> RoadNetwork:
-    """The same roads, with only the nodes at their ends."""
+    """Return the same roads, with only the nodes at their ends."""
     used, rows = np.unique(np.concatenate((network.sources, network.targets)), return_inverse=True)
     half = len(network.sources)
     return replace(network, xy=network.xy[used], sources=rows[:half], targets=rows[half:])
 
 
 def both_ways(network: RoadNetwork) -> RoadNetwork:
-    """The same network for those who may go against the traffic."""
+    """Return the same network for agents that may go against the traffic."""
     return replace(network, two_way=np.ones(len(network.sources), np.bool_))
 
 
 def network_of_columns(columns: GraphColumns) -> RoadNetwork:
-    """One road per edge: one-way where its attribute `oneway` is true, two-way otherwise."""
+    """Return one road per edge: one-way where its attribute `oneway` is true, two-way otherwise."""
     tags = _tags_of_edges(columns)
     ends = (columns.sources, columns.targets)
     roads = network_of_lines(columns.xy, ends, columns.bends, columns.lengths, tags, columns.crs)

@@ -1,4 +1,4 @@
-"""The one door to networkx: road networks from its graphs and into them."""
+"""Road networks from networkx graphs and into them."""
 
 import math
 from collections.abc import Iterator, Mapping
@@ -21,7 +21,7 @@ _OWN = frozenset(("id", "linestring", "geometry", "length", "reversed"))  # not 
 
 
 def to_digraph(network: RoadNetwork) -> "nx.DiGraph[int]":
-    """One node per node and one edge per direction of each road, numbered in first-seen order.
+    """Return one node per node and one edge per direction of each road, numbered in first-seen order.
 
     Nodes have `x` and `y`; edges have `id`, `linestring`, `length`, their tags, `speed_kph` and `travel_time`.
     The way back has the next id. Of roads from one node to another the last is kept.
@@ -34,7 +34,7 @@ def to_digraph(network: RoadNetwork) -> "nx.DiGraph[int]":
 
 
 def to_multidigraph(network: RoadNetwork) -> "nx.MultiDiGraph[int]":
-    """The same with every road kept, also between the same two nodes."""
+    """Return the same with every road, also between the same two nodes."""
     import networkx as nx
 
     graph: nx.MultiDiGraph[int] = nx.MultiDiGraph()
@@ -70,7 +70,7 @@ def _edges(network: RoadNetwork, numbers: IntArray) -> Iterator[tuple[int, int, 
 
 
 def network_of_graph(graph: "nx.Graph[Any]") -> RoadNetwork:
-    """The nodes and edges of a networkx graph in its own coordinates; every edge is a one-way road.
+    """Return the nodes and edges of a networkx graph in its own coordinates; every edge is a one-way road.
 
     `crs` stays None; an edge without a length has NaN.
 
@@ -96,13 +96,13 @@ def network_of_graph(graph: "nx.Graph[Any]") -> RoadNetwork:
 
 
 def _numbers(network: RoadNetwork) -> tuple[IntArray, IntArray]:
-    """The number of each node row, and the row of each number; nodes without a road come last."""
+    """Return the number of each node row, and the row of each number; nodes without a road come last."""
     ends = np.column_stack((network.sources, network.targets)).ravel()
     return _first_seen_rows(np.concatenate((ends, np.arange(len(network.xy)))), len(network.xy))
 
 
 def _first_seen_rows(rows: IntArray, count: int) -> tuple[IntArray, IntArray]:
-    """Numbers for the rows in `range(count)`, all of which occur, in the order in which they first occur."""
+    """Return numbers for the rows in `range(count)`, all of which occur, in the order in which they first occur."""
     _, firsts = first_seen(rows)
     order = rows[firsts]
     numbers = np.empty(count, np.int64)

@@ -59,7 +59,7 @@ class _Lines:
                 self.x[position], self.y[position] = places[ref]
 
     def lonlat(self) -> FloatArray:
-        """The vertices in degrees (positions, 2), NaN where the file lacks the node."""
+        """Return the vertices in degrees (positions, 2), NaN where the file lacks the node."""
         units = np.column_stack((np.array(self.x, np.int64), np.array(self.y, np.int64)))
         lonlat = units / _DEGREE
         lonlat[np.any(np.abs(units) > (180 * _DEGREE, 90 * _DEGREE), axis=1)] = np.nan
@@ -67,7 +67,7 @@ class _Lines:
 
 
 def read_ways(file: Path, show: Callable[[str], None], osm_type: OSMType | None = None) -> Ways:
-    """The roads of a map file for one way of moving, or for any, in its order.
+    """Return the roads of a map file for one way of moving, or for any, in its order.
 
     Raises:
         BadFile: it is not OpenStreetMap data, damaged, too large, or has no roads.
@@ -98,7 +98,7 @@ def read_ways(file: Path, show: Callable[[str], None], osm_type: OSMType | None 
 
 
 def _source_of(file: Path) -> "io.File":
-    """A map file for osmium to open.
+    """Return a map file for osmium to open.
 
     Raises:
         BadFile: it is empty, of another kind, damaged, or expands absurdly.

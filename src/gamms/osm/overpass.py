@@ -138,7 +138,7 @@ def features_of_place(
 
 
 def _boundary(servers: MapServers, location: Location) -> "BaseGeometry":
-    """The outline of a place, or of several together."""
+    """Return the outline of a place, or of several together."""
     queries = [location] if isinstance(location, (str, dict)) else list(location)
     boundary = area_of([_outline(servers, query) for query in queries])
     fault = _fault_of(boundary)
@@ -189,7 +189,7 @@ def _streets(
 
 
 def _part(segments: Segments, area: "BaseGeometry", options: StreetOptions) -> Segments:
-    """The segments in an area and, unless all are wanted, connected with each other."""
+    """Return the segments in an area and, unless all are wanted, connected with each other."""
     if not len(segments.sources):
         return segments
     kept = is_inside(area, segments.lonlat)
@@ -202,7 +202,7 @@ def _part(segments: Segments, area: "BaseGeometry", options: StreetOptions) -> S
 
 
 def _ways(found: _Elements, osm_type: OSMType) -> Ways:
-    """The ways as columns; walkers have no one-way streets."""
+    """Return the ways as columns; walkers have no one-way streets."""
     useful = [str(name) for name in setting("useful_tags_way") if name != "oneway"]
     names = [*(name for name in KEPT_TAGS if name in useful), *(name for name in useful if name not in KEPT_TAGS)]
     refs = [[ref for ref, _ in groupby(way["nodes"])] for way in found.ways.values()]
@@ -278,7 +278,7 @@ def _download(
 
 
 def _filter_of(osm_type: OSMType) -> str:
-    """The ways that files would be read for, as a filter of Overpass."""
+    """Return the ways that files would be read for, as a filter of Overpass."""
     closed = {name: sorted(values) for name, values in CLOSED_TO[osm_type].items()}
     closed["highway"] = sorted([*closed["highway"], *NO_ROADS])
     closed["area"] = ["yes"]
@@ -324,7 +324,7 @@ def _check_tags(tags: object) -> None:
 
 
 def _fault_of(polygon: "BaseGeometry") -> str:
-    """Why no map can be made of the area inside a shapely shape, in words."""
+    """Return why no map can be made of the area inside a shapely shape, in words."""
     if polygon.geom_type not in _AREAS:
         return f"it is a {polygon.geom_type}, not an area"
     west, south, east, north = polygon.bounds
@@ -339,14 +339,14 @@ def _fault_of(polygon: "BaseGeometry") -> str:
 
 
 def fault_of_places(answer: Json) -> str:
-    """The fault of Nominatim's answer to the question where a place is; an empty one has none."""
+    """Return the fault of Nominatim's answer to the question where a place is; an empty one has none."""
     if not isinstance(answer, list) or not all(isinstance(place, dict) for place in answer):
         return "it is no list of places"
     return next((fault for place in answer if (fault := _fault_of_place(place))), "")
 
 
 def fault_of_streets(answer: Json) -> str:
-    """The fault of Overpass's answer to the question for streets; an empty one has none."""
+    """Return the fault of Overpass's answer to the question for streets; an empty one has none."""
     fault = _fault_of_elements(answer)
     if fault:
         return fault
@@ -357,7 +357,7 @@ def fault_of_streets(answer: Json) -> str:
 
 
 def fault_of_areas(answer: Json) -> str:
-    """The fault of Overpass's answer to the question for buildings and the like; an empty one has none."""
+    """Return the fault of Overpass's answer to the question for buildings and the like; an empty one has none."""
     fault = _fault_of_elements(answer)
     if fault:
         return fault

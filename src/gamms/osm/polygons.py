@@ -1,4 +1,4 @@
-"""The one door to shapely's polygons: assemble, repair and simplify footprints in bulk, and stand walls on them."""
+"""Footprints as shapely polygons: assemble, repair and simplify them in bulk, and make walls of them."""
 
 import math
 from collections.abc import Callable, Mapping, Sequence
@@ -64,7 +64,7 @@ def outlines_of_ways(
 
 
 def footprints_of(outlines: Outlines) -> Shapes:
-    """One polygonal shape per footprint, in degrees; empty where its lines enclose nothing.
+    """Return one polygonal shape per footprint, in degrees; empty where its lines enclose nothing.
 
     What lies inside another ring is a courtyard, and what lies in a courtyard is built upon, whatever the order and
     the direction of the lines. A line that crosses itself encloses what is left and right of the crossing.
@@ -90,7 +90,7 @@ def _is_ring(outlines: Outlines) -> BoolArray:
 
 
 def _chosen(outlines: Outlines, is_chosen: BoolArray) -> tuple[FloatArray, IntArray]:
-    """The points (points, 2) of some lines, and to which of them each belongs."""
+    """Return the points (points, 2) of some lines, and to which of them each belongs."""
     sizes = np.diff(outlines.offsets)
     points = outlines.lonlat[np.repeat(is_chosen, sizes)]
     return points, np.repeat(np.arange(int(is_chosen.sum())), sizes[is_chosen])
@@ -107,7 +107,7 @@ def shapes_of(shapes: "Sequence[BaseGeometry]") -> Shapes:
 
 
 def coordinates_of(shapes: Shapes) -> FloatArray:
-    """All points (points, 2) of some shapes."""
+    """Return all points (points, 2) of some shapes."""
     import shapely
 
     points: FloatArray = shapely.get_coordinates(shapes)
@@ -115,7 +115,7 @@ def coordinates_of(shapes: Shapes) -> FloatArray:
 
 
 def is_inside(area: "BaseGeometry", xy: FloatArray) -> BoolArray:
-    """Which points (points, 2) lie in an area or on its outline."""
+    """Return which points (points, 2) lie in an area or on its outline."""
     import shapely
 
     shapely.prepare(area)
@@ -124,7 +124,7 @@ def is_inside(area: "BaseGeometry", xy: FloatArray) -> BoolArray:
 
 
 def meets(area: "BaseGeometry", shapes: Shapes) -> BoolArray:
-    """Which shapes have a point in common with an area."""
+    """Return which shapes have a point in common with an area."""
     import shapely
 
     shapely.prepare(area)
@@ -133,14 +133,14 @@ def meets(area: "BaseGeometry", shapes: Shapes) -> BoolArray:
 
 
 def area_of(geojson: Sequence[dict[str, Any]]) -> "BaseGeometry":
-    """The union of some outlines in GeoJSON, as a shapely shape."""
+    """Return the union of some outlines in GeoJSON, as a shapely shape."""
     import shapely
 
     return shapely.union_all([shapely.geometry.shape(one) for one in geojson])
 
 
 def widened(area: "BaseGeometry", metres: float) -> "BaseGeometry":
-    """An area of degrees with a margin, as a shapely shape in degrees."""
+    """Return an area of degrees with a margin, as a shapely shape in degrees."""
     crs, in_metres = _in_metres(area)
     return _in_degrees(in_metres.buffer(metres), crs)
 
@@ -159,7 +159,7 @@ def outlines_of(area: "BaseGeometry", most_m2: float) -> list[FloatArray]:
 
 
 def _cells(area: "BaseGeometry", most_m2: float) -> "list[BaseGeometry]":
-    """A convex area, cut into squares where it is too large."""
+    """Return a convex area, cut into squares where it is too large."""
     import shapely
 
     if area.area <= most_m2:
@@ -217,7 +217,7 @@ def _standing(start: FloatArray, end: FloatArray, owners: IntArray, walls: Seque
 
 
 def repaired(shapes: Shapes) -> Shapes:
-    """The shapes; those that cross themselves are assembled again from their lines."""
+    """Return the shapes; those that cross themselves are assembled again from their lines."""
     import shapely
 
     broken = ~shapely.is_valid(shapes)
@@ -228,7 +228,7 @@ def repaired(shapes: Shapes) -> Shapes:
 
 
 def _enclosed(lines: Shapes) -> Shapes:
-    """What bundles of lines enclose."""
+    """Return what bundles of lines enclose."""
     import shapely
 
     # A union cuts lines where they meet, as `shapely.node` does, but gets to the end with any lines.

@@ -43,7 +43,7 @@ def resample(network: RoadNetwork, resolution: float) -> RoadNetwork:
 
 
 def piece_counts(lengths: FloatArray, resolution: float) -> IntArray:
-    """Into how many pieces roads of these lengths are cut; halves are rounded to the even number.
+    """Return into how many pieces roads of these lengths are cut; halves are rounded to the even number.
 
     Raises:
         TooLarge (BadValue): they would take more memory than is allowed.
@@ -83,7 +83,7 @@ def cut_polylines(offsets: IntArray, points: FloatArray, counts: IntArray) -> tu
 
 
 def _cut_points(offsets: IntArray, points: FloatArray, position: FloatArray, counts: IntArray) -> FloatArray:
-    """The points at k / n of each line, 0 < k < n."""
+    """Return the points at k / n of each line, 0 < k < n."""
     line = np.repeat(np.arange(len(counts)), counts - 1)
     rank = np.arange(len(line)) - np.repeat(offsets_of(counts - 1)[:-1], counts - 1) + 1
     share = rank / counts[line]
@@ -102,7 +102,7 @@ def _cut_points(offsets: IntArray, points: FloatArray, position: FloatArray, cou
 def _end_points(
     offsets: IntArray, points: FloatArray, counts: IntArray, cuts: FloatArray
 ) -> tuple[FloatArray, FloatArray]:
-    """Where every piece starts and ends: at the ends of its line, at cuts otherwise."""
+    """Return where every piece starts and ends: at the ends of its line, at cuts otherwise."""
     pieces = offsets_of(counts)
     starts, ends = np.empty((pieces[-1], 2)), np.empty((pieces[-1], 2))
     first, last = _first_and_last(pieces)
@@ -129,7 +129,7 @@ def _first_and_last(pieces: IntArray) -> tuple[BoolArray, BoolArray]:
 
 
 def _repeated(network: RoadNetwork, roads: IntArray) -> BoolArray:
-    """Which of these roads lead from one node to another as an earlier one does."""
+    """Return which of these roads lead from one node to another as an earlier one does."""
     nodes = len(network.xy)
     source, target = network.sources[roads], network.targets[roads]
     back = np.where(network.two_way[roads], target * nodes + source, -1 - roads)  # no way back: a key of its own

@@ -1,6 +1,6 @@
 """Ask Nominatim and Overpass within bounds of time, size and patience, and keep their answers on disk.
 
-The only file that knows the HTTP library. An answer is checked before it is kept and again when it is read.
+The only module that imports the HTTP library. An answer is checked before it is cached and when it is read again.
 """
 
 import hashlib
@@ -114,7 +114,7 @@ class MapServers:
             self._save(path, content)
 
     def _kept(self, url: str, asked: dict[str, str], fault_of: Fault, ask: Callable[[], _Answer]) -> Json:
-        """The answer from the disk, or else from the server."""
+        """Return the answer from the disk, or else from the server."""
         key = hashlib.sha256(f"{url}?{urlencode(asked)}".encode()).hexdigest()
         path, damage = self._folder / f"{key}.json", ""
         if (setting("use_cache") or self._offline) and path.is_file():
@@ -189,7 +189,7 @@ class MapServers:
 
 
 def is_local(url: str) -> bool:
-    """Whether a server runs on this computer."""
+    """Return whether a server runs on this computer."""
     host = urlsplit(url).hostname or ""
     try:
         return host == "localhost" or ip_address(host).is_loopback
@@ -260,7 +260,7 @@ def _read(
 
 
 def _checked(url: str, answer: _Answer, fault_of: Fault) -> Json:
-    """The data of an answer that is what was asked for."""
+    """Return the data of an answer that is what was asked for."""
     host, said = _host(url), " ".join(re.sub(r"<[^>]*>", " ", answer.text).split())[:120]
     if answer.status >= HTTPStatus.BAD_REQUEST:
         refusal = f"{host} answers {answer.status} {answer.reason}, saying {said!r}."
@@ -291,12 +291,12 @@ def _refuse_constant(name: str) -> NoReturn:
 
 
 def _has_shapes(data: Json) -> bool:
-    """Whether an answer holds a street, an area or the like, not only nodes or nothing."""
+    """Return whether an answer holds a street, an area or the like, not only nodes or nothing."""
     return isinstance(data, dict) and any(element["type"] != "node" for element in data["elements"])
 
 
 def _seconds_to_slot(status: str) -> float:
-    """The seconds until Overpass has a free slot, by its own status page; 0 where that says nothing."""
+    """Return the seconds until Overpass has a free slot, by its own status page; 0 where that says nothing."""
     if "slots available now" in status or re.search(r"Rate limit: 0\b", status):
         return 0.0
     with suppress(ValueError):
@@ -314,7 +314,7 @@ def _too_slow(url: str, patience_s: float) -> NoReturn:
 
 
 def _first_cause(error: BaseException) -> BaseException:
-    """The error that began it: requests wraps it several times."""
+    """Return the error that began it: requests wraps it several times."""
     inner = error.__cause__ or error.__context__
     return error if inner is None else _first_cause(inner)
 

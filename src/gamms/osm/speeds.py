@@ -63,7 +63,7 @@ _SIGN = re.compile(r"(\d{1,4}(?:\.\d{1,4})?)\s*([a-z/]*)", re.ASCII)
 
 
 def speed_kph(tags: Mapping[str, Any]) -> float:
-    """The speed on a road in km/h: given as `speed_kph`, signed as `maxspeed`, or usual for its `highway`.
+    """Return the speed on a road in km/h: given as `speed_kph`, signed as `maxspeed`, or usual for its `highway`.
 
     Several signs (a list, or text with semicolons) give their mean; what is no speed is passed over.
     """
@@ -78,7 +78,7 @@ def speed_kph(tags: Mapping[str, Any]) -> float:
 
 
 def is_number(value: object) -> TypeGuard[float]:
-    """Whether it is a real number; a bool is none."""
+    """Return whether it is a real number; a bool is none."""
     return isinstance(value, (int, float, np.integer)) and not isinstance(value, bool) and not math.isnan(value)
 
 

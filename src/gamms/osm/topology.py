@@ -56,7 +56,7 @@ def simplify(network: RoadNetwork) -> RoadNetwork:
 
 
 def _partners(network: RoadNetwork) -> IntArray:
-    """The road end that continues each road end, or -1.
+    """Return the road end that continues each road end, or -1.
 
     Ends are numbered 2 * road (source) and 2 * road + 1 (target).
     """
@@ -151,7 +151,7 @@ def consolidate(network: RoadNetwork, tolerance: float) -> RoadNetwork:
 
 
 def chains_of(network: RoadNetwork, joints: BoolArray | None = None) -> Chains:
-    """The chains of a network, whatever the tags and directions of its roads.
+    """Return the chains of a network, whatever the tags and directions of its roads.
 
     Args:
         network: the roads.
@@ -183,12 +183,12 @@ def _without_empty_roads(network: RoadNetwork) -> RoadNetwork:
 
 
 def degrees(network: RoadNetwork) -> IntArray:
-    """How many road ends meet at each node."""
+    """Return how many road ends meet at each node."""
     return np.bincount(np.concatenate((network.sources, network.targets)), minlength=len(network.xy))
 
 
 def _junctions(network: RoadNetwork, chains: Chains, tolerance: float) -> IntArray:
-    """One label per node, equal for the nodes of one junction.
+    """Return one label per node, equal for the nodes of one junction.
 
     Shortest roads first, as in Kruskal's algorithm (1956), unless the junction would become too wide.
     """
@@ -230,7 +230,7 @@ def _leader_of(node: int, leader: dict[int, int]) -> int:
 
 
 def _contracted(network: RoadNetwork, label: IntArray, inner: BoolArray, weighty: BoolArray) -> RoadNetwork:
-    """The network without its inner roads, one node per label, at the mean of the label's weighty nodes."""
+    """Return the network without its inner roads, one node per label, at the mean of the label's weighty nodes."""
     names, row, members = np.unique(label, return_inverse=True, return_counts=True)
     weight = np.where(members[row] > 1, weighty, 1.0)
     shift = network.xy[names][row]  # the mean of differences: equal places give that very place

@@ -119,12 +119,12 @@ class Segments:
 
 
 def is_road(highway: str, area: str | None) -> bool:
-    """Whether a way with these tags can be walked, ridden or driven."""
+    """Return whether a way with these tags can be walked, ridden or driven."""
     return highway not in NO_ROADS and area != "yes"
 
 
 def is_open_to(osm_type: OSMType | None, tags: Mapping[str, str]) -> bool:
-    """Whether a way is a road for this way of moving; for None, for any."""
+    """Return whether a way is a road for this way of moving; for None, for any."""
     if not is_road(tags["highway"], tags.get("area")):
         return False
     closed = CLOSED_TO[osm_type] if osm_type is not None else {}
@@ -132,25 +132,25 @@ def is_open_to(osm_type: OSMType | None, tags: Mapping[str, str]) -> bool:
 
 
 def traffic_rule(osm_type: OSMType | None, tags: Mapping[str, Any]) -> object:
-    """The value of `oneway` that holds for this way of moving: bicycles may have one of their own."""
+    """Return the value of `oneway` that holds for this way of moving: bicycles may have one of their own."""
     rule = tags.get("oneway")
     return tags.get("oneway:bicycle", rule) if osm_type is OSMType.BIKE else rule
 
 
 def is_against(oneway: object) -> bool:
-    """Whether the traffic of a one-way road runs against the order of its vertices."""
+    """Return whether the traffic of a one-way road runs against the order of its vertices."""
     return oneway in _AGAINST
 
 
 def is_one_way(oneway: object, junction: object) -> bool:
-    """Whether traffic runs one way: where nothing is said it does so in a roundabout only."""
+    """Return whether traffic runs one way: where nothing is said it does so in a roundabout only."""
     return oneway is True or oneway in _ONE_WAY or (oneway is None and junction == "roundabout")
 
 
 def kept_tags(
     osmid: int, tags: Mapping[str, str], osm_type: OSMType | None = None, names: Iterable[str] = KEPT_TAGS
 ) -> dict[str, Any]:
-    """The attributes of a way: its tags under their own names, `oneway` as a bool."""
+    """Return the attributes of a way: its tags under their own names, `oneway` as a bool."""
     kept: dict[str, Any] = {"osmid": osmid}
     kept.update((name, tags[name]) for name in names if name in tags)
     kept["oneway"] = is_one_way(traffic_rule(osm_type, tags), tags.get("junction"))
@@ -172,7 +172,7 @@ def segments_of(ways: Ways) -> Segments:
 
 
 def largest_part(segments: Segments) -> Segments:
-    """The connected part with the most nodes; of equals the one that the file names first."""
+    """Return the connected part with the most nodes; of equals the one that the file names first."""
     label = components(segments.sources, segments.targets, len(segments.lonlat))
     inside = label == np.bincount(label).argmax()
     kept = inside[segments.sources]
@@ -196,7 +196,7 @@ def first_seen(keys: IntArray) -> tuple[IntArray, IntArray]:
 
 
 def components(a: IntArray, b: IntArray, count: int) -> IntArray:
-    """The smallest row that each of `count` rows is connected to by the pairs `(a[i], b[i])`.
+    """Return the smallest row that each of `count` rows is connected to by the pairs `(a[i], b[i])`.
 
     Union by minimum with pointer jumping: the number of rounds grows with the logarithm of the longest chain.
     """

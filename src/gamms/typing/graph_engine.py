@@ -82,19 +82,19 @@ class IGraph(ABC):
 
     @abstractmethod
     def get_node(self, node_id: int) -> Node:
-        """The node with that id (KeyError)."""
+        """Return the node with that id (KeyError)."""
 
     @abstractmethod
     def get_edge(self, edge_id: int) -> OSMEdge:
-        """The edge with that id (KeyError)."""
+        """Return the edge with that id (KeyError)."""
 
     @abstractmethod
     def get_nodes(self, d: float = -1.0, x: float = 0.0, y: float = 0.0) -> Iterator[int]:
-        """Ids of the nodes whose Euclidean distance to (x, y) is <= d, in insertion order; all for `d < 0`."""
+        """Return ids of the nodes whose Euclidean distance to (x, y) is <= d, in insertion order; all for `d < 0`."""
 
     @abstractmethod
     def get_edges(self, d: float = -1.0, x: float = 0.0, y: float = 0.0) -> Iterator[int]:
-        """Ids of the edges with at least one end node within d of (x, y), in insertion order; all for `d < 0`."""
+        """Return the ids of the edges with an end node within d of (x, y), in insertion order; all for `d < 0`."""
 
     @abstractmethod
     def update_node(self, node_data: dict[str, Any]) -> None:
@@ -114,7 +114,7 @@ class IGraph(ABC):
 
     @abstractmethod
     def get_neighbors(self, node_id: int) -> Iterator[int]:
-        """Unique targets of the edges leaving a node, in edge insertion order; KeyError at the call."""
+        """Return unique targets of the edges leaving a node, in edge insertion order; KeyError at the call."""
 
     # -- may override for speed ---------------------------------------------------------------------------------
 
@@ -124,7 +124,7 @@ class IGraph(ABC):
         return None
 
     def has_node(self, node_id: int) -> bool:
-        """Whether there is a node with that id."""
+        """Return whether there is a node with that id."""
         try:
             self.get_node(node_id)
         except KeyError:
@@ -142,7 +142,7 @@ class IGraph(ABC):
     def within(
         self, node_id: int, radius: float, fov: float = 2.0 * pi, heading: tuple[float, float] = (0.0, 0.0)
     ) -> Surroundings:
-        """What lies within `radius` (may be infinite) of a node and inside its field of view, the rims included.
+        """Return what lies within `radius` (may be infinite) of a node and inside its field of view, the rims included.
 
         Args:
             node_id: where the observer stands; its own node is always seen.
@@ -161,7 +161,7 @@ class IGraph(ABC):
         return self.among(ids)
 
     def nodes_near(self, x: float, y: float, radius: float) -> NodeColumns:
-        """The nodes within `radius` (may be infinite) of (x, y), the rim included, as arrays in insertion order.
+        """Return the nodes within `radius` (may be infinite) of (x, y), the rim included, as arrays in insertion order.
 
         Raises:
             BadValue (ValueError): the radius is negative or NaN.
@@ -172,7 +172,7 @@ class IGraph(ABC):
         return NodeColumns(ids, self.positions(ids))
 
     def among(self, node_ids: Sequence[int] | np.ndarray[Any, Any]) -> Surroundings:
-        """Some nodes, and the edges with both ends among them, both in insertion order (KeyError)."""
+        """Return some nodes, and the edges with both ends among them, both in insertion order (KeyError)."""
         wanted = {int(id) for id in node_ids}
         found = {id: self.get_node(id) for id in wanted}  # KeyError for those that are not there
         nodes = {id: found[id] for id in self.get_nodes() if id in wanted}
@@ -185,18 +185,18 @@ class IGraph(ABC):
             self.remove_node(node_id)
 
     def positions(self, node_ids: Sequence[int] | np.ndarray[Any, Any]) -> FloatArray:
-        """Coordinates (nodes, 2) of several nodes (KeyError)."""
+        """Return coordinates (nodes, 2) of several nodes (KeyError)."""
         nodes = [self.get_node(int(id)) for id in node_ids]
         return np.array([(node.x, node.y) for node in nodes], np.float64).reshape(-1, 2)
 
-    # -- ways: may override for speed ---------------------------------------------------------------------------
+    # -- routing: may override for speed ---------------------------------------------------------------------------
     #
     # A `weight` is "length", the name of an edge attribute (an edge without it counts 1), or None (every edge counts
     # 1), as networkx says it. An infinite one closes its edge; of parallel edges the cheapest counts. One that is
     # negative or NaN is a BadValue (ValueError), one that is no number a BadType (TypeError): both name the edge.
 
     def weights(self, weight: str | None = "length") -> FloatArray:
-        """What each edge costs, (edges,) in insertion order."""
+        """Return what each edge costs, (edges,) in insertion order."""
         if weight not in ("length", None):
             raise BadValue(
                 f"{type(self).__name__} reads no attribute {shown(weight)} of its edges: override `weights`."
@@ -205,19 +205,19 @@ class IGraph(ABC):
         return np.array([edge.length if weight else 1.0 for edge in edges], np.float64)
 
     def shortest_path(self, source: int, target: int, weight: str | None = "length") -> list[int]:
-        """Ids of the nodes on the shortest way from one node to another, both included; `[source]` for itself.
+        """Return ids of the nodes on the shortest path from one node to another, both included; `[source]` for itself.
 
-        Of equally long ways, by the numbers that `distance` gives for each node on them, the one with the fewest
+        Of equally long paths, by the numbers that `distance` gives for each node on them, the one with the fewest
         edges counts; of these, the one whose node ids, read from the source, are least at the first difference.
 
         Raises:
             UnknownName (KeyError): there is no such node.
-            NoPath (ValueError): there is no way.
+            NoPath (ValueError): there is no path.
         """
         return _Routes(self, weight).shortest_path(source, target)
 
     def distance(self, source: int, target: int, weight: str | None = "length") -> float:
-        """How far it is from one node to another, added up from the target; infinite where there is no way.
+        """Return the distance from one node to another, summed from the target; infinite where there is no path.
 
         Raises:
             UnknownName (KeyError): there is no such node.
@@ -232,7 +232,7 @@ class IGraph(ABC):
         weight: str | None = "length",
         cutoff: float | None = None,
     ) -> dict[int, float]:
-        """How far it is from a node to every other, or from every other to a node.
+        """Return the distances by path from a node to every other, or from every other to a node.
 
         Args:
             source: from here, or from the nearest of several nodes.
@@ -241,7 +241,7 @@ class IGraph(ABC):
             cutoff: leave out what is farther away than this.
 
         Returns:
-            Node id -> distance, added up from the end that was given, for every node with a way; a fresh dict in
+            Node id -> distance, summed from the end that was given, for every node with a path; a fresh dict in
             insertion order.
 
         Raises:
@@ -252,10 +252,10 @@ class IGraph(ABC):
         return routes.by_id(routes.distances(nodes, cutoff, reverse=source is None))
 
     def distance_matrix(self, sources: NodeIds, targets: NodeIds, weight: str | None = "length") -> FloatArray:
-        """How far it is from each of some nodes to each of others.
+        """Return the distances by path from each of some nodes to each of others.
 
         Returns:
-            (sources, targets) infinite where there is no way; added up from the targets, or from the sources where
+            (sources, targets) infinite where there is no path; summed from the targets, or from the sources where
             fewer different ones are given.
 
         Raises:
@@ -266,7 +266,7 @@ class IGraph(ABC):
     # -- places: may override -----------------------------------------------------------------------------------
 
     def to_latlon(self, x: Numbers, y: Numbers) -> tuple[Any, Any]:
-        """Degrees of latitude and longitude (WGS84) of map units: floats for numbers, arrays for arrays.
+        """Return degrees of latitude and longitude (WGS84) of map units: floats for numbers, arrays for arrays.
 
         Raises:
             BadValue (ValueError): the graph has no CRS, or a place lies outside its projection.
@@ -275,7 +275,7 @@ class IGraph(ABC):
         raise NotOffered(self, "to_latlon")
 
     def from_latlon(self, *, lat: Numbers, lon: Numbers) -> tuple[Any, Any]:
-        """(x, y) in map units of degrees of latitude and longitude (WGS84); as exact and as picky as `to_latlon`."""
+        """Return (x, y) in map units of degrees of latitude and longitude (WGS84); raises as `to_latlon` does."""
         raise NotOffered(self, "from_latlon")
 
     def nearest_node(
@@ -286,7 +286,7 @@ class IGraph(ABC):
         lat: Numbers | None = None,
         lon: Numbers | None = None,
     ) -> Any:
-        """The id of the node nearest to (x, y), or to degrees; for arrays of places, an array (places,) of ids.
+        """Return the id of the node nearest to (x, y), or to degrees; for arrays of places, an array (places,) of ids.
 
         The straight line counts. Of several equally near nodes, the first in insertion order is meant.
 
@@ -305,14 +305,14 @@ class IGraph(ABC):
         apart: float = 0.0,
         rng: "Generator | int | None" = None,
     ) -> list[int]:
-        """Ids of `n` different nodes, drawn at random.
+        """Return ids of `n` different nodes, drawn at random.
 
         Args:
             n: how many.
             near: a node id or (x, y); None draws from the whole graph.
             radius: map units around `near`, the rim included.
             apart: the least straight distance between two of them, map units.
-            rng: where chance comes from: a generator, such as `ctx.rng`, or a seed. `ctx.graph.place` may go without.
+            rng: the source of random numbers: a generator, such as `ctx.rng`, or a seed; see `GraphEngine.place`.
 
         Raises:
             BadValue (ValueError): so many do not fit; the message says how many did.
@@ -344,7 +344,7 @@ class _Routes:
         self._weights = graph.weights(weight)
 
     def shortest_path(self, source: int, target: int) -> list[int]:
-        """Ids of the nodes on the way, both ends included."""
+        """Return the ids of the nodes on the path, both ends included."""
         row, goal = self.rows(source)[0], self.rows(target)
         arcs = self._arcs(reverse=True)
         tight = kernels.tight_arcs(arcs, kernels.shortest_distances(arcs, goal))
@@ -359,20 +359,20 @@ class _Routes:
         return path
 
     def distances(self, nodes: NodeIds, cutoff: float | None = None, *, reverse: bool) -> FloatArray:
-        """(nodes,) from the nearest of some nodes, or to it."""
+        """Return (nodes,) from the nearest of some nodes, or to it."""
         limit = inf if cutoff is None else as_range(cutoff, "cutoff")
         return kernels.shortest_distances(self._arcs(reverse=reverse), self.rows(nodes), limit)
 
     def matrix(self, sources: NodeIds, targets: NodeIds) -> FloatArray:
-        """(sources, targets) from each to each."""
+        """Return (sources, targets) from each to each."""
         return between(self._arcs, self.rows(sources), self.rows(targets))
 
     def by_id(self, distances: FloatArray) -> dict[int, float]:
-        """The finite ones by node id."""
+        """Return the finite ones by node id."""
         return {id: far for id, far in zip(self._ids, distances.tolist(), strict=True) if far < inf}
 
     def rows(self, nodes: NodeIds) -> IntArray:
-        """Rows of one node or of several (KeyError)."""
+        """Return rows of one node or of several (KeyError)."""
         ids = [as_int(id, "The id of a node") for id in (nodes if isinstance(nodes, Iterable) else [nodes])]
         for id in ids:
             if id not in self._row_of:
@@ -385,7 +385,7 @@ class _Routes:
 
 
 def between(arcs_of: Callable[..., kernels.Arcs], starts: IntArray, ends: IntArray) -> FloatArray:
-    """(starts, ends) distances, searched from the side with fewer different rows, from the ends if both have as many.
+    """Return distances (starts, ends), searched from the side with fewer different rows, from the ends at a tie.
 
     Args:
         arcs_of: gives the arcs, with `reverse=True` the reversed ones.
@@ -403,7 +403,7 @@ def between(arcs_of: Callable[..., kernels.Arcs], starts: IntArray, ends: IntArr
 
 
 def one_end(source: NodeIds | None, target: NodeIds | None) -> NodeIds:
-    """What is given of the two.
+    """Return the one of the two that is given.
 
     Raises:
         BadValue: both are, or neither.
@@ -427,7 +427,7 @@ class IGraphEngine(IObstacles):
 
     @abstractmethod
     def columns(self) -> GraphColumns:
-        """The graph as read-only arrays, one revision of it."""
+        """Return the graph as read-only arrays, one revision of it."""
 
     @abstractmethod
     def attach_networkx_graph(self, G: "nx.Graph[Any]") -> IGraph:  # noqa: N803 - published name
@@ -454,13 +454,13 @@ class IGraphEngine(IObstacles):
         progress: bool = False,
         workers: int | None = None,
     ) -> IVisibility:
-        """Which nodes within `radius` of each node no wall hides, worked out once and looked up from then on.
+        """Return which nodes within `radius` of each node no face hides, computed once and looked up from then on.
 
         Args:
             radius: map units on the plan, the rim included; may be infinite.
             observer_height: z of both ends of every sight line.
-            path: the file or folder where the table is kept. None: in the user's cache folder; False: nowhere.
-            progress: say on the terminal how far it is.
+            path: the file or folder where the table is stored. None: in the user's cache folder; False: nowhere.
+            progress: show the progress on the terminal.
             workers: how many processes share the work, which changes nothing but the time; None: as many as pay.
 
         Returns:
@@ -473,7 +473,7 @@ class IGraphEngine(IObstacles):
         raise NotOffered(self, "visibility")
 
     def visibility_table(self, radius: float, observer_height: float = 1.6) -> IVisibility | None:
-        """A current table that `visibility` made, of that height and at least that radius; None if there is none."""
+        """Return a current table that `visibility` made, of that height and at least that radius, if there is one."""
         return None
 
     @abstractmethod

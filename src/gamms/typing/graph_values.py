@@ -92,7 +92,7 @@ class OSMEdge(_EdgeFields):
         return iter((*self[:4], self.linestring))
 
     def _asdict(self) -> dict[str, Any]:
-        """The published fields by name."""
+        """Return the published fields by name."""
         return dict(zip(self.__match_args__, self, strict=True))
 
     def __eq__(self, other: object) -> bool:

@@ -25,15 +25,15 @@ class IPackedGraph(ABC):
 
     @abstractmethod
     def columns(self) -> GraphColumns:
-        """The graph as read-only arrays."""
+        """Return the graph as read-only arrays."""
 
     @abstractmethod
     def obstacle_columns(self) -> ObstacleColumns:
-        """The obstacles as read-only arrays."""
+        """Return the obstacles as read-only arrays."""
 
     @abstractmethod
     def to_networkx(self) -> "nx.MultiDiGraph[int] | nx.DiGraph[int]":
-        """The graph as a networkx graph: a DiGraph, or a MultiDiGraph where edges are parallel."""
+        """Return the graph as a networkx graph: a DiGraph, or a MultiDiGraph where edges are parallel."""
 
     @property
     @abstractmethod

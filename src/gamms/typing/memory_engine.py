@@ -22,11 +22,11 @@ class IPathLike(ABC):
 
     @abstractmethod
     def as_str(self) -> str:
-        """The path as text."""
+        """Return the path as text."""
 
     @abstractmethod
     def exists(self) -> bool:
-        """Whether something is there."""
+        """Return whether something is there."""
 
 
 class IStore(ABC):
@@ -43,11 +43,11 @@ class IStore(ABC):
 
     @abstractmethod
     def name(self) -> str:
-        """The store's name."""
+        """Return the store's name."""
 
     @abstractmethod
     def path(self) -> IPathLike | None:
-        """Where the store lives; None when it is in memory only."""
+        """Return where the store lives; None when it is in memory only."""
 
     @property
     @abstractmethod
@@ -72,7 +72,7 @@ class IStore(ABC):
 
     @abstractmethod
     def get_data(self, map_name: str, key: object) -> Mapping[str, Any]:
-        """A row by key."""
+        """Return a row by key."""
 
     @abstractmethod
     def update_data(self, map_name: str, struct: dict[str, Any]) -> None:
@@ -84,7 +84,7 @@ class IStore(ABC):
 
     @abstractmethod
     def query_keys(self, map_name: str) -> Iterator[Any]:
-        """All keys, in insertion order."""
+        """Return all keys, in insertion order."""
 
     @abstractmethod
     def close(self) -> None:
@@ -106,7 +106,7 @@ class IMemoryEngine(ABC):
 
     @abstractmethod
     def get_store(self, name: str) -> IStore:
-        """A store by name (KeyError)."""
+        """Return a store by name (KeyError)."""
 
     @abstractmethod
     def list_stores(self) -> Iterator[str]:

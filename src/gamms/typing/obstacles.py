@@ -44,11 +44,11 @@ class IObstacles(ABC):
 
     @abstractmethod
     def get_obstacle_face(self, face_id: int) -> ObsFace:
-        """A quadrangle by id (KeyError)."""
+        """Return a quadrangle by id (KeyError)."""
 
     @abstractmethod
     def get_obstacle_faces(self, d: float = -1.0, x: float = 0.0, y: float = 0.0) -> Iterator[int]:
-        """Ids of the faces whose bounding box meets the square of half side d around (x, y); all for `d < 0`."""
+        """Return ids of the faces whose bounding box meets the square of half side d around (x, y); all for `d < 0`."""
 
     # -- may override for speed ---------------------------------------------------------------------------------
 
@@ -58,11 +58,11 @@ class IObstacles(ABC):
         return None
 
     def obstacle_columns(self) -> ObstacleColumns:
-        """All quadrangles as read-only arrays, in insertion order."""
+        """Return all quadrangles as read-only arrays, in insertion order."""
         return face_columns([self.get_obstacle_face(id) for id in self.get_obstacle_faces()])
 
     def visible(self, origin: ArrayLike, targets: ArrayLike) -> BoolArray:
-        """Whether no face blocks the straight line from one place to each of others.
+        """Return whether no face blocks the straight line from one place to each of others.
 
         A face that touches either end blocks; one that the line runs along does not, nor one of no area. A line of
         no length is never blocked. What this means in numbers, `gamms.kernels.blocks` says.
@@ -81,9 +81,9 @@ class IObstacles(ABC):
 
 
 class IVisibility(ABC, Sized):
-    """For every node, which nodes within a radius no wall hides, both ends of the sight line equally high.
+    """For every node, which nodes within a radius no face hides, both ends of the sight line equally high.
 
-    A table answers as `ctx.graph.visible` does. It is directed: what a node sees is worked out from that node. Its
+    A table answers as `ctx.graph.visible` does. It is directed: what a node sees is computed from that node. Its
     length is the number of nodes. All ids come in insertion order, in fresh arrays.
 
     Every question raises UnknownName (KeyError) for an id that is no node, and Outdated (RuntimeError) once nodes or
@@ -102,33 +102,33 @@ class IVisibility(ABC, Sized):
 
     @abstractmethod
     def sees(self, observer: int, target: int) -> bool:
-        """Whether a node within the radius of another is visible from there."""
+        """Return whether a node within the radius of another is visible from there."""
 
     @abstractmethod
     def mask(self, observer_id: int, ids: ArrayLike) -> BoolArray:
-        """Whether each of some nodes is within the radius and visible from a node; `ids` is (nodes,) of integers."""
+        """Return whether each of some nodes is within the radius and visible from a node; `ids` is (nodes,)."""
 
     @abstractmethod
     def from_node(self, node_id: int) -> IntArray:
-        """Ids of the nodes that are visible from a node, itself included."""
+        """Return ids of the nodes that are visible from a node, itself included."""
 
     @abstractmethod
     def watchers(self, node_id: int) -> IntArray:
-        """Ids of the nodes that a node is visible from, itself included."""
+        """Return ids of the nodes that a node is visible from, itself included."""
 
     @abstractmethod
     def coverage(self, node_ids: NodeIds) -> IntArray:
-        """Ids of the nodes that are visible from at least one of some nodes."""
+        """Return ids of the nodes that are visible from at least one of some nodes."""
 
     @abstractmethod
     def hidden(self, watchers: NodeIds) -> IntArray:
-        """Ids of the nodes that are visible from none of some nodes."""
+        """Return ids of the nodes that are visible from none of some nodes."""
 
     @abstractmethod
     def nearest_hidden(self, node_id: int, watchers: NodeIds, weight: str | None = "length") -> int | None:
-        """The id of the node hidden from all watchers that is nearest by path from a node; itself if it is hidden.
+        """Return the id of the nearest node by path that is hidden from all watchers; the node itself if it is hidden.
 
-        Of equally near ones by `distances(node_id, weight=weight)`, the first in insertion order; None where no way
+        Of equally near ones by `distances(node_id, weight=weight)`, the first in insertion order; None if no path
         leads to any.
         """
 
