@@ -9,7 +9,6 @@ from struct import pack
 from typing import Literal, NamedTuple
 
 import numpy as np
-from numpy.typing import ArrayLike
 
 from gamms import kernels
 from gamms.arguments import as_float, as_int, as_path, as_range
@@ -137,11 +136,12 @@ class Visibility(Shareable, IVisibility):
         place = int(seen.searchsorted(row))
         return place < len(seen) and int(seen[place]) == row
 
-    def mask(self, observer_id: int, ids: ArrayLike) -> BoolArray:
+    def mask(self, observer_id: int, ids: Iterable[int]) -> BoolArray:
         """Return whether each of some nodes (nodes,) is within the radius and visible from a node."""
         is_seen = np.zeros(len(self._ids), np.bool_)
         is_seen[self._seen(self._row(observer_id))] = True
-        found: BoolArray = is_seen[self._index.rows(records.id_array(ids, "ids"), "node")]
+        asked = ids if isinstance(ids, np.ndarray) else list(ids)
+        found: BoolArray = is_seen[self._index.rows(records.id_array(asked, "ids"), "node")]
         return found
 
     def from_node(self, node_id: int) -> IntArray:

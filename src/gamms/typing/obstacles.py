@@ -105,7 +105,7 @@ class IVisibility(ABC, Sized):
         """Return whether a node within the radius of another is visible from there."""
 
     @abstractmethod
-    def mask(self, observer_id: int, ids: ArrayLike) -> BoolArray:
+    def mask(self, observer_id: int, ids: Iterable[int]) -> BoolArray:
         """Return whether each of some nodes is within the radius and visible from a node; `ids` is (nodes,)."""
 
     @abstractmethod
