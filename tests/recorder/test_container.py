@@ -252,6 +252,32 @@ def test_a_closed_recording_takes_nothing_more():
             call()
 
 
+def turns_of_blocks(data):
+    return [head.turns for head in heads_of(data) if head.type == blocks.TURNS]
+
+
+def heads_of(data):
+    at, heads = len(blocks.MAGIC), []
+    while at < len(data):
+        heads.append(blocks.head_of(data[at : at + blocks.HEAD_SIZE]))
+        at += heads[-1].total
+    return heads
+
+
+def test_a_block_of_many_agents_has_sixteen_turns_too():
+    assert turns_of_blocks(written(walk(10, 200))) == [64, 64, 64, 8]
+    assert turns_of_blocks(written(walk(400, 40), size=1600)) == [16, 16, 8]
+    assert turns_of_blocks(written(walk(400, 40), size=1600 * 9 // 64)) == [9, 9, 9, 9, 4]
+
+
+def test_a_finished_recording_ends_with_its_number_of_turns():
+    data = written(walk(2, 9), turns=4, keyframes=True)
+    assert bytes(head.type for head in heads_of(data)) == b"HKTTTE"
+    assert heads_of(data)[-1][-4:] == (9, 0, 0, 0)
+    assert opened(data).is_complete
+    assert not opened(data[: -blocks.HEAD_SIZE]).is_complete
+
+
 # -- size -------------------------------------------------------------------------------------------------------
 
 
