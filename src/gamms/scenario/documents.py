@@ -228,74 +228,48 @@ def from_yaml(text: str) -> Plain:
     import yaml
 
     loader = getattr(yaml, "CSafeLoader", yaml.SafeLoader)  # NOTE: ten times as fast; only its events are asked for
+    value, documents = None, 0
     try:
-        return _Document(yaml.parse(text, Loader=loader)).read()
-    except yaml.YAMLError as error:
-        raise ScenarioError("", f"this is no YAML: {' '.join(str(error).split())}.") from None
-
-
-class _Document:
-    """Makes plain values of the events of a YAML parser; what is not plain is refused before more is read.
-
-    Args:
-        events: of the whole stream.
-    """
-
-    def __init__(self, events: "Iterator[yaml.Event]") -> None:
-        self._events = events
-
-    def read(self) -> Plain:
-        """Return the value of the only document; None without one."""
-        import yaml
-
-        value, documents = None, 0
-        for event in self._events:
+        for event in (events := yaml.parse(text, Loader=loader)):
             if isinstance(event, yaml.DocumentStartEvent):
                 documents += 1
                 if documents > 1:
                     raise ScenarioError("", f"{_line(event)}: a file holds a single document.")
-                value = self._value(next(self._events), "", 1)
-        return value
+                value = _composed(next(events), events, "", 1)
+    except yaml.YAMLError as error:
+        raise ScenarioError("", f"this is no YAML: {' '.join(str(error).split())}.") from None
+    return value
 
-    def _value(self, event: "yaml.Event", path: str, depth: int) -> Plain:
-        import yaml
 
-        if depth > _DEEPEST:
-            raise ScenarioError("", f"the file is nested more than {_DEEPEST} deep.")
-        if isinstance(event, yaml.ScalarEvent):
-            return _scalar(event, path)
-        if isinstance(event, yaml.AliasEvent):
-            raise ScenarioError("", f"{_line(event)}: aliases (*name) are not allowed; write it out.")
-        is_map = isinstance(event, yaml.MappingStartEvent)
-        tag = getattr(event, "tag", None)
-        if tag not in (None, "!", f"{_TAG}{'map' if is_map else 'seq'}"):
-            raise ScenarioError(path, f"{_line(event)}: the tag {tag!r} is not allowed.")
-        return self._mapping(path, depth) if is_map else self._sequence(path, depth)
+def _composed(event: "yaml.Event", events: "Iterator[yaml.Event]", path: str, depth: int) -> Plain:
+    """Return the value that begins with an event; what is not plain is refused before more is read."""
+    import yaml
 
-    def _sequence(self, path: str, depth: int) -> list[Plain]:
-        import yaml
+    if depth > _DEEPEST:
+        raise ScenarioError("", f"the file is nested more than {_DEEPEST} deep.")
+    if isinstance(event, yaml.ScalarEvent):
+        return _scalar(event, path)
+    if isinstance(event, yaml.AliasEvent):
+        raise ScenarioError("", f"{_line(event)}: aliases (*name) are not allowed; write it out.")
+    is_map, tag = isinstance(event, yaml.MappingStartEvent), getattr(event, "tag", None)
+    if tag not in (None, "!", f"{_TAG}{'map' if is_map else 'seq'}"):
+        raise ScenarioError(path, f"{_line(event)}: the tag {tag!r} is not allowed.")
+    items: list[Plain] = []
+    found: dict[str | int, Plain] = {}
+    while not isinstance(event := next(events), (yaml.MappingEndEvent, yaml.SequenceEndEvent)):
+        if is_map:
+            key = _key(_composed(event, events, path, depth + 1), event, path)
+            _add_once(found, key, _composed(next(events), events, joined(path, key), depth + 1), path)
+        else:
+            items.append(_composed(event, events, joined(path, len(items)), depth + 1))
+    return found if is_map else items
 
-        found: list[Plain] = []
-        for event in self._events:
-            if isinstance(event, yaml.SequenceEndEvent):
-                break
-            found.append(self._value(event, joined(path, len(found)), depth + 1))
-        return found
 
-    def _mapping(self, path: str, depth: int) -> dict[str | int, Plain]:
-        import yaml
-
-        found: dict[str | int, Plain] = {}
-        for event in self._events:
-            if isinstance(event, yaml.MappingEndEvent):
-                break
-            key = self._value(event, path, depth + 1)
-            try:
-                key = checked_key(key)
-            except ScenarioError as error:
-                raise ScenarioError(path, f"{_line(event)}: {error.message}") from None
-            _add_once(found, key, self._value(next(self._events), joined(path, key), depth + 1), path)
-        return found
+def _key(key: Plain, event: "yaml.Event", path: str) -> str | int:
+    try:
+        return checked_key(key)
+    except ScenarioError as error:
+        raise ScenarioError(path, f"{_line(event)}: {error.message}") from None
 
 
 def _scalar(event: "yaml.ScalarEvent", path: str) -> Plain:
