@@ -253,7 +253,7 @@ class Context(Guarded, IContext):
         memo[id(self.visual_engine)], memo[id(self._internal_context)] = ahead.visual_engine, ahead._internal_context
         if self._recorder is not None:
             memo[id(self._recorder)] = None
-        ahead.graph_engine.share_with(self.graph, memo)
+        graph.engine.share_map(ahead.graph_engine, self.graph, memo)
         ahead.sensor_engine.storage.copy_from(self.sensor.storage, memo)
         ahead.agent_engine.storage.copy_from(self.agent.storage, memo)
         ahead.set_alive()

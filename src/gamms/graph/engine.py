@@ -84,22 +84,6 @@ class GraphEngine(Guarded, IGraphEngine):
         self._phase.refuse("use ctx.graph.storage")
         return self._storage
 
-    @refused_while_deciding
-    def share_with(self, other: "GraphEngine", memo: dict[int, Any]) -> None:
-        """Have the map of another context, until it is changed in one of both.
-
-        Args:
-            other: the engine of that context.
-            memo: gets what takes the place of its parts here; see `copy.deepcopy`.
-        """
-        self._store, self._obstacles = other._store.fork(), other._obstacles.fork()
-        self._graph = other.graph._fork(self._store, self._phase)
-        self._storage = MapStorage(self._ctx, self._store, self._obstacles, self._phase)
-        self._storage.visibility_rows = other._storage.visibility_rows
-        for name in ("_graph", "_store", "_obstacles", "_storage"):
-            memo[id(getattr(other, name))] = getattr(self, name)
-        memo[id(other)], memo[id(other._store.neighborhoods)] = self, self._store.neighborhoods
-
     # -- obstacles ----------------------------------------------------------------------------------------------
 
     @refused_while_deciding
@@ -354,3 +338,20 @@ class GraphEngine(Guarded, IGraphEngine):
     def _state(self) -> tuple[object, ...]:
         """Return what differs after every change of graph or obstacles."""
         return self.graph.revision, self.obstacle_revision, self.graph.attribution
+
+
+def share_map(target: GraphEngine, source: GraphEngine, memo: dict[int, Any]) -> None:
+    """Give an engine the map of another context, until it is changed in one of both.
+
+    Args:
+        target: the engine that gets it.
+        source: the engine of that context.
+        memo: gets what takes the place of the parts of `source` in `target`; see `copy.deepcopy`.
+    """
+    target._store, target._obstacles = source._store.fork(), source._obstacles.fork()
+    target._graph = source.graph._fork(target._store, target._phase)
+    target._storage = MapStorage(target._ctx, target._store, target._obstacles, target._phase)
+    target._storage.visibility_rows = source._storage.visibility_rows
+    for name in ("_graph", "_store", "_obstacles", "_storage"):
+        memo[id(getattr(source, name))] = getattr(target, name)
+    memo[id(source)], memo[id(source._store.neighborhoods)] = target, target._store.neighborhoods
