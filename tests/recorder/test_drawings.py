@@ -7,7 +7,7 @@ from copy import deepcopy
 
 import numpy as np
 import pytest
-from games import copied, empty_context, grid_context, recorded, replayed
+from games import act, copied, empty_context, grid_context, recorded, replayed
 
 import gamms
 from gamms import limits
@@ -17,6 +17,7 @@ from gamms.recorder import RecordingError, Writer
 from gamms.rules import capture_flag, tag, territory
 from gamms.typing import ArtistType
 from gamms.visual import Artist
+from gamms.visual.artist import ArtistGroup
 from gamms.visual.legend import Bar, Row, Rows
 
 REPLAY = """
@@ -123,7 +124,36 @@ def test_what_has_not_changed_is_written_once(ctx):
     with gamms.recorder.open(io.BytesIO(recorded(play, ctx, drawings=True))) as rec:
         assert "VISUAL_COMMANDS" not in rec.counts()
         assert [one["artist"] for one in rec.header["drawings"]] == ["mine"]
-    assert calls == [0, 1, 2, 3, 4, 5]
+    assert calls == [0, 1, 2, 3, 4, 5]  # nothing moves
+
+
+def test_what_is_drawn_beside_an_agent_goes_with_it_in_a_film_of_the_replay():
+    def place(ctx, share):
+        commands = ctx.visual.artists.shown()["mine"]
+        return ArtistGroup(ctx, {"mine": commands}).commands(share).points.tolist()
+
+    def beside(ctx, data):
+        ctx.visual.render_circle(*ctx.visual.position_of("a", data["_alpha"]), 1.0)
+
+    with grid_context() as ctx:
+        ctx.agent.create_agent("a", start_node_id=0)
+        ctx.visual.add_artist("mine", {"drawer": beside})
+        ctx.visual.add_artist("box", {"drawer": lambda ctx, _: ctx.visual.render_circle(1, 1, 1)})
+
+        def play(ctx):
+            act(ctx, "a", 1)
+            ctx.visual.simulate()
+            act(ctx, "a", 1)
+            ctx.visual.simulate()
+
+        data = recorded(play, ctx, drawings=True)
+    again, places = empty_context(seed=2), []
+    again.visual.after_turn.append(lambda: places.append([place(again, share) for share in (0.0, 0.25, 1.0)]))
+    replayed(data, again)
+    assert places == [[[[0.0, 0.0]], [[2.5, 0.0]], [[10.0, 0.0]]], [[[10.0, 0.0]]] * 3]
+    with gamms.recorder.open(io.BytesIO(data)) as rec:
+        assert rec.counts()["VISUAL_COMMANDS"] == 2
+    assert copied(data) == data
 
 
 def test_drawers_are_not_called_for_recordings_without_a_visual_engine_unless_asked(ctx):
@@ -281,6 +311,9 @@ WRONG = {
     "a size below zero": drawing(size=np.array([-1.0, 0.0])),
     "an endless width": drawing(width=np.array([0.0, np.inf])),
     "an endless angle": drawing(angle=np.array([0.0, np.inf])),
+    "a start with more points": {**drawing(), "start": np.zeros((4, 2))},
+    "a start that is none": {**drawing(), "start": 5},
+    "a start that is far": {**drawing(), "start": np.full((3, 2), 1e300)},
     "a legend that is none": {**drawing(), "legend": 5},
     "a legend of numbers": {**drawing(), "legend": [{"title": 5, "rows": []}]},
     "a legend without colours": {**drawing(), "legend": [{"title": "", "ends": ["", "", ""], "colors": []}]},

@@ -192,6 +192,7 @@ class PictureEngine(Guarded, IVisualizationEngine):
     def simulate(self) -> None:
         """End the turn: call the listeners, and add it to the films that are being made."""
         self.drawing.events.end_turn()
+        self.drawing.motion.end_turn()
         self.artists.end_turn()
         for listener in self.after_turn:
             listener()

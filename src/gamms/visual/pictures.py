@@ -48,7 +48,7 @@ class Pictures(Guarded):
     def add_turn(self) -> None:
         """Add the turn that was just played to the films that are being made."""
         if self.films and not self._ctx.is_terminated():
-            self._drawing.motion.begin_turn()
+            self._drawing.motion.begin_turn_once()
             for film in tuple(self.films):
                 film.add_turn()
 

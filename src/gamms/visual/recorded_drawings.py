@@ -1,6 +1,9 @@
 """What artists with drawers of a program's own draw, as plain values that a recording holds and a replay draws."""
 
+from dataclasses import replace
 from typing import Any
+
+import numpy as np
 
 from gamms.errors import BadType, BadValue
 from gamms.ir.draw import DrawCommands
@@ -23,17 +26,23 @@ class RecordedDrawer:
         name: of the artist.
     """
 
-    once_a_turn = True
-
     def __init__(self, drawings: "RecordedDrawings", name: str) -> None:
         self._drawings, self._name = drawings, name
 
-    def __call__(self, ctx: IContext, data: dict[str, Any]) -> None:  # noqa: ARG002 - the arguments of every drawer
-        """Draw it."""
-        commands = self._drawings.commands.get(self._name)
-        target = drawing_of(ctx).commands
-        if commands is not None and target is not None and self._drawings.are_shown:
-            target.add_commands(commands)
+    @property
+    def once_a_turn(self) -> bool:
+        """Whether it is the same in all frames of a turn."""
+        return self._name not in self._drawings.starts
+
+    def __call__(self, ctx: IContext, data: dict[str, Any]) -> None:
+        """Draw it; what was drawn elsewhere at the beginning of the turn goes from there in a straight line."""
+        commands, start = self._drawings.commands.get(self._name), self._drawings.starts.get(self._name)
+        target, share = drawing_of(ctx).commands, float(data.get("_alpha", 1.0))
+        if commands is None or target is None or not self._drawings.are_shown:
+            return
+        if start is not None and share < 1.0:
+            commands = replace(commands, points=start.points + share * (commands.points - start.points))
+        target.add_commands(commands)
 
     def legend(self, ctx: IContext) -> list[Block]:  # noqa: ARG002 - the arguments of every legend
         """Return the legend of the artist."""
@@ -48,6 +57,7 @@ class RecordedDrawings:
 
     Attributes:
         commands: what each artist draws.
+        starts: what some have drawn at the beginning of the turn: the same commands at other points.
         legends: of the artists.
         are_shown: whether they are drawn; False where only a team's view is.
     """
@@ -55,8 +65,10 @@ class RecordedDrawings:
     def __init__(self, ctx: IContext) -> None:
         self._ctx = ctx
         self.commands: dict[str, DrawCommands] = {}
+        self.starts: dict[str, DrawCommands] = {}
         self.legends: dict[str, list[Block]] = {}
         self.are_shown = True
+        self._plain: dict[str, Recorded] = {}  # the same as it was recorded
         self._static: dict[str, tuple[Any, Recorded]] = {}  # of STATIC artists, which draw when something has changed
         self._refused: set[str] = set()  # artists whose drawings cannot be recorded
 
@@ -69,27 +81,35 @@ class RecordedDrawings:
         """
         name, commands = recorded["artist"], recorded.get("commands")
         if commands is None:
-            self.commands.pop(name, None)
-            self.legends.pop(name, None)
+            for known in (self.commands, self.starts, self.legends, self._plain):
+                known.pop(name, None)
             return
         drawn, legend = DrawCommands.from_plain(commands), recorded.get("legend", [])
         if not isinstance(legend, list):
             raise BadType("The legend of a recorded drawing must be a list.")
-        others = sum(len(one.points) for other, one in self.commands.items() if other != name)
-        refuse_above(_POINT_BYTES * (others + len(drawn.points)), "What the artists of this recording draw")
+        start = None if "start" not in recorded else DrawCommands.from_plain({**commands, "points": recorded["start"]})
+        drawings = [one for known in (self.commands, self.starts) for other, one in known.items() if other != name]
+        points = sum(len(one.points) for one in (*drawings, drawn, start) if one is not None)
+        refuse_above(_POINT_BYTES * points, "What the artists of this recording draw")
         self.legends[name] = [block_from_plain(block) for block in legend]
         self.commands[name] = drawn
+        self._plain[name] = {key: recorded[key] for key in ("commands", "start", "legend") if key in recorded}
+        self.starts.pop(name, None)
+        if start is not None:
+            self.starts[name] = start
 
     def clear(self) -> None:
         """Draw nothing of a recording any more."""
-        self.commands.clear()
-        self.legends.clear()
+        for known in (self.commands, self.starts, self.legends, self._plain):
+            known.clear()
 
     def recorded(self, name: str, artist: IArtist) -> Recorded:
         """Return what an artist draws at present, as plain values; one that fails is logged, as in pictures."""
         found: Recorded = {"artist": name, "layer": artist.get_layer(), "visible": artist.get_visible()}
         if not found["visible"] or name in self._refused:
             return found
+        if isinstance(artist.get_drawer(), RecordedDrawer):
+            return found | self._plain.get(name, {})
         if artist.get_artist_type() is not ArtistType.STATIC:
             return found | self._drawn(name, artist)
         graph = self._ctx.graph
@@ -101,7 +121,10 @@ class RecordedDrawings:
 
     def _drawn(self, name: str, artist: IArtist) -> Recorded:
         try:
-            commands = ArtistGroup(self._ctx, {name: artist}).commands().to_plain()
+            start = self._start(name, artist)
+            drawn: Recorded = {"commands": ArtistGroup(self._ctx, {name: artist}).commands().to_plain()}
+            if start is not None and _differs_by_points(start, drawn["commands"]):
+                drawn["start"] = start["points"]
         except BadValue as error:
             self._refused.add(name)
             self._ctx.logger.warning(f"Artist {name!r}: {reason(error)}")
@@ -111,4 +134,19 @@ class RecordedDrawings:
         except Exception as error:  # noqa: BLE001 - a function of the user's, as a drawer is
             self._ctx.logger.error(f"The legend of artist {name!r} failed: {type(error).__name__}: {reason(error)}")  # noqa: TRY400 - ILogger has no `exception`
             legend = []
-        return {"commands": commands} | ({"legend": legend} if legend else {})
+        return drawn | ({"legend": legend} if legend else {})
+
+    def _start(self, name: str, artist: IArtist) -> dict[str, Any] | None:
+        """Return what an artist drew at the beginning of the turn; None where that is the same in all of its frames."""
+        is_still = artist.get_artist_type() is ArtistType.STATIC or getattr(artist.get_drawer(), "once_a_turn", False)
+        if is_still:
+            return None
+        motion = drawing_of(self._ctx).motion
+        motion.begin_turn_once()
+        return ArtistGroup(self._ctx, {name: artist}).commands(0.0).to_plain() if motion.moves.rows else None
+
+
+def _differs_by_points(start: dict[str, Any], end: dict[str, Any]) -> bool:
+    """Return whether two drawings are the same commands at other points."""
+    are_alike = all(np.array_equal(start[name], end[name]) for name in ("kind", "counts"))
+    return are_alike and not np.array_equal(start["points"], end["points"])

@@ -81,9 +81,20 @@ class Motion:
         self._now: tuple[float, FloatArray, list[_Point]] | None = None  # where all that moved are after a share
         self._columns: GraphColumns | None = None
         self._sorted: IntArray = np.empty(0, np.int64)  # node rows by id
+        self._is_current = True
+
+    def end_turn(self) -> None:
+        """End a turn: its moves have to be looked up before they are shown."""
+        self._is_current = False
+
+    def begin_turn_once(self) -> None:
+        """Look up how each agent moved, unless that was done since the turn ended."""
+        if not self._is_current:
+            self.begin_turn()
 
     def begin_turn(self) -> None:
         """Look up how each agent moved; one whose move is that of the turn before has not moved since."""
+        self._is_current = True
         steps = {agent.name: _step(agent) for agent in self._ctx.agent.create_iter()}
         moved = {name: step for name, step in steps.items() if step[0] != step[1] and self._steps.get(name) != step}
         self._steps, self._now = steps, None

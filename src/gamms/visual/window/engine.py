@@ -165,8 +165,7 @@ class WindowEngine(WindowNames, PictureEngine):
             self.quit()
         if self.ctx.is_terminated():
             return
-        if not self.is_filming:  # or else the moves are looked up already
-            self.drawing.motion.begin_turn()
+        self.drawing.motion.begin_turn_once()
         self.overlay.turns += 1
         self._is_fresh = True
         self.pace.begin_turn()
