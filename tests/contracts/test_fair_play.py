@@ -1,5 +1,6 @@
 """The checks of rules and strategies: they pass what plays fair and say what does not."""
 
+import asyncio
 import functools
 import itertools
 import random
@@ -263,6 +264,25 @@ def test_a_strategy_that_changes_the_world_is_found():
         check_strategy(strategy, make, "red0")
     with make_ctx() as world, pytest.raises(AssertionError, match="a new context at every call"):
         check_strategy(stay, lambda: world, "red0")
+
+
+def test_a_strategy_that_is_awaited_is_checked_likewise():
+    async def fair(state):
+        await asyncio.sleep(0)
+        state["action"] = state["legal"][int(state["rng"].integers(len(state["legal"])))]
+
+    async def unfair(state):
+        await asyncio.sleep(0)
+        state["action"] = DICE.choice(state["legal"])
+
+    async def wrong(state):
+        await asyncio.sleep(0)
+        raise ValueError("no")
+
+    check_strategy(fair, make_ctx, "red0")
+    for strategy, message in ((unfair, r"Draw from state\['rng'\]"), (wrong, "in turn 0 .* raised ValueError: no")):
+        with pytest.raises(AssertionError, match=message):
+            check_strategy(strategy, make_ctx, "red0")
 
 
 def test_an_agent_without_a_strategy_has_none_to_check():

@@ -1,9 +1,9 @@
 """Is a game with a rule or a strategy the same every time? Games are played again and compared."""
 
-from collections.abc import Callable, Iterator, Mapping
+from collections.abc import Awaitable, Callable, Iterator, Mapping
 from contextlib import contextmanager
 from copy import deepcopy
-from inspect import signature
+from inspect import isawaitable, signature
 from typing import Any, cast
 
 from gamms.context import Context
@@ -11,7 +11,7 @@ from gamms.game import IllegalMutation
 from gamms.plain import why_not_plain
 from gamms.readonly import ReadOnly
 from gamms.testing.hidden_state import HiddenState
-from gamms.typing import AerialStrategy, IAgent, Rule, State, Strategy
+from gamms.typing import AerialStrategy, AsyncStrategy, IAgent, Rule, State, Strategy
 
 _WHERE = "where (check)"  # the name of the collector
 _ORDERS = (1, 2)  # seeds by which agents are shuffled
@@ -19,6 +19,7 @@ _OWN = ("action", "memory", "team_memory", "draw", "rng", "sensor")  # a sensor'
 _RULES_REMEMBER = "Keep it in ctx.game.data."
 _STRATEGIES_REMEMBER = "Keep it in state['memory']."
 
+_AnyStrategy = Strategy | AerialStrategy | AsyncStrategy
 _Game = dict[str, Any]  # a result as plain values
 _Actions = list[tuple[int, object]]  # turn and action
 
@@ -51,7 +52,7 @@ def check_rule(rule: Rule, make_ctx: Callable[..., Context], *, turns: int = 30)
 
 
 def check_strategy(
-    strategy: Strategy | AerialStrategy | None, make_ctx: Callable[[], Context], agent: str, *, turns: int = 30
+    strategy: _AnyStrategy | None, make_ctx: Callable[[], Context], agent: str, *, turns: int = 30
 ) -> None:
     """Let an agent play with a strategy, again and again, and compare what it does.
 
@@ -60,7 +61,7 @@ def check_strategy(
     into its state beside `state["action"]` and the two memories, and actions that are not legal.
 
     Args:
-        strategy: a function of the state; None takes the one that the agent has.
+        strategy: a function of the state, which may be awaited; None takes the one that the agent has.
         make_ctx: makes a context, always the same, with a seed, a map, and agents with their strategies.
         agent: the name of the one that is to play with it.
         turns: how long each game is played.
@@ -272,13 +273,13 @@ class _Watched:
         strategy: the strategy.
     """
 
-    def __init__(self, ctx: Context, agent: str, strategy: Strategy | AerialStrategy | None) -> None:
+    def __init__(self, ctx: Context, agent: str, strategy: _AnyStrategy | None) -> None:
         self._ctx, self._agent = ctx, ctx.agent.get_agent(agent)
         self.strategy = cast("Strategy", self._agent.strategy if strategy is None else strategy)
         if self.strategy is None:
             raise AssertionError(f"Agent {agent!r} has no strategy to check: make_ctx must give it one.")
         self._actions: _Actions = []
-        self._agent.register_strategy(self._play)
+        self._agent.register_strategy(cast("Strategy", self._play))
         ctx.game.on_error = "raise"
 
     def actions(self, turns: int) -> _Actions:
@@ -297,19 +298,38 @@ class _Watched:
                 )
         return self._actions
 
-    def _play(self, given: State) -> None:
+    def _play(self, given: State) -> Awaitable[None] | None:
         state = cast("dict[str, Any]", given)
         before = dict(state)
         copies = {key: deepcopy(value) for key, value in state.items() if key not in (*_OWN, "facts")}
         turn = f"in turn {state['turn']} the strategy of agent {self._agent.name!r}"
-        try:
-            self.strategy(given)
-        except Exception as error:
-            advice = " What is published in state['facts'] is read-only." if isinstance(error, ReadOnly) else ""
-            raise AssertionError(f"{turn} raised {type(error).__name__}: {str(error).rstrip('.')}.{advice}") from error
-        for key in dict.fromkeys([*before, *state]):
-            _refuse_writing(turn, key, before, state, copies)
-        self._actions.append((state.get("turn", -1), _copied(state.get("action"))))
+        with _raising(turn):
+            answer: object = self.strategy(given)
+
+        def note() -> None:
+            for key in dict.fromkeys([*before, *state]):
+                _refuse_writing(turn, key, before, state, copies)
+            self._actions.append((state.get("turn", -1), _copied(state.get("action"))))
+
+        async def note_later(answer: Awaitable[None]) -> None:
+            with _raising(turn):
+                await answer
+            note()
+
+        if isawaitable(answer):
+            return note_later(answer)
+        note()
+        return None
+
+
+@contextmanager
+def _raising(turn: str) -> Iterator[None]:
+    """Turn what a strategy raises into the error of the check."""
+    try:
+        yield
+    except Exception as error:
+        advice = " What is published in state['facts'] is read-only." if isinstance(error, ReadOnly) else ""
+        raise AssertionError(f"{turn} raised {type(error).__name__}: {str(error).rstrip('.')}.{advice}") from error
 
 
 def _refuse_writing(turn: str, key: str, before: _Game, state: _Game, copies: _Game) -> None:
