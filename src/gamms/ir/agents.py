@@ -8,7 +8,7 @@ from typing import Any, NamedTuple, Protocol
 import numpy as np
 
 from gamms.errors import BadValue
-from gamms.ir import events
+from gamms.ir.events import COLUMN_EVENTS
 from gamms.ir.journal import CLOSED, PLAIN, Journal
 
 Position = tuple[float, float, float]  # x, y, z; map units
@@ -84,14 +84,6 @@ ARRAYS: dict[str, tuple[type, tuple[int, ...]]] = {  # columns that may be array
 _PLACES = ("node", "previous", "heading", "position", "previous_position", "quat", "progress")
 _OF_STRUCTURE = frozenset({"teams", "speed", "alive"})
 _OF_VERSION = frozenset({"node", "position", "teams", "alive"})
-EVENTS = {  # column -> the event that notes a change of it, and its key
-    "teams": (events.AGENT_TEAM, "team"),
-    "alive": (events.AGENT_ALIVE, "alive"),
-    "speed": (events.AGENT_SPEED, "speed"),
-    "node": (events.AGENT_CURRENT_NODE, "node_id"),
-    "previous": (events.AGENT_PREV_NODE, "node_id"),
-    "heading": (events.AGENT_ORIENTATION, "orientation"),
-}
 
 
 class AgentBlock:
@@ -300,7 +292,7 @@ class AgentBlock:
             journal.log += [number for row, node in zip(rows.rows, nodes, strict=True) for number in (ids[row], node)]
 
     def set(self, row: int, column: str, value: Any) -> None:
-        """Set the value of an agent in one of the columns that have an event of their own: `EVENTS`."""
+        """Set the value of an agent in one of the columns that have an event of their own: `COLUMN_EVENTS`."""
         journal = self.journal
         if journal is CLOSED:
             return
@@ -314,7 +306,7 @@ class AgentBlock:
         if column == "node" or (column == "alive" and not value):
             self.set_progress(row, None)
         if not journal.is_silent:
-            kind, key = EVENTS[column]
+            kind, key = COLUMN_EVENTS[column]
             plain = list(value) if column == "heading" and value is not None else value
             journal.note(kind, {"agent_name": self.names[row], key: plain})
 

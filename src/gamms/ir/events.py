@@ -414,14 +414,22 @@ def _remember(state: State, data: Any) -> None:
 
 
 _record("AGENT_DELETE", Audience.ALL, "name:AGENT")(lambda state, data: state.agents.remove(data["name"]))
-_record("AGENT_CURRENT_NODE", Audience.SENSED, "agent_name node_id")(_sets("node", "node_id"))
-_record("AGENT_PREV_NODE", Audience.SENSED, "agent_name node_id")(_sets("previous", "node_id"))
-_record("AGENT_ORIENTATION", Audience.SENSED, "agent_name orientation")(_sets("heading", "orientation"))
 _record("AERIAL_AGENT_QUATERNION", Audience.SENSED, "agent_name quat")(_sets("quat", "quat"))
-_event("AGENT_TEAM", Audience.ALL, "agent_name team")(_sets("teams", "team"))
-_event("AGENT_ALIVE", Audience.ALL, "agent_name alive")(_sets("alive", "alive"))
-_event("AGENT_SPEED", Audience.TEAM, "agent_name speed")(_sets("speed", "speed"))
 _event("AGENT_STRATEGY", Audience.HOST, "agent_name strategy")(_sets("strategies", "strategy"))
+
+COLUMN_EVENTS: dict[str, tuple[int, str]] = {}
+"""Column of an `AgentBlock` -> the kind of event that notes a change of it, and the key of the value."""
+
+for _name, _column, _key, _audience, _add in (
+    ("AGENT_CURRENT_NODE", "node", "node_id", Audience.SENSED, _record),
+    ("AGENT_PREV_NODE", "previous", "node_id", Audience.SENSED, _record),
+    ("AGENT_ORIENTATION", "heading", "orientation", Audience.SENSED, _record),
+    ("AGENT_TEAM", "teams", "team", Audience.ALL, _event),
+    ("AGENT_ALIVE", "alive", "alive", Audience.ALL, _event),
+    ("AGENT_SPEED", "speed", "speed", Audience.TEAM, _event),
+):
+    _add(_name, _audience, f"agent_name {_key}")(_sets(_column, _key))
+    COLUMN_EVENTS[_column] = int(globals()[_name]), _key
 
 _event("GAME_DATA", Audience.HOST, "?set ?more ?removed")(lambda state, data: change(state.game.data, data))
 _event("GAME_EVENT", Audience.ALL, "kind")(lambda state, data: state.emit(as_event(data)))

@@ -1,11 +1,16 @@
-"""The recorder room: `ctx.record`, and recordings that are compact, seekable, whole after a crash, and safe to open.
+"""The recorder: `ctx.record`, and recordings that are compact, seekable, whole after a crash, and safe to open.
 
-Read `recorder.py` first, then `session.py` (what is written), `replaying.py` (what is read into a context),
-`recording.py` (what is read without one) and `fold.py` (how states follow from events). `formats/` knows plain values
-only: version 3 in `formats/__init__.py`, version 2, that of gamms 1.0.0, in `formats/version2.py`. `components.py` has
-the user's own recorded objects. Nothing in a file is ever evaluated or imported. May import: typing, kernels, ir and
-below, never another room. To record something new, note it in `ir.events` and say in `fold.py` and `replaying.py`
-what it does; a new format is one file in `formats/`.
+Read `ir/events.py` first: what can happen, and what it does to a state. A state is a live context (`live.py`) or
+columns (`detached.py`), and both are written as `keyframes.py` says. `recorder.py` is what users call; `session.py`
+writes what the journal notes (`session_journal.py`) and what has changed beside it (`changes.py`), by the encoders of
+both versions (`encoders.py`); `replaying.py` applies a recording to a context, `recording.py` reads one without.
+`formats/` knows plain values only: version 3 in `formats/__init__.py`, version 2, that of gamms 1.0.0, in
+`formats/version2.py`. `components.py` has the user's own recorded objects. Nothing in a file is ever evaluated or
+imported.
+
+May import: typing, kernels, ir and below, never another engine. To record something new, add its kind to
+`ir/events.py`, and its field to `DETECTED` in `changes.py` if it is one of `GameState`; a new format is one file in
+`formats/`.
 """
 
 from gamms.recorder.errors import RecordingError

@@ -8,9 +8,9 @@ from typing import Any
 from gamms.arguments import as_numbers
 from gamms.errors import BadType, BadValue, GammsError
 from gamms.ir import events as kinds
-from gamms.ir.agents import EVENTS, AgentBlock
+from gamms.ir.agents import AgentBlock
 from gamms.ir.event_state import AgentsState, State
-from gamms.ir.events import Mover, as_event
+from gamms.ir.events import COLUMN_EVENTS, Mover, as_event
 from gamms.ir.journal import Muted
 from gamms.recorder import sensed
 from gamms.recorder.errors import Damaged
@@ -215,7 +215,7 @@ class LiveAgents(AgentsState):
 
     def set(self, row: int, column: str, value: Any) -> None:
         """Set one column of an agent; strategies are functions, which a recording does not hold."""
-        if column in EVENTS:
+        if column in COLUMN_EVENTS:
             if column == "speed" and self._block.kind[row]:
                 raise BadType(f"Agent {self._block.names[row]!r} flies, and keeps its speed.")
             self._block.set(row, column, value)

@@ -1,4 +1,4 @@
-"""The recorder room's front: `ctx.record`, which writes what happens and plays it again."""
+"""`ctx.record`: writes what happens in a context, and plays it again."""
 
 import os
 import time
@@ -34,7 +34,7 @@ class Recorder(Guarded, IRecorder):
     """The recorder of one context.
 
     Attributes:
-        ctx: the context; Any: the hall's own class, whose rooms meet here.
+        ctx: the context.
         components: the user's recorded objects.
         is_replaying: whether a recording is being played.
     """
