@@ -2,7 +2,7 @@
 
 A recording is a header, then blocks: keyframes and chunks of turns, then an end. From the ground up: `ir/packing.py`
 (columns and plain values as bytes), `tracks` (moves and flights, agent by agent), `chunks` (the turns of a block),
-`blocks` (heads, checksums and limits), `contents` (which blocks a file has), `writer` and `reader`. `version2` reads
+`blocks` (heads, checksums and limits), `block_list` (which blocks a file has), `writer` and `reader`. `version2` reads
 and writes the recordings of gamms 1.0.0.
 
 The log of one turn is one flat list: two ints `row, node` for a move, a tuple `(kind, data)` for any other event.

@@ -15,7 +15,7 @@ from gamms.ir.packing import Decoder, unpack
 from gamms.limits import Allowance
 from gamms.plain import Plain
 from gamms.recorder.formats import blocks, chunks
-from gamms.recorder.formats.contents import Block, Contents, Input, at_byte, contents_of, turns_of
+from gamms.recorder.formats.block_list import Block, Contents, Input, at_byte, contents_of, turns_of
 from gamms.recorder.formats.tracks import Stretch, concatenated
 
 _KEPT = 4  # blocks of turns that are kept as arrays
