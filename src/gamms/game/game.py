@@ -12,6 +12,7 @@ from gamms.deciding import Protected, phase_of, refused_while_deciding
 from gamms.errors import BadType, BadValue, ContextTerminated, UnknownName
 from gamms.game.deciders import ArrayPlan, Plan
 from gamms.game.forking import copy_game
+from gamms.game.host import GameContext
 from gamms.game.order import COUNTED
 from gamms.game.random_streams import GlobalRandom
 from gamms.game.result import Collectors, Result
@@ -67,10 +68,10 @@ class Game(Settings):
 
     _after_observing: list[Observer]
 
-    def __init__(self, ctx: Any) -> None:
+    def __init__(self, ctx: GameContext) -> None:
         super().__init__()
         self._phase = phase_of(ctx)
-        self.ctx = ctx
+        self.ctx: Any = ctx
         self._state = GameState()
         self._ruleset = RuleSet(ctx)
         self._collectors = Collectors()

@@ -7,6 +7,7 @@ import numpy as np
 
 from gamms.arguments import as_float
 from gamms.errors import BadValue, GammsError, NoPath, UnknownName
+from gamms.game.host import GameContext
 from gamms.game.settings import Settings
 from gamms.ir.agents import Position, Progress, Quat
 from gamms.typing.actions import as_node, flight, heading_in
@@ -47,7 +48,7 @@ class Legality:
         settings: of the game.
     """
 
-    def __init__(self, ctx: Any, settings: Settings) -> None:
+    def __init__(self, ctx: GameContext, settings: Settings) -> None:
         self._ctx, self._settings = ctx, settings
         self._lengths: tuple[int | None, dict[tuple[int, int], float]] = (None, {})
 
@@ -77,7 +78,7 @@ class Legality:
             return ()
         graph = self._ctx.graph.graph
         if mover.is_plain:
-            return graph.neighborhoods[here]  # type: ignore[no-any-return] # the context is any context
+            return tuple(graph.neighborhoods[here])
         if self._settings.legal == "any":
             return (here, *(id for id in graph.get_nodes() if id != here))
         speed = mover.speed or 0.0
@@ -190,7 +191,7 @@ class Legality:
         revision, lengths = self._lengths
         graph = self._ctx.graph.graph
         if revision is None or revision != graph.revision:
-            columns, lengths = graph.columns(), {}
+            columns, lengths = self._ctx.graph.columns(), {}
             ends = columns.node_ids[columns.sources].tolist(), columns.node_ids[columns.targets].tolist()
             for start_id, end_id, length in zip(*ends, columns.lengths.tolist(), strict=True):
                 known = lengths.get((start_id, end_id))

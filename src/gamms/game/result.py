@@ -13,6 +13,7 @@ import numpy as np
 from gamms.arguments import as_key, as_path, as_text
 from gamms.errors import BadType, BadValue, Duplicate, MissingFolder, UnknownName
 from gamms.folders import write_whole
+from gamms.game.host import GameContext
 from gamms.ir.game_state import LogHistory, LogPoint
 from gamms.ir.tables import table_of
 from gamms.text import shown
@@ -159,7 +160,7 @@ class Collectors:
         columns: dict[str, list[Any]] = {column: [] for column in names}
         self._all[name] = _Collector(fn, every, per, columns, {column: LogHistory() for column in names})
 
-    def collect(self, turn: int, ctx: Any, agents: Callable[[], list[Any]]) -> None:
+    def collect(self, turn: int, ctx: GameContext, agents: Callable[[], list[Any]]) -> None:
         """Take the values of a turn; `agents` gives the living agents."""
         for fn, every, per, columns, _ in self._all.values():
             if turn % every:

@@ -4,6 +4,7 @@ from typing import Any, NamedTuple
 
 from gamms.arguments import as_function_of, as_name
 from gamms.errors import BadValue, Duplicate, UnknownName
+from gamms.game.host import GameContext
 from gamms.ir.game_state import GameState
 from gamms.text import shown
 from gamms.typing.game import Rule
@@ -30,7 +31,7 @@ class RuleSet:
         rules: the rules in the order in which they were added; another tuple after each change.
     """
 
-    def __init__(self, ctx: Any) -> None:
+    def __init__(self, ctx: GameContext) -> None:
         self._ctx = ctx
         self.rules: tuple[NamedRule, ...] = ()
         self._unchecked: list[NamedRule] = []

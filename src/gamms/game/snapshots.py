@@ -7,6 +7,7 @@ from typing import Any, NamedTuple, NoReturn
 import numpy as np
 
 from gamms.errors import BadType, GammsError
+from gamms.game.host import GameContext
 from gamms.game.order import COUNTED
 from gamms.game.random_streams import GlobalRandom
 from gamms.game.result import Collectors
@@ -60,7 +61,7 @@ class Snapshot:
 class SnapshotTaker(NamedTuple):
     """The parts of a game of which snapshots are taken."""
 
-    ctx: Any
+    ctx: GameContext
     state: GameState
     settings: Settings
     rules: RuleSet

@@ -9,6 +9,7 @@ from typing import TYPE_CHECKING, Any
 from gamms.deciding import DecidePhase
 from gamms.game import memory
 from gamms.game.decisions import Decisions
+from gamms.game.host import GameContext
 from gamms.game.legality import Legality, ResolvedAction
 from gamms.game.order import AgentSlot, TurnOrder
 from gamms.game.settings import Settings
@@ -36,7 +37,7 @@ class TurnEngine:
         is_playing: whether a turn is under way, rules included.
     """
 
-    def __init__(self, ctx: Any, settings: Settings, state: GameState, phase: DecidePhase) -> None:
+    def __init__(self, ctx: GameContext, settings: Settings, state: GameState, phase: DecidePhase) -> None:
         self._ctx, self._settings, self._state, self._phase = ctx, settings, state, phase
         self._legality = Legality(ctx, settings)
         self._facts = ReadOnlyMapping(state.facts)
