@@ -274,7 +274,7 @@ class Context(Guarded, IContext):
         if not self._alive:
             return
         if self._game is not None:
-            self._game.close()  # before the recorder stops, which writes how the game ended
+            self._game.internals.close()  # before the recorder stops, which writes how the game ended
         with ExitStack() as closing:  # calls the last one first, and all of them even when one raises
             closing.callback(self._die)
             for name in ("visual_engine", "internal_context", "graph_engine", "sensor_engine", "agent_engine"):

@@ -196,9 +196,10 @@ VERBS = {
     "game run": lambda ctx, s: ctx.game.run(1),
     "game reset": lambda ctx, s: ctx.game.reset(),
     "observation": lambda ctx, s: ctx.game.observation("other"),
-    "game close": lambda ctx, s: ctx.game.close(),
-    "after_reset": lambda ctx, s: ctx.game.after_reset.append(print),
-    "after_observing": lambda ctx, s: ctx.game.after_observing.clear(),
+    "game close": lambda ctx, s: ctx.game.internals.close(),
+    "starts": lambda ctx, s: ctx.game.internals.starts.clear(),
+    "after_reset": lambda ctx, s: ctx.game.internals.after_reset.append(print),
+    "after_observing": lambda ctx, s: ctx.game.internals.after_observing.clear(),
     "set_graph_visual": lambda ctx, s: ctx.visual.set_graph_visual(),
     "set_agent_visual": lambda ctx, s: ctx.visual.set_agent_visual("other", color="green"),
     "set_sensor_visual": lambda ctx, s: ctx.visual.set_sensor_visual("others"),
@@ -233,7 +234,7 @@ VERBS = {
     "user's attribute": lambda ctx, s: setitem(other(ctx).meta, "hp", 0),
     "inside a user's attribute": lambda ctx, s: other(ctx).meta["hp"].append(0),
     "rules": lambda ctx, s: ctx.game.rules.clear(),
-    "state of the game": lambda ctx, s: ctx.game.state.memory_of("other").clear(),
+    "state of the game": lambda ctx, s: ctx.game.internals.state.memory_of("other").clear(),
 }
 
 HARMLESS = {  # on what is a copy, or the strategy's own
@@ -251,7 +252,6 @@ HARMLESS = {  # on what is a copy, or the strategy's own
     "visibility": lambda ctx, s: vandalise(ctx.graph.visibility(30.0).from_node(0)),
     "result": lambda ctx, s: vandalise(vars(ctx.game.result())),
     "settings": lambda ctx, s: vandalise(ctx.game.plain_settings()),
-    "starts": lambda ctx, s: vandalise(ctx.game.starts),
     "start_node": lambda ctx, s: ctx.game.start_node("other"),
     "sense_many": lambda ctx, s: vandalise(sensor(ctx, "tower").sense_many([0, 4, 8])),
     "sense_many of others": lambda ctx, s: vandalise(sensor(ctx).sense_many([0, 4])),

@@ -42,7 +42,7 @@ def world(cheat=lambda ctx, state: None, **settings):
     game.publish(heat=np.arange(3.0), nested={"rows": [np.zeros(2)], "log": bytearray(b"abc")})
     game.data.update(inbox=[{"seen": []}], wind=np.ones(2))
     game.scores["red"] = 1
-    game.state.memory_of("other")["plan"] = [4]
+    game.internals.state.memory_of("other")["plan"] = [4]
     game.emit("begun")
     game.conflicts = Conflicts()
     game.collect("wind", lambda ctx: 0)

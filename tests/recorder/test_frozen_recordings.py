@@ -100,7 +100,7 @@ def told(path):
         replayed = everything(ctx)
         if "turns" in path.stem:
             replayed |= {"turn": ctx.game.turn, "memories": ctx.game.memories, "facts": ctx.game.facts}
-            replayed |= {"lot": ctx.rng.random(), "starts": ctx.game.starts}
+            replayed |= {"lot": ctx.rng.random(), "starts": ctx.game.internals.starts}
     del replayed["world"]
     return json.loads(json.dumps({**said, "replayed": replayed}, default=_sorted))
 

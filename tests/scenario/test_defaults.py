@@ -73,10 +73,10 @@ def test_what_is_written_out_says_the_same_game(made, folder):
     ):
         game = made(change)
         with game.build() as ctx:
-            said = ctx.game.scenario
+            said = ctx.game.internals.scenario
         again = Scenario(folder=folder, **said)
         with again.build() as ctx:
-            assert ctx.game.scenario == said
+            assert ctx.game.internals.scenario == said
         assert again.play() == game.play()
 
 
@@ -95,14 +95,14 @@ def test_parameters_that_are_no_plain_values_are_left_out():
         rules=[{"rule": "reach", "with": {"team": "red", "nodes": 8}}],
     )
     with game.build() as ctx:
-        said = ctx.game.scenario["rules"][0]["with"]
+        said = ctx.game.internals.scenario["rules"][0]["with"]
     assert set(said) == set(signature(rules.reach).parameters) - {"winner"}
-    assert gamms.scenario.Scenario(**ctx.game.scenario).play() == game.play()
+    assert gamms.scenario.Scenario(**ctx.game.internals.scenario).play() == game.play()
 
 
 def test_a_fact_named_function_is_a_fact(made):
     game = made({"facts": {"function": "players:make"}, "teams.red.meta": {"function": "players:make"}})
     game.check()
     with game.build() as ctx:
-        assert dict(ctx.game.facts) == ctx.game.scenario["facts"] == {"function": "players:make"}
-        assert ctx.game.scenario["teams"]["red"]["meta"] == {"function": "players:make"}
+        assert dict(ctx.game.facts) == ctx.game.internals.scenario["facts"] == {"function": "players:make"}
+        assert ctx.game.internals.scenario["teams"]["red"]["meta"] == {"function": "players:make"}

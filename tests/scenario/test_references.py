@@ -265,7 +265,7 @@ def test_what_is_never_offered_cannot_be_allowed(made, name):
 def recorded(tmp_path, header):
     """A recording that says of itself that it was built from a scenario."""
     with gamms.create_context() as ctx:
-        ctx.game.scenario = header
+        ctx.game.internals.scenario = header
         ctx.record.start(tmp_path / "game")
         ctx.record.stop()
     return tmp_path / "game.ggr"

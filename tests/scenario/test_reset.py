@@ -189,7 +189,7 @@ def test_the_first_seed_plays_the_first_game_again(game):
         second = ctx.game.run()
         ctx.game.reset()
         assert ctx.game.run() == second
-        ctx.game.reset(ctx.game.scenario["seed"])
+        ctx.game.reset(ctx.game.internals.scenario["seed"])
         assert ctx.game.run() == first == game.play()
 
 

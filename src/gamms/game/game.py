@@ -13,13 +13,14 @@ from gamms.errors import BadType, BadValue, ContextTerminated, UnknownName
 from gamms.game.deciders import ArrayPlan, Plan
 from gamms.game.forking import copy_game
 from gamms.game.host import GameContext
+from gamms.game.internals import GameInternals
 from gamms.game.order import COUNTED
 from gamms.game.random_streams import GlobalRandom
 from gamms.game.result import Collectors, Result
 from gamms.game.ruleset import NamedRule, RuleSet, check_phase
 from gamms.game.settings import Settings, as_turns
 from gamms.game.snapshots import Snapshot, SnapshotError, SnapshotTaker
-from gamms.game.turn import Observer, TurnEngine
+from gamms.game.turn import TurnEngine
 from gamms.ir.game_state import GameState, Scores
 from gamms.progress import progress as progress_line
 from gamms.readonly import ReadOnlyMapping, frozen, published
@@ -49,10 +50,6 @@ class Game(Settings):
         events: what was emitted, in order: dicts with `turn` and `kind`.
         errors: what strategies did wrong, in order.
         facts: what was published.
-        draw_start: called by `reset` with another seed, to draw what the start has from the seed; None: nothing.
-        after_reset: called after each reset, in order.
-        after_observing: called in every turn with the agents and their states before any agent decides, in order.
-        scenario: what the game was built from, as plain values, for the recorder; None: by a program.
     """
 
     turn: Protected[int] = Protected(int, "_state")
@@ -62,11 +59,6 @@ class Game(Settings):
     team_memories: Protected[dict[Any, dict[Any, Any]]] = Protected(dict, "_state")
     counts: Protected[dict[str, dict[str, int]]] = Protected(dict, "_state")
     timings: Protected[dict[str, float]] = Protected(dict, "_state")
-    after_reset: Protected[list[Callable[[], None]]] = Protected(list)
-    after_observing: Protected[list[Observer]] = Protected(list)
-    scenario: Protected[dict[str, Any] | None] = Protected(dict | None)
-
-    _after_observing: list[Observer]
 
     def __init__(self, ctx: GameContext) -> None:
         super().__init__()
@@ -81,17 +73,14 @@ class Game(Settings):
             ctx, self._state, self, self._ruleset, self._collectors, self._turns, self._global_random
         )
         self.facts = ReadOnlyMapping(self._state.facts)
-        self.draw_start: Callable[[], None] | None = None
-        self.after_reset = []
-        self.after_observing = []
-        self.scenario = None
+        self._internals = GameInternals(self._snapshots, self._phase)
         self._is_closed = True
 
     @property
-    def state(self) -> GameState:
-        """The state of the game, itself; not for strategies."""
-        self._phase.refuse("use ctx.game.state")
-        return self._state
+    def internals(self) -> GameInternals:
+        """What engines and clients do with the game; not for strategies."""
+        self._phase.refuse("use ctx.game.internals")
+        return self._internals
 
     # -- what it is played by -----------------------------------------------------------------------------------
 
@@ -251,7 +240,7 @@ class Game(Settings):
             return
         if not self._state.has_begun:  # a rule has reset the game
             self._begin()
-        self._turns.play(self._after_observing)
+        self._turns.play(self._internals.after_observing)
         self._state.turn += 1
         try:
             self._apply_rules("after")
@@ -310,20 +299,9 @@ class Game(Settings):
 
     def _reason_so_far(self) -> str:
         """Why no more turns were played of a game that no rule has ended."""
-        if self._is_time_up:
+        if self._internals.is_time_up:
             return "max_turns"
         return "closed" if self.ctx.is_terminated() else "unfinished"
-
-    @property
-    def _is_time_up(self) -> bool:
-        return self._state.turn in (self._state.last_turn, self.max_turns)
-
-    @refused_while_deciding
-    def close(self) -> None:
-        """End the game, because its context ends, if that is in the middle of a turn which is not the last one."""
-        self._turns.close()
-        if self._turns.is_playing and not self.is_over and not self._is_time_up:
-            self._state.over = {"reason": "closed", "winner": None, "truncated": True}
 
     @refused_while_deciding
     def reset(self, seed: int | None = None) -> None:
@@ -351,8 +329,8 @@ class Game(Settings):
             elif wanted is not None:
                 self._begin_with(wanted)
         finally:
-            for tell in self.after_reset:
-                tell()
+            for after_reset in self._internals.after_reset:
+                after_reset()
 
     @refused_while_deciding
     def snapshot(self) -> Snapshot:
@@ -410,8 +388,7 @@ class Game(Settings):
         ctx, memo = self.ctx.fork(own_seed)
         game: Game = ctx.game
         copy_game(self._snapshots, game._snapshots, {**memo, id(self): game, id(self._state): game._state})
-        game._state.began = self.starts
-        game.scenario = self.scenario
+        game._state.began, game._internals.scenario = self._internals.starts, self._internals.scenario
         return game
 
     # -- for rules ----------------------------------------------------------------------------------------------
@@ -491,18 +468,7 @@ class Game(Settings):
 
     def start_node(self, agent: Any) -> Any:
         """The node an agent began on, or (x, y, z) of one that flies."""
-        one = self._agent(agent)
-        if one.name in self._state.began:
-            return self._state.began[one.name]
-        return self._place_of(one)
-
-    @property
-    def starts(self) -> dict[str, Any]:
-        """Agent -> where it began, once the game has begun."""
-        began = self._state.began
-        if self._state.start is None:
-            return dict(began)
-        return {name: self._place_of(agent) for name, agent in self.ctx.agent.agents.items()} | began
+        return self._internals.start_of(self._agent(agent))
 
     @property
     def memories(self) -> Mapping[str, dict[Any, Any]]:
@@ -531,22 +497,17 @@ class Game(Settings):
 
     def _begin_with(self, seed: int) -> None:
         """Let everything follow from another seed, the start too; from the last one again if that cannot be."""
-        if self.draw_start is None:
+        if self._internals.draw_start is None:
             self._reseed(seed)
             return
         last, chance = self.ctx.seed, self.ctx.rng_state()
         self.ctx.reseed(seed)
         self._restart_streams()
         try:
-            self.draw_start()
+            self._internals.draw_start()
         except BaseException:
             self.ctx.reseed(last, chance)
             raise
-
-    @refused_while_deciding
-    def restore_rules(self, rules: tuple[NamedRule, ...]) -> None:
-        """Let these be the rules."""
-        self._ruleset.restore(rules)
 
     def _restart_streams(self) -> None:
         """Let all draws follow from the seed of the context as it is now."""
@@ -558,12 +519,6 @@ class Game(Settings):
             began = perf_counter()
             self._ruleset.apply(phase, self._state)
             self._state.timings["rules"] += perf_counter() - began
-
-    def _place_of(self, agent: Any) -> Any:
-        """Where an agent began: a node id, or (x, y, z)."""
-        if self._state.has_begun and self._state.start is not None:
-            return self._state.start.snapshot.place_of(agent)
-        return getattr(agent, "position", agent.current_node_id)
 
     def _warn_of_errors(self, errors: list[dict[str, Any]]) -> None:
         """Say in one line what strategies did wrong."""

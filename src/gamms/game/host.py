@@ -12,6 +12,16 @@ if TYPE_CHECKING:
     from numpy.random import Generator
 
 
+class GameAgentStorage(Protocol):
+    """Snapshots of agents."""
+
+    def snapshot(self) -> Any:
+        """Return all agents as they are now, for `restore`."""
+
+    def restore(self, before: Any) -> None:
+        """Restore all agents."""
+
+
 class GameAgents(Protocol):
     """What a game needs of the engine of agents."""
 
@@ -30,11 +40,19 @@ class GameAgents(Protocol):
     def get_agent(self, name: str) -> Any:
         """Return an agent by name (KeyError)."""
 
-    def snapshot(self) -> Any:
-        """Return all agents as they are now, for `restore`."""
+    @property
+    def storage(self) -> GameAgentStorage:
+        """Snapshots of the agents."""
 
-    def restore(self, before: Any) -> None:
-        """Restore all agents."""
+
+class GameSensorStorage(Protocol):
+    """Snapshots of sensors."""
+
+    def snapshot(self) -> Any:
+        """Return the sensors as they are now, for `restore`."""
+
+    def restore(self, before: Any, *, forget: bool = False) -> None:
+        """Restore the sensors; with `forget`, they forget what they have sensed."""
 
 
 class GameSensors(Protocol):
@@ -44,11 +62,9 @@ class GameSensors(Protocol):
     def sensors(self) -> Mapping[str, Any]:
         """Name -> sensor."""
 
-    def snapshot(self) -> Any:
-        """Return the sensors as they are now, for `restore`."""
-
-    def restore(self, before: Any, *, forget: bool = False) -> None:
-        """Restore the sensors; with `forget`, they forget what they have sensed."""
+    @property
+    def storage(self) -> GameSensorStorage:
+        """Snapshots of the sensors."""
 
 
 class GameContext(Protocol):

@@ -222,7 +222,7 @@ class GameChanges:
     """
 
     def __init__(self, ctx: HostContext) -> None:
-        self._ctx, self._game, self._state = ctx, ctx.game, ctx.game.state
+        self._ctx, self._game, self._state = ctx, ctx.game, ctx.game.internals.state
         self._detectors = [(name, kind, make(getattr(self._state, name))) for name, (kind, make) in DETECTED.items()]
         self._is_known = True  # that something is in one of them
         self._rng_state = to_plain(ctx.rng_state())
@@ -247,7 +247,7 @@ class GameChanges:
             self._turn = now
             return
         self.pace, self._turn = now - before, now
-        starts = self._game.starts
+        starts = self._game.internals.starts
         is_known = before > 0 or starts.items() <= self._places.items()
         log.append(
             (kinds.GAME_TURN, {"turn": now, "pace": self.pace, **({} if is_known else {"starts": to_plain(starts)})})

@@ -270,13 +270,14 @@ def header_of(ctx: HostContext, session: RecordingSession, options: dict[str, An
     created = options.get("created")
     if created is None and (epoch := os.environ.get("SOURCE_DATE_EPOCH")):
         created = int(epoch)
+    scenario = ctx.game.internals.scenario
     return {
         "format": 3,
         "package": _package(),
         "seed": session.seed,
         "created": created,
         "provenance": options.get("provenance"),
-        **({} if ctx.game.scenario is None else {"scenario": {**to_plain(ctx.game.scenario), "seed": session.seed}}),
+        **({} if scenario is None else {"scenario": {**to_plain(scenario), "seed": session.seed}}),
         "world": ctx.graph.storage.pack() if session.world is None else session.world,
         **({"visuals": session.visuals} if session.visuals["artists"] else {}),
         **({"drawings": session.drawings.first} if session.drawings.first else {}),

@@ -58,7 +58,7 @@ def captured(ctx: HostContext) -> Keyframe:
         "strategies": [name_of(decider_of(ctx, agent)) for agent in agents],
     }
     described = ctx.sensor.storage.described()
-    return packed(columns, len(rows.journal.names), grouped(described), ctx.game.state, ctx.rng_state())
+    return packed(columns, len(rows.journal.names), grouped(described), ctx.game.internals.state, ctx.rng_state())
 
 
 _PLACES = ("heading", "position", "previous_position", "quat")
@@ -164,7 +164,7 @@ def history(ctx: HostContext) -> Keyframe:
         "events": to_plain(game.events),
         "settings": game.plain_settings(),
         **({"facts": plain_subset(game.facts)} if game.facts else {}),
-        **({"starts": to_plain(game.starts)} if game.starts else {}),
+        **({"starts": to_plain(game.internals.starts)} if game.internals.starts else {}),
     }
 
 

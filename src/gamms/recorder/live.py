@@ -43,7 +43,7 @@ class LiveState(State):
 
     def __init__(self, ctx: HostContext) -> None:
         self._ctx = ctx
-        self.agents, self.game, self.pace = LiveAgents(ctx), ctx.game.state, 0
+        self.agents, self.game, self.pace = LiveAgents(ctx), ctx.game.internals.state, 0
         self._shown: Any = {}  # artists of the recording
 
     def restore(self, snapshot: Keyframe) -> None:

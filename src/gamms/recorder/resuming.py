@@ -114,8 +114,8 @@ def resume(ctx: HostContext, reader: "Reader", turn: int, then: DetachedState, m
     _attach(ctx, maps)
     strategies = {name: agent.strategy for name, agent in ctx.agent.agents.items()}
     facts = dict(ctx.game.facts)
-    ctx.game.draw_start = None
-    ctx.game.state.begin_from_here()
+    ctx.game.internals.draw_start = None
+    ctx.game.internals.state.begin_from_here()
     replayer = Replayer(ctx)
     try:
         told = _told(reader, turn)

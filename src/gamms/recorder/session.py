@@ -273,9 +273,9 @@ class RecordingSession:
         block.locate()
         self._journal = block.journal = SessionJournal(block.names, self._skipped, self._accept)
         self.ctx.visual.after_turn.append(self.end_turn)
-        self.ctx.game.after_reset.append(self.restart)
+        self.ctx.game.internals.after_reset.append(self.restart)
         if self._with_sensed:
-            self.ctx.game.after_observing.append(self._note_sensed)
+            self.ctx.game.internals.after_observing.append(self._note_sensed)
 
     def _note_sensed(self, agents: list[Any], states: list[dict[str, Any]]) -> None:
         """Write down what agents are about to decide by, after what has become so before."""
@@ -292,10 +292,10 @@ class RecordingSession:
             block.journal = PLAIN
         if self.end_turn in self.ctx.visual.after_turn:
             self.ctx.visual.after_turn.remove(self.end_turn)
-        if self.restart in self.ctx.game.after_reset:
-            self.ctx.game.after_reset.remove(self.restart)
-        if self._note_sensed in self.ctx.game.after_observing:
-            self.ctx.game.after_observing.remove(self._note_sensed)
+        if self.restart in self.ctx.game.internals.after_reset:
+            self.ctx.game.internals.after_reset.remove(self.restart)
+        if self._note_sensed in self.ctx.game.internals.after_observing:
+            self.ctx.game.internals.after_observing.remove(self._note_sensed)
 
     def _fail(self) -> None:
         """Write nothing any more."""

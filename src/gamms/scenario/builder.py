@@ -150,7 +150,7 @@ class Builder:
                     rule.prepare(self.ctx)
             now = tuple(one._replace(rule=rule) if one.name == name and one.rule is before else one for one in now)
             self._rules[name] = rule
-        self.ctx.game.restore_rules(now)
+        self.ctx.game.internals.restore_rules(now)
 
     def _add_values(self) -> None:
         game = self.ctx.game
@@ -367,7 +367,7 @@ def _take_out(game: Game, built: _GameValues) -> tuple[_GameValues, list[str]]:
     """Empty a game; return what was added or changed since it held `built`, and which keys of `data` were removed."""
     now = _values_of(game)
     removed = [key for key in built.data if key not in now.data]
-    game.state.facts.clear()
+    game.internals.state.facts.clear()
     game.data.clear()
     game.scores.clear()
     game.events.clear()

@@ -167,7 +167,7 @@ class Scenario:
                 maps.put(ctx, map)
                 builder = Builder(ctx, self.spec, self._library, given)
                 builder.build()
-                ctx.game.scenario = written_out(self.spec, self._library)
+                ctx.game.internals.scenario = written_out(self.spec, self._library)
         except BaseException:
             ctx.terminate()
             raise
@@ -176,7 +176,7 @@ class Scenario:
             with named(self.file):
                 builder.draw_again()
 
-        ctx.game.draw_start = draw_again
+        ctx.game.internals.draw_start = draw_again
         return ctx
 
     def play(self, seed: int | None = None, strategies: Strategies | None = None) -> Result:
