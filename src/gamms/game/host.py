@@ -4,6 +4,7 @@ from collections.abc import Mapping, Sequence
 from typing import TYPE_CHECKING, Any, Protocol
 
 from gamms.ir.agents import AgentBlock
+from gamms.typing.agent_engine import TurnAccess
 from gamms.typing.graph_engine import IGraphEngine
 from gamms.typing.logger import ILogger
 from gamms.typing.visualization_engine import IVisualizationEngine
@@ -13,13 +14,16 @@ if TYPE_CHECKING:
 
 
 class GameAgentStorage(Protocol):
-    """Snapshots of agents."""
+    """Snapshots of agents, and what turns need of each."""
 
     def snapshot(self) -> Any:
         """Return all agents as they are now, for `restore`."""
 
     def restore(self, before: Any) -> None:
         """Restore all agents."""
+
+    def turn_access(self, agent: Any) -> TurnAccess:
+        """Return what a turn reads and writes of an agent."""
 
 
 class GameAgents(Protocol):
