@@ -244,7 +244,7 @@ HARMLESS = {  # on what is a copy, or the strategy's own
     "described visuals": lambda ctx, s: vandalise(ctx.visual.artists.specs()),
     "node_attributes": lambda ctx, s: vandalise(ctx.graph.node_attributes(4)),
     "neighborhoods": lambda ctx, s: vandalise(ctx.graph.graph.neighborhoods),
-    "columns": lambda ctx, s: [vandalise(part) for part in ctx.graph.columns().bends.values()],
+    "columns": lambda ctx, s: [vandalise(part) for part in ctx.graph.columns().polylines.values()],
     "obstacle_columns": lambda ctx, s: vandalise(ctx.graph.obstacle_columns()),
     "weights": lambda ctx, s: vandalise(ctx.graph.weights(None)),
     "distances": lambda ctx, s: vandalise(ctx.graph.distances(source=0)),

@@ -229,7 +229,7 @@ def _columns_of(model):
         "nodes": [(id, *model.nodes[id][:2]) for id in nodes],
         "edges": [(id, *row[:3]) for id, row in model.edges.items()],
         "out": [[i for i, row in enumerate(edges) if row[0] == node] for node in nodes],
-        "bends": {i: row[3] for i, row in enumerate(edges) if row[3] is not None},
+        "polylines": {i: row[3] for i, row in enumerate(edges) if row[3] is not None},
         "node attributes": {i: model.nodes[id][2] for i, id in enumerate(nodes) if model.nodes[id][2]},
         "edge attributes": {i: row[4] for i, row in enumerate(edges) if row[4]},
     }
@@ -256,7 +256,7 @@ def _readable(columns):
             )
         ),
         "out": [c.out_edges[a:b].tolist() for a, b in zip(c.offsets, c.offsets[1:], strict=False)],
-        "bends": {row: tuple(bend.ravel().tolist()) for row, bend in c.bends.items()},
+        "polylines": {row: tuple(polyline.ravel().tolist()) for row, polyline in c.polylines.items()},
         "node attributes": by_row(c.node_attributes),
         "edge attributes": by_row(c.edge_attributes),
     }

@@ -105,8 +105,8 @@ def test_decoding_undoes_encoding(contents):
     for name in ("node_ids", "xy", "edge_ids", "sources", "targets", "lengths", "offsets", "out_edges"):
         one, other = getattr(back.columns, name), getattr(contents.columns, name)
         assert (one.dtype, one.shape, one.tobytes()) == (other.dtype, other.shape, other.tobytes())
-    assert {row: bend.tolist() for row, bend in back.columns.bends.items()} == {
-        row: bend.tolist() for row, bend in contents.columns.bends.items()
+    assert {row: polyline.tolist() for row, polyline in back.columns.polylines.items()} == {
+        row: polyline.tolist() for row, polyline in contents.columns.polylines.items()
     }
     assert back.columns.node_attributes == contents.columns.node_attributes
     assert back.columns.edge_attributes == contents.columns.edge_attributes

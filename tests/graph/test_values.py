@@ -97,7 +97,9 @@ with gamms.create_context(logger_config={"level": "CRITICAL"}) as ctx:
 
 
 def bytes_of(columns):
-    return [getattr(columns, name).tobytes() for name in ARRAYS] + [bend.tobytes() for bend in columns.bends.values()]
+    return [getattr(columns, name).tobytes() for name in ARRAYS] + [
+        polyline.tobytes() for polyline in columns.polylines.values()
+    ]
 
 
 def test_columns_are_read_only(any_ctx, fill, tmp_path):
@@ -109,7 +111,7 @@ def test_columns_are_read_only(any_ctx, fill, tmp_path):
     any_ctx.graph.save(tmp_path / "map")
     for _ in range(2):
         columns = any_ctx.graph.columns()
-        for array in (*(getattr(columns, name) for name in ARRAYS), *columns.bends.values()):
+        for array in (*(getattr(columns, name) for name in ARRAYS), *columns.polylines.values()):
             with pytest.raises(ValueError, match="read-only"):
                 array[...] = 0
         any_ctx.graph.load(tmp_path / "map")

@@ -21,7 +21,7 @@ def contents(ctx):
 
 def test_the_roads_are_those_of_the_file_before_it_had_buildings():
     columns = load(str(files("gamms") / "data" / "helsinki.gamms")).columns
-    arrays = [columns.xy, columns.sources, columns.targets, columns.lengths, *columns.bends.values()]
+    arrays = [columns.xy, columns.sources, columns.targets, columns.lengths, *columns.polylines.values()]
     assert zlib.crc32(b"".join(array.astype(array.dtype.newbyteorder("<")).tobytes() for array in arrays)) == ROADS
 
 

@@ -16,12 +16,12 @@ coordinate = st.integers(-40, 40).map(lambda n: n / 4)
 point = st.tuples(coordinate, coordinate)
 
 
-def network(xy, roads, tags=None, bends=None):
+def network(xy, roads, tags=None, polylines=None):
     ends = np.array(roads).reshape(-1, 2)
-    bends = {road: np.array(points, float) for road, points in (bends or {}).items()}
+    polylines = {road: np.array(points, float) for road, points in (polylines or {}).items()}
     lengths = np.array([math.dist(xy[a], xy[b]) for a, b in roads])
     return network_of_lines(
-        np.array(xy, float), (ends[:, 0], ends[:, 1]), bends, lengths, tags or [{}] * len(roads), "EPSG:32635"
+        np.array(xy, float), (ends[:, 0], ends[:, 1]), polylines, lengths, tags or [{}] * len(roads), "EPSG:32635"
     )
 
 
@@ -98,8 +98,8 @@ def test_a_ring_becomes_a_road_back_to_its_first_node():
     st.booleans(),
 )
 def test_simplifying_keeps_the_total_length_and_needs_one_go(roads, xy, two_way):
-    bends = {road: [xy[a], (50, 50), xy[b]] for road, (a, b) in enumerate(roads) if a == b or road % 3 == 0}
-    full = network(xy, roads, bends=bends)
+    polylines = {road: [xy[a], (50, 50), xy[b]] for road, (a, b) in enumerate(roads) if a == b or road % 3 == 0}
+    full = network(xy, roads, polylines=polylines)
     full = both_ways(full) if two_way else full
     simple = simplify(full)
     assert simple.lengths.sum() == pytest.approx(full.lengths.sum())
@@ -112,8 +112,8 @@ def test_simplifying_keeps_the_total_length_and_needs_one_go(roads, xy, two_way)
 
 
 def test_a_road_and_its_reverse_become_one():
-    bend = [(0, 0), (1, 1), (2, 0)]
-    there_and_back = network([(0, 0), (2, 0)], [(0, 1), (1, 0), (0, 1)], bends={0: bend, 1: bend[::-1]})
+    polyline = [(0, 0), (1, 1), (2, 0)]
+    there_and_back = network([(0, 0), (2, 0)], [(0, 1), (1, 0), (0, 1)], polylines={0: polyline, 1: polyline[::-1]})
     joined = joined_directions(there_and_back)
     assert joined.two_way.tolist() == [True, False]
     assert len(joined.sources) == 2

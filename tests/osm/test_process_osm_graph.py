@@ -13,9 +13,9 @@ def street(**about):
     graph = nx.MultiDiGraph(**about)
     graph.add_node(0, x=500_000.0, y=6_000_000.0)
     graph.add_node(1, x=500_060.0, y=6_000_000.0)
-    bend = [(500_000.0, 6_000_000.0), (500_030.0, 6_000_020.0), (500_060.0, 6_000_000.0)]
-    graph.add_edge(0, 1, geometry=LineString(bend), length=72.5, name="A", oneway=False, reversed=False)
-    graph.add_edge(1, 0, geometry=LineString(bend[::-1]), length=72.5, name="A", oneway=False, reversed=True)
+    polyline = [(500_000.0, 6_000_000.0), (500_030.0, 6_000_020.0), (500_060.0, 6_000_000.0)]
+    graph.add_edge(0, 1, geometry=LineString(polyline), length=72.5, name="A", oneway=False, reversed=False)
+    graph.add_edge(1, 0, geometry=LineString(polyline[::-1]), length=72.5, name="A", oneway=False, reversed=True)
     return graph
 
 

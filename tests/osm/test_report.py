@@ -171,8 +171,8 @@ def test_the_source_may_be_a_graph(town):
     graph = nx.MultiDiGraph(crs="EPSG:32635")
     for node, x in enumerate((0.0, 30.0, 33.0)):
         graph.add_node(node, x=5e5 + x, y=6e6)
-    bend = LineString([(5e5, 6e6), (5e5 + 15, 6e6 + 9), (5e5 + 30, 6e6)])
-    graph.add_edge(0, 1, geometry=bend, length=35.5)
+    polyline = LineString([(5e5, 6e6), (5e5 + 15, 6e6 + 9), (5e5 + 30, 6e6)])
+    graph.add_edge(0, 1, geometry=polyline, length=35.5)
     graph.add_edge(1, 2, length=3.2)
     cut = gamms.osm.process_osm_graph(graph)
     assert report(cut, graph).is_faithful

@@ -43,11 +43,11 @@ def columns(lines):
     return offsets_of(np.array([len(one) for one in lines])), np.array([p for one in lines for p in one], float)
 
 
-def network(xy, roads, lengths=None, bends=None):
+def network(xy, roads, lengths=None, polylines=None):
     ends = np.array(roads).reshape(-1, 2)
     lengths = np.array(lengths if lengths is not None else [math.dist(xy[a], xy[b]) for a, b in roads], float)
-    bends = {road: np.array(points, float) for road, points in (bends or {}).items()}
-    return network_of_lines(np.array(xy, float), (ends[:, 0], ends[:, 1]), bends, lengths, [{}] * len(roads), None)
+    polylines = {road: np.array(points, float) for road, points in (polylines or {}).items()}
+    return network_of_lines(np.array(xy, float), (ends[:, 0], ends[:, 1]), polylines, lengths, [{}] * len(roads), None)
 
 
 @settings(deadline=None)

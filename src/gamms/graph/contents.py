@@ -64,7 +64,7 @@ def attribute_bytes(value: Plain, kind: str, name: str) -> bytes:
 
 def checked_columns(
     arrays: dict[str, packing.Array],
-    bends: dict[int, FloatArray],
+    polylines: dict[int, FloatArray],
     attributes: tuple[dict[str, dict[int, Plain]], dict[str, dict[int, Plain]]],
     crs: str | None,
 ) -> GraphColumns:
@@ -72,7 +72,7 @@ def checked_columns(
 
     Args:
         arrays: `node_ids`, `xy`, `edge_ids`, `sources` and `targets` (node rows), `lengths`.
-        bends: edge row -> (points, 2).
+        polylines: edge row -> (points, 2).
         attributes: of nodes and of edges, name -> row -> value.
         crs: the coordinate reference system.
 
@@ -97,8 +97,8 @@ def checked_columns(
             raise BadFile(f"an id is there twice: {error}") from error
     _check_rows(arrays["sources"], nodes, "source")
     _check_rows(arrays["targets"], nodes, "target")
-    _check_rows(np.array(list(bends), np.int64), edges, "polyline")
-    for values in (arrays["xy"], arrays["lengths"], *bends.values()):
+    _check_rows(np.array(list(polylines), np.int64), edges, "polyline")
+    for values in (arrays["xy"], arrays["lengths"], *polylines.values()):
         if not np.isfinite(values).all():
             raise BadFile("a coordinate or length is not finite")
     if edges and float(arrays["lengths"].min()) < 0.0:
@@ -111,7 +111,7 @@ def checked_columns(
         **arrays,
         offsets=offsets,
         out_edges=out_edges,
-        bends=bends,
+        polylines=polylines,
         node_attributes=attributes[0],
         edge_attributes=attributes[1],
         revision=0,

@@ -105,7 +105,7 @@ def decode(data: bytes) -> Contents:
         arrays, others = ({name: _array_of(state, name) for name in names} for names in (_GRAPH, _OTHERS))
         attributes = _attributes_of(state["node_attributes"]), _attributes_of(state["edge_attributes"])
         crs, attribution = (records.as_text(state[key], key) for key in ("crs", "attribution"))
-        graph = checked_columns(arrays, _bends_of(others), attributes, crs)
+        graph = checked_columns(arrays, _polylines_of(others), attributes, crs)
         return Contents(graph, list(_faces_of(others)), attribution)
     except BadFile:
         raise
@@ -134,13 +134,13 @@ def _checked_body(data: bytes) -> bytes:
 
 def _arrays_of(contents: Contents) -> dict[str, packing.Array]:
     graph, faces = contents.columns, contents.faces
-    rows = sorted(graph.bends)
-    bends = [graph.bends[row] for row in rows]
+    rows = sorted(graph.polylines)
+    polylines = [graph.polylines[row] for row in rows]
     return {
         **{name: getattr(graph, name) for name in _GRAPH},
         "bend_rows": np.array(rows, np.int64),
-        "bend_sizes": np.array([len(bend) for bend in bends], np.int64),
-        "bend_points": np.concatenate([np.zeros((0, 2)), *bends]),
+        "bend_sizes": np.array([len(polyline) for polyline in polylines], np.int64),
+        "bend_points": np.concatenate([np.zeros((0, 2)), *polylines]),
         "face_ids": np.array([face.id for face in faces], np.int64),
         "face_types": np.array([face.type for face in faces], np.int64),
         "face_corners": np.array([face[1:5] for face in faces], np.float64).reshape(-1, 12),
@@ -180,7 +180,7 @@ def _attributes_of(columns: Plain) -> _Attributes:
     return found
 
 
-def _bends_of(columns: dict[str, packing.Array]) -> dict[int, FloatArray]:
+def _polylines_of(columns: dict[str, packing.Array]) -> dict[int, FloatArray]:
     rows, sizes, points = (columns[name] for name in ("bend_rows", "bend_sizes", "bend_points"))
     if len(rows) != len(sizes) or len(np.unique(rows)) < len(rows) or (len(sizes) and int(sizes.min()) < 2):
         raise BadFile("the polylines are damaged")
@@ -190,8 +190,8 @@ def _bends_of(columns: dict[str, packing.Array]) -> dict[int, FloatArray]:
     if (int(ends[-1]) if len(ends) else 0) != len(points):
         raise BadFile("the polylines are damaged")
     points.setflags(write=False)
-    bends = zip(rows.tolist(), (ends - sizes).tolist(), ends.tolist(), strict=True)
-    return {row: points[first:end] for row, first, end in bends}
+    polylines = zip(rows.tolist(), (ends - sizes).tolist(), ends.tolist(), strict=True)
+    return {row: points[first:end] for row, first, end in polylines}
 
 
 def _faces_of(columns: dict[str, packing.Array]) -> Iterable[ObsFace]:

@@ -121,13 +121,13 @@ class Graph(Guarded, IGraph):
         store, edges = self._store, self._store.edges
         if edges.index.row(id) >= 0:
             raise DuplicateId("an edge", id)
-        bend, given = None, None
+        polyline, given = None, None
         if len(edge_data) > 4:
-            bend = records.bend_of(edge_data.get("linestring"), id, self._straight(source, target))
+            polyline = records.polyline_of(edge_data.get("linestring"), id, self._straight(source, target))
             given = records.extras(edge_data, records.EDGE_KEYS)
         row = edges.append(id, source, target, length)
-        if bend is not None:
-            edges.bends[row] = bend
+        if polyline is not None:
+            edges.polylines[row] = polyline
         if given:
             edges.set_attributes(row, given)
         if store.indexes.is_built:
@@ -180,14 +180,14 @@ class Graph(Guarded, IGraph):
         ends = self._end_rows(full, id)
         length = records.as_length(full["length"], id)
         given = records.extras(edge_data, records.EDGE_KEYS)
-        bend = records.bend_of(full.get("linestring"), id, self._straight(*ends))
+        polyline = records.polyline_of(full.get("linestring"), id, self._straight(*ends))
         edges.own()
         edges.lengths[row] = length
         edges.sources[row], edges.targets[row] = ends
         if "linestring" in edge_data or ends != old_ends:  # an old polyline does not lead to a new end
-            edges.bends.pop(row, None)
-        if bend is not None:
-            edges.bends[row] = bend
+            edges.polylines.pop(row, None)
+        if polyline is not None:
+            edges.polylines[row] = polyline
         edges.set_attributes(row, given)
         self._store.indexes.edge_changed(row, old_ends, ends)
         self._store.revision += 1

@@ -198,10 +198,10 @@ def edge_values(
     ids = nodes.array("ids")
     first: list[Any] = take_nodes(sources)
     last: list[Any] = take_nodes(targets)
-    if edges.bends:
+    if edges.polylines:
         for i, row in enumerate(rows.tolist()):
-            if (bend := edges.bends.get(row)) is not None:
-                first[i], last[i] = tuple(bend.ravel().tolist()), None
+            if (polyline := edges.polylines.get(row)) is not None:
+                first[i], last[i] = tuple(polyline.ravel().tolist()), None
     fields = (edges.array("ids")[rows].tolist(), ids[sources].tolist(), ids[targets].tolist())
     return list(map(_edge, zip(*fields, edges.array("lengths")[rows].tolist(), first, last, strict=True)))
 

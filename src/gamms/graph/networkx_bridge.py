@@ -71,7 +71,7 @@ def export(columns: GraphColumns, attribution: str | None) -> "nx.MultiDiGraph[i
 
 def _lines(columns: GraphColumns) -> "list[LineString]":
     pairs = np.stack((columns.xy[columns.sources], columns.xy[columns.targets]), axis=1)
-    shapes = [columns.bends.get(row, pair) for row, pair in enumerate(pairs)]
+    shapes = [columns.polylines.get(row, pair) for row, pair in enumerate(pairs)]
     rows = np.repeat(np.arange(len(shapes)), [len(shape) for shape in shapes])
     return geometry.line_strings(np.concatenate([np.zeros((0, 2)), *shapes]), rows)
 
@@ -144,7 +144,9 @@ class _Import:
         ends = np.array([[row_of[u] for u, _, _ in self.edges], [row_of[v] for _, v, _ in self.edges]], np.int64)
         shapes = ((data.get("linestring"), data.get("geometry")) for data in self.edge_data)
         given = {i: b if a is None else a for i, (a, b) in enumerate(shapes) if a is not None or b is not None}
-        bends = _bends(geometry.polylines_of(given, lambda i: f"The linestring of edge {self.edge_ids[i]}"), xy[ends.T])
+        polylines = _not_straight(
+            geometry.polylines_of(given, lambda i: f"The linestring of edge {self.edge_ids[i]}"), xy[ends.T]
+        )
         node_attributes = _by_name(self.node_data, _NODE_COLUMNS)
         others = {row: label for row, label in enumerate(self.id_of) if _as_label_id(label) is None}
         if others:
@@ -156,10 +158,10 @@ class _Import:
             edge_ids=self.edge_ids,
             sources=ends[0],
             targets=ends[1],
-            lengths=self._lengths(bends, np.hypot(*(xy[ends[1]] - xy[ends[0]]).T)),
+            lengths=self._lengths(polylines, np.hypot(*(xy[ends[1]] - xy[ends[0]]).T)),
             offsets=offsets,
             out_edges=out_edges,
-            bends=bends,
+            polylines=polylines,
             node_attributes=node_attributes,
             edge_attributes=_by_name(self.edge_data, _EDGE_COLUMNS),
             revision=0,
@@ -173,7 +175,7 @@ class _Import:
         ids = self.id_of.values()
         return np.array([records.as_coordinate(one, axis, id) for id, one in zip(ids, given, strict=True)], np.float64)
 
-    def _lengths(self, bends: dict[int, FloatArray], straight: FloatArray) -> FloatArray:
+    def _lengths(self, polylines: dict[int, FloatArray], straight: FloatArray) -> FloatArray:
         """Every edge's length: the one given, or else that of its polyline or of the straight line."""
         given = [data.get("length") for data in self.edge_data]
         if set(map(type, given)) <= {float}:
@@ -182,12 +184,12 @@ class _Import:
                 return lengths
         for i, length in enumerate(given):
             if length is None:
-                given[i] = float(np.hypot(*np.diff(bends[i], axis=0).T).sum() if i in bends else straight[i])
+                given[i] = float(np.hypot(*np.diff(polylines[i], axis=0).T).sum() if i in polylines else straight[i])
         ids = self.edge_ids.tolist()
         return np.array([records.as_length(length, id) for length, id in zip(given, ids, strict=True)], np.float64)
 
 
-def _bends(shapes: dict[int, FloatArray], ends: FloatArray) -> dict[int, FloatArray]:
+def _not_straight(shapes: dict[int, FloatArray], ends: FloatArray) -> dict[int, FloatArray]:
     """Return the polylines that are more than the straight line between the ends (edges, 2, 2) of their edge."""
     pairs = [i for i, shape in shapes.items() if len(shape) == 2]
     if pairs:

@@ -57,7 +57,7 @@ def as_length(value: object, id: int) -> float:
     return length
 
 
-def bend_of(linestring: object, id: int, ends: Sequence[float]) -> FloatArray | None:
+def polyline_of(linestring: object, id: int, ends: Sequence[float]) -> FloatArray | None:
     """Return the polyline (points, 2) of an edge; None when it is the straight line between `ends` (x0, y0, x1, y1).
 
     Raises:

@@ -113,7 +113,7 @@ class GraphStore:
         _add_attributes(nodes.attributes, first, columns.node_attributes)
         ends = {"sources": columns.sources + first, "targets": columns.targets + first}
         first = edges.extend(columns.edge_ids, lengths=columns.lengths, **ends)
-        edges.bends.update({first + row: bend for row, bend in columns.bends.items()})
+        edges.polylines.update({first + row: polyline for row, polyline in columns.polylines.items()})
         _add_attributes(edges.attributes, first, columns.edge_attributes)
         self.crs, self.attribution = columns.crs or self.crs, attribution or self.attribution
         self.rows_added()
@@ -227,7 +227,7 @@ class GraphStore:
             lengths=edges.frozen("lengths"),
             offsets=offsets,
             out_edges=out_edges,
-            bends=dict(edges.bends),
+            polylines=dict(edges.polylines),
             node_attributes={name: dict(values) for name, values in nodes.attributes.items() if values},
             edge_attributes={name: dict(values) for name, values in edges.attributes.items() if values},
             revision=self.revision,

@@ -308,7 +308,7 @@ class EdgeTable(Table):
 
     def __init__(self) -> None:
         super().__init__()
-        self.bends: dict[int, FloatArray] = {}  # row -> (points, 2), for the edges that are not straight
+        self.polylines: dict[int, FloatArray] = {}  # row -> (points, 2), for the edges that are not straight
 
     def append(self, id: int, source: int, target: int, length: float) -> int:
         """Add an edge whose id is not there; returns its row."""
@@ -327,12 +327,12 @@ class EdgeTable(Table):
     def remove(self, row: int) -> None:
         """Make a living row a dead one."""
         super().remove(row)
-        self.bends.pop(row, None)
+        self.polylines.pop(row, None)
 
     def compact(self) -> IntArray:
         """Drop the dead rows; returns the new row (rows,) of each old one, -1 for a dead one."""
         moved = super().compact()
-        self.bends = {int(moved[row]): bend for row, bend in self.bends.items()}
+        self.polylines = {int(moved[row]): polyline for row, polyline in self.polylines.items()}
         return moved
 
     def rename_ends(self, moved: IntArray) -> None:

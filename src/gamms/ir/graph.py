@@ -26,7 +26,7 @@ class GraphColumns:
     lengths: FloatArray  # (edges,)
     offsets: IntArray  # (nodes + 1,)
     out_edges: IntArray  # (edges,)  edge rows, grouped by source
-    bends: Mapping[int, FloatArray]  # edge row -> (points, 2), for the edges that are not straight
+    polylines: Mapping[int, FloatArray]  # edge row -> (points, 2), for the edges that are not straight
     node_attributes: Mapping[str, Mapping[int, Any]]  # name -> node row -> value
     edge_attributes: Mapping[str, Mapping[int, Any]]  # name -> edge row -> value
     revision: int

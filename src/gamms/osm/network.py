@@ -143,17 +143,19 @@ def network_of_segments(segments: Segments, tags: Sequence[Mapping[str, Any]]) -
 def network_of_lines(
     xy: FloatArray,
     ends: tuple[IntArray, IntArray],
-    bends: Mapping[int, FloatArray],
+    polylines: Mapping[int, FloatArray],
     lengths: FloatArray,
     tags: Sequence[Mapping[str, Any]],
     crs: str | None,
 ) -> RoadNetwork:
-    """Return a network of one-way roads from its parts; road `i` has the vertices `bends[i]`, or is straight.
+    """Return a network of one-way roads from its parts; road `i` has the vertices `polylines[i]`, or is straight.
 
     Nothing is measured or projected: a length may still be NaN, and a polyline may miss its nodes.
     """
     sources, targets = ends
-    lines = [bends[road] if road in bends else xy[[a, b]] for road, (a, b) in enumerate(zip(*ends, strict=True))]
+    lines = [
+        polylines[road] if road in polylines else xy[[a, b]] for road, (a, b) in enumerate(zip(*ends, strict=True))
+    ]
     return RoadNetwork(
         xy=xy,
         sources=sources,
@@ -227,7 +229,7 @@ def network_of_columns(columns: GraphColumns) -> RoadNetwork:
     """Return one road per edge: one-way where its attribute `oneway` is true, two-way otherwise."""
     tags = _tags_of_edges(columns)
     ends = (columns.sources, columns.targets)
-    roads = network_of_lines(columns.xy, ends, columns.bends, columns.lengths, tags, columns.crs)
+    roads = network_of_lines(columns.xy, ends, columns.polylines, columns.lengths, tags, columns.crs)
     two_way = np.fromiter((not of_edge.get("oneway", False) for of_edge in tags), np.bool_, len(tags))
     return connected(replace(roads, two_way=two_way))
 

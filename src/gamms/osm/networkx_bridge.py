@@ -91,8 +91,8 @@ def network_of_graph(graph: "nx.Graph[Any]") -> RoadNetwork:
     tags = [{name: value for name, value in data.items() if name not in _OWN} for _, _, data in edges]
     shapes = {road: data.get("geometry", data.get("linestring")) for road, (_, _, data) in enumerate(edges)}
     given = {road: shape for road, shape in shapes.items() if shape is not None}
-    bends = polylines_of(given, lambda road: f"The geometry of edge ({edges[road][0]!r}, {edges[road][1]!r})")
-    return network_of_lines(xy, (sources, targets), _oriented(bends, xy, sources, targets), lengths, tags, None)
+    polylines = polylines_of(given, lambda road: f"The geometry of edge ({edges[road][0]!r}, {edges[road][1]!r})")
+    return network_of_lines(xy, (sources, targets), _oriented(polylines, xy, sources, targets), lengths, tags, None)
 
 
 def _numbers(network: RoadNetwork) -> tuple[IntArray, IntArray]:
@@ -143,14 +143,14 @@ def _length(u: object, v: object, data: Mapping[str, Any]) -> float:
 
 
 def _oriented(
-    bends: dict[int, FloatArray], xy: FloatArray, sources: IntArray, targets: IntArray
+    polylines: dict[int, FloatArray], xy: FloatArray, sources: IntArray, targets: IntArray
 ) -> dict[int, FloatArray]:
     """Let every polyline begin at its source: an undirected graph may store the geometry of (u, v) from v to u."""
-    if not bends:
-        return bends
-    roads = np.fromiter(bends, np.int64, len(bends))
-    first, last = (np.array([bend[end] for bend in bends.values()]) for end in (0, -1))
+    if not polylines:
+        return polylines
+    roads = np.fromiter(polylines, np.int64, len(polylines))
+    first, last = (np.array([polyline[end] for polyline in polylines.values()]) for end in (0, -1))
     start, end = xy[sources[roads]], xy[targets[roads]]
     along = np.hypot(*(first - start).T) + np.hypot(*(last - end).T)
     against = np.hypot(*(first - end).T) + np.hypot(*(last - start).T)
-    return {**bends, **{road: bends[road][::-1] for road in roads[against < along].tolist()}}
+    return {**polylines, **{road: polylines[road][::-1] for road in roads[against < along].tolist()}}

@@ -130,7 +130,7 @@ class Chains(NamedTuple):
 def consolidate(network: RoadNetwork, tolerance: float) -> RoadNetwork:
     """Merge junctions that a road of at most twice the tolerance joins; no junction grows wider than three.
 
-    A junction is where three or more roads end: bends and dead ends stay where they are. The new node is the
+    A junction is where three or more roads end: vertices between and dead ends stay where they are. The new node is the
     mean of the old junctions. Roads inside it disappear; the others end at the new node instead of the old one,
     and are as long as they are drawn. `merged` of the result says how many metres are gone in all. A bridge and
     the road below it are near each other and not joined: they stay apart. Vertices at one place with a road of
@@ -144,7 +144,7 @@ def consolidate(network: RoadNetwork, tolerance: float) -> RoadNetwork:
     inner = one[chains.of_road]
     if not inner.any():
         return network
-    # The bends of an inner road go with it: they have no other road.
+    # The vertices of an inner road go with it: they have no other road.
     ends = np.concatenate((network.sources[inner], network.targets[inner]))
     label[ends] = np.tile(label[chains.ends[chains.of_road[inner], 0]], 2)
     return _contracted(network, label, inner, degrees(network) > 2)

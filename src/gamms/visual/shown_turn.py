@@ -165,7 +165,7 @@ class Motion:
     def _bends(self, ends: IntArray) -> dict[int, FloatArray]:
         """Return the polylines of the first edges between nodes, for the steps (steps, 2) that have one."""
         columns = self._ctx.graph.columns()
-        if not columns.bends:
+        if not columns.polylines:
             return {}
         rows = np.flatnonzero((ends >= 0).all(axis=1))
         begin = ends[rows, 0]
@@ -173,7 +173,7 @@ class Motion:
         edges = columns.out_edges[place]
         is_taken = columns.targets[edges] == ends[rows[step], 1]
         first = dict(zip(rows[step[is_taken]][::-1].tolist(), edges[is_taken][::-1].tolist(), strict=True))
-        return {row: columns.bends[edge] for row, edge in sorted(first.items()) if edge in columns.bends}
+        return {row: columns.polylines[edge] for row, edge in sorted(first.items()) if edge in columns.polylines}
 
 
 def _step(agent: IAgent) -> tuple[Any, Any]:

@@ -58,7 +58,7 @@ def usual(lengths: FloatArray) -> float:
 def polylines(columns: GraphColumns, rows: IntArray) -> tuple[FloatArray, IntArray]:
     """Return the points (points, 2) and offsets (rows + 1,) of the edges in `rows`."""
     is_bent = ~_is_straight(columns)[rows]
-    bends = [columns.bends[row] for row in rows[is_bent].tolist()]
+    bends = [columns.polylines[row] for row in rows[is_bent].tolist()]
     counts = np.full(len(rows), 2, np.int64)
     counts[is_bent] = [len(bend) for bend in bends]
     offsets = np.concatenate(([0], np.cumsum(counts)))
@@ -77,15 +77,15 @@ def one_way_each(columns: GraphColumns) -> IntArray:
     high = np.maximum(columns.sources[straight], columns.targets[straight])
     _, first = np.unique(low * len(columns.node_ids) + high, return_index=True)
     seen: dict[bytes, int] = {}
-    for row in sorted(columns.bends):
-        seen.setdefault(_undirected(columns.bends[row]), row)
+    for row in sorted(columns.polylines):
+        seen.setdefault(_undirected(columns.polylines[row]), row)
     return np.sort(np.concatenate([straight[first], np.fromiter(seen.values(), np.int64, len(seen))]))
 
 
 def _is_straight(columns: GraphColumns) -> BoolArray:
     """Return which edges, (edges,), have no polyline."""
     is_straight = np.ones(len(columns.edge_ids), bool)
-    is_straight[list(columns.bends)] = False
+    is_straight[list(columns.polylines)] = False
     return is_straight
 
 
