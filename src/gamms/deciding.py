@@ -51,7 +51,7 @@ class DecidePhase:
         return DecidePhase()
 
     def decide_in_this_task(self, agent: Any) -> None:
-        """Let this asyncio task, and those that it starts, decide for an agent or `Deciders` in this phase."""
+        """Set for which agent or `Deciders` this asyncio task and those that it starts decide."""
         _of_task.set((self, agent))
 
     def names(self) -> tuple[str, ...]:

@@ -4,7 +4,7 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from gamms.game.memory import merged
+from gamms.game.decisions import merged_memory as merged
 
 
 def test_a_memory_is_an_agents_own_and_lasts(ctx):

@@ -81,7 +81,7 @@ async def _collected(
         if late:
             ended, _ = await asyncio.wait(late, timeout=_GRACE_S)
             for task in ended:
-                _outcome(task)  # or asyncio would log that nobody has asked for it
+                _outcome(task)  # or asyncio would log an error that was never retrieved
 
 
 async def _decided(phase: DecidePhase, decider: Any, awaitable: Awaitable[Any]) -> Any:

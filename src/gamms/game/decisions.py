@@ -1,13 +1,13 @@
 """What is decided in one turn: by strategies, by plans of teams, and by those of both that are awaited."""
 
 from collections.abc import Callable
+from copy import deepcopy
 from operator import itemgetter
 from time import perf_counter
 from typing import TYPE_CHECKING, Any, NamedTuple
 
 from gamms.deciding import DecidePhase
 from gamms.errors import BadType, GammsError
-from gamms.game import memory
 from gamms.game.deciders import TeamArrays
 from gamms.game.legality import IllegalAction, Legality, ResolvedAction
 from gamms.game.order import AgentSlot, Commanded
@@ -20,7 +20,9 @@ if TYPE_CHECKING:
     from gamms.game.awaiting import EventLoop
 
 State = dict[str, Any]  # of an agent
+Writes = list[tuple[str, dict[str, Any]]]  # (agent, what it made of its copy), in the order of the names
 
+_PLAIN = (str, bytes, int, float, bool, type(None))
 _COUNT_OF = {"error": "errors", "overrun": "overruns"}  # kind of error -> the count that it is in
 
 
@@ -55,7 +57,7 @@ class Decisions:
 
     Attributes:
         ends: the node that each agent goes to, by slot.
-        actions: what those do who do not just go to a node, by slot.
+        actions: what agents do that not only go to a node, by slot.
     """
 
     def __init__(
@@ -79,21 +81,21 @@ class Decisions:
     # -- asking -------------------------------------------------------------------------------------------------
 
     def ask(self, i: int, state: State) -> None:
-        """Let an agent of any kind decide from its state."""
+        """Ask the strategy of an agent of any kind."""
         slot = self._slots[i]
         slot.last[0] = state
         if slot.agent.strategy is not None:
             self._put(self._question(i, state))
 
     def ask_plan(self, commanded: Commanded, states: list[State]) -> None:
-        """Let the plan of a team decide from the states of its agents."""
+        """Ask the plan of a team, with the states of its agents."""
         slots = [self._slots[i] for i in commanded.indices]
         for slot, state in zip(slots, states, strict=True):
             slot.last[0] = state
         self._put_plan(commanded, {slot.name: state for slot, state in zip(slots, states, strict=True)})
 
     def ask_arrays(self, commanded: Commanded, seed: int, facts: Any) -> None:
-        """Let the plan of a team decide from arrays.
+        """Ask the plan of a team, with arrays.
 
         Raises:
             BadType: one of its agents flies.
@@ -107,7 +109,7 @@ class Decisions:
         nodes = [self._starts[i] for i in commanded.indices]
         reachable, is_any = self._legality.reachable, self._settings.legal == "any"
         legal = None if is_any else [reachable(self._slots[i], self._starts[i]) for i in commanded.indices]
-        known = memory.copied(self._state.team_memories.get(commanded.team, {}))
+        known = memory_copy(self._state.team_memories.get(commanded.team, {}))
         names = commanded.deciders.names
         given = TeamArrays(commanded.team, self._state.turn, seed, names, nodes, legal, facts, known)
         self._put_plan(commanded, given)
@@ -173,7 +175,7 @@ class Decisions:
             self._refuse(i, IllegalAction(f"{by} set no state['action']; legal are {legal}"))
 
     def fail(self, i: int, state: State, error: Exception) -> None:
-        """Let an agent do the default action whose strategy raised; or raise, by the settings."""
+        """Handle what a strategy has raised: raise it, or take the default action, by the settings."""
         if isinstance(error, KeyError) and "action" not in state and error.args == ("action",):
             self.take(i, state)  # not the strategy's error: it has set no action
             self._note(self._question(i, state))
@@ -247,7 +249,7 @@ class Decisions:
             self.actions[i], self.ends[i] = resolved, resolved.end
 
     def _refuse(self, i: int, error: GammsError) -> None:
-        """Let an agent stay whose action is not legal; or raise, by the settings."""
+        """Handle an action that is not legal: raise the error, or keep the agent where it is, by the settings."""
         if self._settings.on_illegal == "raise":
             name = self._slots[i].name
             raise IllegalAction(f"Agent {shown(name)} in turn {self._state.turn}: {error}") from error
@@ -260,7 +262,7 @@ class Decisions:
         self._miss(question, "error", f"{type(error).__name__}: {error}")
 
     def _miss(self, question: _Question, kind: str, message: str) -> None:
-        """Let agents of which nothing was decided do the default action."""
+        """Take the default action for agents whose strategy or plan has failed."""
         for i, state in zip(question.indices, question.states(), strict=True):
             self._failures.append((i, kind, message))
             self._do_default(i, state)
@@ -298,11 +300,65 @@ class Decisions:
     def _merge_team_memories(self) -> None:
         """Make one memory of what the members of each team have written."""
         shared = self._state.team_memories
-        writes: dict[Any, memory.Writes] = {}
+        writes: dict[Any, Writes] = {}
         for i, copy in sorted(self._written, key=itemgetter(0)):
             slot = self._slots[i]
             writes.setdefault(slot.team, []).append((slot.name, copy if isinstance(copy, dict) else {}))
         for team, copies in writes.items():
             before = shared.get(team, {})
-            if any(memory.differs(copy, before) for _, copy in copies):
-                shared[team] = memory.copied(memory.merged(before, copies))
+            if any(_differs(copy, before) for _, copy in copies):
+                shared[team] = memory_copy(merged_memory(before, copies))
+
+
+def memory_copy(shared: dict[Any, Any]) -> dict[Any, Any]:
+    """Return a copy of a team's memory, which may be written to."""
+    return shared.copy() if all(type(value) in _PLAIN for value in shared.values()) else deepcopy(shared)
+
+
+def merged_memory(before: dict[Any, Any], writes: Writes) -> dict[Any, Any]:
+    """Return what a team remembers after all its agents have written.
+
+    A key that one agent changed has its value. Where several changed it: sets are united; dicts are merged by these
+    rules; lists that begin as the old one did get what each agent appended, in the order of the names; of anything
+    else the value of the last name counts. A key is gone if all who changed it removed it.
+    """
+    after = {}
+    keys = dict.fromkeys([*before, *(key for _, copy in writes for key in copy)])
+    for key in keys:
+        old = before.get(key, _NOTHING)
+        new = [copy.get(key, _NOTHING) for _, copy in writes]
+        changed = [value for value in new if _differs(value, old)]
+        value = _one_of(old, [value for value in changed if value is not _NOTHING]) if changed else old
+        if value is not _NOTHING:
+            after[key] = value
+    return after
+
+
+def _differs(value: Any, other: Any) -> bool:
+    """Return whether two values differ; what cannot be compared does."""
+    if value is other:
+        return False
+    try:
+        return bool(value != other)
+    except (TypeError, ValueError):  # arrays, for example
+        return True
+
+
+class _Nothing:
+    """Stands for a key that is not there."""
+
+
+_NOTHING = _Nothing()
+
+
+def _one_of(old: Any, values: list[Any]) -> Any:
+    if len(values) < 2:
+        return values[0] if values else _NOTHING
+    if all(isinstance(value, (set, frozenset)) for value in values):
+        return set().union(*values)
+    if all(isinstance(value, dict) for value in values):
+        return merged_memory(old if isinstance(old, dict) else {}, [("", value) for value in values])
+    start = old if isinstance(old, list) else []
+    if all(isinstance(value, list) and value[: len(start)] == start for value in values):
+        return [*start, *(one for value in values for one in value[len(start) :])]
+    return values[-1]

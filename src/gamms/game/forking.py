@@ -59,7 +59,7 @@ def _copy_state(source: GameState, target: GameState, memo: Memo) -> None:
 
 
 def _renew_states(target: SnapshotTaker) -> None:
-    """Let the last states of agents hold the memories and the random numbers of the fork."""
+    """Put the memories and the random numbers of the fork into the last states of its agents."""
     slots = {slot.name: slot for slot in target.turns.order().slots}
     for name, agent in target.ctx.agent.agents.items():
         state, slot = agent.state, slots.get(name)

@@ -99,7 +99,7 @@ class Game(Settings):
 
         Args:
             rule: called with the context; rules are called in the order in which they were added.
-            phase: "after" everybody has moved, or "before" anybody observes.
+            phase: "after" all agents have moved, or "before" any observes.
             name: of the rule, for `rules`, `remove` and errors; None: that of the function, with a number where it is
                 taken.
 
@@ -136,7 +136,7 @@ class Game(Settings):
     def command(self, team: Any, plan: ArrayPlan | None, *, arrays: Literal[True]) -> None: ...
     @refused_while_deciding
     def command(self, team: Any, plan: Any, *, arrays: bool = False) -> None:
-        """Let one function decide for all agents of a team, instead of their strategies; None: their strategies do.
+        """Set the function that decides for all agents of a team instead of their strategies; None removes it.
 
         It is called once in every turn, and may be an `async def`. Like a strategy, it changes nothing but what it is
         given.
@@ -157,7 +157,7 @@ class Game(Settings):
 
     @refused_while_deciding
     def publish(self, **facts: Any) -> None:
-        """Tell every strategy something: it is in `state["facts"]`, read-only all the way down."""
+        """Publish facts to all strategies: they are in `state["facts"]`, read-only all the way down."""
         self._state.facts.update([(name, published(name, value)) for name, value in facts.items()])
 
     @refused_while_deciding
@@ -191,7 +191,7 @@ class Game(Settings):
 
     @property
     def over(self) -> dict[str, Any] | None:
-        """Why the game is over, who has won, and whether time was up; None while it goes on."""
+        """The reason of the end, the winner, and whether time was up; None while the game goes on."""
         over = self._state.over
         return None if over is None else self._phase.shown(dict(over))
 
@@ -279,7 +279,7 @@ class Game(Settings):
         return self.result()
 
     def result(self) -> Result:
-        """What has come of the game so far."""
+        """Return the result of the game so far."""
         state = self._state
         self._turns.update_counts()
         over = state.over or {"reason": self._reason_so_far(), "winner": None, "truncated": True}
@@ -298,7 +298,7 @@ class Game(Settings):
         )
 
     def _reason_so_far(self) -> str:
-        """Why no more turns were played of a game that no rule has ended."""
+        """Return why no more turns were played of a game that no rule has ended."""
         if self._internals.is_time_up:
             return "max_turns"
         return "closed" if self.ctx.is_terminated() else "unfinished"
@@ -405,7 +405,7 @@ class Game(Settings):
         return {} if moves is None else self._phase.shown(moves.by_name())
 
     def tracks(self, agents: Iterable[Any]) -> list[Track]:
-        """How agents came to where they are in this turn: for each, the nodes and from 0 to 1 when it was at each.
+        """Return how agents have moved in this turn: for each, the nodes and from 0 to 1 when it was at each.
 
         An agent that stayed is at its node from 0 on. One that was put elsewhere since its move, or flew, is there
         only at 1.
@@ -418,7 +418,7 @@ class Game(Settings):
 
     @refused_while_deciding
     def observation(self, agent: Any) -> dict[str, Any]:
-        """What an agent on the move, or the one of that name, would be told now: a state as its strategy gets it.
+        """Return the state that the strategy of a living agent, or of the one of that name, would get now.
 
         Its sensors are asked for it.
 
@@ -446,7 +446,7 @@ class Game(Settings):
 
     @refused_while_deciding
     def eliminate(self, agent: Any) -> None:
-        """Take an agent, or the one of that name, out of the game; who is out already stays so."""
+        """Take an agent, or the one of that name, out of the game; nothing happens if it is out already."""
         one = self._agent(agent)
         if one.alive:
             one.alive = False
@@ -467,7 +467,7 @@ class Game(Settings):
         self.emit("respawned", agent=one.name, node=one.current_node_id)
 
     def start_node(self, agent: Any) -> Any:
-        """The node an agent began on, or (x, y, z) of one that flies."""
+        """Return the node that an agent began on, or (x, y, z) of one that flies."""
         return self._internals.start_of(self._agent(agent))
 
     @property
@@ -490,13 +490,13 @@ class Game(Settings):
             raise SnapshotError(f"A snapshot cannot be {deed} in the middle of a turn: do it between two turns.")
 
     def _reseed(self, seed: int) -> None:
-        """Let every stream follow from a seed, and the context's own go on as at the start with this seed."""
+        """Key every stream by a seed, and continue that of the context as at the start with this seed."""
         start = self._state.start
         self.ctx.reseed(seed, None if start is None else start.rng_of(seed))
         self._restart_streams()
 
     def _begin_with(self, seed: int) -> None:
-        """Let everything follow from another seed, the start too; from the last one again if that cannot be."""
+        """Key everything by another seed, the start too; by the last one again if that fails."""
         if self._internals.draw_start is None:
             self._reseed(seed)
             return
@@ -510,7 +510,7 @@ class Game(Settings):
             raise
 
     def _restart_streams(self) -> None:
-        """Let all draws follow from the seed of the context as it is now."""
+        """Start all draws again from the seed of the context as it is now."""
         self._state.stream_version += 1
         self._global_random.forget()
 
@@ -521,7 +521,7 @@ class Game(Settings):
             self._state.timings["rules"] += perf_counter() - began
 
     def _warn_of_errors(self, errors: list[dict[str, Any]]) -> None:
-        """Say in one line what strategies did wrong."""
+        """Log in one line what strategies did wrong."""
         if errors:
             kinds = ", ".join(f"{number} {kind}" for kind, number in sorted(Counter(e["kind"] for e in errors).items()))
             first = errors[0]

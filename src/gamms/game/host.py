@@ -109,7 +109,7 @@ class GameContext(Protocol):
         """Whether a recording was started and not stopped yet, or is being replayed."""
 
     def reseed(self, seed: int, rng_state: Any = None) -> None:
-        """Let every stream follow from another seed; `rng` continues from a state of it."""
+        """Key every stream by another seed; `rng` continues from a state of it."""
 
     def rng_state(self) -> Any:
         """Return the state of `rng`; None before its first use."""

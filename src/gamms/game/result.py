@@ -26,7 +26,7 @@ class Result:
     Attributes:
         turns: how many were played.
         scores: by whatever the rules keep scores for.
-        winner: whom the rules made the winner; None: nobody.
+        winner: what the rules made the winner; None: no winner.
         reason: why it ended: what a rule said, "max_turns", "closed" (its context ended) or "unfinished".
         truncated: whether it stopped before it was over.
         events: what rules emitted, in order: each with `turn` and `kind`.
@@ -51,12 +51,12 @@ class Result:
     collected: dict[str, dict[str, list[Any]]] = field(default_factory=dict)
 
     def to_dict(self) -> dict[str, Any]:
-        """Plain values, as `save` writes them: keys that are no strings become their text."""
+        """Return plain values, as `save` writes them: keys that are no strings become their text."""
         plain: dict[str, Any] = _plain({name: getattr(self, name) for name in self.__dataclass_fields__})
         return plain
 
     def save(self, path: str | os.PathLike[str]) -> None:
-        """Write it as JSON.
+        """Write the result as JSON.
 
         Raises:
             MissingFolder: there is no such folder.
@@ -67,7 +67,7 @@ class Result:
         write_whole(file, (json.dumps(self.to_dict(), indent=1) + "\n").encode())
 
     def table(self, name: str) -> dict[str, "np.ndarray[Any, Any]"]:
-        """One table as columns of equal length, which pandas and polars take as they are.
+        """Return one table as columns of equal length, which pandas and polars take as they are.
 
         `agents`, `scores`, `errors` and `events` are always there; each kind of event and each collected name is a
         table, too. docs/game.md says which columns they have.
@@ -104,7 +104,7 @@ class Result:
 
 
 def _plain(value: Any) -> Any:
-    """What JSON can hold of a value."""
+    """Return what JSON can hold of a value."""
     if isinstance(value, Mapping):
         return {key if isinstance(key, str) else str(key): _plain(one) for key, one in value.items()}
     if isinstance(value, (list, tuple)):

@@ -119,7 +119,7 @@ def check_phase(phase: object) -> None:
 
 
 def _artist_of(named: NamedRule) -> str | None:
-    """The name of the artist that draws a rule; None if it is not drawn."""
+    """Return the name of the artist that draws a rule; None if it is not drawn."""
     drawer = getattr(named.rule, "drawer", None)
     return None if drawer is None else str(getattr(drawer, "artist", f"rule_{named.name}"))
 
@@ -131,7 +131,7 @@ def _name_of(rule: Any) -> str:
 
 
 def _free_name(name: str, taken: set[str]) -> str:
-    """The name, with the first number that makes it another one than those that are taken."""
+    """Return the name, with the first number that makes it another one than those that are taken."""
     number, free = 1, name
     while free in taken:
         number += 1

@@ -34,7 +34,7 @@ class Settings(Guarded):
         on_illegal: what an action that is not legal, or nonsense, leads to: "stay", counted in the result, or "raise".
         on_error: what a strategy that raises leads to: "raise", or "stay", counted in the result.
         speed_unit: what `agent.speed` of an agent on the ground counts per turn: "edges" or "metres".
-        conflicts: who decides where moves get in each other's way, such as `gamms.rules.Conflicts`; None: nobody.
+        conflicts: what decides where moves conflict, such as `gamms.rules.Conflicts`; None: all moves are made.
         time_budget: seconds that a strategy or a plan may take; what takes longer does not count, and is noted as an
             overrun. None: no bound.
         deadline_s: seconds in a turn for all strategies and plans that are awaited; those that have not ended then are
@@ -68,7 +68,7 @@ class Settings(Guarded):
         self.max_turns = None
 
     def __setattr__(self, name: str, value: Any) -> None:
-        """Set a setting after a look at it.
+        """Set a setting if its value is valid.
 
         Raises:
             BadValue, BadType: it cannot be set to that.
@@ -141,7 +141,7 @@ def _action(_: str, value: Any) -> Any:
 
 
 def as_turns(name: str, value: Any) -> int | None:
-    """A number of turns, or None."""
+    """Return a number of turns, or None."""
     if value is None:
         return None
     turns = as_int(value, name)

@@ -7,8 +7,7 @@ from time import perf_counter
 from typing import TYPE_CHECKING, Any
 
 from gamms.deciding import DecidePhase
-from gamms.game import memory
-from gamms.game.decisions import Decisions
+from gamms.game.decisions import Decisions, memory_copy
 from gamms.game.host import GameContext
 from gamms.game.legality import Legality, ResolvedAction
 from gamms.game.order import AgentSlot, TurnOrder
@@ -92,7 +91,7 @@ class TurnEngine:
         return drawn
 
     def restore(self, drawn: dict[str, tuple[Any, Any]]) -> None:
-        """Let the next turn be played from a state that was restored."""
+        """Continue from a state that was restored."""
         order = self.order() if drawn else self._order
         if order is not None:
             order.restart_counts()
@@ -117,7 +116,7 @@ class TurnEngine:
             state["legal"] = self._legality.reachable(slot, here)
         state["turn"] = self._state.turn
         known = self._state.team_memories.get(slot.team)
-        state["team_memory"] = memory.copied(known) if known else {}
+        state["team_memory"] = memory_copy(known) if known else {}
         return state
 
     def play(self, observers: list[Observer]) -> None:
@@ -140,7 +139,7 @@ class TurnEngine:
         return AgentSlot(agent, access, self._state, self._ctx.seed, self._facts, follows_edges=follows_edges)
 
     def _ask(self, order: TurnOrder, observers: list[Observer]) -> "TurnMoves":
-        """Let all agents observe and decide.
+        """Ask all agents what they do.
 
         No agent sees what others decide: while a strategy runs, nothing can be changed, so what is seen right before an
         agent decides is what all see. Where a sensor may look at more than the world, all observe first.
@@ -171,7 +170,7 @@ class TurnEngine:
         return TurnMoves(order, starts, decisions.ends, decisions.actions)
 
     def _ask_usual(self, order: TurnOrder, starts: list[int], decisions: Decisions) -> None:
-        """Let agents decide one by one, where neither memories of teams nor a time budget count."""
+        """Ask agents one by one, where neither memories of teams nor a time budget count."""
         near, phase, turn = self._ctx.graph.graph.neighborhoods, self._phase, self._state.turn
         ends, note, wait_for = decisions.ends, decisions.note, decisions.wait_for
         for i, agent, template, carried, last in order.usual:
@@ -307,7 +306,7 @@ class TurnMoves:
         return action is not None and action.position not in (None, self.slots[i].agent.prev_position)
 
     def stop(self, names: set[str], among: list[int]) -> None:
-        """Let the agents with these names stay, which are among the slots given."""
+        """Keep the agents with these names where they are; they are among the slots given."""
         for i in among:
             slot = self.slots[i]
             if slot.name in names and self.ends[i] != self.starts[i]:
