@@ -92,7 +92,7 @@ def recorded(ctx: "Context", folder: Path) -> Iterator[Path]:
     folder.mkdir(parents=True, exist_ok=True)
     path = folder / RECORDING
     path.unlink(missing_ok=True)
-    ctx.record.start(path)
+    ctx.record.start(path, drawings=True)
     try:
         yield path
     finally:
