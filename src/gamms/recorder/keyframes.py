@@ -7,6 +7,7 @@ from typing import Any, NamedTuple
 
 import numpy as np
 
+from gamms.ir.agents import ARRAYS as BLOCK_ARRAYS
 from gamms.ir.agents import Progress
 from gamms.ir.events import as_over, set_scores
 from gamms.ir.game_state import GameState
@@ -22,13 +23,7 @@ Columns = dict[str, Any]  # those of `LISTS` and `ARRAYS`
 LISTS = ("names", "teams", "speed", "sensors", "attributes", "strategies")
 ARRAYS: dict[str, tuple[type, tuple[int, ...]]] = {
     "numbers": (np.int64, ()),
-    "kind": (np.int64, ()),
-    "node": (np.int64, ()),
-    "previous": (np.int64, ()),
-    "heading": (np.float64, (2,)),
-    "position": (np.float64, (3,)),
-    "previous_position": (np.float64, (3,)),
-    "quat": (np.float64, (4,)),
+    **BLOCK_ARRAYS,
     "alive": (np.int64, ()),
     "edge_source": (np.int64, ()),
     "edge_target": (np.int64, ()),
