@@ -1,6 +1,6 @@
 """Agents as users hold them: views of one row of a block, with sensors and a strategy."""
 
-from collections.abc import Callable, Iterable, Mapping, Sequence
+from collections.abc import Callable, Hashable, Iterable, Mapping, Sequence
 from math import hypot
 from typing import TYPE_CHECKING, Any, ClassVar
 
@@ -10,6 +10,7 @@ from gamms.deciding import DecidePhase, Guarded, phase_of, refused_while_decidin
 from gamms.errors import BadValue, ContextTerminated, GammsError, MissingKey, UnknownName
 from gamms.ir import events
 from gamms.ir.agents import AgentBlock, Position, Quat
+from gamms.ir.graph import FloatArray
 from gamms.ir.journal import CLOSED
 from gamms.readonly import ReadOnlyMapping
 from gamms.typing import IContext
@@ -25,7 +26,7 @@ from gamms.typing.actions import (
     level_quat,
 )
 from gamms.typing.agent_engine import AgentType, IAerialAgent, IAgent, MaybeNone
-from gamms.typing.game import AerialState, AerialStrategy, AsyncStrategy, State, Strategy
+from gamms.typing.game import AerialState, AerialStrategy, AsyncStrategy, NodeId, State, Strategy
 from gamms.typing.graph_engine import IGraph
 from gamms.typing.sensor_engine import Carried, ISensor, LiveData, SensorType, owner_of, refuse_no_sensor
 
@@ -81,7 +82,7 @@ class BaseAgent(Guarded, IAgent):
         def __getattr__(self, name: str) -> Any:
             """Let type checkers read the attributes that a program has given to an agent."""
 
-    def __setattr__(self, name: str, value: Any) -> None:
+    def __setattr__(self, name: str, value: object) -> None:
         """Set an attribute; refused while a strategy is running."""
         if name[0] != "_":
             self._phase.refuse(f"set agent.{name}")
@@ -109,7 +110,7 @@ class BaseAgent(Guarded, IAgent):
         return self._block.teams[self._row]
 
     @team.setter
-    def team(self, team: Any) -> None:
+    def team(self, team: Hashable) -> None:
         self._set("teams", as_key(team, "A team"))
 
     @property
@@ -261,14 +262,14 @@ class BaseAgent(Guarded, IAgent):
         put(self, "strategy", None)
         return ctx.graph.graph
 
-    def _act(self, action: Any) -> None:
+    def _act(self, action: object) -> None:
         """Do what an action that is no plain node id says."""
         raise NotImplementedError
 
-    def _known(self, node_id: Any) -> int:
+    def _known(self, node_id: object) -> int:
         return known_node(self._ctx.graph.graph, self._block, node_id)
 
-    def _set(self, column: str, value: Any) -> None:
+    def _set(self, column: str, value: object) -> None:
         self._block.set(self._row, column, value)
 
     def _note(self, kind: int, name: str, sensor: ISensor) -> None:
@@ -337,10 +338,10 @@ class Agent(BaseAgent):
 
     _ACTION = "a node id"
 
-    def __init__(self, ctx: IContext, name: str, start_node_id: Any, **kwargs: Any) -> None:
+    def __init__(self, ctx: IContext, name: str, start_node_id: NodeId, **kwargs: object) -> None:
         self._enter(ctx, AgentBlock(ctx.graph.graph), as_name(name, "an agent"), start_node_id, **kwargs)
 
-    def _enter(self, ctx: IContext, block: AgentBlock, name: str, start_node_id: Any, **kwargs: Any) -> None:
+    def _enter(self, ctx: IContext, block: AgentBlock, name: str, start_node_id: object, **kwargs: object) -> None:
         """Become the view of a new row of a block."""
         graph = self._begin(ctx, block, kwargs)
         node = known_node(graph, block, start_node_id)
@@ -365,7 +366,7 @@ class Agent(BaseAgent):
         return self._block.speed[self._row]
 
     @speed.setter
-    def speed(self, speed: Any) -> None:
+    def speed(self, speed: float | None) -> None:
         if speed is not None:
             as_range(speed, f"speed of agent {self.name!r}")
         self._set("speed", speed)
@@ -392,7 +393,7 @@ class Agent(BaseAgent):
     def orientation(self, heading: tuple[float, float] | None) -> None:
         self._set("heading", None if heading is None else as_heading(heading))
 
-    def _act(self, action: Any) -> None:
+    def _act(self, action: object) -> None:
         heading: Any = ()
         if isinstance(action, dict):
             heading = heading_in(action)
@@ -427,7 +428,13 @@ class AerialAgent(BaseAgent, IAerialAgent):
     _ACTION = "a direction (dx, dy, dz)"
 
     def __init__(
-        self, ctx: IContext, name: str, start_node_id: Any, speed: Any, position: Any = None, **kwargs: Any
+        self,
+        ctx: IContext,
+        name: str,
+        start_node_id: NodeId,
+        speed: float,
+        position: Sequence[float] | FloatArray | None = None,
+        **kwargs: object,
     ) -> None:
         block = AgentBlock(ctx.graph.graph)
         self._enter(ctx, block, as_name(name, "an agent"), start_node_id, speed, position, **kwargs)
@@ -437,10 +444,10 @@ class AerialAgent(BaseAgent, IAerialAgent):
         ctx: IContext,
         block: AgentBlock,
         name: str,
-        start_node_id: Any,
-        speed: Any,
-        position: Any = None,
-        **kwargs: Any,
+        start_node_id: object,
+        speed: object,
+        position: object = None,
+        **kwargs: object,
     ) -> None:
         """Become the view of a new row of a block."""
         graph = self._begin(ctx, block, kwargs)
@@ -525,7 +532,7 @@ class AerialAgent(BaseAgent, IAerialAgent):
     def _state_of(self, sensed: dict[str, Any]) -> AerialState:  # type: ignore[override] # as above
         return {"curr_pos": self.position, "quat": self.quat, "sensor": sensed}
 
-    def _act(self, action: Any) -> None:
+    def _act(self, action: object) -> None:
         position, quat = flight(self._block, self._row, action)
         if position is not None:
             self._block.fly(self._row, position)
@@ -539,15 +546,15 @@ class _Attribute:
     def __init__(self, name: str) -> None:
         self._name = name
 
-    def __get__(self, agent: Any, owner: type) -> Any:
+    def __get__(self, agent: BaseAgent | None, owner: type) -> Any:
         if agent is None or self._name not in agent.__dict__:
             raise AttributeError(f"{owner.__name__!r} object has no attribute {self._name!r}")
         return agent._phase.shown(agent.__dict__[self._name])
 
-    def __set__(self, agent: Any, value: Any) -> None:
+    def __set__(self, agent: BaseAgent, value: object) -> None:
         agent.__dict__[self._name] = value
 
-    def __delete__(self, agent: Any) -> None:
+    def __delete__(self, agent: BaseAgent) -> None:
         del agent.__dict__[self._name]
 
 

@@ -51,7 +51,7 @@ class AgentsSnapshot(NamedTuple):
     deleted: list[tuple[BaseAgent, AgentBlock]]  # with blocks of their own
     rows: dict[int, int]  # id() of an agent -> its row
 
-    def place_of(self, agent: Any) -> Any:
+    def place_of(self, agent: BaseAgent) -> Any:
         """Return the node an agent was on, or (x, y, z) of a flyer; where it is now if it came later."""
         row = self.rows.get(id(agent))
         if row is not None:
@@ -438,7 +438,7 @@ def _listed(sensors: Any) -> Any:
     return dict(sensors) if isinstance(sensors, Mapping) else list(sensors)
 
 
-def _as_type(given: Any) -> AgentType | None:
+def _as_type(given: object) -> AgentType | None:
     """Return a type that is given as a member, by name or by number; None if it is no type."""
     if isinstance(given, str):
         return AgentType.__members__.get(given.upper())

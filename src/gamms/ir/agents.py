@@ -1,6 +1,6 @@
 """Agents as rows of columns: `AgentBlock`, which owns every change of them, and the change logs that others read."""
 
-from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
+from collections.abc import Callable, Hashable, Iterable, Iterator, Mapping, Sequence
 from contextlib import contextmanager
 from operator import itemgetter
 from typing import Any, NamedTuple, Protocol
@@ -191,7 +191,7 @@ class AgentBlock:
     # -- coming and going ---------------------------------------------------------------------------------------
 
     def add(
-        self, name: str, node: int, team: Any = None, position: Position | None = None, speed: float | None = None
+        self, name: str, node: int, team: Hashable = None, position: Position | None = None, speed: float | None = None
     ) -> int:
         """Add an agent that stands on `node`, or one that flies at `position`; returns its row."""
         row = len(self.names)
@@ -291,7 +291,7 @@ class AgentBlock:
             ids = journal.ids
             journal.log += [number for row, node in zip(rows.rows, nodes, strict=True) for number in (ids[row], node)]
 
-    def set(self, row: int, column: str, value: Any) -> None:
+    def set(self, row: int, column: str, value: object) -> None:
         """Set the value of an agent in one of the columns that have an event of their own: `COLUMN_EVENTS`."""
         journal = self.journal
         if journal is CLOSED:
@@ -307,7 +307,7 @@ class AgentBlock:
             self.set_progress(row, None)
         if not journal.is_silent:
             kind, key = COLUMN_EVENTS[column]
-            plain = list(value) if column == "heading" and value is not None else value
+            plain = list(value) if column == "heading" and isinstance(value, tuple) else value
             journal.note(kind, {"agent_name": self.names[row], key: plain})
 
     def set_progress(self, row: int, progress: Progress | None) -> None:
@@ -355,7 +355,7 @@ class AgentBlock:
         if self.kind[row]:
             self._unlocated.add(row)
 
-    def _put(self, row: int, name: str, value: Any) -> None:
+    def _put(self, row: int, name: str, value: object) -> None:
         column = getattr(self, name)
         column[row] = np.nan if value is None and isinstance(column, np.ndarray) else value
 

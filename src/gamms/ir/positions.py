@@ -12,7 +12,7 @@ from gamms.ir.graph import FloatArray, IntArray
 _FEW = 8  # where fewer than one row in so many has changed, arrays are copied and changed instead of made again
 
 
-def _frozen(values: Any, kind: type) -> Any:
+def _frozen(values: object, kind: type) -> Any:
     """Return a read-only array of what a column holds."""
     array: np.ndarray[Any, Any] = np.array(values, kind)
     array.setflags(write=False)

@@ -1,7 +1,8 @@
 """Checks of what callers pass for nodes, headings, positions and quaternions, before anything is written."""
 
+from collections.abc import Iterable
 from math import hypot, isfinite
-from typing import Any
+from typing import Any, cast
 
 import numpy as np
 
@@ -13,7 +14,7 @@ from gamms.text import shown
 from gamms.typing.graph_engine import IGraph
 
 
-def as_node(value: Any) -> int:
+def as_node(value: object) -> int:
     """Return an action that must be a node id."""
     try:
         return as_int(value, "A node id")
@@ -23,7 +24,7 @@ def as_node(value: Any) -> int:
         ) from None
 
 
-def known_node(graph: IGraph, block: AgentBlock, value: Any) -> int:
+def known_node(graph: IGraph, block: AgentBlock, value: object) -> int:
     """Return the id of a node of the graph; while the block trusts nodes, any integer.
 
     Raises:
@@ -44,19 +45,19 @@ def above(graph: IGraph, node: int, z: float) -> Position:
     return (x, y, z)
 
 
-def as_heading(heading: Any) -> tuple[float, float]:
+def as_heading(heading: object) -> tuple[float, float]:
     """Return `(cos, sin)` of length 1 from a pair of any length."""
     try:
-        x, y = heading
+        x, y = cast("Iterable[object]", heading)
     except (TypeError, ValueError):
         raise BadValue(f"An orientation must be a pair (cos, sin), not {shown(heading)}.") from None
-    x, y = as_float(x, "An orientation"), as_float(y, "An orientation")
-    scale = max(abs(x), abs(y))  # first, so that no square overflows or vanishes
+    cos, sin = as_float(x, "An orientation"), as_float(y, "An orientation")
+    scale = max(abs(cos), abs(sin))  # first, so that no square overflows or vanishes
     if scale == 0.0:
         raise BadValue("An orientation must not be (0, 0). Use None to have none set.")
-    x, y = x / scale, y / scale
-    length = hypot(x, y)
-    return x / length, y / length
+    cos, sin = cos / scale, sin / scale
+    length = hypot(cos, sin)
+    return cos / length, sin / length
 
 
 def heading_in(action: dict[str, Any]) -> Any:
@@ -73,24 +74,24 @@ def heading_in(action: dict[str, Any]) -> Any:
     return None if heading is None else as_heading(heading)
 
 
-def as_position(value: Any) -> Position:
+def as_position(value: object) -> Position:
     """Return `(x, y, z)`, finite."""
     x, y, z = as_numbers(value, "A position", "(x, y, z)")
     return (x, y, z)
 
 
-def as_quat(value: Any) -> Quat:
+def as_quat(value: object) -> Quat:
     """Return `(w, x, y, z)` of length 1 from one of any length; all zeros mean unturned."""
     w, x, y, z = as_numbers(value, "A quat", "(w, x, y, z)")
     return kernels.unit_quaternion((w, x, y, z)) or UNTURNED
 
 
-def level_quat(heading: Any) -> Quat:
+def level_quat(heading: object) -> Quat:
     """Return the quaternion that faces `(cos, sin)`, of any length, without pitch and roll; None: unturned."""
     return UNTURNED if heading is None else kernels.about_z(as_heading(heading))
 
 
-def one_step(position: Position, direction: Any, speed: float) -> Position:
+def one_step(position: Position, direction: object, speed: float) -> Position:
     """Return the position after one step of `speed` map units; a direction of length 0 leaves it."""
     parts = as_numbers(direction, "A direction", "(dx, dy, dz)")
     scale = max(map(abs, parts))
@@ -104,7 +105,7 @@ def one_step(position: Position, direction: Any, speed: float) -> Position:
     return (x, y, z)
 
 
-def flight(block: AgentBlock, row: int, action: Any) -> tuple[Position | None, Quat | None]:
+def flight(block: AgentBlock, row: int, action: object) -> tuple[Position | None, Quat | None]:
     """Return the position and the quaternion after a flyer's action; None for what does not change.
 
     Raises:
@@ -133,5 +134,5 @@ def position_of(block: AgentBlock, row: int) -> Position:
     return position
 
 
-def _ahead(block: AgentBlock, row: int, direction: Any) -> Position:
+def _ahead(block: AgentBlock, row: int, direction: object) -> Position:
     return one_step(position_of(block, row), direction, block.speed[row] or 0.0)
