@@ -525,7 +525,7 @@ READERS = {
         human_input picture position_of save stay_open update""",
     "Artist": "get_artist_type get_drawer get_layer get_render_mode get_visible",
     "Recorder": "component_iter get_component is_component_registered record time",
-    "Components": "component_iter get_component is_component_registered kept since snapshot keyframe",
+    "Components": "component_iter get_component is_component_registered recorded since snapshot keyframe",
 }
 OWN = {"Components": {"begin", "abandon", "assign"}, "Recorder": {"component"}}  # of the program's own objects
 PARTS = {

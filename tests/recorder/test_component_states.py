@@ -14,7 +14,7 @@ from gamms.plain import to_plain
 
 
 def values_of(ctx):
-    found = ctx.record.components.kept()[1]
+    found = ctx.record.components.recorded()[1]
     fields = {
         name: {field: one for field, one in values.items() if field != "name"} for name, (_, values) in found.items()
     }

@@ -19,7 +19,7 @@ _NUMBERS = (int, float)
 _HEAD = 5  # bytes before the items of a list: its type and length
 
 
-class Kept:
+class PlainCopy:
     """The plain part of a dict as it was, for comparing.
 
     Attributes:
@@ -37,7 +37,7 @@ class Kept:
         self._marks = {key: _mark(value) for key, value in now.items()}
 
     def changes(self, now: Mapping[Any, Any]) -> Changes | None:
-        """What has changed since it was asked last; None if nothing has."""
+        """Return what has changed since the last call; None if nothing has."""
         # NOTE: marks are compared first, which costs a fifth, because this is asked of every memory in every turn.
         marks = {key: _mark(value) for key, value in now.items()}
         changed = {key: now[key] for key, mark in marks.items() if mark is None or mark != self._marks.get(key)}
@@ -57,7 +57,7 @@ class Kept:
         return {name: one for name, one in found.items() if one} or None
 
     def _more(self, key: Any, value: Any, mark: bytes | None) -> Any:
-        """What has been added to a list or a set; None if it is not that."""
+        """Return what was added to a list or a set; None if it is not that."""
         if type(value) not in (list, set) or mark is None:
             return None
         known: Any = self.values.get(key)
@@ -136,8 +136,8 @@ class _Items(_Detector):
         found = self.known.changes(value)
         return [] if found is None else [found]
 
-    def _plain(self, value: Mapping[Any, Any]) -> "Kept":
-        return Kept(value)
+    def _plain(self, value: Mapping[Any, Any]) -> "PlainCopy":
+        return PlainCopy(value)
 
 
 class _Facts(_Detector):
@@ -165,7 +165,7 @@ class _Memories(_Detector):
 
     def accept(self, value: Mapping[Any, dict[Any, Any]], data: Any) -> None:
         for name in self._names_in(data):
-            self.known[name] = Kept(value[name])
+            self.known[name] = PlainCopy(value[name])
 
     def detect(self, value: Mapping[Any, dict[Any, Any]]) -> list[Any]:
         found, known = {}, self.known
@@ -173,15 +173,15 @@ class _Memories(_Detector):
             return []
         for key in sorted(value) if all(type(key) is str for key in value) else value:
             if value[key] or key in known:
-                changes = known.setdefault(key, Kept({})).changes(value[key])
+                changes = known.setdefault(key, PlainCopy({})).changes(value[key])
                 if changes is not None:
                     found[key] = changes
         for key in [key for key in known if key not in value]:
             found[key] = {"removed": list(known.pop(key).values)}
         return [self._data(found)] if found else []
 
-    def _plain(self, value: Mapping[Any, dict[Any, Any]]) -> "dict[Any, Kept]":
-        return {name: Kept(memory) for name, memory in value.items() if memory}
+    def _plain(self, value: Mapping[Any, dict[Any, Any]]) -> "dict[Any, PlainCopy]":
+        return {name: PlainCopy(memory) for name, memory in value.items() if memory}
 
     def _names_in(self, data: Any) -> Iterable[Any]:
         return data["agents"]  # type: ignore[no-any-return] # a dict

@@ -36,7 +36,7 @@ class Kind:
         object.__setattr__(component, STORE, {**dict.fromkeys(self.fields), "name": name})
 
 
-Kept = tuple[set[Key], dict[Any, tuple[Any, dict[str, Any]]]]  # classes; components by name, with their values
+Recorded = tuple[set[Key], dict[Any, tuple[Any, dict[str, Any]]]]  # classes; components by name, with their values
 OnEvent = Callable[[str, dict[str, Any]], None]  # the name of an operation code, and its data
 
 _MOST_CLASSES = 10_000  # that recordings may declare
@@ -85,7 +85,7 @@ class Components(Guarded):
         return decorate
 
     def get_component(self, name: Any) -> Any:
-        """The component of that name.
+        """Return the component of that name.
 
         Raises:
             UnknownName (KeyError): there is none.
@@ -107,7 +107,7 @@ class Components(Guarded):
         del self._components[name]
 
     def component_iter(self) -> KeysView[Any]:
-        """The names of all components."""
+        """Return the names of all components."""
         return self._components.keys()
 
     @refused_while_deciding
@@ -145,8 +145,8 @@ class Components(Guarded):
         """Yield the events that make all this: the classes, the components, their values."""
         return self.since((set(), {}))
 
-    def kept(self) -> Kept:
-        """All that is recorded now, for `since`."""
+    def recorded(self) -> Recorded:
+        """Return all that is recorded now, for `since`."""
         components = {
             name: (one, dict(getattr(one, STORE)))
             for name, one in self._components.items()
@@ -155,19 +155,19 @@ class Components(Guarded):
         return set(self._component_registry), components
 
     def keyframe(self) -> dict[str, Any]:
-        """What a keyframe says of them: the `classes`, each with the names of its fields, and all `values` by name."""
+        """Return what a keyframe holds: the `classes`, each with the names of its fields, and all `values` by name."""
         return {
             "classes": [[*key, list(kind.fields)] for key, (_, kind) in self._classes.items()],
             "values": {
                 name: {field: value for field, value in values.items() if field != "name"}
-                for name, (_, values) in self.kept()[1].items()
+                for name, (_, values) in self.recorded()[1].items()
             },
         }
 
-    def since(self, kept: Kept) -> Iterator[tuple[str, dict[str, Any]]]:
-        """The events that lead from what `kept` told to how things are now."""
-        classes, components = kept
-        now = self.kept()[1]
+    def since(self, known: Recorded) -> Iterator[tuple[str, dict[str, Any]]]:
+        """Yield the events that lead from what `recorded` returned to how things are now."""
+        classes, components = known
+        now = self.recorded()[1]
         for name, (component, _) in components.items():
             if name not in now or now[name][0] is not component:
                 yield "COMPONENT_DELETE", {"name": name}
@@ -283,7 +283,7 @@ class Components(Guarded):
         self._components[name] = component
 
     def _made(self, cls: Any, kind: Kind, name: Any) -> Any:
-        """A component with its fields None; its author's `__init__` runs where it needs no arguments."""
+        """Return a component with its fields None; its author's `__init__` runs where it needs no arguments."""
         self._is_silent = True
         try:
             component = cls.__new__(cls)
@@ -346,7 +346,7 @@ class Components(Guarded):
             self._classes[key] = (cls, kind)
 
     def _kind(self, component: Any, name: Any) -> Kind | None:
-        """The kind of an object that is recorded under this name, else None."""
+        """Return the kind of an object that is recorded under this name, else None."""
         kind = kind_of(component)
         return kind if kind is not None and getattr(component, STORE)["name"] == name else None
 
@@ -387,7 +387,7 @@ def _update(name: Any, field: str, value: Any) -> dict[str, Any]:
 
 
 def _events_of(component: Any) -> Iterator[tuple[str, dict[str, Any]]]:
-    """What makes this component anew."""
+    """Yield the events that make this component."""
     yield _creation(component)
     store = getattr(component, STORE)
     for field, value in store.items():
@@ -428,12 +428,12 @@ def _fields_in(struct: Any) -> dict[str, FieldType]:
 
 
 def kind_of(component: Any) -> Kind | None:
-    """The kind of a component; None for any other object."""
+    """Return the kind of a component; None for any other object."""
     return getattr(type(component), _KIND, None) if STORE in getattr(component, "__dict__", ()) else None
 
 
 def declared_fields(struct: Any) -> dict[str, FieldType]:
-    """The fields that a user declares by name and Python type, each of which may also be None.
+    """Return the fields that a user declares by name and Python type, each of which may also be None.
 
     Raises:
         BadType (TypeError): it is no dict, or a name or a type is not possible.
@@ -457,7 +457,7 @@ def checked_name(name: Any) -> str:
 
 
 def check_class(cls: Any, fields: Mapping[str, FieldType]) -> None:
-    """See that a class can become a component.
+    """Check that a class can become a component.
 
     Raises:
         BadType (TypeError): it is no class, has no room for the values, or its names clash with the fields.
@@ -488,7 +488,7 @@ def make_component(cls: Any, fields: dict[str, FieldType], keeper: Components) -
 
 
 def key_of(cls: type) -> Key:
-    """Under what a class is registered."""
+    """Return the key of a class in the registry."""
     return (cls.__module__, cls.__qualname__)
 
 

@@ -332,7 +332,7 @@ class DetachedAgents(AgentsState):
         return not self.columns["kind"][rows].any()
 
     def settle(self) -> None:
-        """Let each row of the columns be that of an agent."""
+        """Add rows that wait, and drop those of agents that were removed."""
         self._add_new()
         if not self._gone:
             return

@@ -55,7 +55,7 @@ class Version3Encoder:
             self._beginning = beginning
 
     def mark(self) -> Any:
-        """How far it has come, for `back_to`."""
+        """Return the state of the encoder, for `back_to`."""
         return self._writer, self._beginning, self._values, None if self._beginning is None else self._writer.mark()
 
     def back_to(self, mark: Any) -> None:
@@ -79,7 +79,7 @@ class Version3Encoder:
             self._writer.add_turn(log)
 
     def new_values(self) -> int:
-        """How many events with a value were written since it was asked last."""
+        """Return how many events with a value were written since the last call."""
         before, self._values = self._values, self._writer.values
         return self._values - before
 
@@ -88,7 +88,7 @@ class Version3Encoder:
         self._writer.keyframe(keyframe)
 
     def flush(self) -> None:
-        """Let what was written be readable if the program dies."""
+        """Make what was written readable even if the program dies."""
         self._writer.flush()
 
     def close(self) -> None:
@@ -116,7 +116,7 @@ class Version2Encoder:
         self.flush()
 
     def mark(self) -> Any:
-        """How far it has come, for `back_to`."""
+        """Return the state of the encoder, for `back_to`."""
         known = {**vars(self), "_agents": self._agents.copy()}
         return known, self._waiting.getvalue(), self._output.end
 
@@ -175,7 +175,7 @@ class Version2Encoder:
         """There is no place for it."""
 
     def new_values(self) -> int:
-        """None that a keyframe would save from being read."""
+        """Return 0: no keyframe would save any from being read."""
         return 0
 
     def flush(self) -> None:
@@ -266,7 +266,7 @@ def _package() -> str:
 
 
 def header_of(ctx: HostContext, session: RecordingSession, options: dict[str, Any]) -> dict[str, Any]:
-    """What a recording says of the context it was made in: no host, no user, no path, and no time unless asked."""
+    """Return the header of a recording: no host, no user, no path, and no time unless asked."""
     created = options.get("created")
     if created is None and (epoch := os.environ.get("SOURCE_DATE_EPOCH")):
         created = int(epoch)

@@ -147,7 +147,7 @@ GAME_FIELDS = {
 
 
 def restore_game(game: GameState, keyframe: Keyframe) -> None:
-    """Let a game be as a keyframe says."""
+    """Set the fields of a game to what a keyframe holds."""
     for name, field in GAME_FIELDS.items():
         field.restore(game, keyframe[name] if field.default is ... else keyframe.get(name, field.default))
 

@@ -107,7 +107,7 @@ class LiveState(State):
             artists.add_drawing(drawing)
 
     def change_component(self, kind: int, data: dict[str, Any]) -> None:
-        """Do what an operation code of components says; the components note it themselves."""
+        """Apply a change of components, which note it themselves."""
         self._ctx.record.components.apply(OpCodes(kind).name, data)
 
 

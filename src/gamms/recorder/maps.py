@@ -1,4 +1,4 @@
-"""The map of a recording: in its header, or only named there by its SHA-256, and then handed over by somebody else."""
+"""The map of a recording: in its header, or only named there by its SHA-256, and then given by the caller."""
 
 import os
 from hashlib import sha256
@@ -13,12 +13,12 @@ HASH = "world_sha256"  # what a header has instead of "world"
 
 
 def hash_of(packed: bytes) -> str:
-    """By what a map is named: the SHA-256 of what `ctx.graph.storage.pack` returns, in hexadecimal."""
+    """Return the name of a map: the SHA-256 of what `ctx.graph.storage.pack` returns, in hexadecimal."""
     return sha256(packed).hexdigest()
 
 
 def hash_in(header: dict[str, Any]) -> str:
-    """By what the map of a recording is named.
+    """Return the name of the map of a recording.
 
     Raises:
         RecordingError: its header names none.
@@ -42,14 +42,14 @@ def is_map_of(packed: bytes, header: dict[str, Any]) -> bool:
 
 
 def without_map(header: dict[str, Any]) -> dict[str, Any]:
-    """The header, naming the map instead of holding it."""
+    """Return the header with the name of the map instead of the map."""
     if "world" not in header:
         return header
     return {**{key: value for key, value in header.items() if key != "world"}, HASH: hash_of(header["world"])}
 
 
 def packed_of(graph: Any) -> bytes:
-    """The bytes of a map.
+    """Return the bytes of a map.
 
     Args:
         graph: a context, the graph of another recording, or the path of a file that `ctx.graph.save` wrote.
@@ -72,7 +72,7 @@ def packed_of(graph: Any) -> bytes:
 
 
 def given_map(graph: Any, header: dict[str, Any]) -> bytes:
-    """The bytes of a map that was given, which is that of the recording.
+    """Return the bytes of a map that was given, which must be that of the recording.
 
     Raises:
         RecordingError: it is another.

@@ -14,7 +14,7 @@ def component(ctx: Any, struct: Any = None) -> Callable[[Any], Any]:
 
 
 def check_validity(data_type: Any) -> None:
-    """See that a field of a component may be of this type.
+    """Check that a field of a component may be of this type.
 
     Raises:
         BadType (TypeError): it may not.

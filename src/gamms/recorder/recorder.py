@@ -49,7 +49,7 @@ class Recorder(Guarded, IRecorder):
         self._session: RecordingSession | None = None
         self._target: Target | None = None
         self._replayer: Replayer | None = None
-        self._kept = self.components.kept()  # when the recording was paused
+        self._recorded = self.components.recorded()  # when the recording was paused
         self._version = 3  # of what is being written
 
     # -- writing ------------------------------------------------------------------------------------------------
@@ -107,8 +107,8 @@ class Recorder(Guarded, IRecorder):
         sensed, overwrite, embed_graph = (as_bool(flag, name) for name, flag in flags.items())
 
         def header(session: RecordingSession) -> dict[str, Any]:
-            told = header_of(self.ctx, session, options) if session.header is None else session.header
-            return told if embed_graph else without_map(told)
+            found = header_of(self.ctx, session, options) if session.header is None else session.header
+            return found if embed_graph else without_map(found)
 
         drawings = self._has_drawings if drawings is None else as_bool(drawings, "drawings")
         session = RecordingSession(
@@ -179,7 +179,7 @@ class Recorder(Guarded, IRecorder):
             self.ctx.logger.warning("There is nothing to pause: no recording is being written.")
             return
         self._session.pause()
-        self._kept = self.components.kept()
+        self._recorded = self.components.recorded()
 
     @refused_while_deciding
     def play(self) -> None:
@@ -190,7 +190,7 @@ class Recorder(Guarded, IRecorder):
             self.ctx.logger.warning("There is nothing to play: no recording is paused.")
             return
         self._session.play()
-        for name, data in self.components.since(self._kept):
+        for name, data in self.components.since(self._recorded):
             self._component_event(name, data)
 
     @refused_while_deciding
@@ -287,7 +287,7 @@ class Recorder(Guarded, IRecorder):
                 return
 
     def _recording(self) -> RecordingSession | None:
-        """The recording that is being written now."""
+        """Return the recording that is being written now."""
         return self._session if self.record() else None
 
     def _end_replay(self) -> None:

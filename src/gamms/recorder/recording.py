@@ -70,7 +70,7 @@ class State:
         turn: how many turns were over.
         agents: read-only columns (agents,), one row for each agent in the order of their creation: name, team, kind
             ("BASIC" or "AERIAL"), alive, node, previous (node), speed, strategy; x, y and z of those who fly;
-            heading_x and heading_y, which is where those on the ground were told to look; quat_w, quat_x, quat_y and
+            heading_x and heading_y, where those on the ground were set to look; quat_w, quat_x, quat_y and
             quat_z, how those who fly are turned. What an agent does not have is NaN, or None.
         scores: by whatever the rules keep scores for.
         data: what rules had kept in `ctx.game.data`, as far as it was plain.
@@ -134,7 +134,7 @@ class Recording:
             self._owned.close()
 
     def __repr__(self) -> str:
-        """Say how long it is."""
+        """Show how long it is."""
         return f"{type(self).__name__}({self.turns} turns)"
 
     def _repr_html_(self) -> str | None:
@@ -171,7 +171,7 @@ class Recording:
     # -- states -------------------------------------------------------------------------------------------------
 
     def state(self, turn: int) -> State:
-        """How things were after so many turns; 0 is the start."""
+        """Return the state after so many turns; 0 is the start."""
         turn = as_int(turn, "turn")
         if not 0 <= turn <= self.turns:
             raise BadValue(f"There is no state after {turn} turns: this recording has {self.turns} turns.")
@@ -190,7 +190,7 @@ class Recording:
     @overload
     def __getitem__(self, turn: slice) -> list[State]: ...
     def __getitem__(self, turn: int | slice) -> State | list[State]:
-        """The state after so many turns, counted from the end where negative; or those of a slice, as a list."""
+        """Return the state after so many turns, counted from the end where negative; or those of a slice, as a list."""
         if isinstance(turn, slice):
             return [self.state(one) for one in range(*turn.indices(self.turns + 1))]
         turn = as_int(turn, "turn")
@@ -226,7 +226,7 @@ class Recording:
         *,
         ctx: Any = None,
     ) -> Any:
-        """A live context in which the game stands as it stood after so many turns, to go on or to branch from there.
+        """Return a live context with the game as it was after so many turns, to go on or to branch from there.
 
         Agents, sensors, teams, scores, data, facts, memories and random streams are as they were; `ctx.game.reset`
         comes back here. What a recording cannot hold is for the caller: strategies, rules (add them to the context as
@@ -284,7 +284,7 @@ class Recording:
         return live
 
     def observation(self, turn: int, agent: str) -> dict[str, Any]:
-        """The state by which an agent decided in a turn, as its strategy got it; what was sensed must be recorded.
+        """Return the state that an agent's strategy got in a turn; what was sensed must be recorded.
 
         So that a decision can be repeated: `strategy(recording.observation(12, "anna"))`. What a sensor of the
         program's own gave is there as far as it was plain, as are memories and facts.
@@ -327,12 +327,12 @@ class Recording:
         return header.get("world") if self._given is None else self._given
 
     def map_hash(self, turn: int) -> str:
-        """By what the map is named that there was after so many turns: its SHA-256, whether it is here or not."""
+        """Return the SHA-256 of the map after so many turns, whether the recording holds the map or not."""
         last = self._map_turn(turn)
         return hash_of(self._map_at(turn).packed) if last else hash_in(self._reader.header)
 
     def _map_turn(self, turn: int) -> int:
-        """The turn in which the map became what it was after this one; 0: it was so at the start."""
+        """Return the last turn up to this one in which the map changed; 0: none."""
         if self._map_turns is None:
             self._map_turns = sorted({log + 1 for log, *_ in self._reader.events(kinds={kinds.WORLD})})
         place = bisect_right(self._map_turns, turn)
@@ -360,7 +360,7 @@ class Recording:
     # -- what happened ------------------------------------------------------------------------------------------
 
     def events(self, start: int | None = None, stop: int | None = None) -> Iterator[dict[str, Any]]:
-        """What rules emitted and programs recorded in the turns from `start` on and before `stop`, in its order.
+        """Yield what rules emitted and programs recorded in the turns from `start` on and before `stop`, in order.
 
         Yields:
             `turn`, `kind`, and what was given with it. The turn of what a rule emitted is the number that the game
@@ -369,7 +369,7 @@ class Recording:
         return tables.events(self._reader, *self._logs_of(start, stop))
 
     def steps(self, start: int | None = None, stop: int | None = None) -> Iterator[dict[str, Any]]:
-        """Everything that happened in these turns, in its order.
+        """Yield everything that happened in these turns, in order.
 
         Yields:
             `turn`; `event`, which is "MOVE", or the name of a kind that is in the format; `agent` and `node` of a move,
@@ -378,7 +378,7 @@ class Recording:
         return tables.steps(self._reader, *self._logs_of(start, stop), self._names_at)
 
     def table(self, name: str, start: int | None = None, stop: int | None = None) -> dict[str, np.ndarray[Any, Any]]:
-        """One table of the turns from `start` on and before `stop`, as columns of equal length.
+        """Return one table of the turns from `start` on and before `stop`, as columns of equal length.
 
         `events`, `moves`, `positions` and `scores` are always there; each kind of event is a table, too.
         docs/recording.md says which columns they have.
@@ -389,18 +389,18 @@ class Recording:
         return tables.table(self._reader, name, *self._logs_of(start, stop), self._names_at)
 
     def logs(self, start: int | None = None, stop: int | None = None) -> Iterator[Log]:
-        """What was written of each turn from `start` on and before `stop`, as docs/recording-format.md has it."""
+        """Yield the log of each turn from `start` on and before `stop`, as docs/recording-format.md describes it."""
         return (self._reader.log(log) for log in range(*self._logs_of(start, stop)))
 
     def counts(self) -> dict[str, int]:
-        """How many events there are of each kind that is in the format; moves are not among them."""
+        """Return how many events there are of each kind in the format; moves are not among them."""
         counts: Counter[str] = Counter()
         for kind, count in self._reader.count_events().items():
             counts[tables.KINDS.get(kind, f"{kind:#010x}")] += count
         return dict(counts)
 
     def count_moves(self) -> int:
-        """How many moves of agents on the ground there are."""
+        """Return how many moves of agents on the ground there are."""
         return self._reader.count_moves()
 
     def _names_at(self, log: int) -> tuple[dict[int, str], int]:
@@ -412,7 +412,7 @@ class Recording:
         return agents.names_by_number(), agents.following
 
     def _logs_of(self, start: int | None, stop: int | None) -> tuple[int, int]:
-        """The logs of turns from `start` on and before `stop`; turn n is in log n - 1."""
+        """Return the logs of turns from `start` on and before `stop`; turn n is in log n - 1."""
         first = 0 if start is None else as_int(start, "start")
         last = self._reader.turns + 1 if stop is None else as_int(stop, "stop")
         if first < 0 or last < 0:

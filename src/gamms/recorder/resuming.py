@@ -26,11 +26,11 @@ if TYPE_CHECKING:
 Strategies = Mapping[str, Any]  # agent or team -> its strategy
 
 _SEED_BITS = 63
-_TOLD = (kinds.SNAPSHOT, kinds.GAME_EVENT, kinds.GAME_FACTS, kinds.GAME_TURN)
+_HISTORY = (kinds.SNAPSHOT, kinds.GAME_EVENT, kinds.GAME_FACTS, kinds.GAME_TURN)
 
 
 def opened_context(seed: int, vis_engine: Any, *, is_quiet: bool) -> HostContext:
-    """A fresh context; `vis_engine` None: without a window."""
+    """Return a fresh context; `vis_engine` None: without a window."""
     level = getLogger("gamms").level  # which stays what the program has made it
     more = {} if vis_engine is None else {"vis_engine": vis_engine}
     made: Any = contexts["gamms"](seed=seed, **more, **({"logger_config": {"level": level}} if level else {}))
@@ -42,7 +42,7 @@ def opened_context(seed: int, vis_engine: Any, *, is_quiet: bool) -> HostContext
 
 
 def observation(ctx: HostContext, log: kinds.Log, before: DetachedState, turn: int, agent: str) -> dict[str, Any]:
-    """What an agent was told in a turn.
+    """Return the state that an agent's strategy got in a turn.
 
     Args:
         ctx: a context in which the game was resumed from the turn before; it is changed.
@@ -98,7 +98,7 @@ class Maps(NamedTuple):
 
 
 def resume(ctx: HostContext, reader: "Reader", turn: int, then: DetachedState, maps: Maps, *, is_fresh: bool) -> None:
-    """Let a context be as a recording was after so many turns.
+    """Set a context to the state of a recording after so many turns.
 
     Args:
         ctx: the context; its graph has nothing in it, or is that of the recording at its start or then.
@@ -118,14 +118,14 @@ def resume(ctx: HostContext, reader: "Reader", turn: int, then: DetachedState, m
     ctx.game.internals.state.begin_from_here()
     replayer = Replayer(ctx)
     try:
-        told = _told(reader, turn)
-        told["facts"] = facts | told["facts"]  # for those which a recording cannot hold
+        history = _history(reader, turn)
+        history["facts"] = facts | history["facts"]  # for those which a recording cannot hold
         if is_fresh:
-            ctx.game.configure(told["settings"])
-        snapshot = then.keyframe(turn) | told
+            ctx.game.configure(history["settings"])
+        snapshot = then.keyframe(turn) | history
         if ctx.seed != seed_at(reader, turn):
             snapshot["chance"] = None
-        _make_room(ctx, snapshot["names"])
+        _delete_others(ctx, snapshot["names"])
         replayer.state.restore(snapshot)
     except UNFIT as error:
         raise RecordingError(f"This game cannot go on from turn {turn}: {reason(error)}") from error
@@ -163,7 +163,7 @@ def seed_at(reader: "Reader", turn: int) -> Any:
 
 
 def as_seed(given: Any, recorded: Any) -> int:
-    """The seed that a caller gave, or that of the recording.
+    """Return the seed that a caller gave, or that of the recording.
 
     Raises:
         RecordingError: the recording has none.
@@ -190,7 +190,7 @@ def _attach(ctx: HostContext, maps: Maps) -> None:
             raise RecordingError(f"The map of this recording is damaged: {reason(error)}") from error
 
 
-def _make_room(ctx: HostContext, names: list[str]) -> None:
+def _delete_others(ctx: HostContext, names: list[str]) -> None:
     """Delete agents who were not there, and those who came in another order, to be made again."""
     agents = ctx.agent.agents
     for name in [name for name in agents if name not in set(names)]:
@@ -201,32 +201,32 @@ def _make_room(ctx: HostContext, names: list[str]) -> None:
         ctx.agent.delete_agent(name)
 
 
-def _told(reader: "Reader", turn: int) -> dict[str, Any]:
-    """What was emitted and published until then, and where agents began."""
+def _history(reader: "Reader", turn: int) -> dict[str, Any]:
+    """Return what was emitted and published until then, and where agents began."""
     found = reader.keyframe(0)
     begin = {} if found is None else found[1]
     starts = _starts_of(begin)
-    told = _kept(begin)
-    for kind, data in _before(reader, turn, _TOLD):
+    history = _history_in(begin)
+    for kind, data in _before(reader, turn, _HISTORY):
         if kind == kinds.SNAPSHOT:
-            told = _kept(data)
+            history = _history_in(data)
             starts |= data.get("starts", {})
         elif kind == kinds.GAME_EVENT:
-            told["events"].append(data)
+            history["events"].append(data)
         elif kind == kinds.GAME_FACTS:
-            change(told["facts"], data)
+            change(history["facts"], data)
         else:
             starts |= data.get("starts", {})
-    return deepcopy({**told, "starts": starts})
+    return deepcopy({**history, "starts": starts})
 
 
-def _kept(snapshot: Mapping[str, Any]) -> dict[str, Any]:
-    kept = {"facts": dict(snapshot.get("facts", {})), "settings": snapshot.get("settings", {})}
-    return {"events": list(snapshot.get("events", ())), **kept}
+def _history_in(snapshot: Mapping[str, Any]) -> dict[str, Any]:
+    found = {"facts": dict(snapshot.get("facts", {})), "settings": snapshot.get("settings", {})}
+    return {"events": list(snapshot.get("events", ())), **found}
 
 
 def _starts_of(begin: Mapping[str, Any]) -> dict[str, Any]:
-    """Where agents began by how a recording begins."""
+    """Return where agents began, by the first keyframe of a recording."""
     if not begin or "starts" in begin:
         return dict(begin.get("starts", {}))
     flying = begin["kind"].tolist()

@@ -37,7 +37,7 @@ class Look(NamedTuple):
 def packed(
     results: Iterable[tuple[int, Results]], numbers: Mapping[str, int], nodes: Mapping[str, int]
 ) -> dict[str, Any]:
-    """The data of an event.
+    """Return the data of an event.
 
     Args:
         results: the number of each agent, and what it sensed.
@@ -69,7 +69,7 @@ def packed(
 
 
 def looks_of(data: Mapping[str, Any], agent: int | None = None) -> list[tuple[int, Look]]:
-    """What was packed, of all agents or of one: its number, and each of its looks.
+    """Return what was packed, of all agents or of one: its number, and each of its looks.
 
     Raises:
         KeyError, ValueError, TypeError, IndexError: nobody packed this.
@@ -110,7 +110,7 @@ def renumbered(data: Mapping[str, Any], number_of: Callable[[int], int]) -> dict
 
 
 def data_of(look: Look, graph: Any, names: Mapping[int, str]) -> Any:
-    """What the sensor gave.
+    """Return what the sensor gave.
 
     Args:
         look: what was packed of it.
@@ -136,7 +136,7 @@ def data_of(look: Look, graph: Any, names: Mapping[int, str]) -> Any:
 
 
 def seen_by(look: Look) -> tuple[list[int], list[int]]:
-    """The nodes that a look saw, and of each the number of the agent there; -1 where a node itself was seen."""
+    """Return the nodes that a look saw, and of each the number of the agent there; -1 where a node itself was seen."""
     if look.kind not in _SEEING:
         return [], []
     if look.form in (_AGENTS, _IN_SPACE):

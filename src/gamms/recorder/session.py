@@ -70,7 +70,7 @@ class RecordingSession:
             0,
         )  # turn, entries
         self._since_keyframe = 0  # entries
-        self._front = 0  # where in the log a change of the map goes: behind what was told before another beginning
+        self._front = 0  # where in the log a change of the map goes: behind what was noted before another beginning
         self._writes_at = 1  # the turn at whose end the turns are written that wait: the first, then the points of rest
         self._saving = Saving(self._save)
         self.turn, self.seed = 0, ctx.seed
@@ -141,7 +141,7 @@ class RecordingSession:
         self._note_snapshot(self._members)
 
     def _note_snapshot(self, known: Mapping[str, Any]) -> None:
-        """Say how things are now to a reader who knows these agents; None for one who may be anybody of that name."""
+        """Note how things are now for a reader that knows these agents; None: any agent of that name."""
         waiting = self._journal.log
         self._listen()
         self.is_paused = False
@@ -180,7 +180,7 @@ class RecordingSession:
         return is_new and all(entry[0] == kinds.COMPONENT_REGISTER for entry in log if type(entry) is tuple)
 
     def adopt(self, header: dict[str, Any], begin: keyframes.Keyframe) -> bool:
-        """Begin as a recording does that is replayed, if nothing has happened yet; returns whether it has not.
+        """Begin as a recording does that is replayed, if nothing has happened yet; returns whether it does.
 
         What follows are the same events then, and give the same bytes.
         """
@@ -246,19 +246,19 @@ class RecordingSession:
         self._note_snapshot(self._journal.living)
 
     def restart(self) -> None:
-        """The game was reset: what this turn said of agents is taken back, perhaps with the nodes they were on."""
+        """Begin again after a reset of the game, which takes back what this turn noted of agents."""
         self._stop_listening()
-        told = [entry for entry in self.log if type(entry) is tuple]
+        events = [entry for entry in self.log if type(entry) is tuple]
         known: dict[str, Any] = dict(self._journal.living)
-        for kind, data in reversed(told):
+        for kind, data in reversed(events):
             if kind == kinds.AGENT_CREATE:
                 known.pop(data["name"], None)
             elif kind == kinds.AGENT_DELETE:
                 known[data["name"]] = _OTHER_AGENT
-        if any(kind == kinds.SNAPSHOT for kind, _ in told):
+        if any(kind == kinds.SNAPSHOT for kind, _ in events):
             known = self._journal.living
         else:
-            self._journal.log = [(kind, data) for kind, data in told if kind >> 24 != _OF_AGENTS]
+            self._journal.log = [(kind, data) for kind, data in events if kind >> 24 != _OF_AGENTS]
         self._note_snapshot(known)
 
     def abandon(self) -> None:
@@ -283,7 +283,7 @@ class RecordingSession:
         journal, columns = self._journal, self.ctx.agent.block
         numbers = dict(zip(columns.names, journal.ids, strict=False))
         nodes = dict(zip(columns.names, columns.node, strict=True))
-        results = [(numbers[agent.name], told["sensor"]) for agent, told in zip(agents, states, strict=True)]
+        results = [(numbers[agent.name], state["sensor"]) for agent, state in zip(agents, states, strict=True)]
         journal.log.append((kinds.SENSED, sensed.packed(results, numbers, nodes)))
 
     def _stop_listening(self) -> None:
@@ -318,7 +318,7 @@ class RecordingSession:
                 self._writes_at = self._interval_ends
 
     def _leave(self) -> bool:
-        """Whether this is another process than the one that records, which then writes nothing more."""
+        """Stop if this is another process than the one that records; returns whether nothing more is written."""
         if self._saving.is_inherited:
             self._fail()
             self.ctx.logger.warning("A recording goes on in the process that began it only, and not in this one.")
@@ -351,7 +351,7 @@ class RecordingSession:
             raise
 
     def _end_interval(self) -> None:
-        """Where a keyframe may be: by what was recorded, never by the clock."""
+        """Write a keyframe if one is due: by what was recorded, never by the clock."""
         self._since_keyframe += self._entries_here + self._journal.weight + _OF_VALUE * self._encoder.new_values()
         self._journal.weight = 0
         self._interval_ends, self._entries_here = self.turn + _TURNS_AT_ONCE, 0
@@ -419,13 +419,13 @@ class RecordingSession:
         self._watch_game()
 
     def _watch_game(self) -> None:
-        """From now on, tell what becomes other than it is now."""
+        """Compare with how things are now from now on."""
         self._game, self._strategies = GameChanges(self.ctx), StrategyChanges(self.ctx)
         self._sensors = len(self.ctx.sensor.sensors)
         self._journal.progressed.clear()
 
     def _new_progress(self) -> Log:
-        """What says how far along edges agents are."""
+        """Return the event that says how far along edges agents are."""
         block, ids, progressed = self.ctx.agent.block, self._journal.ids, self._journal.progressed
         rows = [row for row in range(len(block)) if ids[row] in progressed]
         progressed.clear()
@@ -434,14 +434,14 @@ class RecordingSession:
         return [(kinds.AGENT_PROGRESS, {"numbers": numbers, **progress})]
 
     def _new_sensors(self) -> Log:
-        """What says that sensors came; none ever goes."""
+        """Return the event that says which sensors came; none ever goes."""
         described = self.ctx.sensor.storage.described()[self._sensors :]
         self._sensors += len(described)
         self._skipped.check_sensors(described)
         return [(kinds.SENSORS, {"sensor_kinds": keyframes.grouped(described)})] if described else []
 
     def _visual_changes(self) -> Log:
-        """What says that it looks otherwise. What was declared in the first turn goes into the header."""
+        """Return the event that says how it looks now; what was declared in the first turn goes into the header."""
         self._declarations, visuals = self.drawings.edits, self._looks()
         if not self.turn:
             self.visuals = visuals
@@ -453,7 +453,7 @@ class RecordingSession:
         return plain_subset(self.drawings.specs())
 
     def _world_changes(self) -> Log:
-        """What says that the map is another one. The first map goes into the header: it may be loaded late."""
+        """Return the event with the changed map; the first map goes into the header, for it may be loaded late."""
         self._revised, world = _REVISIONS(self._room), self._skipped.packed()
         if self.world is None:
             self.world = world

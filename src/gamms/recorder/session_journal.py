@@ -1,4 +1,4 @@
-"""The journal of a context that is being recorded: whatever is noted becomes plain values at once.
+"""The journal of a context that is being recorded: events become plain values at once.
 
 At once, because what a program hands over it may change a moment later, and what is recorded is how it was.
 """
@@ -17,7 +17,7 @@ _OF_FLIGHT = 7  # its weight
 
 
 class SkippedValues:
-    """Tells a context's logger what is not in its recording; once for each key of nodes, edges, agents and sensors."""
+    """Warns of what is not in a recording; once for each key of nodes, edges, agents and sensors."""
 
     def __init__(self, ctx: HostContext) -> None:
         self._ctx = ctx
@@ -33,7 +33,7 @@ class SkippedValues:
         return packed
 
     def plain_part(self, kind: str, name: Any, values: Mapping[Any, Any]) -> dict[Any, Any]:
-        """What of the values of an agent or sensor can be written."""
+        """Return what of the values of an agent or sensor can be written."""
         left_out: list[Any] = []
         part = plain_subset(values, left_out)
         for key in left_out:
@@ -41,14 +41,14 @@ class SkippedValues:
         return part
 
     def check_all(self) -> None:
-        """Tell what of the agents and sensors of the context cannot be written."""
+        """Warn of values of agents and sensors that cannot be written."""
         for agent in self._ctx.agent.agents.values():
             if vars(agent):
                 self.plain_part("agent", agent.name, vars(agent))
         self.check_sensors(self._ctx.sensor.storage.described())
 
     def check_sensors(self, described: list[dict[str, Any]]) -> None:
-        """Tell what of these sensors cannot be written."""
+        """Warn of values of these sensors that cannot be written."""
         for sensor in described:
             self.plain_part("sensor", sensor["id"], sensor["keywords"])
 
@@ -63,11 +63,11 @@ class SkippedValues:
 
 
 class SessionJournal(Journal):
-    """Notes what can be written of what happens.
+    """Notes what can be written of events.
 
     Args:
         names: of the agents who are there.
-        left_out: told of what cannot be written.
+        left_out: warns of what cannot be written.
         accept: called with each event of a replay.
 
     Attributes:
@@ -83,7 +83,7 @@ class SessionJournal(Journal):
         self.weight = 0
 
     def note(self, kind: int, data: Any) -> None:
-        """Something other than a move has happened."""
+        """Note an event other than a move, as plain values."""
         self._know(kind, data)
         self.log.append((kind, self._creation(data) if kind == kinds.AGENT_CREATE else to_plain(data)))
 
@@ -100,17 +100,17 @@ class SessionJournal(Journal):
             self.living.pop(data["name"], None)
 
     def flew(self, row: int, node: int, position: Position) -> None:
-        """A flyer is somewhere else, and this is the node below it."""
+        """Note where a flyer is, and the node below it."""
         super().flew(row, node, position)
         self.weight += _OF_FLIGHT
 
     def turned(self, row: int, quat: Quat) -> None:
-        """A flyer has turned."""
+        """Note how a flyer is turned."""
         super().turned(row, quat)
         self.weight += _OF_FLIGHT
 
     def _creation(self, data: dict[str, Any]) -> dict[str, Any]:
-        """A new agent, without those of its keywords that cannot be written."""
+        """Return a creation without those of its keywords that cannot be written."""
         given = dict(data["kwargs"])
         strategy = given.pop("strategy", None)
         if "sensors" in given:
@@ -120,7 +120,7 @@ class SessionJournal(Journal):
 
 
 def _sensors(given: Any) -> Any:
-    """The ids of the sensors that an agent was created with, by the names it knows them by."""
+    """Return the ids of the sensors that an agent was created with, by their names in its state."""
     if isinstance(given, dict):
         return {str(name): one if isinstance(one, str) else one.sensor_id for name, one in given.items()}
     return [one if isinstance(one, str) else one.sensor_id for one in given]

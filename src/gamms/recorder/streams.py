@@ -14,7 +14,7 @@ _SUFFIX = ".ggr"
 
 
 def named(path: str | os.PathLike[str]) -> Path:
-    """The path of a new recording: with the suffix, if it has none."""
+    """Return the path of a new recording: with the suffix, if it has none."""
     file = as_path(path, "The path of a recording")
     return file if file.name.endswith(_SUFFIX) else Path(f"{file}{_SUFFIX}")
 
@@ -70,7 +70,7 @@ class Target:
         return stream
 
     def keep(self) -> None:
-        """Let the file be where it belongs, now that something is in it."""
+        """Move the file to its path, now that something is in it."""
         if self._old is not None:
             self._at.replace(self._path)
             self._close_old()
@@ -95,7 +95,7 @@ class Target:
 
 
 def readable(path: Any) -> tuple[BinaryIO, bool]:
-    """A stream that can seek, and whether it was opened here; the suffix of a path may be left out.
+    """Return a stream that can seek, and whether it was opened here; the suffix of a path may be left out.
 
     Raises:
         FileNotFoundError: there is no such file.

@@ -63,7 +63,7 @@ class Array:
         )
 
     def shaped(self, values: Iterable[Any]) -> Any:
-        """The values as a fresh tuple or list, and so within."""
+        """Return the values as a fresh tuple or list, and so within."""
         values = list(values)
         if self.is_open:
             return self.kind(self.items[0].shaped(one) for one in values)
@@ -79,13 +79,13 @@ class FieldType:
     members: tuple[str | Array, ...]
 
     def __str__(self) -> str:
-        """The text in a recording."""
+        """Return the text in a recording."""
         if len(self.members) == 1 and self.members[0] in _SCALARS and self.members[0] != "...":
             return f"<class '{self.members[0]}'>"
         return self.inner_text()
 
     def inner_text(self) -> str:
-        """The text inside brackets."""
+        """Return the text inside brackets."""
         texts = [str(member) for member in self.members]
         if len(texts) == 1:
             return texts[0]
@@ -94,7 +94,7 @@ class FieldType:
         return f"typing.Union[{', '.join(texts)}]"
 
     def or_none(self) -> "FieldType":
-        """The type of a field: each may be None, and is at first."""
+        """Return the type of a field: each may be None, and is at first."""
         return union([self, FieldType((_NONE,))])
 
     def fits(self, value: Any) -> bool:
@@ -105,7 +105,7 @@ class FieldType:
         )
 
     def shaped(self, value: Any) -> Any:
-        """A fresh value of the kind declared: recordings have one kind of array, Python tuples and lists.
+        """Return a fresh value of the kind declared: recordings have one kind of array, Python tuples and lists.
 
         A value of a type that is not declared comes back as it is.
         """
@@ -118,7 +118,7 @@ class FieldType:
 
 
 def union(parts: Iterable[FieldType]) -> FieldType:
-    """The types together, each once, in order; None comes last where there is one other, as Optional has no order."""
+    """Return the union of types, each once, in order; None last where there is one other, as Optional has no order."""
     members = tuple(dict.fromkeys(member for part in parts for member in part.members))
     return FieldType(members[::-1] if len(members) == 2 and members[0] == _NONE else members)
 
@@ -127,7 +127,7 @@ def union(parts: Iterable[FieldType]) -> FieldType:
 
 
 def of_hint(hint: Any) -> FieldType:
-    """The type that a Python hint says.
+    """Return the type of a Python hint.
 
     Raises:
         BadType (TypeError): the hint is not one of those a recording can hold.
@@ -161,7 +161,7 @@ def _of_hint(hint: Any) -> FieldType:
 
 
 def parse(text: Any) -> FieldType:
-    """The type that the text in a recording says.
+    """Return the type of the text in a recording.
 
     Raises:
         RecordingError: the text says anything else.

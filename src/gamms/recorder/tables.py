@@ -37,7 +37,7 @@ _TOLD = {kinds.GAME_EVENT, kinds.USER_EVENT}
 
 
 def events(reader: Reader, start: int, stop: int) -> Iterator[dict[str, Any]]:
-    """What rules emitted and programs recorded in these logs."""
+    """Yield what rules emitted and programs recorded in these logs."""
     for log, _, _, data in reader.events(start, stop, _TOLD):
         if not (isinstance(data, dict) and isinstance(data.get("kind"), str)):
             raise RecordingError(f"An event of turn {log + 1} has no kind: {shown(data)}.")
@@ -45,7 +45,7 @@ def events(reader: Reader, start: int, stop: int) -> Iterator[dict[str, Any]]:
 
 
 def steps(reader: Reader, start: int, stop: int, names_at: NamesAt) -> Iterator[dict[str, Any]]:
-    """Everything that happened in these logs: `turn`, `event`, and for a move `agent` and `node`, else `data`."""
+    """Yield everything in these logs: `turn`, `event`, and for a move `agent` and `node`, else `data`."""
     names, following = names_at(start)
     for log in range(start, stop):
         for kind, data in steps_of(reader.log(log)):
@@ -54,8 +54,8 @@ def steps(reader: Reader, start: int, stop: int, names_at: NamesAt) -> Iterator[
                 continue
             if kind in _ROSTER:
                 names, following = _roster_after(kind, data, names, following)
-            told = _by_name(kind, data, _name(names, data[0], log)) if kind in FORMS else data
-            yield {"turn": log + 1, "event": KINDS.get(kind, f"{kind:#010x}"), "data": told}
+            named = _by_name(kind, data, _name(names, data[0], log)) if kind in FORMS else data
+            yield {"turn": log + 1, "event": KINDS.get(kind, f"{kind:#010x}"), "data": named}
 
 
 def _by_name(kind: int, data: Any, name: str) -> dict[str, Any]:
@@ -72,7 +72,7 @@ def _name(names: dict[int, str], number: int, log: int) -> str:
 
 
 def _roster_after(kind: int, data: Any, names: dict[int, str], following: int) -> tuple[dict[int, str], int]:
-    """Who has which number after somebody has come, or a snapshot."""
+    """Return the names of agents by number, and the next number, after a creation or a snapshot."""
     try:
         if kind == kinds.SNAPSHOT:
             return dict(zip(data["numbers"].tolist(), data["names"], strict=True)), data["next"]
@@ -85,7 +85,7 @@ def _roster_after(kind: int, data: Any, names: dict[int, str], following: int) -
 
 
 def table(reader: Reader, name: str, start: int, stop: int, names_at: NamesAt) -> Table:
-    """One table of these logs.
+    """Return one table of these logs.
 
     Raises:
         UnknownName (KeyError): there is no such table.
@@ -118,7 +118,7 @@ def _events(reader: Reader, start: int, stop: int, _names_at: NamesAt) -> Table:
 
 
 def _moves(reader: Reader, start: int, stop: int, names_at: NamesAt) -> Table:
-    """Every move of an agent on the ground: the turn, its name, where to."""
+    """Return every move of an agent on the ground: the turn, its name, where to."""
     turns, numbers, nodes = reader.moves(start, stop)
     places = turns.searchsorted(np.arange(start, stop))
     roster = list(reader.events(start, stop, _ROSTER))
@@ -130,7 +130,7 @@ def _moves(reader: Reader, start: int, stop: int, names_at: NamesAt) -> Table:
 def _names(
     numbers: IntArray, before: list[int], roster: list[tuple[int, Any]], known: tuple[dict[int, str], int]
 ) -> np.ndarray[Any, Any]:
-    """The names of agents by their numbers, where so many of these come before each event of the roster."""
+    """Return the names of agents by their numbers, where so many of these come before each event of the roster."""
     parts, done = [], 0
     names, following = known
     for until, (kind, data) in zip(before, roster, strict=True):
@@ -155,7 +155,7 @@ def _named(numbers: IntArray, known: dict[int, str]) -> np.ndarray[Any, Any]:
 
 
 def _positions(reader: Reader, start: int, stop: int, names_at: NamesAt) -> Table:
-    """Every move of an agent that flies: the turn, its name, where to."""
+    """Return every move of a flyer: the turn, its name, where to."""
     flights = reader.tracks(kinds.AERIAL_AGENT_FLIGHT, start, stop, _ROSTER | _FLIGHTS_BY_NAME)
     others = [(log, kind, data) for log, _, kind, data in reader.events(start, stop, _ROSTER | _FLIGHTS_BY_NAME)]
     roster = [(kind, data) for _, kind, data in others if kind in _ROSTER]
@@ -163,22 +163,22 @@ def _positions(reader: Reader, start: int, stop: int, names_at: NamesAt) -> Tabl
     names = _names(flights.tracks.numbers, flights.before[~is_named].tolist(), roster, names_at(start))
     table = {"turn": flights.turns + 1, "agent": names}
     table |= dict(zip("xyz", flights.tracks.floats.T.copy(), strict=True))
-    told = [(log + 1, data["agent_name"], *data["position"]) for log, kind, data in others if kind not in _ROSTER]
-    if not told:
+    by_name = [(log + 1, data["agent_name"], *data["position"]) for log, kind, data in others if kind not in _ROSTER]
+    if not by_name:
         return table
-    columns = table_of(dict(zip(table, zip(*told, strict=True), strict=True)))
+    columns = table_of(dict(zip(table, zip(*by_name, strict=True), strict=True)))
     places = flights.before[is_named]
     return {key: _inserted(column, places, columns[key]) for key, column in table.items()}
 
 
 def _inserted(column: np.ndarray[Any, Any], places: IntArray, values: np.ndarray[Any, Any]) -> np.ndarray[Any, Any]:
-    """A column with more values, each before the item of such a place."""
+    """Return a column with more values, each before the item of such a place."""
     both = np.concatenate((column, values))
     return both[np.concatenate((np.arange(len(column)) + 0.5, places)).argsort(kind="stable")]
 
 
 def _scores(reader: Reader, start: int, stop: int, _names_at: NamesAt) -> Table:
-    """All scores, of every turn in which one of them changed."""
+    """Return all scores, of every turn in which one of them changed."""
     found: dict[int, Any] = {}  # of several in one turn, the last
     for log, _, _, data in reader.events(start, stop, {kinds.GAME_SCORES, kinds.SNAPSHOT}):
         found[log + 1] = data["scores"]
@@ -189,7 +189,7 @@ def _scores(reader: Reader, start: int, stop: int, _names_at: NamesAt) -> Table:
 
 
 def _sensed(reader: Reader, start: int, stop: int, names_at: NamesAt) -> Table:
-    """Every node that a sensor saw: the turn, whose sensor, which, the node, and the agent there if that was seen."""
+    """Return every node that a sensor saw: turn, agent, sensor, the node, and the agent there if that was seen."""
     rows: list[tuple[Any, ...]] = []
     names, following = names_at(start)
     for log, _, kind, data in reader.events(start, stop, {*_ROSTER, kinds.SENSED}):
