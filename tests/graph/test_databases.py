@@ -11,7 +11,7 @@ from types import SimpleNamespace
 import pytest
 
 from gamms.errors import BadFile, BadValue, ContextTerminated, UnknownType, WriteConflict
-from gamms.graph import Engine, file
+from gamms.graph import Engine, map_file
 
 
 @pytest.fixture
@@ -54,7 +54,7 @@ def test_a_database_is_complete_after_save(reopened, fill):
     fill(ctx)
     ctx.graph.save()
     ((_, _, saves, data),) = rows_in(reopened.path, "saved_map")
-    held = file.decode(data)
+    held = map_file.decode(data)
     assert saves == 1
     assert held.columns.node_ids.tolist() == [1, 2, -7, 40]
     assert held.columns.edge_ids.tolist() == [1, 2, 3, 4]

@@ -21,8 +21,8 @@ from hypothesis import strategies as st
 import gamms
 from gamms import limits
 from gamms.errors import BadFile, BadType, BadValue
-from gamms.graph import Engine, Graph, file
-from gamms.graph.contents import Contents
+from gamms.graph import Engine, Graph, map_file
+from gamms.graph.map_file import SavedMap
 from gamms.graph.obstacles import checked_face
 from gamms.graph.store import GraphStore
 from gamms.ir import packing
@@ -41,7 +41,7 @@ def saved(ctx, fill, tmp_path):
 
 
 def contents_of(graph):
-    return Contents(graph.columns(), [], graph.attribution)
+    return SavedMap(graph.columns(), [], graph.attribution)
 
 
 # -- there and back ---------------------------------------------------------------------------------------------
@@ -94,14 +94,14 @@ def contents(draw):
         for id in draw(st.sets(ids, max_size=3))
     ]
     graph.crs, graph.attribution = draw(st.none() | st.text()), draw(st.none() | st.text())
-    return Contents(graph.columns(), faces, graph.attribution)
+    return SavedMap(graph.columns(), faces, graph.attribution)
 
 
 @given(contents=contents())
 @settings(max_examples=150, deadline=None, derandomize=True)
 def test_decoding_undoes_encoding(contents):
-    data = file.encode(contents)
-    back = file.decode(data)
+    data = map_file.encode(contents)
+    back = map_file.decode(data)
     for name in ("node_ids", "xy", "edge_ids", "sources", "targets", "lengths", "offsets", "out_edges"):
         one, other = getattr(back.columns, name), getattr(contents.columns, name)
         assert (one.dtype, one.shape, one.tobytes()) == (other.dtype, other.shape, other.tobytes())
@@ -115,7 +115,7 @@ def test_decoding_undoes_encoding(contents):
         contents.attribution,
         contents.faces,
     )
-    assert file.encode(back) == data
+    assert map_file.encode(back) == data
 
 
 def test_the_same_graph_gives_the_same_bytes(ctx, fill, saved, open_ctx, tmp_path):
@@ -323,9 +323,9 @@ def test_a_file_that_was_cut_off_is_named(saved):
     data = saved.read_bytes()
     for size in [*range(0, len(data), 64), len(data) - 1]:
         with pytest.raises(BadFile):
-            file.decode(data[:size])
+            map_file.decode(data[:size])
     with pytest.raises(BadFile, match="behind its end"):
-        file.decode(data + b"\0")
+        map_file.decode(data + b"\0")
 
 
 def test_no_flipped_byte_does_harm(saved):
@@ -436,9 +436,9 @@ def test_a_damaged_file_changes_nothing(any_ctx, fill, everything, tmp_path):
 
 def test_a_file_of_a_newer_version_says_so(saved):
     data = bytearray(saved.read_bytes())
-    struct.pack_into("<I", data, 8, file.VERSION + 1)
-    with pytest.raises(BadFile, match=f"format version {file.VERSION + 1}.*install a newer one"):
-        file.decode(bytes(data))
+    struct.pack_into("<I", data, 8, map_file.VERSION + 1)
+    with pytest.raises(BadFile, match=f"format version {map_file.VERSION + 1}.*install a newer one"):
+        map_file.decode(bytes(data))
 
 
 @pytest.mark.parametrize("honest", [True, False])
@@ -448,7 +448,7 @@ def test_a_decompression_bomb_is_not_unpacked(honest):
     data = _sealed(packing.varint(40_000_000 if honest else 10) + bomb)
     tracemalloc.start()
     with pytest.raises(BadFile), limits.allowing(1 << 24):
-        file.decode(data)
+        map_file.decode(data)
     peak = tracemalloc.get_traced_memory()[1]
     tracemalloc.stop()
     assert peak < 2_000_000
@@ -458,7 +458,7 @@ def test_a_file_of_an_older_version_says_so(saved):
     data = bytearray(saved.read_bytes())
     struct.pack_into("<I", data, 8, 1)
     with pytest.raises(BadFile, match="format version 1, which was never released"):
-        file.decode(bytes(data))
+        map_file.decode(bytes(data))
 
 
 def test_a_map_of_ours_is_read(ctx):
@@ -476,7 +476,7 @@ def test_a_map_of_ours_is_read(ctx):
 def _end_well(data):
     """Whatever is in a file, it is a graph or a BadFile."""
     try:
-        contents = file.decode(data)
+        contents = map_file.decode(data)
     except BadFile:
         return
     store = GraphStore()
@@ -485,7 +485,7 @@ def _end_well(data):
     assert [graph.get_node(id).id for id in graph.get_nodes()] == contents.columns.node_ids.tolist()
     for id in graph.get_edges():
         assert {graph.get_edge(id).source, graph.get_edge(id).target} <= set(graph.get_nodes())
-    file.encode(contents)
+    map_file.encode(contents)
 
 
 def _state_of(data):
@@ -497,7 +497,7 @@ def _file_of(state):
 
 
 def _sealed(body):
-    return HEAD.pack(b"GAMMSMAP", file.VERSION, len(body), zlib.crc32(body)) + body
+    return HEAD.pack(b"GAMMSMAP", map_file.VERSION, len(body), zlib.crc32(body)) + body
 
 
 def _arrays_in(state):
@@ -559,7 +559,7 @@ def test_keys_that_were_made_to_have_one_hash_are_refused(saved):
             data = _as_dict(data, flat)
         data = _sealed(packing.packed(data))
         with pytest.raises(BadFile, match="made to have one hash"):
-            file.decode(data)
+            map_file.decode(data)
 
 
 def _as_dict(data, flat):
@@ -575,7 +575,7 @@ def test_attributes_without_rows_are_refused(saved):
     for n in range(9000):
         state["node_attributes"][f"{n}"] = [none, none, []]
     with pytest.raises(BadFile, match="attribute '0' is damaged"):
-        file.decode(_file_of(state))
+        map_file.decode(_file_of(state))
 
 
 def test_a_graph_may_have_any_number_of_names(ctx, tmp_path):

@@ -54,10 +54,10 @@ def test_everything_is_seen_from_anywhere(large):
 
 
 def test_a_large_grid_goes_through_a_file(large, ctx, tmp_path):
-    from gamms.graph import file
-    from gamms.graph.contents import Contents
+    from gamms.graph import map_file
+    from gamms.graph.map_file import SavedMap
 
-    file.save(tmp_path / "grid", Contents(large.columns(), [], None))
+    map_file.save(tmp_path / "grid", SavedMap(large.columns(), [], None))
     ctx.graph.load(tmp_path / "grid")
     for name in ("node_ids", "xy", "sources", "targets", "lengths", "out_edges"):
         assert np.array_equal(getattr(ctx.graph.columns(), name), getattr(large.columns(), name))

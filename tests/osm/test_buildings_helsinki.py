@@ -8,7 +8,7 @@ import pytest
 
 import gamms
 from gamms.graph import Engine
-from gamms.graph.file import load
+from gamms.graph.map_file import load
 
 QUIET = {"level": "CRITICAL"}
 ROADS = 333840139  # checksum

@@ -10,7 +10,7 @@ import networkx as nx
 import pytest
 
 import gamms.osm
-from gamms.graph.file import load
+from gamms.graph.map_file import load
 from gamms.osm import constants
 from gamms.progress import progress
 

@@ -3,7 +3,7 @@
 Read `graph.py` first (every verb), then `store.py` and `tables.py` (where the data is), `indexes.py` (what makes
 queries fast), `routes.py` and `positions.py`; for obstacles `obstacles.py`, then `visibility.py`.
 May import: typing, kernels, ir and below, never another engine. To add a file format, write a module that turns
-`contents.Contents` into bytes and back; to add a query, give `IGraph` a slow default and override it in `graph.py`.
+`map_file.SavedMap` into bytes and back; to add a query, give `IGraph` a slow default and override it in `graph.py`.
 """
 
 from importlib import import_module

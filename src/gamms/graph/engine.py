@@ -204,9 +204,9 @@ class GraphEngine(Guarded, IGraphEngine):
         """
         contents, saved = self._storage.contents(), self._state()
         if path is not None:
-            from gamms.graph import file
+            from gamms.graph import map_file
 
-            file.save(path, contents)
+            map_file.save(path, contents)
             self._saved = saved
         elif self._database is None:
             raise BadValue("A graph in memory needs a path to be saved to: ctx.graph.save('map.gamms').")
@@ -226,11 +226,11 @@ class GraphEngine(Guarded, IGraphEngine):
             BadValue: no path and no database.
             OSError: it cannot be read.
         """
-        from gamms.graph import file
+        from gamms.graph import map_file
 
         graph = self.graph
         if path is not None:
-            self._storage.put(file.load(path))
+            self._storage.put(map_file.load(path))
         elif self._database is not None:
             self._storage.put(self._database.read())
             self._saved = self._state()
@@ -324,15 +324,15 @@ class GraphEngine(Guarded, IGraphEngine):
             try:
                 database.write(contents)
             except BadValue as error:
-                from gamms.graph.contents import savable
+                from gamms.graph.map_file import savable
 
                 self._ctx.logger.error(f"{error} It is left out of the database.")  # noqa: TRY400 - ILogger has no exception()
                 contents = savable(contents)[0]
                 database.write(contents)
         except (WriteConflict, BadFile) as error:
-            from gamms.graph import file
+            from gamms.graph import map_file
 
-            error.add_note(f"What this context held is in {file.save_beside(database.path, contents)}.")
+            error.add_note(f"What this context held is in {map_file.save_beside(database.path, contents)}.")
             raise
 
     def _state(self) -> tuple[object, ...]:

@@ -5,8 +5,8 @@ from contextlib import AbstractContextManager
 from typing import Protocol
 
 from gamms.errors import BadFile, GammsError, WriteConflict
-from gamms.graph import file
-from gamms.graph.contents import Contents
+from gamms.graph import map_file
+from gamms.graph.map_file import SavedMap
 from gamms.graph.store import GraphStore
 from gamms.typing.memory_engine import IPathLike, Row, Schema
 
@@ -62,7 +62,7 @@ class MapDatabase:
         """The path of the file."""
         return self._store.path().as_str()
 
-    def read(self) -> Contents:
+    def read(self) -> SavedMap:
         """Return the map that was written last, or an empty one.
 
         Raises:
@@ -70,14 +70,14 @@ class MapDatabase:
         """
         try:
             row = self._row()
-            contents = file.decode(row["map"]) if row["saves"] else Contents(GraphStore().columns(), [], None)
+            contents = map_file.decode(row["map"]) if row["saves"] else SavedMap(GraphStore().columns(), [], None)
             self._saves = row["saves"]
         except (GammsError, TypeError) as error:
             kind = type(error) if isinstance(error, BadFile) else BadFile
             raise kind(f"{self.path} does not hold a graph that GAMMS can load: {error}") from error
         return contents
 
-    def write(self, contents: Contents) -> None:
+    def write(self, contents: SavedMap) -> None:
         """Replace what the database holds.
 
         Raises:
@@ -85,7 +85,7 @@ class MapDatabase:
             WriteConflict: another program has saved since the map was read; the database keeps what that saved.
             BadFile: the file cannot be written; it keeps the map it had.
         """
-        data = file.encode(contents)
+        data = map_file.encode(contents)
         with self._store.transaction():
             saves = self._row()["saves"]
             if saves != self._saves:

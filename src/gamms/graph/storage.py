@@ -9,7 +9,6 @@ from typing import TYPE_CHECKING, Any, NamedTuple
 from gamms.deciding import DecidePhase, Guarded, refused_while_deciding
 from gamms.errors import BadFile, BadType, BadValue
 from gamms.graph.cache import Cache
-from gamms.graph.contents import Contents, savable
 from gamms.graph.obstacles import Obstacles
 from gamms.graph.store import GraphStore
 from gamms.ir.graph import GraphColumns
@@ -21,6 +20,8 @@ from gamms.typing.map_storage import IMapStorage, IPackedGraph, LeftOut, packed_
 if TYPE_CHECKING:
     import networkx as nx
     from numpy.random import Generator
+
+    from gamms.graph.map_file import SavedMap
 
 _VISIBILITY_BYTES = 256 << 20
 
@@ -54,40 +55,42 @@ class MapStorage(Guarded, IMapStorage):
         self._restored: dict[int, int] = {}  # revision of a snapshot -> the one that is equal, since it was restored
         self._restored_obstacles: dict[int, int] = {}  # likewise
 
-    def contents(self) -> Contents:
+    def contents(self) -> "SavedMap":
         """Return all that a file holds."""
-        return Contents(self._store.columns(), list(self._obstacles), self._store.attribution)
+        from gamms.graph.map_file import SavedMap
+
+        return SavedMap(self._store.columns(), list(self._obstacles), self._store.attribution)
 
     @refused_while_deciding
-    def put(self, contents: Contents) -> None:
+    def put(self, contents: "SavedMap") -> None:
         """Replace graph and obstacles by those of a file."""
         self._store.replace(contents.columns, contents.attribution)
         self._obstacles.replace(contents.faces)
 
     def pack(self) -> bytes:
         """Return graph, obstacles, CRS and attributes as the bytes that `save` writes."""
-        from gamms.graph import file
+        from gamms.graph import map_file
 
-        return file.encode(self.contents())
+        return map_file.encode(self.contents())
 
     def pack_savable(self) -> tuple[bytes, LeftOut]:
         """Return what `pack` returns, without the attributes that are no plain values, and which these are."""
         try:
             return self.pack(), {}
         except BadValue:
-            from gamms.graph import file
+            from gamms.graph import map_file
 
-            contents, left_out = savable(self.contents())
-            return file.encode(contents), left_out
+            contents, left_out = map_file.savable(self.contents())
+            return map_file.encode(contents), left_out
 
     @refused_while_deciding
     def unpack(self, data: bytes) -> None:
         """Replace graph and obstacles by those that `pack` has packed."""
-        from gamms.graph import file
+        from gamms.graph import map_file
 
         if not isinstance(data, (bytes, bytearray, memoryview)):
             raise BadType(f"A packed graph is bytes, not {shown(data)}.")
-        self.put(file.decode(data))
+        self.put(map_file.decode(data))
 
     @refused_while_deciding
     def snapshot(self) -> MapSnapshot:
@@ -184,7 +187,7 @@ class PackedGraph(IPackedGraph):
         return self._contents.attribution
 
     @cached_property
-    def _contents(self) -> Contents:
-        from gamms.graph import file
+    def _contents(self) -> "SavedMap":
+        from gamms.graph import map_file
 
-        return file.decode(self.packed)
+        return map_file.decode(self.packed)

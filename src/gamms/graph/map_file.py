@@ -1,4 +1,4 @@
-"""The save format: one file that holds a graph completely, and that a stranger can open without fear.
+"""The save format: one file that holds a graph completely, and that is safe to open.
 
 Layout: 8 bytes `GAMMSMAP`; three little-endian uint32: format version, size and CRC-32 of what follows; then a dict of
 arrays and plain values, as `ir/packing.py` packs it. Nothing in a file is ever evaluated or imported.
@@ -7,34 +7,145 @@ arrays and plain values, as `ir/packing.py` packs it. Nothing in a file is ever 
 import os
 import zlib
 from collections.abc import Iterable, Mapping
+from dataclasses import replace
 from itertools import count
 from struct import Struct
+from typing import NamedTuple
 
 import numpy as np
 
+from gamms import kernels
 from gamms.arguments import as_path
-from gamms.errors import BadFile, GammsError, MissingFolder
+from gamms.errors import BadFile, BadValue, GammsError, MissingFolder
 from gamms.folders import write_whole
 from gamms.graph import records
-from gamms.graph.contents import Contents, attribute_bytes, checked_columns
 from gamms.graph.obstacles import checked_face
+from gamms.graph.tables import RowIndex
 from gamms.ir import packing
-from gamms.ir.graph import FloatArray
+from gamms.ir.graph import FloatArray, GraphColumns, IntArray
 from gamms.limits import Allowance
-from gamms.plain import Plain
+from gamms.plain import Plain, is_plain, why_not_plain
+from gamms.text import shown
 from gamms.typing.graph_engine import ObsFace
 
 MAGIC = b"GAMMSMAP"
 VERSION = 2  # of development versions, 1 was; it is not read
-
 _HEAD = Struct("<8sIII")
 _GRAPH = ("node_ids", "xy", "edge_ids", "sources", "targets", "lengths")
 _OTHERS = ("bend_rows", "bend_sizes", "bend_points", "face_ids", "face_types", "face_corners")
-
 _Attributes = dict[str, dict[int, Plain]]  # by name, by row
 
 
-def save(path: str | os.PathLike[str], contents: Contents) -> None:
+class SavedMap(NamedTuple):
+    """A graph, its obstacles, and the authors of the data."""
+
+    columns: GraphColumns
+    faces: list[ObsFace]
+    attribution: str | None
+
+
+LeftOut = dict[tuple[str, str], list[int]]  # "node" or "edge", and the name of an attribute -> whose was left out
+
+
+def savable(contents: SavedMap) -> tuple[SavedMap, LeftOut]:
+    """Return the same without the attributes that are no plain data, and which these are."""
+    columns, left_out = contents.columns, LeftOut()
+    given = {"node": (columns.node_attributes, columns.node_ids), "edge": (columns.edge_attributes, columns.edge_ids)}
+    kept: dict[str, dict[str, dict[int, Plain]]] = {"node": {}, "edge": {}}
+    for kind, (attributes, ids) in given.items():
+        for name, values in attributes.items():
+            part = {row: value for row, value in values.items() if is_plain(value)}
+            if len(part) < len(values):
+                left_out[kind, name] = [int(ids[row]) for row in values if row not in part]
+            if part:
+                kept[kind][name] = part
+    columns = replace(columns, node_attributes=kept["node"], edge_attributes=kept["edge"])
+    return contents._replace(columns=columns), left_out
+
+
+def attribute_bytes(value: Plain, kind: str, name: str) -> bytes:
+    """Return the value of an attribute as bytes, the same bytes for the same value.
+
+    Args:
+        value: what is saved.
+        kind: "Node" or "Edge", for the message.
+        name: of the attribute.
+
+    Raises:
+        BadValue: it is no plain value.
+    """
+    if flaw := why_not_plain(value):
+        raise BadValue(
+            f"{kind} attribute {name!r} cannot be saved: {shown(value)} (it{flaw}). Only None, bool, int, float, "
+            f"str, bytes, arrays of numbers, and list, tuple, set and dict of these can; convert it, or remove the "
+            f"attribute before saving."
+        )
+    return packing.to_bytes(value, f"{kind} attribute {name!r}")
+
+
+def checked_columns(
+    arrays: dict[str, packing.Array],
+    polylines: dict[int, FloatArray],
+    attributes: tuple[dict[str, dict[int, Plain]], dict[str, dict[int, Plain]]],
+    crs: str | None,
+) -> GraphColumns:
+    """Return columns from the arrays of a file, which may hold anything.
+
+    Args:
+        arrays: `node_ids`, `xy`, `edge_ids`, `sources` and `targets` (node rows), `lengths`.
+        polylines: edge row -> (points, 2).
+        attributes: of nodes and of edges, name -> row -> value.
+        crs: the coordinate reference system.
+
+    Raises:
+        BadFile: they do not make a graph.
+    """
+    nodes, edges = len(arrays["node_ids"]), len(arrays["edge_ids"])
+    for name, shape in (
+        ("node_ids", (nodes,)),
+        ("xy", (nodes, 2)),
+        ("edge_ids", (edges,)),
+        ("sources", (edges,)),
+        ("targets", (edges,)),
+        ("lengths", (edges,)),
+    ):
+        if arrays[name].shape != shape:
+            raise BadFile(f"{name} has shape {arrays[name].shape} instead of {shape}")
+    for ids, kind in ((arrays["node_ids"], "node"), (arrays["edge_ids"], "edge")):
+        try:
+            RowIndex().refuse_duplicates(ids, kind)
+        except GammsError as error:
+            raise BadFile(f"an id is there twice: {error}") from error
+    _check_rows(arrays["sources"], nodes, "source")
+    _check_rows(arrays["targets"], nodes, "target")
+    _check_rows(np.array(list(polylines), np.int64), edges, "polyline")
+    for values in (arrays["xy"], arrays["lengths"], *polylines.values()):
+        if not np.isfinite(values).all():
+            raise BadFile("a coordinate or length is not finite")
+    if edges and float(arrays["lengths"].min()) < 0.0:
+        raise BadFile("a length is negative")
+    for rows, most in zip(attributes, (nodes, edges), strict=True):
+        for name, by_row in rows.items():
+            _check_rows(np.array(list(by_row), np.int64), most, f"attribute {name!r}")
+    offsets, out_edges = kernels.group_rows(arrays["sources"], nodes)
+    return GraphColumns(
+        **arrays,
+        offsets=offsets,
+        out_edges=out_edges,
+        polylines=polylines,
+        node_attributes=attributes[0],
+        edge_attributes=attributes[1],
+        revision=0,
+        crs=crs,
+    )
+
+
+def _check_rows(rows: IntArray, count: int, what: str) -> None:
+    if len(rows) and not (int(rows.min()) >= 0 and int(rows.max()) < count):
+        raise BadFile(f"a {what} belongs to a row that is not there")
+
+
+def save(path: str | os.PathLike[str], contents: SavedMap) -> None:
     """Write a graph; the file appears complete or not at all.
 
     Raises:
@@ -48,7 +159,7 @@ def save(path: str | os.PathLike[str], contents: Contents) -> None:
     write_whole(target, data)
 
 
-def save_beside(path: str, contents: Contents) -> str:
+def save_beside(path: str, contents: SavedMap) -> str:
     """Write a graph that cannot be written to `path` into a new file next to it; returns the path of that."""
     for number in count(1):
         beside = f"{path}.unsaved-{number}.gamms"
@@ -61,7 +172,7 @@ def save_beside(path: str, contents: Contents) -> str:
     raise AssertionError
 
 
-def load(path: str | os.PathLike[str]) -> Contents:
+def load(path: str | os.PathLike[str]) -> SavedMap:
     """Read a graph.
 
     Raises:
@@ -75,7 +186,7 @@ def load(path: str | os.PathLike[str]) -> Contents:
         raise type(error)(f"{path} is not a graph that GAMMS can load: {error}.") from error
 
 
-def encode(contents: Contents) -> bytes:
+def encode(contents: SavedMap) -> bytes:
     """Return a graph as the bytes of a file; the same graph gives the same bytes.
 
     Raises:
@@ -93,7 +204,7 @@ def encode(contents: Contents) -> bytes:
     return _HEAD.pack(MAGIC, VERSION, len(body), zlib.crc32(body)) + body
 
 
-def decode(data: bytes) -> Contents:
+def decode(data: bytes) -> SavedMap:
     """Return the graph in the bytes of a file.
 
     Raises:
@@ -106,7 +217,7 @@ def decode(data: bytes) -> Contents:
         attributes = _attributes_of(state["node_attributes"]), _attributes_of(state["edge_attributes"])
         crs, attribution = (records.as_text(state[key], key) for key in ("crs", "attribution"))
         graph = checked_columns(arrays, _polylines_of(others), attributes, crs)
-        return Contents(graph, list(_faces_of(others)), attribution)
+        return SavedMap(graph, list(_faces_of(others)), attribution)
     except BadFile:
         raise
     except (KeyError, ValueError, TypeError, OverflowError, IndexError, AttributeError, GammsError) as error:
@@ -132,7 +243,7 @@ def _checked_body(data: bytes) -> bytes:
 # -- contents <-> columns ---------------------------------------------------------------------------------------
 
 
-def _arrays_of(contents: Contents) -> dict[str, packing.Array]:
+def _arrays_of(contents: SavedMap) -> dict[str, packing.Array]:
     graph, faces = contents.columns, contents.faces
     rows = sorted(graph.polylines)
     polylines = [graph.polylines[row] for row in rows]
