@@ -15,8 +15,8 @@ from hypothesis import strategies as st
 
 from gamms import limits
 from gamms.errors import BadFile, BadType, BadValue, MissingFolder, NotOffered, Outdated, UnknownName
-from gamms.graph import sight_file, sights
-from gamms.graph.sights import Scene, Seen
+from gamms.graph import visibility_file, visibility_workers
+from gamms.graph.visibility_workers import VisibilityRows, VisibilityTask
 from gamms.typing.graph_engine import IGraphEngine
 
 
@@ -213,23 +213,23 @@ def test_a_larger_town_is_answered_alike_by_one_worker_and_by_three(ctx, radius)
 
 def scene(nodes=200):
     rng = np.random.default_rng(1)
-    return Scene(rng.uniform(0, 90, (nodes, 2)), np.zeros((0, 4, 3)), 30.0, 1.6)
+    return VisibilityTask(rng.uniform(0, 90, (nodes, 2)), np.zeros((0, 4, 3)), 30.0, 1.6)
 
 
 @pytest.mark.parametrize(
     "script", ["raise SystemExit(3)", "print('not the answer')", "print('abc')", "import sys; sys.stdin.read(9)"]
 )
 def test_where_a_worker_breaks_down_its_work_is_done_nevertheless(monkeypatch, script):
-    expected = sights.all_seen(scene(), 1, lambda _: None)
-    monkeypatch.setattr(sights, "_SCRIPT", script)
-    found = sights.all_seen(scene(), 2, lambda _: None)
+    expected = visibility_workers.compute_visibility(scene(), 1, lambda _: None)
+    monkeypatch.setattr(visibility_workers, "_SCRIPT", script)
+    found = visibility_workers.compute_visibility(scene(), 2, lambda _: None)
     assert all(np.array_equal(*columns) for columns in zip(found, expected, strict=True))
 
 
 @pytest.mark.parametrize("executable", ["", "/no/such/python"])
 def test_without_an_interpreter_to_start_the_work_is_done_here(monkeypatch, executable):
     monkeypatch.setattr(sys, "executable", executable)
-    assert len(sights.all_seen(scene(), 2, lambda _: None).counts) == 200
+    assert len(visibility_workers.compute_visibility(scene(), 2, lambda _: None).counts) == 200
 
 
 @pytest.mark.parametrize("workers", [1, 3])
@@ -242,10 +242,10 @@ def test_an_interruption_leaves_neither_processes_nor_files(ctx, cache, monkeypa
         raise KeyboardInterrupt
 
     with pytest.raises(KeyboardInterrupt):
-        sights.all_seen(scene(), workers, interrupt)
+        visibility_workers.compute_visibility(scene(), workers, interrupt)
     assert all(process.returncode is not None for process in started)
     strewn(ctx)
-    monkeypatch.setattr("gamms.graph.visibility.all_seen", lambda *_: interrupt(""))
+    monkeypatch.setattr("gamms.graph.visibility.compute_visibility", lambda *_: interrupt(""))
     with pytest.raises(KeyboardInterrupt):
         ctx.graph.visibility(9.0)
     assert list(cache.iterdir()) == []
@@ -338,7 +338,7 @@ def test_a_table_is_kept_in_the_cache_folder_and_found_again(town, open_ctx, cac
     table = town.graph.visibility(20.0)
     (kept,) = files(cache)
     town.graph.save(tmp_path / "map.gamms")
-    monkeypatch.setattr("gamms.graph.visibility.all_seen", lambda *_: pytest.fail("worked out anew"))
+    monkeypatch.setattr("gamms.graph.visibility.compute_visibility", lambda *_: pytest.fail("worked out anew"))
     with open_ctx() as other:
         other.graph.load(tmp_path / "map.gamms")
         again = other.graph.visibility(20.0)
@@ -415,11 +415,11 @@ def test_a_damaged_file_is_replaced_with_a_warning(town, heard, cache, name):
 
 
 KEY = bytes(32)
-SOUND = Seen(np.array([2, 1], np.int32), np.array([0, 1, 1], np.int32))
+SOUND = VisibilityRows(np.array([2, 1], np.int32), np.array([0, 1, 1], np.int32))
 
 
 def test_what_is_encoded_is_decoded():
-    found = sight_file.decode(sight_file.encode(SOUND, KEY, 5.0, 1.6), KEY, 2)
+    found = visibility_file.decode(visibility_file.encode(SOUND, KEY, 5.0, 1.6), KEY, 2)
     assert [column.tolist() for column in found] == [[2, 1], [0, 1, 1]]
     assert [column.dtype for column in found] == [np.int32] * 2
 
@@ -437,24 +437,26 @@ def test_what_is_encoded_is_decoded():
     ],
 )
 def test_rows_that_are_no_table_are_refused(counts, rows):
-    data = sight_file.encode(Seen(np.array(counts, np.int32), np.array(rows, np.int32)), KEY, 5.0, 1.6)
+    data = visibility_file.encode(VisibilityRows(np.array(counts, np.int32), np.array(rows, np.int32)), KEY, 5.0, 1.6)
     with pytest.raises(BadFile):
-        sight_file.decode(data, KEY, 2)
+        visibility_file.decode(data, KEY, 2)
 
 
 def test_a_small_file_is_not_believed_to_hold_a_large_table():
     nodes = 20_000
-    bomb = sight_file.encode(Seen(np.full(nodes, 1, np.int32), np.arange(nodes, dtype=np.int32)), KEY, 5.0, 1.6)
+    bomb = visibility_file.encode(
+        VisibilityRows(np.full(nodes, 1, np.int32), np.arange(nodes, dtype=np.int32)), KEY, 5.0, 1.6
+    )
     bomb = sealed(bomb[:72] + (nodes * nodes).to_bytes(8, "little") + bomb[80:])
     with pytest.raises(BadFile, match=r"do not fit|honest files"):
-        sight_file.decode(bomb, KEY, nodes)
+        visibility_file.decode(bomb, KEY, nodes)
 
 
 def test_a_table_of_an_open_field_is_believed(monkeypatch):
     monkeypatch.setattr(limits, "_FLOOR", 1000)
     nodes = 300  # all see all, which would pack into next to nothing
-    field = Seen(np.full(nodes, nodes, np.int32), np.tile(np.arange(nodes, dtype=np.int32), nodes))
-    found = sight_file.decode(sight_file.encode(field, KEY, math.inf, 1.6), KEY, nodes)
+    field = VisibilityRows(np.full(nodes, nodes, np.int32), np.tile(np.arange(nodes, dtype=np.int32), nodes))
+    found = visibility_file.decode(visibility_file.encode(field, KEY, math.inf, 1.6), KEY, nodes)
     assert np.array_equal(found.rows, field.rows)
 
 

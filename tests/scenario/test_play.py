@@ -244,8 +244,8 @@ WALL = {"face_id": 0, "tr": (15, 12, 9), "tl": (15, -2, 9), "br": (15, 12, 0), "
 @pytest.fixture
 def tables_made(monkeypatch):
     """How many visibility tables were worked out."""
-    made, work_out = [], visibility.all_seen
-    monkeypatch.setattr(visibility, "all_seen", lambda *given: made.append(given) or work_out(*given))
+    made, work_out = [], visibility.compute_visibility
+    monkeypatch.setattr(visibility, "compute_visibility", lambda *given: made.append(given) or work_out(*given))
     return made
 
 

@@ -14,13 +14,13 @@ from gamms import kernels
 from gamms.arguments import as_float, as_int, as_path, as_range
 from gamms.errors import BadFile, BadValue, MissingFolder, Outdated, UnknownName
 from gamms.folders import cache_folder, write_whole
-from gamms.graph import records, sight_file
+from gamms.graph import records, visibility_file
 from gamms.graph.obstacles import Obstacles
 from gamms.graph.routes import Routes
-from gamms.graph.sights import RowArray, Scene, Seen, all_seen
 from gamms.graph.storage import MapStorage
 from gamms.graph.store import GraphStore
 from gamms.graph.tables import RowIndex
+from gamms.graph.visibility_workers import RowArray, VisibilityRows, VisibilityTask, compute_visibility
 from gamms.ir.graph import FloatArray, IntArray
 from gamms.ir.obstacles import BoolArray
 from gamms.progress import progress as shown
@@ -95,7 +95,7 @@ class Visibility(Shareable, IVisibility):
     """
 
     def __init__(
-        self, fingerprint: MapFingerprint, routes: Routes, radius: float, observer_height: float, seen: Seen
+        self, fingerprint: MapFingerprint, routes: Routes, radius: float, observer_height: float, seen: VisibilityRows
     ) -> None:
         self._fingerprint, self._routes = fingerprint, routes
         self._radius, self._observer_height = radius, observer_height
@@ -243,11 +243,11 @@ class VisibilityTables:
         place = self._place(path, key)
         kept = self._read(place, key, len(fingerprint.node_ids))
         if table is None:
-            scene = Scene(fingerprint.xy, fingerprint.corners, reach, height)
-            seen = self._storage.visibility_rows.get(0, key, lambda: kept or _made(scene, workers, is_shown=progress))
+            task = VisibilityTask(fingerprint.xy, fingerprint.corners, reach, height)
+            seen = self._storage.visibility_rows.get(0, key, lambda: kept or _made(task, workers, is_shown=progress))
             table = self._tables[reach, height] = Visibility(fingerprint, self._routes, reach, height, seen)
         if place is not None and kept is None:
-            self._write(place, sight_file.encode(table.seen, key, reach, height))
+            self._write(place, visibility_file.encode(table.seen, key, reach, height))
         return table
 
     def _place(self, path: TablePath, key: bytes) -> "_Place | None":
@@ -260,7 +260,7 @@ class VisibilityTables:
                 return _Place(asked / name, is_asked=True)
             if not asked.parent.is_dir():
                 raise MissingFolder(asked.name, asked.parent)
-            return _Place(asked, is_asked=True, is_ours=not sight_file.is_foreign(asked))
+            return _Place(asked, is_asked=True, is_ours=not visibility_file.is_foreign(asked))
         folder = cache_folder("visibility")
         try:
             folder.mkdir(parents=True, exist_ok=True)
@@ -269,9 +269,9 @@ class VisibilityTables:
             return None
         return _Place(folder / name)
 
-    def _read(self, place: "_Place | None", key: bytes, nodes: int) -> Seen | None:
+    def _read(self, place: "_Place | None", key: bytes, nodes: int) -> VisibilityRows | None:
         try:
-            return None if place is None else sight_file.read(place.path, key, nodes)
+            return None if place is None else visibility_file.read(place.path, key, nodes)
         except (BadFile, OSError) as error:
             self._ctx.logger.warning(f"{place.path} is no visibility table: {error}. It is computed again.")  # type: ignore[union-attr] # there is a place
             return None
@@ -300,9 +300,9 @@ class _Place(NamedTuple):
     is_ours: bool = True  # else there is a file of something else, which is not to be overwritten
 
 
-def _made(scene: Scene, workers: int | None, *, is_shown: bool) -> Seen:
+def _made(task: VisibilityTask, workers: int | None, *, is_shown: bool) -> VisibilityRows:
     with shown(0.0) if is_shown else nullcontext(_say_nothing) as show:
-        seen = all_seen(scene, workers, show)
+        seen = compute_visibility(task, workers, show)
     for array in seen:
         array.flags.writeable = False  # other engines may share it
     return seen

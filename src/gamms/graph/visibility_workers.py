@@ -1,4 +1,4 @@
-"""What every node sees, worked out from arrays alone: in this process, or in several at once.
+"""Computes which nodes every node sees, from arrays alone: in this process, or in several at once.
 
 Threads do not help: each observer takes a hundred NumPy calls on small arrays, between which only one thread can run.
 The processes of `multiprocessing` would import the user's script again. These import nothing but GAMMS, and each reads
@@ -27,14 +27,14 @@ _AT_ONCE = 64  # observers
 _FEW = 4096  # observers for whom no process is worth its start
 _SHARE = 4096  # observers for each process, at most; one of them takes about a millisecond
 _HEAD = 5  # numbers before the arrays that a process reads
-_SCRIPT = "from gamms.graph.sights import serve; serve()"
+_SCRIPT = "from gamms.graph.visibility_workers import serve; serve()"
 
 Span = tuple[int, int]  # first observer, one behind the last
 RowArray = np.ndarray[tuple[int, ...], np.dtype[np.int32]]  # half the memory of other rows; there are many
 
 
-class Scene(NamedTuple):
-    """Who looks at whom, and what stands in between."""
+class VisibilityTask(NamedTuple):
+    """The nodes, the faces, and the radius and height of a visibility table."""
 
     xy: FloatArray  # (nodes, 2)
     corners: FloatArray  # (faces, 4, 3)
@@ -42,70 +42,70 @@ class Scene(NamedTuple):
     observer_height: float
 
 
-class Seen(NamedTuple):
-    """What some observers see, one after the other."""
+class VisibilityRows(NamedTuple):
+    """The rows of the nodes that some observers see, one observer after the other."""
 
     counts: RowArray  # (observers,)
     rows: RowArray  # (counts.sum(),) node rows, ascending for each observer
 
 
-class Sights:
-    """Answers what nodes see, as `GraphEngine.visible` would."""
+class SightLines:
+    """Tests the sight lines of nodes, as `GraphEngine.visible` would."""
 
-    def __init__(self, scene: Scene) -> None:
-        count, faces = len(scene.xy), len(scene.corners)
-        self._radius = scene.radius
-        self._points = np.column_stack((scene.xy, np.full(count, scene.observer_height)))
+    def __init__(self, task: VisibilityTask) -> None:
+        count, faces = len(task.xy), len(task.corners)
+        self._radius = task.radius
+        self._points = np.column_stack((task.xy, np.full(count, task.observer_height)))
         nodes = NodeTable()
-        nodes.extend(np.arange(count), xy=scene.xy)
+        nodes.extend(np.arange(count), xy=task.xy)
         self._grid = NodeGrid(nodes)
         self._obstacles = Obstacles()
-        self._obstacles.add_many(ObstacleColumns(np.arange(faces), scene.corners, np.zeros(faces, np.int64)))
+        self._obstacles.add_many(ObstacleColumns(np.arange(faces), task.corners, np.zeros(faces, np.int64)))
 
-    def seen(self, first: int, last: int) -> Seen:
+    def seen(self, first: int, last: int) -> VisibilityRows:
         """Return what the observers in these rows see; there must be one."""
         found = [self._row(self._points[row]) for row in range(first, last)]
-        return Seen(np.array([len(rows) for rows in found], np.int32), np.concatenate(found))
+        return VisibilityRows(np.array([len(rows) for rows in found], np.int32), np.concatenate(found))
 
     def _row(self, observer: FloatArray) -> RowArray:
         near = self._grid.within(float(observer[0]), float(observer[1]), self._radius)
         return near[self._obstacles.visible(observer, self._points[near])].astype(np.int32)
 
 
-def all_seen(scene: Scene, workers: int | None, show: Callable[[str], None]) -> Seen:
+def compute_visibility(task: VisibilityTask, workers: int | None, show: Callable[[str], None]) -> VisibilityRows:
     """Return what every node sees; the number of workers changes nothing but the time.
 
     Args:
-        scene: who looks at whom.
+        task: what to compute.
         workers: processes; None: one for each processor where that pays.
-        show: takes a line that says how far it is.
+        show: takes a line of progress.
     """
-    nodes = len(scene.xy)
+    nodes = len(task.xy)
     if not nodes:
-        return Seen(np.zeros(0, np.int32), np.zeros(0, np.int32))
+        return VisibilityRows(np.zeros(0, np.int32), np.zeros(0, np.int32))
     if workers is None:
         workers = 1 if nodes < _FEW else os.cpu_count() or 1
     size = _AT_ONCE if workers == 1 else max(_AT_ONCE, min(_SHARE, -(-nodes // (2 * workers))))
     spans = [(first, min(first + size, nodes)) for first in range(0, nodes, size)]
     parts = []
-    sights = Sights(scene)
-    found = (sights.seen(*span) for span in spans) if workers == 1 else _seen_by_processes(scene, spans, workers)
+    sights = SightLines(task)
+    found = (sights.seen(*span) for span in spans) if workers == 1 else _seen_by_processes(task, spans, workers)
     with closing(found):
         for (_, last), part in zip(spans, found, strict=True):
             parts.append(part)
             show(f"{last} of {nodes} nodes have looked around")
     counts, rows = zip(*parts, strict=True)
-    return Seen(np.concatenate(counts), np.concatenate(rows))
+    return VisibilityRows(np.concatenate(counts), np.concatenate(rows))
 
 
-def _seen_by_processes(scene: Scene, spans: list[Span], workers: int) -> Generator[Seen, None, None]:
+def _seen_by_processes(task: VisibilityTask, spans: list[Span], workers: int) -> Generator[VisibilityRows, None, None]:
     """Return what each span sees; where a process cannot be had or breaks down, this process works in its place."""
     processes: list[subprocess.Popen[bytes]] = []
     is_over = Event()
 
-    def seen(span: Span) -> Seen:
-        head = np.array([len(scene.xy), *span, scene.radius, scene.observer_height])
-        question = np.concatenate((head, scene.xy.ravel(), scene.corners.ravel())).astype("<f8")
+    def seen(span: Span) -> VisibilityRows:
+        head = np.array([len(task.xy), *span, task.radius, task.observer_height])
+        question = np.concatenate((head, task.xy.ravel(), task.corners.ravel())).astype("<f8")
         try:
             processes.append(process := _started())
             if is_over.is_set():
@@ -114,10 +114,10 @@ def _seen_by_processes(scene: Scene, spans: list[Span], workers: int) -> Generat
             counts, rows = np.split(answer, [span[1] - span[0]])
             is_whole = process.returncode == 0 and len(counts) == span[1] - span[0] and len(rows) == counts.sum()
             if not is_whole and not is_over.is_set():
-                raise ValueError("the process broke down")  # noqa: TRY301 - as NumPy says of other answers
+                raise ValueError("the process broke down")  # noqa: TRY301 - as NumPy raises for other answers
         except (OSError, ValueError):
-            return Sights(scene).seen(*span)
-        return Seen(counts, rows)
+            return SightLines(task).seen(*span)
+        return VisibilityRows(counts, rows)
 
     with ThreadPoolExecutor(workers) as pool:  # threads that wait for a process each
         try:
@@ -143,10 +143,10 @@ def _started() -> "subprocess.Popen[bytes]":
 
 
 def serve() -> None:
-    """Be one of the processes: read a scene and a span of observers, and write what these see."""
+    """Work as one of the processes: read a task and a span of observers, and write what these see."""
     signal.signal(signal.SIGINT, signal.SIG_IGN)  # the process that asks is interrupted, and ends this one
     numbers = np.frombuffer(sys.stdin.buffer.read(), "<f8").astype(np.float64)
     nodes, first, last = (int(number) for number in numbers[:3])
     xy, corners = np.split(numbers[_HEAD:], [2 * nodes])
-    scene = Scene(xy.reshape(-1, 2), corners.reshape(-1, 4, 3), float(numbers[3]), float(numbers[4]))
-    sys.stdout.buffer.write(np.concatenate(Sights(scene).seen(first, last)).astype("<i4").tobytes())
+    task = VisibilityTask(xy.reshape(-1, 2), corners.reshape(-1, 4, 3), float(numbers[3]), float(numbers[4]))
+    sys.stdout.buffer.write(np.concatenate(SightLines(task).seen(first, last)).astype("<i4").tobytes())

@@ -1,7 +1,7 @@
 """The file that a visibility table is kept in: small, bounded, and never evaluated; see docs/save-format.md.
 
 Layout, little-endian: 8 bytes `GAMMSEYE`; uint32 version; uint32 CRC-32 of all that follows; 32 bytes key of the
-world; float64 radius and observer height; uint64 nodes, seen, size of the stored counts, size of the stored rows; the
+map; float64 radius and observer height; uint64 nodes, seen, size of the stored counts, size of the stored rows; the
 counts, the rows: packed bytes of arrays of int32 (`ir/packing.py`).
 """
 
@@ -13,7 +13,7 @@ from struct import Struct
 import numpy as np
 
 from gamms.errors import BadFile
-from gamms.graph.sights import RowArray, Seen
+from gamms.graph.visibility_workers import RowArray, VisibilityRows
 from gamms.ir import packing
 from gamms.limits import Allowance
 
@@ -25,7 +25,7 @@ _CHECKED = 16  # bytes before those that the CRC-32 is of
 _LEAST_BYTES = 1024  # that a file may take beyond 5 for each number
 
 
-def encode(seen: Seen, key: bytes, radius: float, observer_height: float) -> bytes:
+def encode(seen: VisibilityRows, key: bytes, radius: float, observer_height: float) -> bytes:
     """Return a table as the bytes of a file."""
     stored = [packing.packed(packing.array_bytes(column), is_noisy=True) for column in seen]
     sizes = len(seen.counts), len(seen.rows), *map(len, stored)
@@ -34,8 +34,8 @@ def encode(seen: Seen, key: bytes, radius: float, observer_height: float) -> byt
     return head[: _CHECKED - 4] + zlib.crc32(body).to_bytes(4, "little") + body
 
 
-def read(path: Path, key: bytes, nodes: int) -> Seen | None:
-    """Return the table in a file; None where there is no file, or it is of another world.
+def read(path: Path, key: bytes, nodes: int) -> VisibilityRows | None:
+    """Return the table in a file; None where there is no file, or it is of another map.
 
     Raises:
         BadFile (ValueError): the file is damaged, foreign or too new.
@@ -44,7 +44,7 @@ def read(path: Path, key: bytes, nodes: int) -> Seen | None:
     try:
         with path.open("rb") as file:
             head, size = file.read(_HEAD.size), os.fstat(file.fileno()).st_size
-            if _is_of_another_world(head, key):
+            if _is_of_another_map(head, key):
                 return None
             _check_head(head, size, nodes)
             return decode(head + file.read(size), key, nodes)
@@ -62,13 +62,13 @@ def is_foreign(path: Path) -> bool:
     return begin != MAGIC[: len(begin)]
 
 
-def _is_of_another_world(head: bytes, key: bytes) -> bool:
+def _is_of_another_map(head: bytes, key: bytes) -> bool:
     """Return whether this is the head of a sound file whose key is another."""
     return head[:12] == MAGIC + VERSION.to_bytes(4, "little") and len(head) == _HEAD.size and head[16:48] != key
 
 
-def decode(data: bytes, key: bytes, nodes: int) -> Seen:
-    """Return the table of a known world in the bytes of a file.
+def decode(data: bytes, key: bytes, nodes: int) -> VisibilityRows:
+    """Return the table of a known map in the bytes of a file.
 
     Raises:
         BadFile: see `read`.
@@ -78,7 +78,7 @@ def decode(data: bytes, key: bytes, nodes: int) -> Seen:
     if found != key or zlib.crc32(data[_CHECKED:]) != crc:
         raise BadFile("it is damaged")
     middle = _HEAD.size + first
-    table = Seen(_unpack(data[_HEAD.size : middle], nodes), _unpack(data[middle:], seen))
+    table = VisibilityRows(_unpack(data[_HEAD.size : middle], nodes), _unpack(data[middle:], seen))
     _check(table)
     return table
 
@@ -97,7 +97,7 @@ def _check_head(data: bytes, size: int, nodes: int) -> None:
     Allowance(size, "it").charge(4 * (nodes + seen))
 
 
-def _check(table: Seen) -> None:
+def _check(table: VisibilityRows) -> None:
     """Refuse rows that are no node, or not in order."""
     counts, rows = table.counts.astype(np.int64), table.rows
     if (counts < 1).any() or int(counts.sum()) != len(rows):
