@@ -158,7 +158,7 @@ class Fog:
 
 
 class _TurnDrawer:
-    """A method as a drawer that is asked once a turn."""
+    """A method as a drawer that is called once a turn."""
 
     once_a_turn = True
 

@@ -27,7 +27,7 @@ _SHAPES: dict[Shape, Drawer] = {Shape.Circle: render_circle, Shape.Rectangle: re
 
 
 class RenderMode(Enum):
-    """Whether a frame repaints an artist or shows it from memory."""
+    """Whether a frame repaints an artist or shows it from a cache."""
 
     CACHED = 1
     NON_CACHED = 2
@@ -150,7 +150,7 @@ def _order(item: _Item) -> tuple[int, bool]:
 
 
 class ArtistGroup:
-    """The visible ones among some artists, sorted once and drawn any number of times.
+    """The visible artists of several, sorted once and drawn any number of times.
 
     Args:
         ctx: the context.

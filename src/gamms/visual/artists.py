@@ -34,7 +34,7 @@ _NONE: Mapping[str, IArtist] = MappingProxyType({})
 
 
 class _Kind(NamedTuple):
-    """What one drawer draws."""
+    """A built-in drawer, and the keywords that describe its artists."""
 
     drawer: Drawer | type  # a class: a drawer made from the keywords
     names: tuple[str, ...]  # of the keywords

@@ -17,7 +17,7 @@ class Engine(Enum):
 
 
 class Space(Enum):
-    """What a coordinate is measured in."""
+    """The unit of a coordinate."""
 
     World = 0
     Screen = 1
@@ -25,14 +25,14 @@ class Space(Enum):
 
 
 class Shape(Enum):
-    """Drawers that go by a name."""
+    """Drawers by name."""
 
     Circle = 1
     Rectangle = 2
 
 
 class Layer(IntEnum):
-    """From the ground up; artists of the caller's own may use any number between."""
+    """The layers of built-in artists, from the ground up; custom artists may use any number between."""
 
     OBSTACLES = 5
     GRAPH = 10

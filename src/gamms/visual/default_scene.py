@@ -43,7 +43,7 @@ ColoredSights = Mapping[str, list[tuple[Rgb, SensorView | None]]]
 
 
 class MapTones(NamedTuple):
-    """The colours of what does not move."""
+    """The colours of the map."""
 
     streets: Rgb
     nodes: Rgb

@@ -262,7 +262,7 @@ _FONT_PX = 36
 
 
 class Drawing:
-    """What drawers draw with, and what they ask about the turn that is shown.
+    """The drawing primitives, and what drawers may ask about the turn that is shown.
 
     Args:
         ctx: the context.

@@ -126,7 +126,7 @@ _being_made: WeakValueDictionary[Path, "Film"] = WeakValueDictionary()
 
 
 class Plan(NamedTuple):
-    """What a film will be, checked."""
+    """The checked options of a film."""
 
     path: Path
     fps: float
@@ -169,7 +169,7 @@ def film_plan(
 
 
 class Source(NamedTuple):
-    """What the frames of a context are made from."""
+    """The parts of an engine that frames are made from."""
 
     ctx: IContext
     drawing: Drawing

@@ -42,7 +42,7 @@ _GROUND = 230  # alpha of what lies between the legend and the map
 
 
 class Bar(NamedTuple):
-    """A scale: its colours from low to high, and what stands at its low end, middle and high end."""
+    """A scale: its colours from low to high, and the words at its low end, middle and high end."""
 
     title: str
     colors: tuple[Rgb, ...]
@@ -163,7 +163,7 @@ class Legend:
 
 
 class _Pen:
-    """Draws at pixels, through a camera that looks at the world."""
+    """Draws at points in pixels, through a camera that looks at the world."""
 
     def __init__(self, camera: Camera, fine: float, ink: Rgb) -> None:
         self._camera, self._ink, self.commands = camera, ink, Commands()
@@ -255,7 +255,7 @@ _HUNDRED, _HUGE = 100.0, 1e7
 
 @dataclass(frozen=True, eq=False)
 class Values:
-    """What is drawn: ids with their places among a few colours; what has no value (NaN) is not in it.
+    """Ids with their places among a few colours; those without a value (NaN) are left out.
 
     Attributes:
         of: "nodes" or "edges".

@@ -31,7 +31,7 @@ def _png(commands: DrawCommands, camera: Camera, **words: Any) -> bytes:
 
 
 class FilmWriter(Protocol):
-    """What writes a film to a file; made by `(path, width, height, fps)`."""
+    """A writer of a film file; made by `(path, width, height, fps)`."""
 
     def add(self, picture: PaintedFrame) -> None:
         """Add a frame; it is painted over afterwards."""

@@ -191,7 +191,7 @@ _Outline = list[list[float]]  # corners (x, y)
 
 
 class Footprints(NamedTuple):
-    """What is built upon, and which faces are around it."""
+    """The outlines of buildings, and which faces are around each."""
 
     points: FloatArray  # (points, 2)
     offsets: IntArray  # (footprints + 1,)  footprint `i` is `points[offsets[i]:offsets[i + 1]]`

@@ -78,7 +78,7 @@ _SPEEDS = (0.125, 0.25, 0.5, 1.0, 2.0, 4.0, 8.0, 16.0, 32.0, 64.0)
 
 
 class Pace:
-    """How time passes in a window.
+    """The frame rate of a window, and how fast turns are shown.
 
     Args:
         max_fps: frames per second at most while a turn is shown or a person is asked.

@@ -129,7 +129,7 @@ HELP = (
 
 
 class Handlers(NamedTuple):
-    """What a window does for a person."""
+    """The functions that keys, mouse and window events call."""
 
     keys: Mapping[str, Callable[[], None]]  # by the names of keys, as in pygame
     click: Callable[[Point], None]  # on a point of the screen

@@ -31,7 +31,7 @@ from gamms.visual.window.input import HELP, Question, Walk
 
 
 class Theme(NamedTuple):
-    """What is behind everything, what is written, and the default look of the map."""
+    """The colours of the background, of text, and of the default map."""
 
     background: Rgba
     ink: Rgba
@@ -194,7 +194,7 @@ def _size(words: tuple[str, ...]) -> tuple[int, int]:
 
 
 class WindowLegend:
-    """What colours mean, in the upper right corner of the window."""
+    """The legend in the upper right corner of the window."""
 
     def __init__(self, theme: Theme) -> None:
         self._theme = theme
@@ -260,7 +260,7 @@ _NAME_PX = 12  # how high a name is
 
 
 class Overlay(Guarded):
-    """What a window shows beside the artists: trails, names, what the agent under the pointer sees, and text.
+    """Trails, names, the view of the agent under the pointer, and text, which a window shows beside the artists.
 
     Args:
         ctx: the context.
@@ -523,7 +523,7 @@ _FEW, _WIDTH_PX, _THIN_PX = 200, 3.0, 1.0  # so many are drawn broad; more of th
 
 
 class Trails:
-    """Keeps the ways of the last turns.
+    """The paths of agents in the last turns.
 
     Args:
         turns: how many; 0 keeps none.
