@@ -191,6 +191,17 @@ def test_plans_belong_to_the_start_and_to_snapshots(ctx):
     assert nodes(ctx) == {"a": 6}
 
 
+def test_a_plan_for_a_team_without_agents_is_warned_about_once(ctx, caplog):
+    team(ctx, "a")
+    ctx.logger.setLevel("WARNING")
+    ctx.game.command("rde", each)
+    ctx.game.command("green", each)
+    ctx.game.command("green", None)
+    ctx.game.run(2)
+    said = [record.getMessage() for record in caplog.records]
+    assert said == ["command: Unknown team 'rde'. Did you mean 'red'? Its plan decides for no agent."]
+
+
 # -- plans of arrays ------------------------------------------------------------------------------------------------
 
 

@@ -1,7 +1,8 @@
 """What decides for whole teams: plans, and the arrays that some of them get."""
 
-from collections.abc import Callable, Mapping
-from functools import cached_property
+from collections.abc import Callable, Mapping, Sequence
+from functools import cached_property, lru_cache
+from itertools import chain
 from typing import Any, NamedTuple
 
 import numpy as np
@@ -41,6 +42,11 @@ def _as_plan(value: Any) -> Plan:
     return Plan(function, arrays)
 
 
+@lru_cache(maxsize=64)
+def _keys_of(names: tuple[str, ...]) -> BitArray:
+    return kernels.name_keys(names)
+
+
 class TeamDraws:
     """The keyed draws of several agents: each call gives one number for each agent, (agents,).
 
@@ -60,7 +66,7 @@ class TeamDraws:
     def bits(self) -> BitArray:
         """Return 64 random bits for each agent."""
         if self._keys is None:
-            self._keys = kernels.name_keys(self._names)
+            self._keys = _keys_of(self._names)
         self._count += 1
         return kernels.draw_bits_many(self._purpose, self._keys, self._turn, self._count - 1)
 
@@ -102,7 +108,7 @@ class TeamArrays:
         seed: int,
         names: tuple[str, ...],
         nodes: list[int],
-        legal: list[tuple[int, ...]] | None,
+        legal: Sequence[Sequence[int]] | None,
         facts: Mapping[str, Any],
         team_memory: dict[Any, Any],
     ) -> None:
@@ -158,11 +164,11 @@ Any: all that NumPy makes such an array of, and an awaitable of it.
 """
 
 
-def _as_rows(rows: list[tuple[int, ...]]) -> tuple[IntArray, IntArray]:
+def _as_rows(rows: Sequence[Sequence[int]]) -> tuple[IntArray, IntArray]:
     """Return rows of ids as read-only offsets (rows + 1,) and ids."""
     offsets = np.zeros(len(rows) + 1, np.int64)
-    np.cumsum([len(row) for row in rows], out=offsets[1:])
-    ids = np.array([id for row in rows for id in row], np.int64)
+    np.cumsum(list(map(len, rows)), out=offsets[1:])
+    ids = np.fromiter(chain.from_iterable(rows), np.int64, int(offsets[-1]))
     for array in (offsets, ids):
         array.setflags(write=False)
     return offsets, ids

@@ -100,15 +100,15 @@ class Decisions:
         Raises:
             BadType: one of its agents flies.
         """
-        flying = [self._slots[i].name for i in commanded.indices if self._slots[i].flies]
+        slots = [self._slots[i] for i in commanded.indices]
+        flying = [slot.name for slot in slots if slot.flies]
         if flying:
             raise BadType(
                 f"The plan of team {shown(commanded.team)} decides in arrays, and agent {flying[0]!r} flies. Use "
                 "command(team, plan) with a plan of states."
             )
         nodes = [self._starts[i] for i in commanded.indices]
-        reachable, is_any = self._legality.reachable, self._settings.legal == "any"
-        legal = None if is_any else [reachable(self._slots[i], self._starts[i]) for i in commanded.indices]
+        legal = None if self._settings.legal == "any" else self._legality.reachable_each(slots, nodes)
         known = memory_copy(self._state.team_memories.get(commanded.team, {}))
         names = commanded.deciders.names
         given = TeamArrays(commanded.team, self._state.turn, seed, names, nodes, legal, facts, known)
@@ -231,14 +231,13 @@ class Decisions:
 
     def _take_nodes(self, indices: list[int], arrays: TeamArrays, nodes: IntArray) -> None:
         starts, ends, slots = self._starts, self.ends, self._slots
-        chosen = nodes.tolist()
-        for i, node in zip(indices, chosen, strict=True):
-            ends[i] = node
-        is_known = arrays.is_legal(nodes)
-        for k, i in enumerate(indices):
-            if not (is_known[k] and slots[i].is_plain):
+        chosen, is_known = nodes.tolist(), arrays.is_legal(nodes).tolist()
+        for i, node, is_legal in zip(indices, chosen, is_known, strict=True):
+            if is_legal and slots[i].is_plain:
+                ends[i] = node
+            else:
                 ends[i] = starts[i]
-                self._decide(i, chosen[k])
+                self._decide(i, node)
 
     def _decide(self, i: int, action: Any) -> None:
         try:

@@ -74,6 +74,7 @@ class Game(Settings):
         )
         self.facts = ReadOnlyMapping(self._state.facts)
         self._internals = GameInternals(self._snapshots, self._phase)
+        self._unchecked_plans: list[Any] = []  # teams that were given one since the last turn
         self._is_closed = True
 
     @property
@@ -154,6 +155,7 @@ class Game(Settings):
         as_key(team, "A team")
         others = {one: known for one, known in self.plans.items() if one != team}
         self.plans = others if plan is None else {**others, team: Plan(plan, arrays)}
+        self._unchecked_plans.append(team)
 
     @refused_while_deciding
     def publish(self, **facts: Any) -> None:
@@ -219,6 +221,8 @@ class Game(Settings):
         if not state.has_begun:
             self._begin()
         self._ruleset.warn_of_unknown_teams()
+        if self._unchecked_plans:
+            self._warn_of_plans()
         self._global_random.begin_turn()
         self._turns.is_playing = True
         try:
@@ -519,6 +523,14 @@ class Game(Settings):
             began = perf_counter()
             self._ruleset.apply(phase, self._state)
             self._state.timings["rules"] += perf_counter() - began
+
+    def _warn_of_plans(self) -> None:
+        """Log the teams that were given a plan and have no agents."""
+        teams = self.ctx.agent.teams
+        for team in self._unchecked_plans:
+            if team in self.plans and team not in teams:
+                self.ctx.logger.warning(f"command: {UnknownName('team', team, teams)} Its plan decides for no agent.")
+        self._unchecked_plans.clear()
 
     def _warn_of_errors(self, errors: list[dict[str, Any]]) -> None:
         """Log in one line what strategies did wrong."""

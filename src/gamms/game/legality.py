@@ -1,5 +1,6 @@
 """Which actions are legal, and where they lead."""
 
+from collections.abc import Sequence
 from math import inf
 from typing import Any, NamedTuple, Protocol
 
@@ -88,6 +89,12 @@ class Legality:
             left = _limit(speed + covered) - self._cost(here, begun)  # less than the speed
             near += [node for node, far in self._around(begun, speed).items() if far <= left]
         return tuple(dict.fromkeys(near))
+
+    def reachable_each(self, movers: Sequence[Mover], starts: Sequence[int]) -> list[Sequence[int]]:
+        """Return what `reachable` returns for each of several agents."""
+        near = self._ctx.graph.graph.neighborhoods
+        pairs = zip(movers, starts, strict=True)
+        return [near[here] if mover.is_plain else self.reachable(mover, here) for mover, here in pairs]
 
     def _node(self, action: Any) -> int:
         node = as_node(action)
