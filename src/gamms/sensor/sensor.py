@@ -89,7 +89,7 @@ class Sensor(Guarded, ISensor):
         put(self, "type", _checked_type(sensor_type, "type"))
         put(self, "_owner", None)
 
-    def __init_subclass__(cls, **kwargs: Any) -> None:
+    def __init_subclass__(cls, **kwargs: object) -> None:
         super().__init_subclass__(**kwargs)
         cls._is_ours = cls.__module__.startswith(_OURS)
         cls.sees_world_only = cls._is_ours and cls.sees_world_only

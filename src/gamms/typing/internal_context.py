@@ -2,7 +2,7 @@
 
 from abc import ABC, abstractmethod
 from enum import Enum
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING
 
 if TYPE_CHECKING:
     from gamms.typing.memory_engine import IMemoryEngine
@@ -88,7 +88,7 @@ class IMessageEngine(ABC):
         """A name that no other channel has."""
 
     @abstractmethod
-    def create_publisher(self, tensor: Any, channel_name: str | None = None, ttl: int = 0) -> None:
+    def create_publisher(self, tensor: object, channel_name: str | None = None, ttl: int = 0) -> None:
         """Offer `tensor` on a channel."""
 
     @abstractmethod

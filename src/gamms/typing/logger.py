@@ -3,30 +3,29 @@
 import logging
 from abc import ABC, abstractmethod
 from logging import CRITICAL, DEBUG, ERROR, INFO, NOTSET, WARNING
-from typing import Any
 
 
 class ILogger(ABC):
     """What GAMMS calls on a logger; a standard library `logging.Logger` is one."""
 
     @abstractmethod
-    def debug(self, msg: str, *args: Any) -> None:
+    def debug(self, msg: str, *args: object) -> None:
         """Say what only a developer wants to know."""
 
     @abstractmethod
-    def info(self, msg: str, *args: Any) -> None:
+    def info(self, msg: str, *args: object) -> None:
         """Say what happened."""
 
     @abstractmethod
-    def warning(self, msg: str, *args: Any) -> None:
+    def warning(self, msg: str, *args: object) -> None:
         """Say what looks like a mistake."""
 
     @abstractmethod
-    def error(self, msg: str, *args: Any) -> None:
+    def error(self, msg: str, *args: object) -> None:
         """Say what went wrong."""
 
     @abstractmethod
-    def critical(self, msg: str, *args: Any) -> None:
+    def critical(self, msg: str, *args: object) -> None:
         """Say why we must stop."""
 
     @abstractmethod

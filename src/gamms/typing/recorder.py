@@ -84,7 +84,7 @@ class IRecorder(ABC):
         """Names of the components."""
 
     @abstractmethod
-    def add_component(self, name: str, obj: Any) -> None:
+    def add_component(self, name: str, obj: object) -> None:
         """Keep a component under a name."""
 
     @abstractmethod

@@ -132,7 +132,7 @@ class LiveData(Sequence[Any]):
     def __init__(self, sensor: ISensor) -> None:
         self._sensor = sensor
 
-    def __getitem__(self, index: Any) -> Any:
+    def __getitem__(self, index: int | slice) -> Any:
         return (self._sensor.data,)[index]
 
     def __len__(self) -> int:

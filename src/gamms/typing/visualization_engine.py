@@ -242,7 +242,7 @@ class IVisualizationEngine(ABC):
         self,
         x: float,
         y: float,
-        image: Any,
+        image: object,
         size: float,
         angle: float = 0.0,
         perform_culling_test: bool = True,
