@@ -50,7 +50,7 @@ class DecidePhase:
         """Copy a context as one in which no agent decides, so that a strategy may look ahead in a copy."""
         return DecidePhase()
 
-    def decide_in_this_task(self, agent: Any) -> None:
+    def decide_in_this_task(self, agent: object) -> None:
         """Set for which agent or `Deciders` this asyncio task and those that it starts decide."""
         _of_task.set((self, agent))
 
