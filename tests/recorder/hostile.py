@@ -150,6 +150,19 @@ def texts(count):
     return ["x" * 40] * count
 
 
+def spec(name):
+    """What the header says of an artist whose draw commands are recorded."""
+    return {"name": name, "kind": "drawing", "keywords": {}, "layer": 30, "visible": True}
+
+
+def drawing(name, points):
+    """One line of so many points in one place."""
+    columns = {column: np.zeros(1) for column in ("size", "width", "angle")}
+    columns |= {"kind": np.array([3]), "space": np.zeros(1, int), "color": np.zeros((1, 4), int)}
+    columns |= {"counts": np.array([points]), "points": np.zeros((points, 2))}
+    return {"artist": name, "layer": 30, "visible": True, "commands": columns, "start": columns["points"]}
+
+
 MEMORY = {
     "empty lists": lambda n: recording(state={"data": {"a": [[]] * n}}),
     "empty dicts": lambda n: recording(state={"data": {"a": [{}] * n}}),
@@ -170,6 +183,10 @@ MEMORY = {
     "agents": lambda n: recording(state=crowd(n // 64)),
     "turns without events": lambda n: recording([[]] * n, turns=1 << 16),
     "moves to one node": lambda n: recording([[0, 0] * (n // 16)] * 16),
+    "drawings": lambda n: recording(
+        [[(kinds.VISUAL_COMMANDS, drawing(f"a{i}", n // 320)) for i in range(20)]],
+        header={"visuals": {"artists": [spec(f"a{i}") for i in range(20)], "is_declared": False}},
+    ),
 }
 
 # -- time -------------------------------------------------------------------------------------------------------
