@@ -640,6 +640,17 @@ def test_a_strategy_may_play_ahead_in_a_copy_with_strategies_that_are_awaited(gr
     assert (nodes(ctx), nodes(ahead["copy"])) == ({"a": 6}, {"a": 6})
 
 
+def test_the_paper_s_loop_and_strategies_made_of_strategies_say_that_they_do_not_await(ctx):
+    (agent,) = team(ctx, "a", strategy=later(0.0))
+    with warnings.catch_warnings():
+        warnings.simplefilter("error")
+        with pytest.raises(BadType, match=r"agent 'a' has to be awaited: play by ctx\.game"):
+            agent.step()
+        with pytest.raises(BadType, match="must not be an async def"):
+            gamms.strategies.first(later(0.0), wander)
+        gc.collect()
+
+
 # -- laws -----------------------------------------------------------------------------------------------------------
 
 

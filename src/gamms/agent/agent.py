@@ -7,7 +7,7 @@ from typing import TYPE_CHECKING, Any, ClassVar
 from gamms import kernels
 from gamms.arguments import as_bool, as_float, as_function_of, as_key, as_name, as_range
 from gamms.deciding import DecidePhase, Guarded, phase_of, refused_while_deciding
-from gamms.errors import BadValue, ContextTerminated, GammsError, MissingKey, UnknownName
+from gamms.errors import BadType, BadValue, ContextTerminated, GammsError, MissingKey, UnknownName
 from gamms.ir import events
 from gamms.ir.agents import AgentBlock, Position, Quat
 from gamms.ir.graph import FloatArray
@@ -230,13 +230,17 @@ class BaseAgent(Guarded, IAgent):
 
         Raises:
             NoStrategy (AttributeError): there is no strategy.
+            BadType: the strategy has to be awaited, which only `ctx.game` does.
         """
         if self._is_closed:
             return
         strategy = self.strategy
         if strategy is None:
             raise NoStrategy(f"Agent {self.name!r} has no strategy. Give it one with register_strategy.")
-        strategy(self.get_state())
+        answer: Any = strategy(self.get_state())
+        if answer is not None and hasattr(type(answer), "__await__"):
+            getattr(answer, "close", bool)()  # a coroutine that is never run
+            raise BadType(f"The strategy of agent {self.name!r} has to be awaited: play by ctx.game.run() or step().")
         self.set_state()
 
     # -- inside the package -------------------------------------------------------------------------------------

@@ -1,6 +1,7 @@
 """What a strategy knows: the state and the map, and nothing else."""
 
 from collections.abc import Sequence
+from inspect import iscoroutinefunction
 from typing import TYPE_CHECKING, Any, TypeVar
 from weakref import WeakKeyDictionary
 
@@ -146,8 +147,10 @@ def as_strategy(value: F, name: str) -> F:
     """Check that a value is a function of the state.
 
     Raises:
-        BadType: it cannot be called.
+        BadType: it cannot be called, or is an `async def`.
     """
     if not callable(value):
         raise BadType(f"{name} must be a function of the state, not {shown(value)} ({type(value).__name__}).")
+    if iscoroutinefunction(value):
+        raise BadType(f"{name} must not be an async def: await it in an async def of your own.")
     return value
