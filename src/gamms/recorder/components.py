@@ -16,6 +16,7 @@ from gamms.recorder import struct_types
 from gamms.recorder.errors import RecordingError
 from gamms.recorder.struct_types import FieldType
 from gamms.text import reason, shown
+from gamms.typing.recorder import C
 
 Key = tuple[str, str]  # module and qualified name of a class
 
@@ -31,7 +32,7 @@ class Kind:
     fields: dict[str, FieldType]
     original_init: Callable[..., None]
 
-    def begin(self, component: Any, name: Any) -> None:
+    def begin(self, component: object, name: object) -> None:
         """Give a component its name and fields of None."""
         object.__setattr__(component, STORE, {**dict.fromkeys(self.fields), "name": name})
 
@@ -63,7 +64,7 @@ class Components(Guarded):
     # -- what 1.0.0 offers ----------------------------------------------------------------------------------------
 
     @refused_while_deciding
-    def component(self, struct: Any) -> Callable[[Any], Any]:
+    def component(self, struct: Mapping[str, object] | None) -> Callable[[C], C]:
         """Decorate a class: each field of the struct, a dict of names to types, is recorded whenever it is set.
 
         A field is None until it is set; what it is set to is not checked. Types: int, float, str, bool, None, Optional,
@@ -73,7 +74,7 @@ class Components(Guarded):
             BadType (TypeError): the struct or the class does not do; raised when the class is decorated.
         """
 
-        def decorate(cls: Any) -> Any:
+        def decorate(cls: C) -> C:
             if struct is None:
                 print("The struct is None: nothing of this class is recorded.")  # noqa: T201 - published behaviour
                 return cls
@@ -84,7 +85,7 @@ class Components(Guarded):
 
         return decorate
 
-    def get_component(self, name: Any) -> Any:
+    def get_component(self, name: object) -> Any:
         """Return the component of that name.
 
         Raises:
@@ -96,7 +97,7 @@ class Components(Guarded):
             raise UnknownName("component", name, self._components) from None
 
     @refused_while_deciding
-    def delete_component(self, name: Any) -> None:
+    def delete_component(self, name: object) -> None:
         """Forget a component; the object lives on, unrecorded.
 
         Raises:
@@ -111,7 +112,7 @@ class Components(Guarded):
         return self._components.keys()
 
     @refused_while_deciding
-    def add_component(self, name: Any, obj: Any) -> None:
+    def add_component(self, name: object, obj: object) -> None:
         """Keep any object under a name. A deleted component that comes back is recorded again.
 
         Raises:
@@ -192,7 +193,7 @@ class Components(Guarded):
 
     # -- what components report -----------------------------------------------------------------------------------
 
-    def begin(self, component: Any, name: Any) -> None:
+    def begin(self, component: object, name: object) -> None:
         """Keep a new component.
 
         Raises:
@@ -205,13 +206,13 @@ class Components(Guarded):
         self._on_event(*_creation(component))
         self._components[name] = component
 
-    def abandon(self, component: Any) -> None:
+    def abandon(self, component: object) -> None:
         """Forget a component whose `__init__` failed."""
         name = getattr(component, STORE)["name"]
         if self._components.get(name) is component:
             self.delete_component(name)
 
-    def assign(self, component: Any, field: str, value: Any) -> None:
+    def assign(self, component: object, field: str, value: object) -> None:
         """Set a field, and say so."""
         store = getattr(component, STORE)
         kind = kind_of(component)
@@ -282,7 +283,7 @@ class Components(Guarded):
         self._on_event(*_creation(component))
         self._components[name] = component
 
-    def _made(self, cls: Any, kind: Kind, name: Any) -> Any:
+    def _made(self, cls: Any, kind: Kind, name: object) -> Any:
         """Return a component with its fields None; its author's `__init__` runs where it needs no arguments."""
         self._is_silent = True
         try:
@@ -345,12 +346,12 @@ class Components(Guarded):
             self._component_registry[key] = cls
             self._classes[key] = (cls, kind)
 
-    def _kind(self, component: Any, name: Any) -> Kind | None:
+    def _kind(self, component: object, name: object) -> Kind | None:
         """Return the kind of an object that is recorded under this name, else None."""
         kind = kind_of(component)
         return kind if kind is not None and getattr(component, STORE)["name"] == name else None
 
-    def _is_recorded(self, component: Any, name: Any) -> bool:
+    def _is_recorded(self, component: object, name: object) -> bool:
         return self._kind(component, name) is not None
 
 
@@ -366,7 +367,7 @@ _APPLIED: dict[str, Callable[[Components, dict[str, Any], bool], None]] = {
 # -- events -------------------------------------------------------------------------------------------------------
 
 
-def _as_class_key(key: Any) -> Key:
+def _as_class_key(key: object) -> Key:
     if not isinstance(key, (tuple, list)) or [type(part) for part in key] != [str, str]:
         raise BadType(f"A component class is named by (cls.__module__, cls.__qualname__), not {shown(key)}.")
     return key[0], key[1]
@@ -376,17 +377,17 @@ def _registration(key: Key, texts: dict[str, str]) -> dict[str, Any]:
     return {"key": list(key), "struct": dict(texts)}
 
 
-def _creation(component: Any) -> tuple[str, dict[str, Any]]:
+def _creation(component: object) -> tuple[str, dict[str, Any]]:
     kind = kind_of(component)
     assert kind is not None  # noqa: S101 - only components come here
     return "COMPONENT_CREATE", {"name": getattr(component, STORE)["name"], "type": list(kind.key)}
 
 
-def _update(name: Any, field: str, value: Any) -> dict[str, Any]:
+def _update(name: object, field: str, value: object) -> dict[str, Any]:
     return {"name": name, "key": field, "value": list(value) if isinstance(value, list) else value}
 
 
-def _events_of(component: Any) -> Iterator[tuple[str, dict[str, Any]]]:
+def _events_of(component: object) -> Iterator[tuple[str, dict[str, Any]]]:
     """Yield the events that make this component."""
     yield _creation(component)
     store = getattr(component, STORE)
@@ -415,7 +416,7 @@ def _key_in(data: dict[str, Any], part: str) -> Key:
     return module, qualname
 
 
-def _fields_in(struct: Any) -> dict[str, FieldType]:
+def _fields_in(struct: object) -> dict[str, FieldType]:
     if not isinstance(struct, dict) or len(struct) > _MOST_FIELDS:
         raise RecordingError(f"A component class is declared without a map of at most {_MOST_FIELDS} fields.")
     try:
@@ -427,12 +428,12 @@ def _fields_in(struct: Any) -> dict[str, FieldType]:
 # -- classes ------------------------------------------------------------------------------------------------------
 
 
-def kind_of(component: Any) -> Kind | None:
+def kind_of(component: object) -> Kind | None:
     """Return the kind of a component; None for any other object."""
     return getattr(type(component), _KIND, None) if STORE in getattr(component, "__dict__", ()) else None
 
 
-def declared_fields(struct: Any) -> dict[str, FieldType]:
+def declared_fields(struct: object) -> dict[str, FieldType]:
     """Return the fields that a user declares by name and Python type, each of which may also be None.
 
     Raises:
@@ -443,7 +444,7 @@ def declared_fields(struct: Any) -> dict[str, FieldType]:
     return {checked_name(name): struct_types.of_hint(hint).or_none() for name, hint in struct.items()}
 
 
-def checked_name(name: Any) -> str:
+def checked_name(name: object) -> str:
     """The name of a field.
 
     Raises:
@@ -509,18 +510,18 @@ def _parameters_of(cls: Any) -> Mapping[str, Any]:
 
 
 def _property_of(field: str, keeper: Components) -> property:
-    def get(self: Any) -> Any:
+    def get(self: object) -> Any:
         value = getattr(self, STORE)[field]
         return list(value) if isinstance(value, list) else value  # a change within would go unrecorded
 
-    def put(self: Any, value: Any) -> None:
+    def put(self: object, value: object) -> None:
         keeper.assign(self, field, value)
 
     return property(get, put, doc=f"The recorded field {shown(field)}; a list is handed out as a copy.")
 
 
 def _init_of(kind: Kind, keeper: Components) -> Callable[..., None]:
-    def __init__(self: Any, name: Any, *args: Any, **kwargs: Any) -> None:  # noqa: N807 - it becomes the method
+    def __init__(self: object, name: object, *args: object, **kwargs: object) -> None:  # noqa: N807 - it becomes the method
         kind.begin(self, name)
         keeper.begin(self, name)
         try:

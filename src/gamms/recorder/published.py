@@ -1,19 +1,19 @@
 """What 1.0.0 offered beside the recorder's own methods: the decorator of components, and the check of their types."""
 
-from collections.abc import Callable
-from typing import Any
+from collections.abc import Callable, Mapping
 
 from gamms.errors import BadType
 from gamms.recorder import struct_types
+from gamms.typing import IContext
+from gamms.typing.recorder import C
 
 
-def component(ctx: Any, struct: Any = None) -> Callable[[Any], Any]:
+def component(ctx: IContext, struct: Mapping[str, object] | None = None) -> Callable[[C], C]:
     """Decorate a class whose declared fields are recorded; the same as `ctx.record.component(struct)`."""
-    decorate: Callable[[Any], Any] = ctx.record.component(struct)
-    return decorate
+    return ctx.record.component(struct)
 
 
-def check_validity(data_type: Any) -> None:
+def check_validity(data_type: object) -> None:
     """Check that a field of a component may be of this type.
 
     Raises:

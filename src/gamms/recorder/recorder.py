@@ -2,7 +2,7 @@
 
 import os
 import time
-from collections.abc import Callable, Iterator, KeysView
+from collections.abc import Callable, Iterator, KeysView, Mapping
 from contextlib import nullcontext
 from copy import deepcopy
 from typing import Any, BinaryIO
@@ -25,7 +25,7 @@ from gamms.recorder.replaying import TURN_NS, Record, Replayer
 from gamms.recorder.session import RecordingSession
 from gamms.recorder.streams import Target, locks, readable
 from gamms.text import shown
-from gamms.typing.recorder import MAGIC_NUMBER, IRecorder, OpCodes
+from gamms.typing.recorder import MAGIC_NUMBER, C, IRecorder, OpCodes
 
 _VERSIONS = (2, 3)
 
@@ -301,7 +301,7 @@ class Recorder(Guarded, IRecorder):
 
     # -- components ---------------------------------------------------------------------------------------------
 
-    def component(self, struct: dict[str, type]) -> Callable[[type], type]:
+    def component(self, struct: Mapping[str, object] | None) -> Callable[[C], C]:
         """Decorator: a class whose declared fields are recorded; see `Components.component`."""
         return self.components.component(struct)
 

@@ -52,7 +52,7 @@ class Array:
         inside = ", ".join(item.inner_text() for item in self.items)
         return f"{self.kind.__name__}[{inside}{', ...' if self.is_open and self.kind is tuple else ''}]"
 
-    def fits(self, value: Any) -> bool:
+    def fits(self, value: object) -> bool:
         """Whether the value is such a tuple or list."""
         if not isinstance(value, tuple | list) or type(value) is not self.kind:
             return False
@@ -97,14 +97,14 @@ class FieldType:
         """Return the type of a field: each may be None, and is at first."""
         return union([self, FieldType((_NONE,))])
 
-    def fits(self, value: Any) -> bool:
+    def fits(self, value: object) -> bool:
         """Whether the value is of this type; a whole number passes for a float, as it does in Python's typing."""
         return any(
             member.fits(value) if isinstance(member, Array) else isinstance(value, _ACCEPTED[member])
             for member in self.members
         )
 
-    def shaped(self, value: Any) -> Any:
+    def shaped(self, value: object) -> Any:
         """Return a fresh value of the kind declared: recordings have one kind of array, Python tuples and lists.
 
         A value of a type that is not declared comes back as it is.
@@ -126,7 +126,7 @@ def union(parts: Iterable[FieldType]) -> FieldType:
 # -- from Python ------------------------------------------------------------------------------------------------
 
 
-def of_hint(hint: Any) -> FieldType:
+def of_hint(hint: object) -> FieldType:
     """Return the type of a Python hint.
 
     Raises:
@@ -140,7 +140,7 @@ def of_hint(hint: Any) -> FieldType:
     return found
 
 
-def _of_hint(hint: Any) -> FieldType:
+def _of_hint(hint: object) -> FieldType:
     if hint is Ellipsis:
         return FieldType((_OPEN,))
     if isinstance(hint, type) and hint in _NAME_OF:
@@ -160,7 +160,7 @@ def _of_hint(hint: Any) -> FieldType:
 # -- from text --------------------------------------------------------------------------------------------------
 
 
-def parse(text: Any) -> FieldType:
+def parse(text: object) -> FieldType:
     """Return the type of the text in a recording.
 
     Raises:

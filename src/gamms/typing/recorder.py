@@ -1,11 +1,13 @@
 """Contract of the recorder, and the operation codes of recordings in format version 2."""
 
 from abc import ABC, abstractmethod
-from collections.abc import Callable, Iterable, Iterator
+from collections.abc import Callable, Iterable, Iterator, Mapping
 from enum import Enum
-from typing import Any, BinaryIO
+from typing import Any, BinaryIO, TypeVar
 
 from gamms.ir import events as kinds
+
+C = TypeVar("C", bound=type)  # a class that a decorator returns as it is
 
 MAGIC_NUMBER = b"MMGR"
 VERSION = (2).to_bytes(4, "big")
@@ -68,7 +70,7 @@ class IRecorder(ABC):
         """Write one record."""
 
     @abstractmethod
-    def component(self, struct: dict[str, type]) -> Callable[[type], type]:
+    def component(self, struct: Mapping[str, object] | None) -> Callable[[C], C]:
         """Decorator: a class whose declared fields are recorded."""
 
     @abstractmethod
