@@ -1,8 +1,9 @@
 import pytest
 
 import gamms
-from gamms.rules import reach, tag
+from gamms.rules import capture_flag, reach, tag, time_limit
 from gamms.strategies import chase, flee, guard, stay
+from gamms.typing.game import OWNERS, TEAMS, team_parameters
 
 
 @pytest.fixture
@@ -50,3 +51,10 @@ def test_a_strategy_that_looks_for_enemies_says_once_that_its_agents_see_none(ga
     (warning,) = heard
     assert warning.startswith(f"{strategy.__name__}: agent 'ann' carries no sensor that shows agents")
     assert "AGENT_RANGE" in warning
+
+
+def test_annotations_say_which_parameters_name_teams():
+    assert team_parameters(tag) == {"taggers": TEAMS, "tagged": TEAMS}
+    assert team_parameters(reach) == {"team": TEAMS, "winner": TEAMS}
+    assert team_parameters(capture_flag) == {"flags": OWNERS}
+    assert team_parameters(time_limit) == {}

@@ -131,7 +131,7 @@ class Scenario:
         self,
         seed: int | None = None,
         strategies: Strategies | None = None,
-        vis_engine: Engine = Engine.NO_VIS,
+        vis_engine: Engine | None = None,
         *,
         graph_engine: GraphEngine = GraphEngine.MEMORY,
     ) -> Context:
@@ -142,7 +142,7 @@ class Scenario:
         Args:
             seed: all random streams follow from it; None: that of the scenario, or a fresh one.
             strategies: by team or agent, in place of those of the scenario: `state -> None`, or `ctx -> strategy`.
-            vis_engine: see `create_context`.
+            vis_engine: see `create_context`; None: no window.
             graph_engine: see `create_context`.
 
         Raises:
@@ -157,7 +157,7 @@ class Scenario:
             map = self._loaded()
         ctx = create_context(
             graph_engine,
-            vis_engine,
+            Engine.NO_VIS if vis_engine is None else vis_engine,
             logger_config=maps.quiet(),
             seed=self.spec.seed if seed is None else seed,
             game={**self._settings(), "max_turns": self.spec.max_turns},
