@@ -26,8 +26,8 @@ from gamms.osm.buildings import (
 from gamms.osm.constants import HEIGHT_ESTIMATES_TYPES, OSM_OBSTACLE_TAGS, wall_estimates
 from gamms.osm.fidelity import Report, report
 from gamms.osm.geojson import is_geojson
-from gamms.osm.load import consolidated_graph as consolidate
 from gamms.osm.load import (
+    consolidate,
     graph_from_file,
     graph_from_geojson,
     graph_from_xml,

@@ -12,6 +12,7 @@ from gamms.arguments import as_bool, as_context, as_float, as_range
 from gamms.errors import BadFile, BadType, BadValue
 from gamms.ir.graph import GraphColumns
 from gamms.ir.projection import crs_of
+from gamms.osm import topology
 from gamms.osm.files import as_file
 from gamms.osm.geojson import is_geojson, read_lines
 from gamms.osm.network import (
@@ -26,8 +27,6 @@ from gamms.osm.network import (
 from gamms.osm.networkx_bridge import network_of_graph, to_digraph, to_multidigraph
 from gamms.osm.osmium_reader import read_ways
 from gamms.osm.resample import resample
-from gamms.osm.topology import consolidate
-from gamms.osm.topology import simplify as simplified
 from gamms.osm.ways import OSMType, Ways, largest_part, segments_of
 from gamms.progress import progress
 from gamms.text import shown
@@ -175,7 +174,7 @@ def process_osm_graph(
         return cut(network_in_metres(osmg), recipe, show)
 
 
-def consolidated_graph(osmg: "nx.Graph[Any]", tolerance: float) -> "nx.MultiDiGraph[int]":
+def consolidate(osmg: "nx.Graph[Any]", tolerance: float) -> "nx.MultiDiGraph[int]":
     """Merge the nodes of a networkx graph that make up one junction; the result can be cut by `process_osm_graph`.
 
     Junctions, where three roads or more end, that a road of at most twice the tolerance joins become one
@@ -190,7 +189,7 @@ def consolidated_graph(osmg: "nx.Graph[Any]", tolerance: float) -> "nx.MultiDiGr
     tolerance = _tolerance(tolerance)
     with progress() as show:
         show("Joining roads")
-        network = consolidate(network_in_metres(osmg), tolerance)
+        network = topology.consolidate(network_in_metres(osmg), tolerance)
         return to_multidigraph(network)
 
 
@@ -218,8 +217,8 @@ def _graph(filepath: FilePath, recipe: Recipe, read: _Reader) -> "nx.DiGraph[int
         network = read(file, show, recipe.osm_type, retain_all=recipe.retain_all)
         show(f"Joining {len(network.sources)} roads")
         if recipe.simplify:
-            network = simplified(network)
-        return cut(consolidate(network, recipe.tolerance), recipe, show)
+            network = topology.simplify(network)
+        return cut(topology.consolidate(network, recipe.tolerance), recipe, show)
 
 
 def cut(network: RoadNetwork, recipe: Recipe, show: Show) -> "nx.DiGraph[int]":
