@@ -14,6 +14,7 @@ from typing import BinaryIO
 import numpy as np
 
 from gamms.errors import BadType, BadValue
+from gamms.ir.events import EVENTS
 from gamms.limits import Keys
 from gamms.plain import Plain
 from gamms.recorder.errors import RecordingError
@@ -30,27 +31,10 @@ ENDED = "Recording ended unexpectedly."  # the words of 1.0.0, which programs lo
 # What lifts a record of the version to the next one. Version 1 has the layout of version 2.
 TRANSLATIONS: dict[int, Callable[[Record], Record]] = {1: lambda record: record}
 
-# What the data of a record says at least.
-FIELDS: dict[int, frozenset[str]] = {
-    code.value: frozenset(fields.split())
-    for code, fields in {
-        OpCodes.TERMINATE: "",
-        OpCodes.SIMULATE: "",
-        OpCodes.AGENT_CREATE: "name kwargs",
-        OpCodes.AGENT_DELETE: "name",
-        OpCodes.AGENT_CURRENT_NODE: "agent_name node_id",
-        OpCodes.AGENT_PREV_NODE: "agent_name node_id",
-        OpCodes.AGENT_SENSOR_REGISTER: "agent_name name sensor_id",
-        OpCodes.AGENT_SENSOR_DEREGISTER: "agent_name name sensor_id",
-        OpCodes.AGENT_ORIENTATION: "agent_name orientation",
-        OpCodes.AERIAL_AGENT_POSITION: "agent_name position",
-        OpCodes.AERIAL_AGENT_QUATERNION: "agent_name quat",
-        OpCodes.COMPONENT_REGISTER: "key struct",
-        OpCodes.COMPONENT_CREATE: "name type",
-        OpCodes.COMPONENT_UPDATE: "name key value",
-        OpCodes.COMPONENT_DELETE: "name",
-        OpCodes.COMPONENT_UNREGISTER: "key",
-    }.items()
+# What the data of a record has at least.
+FIELDS = {
+    code.value: frozenset(key for key, field in EVENTS[code.value].fields.items() if not field.is_optional)
+    for code in OpCodes
 }
 
 _HEADER = Struct(">4sI")
