@@ -13,6 +13,7 @@ from gamms.recorder.keyframes import decider_of, name_of, places_of
 
 Changes = dict[str, Any]  # of a dict: what is `set`, what is `removed`, and what lists and sets have `more`
 
+_STRATEGY = attrgetter("strategy")
 _NO_REFERENCES = 2  # the last version of marshal that writes a value whether or not it was written before
 _MARKED = (bool, int, float, str, bytes, type(None), list, tuple, set, frozenset, dict)
 _NUMBERS = (int, float)
@@ -292,7 +293,7 @@ class StrategyChanges:
         agents = self._engine.agents.values()
         if self._game.plans:
             return [decider_of(self._ctx, agent) for agent in agents]
-        return [agent.strategy for agent in agents]
+        return list(map(_STRATEGY, agents))
 
 
 class DrawingChanges:
