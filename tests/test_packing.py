@@ -201,7 +201,8 @@ def test_a_damaged_value_is_refused_or_another_plain_value(value, chance):
         found = packing.from_bytes(bytes(data))
     except BadFile:
         return
-    assert repr(packing.from_bytes(packing.to_bytes(found, "It"))) == repr(found)
+    again = packing.to_bytes(found, "It")  # by its bytes, for sets have no order
+    assert packing.to_bytes(packing.from_bytes(again), "It") == again
 
 
 def test_a_value_may_have_any_number_of_items_that_its_size_explains():
