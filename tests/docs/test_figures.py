@@ -24,7 +24,7 @@ def made(tmp_path_factory):
 def test_these_are_the_figures(made):
     files = sorted(f"{name}{suffix}" for name in NAMES for suffix in (".png", ".svg"))
     assert sorted(path.name for path in made.iterdir()) == files
-    assert sorted(path.name for path in SHOWN.iterdir()) == files
+    assert set(files) <= {path.name for path in SHOWN.iterdir()}
 
 
 @pytest.mark.parametrize("name", NAMES)

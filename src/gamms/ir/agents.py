@@ -57,6 +57,13 @@ class ChangeLog:
         return rows
 
 
+NUMBERS: dict[str, tuple[type, Any]] = {}
+"""Further columns of one number per agent, by name: the kind and the value of a new agent.
+
+Blocks, snapshots, recordings, replays and the states of recordings have a column that is entered here. What else it
+needs is an event kind in `ir/events.py`, and a property in `agent/agent.py`.
+"""
+
 BY_ROW = (
     "names",
     "teams",
@@ -70,6 +77,7 @@ BY_ROW = (
     "speed",
     "alive",
     "progress",
+    *NUMBERS,
 )
 ARRAYS: dict[str, tuple[type, tuple[int, ...]]] = {  # columns that may be arrays: the kind and the shape of a row
     "kind": (np.int64, ()),
@@ -80,8 +88,9 @@ ARRAYS: dict[str, tuple[type, tuple[int, ...]]] = {  # columns that may be array
     "previous_position": (np.float64, (3,)),
     "quat": (np.float64, (4,)),
     "alive": (np.bool_, ()),
+    **{name: (kind, ()) for name, (kind, _) in NUMBERS.items()},
 }
-_PLACES = ("node", "previous", "heading", "position", "previous_position", "quat", "progress")
+_PLACES = ("node", "previous", "heading", "position", "previous_position", "quat", "progress", *NUMBERS)
 _OF_STRUCTURE = frozenset({"teams", "speed", "alive"})
 _OF_VERSION = frozenset({"node", "position", "teams", "alive"})
 
@@ -147,6 +156,8 @@ class AgentBlock:
         self.speed: list[float | None] = []
         self.alive: list[bool] = []
         self.progress: list[Progress | None] = []
+        for name in NUMBERS:
+            setattr(self, name, [])
         self.flyers: list[int] = []
         self.inactive: set[int] = set()
         self.removed = 0
@@ -208,6 +219,8 @@ class AgentBlock:
         self.speed.append(speed)
         self.alive.append(True)
         self.progress.append(None)
+        for column, (_, value) in NUMBERS.items():
+            getattr(self, column).append(value)
         self._row_of[name] = row
         self.structure_version += 1
         self._changed.add(row)
@@ -219,7 +232,7 @@ class AgentBlock:
     def take_over(self, source: "AgentBlock", row: int) -> int:
         """Add the agent in a row of another block; returns its row here."""
         new = self.add(*(getattr(source, name)[row] for name in ("names", "node", "teams", "position", "speed")))
-        for name in ("previous", "heading", "previous_position", "quat", "progress", "alive"):
+        for name in ("previous", "heading", "previous_position", "quat", "progress", "alive", *NUMBERS):
             getattr(self, name)[new] = getattr(source, name)[row]
         if not self.alive[new]:
             self.inactive.add(new)

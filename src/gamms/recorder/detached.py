@@ -5,6 +5,7 @@ from typing import Any, NamedTuple
 import numpy as np
 
 from gamms.ir import events as kinds
+from gamms.ir.agents import NUMBERS
 from gamms.ir.event_state import AgentsState, State
 from gamms.ir.events import EVENTS, Log, events_of
 from gamms.ir.game_state import GameState
@@ -52,7 +53,7 @@ _APART = _OTHERS - {  # events that change nothing that moves of others look at 
 }
 # Keywords of a creation that do not become attributes of the agent.
 _NO_ATTRIBUTES = {"start_node_id", "sensors", "team", "strategy", "type", "orientation", "speed", "position", "quat"}
-_NO_ATTRIBUTES |= {"prev_node_id", "current_node_id", "alive"}
+_NO_ATTRIBUTES |= {"prev_node_id", "current_node_id", "alive", *NUMBERS}
 
 
 class DetachedState(State):
@@ -482,6 +483,7 @@ def _row_of_creation(
         "node": int(state.get("node", node)),
         "previous": node,
         "alive": 1,
+        **{name: given.get(name, value) for name, (_, value) in NUMBERS.items()},
         "edge_source": 0,
         "edge_target": 0,
         "edge_share": 0.0,

@@ -8,7 +8,7 @@ from typing import Any, NamedTuple
 import numpy as np
 
 from gamms.ir.agents import ARRAYS as BLOCK_ARRAYS
-from gamms.ir.agents import Progress
+from gamms.ir.agents import NUMBERS, Progress
 from gamms.ir.events import as_over, set_scores
 from gamms.ir.game_state import GameState
 from gamms.ir.graph import FloatArray, IntArray
@@ -42,7 +42,7 @@ def captured(ctx: HostContext) -> Keyframe:
     rows.locate()
     arrays = rows.arrays()
     columns: Columns = {
-        **{name: arrays[name] for name in ("names", "kind", "node", "previous", *_PLACES)},
+        **{name: arrays[name] for name in ("names", "kind", "node", "previous", *_PLACES, *NUMBERS)},
         "numbers": np.array(rows.journal.ids[: len(agents)], np.int64),
         "alive": arrays["alive"].astype(np.int64),
         **progress_columns(rows.progress),
@@ -80,6 +80,7 @@ def packed(columns: Columns, following: int, groups: list[dict[str, Any]], game:
         "came": _folded(columns["previous"] - columns["node"]),
         **{name: columns[name].copy() for name in (*_PLACES, "alive")},
         **({name: columns[name].copy() for name in _ON_EDGES} if columns["edge_share"].any() else {}),
+        **{name: columns[name].copy() for name, (_, value) in NUMBERS.items() if (columns[name] != value).any()},
         "teams": list(columns["teams"]),
         "speed": list(columns["speed"]),
         "carried": _carried(columns["sensors"], groups),
@@ -272,7 +273,8 @@ def checked(columns: Columns) -> Columns:
         Damaged: they are not right; other errors tell the same.
     """
     names = [checked_name(name) for name in columns["names"]]
-    columns = dict.fromkeys(_ON_EDGES, np.zeros(len(names))) | columns
+    usual: Columns = {name: np.full(len(names), value, kind) for name, (kind, value) in NUMBERS.items()}
+    columns = dict.fromkeys(_ON_EDGES, np.zeros(len(names))) | usual | columns
     whole: Columns = {name: list(columns[name]) for name in LISTS}
     for name, (dtype, shape) in ARRAYS.items():
         whole[name] = np.array(columns[name], dtype)
@@ -345,6 +347,7 @@ def row_of(columns: Columns, row: int) -> dict[str, Any]:
         "node": int(columns["node"][row]),
         "previous": int(columns["previous"][row]),
         **{name: _tuple(columns[name][row]) for name in _PLACES},
+        **{name: columns[name][row].item() for name in NUMBERS},
         "progress": progress_of(*(columns[name][row] for name in _ON_EDGES)),
     }
 

@@ -14,6 +14,7 @@ import numpy as np
 from gamms.arguments import as_context, as_int, as_mapping
 from gamms.errors import BadValue
 from gamms.ir import events as kinds
+from gamms.ir.agents import NUMBERS
 from gamms.ir.events import COMPONENTS, Log
 from gamms.ir.tables import table_of
 from gamms.recorder import tables
@@ -446,6 +447,7 @@ def _state_of(
     agents["alive"] = _frozen(columns["alive"] != 0)
     agents |= {name: _frozen(columns[name].copy()) for name in ("node", "previous")}
     agents |= {name: named[name] for name in ("speed", "strategy")}
+    agents |= {name: _frozen(columns[name].copy()) for name in NUMBERS}
     for key, names in _PARTS.items():
         agents.update(zip(names, _frozen(columns[key].T.copy()), strict=True))
     game = deepcopy((state.game.data, state.game.over))

@@ -37,7 +37,7 @@ Encoder = Any  # what writes logs in some format: `begin(session, is_final)`, `a
 
 
 class RecordingSession:
-    """Listens to a context and hands what happens to a encoder.
+    """Listens to a context and hands what happens to an encoder.
 
     Args:
         ctx: the context.

@@ -210,6 +210,7 @@ def _check_keyframes(path: str | os.PathLike[str]) -> None:
                 raise RecordingError(
                     f"The keyframe after turn {turn} is not what follows from the turns before it. {difference}."
                 )
+        computed.state(stored.turns)  # which raises where an event cannot have happened
 
 
 def _differing_part(before: bytes, after: bytes) -> str | None:

@@ -1,0 +1,124 @@
+"""The table in CONTRIBUTING.md is true: each drill changes the files that it names, in a copy, and the change works."""
+
+import os
+import shutil
+import subprocess
+import sys
+from pathlib import Path
+
+import gamms
+
+SRC = Path(gamms.__file__).parent
+
+
+def changed(folder, *changes):
+    """Copy the source and change it: (file, text that stands there once, text to put in its place)."""
+    copy = folder / "src" / "gamms"
+    shutil.copytree(SRC, copy, ignore=shutil.ignore_patterns("__pycache__"))
+    for file, before, after in changes:
+        path = copy / file
+        text = path.read_text()
+        assert text.count(before) == 1, f"{file}: {before!r}"
+        path.write_text(text.replace(before, after))
+    return copy.parent
+
+
+def printed(source, folder, program):
+    environment = {**os.environ, "PYTHONPATH": str(source), "PYTHONDONTWRITEBYTECODE": "1"}
+    return subprocess.check_output([sys.executable, "-c", program], cwd=folder, env=environment, text=True).strip()
+
+
+PROPERTY = """    battery = property(
+        lambda self: self._block.battery[self._row],
+        lambda self, value: self._set("battery", float(value)),
+    )
+
+"""
+
+
+def test_an_attribute_that_is_recorded_takes_three_files(tmp_path):
+    source = changed(
+        tmp_path,
+        ("ir/agents.py", "NUMBERS: dict[str, tuple[type, Any]] = {}", 'NUMBERS = {"battery": (np.float64, 1.0)}'),
+        ("ir/events.py", "AGENT_PROGRESS = ", "AGENT_BATTERY = 0x01100015\nAGENT_PROGRESS = "),
+        (
+            "ir/events.py",
+            '    ("AGENT_SPEED", "speed", ',
+            '    ("AGENT_BATTERY", "battery", "battery", Audience.TEAM, _event),\n    ("AGENT_SPEED", "speed", ',
+        ),
+        ("agent/agent.py", '"orientation", "speed", "team"})', '"orientation", "speed", "team", "battery"})'),
+        (
+            "agent/agent.py",
+            "    @property\n    def state(self)",
+            PROPERTY + "    @property\n    def state(self)",
+        ),
+    )
+    program = """
+import gamms
+
+with gamms.create_context(seed=1) as ctx:
+    ctx.graph.attach_networkx_graph(gamms.graph.grid(3, 3))
+    anna = ctx.agent.create_agent("anna", start_node_id=0)
+    ctx.game.add(lambda ctx: setattr(anna, "battery", anna.battery - 0.25))
+    ctx.record.start("game")
+    ctx.game.step()
+    ctx.game.step()
+    ctx.record.stop()
+    snapshot = ctx.game.snapshot()
+    anna.battery = 0.0
+    ctx.game.restore(snapshot)
+    print(anna.battery)
+with gamms.recorder.open("game.ggr") as recording:
+    print([float(recording.state(turn).agents["battery"][0]) for turn in range(3)])
+with gamms.create_context() as ctx:
+    for _ in ctx.record.replay("game.ggr"):
+        pass
+    print(ctx.agent.get_agent("anna").battery)
+"""
+    assert printed(source, tmp_path, program) == "0.5\n[1.0, 0.75, 0.5]\n0.5"
+
+
+COUNT = '''
+"""AGENT_COUNT: how many other agents are near."""
+
+from gamms.sensor.agents import AgentSensor
+
+
+class AgentCountSensor(AgentSensor):
+    """`data`: the number of other agents in range."""
+
+    def sense(self, node_id=None):
+        """Count them."""
+        super().sense(node_id)
+        self._last[0] = len(self._last[0])
+'''
+
+
+def test_a_kind_of_sensor_takes_one_file_and_a_line_in_the_catalog(tmp_path):
+    source = changed(
+        tmp_path,
+        ("typing/sensor_engine.py", "    CUSTOM = 0\n", "    CUSTOM = 0\n    AGENT_COUNT = 99\n"),
+        (
+            "sensor/catalog.py",
+            "from gamms.sensor.map ",
+            "from gamms.sensor.count import AgentCountSensor\nfrom gamms.sensor.map ",
+        ),
+        (
+            "sensor/catalog.py",
+            "    SensorType.AGENT_RANGE: ",
+            "    SensorType.AGENT_COUNT: Kind(AgentCountSensor, _RANGE, _DETECTION),\n    SensorType.AGENT_RANGE: ",
+        ),
+    )
+    (source / "gamms" / "sensor" / "count.py").write_text(COUNT.lstrip())
+    program = """
+import gamms
+from gamms.sensor import SensorType
+
+with gamms.create_context(seed=1) as ctx:
+    ctx.graph.attach_networkx_graph(gamms.graph.grid(3, 3))
+    ctx.sensor.create_sensor("c", SensorType.AGENT_COUNT, sensor_range=10)
+    for name, node in {"anna": 0, "ben": 1, "cleo": 8}.items():
+        ctx.agent.create_agent(name, start_node_id=node, sensors=["c"] if name == "anna" else [])
+    print(ctx.agent.get_agent("anna").get_state()["sensor"]["c"][1])
+"""
+    assert printed(source, tmp_path, program) == "1"
