@@ -83,7 +83,7 @@ class DrawCommands:
         return columns
 
     @classmethod
-    def from_plain(cls, columns: Any) -> "DrawCommands":
+    def from_plain(cls, columns: object) -> "DrawCommands":
         """Return commands, on layer 0, from what `to_plain` gave.
 
         Raises:
@@ -142,7 +142,7 @@ def _column(columns: dict[str, Any], name: str, kinds: str, width: int | None = 
     return column
 
 
-def _check_kinds(kind: Any, space: Any, counts: Any, points: int) -> None:
+def _check_kinds(kind: IntArray, space: IntArray, counts: IntArray, points: int) -> None:
     """Check that a recorded drawing has commands of known kinds, with as many points as these have.
 
     Raises:

@@ -1,7 +1,10 @@
 """What events are applied to: the agents, the game and the world of a live context, or columns that were read."""
 
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from typing import TYPE_CHECKING, Any
+
+from gamms.ir.graph import FloatArray, IntArray
+from gamms.plain import Plain
 
 if TYPE_CHECKING:
     from gamms.ir.game_state import GameState
@@ -27,7 +30,7 @@ class AgentsState:
     def row_of(self, number: int) -> Row:
         """Return an agent by its number."""
 
-    def set(self, row: Row, column: str, value: Any) -> None:
+    def set(self, row: Row, column: str, value: Plain) -> None:
         """Set one of the columns of `ir.agents.BY_ROW`, or `strategies`, which are names."""
 
     def move(self, numbers: Sequence[int], nodes: Sequence[int]) -> None:
@@ -39,7 +42,7 @@ class AgentsState:
     def turn(self, row: Row, quat: tuple[float, ...]) -> None:
         """Turn a flyer in space."""
 
-    def progress(self, numbers: Any, sources: Any, targets: Any, shares: Any) -> None:
+    def progress(self, numbers: IntArray, sources: IntArray, targets: IntArray, shares: FloatArray) -> None:
         """Set how far along edges agents are, as arrays."""
 
     def equip(self, row: Row, name: str, sensor_id: str) -> None:
@@ -75,7 +78,7 @@ class State:
     def publish(self, facts: dict[str, Any], removed: Sequence[str]) -> None:
         """Publish facts, and withdraw others."""
 
-    def set_rng(self, rng_state: Any) -> None:
+    def set_rng(self, rng_state: Mapping[str, Plain] | None) -> None:
         """Set the state of the context's own random stream."""
 
     def add_sensors(self, groups: list[dict[str, Any]]) -> None:

@@ -5,7 +5,7 @@ of format version 2 stand for it. A live context and the columns of a recording 
 again and working out the state at a turn are the same act. Adding a kind is a code and an entry of `EVENTS`.
 """
 
-from collections.abc import Callable, Iterator, Mapping
+from collections.abc import Callable, Iterator, Mapping, Sequence
 from copy import deepcopy
 from enum import Enum
 from functools import partial
@@ -14,6 +14,7 @@ from typing import TYPE_CHECKING, Any, NamedTuple
 from gamms.arguments import as_bool, as_int, as_key, as_name, as_numbers, as_range
 from gamms.errors import BadType, BadValue
 from gamms.ir.event_state import State
+from gamms.plain import Plain
 from gamms.text import shown
 
 if TYPE_CHECKING:
@@ -139,19 +140,19 @@ class Mover(NamedTuple):
     before: int
 
 
-def _heading(value: Any, name: str) -> tuple[float, ...] | None:
+def _heading(value: object, name: str) -> tuple[float, ...] | None:
     return None if value is None else tuple(as_numbers(value, name, "(cos, sin)"))
 
 
-def _position(value: Any, name: str) -> tuple[float, ...]:
+def _position(value: object, name: str) -> tuple[float, ...]:
     return tuple(as_numbers(value, name, "(x, y, z)"))
 
 
-def _quat(value: Any, name: str) -> tuple[float, ...]:
+def _quat(value: object, name: str) -> tuple[float, ...]:
     return tuple(as_numbers(value, name, "(w, x, y, z)"))
 
 
-def _speed(value: Any, name: str) -> Any:
+def _speed(value: object, name: str) -> Any:
     if value is not None:
         as_range(value, name)
     return value
@@ -210,13 +211,13 @@ def _record(name: str, audience: Audience, fields: str = "") -> Callable[[_Apply
     """Add a kind which is a record of format version 2 itself."""
     code = int(globals()[name])
 
-    def records(data: Any, _: Mover | None) -> Iterator[Record]:
+    def records(data: dict[str, Plain], _: Mover | None) -> Iterator[Record]:
         yield code, data
 
     return _event(name, audience, fields, records)
 
 
-def _nothing(_state: State, _data: Any) -> None:
+def _nothing(_state: State, _data: Plain) -> None:
     """Leave the state as it is."""
 
 
@@ -224,7 +225,7 @@ def _sets(column: str, key: str) -> _Apply:
     """Return what sets one column of one agent to a field."""
     field = _FIELDS.get(key, Field())
 
-    def apply(state: State, data: Any) -> None:
+    def apply(state: State, data: Mapping[str, Plain]) -> None:
         value = field.value_of(data, key)
         state.agents.set(state.agents.row(data["agent_name"]), column, value)
 
@@ -237,7 +238,7 @@ def _sets(column: str, key: str) -> _Apply:
 _NODE_KEYWORDS = {"prev_node_id": AGENT_PREV_NODE, "current_node_id": AGENT_CURRENT_NODE}
 
 
-def _creation_records(data: Any, _: Mover | None) -> Iterator[Record]:
+def _creation_records(data: Mapping[str, Plain], _: Mover | None) -> Iterator[Record]:
     """Yield the creation and what 1.0.0 records beside it, or has to be given because it knows other keywords."""
     yield AGENT_CREATE, {"name": data["name"], "kwargs": data["kwargs"]}
     name, given, made = {"agent_name": data["name"]}, data["kwargs"], data.get("state", {})
@@ -257,73 +258,73 @@ def _creation_records(data: Any, _: Mover | None) -> Iterator[Record]:
 
 
 @_event("AGENT_CREATE", Audience.ALL, "name:AGENT kwargs ?state ?strategy", _creation_records)
-def _create(state: State, data: Any) -> None:
+def _create(state: State, data: Mapping[str, Plain]) -> None:
     state.agents.add(data["name"], data["kwargs"], data.get("state", {}), data.get("strategy"))
 
 
-def _move_records(data: Any, mover: Mover | None) -> Iterator[Record]:
+def _move_records(data: Sequence[int], mover: Mover | None) -> Iterator[Record]:
     assert mover is not None  # noqa: S101 - every move is somebody's
     yield AGENT_PREV_NODE, {"agent_name": mover.name, "node_id": mover.before}
     yield AGENT_CURRENT_NODE, {"agent_name": mover.name, "node_id": data[1]}
 
 
 @_event("MOVES", Audience.SENSED, "number node", _move_records, is_tuple=True)
-def _move(state: State, data: Any) -> None:
+def _move(state: State, data: Sequence[int]) -> None:
     state.agents.move(data[::2], data[1::2])
 
 
-def _flight_records(data: Any, mover: Mover | None) -> Iterator[Record]:
+def _flight_records(data: tuple[int, int, float, float, float], mover: Mover | None) -> Iterator[Record]:
     assert mover is not None  # noqa: S101 - as above
     yield AERIAL_AGENT_POSITION, {"agent_name": mover.name, "position": list(data[2:])}
     yield AGENT_PREV_NODE, {"agent_name": mover.name, "node_id": mover.before}
 
 
 @_event("AERIAL_AGENT_FLIGHT", Audience.SENSED, "number node x y z", _flight_records, is_tuple=True)
-def _flight(state: State, data: Any) -> None:
+def _flight(state: State, data: tuple[int, int, float, float, float]) -> None:
     number, node, *position = data
     state.agents.fly(state.agents.row_of(number), node, tuple(position))
 
 
-def _turn_records(data: Any, mover: Mover | None) -> Iterator[Record]:
+def _turn_records(data: tuple[int, float, float, float, float], mover: Mover | None) -> Iterator[Record]:
     assert mover is not None  # noqa: S101 - as above
     yield AERIAL_AGENT_QUATERNION, {"agent_name": mover.name, "quat": list(data[1:])}
 
 
 @_event("AERIAL_AGENT_TURN", Audience.SENSED, "number w x y z", _turn_records, is_tuple=True)
-def _turn(state: State, data: Any) -> None:
+def _turn(state: State, data: tuple[int, float, float, float, float]) -> None:
     number, *quat = data
     state.agents.turn(state.agents.row_of(number), tuple(quat))
 
 
-def _position_records(data: Any, mover: Mover | None) -> Iterator[Record]:
+def _position_records(data: Mapping[str, Plain], mover: Mover | None) -> Iterator[Record]:
     yield AERIAL_AGENT_POSITION, {"agent_name": data["agent_name"], "position": data["position"]}
     if mover is not None:
         yield AGENT_PREV_NODE, {"agent_name": data["agent_name"], "node_id": mover.before}
 
 
 @_event("AERIAL_AGENT_POSITION", Audience.SENSED, "agent_name position ?node", _position_records)
-def _fly_by_name(state: State, data: Any) -> None:
+def _fly_by_name(state: State, data: Mapping[str, Plain]) -> None:
     node = as_int(data["node"], "node") if "node" in data else None
     state.agents.fly(state.agents.row(data["agent_name"]), node, _position(data["position"], "position"))
 
 
 @_record("AGENT_SENSOR_REGISTER", Audience.TEAM, "agent_name name sensor_id")
-def _register(state: State, data: Any) -> None:
+def _register(state: State, data: Mapping[str, Plain]) -> None:
     state.agents.equip(state.agents.row(data["agent_name"]), data["name"], data["sensor_id"])
 
 
 @_record("AGENT_SENSOR_DEREGISTER", Audience.TEAM, "agent_name name sensor_id")
-def _deregister(state: State, data: Any) -> None:
+def _deregister(state: State, data: Mapping[str, Plain]) -> None:
     state.agents.unequip(state.agents.row(data["agent_name"]), data["name"])
 
 
 @_event("AGENT_PROGRESS", Audience.SENSED, "numbers edge_source edge_target edge_share")
-def _progress(state: State, data: Any) -> None:
+def _progress(state: State, data: Mapping[str, Plain]) -> None:
     state.agents.progress(data["numbers"], data["edge_source"], data["edge_target"], data["edge_share"])
 
 
 @_event("FLYERS_ABOVE", Audience.SENSED, "names node previous")
-def _above(state: State, data: Any) -> None:
+def _above(state: State, data: Mapping[str, Plain]) -> None:
     for name, node, previous in zip(data["names"], data["node"].tolist(), data["previous"].tolist(), strict=True):
         row = state.agents.row(name)
         state.agents.set(row, "node", node)
@@ -333,7 +334,7 @@ def _above(state: State, data: Any) -> None:
 # -- the game ---------------------------------------------------------------------------------------------------
 
 
-def _change_component(code: int, state: State, data: Any) -> None:
+def _change_component(code: int, state: State, data: dict[str, Plain]) -> None:
     state.change_component(code, data)
 
 
@@ -353,7 +354,7 @@ def change(values: dict[Any, Any], changes: Mapping[str, Any]) -> None:
         values.pop(key, None)
 
 
-def as_over(value: Any) -> dict[str, Any] | None:
+def as_over(value: object) -> dict[str, Any] | None:
     """Return why a game is over; None: it goes on.
 
     Raises:
@@ -364,7 +365,7 @@ def as_over(value: Any) -> dict[str, Any] | None:
     return None if value is None else dict(value)
 
 
-def as_event(data: Any) -> dict[str, Any]:
+def as_event(data: Mapping[str, Plain]) -> dict[str, Any]:
     """Return what a rule emitted, as it is in `ctx.game.events`.
 
     Raises:
@@ -376,7 +377,7 @@ def as_event(data: Any) -> dict[str, Any]:
     return deepcopy(found)
 
 
-def set_scores(game: "GameState", scores: Any) -> None:
+def set_scores(game: "GameState", scores: Plain) -> None:
     """Replace the scores of a game.
 
     Raises:
@@ -391,22 +392,22 @@ def set_scores(game: "GameState", scores: Any) -> None:
 
 
 @_event("GAME_SCORES", Audience.ALL, "scores")
-def _scores(state: State, data: Any) -> None:
+def _scores(state: State, data: Mapping[str, Plain]) -> None:
     set_scores(state.game, data["scores"])
 
 
 @_event("GAME_OVER", Audience.ALL, "?reason ?winner ?truncated")
-def _over(state: State, data: Any) -> None:
+def _over(state: State, data: Mapping[str, Plain]) -> None:
     state.game.over = as_over(data or None)
 
 
 @_event("GAME_TURN", Audience.ALL, "turn pace ?starts")
-def _count(state: State, data: Any) -> None:
+def _count(state: State, data: Mapping[str, Plain]) -> None:
     state.count(int(data["turn"]), int(data["pace"]), data.get("starts", {}))
 
 
 @_event("GAME_MEMORY", Audience.TEAM, "agents teams")
-def _remember(state: State, data: Any) -> None:
+def _remember(state: State, data: Mapping[str, Plain]) -> None:
     for name, changes in data["agents"].items():
         change(state.game.memory_of(name), changes)
     for team, changes in data["teams"]:
@@ -483,7 +484,7 @@ def steps_of(log: Log) -> Iterator[tuple[int, Any]]:
             yield kind, data
 
 
-def records_of(kind: int, data: Any, mover: Mover | None = None) -> Iterator[Record]:
+def records_of(kind: int, data: Plain, mover: Mover | None = None) -> Iterator[Record]:
     """Yield the records of format version 2 that stand for an event; else the event itself."""
     known = EVENTS.get(kind)
     if known is None or known.records is None:
@@ -492,7 +493,7 @@ def records_of(kind: int, data: Any, mover: Mover | None = None) -> Iterator[Rec
         yield from known.records(data, mover)
 
 
-def renumbered(kind: int, data: Any, number_of: Callable[[int], int]) -> Any:
+def renumbered(kind: int, data: Plain, number_of: Callable[[int], int]) -> Any:
     """Return the data of an event with other numbers of agents.
 
     Args:

@@ -9,7 +9,7 @@ PHASES = ("decide", "resolve", "apply", "rules", "draw")
 class Scores(dict[Any, float]):
     """Scores by team, agent or any other key; one that was not set is 0."""
 
-    def __missing__(self, key: Any) -> float:
+    def __missing__(self, key: object) -> float:
         return 0
 
 

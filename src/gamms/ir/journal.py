@@ -3,6 +3,7 @@
 from typing import Any
 
 from gamms.ir.events import AERIAL_AGENT_FLIGHT, AERIAL_AGENT_TURN, Log
+from gamms.plain import Plain
 
 
 class Journal:
@@ -24,11 +25,11 @@ class Journal:
         self.names = list(names)
         self.ids = list(range(len(names)))
 
-    def note(self, kind: int, data: Any) -> None:
+    def note(self, kind: int, data: Plain) -> None:
         """Note something other than a move; `data` are plain values."""
         self.log.append((kind, data))
 
-    def append(self, kind: int, data: Any) -> None:
+    def append(self, kind: int, data: Plain) -> None:
         """Take an event of a recording that has been applied to the context, as it is."""
         self.log.append((kind, data))
 
@@ -61,7 +62,7 @@ class Muted(Journal):
         super().__init__([])
         self._journal = journal
 
-    def note(self, kind: int, data: Any) -> None:
+    def note(self, kind: int, data: Plain) -> None:
         """Note nothing."""
 
     def entered(self, row: int, name: str) -> None:
@@ -81,7 +82,7 @@ class _Silent(Journal):
     def __deepcopy__(self, memo: dict[int, Any]) -> "_Silent":
         return self
 
-    def note(self, kind: int, data: Any) -> None:
+    def note(self, kind: int, data: Plain) -> None:
         pass
 
     append = note

@@ -48,7 +48,7 @@ def _are_even(texts: list[str]) -> bool:
     return max(lengths) * len(texts) <= _MOST_CHARACTERS + _SHARE * sum(lengths)
 
 
-def _made(values: list[Any], dtype: Any) -> "np.ndarray[Any, Any]":
+def _made(values: list[Any], dtype: type) -> "np.ndarray[Any, Any]":
     try:
         return np.array(values, dtype)
     except OverflowError:  # an integer beyond 64 bits
