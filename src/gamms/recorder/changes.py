@@ -7,9 +7,10 @@ from typing import Any
 
 from gamms.ir import events as kinds
 from gamms.ir.events import Log
-from gamms.plain import is_same, plain_subset, to_plain
+from gamms.plain import Plain, is_same, plain_subset, to_plain
 from gamms.recorder.host import HostContext
 from gamms.recorder.keyframes import decider_of, name_of, places_of
+from gamms.typing import IVisualizationEngine
 
 Changes = dict[str, Any]  # of a dict: what is `set`, what is `removed`, and what lists and sets have `more`
 
@@ -57,7 +58,7 @@ class PlainCopy:
         self._marks = marks
         return {name: one for name, one in found.items() if one} or None
 
-    def _more(self, key: Any, value: Any, mark: bytes | None) -> Any:
+    def _more(self, key: Plain, value: Any, mark: bytes | None) -> Any:
         """Return what was added to a list or a set; None if it is not that."""
         if type(value) not in (list, set) or mark is None:
             return None
@@ -69,7 +70,7 @@ class PlainCopy:
             return to_plain(value[len(known) :])
         return to_plain(value - known) if type(value) is set and known <= value else None
 
-    def _note(self, key: Any, value: Any, found: Changes) -> None:
+    def _note(self, key: Plain, value: object, found: Changes) -> None:
         """Take a value that may have changed."""
         for name, one in plain_subset({key: value}).items():
             if name not in self.values or not is_same(one, self.values[name]):
@@ -99,7 +100,7 @@ class _Detector:
     def __init__(self, value: Any) -> None:
         self.known = self._plain(value)
 
-    def accept(self, value: Any, data: Any) -> None:  # noqa: ARG002 - named as in `_Memories`
+    def accept(self, value: Any, data: Plain) -> None:  # noqa: ARG002 - named as in `_Memories`
         """Expect what an event of a replay has changed."""
         self.known = self._plain(value)
 
@@ -113,7 +114,7 @@ class _Detector:
 
 
 class _Scores(_Detector):
-    def detect(self, value: Any) -> list[Any]:
+    def detect(self, value: Mapping[Any, float]) -> list[Any]:
         if all(type(score) in _NUMBERS for score in value.values()) and value == self.known:
             return []
         return [{"scores": list(scores.items())} for scores in super().detect(value)]
@@ -164,7 +165,7 @@ class _Facts(_Detector):
 class _Memories(_Detector):
     """Changed items of the memories of agents."""
 
-    def accept(self, value: Mapping[Any, dict[Any, Any]], data: Any) -> None:
+    def accept(self, value: Mapping[Any, dict[Any, Any]], data: Plain) -> None:
         for name in self._names_in(data):
             self.known[name] = PlainCopy(value[name])
 
@@ -184,7 +185,7 @@ class _Memories(_Detector):
     def _plain(self, value: Mapping[Any, dict[Any, Any]]) -> "dict[Any, PlainCopy]":
         return {name: PlainCopy(memory) for name, memory in value.items() if memory}
 
-    def _names_in(self, data: Any) -> Iterable[Any]:
+    def _names_in(self, data: Plain) -> Iterable[Any]:
         return data["agents"]  # type: ignore[no-any-return] # a dict
 
     def _data(self, found: dict[Any, Changes]) -> dict[str, Any]:
@@ -194,7 +195,7 @@ class _Memories(_Detector):
 class _TeamMemories(_Memories):
     """Changed items of the memories of teams."""
 
-    def _names_in(self, data: Any) -> Iterable[Any]:
+    def _names_in(self, data: Plain) -> Iterable[Any]:
         return dict(data["teams"])
 
     def _data(self, found: dict[Any, Changes]) -> dict[str, Any]:
@@ -230,7 +231,7 @@ class GameChanges:
         self._turn, self.pace = self._state.turn, 0
         self._places = places_of(ctx)
 
-    def accept(self, kind: int, data: Any) -> None:
+    def accept(self, kind: int, data: Plain) -> None:
         """Expect what an event of a replay has changed."""
         if kind == kinds.GAME_TURN:
             self._turn, self.pace = self._state.turn, int(data["pace"])
@@ -307,7 +308,7 @@ class DrawingChanges:
         first: the drawings at the beginning.
     """
 
-    def __init__(self, visual: Any, *, with_custom: bool) -> None:
+    def __init__(self, visual: IVisualizationEngine, *, with_custom: bool) -> None:
         self._artists = getattr(visual, "artists", None)  # an engine of the caller's may have none
         self._with_custom = with_custom
         self._known: dict[str, Any] = {}

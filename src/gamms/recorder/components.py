@@ -457,7 +457,7 @@ def checked_name(name: object) -> str:
     return name
 
 
-def check_class(cls: Any, fields: Mapping[str, FieldType]) -> None:
+def check_class(cls: object, fields: Mapping[str, FieldType]) -> None:
     """Check that a class can become a component.
 
     Raises:
@@ -477,7 +477,7 @@ def check_class(cls: Any, fields: Mapping[str, FieldType]) -> None:
         )
 
 
-def make_component(cls: Any, fields: dict[str, FieldType], keeper: Components) -> Kind:
+def make_component(cls: type[Any], fields: dict[str, FieldType], keeper: Components) -> Kind:
     """Turn a checked class into a component class, in place."""
     kind = Kind(key_of(cls), fields, cls.__init__)
     for field in fields:
@@ -502,7 +502,7 @@ def takes_nothing(init: Callable[..., None]) -> bool:
     return True
 
 
-def _parameters_of(cls: Any) -> Mapping[str, Any]:
+def _parameters_of(cls: type[Any]) -> Mapping[str, Any]:
     try:
         return inspect.signature(cls.__init__).parameters
     except ValueError:  # of a class that is not written in Python

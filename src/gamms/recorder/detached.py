@@ -1,5 +1,6 @@
 """The state of a recording at a turn: columns that events are applied to, without a context."""
 
+from collections.abc import Mapping, Sequence, Sized
 from typing import Any, NamedTuple
 
 import numpy as np
@@ -9,7 +10,8 @@ from gamms.ir.agents import NUMBERS
 from gamms.ir.event_state import AgentsState, State
 from gamms.ir.events import EVENTS, Log, events_of
 from gamms.ir.game_state import GameState
-from gamms.ir.graph import IntArray
+from gamms.ir.graph import FloatArray, IntArray
+from gamms.plain import Plain
 from gamms.recorder.errors import DAMAGES, Damaged
 from gamms.recorder.formats.reader import Reader
 from gamms.recorder.formats.tracks import FORMS, Tracks
@@ -97,7 +99,7 @@ class DetachedState(State):
         self._log += 1
         self.agents.settle()
 
-    def apply_event(self, kind: int, data: Any) -> None:
+    def apply_event(self, kind: int, data: Plain) -> None:
         """Apply an event; one of an unknown kind does nothing."""
         known = EVENTS.get(kind)
         if known is None:
@@ -166,7 +168,7 @@ class DetachedState(State):
         counted, at, pace = self._clock
         return counted + pace * (turns - at)
 
-    def set_rng(self, rng_state: Any) -> None:
+    def set_rng(self, rng_state: Mapping[str, Plain] | None) -> None:
         """Set the state of the context's own random stream."""
         self.rng_state = rng_state
 
@@ -292,7 +294,7 @@ class DetachedAgents(AgentsState):
         """Return the names of the agents by their numbers."""
         return dict(zip(self.columns["numbers"].tolist(), self.columns["names"], strict=True))
 
-    def are_few(self, numbers: Any) -> bool:
+    def are_few(self, numbers: Sized) -> bool:
         """Whether so many agents are better looked for one by one than among all at once."""
         return len(numbers) < max(_FEW, len(self) // _SHARE)
 
@@ -372,7 +374,7 @@ class DetachedAgents(AgentsState):
 
     # -- where they are -------------------------------------------------------------------------------------------
 
-    def set(self, row: int, column: str, value: Any) -> None:
+    def set(self, row: int, column: str, value: Plain) -> None:
         """Set one column of an agent."""
         if value is None and column == "heading":
             value = np.nan
@@ -382,7 +384,7 @@ class DetachedAgents(AgentsState):
             self.columns["edge_source"][row] = self.columns["edge_target"][row] = 0
             self.columns["edge_share"][row] = 0.0
 
-    def move(self, numbers: Any, nodes: Any) -> None:
+    def move(self, numbers: Sequence[int] | IntArray, nodes: Sequence[int] | IntArray) -> None:
         """Move agents: their numbers and nodes, (moves,) each, in their order."""
         if not self.are_few(numbers):
             rows = self.rows(np.asarray(numbers, np.int64))
@@ -428,7 +430,7 @@ class DetachedAgents(AgentsState):
             rows = self.rows(turns.numbers)
             self.columns["quat"][rows] = turns.floats  # of several at one row, the last one stays
 
-    def progress(self, numbers: Any, sources: Any, targets: Any, shares: Any) -> None:
+    def progress(self, numbers: IntArray, sources: IntArray, targets: IntArray, shares: FloatArray) -> None:
         """Set how far along edges agents are."""
         rows, columns = self.rows(np.asarray(numbers, np.int64)), self.columns
         columns["edge_source"][rows], columns["edge_target"][rows] = sources, targets

@@ -10,7 +10,7 @@ from gamms.ir import events as kinds
 from gamms.ir.event_state import AgentsState, State
 from gamms.ir.events import EVENTS, Log, Mover, records_of, steps_of
 from gamms.ir.packing import to_bytes
-from gamms.plain import to_plain
+from gamms.plain import Plain, to_plain
 from gamms.recorder.formats.output import Output
 from gamms.recorder.formats.tracks import FORMS
 from gamms.recorder.formats.version2 import Version2Writer
@@ -54,11 +54,11 @@ class Version3Encoder:
             self._writer.keyframe(session.begin)
             self._beginning = beginning
 
-    def mark(self) -> Any:
+    def mark(self) -> tuple[Any, ...]:
         """Return the state of the encoder, for `back_to`."""
         return self._writer, self._beginning, self._values, None if self._beginning is None else self._writer.mark()
 
-    def back_to(self, mark: Any) -> None:
+    def back_to(self, mark: tuple[Any, ...]) -> None:
         """Forget what was written since."""
         self._writer, self._beginning, self._values, written = mark
         if written:
@@ -115,12 +115,12 @@ class Version2Encoder:
         self._agents.restore(session.begin)
         self.flush()
 
-    def mark(self) -> Any:
+    def mark(self) -> tuple[Any, ...]:
         """Return the state of the encoder, for `back_to`."""
         known = {**vars(self), "_agents": self._agents.copy()}
         return known, self._waiting.getvalue(), self._output.end
 
-    def back_to(self, mark: Any) -> None:
+    def back_to(self, mark: tuple[Any, ...]) -> None:
         """Forget what was written since."""
         known, waiting, end = mark
         vars(self).update(known)
@@ -207,7 +207,7 @@ class _AgentNodes(State, AgentsState):
         copy._names, copy._nodes = self._names[:], self._nodes.copy()
         return copy
 
-    def mover(self, kind: int, data: Any) -> Mover | None:
+    def mover(self, kind: int, data: Plain) -> Mover | None:
         """Return the agent that an event moves or turns."""
         if kind == kinds.MOVES or kind in FORMS:
             name = self._names[data[0]]
@@ -217,7 +217,7 @@ class _AgentNodes(State, AgentsState):
             return None
         return Mover(name, self._nodes.get(name, data[1] if kind == kinds.MOVES else 0))
 
-    def follow(self, kind: int, data: Any) -> None:
+    def follow(self, kind: int, data: Plain) -> None:
         """Apply an event that concerns agents."""
         if kind == kinds.SNAPSHOT or kind >> 24 == kinds.AGENT_CREATE >> 24:
             EVENTS[kind].apply(self, data)
@@ -243,7 +243,7 @@ class _AgentNodes(State, AgentsState):
         """Return the name of an agent."""
         return self._names[number]
 
-    def set(self, row: str, column: str, value: Any) -> None:
+    def set(self, row: str, column: str, value: Plain) -> None:
         """Set the node of an agent."""
         if column == "node":
             self._nodes[row] = value

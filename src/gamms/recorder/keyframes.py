@@ -1,6 +1,6 @@
 """A whole state as a keyframe or a snapshot holds it: columns of agents, the game as plain values."""
 
-from collections.abc import Callable
+from collections.abc import Callable, Iterable, Mapping
 from copy import deepcopy
 from math import isnan
 from typing import Any, NamedTuple
@@ -12,7 +12,7 @@ from gamms.ir.agents import NUMBERS, Progress
 from gamms.ir.events import as_over, set_scores
 from gamms.ir.game_state import GameState
 from gamms.ir.graph import FloatArray, IntArray
-from gamms.plain import plain_subset, to_plain
+from gamms.plain import Plain, plain_subset, to_plain
 from gamms.recorder.errors import Damaged
 from gamms.recorder.host import HostContext
 from gamms.text import shown
@@ -59,7 +59,9 @@ def captured(ctx: HostContext) -> Keyframe:
 _PLACES = ("heading", "position", "previous_position", "quat")
 
 
-def packed(columns: Columns, following: int, groups: list[dict[str, Any]], game: GameState, rng_state: Any) -> Keyframe:
+def packed(
+    columns: Columns, following: int, groups: list[dict[str, Any]], game: GameState, rng_state: Plain
+) -> Keyframe:
     """Return a state in the form that is short to write.
 
     It has `came` instead of `previous`, and `carried` instead of the `sensors` of each agent.
@@ -118,11 +120,11 @@ def _restore_data(game: GameState, data: dict[str, Any]) -> None:
     game.data.update(deepcopy(data))
 
 
-def _restore_over(game: GameState, over: Any) -> None:
+def _restore_over(game: GameState, over: object) -> None:
     game.over = as_over(over)
 
 
-def _restore_turn(game: GameState, turn: Any) -> None:
+def _restore_turn(game: GameState, turn: Plain) -> None:
     game.turn = int(turn)
 
 
@@ -133,7 +135,7 @@ def _restore_memories(game: GameState, memories: dict[str, dict[Any, Any]]) -> N
         game.memory_of(name).update(deepcopy(memory))
 
 
-def _restore_team_memories(game: GameState, memories: Any) -> None:
+def _restore_team_memories(game: GameState, memories: Iterable[tuple[Plain, Mapping[Plain, Plain]]]) -> None:
     game.team_memories = {team: dict(memory) for team, memory in deepcopy(list(memories))}
 
 
@@ -219,7 +221,7 @@ def decider_of(ctx: HostContext, agent: Any) -> Any:
     return agent.strategy if plan is None else plan.function
 
 
-def name_of(strategy: Any) -> str | None:
+def name_of(strategy: object) -> str | None:
     """Return what a strategy is called: its module and its name there."""
     if strategy is None:
         return None
@@ -287,7 +289,7 @@ def checked(columns: Columns) -> Columns:
     return whole
 
 
-def checked_name(name: Any) -> str:
+def checked_name(name: object) -> str:
     """Return the name of an agent.
 
     Raises:
@@ -310,7 +312,7 @@ def checked_following(numbers: list[int], following: int) -> int:
     return following
 
 
-def checked_shares(values: Any) -> FloatArray:
+def checked_shares(values: Plain) -> FloatArray:
     """Return how much of their edges agents have covered, (agents,).
 
     Raises:
@@ -322,7 +324,7 @@ def checked_shares(values: Any) -> FloatArray:
     return found
 
 
-def progress_of(source: Any, target: Any, share: Any) -> Progress | None:
+def progress_of(source: int, target: int, share: float) -> Progress | None:
     """Return how far along an edge an agent is; None where it is on none.
 
     Raises:
@@ -332,7 +334,7 @@ def progress_of(source: Any, target: Any, share: Any) -> Progress | None:
     return Progress(int(source), int(target), covered) if covered else None
 
 
-def sensors_in(groups: Any) -> list[dict[str, Any]]:
+def sensors_in(groups: Iterable[Mapping[str, Plain]]) -> list[dict[str, Any]]:
     """Return the sensors that are `grouped`, one by one."""
     return [
         {"id": sensor_id, "type": group["type"], "keywords": group["keywords"]}

@@ -1,6 +1,6 @@
 """A live context as the state that events of a recording are applied to."""
 
-from collections.abc import Callable, Iterator, Sequence
+from collections.abc import Callable, Iterator, Mapping, Sequence
 from contextlib import contextmanager
 from copy import deepcopy
 from typing import Any
@@ -11,7 +11,9 @@ from gamms.ir import events as kinds
 from gamms.ir.agents import AgentBlock
 from gamms.ir.event_state import AgentsState, State
 from gamms.ir.events import COLUMN_EVENTS, Mover, as_event
+from gamms.ir.graph import FloatArray, IntArray
 from gamms.ir.journal import Muted
+from gamms.plain import Plain
 from gamms.recorder import sensed
 from gamms.recorder.errors import Damaged
 from gamms.recorder.host import HostContext
@@ -79,12 +81,12 @@ class LiveState(State):
             self.game.facts.pop(name, None)
         self._ctx.game.publish(**deepcopy(facts))
 
-    def set_rng(self, rng_state: Any) -> None:
+    def set_rng(self, rng_state: Mapping[str, Plain] | None) -> None:
         """Set the state of the context's own random stream; None: it was not drawn from."""
         if rng_state is not None:
             self._ctx.rng.bit_generator.state = rng_state
 
-    def add_sensors(self, groups: Any) -> None:
+    def add_sensors(self, groups: list[dict[str, Plain]]) -> None:
         """Make the sensors that there are not yet."""
         for sensor in sensors_in(groups):
             if sensor["id"] not in self._ctx.sensor.sensors:
@@ -213,7 +215,7 @@ class LiveAgents(AgentsState):
 
     # -- what they are --------------------------------------------------------------------------------------------
 
-    def set(self, row: int, column: str, value: Any) -> None:
+    def set(self, row: int, column: str, value: Plain) -> None:
         """Set one column of an agent; strategies are functions, which a recording does not hold."""
         if column in COLUMN_EVENTS:
             if column == "speed" and self._block.kind[row]:
@@ -255,7 +257,7 @@ class LiveAgents(AgentsState):
         if not self._block.kind[row]:
             raise BadType(f"Agent {self._block.names[row]!r} does not fly.")
 
-    def progress(self, numbers: Any, sources: Any, targets: Any, shares: Any) -> None:
+    def progress(self, numbers: IntArray, sources: IntArray, targets: IntArray, shares: FloatArray) -> None:
         """Set how far along edges agents are."""
         for number, *where in zip(numbers.tolist(), sources, targets, shares, strict=True):
             self._block.write(self.row_of(number), {"progress": progress_of(*where)})
@@ -293,7 +295,7 @@ class LiveAgents(AgentsState):
         finally:
             block.journal = journal
 
-    def note(self, kind: int, data: Any) -> None:
+    def note(self, kind: int, data: Plain) -> None:
         """Note an event of the recording, with the numbers that agents have in the journal."""
         journal = self._block.journal
         if journal.is_silent:
@@ -340,7 +342,7 @@ class _LegacyAgents(LiveAgents):
         if name in self._engine.agents:
             self._engine.delete_agent(name)
 
-    def set(self, row: int, column: str, value: Any) -> None:
+    def set(self, row: int, column: str, value: Plain) -> None:
         """Set an attribute of an agent."""
         setattr(self._agent(row), _ATTRIBUTES[column], value)
 

@@ -48,7 +48,7 @@ def without_map(header: dict[str, Any]) -> dict[str, Any]:
     return {**{key: value for key, value in header.items() if key != "world"}, HASH: hash_of(header["world"])}
 
 
-def packed_of(graph: Any) -> bytes:
+def packed_of(graph: object) -> bytes:
     """Return the bytes of a map.
 
     Args:
@@ -71,7 +71,7 @@ def packed_of(graph: Any) -> bytes:
     return packed
 
 
-def given_map(graph: Any, header: dict[str, Any]) -> bytes:
+def given_map(graph: object, header: dict[str, Any]) -> bytes:
     """Return the bytes of a map that was given, which must be that of the recording.
 
     Raises:

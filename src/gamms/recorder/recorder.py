@@ -12,7 +12,7 @@ from gamms.deciding import Guarded, phase_of, refused_while_deciding
 from gamms.errors import BadType, BadValue, ContextTerminated
 from gamms.ir import events as kinds
 from gamms.ir.events import EVENTS
-from gamms.plain import to_plain, why_not_plain
+from gamms.plain import Plain, to_plain, why_not_plain
 from gamms.recorder.components import Components
 from gamms.recorder.encoders import Version2Encoder, Version3Encoder, header_of
 from gamms.recorder.errors import RecorderBusy, RecordingError
@@ -71,7 +71,7 @@ class Recorder(Guarded, IRecorder):
         *,
         version: int = 3,
         created: int | None = None,
-        provenance: Any = None,
+        provenance: Plain = None,
         sensed: bool = False,
         drawings: bool | None = None,
         embed_graph: bool = True,
@@ -212,7 +212,7 @@ class Recorder(Guarded, IRecorder):
             self._log().append((opCode.value, to_plain(data)))
 
     @refused_while_deciding
-    def event(self, kind: str, **data: Any) -> None:
+    def event(self, kind: str, **data: Plain) -> None:
         """Write something of the program's own, as plain values; nothing while no recording is being written.
 
         Raises:
@@ -318,7 +318,7 @@ class Recorder(Guarded, IRecorder):
         """Names of the components."""
         return self.components.component_iter()
 
-    def add_component(self, name: str, obj: Any) -> None:
+    def add_component(self, name: str, obj: object) -> None:
         """Keep a component under a name (ValueError if it is taken)."""
         self.components.add_component(name, obj)
 
@@ -346,7 +346,7 @@ class Recorder(Guarded, IRecorder):
             self._session.note_component(OpCodes[opcode_name].value, to_plain(data))
 
 
-def _check_record(opcode: Any, data: Any) -> None:
+def _check_record(opcode: object, data: object) -> None:
     """Check that a record of the user's own can be read again.
 
     Raises:
@@ -368,7 +368,7 @@ def _check_record(opcode: Any, data: Any) -> None:
             field.check(data[key], f"{key!r} of {opcode.name}")
 
 
-def _checked_options(version: Any, created: Any, provenance: Any) -> dict[str, Any]:
+def _checked_options(version: object, created: object, provenance: Plain) -> dict[str, Any]:
     if not isinstance(version, int) or version not in _VERSIONS:
         raise BadValue(f"version must be 2 or 3, not {shown(version)}.")
     if flaw := why_not_plain(provenance):

@@ -25,6 +25,7 @@ from gamms.recorder.keyframes import Columns
 from gamms.recorder.maps import given_map, has_map, hash_in, hash_of
 from gamms.recorder.streams import readable
 from gamms.text import reason
+from gamms.typing import IContext
 from gamms.typing.map_storage import IPackedGraph, packed_graphs
 from gamms.typing.recorder import MAGIC_NUMBER
 
@@ -38,7 +39,7 @@ _PARTS = {
 }
 
 
-def open(source: str | os.PathLike[str] | BinaryIO, *, graph: Any = None) -> "Recording":
+def open(source: str | os.PathLike[str] | BinaryIO, *, graph: object = None) -> "Recording":
     """Open a recording of version 3, by its path or as a binary stream.
 
     Args:
@@ -108,7 +109,7 @@ class Recording:
         warning: what is missing of a recording that was not finished; else None.
     """
 
-    def __init__(self, reader: Reader, owned: BinaryIO | None = None, graph: Any = None) -> None:
+    def __init__(self, reader: Reader, owned: BinaryIO | None = None, graph: object = None) -> None:
         self._reader, self._owned = reader, owned
         self._given = None if graph is None else given_map(graph, reader.header)
         self.header = {key: value for key, value in reader.header.items() if key not in _BLOBS}
@@ -223,9 +224,9 @@ class Recording:
         turn: int,
         strategies: Mapping[str, Any] | None = None,
         seed: int | None = None,
-        vis_engine: Any = None,
+        vis_engine: object = None,
         *,
-        ctx: Any = None,
+        ctx: IContext | None = None,
     ) -> Any:
         """Return a live context with the game as it was after so many turns, to go on or to branch from there.
 
@@ -260,8 +261,8 @@ class Recording:
         turn: int,
         strategies: Mapping[str, Any],
         seed: int | None = None,
-        vis_engine: Any = None,
-        ctx: Any = None,
+        vis_engine: object = None,
+        ctx: IContext | None = None,
         *,
         is_quiet: bool = False,
     ) -> Any:
@@ -273,7 +274,7 @@ class Recording:
             as_context(ctx, "resume")
         maps = resuming.Maps(self.map_hash(0), self.map_hash(turn), lambda: then.graph.packed)
         seed = resuming.as_seed(seed, resuming.seed_at(self._reader, turn))
-        live = resuming.opened_context(seed, vis_engine, is_quiet=is_quiet) if ctx is None else ctx
+        live: Any = resuming.opened_context(seed, vis_engine, is_quiet=is_quiet) if ctx is None else ctx
         try:
             live.reseed(seed)
             resuming.resume(live, self._reader, turn, self._state_at(turn), maps, is_fresh=ctx is None)

@@ -1,12 +1,13 @@
 """Replay a recording: apply its events to a context, and yield them in the form of 1.0.0."""
 
-from collections.abc import Callable, Iterator
+from collections.abc import Callable, Iterable, Iterator
 from contextlib import nullcontext
 from typing import Any, Protocol
 
 from gamms.errors import BadFile, ContextTerminated
 from gamms.ir import events as kinds
 from gamms.ir.events import COMPONENTS, EVENTS, Mover, events_of, records_of
+from gamms.plain import Plain
 from gamms.recorder.errors import UNFIT, RecordingError
 from gamms.recorder.formats.reader import Reader
 from gamms.recorder.formats.tracks import FORMS
@@ -80,7 +81,7 @@ class Replayer:
             self.apply(code, data)
         return None
 
-    def _begin(self, header: dict[str, Any], snapshot: Any) -> None:
+    def _begin(self, header: dict[str, Any], snapshot: dict[str, Plain]) -> None:
         recording = self._recording()
         try:
             is_adopted = recording is not None and recording.adopt(header, snapshot)
@@ -127,7 +128,7 @@ class Replayer:
             data = {"agent_name": name, "node_id": node}
             yield {"timestamp": timestamp, "opCode": kinds.AGENT_CURRENT_NODE, "data": data}
 
-    def _mover(self, kind: int, data: Any) -> Mover | None:
+    def _mover(self, kind: int, data: Plain) -> Mover | None:
         """Return which flyer an event moves, and the node it is above."""
         agents = self.state.agents
         try:
@@ -137,7 +138,7 @@ class Replayer:
         except UNFIT as error:
             raise _unfit(kind, error) from error
 
-    def apply(self, kind: int, data: Any) -> None:
+    def apply(self, kind: int, data: Plain) -> None:
         """Apply an event, and note it where the context is being recorded; one that is not known is only noted.
 
         Raises:
@@ -162,7 +163,7 @@ class Replayer:
         except UNFIT as error:
             raise _unfit(kind, error) from error
 
-    def _note_snapshot(self, snapshot: Any) -> None:
+    def _note_snapshot(self, snapshot: dict[str, Plain]) -> None:
         """Note a snapshot as it is where it says everything; else how things are now."""
         recording = self._recording()
         if recording is not None and list(self._ctx.agent.agents) == list(snapshot["names"]):
@@ -171,7 +172,7 @@ class Replayer:
         elif recording is not None:
             recording.emit_snapshot()
 
-    def show(self, visuals: Any, drawings: Any = ()) -> None:
+    def show(self, visuals: dict[str, Plain] | None, drawings: Iterable[dict[str, Plain]] = ()) -> None:
         """Declare what a recording looks like; None: as it does.
 
         Raises:

@@ -29,7 +29,7 @@ _SEED_BITS = 63
 _HISTORY = (kinds.SNAPSHOT, kinds.GAME_EVENT, kinds.GAME_FACTS, kinds.GAME_TURN)
 
 
-def opened_context(seed: int, vis_engine: Any, *, is_quiet: bool) -> HostContext:
+def opened_context(seed: int, vis_engine: object, *, is_quiet: bool) -> HostContext:
     """Return a fresh context; `vis_engine` None: without a window."""
     level = getLogger("gamms").level  # which stays what the program has made it
     more = {} if vis_engine is None else {"vis_engine": vis_engine}
@@ -162,7 +162,7 @@ def seed_at(reader: "Reader", turn: int) -> Any:
     return later[-1] if later else reader.header.get("seed")
 
 
-def as_seed(given: Any, recorded: Any) -> int:
+def as_seed(given: object, recorded: object) -> int:
     """Return the seed that a caller gave, or that of the recording.
 
     Raises:

@@ -8,7 +8,7 @@ import numpy as np
 
 from gamms.plain import to_plain
 from gamms.text import shown
-from gamms.typing import AgentType
+from gamms.typing import AgentType, IGraph
 
 Results = Mapping[str, tuple[Any, Any]]  # sensor -> (kind, data), as in a state
 
@@ -109,7 +109,7 @@ def renumbered(data: Mapping[str, Any], number_of: Callable[[int], int]) -> dict
     return {**data, "ids": ids}
 
 
-def data_of(look: Look, graph: Any, names: Mapping[int, str]) -> Any:
+def data_of(look: Look, graph: IGraph, names: Mapping[int, str]) -> Any:
     """Return what the sensor gave.
 
     Args:
@@ -144,13 +144,13 @@ def seen_by(look: Look) -> tuple[list[int], list[int]]:
     return (look.first, [-1] * len(look.first)) if look.form in (_IDS, _MAP) else ([], [])
 
 
-def _ints(column: Any) -> "np.ndarray[Any, Any]":
+def _ints(column: object) -> "np.ndarray[Any, Any]":
     if not isinstance(column, np.ndarray) or column.dtype.kind not in "iu" or not column.ndim:
         raise TypeError(f"{shown(column)} is no column of integers")
     return column
 
 
-def _look(sensor: str, kind: str, data: Any, numbers: Mapping[str, int], nodes: Mapping[str, int]) -> Look:
+def _look(sensor: str, kind: str, data: object, numbers: Mapping[str, int], nodes: Mapping[str, int]) -> Look:
     if type(data) is list and _are_ids(data):
         return Look(sensor, kind, _IDS, data, [], None)
     if type(data) is dict:

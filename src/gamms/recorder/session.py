@@ -12,7 +12,7 @@ import numpy as np
 from gamms.ir import events as kinds
 from gamms.ir.events import Log
 from gamms.ir.journal import PLAIN
-from gamms.plain import plain_subset
+from gamms.plain import Plain, plain_subset
 from gamms.recorder import keyframes, sensed
 from gamms.recorder.changes import DrawingChanges, GameChanges, StrategyChanges
 from gamms.recorder.detached import DetachedState
@@ -396,7 +396,7 @@ class RecordingSession:
         self._strategies.detect(log)
         self._game.detect(log)
 
-    def _accept(self, kind: int, data: Any) -> None:
+    def _accept(self, kind: int, data: Plain) -> None:
         """Expect what an event of a replay has changed: it is noted already, and what changes later comes behind it."""
         self._front = len(self.log)
         if kind == kinds.WORLD:

@@ -9,9 +9,10 @@ from typing import Any
 from gamms.ir import events as kinds
 from gamms.ir.agents import Position, Quat
 from gamms.ir.journal import Journal
-from gamms.plain import plain_subset, to_plain
+from gamms.plain import Plain, plain_subset, to_plain
 from gamms.recorder import keyframes
 from gamms.recorder.host import HostContext
+from gamms.typing.agent_engine import SensorsOfAgent
 
 _OF_FLIGHT = 7  # its weight
 
@@ -32,7 +33,7 @@ class SkippedValues:
             self._warn(kind, f"{ids[0]}{others}", key)
         return packed
 
-    def plain_part(self, kind: str, name: Any, values: Mapping[Any, Any]) -> dict[Any, Any]:
+    def plain_part(self, kind: str, name: object, values: Mapping[Any, Any]) -> dict[Any, Any]:
         """Return what of the values of an agent or sensor can be written."""
         left_out: list[Any] = []
         part = plain_subset(values, left_out)
@@ -52,7 +53,7 @@ class SkippedValues:
         for sensor in described:
             self.plain_part("sensor", sensor["id"], sensor["keywords"])
 
-    def _warn(self, kind: str, which: str, key: Any) -> None:
+    def _warn(self, kind: str, which: str, key: Plain) -> None:
         if (kind, key) in self._warned:
             return
         self._warned.add((kind, key))
@@ -82,18 +83,18 @@ class SessionJournal(Journal):
         self.living = dict.fromkeys(names)
         self.weight = 0
 
-    def note(self, kind: int, data: Any) -> None:
+    def note(self, kind: int, data: Plain) -> None:
         """Note an event other than a move, as plain values."""
         self._know(kind, data)
         self.log.append((kind, self._creation(data) if kind == kinds.AGENT_CREATE else to_plain(data)))
 
-    def append(self, kind: int, data: Any) -> None:
+    def append(self, kind: int, data: Plain) -> None:
         """Take an event of a replay that has been applied, as it is."""
         self._know(kind, data)
         self.log.append((kind, data))
         self._accept(kind, data)
 
-    def _know(self, kind: int, data: Any) -> None:
+    def _know(self, kind: int, data: Plain) -> None:
         if kind == kinds.AGENT_CREATE:
             self.living[data["name"]] = None
         elif kind == kinds.AGENT_DELETE:
@@ -119,7 +120,7 @@ class SessionJournal(Journal):
         return {**data, "kwargs": self._skipped.plain_part("agent", data["name"], given), **named}
 
 
-def _sensors(given: Any) -> Any:
+def _sensors(given: SensorsOfAgent) -> dict[str, str] | list[str]:
     """Return the ids of the sensors that an agent was created with, by their names in its state."""
     if isinstance(given, dict):
         return {str(name): one if isinstance(one, str) else one.sensor_id for name, one in given.items()}

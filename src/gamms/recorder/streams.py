@@ -3,7 +3,7 @@
 import io
 import os
 from pathlib import Path
-from typing import Any, BinaryIO
+from typing import BinaryIO
 
 from gamms.arguments import as_path
 from gamms.errors import BadType
@@ -11,6 +11,7 @@ from gamms.recorder.errors import RecorderBusy
 from gamms.text import shown
 
 _SUFFIX = ".ggr"
+_PathOrStream = str | os.PathLike[str] | BinaryIO | io.TextIOBase  # of which the last, text, is refused
 
 
 def named(path: str | os.PathLike[str]) -> Path:
@@ -36,11 +37,12 @@ class Target:
         BadType (TypeError): this is neither a path nor a binary stream.
     """
 
-    def __init__(self, path: Any, *, overwrite: bool = False) -> None:
-        self.is_owned = isinstance(path, str | os.PathLike)
+    def __init__(self, path: _PathOrStream, *, overwrite: bool = False) -> None:
+        self.is_owned = False
         self._old: BinaryIO | None = None
-        if self.is_owned:
+        if isinstance(path, str | os.PathLike):
             self.stream: BinaryIO = self._new_file(path, overwrite=overwrite)
+            self.is_owned = True
         elif hasattr(path, "write") and not isinstance(path, io.TextIOBase):
             self.stream = path
         else:
@@ -94,7 +96,7 @@ class Target:
         return has_name
 
 
-def readable(path: Any) -> tuple[BinaryIO, bool]:
+def readable(path: _PathOrStream) -> tuple[BinaryIO, bool]:
     """Return a stream that can seek, and whether it was opened here; the suffix of a path may be left out.
 
     Raises:

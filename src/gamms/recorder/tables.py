@@ -1,6 +1,6 @@
 """The events of a recording as dicts, and as tables with the columns of a `Result`."""
 
-from collections.abc import Callable, Iterator
+from collections.abc import Callable, Iterator, Mapping
 from typing import Any
 
 import numpy as np
@@ -11,6 +11,7 @@ from gamms.ir import events as kinds
 from gamms.ir.events import EVENTS, steps_of
 from gamms.ir.graph import IntArray
 from gamms.ir.tables import table_of
+from gamms.plain import Plain
 from gamms.recorder.errors import DAMAGES, RecordingError
 from gamms.recorder.formats.reader import Reader
 from gamms.recorder.formats.tracks import FORMS
@@ -58,7 +59,7 @@ def steps(reader: Reader, start: int, stop: int, names_at: NamesAt) -> Iterator[
             yield {"turn": log + 1, "event": KINDS.get(kind, f"{kind:#010x}"), "data": named}
 
 
-def _by_name(kind: int, data: Any, name: str) -> dict[str, Any]:
+def _by_name(kind: int, data: tuple[Plain, ...], name: str) -> dict[str, Any]:
     """Return the data of an event that names its agent by number, as one that names it."""
     if kind == kinds.AERIAL_AGENT_FLIGHT:
         return {"agent_name": name, "position": list(data[2:]), "node": data[1]}
@@ -71,7 +72,9 @@ def _name(names: dict[int, str], number: int, log: int) -> str:
     return names[number]
 
 
-def _roster_after(kind: int, data: Any, names: dict[int, str], following: int) -> tuple[dict[int, str], int]:
+def _roster_after(
+    kind: int, data: Mapping[str, Plain], names: dict[int, str], following: int
+) -> tuple[dict[int, str], int]:
     """Return the names of agents by number, and the next number, after a creation or a snapshot."""
     try:
         if kind == kinds.SNAPSHOT:
@@ -204,7 +207,7 @@ def _sensed(reader: Reader, start: int, stop: int, names_at: NamesAt) -> Table:
     return table_of(dict(zip(("turn", "agent", "sensor", "node", "other"), zip(*rows, strict=True), strict=True)))
 
 
-def _empty(**dtypes: Any) -> Table:
+def _empty(**dtypes: type) -> Table:
     return {name: np.zeros(0, dtype) for name, dtype in dtypes.items()}
 
 
