@@ -76,6 +76,10 @@ def rule(ctx: gamms.Context) -> None:
     ctx.gme.end("over")  # error
     ctx.agent.create_itr()  # error
     ctx.game.end("over")
+    ctx.game.eliminate(5)  # error
+    ctx.game.agents[0].name.real  # error
+    ctx.game.agents["red_0"]  # error
+    ctx.game.eliminate(ctx.game.agents[0])
 
 
 def flying(state: gamms.typing.AerialState) -> None:

@@ -2,7 +2,7 @@
 
 from collections.abc import Callable, Hashable, Iterable, Mapping, Sequence
 from math import hypot
-from typing import TYPE_CHECKING, Any, ClassVar
+from typing import Any, ClassVar
 
 from gamms import kernels
 from gamms.arguments import as_bool, as_float, as_function_of, as_key, as_name, as_range
@@ -76,11 +76,6 @@ class BaseAgent(Guarded, IAgent):
     def __repr__(self) -> str:
         """Name the agent and where it stands."""
         return f"{type(self).__name__}({self.name!r}, current_node_id={self.current_node_id})"
-
-    if TYPE_CHECKING:
-
-        def __getattr__(self, name: str) -> Any:
-            """Let type checkers read the attributes that a program has given to an agent."""
 
     def __setattr__(self, name: str, value: object) -> None:
         """Set an attribute; refused while a strategy is running."""

@@ -84,7 +84,7 @@ async def _collected(
                 _outcome(task)  # or asyncio would log an error that was never retrieved
 
 
-async def _decided(phase: DecidePhase, decider: Any, awaitable: Awaitable[Any]) -> Any:
+async def _decided(phase: DecidePhase, decider: object, awaitable: Awaitable[Any]) -> Any:
     phase.decide_in_this_task(decider)
     return await awaitable
 

@@ -1,6 +1,6 @@
 """What decides for whole teams: plans, and the arrays that some of them get."""
 
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Callable, Hashable, Mapping, Sequence
 from functools import cached_property, lru_cache
 from itertools import chain
 from typing import Any, NamedTuple
@@ -24,7 +24,7 @@ class Plan(NamedTuple):
     arrays: bool = False  # whether it takes arrays and returns nodes
 
 
-def as_plans(name: str, value: Any) -> Mapping[Any, Plan]:
+def as_plans(name: str, value: object) -> Mapping[Any, Plan]:
     """Return a read-only mapping from teams to plans; a function stands for a plan of states.
 
     Raises:
@@ -35,11 +35,10 @@ def as_plans(name: str, value: Any) -> Mapping[Any, Plan]:
     return ReadOnlyMapping({as_key(team, "A team"): _as_plan(plan) for team, plan in value.items()})
 
 
-def _as_plan(value: Any) -> Plan:
+def _as_plan(value: object) -> Plan:
     function, arrays = value if isinstance(value, Plan) else (value, False)
     arrays = as_bool(arrays, "arrays")
-    as_function_of(function, "A plan", f"the {'arrays' if arrays else 'states'} of its team")
-    return Plan(function, arrays)
+    return Plan(as_function_of(function, "A plan", f"the {'arrays' if arrays else 'states'} of its team"), arrays)
 
 
 @lru_cache(maxsize=64)
@@ -103,7 +102,7 @@ class TeamArrays:
 
     def __init__(
         self,
-        team: Any,
+        team: Hashable,
         turn: int,
         seed: int,
         names: tuple[str, ...],
@@ -112,7 +111,8 @@ class TeamArrays:
         facts: Mapping[str, Any],
         team_memory: dict[Any, Any],
     ) -> None:
-        self.team, self.turn, self.names = team, turn, names
+        self.team: Any = team  # programs look it up in dicts of their own
+        self.turn, self.names = turn, names
         self.nodes: IntArray = np.array(nodes, np.int64)
         self.nodes.setflags(write=False)
         self.offsets: IntArray | None = None
@@ -128,7 +128,7 @@ class TeamArrays:
         """A NumPy generator of the team and the turn."""
         return kernels.stream(self._seed, "team", str(self.team), self.turn)
 
-    def checked(self, answer: Any) -> IntArray:
+    def checked(self, answer: object) -> IntArray:
         """Return the nodes that a plan has chosen, (agents,), as integers.
 
         Raises:

@@ -1,6 +1,6 @@
 """What is decided in one turn: by strategies, by plans of teams, and by those of both that are awaited."""
 
-from collections.abc import Callable
+from collections.abc import Awaitable, Callable, Mapping
 from copy import deepcopy
 from operator import itemgetter
 from time import perf_counter
@@ -94,7 +94,7 @@ class Decisions:
             slot.last[0] = state
         self._put_plan(commanded, {slot.name: state for slot, state in zip(slots, states, strict=True)})
 
-    def ask_arrays(self, commanded: Commanded, seed: int, facts: Any) -> None:
+    def ask_arrays(self, commanded: Commanded, seed: int, facts: Mapping[str, Any]) -> None:
         """Ask the plan of a team, with arrays.
 
         Raises:
@@ -114,7 +114,7 @@ class Decisions:
         given = TeamArrays(commanded.team, self._state.turn, seed, names, nodes, legal, facts, known)
         self._put_plan(commanded, given)
 
-    def wait_for(self, i: int, state: State, awaitable: Any) -> None:
+    def wait_for(self, i: int, state: State, awaitable: Awaitable[object]) -> None:
         """Collect what an agent's strategy decides later with all others that are awaited."""
         self._awaited.append((self._question(i, state), awaitable))
 
@@ -157,7 +157,7 @@ class Decisions:
 
     # -- answers ------------------------------------------------------------------------------------------------
 
-    def note(self, i: int, team_memory: Any) -> None:
+    def note(self, i: int, team_memory: object) -> None:
         """Take what an agent has made of its copy of the team's memory."""
         self._written.append((i, team_memory))
 
@@ -186,7 +186,7 @@ class Decisions:
         agent = self._slots[i].agent
         return _Question(agent, f"strategy of agent {agent.name!r}", agent.strategy, state, [i], is_plan=False)
 
-    def _put_plan(self, commanded: Commanded, given: Any) -> None:
+    def _put_plan(self, commanded: Commanded, given: TeamArrays | dict[str, State]) -> None:
         deciders, name = commanded.deciders, f"plan of team {shown(commanded.team)}"
         self._put(_Question(deciders, name, commanded.plan.function, given, commanded.indices, is_plan=True))
 
@@ -209,7 +209,7 @@ class Decisions:
         else:
             self._answer(question, answer)
 
-    def _answer(self, question: _Question, answer: Any) -> None:
+    def _answer(self, question: _Question, answer: object) -> None:
         given, indices = question.given, question.indices
         if isinstance(given, TeamArrays):
             try:
@@ -239,7 +239,7 @@ class Decisions:
                 ends[i] = starts[i]
                 self._decide(i, node)
 
-    def _decide(self, i: int, action: Any) -> None:
+    def _decide(self, i: int, action: object) -> None:
         try:
             resolved = self._legality.resolve(self._slots[i], self._starts[i], action)
         except GammsError as error:
@@ -333,7 +333,7 @@ def merged_memory(before: dict[Any, Any], writes: Writes) -> dict[Any, Any]:
     return after
 
 
-def _differs(value: Any, other: Any) -> bool:
+def _differs(value: object, other: object) -> bool:
     """Return whether two values differ; what cannot be compared does."""
     if value is other:
         return False
@@ -350,7 +350,7 @@ class _Nothing:
 _NOTHING = _Nothing()
 
 
-def _one_of(old: Any, values: list[Any]) -> Any:
+def _one_of(old: object, values: list[Any]) -> Any:
     if len(values) < 2:
         return values[0] if values else _NOTHING
     if all(isinstance(value, (set, frozenset)) for value in values):

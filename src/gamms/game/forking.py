@@ -4,7 +4,7 @@ from collections.abc import Callable
 from copy import deepcopy
 from functools import partial
 from types import CellType, FunctionType, MethodType
-from typing import Any
+from typing import Any, cast
 
 from gamms.game.deciders import Plan
 from gamms.game.snapshots import SnapshotTaker, copied
@@ -62,7 +62,7 @@ def _renew_states(target: SnapshotTaker) -> None:
     """Put the memories and the random numbers of the fork into the last states of its agents."""
     slots = {slot.name: slot for slot in target.turns.order().slots}
     for name, agent in target.ctx.agent.agents.items():
-        state, slot = agent.state, slots.get(name)
+        state, slot = cast("dict[str, Any]", agent.state), slots.get(name)
         if "memory" in state:
             state["memory"] = target.state.memory_of(name)
             state["team_memory"] = copied(state.get("team_memory"))
@@ -73,7 +73,7 @@ def _renew_states(target: SnapshotTaker) -> None:
                     state[key] = value
 
 
-def own(value: Any, memo: Memo) -> Any:
+def own(value: object, memo: Memo) -> Any:
     """Return what a strategy, rule or setting is in a fork.
 
     A function that closes over the context, an agent or another part of the game becomes one that closes over that of
@@ -90,7 +90,7 @@ def own(value: Any, memo: Memo) -> Any:
     return made
 
 
-def _rebound(value: Any, memo: Memo) -> Any:
+def _rebound(value: object, memo: Memo) -> Any:
     known = memo.get(id(value), _UNKNOWN)
     if known is not _UNKNOWN:
         return known
@@ -134,7 +134,7 @@ def _rebound_partial(function: "partial[Any]", memo: Memo) -> Any:
     return made
 
 
-def _rebound_items(values: Any, memo: Memo) -> Any:
+def _rebound_items(values: list[Any] | tuple[Any, ...], memo: Memo) -> Any:
     items = [_rebound(one, memo) for one in values]
     return values if all(new is one for new, one in zip(items, values, strict=True)) else type(values)(items)
 

@@ -1,7 +1,7 @@
 """The front of the turn engine: `ctx.game`, which plays turns in which all agents move at once."""
 
 from collections import Counter
-from collections.abc import Callable, Iterable, Iterator, Mapping
+from collections.abc import Callable, Hashable, Iterable, Iterator, Mapping
 from contextlib import contextmanager
 from time import perf_counter
 from typing import Any, Literal, NamedTuple, overload
@@ -21,10 +21,13 @@ from gamms.game.ruleset import NamedRule, RuleSet, check_phase
 from gamms.game.settings import Settings, as_turns
 from gamms.game.snapshots import Snapshot, SnapshotError, SnapshotTaker
 from gamms.game.turn import TurnEngine
+from gamms.ir.agents import Position
 from gamms.ir.game_state import GameState, Scores
+from gamms.plain import Plain
 from gamms.progress import progress as progress_line
 from gamms.readonly import ReadOnlyMapping, frozen, published
 from gamms.text import printable_line, shown
+from gamms.typing.agent_engine import IAgent
 from gamms.typing.game import Move, Rule, TeamPlan, Track
 
 
@@ -132,11 +135,11 @@ class Game(Settings):
         return self._ruleset.rules
 
     @overload
-    def command(self, team: Any, plan: TeamPlan | None) -> None: ...
+    def command(self, team: Hashable, plan: TeamPlan | None) -> None: ...
     @overload
-    def command(self, team: Any, plan: ArrayPlan | None, *, arrays: Literal[True]) -> None: ...
+    def command(self, team: Hashable, plan: ArrayPlan | None, *, arrays: Literal[True]) -> None: ...
     @refused_while_deciding
-    def command(self, team: Any, plan: Any, *, arrays: bool = False) -> None:
+    def command(self, team: Hashable, plan: TeamPlan | ArrayPlan | None, *, arrays: bool = False) -> None:
         """Set the function that decides for all agents of a team instead of their strategies; None removes it.
 
         It is called once in every turn, and may be an `async def`. Like a strategy, it changes nothing but what it is
@@ -158,7 +161,7 @@ class Game(Settings):
         self._unchecked_plans.append(team)
 
     @refused_while_deciding
-    def publish(self, **facts: Any) -> None:
+    def publish(self, **facts: object) -> None:
         """Publish facts to all strategies: they are in `state["facts"]`, read-only all the way down."""
         self._state.facts.update([(name, published(name, value)) for name, value in facts.items()])
 
@@ -398,7 +401,7 @@ class Game(Settings):
     # -- for rules ----------------------------------------------------------------------------------------------
 
     @property
-    def agents(self) -> list[Any]:
+    def agents(self) -> list[IAgent]:
         """The living agents, in the order of their names."""
         return [slot.agent for slot in self._turns.order().slots]
 
@@ -408,7 +411,7 @@ class Game(Settings):
         moves = self._state.moves
         return {} if moves is None else self._phase.shown(moves.by_name())
 
-    def tracks(self, agents: Iterable[Any]) -> list[Track]:
+    def tracks(self, agents: Iterable[IAgent]) -> list[Track]:
         """Return how agents have moved in this turn: for each, the nodes and from 0 to 1 when it was at each.
 
         An agent that stayed is at its node from 0 on. One that was put elsewhere since its move, or flew, is there
@@ -421,7 +424,7 @@ class Game(Settings):
         return tracks
 
     @refused_while_deciding
-    def observation(self, agent: Any) -> dict[str, Any]:
+    def observation(self, agent: IAgent | str) -> dict[str, Any]:
         """Return the state that the strategy of a living agent, or of the one of that name, would get now.
 
         Its sensors are asked for it.
@@ -437,19 +440,19 @@ class Game(Settings):
         raise UnknownName("living agent", one.name, [slot.name for slot in slots])
 
     @refused_while_deciding
-    def emit(self, kind: str, **data: Any) -> None:
+    def emit(self, kind: str, **data: Plain) -> None:
         """Note that something happened; it is in `events` and in the result. Values should be plain."""
         self._state.events.append({"turn": self._state.turn, "kind": as_name(kind, "a kind of event"), **data})
 
     @refused_while_deciding
-    def end(self, reason: str, winner: Any = None, truncated: bool = False) -> None:
+    def end(self, reason: str, winner: Plain = None, truncated: bool = False) -> None:
         """End the game after this turn; of several calls the first counts."""
         over = {"reason": as_name(reason, "a reason"), "winner": winner, "truncated": as_bool(truncated, "truncated")}
         if self._state.over is None:
             self._state.over = over
 
     @refused_while_deciding
-    def eliminate(self, agent: Any) -> None:
+    def eliminate(self, agent: IAgent | str) -> None:
         """Take an agent, or the one of that name, out of the game; nothing happens if it is out already."""
         one = self._agent(agent)
         if one.alive:
@@ -457,9 +460,9 @@ class Game(Settings):
             self.emit("eliminated", agent=one.name, node=one.current_node_id)
 
     @refused_while_deciding
-    def respawn(self, agent: Any, node: int | None = None) -> None:
+    def respawn(self, agent: IAgent | str, node: int | None = None) -> None:
         """Put an agent, dead or alive, on a node, as if it had always been there; None: where it began."""
-        one = self._agent(agent)
+        one: Any = self._agent(agent)  # of any kind: its place is of the same
         where = self.start_node(one) if node is None else node
         if isinstance(where, tuple):
             one.position = where
@@ -470,7 +473,7 @@ class Game(Settings):
             one.alive = True
         self.emit("respawned", agent=one.name, node=one.current_node_id)
 
-    def start_node(self, agent: Any) -> Any:
+    def start_node(self, agent: IAgent | str) -> int | Position:
         """Return the node that an agent began on, or (x, y, z) of one that flies."""
         return self._internals.start_of(self._agent(agent))
 
@@ -552,9 +555,10 @@ class Game(Settings):
         with progress_line() as say:
             yield lambda: say(f"turn {self._state.turn}{of}")
 
-    def _summary(self, agent: Any, *, is_there: bool) -> dict[str, Any]:
+    def _summary(self, agent: IAgent, *, is_there: bool) -> dict[str, Any]:
         counts = self.counts.get(agent.name) or dict.fromkeys(COUNTED, 0)
         return {"team": agent.team, "alive": agent.alive and is_there, "node": agent.current_node_id, **counts}
 
-    def _agent(self, agent: Any) -> Any:
-        return self.ctx.agent.get_agent(getattr(agent, "name", agent))
+    def _agent(self, agent: IAgent | str) -> IAgent:
+        found: IAgent = self.ctx.agent.get_agent(getattr(agent, "name", agent))
+        return found

@@ -4,7 +4,7 @@ from collections.abc import Mapping, Sequence
 from typing import TYPE_CHECKING, Any, Protocol
 
 from gamms.ir.agents import AgentBlock
-from gamms.typing.agent_engine import TurnAccess
+from gamms.typing.agent_engine import IAgent, TurnAccess
 from gamms.typing.graph_engine import IGraphEngine
 from gamms.typing.logger import ILogger
 from gamms.typing.visualization_engine import IVisualizationEngine
@@ -14,7 +14,7 @@ if TYPE_CHECKING:
 
 
 class GameAgentStorage(Protocol):
-    """Snapshots of agents, and what turns need of each."""
+    """Snapshots of agents, and what turns need of each; Any: an engine's own classes, which only it knows."""
 
     def snapshot(self) -> Any:
         """Return all agents as they are now, for `restore`."""
@@ -30,18 +30,18 @@ class GameAgents(Protocol):
     """What a game needs of the engine of agents."""
 
     @property
-    def agents(self) -> Mapping[str, Any]:
-        """Name -> agent, in the order of their creation; Any: an engine's own class of agents."""
+    def agents(self) -> Mapping[str, IAgent]:
+        """Name -> agent, in the order of their creation."""
 
     @property
     def block(self) -> AgentBlock:
         """The rows of the agents."""
 
     @property
-    def teams(self) -> Mapping[Any, Sequence[Any]]:
+    def teams(self) -> Mapping[Any, Sequence[IAgent]]:
         """Team -> its agents."""
 
-    def get_agent(self, name: str) -> Any:
+    def get_agent(self, name: str) -> IAgent:
         """Return an agent by name (KeyError)."""
 
     @property
@@ -50,7 +50,7 @@ class GameAgents(Protocol):
 
 
 class GameSensorStorage(Protocol):
-    """Snapshots of sensors."""
+    """Snapshots of sensors; Any: the engine's own class."""
 
     def snapshot(self) -> Any:
         """Return the sensors as they are now, for `restore`."""
@@ -108,7 +108,7 @@ class GameContext(Protocol):
     def is_recording(self) -> bool:
         """Whether a recording was started and not stopped yet, or is being replayed."""
 
-    def reseed(self, seed: int, rng_state: Any = None) -> None:
+    def reseed(self, seed: int, rng_state: Mapping[str, Any] | None = None) -> None:
         """Key every stream by another seed; `rng` continues from a state of it."""
 
     def rng_state(self) -> Any:

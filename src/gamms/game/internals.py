@@ -7,7 +7,9 @@ from gamms.deciding import DecidePhase, Guarded, refused_while_deciding
 from gamms.game.ruleset import NamedRule
 from gamms.game.snapshots import SnapshotTaker
 from gamms.game.turn import Observer
+from gamms.ir.agents import Position
 from gamms.ir.game_state import GameState
+from gamms.typing.agent_engine import IAgent
 
 
 class GameInternals(Guarded):
@@ -36,21 +38,24 @@ class GameInternals(Guarded):
         self.scenario: dict[str, Any] | None = None
 
     @property
-    def starts(self) -> dict[str, Any]:
+    def starts(self) -> dict[str, int | Position]:
         """Agent -> where it began, once the game has begun."""
         began = self.state.began
         if self.state.start is None:
             return dict(began)
         return {name: self.start_of(agent) for name, agent in self._parts.ctx.agent.agents.items()} | began
 
-    def start_of(self, agent: Any) -> Any:
+    def start_of(self, agent: IAgent) -> int | Position:
         """Return where an agent began: a node id, or (x, y, z)."""
-        state = self.state
+        state, start = self.state, self.state.start
+        place: int | Position
         if agent.name in state.began:
-            return state.began[agent.name]
-        if state.has_begun and state.start is not None:
-            return state.start.snapshot.place_of(agent)
-        return getattr(agent, "position", agent.current_node_id)
+            place = state.began[agent.name]
+        elif state.has_begun and start is not None:
+            place = start.snapshot.place_of(agent)
+        else:
+            place = getattr(agent, "position", agent.current_node_id)
+        return place
 
     @refused_while_deciding
     def restore_rules(self, rules: Sequence[NamedRule]) -> None:

@@ -1,6 +1,6 @@
 """Which actions are legal, and where they lead."""
 
-from collections.abc import Sequence
+from collections.abc import Iterable, Sequence
 from math import inf
 from typing import Any, NamedTuple, Protocol
 
@@ -53,7 +53,7 @@ class Legality:
         self._ctx, self._settings = ctx, settings
         self._lengths: tuple[int | None, dict[tuple[int, int], float]] = (None, {})
 
-    def resolve(self, mover: Mover, here: int, action: Any) -> ResolvedAction:
+    def resolve(self, mover: Mover, here: int, action: object) -> ResolvedAction:
         """Return what an action leads to.
 
         Raises:
@@ -96,13 +96,13 @@ class Legality:
         pairs = zip(movers, starts, strict=True)
         return [near[here] if mover.is_plain else self.reachable(mover, here) for mover, here in pairs]
 
-    def _node(self, action: Any) -> int:
+    def _node(self, action: object) -> int:
         node = as_node(action)
         if not self._ctx.graph.graph.has_node(node):
             raise UnknownName("node", node)
         return node
 
-    def _checked_path(self, here: int, action: Any) -> list[int]:
+    def _checked_path(self, here: int, action: Iterable[object]) -> list[int]:
         """Return a list of nodes that was given as an action, without the node the agent is on."""
         path = [self._node(node) for node in action]
         path = path[1:] if path and path[0] == here else path

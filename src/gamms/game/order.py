@@ -1,6 +1,6 @@
 """The order of a turn: the living agents, and what each turn needs of them."""
 
-from collections.abc import Iterable, Mapping
+from collections.abc import Hashable, Iterable, Mapping
 from operator import add, ne
 from typing import Any, NamedTuple
 
@@ -13,7 +13,7 @@ from gamms.ir.agents import Selection
 from gamms.ir.game_state import GameState
 from gamms.text import shown
 from gamms.typing import AgentType
-from gamms.typing.agent_engine import TurnAccess
+from gamms.typing.agent_engine import IAgent, TurnAccess
 
 COUNTED = ("moves", "blocked", "illegal", "errors", "overruns")
 
@@ -30,7 +30,7 @@ class AgentSlot:
         follows_edges: whether moves must follow edges.
 
     Attributes:
-        agent: the agent; Any: the agent engine's own class.
+        agent: the agent.
         name, team, row: its own.
         flies: whether it is in the air.
         speed: how far it may go in a turn, in the unit of the game; None for one edge.
@@ -63,7 +63,14 @@ class AgentSlot:
     )
 
     def __init__(
-        self, agent: Any, access: TurnAccess, state: GameState, seed: int, facts: Any, *, follows_edges: bool
+        self,
+        agent: IAgent,
+        access: TurnAccess,
+        state: GameState,
+        seed: int,
+        facts: Mapping[str, Any],
+        *,
+        follows_edges: bool,
     ) -> None:
         self.agent = agent
         self.name, self.team = agent.name, agent.team
@@ -96,7 +103,7 @@ class AgentSlot:
 class Commanded(NamedTuple):
     """The agents of a team that a plan decides for."""
 
-    team: Any
+    team: Hashable
     plan: Plan
     indices: list[int]  # of their slots
     deciders: Deciders
@@ -163,12 +170,12 @@ class TurnOrder:
         self._moved = [0] * len(self.slots)
 
 
-def _teams(slots: list[AgentSlot]) -> Iterable[Any]:
+def _teams(slots: list[AgentSlot]) -> Iterable[Hashable]:
     """Return the teams, in the order of their first agents."""
     return dict.fromkeys([slot.team for slot in slots])
 
 
-def _commanded(slots: list[AgentSlot], team: Any, plan: Plan) -> Commanded:
+def _commanded(slots: list[AgentSlot], team: Hashable, plan: Plan) -> Commanded:
     indices = [i for i, slot in enumerate(slots) if slot.team == team]
     names = tuple([slots[i].name for i in indices])
     return Commanded(team, plan, indices, Deciders(f"The plan of team {shown(team)}", names))
@@ -191,7 +198,7 @@ def _with_shared_keys(template: dict[str, Any]) -> dict[str, Any]:
     return instance.__dict__
 
 
-def _speed(agent: Any) -> float | None:
+def _speed(agent: IAgent) -> float | None:
     if agent.speed is None:
         return None
     try:

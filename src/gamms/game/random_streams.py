@@ -1,7 +1,7 @@
 """Random numbers of a game: those of agents, which follow from the turn, and the global generators."""
 
 import random
-from collections.abc import Callable, Iterator, Sequence
+from collections.abc import Callable, Iterator, Mapping, Sequence
 from contextlib import contextmanager
 from copy import deepcopy
 from functools import wraps
@@ -138,11 +138,11 @@ class TurnGenerator(Generator):
         self._begin["state"]["counter"][2] = self._turn
         super().bit_generator.state = self._begin
 
-    def mark(self) -> Any:
+    def mark(self) -> Mapping[str, Any] | None:
         """Return the state in this turn, for `go_to`; None: nothing was drawn."""
         return super().bit_generator.state if self._turn == self._clock.turn else None
 
-    def go_to(self, mark: Any) -> None:
+    def go_to(self, mark: Mapping[str, Any] | None) -> None:
         """Go on from a mark of this turn."""
         self._turn = -1
         if mark is not None:
@@ -163,7 +163,7 @@ class TurnGenerator(Generator):
 
 def _drawing(method: Callable[..., Any]) -> Callable[..., Any]:
     @wraps(method)
-    def draw(self: TurnGenerator, *args: Any, **kwargs: Any) -> Any:
+    def draw(self: TurnGenerator, *args: object, **kwargs: object) -> Any:
         if self._turn != self._clock.turn:
             self.seek()
         return method(self, *args, **kwargs)

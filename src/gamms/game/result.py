@@ -2,7 +2,7 @@
 
 import json
 import os
-from collections.abc import Callable, Mapping
+from collections.abc import Callable, Mapping, Sequence
 from copy import deepcopy
 from dataclasses import dataclass, field
 from pathlib import Path
@@ -16,7 +16,9 @@ from gamms.folders import write_whole
 from gamms.game.host import GameContext
 from gamms.ir.game_state import LogHistory, LogPoint
 from gamms.ir.tables import table_of
+from gamms.plain import Plain
 from gamms.text import shown
+from gamms.typing.agent_engine import IAgent
 
 
 @dataclass(eq=False)
@@ -103,7 +105,7 @@ class Result:
     __hash__ = None  # type: ignore[assignment] # what can be changed has no hash
 
 
-def _plain(value: Any) -> Any:
+def _plain(value: object) -> Plain:
     """Return what JSON can hold of a value."""
     if isinstance(value, Mapping):
         return {key if isinstance(key, str) else str(key): _plain(one) for key, one in value.items()}
@@ -160,7 +162,7 @@ class Collectors:
         columns: dict[str, list[Any]] = {column: [] for column in names}
         self._all[name] = _Collector(fn, every, per, columns, {column: LogHistory() for column in names})
 
-    def collect(self, turn: int, ctx: GameContext, agents: Callable[[], list[Any]]) -> None:
+    def collect(self, turn: int, ctx: GameContext, agents: Callable[[], Sequence[IAgent]]) -> None:
         """Take the values of a turn; `agents` gives the living agents."""
         for fn, every, per, columns, _ in self._all.values():
             if turn % every:

@@ -50,7 +50,7 @@ class RuleSet:
         self._unchecked.append(named)
         self._propose(named)
 
-    def remove(self, wanted: Any) -> None:
+    def remove(self, wanted: str | Rule | NamedRule) -> None:
         """Remove a rule; see `Game.remove`."""
         for named in self.rules:
             if wanted in (named, named.name, named.rule):
@@ -124,7 +124,7 @@ def _artist_of(named: NamedRule) -> str | None:
     return None if drawer is None else str(getattr(drawer, "artist", f"rule_{named.name}"))
 
 
-def _name_of(rule: Any) -> str:
+def _name_of(rule: object) -> str:
     while not hasattr(rule, "__name__") and hasattr(rule, "func"):  # functools.partial
         rule = rule.func
     return str(getattr(rule, "__name__", type(rule).__name__))

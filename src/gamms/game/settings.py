@@ -67,7 +67,7 @@ class Settings(Guarded):
         self.plans = {}
         self.max_turns = None
 
-    def __setattr__(self, name: str, value: Any) -> None:
+    def __setattr__(self, name: str, value: object) -> None:
         """Set a setting if its value is valid.
 
         Raises:
@@ -92,7 +92,7 @@ class Settings(Guarded):
         return {**plain, "default_action": default} if isinstance(default, (str, int)) else plain
 
     @refused_while_deciding
-    def configure(self, given: Any) -> None:
+    def configure(self, given: object) -> None:
         """Set several settings from a dict.
 
         Raises:
@@ -109,7 +109,7 @@ class Settings(Guarded):
             object.__setattr__(self, name, value)
 
 
-def _choice(name: str, value: Any) -> str:
+def _choice(name: str, value: object) -> str:
     known = _CHOICES[name]
     if value not in known:
         hint = nearest(value, known) or f" Use one of: {', '.join(map(repr, known))}."
@@ -117,7 +117,7 @@ def _choice(name: str, value: Any) -> str:
     return str(value)
 
 
-def _conflicts(name: str, value: Any) -> Any:
+def _conflicts(name: str, value: object) -> Any:
     if value is not None and not callable(getattr(value, "resolve", None)):
         raise BadType(
             f"ctx.game.{name} must have a method resolve(moves, ctx), such as gamms.rules.Conflicts; {shown(value)}."
@@ -125,7 +125,7 @@ def _conflicts(name: str, value: Any) -> Any:
     return value
 
 
-def _seconds(name: str, value: Any) -> float | None:
+def _seconds(name: str, value: object) -> float | None:
     if value is None:
         return None
     seconds = as_float(value, f"ctx.game.{name}")
@@ -134,13 +134,13 @@ def _seconds(name: str, value: Any) -> float | None:
     return seconds
 
 
-def _action(_: str, value: Any) -> Any:
+def _action(_: str, value: object) -> Any:
     if isinstance(value, str) and value != "stay":
         raise BadValue(f'ctx.game.default_action must be "stay", an action or a function, not {shown(value)}.')
     return as_function_of(value, "A default action", "the state") if callable(value) else value
 
 
-def as_turns(name: str, value: Any) -> int | None:
+def as_turns(name: str, value: object) -> int | None:
     """Return a number of turns, or None."""
     if value is None:
         return None

@@ -2,7 +2,7 @@
 
 from collections.abc import Callable
 from copy import deepcopy
-from typing import Any, NamedTuple, NoReturn
+from typing import Any, NamedTuple, NoReturn, TypeVar
 
 import numpy as np
 
@@ -14,7 +14,11 @@ from gamms.game.result import Collectors
 from gamms.game.ruleset import RuleSet
 from gamms.game.settings import Settings
 from gamms.game.turn import TurnEngine
+from gamms.ir.agents import Position
 from gamms.ir.game_state import GameState
+from gamms.typing.agent_engine import IAgent
+
+T = TypeVar("T")
 
 _SCALARS = frozenset({str, bytes, int, float, bool, complex, type(None)})
 
@@ -41,9 +45,10 @@ class Snapshot:
         """Show the turn and the seed."""
         return f"Snapshot(turn={self.turn}, seed={self.seed})"
 
-    def place_of(self, agent: Any) -> Any:
+    def place_of(self, agent: IAgent) -> int | Position:
         """Return where an agent was: a node id, or (x, y, z)."""
-        return self._parts["agents"].place_of(agent)
+        place: int | Position = self._parts["agents"].place_of(agent)
+        return place
 
     def __deepcopy__(self, memo: dict[int, Any]) -> "Snapshot":
         """Copy the snapshot together with the context that it is of."""
@@ -140,7 +145,7 @@ def _put_each(known: dict[str, dict[Any, Any]], values: dict[str, dict[Any, Any]
         known[name] = values[name]
 
 
-def copied(value: Any, memo: dict[int, Any] | None = None) -> Any:
+def copied(value: object, memo: dict[int, Any] | None = None) -> Any:
     """Return a copy that shares nothing that can change, of the same shape: what is one object stays one.
 
     Args:
@@ -157,7 +162,7 @@ class _Unusual(Exception):
     """A value is not made of plain values, or an object is in it twice."""
 
 
-def _copied(value: Any, seen: set[int]) -> Any:
+def _copied(value: object, seen: set[int]) -> Any:
     kind = type(value)
     if kind in _SCALARS:
         return value
@@ -199,7 +204,7 @@ _COPIES: dict[type, Callable[[Any, set[int]], Any]] = {
 }
 
 
-def _same(value: Any) -> Any:
+def _same(value: T) -> T:
     return value
 
 

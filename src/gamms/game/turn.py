@@ -14,7 +14,9 @@ from gamms.game.order import AgentSlot, TurnOrder
 from gamms.game.settings import Settings
 from gamms.ir.game_state import GameState
 from gamms.readonly import ReadOnlyMapping, copied
+from gamms.typing.agent_engine import IAgent
 from gamms.typing.game import Move, Track
+from gamms.typing.sensor_engine import SensorType
 
 if TYPE_CHECKING:
     from gamms.game.awaiting import EventLoop
@@ -134,7 +136,7 @@ class TurnEngine:
         spent["resolve"] += resolved - decided
         spent["apply"] += applied - resolved
 
-    def _slot(self, agent: Any) -> AgentSlot:
+    def _slot(self, agent: IAgent) -> AgentSlot:
         access, follows_edges = self._ctx.agent.storage.turn_access(agent), self._settings.legal == "edges"
         return AgentSlot(agent, access, self._state, self._ctx.seed, self._facts, follows_edges=follows_edges)
 
@@ -174,7 +176,7 @@ class TurnEngine:
         near, phase, turn = self._ctx.graph.graph.neighborhoods, self._phase, self._state.turn
         ends, note, wait_for = decisions.ends, decisions.note, decisions.wait_for
         for i, agent, template, carried, last in order.usual:
-            strategy = agent.strategy
+            strategy: Callable[[Any], Any] | None = agent.strategy
             if template is None or strategy is None:
                 decisions.ask(i, self.observation(order.slots[i]))
                 continue
@@ -258,7 +260,7 @@ class TurnMoves:
         self.slots = order.slots
         self._by_name: dict[str, Move] | None = None
 
-    def of_agents(self, twin_of: Callable[[Any], Any]) -> "TurnMoves":
+    def of_agents(self, twin_of: Callable[[IAgent], IAgent]) -> "TurnMoves":
         """Return the same moves of other agents, of which each takes the place of one of these."""
         order = copy(self.order)
         order.slots = [copy(slot) for slot in self.slots]
@@ -280,7 +282,7 @@ class TurnMoves:
             moves[slot.name] = Move(slot.name, slot.team, self.starts[i], self.ends[i], self._track(i)[0])
         return moves
 
-    def tracks(self, agents: Iterable[Any]) -> list[Track]:
+    def tracks(self, agents: Iterable[IAgent]) -> list[Track]:
         """Return how agents reached their nodes; those that were placed or flew there are there only at 1."""
         index_of, slots, ends, track = self.order.index_of, self.slots, self.ends, self._track
         tracks: list[Track] = []
@@ -325,7 +327,7 @@ def _evenly(nodes: int) -> tuple[float, ...]:
     return tuple(k / max(1, nodes - 1) for k in range(nodes))
 
 
-def _own_copy(name: str, kind: Any, data: Any) -> tuple[Any, Any]:
+def _own_copy(name: str, kind: SensorType, data: object) -> tuple[SensorType, Any]:
     """Copy what a sensor of the caller's class shows, which may show the same to several agents."""
     try:
         return kind, copied(data)

@@ -12,7 +12,6 @@ from typing import Annotated, Any, NamedTuple
 import numpy as np
 
 from gamms import kernels
-from gamms.agent import BaseAgent
 from gamms.arguments import as_context, as_items, as_key, as_range
 from gamms.context import Context
 from gamms.errors import BadType, BadValue
@@ -20,7 +19,7 @@ from gamms.graph import Graph
 from gamms.ir.agents import Position
 from gamms.ir.graph import FloatArray
 from gamms.text import shown
-from gamms.typing import AgentType
+from gamms.typing import AgentType, IAgent
 from gamms.typing.game import TEAMS, Track
 
 
@@ -45,8 +44,8 @@ class Nearness(NamedTuple):
     passing: bool
 
 
-Side = Annotated[Hashable | Callable[[BaseAgent], object], TEAMS]  # a team, or a function of an agent
-Test = Callable[[BaseAgent], object]  # whether an agent is on a side
+Side = Annotated[Hashable | Callable[[IAgent], object], TEAMS]  # a team, or a function of an agent
+Test = Callable[[IAgent], object]  # whether an agent is on a side
 Place = int | Position  # where an agent counts as being: a node id; (x, y, z) of one that flies, where that is measured
 Visit = tuple[int, float, float]  # node id; from when until when
 Leg = tuple[int, int, float, float]  # ids of the nodes that an edge leads from and to; from when until when
@@ -180,7 +179,7 @@ def found(ctx: Context, is_a: Test, is_b: Test, nearness: Nearness) -> list[Cont
     return [Contact(a, b, distance, time, *nodes) for time, distance, _, _, a, b, *nodes in ranked]
 
 
-def _tracked(ctx: Context, agents: list[BaseAgent], *, passing: bool) -> list[_Tracked]:
+def _tracked(ctx: Context, agents: list[IAgent], *, passing: bool) -> list[_Tracked]:
     tracks = tracks_of(ctx, agents, passing=passing)
     return [(agent.name, track) for agent, track in zip(agents, tracks, strict=True)]
 
@@ -211,7 +210,7 @@ def _on_edges(ours: list[_Tracked], theirs: list[_Tracked]) -> Iterator[_Meeting
                     yield max(begin, came), 0.0, True, name, other, target, source
 
 
-def _crossed(ctx: Context, ours: list[BaseAgent], theirs: list[BaseAgent]) -> Iterator[_Meeting]:
+def _crossed(ctx: Context, ours: list[IAgent], theirs: list[IAgent]) -> Iterator[_Meeting]:
     """Yield the pairs that went along one edge in opposite directions, at any time of the turn."""
     sides = _tracked(ctx, ours, passing=True), _tracked(ctx, theirs, passing=True)
     whenever = ([(name, (path, (1.0,) * len(path))) for name, (path, _) in side] for side in sides)
@@ -283,7 +282,7 @@ def _pairs(near: _Distances, a: _Places, b: _Places) -> Iterator[tuple[str, str,
 # -- where agents were in the course of a turn ------------------------------------------------------------------------
 
 
-def tracks_of(ctx: Context, agents: Sequence[BaseAgent], *, passing: bool) -> list[Track]:
+def tracks_of(ctx: Context, agents: Sequence[IAgent], *, passing: bool) -> list[Track]:
     """Return how agents came to where they are; not `passing`: only that they are there at the end of the turn."""
     if passing:
         return ctx.game.tracks(agents)

@@ -3,14 +3,13 @@
 from collections.abc import Hashable, Iterable, Mapping
 from typing import Annotated, Any, overload
 
-from gamms.agent import BaseAgent
 from gamms.arguments import as_float, as_int, as_key
 from gamms.context import Context
 from gamms.errors import BadType, BadValue, UnknownName
 from gamms.rules.contacts import tracks_of, visits_of
 from gamms.rules.hooks import with_hooks
 from gamms.text import shown
-from gamms.typing import AgentType, NodeId, Rule
+from gamms.typing import AgentType, IAgent, NodeId, Rule
 from gamms.typing.game import TEAMS, Team
 
 _STARTS = "starts of "
@@ -118,7 +117,7 @@ def last_team() -> Rule:
     return last_team
 
 
-def on_the_ground(ctx: Context, team: Hashable) -> list[BaseAgent]:
+def on_the_ground(ctx: Context, team: Hashable) -> list[IAgent]:
     """Return the living agents of a team on the ground, in the order of the names."""
     return [agent for agent in ctx.game.agents if agent.team == team and agent.type is not AgentType.AERIAL]
 
@@ -171,4 +170,4 @@ def _as_goal(goal: object, team: Hashable) -> frozenset[int] | str:
 def _starts(ctx: Context, team: str) -> set[int]:
     """Return where the agents on the ground of the team of that text began."""
     agents = [agent for one, agents in ctx.agent.teams.items() if str(one) == team for agent in agents]
-    return {ctx.game.start_node(agent) for agent in agents if agent.type is not AgentType.AERIAL}
+    return {node for node in map(ctx.game.start_node, agents) if isinstance(node, int)}

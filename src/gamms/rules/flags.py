@@ -4,7 +4,6 @@ from collections.abc import Hashable, Iterable, Mapping, Sequence
 from typing import Annotated, Any
 
 from gamms import kernels
-from gamms.agent import BaseAgent
 from gamms.arguments import as_float, as_int, as_name
 from gamms.context import Context
 from gamms.errors import BadType, BadValue
@@ -13,7 +12,7 @@ from gamms.rules.endings import refuse_unknown
 from gamms.rules.hooks import with_hooks
 from gamms.rules.territory import Colors, Territory, as_territory
 from gamms.text import shown
-from gamms.typing import AgentType, NodeId, Rule
+from gamms.typing import AgentType, IAgent, NodeId, Rule
 from gamms.typing.game import OWNERS
 from gamms.visual.drawers.rules import FlagsDrawer
 
@@ -144,7 +143,7 @@ class _Flags:
                 captures[carrier.team] = captures.get(carrier.team, 0) + 1
                 turn.carriers[flag] = None
 
-    def _is_home(self, ctx: Context, carrier: BaseAgent, node: int) -> bool:
+    def _is_home(self, ctx: Context, carrier: IAgent, node: int) -> bool:
         team = carrier.team
         if self.ground is not None:
             owners = self.ground(ctx)
@@ -199,7 +198,7 @@ class _Turn:
         self.taken_at: dict[Hashable, float] = {}
         agents = [agent for agent in ctx.game.agents if agent.type is not AgentType.AERIAL]
         self._visits: dict[str, Sequence[Visit]] = {}
-        self._at: dict[int, list[tuple[BaseAgent, float, float]]] = {base: [] for base in bases}
+        self._at: dict[int, list[tuple[IAgent, float, float]]] = {base: [] for base in bases}
         for agent, track in zip(agents, tracks_of(ctx, agents, passing=passing), strict=True):
             self._visits[agent.name] = visits = visits_of(track)
             for node, begin, end in visits:
@@ -212,7 +211,7 @@ class _Turn:
         """Return the nodes that an agent reaches now, if that is later than some moment."""
         return [node for node, begin, _ in self._visits[name] if begin == self.now > after]
 
-    def agents_at(self, base: int) -> list[BaseAgent]:
+    def agents_at(self, base: int) -> list[IAgent]:
         """Return the agents that are on a base now."""
         return [agent for agent, begin, end in self._at[base] if begin <= self.now <= end]
 

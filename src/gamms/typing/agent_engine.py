@@ -3,7 +3,7 @@
 from abc import ABC, abstractmethod
 from collections.abc import Hashable, Iterable, Iterator, Mapping
 from enum import IntEnum
-from typing import Any, NamedTuple
+from typing import TYPE_CHECKING, Any, NamedTuple
 
 from gamms.ir.agents import AgentBlock, Position, Quat
 from gamms.ir.positions import Positions
@@ -26,6 +26,15 @@ class IAgent(ABC):
 
     current_node_id: int
     prev_node_id: int
+    if TYPE_CHECKING:
+        team: Any  # of engines that have teams; any value that can be a key of a dict
+        alive: bool  # of engines whose agents can be out of the game
+
+        def __getattr__(self, name: str) -> Any:
+            """Let type checkers read the attributes that a program has given to an agent."""
+
+        def __setattr__(self, name: str, value: object) -> None:
+            """Let type checkers set them."""
 
     @property
     @abstractmethod
