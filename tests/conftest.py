@@ -1,10 +1,21 @@
-"""What tests of several rooms need; each room brings its own `ctx`."""
+"""What tests of several packages need; each package brings its own `ctx`."""
+
+import logging
 
 import pytest
 from hypothesis import settings
 
 settings.register_profile("gamms", deadline=None)  # no test is about time
 settings.load_profile("gamms")
+
+
+@pytest.fixture(autouse=True)
+def _levels_end_with_the_test():
+    """Give the logger, which all contexts share, the level back that it had."""
+    ours = logging.getLogger("gamms")
+    level = ours.level
+    yield
+    ours.setLevel(level)
 
 
 class Listener:
@@ -24,6 +35,6 @@ class Listener:
 
 @pytest.fixture
 def heard(ctx):
-    """The warnings that the context utters."""
+    """The warnings of the context."""
     ctx.logger = Listener()
     return ctx.logger.warnings
