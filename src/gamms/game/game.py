@@ -27,8 +27,8 @@ from gamms.plain import Plain
 from gamms.progress import progress as progress_line
 from gamms.readonly import ReadOnlyMapping, frozen, published
 from gamms.text import printable_line, shown
-from gamms.typing.agent_engine import IAgent
-from gamms.typing.game import Move, Rule, TeamPlan, Track
+from gamms.typing.agent_engine import IAerialAgent, IAgent
+from gamms.typing.game import AerialState, Move, Rule, State, TeamPlan, Track
 
 
 class Start(NamedTuple):
@@ -423,8 +423,12 @@ class Game(Settings):
         tracks: list[Track] = moves.tracks(agents)
         return tracks
 
+    @overload
+    def observation(self, agent: IAerialAgent) -> AerialState: ...  # type: ignore[overload-overlap] # as `get_state`
+    @overload
+    def observation(self, agent: IAgent | str) -> State: ...
     @refused_while_deciding
-    def observation(self, agent: IAgent | str) -> dict[str, Any]:
+    def observation(self, agent: IAgent | str) -> Any:
         """Return the state that the strategy of a living agent, or of the one of that name, would get now.
 
         Its sensors are asked for it.
