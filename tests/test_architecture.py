@@ -1,9 +1,11 @@
 """The structural rules, as tests: a broken rule names the file and the fix."""
 
 import ast
+import inspect
 import re
 import subprocess
 import sys
+from importlib import import_module
 from pathlib import Path
 from types import ModuleType
 
@@ -212,3 +214,91 @@ def test_no_files_import_each_other_in_a_circle():
 
 def test_the_source_stays_small():
     assert len(MODULES) <= 240, f"{len(MODULES)} files: merge those that are always read together"
+
+
+def test_a_context_has_a_type():
+    untyped = [
+        f"{shown(path)}:{arg.lineno}"
+        for path, tree in trees().items()
+        for arg in ast.walk(tree)
+        if isinstance(arg, ast.arg) and arg.arg == "ctx" and arg.annotation and ast.unparse(arg.annotation) == "Any"
+    ]
+    assert not untyped
+
+
+def test_few_parameters_take_anything():
+    bare = [
+        f"{shown(path)}:{arg.lineno} {arg.arg}"
+        for path, tree in trees().items()
+        for arg in ast.walk(tree)
+        if isinstance(arg, ast.arg) and arg.annotation is not None and ast.unparse(arg.annotation) == "Any"
+    ]
+    assert len(bare) < 150, f"{len(bare)} parameters are Any: give them a type"
+
+
+def test_a_class_has_at_most_25_public_methods():
+    for path, tree in trees().items():
+        for node in ast.walk(tree):
+            if isinstance(node, ast.ClassDef):
+                methods = {part.name for part in node.body if is_plain_method(part)}
+                assert len(methods) <= PUBLISHED.get(node.name, 25), f"{shown(path)}: {node.name} has {len(methods)}"
+
+
+PUBLISHED = {"Graph": 33, "IGraph": 26}  # of which 1.0.0 published 12
+
+
+def is_plain_method(node):
+    if not isinstance(node, ast.FunctionDef) or node.name.startswith("_"):
+        return False
+    decorators = {ast.unparse(decorator) for decorator in node.decorator_list}
+    return not any("property" in name or name.endswith(".setter") for name in decorators)
+
+
+def classes():
+    """Yield all classes of GAMMS."""
+    for module in draw_architecture.imports_of_modules():
+        if module not in OUTSIDE:
+            loaded = import_module(f"gamms.{module}")
+            yield from (one for one in vars(loaded).values() if inspect.isclass(one) and is_of(one, loaded.__name__))
+
+
+def is_of(kind, module):
+    return getattr(kind, "__module__", None) == module
+
+
+def levels(kind):
+    """Return how many classes inherit from each other; contracts, the guards of strategies and errors are no levels."""
+    module = kind.__module__
+    counts = module.startswith("gamms.") and module.split(".")[1] not in ("typing", "deciding", "readonly", "errors")
+    return counts + max((levels(base) for base in kind.__bases__), default=0)
+
+
+def test_a_class_has_at_most_three_levels():
+    deep = {f"{kind.__module__}.{kind.__qualname__}" for kind in classes() if levels(kind) > 3}
+    assert {name for name in deep if "Occluded" not in name} == set()  # these are names of 1.0.0's
+
+
+PUBLIC = {"_replace", "_asdict", "_fields", "_make"}  # of every NamedTuple
+
+
+def test_no_package_uses_underscore_names_of_another():
+    defined = {}
+    for path, tree in trees().items():
+        names = defined.setdefault(package_of(path), set(PUBLIC))
+        for node in ast.walk(tree):
+            if isinstance(node, (ast.FunctionDef, ast.ClassDef)):
+                names.add(node.name)
+            elif isinstance(node, ast.Attribute) and ast.unparse(node.value) in ("self", "cls"):
+                names.add(node.attr)
+            elif isinstance(node, ast.Constant):
+                names.add(node.value)
+            elif isinstance(node, ast.Name) and isinstance(node.ctx, ast.Store):
+                names.add(node.id)
+    foreign = [
+        f"{shown(path)}:{node.lineno} {ast.unparse(node)}"
+        for path, tree in trees().items()
+        for node in ast.walk(tree)
+        if isinstance(node, ast.Attribute) and re.match(r"_[a-z]", node.attr)
+        if node.attr not in defined[package_of(path)] and path.name != "engine.py"
+    ]
+    assert not foreign
