@@ -10,12 +10,9 @@ settings.load_profile("gamms")
 
 
 @pytest.fixture(autouse=True)
-def _levels_end_with_the_test():
-    """Give the logger, which all contexts share, the level back that it had."""
-    ours = logging.getLogger("gamms")
-    level = ours.level
-    yield
-    ours.setLevel(level)
+def _log_level_of_its_own():
+    """Begin every test with the level that the logger of all contexts has in a new process."""
+    logging.getLogger("gamms").setLevel(logging.NOTSET)
 
 
 class Listener:
