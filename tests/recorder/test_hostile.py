@@ -117,7 +117,7 @@ def test_agents_come_and_go_without_looking_at_all_others(made, monkeypatch):
     ("made", "size"),
     [
         *((made, 10_000) for made in hostile.COLLISIONS.values()),
-        *((made, 4_000_000) for made in hostile.MEMORY.values()),
+        *((made, 1_000_000) for made in hostile.MEMORY.values()),
         *((made, 30_000) for made in hostile.TIME.values()),
     ],
 )
