@@ -177,9 +177,11 @@ def test_they_are_recorded_where_there_is_a_visual_engine():
         assert len(calls) == 2
 
 
-def test_a_drawer_or_legend_that_fails_is_logged_and_the_game_goes_on(ctx):
+def test_a_drawer_or_legend_that_fails_is_logged_and_the_game_goes_on(ctx, monkeypatch):
     said = []
-    ctx.logger.error = lambda *words: said.append(words[0] % words[1:] if len(words) > 1 else words[0])
+    monkeypatch.setattr(
+        ctx.logger, "error", lambda *words: said.append(words[0] % words[1:] if len(words) > 1 else words[0])
+    )
 
     def fail(*_):
         raise OSError("no such thing")
