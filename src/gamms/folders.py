@@ -1,4 +1,4 @@
-"""Where files go that nobody gave a place, and how a file is written: completely or not at all."""
+"""The default folders of files, and how a file is written: completely or not at all."""
 
 import os
 import sys

@@ -1,6 +1,6 @@
 """How much memory a file may take: what it holds in proportion to its size, what it declares up to one bound.
 
-Readers of files that strangers can send (recordings, maps, scenarios, databases) ask here and keep no bound of their
+Readers of files from untrusted sources (recordings, maps, scenarios, databases) ask here and keep no bound of their
 own. `refuse_above` is for what a file *declares*: counts, grids, pieces of a line, pixels; it is estimated before it is
 built. `Allowance` is for what a file *holds*: values packed in few bytes; it is charged before they are made. `Keys` is
 for the keys of dicts and sets in a file, which take time where they were made to have one hash.

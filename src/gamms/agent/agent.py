@@ -1,5 +1,6 @@
 """Agents as users hold them: views of one row of a block, with sensors and a strategy."""
 
+from abc import abstractmethod
 from collections.abc import Callable, Hashable, Iterable, Mapping, Sequence
 from math import hypot
 from typing import Any, ClassVar
@@ -261,9 +262,9 @@ class BaseAgent(Guarded, IAgent):
         put(self, "strategy", None)
         return ctx.graph.graph
 
+    @abstractmethod
     def _act(self, action: object) -> None:
         """Do what an action that is no plain node id says."""
-        raise NotImplementedError
 
     def _known(self, node_id: object) -> int:
         return known_node(self._ctx.graph.graph, self._block, node_id)

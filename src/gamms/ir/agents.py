@@ -465,7 +465,7 @@ class AgentBlock:
             self._renew()
 
     def _renew(self) -> None:
-        """Work out anew what follows from the columns, and which rows are whose."""
+        """Derive again what follows from the columns, the rows of names among it."""
         self._row_of = {name: row for row, name in enumerate(self.names)}
         self.flyers = [row for row, kind in enumerate(self.kind) if kind]
         self.inactive = {row for row, alive in enumerate(self.alive) if not alive}

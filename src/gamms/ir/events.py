@@ -263,7 +263,7 @@ def _create(state: State, data: Mapping[str, Plain]) -> None:
 
 
 def _move_records(data: Sequence[int], mover: Mover | None) -> Iterator[Record]:
-    assert mover is not None  # noqa: S101 - every move is somebody's
+    assert mover is not None  # noqa: S101 - every move has an agent
     yield AGENT_PREV_NODE, {"agent_name": mover.name, "node_id": mover.before}
     yield AGENT_CURRENT_NODE, {"agent_name": mover.name, "node_id": data[1]}
 

@@ -1,4 +1,4 @@
-"""The journal in which a context notes events, in their order, for whoever records it."""
+"""The journal in which a context notes events, in their order, for recordings."""
 
 from typing import Any
 

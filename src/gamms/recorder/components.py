@@ -228,7 +228,7 @@ class Components(Guarded):
     def apply(self, opcode_name: str, data: dict[str, Any], *, lenient: bool = False) -> None:
         """Do what a record of the five operation codes says. Nothing is imported or evaluated.
 
-        Only declared fields are set, to plain values of whatever type: nobody checks types in a game, either.
+        Only declared fields are set, to plain values of whatever type: a game does not check types, either.
 
         Args:
             opcode_name: such as "COMPONENT_CREATE".

@@ -64,7 +64,7 @@ class DetachedState(State):
     Every call raises Damaged (ValueError) where an event does not fit the state.
 
     Args:
-        keyframe: not to be used afterwards; checked, for a stranger may have written it.
+        keyframe: not to be used afterwards; checked, because files are not trusted.
         at: how many turns it knows.
 
     Attributes:

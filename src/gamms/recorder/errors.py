@@ -11,7 +11,14 @@ class RecorderBusy(GammsError, RuntimeError):
     """What was asked for does not go with what the recorder is doing."""
 
 
-DAMAGES = (KeyError, TypeError, ValueError, IndexError, AttributeError, OverflowError)  # of what a stranger wrote
+DAMAGES = (
+    KeyError,
+    TypeError,
+    ValueError,
+    IndexError,
+    AttributeError,
+    OverflowError,
+)  # raised by data that no recorder wrote
 
 
 UNFIT = (GammsError, *DAMAGES)  # the same, where it is handed to a context

@@ -72,7 +72,7 @@ def looks_of(data: Mapping[str, Any], agent: int | None = None) -> list[tuple[in
     """Return what was packed, of all agents or of one: its number, and each of its looks.
 
     Raises:
-        KeyError, ValueError, TypeError, IndexError: nobody packed this.
+        KeyError, ValueError, TypeError, IndexError: this is not what `packed` gives.
     """
     agents, counts, which = (_ints(data[name]) for name in ("agents", "counts", "which"))
     if not len(which) == len(_ints(data["forms"])) == len(_ints(data["sizes"])) == counts.sum() or (counts < 0).any():
@@ -100,7 +100,7 @@ def renumbered(data: Mapping[str, Any], number_of: Callable[[int], int]) -> dict
         number_of: number -> the other number of the same agent.
 
     Raises:
-        KeyError, ValueError, TypeError, IndexError: nobody packed this.
+        KeyError, ValueError, TypeError, IndexError: this is not what `packed` gives.
     """
     ids, ends = data["ids"].copy(), np.cumsum(data["sizes"].reshape(-1)).tolist()
     for row in np.flatnonzero(np.isin(data["forms"], (_AGENTS, _IN_SPACE))).tolist():

@@ -179,7 +179,7 @@ def _look_at_pixels(case: _Case, picture: bytes) -> None:
 
 
 def _look_at_elements(case: _Case, picture: bytes) -> None:
-    root = ET.fromstring(picture)  # noqa: S314 - made a moment ago, not by a stranger
+    root = ET.fromstring(picture)  # noqa: S314 - made a moment ago, by the backend
     tags = [element.tag.rpartition("}")[2] for element in root.iter()]
     wanted = 1 + (case.tag == "rect")  # the paper is a rectangle, too
     _expect(f"{case.promise}; <{case.tag}> should be there", tags.count(case.tag) >= wanted, tags)

@@ -97,7 +97,7 @@ class IContext(ABC):
 
     @abstractmethod
     def stream(self, *names: str | int) -> "Generator":
-        """The random stream of one purpose: same seed and names, same draws, whoever else draws."""
+        """Return the random stream of one purpose: the same seed and names give the same draws."""
 
     @abstractmethod
     def is_terminated(self) -> bool:

@@ -22,7 +22,7 @@ class Output:
             # What a buffer could not write it would try again when it is closed, and fail for the second time.
             self._stream: Any = getattr(stream, "raw", stream)
             self.can_overwrite = _can_overwrite(stream)
-            # A buffer that is read as well keeps what it has read until it is told to seek the end.
+            # A buffer that is read as well keeps what it has read until it seeks the end.
             self._readable = stream if stream is not self._stream and stream.readable() else None
             self._begin = stream.tell() if self.can_overwrite else 0
 

@@ -1,4 +1,4 @@
-"""Read a recording: any turn without the others, of a file that is whole, cut off, or made by an enemy."""
+"""Read a recording: any turn without the others, of a file that is whole, cut off, or made to do harm."""
 
 import os
 from bisect import bisect_right
