@@ -22,7 +22,7 @@ FILE = Path(__file__).parent.parent / "data" / "capture_the_flag.yaml"
 _DEFENDERS = 1  # of five
 _FLAG_AT = 0.12  # how far from either end of the map, as a share of all nodes
 _LEAST_NODES = 50
-_ROOM = 10  # nodes for each agent to start on, if the map has so many
+_START_NODES = 10  # nodes for each agent to start on, if the map has so many
 
 
 class Team(NamedTuple):
@@ -53,7 +53,7 @@ def capture_the_flag(teams: tuple[Team, Team], max_turns: int, map: Path | None 
     game = Scenario(folder=None if map is None else map.absolute().parent, **raw)
     if map is not None:
         game = _on_other_ground(game, teams)
-    return _with_room(game, teams)
+    return _with_start_areas(game, teams)
 
 
 def check_ways(ctx: Context) -> None:
@@ -92,12 +92,12 @@ def _flag(columns: GraphColumns, share: float) -> int:
     return int(columns.node_ids[strip[np.argmin(np.hypot(*(columns.xy[strip] - middle).T))]])
 
 
-def _with_room(game: Scenario, teams: tuple[Team, Team]) -> Scenario:
+def _with_start_areas(game: Scenario, teams: tuple[Team, Team]) -> Scenario:
     """Return the game with wider circles to start in, where teams are large or nodes are few."""
     xy, changes = game.columns().xy, {}
     for side in teams:
         flag = xy[game.columns().node_ids == game.node_at(game.spec.teams[side.name].near)]
-        wanted = np.sort(np.hypot(*(xy - flag).T))[: side.size * _ROOM][-1]
+        wanted = np.sort(np.hypot(*(xy - flag).T))[: side.size * _START_NODES][-1]
         if wanted > (game.spec.teams[side.name].within or 0.0):
             changes[f"teams.{side.name}.within"] = float(wanted)
     return game.replace(**changes) if changes else game

@@ -358,12 +358,12 @@ class DetachedAgents(AgentsState):
             self.columns[name].extend([row[name] for row in new])
         for name in ARRAYS:
             try:
-                self._room(name, begin)[begin : self._size] = [row[name] for row in new]
+                self._resized(name, begin)[begin : self._size] = [row[name] for row in new]
             except DAMAGES as error:
                 raise Damaged(f"an agent comes whose {shown(name)} is not right ({reason(error)})") from error
             self.columns[name] = self._whole[name][: self._size]
 
-    def _room(self, name: str, begin: int) -> "np.ndarray[Any, Any]":
+    def _resized(self, name: str, begin: int) -> "np.ndarray[Any, Any]":
         """Return a column with room for all rows, of which those before `begin` are filled."""
         column = self._whole[name]
         if len(column) < self._size:

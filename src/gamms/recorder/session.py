@@ -60,15 +60,13 @@ class RecordingSession:
     def __init__(self, ctx: HostContext, *, with_sensed: bool = False, with_drawings: bool = False) -> None:
         self.ctx = ctx
         self._with_sensed = with_sensed
-        self._room, self._visual = ctx.graph, ctx.visual
+        self._graph, self._visual = ctx.graph, ctx.visual
         self._all_sensors = ctx.sensor.sensors
         self._encoder: Encoder = None
         self._has_begun = False  # for good: until the first turn is over, a map may be loaded
         self._logs: list[Log] = []
-        self._interval_ends, self._entries_here = (
-            _TURNS_AT_ONCE,
-            0,
-        )  # turn, entries
+        self._interval_ends = _TURNS_AT_ONCE  # the turn at whose end a block of turns may be closed
+        self._entries_here = 0  # of the log, since the last one
         self._since_keyframe = 0  # entries
         self._front = 0  # where in the log a change of the map goes: behind what was noted before another beginning
         self._writes_at = 1  # the turn at whose end the turns are written that wait: the first, then the points of rest
@@ -87,7 +85,7 @@ class RecordingSession:
         self._declarations, self.visuals = self.drawings.edits, self._looks()
         self._listen()
         self.begin = keyframes.captured(ctx) | keyframes.first_history(ctx) | keyframes.components_of(ctx)
-        self._revised = _REVISIONS(self._room)
+        self._revised = _REVISIONS(self._graph)
         self._watch_game()
 
     def write_to(self, encoder: Encoder, *, in_background: bool) -> None:
@@ -381,7 +379,7 @@ class RecordingSession:
         # NOTE: asked in every turn, which with ten agents takes 10 us, so most of the time nothing is made here
         # (benchmarks/README.md, w4).
         log = self._journal.log
-        has_changed = _REVISIONS(self._room) != self._revised
+        has_changed = _REVISIONS(self._graph) != self._revised
         if has_changed or len(self._all_sensors) != self._sensors:
             changes = (self._world_changes() if has_changed else []) + self._new_sensors()
             log[self._front : self._front] = changes
@@ -400,7 +398,7 @@ class RecordingSession:
         """Expect what an event of a replay has changed: it is noted already, and what changes later comes behind it."""
         self._front = len(self.log)
         if kind == kinds.WORLD:
-            self._revised = _REVISIONS(self._room)
+            self._revised = _REVISIONS(self._graph)
         elif kind == kinds.VISUALS:
             self._declarations = self.drawings.edits
         elif kind == kinds.VISUAL_COMMANDS:
@@ -414,7 +412,7 @@ class RecordingSession:
 
     def _expect_no_changes(self) -> None:
         """Expect everything to be as it is now."""
-        self._revised, self._declarations = _REVISIONS(self._room), self.drawings.edits
+        self._revised, self._declarations = _REVISIONS(self._graph), self.drawings.edits
         self.drawings.changes()
         self._watch_game()
 
@@ -454,7 +452,7 @@ class RecordingSession:
 
     def _world_changes(self) -> Log:
         """Return the event with the changed map; the first map goes into the header, for it may be loaded late."""
-        self._revised, world = _REVISIONS(self._room), self._skipped.packed()
+        self._revised, world = _REVISIONS(self._graph), self._skipped.packed()
         if self.world is None:
             self.world = world
             return []
