@@ -83,7 +83,7 @@ class Context(Guarded, IContext):
     agent_engine: Any
     graph_engine: Any
     sensor_engine: Any
-    visual_engine: Any
+    _visual_class: Callable[["Context"], Any] | None = None  # of the visual engine that is made when it is asked for
 
     def __init__(
         self,
@@ -99,7 +99,7 @@ class Context(Guarded, IContext):
         self._internal_context: Any = internal_context
         self.agent_engine = agent_engine
         self.sensor_engine = sensor_engine
-        self.visual_engine = visual_engine
+        self._visual_engine: Any = visual_engine
         self.graph_engine = graph_engine
         self._recorder: Any = recorder
         self._logger: Any = logger or logging.getLogger("gamms")
@@ -128,6 +128,18 @@ class Context(Guarded, IContext):
     def visual(self) -> "visual.PictureEngine":
         """The visual engine: pictures, films and the window."""
         return self.visual_engine  # type: ignore[no-any-return] # a program may put its own there
+
+    @property
+    def visual_engine(self) -> Any:
+        """The same as `visual`; settable. One that shows nothing is made when it is first asked for."""
+        if self._visual_engine is None and self._visual_class is not None:
+            with self._phase.suspended():
+                self._visual_engine = self._visual_class(self)
+        return self._visual_engine
+
+    @visual_engine.setter
+    def visual_engine(self, engine: IVisualizationEngine | None) -> None:
+        self._visual_engine = engine
 
     @property
     def record(self) -> "Recorder":
@@ -248,9 +260,11 @@ class Context(Guarded, IContext):
         ahead.graph_engine = graph.GraphEngine(ahead)
         ahead.agent_engine = agent.AgentEngine(ahead)
         ahead.sensor_engine = sensor.SensorEngine(ahead)
-        ahead.visual_engine = visual.NoEngine(ahead)
+        ahead._visual_class = visual.NoEngine
         memo: dict[int, Any] = {id(self): ahead, id(self._phase): ahead._phase, id(self._logger): self._logger}
-        memo[id(self.visual_engine)], memo[id(self._internal_context)] = ahead.visual_engine, ahead._internal_context
+        memo[id(self._internal_context)] = ahead._internal_context
+        if self._visual_engine is not None:
+            memo[id(self._visual_engine)] = ahead.visual_engine
         if self._recorder is not None:
             memo[id(self._recorder)] = None
         graph.engine.share_map(ahead.graph_engine, self.graph, memo)
@@ -277,7 +291,7 @@ class Context(Guarded, IContext):
             self._game.internals.close()  # before the recorder stops, which writes how the game ended
         with ExitStack() as closing:  # calls the last one first, and all of them even when one raises
             closing.callback(self._die)
-            for name in ("visual_engine", "internal_context", "graph_engine", "sensor_engine", "agent_engine"):
+            for name in ("_visual_engine", "internal_context", "graph_engine", "sensor_engine", "agent_engine"):
                 closing.callback(_terminate, getattr(self, name))
             recorder = self._recorder
             if recorder is not None and getattr(recorder, "is_open", recorder.record()):
@@ -371,7 +385,10 @@ def create_context(
         ctx.graph_engine = graph.GraphEngine(ctx, engine=graph_engine, path=_database_path(graph_engine, graph_path))
         ctx.agent_engine = agent.AgentEngine(ctx)
         ctx.sensor_engine = sensor.SensorEngine(ctx)
-        ctx.visual_engine = _visual_engine(ctx, vis_engine, keywords)
+        if vis_engine is visual.Engine.NO_VIS and not keywords:
+            ctx._visual_class = visual.NoEngine  # NOTE: a third of the time of a context that shows nothing
+        else:
+            ctx._visual_engine = _visual_engine(ctx, vis_engine, keywords)
         opened.pop_all()
     ctx.set_alive()
     return ctx

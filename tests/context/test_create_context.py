@@ -130,3 +130,29 @@ ctx.agent.create_agent("a", start_node_id=0).get_state()
         run = [sys.executable, "-W", "error", "-c", code + ending]
         subprocess.run(run, cwd=tmp_path, env={"TMPDIR": str(tmp_path)}, check=True, capture_output=True)
         assert list(tmp_path.iterdir()) == []
+
+
+def test_an_engine_that_shows_nothing_is_made_when_it_is_first_asked_for(open_context):
+    ctx = open_context()
+    assert ctx._visual_engine is None
+    assert ctx.visual is ctx.visual_engine is ctx.visual
+    assert isinstance(ctx.visual, gamms.visual.NoEngine)
+
+
+def test_a_strategy_may_be_the_first_to_ask_for_the_visual_engine(open_context):
+    ctx = open_context(seed=1)
+    ctx.graph.graph.add_node({"id": 0, "x": 0.0, "y": 0.0})
+    seen = []
+
+    def look(state):
+        seen.append(type(ctx.visual))
+        state["action"] = 0
+
+    ctx.agent.create_agent("anna", start_node_id=0, strategy=look)
+    ctx.game.step()
+    assert seen == [gamms.visual.NoEngine]
+
+
+def test_the_options_of_a_visual_engine_are_checked_at_once(open_context):
+    with pytest.raises(GammsError, match="simulation_time_constant"):
+        open_context(vis_kwargs={"simulation_time_constant": "slow"})
