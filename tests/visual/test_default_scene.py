@@ -5,7 +5,7 @@ from gamms.ir.draw import DrawKind
 from gamms.sensor import SensorType
 from gamms.visual.appearance import BY_DAY, BY_NIGHT
 from gamms.visual.default_scene import DefaultScene
-from gamms.visual.window.overlay import THEMES
+from gamms.visual.window.panels import THEMES
 
 
 def test_as_long_as_nothing_changes_the_artists_are_the_same(ctx):

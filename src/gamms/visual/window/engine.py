@@ -28,7 +28,8 @@ from gamms.visual.legend import blocks_of
 from gamms.visual.scene import FrameBudget, Scene
 from gamms.visual.window.display import Pace, close_window, open_window, window_surface
 from gamms.visual.window.input import Handlers, Input, Question, Walk, question
-from gamms.visual.window.overlay import HudLines, Overlay, theme_called
+from gamms.visual.window.overlay import Overlay
+from gamms.visual.window.panels import HudLines, theme_called
 
 _OPTIONS = (
     "width", "height", "simulation_time_constant", "input_overlay", "max_fps", "theme", "trails", "labels", "title",
