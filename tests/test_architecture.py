@@ -170,7 +170,7 @@ def test_completion_sees_every_package_that_type_checkers_see():
         for alias in line.names
     }
     folders = {path.parent.name for path in PACKAGES if path.parent.parent == SRC}
-    assert folders - {"demo", "ir", "kernels"} <= typed <= set(dir(gamms))
+    assert folders - {"cli", "demo", "ir", "kernels"} <= typed <= set(dir(gamms))
     assert all(getattr(gamms, name) is not None for name in typed)
 
 
@@ -193,11 +193,11 @@ print([m for m in {HEAVY} if m in sys.modules])
     assert subprocess.check_output([sys.executable, "-W", "error", "-c", code], text=True).strip() == "[]"
 
 
-@pytest.mark.parametrize("path", sorted(SRC.glob("cli*.py")), ids=shown)
+@pytest.mark.parametrize("path", sorted(SRC.glob("cli/*.py")), ids=shown)
 def test_commands_print_by_way_of_one_file(path):
     text = path.read_text()
-    assert path.name == "cli_output.py" or not re.search(r"typer\.echo|(?<![.\w])print\(|Console\(", text), (
-        f"{shown(path)} prints on its own: use echo and console of cli_output, which escape control characters"
+    assert path.name == "output.py" or not re.search(r"typer\.echo|(?<![.\w])print\(|Console\(", text), (
+        f"{shown(path)} prints on its own: use echo and console of cli/output.py, which escape control characters"
     )
 
 

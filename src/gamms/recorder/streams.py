@@ -7,10 +7,11 @@ from typing import BinaryIO
 
 from gamms.arguments import as_path
 from gamms.errors import BadType
-from gamms.recorder.errors import RecorderBusy
+from gamms.recorder.errors import RecorderBusy, RecordingError
 from gamms.text import shown
 
 _SUFFIX = ".ggr"
+_SCENARIOS = (".yaml", ".yml", ".json")
 _PathOrStream = str | os.PathLike[str] | BinaryIO | io.TextIOBase  # of which the last, text, is refused
 
 
@@ -101,16 +102,28 @@ def readable(path: _PathOrStream) -> tuple[BinaryIO, bool]:
 
     Raises:
         FileNotFoundError: there is no such file.
+        RecordingError (ValueError): it is a folder or a scenario.
         BadType (TypeError): this is neither a path nor a binary stream.
     """
     if isinstance(path, (str, os.PathLike)):
         file = as_path(path, "The path of a recording")
         if not file.exists() and file.suffix != _SUFFIX:
             file = Path(f"{file}{_SUFFIX}")
+        refuse_other(file)
         return file.open("rb"), True
     if hasattr(path, "read") and not isinstance(path, io.TextIOBase):
         return path if path.seekable() else io.BytesIO(path.read()), False
     raise BadType(f"A recording is read from a path or a binary stream, not from {shown(path)}.")
+
+
+def refuse_other(file: Path) -> None:
+    """Raise RecordingError for a folder, and for a scenario file."""
+    if file.is_dir():
+        held = sorted(file.glob(f"*{_SUFFIX}"))
+        hint = f": give the file in it, {str(held[0])!r}." if held else ", and none is in it."
+        raise RecordingError(f"{str(file)!r} is a folder, not a recording{hint}")
+    if file.suffix.lower() in _SCENARIOS and file.exists():
+        raise RecordingError(f"{str(file)!r} is no recording: `gamms run` plays scenarios.")
 
 
 def locks(stream: BinaryIO, *, alone: bool) -> bool:

@@ -9,6 +9,7 @@ from gamms.context import Context, create_context
 from gamms.ir import events as kinds
 from gamms.recorder import RecordingError
 from gamms.recorder.formats import version2
+from gamms.recorder.streams import refuse_other
 from gamms.typing.recorder import MAGIC_NUMBER
 from gamms.visual import Engine
 
@@ -23,7 +24,9 @@ def version_of(path: str | os.PathLike[str]) -> int:
         RecordingError (ValueError): it is not a recording.
         OSError: it cannot be read.
     """
-    with as_path(path, "The path of a recording").open("rb") as file:
+    given = as_path(path, "The path of a recording")
+    refuse_other(given)
+    with given.open("rb") as file:
         head = file.read(8)
     if len(head) < 8 or not head.startswith(MAGIC_NUMBER):
         raise RecordingError(f"{str(path)!r} is no recording: it does not begin with 'MMGR' and a version.")

@@ -192,8 +192,13 @@ def read(file: Path) -> Plain:
         ScenarioError: it is too large, not a text, not YAML or JSON, or has a key twice.
         OSError: it cannot be read.
     """
+    if file.is_dir():
+        held = sorted(one.name for one in file.iterdir() if one.suffix.lower() in _SUFFIXES)
+        hint = f": give the file in it, {held[0]!r}." if held else ", and none is in it."
+        raise ScenarioError("", f"this is a folder, not a scenario file{hint}")
     if file.suffix.lower() not in _SUFFIXES:
-        raise ScenarioError("", f"a scenario file ends in {', '.join(_SUFFIXES)}, not {file.suffix!r}.")
+        hint = " `gamms replay` shows recordings." if file.suffix == ".ggr" else ""
+        raise ScenarioError("", f"a scenario file ends in {', '.join(_SUFFIXES)}, not {file.suffix!r}.{hint}")
     with file.open("rb") as stream:
         data = stream.read(MOST_BYTES + 1)
     if len(data) > MOST_BYTES:

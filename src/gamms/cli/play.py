@@ -1,9 +1,7 @@
-"""The command line: `gamms`. `cli_recordings.py` has the commands on recordings, `cli_output.py` all that prints."""
+"""The commands that play a game: demo and run."""
 
-import json
 from collections.abc import Iterator
 from contextlib import ExitStack, nullcontext
-from enum import StrEnum
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated, Any
 
@@ -11,74 +9,40 @@ import typer
 from rich.console import Console
 from rich.markup import escape
 
-import gamms
-from gamms import cli_recordings
-from gamms.cli_output import (
-    bounded,
+from gamms.cli.output import (
     console,
     echo,
     filmed,
     in_words,
     not_made,
-    one_sentence,
     recorded,
     rich_table,
     save_pictures,
 )
 from gamms.demo import Team
-from gamms.errors import GammsError
 from gamms.text import printable_line
 
 if TYPE_CHECKING:
     from collections.abc import Callable
 
+    from gamms.context import Context
     from gamms.game import Result
-    from gamms.osm import Report
     from gamms.scenario import Scenario
     from gamms.scenario.code import Found
-
-app = typer.Typer(
-    name="gamms",
-    help="Games between teams of agents on graphs and real road networks.",
-    no_args_is_help=True,
-    add_completion=False,
-    pretty_exceptions_enable=False,
-)
-
-maps = typer.Typer(help="Look at maps.", no_args_is_help=True)
-app.add_typer(maps, name="osm")
-scenarios = typer.Typer(help="Look at scenario files.", no_args_is_help=True)
-app.add_typer(scenarios, name="scenario")
-cli_recordings.add_to(app)
 
 _HELSINKI = "Central Helsinki"
 _NAMES = ("red", "blue")
 _MOST_AGENTS = 1000
 
-
-_Allow = Annotated[
+ScenarioFile = Annotated[
+    Path, typer.Argument(help="A scenario file, YAML or JSON.", metavar="SCENARIO", show_default=False)
+]
+Allow = Annotated[
     list[str] | None,
     typer.Option("--allow", help="Let the file name what this installed package defines.", metavar="PACKAGE"),
 ]
 
 
-class _Network(StrEnum):
-    ALL = "all"
-    WALK = "walk"
-    BIKE = "bike"
-    DRIVE = "drive"
-
-
-@app.callback(invoke_without_command=True)
-def about(version: Annotated[bool, typer.Option("--version", help="Show the version and exit.")] = False) -> None:
-    """Games between teams of agents on graphs and real road networks."""
-    if version:
-        echo(f"gamms {gamms.__version__}")
-        raise typer.Exit
-
-
-@app.command()
-@bounded
 def demo(
     max_turns: Annotated[int, typer.Option(min=1, help="The game ends after this many turns at the latest.")] = 600,
     seed: Annotated[int, typer.Option(help="The same seed plays the same game.")] = 1,
@@ -89,24 +53,23 @@ def demo(
     map: Annotated[Path | None, typer.Option(help="An OpenStreetMap file to play on instead of Helsinki.")] = None,
     film: Annotated[bool, typer.Option("--film/--no-film", help="Whether to film it.")] = True,
 ) -> None:
-    """Play capture the flag between two teams on the streets of a city."""
+    """Play capture the flag on the streets of a city."""
     from gamms.demo import capture_the_flag, check_ways, report
 
     sides = _parsed_teams(teams)
-    with one_sentence():
-        game = capture_the_flag(sides, max_turns, map)
-        map_name = _HELSINKI if map is None else map.name
-        with game.build(seed) as ctx:
-            check_ways(ctx)
-            report.declare(ctx)
-            with ExitStack() as making:
-                recording = making.enter_context(recorded(ctx, out))
-                film_file = making.enter_context(filmed(ctx, out, map_name) if film else nullcontext())
-                played = ctx.game.run(progress=True)
-            data = report.to_json(report.result(ctx, played, map_name, max_turns))
-            (out / "result.json").write_text(data, encoding="utf-8")
-            pictures = save_pictures(ctx, out, f"{map_name}: {report.headline(ctx, played)}")
-            _print_demo(ctx, played, sides, map_name)
+    game = capture_the_flag(sides, max_turns, map)
+    map_name = _HELSINKI if map is None else map.name
+    with game.build(seed) as ctx:
+        check_ways(ctx)
+        report.declare(ctx)
+        with ExitStack() as making:
+            recording = making.enter_context(recorded(ctx, out))
+            film_file = making.enter_context(filmed(ctx, out, map_name) if film else nullcontext())
+            played = ctx.game.run(progress=True)
+        data = report.to_json(report.result(ctx, played, map_name, max_turns))
+        (out / "result.json").write_text(data, encoding="utf-8")
+        pictures = save_pictures(ctx, out, f"{map_name}: {report.headline(ctx, played)}")
+        _print_demo(ctx, played, sides, map_name)
     named = "" if film_file is None else f", {film_file} (the game as a film)"
     wanted = [out / name for name in ("game.mp4",) * film + ("final.png",)]
     echo(
@@ -115,10 +78,8 @@ def demo(
     )
 
 
-@app.command("run")
-@bounded
-def play_scenario(
-    file: Annotated[Path, typer.Argument(help="A scenario file, YAML or JSON.", show_default=False)],
+def run(
+    file: ScenarioFile,
     seed: Annotated[
         int | None, typer.Option(help="The same seed plays the same game; by default that of the file.")
     ] = None,
@@ -129,87 +90,29 @@ def play_scenario(
     strategies: Annotated[
         list[str] | None, typer.Option("--strategy", help="Play a team by a strategy of yours: red=mine.py:strategy.")
     ] = None,
-    allow: _Allow = None,
+    allow: Allow = None,
     out: Annotated[Path, typer.Option(help="The folder for result.json, game.ggr and final.png.")] = Path("gamms-run"),
 ) -> None:
     """Play the game in a scenario file."""
     from gamms import scenario
 
-    with one_sentence():
-        game = scenario.load(file, allow or ()).replace(**_changes(changes or []))
-        if max_turns is not None:
-            game = game.replace(max_turns=max_turns)
-        found = _found_strategies(strategies or [])
-        for line in _code_of(game, found):
-            echo(f"imports {printable_line(line)}")
-        with game.build(seed, {team: _imported(*one) for team, one in found.items()}) as ctx:
-            with recorded(ctx, out) as recording:
-                result = ctx.game.run(progress=True)
-            result.save(out / "result.json")
-            title = f"{game.spec.name or file.stem}: {result.reason} after {result.turns} turns"
-            pictures = save_pictures(ctx, out, title)
-            _print_result(console(), game, result)
+    game = scenario.load(file, allow or ()).replace(**_changes(changes or []))
+    if max_turns is not None:
+        game = game.replace(max_turns=max_turns)
+    found = _found_strategies(strategies or [])
+    for line in _code_of(game, found):
+        echo(f"imports {printable_line(line)}")
+    with game.build(seed, {team: _imported(*one) for team, one in found.items()}) as ctx:
+        with recorded(ctx, out) as recording:
+            result = ctx.game.run(progress=True)
+        result.save(out / "result.json")
+        title = f"{game.spec.name or file.stem}: {result.reason} after {result.turns} turns"
+        pictures = save_pictures(ctx, out, title)
+        _print_result(console(), game, result)
     echo(
         f"\nWrote {out / 'result.json'} (what came of it), {recording} (every move; gamms replay) and "
         f"{in_words(pictures)} (the last turn).{not_made([out / 'final.png'], pictures)}"
     )
-
-
-@scenarios.command("check")
-@bounded
-def check_scenario(
-    file: Annotated[Path, typer.Argument(help="A scenario file, YAML or JSON.", show_default=False)],
-    build: Annotated[bool, typer.Option("--build", help="Also import the code it names, and build the game.")] = False,
-    allow: _Allow = None,
-) -> None:
-    """Check whether a scenario file can be played, without running its code."""
-    from gamms import scenario
-
-    with one_sentence():
-        game = scenario.load(file, allow or ())
-        done = game.check()
-        for one in game.code() if build else []:
-            echo(f"imports {printable_line(f'{one.path}: {one}')}")
-        if build:
-            game.build().terminate()
-            done.append("the whole game, built once")
-    echo(f"{file}: all is well. Checked: {'; '.join(done)}.")
-
-
-@scenarios.command("schema")
-def scenario_schema() -> None:
-    """Print the JSON Schema of scenario files, for editors."""
-    from gamms import scenario
-
-    echo(json.dumps(scenario.schema(), indent=2))
-
-
-@maps.command("report")
-@bounded
-def map_report(
-    file: Annotated[Path, typer.Argument(help="An OpenStreetMap or GeoJSON file.", show_default=False)],
-    resolution: Annotated[float, typer.Option(help="Metres between nodes.")] = 10.0,
-    tolerance: Annotated[float, typer.Option(help="Metres; junctions within twice this become one.")] = 0.0,
-    network: Annotated[_Network, typer.Option(help="Leave out the roads that are closed to these.")] = _Network.ALL,
-    retain_all: Annotated[bool, typer.Option("--retain-all", help="Take all parts, not only the largest.")] = False,
-    as_json: Annotated[bool, typer.Option("--json", help="Print JSON.")] = False,
-) -> None:
-    """Compare the graph that a map becomes with the map: lengths, places, connections, spacing."""
-    with one_sentence():
-        found = _fidelity(file, network, resolution=resolution, tolerance=tolerance, retain_all=retain_all)
-    if as_json:
-        echo(json.dumps(found.to_dict(), indent=2))
-        return
-    console().print(rich_table(("fidelity", ""), found.rows(), right=False))
-
-
-def main() -> None:
-    """Run the command line; errors of GAMMS are printed as sentences, without a stack trace."""
-    try:
-        app()
-    except (GammsError, OSError) as error:
-        echo(f"gamms: {error}", err=True)
-        raise SystemExit(1) from None
 
 
 def _changes(texts: list[str]) -> dict[str, Any]:
@@ -271,18 +174,6 @@ def _print_result(out: Console, game: "Scenario", result: "Result") -> None:
         out.print(f"\n{len(result.errors)} actions were replaced by staying; errors in result.json says which.")
 
 
-def _fidelity(file: Path, network: _Network, *, resolution: float, tolerance: float, retain_all: bool) -> "Report":
-    from gamms import osm
-
-    kind = None if network is _Network.ALL else osm.OSMType[network.name]
-    options: dict[str, Any] = {"resolution": resolution, "tolerance": tolerance, "retain_all": retain_all}
-    if osm.is_geojson(file):
-        graph = osm.graph_from_geojson(file, **options)
-    else:
-        graph = osm.graph_from_file(file, osm_type=kind, **options)
-    return osm.report(graph, file)
-
-
 def _parsed_teams(text: str) -> tuple[Team, Team]:
     """Parse two teams from `5`, `5,3` or `cats=5,dogs=3`."""
     parts = [part.strip() for part in text.split(",")]
@@ -300,7 +191,7 @@ def _parsed_teams(text: str) -> tuple[Team, Team]:
     return first, second
 
 
-def _print_demo(ctx: gamms.Context, played: "Result", sides: tuple[Team, Team], map_name: str) -> None:
+def _print_demo(ctx: "Context", played: "Result", sides: tuple[Team, Team], map_name: str) -> None:
     """Print what happened in the demo."""
     from gamms.demo import report
 
@@ -316,7 +207,3 @@ def _print_demo(ctx: gamms.Context, played: "Result", sides: tuple[Team, Team], 
     out.print(f"\n[bold]{report.headline(ctx, played)}[/]\n")
     header, *rows = report.table(ctx, played)
     out.print(rich_table(header, rows))
-
-
-if __name__ == "__main__":
-    main()

@@ -8,7 +8,7 @@ from typing import TYPE_CHECKING, Annotated, Any
 import typer
 from rich.markup import escape
 
-from gamms.cli_output import bounded, console, echo, one_sentence, rich_table
+from gamms.cli.output import console, echo, rich_table
 from gamms.errors import BadValue
 from gamms.progress import progress
 from gamms.text import as_text, shown
@@ -19,7 +19,7 @@ if TYPE_CHECKING:
 
 _LONG = 64  # bits
 
-_File = Annotated[Path, typer.Argument(help="A recording, .ggr.", show_default=False)]
+_File = Annotated[Path, typer.Argument(help="A recording, .ggr.", metavar="FILE", show_default=False)]
 _Map = Annotated[
     Path | None,
     typer.Option(
@@ -30,20 +30,13 @@ _Map = Annotated[
 ]
 
 
-def add_to(app: typer.Typer) -> None:
-    """Add these commands to the command line."""
-    for command in (info, verify, diff, convert, replay, render):
-        app.command()(bounded(command))
-
-
 def info(file: _File, as_json: Annotated[bool, typer.Option("--json", help="Print JSON.")] = False) -> None:
     """Say what is in a recording."""
     from gamms import recordings
 
-    with one_sentence():
-        version = recordings.version_of(file)
-        found: dict[str, Any] = {"file": file.name, "version": version, "bytes": file.stat().st_size}
-        found |= _of_version_2(file) if version < 3 else _of_version_3(file)
+    version = recordings.version_of(file)
+    found: dict[str, Any] = {"file": file.name, "version": version, "bytes": file.stat().st_size}
+    found |= _of_version_2(file) if version < 3 else _of_version_3(file)
     if as_json:
         echo(json.dumps(recordings.as_json(found), indent=2, default=str))
         return
@@ -53,22 +46,21 @@ def info(file: _File, as_json: Annotated[bool, typer.Option("--json", help="Prin
 
 
 def verify(file: _File, map: _Map = None) -> None:
-    """Check every block, the index and the keyframes of a recording, and that a replay of it records the same."""
+    """Check a recording, and that its replay records the same."""
     from gamms import recordings
 
-    with one_sentence():
-        recordings.verify(file, map)
+    recordings.verify(file, map)
     echo(f"{file}: all is well. Checked: every block, the index, the keyframes, and that a replay records the same.")
 
 
 def diff(
-    first: Annotated[Path, typer.Argument(help="A recording, .ggr.", show_default=False)],
+    first: Annotated[Path, typer.Argument(help="A recording, .ggr.", metavar="FILE", show_default=False)],
     second: Annotated[Path, typer.Argument(help="Another one.", show_default=False)],
 ) -> None:
-    """Say where two games part: the first turn, agent and field; exit code 1 if they do."""
+    """Say where two games part; exit code 1 if they do."""
     from gamms import recorder, recordings
 
-    with one_sentence(), recorder.open(first) as one, recorder.open(second) as other:
+    with recorder.open(first) as one, recorder.open(second) as other:
         turns, found = one.turns, recordings.first_difference(one, other)
     if found is not None:
         echo(str(found))
@@ -83,16 +75,15 @@ def convert(
     ],
     map: _Map = None,
 ) -> None:
-    """Make version 3 of a recording of version 2, or lines of JSON of one of version 3."""
+    """Make lines of JSON of a recording, or version 3 of version 2."""
     from gamms import recordings
 
-    with one_sentence():
-        is_old, is_text = recordings.version_of(file) < 3, out.suffix == ".jsonl"
-        if is_old and is_text:
-            raise BadValue(f"{str(file)!r} has version 2: convert it to a .ggr of version 3 first, and that to .jsonl.")
-        if map is not None and not is_old:
-            raise BadValue("--map is for recordings of version 2 only: others hold their map.")
-        warning = recordings.to_json_lines(file, out) if is_text else recordings.to_version_3(file, out, map)
+    is_old, is_text = recordings.version_of(file) < 3, out.suffix == ".jsonl"
+    if is_old and is_text:
+        raise BadValue(f"{str(file)!r} has version 2: convert it to a .ggr of version 3 first, and that to .jsonl.")
+    if map is not None and not is_old:
+        raise BadValue("--map is for recordings of version 2 only: others hold their map.")
+    warning = recordings.to_json_lines(file, out) if is_text else recordings.to_version_3(file, out, map)
     echo(f"Wrote {out if out.suffix in ('.ggr', '.jsonl') else f'{out}.ggr'}.")
     if warning:
         echo(f"gamms: {warning} All before that has been converted.", err=True)
@@ -105,34 +96,33 @@ def replay(
     window: Annotated[bool, typer.Option("--window", help="Show it in a window, which stays open at the end.")] = False,
     seconds: Annotated[float, typer.Option(help="How long a turn is shown.", min=0.0)] = 0.5,
 ) -> None:
-    """Replay a recording, in a window if you like, and say how it ended."""
+    """Replay a recording, in a window or not, and say how it ended."""
     from gamms import recordings, visual
     from gamms.recorder import RecordingError
 
     warning = None
-    with one_sentence():
-        ctx = recordings.context_for(file, map, visual.Engine.PYGAME if window else visual.Engine.NO_VIS)
-        ctx.visual.turn_seconds = seconds
-        turns: list[None] = []
-        ctx.visual.after_turn.append(lambda: turns.append(None))
-        with ctx:
-            try:
-                for _ in ctx.record.replay(file):
-                    pass
-            except RecordingError as error:
-                if not turns:
-                    raise
-                warning = str(error)
-            _print_agents(ctx, file, len(turns))
-            if window:
-                ctx.visual.stay_open()
+    ctx = recordings.context_for(file, map, visual.Engine.PYGAME if window else visual.Engine.NO_VIS)
+    ctx.visual.turn_seconds = seconds
+    turns: list[None] = []
+    ctx.visual.after_turn.append(lambda: turns.append(None))
+    with ctx:
+        try:
+            for _ in ctx.record.replay(file):
+                pass
+        except RecordingError as error:
+            if not turns:
+                raise
+            warning = str(error)
+        _print_agents(ctx, file, len(turns))
+        if window:
+            ctx.visual.stay_open()
     if warning:
         echo(f"gamms: {warning}", err=True)
         raise typer.Exit(1)
 
 
 def render(  # noqa: PLR0913, PLR0917 - one argument per option
-    file: Annotated[Path, typer.Argument(help="A recording, .ggr.", show_default=False)],
+    file: Annotated[Path, typer.Argument(help="A recording, .ggr.", metavar="FILE", show_default=False)],
     out: Annotated[Path, typer.Argument(help="What is written: .mp4, .gif, .png or .svg.", show_default=False)],
     turns: Annotated[
         str, typer.Option(help="Turns to film, 100:200, 100: or :200; a picture shows the last one.", metavar="FROM:TO")
@@ -154,7 +144,7 @@ def render(  # noqa: PLR0913, PLR0917 - one argument per option
 ) -> None:
     """Make a film of a recording, or a picture of one of its turns."""
     first, last = _parsed_turns(turns)
-    with one_sentence(), progress() as show:
+    with progress() as show:
         from gamms import rendering
 
         options = rendering.RenderOptions(first, last, follow, view, fog, width, height, fps, frames_per_turn, title)

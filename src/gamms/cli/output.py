@@ -1,18 +1,23 @@
-"""What all commands share: printing, errors as sentences, tables, and the files that a game is saved to."""
+"""What all commands share: printing, errors, tables, and the files that a game is saved to."""
 
+import os
+import sysconfig
 from collections.abc import Callable, Iterable, Iterator
 from contextlib import contextmanager, nullcontext
 from functools import wraps
 from inspect import Parameter, signature
+from itertools import dropwhile
 from pathlib import Path
+from traceback import FrameSummary, StackSummary, TracebackException
 from typing import TYPE_CHECKING, Annotated, Any
 
 import typer
 from rich.console import Console
 from rich.table import Table
 
-from gamms.errors import GammsError, MissingExtra
+from gamms.errors import GammsError, MissingExtra, nearest
 from gamms.limits import allowing, parse_memory
+from gamms.scenario import ScenarioError
 from gamms.text import printable, printable_line, reason
 
 if TYPE_CHECKING:
@@ -23,6 +28,8 @@ _MaxMemory = Annotated[
     str | None,
     typer.Option(help="Allow so much memory for what a file holds or declares; 2G by default.", metavar="SIZE"),
 ]
+_Traceback = Annotated[bool, typer.Option("--traceback", help="Print errors with all that Python knows of them.")]
+_GAMMS = str(Path(__file__).parents[1])
 _PICTURE = (1400, 1600)
 _MOST_ROWS = 500  # of a table that is printed
 _FILMS: dict[str, dict[str, Any]] = {  # the first that can be written; under half a minute for 300 turns
@@ -31,28 +38,75 @@ _FILMS: dict[str, dict[str, Any]] = {  # the first that can be written; under ha
 }
 
 
-def bounded(command: Callable[..., None]) -> Callable[..., None]:
-    """Add the option `--max-memory` to a command that reads or makes what may be large."""
+def guarded(command: Callable[..., None]) -> Callable[..., None]:
+    """Add the options of all commands, and print errors for people: `--max-memory` and `--traceback`."""
 
     @wraps(command)
-    def run(*args: object, max_memory: str | None = None, **keywords: object) -> None:
-        with one_sentence(), nullcontext() if max_memory is None else allowing(parse_memory(max_memory)):
-            command(*args, **keywords)
+    def run(*args: object, max_memory: str | None = None, traceback: bool = False, **keywords: object) -> None:
+        try:
+            with nullcontext() if max_memory is None else allowing(parse_memory(max_memory)):
+                command(*args, **keywords)
+        except (typer.Exit, typer.Abort, typer.BadParameter, BrokenPipeError):
+            raise
+        except Exception as error:
+            if traceback:
+                raise
+            echo(explained(error), err=True)
+            raise typer.Exit(1) from None
 
     known = signature(command)
-    option = Parameter("max_memory", Parameter.KEYWORD_ONLY, default=None, annotation=_MaxMemory)
-    run.__signature__ = known.replace(parameters=[*known.parameters.values(), option])  # type: ignore[attr-defined] # what typer reads
+    options = (("max_memory", None, _MaxMemory), ("traceback", False, _Traceback))
+    added = [Parameter(name, Parameter.KEYWORD_ONLY, default=usual, annotation=of) for name, usual, of in options]
+    run.__signature__ = known.replace(parameters=[*known.parameters.values(), *added])  # type: ignore[attr-defined] # what typer reads
     return run
 
 
-@contextmanager
-def one_sentence() -> Iterator[None]:
-    """Print an error of GAMMS or of a file as one sentence, and exit with code 1."""
-    try:
-        yield
-    except (GammsError, OSError) as error:
-        echo(f"gamms: {reason(error)}", err=True)
-        raise typer.Exit(1) from None
+def explained(error: Exception) -> str:
+    """Return what is printed of an error: of GAMMS or of a file a sentence, of the user's code a traceback.
+
+    Of a traceback only the user's own frames are left; where there are none, it is an error in GAMMS itself, and all
+    of it is printed.
+    """
+    raised = error.__cause__ if isinstance(error, ScenarioError) else error
+    lines = [] if raised is None else _own_traceback(raised)
+    if raised is error and lines:
+        return "".join(lines).rstrip()
+    if isinstance(error, (GammsError, OSError)):
+        return "".join(lines) + "\n".join((f"gamms: {_sentence(error)}", *getattr(error, "__notes__", ())))
+    return "".join(TracebackException.from_exception(error).format()).rstrip()
+
+
+def _own_traceback(error: BaseException) -> list[str]:
+    """Return the traceback of an error without the frames of GAMMS and of what it is called by; [] if none is left."""
+    shown = TracebackException.from_exception(error)
+    own = _own_frames(shown.stack)
+    part: TracebackException | None = shown
+    while part is not None:
+        part.stack = StackSummary.from_list(_own_frames(part.stack))
+        part = part.__cause__ or part.__context__
+    return list(shown.format()) if own else []
+
+
+def _own_frames(frames: StackSummary) -> list[FrameSummary]:
+    """Return the frames from the first one of the user's on, but for those of GAMMS."""
+    foreign = tuple(sysconfig.get_paths()[name] for name in ("stdlib", "purelib", "platlib"))
+    own = [frame for frame in frames if not frame.filename.startswith((_GAMMS, "<frozen"))]
+    return list(dropwhile(lambda frame: frame.filename.startswith(foreign), own))
+
+
+def _sentence(error: GammsError | OSError) -> str:
+    """Return what an error says; of one of the system, which file it is about, and a file of nearly that name."""
+    if isinstance(error, GammsError) or error.filename is None:
+        return reason(error)
+    path = Path(os.fsdecode(error.filename))
+    if isinstance(error, FileNotFoundError):
+        folder = path.parent
+        if not folder.is_dir():
+            return f"There is no folder {str(folder)!r}, and so no {str(path)!r}."
+        return f"There is no file {str(path)!r}.{nearest(path.name, sorted(one.name for one in folder.iterdir()))}"
+    if isinstance(error, IsADirectoryError):
+        return f"{str(path)!r} is a folder, not a file."
+    return f"{str(path)!r}: {error.strerror}."
 
 
 def echo(text: str, *, err: bool = False) -> None:

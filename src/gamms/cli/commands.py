@@ -1,0 +1,163 @@
+"""All commands in the order of the help, and those on scenario files and maps, which only look."""
+
+import json
+from collections.abc import Callable
+from enum import StrEnum
+from pathlib import Path
+from typing import TYPE_CHECKING, Annotated, Any
+
+import typer
+
+import gamms
+from gamms.cli import play, recordings
+from gamms.cli.output import console, echo, guarded, rich_table
+from gamms.text import printable_line
+
+if TYPE_CHECKING:
+    from gamms.osm import Report
+
+
+class _Network(StrEnum):
+    ALL = "all"
+    WALK = "walk"
+    BIKE = "bike"
+    DRIVE = "drive"
+
+
+def about(version: Annotated[bool, typer.Option("--version", help="Show the version and exit.")] = False) -> None:
+    """Games between teams of agents on graphs and real road networks."""
+    if version:
+        echo(f"gamms {gamms.__version__}")
+        raise typer.Exit
+
+
+def check_scenario(
+    file: play.ScenarioFile,
+    build: Annotated[bool, typer.Option("--build", help="Also import the code it names, and build the game.")] = False,
+    allow: play.Allow = None,
+) -> None:
+    """Check a scenario file, without running its code."""
+    from gamms import scenario
+
+    game = scenario.load(file, allow or ())
+    done = game.check()
+    for one in game.code() if build else []:
+        echo(f"imports {printable_line(f'{one.path}: {one}')}")
+    if build:
+        game.build().terminate()
+        done.append("the whole game, built once")
+    echo(f"{file}: all is well. Checked: {'; '.join(done)}.")
+
+
+def scenario_schema() -> None:
+    """Print the JSON Schema of scenario files, for editors."""
+    from gamms import scenario
+
+    echo(json.dumps(scenario.schema(), indent=2))
+
+
+def map_report(
+    file: Annotated[Path, typer.Argument(help="An OpenStreetMap or GeoJSON file.", metavar="FILE", show_default=False)],
+    resolution: Annotated[float, typer.Option(help="Metres between nodes.", metavar="METRES")] = 10.0,
+    tolerance: Annotated[
+        float, typer.Option(help="Metres; junctions within twice this become one.", metavar="METRES")
+    ] = 0.0,
+    network: Annotated[_Network, typer.Option(help="Leave out the roads that are closed to these.")] = _Network.ALL,
+    retain_all: Annotated[bool, typer.Option("--retain-all", help="Take all parts, not only the largest.")] = False,
+    as_json: Annotated[bool, typer.Option("--json", help="Print JSON.")] = False,
+) -> None:
+    """Say how faithful the graph of a map is to the map."""
+    found = _fidelity(file, network, resolution=resolution, tolerance=tolerance, retain_all=retain_all)
+    if as_json:
+        echo(json.dumps(found.to_dict(), indent=2))
+        return
+    console().print(rich_table(("fidelity", ""), found.rows(), right=False))
+
+
+def _fidelity(file: Path, network: _Network, *, resolution: float, tolerance: float, retain_all: bool) -> "Report":
+    from gamms import osm
+
+    kind = None if network is _Network.ALL else osm.OSMType[network.name]
+    options: dict[str, Any] = {"resolution": resolution, "tolerance": tolerance, "retain_all": retain_all}
+    if osm.is_geojson(file):
+        graph = osm.graph_from_geojson(file, **options)
+    else:
+        graph = osm.graph_from_file(file, osm_type=kind, **options)
+    return osm.report(graph, file)
+
+
+_COMMANDS: tuple[tuple[str, Callable[..., None], tuple[str, ...]], ...] = (
+    ("demo", play.demo, ("gamms demo", "gamms demo --seed 7 --teams cats=5,dogs=3 --map town.osm.pbf")),
+    (
+        "run",
+        play.run,
+        (
+            "gamms run match.yaml --seed 7 --film match.mp4",
+            "gamms run match.yaml --set teams.red.count=8 --strategy red=mine.py:strategy --out results",
+        ),
+    ),
+    ("replay", recordings.replay, ("gamms replay game.ggr", "gamms replay game.ggr --window --seconds 0.2")),
+    (
+        "render",
+        recordings.render,
+        (
+            "gamms render game.ggr game.mp4 --turns 100:200 --follow red_0",
+            "gamms render game.ggr turn60.png --turns 60 --fog red",
+        ),
+    ),
+    ("info", recordings.info, ("gamms info game.ggr", "gamms info game.ggr --json")),
+    ("verify", recordings.verify, ("gamms verify game.ggr",)),
+    ("diff", recordings.diff, ("gamms diff before.ggr after.ggr",)),
+    (
+        "convert",
+        recordings.convert,
+        ("gamms convert game.ggr game.jsonl", "gamms convert old.ggr new.ggr --map map.gamms"),
+    ),
+)
+_ON_SCENARIOS: tuple[tuple[str, Callable[..., None], tuple[str, ...]], ...] = (
+    ("check", check_scenario, ("gamms scenario check match.yaml", "gamms scenario check match.yaml --build")),
+    ("schema", scenario_schema, ("gamms scenario schema > schema.json",)),
+)
+_ON_MAPS: tuple[tuple[str, Callable[..., None], tuple[str, ...]], ...] = (
+    ("report", map_report, ("gamms osm report town.osm.pbf --network walk",)),
+)
+
+
+def _app(
+    about: str, commands: tuple[tuple[str, Callable[..., None], tuple[str, ...]], ...], *examples: str
+) -> typer.Typer:
+    """Return a group of commands; its help is plain text, in which flags are shown as flags."""
+    group = typer.Typer(
+        help=about,
+        epilog=_shown(examples),
+        no_args_is_help=True,
+        add_completion=False,
+        pretty_exceptions_enable=False,
+        rich_markup_mode=None,
+        context_settings={"max_content_width": 100},
+    )
+    for name, command, usage in commands:
+        group.command(name, epilog=_shown(usage))(guarded(command))
+    return group
+
+
+def _shown(examples: tuple[str, ...]) -> str | None:
+    """Return examples as the end of a help, each on a line of its own."""
+    return "\n".join(("\b", "Examples:", *(f"  {example}" for example in examples))) if examples else None
+
+
+app = _app(
+    about.__doc__ or "",
+    _COMMANDS,
+    "gamms demo",
+    "gamms run match.yaml --seed 7",
+    "gamms replay gamms-run/game.ggr --window",
+)
+app.callback(invoke_without_command=True)(about)
+app.add_typer(_app("Look at scenario files.", _ON_SCENARIOS), name="scenario")
+app.add_typer(_app("Look at maps.", _ON_MAPS), name="osm")
+
+
+def main() -> None:
+    """Run the command line."""
+    app()

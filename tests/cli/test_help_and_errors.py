@@ -1,0 +1,117 @@
+"""What `gamms` says of itself, and of what goes wrong."""
+
+import re
+
+import pytest
+from typer.testing import CliRunner
+
+from gamms import cli
+
+GAME = """
+map: {grid: {width: 4, height: 4}}
+seed: 1
+max_turns: 3
+teams:
+  red: {count: 1, strategy: "players:play"}
+"""
+
+
+@pytest.fixture(autouse=True)
+def folder(tmp_path, monkeypatch):
+    """The commands are given in a folder with a game."""
+    monkeypatch.chdir(tmp_path)
+    (tmp_path / "game.yaml").write_text(GAME)
+    (tmp_path / "players.py").write_text("def play(state):\n    state['action'] = state['curr_pos']\n")
+    return tmp_path
+
+
+def run(*arguments):
+    return CliRunner().invoke(cli.app, list(map(str, arguments)), catch_exceptions=False)
+
+
+def test_commands_are_in_the_order_of_their_use():
+    commands = re.findall(r"^  ([a-z]+)  ", run("--help").stdout.partition("Commands:")[2], re.MULTILINE)
+    wanted = ["demo", "run", "replay", "render", "info", "verify", "diff", "convert"]
+    assert [command for command in commands if command in wanted] == wanted
+
+
+COMMANDS = ["demo", "run", "replay", "render", "info", "verify", "diff", "convert"]
+
+
+@pytest.mark.parametrize(
+    "command", [*([one] for one in COMMANDS), ["scenario", "check"], ["osm", "report"]], ids=" ".join
+)
+def test_each_help_has_examples_and_shows_flags_without_a_value(command):
+    text = run(*command, "--help").stdout
+    assert "Examples:" in text
+    assert all(
+        f"gamms {' '.join(command)} " in line or line.strip() == "gamms demo"
+        for line in text.partition("Examples:\n")[2].splitlines()
+    )
+    assert "bool" not in text
+    assert re.search(r"--traceback  +[A-Z]", text)
+
+
+def test_every_summary_fits_on_its_line():
+    for group in ([], ["scenario"], ["osm"]):
+        assert "..." not in run(*group, "--help").stdout.partition("Commands:")[2]
+
+
+def test_an_error_of_a_strategy_shows_its_own_lines_and_who_played(folder):
+    (folder / "players.py").write_text(
+        "def step(state):\n    return state['legl'][0]\n\ndef play(state):\n    step(state)\n"
+    )
+    done = run("run", "game.yaml")
+    assert done.exit_code == 1
+    first, *frames, error, note = done.stderr.splitlines()
+    assert first == "Traceback (most recent call last):"
+    assert [line.split('"')[1] for line in frames if line.startswith("  File")] == [str(folder / "players.py")] * 2
+    assert (error, note) == ("KeyError: 'legl'", "In the strategy of agent 'red_0', in turn 0.")
+
+
+def test_an_error_of_imported_code_shows_the_line_and_the_place_in_the_scenario(folder):
+    (folder / "players.py").write_text("def play(state):\n    pass\n\n1 / 0\n")
+    done = run("run", "game.yaml")
+    assert 'players.py", line 4, in <module>' in done.stderr
+    assert "typer" not in done.stderr
+    assert "importlib" not in done.stderr
+    assert done.stderr.splitlines()[-1].startswith(
+        "gamms: game.yaml: teams.red.strategy: importing 'players:play' failed"
+    )
+
+
+def test_an_error_of_gamms_in_a_strategy_names_the_line(folder):
+    (folder / "players.py").write_text("def play(ctx):\n    return lambda state: ctx.graph.graph.get_node(99)\n")
+    done = run("run", "game.yaml")
+    assert 'players.py", line 2' in done.stderr
+    assert "UnknownName: Unknown node 99" in done.stderr
+
+
+def test_all_frames_are_there_if_they_are_asked_for(folder):
+    (folder / "players.py").write_text("def play(state):\n    1 / 0\n")
+    with pytest.raises(ZeroDivisionError):
+        run("run", "game.yaml", "--traceback")
+
+
+@pytest.mark.parametrize(
+    ("arguments", "sentence"),
+    [
+        (["run", "gane.yaml"], "There is no file 'gane.yaml'. Did you mean 'game.yaml'?"),
+        (["replay", "nope/game.ggr"], "There is no folder 'nope', and so no 'nope/game.ggr'."),
+        (["run", "."], "a folder, not a scenario file: give the file in it, 'game.yaml'."),
+        (["replay", "."], "a folder, not a recording, and none is in it."),
+        (["replay", "game.yaml"], "'game.yaml' is no recording: `gamms run` plays scenarios."),
+        (["info", "players.py"], "'players.py' is no recording: it does not begin with 'MMGR' and a version."),
+    ],
+)
+def test_a_wrong_file_is_told_what_to_do(arguments, sentence):
+    done = run(*arguments)
+    assert done.exit_code == 1
+    assert done.stderr.startswith("gamms: ")
+    assert sentence in done.stderr
+
+
+def test_a_folder_that_holds_a_recording_and_a_recording_that_is_to_be_played_say_so(folder):
+    run("run", "game.yaml", "--out", "out")
+    assert "'out' is a folder, not a recording: give the file in it, 'out/game.ggr'." in run("replay", "out").stderr
+    assert "`gamms replay` shows recordings" in run("run", "out/game.ggr").stderr
