@@ -5,8 +5,8 @@ commands; `artists.py` keeps the artists (`artist.py`) that were declared, and `
 that declares none; `camera.py` says where pictures look; `pictures.py` saves them by way of `files.py`. Drawers
 (`drawers/`) say what a thing looks like, with what `shown_turn.py` knows of the turn; backends (`backends/`) turn draw
 commands into files; `scene.py` paints frames of films and of the window (`window/`) fast. Colours are in
-`appearance.py`, legends and values in `legend.py`, drawings of recordings in `recorded_drawings.py`, and names of
-1.0.0's window in `compat.py`.
+`appearance.py`, the font in `lettering.py`, legends and values in `legend.py`, drawings of recordings in
+`recorded_drawings.py`, and names of 1.0.0's window in `compat.py`.
 May import: `gamms.typing`, `gamms.kernels`, `gamms.ir`, `gamms.plugins`, `gamms.arguments`, `gamms.errors`.
 To extend: something to draw is one function in `drawers/`; a way to show it is one file in `backends/` and
 one line in its `__init__`. Drawing only reads the scenario; it never changes it.

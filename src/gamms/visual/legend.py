@@ -28,11 +28,10 @@ from gamms.visual.appearance import (
 )
 from gamms.visual.camera import Camera
 from gamms.visual.drawing import Commands
+from gamms.visual.lettering import words_width
 
 _FONT_PX, _TITLE_PX = 21.0, 22.0
 _LINE_PX, _GAP_PX, _PAD_PX = 23.0, 16.0, 12.0
-_LETTER, _BROAD = 0.37, 0.52  # how broad letters are, in font heights; a legend need not know it exactly
-_BROAD_ONES = frozenset("mw@%&")  # and capitals
 _SWATCH_PX, _BAR_PX, _BAR_HEIGHT_PX = 7.0, 16.0, 150.0
 _ASIDE = 0.4  # of the width of a picture: no more is taken from the map
 _MOST_ROWS = 12
@@ -200,7 +199,7 @@ def _draw_rows(pen: _Pen, block: Rows, left: float, top: float, width: float) ->
         pen.disc(left + _SWATCH_PX + 1.0, middle, _SWATCH_PX, row.color)
         pen.text(row.name, left + 2.0 * _SWATCH_PX + 9.0, middle, _FONT_PX)
         if row.value:
-            pen.text(row.value, left + width - _long(row.value, _FONT_PX), middle, _FONT_PX)
+            pen.text(row.value, left + width - words_width(row.value, _FONT_PX), middle, _FONT_PX)
 
 
 def _draw_title(pen: _Pen, title: str, left: float, top: float) -> float:
@@ -221,17 +220,12 @@ def _height(block: Block) -> float:
 
 def _width(block: Block) -> float:
     if isinstance(block, Bar):
-        body = _BAR_PX + 8.0 + max(_long(words, _FONT_PX) for words in (block.low, block.middle, block.high))
+        body = _BAR_PX + 8.0 + max(words_width(words, _FONT_PX) for words in (block.low, block.middle, block.high))
     else:
-        values = max((_long(row.value, _FONT_PX) for row in block.rows), default=0.0)
-        names = max((_long(row.name, _FONT_PX) for row in _shown(block)), default=0.0)
+        values = max((words_width(row.value, _FONT_PX) for row in block.rows), default=0.0)
+        names = max((words_width(row.name, _FONT_PX) for row in _shown(block)), default=0.0)
         body = 2.0 * _SWATCH_PX + 9.0 + names + (values + _PAD_PX if values else 0.0)
-    return max(body, _long(block.title, _TITLE_PX))
-
-
-def _long(words: str, font_px: float) -> float:
-    broad = sum(letter in _BROAD_ONES or letter.isupper() for letter in words)
-    return font_px * (_LETTER * (len(words) - broad) + _BROAD * broad)
+    return max(body, words_width(block.title, _TITLE_PX))
 
 
 def _shown(block: Rows) -> tuple[Row, ...]:

@@ -88,10 +88,10 @@ def test_it_makes_way_for_a_broad_hud(open_window, seen):
         return np.flatnonzero((np.abs(seen(ctx).astype(int) - YELLOW).max(axis=2) < 8).any(axis=1))[:1].tolist()
 
     [usual] = upper_end()
-    ctx.visual.hud = lambda ctx: ["a very long line " * 5]
+    ctx.visual.hud = lambda ctx: ["a very long line " * 7]
     [below] = upper_end()
     assert below > usual + 20
-    ctx.visual.hud = lambda ctx: ["a very long line " * 5] * 9  # which leaves it no room
+    ctx.visual.hud = lambda ctx: ["a very long line " * 7] * 9  # which leaves it no room
     assert upper_end() == []
 
 

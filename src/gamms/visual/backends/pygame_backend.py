@@ -23,6 +23,7 @@ from gamms.visual.appearance import PAPER, Rgb, Rgba
 from gamms.visual.backends.coverage import ByteArray, Patch, PixelArray
 from gamms.visual.backends.pillow_backend import image_size
 from gamms.visual.camera import extent
+from gamms.visual.lettering import ASCENT, EM, FONT, words_width
 
 if TYPE_CHECKING:
     from pygame import Surface
@@ -38,6 +39,8 @@ _SVG_PX = 1024
 _MOST_FONT_PX, _MOST_LETTERS = 2048, 10_000
 _MOST_NOTED = 256  # surfaces that are painted together
 _LETTERS = 8  # that are as broad as one is high, at most
+_FINER, _FINE_PX = 8, 200  # letters up to so high are painted so many times as large, then made smaller
+_STEPS = 4  # places within a pixel at which a letter can be
 
 BLACK, WHITE = (0, 0, 0, 255), (255, 255, 255, 255)
 
@@ -184,7 +187,7 @@ class Canvas:
         most = min(_LETTERS * (self.width + round(max(-x, 0.0))) // font_px + _LETTERS, _MOST_LETTERS)
         words = words[-most:] if align_right else words[:most]
         written = _text(_UNWRITABLE.sub(" ", words), font_px, color, edge)
-        left = x - 1 - (written.get_width() - 2 if align_right else 0)
+        left = x - 1 - (words_width(words, font_px) if align_right else 0)
         if -written.get_width() < left < self.width and -written.get_height() < y - 1 < self.height:
             self._lay(written, (round(left), round(y - 1)))
 
@@ -192,12 +195,6 @@ class Canvas:
         """Draw an image file in a square of `side` px around (x, y), turned counter-clockwise by degrees."""
         drawn = _image(path, round(min(side, _MOST_IMAGE_PX)), round(angle % 360.0, 1))
         self._lay(drawn, (round(x - drawn.get_width() / 2), round(y - drawn.get_height() / 2)))
-
-
-def text_width(words: str, font_px: int) -> int:
-    """Return how wide words are, in pixels."""
-    width: int = _font(font_px).size(_UNWRITABLE.sub(" ", words))[0]
-    return width
 
 
 def stamp(coverage: ByteArray, color: Rgba) -> "Surface":
@@ -237,7 +234,7 @@ def _paint(width: int, height: int, color: Rgba) -> "Surface":
 
 
 def _font(font_px: int) -> "Font":
-    """Return the font that comes with pygame; another program may have closed the fonts meanwhile."""
+    """Return the font, opened; another program may have closed the fonts meanwhile."""
     pygame = load()
     if not pygame.font.get_init():
         pygame.font.init()
@@ -246,26 +243,56 @@ def _font(font_px: int) -> "Font":
 
 
 @lru_cache(maxsize=64)
-def _opened_font(font_px: int) -> "Font":
-    font: Font = load().font.Font(None, font_px)
+def _opened_font(size: int) -> "Font":
+    font: Font = load().font.Font(str(FONT), size)
     return font
 
 
 @lru_cache(maxsize=4096)
 def _text(words: str, font_px: int, color: Rgba, edge: Rgb | None) -> "Surface":
     """Return the words on a surface with a free pixel on every side."""
-    font, ink = _font(font_px), color[:3]
-    written = font.render(words, True, ink)
-    pygame = load()
+    ink, pygame = color[:3], load()
+    written = _written(words, font_px, ink)
     surface: Surface = pygame.Surface((written.get_width() + 2, written.get_height() + 2), pygame.SRCALPHA, 32)
     surface.fill((*(edge or ink), 0))
     if edge is not None:
-        around = font.render(words, True, edge)
+        around = _written(words, font_px, edge)
         for place in _HALO:
             surface.blit(around, place)
     surface.blit(written, (1, 1))
     surface.set_alpha(color[3])
     return surface
+
+
+def _written(words: str, font_px: int, ink: Rgb) -> "Surface":
+    """Return words, each letter exactly where the widths of letters put it.
+
+    pygame puts letters at whole pixels only, which makes the gaps between small ones uneven.
+    """
+    pygame, places, x = load(), list[Placed](), 0.0
+    for letter in words:
+        whole = int(x)
+        places.append((_letter(letter, font_px, ink, int((x - whole) * _STEPS)), (whole, 0)))
+        x += words_width(letter, font_px)
+    height = max((surface.get_height() for surface, _ in places), default=1)
+    surface: Surface = pygame.Surface((int(x) + font_px, height), pygame.SRCALPHA, 32)
+    surface.fill((*ink, 0))
+    surface.blits(places, doreturn=False)
+    return surface
+
+
+@lru_cache(maxsize=8192)
+def _letter(letter: str, font_px: int, ink: Rgb, step: int) -> "Surface":
+    """Return a letter so many steps right of a whole pixel, its baseline where that of other formats is."""
+    pygame, finer = load(), _FINER if font_px <= _FINE_PX else 1
+    font = _font(max(round(EM * font_px * finer), 1))
+    large = font.render(letter, True, ink)
+    lead = font.get_ascent() - round(ASCENT * EM * font_px) * finer  # above what is the top of a line here
+    width, height = (-(-length // finer) + 1 for length in (large.get_width(), large.get_height() - min(lead, 0)))
+    surface: Surface = pygame.Surface((width * finer, height * finer), pygame.SRCALPHA, 32)
+    surface.fill((*ink, 0))
+    surface.blit(large, (step * finer // _STEPS, -lead))
+    return surface if finer == 1 else pygame.transform.smoothscale(surface, (width, height))
 
 
 def _is_dark(ink: Rgb) -> bool:

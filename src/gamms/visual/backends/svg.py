@@ -19,15 +19,13 @@ from gamms.ir.draw import DrawCommands, DrawKind, DrawSpace
 from gamms.ir.graph import FloatArray, IntArray
 from gamms.visual.appearance import PAPER, Rgba, inks
 from gamms.visual.camera import CSS_DPI, Camera, touching
+from gamms.visual.lettering import ASCENT, EM, FAMILIES
 
 _SMALLEST_RADIUS_PX = 0.5
 _THINNEST_PX = 1.0  # of lines whose width is in world units
 _MID_GREY = 128
 _BEYOND_PX = 8.0  # what is drawn so far outside may still reach into the picture
 _HALO = ' stroke="#{:02x}{:02x}{:02x}" stroke-width="3" paint-order="stroke"'.format(*PAPER)
-_FONT_SCALE = 0.6875  # from the height that pygame gives a font to its size: pictures of both kinds look alike
-_ASCENT = 0.8  # of the font height: from the top of a line of text to its baseline
-_FONT = "system-ui, 'Helvetica Neue', Arial, sans-serif"
 _NO_XML = re.compile("[^\t\n\r\x20-\ud7ff\ue000-\ufffd\U00010000-\U0010ffff]")
 _IMAGE_TYPES = {
     ".png": "png",
@@ -81,7 +79,7 @@ def _opening(camera: Camera, dpi: float) -> str:
     physical = 'width="{}" height="{}"'.format(*sides)
     return (
         f'<svg xmlns="http://www.w3.org/2000/svg" {physical} '
-        f'viewBox="0 0 {width} {height}" role="img" font-family="{_FONT}">'
+        f'viewBox="0 0 {width} {height}" role="img" font-family="{FAMILIES}">'
     )
 
 
@@ -107,7 +105,7 @@ def _sheet(commands: DrawCommands, camera: Camera) -> _Sheet:
     points = camera.to_screen(commands.points)
     boxes = np.flatnonzero(commands.kind == DrawKind.RECTANGLE)
     scale = np.where(commands.space == DrawSpace.WORLD, camera.scale, 1.0)
-    font_scale = np.where(commands.kind == DrawKind.TEXT, _FONT_SCALE, 1.0)
+    font_scale = np.where(commands.kind == DrawKind.TEXT, EM, 1.0)
     points[commands.offsets[boxes] + 1] = commands.points[commands.offsets[boxes] + 1] * scale[boxes, None]
     return _Sheet(
         kind=commands.kind[rows],
@@ -239,7 +237,7 @@ def _polygon(sheet: _Sheet, row: int) -> str:
 
 def _text(sheet: _Sheet, row: int) -> str:
     ((x, y),), size = sheet.points_of(row), int(sheet.size[row])
-    baseline = _number(y + round(_ASCENT * size))
+    baseline = _number(y + round(ASCENT * size))
     place = f'x="{_number(x)}" y="{baseline}" font-size="{_number(size)}"{_halo(sheet, row)}'
     return f"<text {place}>{_escaped(sheet.text[row])}</text>"
 

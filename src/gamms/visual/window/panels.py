@@ -8,11 +8,12 @@ from gamms.errors import BadValue, nearest
 from gamms.text import shown
 from gamms.typing import IContext
 from gamms.visual.appearance import BY_NIGHT, PAPER, Rgba
-from gamms.visual.backends.pygame_backend import Canvas, load, painted_transparent, text_width
+from gamms.visual.backends.pygame_backend import Canvas, load, painted_transparent
 from gamms.visual.backends.raster import Painting
 from gamms.visual.camera import Camera, Point
 from gamms.visual.default_scene import ON_PAPER, MapTones
 from gamms.visual.legend import Block, Legend
+from gamms.visual.lettering import words_width
 from gamms.visual.window.input import HELP
 
 
@@ -143,10 +144,10 @@ class Hud:
         if not is_loud:
             canvas.text(words, x, y, _SMALL_PX, self.theme.ink, edge=self.theme.background[:3])
             return
-        width = max(text_width(words, _FONT_PX) + 10, 22)
+        width = max(round(words_width(words, _FONT_PX)) + 10, 22)
         card = plain_panel(width, 22, self.theme.accent, radius=11)
         canvas.surface.blit(card, (round(x - width / 2), round(y - 11)))
-        canvas.text(words, x - text_width(words, _FONT_PX) / 2, y - 6, _FONT_PX, self.theme.background)
+        canvas.text(words, x - words_width(words, _FONT_PX) / 2, y - 6, _FONT_PX, self.theme.background)
 
 
 def score_line(scores: Mapping[Any, float]) -> str:
@@ -166,7 +167,7 @@ def _wrapped(lines: tuple[str, ...], width_px: int) -> tuple[str, ...]:
         narrow.append("")
         for word in line.split(" "):
             longer = f"{narrow[-1]} {word}" if narrow[-1] else word
-            if narrow[-1] and text_width(longer, _FONT_PX) > most_px:
+            if narrow[-1] and words_width(longer, _FONT_PX) > most_px:
                 narrow.append(word)
             else:
                 narrow[-1] = longer
@@ -175,8 +176,8 @@ def _wrapped(lines: tuple[str, ...], width_px: int) -> tuple[str, ...]:
 
 @lru_cache(maxsize=256)
 def _size(words: tuple[str, ...]) -> tuple[int, int]:
-    widest = max(text_width(line, _FONT_PX) for line in words)
-    return widest + 2 * _PAD_PX, len(words) * _LINE_PX + 2 * _PAD_PX - 5
+    widest = max(words_width(line, _FONT_PX) for line in words)
+    return round(widest) + 2 * _PAD_PX, len(words) * _LINE_PX + 2 * _PAD_PX - 5
 
 
 class WindowLegend:

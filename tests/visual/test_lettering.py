@@ -1,0 +1,43 @@
+"""Words are as broad in pixels as they are measured, so that gaps between letters are even."""
+
+import numpy as np
+import pytest
+
+from gamms.visual.backends.pygame_backend import Canvas
+from gamms.visual.lettering import EM, words_width
+
+
+def inked(words: str, font_px: int) -> np.ndarray:
+    """Return how much ink is in each column of a picture, from where the words begin."""
+    canvas = Canvas(600, 80)
+    canvas.fill((255, 255, 255, 255))
+    canvas.text(words, 10, 10, font_px, (0, 0, 0, 255), edge=(255, 255, 255))
+    return (255.0 - canvas.pixels()[:, 10:, 0]).sum(axis=0)
+
+
+@pytest.mark.parametrize("font_px", [13, 16, 17, 19, 21, 28])
+@pytest.mark.parametrize("words", ["OpenStreetMap contributors", "pursuer_2", "turn 9", "Ökologie Привет"])
+def test_words_are_as_broad_as_measured(words, font_px):
+    end = np.flatnonzero(inked(words, font_px) > 60)[-1] + 1
+    assert end == pytest.approx(words_width(words, font_px), abs=1.5)  # but for a bearing
+
+
+@pytest.mark.parametrize("font_px", [16, 17, 19, 21])
+def test_gaps_between_equal_letters_are_even(font_px):
+    ink = inked("l " * 12, font_px)
+    strokes = np.split(np.arange(len(ink)), np.flatnonzero((ink[1:] > 0) & (ink[:-1] == 0)) + 1)[1:]
+    middles = [np.average(columns, weights=ink[columns]) for columns in strokes]
+    gaps = np.diff(middles)
+    assert len(gaps) >= 10  # the first stroke may begin at the edge
+    assert gaps.max() - gaps.min() < 0.5
+    assert gaps.mean() == pytest.approx(words_width("l ", font_px), abs=0.05)
+
+
+def test_widths_are_those_of_helvetica():
+    # From the metrics that Adobe publishes, in thousandths of the font size.
+    for letter, width in {"a": 556, "i": 222, "W": 944, "0": 556, " ": 278, "@": 1015}.items():
+        assert words_width(letter, 1 / EM) == pytest.approx(width / 1000, abs=0.0006)
+
+
+def test_a_letter_that_the_font_lacks_has_a_width():
+    assert words_width("\U0001f600", 10) > 0
