@@ -5,11 +5,12 @@ import time
 from collections.abc import Callable, Iterator
 from contextlib import contextmanager
 
+Show = Callable[[str], None]  # shows a text
 _CLEAR = "\r\x1b[K"
 
 
 @contextmanager
-def progress(patience_s: float = 1.0) -> Iterator[Callable[[str], None]]:
+def progress(patience_s: float = 1.0) -> Iterator[Show]:
     """Yield `show(text)`: it shows the text once `patience_s` have passed, if stderr is a terminal."""
     terminal = sys.stderr
     visible = terminal is not None and terminal.isatty()

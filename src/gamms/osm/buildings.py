@@ -15,7 +15,7 @@ from gamms.osm.files import as_file
 from gamms.osm.heights import HeightEstimates, TagFilter, WallRules
 
 if TYPE_CHECKING:
-    from gamms.osm.overpass import Location, Tags
+    from gamms.osm.overpass import Location
     from gamms.osm.polygons import Faces
 
 Record = dict[str, Any]  # the arguments of `ctx.graph.add_obstacle_face`
@@ -79,7 +79,7 @@ obstacle_from_xml = obstacle_from_file  # the name that 1.0.0 gave it
 
 def obstacle_from_osm(
     location: "Location",
-    tags: "Tags" = OSM_OBSTACLE_TAGS,
+    tags: TagFilter = OSM_OBSTACLE_TAGS,
     height_estimates: HeightEstimates | None = None,
     min_tolerance: float = 0.5,
     relative_tolerance: float = 0.01,

@@ -13,7 +13,7 @@ from gamms.errors import BadType, BadValue
 from gamms.ir.geometry import distances_to_lines
 from gamms.ir.graph import FloatArray, GraphColumns, IntArray
 from gamms.osm.files import as_file
-from gamms.osm.load import network_in_metres, read_any_network
+from gamms.osm.load import network_in_metres, read_network
 from gamms.osm.network import BoolArray, RoadNetwork, along, chosen_roads, network_of_columns
 from gamms.osm.networkx_bridge import network_of_graph
 from gamms.osm.topology import chains_of, degrees
@@ -191,7 +191,7 @@ def _source_network(source: Source, retain_all: bool, osm_type: OSMType | None) 
         return network_in_metres(source)
     file = as_file(source)
     with progress() as show:
-        return read_any_network(file, show, osm_type, retain_all=retain_all)
+        return read_network(file, show, osm_type, retain_all=retain_all)
 
 
 def _parallel_roads(roads: RoadNetwork) -> int:

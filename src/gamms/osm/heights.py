@@ -1,7 +1,7 @@
 """From the tags of a building to its walls: from what height to what height, and of which type."""
 
 import re
-from collections.abc import Iterable, Mapping
+from collections.abc import Collection, Iterable, Mapping
 from typing import NamedTuple
 
 from gamms.arguments import as_float, as_int
@@ -42,14 +42,14 @@ class WallRules:
     """
 
     def __init__(self, tags: TagFilter | None, estimates: HeightEstimates) -> None:
-        self._tags = None if tags is None else _checked_filter(tags)
+        self._tags = None if tags is None else checked_filter(tags)
         self._estimates = _checked_estimates(estimates)
         self._rank = {row: rank for rank, row in enumerate(self._estimates)}
         self.keys = sorted({key for key, _ in self._estimates})
 
     def wall_of(self, tags: Mapping[str, str]) -> Wall | None:
         """Return the walls of a thing with these tags; None if it has none."""
-        if tags.get("location") in _BURIED or not self._is_asked_for(tags):
+        if tags.get("location") in _BURIED or not (self._tags is None or is_asked_for(tags, self._tags)):
             return None
         row = self._row_of(tags)
         if row is None:
@@ -58,11 +58,6 @@ class WallRules:
         top = _measured(tags, "height", "building:levels") or estimate
         base = _measured(tags, "min_height", "building:min_level") or 0.0
         return Wall(base if base < top else 0.0, top, type)
-
-    def _is_asked_for(self, tags: Mapping[str, str]) -> bool:
-        if self._tags is None:
-            return True
-        return any(values is None or tags[key] in values for key, values in self._tags.items() if key in tags)
 
     def _row_of(self, tags: Mapping[str, str]) -> tuple[str, str] | None:
         given = [(key, tags[key]) for key in self.keys if key in tags]
@@ -87,20 +82,29 @@ def _plausible(text: str, unit: float) -> float | None:
 # -- the tables of a caller -------------------------------------------------------------------------------------
 
 
-def _checked_filter(tags: object) -> dict[str, frozenset[str] | None]:
+def checked_filter(tags: object) -> dict[str, tuple[str, ...] | None]:
+    """Return a caller's filter of tags: key -> the values, or None for any.
+
+    Raises:
+        BadType: it is not of this form.
+    """
     if not isinstance(tags, Mapping):
-        raise BadType(f"tags must be a dict such as {{'building': True}}, not {shown(tags)}.")
-    checked: dict[str, frozenset[str] | None] = {}
+        raise BadType(f"tags must be a dict such as {{'building': True}}, not {shown(tags)} ({type(tags).__name__}).")
+    checked: dict[str, tuple[str, ...] | None] = {}
     for key, values in tags.items():
-        if isinstance(values, str):
-            checked[key] = frozenset((values,))
-        elif isinstance(values, bool):
+        if isinstance(key, str) and isinstance(values, bool):
             checked.update({key: None} if values else {})
-        elif isinstance(values, Iterable):
-            checked[key] = frozenset(values)
-        else:
+            continue
+        texts = (values,) if isinstance(values, str) else tuple(values) if isinstance(values, Iterable) else (None,)
+        if not all(isinstance(text, str) for text in (key, *texts)):
             raise BadType(f"tags[{shown(key)}] must be True, a value or a list of values, not {shown(values)}.")
+        checked[key] = texts
     return checked
+
+
+def is_asked_for(tags: Mapping[str, str], wanted: Mapping[str, Collection[str] | None]) -> bool:
+    """Return whether a thing has one of the wanted tags, given as `checked_filter` returns them."""
+    return any(values is None or tags[key] in values for key, values in wanted.items() if key in tags)
 
 
 def _checked_estimates(estimates: object) -> dict[tuple[str, str], tuple[float, int]]:

@@ -28,7 +28,7 @@ from gamms.osm.networkx_bridge import network_of_graph, to_digraph, to_multidigr
 from gamms.osm.osmium_reader import read_ways
 from gamms.osm.resample import resample
 from gamms.osm.ways import OSMType, Ways, largest_part, segments_of
-from gamms.progress import progress
+from gamms.progress import Show, progress
 from gamms.text import shown
 from gamms.typing import IContext
 
@@ -36,8 +36,7 @@ if TYPE_CHECKING:
     import networkx as nx
 
 FilePath = str | os.PathLike[str]
-Show = Callable[[str], None]
-_Reader = Callable[..., RoadNetwork]  # `read_network` or `read_line_network`
+_Reader = Callable[[Path, Show, OSMType | None], Ways]
 _WIDEST_JUNCTION_M = 1000.0
 _SLOW_BYTES = 32 << 20
 _FILE = Path(__file__).parent.parent / "data" / "helsinki.gamms"
@@ -84,8 +83,8 @@ def graph_from_xml(
         BadValue, BadType: an argument is impossible.
         MissingExtra: osmium or pyproj is not installed.
     """
-    recipe = recipe_of(resolution, tolerance, bidirectional=bidirectional, retain_all=retain_all)
-    return _graph(filepath, recipe, read_network)
+    recipe = recipe_of(resolution, tolerance, bidirectional, retain_all)
+    return _graph(filepath, recipe, read_ways)
 
 
 def graph_from_file(
@@ -115,15 +114,8 @@ def graph_from_file(
         raise BadType(
             f"osm_type must be an OSMType such as OSMType.DRIVE, or None for all roads, not {shown(osm_type)}."
         )
-    recipe = recipe_of(
-        resolution,
-        tolerance,
-        bidirectional=bidirectional,
-        retain_all=retain_all,
-        simplify=simplify,
-        osm_type=osm_type,
-    )
-    return _graph(filepath, recipe, read_network)
+    recipe = recipe_of(resolution, tolerance, bidirectional, retain_all, simplify, osm_type)
+    return _graph(filepath, recipe, read_ways)
 
 
 def graph_from_geojson(
@@ -148,8 +140,8 @@ def graph_from_geojson(
         BadValue, BadType: an argument is impossible, or the lines lie too far apart or north for one projection.
         MissingExtra: pyproj is not installed.
     """
-    recipe = recipe_of(resolution, tolerance, bidirectional=bidirectional, retain_all=retain_all, simplify=simplify)
-    return _graph(filepath, recipe, read_line_network)
+    recipe = recipe_of(resolution, tolerance, bidirectional, retain_all, simplify)
+    return _graph(filepath, recipe, read_lines)
 
 
 def process_osm_graph(
@@ -168,7 +160,7 @@ def process_osm_graph(
         BadValue: a node lacks a position, or the CRS, a length or the resolution is impossible.
         MissingExtra: the graph has a CRS and pyproj is not installed.
     """
-    recipe = recipe_of(resolution, 0.0, bidirectional=bidirectional)
+    recipe = recipe_of(resolution, 0.0, bidirectional)
     with progress() as show:
         show("Reading the graph")
         return cut(network_in_metres(osmg), recipe, show)
@@ -205,7 +197,7 @@ def resample_columns(
     Raises:
         BadType, BadValue: the resolution is impossible.
     """
-    recipe = recipe_of(resolution, 0.0, bidirectional=bidirectional)
+    recipe = recipe_of(resolution, 0.0, bidirectional)
     with progress() as show:
         return cut(network_of_columns(columns), recipe, show)
 
@@ -214,10 +206,9 @@ def _graph(filepath: FilePath, recipe: Recipe, read: _Reader) -> "nx.DiGraph[int
     file = as_file(filepath)
     # Nothing can be shown while osmium reads its first nodes: say so before, where that takes a second.
     with progress(0.0 if file.stat().st_size > _SLOW_BYTES else 1.0) as show:
-        network = read(file, show, recipe.osm_type, retain_all=recipe.retain_all)
+        network = read_network(file, show, recipe.osm_type, retain_all=recipe.retain_all, read=read)
         show(f"Joining {len(network.sources)} roads")
-        if recipe.simplify:
-            network = topology.simplify(network)
+        network = topology.simplify(network) if recipe.simplify else network
         return cut(topology.consolidate(network, recipe.tolerance), recipe, show)
 
 
@@ -236,25 +227,19 @@ def cut(network: RoadNetwork, recipe: Recipe, show: Show) -> "nx.DiGraph[int]":
 def network_in_metres(osmg: "nx.Graph[Any]") -> RoadNetwork:
     """Return the roads of a networkx graph, projected if it counts in degrees; a street there and back is one road."""
     network = network_of_graph(osmg)
-    network = connected(_in_metres(network, osmg.graph.get("crs")))
-    return joined_directions(network) if osmg.is_directed() else both_ways(network)
-
-
-def _in_metres(network: RoadNetwork, crs: object) -> RoadNetwork:
-    if crs is None:
-        return network
-    name, in_degrees = crs_of(crs)
+    crs = osmg.graph.get("crs")
+    name, in_degrees = (None, False) if crs is None else crs_of(crs)
     if not in_degrees:
-        return replace(network, crs=name)
-    if not len(network.xy) or (np.abs(network.xy) > (180.0, 90.0)).any():
-        return network  # the CRS is out of date: these cannot be degrees
-    return projected(network, name)
+        network = replace(network, crs=name)
+    elif name is not None and len(network.xy) and (np.abs(network.xy) <= (180.0, 90.0)).all():
+        network = projected(network, name)  # otherwise the CRS is out of date: these cannot be degrees
+    network = connected(network)
+    return joined_directions(network) if osmg.is_directed() else both_ways(network)
 
 
 def recipe_of(
     resolution: float,
     tolerance: float,
-    *,
     bidirectional: bool | None,
     retain_all: bool = True,
     simplify: bool = False,
@@ -283,23 +268,14 @@ def _tolerance(tolerance: float) -> float:
     return number
 
 
-def read_network(file: Path, show: Show, osm_type: OSMType | None, *, retain_all: bool) -> RoadNetwork:
-    """Read the roads of an OpenStreetMap file, one per pair of consecutive vertices, in UTM metres."""
-    return _network(file, read_ways(file, show, osm_type), show, retain_all=retain_all)
+def read_network(
+    file: Path, show: Show, osm_type: OSMType | None, *, retain_all: bool, read: _Reader | None = None
+) -> RoadNetwork:
+    """Read the roads of a file, one per pair of consecutive vertices, in UTM metres.
 
-
-def read_line_network(file: Path, show: Show, _osm_type: OSMType | None, *, retain_all: bool) -> RoadNetwork:
-    """Read the lines of a GeoJSON file, one per pair of consecutive vertices, in UTM metres."""
-    show(f"Reading {file.name}")
-    return _network(file, read_lines(file), show, retain_all=retain_all)
-
-
-def read_any_network(file: Path, show: Show, osm_type: OSMType | None, *, retain_all: bool) -> RoadNetwork:
-    """Read the roads of a file of either kind: the first byte tells which."""
-    return (read_line_network if is_geojson(file) else read_network)(file, show, osm_type, retain_all=retain_all)
-
-
-def _network(file: Path, ways: Ways, show: Show, *, retain_all: bool) -> RoadNetwork:
+    `read` is for files of one kind; by default the first byte tells whether it is OpenStreetMap or GeoJSON.
+    """
+    ways = (read or (read_lines if is_geojson(file) else read_ways))(file, show, osm_type)
     segments = segments_of(ways)
     if not len(segments.sources):
         raise BadFile(

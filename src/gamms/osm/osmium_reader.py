@@ -14,7 +14,8 @@ from gamms.limits import Allowance
 from gamms.osm.files import WAY_OUT, allowance_of, file_format
 from gamms.osm.heights import Wall, WallRules
 from gamms.osm.polygons import RING_ROLES, Outlines, outlines_of_ways
-from gamms.osm.ways import OSMType, Ways, is_against, is_open_to, kept_tags, traffic_rule
+from gamms.osm.ways import OSMType, Ways, is_open_to, kept_tags
+from gamms.progress import Show
 
 if TYPE_CHECKING:
     from osmium import io, osm
@@ -66,7 +67,7 @@ class _Lines:
         return lonlat
 
 
-def read_ways(file: Path, show: Callable[[str], None], osm_type: OSMType | None = None) -> Ways:
+def read_ways(file: Path, show: Show, osm_type: OSMType | None = None) -> Ways:
     """Return the roads of a map file for one way of moving, or for any, in its order.
 
     Raises:
@@ -74,27 +75,27 @@ def read_ways(file: Path, show: Callable[[str], None], osm_type: OSMType | None 
         MissingExtra: osmium is not installed.
     """
     source, lines = _source_of(file), _Lines(allowance_of(file))
-    against: list[bool] = []
-    tags: list[dict[str, Any]] = []
+    kept: list[tuple[dict[str, Any], bool]] = []
     show(f"Reading {file.name}")
     with _errors_of(file):
         for count, way in enumerate(_ways(source, "highway"), 1):
             given = {tag.k: tag.v for tag in way.tags}
             if not way.deleted and way.id not in lines.row_of and is_open_to(osm_type, given):
                 lines.add(way)
-                against.append(is_against(traffic_rule(osm_type, given)))
-                tags.append(kept_tags(way.id, given, osm_type))
+                kept.append(kept_tags(way.id, given, osm_type))
             if count % _SHOW_EVERY == 0:
                 show(f"Reading {file.name}: {count} roads")
         lines.complete(source, lambda missing: show(f"Reading {file.name}: looking for {missing} nodes"))
-    if not tags:
+    if not kept:
         whose = "" if osm_type is None else f" for {osm_type}"
         raise BadFile(
             f"{str(file)!r} cannot be used: it has no roads{whose}, that is no such ways with a highway tag. "
             "Export the area with its roads."
         )
     refs, offsets = np.array(lines.refs, np.int64), np.array(lines.offsets, np.int64)
-    return Ways(offsets, refs, lines.lonlat(), np.array(against, np.bool_), tags)
+    return Ways(
+        offsets, refs, lines.lonlat(), np.array([is_against for _, is_against in kept]), [tags for tags, _ in kept]
+    )
 
 
 def _source_of(file: Path) -> "io.File":

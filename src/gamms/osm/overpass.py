@@ -2,45 +2,26 @@
 
 import json
 import math
-from collections.abc import Callable, Iterator, Mapping, Sequence
-from dataclasses import dataclass
-from itertools import chain, groupby
-from typing import TYPE_CHECKING, Any, NamedTuple
+from collections.abc import Callable, Collection, Mapping, Sequence
+from functools import partial
+from itertools import groupby
+from typing import TYPE_CHECKING, Annotated, Any, NamedTuple
 
+import msgspec
 import numpy as np
+from msgspec import Meta
 
 from gamms.errors import BadType, BadValue, PlaceError
 from gamms.ir.graph import FloatArray, IntArray
 from gamms.ir.projection import WGS84, project
+from gamms.osm import polygons
+from gamms.osm.heights import TagFilter, checked_filter, is_asked_for
 from gamms.osm.network import RoadNetwork, chosen_roads, network_of_segments, offsets_of, without_unused_nodes
-from gamms.osm.polygons import (
-    RING_ROLES,
-    area_of,
-    footprints_of,
-    is_inside,
-    meets,
-    outlines_of,
-    outlines_of_ways,
-    repaired,
-    widened,
-)
 from gamms.osm.servers import Json, MapServers
 from gamms.osm.settings import setting
 from gamms.osm.topology import simplify
-from gamms.osm.ways import (
-    CLOSED_TO,
-    KEPT_TAGS,
-    NO_ROADS,
-    OSMType,
-    Segments,
-    Ways,
-    is_against,
-    kept_tags,
-    largest_part,
-    segments_of,
-    traffic_rule,
-)
-from gamms.progress import progress
+from gamms.osm.ways import CLOSED_TO, KEPT_TAGS, OSMType, Segments, Ways, kept_tags, largest_part, segments_of
+from gamms.progress import Show, progress
 from gamms.text import shown
 
 if TYPE_CHECKING:
@@ -49,41 +30,28 @@ if TYPE_CHECKING:
 _MARGIN_M = 500.0  # around an area, so that its junctions are those of the whole map
 _MOST_KM2 = 20_000.0
 _KM_PER_DEGREE = 111.32
-_FARTHEST = (180.0, 90.0)
-_SIDEWALKS = ("sidewalk", "sidewalk:both", "sidewalk:left", "sidewalk:right")  # separate: there is another way to walk
-_AREAS = ("Polygon", "MultiPolygon")
-Show = Callable[[str], None]
-Location = str | dict[str, str] | Sequence[str | dict[str, str]]
-Tags = Mapping[str, bool | list[str]] | Mapping[str, bool | str | list[str]]
-Element = dict[str, Any]
-_Query = tuple[list[str], str]  # the kinds of elements with their filters, and what to output of those found
 _FARTHEST = (180.0, 90.0)  # degrees of longitude and latitude
-_MOST_CUT = 1 / 3  # share of ways that may lack nodes: where a map was cut, some do; where it is damaged, most do
-_POLYGONS = ("Polygon", "MultiPolygon")
+_MOST_CUT = 1 / 3  # share of areas that may lack nodes: where a map was cut, some do; where it is damaged, most do
+_SIDEWALKS = ("sidewalk", "sidewalk:both", "sidewalk:left", "sidewalk:right")  # separate: there is another way to walk
+Location = str | dict[str, str] | Sequence[str | dict[str, str]]
+_Query = tuple[list[str], str]  # the kinds of elements with their filters, and what to output of those found
 
 
 class StreetOptions(NamedTuple):
-    """Which streets of an area are wanted."""
+    """Which streets of an area are wanted, and what is made of them; `create_osm_graph` says what each means."""
 
-    osm_type: OSMType
-    simplify: bool
-    retain_all: bool
-    truncate_by_edge: bool
-    custom_filter: str | list[str] | None
-
-
-@dataclass(slots=True, frozen=True)
-class _Elements:
-    """What Overpass answered, each element once."""
-
-    nodes: dict[int, tuple[float, float]]  # degrees
-    ways: dict[int, Element]
-    relations: dict[int, Element]
+    osm_type: OSMType = OSMType.WALK
+    resolution: float = 10.0
+    simplify: bool = True
+    retain_all: bool = False
+    truncate_by_edge: bool = True
+    custom_filter: str | list[str] | None = None
+    tolerance: float = 10.0
+    bidirectional: bool | None = None
+    offline: bool = False
 
 
-def streets_of_place(
-    location: Location, name: str, options: StreetOptions, show: Show, *, offline: bool
-) -> RoadNetwork:
+def streets_of_place(location: Location, name: str, options: StreetOptions, show: Show) -> RoadNetwork:
     """Download the streets inside the boundary of a place, in UTM metres.
 
     Raises:
@@ -92,26 +60,24 @@ def streets_of_place(
         MissingExtra: requests or pyproj is not installed.
     """
     _check_location(location)
-    servers = MapServers(name, show, offline=offline)
+    servers = MapServers(name, show, offline=options.offline)
     return _streets(servers, _boundary(servers, location), name, options, show)
 
 
-def streets_of_polygon(
-    polygon: "BaseGeometry", name: str, options: StreetOptions, show: Show, *, offline: bool
-) -> RoadNetwork:
+def streets_of_polygon(polygon: "BaseGeometry", name: str, options: StreetOptions, show: Show) -> RoadNetwork:
     """Download the streets inside a shapely Polygon or MultiPolygon in degrees; raises as `streets_of_place` does."""
-    if getattr(polygon, "geom_type", None) not in _AREAS:
+    if getattr(polygon, "geom_type", None) not in _RINGS:
         raise BadType(
             f"polygon must be a shapely Polygon or MultiPolygon of (longitude, latitude), not {shown(polygon)}."
         )
     fault = _fault_of(polygon)
     if fault:
         raise BadValue(f"The area {name} is impossible: {fault}.")
-    return _streets(MapServers(name, show, offline=offline), polygon, name, options, show)
+    return _streets(MapServers(name, show, offline=options.offline), polygon, name, options, show)
 
 
 def features_of_place(
-    location: Location, tags: Tags, *, offline: bool = False
+    location: Location, tags: TagFilter, *, offline: bool = False
 ) -> "list[tuple[BaseGeometry, dict[str, str]]]":
     """Download the areas with some of these tags in a place: shapely polygons in degrees, each with all of its tags.
 
@@ -121,16 +87,18 @@ def features_of_place(
         MissingExtra: requests or pyproj is not installed.
     """
     _check_location(location)
-    _check_tags(tags)
+    wanted = checked_filter(tags)
+    if not wanted:
+        raise BadValue("tags must name what to look for, such as {'building': True}, not be empty.")
     name = shown(location)
     with progress(1.0 if offline else 0.0) as show:
         servers = MapServers(name, show, offline=offline)
         boundary = _boundary(servers, location)
         show(f"Downloading the features of {name}")
-        filters = [part for key, value in tags.items() for part in _tag_filters(key, value)]
+        filters = [part for key, values in wanted.items() for part in _filters_of(key, values)]
         kinds = [f"{kind}{one}" for one in filters for kind in ("way", "relation")]
-        found = _download(servers, boundary, [(kinds, "(._;>;);out;")], fault_of_areas)
-        areas = _areas(found, tags, boundary)
+        found = _download(servers, boundary, [(kinds, "(._;>;);out;")], read_areas)
+        areas = _areas(found, wanted, boundary)
         if not areas:
             raise PlaceError(f"There is nothing tagged {', '.join(tags)} in {name}. Try a larger area, or other tags.")
         servers.save_rest()
@@ -140,7 +108,7 @@ def features_of_place(
 def _boundary(servers: MapServers, location: Location) -> "BaseGeometry":
     """Return the outline of a place, or of several together."""
     queries = [location] if isinstance(location, (str, dict)) else list(location)
-    boundary = area_of([_outline(servers, query) for query in queries])
+    boundary = polygons.area_of([_outline(servers, query) for query in queries])
     fault = _fault_of(boundary)
     if fault:
         raise PlaceError(
@@ -150,15 +118,14 @@ def _boundary(servers: MapServers, location: Location) -> "BaseGeometry":
 
 
 def _outline(servers: MapServers, query: str | dict[str, str]) -> dict[str, Any]:
-    places = servers.search(query, fault_of_places)
-    places = sorted(places, key=lambda place: float(place["importance"]), reverse=True)
-    outlines = [place["geojson"] for place in places if (place.get("geojson") or {}).get("type") in _AREAS]
-    if not outlines:
+    places = servers.search(query, _read_places)
+    outlined = [place for place in places if place.geojson is not None and place.geojson.type in _RINGS]
+    if not outlined:
         raise PlaceError(
             f"There is no place {shown(query)}, or its boundary is not on the map (the server knows {len(places)} "
             "places of that name, and no outline). Check the spelling, or use graph_from_point or graph_from_bbox."
         )
-    outline: dict[str, Any] = outlines[0]
+    outline: dict[str, Any] = msgspec.to_builtins(max(outlined, key=lambda place: place.importance).geojson)
     return outline
 
 
@@ -166,11 +133,10 @@ def _streets(
     servers: MapServers, polygon: "BaseGeometry", name: str, options: StreetOptions, show: Show
 ) -> RoadNetwork:
     show(f"Downloading the streets of {name}")
-    surroundings = widened(polygon, _MARGIN_M)
+    surroundings = polygons.widened(polygon, _MARGIN_M)
     filters = options.custom_filter or _filter_of(options.osm_type)
     queries = [([f"way{one}"], "(._;>;);out;") for one in ([filters] if isinstance(filters, str) else filters)]
-    found = _download(servers, surroundings, queries, fault_of_streets)
-    ways = _ways(found, options.osm_type)
+    ways = _ways(_download(servers, surroundings, queries, read_streets), options.osm_type)
     segments = _part(segments_of(ways), surroundings, options)
     if len(segments.sources):
         network = network_of_segments(segments, ways.tags)
@@ -192,7 +158,7 @@ def _part(segments: Segments, area: "BaseGeometry", options: StreetOptions) -> S
     """Return the segments in an area and, unless all are wanted, connected with each other."""
     if not len(segments.sources):
         return segments
-    kept = is_inside(area, segments.lonlat)
+    kept = polygons.is_inside(area, segments.lonlat)
     if options.truncate_by_edge:
         crossing = kept[segments.sources] | kept[segments.targets]
         kept[segments.sources[crossing]] = kept[segments.targets[crossing]] = True
@@ -201,60 +167,42 @@ def _part(segments: Segments, area: "BaseGeometry", options: StreetOptions) -> S
     return part if options.retain_all or not inside.any() else largest_part(part)
 
 
-def _ways(found: _Elements, osm_type: OSMType) -> Ways:
+def _ways(found: "_Elements", osm_type: OSMType) -> Ways:
     """Return the ways as columns; walkers have no one-way streets."""
     useful = [str(name) for name in setting("useful_tags_way") if name != "oneway"]
-    names = [*(name for name in KEPT_TAGS if name in useful), *(name for name in useful if name not in KEPT_TAGS)]
-    refs = [[ref for ref, _ in groupby(way["nodes"])] for way in found.ways.values()]
-    tags = [kept_tags(way["id"], way.get("tags", {}), osm_type, names) for way in found.ways.values()]
-    rules = [traffic_rule(osm_type, way.get("tags", {})) for way in found.ways.values()]
+    names = sorted(useful, key=lambda name: KEPT_TAGS.index(name) if name in KEPT_TAGS else len(KEPT_TAGS))
+    read = [kept_tags(way.id, way.tags, osm_type, names) for way in found.ways.values()]
+    tags, against = [of_way for of_way, _ in read], np.array([is_against for _, is_against in read], np.bool_)
     if osm_type is OSMType.WALK:
-        tags, rules = [{**of_way, "oneway": False} for of_way in tags], [None] * len(rules)
-    offsets, lonlat, ids = _vertices(found, refs)
-    return Ways(offsets, ids, lonlat, np.array([is_against(rule) for rule in rules], np.bool_), tags)
+        tags, against = [{**of_way, "oneway": False} for of_way in tags], np.zeros(len(tags), np.bool_)
+    offsets, lonlat, ids = _vertices(found, [[ref for ref, _ in groupby(way.nodes)] for way in found.ways.values()])
+    return Ways(offsets, ids, lonlat, against, tags)
 
 
-def _areas(found: _Elements, tags: Tags, boundary: "BaseGeometry") -> "list[tuple[BaseGeometry, dict[str, str]]]":
+def _areas(
+    found: "_Elements", wanted: Mapping[str, Collection[str] | None], boundary: "BaseGeometry"
+) -> "list[tuple[BaseGeometry, dict[str, str]]]":
     """Return the closed ways and multipolygons with one of these tags as shapes with all their tags."""
-    rings = [way for way in found.ways.values() if _is_ring(way) and _suits(way, tags)]
-    relations = [one for one in found.relations.values() if _is_area(one) and _suits(one, tags)]
-    ways_of = [[way["id"]] for way in rings]
-    for relation in relations:
-        members = relation["members"]
-        ways_of.append([one["ref"] for one in members if one["type"] == "way" and one["role"] in RING_ROLES])
-    about = [one["tags"] for one in [*rings, *relations]]
-    row_of = {id: row for row, id in enumerate(found.ways)}
-    offsets, lonlat, _ = _vertices(found, [way["nodes"] for way in found.ways.values()])
-    shapes = repaired(footprints_of(outlines_of_ways(offsets, lonlat, row_of, ways_of, about)))
-    inside = meets(boundary, shapes)
-    return [
-        (shapes[row], dict(about[row])) for row in np.flatnonzero(inside).tolist() if shapes[row].geom_type in _AREAS
-    ]
+    closed = (way for way in found.ways.values() if len(way.nodes) > 3 and way.nodes[0] == way.nodes[-1])
+    areas = [(way.tags, [way.id]) for way in closed if way.tags.get("area") != "no"]  # tags, and the ways around it
+    for relation in found.relations.values():
+        if relation.tags.get("type") in ("multipolygon", "boundary"):
+            rings = [one.ref for one in relation.members if one.type == "way" and one.role in polygons.RING_ROLES]
+            areas.append((relation.tags, rings))
+    areas = [(tags, rings) for tags, rings in areas if is_asked_for(tags, wanted)]
+    about, row_of = [tags for tags, _ in areas], {id: row for row, id in enumerate(found.ways)}
+    offsets, lonlat, _ = _vertices(found, [way.nodes for way in found.ways.values()])
+    outlines = polygons.outlines_of_ways(offsets, lonlat, row_of, [rings for _, rings in areas], about)
+    shapes = polygons.repaired(polygons.footprints_of(outlines))
+    rows = np.flatnonzero(polygons.meets(boundary, shapes)).tolist()
+    return [(shapes[row], dict(about[row])) for row in rows if shapes[row].geom_type in _RINGS]
 
 
-def _is_ring(way: Element) -> bool:
-    nodes = way["nodes"]
-    return len(nodes) > 3 and nodes[0] == nodes[-1] and way.get("tags", {}).get("area") != "no"
-
-
-def _is_area(relation: Element) -> bool:
-    return relation.get("tags", {}).get("type") in ("multipolygon", "boundary")
-
-
-def _suits(element: Element, tags: Tags) -> bool:
-    found = element.get("tags", {})
-    return any(key in found and (value is True or found[key] in _values(value)) for key, value in tags.items())
-
-
-def _values(value: bool | str | list[str]) -> Sequence[str]:
-    return [value] if isinstance(value, str) else value if isinstance(value, list) else []
-
-
-def _vertices(found: _Elements, lines: list[list[int]]) -> tuple[IntArray, FloatArray, IntArray]:
+def _vertices(found: "_Elements", lines: list[list[int]]) -> tuple[IntArray, FloatArray, IntArray]:
     """Return the offsets of lines through these nodes, degrees (vertices, 2) or NaN, and the ids of the nodes."""
-    nowhere = (math.nan, math.nan)
     refs = [ref for line in lines for ref in line]
-    lonlat = np.array([found.nodes.get(ref, nowhere) for ref in refs], np.float64).reshape(-1, 2)
+    places = {id: (node.lon, node.lat) for id, node in found.nodes.items()}
+    lonlat = np.array([places.get(ref, (math.nan, math.nan)) for ref in refs], np.float64).reshape(-1, 2)
     return offsets_of(np.array([len(line) for line in lines], np.int64)), lonlat, np.array(refs, np.int64)
 
 
@@ -262,36 +210,32 @@ def _vertices(found: _Elements, lines: list[list[int]]) -> tuple[IntArray, Float
 
 
 def _download(
-    servers: MapServers, area: "BaseGeometry", queries: list[_Query], fault_of: Callable[[Any], str]
-) -> _Elements:
+    servers: MapServers, area: "BaseGeometry", queries: list[_Query], read: "Callable[[Json], list[_Element]]"
+) -> "_Elements":
     """Ask each query for the whole area."""
-    found: dict[str, dict[int, Element]] = {"node": {}, "way": {}, "relation": {}}
-    for outline in outlines_of(area, float(setting("max_query_area_size"))):
+    of_kind: dict[type[_Element], dict[int, Any]] = {kind: {} for kind in _KINDS.values()}
+    for outline in polygons.outlines_of(area, float(setting("max_query_area_size"))):
         corners = " ".join(f"{lat:.6f} {lon:.6f}" for lon, lat in outline.tolist())
         for kinds, output in queries:
             union = "".join(f"{kind}(poly:'{corners}');" for kind in kinds)
-            for element in servers.query(f"({union});{output}", fault_of)["elements"]:
-                if element["type"] in found:
-                    found[element["type"]][element["id"]] = element
-    nodes = {id: (node["lon"], node["lat"]) for id, node in found["node"].items()}
-    return _Elements(nodes, found["way"], found["relation"])
+            for element in servers.query(f"({union});{output}", read):
+                of_kind[type(element)][element.id] = element
+    return _Elements(*of_kind.values())
 
 
 def _filter_of(osm_type: OSMType) -> str:
     """Return the ways that files would be read for, as a filter of Overpass."""
     closed = {name: sorted(values) for name, values in CLOSED_TO[osm_type].items()}
-    closed["highway"] = sorted([*closed["highway"], *NO_ROADS])
-    closed["area"] = ["yes"]
     if osm_type is OSMType.WALK:
         closed.update({name: ["separate"] for name in _SIDEWALKS})
     return '["highway"]' + "".join(f'["{name}"!~"^({"|".join(values)})$"]' for name, values in closed.items())
 
 
-def _tag_filters(key: str, value: bool | str | list[str]) -> list[str]:
+def _filters_of(key: str, values: Collection[str] | None) -> list[str]:
     quoted = json.dumps(key, ensure_ascii=False)
-    if value is True:
-        return [f"[{quoted}]"]
-    return [f"[{quoted}={json.dumps(one, ensure_ascii=False)}]" for one in _values(value)]
+    return (
+        [f"[{quoted}]"] if values is None else [f"[{quoted}={json.dumps(one, ensure_ascii=False)}]" for one in values]
+    )
 
 
 # -- what is asked, checked -------------------------------------------------------------------------------------
@@ -312,20 +256,9 @@ def _check_location(location: object) -> None:
         raise BadValue("location must name a place, not be an empty list.")
 
 
-def _check_tags(tags: object) -> None:
-    if not isinstance(tags, dict):
-        raise BadType(f"tags must be a dict such as {{'building': True}}, not {shown(tags)} ({type(tags).__name__}).")
-    if not tags:
-        raise BadValue("tags must name what to look for, such as {'building': True}, not be empty.")
-    for key, value in tags.items():
-        values = value if isinstance(value, list) else [value]
-        if not isinstance(key, str) or not (value is True or all(isinstance(one, str) for one in values)):
-            raise BadType(f"tags[{shown(key)}] must be True, a text or a list of texts, not {shown(value)}.")
-
-
 def _fault_of(polygon: "BaseGeometry") -> str:
     """Return why no map can be made of the area inside a shapely shape, in words."""
-    if polygon.geom_type not in _AREAS:
+    if polygon.geom_type not in _RINGS:
         return f"it is a {polygon.geom_type}, not an area"
     west, south, east, north = polygon.bounds
     if max(-west, east) <= _FARTHEST[0] < east - west:  # of a circle around the meridian, the outline crosses itself
@@ -338,110 +271,114 @@ def _fault_of(polygon: "BaseGeometry") -> str:
     return f"it has {km2:.0f} km², and {_MOST_KM2:.0f} km² are the most" if km2 > _MOST_KM2 else ""
 
 
-def fault_of_places(answer: Json) -> str:
-    """Return the fault of Nominatim's answer to the question where a place is; an empty one has none."""
+# -- answers, of which what is needed has to be there -----------------------------------------------------------
+
+_Lon = Annotated[float, Meta(ge=-180.0, le=180.0)]
+_Lat = Annotated[float, Meta(ge=-90.0, le=90.0)]
+_Rings = Annotated[list[Annotated[list[tuple[_Lon, _Lat]], Meta(min_length=4)]], Meta(min_length=1)]
+_RINGS = {"Polygon": _Rings, "MultiPolygon": list[_Rings]}  # the outlines of areas, and their coordinates
+
+
+class _Typed(msgspec.Struct):
+    type: str
+    coordinates: Json = None
+
+
+class _Place(msgspec.Struct):
+    importance: float
+    geojson: _Typed | None = None
+
+
+class _Answer(msgspec.Struct):
+    elements: list[Any]
+    remark: Any = None
+
+
+class _Element(msgspec.Struct):
+    id: int
+    tags: dict[str, str] = {}
+
+
+class _Node(_Element, kw_only=True):
+    lon: _Lon
+    lat: _Lat
+
+
+class _Way(_Element, kw_only=True):
+    nodes: list[int]
+
+
+class _Member(msgspec.Struct):
+    type: str
+    ref: int
+    role: str
+
+
+class _Relation(_Element, kw_only=True):
+    members: list[_Member]
+
+
+class _Elements(NamedTuple):
+    """What Overpass answered, each element once, by its id."""
+
+    nodes: dict[int, _Node]
+    ways: dict[int, _Way]
+    relations: dict[int, _Relation]
+
+
+_KINDS: dict[str, type[_Element]] = {"node": _Node, "way": _Way, "relation": _Relation}
+
+
+def _read_places(answer: Json) -> list[_Place]:
+    """Return what Nominatim answers to the question where a place is.
+
+    Raises:
+        ValueError: it is of no use.
+    """
     if not isinstance(answer, list) or not all(isinstance(place, dict) for place in answer):
-        return "it is no list of places"
-    return next((fault for place in answer if (fault := _fault_of_place(place))), "")
-
-
-def fault_of_streets(answer: Json) -> str:
-    """Return the fault of Overpass's answer to the question for streets; an empty one has none."""
-    fault = _fault_of_elements(answer)
-    if fault:
-        return fault
-    nodes = {element["id"] for element in answer["elements"] if element["type"] == "node"}
-    ways = (element for element in answer["elements"] if element["type"] == "way")
-    cut = next((way["id"] for way in ways if not nodes.issuperset(way["nodes"])), None)
-    return "" if cut is None else f"it lacks nodes of the way {cut}"
-
-
-def fault_of_areas(answer: Json) -> str:
-    """Return the fault of Overpass's answer to the question for buildings and the like; an empty one has none."""
-    fault = _fault_of_elements(answer)
-    if fault:
-        return fault
-    nodes = {element["id"] for element in answer["elements"] if element["type"] == "node"}
-    ways = [element for element in answer["elements"] if element["type"] == "way"]
-    cut = sum(not nodes.issuperset(way["nodes"]) for way in ways)
-    return f"it lacks nodes of {cut} of its {len(ways)} ways" if cut > _MOST_CUT * len(ways) else ""
-
-
-def _fault_of_elements(answer: Json) -> str:
-    if not isinstance(answer, dict) or not isinstance(answer.get("elements"), list):
-        return "it has no list of elements"
-    if answer.get("remark"):
-        return f"it is incomplete, for the server remarks {str(answer['remark'])[:200]!r}"
-    return next((f"{str(one)[:100]} is no element" for one in answer["elements"] if not _is_element(one)), "")
-
-
-def _fault_of_place(place: dict[str, Any]) -> str:
+        raise ValueError("it is no list of places")
     try:
-        is_ranked = math.isfinite(float(place["importance"]))  # Nominatim may write numbers as text
-    except (KeyError, TypeError, ValueError):
-        is_ranked = False
-    shape = place.get("geojson")
-    if not is_ranked:
-        return "a place has no importance"
-    if shape is not None and (not isinstance(shape, dict) or not isinstance(shape.get("type"), str)):
-        return "a place has a geometry without a type"
-    if shape is None or shape["type"] not in _POLYGONS or _is_outline(shape.get("coordinates"), shape["type"]):
-        return ""
-    return "a place has a boundary that is no polygon"
+        places = msgspec.convert(answer, list[_Place], strict=False)  # Nominatim may write numbers as text
+        for place in places:
+            if place.geojson is not None and place.geojson.type in _RINGS:
+                msgspec.convert(place.geojson.coordinates, _RINGS[place.geojson.type])
+    except msgspec.ValidationError as error:
+        raise ValueError(f"a place has no importance, or a boundary that is no polygon: {error}") from None
+    return places
 
 
-def _is_outline(coordinates: Json, kind: str) -> bool:
+def read_elements(answer: Json, most_cut: float) -> list[_Element]:
+    """Return the nodes, ways and relations that Overpass answers.
+
+    Args:
+        answer: plain values.
+        most_cut: the greatest share of the ways that may lack nodes.
+
+    Raises:
+        ValueError: it is of no use.
+    """
     try:
-        rings = coordinates if kind == "Polygon" else list(chain.from_iterable(coordinates))
-        return bool(rings) and all(len(ring) >= 4 and all(map(_is_position, ring)) for ring in rings)
-    except TypeError:
-        return False
+        given = msgspec.convert(answer, _Answer)
+    except msgspec.ValidationError:
+        raise ValueError("it has no list of elements") from None
+    if given.remark:
+        raise ValueError(f"it is incomplete, for the server remarks {str(given.remark)[:200]!r}")
+    elements = [element for one in given.elements if (element := _element(one)) is not None]
+    nodes = {element.id for element in elements if isinstance(element, _Node)}
+    ways = [element for element in elements if isinstance(element, _Way)]
+    cut = [way.id for way in ways if not nodes.issuperset(way.nodes)]
+    if len(cut) > most_cut * len(ways):
+        raise ValueError(f"it lacks nodes of {len(cut)} of its {len(ways)} ways, such as {cut[0]}")
+    return elements
 
 
-def _is_position(place: object) -> bool:
-    return (
-        isinstance(place, list)
-        and len(place) >= 2
-        and all(_is_number(x) and abs(x) <= most for x, most in zip(place, _FARTHEST, strict=False))
-    )
+def _element(one: Json) -> _Element | None:
+    """Return a node, a way or a relation; None for what else Overpass may count."""
+    try:
+        kind = _KINDS.get(msgspec.convert(one, _Typed).type)
+        return None if kind is None else msgspec.convert(one, kind)
+    except msgspec.ValidationError as error:
+        raise ValueError(f"{str(one)[:100]} is no element: {error}") from None
 
 
-def _is_element(element: object) -> bool:
-    if not isinstance(element, dict) or not isinstance(element.get("type"), str):
-        return False
-    tags = element.get("tags", {})
-    if not isinstance(tags, dict) or not all(isinstance(text, str) for text in _texts(tags)):
-        return False
-    check = _ELEMENTS.get(element["type"])
-    return check is None or (_is_id(element.get("id")) and check(element))
-
-
-def _texts(tags: dict[Any, Any]) -> Iterator[Any]:
-    return chain(tags.keys(), tags.values())
-
-
-def _is_node(node: dict[str, Any]) -> bool:
-    return _is_position([node.get("lon"), node.get("lat")])
-
-
-def _is_way(way: dict[str, Any]) -> bool:
-    nodes = way.get("nodes")
-    return isinstance(nodes, list) and all(map(_is_id, nodes))
-
-
-def _is_relation(relation: dict[str, Any]) -> bool:
-    members = relation.get("members")
-    return isinstance(members, list) and all(
-        isinstance(member, dict) and {"type", "ref", "role"} <= member.keys() for member in members
-    )
-
-
-_ELEMENTS = {"node": _is_node, "way": _is_way, "relation": _is_relation}
-
-
-def _is_id(value: object) -> bool:
-    return isinstance(value, int) and not isinstance(value, bool)
-
-
-def _is_number(value: object) -> bool:
-    return isinstance(value, (int, float)) and not isinstance(value, bool) and math.isfinite(value)
+read_streets, read_areas = partial(read_elements, most_cut=0.0), partial(read_elements, most_cut=_MOST_CUT)

@@ -5,7 +5,7 @@
 
 import inspect
 from collections.abc import Callable
-from typing import TYPE_CHECKING, Any, NamedTuple, TypedDict, TypeVar, Unpack
+from typing import TYPE_CHECKING, Any, TypedDict, TypeVar, Unpack
 
 import numpy as np
 
@@ -83,7 +83,7 @@ def create_osm_graph(
         BadValue, BadType: an argument is impossible.
         MissingExtra: requests or pyproj is not installed.
     """
-    options = _Options(
+    options = StreetOptions(
         osm_type, resolution, simplify, retain_all, truncate_by_edge, custom_filter, tolerance, bidirectional, offline
     )
     return _graph(streets_of_place, location, shown(location), options)
@@ -156,45 +156,25 @@ def get_network_type(osm_type: OSMType) -> str:
     return osm_type.name.lower()
 
 
-class _Options(NamedTuple):
-    osm_type: OSMType = OSMType.WALK
-    resolution: float = 10.0
-    simplify: bool = True
-    retain_all: bool = False
-    truncate_by_edge: bool = True
-    custom_filter: str | list[str] | None = None
-    tolerance: float = 10.0
-    bidirectional: bool | None = None
-    offline: bool = False
-
-
-def _options(call: str, given: PlaceOptions) -> _Options:
+def _options(call: str, given: PlaceOptions) -> StreetOptions:
     for name in given:
-        if name not in _Options._fields:
-            raise BadType(f"{call}() has no argument {name!r}.{nearest(name, _Options._fields)}")
-    return _Options(**given)
+        if name not in StreetOptions._fields:
+            raise BadType(f"{call}() has no argument {name!r}.{nearest(name, StreetOptions._fields)}")
+    return StreetOptions(**given)
 
 
 def _graph(
-    streets_of: Callable[..., RoadNetwork], place: "Location | BaseGeometry", name: str, options: _Options
+    streets_of: Callable[..., RoadNetwork], place: "Location | BaseGeometry", name: str, options: StreetOptions
 ) -> "nx.DiGraph[int]":
     get_network_type(options.osm_type)  # checks it
     _check_filter(options.custom_filter)
     recipe = recipe_of(
-        options.resolution,
-        options.tolerance,
-        bidirectional=options.bidirectional,
-        retain_all=options.retain_all,
-        simplify=options.simplify,
-        osm_type=options.osm_type,
-    )
-    truncate_by_edge, offline = bool(options.truncate_by_edge), bool(options.offline)
-    wanted = StreetOptions(
-        options.osm_type, recipe.simplify, recipe.retain_all, truncate_by_edge, options.custom_filter
+        *(options.resolution, options.tolerance, options.bidirectional),
+        *(options.retain_all, options.simplify, options.osm_type),
     )
     # Servers take their time before they answer: show at once what is asked.
-    with progress(1.0 if offline else 0.0) as show:
-        network = streets_of(place, name, wanted, show, offline=offline)
+    with progress(1.0 if options.offline else 0.0) as show:
+        network = streets_of(place, name, options, show)
         show(f"Joining {len(network.sources)} streets")
         joined = consolidate(network, recipe.tolerance)
         if not len(joined.sources):

@@ -11,13 +11,12 @@ import time
 import warnings
 from collections.abc import Callable
 from contextlib import suppress
-from dataclasses import dataclass
 from datetime import UTC, datetime
 from http import HTTPStatus
 from ipaddress import ip_address
 from pathlib import Path
 from threading import RLock, Thread
-from typing import Any, NoReturn, TypeAlias
+from typing import Any, NamedTuple, NoReturn, TypeAlias, TypeVar
 from urllib.parse import urlencode, urlsplit
 
 from gamms.arguments import as_float
@@ -25,6 +24,7 @@ from gamms.errors import BadValue, MissingExtra, NetworkError, PlaceError, TooLa
 from gamms.folders import cache_folder, write_whole
 from gamms.limits import max_memory
 from gamms.osm.settings import setting
+from gamms.progress import Show
 from gamms.text import shown
 
 _CONNECT_S = 10.0  # a server that is there accepts a connection at once
@@ -45,11 +45,11 @@ _ONE_AT_A_TIME = RLock()  # threads take turns at the servers
 Json: TypeAlias = Any
 """Data of an answer, which is checked before it is used."""
 
-Fault = Callable[[Json], str]  # what is wrong with the data of an answer; "" if nothing
+T = TypeVar("T")
+Read = Callable[[Json], T]  # what the data of an answer says; raises a ValueError if it is of no use
 
 
-@dataclass(slots=True, frozen=True)
-class _Answer:
+class _Answer(NamedTuple):
     """An answer of a server, before anything is made of it."""
 
     status: int
@@ -71,9 +71,12 @@ class MapServers:
         MissingExtra: requests is not installed; offline it need not be.
     """
 
-    def __init__(self, name: str, show: Callable[[str], None], *, offline: bool) -> None:
+    def __init__(self, name: str, show: Show, *, offline: bool) -> None:
         if not offline:
-            _check_requests()
+            try:
+                import requests  # noqa: F401 - whether it is there
+            except ImportError as error:
+                raise MissingExtra("Loading places by name", "osm-online") from error
         timeout = as_float(setting("requests_timeout"), "gamms.osm.settings.requests_timeout")
         if timeout <= 0.0:
             raise BadValue(f"gamms.osm.settings.requests_timeout must be more than 0 seconds, not {timeout}.")
@@ -83,7 +86,7 @@ class MapServers:
         self._paused_s, self._pauses = 0.0, 0
         self._unsaved: list[tuple[Path, bytes]] = []
 
-    def search(self, query: str | dict[str, str], fault_of: Fault) -> Json:
+    def search(self, query: str | dict[str, str], read: Read[T]) -> T:
         """Ask Nominatim for places, with their outlines.
 
         Raises:
@@ -95,34 +98,28 @@ class MapServers:
         asked |= {"q": query} if isinstance(query, str) else dict(sorted(query.items()))
         if setting("nominatim_key") is not None:
             asked["key"] = setting("nominatim_key")
-        url = f"{self._nominatim}/search"
         self._show(f"Asking {self._nominatim} where {self._name} is")
-        patience_s = min(self._timeout_s, _SEARCH_S)
-        return self._kept(url, asked, fault_of, lambda: self._search(url, asked, patience_s))
+        return self._kept(f"{self._nominatim}/search", asked, read, self._search)
 
-    def query(self, query: str, fault_of: Fault) -> Json:
+    def query(self, query: str, read: Read[T]) -> T:
         """Ask Overpass a question in its own language, without its settings; raises what `search` raises."""
         memory = setting("overpass_memory")
         size = "" if memory is None else f"[maxsize:{memory}]"
         asked = {"data": f"[out:json][timeout:{math.ceil(self._timeout_s)}]{size};{query}"}
-        url = f"{self._overpass}/interpreter"
-        return self._kept(url, asked, fault_of, lambda: self._interpret(url, asked))
+        return self._kept(f"{self._overpass}/interpreter", asked, read, self._interpret)
 
     def save_rest(self) -> None:
         """Keep answers without a shape, too: the map is made, so they were no mistake."""
         for path, content in self._unsaved:
             self._save(path, content)
 
-    def _kept(self, url: str, asked: dict[str, str], fault_of: Fault, ask: Callable[[], _Answer]) -> Json:
+    def _kept(self, url: str, asked: dict[str, str], read: Read[T], ask: Callable[[str, dict[str, str]], _Answer]) -> T:
         """Return the answer from the disk, or else from the server."""
         key = hashlib.sha256(f"{url}?{urlencode(asked)}".encode()).hexdigest()
         path, damage = self._folder / f"{key}.json", ""
         if (setting("use_cache") or self._offline) and path.is_file():
             try:
-                data = _parsed(path.read_bytes())
-                damage = fault_of(data)
-                if not damage:
-                    return data
+                return read(_parsed(path.read_bytes()))
             except (OSError, ValueError, RecursionError) as error:
                 damage = str(error)
         if self._offline:
@@ -132,16 +129,18 @@ class MapServers:
                 f"a connection and otherwise the same arguments and settings; answers are kept in '{self._folder}'."
             )
         with _ONE_AT_A_TIME:
-            answer = ask()
-        data = _checked(url, answer, fault_of)
-        if setting("use_cache"):
-            if _has_shapes(data):
-                self._save(path, answer.content)
-            else:
-                self._unsaved.append((path, answer.content))
-        return data
+            answer = ask(url, asked)
+        data, found = _checked(url, answer, read)
+        # Without a street or an area in it, the place may be a mistake: it is kept when the map is made.
+        if isinstance(data, dict) and any(element["type"] != "node" for element in data["elements"]):
+            self._save(path, answer.content)
+        else:
+            self._unsaved.append((path, answer.content))
+        return found
 
     def _save(self, path: Path, content: bytes) -> None:
+        if not setting("use_cache"):
+            return
         try:
             path.parent.mkdir(parents=True, exist_ok=True)
             write_whole(path, content)
@@ -153,9 +152,9 @@ class MapServers:
                 stacklevel=2,
             )
 
-    def _search(self, url: str, asked: dict[str, str], patience_s: float) -> _Answer:
+    def _search(self, url: str, asked: dict[str, str]) -> _Answer:
         self._pause(url, _SEARCH_PAUSE_S)
-        return self._patiently("GET", url, patience_s, params=asked)
+        return self._patiently("GET", url, min(self._timeout_s, _SEARCH_S), params=asked)
 
     def _interpret(self, url: str, asked: dict[str, str]) -> _Answer:
         while setting("overpass_rate_limit"):
@@ -200,9 +199,7 @@ def is_local(url: str) -> bool:
 # -- one request ------------------------------------------------------------------------------------------------
 
 
-def _request(
-    method: str, url: str, patience_s: float, show: Callable[[str], None], **options: dict[str, str]
-) -> _Answer:
+def _request(method: str, url: str, patience_s: float, show: Show, **options: dict[str, str]) -> _Answer:
     """Ask in a thread of its own: reading from a server that sends one byte at a time cannot be interrupted."""
     outcome: list[_Answer | Exception] = []
     most_bytes = max_memory() // _MEMORY_PER_BYTE  # asked here: threads do not inherit it
@@ -223,9 +220,7 @@ def _request(
     return outcome[0]
 
 
-def _read(
-    method: str, url: str, patience_s: float, most_bytes: int, show: Callable[[str], None], options: dict[str, Any]
-) -> _Answer:
+def _read(method: str, url: str, patience_s: float, most_bytes: int, show: Show, options: dict[str, Any]) -> _Answer:
     import requests
 
     named = {"User-Agent": "http_user_agent", "Referer": "http_referer", "Accept-Language": "http_accept_language"}
@@ -259,8 +254,8 @@ def _read(
         ) from error
 
 
-def _checked(url: str, answer: _Answer, fault_of: Fault) -> Json:
-    """Return the data of an answer that is what was asked for."""
+def _checked(url: str, answer: _Answer, read: Read[T]) -> tuple[Json, T]:
+    """Return the data of an answer that is what was asked for, and what it says."""
     host, said = _host(url), " ".join(re.sub(r"<[^>]*>", " ", answer.text).split())[:120]
     if answer.status >= HTTPStatus.BAD_REQUEST:
         refusal = f"{host} answers {answer.status} {answer.reason}, saying {said!r}."
@@ -271,15 +266,15 @@ def _checked(url: str, answer: _Answer, fault_of: Fault) -> Json:
         raise NetworkError(f"{refusal} Check the address {url!r} (gamms.osm.settings). {_LATER}")
     try:
         data = _parsed(answer.content)
-        fault = fault_of(data)
     except (ValueError, RecursionError) as error:
         raise NetworkError(
             f"{host} did not answer with JSON data, but with {shown(said)} ({error}). "
             f"It was cut short, or comes from a login page between you and {url!r}. {_LATER}"
         ) from error
-    if fault:
-        raise NetworkError(f"The answer of {host} is of no use: {fault}. Choose a smaller area. {_LATER}")
-    return data
+    try:
+        return data, read(data)
+    except ValueError as error:
+        raise NetworkError(f"The answer of {host} is of no use: {error}. Choose a smaller area. {_LATER}") from None
 
 
 def _parsed(content: bytes) -> Json:
@@ -288,11 +283,6 @@ def _parsed(content: bytes) -> Json:
 
 def _refuse_constant(name: str) -> NoReturn:
     raise ValueError(f"{name} is no number")
-
-
-def _has_shapes(data: Json) -> bool:
-    """Return whether an answer holds a street, an area or the like, not only nodes or nothing."""
-    return isinstance(data, dict) and any(element["type"] != "node" for element in data["elements"])
 
 
 def _seconds_to_slot(status: str) -> float:
@@ -332,10 +322,3 @@ def _address(name: str) -> str:
             "Set one that begins with http:// or https://."
         )
     return url.rstrip("/")
-
-
-def _check_requests() -> None:
-    try:
-        import requests  # noqa: F401 - whether it is there
-    except ImportError as error:
-        raise MissingExtra("Loading places by name", "osm-online") from error

@@ -51,48 +51,27 @@ class OSMType(Enum):
 
 
 # What a way must not be, per way of moving: tag -> values. These are the rules of OSMnx's network types, with the
-# values written out. They hold on top of the rule for all: no road that is no road (`NO_ROADS`), no area.
-_NOT_FOR_ALL_TO_USE = {"access": {"private"}, "service": {"private"}}
-CLOSED_TO: dict[OSMType, dict[str, set[str]]] = {
-    OSMType.WALK: {
-        **_NOT_FOR_ALL_TO_USE,
-        "highway": {"bus_guideway", "cycleway", "motorway", "motorway_link"},
-        "foot": {"no"},
-    },
-    OSMType.BIKE: {
-        **_NOT_FOR_ALL_TO_USE,
-        "highway": {
-            "bus_guideway",
-            "corridor",
-            "elevator",
-            "escalator",
-            "footway",
-            "motorway",
-            "motorway_link",
-            "steps",
-        },
-        "bicycle": {"no"},
-    },
+# values written out; None stands for any way of moving, to which only what is no road is closed.
+_NO_ROADS = {"abandoned", "construction", "no", "planned", "platform", "proposed", "raceway", "razed"}
+_NO_ROADS |= {"rest_area", "services"}
+_NOT_ON_FOOT = _NO_ROADS | {"bus_guideway", "cycleway", "motorway", "motorway_link"}
+_INDOORS = {"corridor", "elevator", "escalator", "footway", "steps"}
+_NO_STREETS = {"bridleway", "bus_guideway", "cycleway", "path", "pedestrian", "service", "track"}
+_DRIVEWAYS = {"alley", "driveway", "emergency_access", "parking", "parking_aisle", "private"}
+_PRIVATE = {"access": {"private"}, "service": {"private"}}
+_NO_AREA = {"area": {"yes"}}
+CLOSED_TO: dict[OSMType | None, dict[str, set[str]]] = {
+    None: {"highway": _NO_ROADS} | _NO_AREA,
+    OSMType.WALK: _PRIVATE | {"highway": _NOT_ON_FOOT, "foot": {"no"}} | _NO_AREA,
+    OSMType.BIKE: _PRIVATE | {"highway": (_NOT_ON_FOOT - {"cycleway"}) | _INDOORS, "bicycle": {"no"}} | _NO_AREA,
     OSMType.DRIVE: {
         "access": {"private"},
-        "highway": {
-            "bridleway",
-            "bus_guideway",
-            "corridor",
-            "cycleway",
-            "elevator",
-            "escalator",
-            "footway",
-            "path",
-            "pedestrian",
-            "service",
-            "steps",
-            "track",
-        },
+        "highway": _NO_ROADS | _INDOORS | _NO_STREETS,
         "motor_vehicle": {"no"},
         "motorcar": {"no"},
-        "service": {"alley", "driveway", "emergency_access", "parking", "parking_aisle", "private"},
-    },
+        "service": _DRIVEWAYS,
+    }
+    | _NO_AREA,
 }
 
 
@@ -118,23 +97,9 @@ class Segments:
     ways: IntArray  # (segments,)  way rows
 
 
-def is_road(highway: str, area: str | None) -> bool:
-    """Return whether a way with these tags can be walked, ridden or driven."""
-    return highway not in NO_ROADS and area != "yes"
-
-
 def is_open_to(osm_type: OSMType | None, tags: Mapping[str, str]) -> bool:
     """Return whether a way is a road for this way of moving; for None, for any."""
-    if not is_road(tags["highway"], tags.get("area")):
-        return False
-    closed = CLOSED_TO[osm_type] if osm_type is not None else {}
-    return not any(tags.get(name) in values for name, values in closed.items())
-
-
-def traffic_rule(osm_type: OSMType | None, tags: Mapping[str, Any]) -> object:
-    """Return the value of `oneway` that holds for this way of moving: bicycles may have one of their own."""
-    rule = tags.get("oneway")
-    return tags.get("oneway:bicycle", rule) if osm_type is OSMType.BIKE else rule
+    return not any(tags.get(name) in values for name, values in CLOSED_TO[osm_type].items())
 
 
 def is_against(oneway: object) -> bool:
@@ -149,12 +114,16 @@ def is_one_way(oneway: object, junction: object) -> bool:
 
 def kept_tags(
     osmid: int, tags: Mapping[str, str], osm_type: OSMType | None = None, names: Iterable[str] = KEPT_TAGS
-) -> dict[str, Any]:
-    """Return the attributes of a way: its tags under their own names, `oneway` as a bool."""
-    kept: dict[str, Any] = {"osmid": osmid}
-    kept.update((name, tags[name]) for name in names if name in tags)
-    kept["oneway"] = is_one_way(traffic_rule(osm_type, tags), tags.get("junction"))
-    return kept
+) -> tuple[dict[str, Any], bool]:
+    """Return the attributes of a way, and whether its traffic runs against the order of its vertices.
+
+    These are its tags under their own names, and `oneway` as a bool. Bicycles may have a rule of their own for that.
+    """
+    rule = tags.get("oneway")
+    if osm_type is OSMType.BIKE:
+        rule = tags.get("oneway:bicycle", rule)
+    kept = {name: tags[name] for name in names if name in tags}
+    return {"osmid": osmid, **kept, "oneway": is_one_way(rule, tags.get("junction"))}, is_against(rule)
 
 
 def segments_of(ways: Ways) -> Segments:
