@@ -27,6 +27,7 @@ def points_of(commands, kind):
 
 
 def test_it_is_where_it_flies_with_a_ring_around_and_its_nose_ahead(ctx, drone):
+    ctx.visual.set_graph_visual().set_visible(False)  # nothing but what is declared
     artist = ctx.visual.set_agent_visual("drone", color="blue", size=2)
     commands = ctx.visual.draw_commands()
     circles = commands.kind == DrawKind.CIRCLE
@@ -57,12 +58,14 @@ def test_its_height_is_written_beside_it_while_it_is_above_the_ground(ctx, drone
 
 
 def test_looking_straight_down_it_has_no_nose(ctx, drone):
+    ctx.visual.set_graph_visual().set_visible(False)  # nothing but what is declared
     drone.quat = DOWN
     ctx.visual.set_agent_visual("drone")
     assert points_of(ctx.visual.draw_commands(), DrawKind.LINE) == []
 
 
 def test_with_a_picture_it_keeps_its_ring_and_its_height(ctx, drone, tmp_path):
+    ctx.visual.set_graph_visual().set_visible(False)  # nothing but what is declared
     image = tmp_path / "drone.png"
     image.write_bytes(b"not decoded here")
     ctx.visual.set_agent_visual("drone", image_path=str(image), size=3)

@@ -190,6 +190,7 @@ def test_in_commands_a_courtyard_is_a_seam_and_a_ring_that_runs_back(town):
 
 
 def test_declared_obstacles_are_lines_unless_they_shall_be_filled(town):
+    town.visual.set_graph_visual().set_visible(False)  # nothing but what is declared
     town.visual.set_obstacle_visual()
     assert set(town.visual.draw_commands().kind.tolist()) == {DrawKind.LINE}
     assert seen(town)(5, 5) == WHITE

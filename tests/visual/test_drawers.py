@@ -82,6 +82,7 @@ def test_node_ids_are_written_on_demand(ctx):
 
 
 def test_an_agent_is_an_outlined_disc_at_its_node_that_is_never_too_small(ctx):
+    ctx.visual.set_graph_visual().set_visible(False)  # nothing but what is declared
     artist = ctx.visual.set_agent_visual("blue_0", color=(0, 0, 255), size=3)
     commands = ctx.visual.draw_commands()
     assert points_of(commands, DrawKind.CIRCLE) == [[[10, 10]]] * 4
@@ -91,6 +92,7 @@ def test_an_agent_is_an_outlined_disc_at_its_node_that_is_never_too_small(ctx):
 
 
 def test_an_agent_may_have_a_picture(ctx, tmp_path):
+    ctx.visual.set_graph_visual().set_visible(False)  # nothing but what is declared
     image = tmp_path / "robot.png"
     image.write_bytes(b"not decoded here")
     ctx.visual.set_agent_visual("blue_0", image_path=str(image), size=3)
@@ -99,6 +101,7 @@ def test_an_agent_may_have_a_picture(ctx, tmp_path):
 
 
 def test_an_obstacle_is_its_top_edge_in_the_color_of_its_type(ctx):
+    ctx.visual.set_graph_visual().set_visible(False)  # nothing but what is declared
     ctx.visual.set_obstacle_visual(boundary_thickness=2.0)
     commands = ctx.visual.draw_commands()
     assert points_of(commands, DrawKind.LINE) == [[[2, 3], [4, 3]]]
@@ -107,6 +110,7 @@ def test_an_obstacle_is_its_top_edge_in_the_color_of_its_type(ctx):
 
 
 def test_obstacle_colors_can_be_changed_and_unknown_types_are_grey(ctx):
+    ctx.visual.set_graph_visual().set_visible(False)  # nothing but what is declared
     artist = ctx.visual.set_obstacle_visual(color_map={1: (1, 2, 3)})
     assert ctx.visual.draw_commands().color.tolist() == [[1, 2, 3, 255]]
     ctx.graph.remove_obstacle_face(0)
@@ -116,6 +120,7 @@ def test_obstacle_colors_can_be_changed_and_unknown_types_are_grey(ctx):
 
 
 def test_sensors_show_what_they_saw_last(ctx):
+    ctx.visual.set_graph_visual().set_visible(False)  # nothing but what is declared
     for name in ("near", "map", "spy"):
         ctx.sensor.get_sensor(name).sense(0)
         ctx.visual.set_sensor_visual(name, edge_color=Color.Red)
@@ -128,12 +133,14 @@ def test_sensors_show_what_they_saw_last(ctx):
 
 
 def test_a_sensor_that_has_not_sensed_yet_draws_nothing(ctx):
+    ctx.visual.set_graph_visual().set_visible(False)  # nothing but what is declared
     for name in ("near", "map", "spy"):
         ctx.visual.set_sensor_visual(name)
     assert len(ctx.visual.draw_commands()) == 0
 
 
 def test_a_sensor_of_the_users_own_kind_without_a_view_is_an_error_of_its_artist(ctx, caplog):
+    ctx.visual.set_graph_visual().set_visible(False)  # nothing but what is declared
     ctx.visual.set_sensor_visual("own")
     assert len(ctx.visual.draw_commands()) == 0
     assert "Own does not offer last_view, so it cannot be drawn: override it" in caplog.text

@@ -73,6 +73,7 @@ def test_what_the_eliminated_saw_is_not_drawn(road):
 
 
 def test_declared_agents_and_sensors_vanish_likewise(road):
+    road.visual.set_graph_visual().set_visible(False)  # nothing but what is declared
     road.visual.set_agent_visual("a_0", color="red")
     road.visual.set_agent_visual("a_1", color="red")
     road.visual.set_sensor_visual("eyes_0", layer=SENSORS)
@@ -84,6 +85,7 @@ def test_declared_agents_and_sensors_vanish_likewise(road):
 
 
 def test_a_sensor_that_another_living_agent_carries_is_drawn_on(road):
+    road.visual.set_graph_visual().set_visible(False)  # nothing but what is declared
     road.visual.set_sensor_visual("eyes_0", layer=SENSORS)
     road.agent.get_agent("a_1").register_sensor("more", road.sensor.get_sensor("eyes_0"))
     road.game.run(1)

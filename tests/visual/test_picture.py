@@ -22,6 +22,7 @@ def dot(layer):
 
 
 def test_artists_are_painted_by_layer_then_in_the_order_of_their_declaration(ctx):
+    ctx.visual.set_graph_visual().set_visible(False)  # nothing but what is declared
     ctx.visual.set_agent_visual("red_0")
     for name, layer in (("top", 90), ("low", 1), ("high", 50), ("high too", 50)):
         ctx.visual.add_artist(name, dot(layer))
@@ -34,6 +35,7 @@ def test_an_invisible_artist_is_not_drawn(ctx):
 
 
 def test_a_drawer_that_fails_is_logged_with_its_name_and_the_others_draw_on(ctx, caplog):
+    ctx.visual.set_graph_visual().set_visible(False)  # nothing but what is declared
     ctx.visual.set_agent_visual("nobody")
     ctx.visual.add_artist("dot", dot(90))
     assert len(ctx.visual.draw_commands()) == 1

@@ -100,6 +100,7 @@ def test_all_published_names_are_the_one_drawing():
 
 
 def test_a_sensor_of_the_users_own_kind_is_drawn_from_its_view_back_to_front(ctx, sonar):
+    ctx.visual.set_graph_visual().set_visible(False)  # nothing but what is declared
     sonar.view = SensorView(
         nodes=np.array([(0.0, 0.0)]),
         lines=np.array([(0.0, 0.0), (10.0, 0.0)]),
@@ -118,6 +119,7 @@ def test_a_sensor_of_the_users_own_kind_is_drawn_from_its_view_back_to_front(ctx
 
 
 def test_one_color_is_enough(ctx, sonar):
+    ctx.visual.set_graph_visual().set_visible(False)  # nothing but what is declared
     sonar.view = SensorView(nodes=SQUARE, lines=SQUARE, offsets=np.array([0, 4]), agents=SQUARE, outline=SQUARE)
     ctx.visual.set_sensor_visual("sonar", color=(1, 2, 3))
     assert set(map(tuple, ctx.visual.draw_commands().color[:, :3].tolist())) == {(1, 2, 3)}
@@ -154,6 +156,7 @@ def test_a_class_that_is_a_sensor_by_its_decorator_alone_is_told_what_is_missing
 
 
 def test_a_field_of_view_that_holds_the_whole_map_is_not_drawn(ctx):
+    ctx.visual.set_graph_visual().set_visible(False)  # nothing but what is declared
     eye = ctx.sensor.create_sensor("eye", SensorType.RANGE, sensor_range=1e9)
     eye.sense(0)
     ctx.visual.set_sensor_visual("eye")
@@ -161,6 +164,7 @@ def test_a_field_of_view_that_holds_the_whole_map_is_not_drawn(ctx):
 
 
 def test_a_field_of_view_far_beyond_the_map_leaves_the_map_its_size(ctx):
+    ctx.visual.set_graph_visual().set_visible(False)  # nothing but what is declared
     eye = ctx.sensor.create_sensor("eye", SensorType.ARC, sensor_range=1e4, fov=pi)
     eye.sense(0)
     ctx.visual.set_sensor_visual("eye")
@@ -177,6 +181,7 @@ def test_a_map_without_extent_cuts_nothing():
     with gamms.create_context() as ctx:
         ctx.graph.add_nodes([0], [5], [5])
         ctx.sensor.create_sensor("eye", SensorType.RANGE, sensor_range=2.0).sense(0)
+        ctx.visual.set_graph_visual().set_visible(False)
         ctx.visual.set_sensor_visual("eye")
         assert kinds_of(ctx.visual.draw_commands()) == ["POLYGON", "CIRCLE"]
 

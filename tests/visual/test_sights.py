@@ -68,6 +68,7 @@ def test_rings_go_with_the_agents_while_a_turn_is_shown(road):
 
 
 def test_a_declared_sensor_shows_its_last_data_as_in_1_0_0(road):
+    road.visual.set_graph_visual().set_visible(False)  # nothing but what is declared
     road.visual.set_sensor_visual("anna_eyes", layer=SENSORS)
     road.game.run(3)
     assert rings(road) == {(40.0, 0.0)}  # where ben was when anna looked

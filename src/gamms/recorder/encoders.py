@@ -279,6 +279,6 @@ def header_of(ctx: HostContext, session: RecordingSession, options: dict[str, An
         "provenance": options.get("provenance"),
         **({} if scenario is None else {"scenario": {**to_plain(scenario), "seed": session.seed}}),
         "world": ctx.graph.storage.pack() if session.world is None else session.world,
-        **({"visuals": session.visuals} if session.visuals["artists"] else {}),
+        **({"visuals": session.visuals} if session.visuals["artists"] or "team_colors" in session.visuals else {}),
         **({"drawings": session.drawings.first} if session.drawings.first else {}),
     }

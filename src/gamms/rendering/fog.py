@@ -19,7 +19,7 @@ from gamms.text import shown
 from gamms.typing import SensorType
 from gamms.typing.visualization_engine import Drawer
 from gamms.visual import Artist
-from gamms.visual.appearance import Rgb, group_colors
+from gamms.visual.appearance import Rgb
 from gamms.visual.camera import inside
 from gamms.visual.constants import Layer
 from gamms.visual.default_scene import MOST_SENSORS, artists_of_sights, sight_radius
@@ -38,7 +38,7 @@ class Fog:
     """What a team knows of the map, and artists that show no more than that.
 
     Args:
-        ctx: a context in which no visuals were declared.
+        ctx: a context in which a recording is replayed.
         team: its text.
 
     Raises:
@@ -113,7 +113,8 @@ class Fog:
 
     def _show_sights(self, sights: list[Sight]) -> None:
         """Draw what the team's sensors see, while they are few, and no others."""
-        visual, color, found = self._ctx.visual, group_colors(self._ctx)[self._team], dict[str, list[Any]]()
+        visual, found = self._ctx.visual, dict[str, list[Any]]()
+        color = visual.drawing.group_colors()[self._team]
         for sight in sights if len(sights) <= MOST_SENSORS else ():
             found.setdefault(sight.sensor.sensor_id, []).append((color, sight.view or SensorView()))
         for name in self._sights:

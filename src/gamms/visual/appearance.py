@@ -1,8 +1,9 @@
 """How things look: colours, and the data of the built-in drawers."""
 
-from collections.abc import Callable, Iterable
+from collections.abc import Callable, Iterable, Mapping
 from dataclasses import dataclass, field
 from functools import lru_cache
+from types import MappingProxyType
 from typing import Any, NamedTuple
 
 import numpy as np
@@ -11,7 +12,7 @@ from gamms.arguments import as_float
 from gamms.errors import BadType, BadValue, UnknownName, nearest
 from gamms.ir.graph import FloatArray, IntArray
 from gamms.text import shown
-from gamms.typing import ColorType, IAgent, IContext
+from gamms.typing import ColorType, IAgent
 
 Rgb = tuple[int, int, int]
 Rgba = tuple[int, int, int, int]
@@ -53,18 +54,20 @@ TEAM_COLORS: tuple[Rgb, ...] = (
 _NAMED_TEAMS = {"blue": 0, "red": 1, "green": 2, "pink": 3, "purple": 3, "orange": 4, "yellow": 4, "cyan": 5}
 
 
-def team_colors(teams: Iterable[Any]) -> dict[str, Rgb]:
+def team_colors(teams: Iterable[Any], given: Mapping[str, Rgb] = MappingProxyType({})) -> dict[str, Rgb]:
     """Return a colour for each team, by its text: its own where it is named after one, else the next that is left.
 
     Args:
         teams: in the order in which they choose; a team may be anything.
+        given: text of a team -> its colour, which no other team chooses.
     """
     names = dict.fromkeys(map(str, teams))
-    own = {name: _NAMED_TEAMS[name.lower()] for name in names if name.lower() in _NAMED_TEAMS}
-    left = [place for place in range(len(TEAM_COLORS)) if place not in own.values()] or list(range(len(TEAM_COLORS)))
+    own = {name: TEAM_COLORS[_NAMED_TEAMS[name.lower()]] for name in names if name.lower() in _NAMED_TEAMS}
+    own |= {name: given[name] for name in names if name in given}
+    left = [color for color in TEAM_COLORS if color not in own.values()] or list(TEAM_COLORS)
     others = [name for name in names if name not in own]
-    places = own | {name: left[i % len(left)] for i, name in enumerate(others)}
-    return {name: TEAM_COLORS[places[name]] for name in names}
+    own |= {name: left[i % len(left)] for i, name in enumerate(others)}
+    return {name: own[name] for name in names}
 
 
 def inks(background: Rgba) -> tuple[Rgb, Rgb]:
@@ -178,11 +181,6 @@ def color_group(agent: IAgent) -> Any:
     return agent.name if team is None else team
 
 
-def group_colors(ctx: IContext, more: Iterable[Any] = ()) -> dict[str, Rgb]:
-    """Return a colour for each group of agents, and for more teams, by text; the same in every picture of a game."""
-    return team_colors([*map(color_group, ctx.agent.create_iter()), *more])
-
-
 @dataclass
 class Circle:
     """A disc; `radius` in world units."""
@@ -214,6 +212,27 @@ class AgentData:
     image: Any = None  # the path of a picture; a window may keep the loaded one
     current_position: tuple[float, float] | None = None  # where it was drawn last
     least_px: float = 6.0  # its radius is never less
+    undeclared: dict[str, Any] = field(default_factory=dict, compare=False)  # what was filled in
+
+    @classmethod
+    def declared(cls, **given: Any) -> "AgentData":
+        """Return a look of which only these values were declared, so that `fill` may change the others."""
+        look = cls(**given)
+        names = ("color",) * ("color" not in given) + ("size", "least_px") * ("size" not in given)
+        look.undeclared = {name: getattr(look, name) for name in names}
+        return look
+
+    def fill(self, usual: "AgentData") -> None:
+        """Take from another look what was neither declared nor set by the program since."""
+        for name, value in self.undeclared.items():
+            if getattr(self, name) == value:
+                self.undeclared[name] = getattr(usual, name)
+                setattr(self, name, getattr(usual, name))
+
+    def given(self) -> dict[str, Any]:
+        """Return the values that were declared."""
+        filled = {name for name, value in self.undeclared.items() if getattr(self, name) == value}
+        return {name: value for name, value in self.__dict__.items() if name not in filled}
 
 
 @dataclass

@@ -186,7 +186,7 @@ class ArtistGroup:
     def _draw_discs(self, members: list[_Item], share: float) -> bool:
         """Draw agents together; False where one of them has to be drawn, or to fail, by itself."""
         try:
-            return render_agents(self._ctx, [_data_of(artist)["agent_data"] for _, artist in members], share)
+            return render_agents(self._ctx, [data_of(artist)["agent_data"] for _, artist in members], share)
         except Exception:  # noqa: BLE001 - drawn by itself, the agent that is the reason fails likewise
             return False
 
@@ -204,12 +204,13 @@ def _is_disc(ctx: IContext, artist: IArtist) -> bool:
     """Return whether an artist draws an agent on the ground as a disc."""
     if artist.get_drawer() is not render_agent or type(artist).draw is not Artist.draw:
         return False
-    look = _data_of(artist).get("agent_data")
+    look = data_of(artist).get("agent_data")
     agent = ctx.agent.agents.get(look.name) if isinstance(look, AgentData) else None
     return agent is not None and agent.type != AgentType.AERIAL
 
 
-def _data_of(artist: IArtist) -> dict[str, Any]:
+def data_of(artist: IArtist) -> dict[str, Any]:
+    """Return what an artist draws."""
     data: dict[str, Any] = artist.data
     return data
 

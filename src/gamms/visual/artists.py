@@ -6,12 +6,12 @@ from typing import TYPE_CHECKING, Any, NamedTuple, Unpack, cast
 
 from gamms.arguments import as_int, as_key, as_name
 from gamms.deciding import Guarded, Protected, outside_of_deciding, phase_of, refused_while_deciding
-from gamms.errors import BadType, BadValue, ContextTerminated
+from gamms.errors import BadType, BadValue, ContextTerminated, UnknownName
 from gamms.text import shown
 from gamms.typing import ArtistType, IArtist, IContext
 from gamms.typing.visualization_engine import AgentVisual, Drawer, GraphVisual, ObstacleVisual, SensorVisual
-from gamms.visual.appearance import AgentData, Circle, Colorize, GraphData, Rectangle
-from gamms.visual.artist import Artist, looks_of
+from gamms.visual.appearance import AgentData, AnyColor, Circle, Colorize, GraphData, Rectangle, Rgb, rgba
+from gamms.visual.artist import Artist, data_of, looks_of
 from gamms.visual.constants import Layer, Shape
 from gamms.visual.drawers import (
     render_agent,
@@ -22,9 +22,9 @@ from gamms.visual.drawers import (
     render_rectangle,
     render_sensor,
 )
-from gamms.visual.drawers.rules import FlagsDrawer, TerritoryDrawer, render_eliminated, render_tags
+from gamms.visual.drawers.rules import FlagsDrawer, TerritoryDrawer, render_eliminated, render_tags, teams_of_rules
+from gamms.visual.drawing import Drawing
 from gamms.visual.recorded_drawings import RecordedDrawer, RecordedDrawings
-from gamms.visual.shown_turn import TurnEvents
 
 if TYPE_CHECKING:
     from gamms.visual.default_scene import DefaultScene
@@ -60,8 +60,8 @@ _KINDS = {
     "agent": _Kind(
         render_agent,
         ("name", "color", "size"),
-        lambda data: data["agent_data"].__dict__,
-        lambda given: {"agent_data": AgentData(**given), "_alpha": 1.0},
+        lambda data: data["agent_data"].given(),
+        lambda given: {"agent_data": AgentData.declared(**given), "_alpha": 1.0},
     ),
     "sensor": _Kind(render_sensor, ("name", "color", "size", "node_color", "node_size", "edge_color"), dict, dict),
     "circle": _Kind(render_circle, ("x", "y", "radius", "scale", "color"), _of_shape(Circle), dict, is_shape=True),
@@ -130,11 +130,11 @@ class Artists(Guarded):
 
     Args:
         ctx: the context.
-        events: of the turn that is shown.
+        drawing: what they draw with.
 
     Attributes:
         declared: every artist that was declared or added.
-        is_declared: whether visuals were declared, so that there is no default scene.
+        is_graph_declared: whether the graph was, so that there is no default scene.
         edits: a number that changes whenever an artist is declared, added or removed.
         drawings: those of a recording that is replayed.
     """
@@ -143,13 +143,14 @@ class Artists(Guarded):
 
     declared: Protected[dict[str, IArtist]] = Protected(dict)
 
-    def __init__(self, ctx: IContext, events: TurnEvents) -> None:
+    def __init__(self, ctx: IContext, drawing: Drawing) -> None:
         self._phase = phase_of(ctx)
-        self._ctx, self._events = ctx, events
+        self._ctx, self._drawing = ctx, drawing
+        self._own_colors: dict[str, Rgb] = {}  # of teams, but for those of a recording
         self.declared = {}
         self._proposed: dict[str, IArtist] = {}
-        self.is_declared = False
-        self._is_replayed = False  # declared visuals are those of a recording, where rules drew, too
+        self.is_graph_declared = False
+        self._is_replayed = False  # what is declared is from a recording, where rules drew, too
         self._default: DefaultScene | None = None
         self.edits = 0
         self.drawings = RecordedDrawings(ctx)
@@ -159,7 +160,7 @@ class Artists(Guarded):
 
     @outside_of_deciding
     def shown(self, scene: "DefaultScene | None" = None) -> dict[str, IArtist]:
-        """Return the artists that draw: the declared ones, and the default scene as far as none were declared.
+        """Return the artists that draw: the declared ones, and those of the default scene that they do not replace.
 
         Raises:
             ContextTerminated: the context has ended.
@@ -167,28 +168,59 @@ class Artists(Guarded):
         if self._ctx.is_terminated():
             raise ContextTerminated("the state to draw")
         artists = self._of_default(scene) | self.declared
-        if not self._events.eliminated():
+        if not self._drawing.events.eliminated():
             return artists
         marks = Artist(self._ctx, render_eliminated, Layer.TAGS)
         marks.data = {"colors": {look.name: look.color for look in looks_of(artists)}}
         return {"eliminated": marks} | artists
 
     def _of_default(self, scene: "DefaultScene | None") -> dict[str, IArtist]:
-        """Return the default scene where nothing was declared; in a replay of declared visuals, what its rules drew."""
-        if self.is_declared and not self._is_replayed:
+        """Return the default scene unless the graph was declared; in a replay of such a game, what its rules drew."""
+        if self.is_graph_declared and not self._is_replayed:
             return {}
         if scene is None:
             from gamms.visual.default_scene import DefaultScene
 
             scene = self._default = self._default or DefaultScene(self._ctx)
-        return scene.of_rules() if self.is_declared else scene.artists(self.declared)
+        return scene.of_rules() if self.is_graph_declared else scene.artists(self.declared)
 
     # -- declared --------------------------------------------------------------------------------------------
 
+    @property
+    def team_colors(self) -> Mapping[str, Rgb]:
+        """The colours that were declared, by the text of their teams."""
+        return MappingProxyType(dict(self._drawing.team_colors))
+
+    @team_colors.setter
+    def team_colors(self, colors: Mapping[Any, AnyColor]) -> None:
+        """Give teams, and agents without one by their names, other colours than the usual ones.
+
+        Raises:
+            BadType, BadValue: no mapping, or a colour that is none.
+            UnknownName (KeyError): no agent, flag or territory is of that team.
+        """
+        checked, known = _checked_colors(colors), {*self._drawing.group_colors(), *teams_of_rules(self._ctx)}
+        for team in checked:
+            if team not in known:
+                raise UnknownName("team", team, sorted(known))
+        self._own_colors = self._drawing.team_colors = checked
+        self.edits += 1
+
     @refused_while_deciding
     def set_graph_visual(self, **kwargs: Unpack[GraphVisual]) -> Artist:
-        """Declare how the graph looks; `GraphVisual` has the keywords."""
+        """Declare how the graph looks, and draw from now on only what is declared; `GraphVisual` has the keywords."""
+        self._declare_graph(is_declared=not self._ctx.is_terminated())
         return self._declare("graph", self._made("graph", {**kwargs}, Layer.GRAPH))
+
+    def _declare_graph(self, *, is_declared: bool) -> None:
+        """Note that the graph was declared: what the default scene has filled in is as in 1.0.0 again."""
+        if is_declared and not self.is_graph_declared:
+            self.is_graph_declared = True
+            for look in looks_of(self.declared):
+                look.fill(AgentData(look.name))
+            for artist in self.declared.values():
+                if artist.get_drawer() is render_sensor:
+                    data_of(artist).pop("_usual", None)
 
     @refused_while_deciding
     def set_obstacle_visual(self, **kwargs: Unpack[ObstacleVisual]) -> Artist:
@@ -274,7 +306,6 @@ class Artists(Guarded):
     def _declare(self, name: str, artist: Artist) -> Artist:
         if not self._ctx.is_terminated():
             self.declared[as_name(name, "a visual")] = artist
-            self.is_declared = True
             self.edits += 1
         return artist
 
@@ -333,7 +364,7 @@ class Artists(Guarded):
     # -- recorded --------------------------------------------------------------------------------------------
 
     def specs(self, *, with_drawings: bool = False) -> dict[str, Any]:
-        """Describe the `artists` of built-in drawers as plain values, and whether visuals were declared.
+        """Describe the `artists` of built-in drawers as plain values; colours of teams; and if the graph was declared.
 
         With drawings, the artists of other drawers and shapes are in their places, for what they draw is recorded.
         """
@@ -344,7 +375,8 @@ class Artists(Guarded):
                 artists.append(_spec(name, _DRAWING, keywords, artist))
             else:
                 artists.append(spec_of(name, artist))
-        return {"artists": [one for one in artists if one is not None], "is_declared": self.is_declared}
+        specs = {"artists": [one for one in artists if one is not None], "is_declared": self.is_graph_declared}
+        return specs | ({"team_colors": dict(self.team_colors)} if self.team_colors else {})
 
     def drawn(self, *, with_custom: bool) -> dict[str, IArtist]:
         """Return the artists whose draw commands are recorded: those of a replay, and with custom drawers, by name."""
@@ -408,7 +440,7 @@ class Artists(Guarded):
             )
             for one in specs["artists"]
         }
-        is_declared = bool(specs["is_declared"])
+        is_declared, colors = bool(specs["is_declared"]), _checked_colors(specs.get("team_colors", {}))
         if self._ctx.is_terminated():
             return own
         for name, artist in own.items():
@@ -416,10 +448,28 @@ class Artists(Guarded):
                 del self.declared[name]
         new = {name: one for name, one in made.items() if one is not None and name not in self.declared}
         self.declared |= new
-        self.is_declared |= is_declared
+        self._declare_graph(is_declared=is_declared)
+        self._drawing.team_colors = colors | self._own_colors
         self._is_replayed = True
         self.edits += 1
         return new
+
+
+def _checked_colors(colors: object) -> dict[str, Rgb]:
+    """Return colours by the text of their teams.
+
+    Raises:
+        BadType, BadValue: they are none.
+    """
+    if not isinstance(colors, Mapping):
+        raise BadType(f"team_colors must be a mapping from teams to colours, not {shown(colors)}.")
+    checked: dict[str, Rgb] = {}
+    for team, color in colors.items():
+        try:
+            checked[str(team)] = rgba(color)[:3]
+        except (BadType, BadValue) as error:
+            raise type(error)(f"The colour of team {shown(team)}: {error}") from None
+    return checked
 
 
 def _is_drawn(artist: IArtist, with_custom: bool) -> bool:

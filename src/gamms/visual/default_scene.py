@@ -1,11 +1,11 @@
-"""The default scene of a scenario that declares no visuals: grey streets, toned buildings, and agents in colours.
+"""The default scene of a scenario that does not declare its graph: grey streets, toned buildings, agents in colours.
 
 Agents have the colours of their teams, or their own. What few sensors see is drawn in the colours of the living
 agents that carry them, below the agents. Flags, territories and the tags of this turn are drawn, and a legend shows
 the teams.
 """
 
-from collections.abc import Container, Mapping
+from collections.abc import Mapping
 from types import MappingProxyType
 from typing import Any, NamedTuple
 
@@ -15,8 +15,8 @@ from gamms.ir.graph import GraphColumns
 from gamms.ir.sensed import SensorView
 from gamms.typing import ArtistType, IArtist, IContext
 from gamms.typing.visualization_engine import Drawer
-from gamms.visual.appearance import BY_DAY, AgentData, GraphData, Rgb, WallTones, color_group, group_colors
-from gamms.visual.artist import Artist
+from gamms.visual.appearance import BY_DAY, AgentData, GraphData, Rgb, WallTones, color_group
+from gamms.visual.artist import Artist, data_of, looks_of
 from gamms.visual.constants import Layer
 from gamms.visual.drawers import render_agent, render_graph, render_obstacles, render_sensor
 from gamms.visual.drawers.graph import usual
@@ -54,7 +54,7 @@ ON_PAPER = MapTones((165, 168, 172), (140, 143, 148), BY_DAY)
 
 
 class DefaultScene:
-    """The artists of a scenario that declares none, kept as long as what they depend on stays the same.
+    """The artists of a scenario that does not declare its graph, kept as long as what they depend on stays the same.
 
     Args:
         ctx: the context.
@@ -73,10 +73,19 @@ class DefaultScene:
         self._territories: dict[str, TerritoryDrawer] = {}  # they keep polylines of territories
         self._tags, self._legend = Artist(ctx, render_tags, Layer.TAGS), legend_of_teams(ctx)
 
-    def artists(self, declared: Container[str]) -> dict[str, IArtist]:
-        """Return the artists of the map, all agents, the sensors while they are few, rules, and the legend, by name."""
+    def artists(self, declared: Mapping[str, IArtist]) -> dict[str, IArtist]:
+        """Return the artists of the map, all agents, the sensors while they are few, rules, and the legend, by name.
+
+        Sizes and colours that declared artists do not have are filled in.
+        """
         self._renew_map()
         self._renew_agents()
+        for look in looks_of(declared):
+            if look.name in self._agents:
+                look.fill(data_of(self._agents[look.name])["agent_data"])
+        for artist in declared.values():
+            if artist.get_drawer() is render_sensor:
+                data_of(artist)["_usual"] = sizes_of_sights(self._unit)
         return self._map | self._agents | self._sensors(declared) | self.of_rules() | {"legend": self._legend}
 
     def of_rules(self) -> dict[str, IArtist]:
@@ -111,11 +120,11 @@ class DefaultScene:
         return artist
 
     def _renew_agents(self) -> None:
-        key = self._ctx.agent.structure_version, self._unit
+        key = self._ctx.agent.structure_version, self._unit, drawing_of(self._ctx).team_colors
         if key == self._agents_key:
             return
         sides = {agent.name: str(color_group(agent)) for agent in self._ctx.agent.create_iter()}
-        by_side = group_colors(self._ctx)
+        by_side = drawing_of(self._ctx).group_colors()
         least_px = max(_LEAST_PX, min(_USUAL_PX, _USUAL_PX * (_MANY / max(len(sides), 1)) ** 0.5))
         self._agents_key, self._agents = key, {}
         self._colors = {name: by_side[side] for name, side in sides.items()}
@@ -123,7 +132,7 @@ class DefaultScene:
             self._agents[name] = disc = Artist(self._ctx, render_agent, Layer.AGENTS)
             disc.data = {"agent_data": AgentData(name, color, self._unit, least_px=least_px), "_alpha": 1.0}
 
-    def _sensors(self, declared: Container[str]) -> dict[str, IArtist]:
+    def _sensors(self, declared: Mapping[str, IArtist]) -> dict[str, IArtist]:
         """Return artists of what sensors see at present."""
         nodes, found = len(self._ctx.graph.columns().node_ids), dict[str, list[Sight]]()
         for sight in drawing_of(self._ctx).carriers.sights(MOST_SENSORS):
@@ -137,11 +146,16 @@ class DefaultScene:
         return _WITHOUT_CARRIER if carrier is None else self._colors[carrier]
 
 
+def sizes_of_sights(unit: float) -> dict[str, float]:
+    """Return the keywords of sensors that are sizes, where agents have some radius."""
+    return {"size": RING * unit, "node_size": 0.5 * unit}
+
+
 def artists_of_sights(
     ctx: IContext,
     sights: ColoredSights,
     unit: float,
-    declared: Container[str],
+    declared: Mapping[str, IArtist],
     before: Mapping[str, Artist] = MappingProxyType({}),
 ) -> dict[str, Artist]:
     """Return artists of what sensors see: one for each, and one for the rings of all that are drawn so.
@@ -150,10 +164,10 @@ def artists_of_sights(
         ctx: the context.
         sights: sensor -> a colour and a view for each of its carriers; a view that is None cannot be drawn.
         unit: the radius of agents.
-        declared: names of artists that were declared.
+        declared: artists by name, which are left out.
         before: artists to be used again.
     """
-    artists, look = dict[str, Artist](), {"size": RING * unit, "node_size": 0.5 * unit}
+    artists, look = dict[str, Artist](), sizes_of_sights(unit)
     for name, views in sights.items():
         drawer = (
             render_sensor if any(view is None for _, view in views) else render_sight
@@ -176,7 +190,8 @@ def artists_of_sights(
 
 def team_rows(ctx: IContext) -> Rows | None:
     """Return the legend of the teams: colour, name and score; None where there are not two."""
-    colors, teams = group_colors(ctx), dict.fromkeys(getattr(agent, "team", None) for agent in ctx.agent.create_iter())
+    colors = drawing_of(ctx).group_colors()
+    teams = dict.fromkeys(getattr(agent, "team", None) for agent in ctx.agent.create_iter())
     scores = {} if ctx.current_game is None else ctx.current_game.scores
     named = [team for team in teams if team is not None]
     if len(named) < 2:

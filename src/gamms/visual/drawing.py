@@ -3,7 +3,7 @@
 
 import os
 from array import array
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Callable, Iterable, Mapping, Sequence
 from dataclasses import replace
 from typing import Any, NamedTuple, TypeVar, cast
 
@@ -15,7 +15,7 @@ from gamms.ir.draw import FARTHEST, DrawCommands, DrawKind, DrawSpace
 from gamms.ir.graph import FloatArray, GraphColumns, IntArray
 from gamms.text import shown
 from gamms.typing import IAgent, IContext
-from gamms.visual.appearance import BY_DAY, AnyColor, Color, WallTones, rgba
+from gamms.visual.appearance import BY_DAY, AnyColor, Color, Rgb, WallTones, color_group, rgba, team_colors
 from gamms.visual.camera import Viewpoint
 from gamms.visual.shown_turn import Carriers, Motion, TurnEvents
 
@@ -274,6 +274,7 @@ class Drawing:
         events: of the turn that is shown.
         carriers: of sensors.
         viewpoint: of pictures.
+        team_colors: text of a team -> the colour that was declared for it.
         commands: the open list; None: nothing is drawn.
     """
 
@@ -283,6 +284,7 @@ class Drawing:
         self._ctx, self.wall_tones, self._held_image = ctx, wall_tones, held_image or image_path
         self.motion, self.events, self.carriers = Motion(ctx), TurnEvents(ctx), Carriers(ctx)
         self.viewpoint = Viewpoint(ctx, self.motion.position_of)
+        self.team_colors: Mapping[str, Rgb] = {}
         self.commands: Commands | None = None
         self._measured: tuple[GraphColumns | None, dict[Any, Any]] = None, {}
 
@@ -451,6 +453,10 @@ class Drawing:
         positions, agents = self._ctx.agent.positions, self._ctx.agent.agents
         out = [agents[positions.names[row]] for row in positions.inactive]
         return {agent.name for agent in out if not self.is_shown(agent, share)}
+
+    def group_colors(self, more: Iterable[Any] = ()) -> dict[str, Rgb]:
+        """Return a colour for each group of agents, and for more teams, by text; the same in all pictures of a game."""
+        return team_colors([*map(color_group, self._ctx.agent.create_iter()), *more], self.team_colors)
 
     def extent(self) -> float:
         """Return how much of the map pictures show, world units, for marks of one size in all; 0.0 for no map.

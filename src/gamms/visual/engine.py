@@ -6,13 +6,14 @@ The engine with a window is in `window/`.
 
 import atexit
 import os
-from collections.abc import Callable
+from collections.abc import Callable, Mapping
 from typing import Any, Concatenate, Generic, ParamSpec, TypeVar, cast
 
 from gamms.arguments import as_float, misspelt
 from gamms.deciding import Guarded, Protected, outside_of_deciding, phase_of, refused_while_deciding
 from gamms.ir.draw import DrawCommands
 from gamms.typing import IContext, IVisualizationEngine
+from gamms.visual.appearance import Rgb
 from gamms.visual.artist import ArtistGroup
 from gamms.visual.artists import Artists
 from gamms.visual.camera import Follow, Look
@@ -67,6 +68,7 @@ class PictureEngine(Guarded, IVisualizationEngine):
         artists: those that draw.
         pictures: of the present state, and films.
         turn_seconds: how long a turn is shown; 1.0.0 calls it the simulation time constant.
+        team_colors: team -> its colour, for those that are not to have the usual one.
         width, height: of a frame, pixels.
         calls_drawers: whether drawers are called in every turn, and not only for pictures.
     """
@@ -82,12 +84,13 @@ class PictureEngine(Guarded, IVisualizationEngine):
         self.after_turn = []
         self.drawing = drawing or Drawing(ctx)
         self.viewpoint = self.drawing.viewpoint
-        self.artists = Artists(ctx, self.drawing.events)
+        self.artists = Artists(ctx, self.drawing)
         seconds = as_float(simulation_time_constant, "simulation_time_constant")
         self.pictures = Pictures(ctx, self.drawing, self.artists, seconds)
 
     turn_seconds = _Attribute[float]("pictures", "turn_seconds")
     width, height = _Attribute[int]("pictures", "width"), _Attribute[int]("pictures", "height")
+    team_colors = _Attribute[Mapping[str, Rgb]]("artists", "team_colors")
     look, followed = _Attribute[Look | None]("viewpoint", "look"), _Attribute[Follow | None]("viewpoint", "followed")
 
     # -- drawing: 1.0.0's primitives, and those that draw many things at once ---------------------------------
@@ -140,8 +143,8 @@ class PictureEngine(Guarded, IVisualizationEngine):
     def draw_commands(self, share: float = 1.0) -> DrawCommands:
         """Return the present state as draw commands, after a share of the agents' last moves from 0.0 to 1.0.
 
-        Where no visual was declared, the graph and the agents are drawn in the default scene. A drawer that
-        raises is logged, and the others draw on.
+        Unless the graph was declared, the default scene is drawn as far as nothing else was. A drawer that raises is
+        logged, and the others draw on.
 
         Raises:
             ContextTerminated: the context has ended.

@@ -14,7 +14,7 @@ from gamms.errors import BadType
 from gamms.ir.graph import FloatArray, GraphColumns, IntArray
 from gamms.text import shown
 from gamms.typing import IContext
-from gamms.visual.appearance import AnyColor, color_group, group_colors, rgba
+from gamms.visual.appearance import AnyColor, color_group, rgba
 from gamms.visual.constants import Layer
 from gamms.visual.drawers.graph import one_way_each, polylines, usual_edge
 from gamms.visual.drawing import drawing_of
@@ -47,6 +47,12 @@ def territories_in(ctx: IContext) -> dict[str, dict[Any, str]]:
     if not isinstance(kept, dict):
         return {}
     return _first((name, _first(owned.items())) for name, owned in kept.items() if _is_owned(owned))
+
+
+def teams_of_rules(ctx: IContext) -> set[str]:
+    """Return the teams of flags and territories, by their text."""
+    owned = [flags["bases"] for flags in flags_in(ctx).values()] + list(territories_in(ctx).values())
+    return {str(team) for teams in owned for team in teams}
 
 
 def _first(items: Iterable[tuple[Any, Any]]) -> dict[Any, Any]:
@@ -194,7 +200,7 @@ def _places(columns: GraphColumns, owned: Mapping[Any, str]) -> dict[Any, _Groun
 
 def team_colors_of(ctx: IContext, teams: Mapping[Any, Any], given: Mapping[Any, Any] | None) -> dict[Any, Any]:
     """Return a colour for each team: the given one, or what its agents have where nothing is declared."""
-    usual = group_colors(ctx, sorted(teams, key=str))
+    usual = drawing_of(ctx).group_colors(sorted(teams, key=str))
     return {team: (given or {}).get(team, usual[str(team)]) for team in sorted(teams, key=str)}
 
 
@@ -211,7 +217,7 @@ def render_tags(ctx: IContext, data: dict[str, Any]) -> None:
     tags = [tag for tag in visual.events.of_kind("tag") if of is None or {tag.get("agent"), tag.get("other")} & of]
     if not tags:
         return
-    arm, usual = _ARM * visual.extent() or 1.0, group_colors(ctx)
+    arm, usual = _ARM * visual.extent() or 1.0, visual.group_colors()
     for tag in tags:
         node, tagger = tag.get("node", -1), ctx.agent.agents.get(tag.get("agent", ""))
         if tagger is None or not ctx.graph.graph.has_node(node):

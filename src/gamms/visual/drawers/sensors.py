@@ -54,6 +54,7 @@ def render_rings(ctx: IContext, data: dict[str, Any]) -> None:
 
 
 def _draw(ctx: IContext, data: dict[str, Any], view: SensorView) -> None:
+    data = {**data.get("_usual", {}), **data}
     color = data.get("color", data.get("node_color", Color.Cyan))
     if len(view.outline):
         field_of_view(ctx, view.outline, color)

@@ -1,0 +1,233 @@
+"""What is declared adds to the default look; whoever declares the graph draws nothing but what is declared."""
+
+import io
+
+import pytest
+
+import gamms
+from gamms.errors import BadType, BadValue, UnknownName
+from gamms.rules import capture_flag, territory
+from gamms.sensor import SensorType
+from gamms.visual.appearance import TEAM_COLORS
+
+TEAL, BLUE = (0, 128, 128), TEAM_COLORS[0]
+
+
+def default_size(ctx):
+    """The radius of agents of which nothing was declared."""
+    return ctx.visual.artists.shown()["blue_0"].data["agent_data"].size
+
+
+def legend_rows(svg):
+    """The words of a picture's legend that name teams."""
+    return [team for team in ("red", "blue") if f">{team}</text>" in svg]
+
+
+def colors_in(commands, layer):
+    """The colours on a layer."""
+    return set(map(tuple, commands.color[commands.layer == layer, :3].tolist()))
+
+
+@pytest.mark.parametrize(
+    ("name", "declare"),
+    [
+        ("red_0", lambda visual: visual.set_agent_visual("red_0", color=TEAL)),
+        ("sensor_spy", lambda visual: visual.set_sensor_visual("spy")),
+        ("obstacles", lambda visual: visual.set_obstacle_visual()),
+    ],
+)
+def test_what_is_declared_takes_the_place_of_its_own_part_of_the_default_look_only(ctx, name, declare):
+    before = ctx.visual.artists.shown()
+    artist = declare(ctx.visual)
+    shown = ctx.visual.artists.shown()
+    assert shown[name] is artist
+    assert {one: shown[one] for one in before if one != name} == {one: before[one] for one in before if one != name}
+    assert legend_rows(ctx.visual.picture(".svg").decode()) == ["red", "blue"]
+
+
+def test_what_is_not_declared_of_an_agent_is_as_in_the_default_look(ctx):
+    usual = ctx.visual.artists.shown()["red_0"].data["agent_data"]
+    colored = ctx.visual.set_agent_visual("red_0", color=TEAL).data["agent_data"]
+    ctx.visual.draw_commands()
+    assert (colored.color, colored.size, colored.least_px) == (TEAL, usual.size, usual.least_px)
+    sized = ctx.visual.set_agent_visual("red_0", size=3.0).data["agent_data"]
+    ctx.visual.draw_commands()
+    assert (sized.color, sized.size, sized.least_px) == (usual.color, 3.0, 6.0)
+
+
+def test_what_is_not_declared_of_a_sensor_has_the_sizes_of_the_default_look(ctx):
+    ctx.sensor.get_sensor("spy").sense(0)
+    rings = ctx.visual.artists.shown()["rings"].data["size"]
+    ctx.visual.set_sensor_visual("spy")
+    commands = ctx.visual.draw_commands()
+    assert rings in commands.size[commands.layer == 40]
+    ctx.visual.set_sensor_visual("spy", size=5.0)
+    commands = ctx.visual.draw_commands()
+    assert {5.0} < set(commands.size[commands.layer == 40].tolist())
+
+
+def test_a_value_that_a_program_sets_is_not_filled_in(ctx):
+    look = ctx.visual.set_agent_visual("red_0").data["agent_data"]
+    ctx.visual.draw_commands()
+    look.size = 4.0
+    ctx.graph.graph.add_node({"id": 9, "x": 900.0, "y": 900.0})  # a larger map, larger agents
+    ctx.visual.draw_commands()
+    assert look.size == 4.0
+    assert ctx.visual.set_agent_visual("red_0").data["agent_data"].size == 8.0  # as 1.0.0 has it, until it is drawn
+
+
+@pytest.mark.parametrize("is_graph_first", [True, False])
+def test_a_program_that_declares_the_graph_sees_what_it_declares_as_in_1_0_0(ctx, is_graph_first):
+    def declare_others():
+        ctx.visual.set_sensor_visual("spy")
+        return ctx.visual.set_agent_visual("red_0").data["agent_data"]
+
+    ctx.sensor.get_sensor("spy").sense(0)
+    look = None if is_graph_first else declare_others()
+    ctx.visual.draw_commands()
+    ctx.visual.set_graph_visual()
+    look = look or declare_others()
+    assert set(ctx.visual.artists.shown()) == {"graph", "red_0", "sensor_spy"}
+    assert (look.color, look.size) == ((0, 0, 0), 8.0)
+    commands = ctx.visual.draw_commands()
+    assert {8.0, 10.0} == set(commands.size[(commands.layer == 40) & (commands.width > 0.0)].tolist()) - {2.0}
+    ctx.visual.remove_artist("graph")
+    assert set(ctx.visual.artists.shown()) == {"red_0", "sensor_spy"}
+
+
+def test_a_replay_fills_in_what_the_game_did(tmp_path):
+    with gamms.create_context(seed=1) as ctx:
+        ctx.graph.attach_networkx_graph(gamms.graph.grid(3, 3))
+        for name in ("red", "blue"):
+            ctx.agent.create_agent(f"{name}_0", start_node_id=0, team=name)
+        ctx.visual.set_agent_visual("red_0", color=TEAL)
+        ctx.visual.draw_commands()
+        stream = io.BytesIO()
+        ctx.record.start(stream)
+        ctx.visual.simulate()
+        ctx.record.stop()
+        picture = ctx.visual.picture(".svg")
+    with gamms.create_context() as again:
+        for _ in again.record.replay(io.BytesIO(stream.getvalue())):
+            pass
+        assert again.visual.picture(".svg") == picture
+        assert again.visual.artists.shown()["red_0"].data["agent_data"].size == default_size(again)
+
+
+@pytest.fixture
+def game():
+    """Two teams with flags and territories on a street."""
+    with gamms.create_context(seed=1, logger_config={"level": "WARNING"}) as ctx:
+        ctx.graph.attach_networkx_graph(gamms.graph.grid(1, 8))
+        for name, node in (("red", 0), ("blue", 7)):
+            ctx.agent.create_agent(f"{name}_0", start_node_id=node, team=name, strategy=lambda state: None)
+        ctx.game.add(territory.published({node: "red" if node < 4 else "blue" for node in range(8)}))
+        ctx.game.add(capture_flag({"red": 0, "blue": 7, "gold": 4}, goal=None))
+        yield ctx
+
+
+def test_a_teams_color_is_that_of_its_agents_territory_flag_and_row_of_the_legend(game):
+    before = game.visual.picture(".svg").decode()
+    game.visual.team_colors = {"red": "#008080"}
+    commands, svg = game.visual.draw_commands(), game.visual.picture(".svg").decode()
+    for layer in (12, 20, 22):
+        assert TEAL in colors_in(commands, layer)
+        assert BLUE in colors_in(commands, layer)
+        assert layer == 22 or TEAM_COLORS[1] not in colors_in(commands, layer)  # which is free for the golden flag
+    assert legend_rows(svg) == ["red", "blue"]
+    game.visual.team_colors = {}
+    assert game.visual.picture(".svg").decode() == before
+
+
+def test_a_replay_and_what_is_recorded_of_it_show_the_colors_of_teams(game):
+    first, second = io.BytesIO(), io.BytesIO()
+    game.visual.team_colors = {"red": TEAL}
+    game.record.start(first)
+    game.game.run(1)
+    game.visual.team_colors = {"red": (90, 0, 90), "gold": "yellow"}
+    game.game.run(2)
+    game.record.stop()
+    with gamms.create_context() as again:
+        again.record.start(second)
+        found = [dict(again.visual.team_colors) for _ in again.record.replay(io.BytesIO(first.getvalue()))]
+        again.record.stop()
+        assert again.visual.picture(".svg") == game.visual.picture(".svg")
+    assert found[0] == {"red": TEAL}
+    assert found[-1] == {"red": (90, 0, 90), "gold": (255, 255, 0)}
+    assert second.getvalue() == first.getvalue()
+
+
+def test_colors_of_the_program_win_over_those_of_a_recording(game):
+    stream = io.BytesIO()
+    game.visual.team_colors = {"red": TEAL, "blue": TEAL}
+    game.record.start(stream)
+    game.game.run(1)
+    game.record.stop()
+    with gamms.create_context() as again:
+        again.graph.attach_networkx_graph(gamms.graph.grid(1, 8))
+        again.agent.create_agent("x", start_node_id=0, team="red")
+        again.visual.team_colors = {"red": "black"}
+        again.agent.delete_agent("x")
+        for _ in again.record.replay(io.BytesIO(stream.getvalue())):
+            pass
+        assert dict(again.visual.team_colors) == {"red": (0, 0, 0), "blue": TEAL}
+
+
+@pytest.mark.parametrize(
+    ("colors", "error", "words"),
+    [
+        ({"reed": "red"}, UnknownName, "Unknown team 'reed'. Did you mean 'red'?"),
+        ({"red": "rod"}, BadValue, "The colour of team 'red': Unknown color 'rod'"),
+        ({"blue": 5}, BadType, "The colour of team 'blue': A color is"),
+        ({"blue": (1, 2)}, BadValue, "The colour of team 'blue': A color has three or four"),
+        ([("red", "blue")], BadType, "team_colors must be a mapping from teams to colours"),
+    ],
+)
+def test_a_wrong_team_or_color_is_named_and_changes_nothing(game, colors, error, words):
+    game.visual.team_colors = {"red": TEAL}
+    with pytest.raises(error, match=words.replace("?", r"\?")):
+        game.visual.team_colors = colors
+    assert dict(game.visual.team_colors) == {"red": TEAL}
+
+
+def test_colors_of_teams_are_a_copy_that_cannot_be_written_to(game):
+    mine = {"red": TEAL}
+    game.visual.team_colors = mine
+    mine["red"] = BLUE
+    with pytest.raises(TypeError):
+        game.visual.team_colors["red"] = BLUE
+    assert dict(game.visual.team_colors) == {"red": TEAL}
+
+
+def test_agents_without_a_team_go_by_their_names(ctx):
+    ctx.agent.create_agent("lone", start_node_id=0)
+    ctx.visual.team_colors = {"lone": TEAL}
+    assert ctx.visual.artists.shown()["lone"].data["agent_data"].color == TEAL
+
+
+def test_no_team_chooses_a_color_that_was_given_to_another(ctx):
+    ctx.agent.create_agent("third", start_node_id=1, team="third")
+    ctx.visual.team_colors = {"blue": TEAM_COLORS[2], "red": TEAM_COLORS[3]}
+    colors = ctx.visual.drawing.group_colors()
+    assert len(set(colors.values())) == 3
+
+
+def test_a_strategy_cannot_change_the_colors_of_teams(game):
+    found = []
+
+    def paint(state):
+        with pytest.raises(gamms.errors.IllegalMutation) as caught:
+            game.visual.team_colors = {}
+        found.append(str(caught.value))
+
+    game.agent.get_agent("red_0").register_strategy(paint)
+    game.game.step()
+    assert "team_colors" in found[0]
+
+
+def test_a_sensor_that_was_declared_keeps_its_color_and_agents_theirs(ctx):
+    ctx.sensor.create_sensor("eye", SensorType.RANGE, sensor_range=3.0).sense(0)
+    ctx.visual.set_sensor_visual("eye", color=TEAL)
+    commands = ctx.visual.draw_commands()
+    assert colors_in(commands, 40) == {TEAL}
+    assert {BLUE, TEAM_COLORS[1]} < colors_in(commands, 20)
