@@ -102,6 +102,7 @@ def test_maps_are_listed_in_the_order_of_their_creation(store):
         (StoreType, StoreType.DATABASE, StoreType.DATABASE),
         (StoreType, 2, StoreType.DATABASE),
         (LineString, ((0, 0), (1, 1)), LineString([(0, 0), (1, 1)])),
+        (tuple, (2**64, "\udc00"), (2**64, "\udc00")),
         (tuple, None, None),
         (int, None, None),
     ],
@@ -112,6 +113,12 @@ def test_a_value_of_the_fields_type_survives(rows_of, store, python_type, value,
     assert store.get_data("m", "k")["value"] == back
     assert type(store.get_data("m", "k")["value"]) is type(back)
     assert rows_of(store, "m") == [{"id": "k", "value": back}]
+
+
+def test_an_array_within_a_value_survives(store):
+    store.create_map("m", {"id": int, "path": list}, "id")
+    store.insert_data("m", {"id": 1, "path": [np.arange(3.0)]})
+    assert np.array_equal(store.get_data("m", 1)["path"], [np.arange(3.0)])
 
 
 def test_nan_and_the_sign_of_zero_survive(store):
@@ -169,11 +176,8 @@ LOOP.append(LOOP)
         ("raw", "a", TypeError),
         ("path", [1], TypeError),
         ("path", (object(),), TypeError),
-        ("path", (2**64,), ValueError),
         ("path", (LOOP,), ValueError),
-        ("path", (np.zeros(2),), TypeError),
         ("extra", {"a": LineString([(0, 0), (1, 1)])}, TypeError),
-        ("extra", {"\udc00": 1}, ValueError),
         ("colour", 7, TypeError),
         ("nothing", 7, ValueError),
     ],

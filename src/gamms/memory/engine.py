@@ -30,9 +30,8 @@ class MemoryEngine(IMemoryEngine):
         """
         if as_name(name, "a store") in self._open():
             raise Duplicate("a store", name)
-        store = _opened(_store_type(store_type), name, path)
-        self._stores[name] = store
-        return store
+        self._stores[name] = _opened(store_type, name, path)
+        return self._stores[name]
 
     def get_store(self, name: str) -> "Store":
         """Return an open store by name (KeyError)."""
@@ -58,20 +57,15 @@ class MemoryEngine(IMemoryEngine):
         return self._stores
 
 
-def _store_type(value: object) -> StoreType:
-    try:
-        return StoreType(value)  # type: ignore[arg-type]  # the enum is the check
-    except ValueError:
-        known = ", ".join(f"StoreType.{one.name}" for one in StoreType)
-        raise BadValue(f"Unknown store type {shown(value)}. Use one of {known}.") from None
-
-
 def _opened(store_type: StoreType, name: str, path: IPathLike | None) -> "Store":
     from gamms.memory.store import MemoryStore, SqliteStore  # most programs open no store
 
-    if store_type is StoreType.FILESYSTEM:
+    if store_type not in tuple(StoreType):
+        known = ", ".join(f"StoreType.{one.name}" for one in StoreType)
+        raise BadValue(f"Unknown store type {shown(store_type)}. Use one of {known}.")
+    if store_type == StoreType.FILESYSTEM:
         raise NotYet("a store on the file system")
-    if store_type is StoreType.MEMORY:
+    if store_type == StoreType.MEMORY:
         return MemoryStore(name, path)
     if path is None:
         raise BadValue(f"The database store {name!r} needs a path, such as PathLike('game.db').")

@@ -1,24 +1,21 @@
 """The stores: named maps from a key to a row of typed fields, in memory or in a SQLite database."""
 
 import json
-import math
 import os
 import struct
-from abc import abstractmethod
 from collections.abc import Iterator, Mapping, Sequence
 from contextlib import contextmanager
 from dataclasses import dataclass
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING, Any, ClassVar
 
 from gamms.arguments import as_name
 from gamms.errors import BadFile, BadType, BadValue, Duplicate, GammsError, TooLarge, UnknownName
-from gamms.ir import packing
-from gamms.limits import Allowance
 from gamms.memory.database import Database, quoted
-from gamms.memory.fields import DuplicateKey, Field, Schema, UnknownMap, check_name, plain
+from gamms.memory.fields import DuplicateKey, Field, Schema, UnknownMap, check_name
 from gamms.plain import Plain
 from gamms.text import shown
 from gamms.typing import IPathLike, IStore, StoreType
+from gamms.typing.memory_engine import Schema as TypesByName
 
 if TYPE_CHECKING:
     import sqlite3
@@ -38,59 +35,54 @@ class PathLike(IPathLike):
         if not isinstance(path, str):
             raise BadType(f"A path must be a str, not {shown(path)} ({type(path).__name__}).")
         check_name(path, f"The path {shown(path)}")
-        self._path = path
-
-    @property
-    def path(self) -> str:
-        """The path as text."""
-        return self._path
+        self.path = path
 
     def as_str(self) -> str:
         """Return the path as text."""
-        return self._path
+        return self.path
 
     def exists(self) -> bool:
         """Return whether something is there."""
-        return os.path.exists(self._path)  # noqa: PTH110 - a PathLike is made of text
+        return os.path.exists(self.path)  # noqa: PTH110 - a PathLike is made of text
 
     def __repr__(self) -> str:
-        return f"PathLike({self._path!r})"
+        return f"PathLike({self.path!r})"
 
     def __eq__(self, other: object) -> bool:
-        return self._path == other._path if isinstance(other, PathLike) else NotImplemented
+        return self.path == other.path if isinstance(other, PathLike) else NotImplemented
 
     def __hash__(self) -> int:
-        return hash(self._path)
+        return hash(self.path)
 
 
 class Store(IStore):
-    """Checks each call, so that stores of all kinds answer alike; a kind says where the rows of a map are."""
+    """Checks each call, so that stores of all kinds answer alike; a kind says where the rows of a map are.
 
-    def __init__(self, name: str) -> None:
-        self._name = as_name(name, "a store")
+    Attributes:
+        is_closed: whether `close` was called.
+    """
+
+    _type: ClassVar = StoreType.MEMORY
+
+    def __init__(self, name: str, path: IPathLike | None = None) -> None:
+        self._name, self._path = as_name(name, "a store"), path
         self._maps: dict[str, _Rows] = {}
-        self._is_closed = False
-
-    @abstractmethod
-    def _rows_of(self, schema: Schema) -> "_Rows":
-        """Find or make the place for the rows of a map."""
-
-    def _drop(self, map_name: str) -> None:
-        """Give up the place of a map."""
-
-    def _release(self) -> None:
-        """Let go of what the store holds."""
-
-    @property
-    def is_closed(self) -> bool:
-        """Whether `close` was called."""
-        return self._is_closed
+        self.is_closed = False
 
     def name(self) -> str:
         """Return the store's name."""
         return self._name
 
-    def create_map(self, map_name: str, schema: dict[str, type], primary_key: str) -> None:
+    def path(self) -> IPathLike | None:
+        """Return the path that the caller named; a store in memory writes nothing there."""
+        return self._path
+
+    @property
+    def type(self) -> StoreType:
+        """Where the store keeps its maps."""
+        return self._type
+
+    def create_map(self, map_name: str, schema: TypesByName, primary_key: str) -> None:
         """Begin a map, or go on with the one of that name in the store's file."""
         self._check_open()
         if as_name(map_name, "a map") in self._maps:
@@ -122,13 +114,13 @@ class Store(IStore):
         row = found.row(found.schema.lookup(key))
         if row is None:
             raise found.schema.unknown_key(key)
-        return {field.name: field.given(value) for field, value in zip(found.schema.fields, row, strict=True)}
+        return {field.name: found.value(field, cell) for field, cell in zip(found.fields, row, strict=True)}
 
     def update_data(self, map_name: str, struct: Mapping[str, Any]) -> None:
         """Change the given fields of the row whose key is in `struct`; all or none."""
         found = self._map(map_name)
-        key, changes = found.schema.change(struct)
-        if not found.change(key, changes):
+        key, cells = found.schema.change(struct)
+        if not found.change(key, cells):
             raise found.schema.unknown_key(key)
 
     def delete_data(self, map_name: str, key: object) -> None:
@@ -139,15 +131,15 @@ class Store(IStore):
 
     def query_keys(self, map_name: str) -> Iterator[Any]:
         """Return all keys as of now, in insertion order; the map may change while you iterate."""
-        return iter(self._map(map_name).keys())
+        found = self._map(map_name)
+        return iter([found.value(found.schema.key, key) for key in found.all_keys()])
 
     def close(self) -> None:
         """Release the store; it is unusable afterwards. Closing it again does nothing."""
-        if self._is_closed:
-            return
-        self._is_closed = True  # even if the last changes cannot be written
-        self._maps.clear()
-        self._release()
+        if not self.is_closed:
+            self.is_closed = True  # even if the last changes cannot be written
+            self._maps.clear()
+            self._release()
 
     def _map(self, map_name: str) -> "_Rows":
         self._check_open()
@@ -159,57 +151,42 @@ class Store(IStore):
         return isinstance(map_name, str) and map_name in self._maps
 
     def _check_open(self) -> None:
-        if self._is_closed:
+        if self.is_closed:
             raise BadValue(f"The store {self._name!r} is closed. Create a new store.")
+
+    def _rows_of(self, schema: Schema) -> "_Rows":
+        """Find or make the place for the rows of a map."""
+        return _Rows(schema)
+
+    def _drop(self, map_name: str) -> None:
+        """Give up the place of a map."""
+
+    def _release(self) -> None:
+        """Let go of what the store holds."""
 
 
 class MemoryStore(Store):
     """Keeps its maps in memory; they are gone when it is closed."""
 
-    def __init__(self, name: str, path: IPathLike | None = None) -> None:
-        super().__init__(name)
-        self._path = path
-
-    def path(self) -> IPathLike | None:
-        """Return the path that the caller named; nothing is ever written there."""
-        return self._path
-
-    @property
-    def type(self) -> StoreType:
-        """In memory."""
-        return StoreType.MEMORY
-
-    def _rows_of(self, schema: Schema) -> "_Rows":
-        return _DictRows(schema)
-
 
 class SqliteStore(Store):
-    """Keeps its maps in a SQLite database; `create_map` with its schema goes on with a map of the file."""
+    """Keeps its maps in a SQLite database; `create_map` with its schema goes on with a map of the file.
+
+    Attributes:
+        is_foreign: whether the file already held tables, and none of ours, when it was opened.
+    """
+
+    _type = StoreType.DATABASE
 
     def __init__(self, name: str, path: IPathLike) -> None:
-        super().__init__(name)
-        self._path = path
+        super().__init__(name, path)
         self._database = Database(path.as_str())
         try:
             self._places = _read_places(self._database)
-            self._is_foreign = not self._places and bool(self._database.read("SELECT 1 FROM sqlite_master LIMIT 1"))
+            self.is_foreign = not self._places and bool(self._database.read("SELECT 1 FROM sqlite_master LIMIT 1"))
         except BaseException:
             self._database.abandon()
             raise
-
-    def path(self) -> IPathLike:
-        """Return where the database is."""
-        return self._path
-
-    @property
-    def type(self) -> StoreType:
-        """In a database."""
-        return StoreType.DATABASE
-
-    @property
-    def is_foreign(self) -> bool:
-        """Whether the file already held tables, and none of ours, when it was opened."""
-        return self._is_foreign
 
     def connection(self) -> "sqlite3.Connection":
         """Return the open connection, for SQL of your own."""
@@ -267,38 +244,91 @@ class SqliteStore(Store):
 # -- the rows of a map ------------------------------------------------------------------------------------------
 
 
-class _DictRows:
-    """The rows of a map in a dict; values are plain and checked, and those that come out are fresh."""
+class _Rows:
+    """The rows of a map in memory: the cells of each by its key."""
 
     def __init__(self, schema: Schema) -> None:
-        self.schema = schema
-        self._rows: dict[Any, list[Any]] = {}
+        self.schema, self.fields = schema, [*schema.fields.values()]
+        self._rows: dict[Any, dict[str, Any]] = {}
 
-    def append(self, row: list[Any]) -> None:
-        key = row[self.schema.key_at]
-        if key in self._rows:
+    def append(self, row: dict[str, Any]) -> None:
+        if (key := row[self.schema.key.name]) in self._rows:
             raise DuplicateKey(self.schema.map_name, key)
         self._rows[key] = row
 
     def row(self, key: Plain) -> Sequence[Any] | None:
         row = self._rows.get(key)
-        if row is None:
-            return None
-        fields = zip(self.schema.fields, row, strict=True)
-        return [value if field.is_scalar else plain(value, field.place) for field, value in fields]
+        return None if row is None else [*row.values()]
 
-    def change(self, key: Plain, values: dict[int, Any]) -> bool:
+    def change(self, key: Plain, cells: dict[str, Any]) -> bool:
         if key not in self._rows:
             return False
-        for at, value in values.items():
-            self._rows[key][at] = value
+        self._rows[key].update(cells)
         return True
 
     def remove(self, key: Plain) -> bool:
         return self._rows.pop(key, None) is not None
 
-    def keys(self) -> list[Any]:
+    def all_keys(self) -> list[Any]:
         return list(self._rows)
+
+    def value(self, field: Field, cell: Plain) -> Plain:
+        return field.value(cell)
+
+
+class _SqlRows(_Rows):
+    """The same in a table of a database. Names are quoted, cells are bound."""
+
+    def __init__(self, database: Database, schema: Schema, place: "_Place") -> None:
+        super().__init__(schema)
+        self._database = database
+        if (place.types, place.key) != (schema.type_names, schema.key.name):
+            raise BadValue(
+                f"Map {schema.map_name!r} of {database.path!r} has the schema {place.types} with key {place.key!r}, "
+                f"not {schema.type_names} with key {schema.key.name!r}. Use that schema, another name or another file."
+            )
+        database.check_table(place.table, place.sql())
+        self._columns = {name: quoted(place.columns[name]) for name in schema.fields}
+        self._table, self._key = quoted(place.table), self._columns[schema.key.name]
+        self._where = f"WHERE {self._key} = ?"
+
+    def append(self, row: dict[str, Any]) -> None:
+        names, marks = ", ".join(self._columns.values()), ", ".join("?" * len(row))
+        insert = f"INSERT INTO {self._table} ({names}) VALUES ({marks})"  # noqa: S608 - quoted names
+        try:
+            self._database.write(insert, [*row.values()])
+        except BadFile as error:
+            if not isinstance(error.__cause__, self._database.integrity_error):
+                raise
+            raise DuplicateKey(self.schema.map_name, row[self.schema.key.name]) from None
+
+    def row(self, key: Plain) -> Sequence[Any] | None:
+        names = ", ".join(self._columns.values())
+        found = self._database.read(f"SELECT {names} FROM {self._table} {self._where}", (key,))  # noqa: S608 - quoted
+        return found[0] if found else None
+
+    def change(self, key: Plain, cells: dict[str, Any]) -> bool:
+        names = ", ".join(f"{self._columns[name]} = ?" for name in cells)
+        update = f"UPDATE {self._table} SET {names} {self._where}"  # noqa: S608 - quoted names
+        return self._database.write(update, [*cells.values(), key]) > 0
+
+    def remove(self, key: Plain) -> bool:
+        return self._database.write(f"DELETE FROM {self._table} {self._where}", (key,)) > 0  # noqa: S608 - quoted names
+
+    def all_keys(self) -> list[Any]:
+        return [key for (key,) in self._database.read_table(self._table, [self._key], f"ORDER BY {_ORDER}")]
+
+    def value(self, field: Field, cell: Plain) -> Plain:
+        """Return the value of a cell in the file, or raise a `BadFile`."""
+        try:
+            return field.value(cell)
+        except TooLarge:
+            raise
+        except (GammsError, TypeError, ValueError, struct.error):
+            raise BadFile(
+                f"{field.place} holds {shown(cell)} in {self._database.path!r}, which its type cannot be. "
+                "The file is damaged."
+            ) from None
 
 
 # -- where a map lies in the database ---------------------------------------------------------------------------
@@ -352,7 +382,7 @@ def _add_place(database: Database, schema: Schema) -> _Place:
         table=_free_name(schema.map_name, tables | {_LIST}),
         key=schema.key.name,
         types=schema.type_names,
-        columns={name: _free_name(name, columns) for name in schema.names},
+        columns={name: _free_name(name, columns) for name in schema.fields},
     )
     database.write(place.sql())
     values = (schema.map_name, json.dumps(vars(place)))
@@ -367,88 +397,3 @@ def _free_name(wanted: str, taken: set[str]) -> str:
         name += "_"
     taken.add(name.lower())
     return name
-
-
-class _SqlRows:
-    """The same in a table of a database. Names are quoted, values are bound."""
-
-    def __init__(self, database: Database, schema: Schema, place: _Place) -> None:
-        self.schema, self._database = schema, database
-        if (place.types, place.key) != (schema.type_names, schema.key.name):
-            raise BadValue(
-                f"Map {schema.map_name!r} of {database.path!r} has the schema {place.types} with key {place.key!r}, "
-                f"not {schema.type_names} with key {schema.key.name!r}. Use that schema, another name or another file."
-            )
-        database.check_table(place.table, place.sql())
-        self._columns = [quoted(place.columns[name]) for name in schema.names]
-        self._table, self._key = quoted(place.table), self._columns[schema.key_at]
-
-    def append(self, row: list[Any]) -> None:
-        encoded = [_to_sql(one, field) for field, one in zip(self.schema.fields, row, strict=True)]
-        names, marks = ", ".join(self._columns), ", ".join("?" * len(row))
-        insert = f"INSERT INTO {self._table} ({names}) VALUES ({marks})"  # noqa: S608 - quoted names
-        try:
-            self._database.write(insert, encoded)
-        except BadFile as error:
-            if not isinstance(error.__cause__, self._database.integrity_error):
-                raise
-            raise DuplicateKey(self.schema.map_name, row[self.schema.key_at]) from None
-
-    def row(self, key: Plain) -> Sequence[Any] | None:
-        select = f"SELECT {', '.join(self._columns)} FROM {self._table} WHERE {self._key} = ?"  # noqa: S608 - quoted
-        found = self._database.read(select, (_to_sql(key, self.schema.key),))
-        if not found:
-            return None
-        return [self._stored(field, one) for field, one in zip(self.schema.fields, found[0], strict=True)]
-
-    def change(self, key: Plain, values: dict[int, Any]) -> bool:
-        names = ", ".join(f"{self._columns[at]} = ?" for at in values)
-        bound = [_to_sql(value, self.schema.fields[at]) for at, value in values.items()]
-        update = f"UPDATE {self._table} SET {names} WHERE {self._key} = ?"  # noqa: S608 - quoted names
-        return self._database.write(update, [*bound, _to_sql(key, self.schema.key)]) > 0
-
-    def remove(self, key: Plain) -> bool:
-        delete = f"DELETE FROM {self._table} WHERE {self._key} = ?"  # noqa: S608 - quoted names
-        return self._database.write(delete, (_to_sql(key, self.schema.key),)) > 0
-
-    def keys(self) -> list[Any]:
-        rows = self._database.read_table(self._table, [self._key], f"ORDER BY {_ORDER}")
-        return [self._stored(self.schema.key, key) for (key,) in rows]
-
-    def _stored(self, field: Field, value: Plain) -> Plain:
-        """Return the stored value for one in the file, or a `BadFile`."""
-        if value is None:
-            return None
-        try:
-            return field.stored(_from_sql(value, field, self._database.path))
-        except TooLarge:
-            raise
-        except (GammsError, TypeError, ValueError, KeyError, struct.error):
-            raise BadFile(
-                f"{field.place} holds {shown(value)} in {self._database.path!r}, which its type cannot be. "
-                "The file is damaged."
-            ) from None
-
-
-_Rows = _DictRows | _SqlRows
-
-
-def _to_sql(value: Plain, field: Field) -> Plain:
-    if value is None:
-        return None
-    if not field.is_scalar:
-        return packing.to_bytes(value, field.place)
-    # SQLite turns NaN into NULL and -0.0 into 0.0; as eight bytes they stay what they are.
-    if field.python_type is float and (math.isnan(value) or (value == 0.0 and math.copysign(1.0, value) < 0.0)):
-        return struct.pack("<d", value)
-    return value
-
-
-def _from_sql(value: Plain, field: Field, path: str) -> Plain:
-    if not field.is_scalar:
-        return packing.Decoder(Allowance(len(value), f"A value in the database {path!r}")).value(value)
-    if field.python_type is bool:
-        return {0: False, 1: True}[value]
-    if field.python_type is float and isinstance(value, bytes):
-        return struct.unpack("<d", value)[0]
-    return value
