@@ -81,7 +81,7 @@ with gamms.create_context() as ctx:
 COUNT = '''
 """AGENT_COUNT: how many other agents are near."""
 
-from gamms.sensor.agents import AgentSensor
+from gamms.sensor.ground import AgentSensor
 
 
 class AgentCountSensor(AgentSensor):
@@ -100,8 +100,8 @@ def test_a_kind_of_sensor_takes_one_file_and_a_line_in_the_catalog(tmp_path):
         ("typing/sensor_engine.py", "    CUSTOM = 0\n", "    CUSTOM = 0\n    AGENT_COUNT = 99\n"),
         (
             "sensor/catalog.py",
-            "from gamms.sensor.map ",
-            "from gamms.sensor.count import AgentCountSensor\nfrom gamms.sensor.map ",
+            "from gamms.sensor.ground ",
+            "from gamms.sensor.count import AgentCountSensor\nfrom gamms.sensor.ground ",
         ),
         (
             "sensor/catalog.py",

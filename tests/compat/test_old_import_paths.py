@@ -196,7 +196,7 @@ def test_old_modules_survive_what_tools_ask_of_modules():
 
     from gamms.SensorEngine.sensors_basic import MapSensor
 
-    assert inspect.getmodule(MapSensor).__name__ == "gamms.sensor.map"
+    assert inspect.getmodule(MapSensor).__name__ == "gamms.sensor.ground"
     assert pickle.loads(pickle.dumps(MapSensor)) is MapSensor
     assert not hasattr(gamms.SensorEngine, "__wrapped__")
     assert "gamms.sensor" in gamms.SensorEngine.__doc__

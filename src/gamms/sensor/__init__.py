@@ -6,10 +6,9 @@ there. May import: typing, kernels, ir and below, never another engine.
 
 from gamms.kernels import multiply_quaternions, quaternion_to_direction
 from gamms.sensor.aerial import AerialAgentSensor, AerialSensor, OccludedAerialAgentSensor, OccludedAerialSensor
-from gamms.sensor.agents import AgentSensor, OccludedAgentSensor
 from gamms.sensor.engine import SensorEngine
 from gamms.sensor.function import FunctionSensor
-from gamms.sensor.map import MapSensor, NeighborSensor, OccludedMapSensor
+from gamms.sensor.ground import AgentSensor, MapSensor, NeighborSensor, OccludedAgentSensor, OccludedMapSensor
 from gamms.typing.sensor_engine import ISensor, ISensorEngine, SensorType
 
 __all__ = [

@@ -1,8 +1,8 @@
 """AERIAL, AERIAL_AGENT and what obstacles leave of them: looking from the air along an axis."""
 
 from collections.abc import Sequence
-from math import pi, sqrt
-from typing import Any, NamedTuple, Self, cast
+from math import inf, pi, sqrt
+from typing import Any, ClassVar, NamedTuple, cast
 
 import numpy as np
 
@@ -14,8 +14,8 @@ from gamms.ir.graph import FloatArray, IntArray
 from gamms.ir.sensed import Sensed, SensorView
 from gamms.kernels import Quaternion
 from gamms.sensor import fov_geometry
-from gamms.sensor.detection import DetectionModel
-from gamms.sensor.map import map_view, ragged
+from gamms.sensor.detection import DetectingSensor
+from gamms.sensor.ground import map_view, ragged
 from gamms.sensor.sensor import Sensor, of_data
 from gamms.sensor.views import at_height, memory_of
 from gamms.typing import AgentType, IAerialAgent, IContext
@@ -24,7 +24,6 @@ from gamms.typing.sensor_engine import SensorType
 
 DOWN: Quaternion = (sqrt(0.5), 0.0, sqrt(0.5), 0.0)
 AHEAD: Quaternion = (1.0, 0.0, 0.0, 0.0)
-_WIDEST = 0.9 * pi  # of a cone that looks at the ground, as in 1.0.0
 
 Axis = tuple[float, float, float]
 
@@ -49,10 +48,25 @@ class FlyingSensor(Sensor):
     range: float
     fov: float
 
-    def __init__(self, ctx: IContext, sensor_id: str, sensor_type: SensorType, quat: Quaternion) -> None:
-        super().__init__(ctx, sensor_id, sensor_type)
-        self.quat = quat
+    _type: ClassVar[SensorType]
+    _is_occluded = False
+    _usual: ClassVar[tuple[float, Quaternion]]  # fov and quat, where they are not given
+    _widest = inf
+
+    def __init__(
+        self,
+        ctx: IContext,
+        sensor_id: str,
+        sensor_range: float,
+        fov: float | None = None,
+        quat: Quaternion | None = None,
+    ) -> None:
+        super().__init__(ctx, sensor_id, self._type)
+        self.quat = self._usual[1] if quat is None else quat
         self._at: Axis | None = None
+        self.range = as_range(sensor_range, f"sensor_range of {sensor_id!r}")
+        self.fov = min(as_range(self._usual[0] if fov is None else fov, f"fov of {sensor_id!r}"), self._widest)
+        self._last[0] = {}
 
     @property
     def quat(self) -> Quaternion:
@@ -61,7 +75,11 @@ class FlyingSensor(Sensor):
 
     @quat.setter
     def quat(self, quat: Sequence[float]) -> None:
-        self._quat = _checked_quat(quat, f"quat of {self.sensor_id!r}")
+        w, x, y, z = as_numbers(quat, name := f"quat of {self.sensor_id!r}", "(w, x, y, z)")
+        unit = kernels.unit_quaternion((w, x, y, z))
+        if unit is None:
+            raise BadValue(f"{name} must not be zero: it has no direction. (1, 0, 0, 0) turns nothing.")
+        self._quat = unit
 
     @property
     def at(self) -> Axis | None:
@@ -70,7 +88,8 @@ class FlyingSensor(Sensor):
 
     @at.setter
     def at(self, at: Sequence[float] | None) -> None:
-        self._at = None if at is None else _checked_point(at, f"at of {self.sensor_id!r}")
+        point = None if at is None else as_numbers(at, f"at of {self.sensor_id!r}", "(x, y, z)")
+        self._at = cast("Axis | None", point and tuple(point))
 
     @refused_while_deciding
     def set_owner(self, owner: str | None) -> None:
@@ -105,14 +124,6 @@ class FlyingSensor(Sensor):
         turned = kernels.multiply_quaternions(owner.quat, self._quat)
         return Pose(np.array(owner.position), kernels.quaternion_to_direction(turned))
 
-    @refused_while_deciding
-    def reset(self) -> None:
-        """Forget what was sensed, and how often."""
-        super().reset()
-        notice = getattr(self, "notice", None)
-        if notice is not None:
-            notice.reset()
-
     def _reaches(self, offsets: FloatArray, axis: Axis) -> IntArray:
         """Return which offsets (points, 3) lie in range and in the cone, by index."""
         with np.errstate(over="ignore"):  # infinitely far away is far away
@@ -141,15 +152,8 @@ class AerialSensor(FlyingSensor):
     """
 
     _type = SensorType.AERIAL
-    _is_occluded = False
-
-    def __init__(
-        self, ctx: IContext, sensor_id: str, sensor_range: float, fov: float = pi / 3.0, quat: Quaternion = DOWN
-    ) -> None:
-        super().__init__(ctx, sensor_id, self._type, quat)
-        self.range = as_range(sensor_range, f"sensor_range of {sensor_id!r}")
-        self.fov = min(as_range(fov, f"fov of {sensor_id!r}"), _WIDEST)
-        self._last[0] = {}
+    _usual = (pi / 3.0, DOWN)
+    _widest = 0.9 * pi  # of a cone that looks at the ground, as in 1.0.0
 
     def sense(self, node_id: int | None = None) -> None:  # noqa: ARG002 - it looks from the air
         """Look at the ground."""
@@ -193,7 +197,7 @@ class OccludedAerialSensor(AerialSensor):
     _is_occluded = True
 
 
-class AerialAgentSensor(FlyingSensor):
+class AerialAgentSensor(DetectingSensor, FlyingSensor):
     """`data`: fresh `{agent name: (AgentType, (x, y, z))}` of the other agents, in the order of their creation.
 
     Agents on the ground are at height 0 of their node. Seen is an agent at most `range` away in space and inside
@@ -207,41 +211,20 @@ class AerialAgentSensor(FlyingSensor):
         fov: full opening angle of the cone in radians; 2 pi sees all around.
         quat: how it is turned relative to its owner; by default it looks straight ahead.
 
-    Attributes:
-        notice: which of the agents in view it reports: by team, and at random.
-
     Raises:
         BadValue, BadType: a range or fov that is negative, NaN or no number; a quaternion that is zero or none.
     """
 
     _type = SensorType.AERIAL_AGENT
-    _is_occluded = False
-
-    def __init__(
-        self, ctx: IContext, sensor_id: str, sensor_range: float, fov: float = 2.0 * pi, quat: Quaternion = AHEAD
-    ) -> None:
-        super().__init__(ctx, sensor_id, self._type, quat)
-        self.range = as_range(sensor_range, f"sensor_range of {sensor_id!r}")
-        self.fov = fov
-        self._last[0] = {}
-        self.notice = DetectionModel(sensor_id, self._phase)
-        self._nearby = memory_of(ctx).nearby
-
-    def _snapshot(self) -> tuple[Any, ...]:
-        """Return what was sensed and how often, for `_restore`."""
-        return tuple(self._last), self.notice._looks.copy()
-
-    def _restore(self, before: tuple[Any, ...]) -> None:
-        """Restore what was sensed and how often."""
-        self._last[:], looks = before
-        self.notice._looks = looks.copy()
+    _usual = (2.0 * pi, AHEAD)
+    _notice = None
 
     def sense(self, node_id: int | None = None) -> None:  # noqa: ARG002 - it looks from the air
         """Look for agents."""
         if self._phase.agent is not None:
             self._phase.refuse("call sensor.sense")
         pose = self.pose()
-        rows, now, names = self._found(pose), self._nearby.coordinates(), self.ctx.agent.positions.names
+        rows, now, names = self._found(pose), memory_of(self.ctx).nearby.coordinates(), self.ctx.agent.positions.names
         kinds = (AgentType.BASIC, AgentType.AERIAL)
         data = {
             names[row]: (kinds[is_flying], (x, y, z))
@@ -271,17 +254,12 @@ class AerialAgentSensor(FlyingSensor):
             outline = fov_geometry.shadow(*pose, self.range, self.fov)
         return SensorView(agents=agents, names=tuple(self.data), outline=outline)
 
-    def _twin(self) -> Self:
-        twin = super()._twin()
-        twin.notice = self.notice.repeated()
-        return twin
-
     def _found(self, pose: Pose | None) -> IntArray:
         """Return the rows (agents,) of those that are seen."""
         if pose is None:
             return np.zeros(0, np.int64)
         positions, own = self.ctx.agent.positions, self._owner if self._at is None else None
-        xyz, living, names = self._nearby.coordinates().xyz, positions.living, positions.names
+        xyz, living, names = memory_of(self.ctx).nearby.coordinates().xyz, positions.living, positions.names
         offsets = xyz - pose.position
         rows = living[self._reaches(offsets[living], pose.axis)]
         rows = rows[offsets[rows].any(axis=1)]
@@ -301,16 +279,3 @@ class OccludedAerialAgentSensor(AerialAgentSensor):
 
     _type = SensorType.OCCLUDED_AERIAL_AGENT
     _is_occluded = True
-
-
-def _checked_quat(quat: object, name: str) -> Quaternion:
-    w, x, y, z = as_numbers(quat, name, "(w, x, y, z)")
-    unit = kernels.unit_quaternion((w, x, y, z))
-    if unit is None:
-        raise BadValue(f"{name} must not be zero: it has no direction. (1, 0, 0, 0) turns nothing.")
-    return unit
-
-
-def _checked_point(at: object, name: str) -> Axis:
-    x, y, z = as_numbers(at, name, "(x, y, z)")
-    return x, y, z

@@ -12,8 +12,7 @@ from gamms.sensor.aerial import (
     OccludedAerialAgentSensor,
     OccludedAerialSensor,
 )
-from gamms.sensor.agents import AgentSensor, OccludedAgentSensor
-from gamms.sensor.map import MapSensor, NeighborSensor, OccludedMapSensor
+from gamms.sensor.ground import AgentSensor, MapSensor, NeighborSensor, OccludedAgentSensor, OccludedMapSensor
 from gamms.sensor.sensor import Sensor
 from gamms.typing import IContext
 from gamms.typing.sensor_engine import ISensor, SensorType

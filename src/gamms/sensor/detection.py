@@ -4,7 +4,7 @@ from collections.abc import Callable, Collection, Hashable, Iterable, Iterator, 
 from contextlib import contextmanager
 from copy import copy
 from numbers import Real
-from typing import Any, cast
+from typing import Any, Self, cast
 
 import numpy as np
 
@@ -12,6 +12,7 @@ from gamms import kernels
 from gamms.deciding import UNDECIDED, DecidePhase, Guarded, refused_while_deciding
 from gamms.errors import BadType, BadValue
 from gamms.ir.graph import FloatArray
+from gamms.sensor.sensor import Sensor
 from gamms.text import shown
 from gamms.typing import IContext
 
@@ -118,6 +119,46 @@ class DetectionModel(Guarded):
         bits = kernels.draw_bits_many(purpose, kernels.name_keys(names), turn, look - 1)
         noticed: np.ndarray[tuple[int, ...], np.dtype[np.bool_]] = kernels.fraction_many(bits) < chances
         return noticed
+
+
+class DetectingSensor(Sensor):
+    """Mix-in: senses agents, which it may miss.
+
+    Attributes:
+        notice: which of the agents in view it reports: by team, and at random.
+    """
+
+    __slots__ = ()
+
+    _notice: DetectionModel | None
+
+    @property
+    def notice(self) -> DetectionModel:
+        """Which of the agents in view are reported: by team, and at random."""
+        if self._notice is None:  # NOTE: made when asked for, so that a look touches less memory (see `NearbyAgents`)
+            self._notice = DetectionModel(self.sensor_id, self._phase)
+        return self._notice
+
+    def reset(self) -> None:
+        """Forget what was sensed, and how often."""
+        super().reset()
+        if self._notice is not None:
+            self._notice.reset()
+
+    def _snapshot(self) -> tuple[Any, ...]:
+        """Return what was sensed and how often, for `_restore`."""
+        return tuple(self._last), {} if self._notice is None else self._notice._looks.copy()
+
+    def _restore(self, before: tuple[Any, ...]) -> None:
+        """Restore what was sensed and how often."""
+        self._last[:], looks = before
+        if self._notice is not None:
+            self._notice._looks = looks.copy()
+
+    def _twin(self) -> Self:
+        twin = super()._twin()
+        twin._notice = None if self._notice is None else self._notice.repeated()
+        return twin
 
 
 def _teams(given: object) -> Collection[Any]:

@@ -16,10 +16,9 @@ from gamms.errors import (
 )
 from gamms.readonly import ReadOnlyMapping
 from gamms.sensor.aerial import AerialAgentSensor, AerialSensor
-from gamms.sensor.agents import AgentSensor, OccludedAgentSensor
 from gamms.sensor.catalog import KINDS, SHARED_KEYWORDS, SYNONYMS
 from gamms.sensor.function import FunctionSensor
-from gamms.sensor.map import MapSensor, NeighborSensor, OccludedMapSensor
+from gamms.sensor.ground import AgentSensor, MapSensor, NeighborSensor, OccludedAgentSensor, OccludedMapSensor
 from gamms.sensor.sensor import Sensor
 from gamms.sensor.views import Memory
 from gamms.text import shown

@@ -4,38 +4,22 @@ from collections.abc import Callable, Iterable, Sequence
 from copy import copy
 from functools import wraps
 from math import hypot, inf
-from typing import Any, ClassVar, Self, TypeVar, cast
+from typing import Any, ClassVar, Self, TypeVar
 
-import numpy as np
-
-from gamms.arguments import as_float, as_int, as_name, as_numbers, as_range
+from gamms.arguments import as_float, as_name, as_range
 from gamms.deciding import DecidePhase, Guarded, phase_of, refused_while_deciding
 from gamms.errors import BadType, BadValue, GammsError, UnknownName
 from gamms.ir.graph import FloatArray
 from gamms.ir.sensed import SensorView
-from gamms.sensor import fov_geometry
-from gamms.sensor.views import FULL_CIRCLE, Place, coordinates, memory_of
 from gamms.text import shown
 from gamms.typing import IContext
 from gamms.typing.sensor_engine import ISensor, SensorType
-
-__all__ = [
-    "ALL_AROUND",
-    "FULL_CIRCLE",
-    "GroundSensor",
-    "Heading",
-    "OccludedSensor",
-    "Sensor",
-    "checked_place",
-    "of_data",
-]
 
 Heading = tuple[float, float]  # (cos, sin); (0.0, 0.0) sees all around
 
 R = TypeVar("R")
 S = TypeVar("S", bound="Sensor")
 
-ALL_AROUND: Heading = (0.0, 0.0)
 _OURS = "gamms.sensor."
 _UNIT = 1e-9  # how much the length of a direction that is given may miss 1, to be read back as it was given
 
@@ -175,151 +159,6 @@ class Sensor(Guarded, ISensor):
         """Return where the nodes of a look are (nodes, 2); those that were removed since then are left out."""
         graph = self.ctx.graph.graph
         return graph.positions([id for id in node_ids if graph.has_node(id)])
-
-
-class GroundSensor(Sensor):
-    """Looks over the ground, from the node it is asked about or from a fixed place.
-
-    A sight line of an occluded sensor runs from where it looks to each node, both ends `observer_height` above the
-    ground. What lies behind an obstacle is not seen; the node that it is on always is.
-
-    Args:
-        ctx: the context.
-        sensor_id: the sensor's name.
-        sensor_type: its kind.
-        sensor_range: map units; may be infinite.
-        fov: full opening angle in radians; exactly 2 pi sees all around.
-        orientation: `(cos, sin)` relative to the owner's heading; absolute without an owner.
-        observer_height: of the sight lines above the ground, map units; used by occluded sensors alone.
-
-    Attributes:
-        range: map units; may be infinite.
-        fov: full opening angle in radians; exactly 2 pi sees all around.
-        orientation: `(cos, sin)` relative to the owner's heading; absolute without an owner or at a fixed place.
-        at: a node id or (x, y) to look from, whatever node is asked about; None looks from that node.
-    """
-
-    __slots__ = ("_at", "_observer_height", "fov", "orientation", "range")
-
-    _is_occluded = False
-
-    range: float
-    fov: float
-    orientation: Heading
-
-    def __init__(
-        self,
-        ctx: IContext,
-        sensor_id: str,
-        sensor_type: SensorType,
-        sensor_range: float,
-        fov: float = FULL_CIRCLE,
-        orientation: Heading = (1.0, 0.0),
-        observer_height: float = 1.6,
-    ) -> None:
-        super().__init__(ctx, sensor_id, sensor_type)
-        self._at: Place | None = None
-        self.range = as_range(sensor_range, f"sensor_range of {sensor_id!r}")
-        self.fov = fov
-        self.orientation = orientation
-        if self._is_occluded:
-            self._observer_height = as_float(observer_height, f"observer_height of {sensor_id!r}")
-        self._last[0] = {}
-
-    @property
-    def at(self) -> Place | None:
-        """The fixed place it looks from; settable."""
-        return self._at
-
-    @at.setter
-    def at(self, at: object) -> None:
-        self._at = None if at is None else checked_place(self.ctx, at, f"at of {self.sensor_id!r}")
-
-    def place(self, node_id: int | None) -> Place:
-        """Return where it looks from when asked about a node."""
-        if self._at is not None:
-            return self._at
-        if node_id is None:
-            raise BadType(f"Sensor {self.sensor_id!r} has no place of its own: sense(node_id), or give it at=.")
-        return node_id  # the graph checks it
-
-    def heading(self) -> Heading:
-        """Return where it looks, turned by the heading of its owner; (0.0, 0.0) while that has none."""
-        if self._owner is None or self._at is not None:
-            return self.orientation
-        cos, sin = self.ctx.agent.get_agent(self._owner).orientation
-        x, y = self.orientation
-        return (x * cos - y * sin, x * sin + y * cos)
-
-    def set_owner(self, owner: str | None) -> None:
-        """Name the agent that carries the sensor; None for no agent, which also clears the last look."""
-        super().set_owner(owner)
-        if owner is None:
-            self._last[1] = None
-
-    @refused_while_deciding
-    def view_from(self, node_id: int | None, owner: str | None) -> SensorView:
-        """Return what it would see now, for drawing."""
-        if node_id is None and self._at is None:
-            if self._last[1] is None:
-                return SensorView()
-            node_id = cast("int", self._last[1][0])
-        return super().view_from(node_id, owner)
-
-    @of_data
-    def outline(self) -> FloatArray:
-        """Return the corners (corners, 2) of the field of view of the last look; none where it had no end."""
-        looked: tuple[Place, float, float, Heading] | None = self._last[1]  # place, range, fov, heading
-        if looked is None:
-            return np.zeros((0, 2))
-        place, radius, fov, heading = looked
-        try:
-            x, y = self._where(place)
-        except UnknownName:  # its node is gone
-            return np.zeros((0, 2))
-        return self._area(x, y, radius, heading, fov)
-
-    def _area(self, x: float, y: float, radius: float, heading: Heading, fov: float) -> FloatArray:
-        """Return the corners of what it covers from a place."""
-        if self._is_occluded:
-            views = memory_of(self.ctx).views_past_obstacles
-            return views.area((x, y), (radius, heading, fov), self._observer_height)
-        return fov_geometry.sector(x, y, radius, heading, fov)
-
-    def _where(self, place: Place) -> tuple[float, float]:
-        return coordinates(self.ctx, place)
-
-
-class OccludedSensor(GroundSensor):
-    """Mix-in: looks past obstacles, and not through them; see `GroundSensor`."""
-
-    __slots__ = ()
-
-    _is_occluded = True
-
-    @property
-    def observer_height(self) -> float:
-        """The height of its sight lines above the ground, map units; settable."""
-        return self._observer_height
-
-    @observer_height.setter
-    def observer_height(self, height: float) -> None:
-        self._observer_height = height
-
-
-def checked_place(ctx: IContext, at: object, name: str) -> Place:
-    """Return a node id or (x, y) from what a caller passed.
-
-    Raises:
-        UnknownName (KeyError): there is no such node.
-        BadType, BadValue: neither an integer nor a pair of finite numbers.
-    """
-    if isinstance(at, str) or not hasattr(at, "__len__") or getattr(at, "ndim", 1) == 0:
-        node = as_int(at, name)
-        ctx.graph.graph.get_node(node)
-        return node
-    x, y = as_numbers(at, f"{name}, unless it is the id of a node,", "(x, y)")
-    return x, y
 
 
 def checked_orientation(value: Iterable[object], name: str) -> Heading:

@@ -1,0 +1,366 @@
+"""The sensors that look over the ground: NEIGHBOR, MAP, RANGE, ARC, the AGENT kinds, and those past obstacles."""
+
+from collections.abc import Sequence
+from math import inf
+from typing import Any, cast
+
+import numpy as np
+
+from gamms import kernels
+from gamms.arguments import as_ids, as_int, as_numbers, as_range
+from gamms.deciding import refused_while_deciding
+from gamms.errors import BadType, UnknownName
+from gamms.ir.graph import FloatArray, IntArray
+from gamms.ir.positions import Positions
+from gamms.ir.sensed import Sensed, SensorView
+from gamms.sensor import fov_geometry
+from gamms.sensor.detection import DetectingSensor
+from gamms.sensor.sensor import Heading, Sensor, of_data
+from gamms.sensor.views import FULL_CIRCLE, Place, coordinates, in_sight, memory_of
+from gamms.typing import IContext
+from gamms.typing.graph_engine import NodeColumns, Surroundings
+from gamms.typing.sensor_engine import SensorType
+
+ALL_AROUND: Heading = (0.0, 0.0)
+_FEW = 8  # agents: more are compared as arrays
+
+
+class GroundSensor(Sensor):
+    """Looks over the ground, from the node it is asked about or from a fixed place.
+
+    A sight line of an occluded sensor runs from where it looks to each node, both ends `observer_height` above the
+    ground. What lies behind an obstacle is not seen; the node that it is on always is.
+
+    Args:
+        ctx: the context.
+        sensor_id: the sensor's name.
+        sensor_type: its kind.
+        sensor_range: map units; may be infinite.
+        fov: full opening angle in radians; exactly 2 pi sees all around.
+        orientation: `(cos, sin)` relative to the owner's heading; absolute without an owner.
+        observer_height: of the sight lines above the ground, map units; used by occluded sensors alone.
+
+    Attributes:
+        range: map units; may be infinite.
+        fov: full opening angle in radians; exactly 2 pi sees all around.
+        orientation: `(cos, sin)` relative to the owner's heading; absolute without an owner or at a fixed place.
+        at: a node id or (x, y) to look from, whatever node is asked about; None looks from that node.
+    """
+
+    __slots__ = ("_at", "_memory", "fov", "observer_height", "orientation", "range")
+
+    _is_occluded = False
+
+    range: float
+    fov: float
+    orientation: Heading
+    observer_height: float  # of occluded sensors alone
+
+    def __init__(
+        self,
+        ctx: IContext,
+        sensor_id: str,
+        sensor_type: SensorType,
+        sensor_range: float,
+        fov: float = FULL_CIRCLE,
+        orientation: Heading = (1.0, 0.0),
+        observer_height: float = 1.6,
+    ) -> None:
+        super().__init__(ctx, sensor_id, sensor_type)
+        self._at: Place | None = None
+        self._memory = memory_of(ctx)
+        self.range = as_range(sensor_range, f"sensor_range of {sensor_id!r}")
+        self.fov = fov
+        self.orientation = orientation
+        if self._is_occluded:
+            self.observer_height = observer_height
+        self._last[0] = {}
+
+    @property
+    def at(self) -> Place | None:
+        """The fixed place it looks from; settable."""
+        return self._at
+
+    @at.setter
+    def at(self, at: object) -> None:
+        self._at = None if at is None else checked_place(self.ctx, at, f"at of {self.sensor_id!r}")
+
+    def place(self, node_id: int | None) -> Place:
+        """Return where it looks from when asked about a node."""
+        if self._at is not None:
+            return self._at
+        if node_id is None:
+            raise BadType(f"Sensor {self.sensor_id!r} has no place of its own: sense(node_id), or give it at=.")
+        return node_id  # the graph checks it
+
+    def heading(self) -> Heading:
+        """Return where it looks, turned by the heading of its owner; (0.0, 0.0) while that has none."""
+        if self._owner is None or self._at is not None:
+            return self.orientation
+        cos, sin = self.ctx.agent.get_agent(self._owner).orientation
+        x, y = self.orientation
+        return (x * cos - y * sin, x * sin + y * cos)
+
+    def set_owner(self, owner: str | None) -> None:
+        """Name the agent that carries the sensor; None for no agent, which also clears the last look."""
+        super().set_owner(owner)
+        if owner is None:
+            self._last[1] = None
+
+    @refused_while_deciding
+    def view_from(self, node_id: int | None, owner: str | None) -> SensorView:
+        """Return what it would see now, for drawing."""
+        if node_id is None and self._at is None:
+            if self._last[1] is None:
+                return SensorView()
+            node_id = cast("int", self._last[1][0])
+        return super().view_from(node_id, owner)
+
+    @of_data
+    def outline(self) -> FloatArray:
+        """Return the corners (corners, 2) of the field of view of the last look; none where it had no end."""
+        looked: tuple[Place, float, float, Heading] | None = self._last[1]  # place, range, fov, heading
+        if looked is None:
+            return np.zeros((0, 2))
+        place, radius, fov, heading = looked
+        try:
+            x, y = self._where(place)
+        except UnknownName:  # its node is gone
+            return np.zeros((0, 2))
+        return self._area(x, y, radius, heading, fov)
+
+    def _area(self, x: float, y: float, radius: float, heading: Heading, fov: float) -> FloatArray:
+        """Return the corners of what it covers from a place."""
+        if self._is_occluded:
+            views = self._memory.views_past_obstacles
+            return views.area((x, y), (radius, heading, fov), self.observer_height)
+        return fov_geometry.sector(x, y, radius, heading, fov)
+
+    def _where(self, place: Place) -> tuple[float, float]:
+        return coordinates(self.ctx, place)
+
+
+class OccludedSensor(GroundSensor):
+    """Mix-in: looks past obstacles, and not through them; see `GroundSensor`."""
+
+    __slots__ = ()
+
+    _is_occluded = True
+
+
+class MapSensor(GroundSensor):
+    """`data`: fresh `{'nodes': {id: Node}, 'edges': [OSMEdge, …]}`, in insertion order.
+
+    A node is seen if it is at most `range` away from where the sensor looks and inside its field of view, both rims
+    included; the node it stands on always is. An edge is seen if both its ends are.
+
+    For the arguments see `GroundSensor`.
+    """
+
+    __slots__ = ()
+
+    def sense(self, node_id: int | None = None) -> None:
+        """Look around."""
+        if self._phase.agent is not None:
+            self._phase.refuse("call sensor.sense")
+        place = self.place(node_id) if node_id is None or self._at is not None else node_id
+        heading = ALL_AROUND if self.fov == FULL_CIRCLE else self.heading()
+        nodes, edges = self._look(place, heading)
+        self._last[:] = {"nodes": nodes.copy(), "edges": edges.copy()}, (place, self.range, self.fov, heading)
+
+    def sense_many(self, node_ids: Sequence[int] | np.ndarray[Any, Any]) -> Sensed:
+        """Look from many nodes; values are ids of nodes, and `edges` has ids of edges. `data` stays as it is."""
+        heading = ALL_AROUND if self.fov == FULL_CIRCLE else self.heading()
+        looks = [self._look(self.place(node_id), heading) for node_id in as_ids(node_ids, "node_ids")]
+        nodes = ragged([[*look.nodes] for look in looks])
+        return Sensed(*nodes, Sensed(*ragged([[edge.id for edge in look.edges] for look in looks])))
+
+    @of_data
+    def last_view(self) -> SensorView:
+        """Return the nodes and edges seen last, and the field of view from where they were seen."""
+        return map_view(self.data, self.outline())
+
+    def _where(self, place: Place) -> tuple[float, float]:
+        node = self.data["nodes"].get(place)  # where it was then, unless the data was emptied since
+        return super()._where(place) if node is None else (node.x, node.y)
+
+    def _look(self, place: Place, heading: Heading) -> Surroundings:
+        if self._is_occluded:
+            views = self._memory.views_past_obstacles
+            return views.look_past(place, self.range, self.fov, heading, self.observer_height)
+        return self._memory.views.look(place, self.range, self.fov, heading)
+
+
+class OccludedMapSensor(OccludedSensor, MapSensor):
+    """The same, without what obstacles hide."""
+
+    __slots__ = ()
+
+
+def ragged(rows: list[list[int]]) -> tuple[IntArray, IntArray]:
+    """Return offsets (rows + 1,) and values of lists of different lengths."""
+    offsets = np.zeros(len(rows) + 1, np.int64)
+    np.cumsum([len(row) for row in rows], out=offsets[1:])
+    return offsets, np.fromiter((value for row in rows for value in row), np.int64, int(offsets[-1]))
+
+
+def map_view(data: dict[str, Any], outline: FloatArray) -> SensorView:
+    """Return what a sensor of nodes and edges shows of its `data`."""
+    nodes = np.array([(node.x, node.y) for node in data.get("nodes", {}).values()], np.float64).reshape(-1, 2)
+    return SensorView(nodes, *fov_geometry.polylines(data.get("edges", ())), outline=outline)
+
+
+class NeighborSensor(Sensor):
+    """`data`: a fresh list of the node itself, then its out-neighbours in edge insertion order."""
+
+    __slots__ = ("_neighborhoods",)
+
+    def __init__(self, ctx: IContext, sensor_id: str, sensor_type: SensorType = SensorType.NEIGHBOR) -> None:
+        super().__init__(ctx, sensor_id, sensor_type)
+        self._last[0] = []
+        self._neighborhoods = ctx.graph.graph.neighborhoods
+
+    def sense_many(self, node_ids: Sequence[int] | np.ndarray[Any, Any]) -> Sensed:
+        """Look from many nodes; values are ids of nodes. `data` stays as it is."""
+        near = self._neighborhoods
+        return Sensed(*ragged([[*near[node_id]] for node_id in as_ids(node_ids, "node_ids")]))
+
+    def sense(self, node_id: int) -> None:
+        """Look around."""
+        if self._phase.agent is not None:
+            self._phase.refuse("call sensor.sense")
+        try:
+            self._last[0] = [*self._neighborhoods[node_id]]
+        except TypeError:  # not hashable, or no id
+            self._last[0] = [*self._neighborhoods[as_int(node_id, "The id of a node")]]
+
+    @of_data
+    def last_view(self) -> SensorView:
+        """The nodes seen last."""
+        return SensorView(nodes=self.places_of(self.data))
+
+
+class AgentSensor(DetectingSensor, GroundSensor):
+    """`data`: fresh `{agent name: id of its node}` of the other agents around, in the order of their creation.
+
+    Without an owner, or at a fixed place, every agent counts as another. The geometry is that of `MapSensor`, applied
+    to the nodes the agents stand on, or fly nearest to.
+
+    For the other arguments see `GroundSensor`.
+
+    Args:
+        owner: name of the agent that carries the sensor.
+    """
+
+    __slots__ = ("_notice",)
+
+    def __init__(
+        self,
+        ctx: IContext,
+        sensor_id: str,
+        sensor_type: SensorType,
+        sensor_range: float,
+        fov: float = FULL_CIRCLE,
+        orientation: Heading = (1.0, 0.0),
+        owner: str | None = None,
+        observer_height: float = 1.6,
+    ) -> None:
+        super().__init__(ctx, sensor_id, sensor_type, sensor_range, fov, orientation, observer_height)
+        self._notice = None
+        self._owner = owner
+
+    def sense(self, node_id: int | None = None) -> None:
+        """Look around."""
+        if self._phase.agent is not None:
+            self._phase.refuse("call sensor.sense")
+        place = self.place(node_id) if node_id is None or self._at is not None else node_id
+        heading = ALL_AROUND if self.fov == FULL_CIRCLE else self.heading()
+        if self.range == inf and heading == ALL_AROUND and not self._is_occluded and self._notice is None:
+            data = self._all_agents(place)
+        else:
+            positions, rows = self._found(place, heading)
+            names, nodes = positions.names, positions.nodes
+            data = {names[row]: nodes[row] for row in rows}
+        if self._owner is not None and self._at is None:
+            data.pop(self._owner, None)
+        self._last[:] = data, (place, self.range, self.fov, heading)
+
+    def sense_many(self, node_ids: Sequence[int] | np.ndarray[Any, Any]) -> Sensed:
+        """Look from many nodes; values are positions in `names`. `data` stays as it is."""
+        heading = ALL_AROUND if self.fov == FULL_CIRCLE else self.heading()
+        own = self._owner if self._at is None else None
+        with self._phase.suspended() if self._notice is None else self._notice.on_trial():
+            names = tuple(self.ctx.agent.positions.names)
+            looks = [self._found(self.place(id), heading)[1] for id in as_ids(node_ids, "node_ids")]
+        return Sensed(*ragged([[row for row in look if names[row] != own] for look in looks]), names=names)
+
+    @of_data
+    def last_view(self) -> SensorView:
+        """Return the agents seen last, at their nodes of then, and the field of view from where they were seen."""
+        return SensorView(agents=self.places_of(self.data.values()), names=tuple(self.data), outline=self.outline())
+
+    def _all_agents(self, place: Place) -> dict[str, int]:
+        if not isinstance(place, tuple) and not self.ctx.graph.graph.has_node(place):
+            raise UnknownName("node", place)
+        return self._memory.nearby.nodes_by_name()
+
+    def _found(self, place: Place, heading: Heading) -> tuple[Positions, list[int]]:
+        """Return where agents are, and the rows of those that are seen, ascending."""
+        positions, rows = self._memory.nearby.within(place, self.range)
+        if heading != ALL_AROUND:
+            rows = self._ahead(place, rows, positions.nodes, heading)
+        notice = self._notice
+        if notice is not None:
+            rows = notice.wanted(rows, positions.teams)
+        if self._is_occluded:
+            rows = self._in_sight(place, rows)
+        if notice is not None and notice.needs_chance:
+            owner = self._owner if self._at is None else None
+            distances = np.hypot(*self._offsets(place, rows).T)
+            names = [positions.names[row] for row in rows]
+            rows = _kept(rows, notice.is_noticed(self.ctx, owner, names, distances))
+        return positions, rows
+
+    def _ahead(self, place: Place, rows: list[int], nodes: Sequence[int], heading: Heading) -> list[int]:
+        """Return those rows whose agents are in the field of view."""
+        if len(rows) > _FEW:
+            dx, dy = self._offsets(place, rows).T
+            return _kept(rows, kernels.in_cone(dx, dy, heading, self.fov))
+        x0, y0 = coordinates(self.ctx, place)
+        places = [self.ctx.graph.graph.get_node(nodes[row]) for row in rows]
+        ahead = [kernels.is_in_cone(x - x0, y - y0, heading, self.fov) for _, x, y in places]
+        return [row for row, is_in in zip(rows, ahead, strict=True) if is_in]
+
+    def _offsets(self, place: Place, rows: list[int]) -> FloatArray:
+        offsets: FloatArray = self._memory.nearby.coordinates().xy[rows] - coordinates(self.ctx, place)
+        return offsets
+
+    def _in_sight(self, place: Place, rows: list[int]) -> list[int]:
+        """Return those rows whose agents no obstacle hides."""
+        nodes = NodeColumns(self.ctx.agent.positions.node_ids[rows], self._memory.nearby.coordinates().xy[rows])
+        return _kept(rows, in_sight(self.ctx, place, nodes, self.range, self.observer_height))
+
+
+class OccludedAgentSensor(OccludedSensor, AgentSensor):
+    """The same, without the agents that obstacles hide."""
+
+    __slots__ = ()
+
+
+def _kept(rows: list[int], is_kept: "np.ndarray[Any, np.dtype[np.bool_]]") -> list[int]:
+    return [row for row, is_in in zip(rows, is_kept.tolist(), strict=True) if is_in]
+
+
+def checked_place(ctx: IContext, at: object, name: str) -> Place:
+    """Return a node id or (x, y) from what a caller passed.
+
+    Raises:
+        UnknownName (KeyError): there is no such node.
+        BadType, BadValue: neither an integer nor a pair of finite numbers.
+    """
+    if isinstance(at, str) or not hasattr(at, "__len__") or getattr(at, "ndim", 1) == 0:
+        node = as_int(at, name)
+        ctx.graph.graph.get_node(node)
+        return node
+    x, y = as_numbers(at, f"{name}, unless it is the id of a node,", "(x, y)")
+    return x, y
