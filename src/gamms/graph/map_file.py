@@ -6,7 +6,8 @@ arrays and plain values, as `ir/packing.py` packs it. Nothing in a file is ever 
 
 import os
 import zlib
-from collections.abc import Iterable, Mapping
+from collections.abc import Iterable, Iterator, Mapping
+from contextlib import contextmanager
 from dataclasses import replace
 from itertools import count
 from struct import Struct
@@ -200,8 +201,7 @@ def encode(contents: SavedMap) -> bytes:
         "node_attributes": _columns_of(graph.node_attributes, "Node"),
         "edge_attributes": _columns_of(graph.edge_attributes, "Edge"),
     }
-    body = packing.pack(state, "A graph")
-    return _HEAD.pack(MAGIC, VERSION, len(body), zlib.crc32(body)) + body
+    return framed(state, MAGIC, VERSION)
 
 
 def decode(data: bytes) -> SavedMap:
@@ -210,34 +210,55 @@ def decode(data: bytes) -> SavedMap:
     Raises:
         BadFile: see `load`.
     """
-    body = _checked_body(data)
-    try:
-        state = packing.unpack(body, packing.Decoder(Allowance(len(data), "it")))
+    with refusing_damages():
+        state = unframed(data, MAGIC, VERSION)
         arrays, others = ({name: _array_of(state, name) for name in names} for names in (_GRAPH, _OTHERS))
         attributes = _attributes_of(state["node_attributes"]), _attributes_of(state["edge_attributes"])
         crs, attribution = (records.as_text(state[key], key) for key in ("crs", "attribution"))
         graph = checked_columns(arrays, _polylines_of(others), attributes, crs)
         return SavedMap(graph, list(_faces_of(others)), attribution)
-    except BadFile:
-        raise
-    except (KeyError, ValueError, TypeError, OverflowError, IndexError, AttributeError, GammsError) as error:
-        raise BadFile(f"its contents are damaged ({error})") from error
 
 
-def _checked_body(data: bytes) -> bytes:
-    if len(data) < _HEAD.size or not data.startswith(MAGIC):
+# -- any file of columns and plain values -------------------------------------------------------------------------
+
+
+def framed(state: dict[str, Plain], magic: bytes, version: int) -> bytes:
+    """Return a dict of arrays and plain values as the bytes of a file that begins with `magic`."""
+    body = packing.pack(state, "A file")
+    return _HEAD.pack(magic, version, len(body), zlib.crc32(body)) + body
+
+
+def unframed(data: bytes, magic: bytes, version: int) -> dict[str, Plain]:
+    """Return what `framed` got.
+
+    Raises:
+        BadFile: these are no such bytes.
+    """
+    if len(data) < _HEAD.size or not data.startswith(magic):
         raise BadFile("it does not begin like one")
-    _, version, size, crc = _HEAD.unpack_from(data)
-    if version > VERSION:
-        raise BadFile(f"it has format version {version}, this GAMMS reads {VERSION}; install a newer one")
-    if version < VERSION:
-        raise BadFile(f"it has format version {version}, which was never released; save the graph again")
+    _, found, size, crc = _HEAD.unpack_from(data)
+    if found > version:
+        raise BadFile(f"it has format version {found}, this GAMMS reads {version}; install a newer one")
+    if found < version:
+        raise BadFile(f"it has format version {found}, which was never released; save it again")
     if len(data) > _HEAD.size + size:
         raise BadFile("there is something behind its end")
     body = data[_HEAD.size :]
     if len(body) < size or zlib.crc32(body) != crc:
         raise BadFile("it is damaged or cut off")
-    return body
+    state: dict[str, Plain] = packing.unpack(body, packing.Decoder(Allowance(len(data), "it")))
+    return state
+
+
+@contextmanager
+def refusing_damages() -> Iterator[None]:
+    """Turn what goes wrong with the contents of a file into a `BadFile`."""
+    try:
+        yield
+    except BadFile:
+        raise
+    except (KeyError, ValueError, TypeError, OverflowError, IndexError, AttributeError, GammsError) as error:
+        raise BadFile(f"its contents are damaged ({error})") from error
 
 
 # -- contents <-> columns ---------------------------------------------------------------------------------------

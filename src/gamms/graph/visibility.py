@@ -14,7 +14,7 @@ from gamms import kernels
 from gamms.arguments import as_float, as_int, as_path, as_range
 from gamms.errors import BadFile, BadValue, MissingFolder, Outdated, UnknownName
 from gamms.folders import cache_folder, write_whole
-from gamms.graph import records, visibility_file
+from gamms.graph import map_file, records
 from gamms.graph.obstacles import Obstacles
 from gamms.graph.routes import Routes
 from gamms.graph.storage import MapStorage
@@ -30,6 +30,8 @@ from gamms.typing.graph_values import NodeIds
 from gamms.typing.obstacles import IVisibility
 
 _SUFFIX = ".sight"
+_MAGIC = b"GAMMSEYE"  # what a file begins with; see docs/save-format.md
+_VERSION = 3  # of development versions, 1 and 2 were; they are not read
 
 TablePath = str | os.PathLike[str] | Literal[False] | None
 
@@ -247,7 +249,7 @@ class VisibilityTables:
             seen = self._storage.visibility_rows.get(0, key, lambda: kept or _made(task, workers, is_shown=progress))
             table = self._tables[reach, height] = Visibility(fingerprint, self._routes, reach, height, seen)
         if place is not None and kept is None:
-            self._write(place, visibility_file.encode(table.seen, key, reach, height))
+            self._write(place, encode(table.seen, key, reach, height))
         return table
 
     def _place(self, path: TablePath, key: bytes) -> "_Place | None":
@@ -260,7 +262,7 @@ class VisibilityTables:
                 return _Place(asked / name, is_asked=True)
             if not asked.parent.is_dir():
                 raise MissingFolder(asked.name, asked.parent)
-            return _Place(asked, is_asked=True, is_ours=not visibility_file.is_foreign(asked))
+            return _Place(asked, is_asked=True, is_ours=not _is_foreign(asked))
         folder = cache_folder("visibility")
         try:
             folder.mkdir(parents=True, exist_ok=True)
@@ -271,7 +273,9 @@ class VisibilityTables:
 
     def _read(self, place: "_Place | None", key: bytes, nodes: int) -> VisibilityRows | None:
         try:
-            return None if place is None else visibility_file.read(place.path, key, nodes)
+            return None if place is None else decode(place.path.read_bytes(), key, nodes)
+        except FileNotFoundError:
+            return None
         except (BadFile, OSError) as error:
             self._ctx.logger.warning(f"{place.path} is no visibility table: {error}. It is computed again.")  # type: ignore[union-attr] # there is a place
             return None
@@ -310,3 +314,43 @@ def _made(task: VisibilityTask, workers: int | None, *, is_shown: bool) -> Visib
 
 def _say_nothing(_: str) -> None:
     pass
+
+
+# -- files ------------------------------------------------------------------------------------------------------------
+
+
+def encode(seen: VisibilityRows, key: bytes, radius: float, observer_height: float) -> bytes:
+    """Return a table as the bytes of a file."""
+    state = {"key": key, "radius": radius, "observer_height": observer_height, **seen._asdict()}
+    return map_file.framed(state, _MAGIC, _VERSION)
+
+
+def decode(data: bytes, key: bytes, nodes: int) -> VisibilityRows | None:
+    """Return the table in the bytes of a file; None where it is of another map, radius or height.
+
+    Raises:
+        BadFile (ValueError): the file is damaged, foreign or too new.
+    """
+    with map_file.refusing_damages():
+        state = map_file.unframed(data, _MAGIC, _VERSION)
+        if state["key"] != key:
+            return None
+        counts, rows = seen = VisibilityRows(state["counts"], state["rows"])
+        is_sound = counts.dtype == rows.dtype == np.int32 and counts.shape == (nodes,) and rows.ndim == 1
+        if not is_sound or (counts < 1).any() or int(counts.sum(dtype=np.int64)) != len(rows):
+            raise BadFile("its counts are damaged")
+        is_ascending = np.concatenate(([True], rows[1:] > rows[:-1]))[: len(rows)]
+        is_ascending[np.cumsum(counts, dtype=np.int64) - counts] = True
+        if not is_ascending.all() or (rows < 0).any() or (rows >= nodes).any():
+            raise BadFile("its rows are damaged")
+        return seen
+
+
+def _is_foreign(path: Path) -> bool:
+    """Return whether there is a file of another kind."""
+    try:
+        with path.open("rb") as file:
+            begin = file.read(len(_MAGIC))
+    except FileNotFoundError:
+        return False
+    return begin != _MAGIC[: len(begin)]
