@@ -7,7 +7,7 @@ from typing import Any, cast
 import numpy as np
 
 from gamms import kernels
-from gamms.arguments import as_ids, as_int, as_numbers, as_range
+from gamms.arguments import as_float, as_ids, as_int, as_numbers, as_range
 from gamms.deciding import refused_while_deciding
 from gamms.errors import BadType, UnknownName
 from gamms.ir.graph import FloatArray, IntArray
@@ -47,14 +47,13 @@ class GroundSensor(Sensor):
         at: a node id or (x, y) to look from, whatever node is asked about; None looks from that node.
     """
 
-    __slots__ = ("_at", "_memory", "fov", "observer_height", "orientation", "range")
+    __slots__ = ("_at", "_memory", "_observer_height", "fov", "orientation", "range")
 
     _is_occluded = False
 
     range: float
     fov: float
     orientation: Heading
-    observer_height: float  # of occluded sensors alone
 
     def __init__(
         self,
@@ -73,7 +72,7 @@ class GroundSensor(Sensor):
         self.fov = fov
         self.orientation = orientation
         if self._is_occluded:
-            self.observer_height = observer_height
+            self._observer_height = as_float(observer_height, f"observer_height of {sensor_id!r}")
         self._last[0] = {}
 
     @property
@@ -133,7 +132,7 @@ class GroundSensor(Sensor):
         """Return the corners of what it covers from a place."""
         if self._is_occluded:
             views = self._memory.views_past_obstacles
-            return views.area((x, y), (radius, heading, fov), self.observer_height)
+            return views.area((x, y), (radius, heading, fov), self._observer_height)
         return fov_geometry.sector(x, y, radius, heading, fov)
 
     def _where(self, place: Place) -> tuple[float, float]:
@@ -146,6 +145,15 @@ class OccludedSensor(GroundSensor):
     __slots__ = ()
 
     _is_occluded = True
+
+    @property
+    def observer_height(self) -> float:
+        """The height of its sight lines above the ground, map units; settable."""
+        return self._observer_height
+
+    @observer_height.setter
+    def observer_height(self, height: float) -> None:
+        self._observer_height = height
 
 
 class MapSensor(GroundSensor):
@@ -187,7 +195,7 @@ class MapSensor(GroundSensor):
     def _look(self, place: Place, heading: Heading) -> Surroundings:
         if self._is_occluded:
             views = self._memory.views_past_obstacles
-            return views.look_past(place, self.range, self.fov, heading, self.observer_height)
+            return views.look_past(place, self.range, self.fov, heading, self._observer_height)
         return self._memory.views.look(place, self.range, self.fov, heading)
 
 
@@ -338,7 +346,7 @@ class AgentSensor(DetectingSensor, GroundSensor):
     def _in_sight(self, place: Place, rows: list[int]) -> list[int]:
         """Return those rows whose agents no obstacle hides."""
         nodes = NodeColumns(self.ctx.agent.positions.node_ids[rows], self._memory.nearby.coordinates().xy[rows])
-        return _kept(rows, in_sight(self.ctx, place, nodes, self.range, self.observer_height))
+        return _kept(rows, in_sight(self.ctx, place, nodes, self.range, self._observer_height))
 
 
 class OccludedAgentSensor(OccludedSensor, AgentSensor):
