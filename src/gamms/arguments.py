@@ -70,6 +70,41 @@ def as_bool(value: object, name: str) -> bool:
     return bool(plain)
 
 
+def as_flag(value: object, name: str) -> bool:
+    """Return True or False; nothing else passes, 0 and 1 neither.
+
+    Raises:
+        BadType: it is something else.
+    """
+    if not isinstance(value, bool):
+        raise BadType(f"{name} must be True or False, not {shown(value)}.")
+    return value
+
+
+def as_count(value: object, name: str, least: int = 1, *, hint: str = "") -> int:
+    """Return a plain int that is at least `least`; `hint` is the end of the message, such as what to give instead.
+
+    Raises:
+        BadType: `value` is not an integer.
+        BadValue: it is less.
+    """
+    number = as_int(value, name)
+    if number < least:
+        raise BadValue(f"{name} must be at least {least}, not {shown(number)}{hint or '.'}")
+    return number
+
+
+def as_choice(value: object, name: str, known: Sequence[str]) -> str:
+    """Return one of a few texts.
+
+    Raises:
+        BadValue: it is none of them.
+    """
+    if not isinstance(value, str) or value not in known:
+        raise BadValue(f"{name} must be {' or '.join(map(repr, known))}, not {shown(value)}.{nearest(value, known)}")
+    return value
+
+
 def as_float(value: object, name: str) -> float:
     """Return a plain, finite float.
 

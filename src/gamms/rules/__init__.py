@@ -6,18 +6,17 @@
 
 Rules: read `contacts.py` for which agents meet, then `tagging.py`, `flags.py` and `endings.py`; `territory.py` makes
 the data that they share, `hooks.py` has what a rule may carry besides its function. Conflicts: read `conflicts.py` for
-how they are found, `resolvers.py` for which agents win. May import: `context` and below. To add a rule write a function
+how they are found, and which agents win. May import: `context` and below. To add a rule write a function
 `rule(ctx)`, to add a resolver a function `(contest, ctx) -> winners`: nothing needs to be registered. If
 parameters of a function that makes rules name teams, annotate them by `gamms.typing.game.Team`, TEAMS or OWNERS, so
 that scenario files with misspelt teams are refused.
 """
 
 from gamms.rules import territory
-from gamms.rules.conflicts import Conflicts
+from gamms.rules.conflicts import Conflicts, Contest, at_random, by_priority, nobody
 from gamms.rules.contacts import Contact, contacts, one_to_one
 from gamms.rules.endings import last_team, reach, time_limit
 from gamms.rules.flags import capture_flag
-from gamms.rules.resolvers import Contest, at_random, by_priority, nobody
 from gamms.rules.tagging import tag
 
 __all__ = [

@@ -1,17 +1,18 @@
 """Conflicts of moves: too many agents on a node, or two that exchange nodes, and which of them have to stay."""
 
 from collections import Counter, defaultdict
-from collections.abc import Callable, Iterable, Mapping, Sequence
+from collections.abc import Callable, Hashable, Iterable, Mapping, Sequence
 from itertools import compress
 from operator import attrgetter
 from sys import maxsize
-from typing import Any, Protocol
+from typing import Any, NamedTuple, cast
 
-from gamms.arguments import as_int, as_text
+from gamms import kernels
+from gamms.agent import BaseAgent
+from gamms.arguments import as_choice, as_flag, as_int, as_key, as_text
 from gamms.context import Context
-from gamms.errors import BadType, BadValue, UnknownName, nearest
+from gamms.errors import BadType, BadValue, MissingKey, UnknownName, nearest
 from gamms.graph import Graph
-from gamms.rules.resolvers import Contest, Resolver, as_resolver, at_random, winners_of
 from gamms.text import shown
 from gamms.typing.game import Move
 
@@ -19,7 +20,16 @@ UNLIMITED = maxsize  # no graph has so many agents
 
 Capacity = int | Mapping[int, int | None] | str | None  # as a caller gives it
 
-_AMONG = ("all", "team")
+
+class Contest(NamedTuple):
+    """More agents than places: what a resolver decides."""
+
+    node: int | tuple[int, int]  # the node they all want to end on; for an exchange its two nodes, the smaller first
+    places: int  # how many of them may win, at least 1 and fewer than there are
+    movers: tuple[Move, ...]  # by name
+
+
+Resolver = Callable[[Contest, Any], Iterable[str | Move]]  # called with the contest and the `gamms.Context`
 
 
 class Conflicts:
@@ -54,15 +64,12 @@ class Conflicts:
         allow_swaps: bool = True,
         resolve: Resolver | None = None,
     ) -> None:
-        if as_text(among, "among") not in _AMONG:
-            raise BadValue(f"among must be 'all' or 'team', not {shown(among)}.{nearest(among, _AMONG)}")
-        if not isinstance(allow_swaps, bool):
-            raise BadType(f"allow_swaps must be True or False, not {shown(allow_swaps)}.")
+        as_choice(as_text(among, "among"), "among", ("all", "team"))
         self._limits = _as_limits(capacity)
         name = "at_random" if resolve is None else getattr(resolve, "__name__", shown(resolve))
         self._given = {"capacity": repr(capacity), "among": repr(among), "allow_swaps": allow_swaps, "resolve": name}
-        self._resolve = at_random() if resolve is None else as_resolver(resolve)
-        self._allow_swaps = allow_swaps
+        self._resolve = at_random() if resolve is None else _as_resolver(resolve)
+        self._allow_swaps = as_flag(allow_swaps, "allow_swaps")
         per_team = among == "team"
         self._place_of = attrgetter("end", "team") if per_team else attrgetter("end")  # where it counts if it moves
         self._home_of = attrgetter("start", "team") if per_team else attrgetter("start")  # and where if it stays
@@ -125,7 +132,7 @@ class Conflicts:
 
     def _turned_back(self, contest: Contest, ctx: Context) -> list[Move]:
         """Return those that do not go the winner's way."""
-        winners = winners_of(contest, self._resolve, ctx)
+        winners = _winners_of(contest, self._resolve, ctx)
         ways = {mover.start for mover in contest.movers if mover.agent in winners}
         return [mover for mover in contest.movers if mover.start not in ways]
 
@@ -137,7 +144,7 @@ class Conflicts:
         while places:
             losers, contests = demand.too_many(places, limit_of)
             for place, contest in contests:
-                winners = winners_of(contest, self._resolve, ctx)
+                winners = _winners_of(contest, self._resolve, ctx)
                 demand.coming[place] = [mover for mover in contest.movers if mover.agent in winners]
                 losers += [mover for mover in contest.movers if mover.agent not in winners]
             stopped.update(loser.agent for loser in losers)
@@ -183,7 +190,7 @@ class _Demand:
                     self.coming[place] = []
                 elif len(movers) > free:
                     contests.append((place, Contest(node, free, tuple(sorted(movers, key=_name_of)))))
-        return turned_away, sorted(contests, key=_rank_of_pair)
+        return turned_away, sorted(contests, key=lambda pair: _rank_of(pair[1]))
 
     def settle(self, losers: Iterable[Move]) -> list[Any]:
         """Let losers stay where they are; return the places that this may make too full."""
@@ -224,76 +231,181 @@ def _rank_of(contest: Contest) -> tuple[Any, str]:
     return (contest.node, contest.movers[0].agent)
 
 
-def _rank_of_pair(pair: tuple[Any, Contest]) -> tuple[Any, str]:
-    return _rank_of(pair[1])
+# -- resolvers ---------------------------------------------------------------------------------------------------------
+
+
+def by_priority(teams_or_key: Sequence[Hashable] | Callable[[BaseAgent], Any]) -> Resolver:
+    """Make a resolver by which those that come first win; the names decide between equals.
+
+    Args:
+        teams_or_key: the teams, the first to win first. Or a function that is called with an agent: those with the
+            smallest values win.
+
+    Raises:
+        BadType: neither a list of teams nor a function. While resolving: values that cannot be compared.
+        BadValue: no team at all, or one twice.
+        MissingKey (KeyError): while resolving, an agent of a team that is not in the list.
+    """
+    if callable(teams_or_key):
+        return _by_key(teams_or_key)
+    if isinstance(teams_or_key, (str, bytes)) or not isinstance(teams_or_key, Sequence):
+        raise BadType(
+            "by_priority needs a list of teams, the first to win first, or a function of an agent, "
+            f"not {shown(teams_or_key)} ({type(teams_or_key).__name__})."
+        )
+    return _by_team(tuple(teams_or_key))
+
+
+def at_random() -> Resolver:
+    """Make a resolver that draws a number for each agent in every turn; the smallest win.
+
+    The draw follows from the seed of the context, the turn and the agent's name alone. So neither other agents, other
+    draws nor the order of contests change it, and an agent in two contests of a turn keeps its number.
+    """
+
+    def at_random(contest: Contest, ctx: Context) -> list[Move]:
+        movers = contest.movers
+        purpose = kernels.purpose_key(ctx.seed, "conflicts")
+        lots = kernels.lots(purpose, (mover.agent for mover in movers), ctx.game.turn)
+        order = sorted(range(len(movers)), key=lots.__getitem__)
+        return [movers[number] for number in order[: contest.places]]
+
+    return at_random
+
+
+def nobody() -> Resolver:
+    """Make a resolver by which no agent wins: where too many want to go, all stay."""
+
+    def nobody(_contest: Contest, _ctx: Context) -> tuple[Move, ...]:
+        return ()
+
+    return nobody
+
+
+_FACTORIES = (by_priority, at_random, nobody)
+
+
+def _as_resolver(resolve: object) -> Resolver:
+    """Check what a caller gave as resolver.
+
+    Raises:
+        BadType: it cannot be called, or is a maker of resolvers that has not been called yet.
+    """
+    for factory in _FACTORIES:
+        if resolve is factory:
+            raise BadType(f"resolve={factory.__name__} only makes a resolver: call it, as in {factory.__name__}(…).")
+    if not callable(resolve):
+        raise BadType(f"resolve must be a function (contest, ctx) -> winners, not {shown(resolve)}.")
+    return cast("Resolver", resolve)  # what it takes and gives shows when it is called
+
+
+def _winners_of(contest: Contest, resolve: Resolver, ctx: Context) -> set[str]:
+    """Return the names of the winners by a resolver, checked.
+
+    Raises:
+        BadType: it gave something else than names or moves.
+        BadValue: it named an agent that takes no part, or too many.
+    """
+    answer: object = resolve(contest, ctx)
+    if isinstance(answer, (str, Move)) or not isinstance(answer, Iterable):
+        form = "must give a list of the winners, names or moves, not"
+        raise BadType(f"{_asked(resolve, contest)} {form} {shown(answer)}.")
+    winners, names = set[str](), [mover.agent for mover in contest.movers]
+    for one in answer:
+        winner = one.agent if isinstance(one, Move) else one
+        if not isinstance(winner, str):
+            raise BadType(f"{_asked(resolve, contest)} must name winners or give their moves, not {shown(winner)}.")
+        winners.add(winner)
+    for winner in sorted(winners.difference(names)):
+        hint = nearest(winner, names)
+        raise BadValue(f"{_asked(resolve, contest)} let {shown(winner)} win, not one of {names}.{hint}")
+    if len(winners) > contest.places:
+        few = f"contest.places is {contest.places}"
+        raise BadValue(f"{_asked(resolve, contest)} let {len(winners)} win, {sorted(winners)}, but {few}.")
+    return winners
+
+
+def _asked(resolve: Resolver, contest: Contest) -> str:
+    what = "the exchange of nodes" if isinstance(contest.node, tuple) else "node"
+    return f"The resolver {getattr(resolve, '__name__', repr(resolve))!r}, asked about {what} {contest.node},"
+
+
+def _by_key(key: Callable[[BaseAgent], Any]) -> Resolver:
+    def by_priority(contest: Contest, ctx: Context) -> list[Move]:
+        agent_of = ctx.agent.get_agent
+        ranks = [key(agent_of(mover.agent)) for mover in contest.movers]
+        return _first(contest, ranks)
+
+    return by_priority
+
+
+def _by_team(teams: tuple[Hashable, ...]) -> Resolver:
+    rank_of = _ranks(teams)
+
+    def by_priority(contest: Contest, _ctx: Context) -> list[Move]:
+        for mover in contest.movers:
+            if mover.team not in rank_of:
+                raise MissingKey(
+                    f"by_priority has no place for team {shown(mover.team)} of agent {mover.agent!r}. "
+                    f"Put it into the list {shown(list(teams))}."
+                )
+        return _first(contest, [rank_of[mover.team] for mover in contest.movers])
+
+    return by_priority
+
+
+def _ranks(teams: tuple[Hashable, ...]) -> Mapping[Any, int]:
+    ranks: dict[Hashable, int] = {}
+    for rank, team in enumerate(teams):
+        if as_key(team, "A team") in ranks:
+            raise BadValue(f"by_priority lists team {shown(team)} twice: {shown(list(teams))}.")
+        ranks[team] = rank
+    if not ranks:
+        raise BadValue("by_priority needs at least one team.")
+    return ranks
+
+
+def _first(contest: Contest, ranks: list[Any]) -> list[Move]:
+    """Return those with the smallest ranks; of equals those that come first, which is by name."""
+    try:
+        order = sorted(range(len(ranks)), key=ranks.__getitem__)
+    except TypeError:
+        ranked = ", ".join(f"{mover.agent}: {shown(rank)}" for mover, rank in zip(contest.movers, ranks, strict=True))
+        raise BadType(f"by_priority cannot compare what its key gave for {ranked}.") from None
+    return [contest.movers[number] for number in order[: contest.places]]
 
 
 # -- the capacity of nodes ---------------------------------------------------------------------------------------------
 
 
-class _Limits(Protocol):
+class _Limits(NamedTuple):
     """The capacity of nodes.
 
     Attributes:
         least: no node has a smaller one, so that for fewer agents no node is looked at.
+        on: gives the function from a node id to its capacity in this turn; `UNLIMITED` where there is none.
     """
 
     least: int
-
-    def on(self, graph: Graph) -> Callable[[int], int]:
-        """Return the function from a node id to its capacity in this turn; `UNLIMITED` where there is none."""
+    on: Callable[[Graph], Callable[[int], int]]
 
 
-class _Everywhere:
-    """The same capacity on every node."""
+def _in_attribute(name: str) -> _Limits:
+    """Return capacities in an attribute of the nodes, read in each turn: it may change."""
+    is_known = False
 
-    def __init__(self, capacity: int) -> None:
-        self.least = capacity
-
-    def on(self, _: Graph) -> Callable[[int], int]:
-        """Return a function that gives the one number."""
-        return lambda _: self.least
-
-
-class _PerNode:
-    """Capacities of some nodes; the others are unlimited."""
-
-    def __init__(self, capacities: Mapping[int, int]) -> None:
-        self.least = min(capacities.values(), default=UNLIMITED)
-        self._capacities = capacities
-
-    def on(self, _: Graph) -> Callable[[int], int]:
-        """Return a function that gives the number of each node."""
-        known = self._capacities
-        return lambda node: known.get(node, UNLIMITED)
-
-
-class _PerAttribute:
-    """Capacities in an attribute of the nodes, read in each turn: it may change."""
-
-    least = 0
-
-    def __init__(self, name: str) -> None:
-        self._name = name
-        self._is_known = False
-
-    def on(self, graph: Graph) -> Callable[[int], int]:
-        """Return a function that reads the attribute."""
-        if not self._is_known:
-            self._look_for_it(graph)
-            self._is_known = True
-        name, attributes = self._name, graph.node_attributes
+    def on(graph: Graph) -> Callable[[int], int]:
+        nonlocal is_known
+        attributes = graph.node_attributes
+        if not is_known and not any(name in attributes(node) for node in graph.get_nodes()):
+            # A misspelt attribute would mean no limit anywhere, without a word.
+            raise UnknownName(
+                "node attribute", name, {one: None for node in graph.get_nodes() for one in attributes(node)}
+            )
+        is_known = True
         return lambda node: _as_limit(attributes(node).get(name), f"Attribute {name!r} of node {node}")
 
-    def _look_for_it(self, graph: Graph) -> None:
-        """Find it on at least one node: a misspelt attribute would mean no limit anywhere, without a word."""
-        seen: dict[str, None] = {}
-        for node in graph.get_nodes():
-            attributes = graph.node_attributes(node)
-            if self._name in attributes:
-                return
-            seen.update(dict.fromkeys(attributes))
-        raise UnknownName("node attribute", self._name, seen)
+    return _Limits(0, on)
 
 
 def _as_limits(capacity: object) -> _Limits | None:
@@ -308,10 +420,11 @@ def _as_limits(capacity: object) -> _Limits | None:
     if isinstance(capacity, str):
         if not capacity:
             raise BadValue("capacity must be the name of a node attribute, not an empty string.")
-        return _PerAttribute(capacity)
+        return _in_attribute(capacity)
     if isinstance(capacity, Mapping):
         pairs = ((as_int(node, "A node in capacity"), value) for node, value in capacity.items())
-        return _PerNode({node: _as_limit(value, f"capacity of node {node}") for node, value in pairs})
+        known = {node: _as_limit(value, f"capacity of node {node}") for node, value in pairs}
+        return _Limits(min(known.values(), default=UNLIMITED), lambda _: lambda node: known.get(node, UNLIMITED))
     try:
         number = as_int(capacity, "capacity")
     except BadType:
@@ -321,7 +434,7 @@ def _as_limits(capacity: object) -> _Limits | None:
         ) from None
     if number < 1:
         raise BadValue(f"capacity must be at least 1, not {number}: no agent could move. Use None for no limit.")
-    return _Everywhere(number)
+    return _Limits(number, lambda _: lambda _: number)
 
 
 def _as_limit(value: object, name: str) -> int:

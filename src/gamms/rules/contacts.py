@@ -12,7 +12,7 @@ from typing import Annotated, Any, NamedTuple
 import numpy as np
 
 from gamms import kernels
-from gamms.arguments import as_context, as_items, as_key, as_range
+from gamms.arguments import as_context, as_flag, as_items, as_key, as_range
 from gamms.context import Context
 from gamms.errors import BadType, BadValue
 from gamms.graph import Graph
@@ -104,19 +104,13 @@ def one_to_one(met: Iterable[Contact]) -> list[Contact]:
     """Return those contacts, taken in this order, whose agents are in no earlier one that was taken."""
     taken: set[str] = set()
     pairs = []
-    for contact in _as_contacts(met):
+    for contact in as_items(met, "met", "contacts"):
+        if not isinstance(contact, Contact):
+            raise BadType(f"one_to_one takes what gamms.rules.contacts gives, not {shown(contact)}.")
         if contact.a not in taken and contact.b not in taken:
             taken.update(contact[:2])
             pairs.append(contact)
     return pairs
-
-
-def _as_contacts(met: Iterable[object]) -> list[Contact]:
-    contacts = as_items(met, "met", "contacts")
-    for one in contacts:
-        if not isinstance(one, Contact):
-            raise BadType(f"one_to_one takes what gamms.rules.contacts gives, not {shown(one)}.")
-    return contacts
 
 
 def as_nearness(
@@ -133,19 +127,14 @@ def as_nearness(
     Raises:
         BadType, BadValue: a distance is not one, or there are several.
     """
-    given = {
-        name: value for name, value in (("hops", hops), ("metres", metres), ("euclid", euclid)) if value is not None
-    }
+    distances = {"hops": hops, "metres": metres, "euclid": euclid}
+    given = {unit: distance for unit, distance in distances.items() if distance is not None}
     if len(given) > 1:
-        raise BadValue(
-            f"Give one distance, not {' and '.join(f'{name}={shown(value)}' for name, value in given.items())}."
-        )
-    for name, value in (("crossing", crossing), ("air", air), ("passing", passing)):
-        if not isinstance(value, bool) and not (name == "crossing" and value is None):
-            raise BadType(f"{name} must be True or False, not {shown(value)}.")
-    for unit, distance in given.items():
-        return Nearness(unit, as_range(distance, unit), bool(crossing), air, passing)
-    return Nearness(None, 0.0, crossing is not False, air, passing)
+        several = " and ".join(f"{unit}={shown(distance)}" for unit, distance in given.items())
+        raise BadValue(f"Give one distance, not {several}.")
+    on_edges = not given if crossing is None else as_flag(crossing, "crossing")
+    unit, limit = next(((unit, as_range(distance, unit)) for unit, distance in given.items()), (None, 0.0))
+    return Nearness(unit, limit, on_edges, as_flag(air, "air"), as_flag(passing, "passing"))
 
 
 def as_test(side: Side) -> Test:

@@ -3,9 +3,9 @@
 from collections.abc import Hashable, Iterable, Mapping
 from typing import Annotated, Any, overload
 
-from gamms.arguments import as_float, as_int, as_key
+from gamms.arguments import as_count, as_flag, as_float, as_int, as_key
 from gamms.context import Context
-from gamms.errors import BadType, BadValue, UnknownName
+from gamms.errors import BadValue, UnknownName
 from gamms.rules.contacts import tracks_of, visits_of
 from gamms.rules.hooks import with_hooks
 from gamms.text import shown
@@ -67,8 +67,7 @@ def reach(
     teams = sorted((as_key(one, "A team") for one in given), key=str)
     goals = {one: _as_goal(given[one], one) for one in teams}
     as_float(score, "score")
-    if not isinstance(passing, bool):
-        raise BadType(f"passing must be True or False, not {shown(passing)}.")
+    as_flag(passing, "passing")
 
     def prepare(ctx: Context) -> None:
         refuse_unknown(ctx, {node for goal in goals.values() if not isinstance(goal, str) for node in goal})
@@ -92,9 +91,7 @@ def time_limit(turns: int) -> Rule:
     Raises:
         BadType, BadValue: the number is not an integer, or less than 1.
     """
-    last = as_int(turns, "turns")
-    if last < 1:
-        raise BadValue(f"turns must be at least 1, not {last}.")
+    last = as_count(turns, "turns")
 
     def time_limit(ctx: Context) -> None:
         if ctx.game.turn >= last:

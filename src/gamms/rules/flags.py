@@ -1,12 +1,12 @@
 """Capture the flag: an agent takes the flag of another team and brings it home."""
 
-from collections.abc import Hashable, Iterable, Mapping, Sequence
-from typing import Annotated, Any
+from collections.abc import Callable, Hashable, Iterable, Mapping, Sequence
+from typing import Annotated, Any, NamedTuple
 
 from gamms import kernels
-from gamms.arguments import as_float, as_int, as_name
+from gamms.arguments import as_count, as_flag, as_float, as_int, as_name
 from gamms.context import Context
-from gamms.errors import BadType, BadValue
+from gamms.errors import BadType
 from gamms.rules.contacts import Visit, tracks_of, visits_of
 from gamms.rules.endings import refuse_unknown
 from gamms.rules.hooks import with_hooks
@@ -56,7 +56,19 @@ def capture_flag(
         BadType, BadValue: an argument is not one of these.
         UnknownName (KeyError): when it is added to a game, a base is not a node of the map.
     """
-    game = _Flags(flags, territory, goal, score, announce=announce, key=key, passing=passing)
+    given: object = flags
+    if not isinstance(given, Mapping) or not given:
+        raise BadType(f"flags must be a mapping from teams to nodes, not {shown(flags)}.")
+    as_float(score, "score")
+    game = _Flags(
+        {team: as_int(flags[team], f"The base of the flag of {shown(team)}") for team in sorted(flags, key=str)},
+        as_territory(territory),
+        None if goal is None else as_count(goal, "goal", hint=". None never ends the game."),
+        score,
+        as_flag(announce, "announce"),
+        as_name(key, "the state of the rule"),
+        as_flag(passing, "passing"),
+    )
 
     def capture_flag(ctx: Context) -> None:
         game.play(ctx)
@@ -64,36 +76,16 @@ def capture_flag(
     return with_hooks(capture_flag, prepare=game.prepare, drawer=FlagsDrawer(game.key, colors))
 
 
-class _Flags:
-    """The arguments of the rule. What happens in a game is in `ctx.game.data`."""
+class _Flags(NamedTuple):
+    """The arguments of the rule, checked. What happens in a game is in `ctx.game.data`."""
 
-    def __init__(
-        self,
-        flags: object,
-        territory: object,
-        goal: object,
-        score: float,
-        *,
-        announce: bool,
-        key: str,
-        passing: bool,
-    ) -> None:
-        if not isinstance(flags, Mapping) or not flags:
-            raise BadType(f"flags must be a mapping from teams to nodes, not {shown(flags)}.")
-        bases = (
-            (team, as_int(flags[team], f"The base of the flag of {shown(team)}")) for team in sorted(flags, key=str)
-        )
-        self.bases: dict[Hashable, int] = dict(bases)
-        self.ground = as_territory(territory)
-        self.goal = None if goal is None else as_int(goal, "goal")
-        if self.goal is not None and self.goal < 1:
-            raise BadValue(f"goal must be at least 1, not {goal}. None never ends the game.")
-        as_float(score, "score")
-        for name, value in (("announce", announce), ("passing", passing)):
-            if not isinstance(value, bool):
-                raise BadType(f"{name} must be True or False, not {shown(value)}.")
-        self.passing = passing
-        self.score, self.announce, self.key = score, announce, as_name(key, "the state of the rule")
+    bases: dict[Hashable, int]
+    ground: Callable[[Context], Territory] | None
+    goal: int | None
+    score: float
+    announce: bool
+    key: str
+    passing: bool
 
     def prepare(self, ctx: Context) -> None:
         """Check the bases against the map, and publish where the flags are."""

@@ -4,7 +4,7 @@ from collections.abc import Callable
 from typing import cast
 
 from gamms.agent import BaseAgent
-from gamms.arguments import as_float
+from gamms.arguments import as_flag, as_float
 from gamms.context import Context
 from gamms.errors import BadType, BadValue, nearest
 from gamms.rules.contacts import Contact, Side, as_nearness, as_test, found, one_to_one
@@ -18,15 +18,10 @@ Then = Callable[[Context, BaseAgent, BaseAgent], object]  # called with the cont
 _Tag = tuple[BaseAgent, BaseAgent, int]  # tagger, tagged, the node where the latter was
 
 
-def _respawn(ctx: Context, _: BaseAgent, tagged: BaseAgent) -> None:
-    ctx.game.respawn(tagged)
-
-
-def _eliminate(ctx: Context, _: BaseAgent, tagged: BaseAgent) -> None:
-    ctx.game.eliminate(tagged)
-
-
-_THEN: dict[str, Then] = {"respawn": _respawn, "eliminate": _eliminate}
+_THEN: dict[str, Then] = {
+    "respawn": lambda ctx, _, tagged: ctx.game.respawn(tagged),
+    "eliminate": lambda ctx, _, tagged: ctx.game.eliminate(tagged),
+}
 
 
 def tag(  # noqa: PLR0913 - all that a rule is, in one call
@@ -73,15 +68,14 @@ def tag(  # noqa: PLR0913 - all that a rule is, in one call
     nearness = as_nearness(hops, metres, euclid, crossing=crossing, air=air, passing=passing)
     sides = as_test(taggers), as_test(tagged)
     follow, points, ground = _as_then(then), as_float(score, "score"), as_territory(territory)
-    if not isinstance(mutual, bool):
-        raise BadType(f"mutual must be True or False, not {shown(mutual)}.")
+    both = as_flag(mutual, "mutual")
 
     def tag(ctx: Context) -> None:
         owners = None if ground is None else ground(ctx)
 
         def tags_of(contact: Contact) -> list[_Tag]:
             a, b = ctx.agent.get_agent(contact.a), ctx.agent.get_agent(contact.b)
-            tags = [(a, b, contact.b_node)] + [(b, a, contact.a_node)] * mutual
+            tags = [(a, b, contact.b_node)] + [(b, a, contact.a_node)] * both
             return [one for one in tags if owners is None or (one[2] in owners and owners[one[2]] == one[0].team)]
 
         tags = {contact: some for contact in found(ctx, *sides, nearness) if (some := tags_of(contact))}

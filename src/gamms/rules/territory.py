@@ -6,7 +6,7 @@ from typing import Annotated, Any, cast
 
 import numpy as np
 
-from gamms.arguments import as_int, as_name
+from gamms.arguments import as_choice, as_int, as_name
 from gamms.context import Context
 from gamms.errors import BadType, BadValue, UnknownName
 from gamms.rules.hooks import with_hooks
@@ -71,13 +71,12 @@ def halves(
     Raises:
         BadValue: there is no such axis, or there are not two teams.
     """
-    if axis not in _AXES:
-        raise BadValue(f"axis must be 'x' or 'y', not {shown(axis)}.")
+    column = _AXES.index(as_choice(axis, "axis", _AXES))
     sides = [team for team in ctx.agent.teams if team is not None] if teams is None else list(teams)
     if len(sides) != 2:
         raise BadValue(f"A map has two halves, and teams are {sides}. Give halves(…, teams=(west, east)).")
     columns = ctx.graph.columns()
-    along = columns.xy[:, _AXES.index(axis)]
+    along = columns.xy[:, column]
     if len(along) == 0:
         return {}
     is_beyond = (along >= np.median(along)).tolist()
@@ -114,17 +113,17 @@ def as_territory(territory: object) -> Callable[[Context], Territory] | None:
     """
     if territory is None:
         return None
-    if isinstance(territory, str):
-        return lambda ctx: _published_as(ctx, territory)
-    known = _checked(territory)
-    return lambda _: known
+    if not isinstance(territory, str):
+        known = _checked(territory)
+        return lambda _: known
 
+    def published_as(ctx: Context) -> Territory:
+        facts = ctx.game.facts
+        if territory not in facts:
+            raise UnknownName("fact", territory, facts)
+        return cast("Territory", facts[territory])
 
-def _published_as(ctx: Context, name: str) -> Territory:
-    facts = ctx.game.facts
-    if name not in facts:
-        raise UnknownName("fact", name, facts)
-    return cast("Territory", facts[name])
+    return published_as
 
 
 def _checked(territory: object) -> dict[int, Hashable]:
