@@ -9,7 +9,7 @@ from hypothesis import strategies as st
 
 from gamms.errors import BadValue
 from gamms.ir.draw import DrawKind, DrawSpace
-from gamms.ir.palette import OTHER_OBSTACLE
+from gamms.ir.obstacles import OTHER_OBSTACLE
 from gamms.visual import Circle, Color, render_circle, render_rectangle
 from gamms.visual.drawers.graph import one_way_each, polylines, usual
 

@@ -91,36 +91,30 @@ class DrawCommands:
         """
         if not isinstance(columns, dict):
             raise BadType(f"A recorded drawing is a dict of columns, not a {type(columns).__name__}.")
-        kind, space, counts = (_column(columns, name, "iu") for name in ("kind", "space", "counts"))
-        size, width, angle = (_column(columns, name, "f") for name in ("size", "width", "angle"))
-        color, points = _column(columns, "color", "iu", 4), _column(columns, "points", "f", 2)
+        found = {name: _column(columns, name, *form) for name, form in _FORMS.items()}
+        kind, counts, points = found["kind"], found.pop("counts"), found["points"]
         text = columns.get("text") or [""] * len(counts)
         if not isinstance(text, list) or not all(isinstance(one, str) for one in text):
             raise BadType("The texts of a recorded drawing must be a list of str.")
-        if {len(column) for column in (kind, space, size, width, angle, color, text)} != {len(counts)}:
+        if {len(text), *(len(column) for name, column in found.items() if name != "points")} != {len(counts)}:
             raise BadValue("The columns of a recorded drawing have different lengths.")
-        _check_kinds(kind, space, counts, len(points))
-        for name, values in {"size": size, "width": width, "angle": angle, "point": points}.items():
-            if not (np.abs(values) <= FARTHEST).all():  # nor NaN
-                raise BadValue(f"A {name} in a recorded drawing is not finite, or beyond {FARTHEST:g}.")
+        _check_kinds(kind, found["space"], counts, len(points))
+        for name in ("size", "width", "angle", "points"):
+            if not (np.abs(found[name]) <= FARTHEST).all():  # nor NaN
+                raise BadValue(f"Of the {name} in a recorded drawing one is not finite, or beyond {FARTHEST:g}.")
         offsets = np.concatenate(([0], np.cumsum(counts, dtype=np.int64)))
         extents = points[offsets[:-1][kind == DrawKind.RECTANGLE] + 1]
-        if any((values < 0.0).any() for values in (size, width, extents)):
+        if any((values < 0.0).any() for values in (found["size"], found["width"], extents)):
             raise BadValue("A size in a recorded drawing is negative.")
-        return cls(
-            kind=kind.astype(np.int64),
-            layer=np.zeros(len(kind), np.int64),
-            space=space.astype(np.int64),
-            size=size.astype(np.float64),
-            width=width.astype(np.float64),
-            angle=angle.astype(np.float64),
-            color=color.astype(np.uint8),
-            offsets=offsets,
-            points=points.astype(np.float64),
-            text=tuple(text),
-        )
+        return cls(layer=np.zeros(len(kind), np.int64), offsets=offsets, text=tuple(text), **found)
 
 
+_FORMS: dict[str, tuple[str, tuple[int, ...], type]] = {  # kinds of numbers, shape of a row, type
+    **dict.fromkeys(("kind", "space", "counts"), ("iu", (), np.int64)),
+    **dict.fromkeys(("size", "width", "angle"), ("f", (), np.float64)),
+    "color": ("iu", (4,), np.uint8),
+    "points": ("f", (2,), np.float64),
+}
 _POINTS_OF = {  # the fewest and the most points of a command of each kind that is recorded
     DrawKind.CIRCLE: (1, 1),
     DrawKind.RECTANGLE: (2, 2),
@@ -130,16 +124,19 @@ _POINTS_OF = {  # the fewest and the most points of a command of each kind that 
 }
 
 
-def _column(columns: dict[str, Any], name: str, kinds: str, width: int | None = None) -> "np.ndarray[Any, Any]":
-    """Return a column of a recorded drawing, which has a number per row, or `width` numbers."""
-    column, shape = columns[name], () if width is None else (width,)
+def _column(
+    columns: dict[str, Any], name: str, kinds: str, row: tuple[int, ...], dtype: type
+) -> "np.ndarray[Any, Any]":
+    """Return a column of a recorded drawing."""
+    column = columns[name]
     if (
         not isinstance(column, np.ndarray)
         or column.dtype.kind not in kinds
-        or column.shape != (*column.shape[:1], *shape)
+        or column.shape[1:] != row
+        or not column.ndim
     ):
         raise BadType(f"The column {name!r} of a recorded drawing must be an array of numbers.")
-    return column
+    return column.astype(dtype)
 
 
 def _check_kinds(kind: IntArray, space: IntArray, counts: IntArray, points: int) -> None:

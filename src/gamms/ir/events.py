@@ -8,12 +8,11 @@ again and working out the state at a turn are the same act. Adding a kind is a c
 from collections.abc import Callable, Iterator, Mapping, Sequence
 from copy import deepcopy
 from enum import Enum
-from functools import partial
 from typing import TYPE_CHECKING, Any, NamedTuple
 
 from gamms.arguments import as_bool, as_int, as_key, as_name, as_numbers, as_range
 from gamms.errors import BadType, BadValue
-from gamms.ir.event_state import State
+from gamms.ir.graph import FloatArray, IntArray
 from gamms.plain import Plain
 from gamms.text import shown
 
@@ -23,48 +22,97 @@ if TYPE_CHECKING:
 Log = list[Any]  # (id, node id) of each move of an agent on the ground as two ints; else (kind, data) as a tuple
 Record = tuple[int, dict[str, Any]]  # an operation code of format version 2, and its data
 
-TERMINATE = 0x00000000
-SIMULATE = 0x00000001
-SNAPSHOT = 0x00000010
-UNFINISHED = 0x00000011
 REPLAYED = -1  # never written: a record of version 2 that is replayed, and what was noted when it happened
-AGENT_CREATE = 0x01000000
-AGENT_DELETE = 0x01000001
-AGENT_CURRENT_NODE = 0x01100000
-AGENT_PREV_NODE = 0x01100001
-AGENT_SENSOR_REGISTER = 0x01100002
-AGENT_SENSOR_DEREGISTER = 0x01100003
-AGENT_ORIENTATION = 0x01100004
-AERIAL_AGENT_POSITION = 0x01100005
-AERIAL_AGENT_QUATERNION = 0x01100006
-AGENT_TEAM = 0x01100010
-AGENT_ALIVE = 0x01100011
-AGENT_SPEED = 0x01100012
-AGENT_STRATEGY = 0x01100013
-AGENT_PROGRESS = 0x01100014
-AERIAL_AGENT_FLIGHT = 0x01100020
-AERIAL_AGENT_TURN = 0x01100021
-FLYERS_ABOVE = 0x01100030
-MOVES = 0x01100040  # never written as an event: the ints of a log, and a column of their own in a file
-COMPONENT_REGISTER = 0x02000000
-COMPONENT_CREATE = 0x02000001
-COMPONENT_UPDATE = 0x02000002
-COMPONENT_DELETE = 0x02000003
-COMPONENT_UNREGISTER = 0x02000004
-WORLD = 0x03000000
-VISUALS = 0x03000010
-VISUAL_COMMANDS = 0x03000011
-GAME_SCORES = 0x04000000
-GAME_DATA = 0x04000001
-GAME_EVENT = 0x04000002
-GAME_OVER = 0x04000003
-GAME_TURN = 0x04000004
-GAME_MEMORY = 0x04000005
-GAME_FACTS = 0x04000006
-GAME_CHANCE = 0x04000007
-USER_EVENT = 0x05000000
-SENSORS = 0x06000000
-SENSED = 0x06000001
+
+
+# -- what events are applied to: a live context, or columns that were read ---------------------------------------
+
+Row = Any  # what a state calls an agent: a row of its columns, or the agent itself
+
+
+class AgentsState:
+    """The agents of a state; a subclass overrides what it keeps.
+
+    What names an agent that is not there raises a KeyError or a ValueError.
+    """
+
+    def add(self, name: str, kwargs: dict[str, Any], state: dict[str, Any], strategy: str | None) -> None:
+        """Add an agent: the keywords it was created with, and those columns that do not follow from them."""
+
+    def remove(self, name: str) -> None:
+        """Take an agent out."""
+
+    def row(self, name: str) -> Row:
+        """Return an agent by its name."""
+
+    def row_of(self, number: int) -> Row:
+        """Return an agent by its number."""
+
+    def set(self, row: Row, column: str, value: Plain) -> None:
+        """Set one of the columns of `ir.agents.BY_ROW`, or `strategies`, which are names."""
+
+    def move(self, numbers: Sequence[int], nodes: Sequence[int]) -> None:
+        """Move agents on the ground, in this order; a number may come more than once."""
+
+    def fly(self, row: Row, node: int | None, position: tuple[float, ...]) -> None:
+        """Move a flyer to a position, above this node; None: the node was not noted."""
+
+    def turn(self, row: Row, quat: tuple[float, ...]) -> None:
+        """Turn a flyer in space."""
+
+    def progress(self, numbers: IntArray, sources: IntArray, targets: IntArray, shares: FloatArray) -> None:
+        """Set how far along edges agents are, as arrays."""
+
+    def equip(self, row: Row, name: str, sensor_id: str) -> None:
+        """Let an agent carry a sensor."""
+
+    def unequip(self, row: Row, name: str) -> None:
+        """Let an agent carry a sensor no longer."""
+
+
+class State:
+    """What events are applied to: a live context, or columns that were read; a subclass overrides what it keeps.
+
+    Attributes:
+        agents: the agents.
+        game: what the game has come to.
+    """
+
+    agents: AgentsState
+    game: "GameState"
+
+    def restore(self, snapshot: dict[str, Any]) -> None:
+        """Become what a snapshot says."""
+
+    def end_turn(self) -> None:
+        """End the turn."""
+
+    def count(self, turn: int, pace: int, starts: dict[str, Any]) -> None:
+        """Number this turn, and the following ones by adding `pace`; agents began at `starts`."""
+
+    def emit(self, event: dict[str, Any]) -> None:
+        """Add to what rules emitted."""
+
+    def publish(self, facts: dict[str, Any], removed: Sequence[str]) -> None:
+        """Publish facts, and withdraw others."""
+
+    def set_rng(self, rng_state: Mapping[str, Plain] | None) -> None:
+        """Set the state of the context's own random stream."""
+
+    def add_sensors(self, groups: list[dict[str, Any]]) -> None:
+        """Make sensors: of each type and keywords all `ids`."""
+
+    def replace_world(self, world: bytes) -> None:
+        """Replace graph and obstacles."""
+
+    def show(self, visuals: dict[str, Any]) -> None:
+        """Declare what it looks like."""
+
+    def draw(self, drawing: dict[str, Any]) -> None:
+        """Let an artist draw these commands from now on."""
+
+    def change_component(self, kind: int, data: dict[str, Any]) -> None:
+        """Do what one of the five operation codes of components says."""
 
 
 # -- kinds ------------------------------------------------------------------------------------------------------
@@ -158,17 +206,12 @@ def _speed(value: object, name: str) -> Any:
     return value
 
 
-_NODE, _NODES, _NUMBER = Field(Role.NODE, as_int), Field(Role.NODE), Field(Role.NUMBER)
 _FIELDS = {  # fields of these names; all others hold any plain value
     "agent_name": Field(Role.AGENT, as_name),
     "names": Field(Role.AGENT),
-    "number": _NUMBER,
-    "numbers": _NUMBER,
-    "node_id": _NODE,
-    "node": _NODES,
-    "previous": _NODES,
-    "edge_source": _NODES,
-    "edge_target": _NODES,
+    "node_id": Field(Role.NODE, as_int),
+    **dict.fromkeys(("number", "numbers"), Field(Role.NUMBER)),
+    **dict.fromkeys(("node", "previous", "edge_source", "edge_target"), Field(Role.NODE)),
     **dict.fromkeys(("name", "sensor_id", "kind"), Field(check=as_name)),
     "orientation": Field(check=_heading),
     "position": Field(check=_position),
@@ -195,26 +238,22 @@ def _fields_of(spec: str) -> dict[str, Field]:
 
 
 def _event(
-    name: str, audience: Audience, fields: str = "", records: _Records | None = None, *, is_tuple: bool = False
-) -> Callable[[_Apply], _Apply]:
-    """Add a kind, whose code is the constant of that name, by what it does to a state."""
-    code = int(globals()[name])
+    code: int,
+    name: str,
+    audience: Audience,
+    fields: str = "",
+    apply: _Apply | None = None,
+    records: _Records | None = None,
+) -> int:
+    """Add a kind, by what it does to a state; return its code. What begins with a number has a tuple for its data."""
+    is_tuple = fields.startswith("number ")
+    EVENTS[code] = EventKind(code, name, _fields_of(fields), audience, apply or _nothing, records, is_tuple)
+    return code
 
-    def add(apply: _Apply) -> _Apply:
-        EVENTS[code] = EventKind(code, name, _fields_of(fields), audience, apply, records, is_tuple)
-        return apply
 
-    return add
-
-
-def _record(name: str, audience: Audience, fields: str = "") -> Callable[[_Apply], _Apply]:
+def _record(code: int, name: str, audience: Audience, fields: str = "", apply: _Apply | None = None) -> int:
     """Add a kind which is a record of format version 2 itself."""
-    code = int(globals()[name])
-
-    def records(data: dict[str, Plain], _: Mover | None) -> Iterator[Record]:
-        yield code, data
-
-    return _event(name, audience, fields, records)
+    return _event(code, name, audience, fields, apply, lambda data, _: iter([(code, data)]))
 
 
 def _nothing(_state: State, _data: Plain) -> None:
@@ -233,9 +272,6 @@ def _sets(column: str, key: str) -> _Apply:
 
 
 # -- agents -----------------------------------------------------------------------------------------------------
-
-
-_NODE_KEYWORDS = {"prev_node_id": AGENT_PREV_NODE, "current_node_id": AGENT_CURRENT_NODE}
 
 
 def _creation_records(data: Mapping[str, Plain], _: Mover | None) -> Iterator[Record]:
@@ -257,20 +293,10 @@ def _creation_records(data: Mapping[str, Plain], _: Mover | None) -> Iterator[Re
         yield AGENT_SENSOR_REGISTER, {**name, "name": key, "sensor_id": sensor_id}
 
 
-@_event("AGENT_CREATE", Audience.ALL, "name:AGENT kwargs ?state ?strategy", _creation_records)
-def _create(state: State, data: Mapping[str, Plain]) -> None:
-    state.agents.add(data["name"], data["kwargs"], data.get("state", {}), data.get("strategy"))
-
-
 def _move_records(data: Sequence[int], mover: Mover | None) -> Iterator[Record]:
     assert mover is not None  # noqa: S101 - every move has an agent
     yield AGENT_PREV_NODE, {"agent_name": mover.name, "node_id": mover.before}
     yield AGENT_CURRENT_NODE, {"agent_name": mover.name, "node_id": data[1]}
-
-
-@_event("MOVES", Audience.SENSED, "number node", _move_records, is_tuple=True)
-def _move(state: State, data: Sequence[int]) -> None:
-    state.agents.move(data[::2], data[1::2])
 
 
 def _flight_records(data: tuple[int, int, float, float, float], mover: Mover | None) -> Iterator[Record]:
@@ -279,21 +305,9 @@ def _flight_records(data: tuple[int, int, float, float, float], mover: Mover | N
     yield AGENT_PREV_NODE, {"agent_name": mover.name, "node_id": mover.before}
 
 
-@_event("AERIAL_AGENT_FLIGHT", Audience.SENSED, "number node x y z", _flight_records, is_tuple=True)
-def _flight(state: State, data: tuple[int, int, float, float, float]) -> None:
-    number, node, *position = data
-    state.agents.fly(state.agents.row_of(number), node, tuple(position))
-
-
 def _turn_records(data: tuple[int, float, float, float, float], mover: Mover | None) -> Iterator[Record]:
     assert mover is not None  # noqa: S101 - as above
     yield AERIAL_AGENT_QUATERNION, {"agent_name": mover.name, "quat": list(data[1:])}
-
-
-@_event("AERIAL_AGENT_TURN", Audience.SENSED, "number w x y z", _turn_records, is_tuple=True)
-def _turn(state: State, data: tuple[int, float, float, float, float]) -> None:
-    number, *quat = data
-    state.agents.turn(state.agents.row_of(number), tuple(quat))
 
 
 def _position_records(data: Mapping[str, Plain], mover: Mover | None) -> Iterator[Record]:
@@ -302,28 +316,41 @@ def _position_records(data: Mapping[str, Plain], mover: Mover | None) -> Iterato
         yield AGENT_PREV_NODE, {"agent_name": data["agent_name"], "node_id": mover.before}
 
 
-@_event("AERIAL_AGENT_POSITION", Audience.SENSED, "agent_name position ?node", _position_records)
+def _create(state: State, data: Mapping[str, Plain]) -> None:
+    state.agents.add(data["name"], data["kwargs"], data.get("state", {}), data.get("strategy"))
+
+
+def _move(state: State, data: Sequence[int]) -> None:
+    state.agents.move(data[::2], data[1::2])
+
+
+def _fly(state: State, data: tuple[int, int, float, float, float]) -> None:
+    number, node, *position = data
+    state.agents.fly(state.agents.row_of(number), node, tuple(position))
+
+
+def _turn(state: State, data: tuple[int, float, float, float, float]) -> None:
+    number, *quat = data
+    state.agents.turn(state.agents.row_of(number), tuple(quat))
+
+
 def _fly_by_name(state: State, data: Mapping[str, Plain]) -> None:
     node = as_int(data["node"], "node") if "node" in data else None
     state.agents.fly(state.agents.row(data["agent_name"]), node, _position(data["position"], "position"))
 
 
-@_record("AGENT_SENSOR_REGISTER", Audience.TEAM, "agent_name name sensor_id")
 def _register(state: State, data: Mapping[str, Plain]) -> None:
     state.agents.equip(state.agents.row(data["agent_name"]), data["name"], data["sensor_id"])
 
 
-@_record("AGENT_SENSOR_DEREGISTER", Audience.TEAM, "agent_name name sensor_id")
 def _deregister(state: State, data: Mapping[str, Plain]) -> None:
     state.agents.unequip(state.agents.row(data["agent_name"]), data["name"])
 
 
-@_event("AGENT_PROGRESS", Audience.SENSED, "numbers edge_source edge_target edge_share")
 def _progress(state: State, data: Mapping[str, Plain]) -> None:
     state.agents.progress(data["numbers"], data["edge_source"], data["edge_target"], data["edge_share"])
 
 
-@_event("FLYERS_ABOVE", Audience.SENSED, "names node previous")
 def _above(state: State, data: Mapping[str, Plain]) -> None:
     for name, node, previous in zip(data["names"], data["node"].tolist(), data["previous"].tolist(), strict=True):
         row = state.agents.row(name)
@@ -331,14 +358,53 @@ def _above(state: State, data: Mapping[str, Plain]) -> None:
         state.agents.set(row, "previous", previous)
 
 
+_ALL, _TEAM, _SENSED, _HOST = Audience.ALL, Audience.TEAM, Audience.SENSED, Audience.HOST
+
+AGENT_CREATE = _event(
+    0x01000000, "AGENT_CREATE", _ALL, "name:AGENT kwargs ?state ?strategy", _create, _creation_records
+)
+AGENT_DELETE = _record(
+    0x01000001, "AGENT_DELETE", _ALL, "name:AGENT", lambda state, data: state.agents.remove(data["name"])
+)
+AGENT_SENSOR_REGISTER = _record(0x01100002, "AGENT_SENSOR_REGISTER", _TEAM, "agent_name name sensor_id", _register)
+AGENT_SENSOR_DEREGISTER = _record(
+    0x01100003, "AGENT_SENSOR_DEREGISTER", _TEAM, "agent_name name sensor_id", _deregister
+)
+AERIAL_AGENT_POSITION = _event(
+    0x01100005, "AERIAL_AGENT_POSITION", _SENSED, "agent_name position ?node", _fly_by_name, _position_records
+)
+AERIAL_AGENT_QUATERNION = _record(
+    0x01100006, "AERIAL_AGENT_QUATERNION", _SENSED, "agent_name quat", _sets("quat", "quat")
+)
+AGENT_STRATEGY = _event(0x01100013, "AGENT_STRATEGY", _HOST, "agent_name strategy", _sets("strategies", "strategy"))
+AGENT_PROGRESS = _event(0x01100014, "AGENT_PROGRESS", _SENSED, "numbers edge_source edge_target edge_share", _progress)
+AERIAL_AGENT_FLIGHT = _event(0x01100020, "AERIAL_AGENT_FLIGHT", _SENSED, "number node x y z", _fly, _flight_records)
+AERIAL_AGENT_TURN = _event(0x01100021, "AERIAL_AGENT_TURN", _SENSED, "number w x y z", _turn, _turn_records)
+FLYERS_ABOVE = _event(0x01100030, "FLYERS_ABOVE", _SENSED, "names node previous", _above)
+# Never written as an event: the ints of a log, and a column of their own in a file.
+MOVES = _event(0x01100040, "MOVES", _SENSED, "number node", _move, _move_records)
+
+COLUMN_EVENTS: dict[str, tuple[int, str]] = {}
+"""Column of an `AgentBlock` -> the kind of event that notes a change of it, and the key of the value."""
+
+
+def _column(code: int, name: str, audience: Audience, column: str, key: str, add: Callable[..., int] = _event) -> int:
+    """Add the kind that notes a change of a column."""
+    COLUMN_EVENTS[column] = code, key
+    return add(code, name, audience, f"agent_name {key}", _sets(column, key))
+
+
+AGENT_CURRENT_NODE = _column(0x01100000, "AGENT_CURRENT_NODE", _SENSED, "node", "node_id", _record)
+AGENT_PREV_NODE = _column(0x01100001, "AGENT_PREV_NODE", _SENSED, "previous", "node_id", _record)
+AGENT_ORIENTATION = _column(0x01100004, "AGENT_ORIENTATION", _SENSED, "heading", "orientation", _record)
+AGENT_TEAM = _column(0x01100010, "AGENT_TEAM", _ALL, "teams", "team")
+AGENT_ALIVE = _column(0x01100011, "AGENT_ALIVE", _ALL, "alive", "alive")
+AGENT_SPEED = _column(0x01100012, "AGENT_SPEED", _TEAM, "speed", "speed")
+
+_NODE_KEYWORDS = {"prev_node_id": AGENT_PREV_NODE, "current_node_id": AGENT_CURRENT_NODE}
+
+
 # -- the game ---------------------------------------------------------------------------------------------------
-
-
-def _change_component(code: int, state: State, data: dict[str, Plain]) -> None:
-    state.change_component(code, data)
-
-
-_OVER = {"reason", "winner", "truncated"}
 
 
 def change(values: dict[Any, Any], changes: Mapping[str, Any]) -> None:
@@ -352,6 +418,9 @@ def change(values: dict[Any, Any], changes: Mapping[str, Any]) -> None:
             known.extend(deepcopy(more))
     for key in changes.get("removed", ()):
         values.pop(key, None)
+
+
+_OVER = {"reason", "winner", "truncated"}
 
 
 def as_over(value: object) -> dict[str, Any] | None:
@@ -391,22 +460,10 @@ def set_scores(game: "GameState", scores: Plain) -> None:
     game.scores.update(found)
 
 
-@_event("GAME_SCORES", Audience.ALL, "scores")
-def _scores(state: State, data: Mapping[str, Plain]) -> None:
-    set_scores(state.game, data["scores"])
-
-
-@_event("GAME_OVER", Audience.ALL, "?reason ?winner ?truncated")
 def _over(state: State, data: Mapping[str, Plain]) -> None:
     state.game.over = as_over(data or None)
 
 
-@_event("GAME_TURN", Audience.ALL, "turn pace ?starts")
-def _count(state: State, data: Mapping[str, Plain]) -> None:
-    state.count(int(data["turn"]), int(data["pace"]), data.get("starts", {}))
-
-
-@_event("GAME_MEMORY", Audience.TEAM, "agents teams")
 def _remember(state: State, data: Mapping[str, Plain]) -> None:
     for name, changes in data["agents"].items():
         change(state.game.memory_of(name), changes)
@@ -414,50 +471,52 @@ def _remember(state: State, data: Mapping[str, Plain]) -> None:
         change(state.game.team_memories.setdefault(team, {}), changes)
 
 
-_record("AGENT_DELETE", Audience.ALL, "name:AGENT")(lambda state, data: state.agents.remove(data["name"]))
-_record("AERIAL_AGENT_QUATERNION", Audience.SENSED, "agent_name quat")(_sets("quat", "quat"))
-_event("AGENT_STRATEGY", Audience.HOST, "agent_name strategy")(_sets("strategies", "strategy"))
+def _count(state: State, data: Mapping[str, Plain]) -> None:
+    state.count(int(data["turn"]), int(data["pace"]), data.get("starts", {}))
 
-COLUMN_EVENTS: dict[str, tuple[int, str]] = {}
-"""Column of an `AgentBlock` -> the kind of event that notes a change of it, and the key of the value."""
 
-for _name, _column, _key, _audience, _add in (
-    ("AGENT_CURRENT_NODE", "node", "node_id", Audience.SENSED, _record),
-    ("AGENT_PREV_NODE", "previous", "node_id", Audience.SENSED, _record),
-    ("AGENT_ORIENTATION", "heading", "orientation", Audience.SENSED, _record),
-    ("AGENT_TEAM", "teams", "team", Audience.ALL, _event),
-    ("AGENT_ALIVE", "alive", "alive", Audience.ALL, _event),
-    ("AGENT_SPEED", "speed", "speed", Audience.TEAM, _event),
-):
-    _add(_name, _audience, f"agent_name {_key}")(_sets(_column, _key))
-    COLUMN_EVENTS[_column] = int(globals()[_name]), _key
+GAME_SCORES = _event(
+    0x04000000, "GAME_SCORES", _ALL, "scores", lambda state, data: set_scores(state.game, data["scores"])
+)
+GAME_DATA = _event(
+    0x04000001, "GAME_DATA", _HOST, "?set ?more ?removed", lambda state, data: change(state.game.data, data)
+)
+GAME_EVENT = _event(0x04000002, "GAME_EVENT", _ALL, "kind", lambda state, data: state.emit(as_event(data)))
+GAME_OVER = _event(0x04000003, "GAME_OVER", _ALL, "?reason ?winner ?truncated", _over)
+GAME_TURN = _event(0x04000004, "GAME_TURN", _ALL, "turn pace ?starts", _count)
+GAME_MEMORY = _event(0x04000005, "GAME_MEMORY", _TEAM, "agents teams", _remember)
+GAME_FACTS = _event(
+    0x04000006, "GAME_FACTS", _ALL, "set removed", lambda state, data: state.publish(data["set"], data["removed"])
+)
+GAME_CHANCE = _event(0x04000007, "GAME_CHANCE", _HOST, "chance", lambda state, data: state.set_rng(data["chance"]))
+USER_EVENT = _event(0x05000000, "USER_EVENT", _ALL, "kind")
 
-_event("GAME_DATA", Audience.HOST, "?set ?more ?removed")(lambda state, data: change(state.game.data, data))
-_event("GAME_EVENT", Audience.ALL, "kind")(lambda state, data: state.emit(as_event(data)))
-_event("GAME_FACTS", Audience.ALL, "set removed")(lambda state, data: state.publish(data["set"], data["removed"]))
-_event("GAME_CHANCE", Audience.HOST, "chance")(lambda state, data: state.set_rng(data["chance"]))
-_event("USER_EVENT", Audience.ALL, "kind")(_nothing)
+TERMINATE = _record(0x00000000, "TERMINATE", _ALL)
+SIMULATE = _record(0x00000001, "SIMULATE", _ALL, "", lambda state, _: state.end_turn())
+SNAPSHOT = _event(0x00000010, "SNAPSHOT", _HOST, "names numbers node", lambda state, data: state.restore(data))
+UNFINISHED = _event(0x00000011, "UNFINISHED", _HOST)
+WORLD = _event(0x03000000, "WORLD", _ALL, "world", lambda state, data: state.replace_world(data["world"]))
+VISUALS = _event(0x03000010, "VISUALS", _ALL, "artists", lambda state, data: state.show(data))
+VISUAL_COMMANDS = _event(
+    0x03000011, "VISUAL_COMMANDS", _ALL, "artist layer visible", lambda state, data: state.draw(data)
+)
+SENSORS = _event(
+    0x06000000, "SENSORS", _HOST, "sensor_kinds", lambda state, data: state.add_sensors(data["sensor_kinds"])
+)
+SENSED = _event(0x06000001, "SENSED", _TEAM, "agents:NUMBER ids")
 
-_record("TERMINATE", Audience.ALL)(_nothing)
-_record("SIMULATE", Audience.ALL)(lambda state, _: state.end_turn())
-_event("SNAPSHOT", Audience.HOST, "names numbers node")(lambda state, data: state.restore(data))
-_event("UNFINISHED", Audience.HOST)(_nothing)
-_event("WORLD", Audience.ALL, "world")(lambda state, data: state.replace_world(data["world"]))
-_event("VISUALS", Audience.ALL, "artists")(lambda state, data: state.show(data))
-_event("VISUAL_COMMANDS", Audience.ALL, "artist layer visible")(lambda state, data: state.draw(data))
-_event("SENSORS", Audience.HOST, "sensor_kinds")(lambda state, data: state.add_sensors(data["sensor_kinds"]))
-_event("SENSED", Audience.TEAM, "agents:NUMBER ids")(_nothing)
 
-for _name, _spec in {
-    "COMPONENT_REGISTER": "key struct",
-    "COMPONENT_CREATE": "name type",
-    "COMPONENT_UPDATE": "name key value",
-    "COMPONENT_DELETE": "name",
-    "COMPONENT_UNREGISTER": "key",
-}.items():
-    _record(_name, Audience.ALL, _spec)(partial(_change_component, globals()[_name]))
+def _component(code: int, name: str, fields: str) -> int:
+    """Add a kind that changes components."""
+    return _record(code, name, _ALL, fields, lambda state, data: state.change_component(code, data))
 
-COMPONENTS = frozenset(code for code in EVENTS if code >> 24 == COMPONENT_REGISTER >> 24)
+
+COMPONENT_REGISTER = _component(0x02000000, "COMPONENT_REGISTER", "key struct")
+COMPONENT_CREATE = _component(0x02000001, "COMPONENT_CREATE", "name type")
+COMPONENT_UPDATE = _component(0x02000002, "COMPONENT_UPDATE", "name key value")
+COMPONENT_DELETE = _component(0x02000003, "COMPONENT_DELETE", "name")
+COMPONENT_UNREGISTER = _component(0x02000004, "COMPONENT_UNREGISTER", "key")
+COMPONENTS = frozenset([COMPONENT_REGISTER, COMPONENT_CREATE, COMPONENT_UPDATE, COMPONENT_DELETE, COMPONENT_UNREGISTER])
 """The kinds that change components."""
 
 

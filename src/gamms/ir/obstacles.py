@@ -1,4 +1,4 @@
-"""Obstacles as columns: what is drawn, and what sight is checked against."""
+"""Obstacles as columns: what is drawn, and what sight is checked against; and the colours of their types."""
 
 from typing import NamedTuple
 
@@ -15,3 +15,17 @@ class ObstacleColumns(NamedTuple):
     ids: IntArray  # (faces,)
     corners: FloatArray  # (faces, 4, 3)  top right, top left, bottom right, bottom left; x, y, z
     types: IntArray  # (faces,)
+
+
+COLOR_TYPES: dict[int, str] = dict(
+    enumerate(
+        (
+            *("#a6cee3", "#1f78b4", "#b2df8a", "#9fadf4", "#fb9a99", "#e31a1c", "#fdbf6f", "#ff7f00"),
+            *("#cab2d6", "#6a3d9a", "#ffff99", "#b15928", "#8dd3c7", "#ffffb3", "#bebada", "#fb8072"),
+            *("#33a02c", "#fdb462", "#b3de69", "#fccde5", "#d9d9d9", "#bc80bd", "#ccebc5", "#ffed6f"),
+            *("#8dd3c7", "#80b1d3", "#fdb462", "#b3de69", "#fccde5", "#d9d9d9", "#bc80bd", "#ccebc5"),
+        )
+    )
+)
+"""Colours that programs rely on, of the types 0-31; a type without a colour is drawn in `OTHER_OBSTACLE`."""
+OTHER_OBSTACLE = (169, 169, 169)

@@ -9,8 +9,9 @@ The same value gives the same bytes. docs/recording-format.md describes all of i
 """
 
 import zlib
-from collections.abc import Callable, Iterable, Sequence
+from collections.abc import Callable, Sequence
 from functools import cache
+from math import prod
 from typing import TYPE_CHECKING, Any, TypeAlias
 
 import numpy as np
@@ -428,7 +429,7 @@ class Decoder:
         Raises:
             BadFile: no writer makes this, or the file has too much of it.
         """
-        charge = self.allowance.charge if is_new else _charge_nothing
+        charge = self.allowance.charge if is_new else lambda _: None
         charge(_OF_BYTE * len(data))
         if data[:1] != _ONE:
             raise BadFile("a value does not begin like one")
@@ -463,10 +464,6 @@ class Decoder:
         return make(items, self.keys)
 
 
-def _charge_nothing(size: int) -> None:
-    """Charge nothing for what was charged before."""
-
-
 @cache
 def _flat() -> "MessagePackDecoder[list[Item]]":
     """Return a decoder that refuses containers but extensions, which it does not open."""
@@ -480,15 +477,6 @@ def _count_of(data: bytes) -> int:
     head = data[0] if data else 0
     count = int.from_bytes(data[1:5] if head == 0xDD else data[1:3], "big") if head >= 0xDC else head & 15
     return min(count, len(data))
-
-
-def _set_of(items: Iterable[Plain], keys: Keys) -> set[Plain]:
-    return set(map(keys.check, items))
-
-
-def _frozenset_of(items: Iterable[Plain], keys: Keys) -> frozenset[Plain]:
-    found: frozenset[Plain] = keys.check(frozenset(map(keys.check, items)))
-    return found
 
 
 def _dict_of(items: list[Plain], keys: Keys) -> dict[Plain, Plain]:
@@ -506,10 +494,7 @@ def _array_from(items: list[Plain], _: Keys) -> Array:
     if type(data) is not bytes:
         raise BadFile("an array has no bytes")
     flat = array_of(data, DTYPES[name])
-    size = 1
-    for length in shape:
-        size *= length
-    if size != len(flat):
+    if prod(shape) != len(flat):
         raise BadFile(f"an array has {len(data)} bytes, which do not fit its shape {shown(shape)}")
     return flat.reshape(shape)
 
@@ -518,7 +503,7 @@ _MAKERS: dict[int, Callable[[list[Plain], Keys], Plain]] = {
     _TUPLE: lambda items, keys: keys.check(tuple(items)),
     _LIST: lambda items, _: items,
     _DICT: _dict_of,
-    _SET: _set_of,
-    _FROZENSET: _frozenset_of,
+    _SET: lambda items, keys: set(map(keys.check, items)),
+    _FROZENSET: lambda items, keys: keys.check(frozenset(map(keys.check, items))),
     _ARRAY: _array_from,
 }

@@ -3,7 +3,7 @@
 Tables that programs read and change by name; the loaders of buildings take them as arguments.
 """
 
-from gamms.ir.palette import COLOR_TYPES
+from gamms.ir.obstacles import COLOR_TYPES
 
 __all__ = ["COLOR_TYPES", "HEIGHT_ESTIMATES_TYPES", "OSM_OBSTACLE_TAGS", "wall_estimates"]
 

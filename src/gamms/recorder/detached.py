@@ -7,8 +7,7 @@ import numpy as np
 
 from gamms.ir import events as kinds
 from gamms.ir.agents import NUMBERS
-from gamms.ir.event_state import AgentsState, State
-from gamms.ir.events import EVENTS, Log, events_of
+from gamms.ir.events import EVENTS, AgentsState, Log, State, events_of
 from gamms.ir.game_state import GameState
 from gamms.ir.graph import FloatArray, IntArray
 from gamms.plain import Plain

@@ -7,8 +7,7 @@ from functools import cache
 from typing import Any
 
 from gamms.ir import events as kinds
-from gamms.ir.event_state import AgentsState, State
-from gamms.ir.events import EVENTS, Log, Mover, records_of, steps_of
+from gamms.ir.events import EVENTS, AgentsState, Log, Mover, State, records_of, steps_of
 from gamms.ir.packing import to_bytes
 from gamms.plain import Plain, to_plain
 from gamms.recorder.formats.output import Output

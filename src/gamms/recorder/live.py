@@ -9,8 +9,7 @@ from gamms.arguments import as_numbers
 from gamms.errors import BadType, BadValue, GammsError
 from gamms.ir import events as kinds
 from gamms.ir.agents import AgentBlock
-from gamms.ir.event_state import AgentsState, State
-from gamms.ir.events import COLUMN_EVENTS, Mover, as_event
+from gamms.ir.events import COLUMN_EVENTS, AgentsState, Mover, State, as_event
 from gamms.ir.graph import FloatArray, IntArray
 from gamms.ir.journal import Muted
 from gamms.plain import Plain

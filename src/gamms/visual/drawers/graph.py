@@ -6,8 +6,7 @@ import numpy as np
 
 from gamms import kernels
 from gamms.ir.graph import FloatArray, GraphColumns, IntArray
-from gamms.ir.obstacles import BoolArray, ObstacleColumns
-from gamms.ir.palette import COLOR_TYPES, OTHER_OBSTACLE
+from gamms.ir.obstacles import COLOR_TYPES, OTHER_OBSTACLE, BoolArray, ObstacleColumns
 from gamms.typing import IContext
 from gamms.visual.appearance import AnyColor, GraphData, Rgb, Rgba, WallTones, rgba
 from gamms.visual.camera import inside
