@@ -17,50 +17,11 @@ from importlib import import_module as _import_module
 from gamms import _legacy
 
 if _typing.TYPE_CHECKING:  # for completion and type checkers; at run time names come on first use
-    from gamms import (
-        agent,
-        graph,
-        memory,
-        sensor,
-        typing,
-        visual,
-    )
-    from gamms import (
-        context as context,
-    )
-    from gamms import (
-        errors as errors,
-    )
-    from gamms import (
-        game as game,
-    )
-    from gamms import (
-        limits as limits,
-    )
-    from gamms import (
-        osm as osm,
-    )
-    from gamms import (
-        recorder as recorder,
-    )
-    from gamms import (
-        recordings as recordings,
-    )
-    from gamms import (
-        rendering as rendering,
-    )
-    from gamms import (
-        rules as rules,
-    )
-    from gamms import (
-        scenario as scenario,
-    )
-    from gamms import (
-        strategies as strategies,
-    )
-    from gamms import (
-        testing as testing,
-    )
+    # ruff: isort: off
+    from gamms import agent, graph, memory, sensor, typing, visual
+    from gamms import context as context, errors as errors, game as game, limits as limits, osm as osm
+    from gamms import recorder as recorder, recordings as recordings, rendering as rendering, rules as rules
+    from gamms import scenario as scenario, strategies as strategies, testing as testing
     from gamms.context import Context, InternalContext, create_context
     from gamms.typing import logger
 

@@ -13,37 +13,25 @@ from typing import Any
 
 from gamms.errors import NotYetAttribute, NotYetImportable
 
-_PACKAGES_OF: dict[str, tuple[str, ...]] = {
-    "gamms.AgentEngine": ("gamms.agent",),
-    "gamms.AgentEngine.agent_engine": ("gamms.agent",),
-    "gamms.GraphEngine": ("gamms.graph", "gamms.memory"),
-    "gamms.GraphEngine.graph_engine": ("gamms.graph", "gamms.memory"),
-    "gamms.MemoryEngine": ("gamms.memory",),
-    "gamms.MemoryEngine.memory_engine": ("gamms.memory",),
-    "gamms.MemoryEngine.store": ("gamms.memory", "gamms.memory.store"),
-    "gamms.Recorder": ("gamms.recorder",),
-    "gamms.Recorder.component": ("gamms.recorder.published",),
-    "gamms.Recorder.recorder": ("gamms.recorder",),
-    "gamms.SensorEngine": ("gamms.sensor",),
-    "gamms.SensorEngine.sensor_engine": ("gamms.sensor",),
-    "gamms.SensorEngine.sensors_aerial": ("gamms.sensor",),
-    "gamms.SensorEngine.sensors_basic": ("gamms.sensor",),
-    "gamms.SensorEngine.sensors_occluded": ("gamms.sensor",),
-    "gamms.VisualizationEngine": ("gamms.visual",),
-    "gamms.VisualizationEngine.artist": ("gamms.visual",),
-    "gamms.VisualizationEngine.builtin_artists": ("gamms.visual",),
-    "gamms.VisualizationEngine.default_drawers": ("gamms.visual",),
-    "gamms.VisualizationEngine.no_engine": ("gamms.visual",),
-    "gamms.VisualizationEngine.pygame_engine": ("gamms.visual",),
-    "gamms.VisualizationEngine.render_manager": ("gamms.visual",),
-    "gamms.VisualizationEngine.utils": ("gamms.visual",),
-    "gamms.internal_context": ("gamms.context",),
-    "gamms.osm_constants": ("gamms.osm.constants",),
-    "gamms.typing.artist": ("gamms.typing.visualization_engine",),
-    "gamms.typing.compute_engine": ("gamms.typing.internal_context",),
-    "gamms.typing.message_engine": ("gamms.typing.internal_context",),
-    "gamms.typing.opcodes": ("gamms.typing.recorder",),
+_OLD_PATHS: dict[tuple[str, ...], str] = {
+    ("gamms.agent",): "AgentEngine AgentEngine.agent_engine",
+    ("gamms.context",): "internal_context",
+    ("gamms.graph", "gamms.memory"): "GraphEngine GraphEngine.graph_engine",
+    ("gamms.memory",): "MemoryEngine MemoryEngine.memory_engine",
+    ("gamms.memory", "gamms.memory.store"): "MemoryEngine.store",
+    ("gamms.osm.constants",): "osm_constants",
+    ("gamms.recorder",): "Recorder Recorder.recorder",
+    ("gamms.recorder.published",): "Recorder.component",
+    ("gamms.sensor",): "SensorEngine SensorEngine.sensor_engine SensorEngine.sensors_aerial SensorEngine.sensors_basic "
+    "SensorEngine.sensors_occluded",
+    ("gamms.typing.internal_context",): "typing.compute_engine typing.message_engine",
+    ("gamms.typing.recorder",): "typing.opcodes",
+    ("gamms.typing.visualization_engine",): "typing.artist",
+    ("gamms.visual",): "VisualizationEngine VisualizationEngine.artist VisualizationEngine.builtin_artists "
+    "VisualizationEngine.default_drawers VisualizationEngine.no_engine VisualizationEngine.pygame_engine "
+    "VisualizationEngine.render_manager VisualizationEngine.utils",
 }
+_PACKAGES_OF = {f"gamms.{path}": packages for packages, paths in _OLD_PATHS.items() for path in paths.split()}
 
 _LATER: dict[str, str] = {
     "gamms.ComputationEngine": "the computation engine",

@@ -90,7 +90,8 @@ def as_count(value: object, name: str, least: int = 1, *, hint: str = "") -> int
     """
     number = as_int(value, name)
     if number < least:
-        raise BadValue(f"{name} must be at least {least}, not {shown(number)}{hint or '.'}")
+        form = f"be at least {least}" if least else "not be negative"
+        raise BadValue(f"{name} must {form}, not {shown(number)}{hint or '.'}")
     return number
 
 

@@ -104,7 +104,7 @@ class Context(Guarded, IContext):
         self._recorder: Any = recorder
         self._logger: Any = logger or logging.getLogger("gamms")
         self._alive = False
-        self._seed = _fresh_seed()
+        self._seed = int.from_bytes(os.urandom(6), "little")
         self.is_seeded = False  # whether the caller has given the seed
         self._rng: Generator | None = None
         self._game: Game | None = None
@@ -290,22 +290,21 @@ class Context(Guarded, IContext):
         if self._game is not None:
             self._game.internals.close()  # before the recorder stops, which writes how the game ended
         with ExitStack() as closing:  # calls the last one first, and all of them even when one raises
-            closing.callback(self._die)
+            closing.callback(setattr, self, "_alive", False)
             for name in ("_visual_engine", "internal_context", "graph_engine", "sensor_engine", "agent_engine"):
-                closing.callback(_terminate, getattr(self, name))
+                if (engine := getattr(self, name)) is not None:
+                    closing.callback(engine.terminate)
             recorder = self._recorder
             if recorder is not None and getattr(recorder, "is_open", recorder.record()):
                 closing.callback(getattr(recorder, "close", recorder.stop))
 
     def _repr_png_(self) -> bytes | None:
         """Return the present state for notebooks; None where it cannot be drawn as PNG."""
-        picture: bytes | None = self._shown(lambda drawn: drawn.pictures.as_png())
-        return picture
+        return self._shown(lambda drawn: drawn.pictures.as_png())  # type: ignore[no-any-return] # of any engine
 
     def _repr_html_(self) -> str | None:
         """Return the same as SVG where PNG cannot be made; else None."""
-        page: str | None = None if self._repr_png_() is not None else self._shown(lambda drawn: drawn.as_html())
-        return page
+        return None if self._repr_png_() is not None else self._shown(lambda drawn: drawn.as_html())
 
     def _shown(self, show: Callable[[Any], Any]) -> Any:
         try:
@@ -313,9 +312,6 @@ class Context(Guarded, IContext):
         except Exception as error:  # noqa: BLE001 - a notebook then shows the repr
             self.logger.warning(f"The context cannot be shown: {error}")
             return None
-
-    def _die(self) -> None:
-        self._alive = False
 
     def __repr__(self) -> str:
         """Show the seed, how many nodes and agents there are, and the turn of the game."""
@@ -402,25 +398,14 @@ def _keywords(given: object, name: str) -> dict[str, Any]:
     return {as_text(key, f"Each key of {name}"): value for key, value in mapping.items()}
 
 
-def _terminate(engine: IAgentEngine | IInternalContext | None) -> None:
-    if engine is not None:
-        engine.terminate()
-
-
-def _fresh_seed() -> int:
-    return int.from_bytes(os.urandom(6), "little")
-
-
 def _visual_engine(ctx: Context, engine: object, keywords: dict[str, Any]) -> IVisualizationEngine:
-    if engine is visual.Engine.NO_VIS:
-        return visual.NoEngine(ctx, **keywords)
     if engine is visual.Engine.OFFSCREEN:
         from gamms.visual.engine import OffscreenEngine
 
         return OffscreenEngine(ctx, **keywords)
-    if engine is visual.Engine.PYGAME:
-        engine_class: Callable[..., IVisualizationEngine] = visual.PygameVisualizationEngine
-        return engine_class(ctx, **keywords)
+    if engine is visual.Engine.PYGAME or engine is visual.Engine.NO_VIS:
+        made_by: Any = visual.NoEngine if engine is visual.Engine.NO_VIS else visual.PygameVisualizationEngine
+        return made_by(ctx, **keywords)  # type: ignore[no-any-return] # the window is loaded when it is asked for
     raise UnknownEngine(f"Unknown visual engine {shown(engine)}. Use gamms.visual.Engine.NO_VIS, PYGAME or OFFSCREEN.")
 
 

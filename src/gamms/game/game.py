@@ -7,19 +7,17 @@ from time import perf_counter
 from typing import Any, Literal, NamedTuple, overload
 
 from gamms import kernels
-from gamms.arguments import as_bool, as_int, as_key, as_name
+from gamms.arguments import as_bool, as_choice, as_count, as_int, as_key, as_name
 from gamms.deciding import Protected, phase_of, refused_while_deciding
 from gamms.errors import BadType, BadValue, ContextTerminated, UnknownName
 from gamms.game.deciders import ArrayPlan, Plan
-from gamms.game.forking import copy_game
-from gamms.game.host import GameContext
 from gamms.game.internals import GameInternals
 from gamms.game.order import COUNTED
 from gamms.game.random_streams import GlobalRandom
 from gamms.game.result import Collectors, Result
-from gamms.game.ruleset import NamedRule, RuleSet, check_phase
-from gamms.game.settings import Settings, as_turns
-from gamms.game.snapshots import Snapshot, SnapshotError, SnapshotTaker
+from gamms.game.ruleset import PHASES, NamedRule, RuleSet
+from gamms.game.settings import Settings
+from gamms.game.snapshots import Snapshot, SnapshotError, SnapshotTaker, copy_game
 from gamms.game.turn import TurnEngine
 from gamms.ir.agents import Position
 from gamms.ir.game_state import GameState, Scores
@@ -28,6 +26,7 @@ from gamms.progress import progress as progress_line
 from gamms.readonly import ReadOnlyMapping, frozen, published
 from gamms.text import printable_line, shown
 from gamms.typing.agent_engine import IAerialAgent, IAgent
+from gamms.typing.context import HostContext
 from gamms.typing.game import AerialState, Move, Rule, State, TeamPlan, Track
 
 
@@ -63,7 +62,7 @@ class Game(Settings):
     counts: Protected[dict[str, dict[str, int]]] = Protected(dict, "_state")
     timings: Protected[dict[str, float]] = Protected(dict, "_state")
 
-    def __init__(self, ctx: GameContext) -> None:
+    def __init__(self, ctx: HostContext) -> None:
         super().__init__()
         self._phase = phase_of(ctx)
         self.ctx: Any = ctx
@@ -112,7 +111,7 @@ class Game(Settings):
             BadValue: there is no such phase.
             Duplicate: there is a rule of this name.
         """
-        check_phase(phase)
+        as_choice(phase, "phase", PHASES)
         if rule is None:
             return lambda one: self.add(one, phase=phase, name=name)
         self._ruleset.add(rule, phase, name)
@@ -179,7 +178,7 @@ class Game(Settings):
             BadValue, BadType: an argument is impossible.
             Duplicate: the name is taken.
         """
-        self._collectors.add(as_name(name, "a collector"), fn, as_int(every, "every"), per)
+        self._collectors.add(as_name(name, "a collector"), fn, as_count(every, "every"), per)
 
     @property
     def scores(self) -> Scores:
@@ -274,7 +273,7 @@ class Game(Settings):
         """
         if self.ctx.is_terminated():
             raise ContextTerminated("ctx.game")
-        turns = as_turns("max_turns", max_turns)
+        turns = None if max_turns is None else as_count(max_turns, "max_turns", 0)
         last = self._state.last_turn = self.max_turns if turns is None else self.turn + turns
         if last is None and not self.rules:
             raise BadValue("This game has no rule that could end it: give run(max_turns=…) or add a rule.")

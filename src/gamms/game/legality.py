@@ -8,10 +8,10 @@ import numpy as np
 
 from gamms.arguments import as_float
 from gamms.errors import BadValue, GammsError, NoPath, UnknownName
-from gamms.game.host import GameContext
 from gamms.game.settings import Settings
 from gamms.ir.agents import Position, Progress, Quat
 from gamms.typing.actions import as_node, flight, heading_in
+from gamms.typing.context import HostContext
 
 _SLACK = 1e-9  # of the edges or metres of a turn: a path that is as long as these must not fail by rounding
 
@@ -49,7 +49,7 @@ class Legality:
         settings: of the game.
     """
 
-    def __init__(self, ctx: GameContext, settings: Settings) -> None:
+    def __init__(self, ctx: HostContext, settings: Settings) -> None:
         self._ctx, self._settings = ctx, settings
         self._lengths: tuple[int | None, dict[tuple[int, int], float]] = (None, {})
 

@@ -13,9 +13,9 @@ from numpy.random.mtrand import get_bit_generator, set_bit_generator
 
 from gamms import kernels
 from gamms.errors import BadValue
-from gamms.game.host import GameContext
 from gamms.ir.game_state import GameState
 from gamms.text import shown
+from gamms.typing.context import HostContext
 
 T = TypeVar("T")
 
@@ -200,7 +200,7 @@ class GlobalRandom:
         self._state = self._bits = None
 
     @contextmanager
-    def of(self, ctx: GameContext) -> Iterator[None]:
+    def of(self, ctx: HostContext) -> Iterator[None]:
         """Lend the game's generators for the block, if the context has a seed; afterwards both are as before."""
         if self._is_lent or not ctx.is_seeded:
             yield
@@ -225,7 +225,7 @@ class GlobalRandom:
         if self._is_lent and self._bits is not None:
             set_bit_generator(self._bits)
 
-    def _begin(self, ctx: GameContext) -> None:
+    def _begin(self, ctx: HostContext) -> None:
         if self._bits is not None:
             if self._is_shared:
                 # NOTE: here and not in `snapshot`: it takes 60 us, and a search restores more often than it plays.

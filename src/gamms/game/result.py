@@ -10,15 +10,15 @@ from typing import Any, NamedTuple
 
 import numpy as np
 
-from gamms.arguments import as_key, as_path, as_text
-from gamms.errors import BadType, BadValue, Duplicate, MissingFolder, UnknownName
+from gamms.arguments import as_choice, as_key, as_path, as_text
+from gamms.errors import BadType, Duplicate, MissingFolder, UnknownName
 from gamms.folders import write_whole
-from gamms.game.host import GameContext
 from gamms.ir.game_state import LogHistory, LogPoint
 from gamms.ir.tables import table_of
 from gamms.plain import Plain
 from gamms.text import shown
 from gamms.typing.agent_engine import IAgent
+from gamms.typing.context import HostContext
 
 
 @dataclass(eq=False)
@@ -154,15 +154,12 @@ class Collectors:
             raise Duplicate("a collector", name)
         if not callable(fn):
             raise BadType(f"Collector {shown(name)} needs a function, not {shown(fn)}.")
-        if every < 1:
-            raise BadValue(f"every must be at least 1, not {every}.")
-        if as_text(per, "per") not in ("game", "agent"):
-            raise BadValue(f"per must be 'game' or 'agent', not {shown(per)}.")
+        as_choice(as_text(per, "per"), "per", ("game", "agent"))
         names = ("turn", "value") if per == "game" else ("turn", "agent", "value")
         columns: dict[str, list[Any]] = {column: [] for column in names}
         self._all[name] = _Collector(fn, every, per, columns, {column: LogHistory() for column in names})
 
-    def collect(self, turn: int, ctx: GameContext, agents: Callable[[], Sequence[IAgent]]) -> None:
+    def collect(self, turn: int, ctx: HostContext, agents: Callable[[], Sequence[IAgent]]) -> None:
         """Take the values of a turn; `agents` gives the living agents."""
         for fn, every, per, columns, _ in self._all.values():
             if turn % every:

@@ -3,13 +3,12 @@
 from typing import Any, NamedTuple
 
 from gamms.arguments import as_function_of, as_name
-from gamms.errors import BadValue, Duplicate, UnknownName
-from gamms.game.host import GameContext
+from gamms.errors import Duplicate, UnknownName
 from gamms.ir.game_state import GameState
-from gamms.text import shown
+from gamms.typing.context import HostContext
 from gamms.typing.game import Rule
 
-_PHASES = ("before", "after")
+PHASES = ("before", "after")
 
 
 class NamedRule(NamedTuple):
@@ -31,7 +30,7 @@ class RuleSet:
         rules: the rules in the order in which they were added; another tuple after each change.
     """
 
-    def __init__(self, ctx: GameContext) -> None:
+    def __init__(self, ctx: HostContext) -> None:
         self._ctx = ctx
         self.rules: tuple[NamedRule, ...] = ()
         self._unchecked: list[NamedRule] = []
@@ -110,12 +109,6 @@ class RuleSet:
             artists: Any = getattr(self._ctx.visual, "artists", None)
             propose = self._ctx.visual.add_artist if artists is None else artists.propose
             propose(artist, {"drawer": drawer, "layer": getattr(drawer, "layer", 12)})
-
-
-def check_phase(phase: object) -> None:
-    """Raise BadValue unless this is a phase."""
-    if not isinstance(phase, str) or phase not in _PHASES:
-        raise BadValue(f"phase must be 'before' or 'after', not {shown(phase)}.")
 
 
 def _artist_of(named: NamedRule) -> str | None:

@@ -3,10 +3,11 @@
 from collections.abc import Callable, Iterable, Mapping
 from typing import Any, Literal
 
-from gamms.arguments import as_float, as_function_of, as_int
+from gamms.arguments import as_count, as_float, as_function_of
 from gamms.deciding import Guarded, refused_while_deciding
 from gamms.errors import BadType, BadValue, GammsError, UnknownName, nearest
 from gamms.game.deciders import Plan, as_plans
+from gamms.readonly import ReadOnlyMapping
 from gamms.text import shown
 from gamms.typing.game import IConflicts
 
@@ -46,26 +47,18 @@ class Settings(Guarded):
         max_turns: `run` ends a game when so many turns were played, before it included; None: when a rule says so.
     """
 
-    legal: Literal["edges", "any"]
-    on_illegal: Literal["stay", "raise"]
-    on_error: Literal["raise", "stay"]
-    speed_unit: Literal["edges", "metres"]
-    conflicts: IConflicts | None
-    time_budget: float | None
-    deadline_s: float | None
-    default_action: Any  # an action of any form, or a function that gives one
-    plans: Mapping[Any, Plan]
-    max_turns: int | None
+    legal: Literal["edges", "any"] = "edges"
+    on_illegal: Literal["stay", "raise"] = "stay"
+    on_error: Literal["raise", "stay"] = "raise"
+    speed_unit: Literal["edges", "metres"] = "edges"
+    conflicts: IConflicts | None = None
+    time_budget: float | None = None
+    deadline_s: float | None = None
+    default_action: Any = "stay"  # an action of any form, or a function that gives one
+    plans: Mapping[Any, Plan] = ReadOnlyMapping({})
+    max_turns: int | None = None
     _called = "ctx.game"
     _is_closed = False  # whether all attributes are there, so that another name is a misspelt one
-
-    def __init__(self) -> None:
-        self.legal, self.on_illegal, self.on_error, self.speed_unit = "edges", "stay", "raise", "edges"
-        self.conflicts = None
-        self.time_budget = self.deadline_s = None
-        self.default_action = "stay"
-        self.plans = {}
-        self.max_turns = None
 
     def __setattr__(self, name: str, value: object) -> None:
         """Set a setting if its value is valid.
@@ -140,16 +133,6 @@ def _action(_: str, value: object) -> Any:
     return as_function_of(value, "A default action", "the state") if callable(value) else value
 
 
-def as_turns(name: str, value: object) -> int | None:
-    """Return a number of turns, or None."""
-    if value is None:
-        return None
-    turns = as_int(value, name)
-    if turns < 0:
-        raise BadValue(f"{name} must not be negative, not {turns}.")
-    return turns
-
-
 _CHECKS: dict[str, Callable[[str, Any], Any]] = {
     **dict.fromkeys(_CHOICES, _choice),
     "conflicts": _conflicts,
@@ -157,5 +140,5 @@ _CHECKS: dict[str, Callable[[str, Any], Any]] = {
     "deadline_s": _seconds,
     "default_action": _action,
     "plans": as_plans,
-    "max_turns": lambda name, value: as_turns(f"ctx.game.{name}", value),
+    "max_turns": lambda name, value: None if value is None else as_count(value, f"ctx.game.{name}", 0),
 }

@@ -1,26 +1,31 @@
-"""Snapshots: a game at a moment, and how to restore it."""
+"""Snapshots and forks: a game at a moment, how to restore it, and a detached copy of it with other random streams."""
 
 from collections.abc import Callable
 from copy import deepcopy
-from typing import Any, NamedTuple, NoReturn, TypeVar
+from functools import partial
+from types import CellType, FunctionType, MethodType
+from typing import Any, NamedTuple, NoReturn, cast
 
 import numpy as np
 
 from gamms.errors import BadType, GammsError
-from gamms.game.host import GameContext
+from gamms.game.deciders import Plan
 from gamms.game.order import COUNTED
 from gamms.game.random_streams import GlobalRandom
 from gamms.game.result import Collectors
 from gamms.game.ruleset import RuleSet
 from gamms.game.settings import Settings
-from gamms.game.turn import TurnEngine
+from gamms.game.turn import TurnEngine, TurnMoves
 from gamms.ir.agents import Position
 from gamms.ir.game_state import GameState
 from gamms.typing.agent_engine import IAgent
+from gamms.typing.context import HostContext
 
-T = TypeVar("T")
+Memo = dict[int, Any]  # id() of an object -> what takes its place in a fork; see `copy.deepcopy`
 
 _SCALARS = frozenset({str, bytes, int, float, bool, complex, type(None)})
+_CONTAINERS = frozenset({dict, list, tuple, set, np.ndarray})
+_UNKNOWN = object()
 
 
 class SnapshotError(GammsError, RuntimeError):
@@ -66,7 +71,7 @@ class Snapshot:
 class SnapshotTaker(NamedTuple):
     """The parts of a game of which snapshots are taken."""
 
-    ctx: GameContext
+    ctx: HostContext
     state: GameState
     settings: Settings
     rules: RuleSet
@@ -91,7 +96,7 @@ class SnapshotTaker(NamedTuple):
             "is_seeded": ctx.is_seeded,
             "rng": ctx.rng_state(),
         }
-        return Snapshot(state.turn, ctx.seed, state, {name: copy(getattr(state, name)) for name, copy in _PARTS}, parts)
+        return Snapshot(state.turn, ctx.seed, state, _copies(_fields(state)), parts)
 
     def belongs_here(self, snapshot: Snapshot) -> bool:
         """Return whether a snapshot is of this game."""
@@ -108,24 +113,10 @@ class SnapshotTaker(NamedTuple):
         if self.rules.rules is not parts["rules"]:
             self.rules.restore(parts["rules"])
         self.collectors.restore(parts["collectors"])
-        self._restore_state(snapshot._values)
+        _write(state, _copies(snapshot._values))
         state.event_history.go_to(state.events, parts["events"])
         state.error_history.go_to(state.errors, parts["errors"])
         self.turns.restore(parts["turns"])
-
-    def _restore_state(self, values: dict[str, Any]) -> None:
-        """Set the fields of the state; a dict of which others hold a reference is written to."""
-        state = self.state
-        for name in _VALUES:
-            setattr(state, name, values[name])
-        for name, copy in _REPLACED:
-            setattr(state, name, copy(values[name]))
-        for name, copy in _REFERRED:
-            known = getattr(state, name)
-            known.clear()
-            known.update(copy(values[name]))
-        _put_each(state.counts, values["counts"], _NO_COUNTS)
-        _put_each(state.memories, _copied_filled(values["memories"]), {})
 
     def restore_streams(self, snapshot: Snapshot) -> None:
         """Restore the seed and the random streams, before anything else."""
@@ -137,15 +128,7 @@ class SnapshotTaker(NamedTuple):
         self.global_random.restore(parts["global_random"])
 
 
-def _put_each(known: dict[str, dict[Any, Any]], values: dict[str, dict[Any, Any]], default: dict[Any, Any]) -> None:
-    for name, one in known.items():
-        one.clear()
-        one.update(values.get(name, default))
-    for name in values.keys() - known.keys():
-        known[name] = values[name]
-
-
-def copied(value: object, memo: dict[int, Any] | None = None) -> Any:
+def copied(value: object, memo: Memo | None = None) -> Any:
     """Return a copy that shares nothing that can change, of the same shape: what is one object stays one.
 
     Args:
@@ -162,75 +145,181 @@ class _Unusual(Exception):
     """A value is not made of plain values, or an object is in it twice."""
 
 
-def _copied(value: object, seen: set[int]) -> Any:
+def _copied(value: Any, seen: set[int]) -> Any:
     kind = type(value)
     if kind in _SCALARS:
         return value
-    copy = _COPIES.get(kind)
-    if copy is None or id(value) in seen:
+    is_array = kind is np.ndarray
+    if kind not in _CONTAINERS or id(value) in seen or (is_array and (value.dtype.hasobject or value.base is not None)):
         raise _Unusual
     seen.add(id(value))
-    return copy(value, seen)
-
-
-def _copied_dict(value: dict[Any, Any], seen: set[int]) -> dict[Any, Any]:
-    return {key: one if type(one) in _SCALARS else _copied(one, seen) for key, one in value.items()}
-
-
-def _copied_list(value: list[Any], seen: set[int]) -> list[Any]:
-    return [one if type(one) in _SCALARS else _copied(one, seen) for one in value]
-
-
-def _copied_tuple(value: tuple[Any, ...], seen: set[int]) -> tuple[Any, ...]:
-    return tuple([one if type(one) in _SCALARS else _copied(one, seen) for one in value])
-
-
-def _copied_set(value: set[Any], _seen: set[int]) -> set[Any]:
+    if kind is dict:
+        return {key: one if type(one) in _SCALARS else _copied(one, seen) for key, one in value.items()}
+    if kind is list or kind is tuple:
+        return kind([one if type(one) in _SCALARS else _copied(one, seen) for one in value])
     return value.copy()  # what can be in a set does not change
 
 
-def _copied_array(value: "np.ndarray[Any, Any]", _seen: set[int]) -> "np.ndarray[Any, Any]":
-    if value.dtype.hasobject or value.base is not None:
-        raise _Unusual
-    return value.copy()
+def _fields(state: GameState) -> dict[str, Any]:
+    """Return all fields of a state that are not logs."""
+    return {name: getattr(state, name) for name in _COPY_OF}
 
 
-_COPIES: dict[type, Callable[[Any, set[int]], Any]] = {
-    dict: _copied_dict,
-    list: _copied_list,
-    tuple: _copied_tuple,
-    set: _copied_set,
-    np.ndarray: _copied_array,
+def _copies(values: dict[str, Any], memo: Memo | None = None) -> dict[str, Any]:
+    return {name: _COPY_OF[name](value, memo) for name, value in values.items()}
+
+
+def _write(state: GameState, values: dict[str, Any]) -> None:
+    """Set fields of a state; a dict of which others hold a reference is written to."""
+    for name, value in values.items():
+        known = getattr(state, name)
+        if name in ("counts", "memories"):
+            default = dict.fromkeys(COUNTED, 0) if name == "counts" else {}
+            for key, one in known.items():
+                one.clear()
+                one.update(value.get(key, default))
+            known.update((key, value[key]) for key in value.keys() - known.keys())
+        elif name in ("scores", "facts", "timings", "data"):
+            known.clear()
+            known.update(value)
+        else:
+            setattr(state, name, value)
+
+
+_COPY_OF: dict[str, Callable[[Any, Memo | None], Any]] = {  # field of the state -> how it is copied
+    **dict.fromkeys(("turn", "last_turn", "start", "has_begun", "moves"), lambda value, _: value),
+    **dict.fromkeys(("over", "team_memories", "data"), copied),
+    **dict.fromkeys(("players", "began", "scores", "facts", "timings"), lambda value, _: dict(value)),
+    "memories": lambda value, memo: {name: copied(memory, memo) for name, memory in value.items() if memory},
+    "counts": lambda value, _: {name: counts.copy() for name, counts in value.items()},
 }
+_OWN = frozenset({"start", "has_begun", "moves", "players", "began"})  # what a fork has of its own
 
 
-def _same(value: T) -> T:
-    return value
+# -- forks ------------------------------------------------------------------------------------------------------
 
 
-def _copied_each(values: dict[Any, dict[Any, Any]]) -> dict[Any, dict[Any, Any]]:
-    return {key: one.copy() for key, one in values.items()}
+def copy_game(source: SnapshotTaker, target: SnapshotTaker, memo: Memo) -> None:
+    """Copy all of a game into the game of a new context, whose map, agents and sensors are copies already.
+
+    Args:
+        source: the parts of the game.
+        target: those of the new game.
+        memo: has the context, its engines, agents and sensors.
+    """
+    source.turns.update_counts()
+    for agent in source.ctx.agent.agents.values():
+        memo[id(agent)].strategy = own(agent.strategy, memo)
+    for sensor in target.ctx.sensor.sensors.values():
+        if getattr(sensor, "function", None) is not None:
+            sensor.function = own(sensor.function, memo)
+    players = {name: deepcopy(agent, memo) for name, agent in source.state.players.items()}
+    shared = {name: value for name, value in _fields(source.state).items() if name not in _OWN}
+    _write(target.state, _copies(shared, memo))
+    target.state.share_logs(source.state)
+    target.state.players.update(players)
+    settings = source.settings.settings()
+    settings["plans"] = {team: Plan(own(plan.function, memo), plan.arrays) for team, plan in settings["plans"].items()}
+    target.settings.configure({name: own(value, memo) for name, value in settings.items()})
+    target.rules.rules = tuple([one._replace(rule=own(one.rule, memo)) for one in source.rules.rules])
+    target.collectors.copy_from(source.collectors, lambda fn: own(fn, memo))
+    _renew_states(target)
+    moves: TurnMoves | None = source.state.moves
+    if moves is not None:
+        target.state.moves = moves.of_agents(lambda agent: deepcopy(agent, memo))
 
 
-def _copied_filled(memories: dict[str, dict[Any, Any]]) -> dict[str, dict[Any, Any]]:
-    return {name: copied(memory) for name, memory in memories.items() if memory}
+def _renew_states(target: SnapshotTaker) -> None:
+    """Put the memories and the random numbers of the fork into the last states of its agents."""
+    slots = {slot.name: slot for slot in target.turns.order().slots}
+    for name, agent in target.ctx.agent.agents.items():
+        state, slot = cast("dict[str, Any]", agent.state), slots.get(name)
+        if "memory" in state:
+            state["memory"] = target.state.memory_of(name)
+            state["team_memory"] = copied(state.get("team_memory"))
+            for key, value in (("draw", slot and slot.draws), ("rng", slot and slot.rng)):
+                if value is None:
+                    state.pop(key, None)
+                else:
+                    state[key] = value
 
 
-_Copy = Callable[[Any], Any]
+def own(value: object, memo: Memo) -> Any:
+    """Return what a strategy, rule or setting is in a fork.
 
-_NO_COUNTS = dict.fromkeys(COUNTED, 0)
-_VALUES = ("turn", "last_turn", "start", "has_begun", "moves")  # fields of the state that are no containers
-_REPLACED: tuple[tuple[str, _Copy], ...] = (
-    ("over", copied),
-    ("team_memories", copied),
-    ("players", dict),
-    ("began", dict),
-)
-_REFERRED: tuple[tuple[str, _Copy], ...] = (("scores", dict), ("facts", dict), ("timings", dict), ("data", copied))
-_PARTS: tuple[tuple[str, _Copy], ...] = (  # all fields that are copied
-    *[(name, _same) for name in _VALUES],
-    *_REPLACED,
-    *_REFERRED,
-    ("memories", _copied_filled),
-    ("counts", _copied_each),
-)
+    A function that closes over the context, an agent or another part of the game becomes one that closes over that of
+    the fork; all else that it holds is shared. Objects are copied; those that cannot be copied are shared.
+    """
+    if value is None or isinstance(value, (FunctionType, MethodType, partial)):
+        return _rebound(value, memo)
+    trial = dict(memo)
+    try:
+        made = deepcopy(value, trial)
+    except Exception:  # noqa: BLE001 - whatever a caller's object raises when it is copied
+        return value
+    memo.update(trial)
+    return made
+
+
+def _rebound(value: object, memo: Memo) -> Any:
+    known = memo.get(id(value), _UNKNOWN)
+    if known is not _UNKNOWN:
+        return known
+    rebind = _REBOUND.get(type(value))
+    return value if rebind is None else rebind(value, memo)
+
+
+def _rebound_function(function: FunctionType, memo: Memo) -> FunctionType:
+    memo[id(function)] = function  # it may close over itself
+    cells = function.__closure__ or ()
+    made = tuple([_rebound_cell(cell, memo) for cell in cells])
+    if all(new is cell for new, cell in zip(made, cells, strict=True)):
+        return function
+    twin = FunctionType(function.__code__, function.__globals__, function.__name__, function.__defaults__, made)
+    twin.__kwdefaults__, twin.__annotations__ = function.__kwdefaults__, function.__annotations__
+    twin.__module__, twin.__qualname__, twin.__doc__ = function.__module__, function.__qualname__, function.__doc__
+    twin.__dict__.update(function.__dict__)
+    memo[id(function)] = twin
+    return twin
+
+
+def _rebound_cell(cell: CellType, memo: Memo) -> CellType:
+    try:
+        value = cell.cell_contents
+    except ValueError:  # nothing was assigned yet
+        return cell
+    made = _rebound(value, memo)
+    return cell if made is value else CellType(made)
+
+
+def _rebound_method(method: MethodType, memo: Memo) -> Any:
+    instance = own(method.__self__, memo)
+    return method if instance is method.__self__ else MethodType(method.__func__, instance)
+
+
+def _rebound_partial(function: "partial[Any]", memo: Memo) -> Any:
+    args = [_rebound(one, memo) for one in function.args]
+    keywords = {name: _rebound(one, memo) for name, one in function.keywords.items()}
+    made = partial(_rebound(function.func, memo), *args, **keywords)
+    made.__dict__.update(function.__dict__)
+    return made
+
+
+def _rebound_items(values: list[Any] | tuple[Any, ...], memo: Memo) -> Any:
+    items = [_rebound(one, memo) for one in values]
+    return values if all(new is one for new, one in zip(items, values, strict=True)) else type(values)(items)
+
+
+def _rebound_values(values: dict[Any, Any], memo: Memo) -> dict[Any, Any]:
+    items = {key: _rebound(one, memo) for key, one in values.items()}
+    return values if all(items[key] is one for key, one in values.items()) else items
+
+
+_REBOUND: dict[type, Callable[[Any, Memo], Any]] = {
+    FunctionType: _rebound_function,
+    MethodType: _rebound_method,
+    partial: _rebound_partial,
+    tuple: _rebound_items,
+    list: _rebound_items,
+    dict: _rebound_values,
+}

@@ -8,13 +8,13 @@ from typing import TYPE_CHECKING, Any
 
 from gamms.deciding import DecidePhase
 from gamms.game.decisions import Decisions, memory_copy
-from gamms.game.host import GameContext
 from gamms.game.legality import Legality, ResolvedAction
 from gamms.game.order import AgentSlot, TurnOrder
 from gamms.game.settings import Settings
 from gamms.ir.game_state import GameState
 from gamms.readonly import ReadOnlyMapping, copied
 from gamms.typing.agent_engine import IAgent
+from gamms.typing.context import HostContext
 from gamms.typing.game import Move, Track
 from gamms.typing.sensor_engine import SensorType
 
@@ -38,7 +38,7 @@ class TurnEngine:
         is_playing: whether a turn is under way, rules included.
     """
 
-    def __init__(self, ctx: GameContext, settings: Settings, state: GameState, phase: DecidePhase) -> None:
+    def __init__(self, ctx: HostContext, settings: Settings, state: GameState, phase: DecidePhase) -> None:
         self._ctx, self._settings, self._state, self._phase = ctx, settings, state, phase
         self._legality = Legality(ctx, settings)
         self._facts = ReadOnlyMapping(state.facts)
