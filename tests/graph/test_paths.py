@@ -11,7 +11,7 @@ from hypothesis import strategies as st
 from gamms.errors import BadType, BadValue, ContextTerminated, NoPath, NotOffered, UnknownName
 from gamms.graph import Graph, cache, routes
 from gamms.graph.cache import Cache
-from gamms.typing import IGraph
+from gamms.typing import IGraph, graph_engine
 
 LAWS = settings(max_examples=100, deadline=None, derandomize=True)
 IDS = (4, -2, 9, 0, 31, 7)
@@ -305,7 +305,7 @@ def test_paths_are_the_same_after_nodes_were_removed(square):
 
 def test_a_known_target_is_not_worked_out_again(square, monkeypatch):
     square.shortest_path(1, 5)
-    monkeypatch.setattr(routes.kernels, "shortest_distances", None)
+    monkeypatch.setattr(graph_engine.kernels, "shortest_distances", None)
     assert square.shortest_path(3, 5) == [3, 4, 5]
     assert square.distance(2, 5) == 2.0
     square.update_node({"id": 6, "x": 3.0})

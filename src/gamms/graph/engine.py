@@ -9,7 +9,7 @@ from gamms.deciding import Guarded, phase_of, refused_while_deciding
 from gamms.errors import BadFile, BadValue, ContextTerminated, UnknownType, WriteConflict
 from gamms.graph.graph import Graph
 from gamms.graph.obstacles import Obstacles, checked_face, checked_faces
-from gamms.graph.routes import Routes
+from gamms.graph.routes import CachedRoutes
 from gamms.graph.storage import MapStorage
 from gamms.graph.store import GraphStore
 from gamms.ir.obstacles import BoolArray, ObstacleColumns
@@ -150,7 +150,7 @@ class GraphEngine(Guarded, IGraphEngine):
         if self._tables is None:
             from gamms.graph.visibility import VisibilityTables
 
-            obstacles, routes = self._present(), Routes(self._store)
+            obstacles, routes = self._present(), CachedRoutes(self._store)
             self._tables = VisibilityTables(self._store, routes, obstacles, self._ctx, self._storage)
         return self._tables.get(radius, observer_height, path, progress=progress, workers=workers)
 

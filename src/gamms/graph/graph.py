@@ -13,7 +13,7 @@ from gamms.arguments import as_float, as_numbers, as_range
 from gamms.deciding import UNDECIDED, DecidePhase, Guarded, refused_while_deciding
 from gamms.errors import BadValue, DuplicateId, MissingKey, UnknownName
 from gamms.graph import positions, records
-from gamms.graph.routes import Routes, edge_weights
+from gamms.graph.routes import CachedRoutes, edge_weights
 from gamms.graph.store import GraphStore, Neighborhoods
 from gamms.ir.graph import FloatArray, GraphColumns, IntArray
 from gamms.readonly import ReadOnlyMapping, frozen
@@ -39,7 +39,7 @@ class Graph(Guarded, IGraph):
     def __init__(self, store: GraphStore | None = None, phase: DecidePhase = UNDECIDED) -> None:
         self._phase = phase
         self._store = GraphStore() if store is None else store
-        self._routes = Routes(self._store)
+        self._routes = CachedRoutes(self._store)
         self._shown: GraphColumns | None = None  # read-only all the way down, for strategies
 
     @property

@@ -4,28 +4,25 @@ Strategies ask every turn, mostly for the same goals. So the distances to a goal
 the way to it, are computed once; then a path from anywhere is a walk.
 """
 
-from collections.abc import Iterable
-from functools import partial
-from math import inf
+from collections.abc import Callable, Hashable, Iterable
 
 import numpy as np
 
-from gamms import kernels
 from gamms.arguments import as_range
-from gamms.errors import BadType, NoPath, UnknownName, nearest
+from gamms.errors import BadType, UnknownName, nearest
 from gamms.graph import records
 from gamms.graph.cache import Cache
 from gamms.graph.store import GraphStore
 from gamms.ir.graph import FloatArray, GraphColumns, IntArray
 from gamms.text import shown
-from gamms.typing.graph_engine import between, one_end
+from gamms.typing.graph_engine import RememberedT, Routes
 from gamms.typing.graph_values import NodeIds
 
 _MOST_BYTES = 256 * 2**20  # the tables of one goal take 12 bytes a node
 
 
-class Routes:
-    """Answers routing queries of one graph; see `IGraph` for what each call promises.
+class CachedRoutes(Routes):
+    """The routes of a store.
 
     Attributes:
         cache: among others (weight, id of a node) -> the distances to that node, (memoryview by row,).
@@ -35,94 +32,35 @@ class Routes:
         self._store = store
         self.cache = Cache(_MOST_BYTES)
 
-    def shortest_path(self, source: int, target: int, weight: str | None) -> list[int]:
-        """Return the ids of the nodes on the shortest path, both ends included."""
+    def ids(self) -> IntArray:
+        """Return the ids of all nodes (nodes,), by row."""
+        return self._store.columns().node_ids
+
+    def ends(self) -> tuple[IntArray, IntArray]:
+        """Return the rows of sources and targets, (edges,) each."""
         columns = self._store.columns()
-        row, end = self._row(source), self._row(target)
-        (steps,) = self._steps(columns, end, weight)
-        next_of, ids = steps.data, columns.node_ids.data
-        path = [ids[row]]
-        while row != end:
-            row = next_of[row]
-            if row < 0:
-                raise NoPath(source, target)
-            path.append(ids[row])
-        return path
+        return columns.sources, columns.targets
 
-    def distance(self, source: int, target: int, weight: str | None) -> float:
-        """Return the distance from one node to another; infinite where there is no path."""
-        columns = self._store.columns()
-        row, end = self._row(source), self._row(target)
-        found: float = self._distances_to(columns, end, weight)[row]
-        return found
+    def weights(self, weight: str | None) -> FloatArray:
+        """Return what each edge costs, (edges,)."""
+        return edge_weights(self._store.columns(), weight)
 
-    def distances(
-        self, source: NodeIds | None, target: NodeIds | None, weight: str | None, cutoff: float | None
-    ) -> dict[int, float]:
-        """Return the distances from the nearest source to each node, or from each node to the nearest target."""
-        nodes = one_end(source, target)
-        columns = self._store.columns()
-        rows = self._rows(nodes, "target" if source is None else "source")
-        limit = inf if cutoff is None else as_range(cutoff, "cutoff")
-        found = self._distances(columns, rows, weight, reverse=source is None, cutoff=limit)
-        near = np.flatnonzero(np.isfinite(found))
-        return dict(zip(columns.node_ids[near].tolist(), found[near].tolist(), strict=True))
+    def rows(self, nodes: NodeIds, name: str) -> IntArray:
+        """Return the rows of one node or of several (KeyError)."""
+        if not isinstance(nodes, Iterable):
+            return np.array([self.row(nodes)])
+        self._store.columns()  # which drops the rows of what was removed
+        ids = nodes if isinstance(nodes, np.ndarray | str) else list(nodes)
+        return self._store.nodes.index.rows(records.id_array(ids, name), "node")
 
-    def distance_matrix(self, sources: NodeIds, targets: NodeIds, weight: str | None) -> FloatArray:
-        """Return the distances (sources, targets); infinite where there is no path."""
-        columns = self._store.columns()
-        starts, ends = self._rows(sources, "sources"), self._rows(targets, "targets")
-        return between(partial(self._arcs, columns, weight), starts, ends)
-
-    # -- inside -------------------------------------------------------------------------------------------------
-
-    def _steps(self, columns: GraphColumns, end: int, weight: str | None) -> tuple[IntArray]:
-        """Return for every node the row of the next one on the path to row `end`; -1 where there is none."""
-
-        def make() -> tuple[IntArray]:
-            goal = np.array([end])
-            distances = np.asarray(self._distances_to(columns, end, weight))
-            tight = kernels.tight_arcs(self._arcs(columns, weight, reverse=True), distances)
-            hops = kernels.shortest_distances(tight, goal)
-            return (kernels.first_steps(tight, hops, columns.node_ids).astype(np.int32),)
-
-        return self.cache.get(columns.revision, ("steps", weight, end), make)
-
-    def _distances_to(self, columns: GraphColumns, end: int, weight: str | None) -> memoryview:
-        def make() -> tuple[memoryview]:
-            arcs = self._arcs(columns, weight, reverse=True)
-            return (kernels.shortest_distances(arcs, np.array([end])).data,)
-
-        return self.cache.get(columns.revision, (weight, columns.node_ids.item(end)), make)[0]
-
-    def _distances(
-        self, columns: GraphColumns, rows: IntArray, weight: str | None, *, reverse: bool, cutoff: float
-    ) -> FloatArray:
-        if reverse and cutoff == inf and len(rows) == 1:
-            return np.asarray(self._distances_to(columns, rows.item(), weight))
-
-        def make() -> tuple[FloatArray]:
-            return (kernels.shortest_distances(self._arcs(columns, weight, reverse=reverse), rows, cutoff),)
-
-        key = ("distances", weight, reverse, cutoff, np.unique(rows).tobytes())
-        return self.cache.get(columns.revision, key, make)[0]
-
-    def _arcs(self, columns: GraphColumns, weight: str | None, *, reverse: bool) -> kernels.Arcs:
-        def make() -> kernels.Arcs:
-            ends = (columns.targets, columns.sources) if reverse else (columns.sources, columns.targets)
-            return kernels.make_arcs(*ends, edge_weights(columns, weight), len(columns.node_ids))
-
-        return self.cache.get(columns.revision, ("arcs", weight, reverse), make)
-
-    def _row(self, node_id: int) -> int:
+    def row(self, node_id: int) -> int:
+        """Return the row of a node (KeyError)."""
+        self._store.columns()  # which drops the rows of what was removed
         return self._store.nodes.find(records.as_id(node_id, "a node"))
 
-    def _rows(self, node_ids: NodeIds, name: str) -> IntArray:
-        """Return the rows of one node or of several."""
-        if not isinstance(node_ids, Iterable):
-            return np.array([self._row(node_ids)])
-        ids = node_ids if isinstance(node_ids, np.ndarray | str) else list(node_ids)
-        return self._store.nodes.index.rows(records.id_array(ids, name), "node")
+    def remember(self, key: Hashable, make: Callable[[], RememberedT]) -> RememberedT:
+        """Return what `make` gave for this revision of the graph."""
+        return self.cache.get(self._store.revision, key, make)
 
 
 def edge_weights(columns: GraphColumns, weight: str | None) -> FloatArray:

@@ -16,7 +16,7 @@ from gamms.errors import BadFile, BadValue, MissingFolder, Outdated, UnknownName
 from gamms.folders import cache_folder, write_whole
 from gamms.graph import map_file, records
 from gamms.graph.obstacles import Obstacles
-from gamms.graph.routes import Routes
+from gamms.graph.routes import CachedRoutes
 from gamms.graph.storage import MapStorage
 from gamms.graph.store import GraphStore
 from gamms.graph.tables import RowIndex
@@ -97,7 +97,12 @@ class Visibility(Shareable, IVisibility):
     """
 
     def __init__(
-        self, fingerprint: MapFingerprint, routes: Routes, radius: float, observer_height: float, seen: VisibilityRows
+        self,
+        fingerprint: MapFingerprint,
+        routes: CachedRoutes,
+        radius: float,
+        observer_height: float,
+        seen: VisibilityRows,
     ) -> None:
         self._fingerprint, self._routes = fingerprint, routes
         self._radius, self._observer_height = radius, observer_height
@@ -217,7 +222,7 @@ class VisibilityTables:
     """
 
     def __init__(
-        self, store: GraphStore, routes: Routes, obstacles: Obstacles, ctx: IContext, storage: MapStorage
+        self, store: GraphStore, routes: CachedRoutes, obstacles: Obstacles, ctx: IContext, storage: MapStorage
     ) -> None:
         self._store, self._routes, self._obstacles = store, routes, obstacles
         self._ctx, self._storage = ctx, storage

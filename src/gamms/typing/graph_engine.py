@@ -3,9 +3,9 @@
 
 import os
 from abc import ABC, abstractmethod
-from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
+from collections.abc import Callable, Hashable, Iterable, Iterator, Mapping, Sequence
 from math import inf, pi
-from typing import TYPE_CHECKING, Any, Literal
+from typing import TYPE_CHECKING, Any, Literal, TypeVar
 
 import numpy as np
 
@@ -32,6 +32,8 @@ if TYPE_CHECKING:
     import networkx as nx
     from numpy.random import Generator
 
+RememberedT = TypeVar("RememberedT", bound=tuple["np.ndarray[Any, Any] | memoryview", ...])
+
 __all__ = [
     "Corner",
     "Engine",
@@ -47,6 +49,7 @@ __all__ = [
     "Numbers",
     "OSMEdge",
     "ObsFace",
+    "Routes",
     "Surroundings",
 ]
 
@@ -214,7 +217,7 @@ class IGraph(ABC):
             UnknownName (KeyError): there is no such node.
             NoPath (ValueError): there is no path.
         """
-        return _Routes(self, weight).shortest_path(source, target)
+        return _Routes(self).shortest_path(source, target, weight)
 
     def distance(self, source: int, target: int, weight: str | None = "length") -> float:
         """Return the distance from one node to another, summed from the target; infinite where there is no path.
@@ -222,8 +225,7 @@ class IGraph(ABC):
         Raises:
             UnknownName (KeyError): there is no such node.
         """
-        routes = _Routes(self, weight)
-        return float(routes.distances(target, reverse=True)[routes.rows(source)[0]])
+        return _Routes(self).distance(source, target, weight)
 
     def distances(
         self,
@@ -248,8 +250,7 @@ class IGraph(ABC):
             UnknownName (KeyError): there is no such node.
             BadValue (ValueError): both or neither of source and target, or a negative cutoff.
         """
-        nodes, routes = one_end(source, target), _Routes(self, weight)
-        return routes.by_id(routes.distances(nodes, cutoff, reverse=source is None))
+        return _Routes(self).distances(source, target, weight, cutoff)
 
     def distance_matrix(self, sources: NodeIds, targets: NodeIds, weight: str | None = "length") -> FloatArray:
         """Return the distances by path from each of some nodes to each of others.
@@ -261,7 +262,7 @@ class IGraph(ABC):
         Raises:
             UnknownName (KeyError): there is no such node.
         """
-        return _Routes(self, weight).matrix(sources, targets)
+        return _Routes(self).distance_matrix(sources, targets, weight)
 
     # -- places: may override -----------------------------------------------------------------------------------
 
@@ -332,89 +333,138 @@ class _Neighborhoods(dict[int, Sequence[int]]):
         return [node_id, *(other for other in self._graph.get_neighbors(node_id) if other != node_id)]
 
 
-class _Routes:
-    """The slow default of routing, which reads the whole graph for each query; see `IGraph` for what each promises."""
+class Routes(ABC):
+    """Answers routing queries of one graph; see `IGraph` for what each call promises."""
 
-    def __init__(self, graph: IGraph, weight: str | None) -> None:
-        self._ids = list(graph.get_nodes())
-        self._row_of = {id: row for row, id in enumerate(self._ids)}
-        edges = [graph.get_edge(id) for id in graph.get_edges()]
-        self._sources = np.array([self._row_of[edge.source] for edge in edges], np.int64)
-        self._targets = np.array([self._row_of[edge.target] for edge in edges], np.int64)
-        self._weights = graph.weights(weight)
+    @abstractmethod
+    def ids(self) -> IntArray:
+        """Return the ids of all nodes (nodes,), by row."""
 
-    def shortest_path(self, source: int, target: int) -> list[int]:
-        """Return the ids of the nodes on the path, both ends included."""
-        row, goal = self.rows(source)[0], self.rows(target)
-        arcs = self._arcs(reverse=True)
-        tight = kernels.tight_arcs(arcs, kernels.shortest_distances(arcs, goal))
-        hops = kernels.shortest_distances(tight, goal)
-        steps = kernels.first_steps(tight, hops, np.array(self._ids, np.int64)).tolist()
-        path = [self._ids[row]]
-        while row != goal[0]:
-            row = steps[row]
+    @abstractmethod
+    def ends(self) -> tuple[IntArray, IntArray]:
+        """Return the rows of sources and targets, (edges,) each."""
+
+    @abstractmethod
+    def weights(self, weight: str | None) -> FloatArray:
+        """Return what each edge costs, (edges,)."""
+
+    @abstractmethod
+    def rows(self, nodes: NodeIds, name: str) -> IntArray:
+        """Return the rows of one node or of several (KeyError)."""
+
+    def row(self, node_id: int) -> int:
+        """Return the row of a node (KeyError); override for speed."""
+        return int(self.rows(node_id, "a node")[0])
+
+    def remember(self, key: Hashable, make: Callable[[], RememberedT]) -> RememberedT:
+        """Return what `make` gives; override to make it once."""
+        return make()
+
+    def shortest_path(self, source: int, target: int, weight: str | None) -> list[int]:
+        """Return the ids of the nodes on the shortest path, both ends included."""
+        row, end = self.row(source), self.row(target)
+        (steps,) = self.remember(("steps", weight, end), lambda: self._steps(end, weight))
+        next_of, ids = steps.data, self.ids().data
+        path = [ids[row]]
+        while row != end:
+            row = next_of[row]
             if row < 0:
                 raise NoPath(source, target)
-            path.append(self._ids[row])
+            path.append(ids[row])
         return path
 
-    def distances(self, nodes: NodeIds, cutoff: float | None = None, *, reverse: bool) -> FloatArray:
-        """Return (nodes,) from the nearest of some nodes, or to it."""
+    def distance(self, source: int, target: int, weight: str | None) -> float:
+        """Return the distance from one node to another; infinite where there is no path."""
+        row, end = self.row(source), self.row(target)
+        found: float = self._distances_to(end, weight)[row]
+        return found
+
+    def distances(
+        self, source: NodeIds | None, target: NodeIds | None, weight: str | None, cutoff: float | None
+    ) -> dict[int, float]:
+        """Return the distances from the nearest source to each node, or from each node to the nearest target."""
+        given = [nodes for nodes in (source, target) if nodes is not None]
+        if len(given) != 1:
+            raise BadValue(
+                "Give distances either source= or target=, not both and not neither. "
+                "The way from one node to another is graph.distance(source, target)."
+            )
+        rows = self.rows(given[0], "target" if source is None else "source")
         limit = inf if cutoff is None else as_range(cutoff, "cutoff")
-        return kernels.shortest_distances(self._arcs(reverse=reverse), self.rows(nodes), limit)
+        found = self._distances(rows, weight, limit, reverse=source is None)
+        near = np.flatnonzero(np.isfinite(found))
+        return dict(zip(self.ids()[near].tolist(), found[near].tolist(), strict=True))
 
-    def matrix(self, sources: NodeIds, targets: NodeIds) -> FloatArray:
-        """Return (sources, targets) from each to each."""
-        return between(self._arcs, self.rows(sources), self.rows(targets))
+    def distance_matrix(self, sources: NodeIds, targets: NodeIds, weight: str | None) -> FloatArray:
+        """Return the distances (sources, targets), searched from the side with fewer different nodes."""
+        starts, ends = self.rows(sources, "sources"), self.rows(targets, "targets")
+        (from_starts, start_of), (from_ends, end_of) = (np.unique(side, return_inverse=True) for side in (starts, ends))
+        reverse = len(from_ends) <= len(from_starts)
+        arcs = self._arcs(weight, reverse=reverse)
+        roots, others = (from_ends, starts) if reverse else (from_starts, ends)
+        found = np.empty((len(roots), len(others)))
+        for line, root in zip(found, roots, strict=True):
+            line[:] = kernels.shortest_distances(arcs, np.array([root]))[others]
+        return found[end_of].T.copy() if reverse else found[start_of]
 
-    def by_id(self, distances: FloatArray) -> dict[int, float]:
-        """Return the finite ones by node id."""
-        return {id: far for id, far in zip(self._ids, distances.tolist(), strict=True) if far < inf}
+    def _steps(self, end: int, weight: str | None) -> tuple[IntArray]:
+        """Return for every node the row of the next one on the path to row `end`; -1 where there is none."""
+        distances = np.asarray(self._distances_to(end, weight))
+        tight = kernels.tight_arcs(self._arcs(weight, reverse=True), distances)
+        hops = kernels.shortest_distances(tight, np.array([end]))
+        return (kernels.first_steps(tight, hops, self.ids()).astype(np.int32),)
 
-    def rows(self, nodes: NodeIds) -> IntArray:
-        """Return rows of one node or of several (KeyError)."""
+    def _distances_to(self, end: int, weight: str | None) -> memoryview:
+        def make() -> tuple[memoryview]:
+            return (kernels.shortest_distances(self._arcs(weight, reverse=True), np.array([end])).data,)
+
+        return self.remember((weight, self.ids().item(end)), make)[0]
+
+    def _distances(self, rows: IntArray, weight: str | None, cutoff: float, *, reverse: bool) -> FloatArray:
+        if reverse and cutoff == inf and len(rows) == 1:
+            return np.asarray(self._distances_to(rows.item(), weight))
+
+        def make() -> tuple[FloatArray]:
+            return (kernels.shortest_distances(self._arcs(weight, reverse=reverse), rows, cutoff),)
+
+        return self.remember(("distances", weight, reverse, cutoff, np.unique(rows).tobytes()), make)[0]
+
+    def _arcs(self, weight: str | None, *, reverse: bool) -> kernels.Arcs:
+        def make() -> kernels.Arcs:
+            ends = self.ends()[::-1] if reverse else self.ends()
+            return kernels.make_arcs(*ends, self.weights(weight), len(self.ids()))
+
+        return self.remember(("arcs", weight, reverse), make)
+
+
+class _Routes(Routes):
+    """The slow default of routing, which reads the whole graph for each query."""
+
+    def __init__(self, graph: IGraph) -> None:
+        self._graph = graph
+        self._row_of = {id: row for row, id in enumerate(graph.get_nodes())}
+        edges = [graph.get_edge(id) for id in graph.get_edges()]
+        self._ends = [self.rows([getattr(edge, end) for edge in edges], end) for end in ("source", "target")]
+
+    def ids(self) -> IntArray:
+        """Return the ids of all nodes (nodes,), by row."""
+        return np.array([*self._row_of], np.int64)
+
+    def ends(self) -> tuple[IntArray, IntArray]:
+        """Return the rows of sources and targets, (edges,) each."""
+        return self._ends[0], self._ends[1]
+
+    def weights(self, weight: str | None) -> FloatArray:
+        """Return what each edge costs, (edges,)."""
+        return self._graph.weights(weight)
+
+    def rows(self, nodes: NodeIds, name: str) -> IntArray:
+        """Return the rows of one node or of several (KeyError)."""
         ids = [as_int(id, "The id of a node") for id in (nodes if isinstance(nodes, Iterable) else [nodes])]
         for id in ids:
             if id not in self._row_of:
                 raise UnknownName("node", id)
         return np.array([self._row_of[id] for id in ids], np.int64)
-
-    def _arcs(self, *, reverse: bool) -> kernels.Arcs:
-        ends = (self._targets, self._sources) if reverse else (self._sources, self._targets)
-        return kernels.make_arcs(*ends, self._weights, len(self._ids))
-
-
-def between(arcs_of: Callable[..., kernels.Arcs], starts: IntArray, ends: IntArray) -> FloatArray:
-    """Return distances (starts, ends), searched from the side with fewer different rows, from the ends at a tie.
-
-    Args:
-        arcs_of: gives the arcs, with `reverse=True` the reversed ones.
-        starts: rows.
-        ends: rows.
-    """
-    (from_starts, start_of), (from_ends, end_of) = (np.unique(side, return_inverse=True) for side in (starts, ends))
-    reverse = len(from_ends) <= len(from_starts)
-    arcs = arcs_of(reverse=reverse)
-    roots, others = (from_ends, starts) if reverse else (from_starts, ends)
-    found = np.empty((len(roots), len(others)))
-    for line, root in zip(found, roots, strict=True):
-        line[:] = kernels.shortest_distances(arcs, np.array([root]))[others]
-    return found[end_of].T.copy() if reverse else found[start_of]
-
-
-def one_end(source: NodeIds | None, target: NodeIds | None) -> NodeIds:
-    """Return the one of the two that is given.
-
-    Raises:
-        BadValue: both are, or neither.
-    """
-    given = [nodes for nodes in (source, target) if nodes is not None]
-    if len(given) != 1:
-        raise BadValue(
-            "Give distances either source= or target=, not both and not neither. "
-            "The way from one node to another is graph.distance(source, target)."
-        )
-    return given[0]
 
 
 class IGraphEngine(IObstacles):
