@@ -33,7 +33,7 @@ class CachedRoutes(Routes):
         self.cache = Cache(_MOST_BYTES)
 
     def ids(self) -> IntArray:
-        """Return the ids of all nodes (nodes,), by row."""
+        """Return the ids of all nodes (nodes,), by row, without those of nodes that were removed."""
         return self._store.columns().node_ids
 
     def ends(self) -> tuple[IntArray, IntArray]:
@@ -47,15 +47,14 @@ class CachedRoutes(Routes):
 
     def rows(self, nodes: NodeIds, name: str) -> IntArray:
         """Return the rows of one node or of several (KeyError)."""
+        self._store.columns()
         if not isinstance(nodes, Iterable):
             return np.array([self.row(nodes)])
-        self._store.columns()  # which drops the rows of what was removed
         ids = nodes if isinstance(nodes, np.ndarray | str) else list(nodes)
         return self._store.nodes.index.rows(records.id_array(ids, name), "node")
 
     def row(self, node_id: int) -> int:
         """Return the row of a node (KeyError)."""
-        self._store.columns()  # which drops the rows of what was removed
         return self._store.nodes.find(records.as_id(node_id, "a node"))
 
     def remember(self, key: Hashable, make: Callable[[], RememberedT]) -> RememberedT:

@@ -338,7 +338,7 @@ class Routes(ABC):
 
     @abstractmethod
     def ids(self) -> IntArray:
-        """Return the ids of all nodes (nodes,), by row."""
+        """Return the ids of all nodes (nodes,), by row; called before rows are asked for."""
 
     @abstractmethod
     def ends(self) -> tuple[IntArray, IntArray]:
@@ -362,9 +362,10 @@ class Routes(ABC):
 
     def shortest_path(self, source: int, target: int, weight: str | None) -> list[int]:
         """Return the ids of the nodes on the shortest path, both ends included."""
+        ids = self.ids().data
         row, end = self.row(source), self.row(target)
         (steps,) = self.remember(("steps", weight, end), lambda: self._steps(end, weight))
-        next_of, ids = steps.data, self.ids().data
+        next_of = steps.data
         path = [ids[row]]
         while row != end:
             row = next_of[row]
@@ -375,6 +376,7 @@ class Routes(ABC):
 
     def distance(self, source: int, target: int, weight: str | None) -> float:
         """Return the distance from one node to another; infinite where there is no path."""
+        self.ids()
         row, end = self.row(source), self.row(target)
         found: float = self._distances_to(end, weight)[row]
         return found
