@@ -123,7 +123,7 @@ def from_the_air(folder):
 def save(ctx, path, size):
     """Save a figure in both formats."""
     for suffix in (".png", ".svg"):
-        ctx.visual.save(path.with_suffix(suffix), *size, dpi=DPI, background="white")
+        ctx.visual.save(path.with_suffix(suffix), *size, dpi=DPI, background="white", fit="tight")
     print(f"{path.stem}: {len(ctx.graph.columns().node_ids)} nodes, {len(ctx.agent.agents)} agents")
 
 

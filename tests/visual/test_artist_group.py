@@ -106,8 +106,7 @@ def test_circles_below_others_are_left_out_without_a_trace(styles, places):
         [(x, y)], color = frozen.points[[row]].tolist(), tuple(frozen.color[row].tolist())
         whole.add_circles([(x, y)], frozen.size[row], color, frozen.width[row], DrawSpace(frozen.space[row]))
         whole.add_text("", 0, 0, "black", 10)
-    words = {"title": "", "note": "", "background": (255, 255, 255, 255)}
-    one, other = (painted(each, camera, **words).pixels() for each in (frozen, whole.freeze()))
+    one, other = (painted(each, camera, (255, 255, 255, 255)).pixels() for each in (frozen, whole.freeze()))
     np.testing.assert_array_equal(one, other)
 
 

@@ -125,9 +125,7 @@ def test_a_film_shows_the_last_way_and_then_the_cross_alone(road):
     walker = road.agent.create_agent("walker", start_node_id=0, strategy=lambda state: state.update(action=1))
     assert walker.alive
     out_in_turn(road, 1, "walker")
-    frames = Frames(
-        Source(road, road.visual.drawing, road.visual.artists), 300, 60, title="", note="", background="white"
-    )
+    frames = Frames(Source(road, road.visual.drawing, road.visual.artists), (300, 60), {"background": "white"})
     seen = []
 
     def spy(ctx, data):

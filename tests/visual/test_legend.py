@@ -6,7 +6,8 @@ import pytest
 from gamms.errors import BadType
 from gamms.visual.appearance import PAPER
 from gamms.visual.camera import Camera
-from gamms.visual.legend import Legend, Row, Rows
+from gamms.visual.legend import Row, Rows
+from gamms.visual.page import Page, PageStyle
 
 FIRE = Rows("", (Row((200, 0, 0), "fire", "3"),))
 
@@ -66,14 +67,14 @@ def test_a_small_picture_has_no_legend(ctx):
 
 def test_what_would_be_too_long_is_counted():
     rows = Rows("", tuple(Row((0, 0, 0), f"team {number}") for number in range(40)))
-    commands = Legend((rows,), 1280, 720).commands(Camera(1280, 720, 0.0, 0.0, 1.0))
+    commands = Page(1280, 720, (rows,), PageStyle()).commands(Camera(1280, 720, 0.0, 0.0, 1.0))
     assert commands.text[-1] == "and 29 more"
 
 
 def test_a_legend_is_where_it_belongs_whatever_the_camera_sees():
-    legend = Legend((FIRE,), 640, 400)
+    page = Page(640, 400, (FIRE,), PageStyle())
     for camera in (Camera(640, 400, 0.0, 0.0, 1.0), Camera(640, 400, 5e5, 6.7e6, 0.01)):
-        commands = legend.commands(camera)
+        commands = page.commands(camera)
         places = camera.to_screen(commands.points[commands.offsets[:-1]])
         assert ((places > 0) & (places < (640, 400))).all()
         assert tuple(commands.color[0, :3]) == PAPER

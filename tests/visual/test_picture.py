@@ -10,7 +10,7 @@ from gamms.errors import BadType, BadValue, NotYet, TooLarge
 from gamms.limits import allowing
 from gamms.visual.appearance import TEAM_COLORS
 from gamms.visual.backends.pillow_backend import pixels_of
-from gamms.visual.camera import fit
+from gamms.visual.camera import bounds, fit_box
 from gamms.visual.drawing import Commands
 
 SVG = "{http://www.w3.org/2000/svg}"
@@ -71,8 +71,8 @@ def test_the_picture_says_what_it_shows_and_where_the_map_is_from(ctx, tmp_path)
     root = ET.parse(tmp_path / "a.svg").getroot()
     assert (root.get("width"), root.get("height"), root.get("role")) == ("640", "480", "img")
     assert root.findtext(f"{SVG}title") == "Flags & <friends>"
-    words = [text.text for text in root.findall(f"{SVG}text")]
-    assert words == ["Flags & <friends>", "turn 3 · © OpenStreetMap contributors"]
+    words = [text.text for text in root.iter(f"{SVG}text")]
+    assert {"Flags & <friends>", "turn 3 · © OpenStreetMap contributors"} <= set(words)
 
 
 def test_an_empty_scenario_gives_an_empty_picture(ctx, tmp_path):
@@ -127,9 +127,9 @@ def test_a_failed_save_keeps_the_old_picture(ctx, tmp_path):
 def test_the_camera_sees_everything_upright_and_undistorted(points):
     commands = Commands()
     commands.add_line(points, "red")
-    camera = fit(commands.freeze(), 200, 100, header=20)
+    camera = fit_box(*bounds(commands.freeze()), 200, 100, (4, 20, 4, 4))
     screen = camera.to_screen(np.array(points, float))
-    assert ((screen >= (0, 20)) & (screen <= (200, 100))).all()
+    assert ((screen >= (0, 20 - 1e-6)) & (screen <= (200, 100))).all()
     (left, low), (right, high) = points
     steps = screen[1] - screen[0]
     np.testing.assert_allclose(steps, ((right - left) * camera.scale, (low - high) * camera.scale), atol=1e-6)
@@ -138,9 +138,9 @@ def test_the_camera_sees_everything_upright_and_undistorted(points):
 def test_the_camera_counts_the_radius_of_a_disc_but_not_sizes_in_pixels():
     commands = Commands()
     commands.add_circles([(0, 0)], 10, "red")
-    alone = fit(commands.freeze(), 100, 100)
+    alone = fit_box(*bounds(commands.freeze()), 100, 100, (4, 4, 4, 4))
     commands.add_rectangle(0, 0, 5000, 5000, "red")
-    assert fit(commands.freeze(), 100, 100) == alone
+    assert fit_box(*bounds(commands.freeze()), 100, 100, (4, 4, 4, 4)) == alone
     assert alone.scale == pytest.approx(92 / 20)
 
 
@@ -152,7 +152,7 @@ def test_a_picture_of_more_dots_per_inch_is_the_same_picture(ctx, tmp_path):
     assert np.abs(halved - coarse).mean() < 6
     ctx.visual.save(tmp_path / "fine.svg", 600, 400, title="A", dpi=192)
     text = (tmp_path / "fine.svg").read_text()
-    assert 'font-size="40"' in text
+    assert 'font-size="38.5"' in text
 
 
 def test_an_svg_leaves_out_what_nobody_can_see(ctx, tmp_path):

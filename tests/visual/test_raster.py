@@ -30,7 +30,7 @@ points = st.tuples(numbers, numbers)
 
 def pixels(commands, camera=IN_PIXELS, background=WHITE):
     """The picture, as (rows, columns, 3)."""
-    return painted(commands.freeze(), camera, title="", note="", background=background).pixels().astype(int)
+    return painted(commands.freeze(), camera, background).pixels().astype(int)
 
 
 def drawn(name, *arguments, camera=IN_PIXELS, **keywords):

@@ -133,8 +133,15 @@ def render(  # noqa: PLR0913, PLR0917 - one argument per option
         typer.Option(help="With --follow: how much is seen, in metres (map units). By default some hundred."),
     ] = None,
     fog: Annotated[str | None, typer.Option(help="Show only what this team's sensors see.", metavar="TEAM")] = None,
-    width: Annotated[int, typer.Option(help="Pixels.")] = 1280,
-    height: Annotated[int, typer.Option(help="Pixels.")] = 720,
+    width: Annotated[int | None, typer.Option(help="Pixels; by default as the map needs.")] = None,
+    height: Annotated[int | None, typer.Option(help="Pixels; by default as the map needs.")] = None,
+    tight: Annotated[
+        bool, typer.Option("--tight", help="Make it smaller than that, as tight as the map allows.")
+    ] = False,
+    scale_bar: Annotated[
+        bool | None, typer.Option("--scale-bar/--no-scale-bar", help="By default where the map is in metres.")
+    ] = None,
+    north: Annotated[bool, typer.Option("--north", help="Show where north is.")] = False,
     fps: Annotated[float, typer.Option(help="Frames per second.")] = 30.0,
     frames_per_turn: Annotated[int, typer.Option(help="More of them show a turn more slowly.")] = 5,
     title: Annotated[str, typer.Option(help="A line above the picture.")] = "",
@@ -147,7 +154,21 @@ def render(  # noqa: PLR0913, PLR0917 - one argument per option
     with progress() as show:
         from gamms import rendering
 
-        options = rendering.RenderOptions(first, last, follow, view, fog, width, height, fps, frames_per_turn, title)
+        options = rendering.RenderOptions(
+            first,
+            last,
+            follow,
+            view,
+            fog,
+            width,
+            height,
+            fps,
+            frames_per_turn,
+            title,
+            "tight" if tight else "page",
+            scale_bar=scale_bar,
+            north=north,
+        )
         shown = rendering.render(file, out, options, map=map, show=show)
     is_film = out.suffix.lower() in (".mp4", ".gif")
     echo(f"Wrote {out} ({f'{shown} turns' if is_film else f'after turn {shown}'}).")

@@ -8,12 +8,13 @@ from collections.abc import Callable, Iterator
 from contextlib import ExitStack
 from dataclasses import dataclass
 from pathlib import Path
-from typing import Any
+from typing import Any, Literal
 
 from gamms import recorder, recordings
 from gamms.context import Context
 from gamms.errors import BadValue, UnknownName
 from gamms.rendering.fog import DARK, Fog
+from gamms.typing import PictureOptions
 from gamms.visual.appearance import PAPER
 from gamms.visual.backends import FILMS
 from gamms.visual.drawers.graph import usual_edge
@@ -38,10 +39,13 @@ class RenderOptions:
         follow: the name of an agent to keep in the middle.
         view: how much of the map is then seen from left to right, map units; None: some hundred metres.
         fog: a team, by its text: nothing is shown but what its sensors see.
-        width, height: pixels.
+        width, height: pixels; None: as the map needs.
         fps: frames per second.
         frames_per_turn: of a film.
         title: a line above the picture.
+        fit: "page", or "tight": as large as the map allows within width and height.
+        scale_bar: whether there is one; None: where lengths on the map are metres.
+        north: whether an arrow shows where north is.
     """
 
     first: int | None = None
@@ -49,11 +53,14 @@ class RenderOptions:
     follow: str | None = None
     view: float | None = None
     fog: str | None = None
-    width: int = 1280
-    height: int = 720
+    width: int | None = None
+    height: int | None = None
     fps: float = 30.0
     frames_per_turn: int = FRAMES_PER_TURN
     title: str = ""
+    fit: Literal["page", "tight"] = "page"
+    scale_bar: bool | None = None
+    north: bool = False
 
 
 def render(
@@ -126,7 +133,7 @@ class _Renderer:
         files.sheet(files.place(out), options.width, options.height, 96.0)  # fail early
         self._play(records, options.last)
         self._begin()
-        self._ctx.visual.save(out, options.width, options.height, title=options.title, background=self._background)
+        self._ctx.visual.save(out, options.width, options.height, **self._page)
         return self._turn
 
     def film(self, records: Iterator[Any], out: Path) -> int:
@@ -138,15 +145,22 @@ class _Renderer:
         self._play(records, max((options.first or 1) - 1, 0))
         begun = self._turn
         size = options.width, options.height, options.frames_per_turn
-        with self._ctx.visual.film(out, options.fps, *size, title=options.title, background=self._background):
+        with self._ctx.visual.film(out, options.fps, *size, **self._page):
             self._play(records, options.last)
             if self._turn == begun:
                 raise BadValue(f"There is no turn to film: this recording has {self._turn} turns.")
         return self._turn - begun
 
     @property
-    def _background(self) -> Any:
-        return PAPER if self._options.fog is None else DARK
+    def _page(self) -> PictureOptions:
+        options = self._options
+        return {
+            "title": options.title,
+            "background": PAPER if options.fog is None else DARK,
+            "fit": options.fit,
+            "scale_bar": options.scale_bar,
+            "north": options.north,
+        }
 
     def _play(self, records: Iterator[Any], last: int | None) -> None:
         """Replay up to and with a turn; the generator stays open for more."""

@@ -41,6 +41,7 @@ from gamms.typing.visualization_engine import (
     IArtist,
     IVisualizationEngine,
     ObstacleVisual,
+    PictureOptions,
     SensorVisual,
 )
 
@@ -84,6 +85,7 @@ __all__ = [
     "ObsFace",
     "ObstacleVisual",
     "OpCodes",
+    "PictureOptions",
     "Rule",
     "SensorOptions",
     "SensorType",

@@ -4,7 +4,7 @@ from abc import ABC, abstractmethod
 from collections.abc import Callable, Mapping, Sequence
 from enum import Enum
 from os import PathLike
-from typing import Any, TypedDict, Unpack
+from typing import Any, Literal, TypedDict, Unpack
 
 Drawer = Callable[[Any, dict[str, Any]], None]
 """Draws an artist: a function of the context and of the artist's `data`.
@@ -71,6 +71,23 @@ class IArtist(ABC):
 ColorType = tuple[float, float, float] | tuple[float, float, float, float]  # RGB or RGBA, 0-255
 
 _BLACK = (0, 0, 0)
+
+
+class PictureOptions(TypedDict, total=False):
+    """The keywords of pictures, frames and films that say what is around the map."""
+
+    title: str
+    """A line above the map: none."""
+    note: str
+    """Small print in the lower right corner, to which the source of the map is added: none."""
+    background: ColorType | str
+    """The colour behind everything: (252, 252, 250)."""
+    fit: Literal["page", "tight"]
+    """Whether the page is as large as was asked, or as tight as the map allows within that: "page"."""
+    scale_bar: bool | None
+    """Whether there is one: None, where lengths on the map are metres."""
+    north: bool
+    """Whether an arrow shows where north is: False."""
 
 
 class GraphVisual(TypedDict, total=False):

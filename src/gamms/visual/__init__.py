@@ -2,7 +2,8 @@
 
 An engine (`engine.py`, read it first) is a facade of parts: `drawing.py` has the primitives, which collect draw
 commands; `artists.py` keeps the artists (`artist.py`) that were declared, and `default_scene.py` those of a scenario
-that declares none; `camera.py` says where pictures look; `pictures.py` saves them by way of `files.py`. Drawers
+that declares none; `camera.py` says where pictures look; `pictures.py` saves them by way of `files.py`, and `page.py`
+has what stands around the map. Drawers
 (`drawers/`) say what a thing looks like, with what `shown_turn.py` knows of the turn; backends (`backends/`) turn draw
 commands into files; `scene.py` paints frames of films and of the window (`window/`) fast. Colours are in
 `appearance.py`, the font in `lettering.py`, legends and values in `legend.py`, drawings of recordings in

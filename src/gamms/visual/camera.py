@@ -65,8 +65,10 @@ def clipped(
     return begin + enter[is_inside, None] * way, begin + leave[is_inside, None] * way
 
 
+Point = tuple[float, float]
+Box = tuple[FloatArray, FloatArray]  # the lower left and the upper right corner, world units
+Margins = tuple[float, float, float, float]  # left, top, right, bottom; pixels
 CSS_DPI = 96.0  # at which pixels have the usual size
-_MARGIN = 0.04  # of the picture's shorter side
 _SMALLEST = 1e-9  # world units; anything smaller is a point
 
 
@@ -166,24 +168,19 @@ class Viewpoint(Guarded):
         return None if self.look is None else self.look.camera(width, height)
 
 
-def fit(commands: DrawCommands, width: int, height: int, header: float = 0.0, aside: float = 0.0) -> Camera:
-    """Return a camera that sees everything drawn, as large as it gets below a header and left of a legend, pixels."""
-    return fit_box(*bounds(commands), width, height, header, aside)
-
-
-def fit_box(low: FloatArray, high: FloatArray, width: int, height: int, header: float, aside: float = 0.0) -> Camera:
-    """Return a camera that sees all from corner to corner below a header and left of a legend, pixels."""
-    margin = _MARGIN * min(width, height)
-    free = max(width - aside - 2 * margin, 1.0), max(height - header - 2 * margin, 1.0)
+def fit_box(low: FloatArray, high: FloatArray, width: int, height: int, margins: Margins) -> Camera:
+    """Return a camera that sees all from corner to corner, as large as it gets between margins in pixels."""
+    left, top, right, bottom = margins
+    free = max(width - left - right, 1.0), max(height - top - bottom, 1.0)
     scale = min(
         (room / extent for room, extent in zip(free, high - low, strict=True) if extent > _SMALLEST),
         default=1.0,
     )
     x, y = ((low + high) / 2).tolist()
-    return Camera(width, height, x - (width - aside) / 2 / scale, y + (height + header) / 2 / scale, scale)
+    return Camera(width, height, x - (width + left - right) / 2 / scale, y + (height + top - bottom) / 2 / scale, scale)
 
 
-def bounds(commands: DrawCommands) -> tuple[FloatArray, FloatArray]:
+def bounds(commands: DrawCommands) -> Box:
     """Return the lower left and upper right corner of everything drawn, world units; sizes in pixels do not count."""
     if len(commands) == 0:
         return np.zeros(2), np.zeros(2)
@@ -203,8 +200,6 @@ def _corners(commands: DrawCommands) -> FloatArray:
     return points
 
 
-Point = tuple[float, float]
-Margins = tuple[float, float, float, float]  # left, top, right, bottom; pixels
 _HALF_WIDTH = 15.0  # world units, of a camera that was not pointed anywhere
 _CLOSEST = 1e-6  # world units: half the width of the closest look
 _NO_MARGINS = (0.0, 0.0, 0.0, 0.0)

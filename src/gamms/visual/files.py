@@ -6,33 +6,37 @@ from types import TracebackType
 from typing import Any, NamedTuple, Self
 from weakref import WeakValueDictionary
 
-from gamms.arguments import as_float, as_int, as_path, as_text
+from gamms.arguments import as_float, as_int, as_path
 from gamms.errors import BadValue, Duplicate, MissingFolder, NotYet, UnknownName
 from gamms.ir.draw import DrawCommands
 from gamms.limits import refuse_above
-from gamms.typing import ColorType, IArtist, IContext
-from gamms.visual.appearance import rgba
+from gamms.typing import IArtist, IContext, PictureOptions
+from gamms.visual.artist import ArtistGroup
 from gamms.visual.artists import Artists
 from gamms.visual.backends import FILMS, FORMATS, Backend, FilmWriter
 from gamms.visual.backends.pygame_backend import Canvas
-from gamms.visual.backends.raster import Painting, frame_words
-from gamms.visual.camera import CSS_DPI, Camera, fit
+from gamms.visual.backends.raster import Painting
+from gamms.visual.camera import CSS_DPI, Box, Camera, Point, Viewpoint, bounds
 from gamms.visual.drawing import Drawing, joined, magnified
-from gamms.visual.legend import Block, Legend, blocks_of
+from gamms.visual.legend import Block, blocks_of
+from gamms.visual.page import Page, PageStyle, page_size, style_of
 from gamms.visual.scene import Scene, whole_frame
 
-_HEADER_PX = 44.0
+_USUAL_PX, _USUAL_RATIO = 1280, 16 / 9  # of a picture that looks at a part of the map
 _LONGEST_PX = 65_535  # as GIF counts them
 _FINEST_DPI = 10_000.0
 _PICTURE_BYTES = 20  # of memory per pixel, measured: the canvas, its copies and the file
 FILM_BYTES = 48  # and what an encoder keeps
 
 
-class Sheet(NamedTuple):
-    """The size of a picture, and the backend that paints it."""
+Asked = tuple[int | None, int | None]
+"""A width and a height in pixels; None: as the map needs."""
 
-    width: int
-    height: int
+
+class Sheet(NamedTuple):
+    """The size that is asked of a picture, and the backend that paints it."""
+
+    asked: Asked
     dpi: float
     backend: Backend
 
@@ -49,17 +53,28 @@ def place(path: str | os.PathLike[str]) -> Path:
     return path
 
 
-def sheet(name: str | os.PathLike[str], width: int, height: int, dpi: float) -> Sheet:
+def sheet(name: str | os.PathLike[str], width: int | None, height: int | None, dpi: float) -> Sheet:
     """Check everything that can be checked before drawing; the suffix of a name, or a mere suffix, is the format.
 
     Raises:
         BadValue: a size or dpi that is not positive, or too large.
         NotYet: a format that cannot be written.
     """
-    path, (width, height) = as_path(name, "path"), size(width, height)
+    path, asked = as_path(name, "path"), sides(width, height)
     if not 0.0 < (dpi := as_float(dpi, "dpi")) <= _FINEST_DPI:
         raise BadValue(f"A picture needs between 0 and {_FINEST_DPI:g} pixels per inch, not dpi={dpi:g}.")
-    return Sheet(width, height, dpi, _backend(path))
+    return Sheet(asked, dpi, _backend(path))
+
+
+def sides(width: int | None, height: int | None, bytes_per_pixel: int = _PICTURE_BYTES) -> Asked:
+    """Check a width and a height in pixels; either may be None.
+
+    Raises:
+        BadValue: one is not positive, or too large.
+        TooLarge (BadValue): it would take more memory than is allowed.
+    """
+    across, up = size(1 if width is None else width, 1 if height is None else height, bytes_per_pixel)
+    return None if width is None else across, None if height is None else up
 
 
 def size(width: int, height: int, bytes_per_pixel: int = _PICTURE_BYTES) -> tuple[int, int]:
@@ -86,38 +101,29 @@ def _backend(path: Path) -> Backend:
         raise NotYet(f"saving a picture as {path.suffix or path.name!r} (there is: {known})") from None
 
 
-def header_px(title: str) -> float:
-    """Return the height that a title takes above a picture."""
-    return _HEADER_PX if title else 0.0
-
-
-def noted(ctx: IContext, note: str) -> str:
-    """Return the note, and the source of the map unless the note already names it."""
-    note = as_text(note, "note")
-    attribution: str | None = getattr(ctx.graph, "attribution", None)
-    if attribution and attribution not in note:
-        return f"{note} · {attribution}" if note else attribution
-    return note
-
-
 def painted(
-    sheet: Sheet,
-    commands: DrawCommands,
-    blocks: tuple[Block, ...],
-    camera: Camera | None,
-    *,
-    title: str,
-    note: str,
-    background: ColorType,
+    sheet: Sheet, commands: DrawCommands, blocks: tuple[Block, ...], viewpoint: Viewpoint, style: PageStyle
 ) -> bytes:
-    """Paint the columns and the legend, as the content of a file; no camera sees everything."""
+    """Paint the columns and what stands around them, as the content of a file."""
     fine = sheet.dpi / CSS_DPI  # so that lines, letters and marks are as large on paper whatever the dpi
-    legend, header = Legend(blocks, sheet.width, sheet.height, fine), fine * header_px(title)
+    box = bounds(commands)
+    width, height = size(*_sides(sheet.asked, box, blocks, viewpoint, style, fine))
+    page, camera, corner = Page(width, height, blocks, style, fine), viewpoint.camera(width, height), None
     if camera is None:
-        camera = fit(commands, sheet.width, sheet.height, header, legend.aside)
-    commands = magnified(joined(commands, legend.commands(camera, header, rgba(background))), fine)
-    words = {"title": as_text(title, "title"), "note": note, "background": rgba(background), "dpi": sheet.dpi}
-    return sheet.backend(commands, camera, **words)
+        camera, corner = page.fit(*box)
+    commands = magnified(joined(commands, page.commands(camera, corner)), fine)
+    return sheet.backend(commands, camera, title=style.title, background=style.background, dpi=sheet.dpi)
+
+
+def _sides(
+    asked: Asked, box: Box, blocks: tuple[Block, ...], viewpoint: Viewpoint, style: PageStyle, fine: float = 1.0
+) -> tuple[int, int]:
+    """Return how large a page is; one that looks at a part of the map is 16 by 9 as far as nothing is asked."""
+    width, height = asked
+    if viewpoint.look is None:
+        return page_size(box, asked, blocks, style, fine)
+    width = width or round(height * _USUAL_RATIO if height else _USUAL_PX * fine)
+    return width, height or round(width / _USUAL_RATIO)
 
 
 _FASTEST = 240.0  # frames per second
@@ -130,16 +136,15 @@ class Plan(NamedTuple):
 
     path: Path
     fps: float
-    width: int
-    height: int
+    asked: Asked
     frames_per_turn: int
 
 
 def film_plan(
     path: str | os.PathLike[str],
     fps: float,
-    width: int,
-    height: int,
+    width: int | None,
+    height: int | None,
     frames_per_turn: int | None,
     turn_seconds: float,
 ) -> Plan:
@@ -149,7 +154,7 @@ def film_plan(
         BadValue: an unknown format, or a bad number.
         MissingFolder: the folder is not there.
     """
-    path, (width, height) = as_path(path, "path"), size(width, height, FILM_BYTES)
+    path, asked = as_path(path, "path"), sides(width, height, FILM_BYTES)
     if not 0.0 < (fps := as_float(fps, "fps")) <= _FASTEST:
         raise BadValue(f"A film needs between 0 and {_FASTEST:g} frames per second, not fps={fps:g}.")
     if frames_per_turn is None:
@@ -161,11 +166,9 @@ def film_plan(
         raise BadValue(f"Cannot write a film as {path.suffix or path.name!r}; there is: {known}.")
     if not path.parent.is_dir():
         raise MissingFolder(path.name, path.parent)
-    if suffix == ".mp4":  # its colours are stored for two by two pixels
-        width, height = width + width % 2, height + height % 2
-        if max(width, height) > _LONGEST_MP4_PX:
-            raise BadValue(f"An MP4 has at most {_LONGEST_MP4_PX} pixels at each side, not {width} x {height}.")
-    return Plan(path, fps, width, height, frames)
+    if suffix == ".mp4" and max(width or 0, height or 0) > _LONGEST_MP4_PX:
+        raise BadValue(f"An MP4 has at most {_LONGEST_MP4_PX} pixels at each side, not {width} x {height}.")
+    return Plan(path, fps, asked, frames)
 
 
 class Source(NamedTuple):
@@ -181,79 +184,75 @@ class Frames:
 
     Args:
         source: of the context.
-        width: pixels.
-        height: pixels.
-        title: a line above the picture.
-        note: small print; the source of the map is added to it.
-        background: the colour behind everything.
+        asked: width and height, pixels.
+        options: of the page.
         scene: what was kept of earlier frames.
+        is_even: whether sides are rounded up to even numbers.
     """
 
     def __init__(
         self,
         source: Source,
-        width: int,
-        height: int,
-        *,
-        title: str,
-        note: str,
-        background: ColorType,
+        asked: Asked,
+        options: PictureOptions,
         scene: Scene | None = None,
+        *,
+        is_even: bool = False,
     ) -> None:
         self.ctx, self.scene = source.ctx, scene or Scene(source.ctx, self._world)
-        self._shown, self._viewpoint = source.artists.shown, source.drawing.viewpoint
-        self._title, self._note = as_text(title, "title"), as_text(note, "note")
-        self._background = rgba(background)
-        self._canvas = Canvas(width, height)
-        self._camera: Camera | None = None
+        self._shown, self._viewpoint, self._options = source.artists.shown, source.drawing.viewpoint, options
+        self._style = style_of(self.ctx, **options)
+        width, height = asked
+        if width is None or height is None or self._style.is_tight:
+            artists = self._shown()
+            box, blocks = bounds(ArtistGroup(self.ctx, artists).commands()), blocks_of(self.ctx, artists)
+            width, height = _sides(asked, box, blocks, self._viewpoint, self._style)
+        self.width, self.height = (side + side % 2 * is_even for side in size(width, height, FILM_BYTES))
+        self._canvas = Canvas(self.width, self.height)
+        self._fitted: tuple[Camera, Point] | None = None
         self._artists: dict[str, IArtist] | None = None
         self._is_new_turn = True
         self._blocks: tuple[Block, ...] = ()
-        self._legend = Legend((), width, height)
-        self._painted_legend: tuple[Legend, Camera, Painting] | None = None
+        self._page = Page(self.width, self.height, (), self._style)
+        self._painted_page: tuple[Page, Camera, Painting] | None = None
 
     def begin_turn(self) -> None:
         """Look up which artists draw in this turn."""
         self._artists, self._is_new_turn = self._shown(), True
-        blocks = blocks_of(self.ctx, self._artists)
-        if blocks != self._blocks:
-            self._blocks, self._legend = blocks, Legend(blocks, self._canvas.width, self._canvas.height)
+        blocks, style = blocks_of(self.ctx, self._artists), style_of(self.ctx, **self._options)
+        if (blocks, style) != (self._blocks, self._style):
+            self._blocks, self._style = blocks, style
+            self._page = Page(self.width, self.height, blocks, style)
 
     def at(self, share: float) -> Canvas:
         """Return the picture after a share of the agents' last moves; it is painted over by the next one."""
         if self._artists is None:
             self.begin_turn()
         artists = self._artists or {}
-
         self.scene.draw(artists, lambda group: group.commands(share), is_new_turn=self._is_new_turn)
         self._is_new_turn = False
-        camera = self._view(share)
+        camera, corner = self._view(share)
         budget = None if self._viewpoint.followed is None else whole_frame()  # so that streets are shifted
-        self.scene.paint(self._canvas, camera, self._background, budget)
-        self._paint_legend(camera)
-        frame_words(self._canvas, self._title, noted(self.ctx, self._note), self._background)
-        return self._canvas
-
-    def _paint_legend(self, camera: Camera) -> None:
-        painted = self._painted_legend
-        if painted is None or painted[0] is not self._legend or painted[1] != camera:
-            commands = self._legend.commands(camera, header_px(self._title), self._background)
-            self._painted_legend = painted = self._legend, camera, Painting(commands)
+        self.scene.paint(self._canvas, camera, self._style.background, budget)
+        painted = self._painted_page
+        if painted is None or painted[0] is not self._page or painted[1] != camera:
+            self._painted_page = painted = self._page, camera, Painting(self._page.commands(camera, corner))
         painted[2].paint(self._canvas, camera)
+        return self._canvas
 
     def _world(self) -> Any:
         """Return what changes when the graph or the obstacles do."""
         graph = self.ctx.graph
         return getattr(graph.graph, "revision", None), getattr(graph, "obstacle_revision", None)
 
-    def _view(self, share: float) -> Camera:
-        pointed = self._viewpoint.camera(self._canvas.width, self._canvas.height, share)
+    def _view(self, share: float) -> tuple[Camera, Point | None]:
+        """Return the camera, and the corner of the map where it is in the picture as a whole."""
+        pointed = self._viewpoint.camera(self.width, self.height, share)
         if pointed is not None:
-            return pointed
-        if self._camera is None:
-            header = header_px(self._title)
-            self._camera = self.scene.fit(self._canvas.width, self._canvas.height, header, self._legend.aside)
-        return self._camera
+            return pointed, None
+        if self._fitted is None:
+            self._fitted = self._page.fit(*self.scene.box())
+        return self._fitted
 
 
 class Film:
@@ -265,7 +264,9 @@ class Film:
         if self._place in _being_made:
             raise Duplicate("a film that is being made", str(plan.path))
         self._part = self._place.with_name(f".{self._place.name}.{os.getpid()}.part")
-        self._writer: FilmWriter | None = FILMS[plan.path.suffix.lower()](self._part, plan.width, plan.height, plan.fps)
+        self._writer: FilmWriter | None = FILMS[plan.path.suffix.lower()](
+            self._part, frames.width, frames.height, plan.fps
+        )
         _being_made[self._place] = self
         self.frames = 0
 

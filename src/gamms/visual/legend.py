@@ -8,7 +8,7 @@ import numpy as np
 
 from gamms.arguments import as_float, as_int
 from gamms.errors import BadType, BadValue, UnknownName
-from gamms.ir.draw import DrawCommands, DrawSpace
+from gamms.ir.draw import DrawSpace
 from gamms.ir.graph import FloatArray, IntArray
 from gamms.text import shown
 from gamms.typing import IArtist, IContext
@@ -21,7 +21,6 @@ from gamms.visual.appearance import (
     Rgb,
     Rgba,
     colorized,
-    inks,
     levels,
     rgba,
     table,
@@ -37,7 +36,6 @@ _ASIDE = 0.4  # of the width of a picture: no more is taken from the map
 _MOST_ROWS = 12
 _MOST_COLORS = 1024
 _RIM = (255, 255, 255)
-_GROUND = 230  # alpha of what lies between the legend and the map
 
 
 class Bar(NamedTuple):
@@ -122,47 +120,39 @@ class Legend:
         blocks: from top to bottom.
         width: of the picture, pixels.
         height: of the picture, pixels.
-        fine: how many of these pixels are what a pixel is here, which is a 96th of an inch.
 
     Attributes:
-        aside: how much of the picture's width the map should leave free, pixels; 0.0 where the picture is too small
-            for a legend, or there is nothing to explain.
-        depth: how far down from the header it reaches, pixels; 0.0 likewise.
+        width, height: pixels; 0.0 where the picture is too small for a legend, or there is nothing to explain.
     """
 
-    def __init__(self, blocks: tuple[Block, ...], width: int, height: int, fine: float = 1.0) -> None:
-        self._blocks, self._fine = blocks, fine
-        self._size = max(map(_width, blocks), default=0.0), sum(map(_height, blocks)) + _GAP_PX * (len(blocks) - 1)
-        outer_width, outer_height = (side * fine for side in self._outer)
-        self._is_shown = bool(blocks) and outer_width <= _ASIDE * width and outer_height <= height
-        self.aside, self.depth = (outer_width, outer_height) if self._is_shown else (0.0, 0.0)
+    def __init__(self, blocks: tuple[Block, ...], width: float, height: float) -> None:
+        wide, high = max(map(_width, blocks), default=0.0), sum(map(_height, blocks)) + _GAP_PX * (len(blocks) - 1)
+        has_room = bool(blocks) and wide + 3.0 * _PAD_PX <= _ASIDE * width and high + 3.0 * _PAD_PX <= height
+        self._blocks = blocks if has_room else ()
+        self.width, self.height = (wide, high) if has_room else (0.0, 0.0)
 
-    @property
-    def _outer(self) -> tuple[float, float]:
-        return self._size[0] + 3.0 * _PAD_PX, self._size[1] + 3.0 * _PAD_PX
-
-    def commands(
-        self, camera: Camera, header: float = 0.0, background: Rgba = (*PAPER, 255), *, ground: int = _GROUND
-    ) -> DrawCommands:
-        """Return the legend as the camera has to see it, below a header of so many pixels; sizes are not `fine` yet.
-
-        Between it and the map lies its background, as opaque as `ground` says, from 0 to 255.
-        """
-        pen = _Pen(camera, self._fine, inks(background)[0])
-        if self._is_shown:
-            width, height = self._size
-            left, top = camera.width / self._fine - width - 2.0 * _PAD_PX, header / self._fine + 2.0 * _PAD_PX
+    def draw(self, pen: "Pen", left: float, top: float, ground: Rgba) -> None:
+        """Draw it; the ground lies between it and the map."""
+        if self._blocks:
             pen.rectangle(
-                left - _PAD_PX, top - _PAD_PX, width + 2.0 * _PAD_PX, height + 2.0 * _PAD_PX, (*background[:3], ground)
+                left - _PAD_PX, top - _PAD_PX, self.width + 2.0 * _PAD_PX, self.height + 2.0 * _PAD_PX, ground
             )
-            for block in self._blocks:
-                _draw_bar(pen, block, left, top) if isinstance(block, Bar) else _draw_rows(pen, block, left, top, width)
-                top += _height(block) + _GAP_PX
-        return pen.commands.freeze()
+        for block in self._blocks:
+            if isinstance(block, Bar):
+                _draw_bar(pen, block, left, top)
+            else:
+                _draw_rows(pen, block, left, top, self.width)
+            top += _height(block) + _GAP_PX
 
 
-class _Pen:
-    """Draws at points in pixels, through a camera that looks at the world."""
+class Pen:
+    """Draws at points in 96ths of an inch from the upper left corner, through a camera that looks at the world.
+
+    Args:
+        camera: of the picture.
+        fine: how many of its pixels are a 96th of an inch.
+        ink: of words.
+    """
 
     def __init__(self, camera: Camera, fine: float, ink: Rgb) -> None:
         self._camera, self._ink, self.commands = camera, ink, Commands()
@@ -172,17 +162,28 @@ class _Pen:
         return self._camera.left + x / self._scale, self._camera.top - y / self._scale
 
     def rectangle(self, x: float, y: float, width: float, height: float, color: AnyColor) -> None:
+        """Fill a rectangle from its upper left corner."""
         self.commands.add_rectangle(*self._place(x, y), width, height, color)
 
     def disc(self, x: float, y: float, radius: float, color: AnyColor) -> None:
+        """Fill a disc with a bright rim."""
         for size, ink in ((radius + 1.5, _RIM), (radius, color)):
             self.commands.add_circles([self._place(x, y)], size, ink, space=DrawSpace.SCREEN)
 
-    def text(self, words: str, x: float, middle: float, font_px: float) -> None:
-        self.commands.add_text(words, *self._place(x, middle - 0.36 * font_px), self._ink, font_px)
+    def line(self, points: Iterable[tuple[float, float]], color: AnyColor, width: float) -> None:
+        """Draw a polyline."""
+        self.commands.add_line([self._place(*point) for point in points], color, width)
+
+    def polygon(self, points: Iterable[tuple[float, float]], color: AnyColor) -> None:
+        """Fill a polygon."""
+        self.commands.add_polygon([self._place(*point) for point in points], color)
+
+    def text(self, words: str, x: float, middle: float, font_px: float, ink: Rgb | None = None) -> None:
+        """Write words whose small letters have their middle so far down."""
+        self.commands.add_text(words, *self._place(x, middle - 0.36 * font_px), ink or self._ink, font_px)
 
 
-def _draw_bar(pen: _Pen, bar: Bar, left: float, top: float) -> None:
+def _draw_bar(pen: Pen, bar: Bar, left: float, top: float) -> None:
     top += _draw_title(pen, bar.title, left, top)
     step, bottom = _BAR_HEIGHT_PX / len(bar.colors), top + _BAR_HEIGHT_PX
     for number, color in enumerate(reversed(bar.colors)):  # each down to the bottom, so that no seam shows
@@ -192,7 +193,7 @@ def _draw_bar(pen: _Pen, bar: Bar, left: float, top: float) -> None:
         pen.text(words, left + _BAR_PX + 8.0, y, _FONT_PX)
 
 
-def _draw_rows(pen: _Pen, block: Rows, left: float, top: float, width: float) -> None:
+def _draw_rows(pen: Pen, block: Rows, left: float, top: float, width: float) -> None:
     top += _draw_title(pen, block.title, left, top)
     for number, row in enumerate(_shown(block)):
         middle = top + (number + 0.5) * _LINE_PX
@@ -202,7 +203,7 @@ def _draw_rows(pen: _Pen, block: Rows, left: float, top: float, width: float) ->
             pen.text(row.value, left + width - words_width(row.value, _FONT_PX), middle, _FONT_PX)
 
 
-def _draw_title(pen: _Pen, title: str, left: float, top: float) -> float:
+def _draw_title(pen: Pen, title: str, left: float, top: float) -> float:
     """Write a title, and return its height, pixels."""
     if title:
         pen.text(title, left, top + 0.5 * _LINE_PX, _TITLE_PX)

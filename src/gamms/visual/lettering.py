@@ -12,6 +12,7 @@ FAMILIES = "Arimo, Arial, 'Liberation Sans', Helvetica, sans-serif"
 EM = 0.6875  # font size, in heights as 1.0.0 and pygame count them
 ASCENT = 0.8  # from the top of a line of words to its baseline, in font sizes
 
+_SLIMMEST = 0.15  # of letters, in font sizes
 _UNICODE = 0  # the platform of a table of characters
 
 
@@ -19,6 +20,17 @@ def words_width(words: str, font_px: float) -> float:
     """Return how broad words are, in the unit of `font_px`, the height as `render_text` counts it."""
     widths, usual = _widths()
     return EM * font_px * sum(widths.get(ord(letter), usual) for letter in words)
+
+
+def shortened(words: str, font_px: float, most_px: float) -> str:
+    """Return the end of words that has room in so many pixels; what is left out is an ellipsis."""
+    if len(words) * font_px * EM * _SLIMMEST <= most_px and words_width(words, font_px) <= most_px:
+        return words
+    room = most_px - words_width("…", font_px)
+    begin = len(words)
+    while begin and (room := room - words_width(words[begin - 1], font_px)) >= 0.0:
+        begin -= 1
+    return f"…{words[begin:]}" if begin < len(words) else ""
 
 
 @lru_cache(maxsize=1)

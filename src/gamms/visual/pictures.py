@@ -2,12 +2,11 @@
 
 import os
 from base64 import b64encode
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, Unpack
 
 from gamms.deciding import Guarded, Protected, outside_of_deciding, phase_of, refused_while_deciding
 from gamms.errors import ContextTerminated, MissingExtra
-from gamms.typing import ColorType, IContext
-from gamms.visual.appearance import PAPER
+from gamms.typing import IContext, PictureOptions
 from gamms.visual.artist import ArtistGroup
 from gamms.visual.artists import Artists
 from gamms.visual.drawing import Drawing
@@ -61,24 +60,20 @@ class Pictures(Guarded):
     def save(
         self,
         path: str | os.PathLike[str],
-        width: int = 1280,
-        height: int = 720,
+        width: int | None = None,
+        height: int | None = None,
         *,
-        title: str = "",
-        note: str = "",
-        background: ColorType = PAPER,
         dpi: float = 96.0,
+        **options: Unpack[PictureOptions],
     ) -> None:
         """Save a picture of the present state; the suffix of `path` names the format (`.svg`, `.png`).
 
         Args:
             path: an existing file is replaced.
-            width: pixels.
-            height: pixels.
-            title: a line above the picture.
-            note: small print in its lower right corner; the source of the map is added to it.
-            background: the colour behind everything.
+            width: pixels; None: as the map needs.
+            height: pixels; likewise.
             dpi: pixels per inch: how large the picture is on paper.
+            options: what stands around the map; `PictureOptions` has the keywords.
 
         Raises:
             BadValue: a size or dpi that is not positive or too large, or a folder that does not exist.
@@ -90,20 +85,18 @@ class Pictures(Guarded):
         from gamms.visual import files
 
         file = files.place(path)
-        content = self.picture(file, width, height, title=title, note=note, background=background, dpi=dpi)
+        content = self.picture(file, width, height, dpi=dpi, **options)
         write_whole(file, content)
 
     @outside_of_deciding
     def picture(
         self,
         format: str | os.PathLike[str],
-        width: int = 1280,
-        height: int = 720,
+        width: int | None = None,
+        height: int | None = None,
         *,
-        title: str = "",
-        note: str = "",
-        background: ColorType = PAPER,
         dpi: float = 96.0,
+        **options: Unpack[PictureOptions],
     ) -> bytes:
         """Return a picture as bytes; `format` is `.svg`, `.png`, or a name that ends so. See `save`.
 
@@ -115,11 +108,12 @@ class Pictures(Guarded):
         """
         from gamms.visual import files
         from gamms.visual.legend import blocks_of
+        from gamms.visual.page import style_of
 
         sheet, artists = files.sheet(format, width, height, dpi), self._artists.shown()
-        commands, blocks = ArtistGroup(self._ctx, artists).commands(), blocks_of(self._ctx, artists)
-        camera, note = self._drawing.viewpoint.camera(sheet.width, sheet.height), files.noted(self._ctx, note)
-        return files.painted(sheet, commands, blocks, camera, title=title, note=note, background=background)
+        style, blocks = style_of(self._ctx, **options), blocks_of(self._ctx, artists)
+        commands = ArtistGroup(self._ctx, artists).commands()
+        return files.painted(sheet, commands, blocks, self._drawing.viewpoint, style)
 
     @outside_of_deciding
     def as_png(self) -> bytes | None:
@@ -144,10 +138,7 @@ class Pictures(Guarded):
         self,
         width: int | None = None,
         height: int | None = None,
-        *,
-        title: str = "",
-        note: str = "",
-        background: ColorType = PAPER,
+        **options: Unpack[PictureOptions],
     ) -> "ByteArray":
         """Return the present state as pixels: red, green and blue from 0 to 255, (height, width, 3); see `save`.
 
@@ -163,8 +154,7 @@ class Pictures(Guarded):
         from gamms.visual.files import Frames, Source, size
 
         width, height = size(self.width if width is None else width, self.height if height is None else height)
-        source = Source(self._ctx, self._drawing, self._artists)
-        frames = Frames(source, width, height, title=title, note=note, background=background, scene=self._scene)
+        frames = Frames(Source(self._ctx, self._drawing, self._artists), (width, height), options, self._scene)
         self._scene = frames.scene
         return frames.at(1.0).pixels().copy()  # which may be written to
 
@@ -173,13 +163,10 @@ class Pictures(Guarded):
         self,
         path: str | os.PathLike[str],
         fps: float = 30,
-        width: int = 1280,
-        height: int = 720,
+        width: int | None = None,
+        height: int | None = None,
         frames_per_turn: int | None = None,
-        *,
-        title: str = "",
-        note: str = "",
-        background: ColorType = PAPER,
+        **options: Unpack[PictureOptions],
     ) -> "Film":
         """Film the turns that are played inside a `with` block; the suffix of `path` names the format.
 
@@ -189,12 +176,10 @@ class Pictures(Guarded):
         Args:
             path: `.mp4` or `.gif`; an existing file is replaced when the film has ended without an error.
             fps: frames per second.
-            width: pixels; for MP4, odd sizes are rounded up.
-            height: pixels.
+            width: pixels; None: as the map needs that is there now. For MP4, odd sizes are rounded up.
+            height: pixels; likewise.
             frames_per_turn: default: so many that a turn takes `simulation_time_constant` seconds.
-            title: a line above the picture.
-            note: small print in the lower right corner; the source of the map is added to it.
-            background: the colour behind everything.
+            options: what stands around the map; `PictureOptions` has the keywords.
 
         Raises:
             BadValue: an unknown format, a bad number, a folder that does not exist, or a film that is being made there.
@@ -203,26 +188,23 @@ class Pictures(Guarded):
         """
         if self._ctx.is_terminated():
             raise ContextTerminated("the state to film")
-        return self.new_film(path, fps, width, height, frames_per_turn, title=title, note=note, background=background)
+        return self.new_film(path, fps, width, height, frames_per_turn, **options)
 
     def new_film(
         self,
         path: str | os.PathLike[str],
         fps: float,
-        width: int,
-        height: int,
+        width: int | None,
+        height: int | None,
         frames_per_turn: int | None,
-        *,
-        title: str,
-        note: str,
-        background: ColorType = PAPER,
+        **options: Unpack[PictureOptions],
     ) -> "Film":
         """Begin a film; see `film`."""
         from gamms.visual.files import Film, Frames, Source, film_plan
 
         plan = film_plan(path, fps, width, height, frames_per_turn, self.turn_seconds)
         source = Source(self._ctx, self._drawing, self._artists)
-        frames = Frames(source, plan.width, plan.height, title=title, note=note, background=background)
+        frames = Frames(source, plan.asked, options, is_even=plan.path.suffix.lower() == ".mp4")
         film = Film(frames, plan, self.films)
         self.films.append(film)
         return film

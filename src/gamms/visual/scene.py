@@ -17,7 +17,7 @@ from gamms.visual.appearance import Rgba
 from gamms.visual.artist import Artist, ArtistGroup, in_painting_order, state_of
 from gamms.visual.backends.pygame_backend import Canvas, load, painted_transparent
 from gamms.visual.backends.raster import Painting
-from gamms.visual.camera import Camera, bounds, fit_box
+from gamms.visual.camera import Camera, bounds
 from gamms.visual.constants import CACHE_ZOOM_MAX
 
 if TYPE_CHECKING:
@@ -494,12 +494,12 @@ class Scene:
                 return part
         return Part(group, commands)
 
-    def fit(self, width: int, height: int, header: float, aside: float = 0.0) -> Camera:
-        """Return a camera that sees everything below a header and left of a legend of so many pixels."""
+    def box(self) -> tuple[FloatArray, FloatArray]:
+        """Return the lower left and the upper right corner of everything."""
         boxes = [box for part in self._parts if (box := part.box) is not None]
         low = np.min([box[0] for box in boxes], axis=0) if boxes else np.zeros(2)
         high = np.max([box[1] for box in boxes], axis=0) if boxes else np.zeros(2)
-        return fit_box(low, high, width, height, header, aside)
+        return low, high
 
     def note_overlay(self, artists: tuple[IArtist, ...], surface: "Surface | None") -> None:
         """Show a surface above what these artists drew; None: nothing."""

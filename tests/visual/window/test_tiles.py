@@ -45,7 +45,7 @@ def painted_now(ctx):
     from gamms.visual.backends.raster import painted
 
     camera, background = ctx.visual._render_manager.camera(), ctx.visual.overlay.hud.theme.background
-    return painted(ctx.visual.draw_commands(), camera, title="", note="", background=background).pixels()
+    return painted(ctx.visual.draw_commands(), camera, background).pixels()
 
 
 def differs(one, other):

@@ -1,8 +1,8 @@
 """Backends: functions that turn draw commands into the bytes of a picture file.
 
-`backend(commands, camera, *, title, note, background, dpi) -> bytes`; it reads nothing but the columns. A new
-format is one file here and one line below; an installed package adds one through the entry point group
-`gamms.backends`. `gamms.testing.check_backend` says whether it keeps the contract.
+`backend(commands, camera, *, title, background, dpi) -> bytes`; it paints nothing but the commands, which have the
+words around the map, too. A new format is one file here and one line below; an installed package adds one through the
+entry point group `gamms.backends`. `gamms.testing.check_backend` says whether it keeps the contract.
 
 Pixels are painted by `raster.py` on the surfaces of `pygame_backend.py`; optional libraries have one file each.
 """

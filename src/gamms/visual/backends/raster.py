@@ -15,7 +15,7 @@ from gamms import kernels
 from gamms.ir.draw import DrawCommands, DrawKind, DrawSpace
 from gamms.ir.graph import FloatArray, IntArray
 from gamms.ir.obstacles import BoolArray
-from gamms.visual.appearance import PAPER, Rgba, inks
+from gamms.visual.appearance import Rgba
 from gamms.visual.backends import coverage
 from gamms.visual.backends.coverage import ByteArray
 from gamms.visual.backends.pygame_backend import Canvas, Placed, stamp
@@ -358,28 +358,15 @@ _RUNS: dict[DrawKind, Callable[[DrawCommands, IntArray], _Run]] = {
 # -- whole pictures -----------------------------------------------------------------------------------------
 
 
-def frame_words(canvas: Canvas, title: str, note: str, background: Rgba = (*PAPER, 255), *, fine: float = 1.0) -> None:
-    """Write the words around the picture, `fine` times as large as on a screen."""
-    ink, faint = inks(background)
-    if title:
-        canvas.text(title, 20 * fine, 16 * fine, 28 * fine, (*ink, 255))
-    if note:
-        right, top = canvas.width - 8 * fine, canvas.height - 20 * fine
-        canvas.text(note, right, top, 16 * fine, (*faint, 255), align_right=True)
-
-
-def painted(
-    commands: DrawCommands, camera: Camera, *, title: str, note: str, background: Rgba, dpi: float = CSS_DPI
-) -> Canvas:
+def painted(commands: DrawCommands, camera: Camera, background: Rgba) -> Canvas:
     """Paint a whole picture."""
     canvas = Canvas(camera.width, camera.height)
     canvas.fill(background)
     Painting(commands).paint(canvas, camera)
-    frame_words(canvas, title, note, background, fine=dpi / CSS_DPI)
     return canvas
 
 
-def png(commands: DrawCommands, camera: Camera, *, title: str, note: str, background: Rgba, dpi: float = 96.0) -> bytes:
+def png(commands: DrawCommands, camera: Camera, *, title: str, background: Rgba, dpi: float = CSS_DPI) -> bytes:  # noqa: ARG001 - of every format
     """Return the whole picture as a PNG file.
 
     Raises:
@@ -387,5 +374,4 @@ def png(commands: DrawCommands, camera: Camera, *, title: str, note: str, backgr
     """
     from gamms.visual.backends.pillow_backend import png_file
 
-    canvas = painted(commands, camera, title=title, note=note, background=background, dpi=dpi)
-    return png_file(canvas.pixels(), dpi)
+    return png_file(painted(commands, camera, background).pixels(), dpi)

@@ -17,7 +17,7 @@ from gamms import kernels
 from gamms.errors import BadValue
 from gamms.ir.draw import DrawCommands, DrawKind, DrawSpace
 from gamms.ir.graph import FloatArray, IntArray
-from gamms.visual.appearance import PAPER, Rgba, inks
+from gamms.visual.appearance import PAPER, Rgba
 from gamms.visual.camera import CSS_DPI, Camera, touching
 from gamms.visual.lettering import ASCENT, EM, FAMILIES
 
@@ -55,9 +55,7 @@ class _Sheet(NamedTuple):
         return points
 
 
-def svg(
-    commands: DrawCommands, camera: Camera, *, title: str, note: str, background: Rgba, dpi: float = CSS_DPI
-) -> bytes:
+def svg(commands: DrawCommands, camera: Camera, *, title: str, background: Rgba, dpi: float = CSS_DPI) -> bytes:
     """Return the whole picture as an SVG file, as large on paper as `dpi` says."""
     sheet = _sheet(commands, camera)
     lines = [
@@ -67,7 +65,6 @@ def svg(
         '<g stroke-linecap="round" stroke-linejoin="round">',
         *(_group(sheet, begin, end) for begin, end in _runs(sheet)),
         "</g>",
-        *_frame(camera, title, note, background, dpi / CSS_DPI),
         "</svg>\n",
     ]
     return "\n".join(line for line in lines if line).encode()
@@ -81,19 +78,6 @@ def _opening(camera: Camera, dpi: float) -> str:
         f'<svg xmlns="http://www.w3.org/2000/svg" {physical} '
         f'viewBox="0 0 {width} {height}" role="img" font-family="{FAMILIES}">'
     )
-
-
-def _frame(camera: Camera, title: str, note: str, background: Rgba, fine: float) -> Iterator[str]:
-    """Return the words around the picture, `fine` times as large as on a screen."""
-    ink, faint = ("#{:02x}{:02x}{:02x}".format(*color) for color in inks(background))
-    if title:
-        x, y, size = (f"{length * fine:g}" for length in (20, 32, 20))
-        style = f'font-size="{size}" font-weight="600" fill="{ink}"'
-        yield f'<text x="{x}" y="{y}" {style}>{_escaped(title)}</text>'
-    if note:
-        x, y = (f"{side - 8 * fine:g}" for side in (camera.width, camera.height))
-        style = f'font-size="{11 * fine:g}" text-anchor="end" fill="{faint}"'
-        yield f'<text x="{x}" y="{y}" {style}>{_escaped(note)}</text>'
 
 
 # -- columns to tenths of pixels ----------------------------------------------------------------------------

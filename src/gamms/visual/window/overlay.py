@@ -19,7 +19,7 @@ from gamms.visual.constants import Layer
 from gamms.visual.default_scene import DefaultScene, artists_of_sights
 from gamms.visual.drawers.agents import RING, RING_PX
 from gamms.visual.drawing import Drawing, drawing_of
-from gamms.visual.files import noted
+from gamms.visual.page import noted
 from gamms.visual.shown_turn import Motion, Moves
 from gamms.visual.window.display import Pace
 from gamms.visual.window.input import Question, Walk

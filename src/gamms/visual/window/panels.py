@@ -12,7 +12,7 @@ from gamms.visual.backends.pygame_backend import Canvas, load, painted_transpare
 from gamms.visual.backends.raster import Painting
 from gamms.visual.camera import Camera, Point
 from gamms.visual.default_scene import ON_PAPER, MapTones
-from gamms.visual.legend import Block, Legend
+from gamms.visual.legend import Block, Legend, Pen
 from gamms.visual.lettering import words_width
 from gamms.visual.window.input import HELP
 
@@ -197,12 +197,12 @@ class WindowLegend:
     @property
     def width(self) -> int:
         """Pixels from the right edge of the window; 0 where there is no legend, or it does not fit."""
-        return round(self._legend.aside)
+        return round(self._legend.width) + 3 * EDGE_PX if self._legend.width else 0
 
     @property
     def height(self) -> int:
         """Likewise, downwards."""
-        return round(self._legend.depth)
+        return round(self._legend.height) + 3 * EDGE_PX if self._legend.height else 0
 
     def explain(self, blocks: tuple[Block, ...], width: int, height: int) -> None:
         """Say this from now on, in a window of so many pixels."""
@@ -224,7 +224,9 @@ class WindowLegend:
         card = plain_panel(self.width - EDGE_PX, self.height - EDGE_PX, theme.card, theme.border)
         canvas.surface.blit(card, (0, EDGE_PX))
         camera = Camera(canvas.width, canvas.height, 0.0, 0.0, 1.0)
-        Painting(self._legend.commands(camera, background=theme.card, ground=0)).paint(canvas, camera)
+        pen = Pen(camera, 1.0, theme.ink[:3])
+        self._legend.draw(pen, EDGE_PX, 2 * EDGE_PX, (0, 0, 0, 0))
+        Painting(pen.commands.freeze()).paint(canvas, camera)
         return canvas.surface
 
 

@@ -1,0 +1,229 @@
+"""A page: how large it is, where the map stands on it, and what stands around the map.
+
+From the top down: the title; the map with the legend at its right; a line with the scale bar, north and the note.
+"""
+
+from dataclasses import dataclass, replace
+from math import ceil, floor, log10
+from typing import Unpack
+
+import numpy as np
+
+from gamms.arguments import as_bool, as_text
+from gamms.errors import BadType, BadValue, nearest
+from gamms.ir.draw import DrawCommands
+from gamms.ir.graph import FloatArray
+from gamms.text import shown
+from gamms.typing import IContext
+from gamms.typing.visualization_engine import PictureOptions
+from gamms.visual.appearance import PAPER, Rgb, Rgba, inks, rgba
+from gamms.visual.camera import Box, Camera, Point, fit_box
+from gamms.visual.legend import Block, Legend, Pen
+from gamms.visual.lettering import shortened, words_width
+
+_FITS = "page", "tight"
+_IN_DEGREES = "EPSG:4326", "OGC:CRS84"  # maps in which lengths cannot be read off
+_AREA, _SLIMMEST = (
+    560_000.0,
+    0.45,
+)  # of the map on a page of no given size; its shorter side by the longer one, at least
+_ENDLESS = 1_000_000  # pixels
+_MARGIN_PX, _MARGIN = 16.0, 0.04  # around the map: at most, and as a share of the longer side of the page
+_HEADER_PX, _TITLE_PX = 44.0, 28.0
+_ROW_PX, _NOTE_PX, _EDGE_PX, _GAP_PX = 20.0, 16.0, 8.0, 6.0  # of the line at the bottom
+_BAR_PX, _BAR, _LABEL_PX, _LEAST_PX = 120.0, 0.2, 60.0, 200.0  # of a scale bar: at most; its words; a page with one
+_NORTH_PX = 32.0
+_GROUND = 230  # alpha of what lies below words that may stand upon the map
+
+
+@dataclass(frozen=True)
+class PageStyle:
+    """The words of a page, and what is beside the map; see `PictureOptions`."""
+
+    title: str = ""
+    note: str = ""
+    background: Rgba = (*PAPER, 255)
+    is_tight: bool = False
+    unit: str | None = None  # of the scale bar; None: there is none
+    north: bool = False
+
+
+def style_of(ctx: IContext, **options: Unpack[PictureOptions]) -> PageStyle:
+    """Check the options of a picture; the source of the map is added to the note unless the note names it already.
+
+    Raises:
+        BadType, BadValue: an unknown keyword, a value of the wrong type, an unknown `fit`, or no colour.
+    """
+    for name in options.keys() - PictureOptions.__annotations__.keys():
+        raise BadType(f"A picture takes no keyword {shown(name)}.{nearest(name, PictureOptions.__annotations__)}")
+    fit, scale_bar = options.get("fit", _FITS[0]), options.get("scale_bar")
+    if fit not in _FITS:
+        raise BadValue(f"fit is one of {', '.join(map(repr, _FITS))}, not {shown(fit)}.")
+    crs = ctx.graph.columns().crs
+    has_bar = crs is not None and crs not in _IN_DEGREES if scale_bar is None else as_bool(scale_bar, "scale_bar")
+    return PageStyle(
+        title=as_text(options.get("title", ""), "title"),
+        note=noted(ctx, options.get("note", "")),
+        background=rgba(options.get("background", PAPER)),
+        is_tight=fit == _FITS[1],
+        unit=(" m" if crs else "") if has_bar else None,
+        north=as_bool(options.get("north", False), "north"),
+    )
+
+
+def noted(ctx: IContext, note: str) -> str:
+    """Return the note, and the source of the map unless the note already names it."""
+    note = as_text(note, "note")
+    attribution: str | None = getattr(ctx.graph, "attribution", None)
+    if attribution and attribution not in note:
+        return f"{note} · {attribution}" if note else attribution
+    return note
+
+
+class Page:
+    """A page of a size.
+
+    Args:
+        width: pixels.
+        height: pixels.
+        blocks: of the legend.
+        style: its words, and what is beside the map.
+        fine: how many pixels are a 96th of an inch, which is the unit of all that stands around the map.
+
+    Attributes:
+        legend: it has no extent where there is no room for it.
+    """
+
+    def __init__(self, width: int, height: int, blocks: tuple[Block, ...], style: PageStyle, fine: float = 1.0) -> None:
+        self._fine, self._size = fine, (width / fine, height / fine)
+        self.legend = Legend(blocks, *self._size)
+        self._margin = min(_MARGIN_PX, _MARGIN * max(self._size))
+        room = self._size[0] - 2 * self._margin
+        title, note = shortened(style.title, _TITLE_PX, room), shortened(style.note, _NOTE_PX, room)
+        self._style = replace(style, title=title, note=note)
+        self._bar_px = min(_BAR_PX, _BAR * self._size[0])
+        self._feet = self._feet_px()
+        foot = self._margin if not any(self._feet) else _ROW_PX * self._rows + _GAP_PX
+        aside = self._margin + (self.legend.width + self._margin if self.legend.width else 0.0)
+        self._margins = self._margin, (_HEADER_PX if style.title else self._margin), aside, foot
+
+    def fit(self, low: FloatArray, high: FloatArray) -> tuple[Camera, Point]:
+        """Return a camera that sees all from corner to corner, and the pixel of the map's upper right corner."""
+        left, top, right, bottom = (margin * self._fine for margin in self._margins)
+        width, height = (round(side * self._fine) for side in self._size)
+        camera = fit_box(low, high, width, height, (left, top, right, bottom))
+        x, y = camera.to_screen(high[None])[0].tolist()
+        return camera, (x, y)
+
+    def tight(self, low: FloatArray, high: FloatArray) -> tuple[int, int]:
+        """Return how large a page is that the map, at the scale of this one, fills; at most as large as this one."""
+        across, up = ((high - low) * self.fit(low, high)[0].scale / self._fine).tolist()
+        width, height = (min(side, most) for side, most in zip(self.around(across, up), self._size, strict=True))
+        return max(ceil(width * self._fine), 1), max(ceil(height * self._fine), 1)
+
+    def around(self, across: float, up: float) -> tuple[float, float]:
+        """Return how large a page is around a map of a size, both in 96ths of an inch."""
+        left, top, right, bottom = self._margins
+        title = words_width(self._style.title, _TITLE_PX) + 2 * self._margin if self._style.title else 0.0
+        foot = (max if self._rows > 1 else sum)(self._feet) + 2 * _EDGE_PX
+        return max(across + left + right, foot, title), max(up, self.legend.height) + top + bottom
+
+    # -- what stands around the map --------------------------------------------------------------------------
+
+    def commands(self, camera: Camera, corner: Point | None = None) -> DrawCommands:
+        """Return it as the camera has to see it; sizes in pixels are not `fine` yet.
+
+        Args:
+            camera: of the map.
+            corner: the upper right corner of the map, beside which the legend stands; None: that of the page.
+        """
+        style, (width, height) = self._style, self._size
+        ink, faint = inks(style.background)
+        pen = Pen(camera, self._fine, ink)
+        if style.title:
+            pen.text(style.title, self._margin, 0.6 * _HEADER_PX, _TITLE_PX)
+        _, top, _, bottom = self._margins
+        left = width - self._margin - self.legend.width
+        if corner is not None:  # the legend stays on the page where it grows after the map has found its place
+            left = min(corner[0] / self._fine + self._margin, left)
+            top = max(min(corner[1] / self._fine, height - bottom - self.legend.height), top)
+        self.legend.draw(pen, left, top, (*style.background[:3], _GROUND))
+        self._draw_foot(pen, faint, camera.scale * self._fine)
+        return pen.commands.freeze()
+
+    @property
+    def _rows(self) -> int:
+        """How many lines are below the map."""
+        is_much = sum(self._feet) + 3 * _EDGE_PX > self._size[0]
+        return 2 if all(self._feet) and is_much else int(any(self._feet))
+
+    def _feet_px(self) -> tuple[float, float]:
+        """Return how broad the bar and north are, and the note."""
+        style = self._style
+        bar = self._bar_px + _LABEL_PX if style.unit is not None and self._size[0] >= _LEAST_PX else 0.0
+        note = words_width(style.note, _NOTE_PX)
+        return bar + _NORTH_PX * style.north, note + 2 * _EDGE_PX if note else 0.0
+
+    def _draw_foot(self, pen: Pen, ink: Rgb, scale: float) -> None:
+        """Draw the scale bar and north at the left, the note at the right, or below where they are too broad."""
+        (width, height), (mark_px, note_px), ground = self._size, self._feet, (*self._style.background[:3], _GROUND)
+        middle, x = height - 0.5 * _ROW_PX, self._margin
+        if note_px:
+            left = width - max(self._margin - _EDGE_PX, 0.0) - note_px
+            pen.rectangle(left, middle - 0.4 * _ROW_PX, note_px, 0.8 * _ROW_PX, ground)
+            pen.text(self._style.note, left + _EDGE_PX, middle, _NOTE_PX, ink)
+        if not mark_px:
+            return
+        middle -= _ROW_PX * (self._rows - 1)
+        pen.rectangle(x - _EDGE_PX, middle - 0.4 * _ROW_PX, mark_px + _EDGE_PX, 0.8 * _ROW_PX, ground)
+        if mark_px > _NORTH_PX:
+            length = round_length(self._bar_px / scale)
+            end, low = x + length * scale, middle + 4.0
+            pen.line([(x, low - 5.0), (x, low), (end, low), (end, low - 5.0)], ink, 1.5)
+            words = f"{length / 1000:g} km" if self._style.unit and length >= 1000 else f"{length:g}{self._style.unit}"
+            pen.text(words, end + 6.0, middle, _NOTE_PX, ink)
+            x = end + 6.0 + words_width(words, _NOTE_PX) + 16.0
+        if self._style.north:
+            pen.polygon(
+                [(x, middle + 5.0), (x + 4.0, middle - 7.0), (x + 8.0, middle + 5.0), (x + 4.0, middle + 2.0)], ink
+            )
+            pen.text("N", x + 12.0, middle, _NOTE_PX, ink)
+
+
+def round_length(longest: float) -> float:
+    """Return the longest of 1, 2, 5, 10, 20, 50 … and of their tenths that is not longer than this."""
+    ten = 10.0 ** floor(log10(longest))
+    return max(ten * step for step in (1, 2, 5) if ten * step <= longest * (1 + 1e-9))
+
+
+def page_size(
+    box: Box,
+    asked: tuple[int | None, int | None],
+    blocks: tuple[Block, ...],
+    style: PageStyle,
+    fine: float = 1.0,
+) -> tuple[int, int]:
+    """Return how large a page is: as asked, and on a side that nobody asked for as the map needs, pixels.
+
+    Args:
+        box: the lower left and the upper right corner of the map.
+        asked: width and height; None: as the map needs. Where the style is tight, they are what it has at most.
+        blocks: of the legend.
+        style: of the page.
+        fine: how many pixels are a 96th of an inch.
+    """
+    width, height = asked
+    if width is not None and height is not None and not style.is_tight:
+        return width, height
+    low, high = box
+    if width is None and height is None:
+        across, up = np.maximum(high - low, 1e-9).tolist()
+        ratio = min(max(across / up, _SLIMMEST), 1 / _SLIMMEST)
+        free = Page(_ENDLESS, _ENDLESS, blocks, style).around((_AREA * ratio) ** 0.5, (_AREA / ratio) ** 0.5)
+        width, height = (round(side * fine) for side in free)
+    width = width or round((height or 0) / _SLIMMEST)
+    height = height or round(width / _SLIMMEST)
+    tight = Page(width, height, blocks, style, fine).tight(low, high)
+    if style.is_tight:
+        return tight
+    return asked[0] or tight[0], asked[1] or tight[1]
