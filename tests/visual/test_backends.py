@@ -13,7 +13,7 @@ from gamms.visual.backends import FORMATS
 from gamms.visual.backends.pillow_backend import pixels_of
 
 
-@pytest.mark.parametrize("suffix", [".svg", ".png"])
+@pytest.mark.parametrize("suffix", [".svg", ".png", ".pdf"])
 def test_a_shipped_format_keeps_the_contract(suffix):
     check_backend(FORMATS[suffix])
 

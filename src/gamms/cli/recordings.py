@@ -123,7 +123,7 @@ def replay(
 
 def render(  # noqa: PLR0913, PLR0917 - one argument per option
     file: Annotated[Path, typer.Argument(help="A recording, .ggr.", metavar="FILE", show_default=False)],
-    out: Annotated[Path, typer.Argument(help="What is written: .mp4, .gif, .png or .svg.", show_default=False)],
+    out: Annotated[Path, typer.Argument(help="What is written: .mp4, .gif, .png, .svg or .pdf.", show_default=False)],
     turns: Annotated[
         str, typer.Option(help="Turns to film, 100:200, 100: or :200; a picture shows the last one.", metavar="FROM:TO")
     ] = ":",

@@ -66,7 +66,7 @@ class Pictures(Guarded):
         dpi: float = 96.0,
         **options: Unpack[PictureOptions],
     ) -> None:
-        """Save a picture of the present state; the suffix of `path` names the format (`.svg`, `.png`).
+        """Save a picture of the present state; the suffix of `path` names the format (`.svg`, `.png`, `.pdf`).
 
         Args:
             path: an existing file is replaced.

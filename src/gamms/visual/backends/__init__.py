@@ -30,6 +30,13 @@ def _png(commands: DrawCommands, camera: Camera, **words: Any) -> bytes:
     return png(commands, camera, **words)
 
 
+@FORMATS.register(".pdf")
+def _pdf(commands: DrawCommands, camera: Camera, **words: Any) -> bytes:
+    from gamms.visual.backends.pdf import pdf
+
+    return pdf(commands, camera, **words)
+
+
 class FilmWriter(Protocol):
     """A writer of a film file; made by `(path, width, height, fps)`."""
 

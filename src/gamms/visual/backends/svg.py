@@ -5,26 +5,20 @@ The same commands give the same bytes.
 
 import re
 from base64 import b64encode
-from collections.abc import Callable, Iterator
+from collections.abc import Callable
 from html import escape
-from itertools import pairwise
 from pathlib import Path
-from typing import NamedTuple
 
 import numpy as np
 
-from gamms import kernels
 from gamms.errors import BadValue
-from gamms.ir.draw import DrawCommands, DrawKind, DrawSpace
-from gamms.ir.graph import FloatArray, IntArray
+from gamms.ir.draw import DrawCommands, DrawKind
+from gamms.ir.graph import IntArray
 from gamms.visual.appearance import PAPER, Rgba
-from gamms.visual.camera import CSS_DPI, Camera, touching
-from gamms.visual.lettering import ASCENT, EM, FAMILIES
+from gamms.visual.backends.vectors import SMALLEST_RADIUS_PX, Sheet, sheet_of
+from gamms.visual.camera import CSS_DPI, Camera
+from gamms.visual.lettering import ASCENT, FAMILIES
 
-_SMALLEST_RADIUS_PX = 0.5
-_THINNEST_PX = 1.0  # of lines whose width is in world units
-_MID_GREY = 128
-_BEYOND_PX = 8.0  # what is drawn so far outside may still reach into the picture
 _HALO = ' stroke="#{:02x}{:02x}{:02x}" stroke-width="3" paint-order="stroke"'.format(*PAPER)
 _NO_XML = re.compile("[^\t\n\r\x20-\ud7ff\ue000-\ufffd\U00010000-\U0010ffff]")
 _IMAGE_TYPES = {
@@ -37,33 +31,15 @@ _IMAGE_TYPES = {
 }
 
 
-class _Sheet(NamedTuple):
-    """All commands in painting order and in tenths of pixels, the unit in which everything is rounded."""
-
-    kind: IntArray  # (commands,)
-    color: "np.ndarray[tuple[int, ...], np.dtype[np.uint8]]"  # (commands, 4)
-    size: IntArray  # (commands,)
-    width: IntArray  # (commands,)
-    angle: FloatArray  # (commands,)  degrees
-    offsets: IntArray  # (commands + 1,)
-    points: IntArray  # (points, 2)
-    text: list[str]  # (commands,)
-
-    def points_of(self, row: int) -> list[list[int]]:
-        """Return the points of one command."""
-        points: list[list[int]] = self.points[self.offsets[row] : self.offsets[row + 1]].tolist()
-        return points
-
-
 def svg(commands: DrawCommands, camera: Camera, *, title: str, background: Rgba, dpi: float = CSS_DPI) -> bytes:
     """Return the whole picture as an SVG file, as large on paper as `dpi` says."""
-    sheet = _sheet(commands, camera)
+    sheet = sheet_of(commands, camera)
     lines = [
         _opening(camera, dpi),
         f"<title>{_escaped(title or 'GAMMS')}</title>",
         f'<rect width="100%" height="100%"{_paint("fill", background)}/>',
         '<g stroke-linecap="round" stroke-linejoin="round">',
-        *(_group(sheet, begin, end) for begin, end in _runs(sheet)),
+        *(_group(sheet, begin, end) for begin, end in sheet.runs()),
         "</g>",
         "</svg>\n",
     ]
@@ -80,70 +56,7 @@ def _opening(camera: Camera, dpi: float) -> str:
     )
 
 
-# -- columns to tenths of pixels ----------------------------------------------------------------------------
-
-
-def _sheet(commands: DrawCommands, camera: Camera) -> _Sheet:
-    rows = _seen(commands, camera)
-    take, offsets = kernels.chosen_runs(commands.offsets, rows)
-    points = camera.to_screen(commands.points)
-    boxes = np.flatnonzero(commands.kind == DrawKind.RECTANGLE)
-    scale = np.where(commands.space == DrawSpace.WORLD, camera.scale, 1.0)
-    font_scale = np.where(commands.kind == DrawKind.TEXT, EM, 1.0)
-    points[commands.offsets[boxes] + 1] = commands.points[commands.offsets[boxes] + 1] * scale[boxes, None]
-    return _Sheet(
-        kind=commands.kind[rows],
-        color=commands.color[rows],
-        size=_tenths(commands.size * scale * font_scale)[rows],
-        width=_tenths(_widths_px(commands, scale))[rows],
-        angle=commands.angle[rows],
-        offsets=offsets,
-        points=_tenths(points)[take],
-        text=[commands.text[row] for row in rows.tolist()],
-    )
-
-
-def _seen(commands: DrawCommands, camera: Camera) -> IntArray:
-    """Return the rows in painting order, without those that are outside of the picture."""
-    rows = commands.in_painting_order()
-    if len(rows) == 0:
-        return rows
-    scale = np.where(commands.space == DrawSpace.WORLD, camera.scale, 1.0)
-    letters = np.array([max(len(text), 1) for text in commands.text])
-    reach = 2.0 * commands.size * scale * np.where(commands.kind == DrawKind.TEXT, letters, 1) + commands.width * scale
-    points = camera.to_screen(commands.points)
-    low, high = (measure.reduceat(points, commands.offsets[:-1]) for measure in (np.minimum, np.maximum))
-    box = (0.0, 0.0, float(camera.width), float(camera.height))
-    margin = (reach + _BEYOND_PX)[:, None]
-    is_seen = touching(low - margin, high + margin, box) | (commands.kind == DrawKind.RECTANGLE)
-    seen: IntArray = rows[is_seen[rows]]
-    return seen
-
-
-def _widths_px(commands: DrawCommands, scale: FloatArray) -> FloatArray:
-    in_world = (commands.kind == DrawKind.LINE) & (commands.space == DrawSpace.WORLD)
-    widths = np.where(in_world, np.maximum(commands.width * scale, _THINNEST_PX), commands.width)
-    # An outline must not be rounded to nothing: a width of 0 means filled.
-    return np.where(widths > 0.0, np.maximum(widths, 0.1), 0.0)
-
-
-def _tenths(pixels: FloatArray) -> IntArray:
-    return np.rint(pixels * 10.0).astype(np.int64)
-
-
-# -- runs of one style --------------------------------------------------------------------------------------
-
-
-def _runs(sheet: _Sheet) -> Iterator[tuple[int, int]]:
-    """Yield commands that follow each other and are painted together: first row and last row + 1."""
-    if len(sheet.kind) == 0:
-        return
-    style = np.column_stack([sheet.kind, sheet.width, sheet.color])
-    changes = np.flatnonzero((style[1:] != style[:-1]).any(axis=1)) + 1
-    yield from pairwise([0, *changes.tolist(), len(style)])
-
-
-def _group(sheet: _Sheet, begin: int, end: int) -> str:
+def _group(sheet: Sheet, begin: int, end: int) -> str:
     """Return the elements of one run; empty where nothing of it is large enough to be seen."""
     kind = DrawKind(int(sheet.kind[begin]))
     if kind is DrawKind.LINE:
@@ -153,7 +66,7 @@ def _group(sheet: _Sheet, begin: int, end: int) -> str:
     return f"<g{_style(sheet, begin, kind)}>{body}</g>" if body else ""
 
 
-def _style(sheet: _Sheet, row: int, kind: DrawKind) -> str:
+def _style(sheet: Sheet, row: int, kind: DrawKind) -> str:
     red, green, blue, alpha = sheet.color[row].tolist()
     width = int(sheet.width[row])
     if kind is DrawKind.LINE or width > 0:
@@ -167,7 +80,7 @@ def _paint(role: str, color: Rgba) -> str:
     return f' {role}="#{red:02x}{green:02x}{blue:02x}"{opacity}'
 
 
-def _lines(sheet: _Sheet, begin: int, end: int) -> str:
+def _lines(sheet: Sheet, begin: int, end: int) -> str:
     """Return one path through all lines of a run: where each starts, then steps; repeated points are left out."""
     offsets = sheet.offsets[begin : end + 1] - sheet.offsets[begin]
     points = sheet.points[sheet.offsets[begin] : sheet.offsets[end]]
@@ -202,37 +115,35 @@ def _number(tenths: int) -> str:
 # -- single elements ----------------------------------------------------------------------------------------
 
 
-def _circle(sheet: _Sheet, row: int) -> str:
+def _circle(sheet: Sheet, row: int) -> str:
     ((x, y),), radius = sheet.points_of(row), int(sheet.size[row])
-    if radius < 10 * _SMALLEST_RADIUS_PX:
+    if radius < 10 * SMALLEST_RADIUS_PX:
         return ""
     return f'<circle cx="{_number(x)}" cy="{_number(y)}" r="{_number(radius)}"/>'
 
 
-def _rectangle(sheet: _Sheet, row: int) -> str:
+def _rectangle(sheet: Sheet, row: int) -> str:
     (x, y), (width, height) = sheet.points_of(row)
     return f'<rect x="{_number(x)}" y="{_number(y)}" width="{_number(width)}" height="{_number(height)}"/>'
 
 
-def _polygon(sheet: _Sheet, row: int) -> str:
+def _polygon(sheet: Sheet, row: int) -> str:
     corners = "L".join(f"{_number(x)} {_number(y)}" for x, y in sheet.points_of(row))
     return f'<path d="M{corners}Z"/>'
 
 
-def _text(sheet: _Sheet, row: int) -> str:
+def _text(sheet: Sheet, row: int) -> str:
     ((x, y),), size = sheet.points_of(row), int(sheet.size[row])
     baseline = _number(y + round(ASCENT * size))
     place = f'x="{_number(x)}" y="{baseline}" font-size="{_number(size)}"{_halo(sheet, row)}'
     return f"<text {place}>{_escaped(sheet.text[row])}</text>"
 
 
-def _halo(sheet: _Sheet, row: int) -> str:
-    """Return an edge around dark text, so that it can be read over a map."""
-    is_dark = sheet.color[row, :3].mean() < _MID_GREY
-    return _HALO if is_dark else ""
+def _halo(sheet: Sheet, row: int) -> str:
+    return _HALO if sheet.has_halo(row) else ""
 
 
-def _image(sheet: _Sheet, row: int) -> str:
+def _image(sheet: Sheet, row: int) -> str:
     ((x, y),), half = sheet.points_of(row), int(sheet.size[row])
     turn = float(sheet.angle[row])
     turned = f' transform="rotate({-turn:.6g} {_number(x)} {_number(y)})"' if turn else ""
@@ -254,7 +165,7 @@ def _escaped(text: str) -> str:
     return escape(_NO_XML.sub("\ufffd", text))
 
 
-_ELEMENTS: dict[DrawKind, Callable[[_Sheet, int], str]] = {
+_ELEMENTS: dict[DrawKind, Callable[[Sheet, int], str]] = {
     DrawKind.CIRCLE: _circle,
     DrawKind.RECTANGLE: _rectangle,
     DrawKind.POLYGON: _polygon,

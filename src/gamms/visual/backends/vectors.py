@@ -1,0 +1,97 @@
+"""What SVG and PDF have in common: draw commands as a camera sees them, in painting order and in runs of one style."""
+
+from collections.abc import Iterator
+from itertools import pairwise
+from typing import NamedTuple
+
+import numpy as np
+
+from gamms import kernels
+from gamms.ir.draw import DrawCommands, DrawKind, DrawSpace
+from gamms.ir.graph import FloatArray, IntArray
+from gamms.visual.camera import Camera, touching
+from gamms.visual.lettering import EM
+
+SMALLEST_RADIUS_PX = 0.5
+_THINNEST_PX = 1.0  # of lines whose width is in world units
+_MID_GREY = 128
+_BEYOND_PX = 8.0  # what is drawn so far outside may still reach into the picture
+
+
+class Sheet(NamedTuple):
+    """All commands in painting order and in tenths of pixels, the unit in which everything is rounded."""
+
+    kind: IntArray  # (commands,)
+    color: "np.ndarray[tuple[int, ...], np.dtype[np.uint8]]"  # (commands, 4)
+    size: IntArray  # (commands,)
+    width: IntArray  # (commands,)
+    angle: FloatArray  # (commands,)  degrees
+    offsets: IntArray  # (commands + 1,)
+    points: IntArray  # (points, 2)
+    text: list[str]  # (commands,)
+
+    def points_of(self, row: int) -> list[list[int]]:
+        """Return the points of one command."""
+        points: list[list[int]] = self.points[self.offsets[row] : self.offsets[row + 1]].tolist()
+        return points
+
+    def has_halo(self, row: int) -> bool:
+        """Return whether words have an edge around them, so that they can be read over a map: dark ones have."""
+        return bool(self.color[row, :3].mean() < _MID_GREY)
+
+    def runs(self) -> Iterator[tuple[int, int]]:
+        """Yield commands that follow each other and are painted together: first row and last row + 1."""
+        if len(self.kind) == 0:
+            return
+        style = np.column_stack([self.kind, self.width, self.color])
+        changes = np.flatnonzero((style[1:] != style[:-1]).any(axis=1)) + 1
+        yield from pairwise([0, *changes.tolist(), len(style)])
+
+
+def sheet_of(commands: DrawCommands, camera: Camera) -> Sheet:
+    """Return what a camera sees of draw commands."""
+    rows = _seen(commands, camera)
+    take, offsets = kernels.chosen_runs(commands.offsets, rows)
+    points = camera.to_screen(commands.points)
+    boxes = np.flatnonzero(commands.kind == DrawKind.RECTANGLE)
+    scale = np.where(commands.space == DrawSpace.WORLD, camera.scale, 1.0)
+    font_scale = np.where(commands.kind == DrawKind.TEXT, EM, 1.0)
+    points[commands.offsets[boxes] + 1] = commands.points[commands.offsets[boxes] + 1] * scale[boxes, None]
+    return Sheet(
+        kind=commands.kind[rows],
+        color=commands.color[rows],
+        size=_tenths(commands.size * scale * font_scale)[rows],
+        width=_tenths(_widths_px(commands, scale))[rows],
+        angle=commands.angle[rows],
+        offsets=offsets,
+        points=_tenths(points)[take],
+        text=[commands.text[row] for row in rows.tolist()],
+    )
+
+
+def _seen(commands: DrawCommands, camera: Camera) -> IntArray:
+    """Return the rows in painting order, without those that are outside of the picture."""
+    rows = commands.in_painting_order()
+    if len(rows) == 0:
+        return rows
+    scale = np.where(commands.space == DrawSpace.WORLD, camera.scale, 1.0)
+    letters = np.array([max(len(text), 1) for text in commands.text])
+    reach = 2.0 * commands.size * scale * np.where(commands.kind == DrawKind.TEXT, letters, 1) + commands.width * scale
+    points = camera.to_screen(commands.points)
+    low, high = (measure.reduceat(points, commands.offsets[:-1]) for measure in (np.minimum, np.maximum))
+    box = (0.0, 0.0, float(camera.width), float(camera.height))
+    margin = (reach + _BEYOND_PX)[:, None]
+    is_seen = touching(low - margin, high + margin, box) | (commands.kind == DrawKind.RECTANGLE)
+    seen: IntArray = rows[is_seen[rows]]
+    return seen
+
+
+def _widths_px(commands: DrawCommands, scale: FloatArray) -> FloatArray:
+    in_world = (commands.kind == DrawKind.LINE) & (commands.space == DrawSpace.WORLD)
+    widths = np.where(in_world, np.maximum(commands.width * scale, _THINNEST_PX), commands.width)
+    # An outline must not be rounded to nothing: a width of 0 means filled.
+    return np.where(widths > 0.0, np.maximum(widths, 0.1), 0.0)
+
+
+def _tenths(pixels: FloatArray) -> IntArray:
+    return np.rint(pixels * 10.0).astype(np.int64)
