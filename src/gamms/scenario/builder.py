@@ -1,10 +1,11 @@
 """Builds the game of a scenario in a context, draws it again for another seed, and writes out its defaults."""
 
-from collections.abc import Mapping
+from collections.abc import Callable, Mapping
 from copy import deepcopy
 from dataclasses import dataclass
 from importlib import import_module
-from typing import Any, NamedTuple
+from operator import is_
+from typing import Any
 
 from gamms.agent import BaseAgent as Agent
 from gamms.arguments import as_int
@@ -127,7 +128,11 @@ class Builder:
         for member in self.members:
             self._draw_agent(member, nodes[member.name])
         game = self.ctx.game
-        changes = _take_out(game, self._values)
+        now, first = _values_of(game), self._values
+        changes = {name: _changed(now[name], first[name], is_same) for name in ("data", "scores", "events")}
+        facts, removed = _changed(now["facts"], first["facts"], is_), first["data"].keys() - now["data"].keys()
+        for values in (game.internals.state.facts, game.data, game.scores, game.events):
+            values.clear()
         self._add_values()
         for name, strategy in self._strategies().items():
             built = self._agents[name]
@@ -138,7 +143,12 @@ class Builder:
         game.plans = {team: self._plans[team] if one == before.get(team) else one for team, one in game.plans.items()}
         self._draw_rules()
         self._values = _values_of(game)
-        _put_back(game, *changes)
+        game.publish(**facts)
+        game.data.update(changes["data"])
+        for key in removed:
+            game.data.pop(key, None)
+        game.scores.update(changes["scores"])
+        game.events.extend(changes["events"].values())
 
     def _draw_rules(self) -> None:
         """Make the rules again, prepare them, and put them in place of those that are still there."""
@@ -253,7 +263,7 @@ class Builder:
         if ":" not in code.function:
             if path not in mapped:
                 mapped[path] = self._map_strategy(code, path, [member] if is_own else self.by_team[member.team])
-            return _mapped_for(member, mapped[path], path)
+            return mapped[path].get(member.name)
         return self._made(code, path, "strategy")
 
     def _made(self, code: Code, path: str, what: str) -> Function:
@@ -281,6 +291,10 @@ class Builder:
         answer = called(function, self._parameters(code.with_, f"{path}.with"), (config,), path)
         if not isinstance(answer, Mapping):
             raise ScenarioError(path, f"map_strategy gives {shown(answer)}, not a dict of agents and strategies.")
+        for one in listed:
+            given = answer.get(one.name)
+            if given is not None and not callable(given):
+                raise ScenarioError(path, f"map_strategy gives {shown(given)} for {one.name!r}, which is no strategy.")
         return answer
 
     # -- rules, conflicts, values -------------------------------------------------------------------------------
@@ -331,13 +345,6 @@ class Builder:
         return called(function, given, first, path) if given or not needs(function, len(first)) else function
 
 
-def _mapped_for(member: Member, mapped: Mapping[str, Function], path: str) -> Function | None:
-    strategy = mapped.get(member.name)
-    if strategy is not None and not callable(strategy):
-        raise ScenarioError(path, f"map_strategy gives {shown(strategy)} for {member.name!r}, which is no strategy.")
-    return strategy
-
-
 def _as_node(key: str | int, path: str) -> int:
     """Return the node that a key stands for: in JSON, all keys are texts."""
     try:
@@ -349,44 +356,14 @@ def _as_node(key: str | int, path: str) -> int:
 # -- changes that are not the scenario's --------------------------------------------------------------------------
 
 
-class _GameValues(NamedTuple):
-    """The values of a game before its first turn."""
-
-    facts: dict[str, Any]
-    data: dict[str, Any]
-    scores: dict[Any, float]
-    events: list[dict[str, Any]]
+def _values_of(game: Game) -> dict[str, dict[Any, Any]]:
+    """Copy the values of a game before its first turn."""
+    events = {number: dict(event) for number, event in enumerate(game.events)}
+    return {"facts": dict(game.facts), "data": deepcopy(game.data), "scores": dict(game.scores), "events": events}
 
 
-def _values_of(game: Game) -> _GameValues:
-    """Copy the values of a game."""
-    return _GameValues(dict(game.facts), deepcopy(game.data), dict(game.scores), [dict(event) for event in game.events])
-
-
-def _take_out(game: Game, built: _GameValues) -> tuple[_GameValues, list[str]]:
-    """Empty a game; return what was added or changed since it held `built`, and which keys of `data` were removed."""
-    now = _values_of(game)
-    removed = [key for key in built.data if key not in now.data]
-    game.internals.state.facts.clear()
-    game.data.clear()
-    game.scores.clear()
-    game.events.clear()
-    return _GameValues(
-        {name: fact for name, fact in now.facts.items() if fact is not built.facts.get(name)},
-        _changed(now.data, built.data),
-        _changed(now.scores, built.scores),
-        now.events[len(built.events) :],
-    ), removed
-
-
-def _put_back(game: Game, changed: _GameValues, removed: list[str]) -> None:
-    """Make the changes again that `_take_out` has returned."""
-    game.publish(**changed.facts)
-    game.data.update(changed.data)
-    for key in removed:
-        game.data.pop(key, None)
-    game.scores.update(changed.scores)
-    game.events.extend(changed.events)
+def _changed(now: Mapping[Any, Any], built: Mapping[Any, Any], is_same: Callable[[Any, Any], bool]) -> dict[Any, Any]:
+    return {key: value for key, value in now.items() if key not in built or not is_same(value, built[key])}
 
 
 def _move_start(agent: Any, before: _Start, now: _Start) -> None:
@@ -399,10 +376,6 @@ def _move_start(agent: Any, before: _Start, now: _Start) -> None:
         agent.position = now  # so that its position before is the same
     else:
         agent.current_node_id = agent.prev_node_id = now
-
-
-def _changed(now: Mapping[Any, Plain], built: Mapping[Any, Plain]) -> dict[Any, Plain]:
-    return {key: value for key, value in now.items() if key not in built or not is_same(value, built[key])}
 
 
 # -- defaults -----------------------------------------------------------------------------------------------------

@@ -3,13 +3,14 @@
 `Spec` is the whole file. Every class is one mapping in it; a key that is not listed is an error.
 """
 
-import re
 import types
-from collections.abc import Iterable
+from collections.abc import Iterator, Mapping
+from itertools import count
 from typing import Annotated, Any, Literal, TypeVar, Union, get_args, get_origin
 
 import msgspec
 from msgspec import Meta
+from msgspec.structs import FieldInfo
 
 from gamms.errors import nearest
 from gamms.scenario.documents import ScenarioError, joined
@@ -261,43 +262,11 @@ def given_values(part: msgspec.Struct) -> Values:
 
 # -- errors -----------------------------------------------------------------------------------------------------
 
-# What msgspec says where: `$.teams[...].agents[3]`, in which `[...]` is some value, or key, of a mapping with any keys.
-_PLACE = re.compile(r" - at `(key` in `)?\$([^`]*)`$")
-_STEP = re.compile(r"\.(\w+)|\[(?:(\d+)|\.\.\.)\]")
-
 
 def _explained(value: Any, kind: Any, path: str, message: str) -> ScenarioError:
-    """Return the error for a value that is not of a type, at the place that msgspec's message names."""
-    place = _PLACE.search(message)
-    for name, number in _STEP.findall(place[2]) if place else ():
-        if (error := _error_of_keys(value, kind, path)) is not None:
-            return error
-        step: str | int | None = int(number) if number else name or None
-        kind = _kind_of(kind, step)
-        if step is None:
-            return _explained_one(((one, joined(path, key)) for key, one in value.items()), kind, message)
-        value, path = value[step], joined(path, step)
-    if (error := _error_of_keys(value, kind, path)) is not None:
-        return error
-    if place and place[1]:
-        return _explained_one(((key, joined(path, key)) for key in value), _kind_of(kind, "key"), message)
-    words = message[: place.start()] if place else message
-    return ScenarioError(path, f"cannot be {shown(value)}: {_in_words(value, kind, words)}")
-
-
-def _explained_one(values: Iterable[tuple[Any, str]], kind: Any, message: str) -> ScenarioError:
-    """Return the error for the first of some values, each with its path, that is not of a type."""
-    for value, path in values:
-        try:
-            msgspec.convert(value, kind)
-        except (ValueError, TypeError, RecursionError) as error:
-            return _explained(value, kind, path, str(error))
-    return ScenarioError("", message)
-
-
-def _error_of_keys(value: Any, kind: Any, path: str) -> ScenarioError | None:
-    """Return the error for a key that a mapping of the schema does not have, or needs; None if there is none."""
-    for fields in map(_fields_of, _options(kind)) if isinstance(value, dict) else ():
+    """Return the error for a value that is not of a type, at the innermost place that is wrong."""
+    for option in _options(kind):
+        fields = _fields_of(option) if isinstance(value, dict) else {}
         for key in value if fields else ():
             if key not in fields:
                 hint = nearest(key, fields) or f" Keys here are: {', '.join(fields)}."
@@ -305,23 +274,30 @@ def _error_of_keys(value: Any, kind: Any, path: str) -> ScenarioError | None:
         for key, field in fields.items():
             if field.required and key not in value:
                 return ScenarioError(joined(path, key), f"is missing in {shown(value)}.")
-    return None
+        for key, part, its_kind in _parts(value, option, fields):
+            try:
+                msgspec.convert(part, its_kind)
+            except (ValueError, TypeError, RecursionError) as error:
+                return _explained(part, its_kind, joined(path, key), str(error))
+    return ScenarioError(path, f"cannot be {shown(value)}: {_in_words(value, kind, message)}")
 
 
-def _kind_of(kind: object, step: str | int | None) -> object:
-    """Return the type of what a step leads to; None stands for the values of a mapping, "key" for its keys."""
-    for option in _options(kind):
-        origin, arguments, fields = get_origin(option), get_args(option), _fields_of(option)
-        if isinstance(step, str) and step in fields:
-            return fields[step].type
-        if step in (None, "key") and origin is dict:
-            return arguments[0 if step else 1]
-        if isinstance(step, int) and origin in (list, tuple):
-            return arguments[step if origin is tuple else 0]
-    return Any
+def _parts(value: Any, kind: Any, fields: Mapping[str, FieldInfo]) -> Iterator[tuple[object, Any, Any]]:
+    """Yield the name, the value and the type of what a value holds, if that is of the form of the type."""
+    origin, arguments = get_origin(kind), get_args(kind)
+    if fields:
+        yield from ((key, value[key], field.type) for key, field in fields.items() if key in value)
+    elif origin is dict and isinstance(value, dict):
+        for key, one in value.items():
+            yield key, key, arguments[0]
+            yield key, one, arguments[1]
+    elif origin is list and isinstance(value, list):
+        yield from ((number, one, arguments[0]) for number, one in enumerate(value))
+    elif origin is tuple and isinstance(value, list) and len(value) == len(arguments):
+        yield from zip(count(), value, arguments)
 
 
-def _fields_of(kind: object) -> dict[str, msgspec.structs.FieldInfo]:
+def _fields_of(kind: object) -> dict[str, FieldInfo]:
     """Return the keys of a mapping of the schema; nothing for another type."""
     if not (isinstance(kind, type) and issubclass(kind, msgspec.Struct)):
         return {}

@@ -22,12 +22,9 @@ An agent of no team (None) is an enemy of all; a sensor with `team=` leaves such
 `ctx.game` puts into the state what these read: `legal`, `draw`, `memory`, `team`. In a loop of your own, put it there
 yourself where a strategy asks for it. Without `legal`, an agent goes along one edge at a time.
 
-Read `movement.py` first, then `encounters.py` (enemies) and `choices.py` (combinations); `knowledge.py` reads states.
-May import: `context` and below. To add a strategy, write a function and name it below.
+All of them are in `shipped.py`. May import: `context` and below. To add a strategy, write a function and name it below.
 """
 
-from gamms.strategies.choices import first, human, mix
-from gamms.strategies.encounters import chase, flee, guard
-from gamms.strategies.movement import follow_path, goto, patrol, random_walk, stay
+from gamms.strategies.shipped import chase, first, flee, follow_path, goto, guard, human, mix, patrol, random_walk, stay
 
 __all__ = ["chase", "first", "flee", "follow_path", "goto", "guard", "human", "mix", "patrol", "random_walk", "stay"]
