@@ -22,12 +22,10 @@ import gamms
 from gamms.ir.geometry import line_strings
 from gamms.ir.projection import WGS84, project
 from gamms.osm.constants import wall_estimates
-from gamms.osm.heights import WallRules
-from gamms.osm.network import RoadNetwork, network_of_segments
+from gamms.osm.footprints import Faces, WallRules, faces_of, footprints_of
+from gamms.osm.network import RoadNetwork, Segments, Ways, largest_part, network_of_segments, segments_of
 from gamms.osm.osmium_reader import read_footprints, read_ways
-from gamms.osm.polygons import Faces, faces_of, footprints_of
 from gamms.osm.topology import simplify
-from gamms.osm.ways import Segments, Ways, largest_part, segments_of
 
 WEST, SOUTH, EAST, NORTH = (
     24.9350,

@@ -10,9 +10,8 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 import gamms.osm
-from gamms.osm.network import chosen_roads, network_of_lines
+from gamms.osm.network import chosen_roads, components, network_of_lines
 from gamms.osm.topology import chains_of, consolidate, degrees
-from gamms.osm.ways import components
 
 place = st.integers(-400, 400).map(lambda n: n / 16 + n * n / 1e5)
 places = st.lists(st.tuples(place, place), min_size=2, max_size=14, unique=True)

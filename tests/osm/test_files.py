@@ -12,8 +12,8 @@ import pytest
 
 from gamms.errors import BadFile, BadType, BadValue, TooLarge
 from gamms.osm import OSMType, graph_from_file, graph_from_xml, osmium_reader
-from gamms.osm.files import file_format, unpacked_size
-from gamms.osm.ways import CLOSED_TO
+from gamms.osm.network import CLOSED_TO
+from gamms.osm.osmium_reader import file_format, unpacked_size
 
 ROAD = {"highway": "residential"}
 NO_CUT = 1e6

@@ -8,9 +8,8 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from gamms.osm.network import along, both_ways, joined_directions, network_of_lines
+from gamms.osm.network import along, both_ways, components, first_seen, joined_directions, network_of_lines
 from gamms.osm.topology import simplify
-from gamms.osm.ways import components, first_seen
 
 coordinate = st.integers(-40, 40).map(lambda n: n / 4)
 point = st.tuples(coordinate, coordinate)

@@ -17,8 +17,7 @@ from gamms.errors import BadFile, BadType, BadValue
 from gamms.osm import Report, graph_from_file, graph_from_geojson, graph_from_xml, network_of_columns, report
 from gamms.osm.fidelity import deviations
 from gamms.osm.networkx_bridge import to_digraph
-from gamms.osm.resample import resample
-from gamms.osm.topology import consolidate
+from gamms.osm.topology import consolidate, resample
 
 ROAD = {"highway": "residential"}
 

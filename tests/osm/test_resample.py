@@ -10,7 +10,7 @@ from hypothesis import strategies as st
 
 from gamms.errors import BadValue
 from gamms.osm.network import along, network_of_lines, offsets_of, reversed_points, with_ends
-from gamms.osm.resample import cut_polylines, piece_counts, resample
+from gamms.osm.topology import cut_polylines, piece_counts, resample
 
 coordinate = st.integers(-1000, 1000).map(lambda n: n / 8)
 point = st.tuples(coordinate, coordinate)

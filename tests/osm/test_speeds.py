@@ -8,7 +8,7 @@ import pytest
 
 import gamms
 from gamms.osm import graph_from_file, graph_from_xml, process_osm_graph
-from gamms.osm.speeds import SPEED_OF_HIGHWAY_KPH, UNKNOWN_SPEED_KPH, speed_kph
+from gamms.osm.networkx_bridge import SPEED_OF_HIGHWAY_KPH, UNKNOWN_SPEED_KPH, speed_kph
 
 
 @pytest.mark.parametrize(

@@ -7,10 +7,9 @@
 reads their answers, `servers.py` sends and caches them, and `settings.py` names the servers.
 `gamms.osm.helsinki(ctx)` does the same with the map that comes with the package, and needs no optional library.
 
-Read `load.py` first: it names the steps. `osmium_reader.py` and `geojson.py` read files, `ways.py` and `network.py`
-hold roads as columns, `topology.py` simplifies and merges junctions, `resample.py` cuts, `networkx_bridge.py` makes the
-graph, `fidelity.py` compares it with the map. `buildings.py` makes obstacles of the same maps, by `heights.py` and
-`polygons.py`.
+Read `load.py` first: it names the steps. `osmium_reader.py` and `geojson.py` read files, `network.py` holds roads as
+columns, `topology.py` simplifies, merges junctions and cuts, `networkx_bridge.py` makes the graph, `fidelity.py`
+compares it with the map. `buildings.py` makes obstacles of the same maps, by `footprints.py`.
 May import: `gamms.typing` and below, never another engine. To read another kind of map, make a `RoadNetwork` of it;
 everything after that is the same.
 """
@@ -35,15 +34,8 @@ from gamms.osm.load import (
     process_osm_graph,
     resample_columns,
 )
-from gamms.osm.network import network_of_columns
-from gamms.osm.places import (
-    create_osm_graph,
-    get_network_type,
-    graph_from_bbox,
-    graph_from_point,
-    graph_from_polygon,
-)
-from gamms.osm.ways import OSMType
+from gamms.osm.network import OSMType, network_of_columns
+from gamms.osm.places import create_osm_graph, get_network_type, graph_from_bbox, graph_from_point, graph_from_polygon
 
 __all__ = [
     "HEIGHT_ESTIMATES_TYPES",

@@ -3,20 +3,20 @@
 import math
 import os
 from collections.abc import Callable, Iterable, Iterator, Mapping
+from functools import partial
 from pathlib import Path
-from typing import TYPE_CHECKING, Any
+from typing import Any
 
 from gamms.arguments import as_range
 from gamms.errors import BadFile, BadType, BadValue, TooLarge
 from gamms.ir.graph import FloatArray
 from gamms.ir.projection import WGS84, crs_of, project, project_back_and_forth, utm_crs
+from gamms.osm import footprints
 from gamms.osm.constants import OSM_OBSTACLE_TAGS, wall_estimates
-from gamms.osm.files import as_file
-from gamms.osm.heights import HeightEstimates, TagFilter, WallRules
-
-if TYPE_CHECKING:
-    from gamms.osm.overpass import Location
-    from gamms.osm.polygons import Faces
+from gamms.osm.footprints import HeightEstimates, TagFilter
+from gamms.osm.network import largest_part, segments_of
+from gamms.osm.osmium_reader import as_file, read_footprints, read_ways
+from gamms.osm.overpass import Location, features_of_place
 
 Record = dict[str, Any]  # the arguments of `ctx.graph.add_obstacle_face`
 Projection = Callable[[FloatArray], FloatArray]  # points (points, 2) to points in metres
@@ -58,27 +58,24 @@ def obstacle_from_file(
         BadValue, BadType: an argument is impossible.
         MissingExtra: osmium or pyproj is not installed.
     """
-    from gamms.osm.osmium_reader import read_footprints
-    from gamms.osm.polygons import faces_of, footprints_of
-
-    rules, tolerances = _rules(tags, height_estimates), _tolerances(min_tolerance, relative_tolerance)
-    target = _target(crs)
+    rules, tolerances = _checked(tags, height_estimates, min_tolerance, relative_tolerance)
+    projection = _projection(crs, lambda points: _crs_of_roads(file) or utm_crs(points))
     file = as_file(filepath)
     outlines = read_footprints(file, rules)
     if not len(outlines.owners):
         return iter(())
-    if target is None:
-        to_metres = _projection(_crs_of_roads(file) or utm_crs(outlines.lonlat))
-    else:
-        to_metres = _checked_projection(target)
-    return _records(faces_of(footprints_of(outlines), outlines.about, to_metres, *tolerances))
+    return _records(
+        footprints.faces_of(
+            footprints.footprints_of(outlines), outlines.about, projection(outlines.lonlat), *tolerances
+        )
+    )
 
 
 obstacle_from_xml = obstacle_from_file  # the name that 1.0.0 gave it
 
 
 def obstacle_from_osm(
-    location: "Location",
+    location: Location,
     tags: TagFilter = OSM_OBSTACLE_TAGS,
     height_estimates: HeightEstimates | None = None,
     min_tolerance: float = 0.5,
@@ -98,10 +95,8 @@ def obstacle_from_osm(
         PlaceError, NetworkError: there is no such place, nothing in it, or no answer.
         MissingExtra: requests or pyproj is not installed.
     """
-    rules, tolerances = _rules(tags, height_estimates), _tolerances(min_tolerance, relative_tolerance)
-    projection = _chosen_projection(crs)
-    from gamms.osm.overpass import features_of_place
-
+    rules, tolerances = _checked(tags, height_estimates, min_tolerance, relative_tolerance)
+    projection = _projection(crs)
     return _records_of_features(features_of_place(location, tags, offline=offline), rules, tolerances, projection)
 
 
@@ -122,8 +117,8 @@ def faces_of_features(
         BadValue, BadType: an argument is impossible, or a polygon has no place in the CRS.
         MissingExtra: pyproj is not installed.
     """
-    rules, tolerances = _rules(tags, height_estimates), _tolerances(min_tolerance, relative_tolerance)
-    return _records_of_features(features, rules, tolerances, _chosen_projection(crs))
+    rules, tolerances = _checked(tags, height_estimates, min_tolerance, relative_tolerance)
+    return _records_of_features(features, rules, tolerances, _projection(crs))
 
 
 def extract_osm_polygon_faces(
@@ -140,14 +135,14 @@ def extract_osm_polygon_faces(
         BadType: it is no GeoDataFrame.
         BadValue: its CRS is none, or another argument is impossible.
     """
-    rules, tolerances = _rules(None, height_estimates), _tolerances(min_tolerance, relative_tolerance)
+    rules, tolerances = _checked(None, height_estimates, min_tolerance, relative_tolerance)
     try:
         name = gdf.geometry.name
         features = [(row[name], row) for row in gdf.to_dict("records")]
     except AttributeError:
         raise BadType(f"gdf must be a GeoDataFrame, not {type(gdf).__name__}.") from None
     in_degrees = gdf.crs is not None and crs_of(gdf.crs)[1]
-    projection = _chosen_projection(None) if in_degrees else lambda _: lambda points: points
+    projection = _projection(None) if in_degrees else lambda _: lambda points: points
     return _records_of_features(features, rules, tolerances, projection)
 
 
@@ -156,40 +151,36 @@ def extract_osm_polygon_faces(
 
 def _records_of_features(
     features: Iterable[tuple[Any, Mapping[str, Any]]],
-    rules: WallRules,
+    rules: footprints.WallRules,
     tolerances: tuple[float, float],
     projection: Callable[[FloatArray], Projection],
 ) -> Iterator[Record]:
     """Return the walls of shapes; `projection` says for all their points how these become metres."""
-    from gamms.osm.polygons import coordinates_of, faces_of, shapes_of
-
     texts = ((shape, {key: text for key, text in tags.items() if isinstance(text, str)}) for shape, tags in features)
     chosen = [(shape, wall) for shape, tags in texts if (wall := rules.wall_of(tags)) is not None]
-    shapes = shapes_of([shape for shape, _ in chosen])
-    points = coordinates_of(shapes)
+    shapes = footprints.shapes_of([shape for shape, _ in chosen])
+    points = footprints.coordinates_of(shapes)
     if not len(points):
         return iter(())
-    return _records(faces_of(shapes, [wall for _, wall in chosen], projection(points), *tolerances))
+    return _records(footprints.faces_of(shapes, [wall for _, wall in chosen], projection(points), *tolerances))
 
 
-def _chosen_projection(crs: object) -> Callable[[FloatArray], Projection]:
-    """From the points of a map to its projection: to the CRS that the caller gave, or to the UTM zone of the points."""
-    target = _target(crs)
-    if target is None:
-        return lambda points: _projection(utm_crs(points))
-    return lambda _: _checked_projection(target)
+def _projection(crs: object, usual: Callable[[FloatArray], str] = utm_crs) -> Callable[[FloatArray], Projection]:
+    """From the points of a map to its projection: to a CRS in metres of the caller's, or to the usual one for them."""
+    if crs is None:
+        return lambda points: _not_of_nothing(partial(project, source=WGS84, target=usual(points)))
+    name, in_degrees = crs_of(crs)
+    if in_degrees:
+        raise BadValue(f"crs is {name}, which counts in degrees. Give one in metres, such as ctx.graph.crs.")
+    # It may belong to another part of the world.
+    return lambda _: _not_of_nothing(partial(project_back_and_forth, source=WGS84, target=name))
 
 
-def _projection(target: str) -> Projection:
-    return lambda points: project(points, WGS84, target) if len(points) else points
+def _not_of_nothing(projection: Projection) -> Projection:
+    return lambda points: projection(points) if len(points) else points
 
 
-def _checked_projection(target: str) -> Projection:
-    """To a CRS that may belong to another part of the world."""
-    return lambda points: project_back_and_forth(points, WGS84, target) if len(points) else points
-
-
-def _records(faces: "Faces") -> Iterator[Record]:
+def _records(faces: footprints.Faces) -> Iterator[Record]:
     for first in range(0, len(faces.types), _AT_ONCE):  # not all at once: a dict takes ten times its numbers
         corners = faces.corners[first : first + _AT_ONCE].tolist()
         types = faces.types[first : first + _AT_ONCE].tolist()
@@ -200,11 +191,8 @@ def _records(faces: "Faces") -> Iterator[Record]:
 
 def _crs_of_roads(file: Path) -> str | None:
     """Return the CRS that `graph_from_xml` gives a file that is known to be sound; None if it has no roads."""
-    from gamms.osm.osmium_reader import read_ways
-    from gamms.osm.ways import largest_part, segments_of
-
     try:
-        segments = segments_of(read_ways(file, _silent))
+        segments = segments_of(read_ways(file, lambda _: None))
     except TooLarge:
         raise
     except BadFile:  # the buildings of the same file could be read, so it lacks nothing but roads
@@ -212,26 +200,12 @@ def _crs_of_roads(file: Path) -> str | None:
     return utm_crs(largest_part(segments).lonlat) if len(segments.sources) else None
 
 
-def _silent(_: str) -> None:
-    pass
-
-
-def _rules(tags: TagFilter | None, height_estimates: HeightEstimates | None) -> WallRules:
-    return WallRules(tags, wall_estimates() if height_estimates is None else height_estimates)
-
-
-def _tolerances(min_tolerance: float, relative_tolerance: float) -> tuple[float, float]:
-    given = as_range(min_tolerance, "min_tolerance"), as_range(relative_tolerance, "relative_tolerance")
-    if math.inf in given:
+def _checked(
+    tags: TagFilter | None, estimates: HeightEstimates | None, min_tolerance: float, relative_tolerance: float
+) -> tuple[footprints.WallRules, tuple[float, float]]:
+    """Return what decides on the walls, and the tolerances of their simplification."""
+    rules = footprints.WallRules(tags, wall_estimates() if estimates is None else estimates)
+    tolerances = as_range(min_tolerance, "min_tolerance"), as_range(relative_tolerance, "relative_tolerance")
+    if math.inf in tolerances:
         raise BadValue("min_tolerance and relative_tolerance must be finite.")
-    return given
-
-
-def _target(crs: object) -> str | None:
-    """Return the text of a CRS that counts in metres."""
-    if crs is None:
-        return None
-    name, in_degrees = crs_of(crs)
-    if in_degrees:
-        raise BadValue(f"crs is {name}, which counts in degrees. Give one in metres, such as ctx.graph.crs.")
-    return name
+    return rules, tolerances

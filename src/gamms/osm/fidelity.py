@@ -12,12 +12,12 @@ from gamms.arguments import as_float
 from gamms.errors import BadType, BadValue
 from gamms.ir.geometry import distances_to_lines
 from gamms.ir.graph import FloatArray, GraphColumns, IntArray
-from gamms.osm.files import as_file
+from gamms.ir.obstacles import BoolArray
 from gamms.osm.load import network_in_metres, read_network
-from gamms.osm.network import BoolArray, RoadNetwork, along, chosen_roads, network_of_columns
+from gamms.osm.network import OSMType, RoadNetwork, along, chosen_roads, components, network_of_columns, segment_starts
 from gamms.osm.networkx_bridge import network_of_graph
+from gamms.osm.osmium_reader import as_file
 from gamms.osm.topology import chains_of, degrees
-from gamms.osm.ways import OSMType, components
 from gamms.progress import progress
 from gamms.text import shown
 from gamms.typing import IGraphEngine
@@ -80,11 +80,36 @@ class Report(NamedTuple):
     def to_dict(self) -> dict[str, Any]:
         """Return all of it, as JSON takes it; what is not finite becomes None."""
         fields = {**self._asdict(), "length_error": self.length_error, "is_faithful": self.is_faithful}
-        return {name: None if _is_strange(value) else value for name, value in fields.items()}
+        strange = {name for name, value in fields.items() if isinstance(value, float) and not np.isfinite(value)}
+        return {name: None if name in strange else value for name, value in fields.items()}
 
     def rows(self) -> list[tuple[str, str]]:
         """Return what it says, as pairs of a title and a text."""
-        return _rows(self)
+        merged = self.length_merged / self.length_before if self.length_before else 0.0
+        drift = self.length_after / self.length_before - 1.0 if self.length_before else 0.0
+        grown = f"{0.0 - round(self.length_merged, 1):+,.1f} m ({0.0 - round(merged, 5):+.3%})"  # never "-0.0"
+        yes = {True: "yes", False: "NO"}
+        untrue = f"{self.roads_uncut_untrue:,} whole roads differ from the source"
+        return [
+            ("map", f"{self.source}, {self.crs or 'no CRS'}, cut every {self.resolution:g} m"),
+            ("graph", f"{self.nodes:,} nodes, {self.edges:,} edges"),
+            ("length before", f"{self.length_before:,.1f} m"),
+            ("length after", f"{self.length_after:,.1f} m"),
+            ("by merging", f"{grown}, {self.nodes_merged:,} nodes"),
+            ("deviation", f"{self.deviation_max:.2f} m at most, {self.deviation_mean:.4f} m on average"),
+            ("off the map", f"{self.surplus_max:.2f} m at most"),
+            ("components", f"{self.components:,}"),
+            ("dead ends", f"{self.dead_ends:,}"),
+            ("parallel roads", f"{self.parallel_roads:,}"),
+            ("one-way", f"{self.one_way_share:.1%} of the length"),
+            ("whole roads", f"{self.roads_uncut:,}"),
+            ("pieces", f"{self.pieces:,}, {self.piece_min:.2f} to {self.piece_max:.2f} m"),
+            ("cut to lose none", f"{self.pieces_parted:,} of them"),
+            *((f"edges of {name}", f"{count:,}") for name, count in self.spacing.items()),
+            ("length kept", f"{yes[self.length_kept]}: {abs(drift):.4%} off, at most 0.1%"),
+            ("spacing kept", f"{yes[self.spacing_kept]}: pieces 0.75 to 1.25, whole roads below 1.5 resolutions"),
+            ("true lengths", f"{yes[self.uncut_kept]}: {untrue}"),
+        ]
 
     def __str__(self) -> str:
         rows = self.rows()
@@ -176,10 +201,9 @@ def _edges_of(graph: Cut) -> tuple[RoadNetwork, dict[str, Any]]:
         return network_of_columns(columns), {}
     if isinstance(graph, GraphColumns | IGraphEngine) or not hasattr(graph, "is_directed"):
         raise BadType(f"graph must be a networkx graph, ctx.graph or its columns, not {shown(graph)}.")
-    drawn = all("linestring" in data and "length" in data for _, _, data in graph.edges(data=True))
-    if not drawn:
-        return network_in_metres(graph), dict(graph.graph)
-    return replace(network_of_graph(graph), crs=graph.graph.get("crs")), dict(graph.graph)
+    is_drawn = all("linestring" in data and "length" in data for _, _, data in graph.edges(data=True))
+    edges = replace(network_of_graph(graph), crs=graph.graph.get("crs")) if is_drawn else network_in_metres(graph)
+    return edges, dict(graph.graph)
 
 
 def _source_network(source: Source, retain_all: bool, osm_type: OSMType | None) -> RoadNetwork:
@@ -189,9 +213,8 @@ def _source_network(source: Source, retain_all: bool, osm_type: OSMType | None) 
         return network_of_columns(source)
     if not isinstance(source, (str, os.PathLike)):
         return network_in_metres(source)
-    file = as_file(source)
     with progress() as show:
-        return read_network(file, show, osm_type, retain_all=retain_all)
+        return read_network(as_file(source), show, osm_type, retain_all=retain_all)
 
 
 def _parallel_roads(roads: RoadNetwork) -> int:
@@ -200,57 +223,11 @@ def _parallel_roads(roads: RoadNetwork) -> int:
     return len(ends) - len(np.unique(ends, axis=0))
 
 
-def _histogram(shares: np.ndarray[Any, Any]) -> dict[str, int]:
-    counts = np.bincount(np.searchsorted(_SHARES, shares, side="right"), minlength=len(_SHARES) + 1).tolist()
+def _histogram(shares: FloatArray) -> dict[str, int]:
     starts = ("0", *(f"{share:g}" for share in _SHARES))
-    names = [f"{low}-{high}" for low, high in pairwise(starts)]
-    return dict(zip([*names, f"{starts[-1]} and more"], counts, strict=True))
-
-
-def _is_strange(value: object) -> bool:
-    return isinstance(value, float) and not np.isfinite(value)
-
-
-def _drift(found: Report) -> float:
-    return found.length_after / found.length_before - 1.0 if found.length_before else 0.0
-
-
-def _rows(found: Report) -> list[tuple[str, str]]:
-    share = found.length_merged / found.length_before if found.length_before else 0.0
-    grown = 0.0 - round(found.length_merged, 1)  # never "-0.0"
-    rows = [
-        ("map", f"{found.source}, {found.crs or 'no CRS'}, cut every {found.resolution:g} m"),
-        ("graph", f"{found.nodes:,} nodes, {found.edges:,} edges"),
-        ("length before", f"{found.length_before:,.1f} m"),
-        ("length after", f"{found.length_after:,.1f} m"),
-        (
-            "by merging",
-            f"{grown:+,.1f} m ({0.0 - round(share, 5):+.3%}), {found.nodes_merged:,} nodes",
-        ),
-        ("deviation", f"{found.deviation_max:.2f} m at most, {found.deviation_mean:.4f} m on average"),
-        ("off the map", f"{found.surplus_max:.2f} m at most"),
-        ("components", f"{found.components:,}"),
-        ("dead ends", f"{found.dead_ends:,}"),
-        ("parallel roads", f"{found.parallel_roads:,}"),
-        ("one-way", f"{found.one_way_share:.1%} of the length"),
-        ("whole roads", f"{found.roads_uncut:,}"),
-        ("pieces", f"{found.pieces:,}, {found.piece_min:.2f} to {found.piece_max:.2f} m"),
-        ("cut to lose none", f"{found.pieces_parted:,} of them"),
-    ]
-    rows += [(f"edges of {name}", f"{count:,}") for name, count in found.spacing.items()]
-    return [
-        *rows,
-        ("length kept", _verdict(found.length_kept, f"{abs(_drift(found)):.4%} off, at most 0.1%")),
-        ("spacing kept", _verdict(found.spacing_kept, "pieces 0.75 to 1.25, whole roads below 1.5 resolutions")),
-        (
-            "true lengths",
-            _verdict(found.uncut_kept, f"{found.roads_uncut_untrue:,} whole roads differ from the source"),
-        ),
-    ]
-
-
-def _verdict(kept: bool, why: str) -> str:
-    return f"{'yes' if kept else 'NO'}: {why}"
+    names = [*(f"{low}-{high}" for low, high in pairwise(starts)), f"{starts[-1]} and more"]
+    counts = np.bincount(np.searchsorted(_SHARES, shares, side="right"), minlength=len(names))
+    return dict(zip(names, counts.tolist(), strict=True))
 
 
 class Pieces(NamedTuple):
@@ -295,15 +272,16 @@ def deviations(source: RoadNetwork, roads: RoadNetwork) -> FloatArray:
 
     Given the other way round it is how far the roads lead off the map.
     """
-    vertices = np.unique(_complex(np.concatenate((source.xy[_used(source)], source.points))))
+    used = np.unique(np.concatenate((source.sources, source.targets)))
+    vertices = np.unique(_complex(np.concatenate((source.xy[used], source.points))))
     away = np.flatnonzero(~np.isin(vertices, _complex(roads.points)))
     result = np.zeros(len(vertices))
     if not len(away) or not len(roads.points):
         result[away] = np.inf
         return result
-    starts, ends = _segment_rows(roads)
+    start = segment_starts(roads.offsets)
     places = np.column_stack((vertices[away].real, vertices[away].imag))
-    result[away] = distances_to_lines(places, roads.points[starts], roads.points[ends])
+    result[away] = distances_to_lines(places, roads.points[start], roads.points[start + 1])
     return result
 
 
@@ -313,15 +291,15 @@ def untrue_lengths(roads: RoadNetwork, rows: IntArray, source: RoadNetwork) -> i
     Roads that run where the source has none, because they lead on to a merged junction, are not judged.
     """
     chosen = chosen_roads(roads, rows)
-    a, b, _, line = _segments(chosen)
-    from_a, from_b, source_share, source_line = _segments(source)
-    places, numbers = np.unique(np.concatenate((a, b, from_a, from_b)), return_inverse=True)
-    ours, known = _pair_keys(numbers, len(a), len(places))
-    keys, firsts = np.unique(known, return_index=True)
+    ours, _, line = _segments(chosen)
+    theirs, source_share, source_line = _segments(source)
+    places, numbers = np.unique(np.concatenate((ours, theirs)), return_inverse=True)
+    pairs = numbers.reshape(-1, 2) @ (len(places), 1)  # one number per pair of places
+    wanted, (keys, firsts) = pairs[: len(ours)], np.unique(pairs[len(ours) :], return_index=True)
     if not len(keys) or not len(ours):
         return 0
-    at = np.minimum(np.searchsorted(keys, ours), len(keys) - 1)
-    there = keys[at] == ours
+    at = np.minimum(np.searchsorted(keys, wanted), len(keys) - 1)
+    there = keys[at] == wanted
     true = (source.lengths[source_line] * source_share)[firsts][at]
     expected = np.bincount(line, weights=np.where(there, true, 0.0), minlength=len(rows))
     judged = np.bincount(line, weights=~there, minlength=len(rows)) == 0
@@ -329,34 +307,15 @@ def untrue_lengths(roads: RoadNetwork, rows: IntArray, source: RoadNetwork) -> i
     return int((judged & wrong).sum())
 
 
-def _segment_rows(network: RoadNetwork) -> tuple[IntArray, IntArray]:
-    """Return the rows of both ends of every straight piece of the polylines."""
-    inner = np.ones(len(network.points), np.bool_)
-    inner[network.offsets[1:] - 1] = False
-    start = np.flatnonzero(inner)
-    return start, start + 1
-
-
-def _segments(network: RoadNetwork) -> tuple[_Places, _Places, FloatArray, IntArray]:
-    """Both ends of every straight piece of the polylines, its share of its road, and the road."""
-    start, end = _segment_rows(network)
+def _segments(network: RoadNetwork) -> tuple[_Places, FloatArray, IntArray]:
+    """The ends (segments, 2) of every straight piece of the polylines, sorted; its share of its road, and the road."""
+    start = segment_starts(network.offsets)
     line = np.repeat(np.arange(len(network.sources)), np.diff(network.offsets) - 1)
     position = along(network.offsets, network.points)
     total = position[network.offsets[1:] - 1][line]
-    share = (position[end] - position[start]) / np.where(total > 0.0, total, 1.0)
+    share = (position[start + 1] - position[start]) / np.where(total > 0.0, total, 1.0)
     places = _complex(network.points)
-    return places[start], places[end], share, line
-
-
-def _pair_keys(numbers: IntArray, ours: int, places: int) -> tuple[IntArray, IntArray]:
-    """Return one number per pair of places, whatever its order: for our segments, and for those of the source."""
-    a, b, from_a, from_b = np.split(numbers, np.cumsum([ours, ours, (len(numbers) - 2 * ours) // 2]))
-    keys = [np.minimum(p, q) * places + np.maximum(p, q) for p, q in ((a, b), (from_a, from_b))]
-    return keys[0], keys[1]
-
-
-def _used(network: RoadNetwork) -> IntArray:
-    return np.unique(np.concatenate((network.sources, network.targets)))
+    return np.sort(np.column_stack((places[start], places[start + 1])), axis=1), share, line
 
 
 def _complex(xy: FloatArray) -> _Places:

@@ -12,9 +12,8 @@ from msgspec import Meta
 
 from gamms.errors import BadFile
 from gamms.limits import refuse_above
-from gamms.osm.files import as_file
-from gamms.osm.network import offsets_of
-from gamms.osm.ways import OSMType, Ways, is_against, is_one_way
+from gamms.osm.network import OSMType, Ways, is_against, is_one_way, offsets_of
+from gamms.osm.osmium_reader import as_file
 from gamms.progress import Show
 
 _MEMORY_PER_BYTE = 10  # that Python needs for what it reads

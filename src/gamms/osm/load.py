@@ -13,21 +13,23 @@ from gamms.errors import BadFile, BadType, BadValue
 from gamms.ir.graph import GraphColumns
 from gamms.ir.projection import crs_of
 from gamms.osm import topology
-from gamms.osm.files import as_file
 from gamms.osm.geojson import is_geojson, read_lines
 from gamms.osm.network import (
+    OSMType,
     RoadNetwork,
+    Ways,
     both_ways,
     connected,
     joined_directions,
+    largest_part,
     network_of_columns,
     network_of_segments,
     projected,
+    segments_of,
 )
 from gamms.osm.networkx_bridge import network_of_graph, to_digraph, to_multidigraph
-from gamms.osm.osmium_reader import read_ways
-from gamms.osm.resample import resample
-from gamms.osm.ways import OSMType, Ways, largest_part, segments_of
+from gamms.osm.osmium_reader import as_file, read_ways
+from gamms.osm.topology import resample
 from gamms.progress import Show, progress
 from gamms.text import shown
 from gamms.typing import IContext
@@ -144,11 +146,7 @@ def graph_from_geojson(
     return _graph(filepath, recipe, read_lines)
 
 
-def process_osm_graph(
-    osmg: "nx.Graph[Any]",
-    resolution: float = 10.0,
-    bidirectional: bool = True,
-) -> "nx.DiGraph[int]":
+def process_osm_graph(osmg: "nx.Graph[Any]", resolution: float = 10.0, bidirectional: bool = True) -> "nx.DiGraph[int]":
     """Cut the edges of a networkx graph, such as OSMnx makes, as `graph_from_xml` does.
 
     Nodes need `x` and `y`; edges may have a `geometry` and a `length` in metres. A graph whose `crs` counts
@@ -185,11 +183,7 @@ def consolidate(osmg: "nx.Graph[Any]", tolerance: float) -> "nx.MultiDiGraph[int
         return to_multidigraph(network)
 
 
-def resample_columns(
-    columns: GraphColumns,
-    resolution: float = 10.0,
-    bidirectional: bool = True,
-) -> "nx.DiGraph[int]":
+def resample_columns(columns: GraphColumns, resolution: float = 10.0, bidirectional: bool = True) -> "nx.DiGraph[int]":
     """Cut a map that was saved uncut, such as the shipped one, as `graph_from_xml` does.
 
     It needs no optional library. Each edge is one road, one-way where its attribute `oneway` is true.

@@ -1,22 +1,120 @@
-"""Road networks from networkx graphs and into them."""
+"""Road networks from networkx graphs and into them, with the speed on each road.
+
+The rules of a country are not known here. Words such as `FI:urban` stand for the same speed everywhere, and a
+road without a sign gets a speed that depends on its class only: not on what else is on the map, as OSMnx has it.
+"""
 
 import math
+import re
 from collections.abc import Iterator, Mapping
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING, Any, TypeGuard, TypeVar
 
 import numpy as np
 
 from gamms.errors import BadType, BadValue
 from gamms.ir.geometry import line_strings, polylines_of
 from gamms.ir.graph import FloatArray, IntArray
-from gamms.osm.network import RoadNetwork, network_of_lines, reversed_points
-from gamms.osm.speeds import speed_kph, travel_times
-from gamms.osm.ways import first_seen
+from gamms.osm.network import RoadNetwork, first_seen, network_of_lines, reversed_points
 from gamms.text import shown
 
 if TYPE_CHECKING:
     import networkx as nx
 
+# Kilometres per hour on a road without a sign. Our own round numbers for free traffic, between the limits usual in
+# Europe and what the shape of such roads allows; ways for walkers have the pace of a walker.
+_HIGHWAYS_OF_SPEED = {
+    110.0: ("motorway",),
+    90.0: ("trunk",),
+    60.0: ("motorway_link", "primary"),
+    50.0: ("trunk_link", "primary_link", "secondary", "tertiary"),
+    40.0: ("secondary_link", "tertiary_link", "unclassified", "busway", "road"),
+    30.0: ("residential",),
+    20.0: ("service",),
+    15.0: ("track", "cycleway"),
+    10.0: ("living_street",),
+    8.0: ("bridleway",),
+    5.0: ("pedestrian", "footway", "path"),
+    4.0: ("corridor",),
+    2.0: ("steps",),
+}
+SPEED_OF_HIGHWAY_KPH = {highway: kph for kph, highways in _HIGHWAYS_OF_SPEED.items() for highway in highways}
+UNKNOWN_SPEED_KPH = 30.0
+
+SPEED_OF_WORD_KPH: dict[str, float] = {  # what follows the country in values such as FI:urban
+    "motorway": 120.0,
+    "none": 130.0,
+    "trunk": 90.0,
+    "rural": 80.0,
+    "nsl_dual": 112.65408,  # 70 mph
+    "nsl_single": 96.56064,  # 60 mph
+    "urban": 50.0,
+    "bicycle_road": 30.0,
+    "living_street": 10.0,
+    "walk": 5.0,
+}
+
+_FASTEST_KPH = 300.0  # beyond is a slip of the pen
+_UNITS = {"": 1.0, "km/h": 1.0, "kmh": 1.0, "kph": 1.0, "mph": 1.609344, "knots": 1.852}
+_SIGN = re.compile(r"(\d{1,4}(?:\.\d{1,4})?)\s*([a-z/]*)", re.ASCII)
+
+
+def speed_kph(tags: Mapping[str, Any]) -> float:
+    """Return the speed on a road in km/h: given as `speed_kph`, signed as `maxspeed`, or usual for its `highway`.
+
+    Several signs (a list, or text with semicolons) give their mean; what is no speed is passed over.
+    """
+    given = tags.get("speed_kph")
+    if is_number(given) and 0.0 < given < math.inf:
+        return float(given)
+    signs = [speed for text in _texts(tags.get("maxspeed")) if (speed := _of_sign(text)) is not None]
+    if signs:
+        return sum(signs) / len(signs)
+    known = (SPEED_OF_HIGHWAY_KPH[name] for name in _texts(tags.get("highway")) if name in SPEED_OF_HIGHWAY_KPH)
+    return next(known, UNKNOWN_SPEED_KPH)
+
+
+def is_number(value: object) -> TypeGuard[float]:
+    """Return whether it is a real number; a bool is none."""
+    return isinstance(value, (int, float, np.integer)) and not isinstance(value, bool) and not math.isnan(value)
+
+
+def travel_times(network: RoadNetwork, speeds: FloatArray) -> FloatArray:
+    """Seconds along each road at the speed (ways,) of its way.
+
+    A way that came with a `travel_time` of its own keeps it; its pieces share it by their lengths.
+    """
+    needed = network.lengths / (speeds[network.ways] / 3.6)
+    given = np.array([_given_time(of_way) for of_way in network.tags] or [math.nan])[network.ways]
+    whole = np.bincount(network.ways, weights=network.lengths, minlength=len(network.tags))[network.ways]
+    share = np.where(whole > 0.0, network.lengths / np.where(whole > 0.0, whole, 1.0), 1.0)
+    return np.where(np.isnan(given), needed, given * share)
+
+
+def _given_time(tags: Mapping[str, Any]) -> float:
+    given = tags.get("travel_time")
+    return float(given) if is_number(given) and 0.0 <= given < math.inf else math.nan
+
+
+def _texts(value: object) -> list[str]:
+    if isinstance(value, (list, tuple)):
+        return [text for part in value for text in _texts(part)]
+    if isinstance(value, str):
+        return [part.strip().lower() for part in re.split("[;|,]", value)]
+    return [str(value)] if is_number(value) else []
+
+
+def _of_sign(text: str) -> float | None:
+    word = text.rpartition(":")[2]  # the country does not matter
+    if word in SPEED_OF_WORD_KPH:
+        return SPEED_OF_WORD_KPH[word]
+    match = _SIGN.fullmatch(word.removeprefix("zone").strip())
+    if match is None or match[2] not in _UNITS:
+        return None
+    speed = float(match[1]) * _UNITS[match[2]]
+    return speed if 0.0 < speed <= _FASTEST_KPH else None
+
+
+G = TypeVar("G", bound="nx.DiGraph[int]")
 _OWN = frozenset(("id", "linestring", "geometry", "length", "reversed"))  # not tags: we write or replace them
 
 
@@ -28,45 +126,45 @@ def to_digraph(network: RoadNetwork) -> "nx.DiGraph[int]":
     """
     import networkx as nx
 
-    graph: nx.DiGraph[int] = nx.DiGraph()
-    _fill(graph, network)
-    return graph
+    return _filled(nx.DiGraph(), network)
 
 
 def to_multidigraph(network: RoadNetwork) -> "nx.MultiDiGraph[int]":
     """Return the same with every road, also between the same two nodes."""
     import networkx as nx
 
-    graph: nx.MultiDiGraph[int] = nx.MultiDiGraph()
-    _fill(graph, network)
-    return graph
+    return _filled(nx.MultiDiGraph(), network)
 
 
-def _fill(graph: "nx.DiGraph[int]", network: RoadNetwork) -> None:
+def _filled(graph: G, network: RoadNetwork) -> G:
     about = {"attribution": network.attribution, "crs": network.crs}
     graph.graph.update({name: text for name, text in about.items() if text is not None})
-    numbers, firsts = _numbers(network)
-    xy = network.xy[firsts].tolist()
-    graph.add_nodes_from((node, {"x": x, "y": y}) for node, (x, y) in enumerate(xy))
+    # Nodes without a road come last.
+    ends = np.column_stack((network.sources, network.targets)).ravel()
+    rows = np.concatenate((ends, np.arange(len(network.xy))))
+    firsts = rows[first_seen(rows)[1]]
+    numbers = np.empty(len(firsts), np.int64)
+    numbers[firsts] = np.arange(len(firsts))
+    graph.add_nodes_from((node, {"x": x, "y": y}) for node, (x, y) in enumerate(network.xy[firsts].tolist()))
     graph.add_edges_from(_edges(network, numbers))
+    return graph
 
 
 def _edges(network: RoadNetwork, numbers: IntArray) -> Iterator[tuple[int, int, dict[str, Any]]]:
     """Every road there and, where traffic runs both ways, back: as networkx takes them."""
     ids = (np.cumsum(1 + network.two_way) - (1 + network.two_way)).tolist()
-    there = line_strings(network.points, _lines(network.offsets))
-    back = line_strings(network.points[reversed_points(network.offsets)], _lines(network.offsets))
+    line = np.repeat(np.arange(len(network.sources)), np.diff(network.offsets))
+    there = line_strings(network.points, line)
+    back = line_strings(network.points[reversed_points(network.offsets)], line)
     tags = [{**of_way, "speed_kph": speed_kph(of_way)} for of_way in network.tags]
     times = travel_times(network, np.array([of_way["speed_kph"] for of_way in tags], np.float64)).tolist()
     sources, targets = numbers[network.sources].tolist(), numbers[network.targets].tolist()
     lengths, two_way, ways = network.lengths.tolist(), network.two_way.tolist(), network.ways.tolist()
     for road, id in enumerate(ids):
         u, v, length, time, of_way = sources[road], targets[road], lengths[road], times[road], tags[ways[road]]
-        own = {"linestring": there[road], "length": length}
-        yield u, v, {"id": id, **own, **of_way, "travel_time": time}
+        yield u, v, {"id": id, "linestring": there[road], "length": length, **of_way, "travel_time": time}
         if two_way[road]:
-            own = {"linestring": back[road], "length": length}
-            yield v, u, {"id": id + 1, **own, **of_way, "travel_time": time}
+            yield v, u, {"id": id + 1, "linestring": back[road], "length": length, **of_way, "travel_time": time}
 
 
 def network_of_graph(graph: "nx.Graph[Any]") -> RoadNetwork:
@@ -93,25 +191,6 @@ def network_of_graph(graph: "nx.Graph[Any]") -> RoadNetwork:
     given = {road: shape for road, shape in shapes.items() if shape is not None}
     polylines = polylines_of(given, lambda road: f"The geometry of edge ({edges[road][0]!r}, {edges[road][1]!r})")
     return network_of_lines(xy, (sources, targets), _oriented(polylines, xy, sources, targets), lengths, tags, None)
-
-
-def _numbers(network: RoadNetwork) -> tuple[IntArray, IntArray]:
-    """Return the number of each node row, and the row of each number; nodes without a road come last."""
-    ends = np.column_stack((network.sources, network.targets)).ravel()
-    return _first_seen_rows(np.concatenate((ends, np.arange(len(network.xy)))), len(network.xy))
-
-
-def _first_seen_rows(rows: IntArray, count: int) -> tuple[IntArray, IntArray]:
-    """Return numbers for the rows in `range(count)`, all of which occur, in the order in which they first occur."""
-    _, firsts = first_seen(rows)
-    order = rows[firsts]
-    numbers = np.empty(count, np.int64)
-    numbers[order] = np.arange(count)
-    return numbers, order
-
-
-def _lines(offsets: IntArray) -> IntArray:
-    return np.repeat(np.arange(len(offsets) - 1), np.diff(offsets))
 
 
 def _position(node: object, data: Mapping[str, Any]) -> tuple[float, float]:

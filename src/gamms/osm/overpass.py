@@ -14,13 +14,26 @@ from msgspec import Meta
 from gamms.errors import BadType, BadValue, PlaceError
 from gamms.ir.graph import FloatArray, IntArray
 from gamms.ir.projection import WGS84, project
-from gamms.osm import polygons
-from gamms.osm.heights import TagFilter, checked_filter, is_asked_for
-from gamms.osm.network import RoadNetwork, chosen_roads, network_of_segments, offsets_of, without_unused_nodes
+from gamms.osm import footprints
+from gamms.osm.footprints import TagFilter, checked_filter, is_asked_for
+from gamms.osm.network import (
+    CLOSED_TO,
+    KEPT_TAGS,
+    OSMType,
+    RoadNetwork,
+    Segments,
+    Ways,
+    chosen_roads,
+    kept_tags,
+    largest_part,
+    network_of_segments,
+    offsets_of,
+    segments_of,
+    without_unused_nodes,
+)
 from gamms.osm.servers import Json, MapServers
 from gamms.osm.settings import setting
 from gamms.osm.topology import simplify
-from gamms.osm.ways import CLOSED_TO, KEPT_TAGS, OSMType, Segments, Ways, kept_tags, largest_part, segments_of
 from gamms.progress import Show, progress
 from gamms.text import shown
 
@@ -108,7 +121,7 @@ def features_of_place(
 def _boundary(servers: MapServers, location: Location) -> "BaseGeometry":
     """Return the outline of a place, or of several together."""
     queries = [location] if isinstance(location, (str, dict)) else list(location)
-    boundary = polygons.area_of([_outline(servers, query) for query in queries])
+    boundary = footprints.area_of([_outline(servers, query) for query in queries])
     fault = _fault_of(boundary)
     if fault:
         raise PlaceError(
@@ -133,7 +146,7 @@ def _streets(
     servers: MapServers, polygon: "BaseGeometry", name: str, options: StreetOptions, show: Show
 ) -> RoadNetwork:
     show(f"Downloading the streets of {name}")
-    surroundings = polygons.widened(polygon, _MARGIN_M)
+    surroundings = footprints.widened(polygon, _MARGIN_M)
     filters = options.custom_filter or _filter_of(options.osm_type)
     queries = [([f"way{one}"], "(._;>;);out;") for one in ([filters] if isinstance(filters, str) else filters)]
     ways = _ways(_download(servers, surroundings, queries, read_streets), options.osm_type)
@@ -158,7 +171,7 @@ def _part(segments: Segments, area: "BaseGeometry", options: StreetOptions) -> S
     """Return the segments in an area and, unless all are wanted, connected with each other."""
     if not len(segments.sources):
         return segments
-    kept = polygons.is_inside(area, segments.lonlat)
+    kept = footprints.is_inside(area, segments.lonlat)
     if options.truncate_by_edge:
         crossing = kept[segments.sources] | kept[segments.targets]
         kept[segments.sources[crossing]] = kept[segments.targets[crossing]] = True
@@ -187,14 +200,14 @@ def _areas(
     areas = [(way.tags, [way.id]) for way in closed if way.tags.get("area") != "no"]  # tags, and the ways around it
     for relation in found.relations.values():
         if relation.tags.get("type") in ("multipolygon", "boundary"):
-            rings = [one.ref for one in relation.members if one.type == "way" and one.role in polygons.RING_ROLES]
+            rings = [one.ref for one in relation.members if one.type == "way" and one.role in footprints.RING_ROLES]
             areas.append((relation.tags, rings))
     areas = [(tags, rings) for tags, rings in areas if is_asked_for(tags, wanted)]
     about, row_of = [tags for tags, _ in areas], {id: row for row, id in enumerate(found.ways)}
     offsets, lonlat, _ = _vertices(found, [way.nodes for way in found.ways.values()])
-    outlines = polygons.outlines_of_ways(offsets, lonlat, row_of, [rings for _, rings in areas], about)
-    shapes = polygons.repaired(polygons.footprints_of(outlines))
-    rows = np.flatnonzero(polygons.meets(boundary, shapes)).tolist()
+    outlines = footprints.outlines_of_ways(offsets, lonlat, row_of, [rings for _, rings in areas], about)
+    shapes = footprints.repaired(footprints.footprints_of(outlines))
+    rows = np.flatnonzero(footprints.meets(boundary, shapes)).tolist()
     return [(shapes[row], dict(about[row])) for row in rows if shapes[row].geom_type in _RINGS]
 
 
@@ -214,7 +227,7 @@ def _download(
 ) -> "_Elements":
     """Ask each query for the whole area."""
     of_kind: dict[type[_Element], dict[int, Any]] = {kind: {} for kind in _KINDS.values()}
-    for outline in polygons.outlines_of(area, float(setting("max_query_area_size"))):
+    for outline in footprints.outlines_of(area, float(setting("max_query_area_size"))):
         corners = " ".join(f"{lat:.6f} {lon:.6f}" for lon, lat in outline.tolist())
         for kinds, output in queries:
             union = "".join(f"{kind}(poly:'{corners}');" for kind in kinds)

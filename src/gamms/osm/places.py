@@ -15,10 +15,9 @@ from gamms.ir.geometry import polygon as polygon_of
 from gamms.ir.graph import FloatArray
 from gamms.ir.projection import WGS84, project, utm_crs
 from gamms.osm.load import cut, recipe_of
-from gamms.osm.network import RoadNetwork
+from gamms.osm.network import OSMType, RoadNetwork
 from gamms.osm.overpass import Location, StreetOptions, streets_of_place, streets_of_polygon
 from gamms.osm.topology import consolidate
-from gamms.osm.ways import OSMType
 from gamms.progress import progress
 from gamms.text import shown
 
@@ -101,11 +100,7 @@ def _with_place_options(make: Made) -> Made:
 
 @_with_place_options
 def graph_from_bbox(
-    left: float,
-    bottom: float,
-    right: float,
-    top: float,
-    **options: Unpack[PlaceOptions],
+    left: float, bottom: float, right: float, top: float, **options: Unpack[PlaceOptions]
 ) -> "nx.DiGraph[int]":
     """Make a graph of the streets between two longitudes, `left` and `right`, and two latitudes, `bottom` and `top`.
 
@@ -116,12 +111,7 @@ def graph_from_bbox(
 
 
 @_with_place_options
-def graph_from_point(
-    lat: float,
-    lon: float,
-    radius_m: float,
-    **options: Unpack[PlaceOptions],
-) -> "nx.DiGraph[int]":
+def graph_from_point(lat: float, lon: float, radius_m: float, **options: Unpack[PlaceOptions]) -> "nx.DiGraph[int]":
     """Make a graph of the streets within `radius_m` metres of a position in degrees, as the crow flies.
 
     The other arguments, the result and the errors are those of `create_osm_graph`.
@@ -131,10 +121,7 @@ def graph_from_point(
 
 
 @_with_place_options
-def graph_from_polygon(
-    polygon: "Polygon | MultiPolygon",
-    **options: Unpack[PlaceOptions],
-) -> "nx.DiGraph[int]":
+def graph_from_polygon(polygon: "Polygon | MultiPolygon", **options: Unpack[PlaceOptions]) -> "nx.DiGraph[int]":
     """Make a graph of the streets inside a shapely Polygon or MultiPolygon of degrees (longitude, latitude).
 
     The other arguments, the result and the errors are those of `create_osm_graph`.

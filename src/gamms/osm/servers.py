@@ -214,7 +214,7 @@ def _request(method: str, url: str, patience_s: float, show: Show, **options: di
     thread.start()
     thread.join(_ANSWER_FACTOR * patience_s + min(_CONNECT_S, patience_s))
     if not outcome:
-        _too_slow(url, patience_s)
+        raise _too_slow(url, patience_s)
     if isinstance(outcome[0], Exception):
         raise outcome[0]
     return outcome[0]
@@ -241,13 +241,13 @@ def _read(method: str, url: str, patience_s: float, most_bytes: int, show: Show,
                         "more memory with gamms.limits.allowing(bytes)."
                     )
                 if time.monotonic() > deadline:
-                    _too_slow(url, patience_s)
+                    raise _too_slow(url, patience_s)
             retry_after = response.headers.get("Retry-After", "")
             return _Answer(response.status_code, str(response.reason), bytes(content), retry_after)
     except requests.exceptions.RequestException as error:
         reason = _first_cause(error)
         if isinstance(reason, TimeoutError) or "timed out" in str(error):
-            _too_slow(url, patience_s)
+            raise _too_slow(url, patience_s) from error
         raise NetworkError(
             f"{_host(url)} cannot be reached, or broke off: {reason}. Check the connection and the address {url!r} "
             "(gamms.osm.settings); what was downloaded before works with offline=True."
@@ -296,8 +296,8 @@ def _seconds_to_slot(status: str) -> float:
     return _STATUS_PAUSE_S if "Currently running queries" in status else 0.0
 
 
-def _too_slow(url: str, patience_s: float) -> NoReturn:
-    raise NetworkError(
+def _too_slow(url: str, patience_s: float) -> NetworkError:
+    return NetworkError(
         f"{_host(url)} timed out: an answer must begin within {patience_s:g} s and be there within "
         f"{_ANSWER_FACTOR * patience_s:g} s (gamms.osm.settings.requests_timeout). Choose a smaller area. {_LATER}"
     )

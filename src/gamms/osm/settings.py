@@ -7,7 +7,7 @@ import sys
 from pathlib import Path
 from typing import Any
 
-from gamms.osm.ways import KEPT_TAGS
+from gamms.osm.network import KEPT_TAGS
 
 nominatim_url: str = "https://nominatim.openstreetmap.org/"
 nominatim_key: str | None = None

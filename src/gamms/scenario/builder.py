@@ -13,17 +13,7 @@ from gamms.context import Context
 from gamms.game import Game, Plan
 from gamms.graph.storage import MapSnapshot
 from gamms.plain import Plain, is_same
-from gamms.scenario.code import (
-    GIVEN_LATER,
-    RULES,
-    Function,
-    Library,
-    called,
-    first_of,
-    made,
-    needs,
-    plain_defaults,
-)
+from gamms.scenario.code import GIVEN_LATER, RULES, Function, Library, called, first_of, made, needs, plain_defaults
 from gamms.scenario.documents import ScenarioError, at, copied, joined
 from gamms.scenario.placement import Member, members, node_at, place
 from gamms.scenario.spec import (

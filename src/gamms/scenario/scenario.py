@@ -240,10 +240,7 @@ def from_recording(
 
 
 def _from_plain(
-    raw: object,
-    folder: str | os.PathLike[str] | None,
-    file: str | os.PathLike[str] | None,
-    allow: Iterable[str],
+    raw: object, folder: str | os.PathLike[str] | None, file: str | os.PathLike[str] | None, allow: Iterable[str]
 ) -> Scenario:
     """Make a scenario of plain values that are data: they cannot say where code comes from."""
     if not isinstance(raw, Mapping):
