@@ -194,7 +194,8 @@ def footprints_of(outlines: Outlines) -> Shapes:
 
     shapes: Shapes = np.full(len(outlines.about), shapely.Polygon(), object)
     is_alone = np.bincount(outlines.owners, minlength=len(shapes))[outlines.owners] == 1
-    is_ring = is_alone & _is_ring(outlines)
+    first, last = outlines.lonlat[outlines.offsets[:-1]], outlines.lonlat[outlines.offsets[1:] - 1]
+    is_ring = is_alone & (first == last).all(axis=1) & (np.diff(outlines.offsets) > 3)
     # A closed way keeps its points and their order; everything else is assembled.
     points, row = _chosen(outlines, is_ring)
     shapes[outlines.owners[is_ring]] = shapely.polygons(shapely.linearrings(points, indices=row))
@@ -203,11 +204,6 @@ def footprints_of(outlines: Outlines) -> Shapes:
     owners, bundle = np.unique(outlines.owners[~is_ring], return_inverse=True)
     shapes[owners] = _enclosed(shapely.multilinestrings(lines, indices=bundle))
     return shapes
-
-
-def _is_ring(outlines: Outlines) -> BoolArray:
-    first, last = outlines.lonlat[outlines.offsets[:-1]], outlines.lonlat[outlines.offsets[1:] - 1]
-    return np.asarray((first == last).all(axis=1) & (np.diff(outlines.offsets) > 3))
 
 
 def _chosen(outlines: Outlines, is_chosen: BoolArray) -> tuple[FloatArray, IntArray]:
@@ -327,14 +323,10 @@ def faces_of(
     rings, polygon = shapely.get_rings(shapely.simplify(polygons, tolerances), return_index=True)
     points, ring = shapely.get_coordinates(rings, return_index=True)
     start = np.flatnonzero((ring[:-1] == ring[1:]) & (points[:-1] != points[1:]).any(axis=1))
-    return _standing(points[start], points[start + 1], owner[polygon[ring[start]]], walls)
-
-
-def _standing(start: FloatArray, end: FloatArray, owners: IntArray, walls: Sequence[Wall]) -> Faces:
-    base, top = (np.array([wall[i] for wall in walls], np.float64)[owners] for i in (0, 1))
-    corners = [np.column_stack((points, heights)) for heights in (top, base) for points in (start, end)]
-    types = np.array([wall.type for wall in walls], np.int64)[owners]
-    return Faces(np.stack(corners, axis=1).reshape(-1, 4, 3), types)
+    of_wall = owner[polygon[ring[start]]]
+    base, top, types = (np.array([wall[i] for wall in walls])[of_wall] for i in range(3))
+    corners = [np.column_stack((points[row], height)) for height in (top, base) for row in (start, start + 1)]
+    return Faces(np.stack(corners, axis=1).reshape(-1, 4, 3), types.astype(np.int64))
 
 
 def repaired(shapes: Shapes) -> Shapes:

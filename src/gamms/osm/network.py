@@ -169,30 +169,11 @@ def components(a: IntArray, b: IntArray, count: int) -> IntArray:
         a, b = a[differ], b[differ]
         low, high = np.minimum(left, right)[differ], np.maximum(left, right)[differ]
         np.minimum.at(label, high, low)
-        label = _flattened(label)
-
-
-def _flattened(label: IntArray) -> IntArray:
-    while True:
-        further = label[label]
-        if np.array_equal(further, label):
-            return label
-        label = further
+        while not np.array_equal(further := label[label], label):
+            label = further
 
 
 _SAME = 1e-6  # metres between vertices, and the relative difference of lengths
-
-
-def straight_lines(start: FloatArray, end: FloatArray) -> tuple[IntArray, FloatArray]:
-    """Offsets and points of straight lines between positions (lines, 2)."""
-    points = np.stack((start, end), axis=1).reshape(-1, 2)
-    return np.arange(len(start) + 1) * 2, points
-
-
-def chosen_lines(offsets: IntArray, points: FloatArray, lines: IntArray) -> tuple[IntArray, FloatArray]:
-    """Offsets and points of some of the lines, in the order of `lines`."""
-    take, chosen = kernels.chosen_runs(offsets, lines)
-    return chosen, points[take]
 
 
 def reversed_points(offsets: IntArray) -> IntArray:
@@ -297,14 +278,13 @@ def network_of_segments(segments: Segments, tags: Sequence[Mapping[str, Any]]) -
     start, end = segments.lonlat[segments.sources], segments.lonlat[segments.targets]
     crs = utm_crs(segments.lonlat)
     xy = project(segments.lonlat, WGS84, crs)
-    offsets, points = straight_lines(xy[segments.sources], xy[segments.targets])
     one_way = np.fromiter((bool(of_way["oneway"]) for of_way in tags), np.bool_, len(tags))
     return RoadNetwork(
         xy=xy,
         sources=segments.sources,
         targets=segments.targets,
-        offsets=offsets,
-        points=points,
+        offsets=np.arange(len(segments.sources) + 1) * 2,
+        points=np.stack((xy[segments.sources], xy[segments.targets]), axis=1).reshape(-1, 2),
         lengths=ellipsoid_lengths(start, end),
         two_way=~one_way[segments.ways],
         ways=segments.ways,
@@ -369,13 +349,13 @@ def connected(network: RoadNetwork) -> RoadNetwork:
 
 def chosen_roads(network: RoadNetwork, roads: IntArray) -> RoadNetwork:
     """Return the same nodes with some of the roads, in the order of `roads`."""
-    offsets, points = chosen_lines(network.offsets, network.points, roads)
+    taken, offsets = kernels.chosen_runs(network.offsets, roads)
     return replace(
         network,
         sources=network.sources[roads],
         targets=network.targets[roads],
         offsets=offsets,
-        points=points,
+        points=network.points[taken],
         lengths=network.lengths[roads],
         two_way=network.two_way[roads],
         ways=network.ways[roads],
@@ -396,19 +376,14 @@ def both_ways(network: RoadNetwork) -> RoadNetwork:
 
 def network_of_columns(columns: GraphColumns) -> RoadNetwork:
     """Return one road per edge: one-way where its attribute `oneway` is true, two-way otherwise."""
-    tags = _tags_of_edges(columns)
-    ends = (columns.sources, columns.targets)
-    roads = network_of_lines(columns.xy, ends, columns.polylines, columns.lengths, tags, columns.crs)
-    two_way = np.fromiter((not of_edge.get("oneway", False) for of_edge in tags), np.bool_, len(tags))
-    return connected(replace(roads, two_way=two_way))
-
-
-def _tags_of_edges(columns: GraphColumns) -> list[Mapping[str, Any]]:
     tags: list[dict[str, Any]] = [{} for _ in range(len(columns.edge_ids))]
     for name, values in columns.edge_attributes.items():
         for row, value in values.items():
             tags[row][name] = value
-    return [*tags]
+    ends = (columns.sources, columns.targets)
+    roads = network_of_lines(columns.xy, ends, columns.polylines, columns.lengths, tags, columns.crs)
+    two_way = np.fromiter((not of_edge.get("oneway", False) for of_edge in tags), np.bool_, len(tags))
+    return connected(replace(roads, two_way=two_way))
 
 
 def joined_directions(network: RoadNetwork) -> RoadNetwork:

@@ -71,7 +71,8 @@ def file_format(file: Path) -> str:
         _refuse_bomb(file, bz2.BZ2File)
         return "osm.bz2"
     if b"OSMHeader" in head[:32]:
-        _refuse_pbf_bomb(file)
+        # osmium unpacks a block to no more than it says it has, and none to more than 32 MiB: their sum is a bound.
+        allowance_of(file).charge(_MEMORY_PER_PBF * unpacked_size(file))
         return "pbf"
     if head.removeprefix(b"\xef\xbb\xbf").lstrip().startswith(b"<"):
         return "osm"
@@ -81,11 +82,6 @@ def file_format(file: Path) -> str:
 def allowance_of(file: Path) -> Allowance:
     """Return the memory that what is read of a map file may take; it is let go before the next part is made of it."""
     return Allowance(file.stat().st_size, repr(str(file)), is_streamed=True)
-
-
-def _refuse_pbf_bomb(file: Path) -> None:
-    # osmium unpacks a block to no more than it says it has, and none to more than 32 MiB: their sum is a bound.
-    allowance_of(file).charge(_MEMORY_PER_PBF * unpacked_size(file))
 
 
 def _refuse_bomb(file: Path, unpack: type[gzip.GzipFile] | type[bz2.BZ2File]) -> None:
@@ -102,19 +98,15 @@ def _refuse_bomb(file: Path, unpack: type[gzip.GzipFile] | type[bz2.BZ2File]) ->
 
 def unpacked_size(file: Path) -> int:
     """Return the bytes of all blocks together. A damaged frame ends the count: its reader will say so."""
-    return sum(_block_sizes(file))
-
-
-def _block_sizes(file: Path) -> Iterator[int]:
+    total = 0
     with file.open("rb") as stream:
         while len(start := stream.read(4)) == 4:
             size = int.from_bytes(start, "big")
-            if size > _MOST_HEADER:
-                return
-            blob_size = _fields(stream.read(size)).get(_DATA_SIZE, 0)
+            blob_size = _fields(stream.read(size)).get(_DATA_SIZE, 0) if size <= _MOST_HEADER else _MOST_BLOB + 1
             if blob_size > _MOST_BLOB:
-                return
-            yield _fields(stream.read(blob_size)).get(_RAW_SIZE, 0)
+                break
+            total += _fields(stream.read(blob_size)).get(_RAW_SIZE, 0)
+    return total
 
 
 def _fields(message: bytes) -> dict[int, int]:

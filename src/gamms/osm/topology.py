@@ -1,8 +1,8 @@
 """Join roads from junction to junction, merge the vertices of one junction, and cut roads into equal pieces."""
 
-from collections.abc import Iterable, Mapping, Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import replace
-from typing import Any, NamedTuple
+from typing import Any, NamedTuple, TypeVar
 
 import numpy as np
 
@@ -42,7 +42,6 @@ def simplify(network: RoadNetwork) -> RoadNetwork:
     inner = np.setdiff1d(walked.offsets[:-1], walked.offsets[:-1][begins])  # a joint is in both roads: keep one
     sizes = np.bincount(chain, weights=np.diff(walked.offsets) - 1).astype(np.int64) + 1
     ends = np.append(begins[1:], len(order)) - 1
-    ways, tags = _joined_tags(np.split(walked.ways, begins[1:]), network.tags)
     joined = replace(
         network,
         sources=np.where(backward, walked.targets, walked.sources)[begins],
@@ -51,8 +50,8 @@ def simplify(network: RoadNetwork) -> RoadNetwork:
         points=np.delete(points, inner, axis=0),
         lengths=np.add.reduceat(walked.lengths, begins),
         two_way=walked.two_way[begins],
-        ways=ways,
-        tags=tags,
+        ways=np.arange(len(begins)),
+        tags=[_joined_tags(ways, network.tags) for ways in np.split(walked.ways, begins[1:])],
     )
     return without_unused_nodes(joined)
 
@@ -107,15 +106,9 @@ def _walk(end: int, partners: list[int], seen: bytearray) -> list[int]:
     return walk
 
 
-def _joined_tags(
-    chains: Iterable[IntArray], tags: Sequence[Mapping[str, Any]]
-) -> tuple[IntArray, list[Mapping[str, Any]]]:
-    joined: list[Mapping[str, Any]] = []
-    for chain in chains:
-        first = tags[chain[0]]
-        ids = list(dict.fromkeys(tags[way].get("osmid") for way in chain.tolist()))
-        joined.append(first if len(ids) == 1 else {**first, "osmid": ids})
-    return np.arange(len(joined)), joined
+def _joined_tags(chain: IntArray, tags: Sequence[Mapping[str, Any]]) -> Mapping[str, Any]:
+    ids = list(dict.fromkeys(tags[way].get("osmid") for way in chain.tolist()))
+    return tags[chain[0]] if len(ids) == 1 else {**tags[chain[0]], "osmid": ids}
 
 
 class Chains(NamedTuple):
@@ -194,9 +187,12 @@ def _junctions(network: RoadNetwork, chains: Chains, tolerance: float) -> IntArr
     degree = degrees(network)
     a, b = chains.ends.T
     short = (a != b) & (chains.lengths <= _REACH * tolerance) & (np.minimum(degree[a], degree[b]) > 2) & (a >= 0)
-    rows = _shortest_first(network, chains, np.flatnonzero(short))
+    rows = np.flatnonzero(short)
+    places = np.sort(network.xy[chains.ends[rows]] @ (1.0, 1.0j), axis=1)  # the numbers of nodes play no part
+    rows = rows[np.lexsort((places[:, 1], places[:, 0], chains.lengths[rows]))]
     label = np.arange(len(network.xy))
-    box = {node: (x, y, x, y) for node, (x, y) in _places(network.xy, np.unique(chains.ends[rows]))}
+    nodes = np.unique(chains.ends[rows])
+    box = dict(zip(nodes.tolist(), map(tuple, np.tile(network.xy[nodes], 2).tolist()), strict=True))
     leader = {node: node for node in box}
     for first, second in chains.ends[rows].tolist():
         one, other = _leader_of(first, leader), _leader_of(second, leader)
@@ -208,18 +204,6 @@ def _junctions(network: RoadNetwork, chains: Chains, tolerance: float) -> IntArr
     for node in leader:
         label[node] = _leader_of(node, leader)
     return label
-
-
-def _shortest_first(network: RoadNetwork, chains: Chains, rows: IntArray) -> IntArray:
-    """In the order of length, then of place: the numbers of the nodes play no part."""
-    places = np.sort(network.xy[chains.ends[rows]] @ (1.0, 1.0j), axis=1)
-    return rows[
-        np.lexsort((places[:, 1].imag, places[:, 1].real, places[:, 0].imag, places[:, 0].real, chains.lengths[rows]))
-    ]
-
-
-def _places(xy: FloatArray, nodes: IntArray) -> "zip[tuple[int, tuple[float, float]]]":
-    return zip(nodes.tolist(), map(tuple, xy[nodes].tolist()), strict=True)
 
 
 def _leader_of(node: int, leader: dict[int, int]) -> int:
@@ -244,6 +228,7 @@ def _contracted(network: RoadNetwork, label: IntArray, inner: BoolArray, weighty
     return replace(rest, xy=xy, sources=sources, targets=targets, points=points, lengths=lengths, merged=merged)
 
 
+Values = TypeVar("Values", FloatArray, IntArray)
 _PIECE_BYTES = 5_000  # with its node, measured: 2,400 in networkx, and 2,200 as they are attached
 _SAME = 1e-9  # of a piece: a vertex this near to a cut is the cut
 
@@ -264,7 +249,8 @@ def resample(network: RoadNetwork, resolution: float) -> RoadNetwork:
     uncut = np.flatnonzero(counts == 1)
     counts[uncut[_repeated(network, uncut)]] = 2
     cuts, offsets, points = cut_polylines(network.offsets, network.points, counts)
-    sources, targets = _ends_of_pieces(network, counts)
+    new = len(network.xy) + np.arange(len(cuts))
+    sources, targets = _ends_of_pieces(counts, new, network.sources, network.targets)
     return replace(
         network,
         xy=np.concatenate((network.xy, cuts)),
@@ -313,7 +299,7 @@ def cut_polylines(offsets: IntArray, points: FloatArray, counts: IntArray) -> tu
     cut_offsets = offsets_of(inside + 2)
     result = np.empty((cut_offsets[-1], 2))
     result[np.arange(len(piece)) + 2 * piece + 1] = points[kept]
-    starts, ends = _end_points(offsets, points, counts, cuts)
+    starts, ends = _ends_of_pieces(counts, cuts, points[offsets[:-1]], points[offsets[1:] - 1])
     result[cut_offsets[:-1]], result[cut_offsets[1:] - 1] = starts, ends
     return cuts, cut_offsets, result
 
@@ -335,33 +321,10 @@ def _cut_points(offsets: IntArray, points: FloatArray, position: FloatArray, cou
     return np.asarray(points[segment] * (1.0 - part) + points[segment + 1] * part)
 
 
-def _end_points(
-    offsets: IntArray, points: FloatArray, counts: IntArray, cuts: FloatArray
-) -> tuple[FloatArray, FloatArray]:
-    """Return where every piece starts and ends: at the ends of its line, at cuts otherwise."""
-    pieces = offsets_of(counts)
-    starts, ends = np.empty((pieces[-1], 2)), np.empty((pieces[-1], 2))
-    first, last = _first_and_last(pieces)
-    starts[first], starts[~first] = points[offsets[:-1]], cuts
-    ends[last], ends[~last] = points[offsets[1:] - 1], cuts
-    return starts, ends
-
-
-def _ends_of_pieces(network: RoadNetwork, counts: IntArray) -> tuple[IntArray, IntArray]:
-    pieces = offsets_of(counts)
-    sources, targets = np.empty(pieces[-1], np.int64), np.empty(pieces[-1], np.int64)
-    first, last = _first_and_last(pieces)
-    new = len(network.xy) + np.arange(pieces[-1] - len(counts))
-    sources[first], sources[~first] = network.sources, new
-    targets[last], targets[~last] = network.targets, new
-    return sources, targets
-
-
-def _first_and_last(pieces: IntArray) -> tuple[BoolArray, BoolArray]:
-    first, last = np.zeros(pieces[-1], np.bool_), np.zeros(pieces[-1], np.bool_)
-    first[pieces[:-1]] = True
-    last[pieces[1:] - 1] = True
-    return first, last
+def _ends_of_pieces(counts: IntArray, cuts: Values, begins: Values, ends: Values) -> tuple[Values, Values]:
+    """Return with what every piece begins and ends: with that of its line, or with a cut."""
+    inner = offsets_of(counts - 1)
+    return np.insert(cuts, inner[:-1], begins, axis=0), np.insert(cuts, inner[1:], ends, axis=0)
 
 
 def _repeated(network: RoadNetwork, roads: IntArray) -> BoolArray:
