@@ -172,16 +172,14 @@ def offered(module: str) -> list[str]:
 
 def offered_function(text: str, short: str | None = None) -> Function | None:
     """Return the function of a reference if GAMMS offers it; see `find`."""
-    module, _, name = (text if ":" in text or short is None else f"{short}:{text}").partition(":")
+    module, _, name = _in_full(text, short).partition(":")
     return getattr(importlib.import_module(module), name) if name in offered(module) else None
 
 
 def _located(text: str, sources: Sources, path: str, short: str | None = None) -> Found:
     """Find the module of a reference; whether the function is there is not looked at yet."""
     folder = sources.folder
-    left, colon, function = text.partition(":")
-    if not colon and short is not None:
-        left, colon, function = short, ":", left
+    left, colon, function = _in_full(text, short).partition(":")
     if (colon and not function.isidentifier()) or not left:
         raise ScenarioError(path, f"{shown(text)} is not a reference to code; write module:function.")
     if left.endswith(".py") or "/" in left or "\\" in left:
@@ -368,17 +366,18 @@ class Library:
         Raises:
             ScenarioError: there is none; it names the path.
         """
-        key = _key(text, short)
-        if key not in self._known:
-            self._known[key] = function_of(find(text, self._sources, path, short=short), self._sources.folder)
-        return self._known[key]
+        found = self.known(text, short)
+        if found is None:
+            found = function_of(find(text, self._sources, path, short=short), self._sources.folder)
+            self._known[_in_full(text, short)] = found
+        return found
 
     def known(self, text: str, short: str | None = None) -> Function | None:
         """Return the function of a reference if it has been imported; else None."""
-        return self._known.get(_key(text, short))
+        return self._known.get(_in_full(text, short))
 
 
-def _key(text: str, short: str | None) -> str:
+def _in_full(text: str, short: str | None) -> str:
     return f"{short}:{text}" if short and ":" not in text else text
 
 

@@ -7,7 +7,7 @@ from typing import Any
 
 from gamms.arguments import as_mapping, as_path
 from gamms.context import Context, create_context
-from gamms.errors import BadType
+from gamms.errors import BadType, UnknownName
 from gamms.game.result import Result
 from gamms.ir.graph import GraphColumns
 from gamms.recorder import Recording
@@ -16,8 +16,8 @@ from gamms.scenario.builder import Builder, Strategies, written_out
 from gamms.scenario.code import Found, Library, Sources, allowed
 from gamms.scenario.documents import ScenarioError, named
 from gamms.scenario.placement import members, node_at, place
-from gamms.scenario.spec import LatLon, Place, Spec, checked
-from gamms.scenario.validation import check_code, check_sense, unknown_strategies
+from gamms.scenario.spec import LatLon, Place, Spec, checked, to_plain
+from gamms.scenario.validation import check_code, check_sense
 from gamms.text import shown
 from gamms.typing.graph_engine import Engine as GraphEngine
 from gamms.visual import Engine
@@ -150,7 +150,10 @@ class Scenario:
             UnknownName (KeyError): a strategy is for an unknown team or agent.
         """
         given = dict(as_mapping({} if strategies is None else strategies, "strategies"))
-        unknown_strategies(given, self.spec)
+        known = [*self.spec.teams, *(member.name for member in members(self.spec))]
+        unknown = next((name for name in given if name not in known), None)
+        if unknown is not None:
+            raise UnknownName("team or agent", unknown, known)
         with named(self.file):
             if not self._loaded.cache_info().currsize:
                 self.code()
@@ -160,7 +163,7 @@ class Scenario:
             Engine.NO_VIS if vis_engine is None else vis_engine,
             logger_config=maps.quiet(),
             seed=self.spec.seed if seed is None else seed,
-            game={**self._settings(), "max_turns": self.spec.max_turns},
+            game={**to_plain(self.spec.settings), "max_turns": self.spec.max_turns},
         )
         try:
             with named(self.file):
@@ -197,10 +200,6 @@ class Scenario:
     def __reduce__(self) -> tuple[Any, ...]:
         # Without the map: each worker of a pool loads it once.
         return _from_plain, (self._raw, self.folder, self.file, self.allow)
-
-    def _settings(self) -> dict[str, Any]:
-        settings = self.spec.settings
-        return {name: getattr(settings, name) for name in settings.__struct_fields__}
 
 
 def load(path: str | os.PathLike[str], allow: Iterable[str] = ()) -> Scenario:

@@ -80,33 +80,31 @@ class Helsinki(_Mapping, frozen=True, kw_only=True):
     bidirectional: bool = True
 
 
-class MapFile(_Mapping, frozen=True, kw_only=True):
+class Streets(_Mapping, frozen=True, kw_only=True):
+    """The keys of every map of real streets."""
+
+    osm_type: Travel | None = None
+    resolution: float | None = None
+    bidirectional: bool | None = None
+    retain_all: bool | None = None
+    tolerance: float | None = None
+    simplify: bool | None = None
+    buildings: bool = False
+
+
+class MapFile(Streets, frozen=True, kw_only=True):
     """A map file in the folder of the scenario: OpenStreetMap, GeoJSON or .gamms."""
 
     path: Location
-    osm_type: Travel | None = None
-    resolution: float | None = None
-    bidirectional: bool | None = None
-    retain_all: bool | None = None
-    tolerance: float | None = None
-    simplify: bool | None = None
-    buildings: bool = False
 
 
-class MapPlace(_Mapping, frozen=True, kw_only=True):
+class MapPlace(Streets, frozen=True, kw_only=True):
     """Streets by the name of a place."""
 
     location: str | dict[str, str] | list[str | dict[str, str]]
-    osm_type: Travel | None = None
-    resolution: float | None = None
-    simplify: bool | None = None
-    retain_all: bool | None = None
     truncate_by_edge: bool | None = None
     custom_filter: str | list[str] | None = None
-    tolerance: float | None = None
-    bidirectional: bool | None = None
     offline: bool = False
-    buildings: bool = False
 
 
 class Map(_Mapping, frozen=True, kw_only=True):
@@ -244,8 +242,9 @@ def checked(value: object, kind: Any, path: str = "") -> Any:  # Any: a type, or
 
 
 def in_full(kind: type[_T], given: str | _T) -> _T:
-    """Return a mapping of the schema; a text stands for one with that value for its first key."""
-    return kind(**{kind.__struct_fields__[0]: given}) if isinstance(given, str) else given
+    """Return a mapping of the schema; a text stands for one with that value for its first key that is required."""
+    required = (field.name for field in msgspec.structs.fields(kind) if field.required)
+    return kind(**{next(required): given}) if isinstance(given, str) else given
 
 
 def to_plain(part: msgspec.Struct) -> Values:

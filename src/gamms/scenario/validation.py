@@ -5,7 +5,7 @@ from functools import cache
 from itertools import islice
 from typing import NamedTuple
 
-from gamms.errors import UnknownName, nearest
+from gamms.errors import nearest
 from gamms.plain import Plain
 from gamms.scenario import maps
 from gamms.scenario.code import GIVEN_LATER, RULES, Found, Sources, check_parameters, find, first_of, offered_function
@@ -180,11 +180,13 @@ def code_in(spec: Spec) -> Iterator[NamedCode]:
         if sensor.function is not None:
             yield from _code("sensor", ("sensors", name), Code(function=sensor.function, with_=sensor.with_ or {}))
     for name, team in spec.teams.items():
-        yield from _code_of_equipment(("teams", name), team)
         if team.plan is not None:
             yield from _code("plan", ("teams", name, "plan"), team.plan)
-        for number, agent in enumerate(team.agents):
-            yield from _code_of_equipment(("teams", name, "agents", number), agent)
+        own = [((*("teams", name, "agents"), number), agent) for number, agent in enumerate(team.agents)]
+        for keys, one in [(("teams", name), team), *own]:
+            if one.strategy is not None:
+                yield from _code("strategy", (*keys, "strategy"), one.strategy)
+            yield from _code_among((*keys, "meta"), one.meta)
     for number, rule in enumerate(spec.rules):
         yield from _code("rule", ("rules", number), rule)
     resolve = spec.conflicts.resolve if spec.conflicts else None
@@ -192,12 +194,6 @@ def code_in(spec: Spec) -> Iterator[NamedCode]:
         yield from _code("resolver", ("conflicts", "resolve"), resolve)
     yield from _code_among(("facts",), spec.facts)
     yield from _code_among(("data",), spec.data)
-
-
-def _code_of_equipment(keys: tuple[str | int, ...], one: Equipment) -> Iterator[NamedCode]:
-    if one.strategy is not None:
-        yield from _code("strategy", (*keys, "strategy"), one.strategy)
-    yield from _code_among((*keys, "meta"), one.meta)
 
 
 def _code(what: str, keys: tuple[str | int, ...], given: str | Code | Rule) -> Iterator[NamedCode]:
@@ -253,15 +249,3 @@ def check_code(spec: Spec, sources: Sources) -> list[Found]:
             check_parameters(function, one.given, int(first_of(function) in GIVEN_LATER), one.path)
     maps.map_file(spec.map, sources.folder)
     return found
-
-
-def unknown_strategies(given: Iterable[str], spec: Spec) -> None:
-    """Refuse strategies for teams and agents that do not exist.
-
-    Raises:
-        UnknownName (KeyError): there is no such team or agent.
-    """
-    known = [*spec.teams, *(member.name for member in members(spec))]
-    for name in given:
-        if name not in known:
-            raise UnknownName("team or agent", name, known)
