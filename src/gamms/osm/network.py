@@ -277,20 +277,10 @@ def network_of_segments(segments: Segments, tags: Sequence[Mapping[str, Any]]) -
     """Project the pieces of road to metres; lengths are measured on the ellipsoid, not on the map."""
     start, end = segments.lonlat[segments.sources], segments.lonlat[segments.targets]
     crs = utm_crs(segments.lonlat)
-    xy = project(segments.lonlat, WGS84, crs)
+    lengths, ends = ellipsoid_lengths(start, end), (segments.sources, segments.targets)
+    roads = network_of_lines(project(segments.lonlat, WGS84, crs), ends, {}, lengths, tags, crs)
     one_way = np.fromiter((bool(of_way["oneway"]) for of_way in tags), np.bool_, len(tags))
-    return RoadNetwork(
-        xy=xy,
-        sources=segments.sources,
-        targets=segments.targets,
-        offsets=np.arange(len(segments.sources) + 1) * 2,
-        points=np.stack((xy[segments.sources], xy[segments.targets]), axis=1).reshape(-1, 2),
-        lengths=ellipsoid_lengths(start, end),
-        two_way=~one_way[segments.ways],
-        ways=segments.ways,
-        tags=tags,
-        crs=crs,
-    )
+    return replace(roads, two_way=~one_way[segments.ways], ways=segments.ways)
 
 
 def network_of_lines(
@@ -305,22 +295,16 @@ def network_of_lines(
 
     Nothing is measured or projected: a length may still be NaN, and a polyline may miss its nodes.
     """
-    sources, targets = ends
-    lines = [
-        polylines[road] if road in polylines else xy[[a, b]] for road, (a, b) in enumerate(zip(*ends, strict=True))
-    ]
-    return RoadNetwork(
-        xy=xy,
-        sources=sources,
-        targets=targets,
-        offsets=offsets_of(np.fromiter(map(len, lines), np.int64, len(lines))),
-        points=np.concatenate(lines) if lines else np.zeros((0, 2)),
-        lengths=lengths,
-        two_way=np.zeros(len(sources), np.bool_),
-        ways=np.arange(len(sources)),
-        tags=tags,
-        crs=crs,
-    )
+    sources, targets = (np.asarray(rows, np.int64) for rows in ends)
+    counts = np.full(len(sources), 2)
+    counts[list(polylines)] = [len(polyline) for polyline in polylines.values()]
+    offsets = offsets_of(counts)
+    points = np.empty((offsets[-1], 2))
+    points[offsets[:-1]], points[offsets[1:] - 1] = xy[sources], xy[targets]
+    for road, polyline in polylines.items():
+        points[offsets[road] : offsets[road + 1]] = polyline
+    two_way, ways = np.zeros(len(sources), np.bool_), np.arange(len(sources))
+    return RoadNetwork(xy, sources, targets, offsets, points, lengths, two_way, ways, tags, crs)
 
 
 def projected(network: RoadNetwork, source: str) -> RoadNetwork:

@@ -194,10 +194,7 @@ def network_of_graph(graph: "nx.Graph[Any]") -> RoadNetwork:
 
 
 def _position(node: object, data: Mapping[str, Any]) -> tuple[float, float]:
-    try:
-        x, y = float(data["x"]), float(data["y"])
-    except (KeyError, TypeError, ValueError):
-        x = y = math.nan
+    x, y = _number(data.get("x")), _number(data.get("y"))
     if not (math.isfinite(x) and math.isfinite(y)):
         raise BadValue(
             f"Node {shown(node)} has no position: it needs finite numbers 'x' and 'y', not {shown(dict(data))}."
@@ -207,18 +204,21 @@ def _position(node: object, data: Mapping[str, Any]) -> tuple[float, float]:
 
 def _length(u: object, v: object, data: Mapping[str, Any]) -> float:
     value = data.get("length")
-    if value is None:
-        return math.nan
-    try:
-        length = float(value)
-    except (TypeError, ValueError):
-        length = math.nan
-    if not 0.0 <= length < math.inf:
+    length = _number(value)
+    if value is not None and not 0.0 <= length < math.inf:
         raise BadValue(
             f"Edge ({shown(u)}, {shown(v)}) has the length {shown(value)}. "
             "Give metres, or leave 'length' out and it follows from the geometry."
         )
     return length
+
+
+def _number(value: Any) -> float:
+    """Return a value as a number; NaN if it is none."""
+    try:
+        return float(value)
+    except (TypeError, ValueError):
+        return math.nan
 
 
 def _oriented(

@@ -13,30 +13,18 @@ from gamms.context import Context
 from gamms.game import Game, Plan
 from gamms.graph.storage import MapSnapshot
 from gamms.plain import Plain, is_same
+from gamms.scenario import spec as schema
 from gamms.scenario.code import GIVEN_LATER, RULES, Function, Library, called, first_of, made, needs, plain_defaults
 from gamms.scenario.documents import ScenarioError, at, copied, joined
 from gamms.scenario.placement import Member, members, node_at, place
-from gamms.scenario.spec import (
-    ByPriority,
-    Code,
-    Conflicts,
-    LatLon,
-    Spec,
-    Values,
-    checked,
-    given_values,
-    in_full,
-    to_plain,
-)
-from gamms.scenario.spec import Plan as PlanSpec
-from gamms.scenario.spec import Rule as RuleSpec
+from gamms.scenario.spec import Code, Spec, Values, checked, given_values, in_full, to_plain
 from gamms.scenario.validation import NamedCode, call_in, code_in, sensor_type
 from gamms.sensor.catalog import KINDS
 from gamms.text import shown
 from gamms.typing.game import IConflicts, Rule
 
 Strategies = Mapping[str, Function]  # by team or agent
-_IN_FULL: dict[str, type[Any]] = {"rule": RuleSpec, "plan": PlanSpec}  # what a reference is short for; else Code
+_IN_FULL: dict[str, type[Any]] = {"rule": schema.Rule, "plan": schema.Plan}  # what a reference is short for; else Code
 _Start = int | tuple[float, float, float]  # a node, or (x, y, z)
 
 
@@ -86,14 +74,12 @@ class Builder:
             self._agents[member.name] = self._add_agent(member, nodes[member.name])
         game = self.ctx.game
         self._add_values()
-        for name, strategy in self._strategies().items():
-            self._agents[name].agent.register_strategy(strategy)
-            self._agents[name].strategy = strategy
+        self._add_strategies()
         self._plans = self._made_plans()
         game.plans = self._plans
         for number, given in enumerate(self.spec.rules):
             with at(f"rules.{number}"):
-                rule, full = self._rule(given, f"rules.{number}"), in_full(RuleSpec, given)
+                rule, full = self._rule(given, f"rules.{number}"), in_full(schema.Rule, given)
                 game.add(rule, phase=full.phase, name=full.name)
             self._rules[game.rules[-1].name] = rule
         if self.spec.conflicts is not None:
@@ -124,11 +110,7 @@ class Builder:
         for values in (game.internals.state.facts, game.data, game.scores, game.events):
             values.clear()
         self._add_values()
-        for name, strategy in self._strategies().items():
-            built = self._agents[name]
-            if built.agent.strategy is built.strategy:
-                built.agent.register_strategy(strategy)
-            built.strategy = strategy
+        self._add_strategies()
         before, self._plans = self._plans, self._made_plans()
         game.plans = {team: self._plans[team] if one == before.get(team) else one for team, one in game.plans.items()}
         self._draw_rules()
@@ -168,13 +150,11 @@ class Builder:
         speed = self._of(member, "speed")
         if speed is not None:
             keywords["speed"] = speed
-        functions = {}
         with at(member.path):
             sensors = {name: self._sensor(name, member) for name in self._of(member, "sensors") or ()}
             agent = self.ctx.agent.create_agent(member.name, start_node_id=node, sensors=sensors, **keywords)
-        for name, sensor in sensors.items():
-            if self.spec.sensors[name].function is not None:
-                functions[name] = sensor, sensor.function
+        own = ((name, sensor) for name, sensor in sensors.items() if self.spec.sensors[name].function is not None)
+        functions = {name: (sensor, sensor.function) for name, sensor in own}
         return _Built(agent, node, start, deepcopy(meta), functions)
 
     def _draw_agent(self, member: Member, node: int) -> None:
@@ -234,11 +214,14 @@ class Builder:
 
     # -- strategies ---------------------------------------------------------------------------------------------
 
-    def _strategies(self) -> dict[str, Function]:
-        """Make the strategies: agent -> its own, of those that have one."""
+    def _add_strategies(self) -> None:
+        """Make the strategies, and give them to the agents that the program has given no other."""
         mapped: dict[str, Mapping[str, Function]] = {}
-        made_for = {member.name: self._strategy(member, mapped) for member in self.members}
-        return {name: strategy for name, strategy in made_for.items() if strategy is not None}
+        for member in self.members:
+            built, strategy = self._agents[member.name], self._strategy(member, mapped)
+            if strategy is not None and built.agent.strategy is built.strategy:
+                built.agent.register_strategy(strategy)
+            built.strategy = built.strategy if strategy is None else strategy
 
     def _strategy(self, member: Member, mapped: dict[str, Mapping[str, Function]]) -> Function | None:
         given = self.given.get(member.name, self.given.get(member.team))
@@ -267,7 +250,7 @@ class Builder:
         for name, team in self.spec.teams.items():
             if team.plan is None or name in self.given:
                 continue
-            plan, path = in_full(PlanSpec, team.plan), f"teams.{name}.plan"
+            plan, path = in_full(schema.Plan, team.plan), f"teams.{name}.plan"
             named = [member.name for member in self.by_team.get(name, []) if member.name in self.given]
             if named:
                 raise ScenarioError(path, f"decides for {named[0]!r} as well: give a strategy for the whole team.")
@@ -289,16 +272,16 @@ class Builder:
 
     # -- rules, conflicts, values -------------------------------------------------------------------------------
 
-    def _rule(self, given: str | RuleSpec, path: str) -> Rule:
-        rule = in_full(RuleSpec, given)
+    def _rule(self, given: str | schema.Rule, path: str) -> Rule:
+        rule = in_full(schema.Rule, given)
         return self._made(Code(function=rule.rule, with_=rule.with_), path, "rule")
 
-    def _conflicts(self, given: Conflicts) -> IConflicts:
+    def _conflicts(self, given: schema.Conflicts) -> IConflicts:
         rules, path = import_module(RULES), "conflicts.resolve"
         capacity = given.capacity
         if isinstance(capacity, dict):
             capacity = {_as_node(node, "conflicts.capacity"): number for node, number in capacity.items()}
-        if isinstance(given.resolve, ByPriority):
+        if isinstance(given.resolve, schema.ByPriority):
             resolve = rules.by_priority(given.resolve.by_priority)
         elif given.resolve in ("at_random", "nobody"):
             resolve = getattr(rules, given.resolve)()
@@ -322,7 +305,7 @@ class Builder:
             return self._call(call, path)
         if set(value) == {"node_at"}:
             where = joined(path, "node_at")
-            return node_at(self.ctx, checked(value["node_at"], LatLon | tuple[float, float], where), where)
+            return node_at(self.ctx, checked(value["node_at"], schema.LatLon | tuple[float, float], where), where)
         return {key: self._value(one, joined(path, key)) for key, one in value.items()}
 
     def _call(self, call: Code, path: str) -> Any:

@@ -1,6 +1,7 @@
 """Places the agents: on the node that is given for them, or on one drawn as their team says."""
 
 from collections.abc import Iterable, Mapping
+from functools import cached_property
 from typing import NamedTuple
 
 import numpy as np
@@ -102,12 +103,10 @@ class _Places:
         self.ctx, columns = ctx, ctx.graph.columns()
         self.ids: list[int] = columns.node_ids.tolist()
         self.xy: FloatArray = columns.xy
-        self._row_of: dict[int, int] | None = None
 
-    def row_of(self, node: int) -> int:
-        if self._row_of is None:
-            self._row_of = {id: row for row, id in enumerate(self.ids)}
-        return self._row_of[node]
+    @cached_property
+    def row_of(self) -> dict[int, int]:
+        return {id: row for row, id in enumerate(self.ids)}
 
     def metres(self, x: float, y: float) -> FloatArray:
         """Return how far all nodes are from a place, in a straight line."""
@@ -126,7 +125,7 @@ class _Team:
         """Return the row of each agent's node, by name."""
         given = [(one.name, one.listed.node, f"{one.path}.node") for one in team if one.listed]
         fixed = {
-            name: self.map.row_of(node_at(self.map.ctx, node, path)) for name, node, path in given if node is not None
+            name: self.map.row_of[node_at(self.map.ctx, node, path)] for name, node, path in given if node is not None
         }
         free = [member.name for member in team if member.name not in fixed]
         drawn = self._drawn(free, list(fixed.values())) if free else {}
@@ -166,7 +165,7 @@ class _Team:
         """Return on which nodes the team may start (nodes,)."""
         allowed = np.ones(len(self.map.ids), np.bool_)
         if self.spec.near is not None and self.spec.within is not None:
-            centre = self.map.row_of(node_at(self.map.ctx, self.spec.near, f"{self.path}.near"))
+            centre = self.map.row_of[node_at(self.map.ctx, self.spec.near, f"{self.path}.near")]
             x, y = self.spec.near if isinstance(self.spec.near, tuple) else self.map.xy[centre]
             allowed &= self.map.metres(x, y) <= self.spec.within
         for one in self.away:

@@ -8,23 +8,11 @@ from typing import NamedTuple
 from gamms.errors import nearest
 from gamms.plain import Plain
 from gamms.scenario import maps
+from gamms.scenario import spec as schema
 from gamms.scenario.code import GIVEN_LATER, RULES, Found, Sources, check_parameters, find, first_of, offered_function
 from gamms.scenario.documents import ScenarioError, joined
 from gamms.scenario.placement import members
-from gamms.scenario.spec import (
-    ByPriority,
-    Code,
-    Equipment,
-    From,
-    Rule,
-    Sensor,
-    Spec,
-    Team,
-    Values,
-    checked,
-    given_values,
-    in_full,
-)
+from gamms.scenario.spec import Code, Spec, Values, checked, given_values, in_full
 from gamms.sensor.catalog import KINDS
 from gamms.text import shown
 from gamms.typing.game import OWNERS, team_parameters
@@ -75,7 +63,7 @@ def check_sense(spec: Spec) -> None:
     for name, team in spec.teams.items():
         _check_team(f"teams.{name}", team, earlier, spec)
         earlier.add(name)
-    if spec.conflicts is not None and isinstance(spec.conflicts.resolve, ByPriority):
+    if spec.conflicts is not None and isinstance(spec.conflicts.resolve, schema.ByPriority):
         for number, team_name in enumerate(spec.conflicts.resolve.by_priority):
             _known_team(team_name, spec, f"conflicts.resolve.by_priority.{number}")
     for one in code_in(spec):
@@ -88,7 +76,7 @@ def sensor_type(given: str) -> SensorType | None:
     return kind if kind in KINDS else None
 
 
-def _check_sensor(path: str, sensor: Sensor, spec: Spec) -> None:
+def _check_sensor(path: str, sensor: schema.Sensor, spec: Spec) -> None:
     given = given_values(sensor)
     if (sensor.type is None) == (sensor.function is None):
         raise ScenarioError(path, "give exactly one of type and function.")
@@ -111,22 +99,22 @@ def _check_sensor(path: str, sensor: Sensor, spec: Spec) -> None:
             _known_team(team, spec, f"{path}.{key}")
 
 
-def _check_team(path: str, team: Team, earlier: set[str], spec: Spec) -> None:
+def _check_team(path: str, team: schema.Team, earlier: set[str], spec: Spec) -> None:
     if not team.count and not team.agents:
         raise ScenarioError(path, "this team has no agents. Give it count or agents.")
     if (team.near is None) != (team.within is None):
         missing, given = ("within", "near") if team.within is None else ("near", "within")
         raise ScenarioError(f"{path}.{missing}", f"is missing: {given} needs it.")
-    for number, away in enumerate([team.from_] if isinstance(team.from_, From) else team.from_):
+    for number, away in enumerate([team.from_] if isinstance(team.from_, schema.From) else team.from_):
         if away.team not in earlier:
-            where = f"{path}.from.team" if isinstance(team.from_, From) else f"{path}.from.{number}.team"
+            where = f"{path}.from.team" if isinstance(team.from_, schema.From) else f"{path}.from.{number}.team"
             _known_team(away.team, spec, where)
             raise ScenarioError(where, f"{away.team!r} must stand before this team in the file: it is placed first.")
     for where, one in [(path, team), *((f"{path}.agents.{i}", agent) for i, agent in enumerate(team.agents))]:
         _check_equipment(where, one, team, spec)
 
 
-def _check_equipment(where: str, one: Equipment, team: Team, spec: Spec) -> None:
+def _check_equipment(where: str, one: schema.Equipment, team: schema.Team, spec: Spec) -> None:
     """Check what a team sets for all its agents, or one of them for itself."""
     for number, sensor in enumerate(one.sensors or []):
         if sensor not in spec.sensors:
@@ -196,9 +184,9 @@ def code_in(spec: Spec) -> Iterator[NamedCode]:
     yield from _code_among(("data",), spec.data)
 
 
-def _code(what: str, keys: tuple[str | int, ...], given: str | Code | Rule) -> Iterator[NamedCode]:
+def _code(what: str, keys: tuple[str | int, ...], given: str | Code | schema.Rule) -> Iterator[NamedCode]:
     code = in_full(Code, given) if isinstance(given, str) else given
-    yield NamedCode(what, keys, code.rule if isinstance(code, Rule) else code.function, code.with_)
+    yield NamedCode(what, keys, code.rule if isinstance(code, schema.Rule) else code.function, code.with_)
     yield from _code_among((*keys, "with"), code.with_)
 
 
