@@ -4,6 +4,7 @@ from collections.abc import Callable, Mapping
 from copy import deepcopy
 from dataclasses import dataclass
 from importlib import import_module
+from itertools import chain
 from operator import is_
 from typing import Any
 
@@ -52,10 +53,8 @@ class Builder:
 
     def __init__(self, ctx: Context, spec: Spec, library: Library, strategies: Strategies) -> None:
         self.ctx, self.spec, self.library, self.given = ctx, spec, library, strategies
-        self.members = members(spec)
-        self.by_team: dict[str, list[Member]] = {}
-        for member in self.members:
-            self.by_team.setdefault(member.team, []).append(member)
+        self.by_team = members(spec)
+        self.members = list(chain.from_iterable(self.by_team.values()))
         self._agents: dict[str, _Built] = {}
         self._rules: dict[str, Rule] = {}  # by their names in the game
         self._plans: dict[str, Plan] = {}  # by team
@@ -69,7 +68,7 @@ class Builder:
             ScenarioError: something cannot be done as it is written.
         """
         map = self.ctx.graph.storage.snapshot()
-        nodes = place(self.ctx, self.spec, self.members)
+        nodes = place(self.ctx, self.spec, self.by_team)
         for member in self.members:
             self._agents[member.name] = self._add_agent(member, nodes[member.name])
         game = self.ctx.game
@@ -100,7 +99,7 @@ class Builder:
         """
         if self._map is not None:
             self.ctx.graph.storage.restore(self._map)
-        nodes = place(self.ctx, self.spec, self.members)
+        nodes = place(self.ctx, self.spec, self.by_team)
         for member in self.members:
             self._draw_agent(member, nodes[member.name])
         game = self.ctx.game
@@ -251,7 +250,7 @@ class Builder:
             if team.plan is None or name in self.given:
                 continue
             plan, path = in_full(schema.Plan, team.plan), f"teams.{name}.plan"
-            named = [member.name for member in self.by_team.get(name, []) if member.name in self.given]
+            named = [member.name for member in self.by_team[name] if member.name in self.given]
             if named:
                 raise ScenarioError(path, f"decides for {named[0]!r} as well: give a strategy for the whole team.")
             plans[name] = Plan(self._made(plan, path, "plan"), plan.arrays)

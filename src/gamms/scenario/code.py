@@ -11,7 +11,7 @@ import importlib
 import os
 import sys
 from collections.abc import Callable, Iterable, Iterator, Mapping
-from contextlib import contextmanager
+from contextlib import contextmanager, suppress
 from functools import partial, update_wrapper
 from importlib.util import find_spec
 from inspect import Parameter, signature
@@ -227,6 +227,8 @@ def _owner(found: Found, sources: Sources) -> str:
     Raises:
         ScenarioError: it is not installed, or was not allowed to be named.
     """
+    from importlib.metadata import entry_points
+
     dotted, top, path = found.module, found.module.partition(".")[0], found.path
     if top in _REFUSED:
         raise ScenarioError(
@@ -238,7 +240,8 @@ def _owner(found: Found, sources: Sources) -> str:
         spec = None
     if spec is None:
         where = "installed" if sources.folder is None else f"in {sources.folder}, nor installed"
-        hint = _neighbour(dotted, sources.folder) or _built_in(dotted)
+        built_in = nearest(dotted, offered("gamms.strategies")).replace("mean '", "mean 'gamms.strategies:")
+        hint = _neighbour(dotted, sources.folder) or built_in
         raise ScenarioError(path, f"there is no module {dotted!r} {where}.{hint}")
     for package in sources.allow:
         if dotted == package or dotted.startswith(f"{package}."):
@@ -248,8 +251,9 @@ def _owner(found: Found, sources: Sources) -> str:
         raise ScenarioError(
             path, f"the module {dotted!r} is in {places[0]}, which is neither the folder of the scenario nor installed."
         )
-    for module, function in _entry_points():
-        if module == dotted and function in ("", found.wanted):
+    for entry in entry_points(group=GROUP):
+        module, _, function = (part.strip() for part in entry.value.partition("[")[0].partition(":"))
+        if module == dotted and function in ("", found.wanted):  # without a function, it is all that a module defines
             return top if function else module
     raise ScenarioError(
         path,
@@ -257,15 +261,6 @@ def _owner(found: Found, sources: Sources) -> str:
         f"{_neighbour(dotted, sources.folder)} If you trust this file with all that the package defines: "
         f"--allow {top}, or allow=[{top!r}] in Python.",
     )
-
-
-def _entry_points() -> Iterable[tuple[str, str]]:
-    """Yield module and function of what installed packages offer; "" for all that a module defines."""
-    from importlib.metadata import entry_points
-
-    for entry in entry_points(group=GROUP):
-        module, _, function = entry.value.partition("[")[0].partition(":")
-        yield module.strip(), function.strip()
 
 
 def _start_folders() -> set[Path]:
@@ -284,11 +279,6 @@ def _neighbour(name: str, folder: Path | None) -> str:
         return ""
     names = sorted(file.name for file in folder.glob("*.py"))
     return nearest(name, names if name.endswith(".py") else [one.removesuffix(".py") for one in names])
-
-
-def _built_in(name: str) -> str:
-    near = nearest(name, offered("gamms.strategies"))
-    return near.replace("Did you mean '", "Did you mean 'gamms.strategies:")
 
 
 def _checked(found: Found, *, is_imported_allowed: bool) -> Found:
@@ -444,11 +434,10 @@ def _private(found: Found, folder: Path) -> ModuleType:
 
 
 def _stamp(file: Path) -> tuple[int, int]:
-    try:
+    with suppress(OSError):
         status = file.stat()
-    except OSError:
-        return (0, 0)
-    return (status.st_mtime_ns, status.st_size)
+        return (status.st_mtime_ns, status.st_size)
+    return (0, 0)
 
 
 def made(function: Function, given: Parameters, ctx: Context | None, path: str, what: str) -> Function:

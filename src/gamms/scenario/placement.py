@@ -1,14 +1,15 @@
 """Places the agents: on the node that is given for them, or on one drawn as their team says."""
 
-from collections.abc import Iterable, Mapping
+from collections.abc import Mapping
 from functools import cached_property
+from itertools import chain
 from typing import NamedTuple
 
 import numpy as np
 
 from gamms.context import Context
 from gamms.errors import UnknownName
-from gamms.ir.graph import FloatArray, IntArray
+from gamms.ir.graph import FloatArray
 from gamms.ir.obstacles import BoolArray
 from gamms.limits import refuse_above
 from gamms.scenario.documents import ScenarioError, at, joined
@@ -29,36 +30,32 @@ class Member(NamedTuple):
     listed: Agent | None  # its entry in the list of agents; None for a counted one
 
 
-def members(spec: Spec) -> list[Member]:
-    """Return all agents of a scenario in its order: of each team the listed ones, then the counted.
+def members(spec: Spec) -> dict[str, list[Member]]:
+    """Return the agents of each team of a scenario, in its order: first the listed ones, then the counted.
 
     Raises:
         ScenarioError: a name is there twice, or there are more agents than memory is allowed for.
     """
-    found: list[Member] = []
+    found: dict[str, list[Member]] = {}
     total = 0  # bytes
     for name, team in spec.teams.items():
         path = f"teams.{name}"
         with at(f"{path}.count"):
             total += team.count * (_AGENT_BYTES + _SENSOR_BYTES * len(team.sensors or ()))
             refuse_above(total, f"{shown(team.count)} agents")
-        found += [
-            Member(agent.name, name, f"{path}.agents.{number}", agent) for number, agent in enumerate(team.agents)
-        ]
-        found += [Member(f"{name}_{number}", name, path, None) for number in range(team.count)]
-    seen: dict[str, Member] = {}
-    for member in found:
+        listed = [Member(one.name, name, f"{path}.agents.{number}", one) for number, one in enumerate(team.agents)]
+        found[name] = listed + [Member(f"{name}_{number}", name, path, None) for number in range(team.count)]
+    seen: dict[str, str] = {}
+    for member in chain.from_iterable(found.values()):
         if member.name in seen:
             where = joined(member.path, "name" if member.listed else "count")
-            raise ScenarioError(
-                where,
-                f"there is already an agent named {shown(member.name)}, in {seen[member.name].path}. Choose another.",
-            )
-        seen[member.name] = member
+            taken = f"there is already an agent named {shown(member.name)}, in {seen[member.name]}"
+            raise ScenarioError(where, f"{taken}. Choose another.")
+        seen[member.name] = member.path
     return found
 
 
-def place(ctx: Context, spec: Spec, agents: Iterable[Member]) -> dict[str, int]:
+def place(ctx: Context, spec: Spec, agents: Mapping[str, list[Member]]) -> dict[str, int]:
     """Return the node on which each agent starts, by name.
 
     An agent that is placed by chance draws from a stream of its team's and its own name: how many there are in other
@@ -67,17 +64,10 @@ def place(ctx: Context, spec: Spec, agents: Iterable[Member]) -> dict[str, int]:
     Raises:
         ScenarioError: a node is unknown, or so many do not fit; it says how many did.
     """
-    map = _Places(ctx)
-    nodes: dict[str, int] = {}
-    by_team: dict[str, list[Member]] = {team: [] for team in spec.teams}
-    for member in agents:
-        by_team[member.team].append(member)
-    rows: dict[str, IntArray] = {}
+    map, rows = _Places(ctx), dict[str, dict[str, int]]()
     for name, team in spec.teams.items():
-        placed = _Team(map, name, team, rows).place(by_team[name])
-        rows[name] = np.array(list(placed.values()), np.int64)
-        nodes.update((agent, map.ids[row]) for agent, row in placed.items())
-    return nodes
+        rows[name] = _Team(map, name, team, rows).place(agents[name])
+    return {agent: map.ids[row] for of_team in rows.values() for agent, row in of_team.items()}
 
 
 def node_at(ctx: Context, given: Place, path: str) -> int:
@@ -116,7 +106,7 @@ class _Places:
 class _Team:
     """Places the agents of one team."""
 
-    def __init__(self, map: _Places, name: str, spec: Team, others: Mapping[str, IntArray]) -> None:
+    def __init__(self, map: _Places, name: str, spec: Team, others: Mapping[str, Mapping[str, int]]) -> None:
         self.map, self.name, self.spec, self.path = map, name, spec, f"teams.{name}"
         self.away = [spec.from_] if isinstance(spec.from_, From) else spec.from_
         self.others = others
@@ -169,7 +159,7 @@ class _Team:
             x, y = self.spec.near if isinstance(self.spec.near, tuple) else self.map.xy[centre]
             allowed &= self.map.metres(x, y) <= self.spec.within
         for one in self.away:
-            for row in self.others[one.team].tolist():
+            for row in self.others[one.team].values():
                 allowed &= self.map.metres(*self.map.xy[row]) >= one.at_least
         return allowed
 

@@ -124,7 +124,10 @@ class Scenario:
             with named(self.file), create_context(seed=self.spec.seed, logger_config=maps.quiet()) as ctx:
                 maps.put(ctx, self._loaded())
                 place(ctx, self.spec, agents)
-                done += [f"the map ({len(ctx.graph.graph)} nodes)", f"the places of {len(agents)} agents"]
+                done += [
+                    f"the map ({len(ctx.graph.graph)} nodes)",
+                    f"the places of {sum(map(len, agents.values()))} agents",
+                ]
         return done
 
     def build(
@@ -150,7 +153,8 @@ class Scenario:
             UnknownName (KeyError): a strategy is for an unknown team or agent.
         """
         given = dict(as_mapping({} if strategies is None else strategies, "strategies"))
-        known = [*self.spec.teams, *(member.name for member in members(self.spec))]
+        by_team = members(self.spec)
+        known = [*by_team, *(member.name for team in by_team.values() for member in team)]
         unknown = next((name for name in given if name not in known), None)
         if unknown is not None:
             raise UnknownName("team or agent", unknown, known)

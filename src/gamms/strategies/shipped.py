@@ -361,11 +361,7 @@ def step_towards(
 
 def as_otherwise(otherwise: Strategy | None, caller: str) -> Strategy:
     """Return the strategy to use when there is nothing to do; None: one that sets no action."""
-    return set_no_action if otherwise is None else as_strategy(otherwise, f"otherwise of {caller}")
-
-
-def set_no_action(state: State) -> None:
-    """Set no action."""
+    return (lambda _: None) if otherwise is None else as_strategy(otherwise, f"otherwise of {caller}")
 
 
 def _nearest(ctx: IContext, here: int, enemies: dict[str, int]) -> int | None:
@@ -450,27 +446,20 @@ def has_speed(ctx: IContext, state: State) -> bool:
 def enemies_in_sight(ctx: IContext, state: State, caller: str) -> dict[str, int]:
     """Return the nodes of the enemies that the agent's sensors show, by name and in the order of the names."""
     team = required(state, "team", caller)
-    shown = [data for kind, data in state["sensor"].values() if kind in _SHOWING_AGENTS]
-    if not shown:
-        _warn_of_no_sensor(ctx, caller, state.get("name"))
+    data_shown = [data for kind, data in state["sensor"].values() if kind in _SHOWING_AGENTS]
+    if not data_shown and caller not in (warned := _warned.setdefault(ctx, set())):
+        warned.add(caller)  # once in a context
+        kinds = ", ".join(sorted(kind.name for kind in _SHOWING_AGENTS))
+        who = f"agent {state['name']!r}" if "name" in state else "an agent"
+        ctx.logger.warning(
+            f"{caller}: {who} carries no sensor that shows agents, so it sees no enemy. Give it {kinds}."
+        )
     seen: dict[str, int] = {}
-    for data in shown:
+    for data in data_shown:
         seen.update(data)
     seen.pop(state.get("name", ""), None)  # a sensor at a fixed place shows its owner, too
     teams = {name: getattr(ctx.agent.get_agent(name), "team", None) for name in sorted(seen)}
     return {name: seen[name] for name, other in teams.items() if team is None or other != team}
-
-
-def _warn_of_no_sensor(ctx: IContext, caller: str, name: str | None) -> None:
-    """Warn once in a context that a strategy is used by an agent whose sensors show no agents."""
-    warned = _warned.setdefault(ctx, set())
-    if caller not in warned:
-        warned.add(caller)
-        kinds = ", ".join(sorted(kind.name for kind in _SHOWING_AGENTS))
-        who = "an agent" if name is None else f"agent {name!r}"
-        ctx.logger.warning(
-            f"{caller}: {who} carries no sensor that shows agents, so it sees no enemy. Give it {kinds}."
-        )
 
 
 def as_known_node(ctx: IContext, value: object, name: str) -> int:
