@@ -5,11 +5,11 @@ nothing here. May import: typing, kernels, ir and below, never another engine.
 """
 
 from gamms.errors import IllegalMutation
-from gamms.game.deciders import Plan, TeamArrays
+from gamms.game.decisions import TeamArrays
 from gamms.game.game import Game
-from gamms.game.legality import IllegalAction
+from gamms.game.order import IllegalAction
 from gamms.game.result import Result
-from gamms.game.settings import Settings
+from gamms.game.settings import Plan, Settings
 from gamms.game.snapshots import Snapshot, SnapshotError
 from gamms.typing.game import Move
 

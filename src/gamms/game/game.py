@@ -10,14 +10,12 @@ from gamms import kernels
 from gamms.arguments import as_bool, as_choice, as_count, as_int, as_key, as_name
 from gamms.deciding import Protected, phase_of, refused_while_deciding
 from gamms.errors import BadType, BadValue, ContextTerminated, UnknownName
-from gamms.game.deciders import ArrayPlan, Plan
-from gamms.game.internals import GameInternals
+from gamms.game.decisions import ArrayPlan
 from gamms.game.order import COUNTED
 from gamms.game.random_streams import GlobalRandom
 from gamms.game.result import Collectors, Result
-from gamms.game.ruleset import PHASES, NamedRule, RuleSet
-from gamms.game.settings import Settings
-from gamms.game.snapshots import Snapshot, SnapshotError, SnapshotTaker, copy_game
+from gamms.game.settings import PHASES, NamedRule, Plan, RuleSet, Settings
+from gamms.game.snapshots import GameInternals, Snapshot, SnapshotError, SnapshotTaker, copy_game
 from gamms.game.turn import TurnEngine
 from gamms.ir.agents import Position
 from gamms.ir.game_state import GameState, Scores

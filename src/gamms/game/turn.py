@@ -8,8 +8,7 @@ from typing import TYPE_CHECKING, Any
 
 from gamms.deciding import DecidePhase
 from gamms.game.decisions import Decisions, memory_copy
-from gamms.game.legality import Legality, ResolvedAction
-from gamms.game.order import AgentSlot, TurnOrder
+from gamms.game.order import AgentSlot, Legality, ResolvedAction, TurnOrder
 from gamms.game.settings import Settings
 from gamms.ir.game_state import GameState
 from gamms.readonly import ReadOnlyMapping, copied
