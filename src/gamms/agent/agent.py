@@ -34,6 +34,7 @@ from gamms.typing.sensor_engine import Carried, ISensor, LiveData, SensorType, o
 _KINDS = tuple(AgentType)
 _SCALARS = frozenset({str, bytes, int, float, bool, type(None)})
 _NOT_SHARED: frozenset[int] = frozenset()
+_AT_FIRST = ("_phase", "_ctx", "_block", "_near", "_sensor_list", "_shared", "_carried", "_last", "strategy")
 
 
 class NoStrategy(GammsError, AttributeError):
@@ -46,15 +47,7 @@ class BaseAgent(Guarded, IAgent):
     # NOTE: slots keep its own attributes close together; the caller's are in __dict__. The last state is in a list,
     # because setting an attribute asks whether a strategy is running (benchmarks/README.md, w2).
     __slots__ = (
-        "_block",
-        "_carried",
-        "_ctx",
-        "_last",
-        "_near",
-        "_phase",
-        "_row",
-        "_sensor_list",
-        "_shared",
+        *("_block", "_carried", "_ctx", "_last", "_near", "_phase", "_row", "_sensor_list", "_shared"),
         "strategy",
     )
 
@@ -194,7 +187,7 @@ class BaseAgent(Guarded, IAgent):
     @refused_while_deciding
     def sense(self) -> dict[str, tuple[SensorType, Any]]:
         """Ask all sensors; return name -> (kind, data), as `get_state` has it under `sensor`."""
-        node = self._block.node[self._row]
+        node = self.current_node_id
         sensed = {}
         for name, sense, sensor, last in self._carried:
             sense(node)
@@ -250,16 +243,9 @@ class BaseAgent(Guarded, IAgent):
         for key in attributes:
             if key not in self._SETTABLE and hasattr(type(self), key):
                 raise AttributeError(f"{key!r} cannot be set when an agent is created.")
-        put = object.__setattr__  # NOTE: a third of the time of `__setattr__` (benchmarks/README.md)
-        put(self, "_phase", phase_of(ctx))
-        put(self, "_ctx", ctx)
-        put(self, "_block", block)
-        put(self, "_near", {})
-        put(self, "_sensor_list", {})
-        put(self, "_shared", _NOT_SHARED)
-        put(self, "_carried", ())
-        put(self, "_last", [{}])
-        put(self, "strategy", None)
+        values: tuple[Any, ...] = (phase_of(ctx), ctx, block, {}, {}, _NOT_SHARED, (), [{}], None)
+        for name, value in zip(_AT_FIRST, values, strict=True):
+            object.__setattr__(self, name, value)  # NOTE: a third of the time of `__setattr__` (benchmarks/README.md)
         return ctx.graph.graph
 
     @abstractmethod
@@ -338,15 +324,14 @@ class Agent(BaseAgent):
 
     _ACTION = "a node id"
 
-    def __init__(self, ctx: IContext, name: str, start_node_id: NodeId, **kwargs: object) -> None:
-        self._enter(ctx, AgentBlock(ctx.graph.graph), as_name(name, "an agent"), start_node_id, **kwargs)
-
-    def _enter(self, ctx: IContext, block: AgentBlock, name: str, start_node_id: object, **kwargs: object) -> None:
-        """Become the view of a new row of a block."""
+    def __init__(
+        self, ctx: IContext, name: str, start_node_id: NodeId, *, _block: AgentBlock | None = None, **kwargs: object
+    ) -> None:
+        block = AgentBlock(ctx.graph.graph) if _block is None else _block
         graph = self._begin(ctx, block, kwargs)
         node = known_node(graph, block, start_node_id)
         object.__setattr__(self, "_near", graph.neighborhoods)
-        object.__setattr__(self, "_row", block.add(name, node))
+        object.__setattr__(self, "_row", block.add(as_name(name, "an agent"), node))
         for key, value in kwargs.items():
             setattr(self, key, value)
 
@@ -434,29 +419,18 @@ class AerialAgent(BaseAgent, IAerialAgent):
         start_node_id: NodeId,
         speed: float,
         position: Sequence[float] | FloatArray | None = None,
+        *,
+        _block: AgentBlock | None = None,
         **kwargs: object,
     ) -> None:
-        block = AgentBlock(ctx.graph.graph)
-        self._enter(ctx, block, as_name(name, "an agent"), start_node_id, speed, position, **kwargs)
-
-    def _enter(
-        self,
-        ctx: IContext,
-        block: AgentBlock,
-        name: str,
-        start_node_id: object,
-        speed: object,
-        position: object = None,
-        **kwargs: object,
-    ) -> None:
-        """Become the view of a new row of a block."""
+        block = AgentBlock(ctx.graph.graph) if _block is None else _block
         graph = self._begin(ctx, block, kwargs)
         node = known_node(graph, block, start_node_id)
         units = as_float(speed, f"speed of agent {name!r}")
         if units < 0.0:
             raise BadValue(f"speed of agent {name!r} must not be negative, not {units}.")
         where = above(graph, node, 0.0) if position is None else as_position(position)
-        self._row = block.add(name, node, None, where, units)
+        self._row = block.add(as_name(name, "an agent"), node, None, where, units)
         for key, value in kwargs.items():
             setattr(self, key, value)
 
@@ -513,13 +487,6 @@ class AerialAgent(BaseAgent, IAerialAgent):
     def speed(self) -> float:
         """How far it moves at each step, map units."""
         return self._block.speed[self._row]  # type: ignore[return-value] # as above
-
-    @refused_while_deciding
-    def sense(self) -> dict[str, tuple[SensorType, Any]]:
-        """Ask all sensors; return name -> (kind, data)."""
-        if self._carried:
-            self._block.nearest(self._row)  # where the sensors look from
-        return super().sense()
 
     def get_state(self) -> AerialState:  # type: ignore[override] # an agent of unknown kind is taken for one on the ground
         """Sense; return a fresh dict with `curr_pos`, `quat` and `sensor`."""

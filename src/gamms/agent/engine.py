@@ -1,6 +1,6 @@
 """The agent engine: creates agents and keeps them by name."""
 
-from collections.abc import Hashable, Iterable, Iterator, Mapping, Sequence
+from collections.abc import Callable, Hashable, Iterable, Iterator, Mapping, Sequence
 from contextlib import suppress
 from copy import deepcopy
 from numbers import Integral
@@ -26,17 +26,8 @@ from gamms.typing.sensor_engine import ISensor, is_sensor, owner_of
 _KINDS_OF_KEYWORDS = frozenset({"type", "agent_type"})
 _KEYWORDS = dict.fromkeys(
     (
-        "start_node_id",
-        "sensors",
-        "team",
-        "strategy",
-        "type",
-        "agent_type",
-        "orientation",
-        "meta",
-        "speed",
-        "position",
-        "quat",
+        *("start_node_id", "sensors", "team", "strategy", "type", "agent_type", "orientation", "meta", "speed"),
+        *("position", "quat"),
     )
 )
 
@@ -175,12 +166,13 @@ class AgentEngine(Guarded, IAgentEngine):
                 raise MissingKey(" ".join([f"Agent {shown(name)} needs {needed}=, {what}.", *hints]))
         for hint in hints:
             self._ctx.logger.warning(f"Agent {shown(name)}: {hint} It is kept as an attribute.")
-        block, agent = self._block, object.__new__(_CLASSES[kind])
-        journal = block.journal
+        block, journal = self._block, self._block.journal
         if not journal.is_silent:
             block.journal = Muted(journal)  # what follows is a part of the creation
         try:
-            self._add(agent, name, kwargs, sensors, strategy)
+            agent = self._added(_CLASSES[kind], name, kwargs, strategy)
+            if sensors:
+                self._equip(agent, sensors)
         finally:
             block.journal = journal
         journal.entered(agent._row, name)
@@ -229,25 +221,22 @@ class AgentEngine(Guarded, IAgentEngine):
         self._block = AgentBlock()
         self._positions = Positions(self._block)
 
-    def _add(
-        self, agent: Agent | AerialAgent, name: str, kwargs: dict[str, Any], sensors: dict[str, ISensor], strategy: Any
-    ) -> None:
-        """Add a new agent with its sensors, or change nothing."""
+    def _added(self, kind: Callable[..., BaseAgent], name: str, kwargs: dict[str, Any], strategy: Any) -> BaseAgent:
+        """Add a new agent, or change nothing."""
         block = self._block
         if block.graph is None:
             block.graph = self._ctx.graph.graph
         rows = len(block)
         try:
-            agent._enter(self._ctx, block, name, **kwargs)
+            agent = kind(self._ctx, name, _block=block, **kwargs)
             if strategy is not None:
                 agent.strategy = strategy
         except BaseException:
             if len(block) > rows:
                 block.remove(rows)
             raise
-        self._agents[name] = agent  # before its sensors: one may ask who its owner is
-        if sensors:
-            self._equip(agent, sensors)
+        self._agents[name] = agent
+        return agent
 
     def _equip(self, agent: BaseAgent, sensors: dict[str, ISensor]) -> None:
         """Give a new agent its sensors, or remove it again."""
