@@ -4,10 +4,10 @@
     ctx.game.add(gamms.rules.time_limit(200))
     ctx.game.conflicts = gamms.rules.Conflicts(capacity=1, resolve=gamms.rules.by_priority(["red", "blue"]))
 
-Rules: read `contacts.py` for which agents meet, then `tagging.py`, `flags.py` and `endings.py`; `territory.py` makes
-the data that they share, `hooks.py` has what a rule may carry besides its function. Conflicts: read `conflicts.py` for
-how they are found, and which agents win. May import: `context` and below. To add a rule write a function
-`rule(ctx)`, to add a resolver a function `(contest, ctx) -> winners`: nothing needs to be registered. If
+Rules: read `contacts.py` for which agents meet, then `tagging.py`, `flags.py` and `endings.py`, which also
+has what a rule may carry besides its function; `territory.py` makes the data that they share. Conflicts: read
+`conflicts.py` for how they are found, and which agents win. May import: `context` and below. To add a rule write a
+function `rule(ctx)`, to add a resolver a function `(contest, ctx) -> winners`: nothing needs to be registered. If
 parameters of a function that makes rules name teams, annotate them by `gamms.typing.game.Team`, TEAMS or OWNERS, so
 that scenario files with misspelt teams are refused.
 """

@@ -128,75 +128,52 @@ class Conflicts:
             start, end, *team = way
             if start < end and (oncoming := by_way.get((end, start, *team))):
                 contests.append(Contest((start, end), 1, tuple(sorted((*ahead, *oncoming), key=_name_of))))
-        return {loser.agent for contest in sorted(contests, key=_rank_of) for loser in self._turned_back(contest, ctx)}
-
-    def _turned_back(self, contest: Contest, ctx: Context) -> list[Move]:
-        """Return those that do not go the winner's way."""
-        winners = _winners_of(contest, self._resolve, ctx)
-        ways = {mover.start for mover in contest.movers if mover.agent in winners}
-        return [mover for mover in contest.movers if mover.start not in ways]
+        stopped = set()
+        for contest in sorted(contests, key=_rank_of):
+            winners = _winners_of(contest, self._resolve, ctx)
+            ways = {mover.start for mover in contest.movers if mover.agent in winners}
+            stopped |= {mover.agent for mover in contest.movers if mover.start not in ways}  # those the other way
+        return stopped
 
     def _stop_overflow(self, moves: Iterable[Move], stopped: set[str], limits: "_Limits", ctx: Context) -> None:
         """Add to `stopped` the agents that have to stay so that no node takes in more than it has places for."""
-        demand = _Demand(moves, stopped, self._place_of, self._home_of)
-        limit_of = limits.on(ctx.graph.graph)
-        places = demand.wanted_by_more_than(limits.least)
-        while places:
-            losers, contests = demand.too_many(places, limit_of)
-            for place, contest in contests:
-                winners = _winners_of(contest, self._resolve, ctx)
-                demand.coming[place] = [mover for mover in contest.movers if mover.agent in winners]
-                losers += [mover for mover in contest.movers if mover.agent not in winners]
-            stopped.update(loser.agent for loser in losers)
-            places = demand.settle(losers)
-
-
-class _Demand:
-    """The moves to each place, and how many agents stay there; a place is a node, or a node and a team."""
-
-    def __init__(
-        self,
-        moves: Iterable[Move],
-        stopped: set[str],
-        place_of: Callable[[Move], Any],
-        home_of: Callable[[Move], Any],
-    ) -> None:
-        self._home_of = home_of
-        self.coming: dict[Any, list[Move]] = defaultdict(list)
-        self.staying: Counter[Any] = Counter()
+        coming: dict[Any, list[Move]] = defaultdict(list)  # place -> the moves to it; a node, or a node and a team
+        staying: Counter[Any] = Counter()  # place -> how many agents stay there
         for move in moves:
             if move.start == move.end or move.agent in stopped:
-                self.staying[home_of(move)] += 1
+                staying[self._home_of(move)] += 1
             else:
-                self.coming[place_of(move)].append(move)
+                coming[self._place_of(move)].append(move)
+        limit_of = limits.on(ctx.graph.graph)
+        places = [place for place, movers in coming.items() if len(movers) + staying.get(place, 0) > limits.least]
+        while places:
+            losers, contests = _too_many(places, coming, staying, limit_of)
+            for place, contest in contests:
+                winners = _winners_of(contest, self._resolve, ctx)
+                coming[place] = [mover for mover in contest.movers if mover.agent in winners]
+                losers += [mover for mover in contest.movers if mover.agent not in winners]
+            stopped.update(loser.agent for loser in losers)
+            homes = list(map(self._home_of, losers))  # which this may make too full
+            staying.update(homes)
+            places = list(dict.fromkeys(homes))
 
-    def wanted_by_more_than(self, number: int) -> list[Any]:
-        """Return the places that an agent comes to and that more than `number` agents would end on."""
-        staying = self.staying
-        return [place for place, movers in self.coming.items() if len(movers) + staying.get(place, 0) > number]
 
-    def too_many(
-        self, places: Iterable[Any], limit_of: Callable[[int], int]
-    ) -> tuple[list[Move], list[tuple[Any, Contest]]]:
-        """Return the moves to these places that find no room at all, and the contests, in the order of the nodes."""
-        turned_away, contests = [], []
-        for place in places:
-            movers = self.coming.get(place)
-            if movers:
-                node = movers[0].end
-                free = limit_of(node) - self.staying.get(place, 0)
-                if free <= 0:  # there is nothing to win
-                    turned_away += movers
-                    self.coming[place] = []
-                elif len(movers) > free:
-                    contests.append((place, Contest(node, free, tuple(sorted(movers, key=_name_of)))))
-        return turned_away, sorted(contests, key=lambda pair: _rank_of(pair[1]))
-
-    def settle(self, losers: Iterable[Move]) -> list[Any]:
-        """Let losers stay where they are; return the places that this may make too full."""
-        homes = list(map(self._home_of, losers))
-        self.staying.update(homes)
-        return list(dict.fromkeys(homes))
+def _too_many(
+    places: Iterable[Any], coming: dict[Any, list[Move]], staying: Counter[Any], limit_of: Callable[[int], int]
+) -> tuple[list[Move], list[tuple[Any, Contest]]]:
+    """Return the moves to these places that find no room at all, and the contests, in the order of the nodes."""
+    turned_away, contests = [], []
+    for place in places:
+        movers = coming.get(place)
+        if movers:
+            node = movers[0].end
+            free = limit_of(node) - staying.get(place, 0)
+            if free <= 0:  # there is nothing to win
+                turned_away += movers
+                coming[place] = []
+            elif len(movers) > free:
+                contests.append((place, Contest(node, free, tuple(sorted(movers, key=_name_of)))))
+    return turned_away, sorted(contests, key=lambda pair: _rank_of(pair[1]))
 
 
 def _in_the_way(full: set[int], numbers: Counter[int], starts: Sequence[int], ends: Sequence[int]) -> list[int]:
@@ -247,13 +224,25 @@ def by_priority(teams_or_key: Sequence[Hashable] | Callable[[BaseAgent], Any]) -
         MissingKey (KeyError): while resolving, an agent of a team that is not in the list.
     """
     if callable(teams_or_key):
-        return _by_key(teams_or_key)
-    if isinstance(teams_or_key, (str, bytes)) or not isinstance(teams_or_key, Sequence):
+        rank_of = _by_key(teams_or_key)
+    elif isinstance(teams_or_key, (str, bytes)) or not isinstance(teams_or_key, Sequence):
         raise BadType(
             "by_priority needs a list of teams, the first to win first, or a function of an agent, "
             f"not {shown(teams_or_key)} ({type(teams_or_key).__name__})."
         )
-    return _by_team(tuple(teams_or_key))
+    else:
+        rank_of = _by_team(list(teams_or_key))
+
+    def by_priority(contest: Contest, ctx: Context) -> list[Move]:
+        ranks = [rank_of(mover, ctx) for mover in contest.movers]
+        try:
+            order = sorted(range(len(ranks)), key=ranks.__getitem__)  # of equals those that come first: by name
+        except TypeError:
+            ranked = ", ".join(f"{one.agent}: {shown(rank)}" for one, rank in zip(contest.movers, ranks, strict=True))
+            raise BadType(f"by_priority cannot compare what its key gave for {ranked}.") from None
+        return [contest.movers[number] for number in order[: contest.places]]
+
+    return by_priority
 
 
 def at_random() -> Resolver:
@@ -330,49 +319,28 @@ def _asked(resolve: Resolver, contest: Contest) -> str:
     return f"The resolver {getattr(resolve, '__name__', repr(resolve))!r}, asked about {what} {contest.node},"
 
 
-def _by_key(key: Callable[[BaseAgent], Any]) -> Resolver:
-    def by_priority(contest: Contest, ctx: Context) -> list[Move]:
-        agent_of = ctx.agent.get_agent
-        ranks = [key(agent_of(mover.agent)) for mover in contest.movers]
-        return _first(contest, ranks)
-
-    return by_priority
+def _by_key(key: Callable[[BaseAgent], Any]) -> Callable[[Move, Context], Any]:
+    return lambda mover, ctx: key(ctx.agent.get_agent(mover.agent))
 
 
-def _by_team(teams: tuple[Hashable, ...]) -> Resolver:
-    rank_of = _ranks(teams)
-
-    def by_priority(contest: Contest, _ctx: Context) -> list[Move]:
-        for mover in contest.movers:
-            if mover.team not in rank_of:
-                raise MissingKey(
-                    f"by_priority has no place for team {shown(mover.team)} of agent {mover.agent!r}. "
-                    f"Put it into the list {shown(list(teams))}."
-                )
-        return _first(contest, [rank_of[mover.team] for mover in contest.movers])
-
-    return by_priority
-
-
-def _ranks(teams: tuple[Hashable, ...]) -> Mapping[Any, int]:
-    ranks: dict[Hashable, int] = {}
-    for rank, team in enumerate(teams):
-        if as_key(team, "A team") in ranks:
-            raise BadValue(f"by_priority lists team {shown(team)} twice: {shown(list(teams))}.")
-        ranks[team] = rank
+def _by_team(teams: list[Hashable]) -> Callable[[Move, Context], Any]:
+    """Return the function that ranks a move by its team."""
+    ranks: dict[Any, int] = {as_key(team, "A team"): rank for rank, team in enumerate(teams)}
+    for team in ranks:
+        if teams.count(team) > 1:
+            raise BadValue(f"by_priority lists team {shown(team)} twice: {shown(teams)}.")
     if not ranks:
         raise BadValue("by_priority needs at least one team.")
-    return ranks
 
+    def rank_of(mover: Move, _: Context) -> int:
+        if mover.team not in ranks:
+            raise MissingKey(
+                f"by_priority has no place for team {shown(mover.team)} of agent {mover.agent!r}. "
+                f"Put it into the list {shown(teams)}."
+            )
+        return ranks[mover.team]
 
-def _first(contest: Contest, ranks: list[Any]) -> list[Move]:
-    """Return those with the smallest ranks; of equals those that come first, which is by name."""
-    try:
-        order = sorted(range(len(ranks)), key=ranks.__getitem__)
-    except TypeError:
-        ranked = ", ".join(f"{mover.agent}: {shown(rank)}" for mover, rank in zip(contest.movers, ranks, strict=True))
-        raise BadType(f"by_priority cannot compare what its key gave for {ranked}.") from None
-    return [contest.movers[number] for number in order[: contest.places]]
+    return rank_of
 
 
 # -- the capacity of nodes ---------------------------------------------------------------------------------------------

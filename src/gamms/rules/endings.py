@@ -1,20 +1,38 @@
-"""How games end: an agent reaches its goal, time is up, or one team is left."""
+"""How games end: an agent reaches its goal, time is up, or one team is left; and what a rule may carry."""
 
-from collections.abc import Hashable, Iterable, Mapping
-from typing import Annotated, Any, overload
+from collections.abc import Callable, Hashable, Iterable, Mapping, Sequence
+from typing import Annotated, Any, TypedDict, TypeVar, Unpack, overload
 
 from gamms.arguments import as_count, as_flag, as_float, as_int, as_key
 from gamms.context import Context
 from gamms.errors import BadValue, UnknownName
 from gamms.rules.contacts import tracks_of, visits_of
-from gamms.rules.hooks import with_hooks
 from gamms.text import shown
-from gamms.typing import AgentType, IAgent, NodeId, Rule
+from gamms.typing import AgentType, NodeId, Rule
 from gamms.typing.game import TEAMS, Team
+
+R = TypeVar("R", bound=Callable[[Context], object])
 
 _STARTS = "starts of "
 
 Nodes = NodeId | Iterable[NodeId] | str  # a node, several, or "starts of X"
+
+
+class Hooks(TypedDict, total=False):
+    """Attributes of a rule that `ctx.game.add` looks for."""
+
+    prepare: Callable[[Context], object]
+    """Called when the rule is added."""
+    drawer: Callable[..., object]
+    """Draws the rule: `drawer(ctx, data)`. What it needs is in `ctx.game.data`, so that replays are drawn alike."""
+    teams: Sequence[Hashable]
+    """The teams that the rule names; one without agents is warned about."""
+
+
+def with_hooks(rule: R, **hooks: Unpack[Hooks]) -> R:
+    """Return a rule with what `ctx.game.add` looks for."""
+    rule.__dict__.update(hooks)
+    return rule
 
 
 class _ItsTeam:
@@ -114,11 +132,6 @@ def last_team() -> Rule:
     return last_team
 
 
-def on_the_ground(ctx: Context, team: Hashable) -> list[IAgent]:
-    """Return the living agents of a team on the ground, in the order of the names."""
-    return [agent for agent in ctx.game.agents if agent.team == team and agent.type is not AgentType.AERIAL]
-
-
 def refuse_unknown(ctx: Context, nodes: Iterable[int]) -> None:
     """Raise UnknownName for the first node that the map does not have."""
     for node in sorted(nodes):
@@ -131,7 +144,7 @@ def _arrive(ctx: Context, goals: Mapping[Any, frozenset[int] | str], *, passing:
     arrived = []
     for team, goal in goals.items():
         ends = _starts(ctx, goal) if isinstance(goal, str) else goal
-        agents = on_the_ground(ctx, team)
+        agents = [agent for agent in ctx.game.agents if agent.team == team and agent.type is not AgentType.AERIAL]
         for agent, track in zip(agents, tracks_of(ctx, agents, passing=passing), strict=True):
             found = [(begin, node, agent.name, team) for node, begin, _ in visits_of(track) if node in ends]
             arrived += found[:1]

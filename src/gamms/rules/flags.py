@@ -8,8 +8,7 @@ from gamms.arguments import as_count, as_flag, as_float, as_int, as_name
 from gamms.context import Context
 from gamms.errors import BadType
 from gamms.rules.contacts import Visit, tracks_of, visits_of
-from gamms.rules.endings import refuse_unknown
-from gamms.rules.hooks import with_hooks
+from gamms.rules.endings import refuse_unknown, with_hooks
 from gamms.rules.territory import Colors, Territory, as_territory
 from gamms.text import shown
 from gamms.typing import AgentType, IAgent, NodeId, Rule
@@ -108,7 +107,9 @@ class _Flags(NamedTuple):
             turn.now = now
             self._capture(turn, data["captures"])
             self._take(turn)
-            if self._win(ctx, data["captures"]):
+            won = [team for team, number in data["captures"].items() if self.goal is not None and number >= self.goal]
+            if won:
+                ctx.game.end("flags captured", winner=won[0] if len(won) == 1 else None)
                 break
         data["seen"] = len(ctx.game.events)
         self._publish(ctx, carriers)
@@ -157,13 +158,6 @@ class _Flags(NamedTuple):
                 turn.carriers[flag] = taker = min(zip(lots, there, strict=True))[1]
                 turn.taken_at[flag] = turn.now
                 ctx.game.emit("take", agent=taker, flag=flag, node=base)
-
-    def _win(self, ctx: Context, captures: Mapping[Any, int]) -> bool:
-        """End the game if a team has captured enough flags."""
-        won = [team for team, number in captures.items() if self.goal is not None and number >= self.goal]
-        if won:
-            ctx.game.end("flags captured", winner=won[0] if len(won) == 1 else None)
-        return bool(won)
 
     def _publish(self, ctx: Context, carriers: Mapping[Any, str | None]) -> None:
         if self.announce:

@@ -8,7 +8,7 @@ from gamms.arguments import as_flag, as_float
 from gamms.context import Context
 from gamms.errors import BadType, BadValue, nearest
 from gamms.rules.contacts import Contact, Side, as_nearness, as_test, found, one_to_one
-from gamms.rules.hooks import with_hooks
+from gamms.rules.endings import with_hooks
 from gamms.rules.territory import Territory, as_territory
 from gamms.text import shown
 from gamms.typing.game import Rule

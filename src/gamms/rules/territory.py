@@ -9,7 +9,7 @@ import numpy as np
 from gamms.arguments import as_choice, as_int, as_name
 from gamms.context import Context
 from gamms.errors import BadType, BadValue, UnknownName
-from gamms.rules.hooks import with_hooks
+from gamms.rules.endings import with_hooks
 from gamms.text import shown
 from gamms.typing import ColorType, NodeId, Rule
 from gamms.typing.game import OWNERS, TEAMS
