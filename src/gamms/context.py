@@ -7,24 +7,11 @@ from contextlib import ExitStack
 from types import TracebackType
 from typing import TYPE_CHECKING, Any, Self
 
-from gamms import agent, graph, kernels, memory, sensor, visual
+from gamms import agent, graph, kernels, memory, sensor, typing, visual
 from gamms.arguments import as_int, as_mapping, as_path, as_text
 from gamms.deciding import DecidePhase, Guarded, refused_while_deciding
 from gamms.errors import BadType, BadValue, UnknownEngine
 from gamms.text import printable, shown
-from gamms.typing import (
-    IAgentEngine,
-    IComputeEngine,
-    IContext,
-    IGraphEngine,
-    IInternalContext,
-    ILogger,
-    IMemoryEngine,
-    IMessageEngine,
-    IRecorder,
-    ISensorEngine,
-    IVisualizationEngine,
-)
 from gamms.typing.context import contexts
 
 if TYPE_CHECKING:
@@ -37,31 +24,31 @@ _LEVELS = ("DEBUG", "INFO", "WARNING", "ERROR", "CRITICAL")
 _LOGGER_VERBS = ("debug", "info", "warning", "error", "critical", "setLevel")
 
 
-class InternalContext(IInternalContext):
+class InternalContext(typing.IInternalContext):
     """Engines that serve other engines, not users."""
 
     def __init__(
         self,
-        compute_engine: IComputeEngine | None = None,
-        memory_engine: IMemoryEngine | None = None,
-        message_engine: IMessageEngine | None = None,
+        compute_engine: typing.IComputeEngine | None = None,
+        memory_engine: typing.IMemoryEngine | None = None,
+        message_engine: typing.IMessageEngine | None = None,
     ) -> None:
         self.compute_engine = compute_engine
         self.memory_engine = memory_engine
         self.message_engine = message_engine
 
     @property
-    def memory(self) -> IMemoryEngine:
+    def memory(self) -> typing.IMemoryEngine:
         """The stores."""
         return self.memory_engine  # type: ignore[return-value] # None only in a context that is built by hand
 
     @property
-    def compute(self) -> IComputeEngine | None:
+    def compute(self) -> typing.IComputeEngine | None:
         """Background work; None while there is no such engine."""
         return self.compute_engine
 
     @property
-    def message(self) -> IMessageEngine | None:
+    def message(self) -> typing.IMessageEngine | None:
         """Messages between processes; None while there is no such engine."""
         return self.message_engine
 
@@ -72,7 +59,7 @@ class InternalContext(IInternalContext):
                 engine.terminate()
 
 
-class Context(Guarded, IContext):
+class Context(Guarded, typing.IContext):
     """One running scenario. Usable in a `with` statement, which terminates it.
 
     The engines are attributes, so that a program may build a context of its own engines.
@@ -87,13 +74,13 @@ class Context(Guarded, IContext):
 
     def __init__(
         self,
-        internal_context: IInternalContext | None = None,
-        agent_engine: IAgentEngine | None = None,
-        sensor_engine: ISensorEngine | None = None,
-        visual_engine: IVisualizationEngine | None = None,
-        graph_engine: IGraphEngine | None = None,
-        recorder: IRecorder | None = None,
-        logger: ILogger | logging.Logger | None = None,
+        internal_context: typing.IInternalContext | None = None,
+        agent_engine: typing.IAgentEngine | None = None,
+        sensor_engine: typing.ISensorEngine | None = None,
+        visual_engine: typing.IVisualizationEngine | None = None,
+        graph_engine: typing.IGraphEngine | None = None,
+        recorder: typing.IRecorder | None = None,
+        logger: typing.ILogger | logging.Logger | None = None,
     ) -> None:
         self._phase = DecidePhase()
         self._internal_context: Any = internal_context
@@ -138,7 +125,7 @@ class Context(Guarded, IContext):
         return self._visual_engine
 
     @visual_engine.setter
-    def visual_engine(self, engine: IVisualizationEngine | None) -> None:
+    def visual_engine(self, engine: typing.IVisualizationEngine | None) -> None:
         self._visual_engine = engine
 
     @property
@@ -157,7 +144,7 @@ class Context(Guarded, IContext):
         return self._recorder
 
     @recorder.setter
-    def recorder(self, recorder: IRecorder | None) -> None:
+    def recorder(self, recorder: typing.IRecorder | None) -> None:
         self._recorder = recorder
 
     @property
@@ -183,7 +170,7 @@ class Context(Guarded, IContext):
         return self._game
 
     @property
-    def ictx(self) -> IInternalContext:
+    def ictx(self) -> typing.IInternalContext:
         """Engines that serve other engines; not for strategies."""
         return self.internal_context  # type: ignore[no-any-return] # a program may put its own there
 
@@ -194,16 +181,16 @@ class Context(Guarded, IContext):
         return self._internal_context
 
     @internal_context.setter
-    def internal_context(self, internal_context: IInternalContext | None) -> None:
+    def internal_context(self, internal_context: typing.IInternalContext | None) -> None:
         self._internal_context = internal_context
 
     @property
-    def logger(self) -> ILogger:
+    def logger(self) -> typing.ILogger:
         """Where messages go; settable to any object with the verbs of `ILogger`."""
         return self._logger  # type: ignore[no-any-return] # checked when it is set
 
     @logger.setter
-    def logger(self, logger: ILogger) -> None:
+    def logger(self, logger: typing.ILogger) -> None:
         missing = [verb for verb in _LOGGER_VERBS if not callable(getattr(logger, verb, None))]
         if missing:
             raise BadType(f"A logger needs the methods of gamms.logger.ILogger; {shown(logger)} lacks {missing}.")
@@ -398,7 +385,7 @@ def _keywords(given: object, name: str) -> dict[str, Any]:
     return {as_text(key, f"Each key of {name}"): value for key, value in mapping.items()}
 
 
-def _visual_engine(ctx: Context, engine: object, keywords: dict[str, Any]) -> IVisualizationEngine:
+def _visual_engine(ctx: Context, engine: object, keywords: dict[str, Any]) -> typing.IVisualizationEngine:
     if engine is visual.Engine.OFFSCREEN:
         from gamms.visual.engine import OffscreenEngine
 

@@ -27,14 +27,9 @@ _AS_BUILT_IN: dict[type, str] = {int: "__int__", float: "__float__", str: "__str
 _ADDRESS = re.compile(r" at 0x[0-9a-fA-F]+")
 
 
-def why_not_plain(value: Plain) -> str:
-    """Return where and why a value is not plain, such as "['brain'][2] is of type Brain"; "" if it is plain."""
-    return _flaw(value, 0)
-
-
 def is_plain(value: Plain) -> bool:
     """Return whether a value is plain."""
-    return not _flaw(value, 0)
+    return not why_not_plain(value)
 
 
 def to_plain(value: Plain) -> Plain:
@@ -87,7 +82,8 @@ def is_same(one: Plain, other: Plain) -> bool:
 # -- is it plain ------------------------------------------------------------------------------------------------
 
 
-def _flaw(value: Plain, depth: int) -> str:
+def why_not_plain(value: Plain, depth: int = 0) -> str:
+    """Return where and why a value is not plain, such as "['brain'][2] is of type Brain"; "" if it is plain."""
     if type(value) in _SCALARS or isinstance(value, _BUILT_IN):
         return ""
     if isinstance(value, np.ndarray | np.generic):
@@ -112,7 +108,7 @@ def _flaw_within(value: Plain, depth: int) -> str:
 
 def _first_flaw(items: Iterable[tuple[Plain, Plain]], depth: int) -> str:
     for place, one in items:
-        if flaw := _flaw(one, depth + 1):
+        if flaw := why_not_plain(one, depth + 1):
             return f"[{shown(place)}]{flaw}"
     return ""
 
@@ -120,7 +116,7 @@ def _first_flaw(items: Iterable[tuple[Plain, Plain]], depth: int) -> str:
 def _is_key(key: Plain) -> bool:
     if isinstance(key, tuple | frozenset):
         return all(map(_is_key, key))
-    return type(key) in _SCALARS or (not _flaw(key, 0) and not isinstance(key, np.ndarray))
+    return type(key) in _SCALARS or (not why_not_plain(key) and not isinstance(key, np.ndarray))
 
 
 # -- make it plain ----------------------------------------------------------------------------------------------

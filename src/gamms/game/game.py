@@ -1,8 +1,7 @@
 """The front of the turn engine: `ctx.game`, which plays turns in which all agents move at once."""
 
 from collections import Counter
-from collections.abc import Callable, Hashable, Iterable, Iterator, Mapping
-from contextlib import contextmanager
+from collections.abc import Callable, Hashable, Iterable, Mapping
 from time import perf_counter
 from typing import Any, Literal, NamedTuple, overload
 
@@ -221,8 +220,10 @@ class Game(Settings):
         if not state.has_begun:
             self._begin()
         self._ruleset.warn_of_unknown_teams()
-        if self._unchecked_plans:
-            self._warn_of_plans()
+        while self._unchecked_plans:
+            team, teams = self._unchecked_plans.pop(0), self.ctx.agent.teams
+            if team in self.plans and team not in teams:
+                self.ctx.logger.warning(f"command: {UnknownName('team', team, teams)} Its plan decides for no agent.")
         self._global_random.begin_turn()
         self._turns.is_playing = True
         try:
@@ -276,9 +277,11 @@ class Game(Settings):
         if last is None and not self.rules:
             raise BadValue("This game has no rule that could end it: give run(max_turns=…) or add a rule.")
         known = len(self.errors)
-        with self._global_random.of(self.ctx), self._progress(last, is_shown=progress) as show:
+        of = "" if last is None else f" of {last}"
+        with self._global_random.of(self.ctx), progress_line() as show:
             while (last is None or self._state.turn < last) and self._take_turn():
-                show()
+                if progress:
+                    show(f"turn {self._state.turn}{of}")
         self._warn_of_errors(self.errors[known:])
         return self.result()
 
@@ -288,12 +291,20 @@ class Game(Settings):
         self._turns.update_counts()
         over = state.over or {"reason": self._reason_so_far(), "winner": None, "truncated": True}
         agents = self.ctx.agent.agents
-        players = state.players | agents
+        summaries = {
+            name: {
+                "team": one.team,
+                "alive": one.alive and name in agents,
+                "node": one.current_node_id,
+                **(self.counts.get(name) or dict.fromkeys(COUNTED, 0)),
+            }
+            for name, one in sorted((state.players | agents).items())
+        }
         return Result(
             turns=self.turn,
             scores=dict(self.scores),
             events=[dict(event) for event in self.events],
-            agents={name: self._summary(one, is_there=name in agents) for name, one in sorted(players.items())},
+            agents=summaries,
             errors=[dict(error) for error in self.errors],
             timings=dict(self.timings),
             seed=self.ctx.seed,
@@ -415,10 +426,8 @@ class Game(Settings):
         only at 1.
         """
         moves = self._state.moves
-        if moves is None:
-            return [((agent.current_node_id,), (1.0,)) for agent in agents]
-        tracks: list[Track] = moves.tracks(agents)
-        return tracks
+        tracks: list[Track] | None = None if moves is None else moves.tracks(agents)
+        return [((agent.current_node_id,), (1.0,)) for agent in agents] if tracks is None else tracks
 
     @overload
     def observation(self, agent: IAerialAgent) -> AerialState: ...  # type: ignore[overload-overlap] # as `get_state`
@@ -528,14 +537,6 @@ class Game(Settings):
             self._ruleset.apply(phase, self._state)
             self._state.timings["rules"] += perf_counter() - began
 
-    def _warn_of_plans(self) -> None:
-        """Log the teams that were given a plan and have no agents."""
-        teams = self.ctx.agent.teams
-        for team in self._unchecked_plans:
-            if team in self.plans and team not in teams:
-                self.ctx.logger.warning(f"command: {UnknownName('team', team, teams)} Its plan decides for no agent.")
-        self._unchecked_plans.clear()
-
     def _warn_of_errors(self, errors: list[dict[str, Any]]) -> None:
         """Log in one line what strategies did wrong."""
         if errors:
@@ -545,20 +546,6 @@ class Game(Settings):
                 f"Strategies erred ({kinds}), that of agent {first['agent']!r} first, in turn {first['turn']}: "
                 f"{printable_line(first['message']).rstrip('.'):.200}. See result.errors."
             )
-
-    @contextmanager
-    def _progress(self, last: int | None, *, is_shown: bool) -> Iterator[Callable[[], None]]:
-        """Show the turn on one line of stderr."""
-        if not is_shown:
-            yield lambda: None
-            return
-        of = "" if last is None else f" of {last}"
-        with progress_line() as say:
-            yield lambda: say(f"turn {self._state.turn}{of}")
-
-    def _summary(self, agent: IAgent, *, is_there: bool) -> dict[str, Any]:
-        counts = self.counts.get(agent.name) or dict.fromkeys(COUNTED, 0)
-        return {"team": agent.team, "alive": agent.alive and is_there, "node": agent.current_node_id, **counts}
 
     def _agent(self, agent: IAgent | str) -> IAgent:
         found: IAgent = self.ctx.agent.get_agent(getattr(agent, "name", agent))

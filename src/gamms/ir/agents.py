@@ -65,27 +65,13 @@ needs is an event kind in `ir/events.py`, and a property in `agent/agent.py`.
 """
 
 BY_ROW = (
-    "names",
-    "teams",
-    "kind",
-    "node",
-    "previous",
-    "heading",
-    "position",
-    "previous_position",
-    "quat",
-    "speed",
-    "alive",
-    "progress",
-    *NUMBERS,
+    *("names", "teams", "kind", "node", "previous", "heading", "position", "previous_position", "quat", "speed"),
+    *("alive", "progress", *NUMBERS),
 )
 ARRAYS: dict[str, tuple[type, tuple[int, ...]]] = {  # columns that may be arrays: the kind and the shape of a row
-    "kind": (np.int64, ()),
-    "node": (np.int64, ()),
-    "previous": (np.int64, ()),
+    **dict.fromkeys(("kind", "node", "previous"), (np.int64, ())),
     "heading": (np.float64, (2,)),  # NaN stands for None
-    "position": (np.float64, (3,)),
-    "previous_position": (np.float64, (3,)),
+    **dict.fromkeys(("position", "previous_position"), (np.float64, (3,))),
     "quat": (np.float64, (4,)),
     "alive": (np.bool_, ()),
     **{name: (kind, ()) for name, (kind, _) in NUMBERS.items()},
@@ -127,20 +113,8 @@ class AgentBlock:
     """
 
     __slots__ = (
-        *BY_ROW,
-        "_changed",
-        "_logs",
-        "_row_of",
-        "_surveyed",
-        "_unlocated",
-        "_version",
-        "flyers",
-        "graph",
-        "inactive",
-        "journal",
-        "removed",
-        "structure_version",
-        "trusts_nodes",
+        *(*BY_ROW, "_changed", "_logs", "_row_of", "_surveyed", "_unlocated", "_version", "flyers", "graph"),
+        *("inactive", "journal", "removed", "structure_version", "trusts_nodes"),
     )
 
     def __init__(self, graph: NodeFinder | None = None, journal: Journal = PLAIN) -> None:

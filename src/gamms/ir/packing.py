@@ -196,7 +196,7 @@ def pack_parts(values: Sequence[bytes], columns: bytes = b"", cost: int = 0) -> 
     cost = max(cost, _OF_BYTE * (len(data) + len(columns)))
     if PER_BYTE * len(body) < cost + most_cost_of(data):
         cost += sum(map(cost_of, values))
-    return padded(body, cost)
+    return body + bytes(max(0, -(-cost // PER_BYTE) - len(body)))  # readers believe as much of so few bytes
 
 
 def unpack_parts(body: bytes, most: int, *, has_columns: bool = False) -> tuple[bytes, bytes]:
@@ -211,11 +211,6 @@ def unpack_parts(body: bytes, most: int, *, has_columns: bool = False) -> tuple[
     if rest.strip(b"\0"):
         raise BadFile(f"{len(rest)} bytes are left over")
     return values, columns
-
-
-def padded(body: bytes, cost: int) -> bytes:
-    """Return packed bytes, followed by zeros where they are fewer than readers believe of so much memory."""
-    return body + bytes(max(0, -(-cost // PER_BYTE) - len(body)))
 
 
 # -- columns ----------------------------------------------------------------------------------------------------
@@ -346,10 +341,6 @@ def _of_text(value: str) -> Item:
     return text
 
 
-def _of_dict(value: dict[Plain, Plain], depth: int) -> Item:
-    return _container(_DICT, [one for pair in value.items() for one in pair], depth)
-
-
 def _of_set(value: set[Plain] | frozenset[Plain], depth: int) -> Item:
     encode = _encoder().encode
     items = sorted(value, key=lambda one: encode([_written(one, depth - 1)]))  # a set has no order, and a file has
@@ -368,7 +359,7 @@ _WAYS: dict[type, Callable[[Plain, int], Item]] = {
     str: lambda value, _: _of_text(value),
     int: lambda value, _: _of_int(value),
     float: lambda value, _: float(value),
-    dict: _of_dict,
+    dict: lambda value, depth: _container(_DICT, [one for pair in value.items() for one in pair], depth),
     list: lambda value, depth: _container(_LIST, list(value), depth),
     tuple: lambda value, depth: _container(_TUPLE, list(value), depth),
     bytes: lambda value, _: _extension()(_BYTES, bytes(value)),
