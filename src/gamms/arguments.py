@@ -276,19 +276,15 @@ def as_path(value: object, name: str) -> "Path":
     text = os.fspath(value) if isinstance(value, (str, os.PathLike)) else None
     if not isinstance(text, str):
         raise BadType(f"{name} must be a path, not {shown(value)} ({type(value).__name__}).")
-    if "\0" in text or not _is_encodable(text):
+    try:
+        is_path = b"\0" not in os.fsencode(text)
+    except UnicodeEncodeError:
+        is_path = False
+    if not is_path:
         raise BadValue(f"{name} must be a path that a file can have, not {shown(value)}.")
     from pathlib import Path  # which takes longer to load than most of GAMMS
 
     return Path(text)
-
-
-def _is_encodable(path: str) -> bool:
-    try:
-        os.fsencode(path)
-    except UnicodeEncodeError:
-        return False
-    return True
 
 
 _MANY = 16  # keywords

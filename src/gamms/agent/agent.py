@@ -296,7 +296,7 @@ class BaseAgent(Guarded, IAgent):
         self._carry()
 
     def _carry(self) -> None:
-        self._block.changed_structure()
+        self._block.structure_version += 1
         shared, sensors = self._shared, self._sensor_list.items()
         own = self.name if shared else None
         self._carried = tuple([_carried(name, one, own if id(one) in shared else None) for name, one in sensors])

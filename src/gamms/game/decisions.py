@@ -31,6 +31,7 @@ State = dict[str, Any]  # of an agent
 Writes = list[tuple[str, dict[str, Any]]]  # (agent, what it made of its copy), in the order of the names
 
 _PLAIN = (str, bytes, int, float, bool, type(None))
+_NOTHING: Any = object()  # stands for a key that is not there
 _COUNT_OF = {"error": "errors", "overrun": "overruns"}  # kind of error -> the count that it is in
 
 
@@ -380,11 +381,12 @@ class Decisions:
                 ends[i] = starts[i]
                 self._decide(i, node)
 
-    def _decide(self, i: int, action: object) -> None:
+    def _decide(self, i: int, action: object, *, is_default: bool = False) -> None:
         try:
             resolved = self._legality.resolve(self._slots[i], self._starts[i], action)
         except GammsError as error:
-            self._refuse(i, error)
+            if not is_default:  # an agent for which it is not legal stays
+                self._refuse(i, error)
         else:
             self.actions[i], self.ends[i] = resolved, resolved.end
 
@@ -421,11 +423,7 @@ class Decisions:
                 raise
             finally:
                 self._phase.agent = None
-        try:
-            resolved = self._legality.resolve(slot, self._starts[i], action)
-        except GammsError:
-            return
-        self.actions[i], self.ends[i] = resolved, resolved.end
+        self._decide(i, action, is_default=True)
 
     def _note(self, question: _Question) -> None:
         """Take what was written into the copies of the team's memory."""
@@ -482,13 +480,6 @@ def _differs(value: object, other: object) -> bool:
         return bool(value != other)
     except (TypeError, ValueError):  # arrays, for example
         return True
-
-
-class _Nothing:
-    """Stands for a key that is not there."""
-
-
-_NOTHING = _Nothing()
 
 
 def _one_of(old: object, values: list[Any]) -> Any:

@@ -49,6 +49,11 @@ class AgentSlot:
         counts: how often it moved, was blocked, and so on; see `COUNTED`.
     """
 
+    __slots__ = (
+        *("agent", "carried", "counts", "draws", "flies", "foreign", "is_plain", "last", "name", "rng", "row"),
+        *("sees_world_only", "speed", "team", "template"),
+    )
+
     def __init__(
         self,
         agent: IAgent,
@@ -125,7 +130,8 @@ class TurnOrder:
             for i, slot in enumerate(slots)
             if slot.team not in plans
         ]
-        self.commanded = [_commanded(slots, team, plans[team]) for team in _teams(slots) if team in plans]
+        teams = dict.fromkeys(slot.team for slot in slots)  # in the order of their first agents
+        self.commanded = [_commanded(slots, team, plans[team]) for team in teams if team in plans]
         blind = {i for one in self.commanded if one.plan.arrays for i in one.indices}
         self.observing = [i for i in range(len(slots)) if i not in blind]
         self.see_world_only = all(slots[i].sees_world_only for i in self.observing)
@@ -155,11 +161,6 @@ class TurnOrder:
     def restart_counts(self) -> None:
         """Count moves from here."""
         self._moved = [0] * len(self.slots)
-
-
-def _teams(slots: list[AgentSlot]) -> Iterable[Hashable]:
-    """Return the teams, in the order of their first agents."""
-    return dict.fromkeys([slot.team for slot in slots])
 
 
 def _commanded(slots: list[AgentSlot], team: Hashable, plan: Plan) -> Commanded:

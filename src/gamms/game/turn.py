@@ -3,6 +3,7 @@
 from collections.abc import Callable, Iterable
 from copy import copy
 from functools import lru_cache
+from operator import itemgetter
 from time import perf_counter
 from typing import TYPE_CHECKING, Any
 
@@ -57,8 +58,12 @@ class TurnEngine:
         key = (block, block.structure_version, self._settings.legal, plans, state.stream_version)
         if self._order is None or self._order_key != key:
             self.update_counts()
-            living = [agent for agent in agents.agents.values() if agent.alive]
-            slots = [self._slot(agent) for agent in sorted(living, key=lambda agent: agent.name)]
+            living = sorted([(name, agent) for name, agent in agents.agents.items() if agent.alive], key=itemgetter(0))
+            access_of, follows_edges = agents.storage.turn_access, self._settings.legal == "edges"
+            slots = [
+                AgentSlot(one, access_of(one), state, self._ctx.seed, self._facts, follows_edges=follows_edges)
+                for _, one in living
+            ]
             self._order, self._order_key = TurnOrder(slots, block.progress, plans), key
             state.players.update((slot.name, slot.agent) for slot in slots)
         return self._order
@@ -67,13 +72,6 @@ class TurnEngine:
         """Close the event loop, if one was opened."""
         if self._loop is not None:
             self._loop.close()
-
-    def _event_loop(self) -> "EventLoop":
-        if self._loop is None:
-            from gamms.game.awaiting import EventLoop  # which loads asyncio
-
-            self._loop = EventLoop()
-        return self._loop
 
     def update_counts(self) -> None:
         """Add the moves of the last turns to the counts of the agents."""
@@ -135,10 +133,6 @@ class TurnEngine:
         spent["resolve"] += resolved - decided
         spent["apply"] += applied - resolved
 
-    def _slot(self, agent: IAgent) -> AgentSlot:
-        access, follows_edges = self._ctx.agent.storage.turn_access(agent), self._settings.legal == "edges"
-        return AgentSlot(agent, access, self._state, self._ctx.seed, self._facts, follows_edges=follows_edges)
-
     def _ask(self, order: TurnOrder, observers: list[Observer]) -> "TurnMoves":
         """Ask all agents what they do.
 
@@ -163,7 +157,11 @@ class TurnEngine:
                     states = [self.observation(slot) if seen is None else seen[i] for i, slot in slots]
                     decisions.ask_plan(commanded, states)
             if decisions.are_awaited:
-                decisions.collect(self._event_loop())
+                if self._loop is None:
+                    from gamms.game.awaiting import EventLoop  # which loads asyncio
+
+                    self._loop = EventLoop()
+                decisions.collect(self._loop)
         finally:
             self._phase.agent, self.is_deciding = None, False
             decisions.drop()

@@ -238,10 +238,6 @@ class AgentBlock:
         """Return the row of an agent (KeyError)."""
         return self._row_of[name]
 
-    def changed_structure(self) -> None:
-        """Note that agents carry other sensors."""
-        self.structure_version += 1
-
     # -- verbs --------------------------------------------------------------------------------------------------
 
     def move(self, row: int, node: int) -> None:

@@ -188,16 +188,9 @@ class Mover(NamedTuple):
     before: int
 
 
-def _heading(value: object, name: str) -> tuple[float, ...] | None:
-    return None if value is None else tuple(as_numbers(value, name, "(cos, sin)"))
-
-
-def _position(value: object, name: str) -> tuple[float, ...]:
-    return tuple(as_numbers(value, name, "(x, y, z)"))
-
-
-def _quat(value: object, name: str) -> tuple[float, ...]:
-    return tuple(as_numbers(value, name, "(w, x, y, z)"))
+def _numbers(form: str, *, or_none: bool = False) -> Callable[[object, str], tuple[float, ...] | None]:
+    """Return the check of as many numbers as `form` names."""
+    return lambda value, name: None if or_none and value is None else tuple(as_numbers(value, name, form))
 
 
 def _speed(value: object, name: str) -> Any:
@@ -213,9 +206,9 @@ _FIELDS = {  # fields of these names; all others hold any plain value
     **dict.fromkeys(("number", "numbers"), Field(Role.NUMBER)),
     **dict.fromkeys(("node", "previous", "edge_source", "edge_target"), Field(Role.NODE)),
     **dict.fromkeys(("name", "sensor_id", "kind"), Field(check=as_name)),
-    "orientation": Field(check=_heading),
-    "position": Field(check=_position),
-    "quat": Field(check=_quat),
+    "orientation": Field(check=_numbers("(cos, sin)", or_none=True)),
+    "position": Field(check=_numbers("(x, y, z)")),
+    "quat": Field(check=_numbers("(w, x, y, z)")),
     "team": Field(check=as_key),
     "alive": Field(check=as_bool),
     "speed": Field(check=_speed),
@@ -336,7 +329,9 @@ def _turn(state: State, data: tuple[int, float, float, float, float]) -> None:
 
 def _fly_by_name(state: State, data: Mapping[str, Plain]) -> None:
     node = as_int(data["node"], "node") if "node" in data else None
-    state.agents.fly(state.agents.row(data["agent_name"]), node, _position(data["position"], "position"))
+    state.agents.fly(
+        state.agents.row(data["agent_name"]), node, tuple(as_numbers(data["position"], "position", "(x, y, z)"))
+    )
 
 
 def _register(state: State, data: Mapping[str, Plain]) -> None:

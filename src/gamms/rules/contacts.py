@@ -323,10 +323,6 @@ def _by_hops(graph: Graph, limit: float) -> _Measure:
     return _by_path(reached)
 
 
-def _by_metres(graph: Graph, limit: float) -> _Measure:
-    return _by_path(lambda node: graph.distances(source=node, cutoff=limit))
-
-
 def _by_path(search: Callable[[int], Mapping[int, float]]) -> _Measure:
     """Measure by the shorter of the paths there and back, where `search` finds one of them."""
     known: dict[int, Mapping[int, float]] = {}
@@ -375,6 +371,6 @@ def _straight(graph: Graph, limit: float) -> _Measure:
 
 _MEASURES: dict[str, Callable[[Graph, float], _Measure]] = {
     "hops": _by_hops,
-    "metres": _by_metres,
+    "metres": lambda graph, limit: _by_path(lambda node: graph.distances(source=node, cutoff=limit)),
     "euclid": _straight,
 }
