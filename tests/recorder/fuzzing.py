@@ -14,7 +14,7 @@ from recordings import HEADER, fly, read_all, walk, written
 from gamms.ir import packing
 from gamms.recorder import RecordingError
 from gamms.recorder.formats import blocks
-from gamms.recorder.formats.tracks import FORMS
+from gamms.recorder.formats.chunks import FORMS
 
 NUMBERS = [0, 1, 2, 63, 64, 127, 128, 255, 256, 65535, 65536, 2**20, 2**23, 2**24, 2**31 - 1, 2**31, 2**32 - 1]
 BYTES = [
@@ -151,8 +151,8 @@ def parts_of(data):
     at, parts = len(blocks.MAGIC), []
     while at + blocks.HEAD_SIZE <= len(data):
         head = blocks.head_of(data[at : at + blocks.HEAD_SIZE])
-        parts.append([head.type, data[at + blocks.HEAD_SIZE : at + head.total], list(head[4:])])
-        at += head.total
+        parts.append([head.type, data[at + blocks.HEAD_SIZE : at + head.end], list(head[4:8])])
+        at += head.end
     return parts
 
 

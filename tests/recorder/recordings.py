@@ -6,7 +6,7 @@ import numpy as np
 
 from gamms.ir import events as kinds
 from gamms.recorder import Reader, Writer
-from gamms.recorder.formats.tracks import FORMS
+from gamms.recorder.formats.chunks import FORMS
 
 HEADER = {"package": "2.0.0", "seed": 7, "graph": {"ids": np.arange(5), "xy": np.zeros((5, 2))}}
 

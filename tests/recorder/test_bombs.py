@@ -14,7 +14,7 @@ from gamms.errors import BadFile
 from gamms.ir import packing
 from gamms.recorder import RecordingError
 from gamms.recorder.formats import blocks
-from gamms.recorder.formats.cbor_reader import BadCbor, CborReader
+from gamms.recorder.formats.version2 import BadCbor, CborReader
 
 LIMIT = 200 << 20  # bytes of memory
 

@@ -14,7 +14,7 @@ from gamms.errors import BadType, BadValue
 from gamms.ir import events as codes
 from gamms.recorder import Reader, RecordingError, Writer
 from gamms.recorder.formats import blocks
-from gamms.recorder.formats.tracks import FORMS
+from gamms.recorder.formats.chunks import FORMS
 
 numbers = st.integers(-(2**63), 2**63 - 1) | st.integers(0, 5)
 plain = st.recursive(
@@ -139,7 +139,7 @@ def test_unknown_blocks_are_skipped():
     data = written(game, turns=2, close=False)
     key = blocks.head_of(data[8 : 8 + blocks.HEAD_SIZE]).crc
     stranger = blocks.block(ord("Z"), b"of a later version", key, blocks.Counts(2))
-    first = blocks.head_of(data[8 : 8 + blocks.HEAD_SIZE]).total + 8
+    first = blocks.head_of(data[8 : 8 + blocks.HEAD_SIZE]).end + 8
     assert logs_of(opened(data[:first] + stranger + data[first:])) == game
 
 
@@ -260,7 +260,7 @@ def heads_of(data):
     at, heads = len(blocks.MAGIC), []
     while at < len(data):
         heads.append(blocks.head_of(data[at : at + blocks.HEAD_SIZE]))
-        at += heads[-1].total
+        at += heads[-1].end
     return heads
 
 
@@ -273,7 +273,7 @@ def test_a_block_of_many_agents_has_sixteen_turns_too():
 def test_a_finished_recording_ends_with_its_number_of_turns():
     data = written(walk(2, 9), turns=4, keyframes=True)
     assert bytes(head.type for head in heads_of(data)) == b"HKTTTE"
-    assert heads_of(data)[-1][-4:] == (9, 0, 0, 0)
+    assert heads_of(data)[-1][4:8] == (9, 0, 0, 0)
     assert opened(data).is_complete
     assert not opened(data[: -blocks.HEAD_SIZE]).is_complete
 

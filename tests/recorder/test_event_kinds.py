@@ -18,7 +18,7 @@ from gamms.recorder import Reader
 from gamms.recorder import open as opened
 from gamms.recorder.changes import DETECTED
 from gamms.recorder.detached import DetachedState
-from gamms.recorder.formats.tracks import FORMS
+from gamms.recorder.formats.chunks import FORMS
 from gamms.recorder.formats.version2 import FIELDS
 from gamms.recorder.keyframes import GAME_FIELDS, captured, components_of
 from gamms.recorder.replaying import Replayer

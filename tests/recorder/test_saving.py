@@ -324,7 +324,7 @@ def test_a_start_that_cannot_be_written_leaves_what_was_there(tmp_path, monkeypa
     def fill_up(*_):
         raise OSError(28, "No space left on device")
 
-    monkeypatch.setattr("gamms.recorder.formats.output.Output._write", fill_up)
+    monkeypatch.setattr("gamms.recorder.formats.writer.Output._write", fill_up)
     with new_game() as ctx:
         with pytest.raises(RecordingError, match="No space left"):
             ctx.record.start(tmp_path / "game", overwrite=overwrite)

@@ -15,9 +15,8 @@ from hypothesis import strategies as st
 
 from gamms.errors import BadType, BadValue
 from gamms.recorder.errors import RecordingError
-from gamms.recorder.formats import cbor_reader, version2
-from gamms.recorder.formats.cbor_reader import Tagged
-from gamms.recorder.formats.version2 import Version2Writer
+from gamms.recorder.formats import version2
+from gamms.recorder.formats.version2 import Tagged, Version2Writer
 
 SAMPLES = {path.stem: path.read_bytes() for path in sorted((Path(__file__).parent / "samples/version2").glob("*.ggr"))}
 MUTANTS = 2_000
@@ -119,7 +118,7 @@ def test_plain_data_is_read_as_cbor2_reads_it(value):
 @given(st.floats(allow_nan=True, width=16), st.sampled_from("efd"))
 def test_floats_of_every_width_are_read(value, width):
     head = {"e": b"\xf9", "f": b"\xfa", "d": b"\xfb"}[width]
-    found = cbor_reader.CborReader(head + struct.pack(">" + width, value)).item()
+    found = version2.CborReader(head + struct.pack(">" + width, value)).item()
     assert struct.pack(">d", found) == struct.pack(">d", value) or found != found
 
 
@@ -246,13 +245,13 @@ def test_a_damaged_record_is_refused_by_its_offset(name):
 
 
 def test_a_record_of_too_many_items_takes_little_memory():
-    data = file_of(creating(b"\x9a\x00\x0f\xff\xff" + b"\xa0" * cbor_reader.MOST_ITEMS), END)
+    data = file_of(creating(b"\x9a\x00\x0f\xff\xff" + b"\xa0" * version2.MOST_ITEMS), END)
     tracemalloc.start()
     with pytest.raises(RecordingError, match="items"):
         read(data)
     _, peak = tracemalloc.get_traced_memory()
     tracemalloc.stop()
-    assert peak < 200 * cbor_reader.MOST_ITEMS
+    assert peak < 200 * version2.MOST_ITEMS
 
 
 @pytest.mark.parametrize(
@@ -341,7 +340,7 @@ UNRECORDABLE = {
     "nested without end": (nested(5000), BadValue),
     "a list in itself": (in_itself(), BadValue),
     "a huge number": (2**10_000, BadValue),
-    "too many items": ([0] * (cbor_reader.MOST_ITEMS + 1), BadValue),
+    "too many items": ([0] * (version2.MOST_ITEMS + 1), BadValue),
 }
 
 

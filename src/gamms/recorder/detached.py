@@ -1,7 +1,7 @@
 """The state of a recording at a turn: columns that events are applied to, without a context."""
 
 from collections.abc import Mapping, Sequence, Sized
-from typing import Any, NamedTuple
+from typing import Any
 
 import numpy as np
 
@@ -12,8 +12,8 @@ from gamms.ir.game_state import GameState
 from gamms.ir.graph import FloatArray, IntArray
 from gamms.plain import Plain
 from gamms.recorder.errors import DAMAGES, Damaged
+from gamms.recorder.formats.chunks import FORMS, Tracks
 from gamms.recorder.formats.reader import Reader
-from gamms.recorder.formats.tracks import FORMS, Tracks
 from gamms.recorder.keyframes import (
     ARRAYS,
     LISTS,
@@ -120,28 +120,24 @@ class DetachedState(State):
 
     def _advance(self, reader: Reader, start: int, stop: int) -> None:
         pending = _PendingMoves(reader, start, stop)
-        in_order = not self.agents.are_walkers(pending.numbers)
+        if not self.agents.are_walkers(pending.numbers):  # or not yet: a move may then come before or after a flight
+            for turn in range(start, stop):
+                self._log = turn
+                self.apply(reader.log(turn))
+            return
         apart = _APART - _OF_FLYERS if pending.has_flyers else _APART
         for event, (turn, place, kind, data) in enumerate(reader.events(start, stop, _OTHERS)):
-            if (in_order or kind not in apart) and (batch := pending.before(event, turn, place)):
-                self._go(batch, in_order=in_order)
+            if kind not in apart:
+                self._go(*pending.before(event, turn, place))
             self._log = turn
             self.apply_event(kind, data)
-            in_order = in_order or kind == kinds.SNAPSHOT
-        self._go(pending.rest(), in_order=in_order)
+        self._go(*pending.rest())
 
-    def _go(self, batch: "_Batch", *, in_order: bool) -> None:
-        """Apply moves, flights and turns in space, in their order if moves may be those of flyers."""
-        agents, done, flights = self.agents, 0, batch.flights
-        if in_order and not agents.are_walkers(batch.numbers):
-            for i, after in enumerate(batch.after.tolist()):
-                agents.move(batch.numbers[done:after], batch.nodes[done:after])
-                agents.fly_all(flights.at(slice(i, i + 1)))
-                done = after
-            flights = flights.at(slice(0, 0))
-        agents.move(batch.numbers[done:], batch.nodes[done:])
-        agents.fly_all(flights)
-        agents.turn_all(batch.turns)
+    def _go(self, numbers: IntArray, nodes: IntArray, flights: Tracks, turns: Tracks) -> None:
+        """Apply moves of agents on the ground, flights and turns in space, each in their order."""
+        self.agents.move(numbers, nodes)
+        self.agents.fly_all(flights)
+        self.agents.turn_all(turns)
 
     # -- what events change ---------------------------------------------------------------------------------------
 
@@ -495,18 +491,8 @@ def _row_of_creation(
 # -- moves that wait ------------------------------------------------------------------------------------------------
 
 
-class _Batch(NamedTuple):
-    """Moves, flights and turns in space, in the order of each of the three."""
-
-    numbers: IntArray  # (moves,): of agents
-    nodes: IntArray  # (moves,)
-    flights: Tracks
-    after: IntArray  # (flights,): how many of these moves come before each
-    turns: Tracks
-
-    def __bool__(self) -> bool:
-        """Whether there is anything."""
-        return bool(len(self.numbers) or len(self.flights.numbers) or len(self.turns.numbers))
+_Batch = tuple[IntArray, IntArray, Tracks, Tracks]
+"""Numbers and nodes of moves, (moves,) each; flights; turns in space."""
 
 
 class _PendingMoves:
@@ -523,7 +509,7 @@ class _PendingMoves:
         self._turns = reader.tracks(kinds.AERIAL_AGENT_TURN, start, stop, _OTHERS)
         self._start, self._begins = start, turns.searchsorted(np.arange(start, stop)).tolist()
         self._before = self._flights.before.tolist(), self._turns.before.tolist()
-        self._done = 0, 0, 0
+        self._done: tuple[int, ...] = (0, 0, 0)
         self.has_flyers = bool(len(self._flights.turns) or len(self._turns.turns))
 
     def before(self, event: int, turn: int, place: int) -> _Batch:
@@ -543,10 +529,8 @@ class _PendingMoves:
 
     def _until(self, *ends: int) -> _Batch:
         moves, flights, turns = (slice(begin, end) for begin, end in zip(self._done, ends, strict=True))
-        after = self._flights.after[flights] - self._done[0]
-        self._done = ends  # type: ignore[assignment] # three of them
-        flown, turned = self._flights.tracks.at(flights), self._turns.tracks.at(turns)
-        return _Batch(self.numbers[moves], self._nodes[moves], flown, after, turned)
+        self._done = ends
+        return self.numbers[moves], self._nodes[moves], self._flights.tracks.at(flights), self._turns.tracks.at(turns)
 
 
 def _unknown(number: int) -> Damaged:

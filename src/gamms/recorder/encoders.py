@@ -10,10 +10,9 @@ from gamms.ir import events as kinds
 from gamms.ir.events import EVENTS, AgentsState, Log, Mover, State, records_of, steps_of
 from gamms.ir.packing import to_bytes
 from gamms.plain import Plain, to_plain
-from gamms.recorder.formats.output import Output
-from gamms.recorder.formats.tracks import FORMS
+from gamms.recorder.formats.chunks import FORMS
 from gamms.recorder.formats.version2 import Version2Writer
-from gamms.recorder.formats.writer import Writer
+from gamms.recorder.formats.writer import Output, Writer
 from gamms.recorder.host import HostContext
 from gamms.recorder.keyframes import Keyframe
 from gamms.recorder.replaying import TURN_NS, Record

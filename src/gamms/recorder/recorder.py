@@ -17,8 +17,8 @@ from gamms.recorder.components import Components
 from gamms.recorder.encoders import Version2Encoder, Version3Encoder, header_of
 from gamms.recorder.errors import RecorderBusy, RecordingError
 from gamms.recorder.formats import version2
-from gamms.recorder.formats.output import Output
 from gamms.recorder.formats.reader import Reader
+from gamms.recorder.formats.writer import Output
 from gamms.recorder.host import HostContext
 from gamms.recorder.maps import without_map
 from gamms.recorder.replaying import TURN_NS, Record, Replayer

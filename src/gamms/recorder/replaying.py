@@ -9,8 +9,8 @@ from gamms.ir import events as kinds
 from gamms.ir.events import COMPONENTS, EVENTS, Mover, events_of, records_of
 from gamms.plain import Plain
 from gamms.recorder.errors import UNFIT, RecordingError
+from gamms.recorder.formats.chunks import FORMS
 from gamms.recorder.formats.reader import Reader
-from gamms.recorder.formats.tracks import FORMS
 from gamms.recorder.host import HostContext
 from gamms.recorder.live import LegacyState, LiveState
 from gamms.recorder.maps import has_map, hash_in, is_map_of

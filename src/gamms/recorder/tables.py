@@ -13,8 +13,8 @@ from gamms.ir.graph import IntArray
 from gamms.ir.tables import table_of
 from gamms.plain import Plain
 from gamms.recorder.errors import DAMAGES, RecordingError
+from gamms.recorder.formats.chunks import FORMS
 from gamms.recorder.formats.reader import Reader
-from gamms.recorder.formats.tracks import FORMS
 from gamms.recorder.sensed import looks_of, seen_by
 from gamms.text import reason, shown
 

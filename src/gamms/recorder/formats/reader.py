@@ -15,8 +15,8 @@ from gamms.ir.packing import Decoder, unpack
 from gamms.limits import Allowance
 from gamms.plain import Plain
 from gamms.recorder.formats import blocks, chunks
-from gamms.recorder.formats.block_list import Block, Contents, Input, at_byte, contents_of, turns_of
-from gamms.recorder.formats.tracks import Stretch, concatenated
+from gamms.recorder.formats.blocks import Contents, Head, Input, at_byte, contents_of, turns_of
+from gamms.recorder.formats.chunks import Stretch, Tracks
 
 _KEPT = 4  # blocks of turns that are kept as arrays
 _TURNS_AT_ONCE = 256
@@ -53,14 +53,14 @@ class Reader:
             raise
 
     def _take(self, contents: Contents) -> None:
-        self.header, self.warning, self._key = contents.header, contents.warning, contents.key
+        self.header, self.warning = contents.header, contents.warning
         self.is_complete, self.turns = contents.warning is None, turns_of(contents.found)
         self._chunks = [block for block in contents.found if block.type == blocks.TURNS]
         self._keyframes = [block for block in contents.found if block.type == blocks.KEYFRAME]
         self._firsts = [block.first for block in self._chunks]
         self._keyframe_turns = [block.first for block in self._keyframes]
         self._kept: OrderedDict[int, chunks.Chunk] = OrderedDict()
-        self._charged: dict[tuple[int, int], bytearray] = {}  # place and CRC-32 of a block -> which of its values were
+        self._charged: dict[int, bytearray] = {}  # place of a block -> which of its values were
         for block in self._chunks:
             with at_byte(block.at):
                 self._decoder.allowance.charge(blocks.cost_of(block.turns, block.moves, block.events))
@@ -114,7 +114,7 @@ class Reader:
             columns = (column.tolist() for column in (turns + chunk.first, places, chunk.kinds[numbers]))
             every = chunk.data_of(numbers)
             for turn, place, kind in zip(*columns, strict=True):
-                with at_byte(self._at(turn)):
+                with at_byte(self._chunks[bisect_right(self._firsts, turn) - 1].at):
                     data = next(every)
                 yield turn, place, kind, data
 
@@ -127,16 +127,15 @@ class Reader:
             stop: the turn behind the last.
             among: kinds of events of which the result says where they are.
         """
-        moves, events, parts = 0, 0, []
-        turns, after, before = ([np.zeros(0, np.int64)] for _ in range(3))
+        events, parts = 0, []
+        turns, before = ([np.zeros(0, np.int64)] for _ in range(2))
         for chunk, first, last in self._parts(start, stop):
             if len(numbers := chunk.numbers_of(first, last, {kind})):
                 parts.append(chunk.tracks_of(kind, numbers))
             before.append(numbers.searchsorted(chunk.numbers_of(first, last, among)) + events)
             turns.append(chunk.turns_of(numbers) + chunk.first)
-            after.append(chunk.after[numbers] - chunk.move_ends[first] + moves)
-            moves, events = moves + int(chunk.move_ends[last] - chunk.move_ends[first]), events + len(numbers)
-        return Stretch(concatenated(kind, parts), *map(np.concatenate, (turns, after, before)))
+            events += len(numbers)
+        return Stretch(Tracks.joined(kind, parts), np.concatenate(turns), np.concatenate(before))
 
     def pieces(self, start: int, stop: int) -> Iterator[tuple[int, int]]:
         """Yield where pieces of these turns begin and end, of no more turns and blocks than stay in memory."""
@@ -177,10 +176,8 @@ class Reader:
             return None
         block = self._keyframes[number]
         with at_byte(block.at):
-            head, body = self._body(block)
-            is_new = (block.at, head.crc) not in self._charged
-            state = unpack(body, self._decoder, is_new=is_new)
-            self._charged[block.at, head.crc] = bytearray()
+            state = unpack(self._input.body(block), self._decoder, is_new=block.at not in self._charged)
+            self._charged[block.at] = bytearray()
             if not isinstance(state, dict):
                 raise BadFile("this is no keyframe")
         return block.first, state
@@ -216,21 +213,16 @@ class Reader:
         if not 0 <= start <= stop <= self.turns:
             raise BadValue(f"There are no turns {start} to {stop - 1}: this recording has turns 0 to {self.turns - 1}.")
 
-    def _at(self, turn: int) -> int:
-        return self._chunks[bisect_right(self._firsts, turn) - 1].at
-
     def _chunk(self, number: int) -> chunks.Chunk:
-        with at_byte(self._chunks[number].at):
-            chunk = self._kept.pop(number, None) or self._read(self._chunks[number])
+        block = self._chunks[number]
+        with at_byte(block.at):
+            chunk = self._kept.pop(number, None) or self._read(block)
         self._kept[number] = chunk
         if len(self._kept) > _KEPT:
             self._kept.popitem(last=False)
         return chunk
 
-    def _read(self, block: Block) -> chunks.Chunk:
-        head, body = self._body(block)
-        charged = self._charged.setdefault((block.at, head.crc), bytearray(head.events))
-        return chunks.chunk_of(head, body, self._decoder, charged)
-
-    def _body(self, block: Block) -> tuple[blocks.Head, bytes]:
-        return self._input.body(block, self._key)
+    def _read(self, block: Head) -> chunks.Chunk:
+        body = self._input.body(block)
+        charged = self._charged.setdefault(block.at, bytearray(block.events))
+        return chunks.chunk_of(block, body, self._decoder, charged)
