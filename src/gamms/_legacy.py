@@ -21,7 +21,7 @@ _OLD_PATHS: dict[tuple[str, ...], str] = {
     ("gamms.memory", "gamms.memory.store"): "MemoryEngine.store",
     ("gamms.osm.constants",): "osm_constants",
     ("gamms.recorder",): "Recorder Recorder.recorder",
-    ("gamms.recorder.published",): "Recorder.component",
+    ("gamms.recorder.components",): "Recorder.component",
     ("gamms.sensor",): "SensorEngine SensorEngine.sensor_engine SensorEngine.sensors_aerial SensorEngine.sensors_basic "
     "SensorEngine.sensors_occluded",
     ("gamms.typing.internal_context",): "typing.compute_engine typing.message_engine",

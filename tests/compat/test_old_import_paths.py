@@ -35,7 +35,7 @@ PATHS = {
     "gamms.MemoryEngine.memory_engine": ("gamms.memory", "MemoryEngine"),
     "gamms.MemoryEngine.store": ("gamms.memory.store", "PathLike MemoryStore LazyMapping"),  # and SqliteStore, below
     "gamms.Recorder": ("gamms.recorder", "Recorder"),
-    "gamms.Recorder.component": ("gamms.recorder.published", "component check_validity"),
+    "gamms.Recorder.component": ("gamms.recorder.components", "component check_validity"),
     "gamms.Recorder.recorder": ("gamms.recorder", "Recorder"),
     "gamms.VisualizationEngine": (
         "gamms.visual",

@@ -13,9 +13,10 @@ from gamms.arguments import as_key
 from gamms.deciding import UNDECIDED, DecidePhase, Guarded, refused_while_deciding
 from gamms.errors import BadType, Duplicate, UnknownName
 from gamms.recorder import struct_types
-from gamms.recorder.errors import RecordingError
+from gamms.recorder.errors import RecordingError, refusing
 from gamms.recorder.struct_types import FieldType
-from gamms.text import reason, shown
+from gamms.text import shown
+from gamms.typing import IContext
 from gamms.typing.recorder import C
 
 Key = tuple[str, str]  # module and qualified name of a class
@@ -28,20 +29,26 @@ _KIND = "__recorded_class_"
 class Kind:
     """What a component class is: its fields in order, and the `__init__` its author wrote."""
 
-    key: Key
+    cls: Any  # a class
     fields: dict[str, FieldType]
     original_init: Callable[..., None]
+
+    @property
+    def key(self) -> Key:
+        """The key of the class in the registry."""
+        return self.cls.__module__, self.cls.__qualname__
 
     def begin(self, component: object, name: object) -> None:
         """Give a component its name and fields of None."""
         object.__setattr__(component, STORE, {**dict.fromkeys(self.fields), "name": name})
 
 
-Recorded = tuple[set[Key], dict[Any, tuple[Any, dict[str, Any]]]]  # classes; components by name, with their values
+Recorded = tuple[set[Key], dict[Any, tuple[Key, dict[str, Any]]]]  # classes; of components by name class and values
 OnEvent = Callable[[str, dict[str, Any]], None]  # the name of an operation code, and its data
 
 _MOST_CLASSES = 10_000  # that recordings may declare
 _MOST_FIELDS = 1_000
+_IMPOSSIBLE = "The recording declares an impossible component class"
 
 
 class Components(Guarded):
@@ -57,7 +64,7 @@ class Components(Guarded):
         self._on_event = on_event
         self._component_registry: dict[Key, type] = {}
         self._components: dict[Any, Any] = {}
-        self._classes: dict[Key, tuple[type, Kind]] = {}  # of the registry, and those unregistered since
+        self._classes: dict[Key, Kind] = {}  # of the registry, and those unregistered since
         self._built = 0
         self._is_silent = False  # while a recording makes a component: the file says what follows
 
@@ -103,7 +110,7 @@ class Components(Guarded):
         Raises:
             UnknownName (KeyError): there is none of that name.
         """
-        if self._is_recorded(self.get_component(name), name):
+        if _kind_under(self.get_component(name), name):
             self._on_event("COMPONENT_DELETE", {"name": name})
         del self._components[name]
 
@@ -120,9 +127,9 @@ class Components(Guarded):
         """
         if as_key(name, "The name of a component") in self._components:
             raise Duplicate("a component", name)
-        if self._is_recorded(obj, name):
-            for opcode_name, data in _events_of(obj):
-                self._on_event(opcode_name, data)
+        if _kind_under(obj, name):
+            for event in _events_of(obj):
+                self._on_event(*event)
         self._components[name] = obj
 
     def is_component_registered(self, key: Key) -> bool:
@@ -142,23 +149,16 @@ class Components(Guarded):
         self._on_event("COMPONENT_UNREGISTER", {"key": list(key)})
         del self._component_registry[key]
 
-    def snapshot(self) -> Iterator[tuple[str, dict[str, Any]]]:
-        """Yield the events that make all this: the classes, the components, their values."""
-        return self.since((set(), {}))
-
     def recorded(self) -> Recorded:
         """Return all that is recorded now, for `since`."""
-        components = {
-            name: (one, dict(getattr(one, STORE)))
-            for name, one in self._components.items()
-            if self._is_recorded(one, name)
-        }
-        return set(self._component_registry), components
+        kinds = {name: _kind_under(one, name) for name, one in self._components.items()}
+        values = {name: dict(getattr(self._components[name], STORE)) for name, kind in kinds.items() if kind}
+        return set(self._component_registry), {name: (kind.key, values[name]) for name, kind in kinds.items() if kind}
 
     def keyframe(self) -> dict[str, Any]:
         """Return what a keyframe holds: the `classes`, each with the names of its fields, and all `values` by name."""
         return {
-            "classes": [[*key, list(kind.fields)] for key, (_, kind) in self._classes.items()],
+            "classes": [[*key, list(kind.fields)] for key, kind in self._classes.items()],
             "values": {
                 name: {field: value for field, value in values.items() if field != "name"}
                 for name, (_, values) in self.recorded()[1].items()
@@ -169,24 +169,15 @@ class Components(Guarded):
         """Yield the events that lead from what `recorded` returned to how things are now."""
         classes, components = known
         now = self.recorded()[1]
-        for name, (component, _) in components.items():
-            if name not in now or now[name][0] is not component:
-                yield "COMPONENT_DELETE", {"name": name}
-        needed = {kind.key for name, (one, _) in now.items() if name not in components and (kind := kind_of(one))}
-        for key in self._classes:
+        gone = [name for name, (key, _) in components.items() if name not in now or now[name][0] != key]
+        new = [name for name in now if name not in components or name in gone]
+        needed = {now[name][0] for name in new}
+        yield from (("COMPONENT_DELETE", {"name": name}) for name in gone)
+        for key, kind in self._classes.items():
             if key not in classes and (key in self._component_registry or key in needed):
-                fields = self._classes[key][1].fields
-                yield "COMPONENT_REGISTER", _registration(key, {name: str(one) for name, one in fields.items()})
-        for name, (component, values) in now.items():
-            if name in components and components[name][0] is component:
-                before = components[name][1]
-                yield from (
-                    ("COMPONENT_UPDATE", _update(name, field, value))
-                    for field, value in values.items()
-                    if value is not before[field] and repr(value) != repr(before[field])
-                )
-            else:
-                yield from _events_of(component)
+                yield "COMPONENT_REGISTER", _registration(key, {name: str(one) for name, one in kind.fields.items()})
+        for name, (_, values) in now.items():
+            yield from _events_of(self._components[name]) if name in new else _updates(values, components[name][1])
         for key in self._classes:
             if key in classes | needed and key not in self._component_registry:
                 yield "COMPONENT_UNREGISTER", {"key": list(key)}
@@ -203,7 +194,12 @@ class Components(Guarded):
             return
         if as_key(name, "The name of a component") in self._components:
             raise Duplicate("a component", name)
-        self._on_event(*_creation(component))
+        self._keep(name, component)
+
+    def _keep(self, name: object, component: Any) -> None:
+        kind = kind_of(component)
+        assert kind is not None  # noqa: S101 - only components come here
+        self._on_event("COMPONENT_CREATE", {"name": name, "type": list(kind.key)})
         self._components[name] = component
 
     def abandon(self, component: object) -> None:
@@ -240,33 +236,30 @@ class Components(Guarded):
             RecordingError: the record cannot be applied; nothing changed.
         """
         doing = _APPLIED.get(opcode_name)
-        if doing is None:
-            raise RecordingError(f"{shown(opcode_name)} is no operation on components.")
-        if not isinstance(data, dict):
-            raise RecordingError(f"The data of {opcode_name} is no map.")
+        if doing is None or not isinstance(data, dict):
+            raise RecordingError(f"{shown(opcode_name)} is no operation on components, or its data is no map.")
         doing(self, data, lenient)
 
     def _apply_register(self, data: dict[str, Any], lenient: bool) -> None:
         key, struct = _key_in(data, "key"), data.get("struct", {})
         fields = _fields_in(struct)
-        cls, kind = self._classes.get(key, (None, None))
-        if cls is None or (kind is not None and kind.fields != fields and key not in self._component_registry):
+        kind = self._classes.get(key)
+        is_other = kind is not None and kind.fields != fields
+        if kind is None or (is_other and key not in self._component_registry):
             self._build(key, fields, struct)
             return
-        if kind is not None and kind.fields != fields and not lenient:
+        if is_other and not lenient:
             raise RecordingError(f"The component class {key} has other fields here than in the recording.")
         self._on_event("COMPONENT_REGISTER", _registration(key, struct))
-        self._component_registry.setdefault(key, cls)
+        self._component_registry.setdefault(key, kind.cls)
 
     def _build(self, key: Key, fields: dict[str, FieldType], texts: dict[str, str]) -> None:
         if self._built >= _MOST_CLASSES:
             raise RecordingError(f"The recording declares more than {_MOST_CLASSES} component classes.")
         module, qualname = key
         cls = type(qualname.rpartition(".")[2] or qualname, (), {"__module__": module, "__qualname__": qualname})
-        try:
+        with refusing(_IMPOSSIBLE, (BadType,)):
             check_class(cls, fields)
-        except BadType as error:
-            raise RecordingError(f"The recording declares an impossible component class: {reason(error)}") from error
         self._built += 1
         self._register(cls, fields, texts)
 
@@ -278,41 +271,32 @@ class Components(Guarded):
             if lenient:
                 return
             raise RecordingError(f"The recording makes a second component named {shown(name)}.")
-        cls, kind = self._classes[key]
-        component = self._made(cls, kind, name)
-        self._on_event(*_creation(component))
-        self._components[name] = component
+        self._keep(name, self._made(self._classes[key], name))
 
-    def _made(self, cls: Any, kind: Kind, name: object) -> Any:
+    def _made(self, kind: Kind, name: object) -> Any:
         """Return a component with its fields None; its author's `__init__` runs where it needs no arguments."""
         self._is_silent = True
         try:
-            component = cls.__new__(cls)
-            kind.begin(component, name)
-            if takes_nothing(kind.original_init):
-                kind.original_init(component)
-            kind.begin(component, name)
-        except Exception as error:
-            raise RecordingError(
-                f"The component {shown(name)} of class {kind.key} cannot be made: {reason(error)}."
-            ) from error
+            with refusing(f"The component {shown(name)} of class {kind.key} cannot be made", (Exception,)):
+                component = kind.cls.__new__(kind.cls)
+                kind.begin(component, name)
+                if takes_nothing(kind.original_init):
+                    kind.original_init(component)
+                kind.begin(component, name)
+                return component
         finally:
             self._is_silent = False
-        return component
 
     def _apply_update(self, data: dict[str, Any], lenient: bool) -> None:
         name, field = _name_in(data), data.get("key")
         if name not in self._components and lenient:
             return
-        kind = self._kind(self._components.get(name), name)
+        kind = _kind_under(self._components.get(name), name)
         if kind is None:
             raise RecordingError(f"The recording changes {shown(name)}, which is no recorded component.")
         if not isinstance(field, str) or field not in kind.fields:
-            raise RecordingError(
-                f"The recording sets {shown(field)} of {shown(name)}, which is no field of {kind.key}."
-            )
-        value = kind.fields[field].shaped(data.get("value"))
-        self.assign(self._components[name], field, value)
+            raise RecordingError(f"The recording sets {shown(field)} of {shown(name)}, no field of {kind.key}.")
+        self.assign(self._components[name], field, data.get("value"))
 
     def _apply_delete(self, data: dict[str, Any], lenient: bool) -> None:
         name = _name_in(data)
@@ -331,28 +315,19 @@ class Components(Guarded):
     # -- within ---------------------------------------------------------------------------------------------------
 
     @refused_while_deciding
-    def _register(self, cls: type, fields: dict[str, FieldType], texts: dict[str, str]) -> None:
+    def _register(self, cls: Any, fields: dict[str, FieldType], texts: dict[str, str]) -> None:
         """Make a checked class a component; of two classes with one key and the same fields the first is kept."""
-        key = key_of(cls)
+        kind = Kind(cls, fields, cls.__init__)
+        key = kind.key
         is_known = key in self._component_registry
-        is_same = is_known and self._classes[key][1].fields == fields
+        is_same = is_known and self._classes[key].fields == fields
         if is_known and not is_same:
             self._on_event("COMPONENT_UNREGISTER", {"key": list(key)})
             del self._component_registry[key]
         if not is_same:
             self._on_event("COMPONENT_REGISTER", _registration(key, texts))
-        kind = make_component(cls, fields, self)
-        if not is_same:
-            self._component_registry[key] = cls
-            self._classes[key] = (cls, kind)
-
-    def _kind(self, component: object, name: object) -> Kind | None:
-        """Return the kind of an object that is recorded under this name, else None."""
-        kind = kind_of(component)
-        return kind if kind is not None and getattr(component, STORE)["name"] == name else None
-
-    def _is_recorded(self, component: object, name: object) -> bool:
-        return self._kind(component, name) is not None
+            self._component_registry[key], self._classes[key] = cls, kind
+        make_component(kind, self)
 
 
 _APPLIED: dict[str, Callable[[Components, dict[str, Any], bool], None]] = {
@@ -377,23 +352,23 @@ def _registration(key: Key, texts: dict[str, str]) -> dict[str, Any]:
     return {"key": list(key), "struct": dict(texts)}
 
 
-def _creation(component: object) -> tuple[str, dict[str, Any]]:
-    kind = kind_of(component)
-    assert kind is not None  # noqa: S101 - only components come here
-    return "COMPONENT_CREATE", {"name": getattr(component, STORE)["name"], "type": list(kind.key)}
-
-
 def _update(name: object, field: str, value: object) -> dict[str, Any]:
     return {"name": name, "key": field, "value": list(value) if isinstance(value, list) else value}
 
 
 def _events_of(component: object) -> Iterator[tuple[str, dict[str, Any]]]:
     """Yield the events that make this component."""
-    yield _creation(component)
-    store = getattr(component, STORE)
-    for field, value in store.items():
-        if field != "name" and value is not None:
-            yield "COMPONENT_UPDATE", _update(store["name"], field, value)
+    kind, store = kind_of(component), getattr(component, STORE)
+    assert kind is not None  # noqa: S101 - only components come here
+    yield "COMPONENT_CREATE", {"name": store["name"], "type": list(kind.key)}
+    yield from _updates(store, dict.fromkeys(store, None))
+
+
+def _updates(values: dict[str, Any], before: dict[str, Any]) -> Iterator[tuple[str, dict[str, Any]]]:
+    """Yield the events that make these values of those."""
+    for field, value in values.items():
+        if field != "name" and value is not before[field] and repr(value) != repr(before[field]):
+            yield "COMPONENT_UPDATE", _update(values["name"], field, value)
 
 
 # -- what lies in a file ------------------------------------------------------------------------------------------
@@ -419,10 +394,8 @@ def _key_in(data: dict[str, Any], part: str) -> Key:
 def _fields_in(struct: object) -> dict[str, FieldType]:
     if not isinstance(struct, dict) or len(struct) > _MOST_FIELDS:
         raise RecordingError(f"A component class is declared without a map of at most {_MOST_FIELDS} fields.")
-    try:
+    with refusing(_IMPOSSIBLE, (BadType,)):
         return {checked_name(name): struct_types.parse(text) for name, text in struct.items()}
-    except BadType as error:
-        raise RecordingError(f"The recording declares an impossible component class: {reason(error)}") from error
 
 
 # -- classes ------------------------------------------------------------------------------------------------------
@@ -431,6 +404,12 @@ def _fields_in(struct: object) -> dict[str, FieldType]:
 def kind_of(component: object) -> Kind | None:
     """Return the kind of a component; None for any other object."""
     return getattr(type(component), _KIND, None) if STORE in getattr(component, "__dict__", ()) else None
+
+
+def _kind_under(component: object, name: object) -> Kind | None:
+    """Return the kind of an object that is recorded under this name, else None."""
+    kind = kind_of(component)
+    return kind if kind is not None and getattr(component, STORE)["name"] == name else None
 
 
 def declared_fields(struct: object) -> dict[str, FieldType]:
@@ -477,20 +456,13 @@ def check_class(cls: object, fields: Mapping[str, FieldType]) -> None:
         )
 
 
-def make_component(cls: type[Any], fields: dict[str, FieldType], keeper: Components) -> Kind:
+def make_component(kind: Kind, keeper: Components) -> None:
     """Turn a checked class into a component class, in place."""
-    kind = Kind(key_of(cls), fields, cls.__init__)
-    for field in fields:
-        setattr(cls, field, _property_of(field, keeper))
-    cls.name = property(lambda self: getattr(self, STORE)["name"], doc="The name of the component.")
-    cls.__init__ = _init_of(kind, keeper)
-    setattr(cls, _KIND, kind)
-    return kind
-
-
-def key_of(cls: type) -> Key:
-    """Return the key of a class in the registry."""
-    return (cls.__module__, cls.__qualname__)
+    for field in kind.fields:
+        setattr(kind.cls, field, _property_of(field, keeper))
+    kind.cls.name = property(lambda self: getattr(self, STORE)["name"], doc="The name of the component.")
+    kind.cls.__init__ = _init_of(kind, keeper)
+    setattr(kind.cls, _KIND, kind)
 
 
 def takes_nothing(init: Callable[..., None]) -> bool:
@@ -531,3 +503,22 @@ def _init_of(kind: Kind, keeper: Components) -> Callable[..., None]:
             raise
 
     return __init__
+
+
+# -- functions of 1.0.0 -------------------------------------------------------------------------------------------
+
+
+def component(ctx: IContext, struct: Mapping[str, object] | None = None) -> Callable[[C], C]:
+    """Decorate a class whose declared fields are recorded; the same as `ctx.record.component(struct)`."""
+    return ctx.record.component(struct)
+
+
+def check_validity(data_type: object) -> None:
+    """Check that a field of a component may be of this type.
+
+    Raises:
+        BadType (TypeError): it may not.
+    """
+    if data_type is None:
+        raise BadType("The type of a field cannot be None alone. Use Optional[...] of another type.")
+    struct_types.of_hint(data_type)

@@ -127,7 +127,7 @@ class Recorder(Guarded, IRecorder):
                 target.discard()
             raise
         self._target, self._session, self._version = target, session, version
-        for name, data in self.components.snapshot():
+        for name, data in self.components.since((set(), {})):
             self._component_event(name, data)
 
     @property

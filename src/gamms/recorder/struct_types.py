@@ -6,12 +6,13 @@
           | "Tuple[" type {"," type} "]" | "Tuple[" type ", ...]" | "List[" type "]"
 
 with `typing.` before a name if you like, and `tuple` and `list` for `Tuple` and `List`. A recording holds the text that
-1.0.0 writes: `typing.Optional[int]`, `typing.Union[int, str, NoneType]`, `<class 'NoneType'>`.
+1.0.0 writes: `typing.Optional[int]`, `typing.Union[int, str, NoneType]`, `<class 'NoneType'>`. All of it is Python's
+grammar of expressions but for `<class '…'>`, so that Python's own parser reads it, which evaluates nothing.
 """
 
+import ast
 import re
 import types
-import typing
 from collections.abc import Iterable
 from dataclasses import dataclass
 from typing import Any
@@ -30,13 +31,14 @@ _SCALARS: dict[str, type] = {
     "NoneType": types.NoneType,
     "...": types.EllipsisType,
 }
-_NAME_OF = {kind: name for name, kind in _SCALARS.items() if name != "..."}
 _ACCEPTED: dict[str, tuple[type, ...]] = {name: (kind,) for name, kind in _SCALARS.items()} | {"float": (float, int)}
 _NONE = "NoneType"
 _OPEN = "..."  # behind the only type in a tuple of any length
 _MOST_LETTERS = 4000
 _MOST_DEPTH = 8
-_TOKEN = re.compile(r"\s*(<class '\w+'>|\.\.\.|[\w.]+|[\[\],|])")
+_CLASS = re.compile(r"<class '(\w+)'>")
+_LETTERS = re.compile(r"[A-Za-z_.\[\],|\s]*")  # no digits, quotes or brackets of other kinds
+_EMPTY_END = re.compile(r",\s*\]")
 _ALLOWED = "int, float, str, bool, None, Optional, Union, tuple[...] and list[...] of those"
 
 
@@ -123,41 +125,21 @@ def union(parts: Iterable[FieldType]) -> FieldType:
     return FieldType(members[::-1] if len(members) == 2 and members[0] == _NONE else members)
 
 
-# -- from Python ------------------------------------------------------------------------------------------------
+# -- from hints and texts ---------------------------------------------------------------------------------------
 
 
 def of_hint(hint: object) -> FieldType:
-    """Return the type of a Python hint.
+    """Return the type that a Python hint means, which says itself in the grammar above.
 
     Raises:
-        BadType (TypeError): the hint is not one of those a recording can hold.
+        BadType (TypeError): a recording cannot hold it.
     """
-    found = _of_hint(hint)
     try:
-        parse(str(found.or_none()))
+        if hint is not None and not isinstance(hint, str):
+            return parse("..." if hint is Ellipsis else str(hint))
     except RecordingError as error:
         raise BadType(str(error)) from error
-    return found
-
-
-def _of_hint(hint: object) -> FieldType:
-    if hint is Ellipsis:
-        return FieldType((_OPEN,))
-    if isinstance(hint, type) and hint in _NAME_OF:
-        return FieldType((_NAME_OF[hint],))
-    origin, inside = typing.get_origin(hint), typing.get_args(hint)
-    if origin in (typing.Union, types.UnionType):
-        return union([_of_hint(one) for one in inside])
-    if origin is tuple and inside and inside != (Ellipsis,):
-        is_open = len(inside) == 2 and inside[1] is Ellipsis
-        items = tuple(_of_hint(types.NoneType if one is None else one) for one in (inside[:1] if is_open else inside))
-        return FieldType((Array(tuple, items, is_open),))
-    if origin is list and len(inside) == 1:
-        return FieldType((Array(list, (_of_hint(inside[0]),), is_open=True),))
     raise BadType(f"A field of a component cannot be {shown(hint)}. Use {_ALLOWED}.")
-
-
-# -- from text --------------------------------------------------------------------------------------------------
 
 
 def parse(text: object) -> FieldType:
@@ -168,89 +150,58 @@ def parse(text: object) -> FieldType:
     """
     if not isinstance(text, str) or len(text) > _MOST_LETTERS:
         raise RecordingError(f"The type of a field is a text of at most {_MOST_LETTERS} letters. Use {_ALLOWED}.")
-    parser = _Parser(text)
-    found = parser.type()
-    if parser.next():
-        raise parser.error()
+    why, plain = "", _CLASS.sub(r" \1 ", text).strip()
+    if _LETTERS.fullmatch(plain) and not _EMPTY_END.search(plain):
+        try:
+            return _type(ast.parse(plain, mode="eval").body, 1)
+        except (SyntaxError, RecursionError, MemoryError):
+            pass
+        except ValueError as error:
+            why = str(error)
+    raise RecordingError(f"{text[:100]!r} is not the type of a field. Use {_ALLOWED}.{why}")
+
+
+def _type(node: ast.expr, depth: int) -> FieldType:
+    """Return the type that an expression says (ValueError)."""
+    if depth > _MOST_DEPTH:
+        raise ValueError(f" It is nested deeper than {_MOST_DEPTH}.")
+    parts = []
+    while isinstance(node, ast.BinOp) and isinstance(node.op, ast.BitOr):
+        parts.append(node.right)
+        node = node.left
+    return _one_kind([_atom(part, depth) for part in (node, *reversed(parts))])
+
+
+def _one_kind(parts: list[FieldType]) -> FieldType:
+    found = union(parts)
+    if len({member.kind for member in found.members if isinstance(member, Array)}) > 1:
+        raise ValueError(" It has both tuples and lists, which a recording cannot tell apart.")
     return found
 
 
-class _Parser:
-    """Reads the grammar above by recursive descent, one token ahead."""
+def _atom(node: ast.expr, depth: int) -> FieldType:
+    if isinstance(node, ast.Constant) and node.value in (None, ...):
+        return FieldType((_NONE if node.value is None else _OPEN,))
+    if isinstance(node, ast.Name) and node.id in _SCALARS:
+        return FieldType((node.id,))
+    if not isinstance(node, ast.Subscript):
+        raise ValueError  # noqa: TRY004 - it is the text that is wrong
+    inside = [_type(one, depth + 1) for one in (node.slice.elts if isinstance(node.slice, ast.Tuple) else [node.slice])]
+    name, dots = ast.unparse(node.value).removeprefix("typing.").lower(), FieldType((_OPEN,))
+    if name == "optional" and len(inside) == 1:
+        return inside[0].or_none()
+    if name == "union":
+        return _one_kind(inside)
+    if name == "list" and len(inside) == 1:
+        return _array(Array(list, tuple(inside), is_open=True))
+    if name == "tuple" and inside[0] != dots:
+        is_open = len(inside) == 2 and inside[1] == dots
+        return _array(Array(tuple, tuple(inside[:1] if is_open else inside), is_open))
+    raise ValueError
 
-    def __init__(self, text: str) -> None:
-        self._text = text
-        self._tokens = _TOKEN.findall(text)
-        self._at = 0
-        self._depth = 0
-        if "".join(self._tokens).replace(" ", "") != re.sub(r"\s", "", text):
-            raise self.error()
 
-    def error(self, why: str = "") -> RecordingError:
-        return RecordingError(f"{self._text[:100]!r} is not the type of a field. Use {_ALLOWED}.{why}")
-
-    def next(self) -> str:
-        return self._tokens[self._at] if self._at < len(self._tokens) else ""
-
-    def take(self, *expected: str) -> str:
-        token = self.next()
-        if expected and token not in expected:
-            raise self.error()
-        self._at += 1
-        return token
-
-    def type(self) -> FieldType:
-        self._depth += 1
-        if self._depth > _MOST_DEPTH:
-            raise self.error()
-        parts = [self._atom()]
-        while self.next() == "|":
-            self.take()
-            parts.append(self._atom())
-        self._depth -= 1
-        return self._one_kind(union(parts))
-
-    def _one_kind(self, found: FieldType) -> FieldType:
-        if len({member.kind for member in found.members if isinstance(member, Array)}) > 1:
-            raise self.error(" It has both tuples and lists, which a recording cannot tell apart.")
-        return found
-
-    def _atom(self) -> FieldType:
-        name = self.take()
-        if name.startswith("<"):
-            name = name[len("<class '") : -len("'>")]
-        if name == "None":
-            name = _NONE
-        if name in _SCALARS:
-            return FieldType((name,))
-        name = name.removeprefix("typing.").lower()
-        if name not in ("optional", "union", "tuple", "list"):
-            raise self.error()
-        inside = self._inside()
-        return self._made(name, inside)
-
-    def _inside(self) -> list[FieldType]:
-        self.take("[")
-        found = [self.type()]
-        while self.take(",", "]") == ",":
-            found.append(self.type())
-        return found
-
-    def _made(self, name: str, inside: list[FieldType]) -> FieldType:
-        if name == "optional" and len(inside) == 1:
-            return inside[0].or_none()
-        if name == "union":
-            return self._one_kind(union(inside))
-        dots = FieldType((_OPEN,))
-        if name == "tuple" and inside[0] != dots:
-            is_open = len(inside) == 2 and inside[1] == dots
-            return self._array(Array(tuple, tuple(inside[:1] if is_open else inside), is_open))
-        if name == "list" and len(inside) == 1:
-            return self._array(Array(list, tuple(inside), is_open=True))
-        raise self.error()
-
-    def _array(self, array: Array) -> FieldType:
-        inner = [member for item in array.items for member in item.members if isinstance(member, Array)]
-        if any(list in (array.kind, member.kind) for member in inner):
-            raise self.error(" A list holds scalars, and a tuple holds no list.")
-        return FieldType((array,))
+def _array(array: Array) -> FieldType:
+    inner = [member for item in array.items for member in item.members if isinstance(member, Array)]
+    if any(list in (array.kind, member.kind) for member in inner):
+        raise ValueError(" A list holds scalars, and a tuple holds no list.")
+    return FieldType((array,))
