@@ -323,8 +323,7 @@ class DrawingChanges:
         """Describe all artists as plain values, as far as there are such; see `Artists.specs`."""
         if self._artists is None:
             return {"artists": [], "is_declared": False}
-        specs: dict[str, Any] = self._artists.specs(with_drawings=self._with_custom)
-        return specs
+        return plain_subset(self._artists.specs(with_drawings=self._with_custom))
 
     def changes(self) -> Log:
         """Return events that say what artists draw which have not drawn that before."""

@@ -1,12 +1,14 @@
 """The map of a recording: in its header, or only named there by its SHA-256, and then given by the caller."""
 
 import os
+from collections.abc import Callable
 from hashlib import sha256
 from typing import Any
 
 from gamms.arguments import as_path
-from gamms.errors import BadType
-from gamms.recorder.errors import RecordingError
+from gamms.errors import BadFile, BadType
+from gamms.recorder.errors import RecordingError, refusing
+from gamms.recorder.host import HostContext
 from gamms.text import shown
 
 HASH = "world_sha256"  # what a header has instead of "world"
@@ -84,3 +86,43 @@ def given_map(graph: object, header: dict[str, Any]) -> bytes:
             f"This is not the map of the recording: its SHA-256 is {hash_of(packed)}, and not {hash_in(header)}."
         )
     return packed
+
+
+def attach(ctx: HostContext, header: dict[str, Any]) -> None:
+    """Attach the map of a recording where there is none yet; else it must be the same.
+
+    Raises:
+        RecordingError: it is another, or there is none and the recording holds none, either.
+    """
+    name = hash_in(header)
+    if has_map(header):
+        become(ctx, name, lambda: header["world"])
+    elif hash_of(packed_of(ctx)) != name:
+        raise RecordingError(
+            "This recording does not hold its map, and the graph of this context is another. Load the map with "
+            f"the SHA-256 {name} first: ctx.graph.load('map.gamms')."
+        )
+
+
+def become(ctx: HostContext, name: str, packed: Callable[[], bytes], others: tuple[str, ...] = ()) -> None:
+    """Give a context a map, unless it has that already.
+
+    Args:
+        ctx: the context, which has no map, or one of the recording.
+        name: of the map.
+        packed: gives its bytes.
+        others: names of maps that it may take the place of.
+
+    Raises:
+        RecordingError: the map is damaged, or that of the context is none of these.
+    """
+    is_empty = next(iter(ctx.graph.graph.get_nodes()), None) is None
+    now = None if is_empty else hash_of(packed_of(ctx))
+    if now not in (None, name, *others):
+        raise RecordingError(
+            "The graph or the obstacles of this context are not those of the recording. Give a context without a "
+            "graph: the recording brings its own."
+        )
+    if now != name:
+        with refusing("The map of this recording is damaged", (BadFile,)):
+            ctx.graph.storage.unpack(packed())

@@ -6,14 +6,14 @@ from logging import CRITICAL, getLogger
 from typing import TYPE_CHECKING, Any, NamedTuple
 
 from gamms.arguments import as_int
-from gamms.errors import BadFile, BadValue, UnknownName
+from gamms.errors import BadValue, UnknownName
 from gamms.ir import events as kinds
 from gamms.ir.events import COMPONENTS, change
 from gamms.recorder import sensed
 from gamms.recorder.detached import DetachedState
-from gamms.recorder.errors import UNFIT, RecordingError
+from gamms.recorder.errors import UNFIT, RecordingError, refusing
 from gamms.recorder.host import HostContext
-from gamms.recorder.maps import hash_of
+from gamms.recorder.maps import become
 from gamms.recorder.replaying import Replayer
 from gamms.text import reason, shown
 from gamms.typing import SensorType
@@ -72,21 +72,17 @@ def observation(ctx: HostContext, log: kinds.Log, before: DetachedState, turn: i
     except UNFIT as error:
         raise RecordingError(f"Agent {shown(agent)} cannot be asked in turn {turn}: {reason(error)}.") from error
     numbers = {name: number for number, name in agents.names.items()}
-    try:
+    with refusing(f"What was sensed in turn {turn} is damaged", with_type=True):
         looks = sensed.looks_of(found, numbers[agent])
         graph = ctx.graph.graph
         state["sensor"] = {
-            look.sensor: (_kind_of(look), sensed.data_of(look, graph, agents.names)) for _, look in looks
+            look.sensor: (
+                SensorType.__members__.get(look.kind, SensorType.CUSTOM),
+                sensed.data_of(look, graph, agents.names),
+            )
+            for _, look in looks
         }
-    except UNFIT as error:
-        raise RecordingError(
-            f"What was sensed in turn {turn} is damaged: {type(error).__name__}: {reason(error)}."
-        ) from error
     return state
-
-
-def _kind_of(look: sensed.Look) -> SensorType:
-    return SensorType.__members__.get(look.kind, SensorType.CUSTOM)
 
 
 class Maps(NamedTuple):
@@ -111,13 +107,13 @@ def resume(ctx: HostContext, reader: "Reader", turn: int, then: DetachedState, m
     Raises:
         RecordingError: it does not fit the context.
     """
-    _attach(ctx, maps)
+    become(ctx, maps.then, maps.packed, (maps.first,))
     strategies = {name: agent.strategy for name, agent in ctx.agent.agents.items()}
     facts = dict(ctx.game.facts)
     ctx.game.internals.draw_start = None
     ctx.game.internals.state.begin_from_here()
     replayer = Replayer(ctx)
-    try:
+    with refusing(f"This game cannot go on from turn {turn}"):
         history = _history(reader, turn)
         history["facts"] = facts | history["facts"]  # for those which a recording cannot hold
         if is_fresh:
@@ -127,8 +123,6 @@ def resume(ctx: HostContext, reader: "Reader", turn: int, then: DetachedState, m
             snapshot["chance"] = None
         _delete_others(ctx, snapshot["names"])
         replayer.state.restore(snapshot)
-    except UNFIT as error:
-        raise RecordingError(f"This game cannot go on from turn {turn}: {reason(error)}") from error
     for name, agent in ctx.agent.agents.items():
         agent.strategy = strategies.get(name)
     looks = [data for _, data in _before(reader, turn, (kinds.VISUALS,))]
@@ -173,21 +167,6 @@ def as_seed(given: object, recorded: object) -> int:
     if type(recorded) is not int or recorded.bit_length() > _SEED_BITS:
         raise RecordingError(f"The seed of this recording is {shown(recorded)}, which is none: give resume(…, seed=…).")
     return recorded
-
-
-def _attach(ctx: HostContext, maps: Maps) -> None:
-    is_empty = next(iter(ctx.graph.graph.get_nodes()), None) is None
-    now = None if is_empty else hash_of(ctx.graph.storage.pack_savable()[0])
-    if now not in (None, maps.first, maps.then):
-        raise RecordingError(
-            "The graph or the obstacles of this context are not those of the recording, neither at its start nor at "
-            "this turn. Give a context without a graph: the recording brings its own."
-        )
-    if now != maps.then:
-        try:
-            ctx.graph.storage.unpack(maps.packed())
-        except BadFile as error:
-            raise RecordingError(f"The map of this recording is damaged: {reason(error)}") from error
 
 
 def _delete_others(ctx: HostContext, names: list[str]) -> None:

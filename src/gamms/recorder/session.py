@@ -1,6 +1,10 @@
-"""One recording while it is being written: what the journal holds becomes the log of each turn."""
+"""One recording while it is being written: what the journal holds becomes the log of each turn.
 
-from collections.abc import Iterator, Mapping
+Events become plain values at once, because what a program hands over may change a moment later, and what is recorded is
+how it was.
+"""
+
+from collections.abc import Callable, Iterator, Mapping
 from contextlib import contextmanager
 from copy import deepcopy
 from itertools import takewhile
@@ -10,9 +14,10 @@ from typing import Any
 import numpy as np
 
 from gamms.ir import events as kinds
+from gamms.ir.agents import Position, Quat
 from gamms.ir.events import Log
-from gamms.ir.journal import PLAIN
-from gamms.plain import Plain, plain_subset
+from gamms.ir.journal import PLAIN, Journal
+from gamms.plain import Plain, plain_subset, to_plain
 from gamms.recorder import keyframes, sensed
 from gamms.recorder.changes import DrawingChanges, GameChanges, StrategyChanges
 from gamms.recorder.detached import DetachedState
@@ -20,7 +25,7 @@ from gamms.recorder.errors import Damaged
 from gamms.recorder.host import HostContext
 from gamms.recorder.maps import is_map_of
 from gamms.recorder.saving import Saving
-from gamms.recorder.session_journal import SessionJournal, SkippedValues
+from gamms.typing.agent_engine import SensorsOfAgent
 
 _OTHER_AGENT = object()
 _REVISIONS = attrgetter("graph.revision", "obstacle_revision")
@@ -29,6 +34,7 @@ _TURNS_AT_ONCE = 64
 _ENTRIES_AT_ONCE = 1 << 20  # of logs: what may wait to be written
 _KEYFRAME_ENTRIES = 1 << 17  # of logs between two keyframes: 65,536 moves, which take some milliseconds to read
 _KEYFRAME_TURNS = 64  # at least, of which each agent acts in: what a keyframe costs grows with the agents, too
+_OF_FLIGHT = 7  # what its weight is, beside the entry
 _OF_VALUE = 64  # such entries take as long to read as one event with a value; those of flights: `SessionJournal.weight`
 
 Encoder = Any  # what writes logs in some format: `begin(session, is_final)`, `add(logs)`, `keyframe(state)`, `flush()`,
@@ -82,7 +88,7 @@ class RecordingSession:
         self.world: bytes | None = self._skipped.packed() if has_map else None
         self._skipped.check_all()
         self.drawings = DrawingChanges(ctx.visual, with_custom=with_drawings)
-        self._declarations, self.visuals = self.drawings.edits, self._looks()
+        self._declarations, self.visuals = self.drawings.edits, self.drawings.specs()
         self._listen()
         self.begin = keyframes.captured(ctx) | keyframes.first_history(ctx) | keyframes.components_of(ctx)
         self._revised = _REVISIONS(self._graph)
@@ -213,11 +219,16 @@ class RecordingSession:
         for name, number in zip(snapshot["names"], snapshot["numbers"].tolist(), strict=True):
             journal.ids[block.row_of(name)] = number
             journal.names[number] = name
-        self._expect_no_changes()
+        self._revised, self._declarations = _REVISIONS(self._graph), self.drawings.edits
+        self.drawings.changes()
+        self._watch_game()
 
     def note_component(self, kind: int, data: dict[str, Any]) -> None:
         """Note what has happened to a component."""
         self.log.append((kind, data))
+        self._take_from_pending(kind, data)
+
+    def _take_from_pending(self, kind: int, data: dict[str, Any]) -> None:
         if kind == kinds.COMPONENT_REGISTER:
             self._pending = [one for one in self._pending if one[1]["key"] != data["key"]]
 
@@ -234,8 +245,7 @@ class RecordingSession:
             yield
         finally:
             log[before:] = [(kinds.REPLAYED, (record, log[before:]))]
-        if record["opCode"] == kinds.COMPONENT_REGISTER:
-            self._pending = [one for one in self._pending if one[1]["key"] != record["data"]["key"]]
+        self._take_from_pending(record["opCode"], record.get("data", {}))
 
     def emit_snapshot(self) -> None:
         """Write how things are now, which a replay has set."""
@@ -270,10 +280,14 @@ class RecordingSession:
         block = self.ctx.agent.block
         block.locate()
         self._journal = block.journal = SessionJournal(block.names, self._skipped, self._accept)
-        self.ctx.visual.after_turn.append(self.end_turn)
-        self.ctx.game.internals.after_reset.append(self.restart)
-        if self._with_sensed:
-            self.ctx.game.internals.after_observing.append(self._note_sensed)
+        for callbacks, callback in self._callbacks():
+            callbacks.append(callback)
+
+    def _callbacks(self) -> list[tuple[list[Any], Callable[..., None]]]:
+        """Return what the context calls, and where it looks for it."""
+        internals = self.ctx.game.internals
+        found: list[Any] = [(self.ctx.visual.after_turn, self.end_turn), (internals.after_reset, self.restart)]
+        return [*found, (internals.after_observing, self._note_sensed)] if self._with_sensed else found
 
     def _note_sensed(self, agents: list[Any], states: list[dict[str, Any]]) -> None:
         """Write down what agents are about to decide by, after what has become so before."""
@@ -288,12 +302,9 @@ class RecordingSession:
         block = self.ctx.agent.block
         if block.journal is self._journal:
             block.journal = PLAIN
-        if self.end_turn in self.ctx.visual.after_turn:
-            self.ctx.visual.after_turn.remove(self.end_turn)
-        if self.restart in self.ctx.game.internals.after_reset:
-            self.ctx.game.internals.after_reset.remove(self.restart)
-        if self._note_sensed in self.ctx.game.internals.after_observing:
-            self.ctx.game.internals.after_observing.remove(self._note_sensed)
+        for callbacks, callback in self._callbacks():
+            if callback in callbacks:
+                callbacks.remove(callback)
 
     def _fail(self) -> None:
         """Write nothing any more."""
@@ -410,12 +421,6 @@ class RecordingSession:
         else:
             self._game.accept(kind, data)
 
-    def _expect_no_changes(self) -> None:
-        """Expect everything to be as it is now."""
-        self._revised, self._declarations = _REVISIONS(self._graph), self.drawings.edits
-        self.drawings.changes()
-        self._watch_game()
-
     def _watch_game(self) -> None:
         """Compare with how things are now from now on."""
         self._game, self._strategies = GameChanges(self.ctx), StrategyChanges(self.ctx)
@@ -440,15 +445,11 @@ class RecordingSession:
 
     def _visual_changes(self) -> Log:
         """Return the event that says how it looks now; what was declared in the first turn goes into the header."""
-        self._declarations, visuals = self.drawings.edits, self._looks()
+        self._declarations, visuals = self.drawings.edits, self.drawings.specs()
         if not self.turn:
             self.visuals = visuals
             return []
         return [(kinds.VISUALS, visuals)]
-
-    def _looks(self) -> dict[str, Any]:
-        """Return what it looks like, as far as there are plain values for it."""
-        return plain_subset(self.drawings.specs())
 
     def _world_changes(self) -> Log:
         """Return the event with the changed map; the first map goes into the header, for it may be loaded late."""
@@ -457,3 +458,116 @@ class RecordingSession:
             self.world = world
             return []
         return [(kinds.WORLD, {"world": world})]
+
+
+# -- what the context notes -------------------------------------------------------------------------------------
+
+
+class SkippedValues:
+    """Warns of what is not in a recording; once for each key of nodes, edges, agents and sensors."""
+
+    def __init__(self, ctx: HostContext) -> None:
+        self._ctx = ctx
+        self._warned: set[tuple[str, Any]] = set()
+
+    def packed(self) -> bytes:
+        """Graph and obstacles of the context, as far as they can be written."""
+        packed: bytes
+        packed, left_out = self._ctx.graph.storage.pack_savable()
+        for (kind, key), ids in left_out.items():
+            others = f" and {len(ids) - 1} more" if len(ids) > 1 else ""
+            self._warn(kind, f"{ids[0]}{others}", key)
+        return packed
+
+    def plain_part(self, kind: str, name: object, values: Mapping[Any, Any]) -> dict[Any, Any]:
+        """Return what of the values of an agent or sensor can be written."""
+        left_out: list[Any] = []
+        part = plain_subset(values, left_out)
+        for key in left_out:
+            self._warn(kind, repr(name), key)
+        return part
+
+    def check_all(self) -> None:
+        """Warn of values of agents and sensors that cannot be written."""
+        for agent in self._ctx.agent.agents.values():
+            if vars(agent):
+                self.plain_part("agent", agent.name, vars(agent))
+        self.check_sensors(self._ctx.sensor.storage.described())
+
+    def check_sensors(self, described: list[dict[str, Any]]) -> None:
+        """Warn of values of these sensors that cannot be written."""
+        for sensor in described:
+            self.plain_part("sensor", sensor["id"], sensor["keywords"])
+
+    def _warn(self, kind: str, which: str, key: Plain) -> None:
+        if (kind, key) in self._warned:
+            return
+        self._warned.add((kind, key))
+        self._ctx.logger.warning(
+            f"{kind.capitalize()} {which} has {key!r} with something in it that is no plain value: that is left out of "
+            "the recording, here and wherever else."
+        )
+
+
+class SessionJournal(Journal):
+    """Notes what can be written of events.
+
+    Args:
+        names: of the agents who are there.
+        left_out: warns of what cannot be written.
+        accept: called with each event of a replay.
+
+    Attributes:
+        living: the names of the agents of whom the reader knows, in the order of their creation.
+        weight: what it costs to read the flights that were noted, beside the entries of the log, in such entries.
+    """
+
+    def __init__(self, names: list[str], left_out: SkippedValues, accept: Callable[[int, Any], None]) -> None:
+        super().__init__(names)
+        self._accept = accept
+        self._skipped = left_out
+        self.living = dict.fromkeys(names)
+        self.weight = 0
+
+    def note(self, kind: int, data: Plain) -> None:
+        """Note an event other than a move, as plain values."""
+        self._know(kind, data)
+        self.log.append((kind, self._creation(data) if kind == kinds.AGENT_CREATE else to_plain(data)))
+
+    def append(self, kind: int, data: Plain) -> None:
+        """Take an event of a replay that has been applied, as it is."""
+        self._know(kind, data)
+        self.log.append((kind, data))
+        self._accept(kind, data)
+
+    def _know(self, kind: int, data: Plain) -> None:
+        if kind == kinds.AGENT_CREATE:
+            self.living[data["name"]] = None
+        elif kind == kinds.AGENT_DELETE:
+            self.living.pop(data["name"], None)
+
+    def flew(self, row: int, node: int, position: Position) -> None:
+        """Note where a flyer is, and the node below it."""
+        super().flew(row, node, position)
+        self.weight += _OF_FLIGHT
+
+    def turned(self, row: int, quat: Quat) -> None:
+        """Note how a flyer is turned."""
+        super().turned(row, quat)
+        self.weight += _OF_FLIGHT
+
+    def _creation(self, data: dict[str, Any]) -> dict[str, Any]:
+        """Return a creation without those of its keywords that cannot be written."""
+        given = dict(data["kwargs"])
+        strategy = given.pop("strategy", None)
+        if "sensors" in given:
+            given["sensors"] = _sensor_ids(given["sensors"])
+        named = {} if strategy is None else {"strategy": keyframes.name_of(strategy)}
+        return {**data, "kwargs": self._skipped.plain_part("agent", data["name"], given), **named}
+
+
+def _sensor_ids(given: SensorsOfAgent) -> dict[str, str] | list[str]:
+    """Return the ids of the sensors that an agent was created with, by their names in its state."""
+    if isinstance(given, dict):
+        return {str(name): one if isinstance(one, str) else one.sensor_id for name, one in given.items()}
+    return [one if isinstance(one, str) else one.sensor_id for one in given]
