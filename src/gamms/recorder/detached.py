@@ -11,22 +11,12 @@ from gamms.ir.events import EVENTS, AgentsState, Log, State, events_of
 from gamms.ir.game_state import GameState
 from gamms.ir.graph import FloatArray, IntArray
 from gamms.plain import Plain
-from gamms.recorder.errors import DAMAGES, Damaged
+from gamms.recorder import keyframes
+from gamms.recorder.errors import DAMAGES, Damaged, refusing
 from gamms.recorder.formats.chunks import FORMS, Tracks
 from gamms.recorder.formats.reader import Reader
-from gamms.recorder.keyframes import (
-    ARRAYS,
-    LISTS,
-    Keyframe,
-    checked,
-    checked_following,
-    checked_name,
-    checked_shares,
-    opened,
-    packed,
-    restore_game,
-)
-from gamms.text import reason, shown
+from gamms.recorder.keyframes import ARRAYS, LISTS, Keyframe, checked_name
+from gamms.text import shown
 
 _FEW = 24  # agents that are found faster one by one
 _SHARE = 64  # of all agents: fewer than one of so many are found one by one, too
@@ -81,12 +71,10 @@ class DetachedState(State):
         self._log = at  # the one whose events happen
         self.component_classes: dict[tuple[str, str], list[str]] = {}
         self.components: dict[Any, dict[str, Any]] = {}
-        try:
+        with _restoring():
             if (recorded := keyframe.get("components")) is not None:
                 self.component_classes = {(module, name): list(each) for module, name, each in recorded["classes"]}
                 self.components = {name: dict(fields) for name, fields in recorded["values"].items()}
-        except DAMAGES as error:
-            raise _not_right(error) from error
         self.restore(keyframe)
 
     # -- events ---------------------------------------------------------------------------------------------------
@@ -100,17 +88,9 @@ class DetachedState(State):
 
     def apply_event(self, kind: int, data: Plain) -> None:
         """Apply an event; one of an unknown kind does nothing."""
-        known = EVENTS.get(kind)
-        if known is None:
-            return
-        try:
-            known.apply(self, data)
-        except Damaged:
-            raise
-        except DAMAGES as error:
-            raise Damaged(
-                f"an event of kind {kind:#010x} does not fit ({type(error).__name__}: {reason(error)})"
-            ) from error
+        if kind in EVENTS:
+            with refusing(f"an event of kind {kind:#010x} does not fit", DAMAGES, Damaged, with_type=True):
+                EVENTS[kind].apply(self, data)
 
     def advance(self, reader: Reader, start: int, stop: int) -> None:
         """Apply the turns `start` to `stop - 1` of a recording; of these, a few at a time are in memory."""
@@ -143,25 +123,19 @@ class DetachedState(State):
 
     def restore(self, snapshot: Keyframe) -> None:
         """Become what a keyframe or a snapshot says; components stay, of which a snapshot says nothing."""
-        try:
-            columns = checked(opened(snapshot))
-            self.agents = DetachedAgents(columns, checked_following(columns["numbers"].tolist(), snapshot["next"]))
+        with _restoring():
+            columns = keyframes.checked(keyframes.opened(snapshot))
+            following = keyframes.checked_following(columns["numbers"].tolist(), snapshot["next"])
+            self.agents = DetachedAgents(columns, following)
             self.sensor_groups = list(snapshot.get("sensor_kinds", ()))
             self.rng_state = snapshot.get("chance")
             self.game = GameState()
-            restore_game(self.game, snapshot)
+            keyframes.restore_game(self.game, snapshot)
             self._clock = int(snapshot.get("turn", 0)), self._log, int(snapshot.get("pace", 0))
-        except DAMAGES as error:
-            raise _not_right(error) from error
 
     def count(self, turn: int, pace: int, starts: dict[str, Any]) -> None:  # noqa: ARG002 - named as in `State`
         """Number this turn, and the following ones by adding `pace`."""
         self._clock = turn, self._log + 1, pace
-
-    def game_turn(self, turns: int) -> int:
-        """Return the number that the game gave to the last of so many turns."""
-        counted, at, pace = self._clock
-        return counted + pace * (turns - at)
 
     def set_rng(self, rng_state: Mapping[str, Plain] | None) -> None:
         """Set the state of the context's own random stream."""
@@ -186,12 +160,14 @@ class DetachedState(State):
 
     def keyframe(self, turns: int) -> Keyframe:
         """Return the keyframe after so many turns, as a live context gives it."""
-        self.agents.settle()
-        self.game.turn = self.game_turn(turns)
+        agents = self.agents
+        agents.settle()
+        counted, at, pace = self._clock
+        self.game.turn = counted + pace * (turns - at)
         classes = [[*key, fields] for key, fields in self.component_classes.items()]
         return {
-            **packed(self.agents.columns, self.agents.following, self.sensor_groups, self.game, self.rng_state),
-            "pace": self._clock[2],
+            **keyframes.packed(agents.columns, agents.following, self.sensor_groups, self.game, self.rng_state),
+            "pace": pace,
             "components": {"classes": classes, "values": {name: dict(one) for name, one in self.components.items()}},
         }
 
@@ -209,7 +185,6 @@ class DetachedAgents(AgentsState):
         columns: `LISTS` and `ARRAYS` of `keyframes`, one row for each agent.
         following: the number that the next new agent gets.
         version: a number that changes whenever agents come or go, or any of the lists changes.
-        flyers: how many agents fly or have flown.
     """
 
     def __init__(self, columns: dict[str, Any], following: int) -> None:
@@ -232,8 +207,6 @@ class DetachedAgents(AgentsState):
         self._new: list[dict[str, Any]] = []  # rows that are not
         self._gone: list[int] = []
         self._order: IntArray | None = None  # rows, by the numbers of their agents
-        self._is_counted = numbers == list(range(len(numbers)))  # rows are numbers
-        self.flyers = int(np.count_nonzero(self.columns["kind"]))
 
     # -- who is there ---------------------------------------------------------------------------------------------
 
@@ -248,9 +221,7 @@ class DetachedAgents(AgentsState):
         if name in self._row_of_name or number in self._row_of:
             raise Damaged("two agents have the same name or number")
         self._row_of[number] = self._row_of_name[name] = place
-        self._is_counted = self._is_counted and number == place
         self._order = None
-        self.flyers += row["kind"] != 0
         self._new.append(row)
         self.following += 1
         self.version += 1
@@ -260,7 +231,7 @@ class DetachedAgents(AgentsState):
         row = self.row(name)
         del self._row_of_name[name], self._row_of[int(self.columns["numbers"][row])]
         self._gone.append(row)
-        self._order, self._is_counted = None, False
+        self._order = None
         self.version += 1
         if len(self._gone) > len(self):  # so that each agent pays for one other
             self.settle()
@@ -302,11 +273,12 @@ class DetachedAgents(AgentsState):
         if self.are_few(numbers):
             return np.array([self.row_of(number) for number in numbers.tolist()], np.int64)
         self.settle()
-        if self._are_rows(numbers):
-            return numbers
+        own = self.columns["numbers"]
         if self._order is None:
-            self._order = self.columns["numbers"].argsort(kind="stable")
-        ordered = self.columns["numbers"][self._order]
+            self._order, self._is_counted = own.argsort(kind="stable"), bool((own == np.arange(len(own))).all())
+        if self._is_counted and int(numbers.min()) >= 0 and int(numbers.max()) < len(own):
+            return numbers  # which are the rows themselves
+        ordered = own[self._order]
         places = ordered.searchsorted(numbers)
         places[places == len(ordered)] = 0
         is_known = ordered[places] == numbers if len(ordered) else np.zeros(len(numbers), np.bool_)
@@ -315,19 +287,12 @@ class DetachedAgents(AgentsState):
         rows: IntArray = self._order[places]
         return rows
 
-    def _are_rows(self, numbers: IntArray) -> bool:
-        """Whether these numbers are the rows themselves."""
-        return self._is_counted and int(numbers.min()) >= 0 and int(numbers.max()) < len(self)
-
     def are_walkers(self, numbers: IntArray) -> bool:
         """Whether all these are agents on the ground who are here now."""
-        if not len(numbers) or (not self.flyers and self._are_rows(numbers)):
-            return True
         try:
-            rows = self.rows(numbers)
+            return not len(numbers) or not self.columns["kind"][self.rows(numbers)].any()
         except Damaged:
             return False
-        return not self.columns["kind"][rows].any()
 
     def settle(self) -> None:
         """Add rows that wait, and drop those of agents that were removed."""
@@ -352,10 +317,8 @@ class DetachedAgents(AgentsState):
         for name in LISTS:
             self.columns[name].extend([row[name] for row in new])
         for name in ARRAYS:
-            try:
+            with refusing(f"an agent comes whose {shown(name)} is not right", DAMAGES, Damaged):
                 self._resized(name, begin)[begin : self._size] = [row[name] for row in new]
-            except DAMAGES as error:
-                raise Damaged(f"an agent comes whose {shown(name)} is not right ({reason(error)})") from error
             self.columns[name] = self._whole[name][: self._size]
 
     def _resized(self, name: str, begin: int) -> "np.ndarray[Any, Any]":
@@ -429,7 +392,7 @@ class DetachedAgents(AgentsState):
         """Set how far along edges agents are."""
         rows, columns = self.rows(np.asarray(numbers, np.int64)), self.columns
         columns["edge_source"][rows], columns["edge_target"][rows] = sources, targets
-        columns["edge_share"][rows] = checked_shares(shares)
+        columns["edge_share"][rows] = keyframes.checked_shares(shares)
 
     def equip(self, row: int, name: str, sensor_id: str) -> None:
         """Let an agent carry a sensor."""
@@ -541,5 +504,5 @@ def _grounded(name: str) -> Damaged:
     return Damaged(f"agent {shown(name)} flies and is on the ground")
 
 
-def _not_right(error: Exception) -> Damaged:
-    return Damaged(f"the whole state is not right ({type(error).__name__}: {reason(error)})")
+def _restoring() -> refusing:
+    return refusing("the whole state is not right", DAMAGES, Damaged, with_type=True)

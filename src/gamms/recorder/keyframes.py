@@ -206,9 +206,12 @@ def progress_columns(progress: list[Progress | None]) -> Columns:
 
 
 def grouped(described: list[dict[str, Any]]) -> list[dict[str, Any]]:
-    """Return sensors that differ by their ids alone together."""
+    """Return sensors that differ by their ids alone together; of several with one id the first, as contexts have it."""
     groups: dict[str, dict[str, Any]] = {}
+    firsts: dict[str, dict[str, Any]] = {}
     for one in described:
+        firsts.setdefault(one["id"], one)
+    for one in firsts.values():
         keywords = plain_subset(one["keywords"])
         group = groups.setdefault(repr((one["type"], keywords)), {"type": one["type"], "keywords": keywords, "ids": []})
         group["ids"].append(one["id"])

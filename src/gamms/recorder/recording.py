@@ -19,12 +19,11 @@ from gamms.ir.events import COMPONENTS, Log
 from gamms.ir.tables import table_of
 from gamms.recorder import tables
 from gamms.recorder.detached import DetachedAgents, DetachedState
-from gamms.recorder.errors import Damaged, RecordingError
+from gamms.recorder.errors import Damaged, RecordingError, refusing
 from gamms.recorder.formats.reader import Reader
 from gamms.recorder.keyframes import Columns
 from gamms.recorder.maps import given_map, has_map, hash_in, hash_of
 from gamms.recorder.streams import readable
-from gamms.text import reason
 from gamms.typing import IContext
 from gamms.typing.map_storage import IPackedGraph, packed_graphs
 from gamms.typing.recorder import MAGIC_NUMBER
@@ -177,15 +176,11 @@ class Recording:
         turn = as_int(turn, "turn")
         if not 0 <= turn <= self.turns:
             raise BadValue(f"There is no state after {turn} turns: this recording has {self.turns} turns.")
-        try:
-            state = self._state_at(turn)
-            version = state.agents, state.agents.version
-            if self._named[0] != version:
-                self._named = version, _named_columns(state.agents.columns)
-            return _state_of(state, turn, self._named[1], lambda: self._map_at(turn))
-        except Damaged as error:
-            self._state = None
-            raise RecordingError(f"The state after turn {turn} cannot be worked out: {reason(error)}.") from error
+        state = self._state_at(turn)
+        version = state.agents, state.agents.version
+        if self._named[0] != version:
+            self._named = version, _named_columns(state.agents.columns)
+        return _state_of(state, turn, self._named[1], lambda: self._map_at(turn))
 
     @overload
     def __getitem__(self, turn: int) -> State: ...
@@ -203,7 +198,12 @@ class Recording:
             yield self.state(turn)
 
     def _state_at(self, turn: int) -> DetachedState:
-        """Return the state after so many turns: from the last keyframe, or from the state that was asked for last."""
+        """Return the state after so many turns."""
+        with refusing(f"The state after turn {turn} cannot be worked out", (Damaged,)):
+            return self._worked_out(turn)
+
+    def _worked_out(self, turn: int) -> DetachedState:
+        """Return a state from the last keyframe, or from the state that was asked for last."""
         state = self._state
         if state is None or not max(self._reader.keyframe_before(turn), 0) <= self._at <= turn:
             found = self._reader.keyframe(turn)
@@ -407,10 +407,7 @@ class Recording:
 
     def _names_at(self, log: int) -> tuple[dict[int, str], int]:
         """See `tables.NamesAt`."""
-        try:
-            agents = self._state_at(log).agents
-        except Damaged as error:
-            raise RecordingError(f"The state after turn {log} cannot be worked out: {reason(error)}.") from error
+        agents = self._state_at(log).agents
         return agents.names_by_number(), agents.following
 
     def _logs_of(self, start: int | None, stop: int | None) -> tuple[int, int]:

@@ -12,7 +12,7 @@ from gamms.ir.events import EVENTS, steps_of
 from gamms.ir.graph import IntArray
 from gamms.ir.tables import table_of
 from gamms.plain import Plain
-from gamms.recorder.errors import DAMAGES, RecordingError
+from gamms.recorder.errors import DAMAGES, RecordingError, refusing
 from gamms.recorder.formats.chunks import FORMS
 from gamms.recorder.formats.reader import Reader
 from gamms.recorder.sensed import looks_of, seen_by
@@ -35,6 +35,9 @@ _MOST_CHARACTERS = 1 << 18
 _ROSTER = {kinds.AGENT_CREATE, kinds.SNAPSHOT}
 _FLIGHTS_BY_NAME = {kinds.AERIAL_AGENT_POSITION}
 _TOLD = {kinds.GAME_EVENT, kinds.USER_EVENT}
+_EVENTS: dict[str, type] = {"turn": np.int64, "kind": np.str_}
+_SCORES: dict[str, type] = {"turn": np.int64, "of": np.str_, "score": np.float64}
+_SENSED: dict[str, type] = {"turn": np.int64, "agent": np.str_, "sensor": np.str_, "node": np.int64, "other": np.str_}
 
 
 def events(reader: Reader, start: int, stop: int) -> Iterator[dict[str, Any]]:
@@ -76,15 +79,11 @@ def _roster_after(
     kind: int, data: Mapping[str, Plain], names: dict[int, str], following: int
 ) -> tuple[dict[int, str], int]:
     """Return the names of agents by number, and the next number, after a creation or a snapshot."""
-    try:
+    with refusing(f"An event of kind {KINDS[kind]} is damaged", DAMAGES, with_type=True):
         if kind == kinds.SNAPSHOT:
             return dict(zip(data["numbers"].tolist(), data["names"], strict=True)), data["next"]
         names[following] = data["name"]  # in place, for a thousand may come one by one
-        return names, following + 1
-    except DAMAGES as error:
-        raise RecordingError(
-            f"An event of kind {KINDS[kind]} is damaged ({type(error).__name__}: {reason(error)})."
-        ) from error
+    return names, following + 1
 
 
 def table(reader: Reader, name: str, start: int, stop: int, names_at: NamesAt) -> Table:
@@ -94,30 +93,19 @@ def table(reader: Reader, name: str, start: int, stop: int, names_at: NamesAt) -
         UnknownName (KeyError): there is no such table.
     """
     if as_name(name, "a table") in _TABLES:
-        try:
+        with refusing(f"The table {shown(name)} cannot be made: an event in it is damaged", DAMAGES, with_type=True):
             return _TABLES[name](reader, start, stop, names_at)
-        except RecordingError:
-            raise
-        except DAMAGES as error:
-            raise RecordingError(
-                f"The table {shown(name)} cannot be made: an event in it is damaged "
-                f"({type(error).__name__}: {reason(error)})."
-            ) from error
     rows = [event for event in events(reader, start, stop) if event["kind"] == name]
     if not rows:
         known = {event["kind"] for event in events(reader, 0, reader.turns)}
         if name not in known:
             raise UnknownName("table", name, [*_TABLES, *sorted(known)])
-        return _empty(turn=np.int64)
+        return _rows_as({"turn": np.int64}, [])
     return table_of([{key: value for key, value in row.items() if key != "kind"} for row in rows])
 
 
 def _events(reader: Reader, start: int, stop: int, _names_at: NamesAt) -> Table:
-    found = [(event["turn"], event["kind"]) for event in events(reader, start, stop)]
-    if not found:
-        return _empty(turn=np.int64, kind=np.str_)
-    turns, kinds = zip(*found, strict=True)
-    return table_of({"turn": turns, "kind": kinds})
+    return _rows_as(_EVENTS, [(event["turn"], event["kind"]) for event in events(reader, start, stop)])
 
 
 def _moves(reader: Reader, start: int, stop: int, names_at: NamesAt) -> Table:
@@ -185,10 +173,7 @@ def _scores(reader: Reader, start: int, stop: int, _names_at: NamesAt) -> Table:
     found: dict[int, Any] = {}  # of several in one turn, the last
     for log, _, _, data in reader.events(start, stop, {kinds.GAME_SCORES, kinds.SNAPSHOT}):
         found[log + 1] = data["scores"]
-    rows = [(turn, of, score) for turn, scores in found.items() for of, score in scores]
-    if not rows:
-        return _empty(turn=np.int64, of=np.str_, score=np.float64)
-    return table_of(dict(zip(("turn", "of", "score"), zip(*rows, strict=True), strict=True)))
+    return _rows_as(_SCORES, [(turn, of, score) for turn, scores in found.items() for of, score in scores])
 
 
 def _sensed(reader: Reader, start: int, stop: int, names_at: NamesAt) -> Table:
@@ -202,13 +187,14 @@ def _sensed(reader: Reader, start: int, stop: int, names_at: NamesAt) -> Table:
         for number, look in looks_of(data):
             for node, other in zip(*seen_by(look), strict=True):
                 rows.append((log + 1, names[number], look.sensor, node, "" if other < 0 else names[other]))
+    return _rows_as(_SENSED, rows)
+
+
+def _rows_as(dtypes: Mapping[str, type], rows: list[tuple[Any, ...]]) -> Table:
+    """Return rows as columns, which have these types where there are none."""
     if not rows:
-        return _empty(turn=np.int64, agent=np.str_, sensor=np.str_, node=np.int64, other=np.str_)
-    return table_of(dict(zip(("turn", "agent", "sensor", "node", "other"), zip(*rows, strict=True), strict=True)))
-
-
-def _empty(**dtypes: type) -> Table:
-    return {name: np.zeros(0, dtype) for name, dtype in dtypes.items()}
+        return {name: np.zeros(0, dtype) for name, dtype in dtypes.items()}
+    return table_of(dict(zip(dtypes, zip(*rows, strict=True), strict=True)))
 
 
 _TABLES: dict[str, Callable[[Reader, int, int, NamesAt], Table]] = {
