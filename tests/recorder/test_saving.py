@@ -354,7 +354,7 @@ def test_what_is_recorded_or_replayed_cannot_be_overwritten(tmp_path):
 
 
 class Interrupts:
-    """Raises KeyboardInterrupt once, at a line of what writes a recording."""
+    """Sends the signal of Ctrl-C once, at a line of what writes a recording."""
 
     def __init__(self, at):
         self.left = at
@@ -369,7 +369,7 @@ class Interrupts:
             self.left -= 1
             if not self.left:
                 sys.settrace(None)
-                raise KeyboardInterrupt
+                signal.raise_signal(signal.SIGINT)
         return self.line
 
 

@@ -33,7 +33,6 @@ class Version3Encoder:
         self._output, self._header = output, header
         self._writer: Writer = None  # type: ignore[assignment] # until it begins
         self._beginning: tuple[bytes, Keyframe] | None = None
-        self._values = 0
 
     @property
     def is_current(self) -> bool:
@@ -52,16 +51,6 @@ class Version3Encoder:
             self._writer.keyframe(session.begin)
             self._beginning = beginning
 
-    def mark(self) -> tuple[Any, ...]:
-        """Return the state of the encoder, for `back_to`."""
-        return self._writer, self._beginning, self._values, None if self._beginning is None else self._writer.mark()
-
-    def back_to(self, mark: tuple[Any, ...]) -> None:
-        """Forget what was written since."""
-        self._writer, self._beginning, self._values, written = mark
-        if written:
-            self._writer.back_to(written)
-
     def add(self, logs: list[Log]) -> None:
         """Write the logs of turns."""
         try:
@@ -76,10 +65,10 @@ class Version3Encoder:
         except TypeError:
             self._writer.add_turn(log)
 
-    def new_values(self) -> int:
-        """Return how many events with a value were written since the last call."""
-        before, self._values = self._values, self._writer.values
-        return self._values - before
+    @property
+    def values(self) -> int:
+        """How many events with a value were written."""
+        return self._writer.values
 
     def keyframe(self, keyframe: Keyframe) -> None:
         """Write the whole state."""
@@ -98,6 +87,7 @@ class Version2Encoder:
     """Writes what gamms 1.0.0 reads; what that does not know is left out."""
 
     is_current = True
+    values = 0  # no keyframe would save any from being read
 
     def __init__(self, output: Output) -> None:
         self._output = output
@@ -112,20 +102,6 @@ class Version2Encoder:
         """Write what is in front of the records."""
         self._agents.restore(session.begin)
         self.flush()
-
-    def mark(self) -> tuple[Any, ...]:
-        """Return the state of the encoder, for `back_to`."""
-        known = {**vars(self), "_agents": self._agents.copy()}
-        return known, self._waiting.getvalue(), self._output.end
-
-    def back_to(self, mark: tuple[Any, ...]) -> None:
-        """Forget what was written since."""
-        known, waiting, end = mark
-        vars(self).update(known)
-        self._waiting.seek(0)
-        self._waiting.truncate()
-        self._waiting.write(waiting)
-        self._output.back_to(end)
 
     def add(self, logs: list[Log]) -> None:
         """Write the logs of turns."""
@@ -172,10 +148,6 @@ class Version2Encoder:
     def keyframe(self, keyframe: Keyframe) -> None:
         """There is no place for it."""
 
-    def new_values(self) -> int:
-        """Return 0: no keyframe would save any from being read."""
-        return 0
-
     def flush(self) -> None:
         """Hand over what was written to the system."""
         if self._waiting.tell():
@@ -198,12 +170,6 @@ class _AgentNodes(State, AgentsState):
         self.agents = self
         self._names: list[str] = []  # by number
         self._nodes: dict[str, int] = {}
-
-    def copy(self) -> "_AgentNodes":
-        """Return a copy."""
-        copy = _AgentNodes()
-        copy._names, copy._nodes = self._names[:], self._nodes.copy()
-        return copy
 
     def mover(self, kind: int, data: Plain) -> Mover | None:
         """Return the agent that an event moves or turns."""

@@ -23,9 +23,9 @@ from gamms.recorder.host import HostContext
 from gamms.recorder.maps import without_map
 from gamms.recorder.replaying import TURN_NS, Record, Replayer
 from gamms.recorder.session import RecordingSession
-from gamms.recorder.streams import Target, locks, readable
+from gamms.recorder.streams import Target, format_of, locks, readable
 from gamms.text import shown
-from gamms.typing.recorder import MAGIC_NUMBER, C, IRecorder, OpCodes
+from gamms.typing.recorder import C, IRecorder, OpCodes
 
 _VERSIONS = (2, 3)
 
@@ -251,9 +251,7 @@ class Recorder(Guarded, IRecorder):
             locks(stream, alone=False)
         self.is_replaying = True
         try:
-            magic = stream.read(8)
-            stream.seek(-len(magic), os.SEEK_CUR)
-            is_version_2 = magic[:4] == MAGIC_NUMBER and int.from_bytes(magic[4:], "big") < 3
+            is_version_2 = 0 <= format_of(stream) < 3
             yield from self._replay_version_2(stream) if is_version_2 else self._replay_version_3(stream)
         except ContextTerminated:
             if not self.ctx.is_terminated():

@@ -22,11 +22,10 @@ from gamms.recorder.detached import DetachedAgents, DetachedState
 from gamms.recorder.errors import Damaged, RecordingError, refusing
 from gamms.recorder.formats.reader import Reader
 from gamms.recorder.keyframes import Columns
-from gamms.recorder.maps import given_map, has_map, hash_in, hash_of
-from gamms.recorder.streams import readable
+from gamms.recorder.maps import become, given_map, has_map, hash_in, hash_of
+from gamms.recorder.streams import format_of, readable
 from gamms.typing import IContext
 from gamms.typing.map_storage import IPackedGraph, packed_graphs
-from gamms.typing.recorder import MAGIC_NUMBER
 
 _BLOBS = ("world",)  # parts of the header that are no words
 _CALLERS = ("folder", "file", "allow")  # what `Scenario(**header["scenario"])` takes as said by the caller
@@ -53,9 +52,11 @@ def open(source: str | os.PathLike[str] | BinaryIO, *, graph: object = None) -> 
     """
     stream, is_owned = readable(source)
     try:
-        magic = stream.read(8)
-        stream.seek(-len(magic), os.SEEK_CUR)
-        _refuse_version_2(magic)
+        if 0 < format_of(stream) < 3:
+            raise RecordingError(  # noqa: TRY301 - the stream is closed below
+                "This recording has format version 2, which holds neither a map nor an index. `gamms convert IN OUT` "
+                "makes version 3 of it; ctx.record.replay plays it as it is."
+            )
         return Recording(Reader(stream), stream if is_owned else None, graph)
     except BaseException:
         if is_owned:
@@ -272,12 +273,12 @@ class Recording:
         then, turn = self.state(turn), as_int(turn, "turn")
         if ctx is not None:
             as_context(ctx, "resume")
-        maps = resuming.Maps(self.map_hash(0), self.map_hash(turn), lambda: then.graph.packed)
         seed = resuming.as_seed(seed, resuming.seed_at(self._reader, turn))
         live: Any = resuming.opened_context(seed, vis_engine, is_quiet=is_quiet) if ctx is None else ctx
         try:
             live.reseed(seed)
-            resuming.resume(live, self._reader, turn, self._state_at(turn), maps, is_fresh=ctx is None)
+            become(live, self.map_hash(turn), lambda: then.graph.packed, (self.map_hash(0),))
+            resuming.resume(live, self._reader, turn, self._state_at(turn), is_fresh=ctx is None)
             resuming.register(live, strategies)
         except BaseException:
             if ctx is None:
@@ -418,14 +419,6 @@ class Recording:
             raise BadValue(f"Turns are counted from 1 on; start={start} and stop={stop} are no such range.")
         end = min(max(last - 1, 0), self._reader.turns)
         return min(max(first - 1, 0), end), end
-
-
-def _refuse_version_2(magic: bytes) -> None:
-    if magic[:4] == MAGIC_NUMBER and 0 < int.from_bytes(magic[4:], "big") < 3:
-        raise RecordingError(
-            "This recording has format version 2, which holds neither a map nor an index. `gamms convert IN OUT` "
-            "makes version 3 of it; ctx.record.replay plays it as it is."
-        )
 
 
 def _named_columns(columns: Columns) -> dict[str, np.ndarray[Any, Any]]:

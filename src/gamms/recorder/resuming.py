@@ -1,9 +1,9 @@
 """From a turn of a recording on: a live context in which the game stands as it stood then."""
 
-from collections.abc import Callable, Iterator, Mapping
+from collections.abc import Iterator, Mapping
 from copy import deepcopy
 from logging import CRITICAL, getLogger
-from typing import TYPE_CHECKING, Any, NamedTuple
+from typing import TYPE_CHECKING, Any
 
 from gamms.arguments import as_int
 from gamms.errors import BadValue, UnknownName
@@ -13,7 +13,6 @@ from gamms.recorder import sensed
 from gamms.recorder.detached import DetachedState
 from gamms.recorder.errors import UNFIT, RecordingError, refusing
 from gamms.recorder.host import HostContext
-from gamms.recorder.maps import become
 from gamms.recorder.replaying import Replayer
 from gamms.text import reason, shown
 from gamms.typing import SensorType
@@ -85,29 +84,19 @@ def observation(ctx: HostContext, log: kinds.Log, before: DetachedState, turn: i
     return state
 
 
-class Maps(NamedTuple):
-    """The map of a recording."""
-
-    first: str  # its SHA-256 at the start
-    then: str  # its SHA-256 at the turn
-    packed: Callable[[], bytes]  # gives it as it was at the turn
-
-
-def resume(ctx: HostContext, reader: "Reader", turn: int, then: DetachedState, maps: Maps, *, is_fresh: bool) -> None:
+def resume(ctx: HostContext, reader: "Reader", turn: int, then: DetachedState, *, is_fresh: bool) -> None:
     """Set a context to the state of a recording after so many turns.
 
     Args:
-        ctx: the context; its graph has nothing in it, or is that of the recording at its start or then.
+        ctx: the context; its graph is what it was then.
         reader: the recording.
         turn: how many turns.
         then: the state after these.
-        maps: what the map was.
         is_fresh: whether nothing was done with the context yet.
 
     Raises:
         RecordingError: it does not fit the context.
     """
-    become(ctx, maps.then, maps.packed, (maps.first,))
     strategies = {name: agent.strategy for name, agent in ctx.agent.agents.items()}
     facts = dict(ctx.game.facts)
     ctx.game.internals.draw_start = None

@@ -24,7 +24,7 @@ from gamms.recorder.detached import DetachedState
 from gamms.recorder.errors import Damaged
 from gamms.recorder.host import HostContext
 from gamms.recorder.maps import is_map_of
-from gamms.recorder.saving import Saving
+from gamms.recorder.saving import Saving, uninterrupted
 from gamms.typing.agent_engine import SensorsOfAgent
 
 _OTHER_AGENT = object()
@@ -38,8 +38,8 @@ _OF_FLIGHT = 7  # what its weight is, beside the entry
 _OF_VALUE = 64  # such entries take as long to read as one event with a value; those of flights: `SessionJournal.weight`
 
 Encoder = Any  # what writes logs in some format: `begin(session, is_final)`, `add(logs)`, `keyframe(state)`, `flush()`,
-#            `close()`; `new_values()`, how many events with a value were written since it was asked last; `mark()` and
-#            `back_to(mark)`, which forgets what was written since; `is_current`, whether what was flushed can be read
+#            `close()`; `values`, how many events with a value were written; `is_current`, whether what was flushed can
+#            be read
 
 
 class RecordingSession:
@@ -74,6 +74,7 @@ class RecordingSession:
         self._interval_ends = _TURNS_AT_ONCE  # the turn at whose end a block of turns may be closed
         self._entries_here = 0  # of the log, since the last one
         self._since_keyframe = 0  # entries
+        self._values = 0  # that were written up to the last interval
         self._front = 0  # where in the log a change of the map goes: behind what was noted before another beginning
         self._writes_at = 1  # the turn at whose end the turns are written that wait: the first, then the points of rest
         self._saving = Saving(self._save)
@@ -335,19 +336,13 @@ class RecordingSession:
 
     @contextmanager
     def _writing(self) -> Iterator[None]:
-        """Write all of it or end the recording; or, if that is interrupted by Ctrl-C, let nothing have been written."""
-        with self._saving.lock:
-            before, logs, weight, encoder = dict(vars(self)), self._logs[:], self._journal.weight, self._encoder.mark()
+        """Write all of it, even if Ctrl-C comes meanwhile, or end the recording."""
+        with uninterrupted(), self._saving.lock:
             try:
                 self._saving.check()
                 yield
-            except Exception:
-                self._fail()
-                raise
             except BaseException:
-                vars(self).update(before)
-                self._logs[:], self._journal.weight = logs, weight
-                self._encoder.back_to(encoder)
+                self._fail()
                 raise
 
     def _save(self) -> None:
@@ -361,8 +356,9 @@ class RecordingSession:
 
     def _end_interval(self) -> None:
         """Write a keyframe if one is due: by what was recorded, never by the clock."""
-        self._since_keyframe += self._entries_here + self._journal.weight + _OF_VALUE * self._encoder.new_values()
-        self._journal.weight = 0
+        values = self._encoder.values
+        self._since_keyframe += self._entries_here + self._journal.weight + _OF_VALUE * (values - self._values)
+        self._journal.weight, self._values = 0, values
         self._interval_ends, self._entries_here = self.turn + _TURNS_AT_ONCE, 0
         if self._since_keyframe >= max(_KEYFRAME_ENTRIES, 2 * _KEYFRAME_TURNS * len(self.ctx.agent.agents)):
             self._encoder.keyframe(self._keyframe())

@@ -9,6 +9,7 @@ from gamms.arguments import as_path
 from gamms.errors import BadType
 from gamms.recorder.errors import RecorderBusy, RecordingError
 from gamms.text import shown
+from gamms.typing.recorder import MAGIC_NUMBER
 
 _SUFFIX = ".ggr"
 _SCENARIOS = (".yaml", ".yml", ".json")
@@ -124,6 +125,13 @@ def refuse_other(file: Path) -> None:
         raise RecordingError(f"{str(file)!r} is a folder, not a recording{hint}")
     if file.suffix.lower() in _SCENARIOS and file.exists():
         raise RecordingError(f"{str(file)!r} is no recording: `gamms run` plays scenarios.")
+
+
+def format_of(stream: BinaryIO) -> int:
+    """Return the format version of the recording that begins where a stream stands, and stays; -1: it is none."""
+    head = stream.read(8)
+    stream.seek(-len(head), os.SEEK_CUR)
+    return int.from_bytes(head[4:], "big") if head[:4] == MAGIC_NUMBER and len(head) == 8 else -1
 
 
 def locks(stream: BinaryIO, *, alone: bool) -> bool:

@@ -9,8 +9,7 @@ from gamms.context import Context, create_context
 from gamms.ir import events as kinds
 from gamms.recorder import RecordingError
 from gamms.recorder.formats import version2
-from gamms.recorder.streams import refuse_other
-from gamms.typing.recorder import MAGIC_NUMBER
+from gamms.recorder.streams import format_of, refuse_other
 from gamms.visual import Engine
 
 _QUIET = {"level": "CRITICAL"}  # what a recording cannot say, such as the sensors of version 2, is no news
@@ -27,10 +26,10 @@ def version_of(path: str | os.PathLike[str]) -> int:
     given = as_path(path, "The path of a recording")
     refuse_other(given)
     with given.open("rb") as file:
-        head = file.read(8)
-    if len(head) < 8 or not head.startswith(MAGIC_NUMBER):
+        version = format_of(file)
+    if version < 0:
         raise RecordingError(f"{str(path)!r} is no recording: it does not begin with 'MMGR' and a version.")
-    return int.from_bytes(head[4:], "big")
+    return version
 
 
 def context_for(

@@ -311,13 +311,16 @@ class Collected:
         parts: the first turns.
 
     Attributes:
+        parts: all turns.
         turns: how many there are; likewise `moves`, `events`, and `values`, the events that have one.
         size: in bytes, an estimate.
     """
 
     def __init__(self, first: int, parts: Sequence[Part] = ()) -> None:
-        self.first = first
-        self._keep(parts)
+        self.first, self.parts = first, list[Part]()
+        self.turns = self.moves = self.events = self.values = self.size = 0
+        for part in parts:
+            self.add(part)
 
     @property
     def counts(self) -> blocks.Counts:
@@ -330,35 +333,21 @@ class Collected:
 
     def add(self, part: Part) -> None:
         """Add turns."""
-        self._parts.append(part)
+        self.parts.append(part)
         self.turns += len(part.turns)
         self.moves += len(part.moves) >> 1
         self.events += len(part.kinds)
         self.values += len(part.data)
         self.size += part.size
 
-    def mark(self) -> int:
-        """Return how many parts there are, for `cut` and `since`."""
-        return len(self._parts)
-
-    def cut(self, mark: int) -> None:
-        """Forget what is behind a mark, even if adding it was interrupted."""
-        self._keep(self._parts[:mark])
-
     def since(self, mark: int) -> "Collected":
-        """Return the turns behind a mark, for a block of their own."""
-        before = sum(len(part.turns) for part in self._parts[:mark])
-        return Collected(self.first + before, self._parts[mark:])
-
-    def _keep(self, parts: Sequence[Part]) -> None:
-        self._parts: list[Part] = []
-        self.turns = self.moves = self.events = self.values = self.size = 0
-        for part in parts:
-            self.add(part)
+        """Return the turns behind the first so many parts, for a block of their own."""
+        before = sum(len(part.turns) for part in self.parts[:mark])
+        return Collected(self.first + before, self.parts[mark:])
 
     def body(self) -> bytes:
         """Return the body of the block."""
-        parts = self._parts
+        parts = self.parts
         moves = np.frombuffer(b"".join([part.moves for part in parts]), np.int64).reshape(-1, 2)
         rows = np.ascontiguousarray(moves[:, 0])
         columns = [column(np.array(list(chain.from_iterable(part.turns for part in parts)), np.int64))]
@@ -378,7 +367,7 @@ class Collected:
             return
         of_turns, after, kinds, sizes = numbers = [list[int]() for _ in range(4)]
         moves = 0
-        for part in self._parts:
+        for part in self.parts:
             of_turns += [len(part.kinds)] if part.kinds else [0] * len(part.turns)
             after += [moves + one for one in part.after]
             kinds += part.kinds

@@ -11,16 +11,13 @@ import time
 from array import array
 from collections.abc import Callable, Iterator, Sequence
 from contextlib import contextmanager, suppress
-from typing import Any, BinaryIO, TypeAlias
+from typing import Any, BinaryIO
 
 from gamms.errors import BadType, BadValue
 from gamms.ir import packing
 from gamms.plain import Plain
 from gamms.recorder.errors import RecordingError
 from gamms.recorder.formats import blocks, chunks
-
-Mark: TypeAlias = tuple[chunks.Collected, int, int, int, int]
-"""How far a writer has come."""
 
 _FEWEST_TURNS = 16
 _MOST_SIZES = 64
@@ -119,16 +116,6 @@ class Writer:
         for log in logs:
             self.add_turn(log)
 
-    def mark(self) -> Mark:
-        """Return a mark for `back_to`."""
-        return self._open, self._open.mark(), self._saved, self._values, self._file.end
-
-    def back_to(self, mark: Mark) -> None:
-        """Forget what was added since, even if that was interrupted anywhere."""
-        self._open, collected, self._saved, self._values, end = mark
-        self._open.cut(collected)
-        self._file.back_to(end)
-
     def _close_or_flush(self) -> None:
         if self._is_full(self._open.turns, self._open.size):
             self._close_block()
@@ -165,10 +152,10 @@ class Writer:
             RecordingError: see `add_turn`.
         """
         self._file.check()
-        if self._file.can_overwrite and self._open.mark() > self._saved:
+        if self._file.can_overwrite and len(self._open.parts) > self._saved:
             part = self._open.since(self._saved)
             self._file.extend(self._block(blocks.TURNS, part.body(), part.counts))
-            self._saved = self._open.mark()
+            self._saved = len(self._open.parts)
         self._saved_at = self._clock()
 
     def close(self) -> None:
