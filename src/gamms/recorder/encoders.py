@@ -2,14 +2,18 @@
 
 import io
 import os
-from collections.abc import Callable, Iterable, Sequence
+from collections.abc import Callable, Iterable
+from contextlib import suppress
+from copy import deepcopy
 from functools import cache
 from typing import Any
 
 from gamms.ir import events as kinds
-from gamms.ir.events import EVENTS, AgentsState, Log, Mover, State, records_of, steps_of
+from gamms.ir.events import EVENTS, Log, Mover, records_of, steps_of
 from gamms.ir.packing import to_bytes
 from gamms.plain import Plain, to_plain
+from gamms.recorder.detached import DetachedState
+from gamms.recorder.errors import Damaged
 from gamms.recorder.formats.chunks import FORMS
 from gamms.recorder.formats.version2 import Version2Writer
 from gamms.recorder.formats.writer import Output, Writer
@@ -93,14 +97,14 @@ class Version2Encoder:
         self._output = output
         self._waiting = io.BytesIO()
         self._writer = Version2Writer(self._waiting)
-        self._agents = _AgentNodes()
+        self._agents: DetachedState  # where they are: what records of moves say as well, and events do not
         self._turn = 0
         self._since = 0, 0  # a turn, and its time stamp, from which those of the others follow
         self._end: Record | None = None  # how a recording ended that was copied, and nothing came after it
 
     def begin(self, session: RecordingSession, *, is_final: bool) -> None:  # noqa: ARG002 - nothing of it changes later
         """Write what is in front of the records."""
-        self._agents.restore(session.begin)
+        self._agents = DetachedState(deepcopy(session.begin))
         self.flush()
 
     def add(self, logs: list[Log]) -> None:
@@ -115,8 +119,8 @@ class Version2Encoder:
                 self._copy(*data)
                 is_over, timestamp = is_over and data[0]["opCode"] != kinds.SIMULATE, self._timestamp(self._turn)
                 continue
-            mover = self._agents.mover(kind, data)
-            self._agents.follow(kind, data)
+            mover = self._mover(kind, data)
+            self._follow(kind, data)
             if kind in EVENTS and EVENTS[kind].records is not None:
                 self._write(timestamp, records_of(kind, data, mover))
             is_over = is_over and kind != kinds.UNFINISHED
@@ -126,6 +130,23 @@ class Version2Encoder:
         if self._waiting.tell() > _MOST_WAITING:
             self.flush()
 
+    def _mover(self, kind: int, data: Plain) -> Mover | None:
+        """Return the agent that an event moves or turns."""
+        agents = self._agents.agents
+        if kind == kinds.MOVES or kind in FORMS:
+            row = agents.row_of(data[0])
+        elif kind == kinds.AERIAL_AGENT_POSITION and "node" in data:
+            row = agents.row(data["agent_name"])
+        else:
+            return None
+        return Mover(agents.columns["names"][row], int(agents.columns["node"][row]))
+
+    def _follow(self, kind: int, data: Plain) -> None:
+        """Apply an event that concerns agents, unless a program has written it and it cannot be."""
+        if kind == kinds.SNAPSHOT or kind >> 24 == kinds.AGENT_CREATE >> 24:
+            with suppress(Damaged):
+                self._agents.apply_event(kind, data)
+
     def _timestamp(self, turn: int) -> int:
         begin, timestamp = self._since
         return timestamp + (turn - begin) * TURN_NS
@@ -133,7 +154,7 @@ class Version2Encoder:
     def _copy(self, record: Record, noted: Log) -> None:
         """Write a record of another recording as it is there, and go on from its time."""
         for kind, data in steps_of(noted):
-            self._agents.follow(kind, data)
+            self._follow(kind, data)
         self._since = self._turn, record["timestamp"]
         if record["opCode"] == kinds.TERMINATE:
             self._end = record
@@ -161,65 +182,6 @@ class Version2Encoder:
         end = self._end or {"timestamp": timestamp, "opCode": kinds.TERMINATE}
         self._writer.write(end["timestamp"], end["opCode"], end.get("data"))
         self.flush()
-
-
-class _AgentNodes(State, AgentsState):
-    """Where agents are: what records of moves say as well, and events do not."""
-
-    def __init__(self) -> None:
-        self.agents = self
-        self._names: list[str] = []  # by number
-        self._nodes: dict[str, int] = {}
-
-    def mover(self, kind: int, data: Plain) -> Mover | None:
-        """Return the agent that an event moves or turns."""
-        if kind == kinds.MOVES or kind in FORMS:
-            name = self._names[data[0]]
-        elif kind == kinds.AERIAL_AGENT_POSITION and "node" in data:
-            name = data["agent_name"]
-        else:
-            return None
-        return Mover(name, self._nodes.get(name, data[1] if kind == kinds.MOVES else 0))
-
-    def follow(self, kind: int, data: Plain) -> None:
-        """Apply an event that concerns agents."""
-        if kind == kinds.SNAPSHOT or kind >> 24 == kinds.AGENT_CREATE >> 24:
-            EVENTS[kind].apply(self, data)
-
-    def restore(self, snapshot: Keyframe) -> None:
-        """Become what a snapshot says."""
-        names, numbers = snapshot["names"], snapshot["numbers"].tolist()
-        self._names = [""] * snapshot["next"]
-        for number, name in zip(numbers, names, strict=True):
-            self._names[number] = name
-        self._nodes = dict(zip(names, snapshot["node"].tolist(), strict=True))
-
-    def add(self, name: str, kwargs: dict[str, Any], state: dict[str, Any], strategy: str | None) -> None:  # noqa: ARG002
-        """Add an agent."""
-        self._names.append(name)
-        self._nodes[name] = state.get("node", kwargs["start_node_id"])
-
-    def row(self, name: str) -> str:
-        """Return the name."""
-        return name
-
-    def row_of(self, number: int) -> str:
-        """Return the name of an agent."""
-        return self._names[number]
-
-    def set(self, row: str, column: str, value: Plain) -> None:
-        """Set the node of an agent."""
-        if column == "node":
-            self._nodes[row] = value
-
-    def move(self, numbers: Sequence[int], nodes: Sequence[int]) -> None:
-        """Move agents."""
-        self._nodes.update(zip((self._names[number] for number in numbers), nodes, strict=True))
-
-    def fly(self, row: str, node: int | None, position: tuple[float, ...]) -> None:  # noqa: ARG002
-        """Move a flyer."""
-        if node is not None:
-            self._nodes[row] = node
 
 
 @cache

@@ -110,9 +110,10 @@ class Recorder(Guarded, IRecorder):
             found = header_of(self.ctx, session, options) if session.header is None else session.header
             return found if embed_graph else without_map(found)
 
-        drawings = self._has_drawings if drawings is None else as_bool(drawings, "drawings")
+        if drawings is None:  # whether drawers are called without this recording, too
+            drawings = bool(getattr(self.ctx.visual, "calls_drawers", True))
         session = RecordingSession(
-            self.ctx, with_sensed=sensed, with_drawings=drawings and version == 3
+            self.ctx, with_sensed=sensed, with_drawings=as_bool(drawings, "drawings") and version == 3
         )  # before there is a file: not every map can be written
         target: Target | None = None
         try:
@@ -129,11 +130,6 @@ class Recorder(Guarded, IRecorder):
         self._target, self._session, self._version = target, session, version
         for name, data in self.components.since((set(), {})):
             self._component_event(name, data)
-
-    @property
-    def _has_drawings(self) -> bool:
-        """Whether drawers are called without this recording, too."""
-        return bool(getattr(self.ctx.visual, "calls_drawers", True))
 
     @refused_while_deciding
     def stop(self) -> None:
@@ -203,13 +199,14 @@ class Recorder(Guarded, IRecorder):
         """
         if self.ctx.is_terminated():
             return
-        if not self.record():
+        session = self._recording()
+        if session is None:
             raise RecorderBusy("No recording is being written, or it is paused.")
         _check_record(opCode, data)
-        if opCode is OpCodes.SIMULATE and self._session is not None:
-            self._session.end_turn()
+        if opCode is OpCodes.SIMULATE:
+            session.end_turn()
         else:
-            self._log().append((opCode.value, to_plain(data)))
+            session.log.append((opCode.value, to_plain(data)))
 
     @refused_while_deciding
     def event(self, kind: str, **data: Plain) -> None:
@@ -221,8 +218,8 @@ class Recorder(Guarded, IRecorder):
         kind = as_name(kind, "an event")
         if flaw := why_not_plain(data):
             raise BadType(f"What is recorded must be plain values, not {shown(data)}: data{flaw}.")
-        if self.record():
-            self._log().append((kinds.USER_EVENT, {"kind": kind, **to_plain(data)}))
+        if (session := self._recording()) is not None:
+            session.log.append((kinds.USER_EVENT, {"kind": kind, **to_plain(data)}))
 
     def time(self) -> int:
         """Nanoseconds: of the recording while one is replayed or written, where a turn counts as a second."""
@@ -293,10 +290,6 @@ class Recorder(Guarded, IRecorder):
             self._session.end_replay()
         self._replayer = None
 
-    def _log(self) -> list[Any]:
-        assert self._session is not None  # noqa: S101 - asked only while there is one
-        return self._session.log
-
     # -- components ---------------------------------------------------------------------------------------------
 
     def component(self, struct: Mapping[str, object] | None) -> Callable[[C], C]:
@@ -339,9 +332,8 @@ class Recorder(Guarded, IRecorder):
         return self.components._component_registry
 
     def _component_event(self, opcode_name: str, data: dict[str, Any]) -> None:
-        if self.record():
-            assert self._session is not None  # noqa: S101 - it is being written
-            self._session.note_component(OpCodes[opcode_name].value, to_plain(data))
+        if (session := self._recording()) is not None:
+            session.note_component(OpCodes[opcode_name].value, to_plain(data))
 
 
 def _check_record(opcode: object, data: object) -> None:

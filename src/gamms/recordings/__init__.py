@@ -1,12 +1,19 @@
 """What can be done with a recording as a whole: replay it on its own, verify, compare and convert it.
 
 The command line is made of this; a program may call the same. A client: it uses contexts and recordings as any program
-would. Read `contexts.py` first: a new context for any recording; then `comparison.py` and `conversion.py`.
+would. Read `conversion.py` first: a new context for any recording; then `comparison.py`.
 """
 
 from gamms.recordings.comparison import Difference, first_difference, re_recorded, verify
-from gamms.recordings.contexts import context_for, records_of, version_of, with_nodes_made_up
-from gamms.recordings.conversion import as_json, to_json_lines, to_version_3
+from gamms.recordings.conversion import (
+    as_json,
+    context_for,
+    records_of,
+    to_json_lines,
+    to_version_3,
+    version_of,
+    with_nodes_made_up,
+)
 
 __all__ = [
     "Difference",

@@ -15,7 +15,7 @@ from gamms.plain import Plain
 from gamms.recorder import Reader, Recording, RecordingError, State
 from gamms.recorder import open as opened
 from gamms.recorder.maps import HASH
-from gamms.recordings.contexts import with_map
+from gamms.recordings.conversion import with_map
 from gamms.text import as_text, reason, shown, written
 
 
