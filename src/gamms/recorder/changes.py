@@ -186,7 +186,7 @@ class _Memories(_Detector):
         return {name: PlainCopy(memory) for name, memory in value.items() if memory}
 
     def _names_in(self, data: Plain) -> Iterable[Any]:
-        return data["agents"]  # type: ignore[no-any-return] # a dict
+        return list(data["agents"])
 
     def _data(self, found: dict[Any, Changes]) -> dict[str, Any]:
         return {"agents": found, "teams": []}

@@ -11,7 +11,7 @@ from gamms.ir.agents import ARRAYS as BLOCK_ARRAYS
 from gamms.ir.agents import NUMBERS, Progress
 from gamms.ir.events import as_over, set_scores
 from gamms.ir.game_state import GameState
-from gamms.ir.graph import FloatArray, IntArray
+from gamms.ir.graph import FloatArray
 from gamms.plain import Plain, plain_subset, to_plain
 from gamms.recorder.errors import Damaged
 from gamms.recorder.host import HostContext
@@ -73,13 +73,13 @@ def packed(
         game: what the game has come to.
         rng_state: of the context's own random stream.
     """
-    groups = grouped(sensors_in(groups))
+    groups, came = grouped(sensors_in(groups)), columns["previous"] - columns["node"]
     return {
         "names": list(columns["names"]),
         "numbers": columns["numbers"].copy(),
         "next": following,
         **{name: columns[name].copy() for name in ("kind", "node")},
-        "came": _folded(columns["previous"] - columns["node"]),
+        "came": (came << 1) ^ (came >> 63),  # 0, -1, 1, -2 as 0, 1, 2, 3
         **{name: columns[name].copy() for name in (*_PLACES, "alive")},
         **({name: columns[name].copy() for name in _ON_EDGES} if columns["edge_share"].any() else {}),
         **{name: columns[name].copy() for name, (_, value) in NUMBERS.items() if (columns[name] != value).any()},
@@ -115,37 +115,29 @@ def _captured_each(memories: dict[Any, dict[Any, Any]]) -> list[tuple[Any, dict[
     return [(to_plain(name), plain_subset(memory)) for name, memory in memories.items() if memory]
 
 
-def _restore_data(game: GameState, data: dict[str, Any]) -> None:
-    game.data.clear()
-    game.data.update(deepcopy(data))
-
-
-def _restore_over(game: GameState, over: object) -> None:
-    game.over = as_over(over)
-
-
-def _restore_turn(game: GameState, turn: Plain) -> None:
-    game.turn = int(turn)
+def _refill(values: dict[Any, Any], found: Mapping[Any, Any]) -> None:
+    """Replace what is in a dict that is never replaced itself."""
+    values.clear()
+    values.update(deepcopy(found))
 
 
 def _restore_memories(game: GameState, memories: dict[str, dict[Any, Any]]) -> None:
-    for memory in game.memories.values():
-        memory.clear()
-    for name, memory in memories.items():
-        game.memory_of(name).update(deepcopy(memory))
+    for name in {**game.memories, **memories}:
+        _refill(game.memory_of(name), memories.get(name, {}))
 
 
-def _restore_team_memories(game: GameState, memories: Iterable[tuple[Plain, Mapping[Plain, Plain]]]) -> None:
-    game.team_memories = {team: dict(memory) for team, memory in deepcopy(list(memories))}
+def _setting(name: str, checked: Callable[[Any], Any]) -> Callable[[GameState, Any], None]:
+    """Return what replaces a field of a game by what was captured."""
+    return lambda game, found: setattr(game, name, checked(found))
 
 
 GAME_FIELDS = {
     "scores": GameField(lambda scores: list(to_plain(scores).items()), set_scores),
-    "data": GameField(plain_subset, _restore_data),
-    "over": GameField(to_plain, _restore_over),
-    "turn": GameField(to_plain, _restore_turn, 0),
+    "data": GameField(plain_subset, lambda game, data: _refill(game.data, data)),
+    "over": GameField(to_plain, _setting("over", as_over)),
+    "turn": GameField(to_plain, _setting("turn", int), 0),
     "memories": GameField(lambda memories: dict(sorted(_captured_each(memories))), _restore_memories, {}),
-    "team_memories": GameField(_captured_each, _restore_team_memories, ()),
+    "team_memories": GameField(_captured_each, _setting("team_memories", lambda each: dict(deepcopy(list(each)))), ()),
 }
 
 
@@ -243,12 +235,6 @@ def _carried(sensors: list[dict[str, str]], groups: list[dict[str, Any]]) -> dic
         "others": others,
         "counts": np.array([len(one) for one in sensors], np.int64),
     }
-
-
-def _folded(numbers: IntArray) -> IntArray:
-    """Return small numbers of either sign as small ones without: 0, -1, 1, -2 as 0, 1, 2, 3."""
-    folded: IntArray = (numbers << 1) ^ (numbers >> 63)
-    return folded
 
 
 # -- that was read ------------------------------------------------------------------------------------------------
@@ -351,12 +337,7 @@ def row_of(columns: Columns, row: int) -> dict[str, Any]:
     return {
         "node": int(columns["node"][row]),
         "previous": int(columns["previous"][row]),
-        **{name: _tuple(columns[name][row]) for name in _PLACES},
+        **{name: None if isnan(columns[name][row][0]) else tuple(columns[name][row].tolist()) for name in _PLACES},
         **{name: columns[name][row].item() for name in NUMBERS},
         "progress": progress_of(*(columns[name][row] for name in _ON_EDGES)),
     }
-
-
-def _tuple(row: FloatArray) -> tuple[float, ...] | None:
-    values = tuple(row.tolist())
-    return None if isnan(values[0]) else values

@@ -7,7 +7,7 @@ from collections.abc import Callable, Iterator, Mapping
 from copy import deepcopy
 from dataclasses import dataclass, field
 from html import escape
-from typing import Any, BinaryIO, Self, overload
+from typing import Any, BinaryIO, overload
 
 import numpy as np
 
@@ -23,7 +23,7 @@ from gamms.recorder.errors import Damaged, RecordingError, refusing
 from gamms.recorder.formats.reader import Reader
 from gamms.recorder.keyframes import Columns
 from gamms.recorder.maps import become, given_map, has_map, hash_in, hash_of
-from gamms.recorder.streams import format_of, readable
+from gamms.recorder.streams import Opened, format_of, readable
 from gamms.typing import IContext
 from gamms.typing.map_storage import IPackedGraph, packed_graphs
 
@@ -94,7 +94,7 @@ class State:
         return self._map()
 
 
-class Recording:
+class Recording(Opened):
     """A recording that is open for reading; of its turns only a few are in memory.
 
     State 0 is the start, state n is after the n-th turn; `recording[n]` is state n, `recording[-1]` the last one, and
@@ -110,7 +110,8 @@ class Recording:
     """
 
     def __init__(self, reader: Reader, owned: BinaryIO | None = None, graph: object = None) -> None:
-        self._reader, self._owned = reader, owned
+        super().__init__(owned)
+        self._reader = reader
         self._given = None if graph is None else given_map(graph, reader.header)
         self.header = {key: value for key, value in reader.header.items() if key not in _BLOBS}
         for key in _CALLERS:
@@ -123,17 +124,6 @@ class Recording:
         self._named: tuple[tuple[DetachedAgents, int] | None, dict[str, Any]] = (None, {})
         self._maps: dict[int, IPackedGraph] = {}  # turn in which the map became so -> the map; the first and one other
         self._map_turns: list[int] | None = None
-
-    def __enter__(self) -> Self:
-        return self
-
-    def __exit__(self, *_: object) -> None:
-        self.close()
-
-    def close(self) -> None:
-        """Close the file, if it was opened here."""
-        if self._owned is not None:
-            self._owned.close()
 
     def __repr__(self) -> str:
         """Show how long it is."""

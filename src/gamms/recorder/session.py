@@ -141,12 +141,14 @@ class RecordingSession:
         self.is_paused = True
         self._members = dict(self.ctx.agent.agents)
 
-    def play(self) -> None:
-        """Write again, beginning with how things are now."""
-        self._note_snapshot(self._members)
+    def play(self, known: Mapping[str, Any] | None = None) -> None:
+        """Write again, beginning with how things are now.
 
-    def _note_snapshot(self, known: Mapping[str, Any]) -> None:
-        """Note how things are now for a reader that knows these agents; None: any agent of that name."""
+        Args:
+            known: the agents of whom the reader knows, by name; None instead of one: any agent of that name. Without,
+                these are those of the pause.
+        """
+        known = self._members if known is None else known
         waiting = self._journal.log
         self._listen()
         self.is_paused = False
@@ -252,7 +254,7 @@ class RecordingSession:
         """Write how things are now, which a replay has set."""
         self._note_changes(is_set_next=True)
         self._stop_listening()
-        self._note_snapshot(self._journal.living)
+        self.play(self._journal.living)
 
     def restart(self) -> None:
         """Begin again after a reset of the game, which takes back what this turn noted of agents."""
@@ -268,7 +270,7 @@ class RecordingSession:
             known = self._journal.living
         else:
             self._journal.log = [(kind, data) for kind, data in events if kind >> 24 != _OF_AGENTS]
-        self._note_snapshot(known)
+        self.play(known)
 
     def abandon(self) -> None:
         """Listen no longer, and write nothing more."""

@@ -3,7 +3,7 @@
 import io
 import os
 from pathlib import Path
-from typing import BinaryIO
+from typing import BinaryIO, Self
 
 from gamms.arguments import as_path
 from gamms.errors import BadType
@@ -20,6 +20,24 @@ def named(path: str | os.PathLike[str]) -> Path:
     """Return the path of a new recording: with the suffix, if it has none."""
     file = as_path(path, "The path of a recording")
     return file if file.name.endswith(_SUFFIX) else Path(f"{file}{_SUFFIX}")
+
+
+class Opened:
+    """What reads a stream, and closes it if it was opened here."""
+
+    def __init__(self, owned: BinaryIO | None) -> None:
+        self._owned = owned
+
+    def __enter__(self) -> Self:
+        return self
+
+    def __exit__(self, *_: object) -> None:
+        self.close()
+
+    def close(self) -> None:
+        """Close the file, if it was opened here."""
+        if self._owned is not None:
+            self._owned.close()
 
 
 class Target:

@@ -4,7 +4,7 @@ import os
 from bisect import bisect_right
 from collections import Counter, OrderedDict
 from collections.abc import Collection, Iterator
-from typing import BinaryIO, Self
+from typing import BinaryIO
 
 import numpy as np
 
@@ -17,12 +17,13 @@ from gamms.plain import Plain
 from gamms.recorder.formats import blocks, chunks
 from gamms.recorder.formats.blocks import Contents, Head, Input, at_byte, contents_of, turns_of
 from gamms.recorder.formats.chunks import Stretch, Tracks
+from gamms.recorder.streams import Opened
 
 _KEPT = 4  # blocks of turns that are kept as arrays
 _TURNS_AT_ONCE = 256
 
 
-class Reader:
+class Reader(Opened):
     """A recording that is open for reading; of its turns only a few blocks are in memory.
 
     Every call raises RecordingError (a ValueError), which names the byte, where the file is damaged, and BadValue for a
@@ -41,9 +42,7 @@ class Reader:
             RecordingError (ValueError): there is no recording, or none with a whole header.
             OSError: it cannot be read.
         """
-        self._owned: BinaryIO | None = None
-        if isinstance(source, str | os.PathLike):
-            self._owned = as_path(source, "path").open("rb")
+        super().__init__(as_path(source, "path").open("rb") if isinstance(source, str | os.PathLike) else None)
         try:
             self._input = Input(self._owned or source)  # type: ignore[arg-type]  # a path would have been opened
             self._decoder = Decoder(Allowance(self._input.size, "it", is_streamed=True))
@@ -64,17 +63,6 @@ class Reader:
         for block in self._chunks:
             with at_byte(block.at):
                 self._decoder.allowance.charge(blocks.cost_of(block.turns, block.moves, block.events))
-
-    def __enter__(self) -> Self:
-        return self
-
-    def __exit__(self, *_: object) -> None:
-        self.close()
-
-    def close(self) -> None:
-        """Close the file, if it was opened here."""
-        if self._owned is not None:
-            self._owned.close()
 
     def log(self, turn: int) -> chunks.Log:
         """Return the log of a turn, from 0: `row, node` of a move two by two, and tuples `(kind, data)`."""
