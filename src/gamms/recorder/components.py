@@ -85,7 +85,9 @@ class Components(Guarded):
             if struct is None:
                 print("The struct is None: nothing of this class is recorded.")  # noqa: T201 - published behaviour
                 return cls
-            fields = declared_fields(struct)
+            if not isinstance(struct, Mapping):
+                raise BadType(f"The struct of a component must be a dict of field names to types, not {shown(struct)}.")
+            fields = {checked_name(name): struct_types.of_hint(hint).or_none() for name, hint in struct.items()}
             check_class(cls, fields)
             self._register(cls, fields, {name: str(field) for name, field in fields.items()})
             return cls
@@ -242,7 +244,10 @@ class Components(Guarded):
 
     def _apply_register(self, data: dict[str, Any], lenient: bool) -> None:
         key, struct = _key_in(data, "key"), data.get("struct", {})
-        fields = _fields_in(struct)
+        if not isinstance(struct, dict) or len(struct) > _MOST_FIELDS:
+            raise RecordingError(f"A component class is declared without a map of at most {_MOST_FIELDS} fields.")
+        with refusing(_IMPOSSIBLE, (BadType,)):
+            fields = {checked_name(name): struct_types.parse(text) for name, text in struct.items()}
         kind = self._classes.get(key)
         is_other = kind is not None and kind.fields != fields
         if kind is None or (is_other and key not in self._component_registry):
@@ -327,7 +332,11 @@ class Components(Guarded):
         if not is_same:
             self._on_event("COMPONENT_REGISTER", _registration(key, texts))
             self._component_registry[key], self._classes[key] = cls, kind
-        make_component(kind, self)
+        for field in fields:
+            setattr(cls, field, _property_of(field, self))
+        cls.name = property(lambda component: getattr(component, STORE)["name"], doc="The name of the component.")
+        cls.__init__ = _init_of(kind, self)
+        setattr(cls, _KIND, kind)
 
 
 _APPLIED: dict[str, Callable[[Components, dict[str, Any], bool], None]] = {
@@ -391,13 +400,6 @@ def _key_in(data: dict[str, Any], part: str) -> Key:
     return module, qualname
 
 
-def _fields_in(struct: object) -> dict[str, FieldType]:
-    if not isinstance(struct, dict) or len(struct) > _MOST_FIELDS:
-        raise RecordingError(f"A component class is declared without a map of at most {_MOST_FIELDS} fields.")
-    with refusing(_IMPOSSIBLE, (BadType,)):
-        return {checked_name(name): struct_types.parse(text) for name, text in struct.items()}
-
-
 # -- classes ------------------------------------------------------------------------------------------------------
 
 
@@ -410,17 +412,6 @@ def _kind_under(component: object, name: object) -> Kind | None:
     """Return the kind of an object that is recorded under this name, else None."""
     kind = kind_of(component)
     return kind if kind is not None and getattr(component, STORE)["name"] == name else None
-
-
-def declared_fields(struct: object) -> dict[str, FieldType]:
-    """Return the fields that a user declares by name and Python type, each of which may also be None.
-
-    Raises:
-        BadType (TypeError): it is no dict, or a name or a type is not possible.
-    """
-    if not isinstance(struct, Mapping):
-        raise BadType(f"The struct of a component must be a dict of field names to types, not {shown(struct)}.")
-    return {checked_name(name): struct_types.of_hint(hint).or_none() for name, hint in struct.items()}
 
 
 def checked_name(name: object) -> str:
@@ -454,15 +445,6 @@ def check_class(cls: object, fields: Mapping[str, FieldType]) -> None:
             f"The __init__ of {cls.__qualname__} has a parameter 'name', which is reserved: a component takes its name "
             "as the first argument, before those of its own __init__. Call the parameter differently."
         )
-
-
-def make_component(kind: Kind, keeper: Components) -> None:
-    """Turn a checked class into a component class, in place."""
-    for field in kind.fields:
-        setattr(kind.cls, field, _property_of(field, keeper))
-    kind.cls.name = property(lambda self: getattr(self, STORE)["name"], doc="The name of the component.")
-    kind.cls.__init__ = _init_of(kind, keeper)
-    setattr(kind.cls, _KIND, kind)
 
 
 def takes_nothing(init: Callable[..., None]) -> bool:

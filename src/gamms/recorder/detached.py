@@ -290,7 +290,8 @@ class DetachedAgents(AgentsState):
     def are_walkers(self, numbers: IntArray) -> bool:
         """Whether all these are agents on the ground who are here now."""
         try:
-            return not len(numbers) or not self.columns["kind"][self.rows(numbers)].any()
+            rows = self.rows(numbers) if len(numbers) else numbers  # first, for it may add rows
+            return not self.columns["kind"][rows].any()
         except Damaged:
             return False
 
@@ -385,7 +386,7 @@ class DetachedAgents(AgentsState):
     def turn_all(self, turns: Tracks) -> None:
         """Turn flyers in space, in the order of the turns."""
         if len(turns.numbers):
-            rows = self.rows(turns.numbers)
+            rows = self.rows(turns.numbers)  # first, for it may add rows
             self.columns["quat"][rows] = turns.floats  # of several at one row, the last one stays
 
     def progress(self, numbers: IntArray, sources: IntArray, targets: IntArray, shares: FloatArray) -> None:

@@ -61,13 +61,7 @@ class Version3Encoder:
             self._writer.add_moves(logs)
         except TypeError:  # there are events between the moves
             for log in logs:
-                self._add(log)
-
-    def _add(self, log: Log) -> None:
-        try:
-            self._writer.add_moves([log])
-        except TypeError:
-            self._writer.add_turn(log)
+                self._writer.add_turn(log)
 
     @property
     def values(self) -> int:

@@ -254,16 +254,16 @@ class Recorder(Guarded, IRecorder):
             if not self.ctx.is_terminated():
                 raise
         finally:
-            self._end_replay()
-            self.is_replaying = False
+            if self._session is not None:
+                self._session.end_replay()
+            self.is_replaying, self._replayer = False, None
             if is_owned:
                 stream.close()
 
     def _replay_version_3(self, stream: BinaryIO) -> Iterator[Record]:
-        reader = Reader(stream)
+        reader, self._replayer = Reader(stream), Replayer(self.ctx, self._recording)
         if reader.warning:
             self.ctx.logger.warning(reader.warning)
-        self._replayer = Replayer(self.ctx, self._recording)
         yield from self._replayer.play(reader)
 
     def _replay_version_2(self, stream: BinaryIO) -> Iterator[Record]:
@@ -285,11 +285,6 @@ class Recorder(Guarded, IRecorder):
         """Return the recording that is being written now."""
         return self._session if self.record() else None
 
-    def _end_replay(self) -> None:
-        if self._session is not None:
-            self._session.end_replay()
-        self._replayer = None
-
     # -- components ---------------------------------------------------------------------------------------------
 
     def component(self, struct: Mapping[str, object] | None) -> Callable[[C], C]:
@@ -298,8 +293,7 @@ class Recorder(Guarded, IRecorder):
 
     def get_component(self, name: str) -> object:
         """A component by name (KeyError)."""
-        found: object = self.components.get_component(name)
-        return found
+        return self.components.get_component(name)
 
     def delete_component(self, name: str) -> None:
         """Forget a component (KeyError)."""

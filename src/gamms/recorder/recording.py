@@ -21,7 +21,6 @@ from gamms.recorder import tables
 from gamms.recorder.detached import DetachedAgents, DetachedState
 from gamms.recorder.errors import Damaged, RecordingError, refusing
 from gamms.recorder.formats.reader import Reader
-from gamms.recorder.keyframes import Columns
 from gamms.recorder.maps import become, given_map, has_map, hash_in, hash_of
 from gamms.recorder.streams import Opened, format_of, readable
 from gamms.typing import IContext
@@ -30,6 +29,7 @@ from gamms.typing.map_storage import IPackedGraph, packed_graphs
 _BLOBS = ("world",)  # parts of the header that are no words
 _CALLERS = ("folder", "file", "allow")  # what `Scenario(**header["scenario"])` takes as said by the caller
 _KINDS = np.array(["BASIC", "AERIAL"])  # the names of AgentType
+_LISTS = {"name": "names", "team": "teams", "speed": "speed", "strategy": "strategies"}  # columns that seldom change
 _PARTS = {
     "position": ("x", "y", "z"),
     "heading": ("heading_x", "heading_y"),
@@ -170,7 +170,8 @@ class Recording(Opened):
         state = self._state_at(turn)
         version = state.agents, state.agents.version
         if self._named[0] != version:
-            self._named = version, _named_columns(state.agents.columns)
+            named = table_of({name: state.agents.columns[key] for name, key in _LISTS.items()})
+            self._named = version, {name: _frozen(column) for name, column in named.items()}
         return _state_of(state, turn, self._named[1], lambda: self._map_at(turn))
 
     @overload
@@ -336,7 +337,7 @@ class Recording(Opened):
         return self._map(last, lambda: self._changed_map(last)) if last else self.graph
 
     def _changed_map(self, turn: int) -> Any:
-        *_, data = list(self._reader.events(turn - 1, turn, {kinds.WORLD}))[-1]
+        *_, (*_, data) = self._reader.events(turn - 1, turn, {kinds.WORLD})
         return data.get("world") if isinstance(data, dict) else None
 
     def _map(self, turn: int, packed: Callable[[], Any]) -> IPackedGraph:
@@ -409,13 +410,6 @@ class Recording(Opened):
             raise BadValue(f"Turns are counted from 1 on; start={start} and stop={stop} are no such range.")
         end = min(max(last - 1, 0), self._reader.turns)
         return min(max(first - 1, 0), end), end
-
-
-def _named_columns(columns: Columns) -> dict[str, np.ndarray[Any, Any]]:
-    """Return the columns that seldom change."""
-    lists = {"name": "names", "team": "teams", "speed": "speed", "strategy": "strategies"}
-    table = table_of({name: columns[key] for name, key in lists.items()})
-    return {name: _frozen(column) for name, column in table.items()}
 
 
 def _state_of(

@@ -9,7 +9,17 @@ from gamms.arguments import as_numbers
 from gamms.errors import BadType, BadValue, ContextTerminated, GammsError
 from gamms.ir import events as kinds
 from gamms.ir.agents import AgentBlock
-from gamms.ir.events import COLUMN_EVENTS, COMPONENTS, EVENTS, AgentsState, Mover, State, as_event, events_of, records_of
+from gamms.ir.events import (
+    COLUMN_EVENTS,
+    COMPONENTS,
+    EVENTS,
+    AgentsState,
+    Mover,
+    State,
+    as_event,
+    events_of,
+    records_of,
+)
 from gamms.ir.graph import FloatArray, IntArray
 from gamms.ir.journal import Muted
 from gamms.plain import Plain

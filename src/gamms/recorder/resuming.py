@@ -142,7 +142,7 @@ def register(ctx: HostContext, strategies: Strategies) -> None:
 def seed_at(reader: "Reader", turn: int) -> Any:
     """Return the seed of the game after so many turns: that of the recording, unless it was reset to another one."""
     later = [data["seed"] for _, data in _before(reader, turn, (kinds.SNAPSHOT,)) if "seed" in data]
-    return later[-1] if later else reader.header.get("seed")
+    return [reader.header.get("seed"), *later][-1]
 
 
 def as_seed(given: object, recorded: object) -> int:
@@ -178,12 +178,11 @@ def _history(reader: "Reader", turn: int) -> dict[str, Any]:
     for kind, data in _before(reader, turn, _HISTORY):
         if kind == kinds.SNAPSHOT:
             history = _history_in(data)
-            starts |= data.get("starts", {})
         elif kind == kinds.GAME_EVENT:
             history["events"].append(data)
         elif kind == kinds.GAME_FACTS:
             change(history["facts"], data)
-        else:
+        if kind in (kinds.SNAPSHOT, kinds.GAME_TURN):
             starts |= data.get("starts", {})
     return deepcopy({**history, "starts": starts})
 
@@ -197,9 +196,8 @@ def _starts_of(begin: Mapping[str, Any]) -> dict[str, Any]:
     """Return where agents began, by the first keyframe of a recording."""
     if not begin or "starts" in begin:
         return dict(begin.get("starts", {}))
-    flying = begin["kind"].tolist()
-    places = zip(begin["node"].tolist(), begin["position"].tolist(), strict=True)
-    at = (tuple(place) if flies else node for flies, (node, place) in zip(flying, places, strict=True))
+    places = zip(begin["kind"].tolist(), begin["node"].tolist(), begin["position"].tolist(), strict=True)
+    at = (tuple(position) if flies else node for flies, node, position in places)
     return dict(zip(begin["names"], at, strict=True))
 
 

@@ -559,13 +559,13 @@ class SessionJournal(Journal):
         given = dict(data["kwargs"])
         strategy = given.pop("strategy", None)
         if "sensors" in given:
-            given["sensors"] = _sensor_ids(given["sensors"])
+            given["sensors"] = _ids_of(given["sensors"])
         named = {} if strategy is None else {"strategy": keyframes.name_of(strategy)}
         return {**data, "kwargs": self._skipped.plain_part("agent", data["name"], given), **named}
 
 
-def _sensor_ids(given: SensorsOfAgent) -> dict[str, str] | list[str]:
+def _ids_of(given: SensorsOfAgent) -> dict[str, str] | list[str]:
     """Return the ids of the sensors that an agent was created with, by their names in its state."""
     if isinstance(given, dict):
-        return {str(name): one if isinstance(one, str) else one.sensor_id for name, one in given.items()}
+        return dict(zip(map(str, given), _ids_of(list(given.values())), strict=True))
     return [one if isinstance(one, str) else one.sensor_id for one in given]

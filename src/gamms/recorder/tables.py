@@ -158,14 +158,8 @@ def _positions(reader: Reader, start: int, stop: int, names_at: NamesAt) -> Tabl
     if not by_name:
         return table
     columns = table_of(dict(zip(table, zip(*by_name, strict=True), strict=True)))
-    places = flights.before[is_named]
-    return {key: _inserted(column, places, columns[key]) for key, column in table.items()}
-
-
-def _inserted(column: np.ndarray[Any, Any], places: IntArray, values: np.ndarray[Any, Any]) -> np.ndarray[Any, Any]:
-    """Return a column with more values, each before the item of such a place."""
-    both = np.concatenate((column, values))
-    return both[np.concatenate((np.arange(len(column)) + 0.5, places)).argsort(kind="stable")]
+    order = np.concatenate((np.arange(len(names)) + 0.5, flights.before[is_named])).argsort(kind="stable")
+    return {key: np.concatenate((column, columns[key]))[order] for key, column in table.items()}
 
 
 def _scores(reader: Reader, start: int, stop: int, _names_at: NamesAt) -> Table:

@@ -86,9 +86,7 @@ def differences(first: State, second: State, maps: tuple[str, str]) -> Iterator[
     """Yield the differences of two states: of their maps, whose hashes are `maps`, then agent by agent."""
     turn = first.turn
     if maps[0] != maps[1]:
-        yield Difference(
-            turn, None, "map", *(_size(one, name) for one, name in zip((first, second), maps, strict=True))
-        )
+        yield Difference(turn, None, "map", _size(first, maps[0]), _size(second, maps[1]))
     names = [state.agents["name"].tolist() for state in (first, second)]
     if set(names[0]) != set(names[1]):
         only = [sorted(set(names[i]) - set(names[1 - i])) for i in (0, 1)]

@@ -109,7 +109,9 @@ class CborReader:
             raise BadCbor(f"it has more than {MOST_ITEMS} items or {MOST_BYTES} bytes")
         kind, info = head >> 5, head & 31
         if kind == _SIMPLE_KIND:
-            return self._simple(info)
+            if info not in _FLOATS and info not in _SIMPLE:
+                raise BadCbor("it holds a value that is no plain data")
+            return self._unpack(_FLOATS[info]) if info in _FLOATS else _SIMPLE[info]
         size = info if info < 24 else self._size(info)
         return _READERS[kind](self, size, depth)
 
@@ -180,13 +182,6 @@ class CborReader:
             return self._keys.check(_hashable(value))
         except BadFile as error:
             raise BadCbor(str(error)) from error
-
-    def _simple(self, info: int) -> Plain:
-        if info in _FLOATS:
-            return self._unpack(_FLOATS[info])
-        if info in _SIMPLE:
-            return _SIMPLE[info]
-        raise BadCbor("it holds a value that is no plain data")
 
 
 _READERS: tuple[Callable[[CborReader, int, int], Plain], ...] = (  # by the upper three bits of the first byte
