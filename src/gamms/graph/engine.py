@@ -3,7 +3,7 @@
 import os
 from collections.abc import Callable, Iterator
 from functools import wraps
-from typing import TYPE_CHECKING, Any, Concatenate, ParamSpec, TypeVar, cast
+from typing import TYPE_CHECKING, Any, Concatenate, ParamSpec, TypeVar
 
 from gamms.deciding import Guarded, phase_of, refused_while_deciding
 from gamms.errors import BadFile, BadValue, ContextTerminated, UnknownType, WriteConflict
@@ -24,7 +24,7 @@ if TYPE_CHECKING:
     from numpy.random import Generator
     from numpy.typing import ArrayLike
 
-    from gamms.graph.map_database import MapDatabase
+    from gamms.graph.map_file import MapDatabase
     from gamms.graph.visibility import TablePath, Visibility, VisibilityTables
     from gamms.typing.memory_engine import IPathLike
 
@@ -306,12 +306,11 @@ class GraphEngine(Guarded, IGraphEngine):
         return self._obstacles
 
     def _open_database(self, path: "IPathLike | None") -> None:
-        from gamms.graph.map_database import STORE, MapDatabase, NoFile
+        from gamms.graph.map_file import STORE, MapDatabase, NoFile
 
         self._is_kept = path is not None
         path = path or NoFile()
-        store = self._ctx.ictx.memory.create_store(StoreType.DATABASE, STORE, path)
-        self._database = MapDatabase(cast("Any", store))
+        self._database = MapDatabase(self._ctx.ictx.memory.create_store(StoreType.DATABASE, STORE, path))
         self._storage.put(self._database.read())
         self._saved = self._state()
 

@@ -11,16 +11,17 @@ from contextlib import contextmanager
 from dataclasses import replace
 from itertools import count
 from struct import Struct
-from typing import NamedTuple
+from typing import Any, NamedTuple
 
 import numpy as np
 
 from gamms import kernels
 from gamms.arguments import as_path
-from gamms.errors import BadFile, BadValue, GammsError, MissingFolder
+from gamms.errors import BadFile, BadValue, GammsError, MissingFolder, WriteConflict
 from gamms.folders import write_whole
 from gamms.graph import records
 from gamms.graph.obstacles import checked_face
+from gamms.graph.store import GraphStore
 from gamms.graph.tables import RowIndex
 from gamms.ir import packing
 from gamms.ir.graph import FloatArray, GraphColumns, IntArray
@@ -28,6 +29,7 @@ from gamms.limits import Allowance
 from gamms.plain import Plain, is_plain, why_not_plain
 from gamms.text import shown
 from gamms.typing.graph_engine import ObsFace
+from gamms.typing.memory_engine import IPathLike, Row, Schema
 
 MAGIC = b"GAMMSMAP"
 VERSION = 2  # of development versions, 1 was; it is not read
@@ -333,3 +335,88 @@ def _faces_of(columns: dict[str, packing.Array]) -> Iterable[ObsFace]:
         raise BadFile("an obstacle face is there twice")
     for id, type, (tr, tl, br, bl) in zip(ids, types, corners, strict=True):
         yield checked_face(id, tr, tl, br, bl, type)
+
+
+# -- a map in a database file: the bytes of a saved map in one row of a store of `ctx.ictx.memory` ------------------
+
+
+STORE = ".graph"  # the dot: no store of the program's, and not listed among those
+_MAP, _KEY = "saved_map", 0
+_SCHEMA: Schema = {"id": int, "saves": int, "map": bytes}
+
+
+class NoFile(IPathLike):
+    """The path of a database in memory."""
+
+    def as_str(self) -> str:
+        """Return what SQLite calls it."""
+        return ":memory:"
+
+    def exists(self) -> bool:
+        """Return False: there is no file."""
+        return False
+
+
+class MapDatabase:
+    """Writes a map into a store and reads it again; counts the saves, so that no program overwrites an unread one.
+
+    Attributes:
+        path: of the file.
+    """
+
+    def __init__(self, store: Any) -> None:  # Any: a DATABASE store, which has more than `IStore`
+        self._store = store
+        self.path: str = store.path().as_str()
+        self._saves = 0  # that had been made when the map was read
+        if store.is_foreign:
+            raise BadFile(f"{self.path} is a database of something else, not of a graph.")
+        try:
+            store.create_map(_MAP, _SCHEMA, "id")
+        except GammsError as error:
+            raise BadFile(f"{self.path} cannot be opened as the database of a graph: {error}") from error
+        store.flush()
+
+    def read(self) -> SavedMap:
+        """Return the map that was written last, or an empty one.
+
+        Raises:
+            BadFile: what is in the file is damaged.
+        """
+        try:
+            row = self._row()
+            contents = decode(row["map"]) if row["saves"] else SavedMap(GraphStore().columns(), [], None)
+            self._saves = row["saves"]
+        except (GammsError, TypeError) as error:
+            kind = type(error) if isinstance(error, BadFile) else BadFile
+            raise kind(f"{self.path} does not hold a graph that GAMMS can load: {error}") from error
+        return contents
+
+    def write(self, contents: SavedMap) -> None:
+        """Replace what the database holds.
+
+        Raises:
+            BadValue: an attribute is no plain value; the database keeps the map it had.
+            WriteConflict: another program has saved since the map was read; the database keeps what that saved.
+            BadFile: the file cannot be written; it keeps the map it had.
+        """
+        data = encode(contents)
+        with self._store.transaction():
+            saves = self._row()["saves"]
+            if saves != self._saves:
+                raise WriteConflict(
+                    f"Another program has saved to {self.path} since this context read it, and saving now would undo "
+                    "that. Keep this graph in another file with ctx.graph.save('mine.gamms'), or drop it and read "
+                    "what is in the database with ctx.graph.load()."
+                )
+            write = self._store.update_data if saves else self._store.insert_data
+            write(_MAP, {"id": _KEY, "saves": saves + 1, "map": data})
+        self._saves += 1
+
+    def _row(self) -> Row:
+        keys = list(self._store.query_keys(_MAP))  # in a file that was cut off, the index of the keys may be missing
+        if not keys:
+            return {"id": _KEY, "saves": 0, "map": b""}
+        row: Row = self._store.get_data(_MAP, _KEY)
+        if not row["saves"] or row["map"] is None:
+            raise BadFile(f"The row of the map in {self.path!r} is damaged.")
+        return row

@@ -6,14 +6,7 @@ from typing import Any, Literal, NamedTuple, Unpack, overload
 
 from gamms.arguments import as_name
 from gamms.deciding import Guarded, phase_of, refused_while_deciding
-from gamms.errors import (
-    BadValue,
-    ContextTerminated,
-    Duplicate,
-    UnknownName,
-    UnknownType,
-    nearest,
-)
+from gamms.errors import BadValue, ContextTerminated, Duplicate, UnknownName, UnknownType, nearest
 from gamms.readonly import ReadOnlyMapping
 from gamms.sensor.aerial import AerialAgentSensor, AerialSensor
 from gamms.sensor.catalog import KINDS, SHARED_KEYWORDS, SYNONYMS
@@ -49,7 +42,7 @@ class SensorsSnapshot(NamedTuple):
     """The sensors at one moment."""
 
     settings: SensorSettings
-    sensed: list[Any]  # what each had sensed; None where its class has no `snapshot`
+    sensed: list[Any]  # what each had sensed whose class has a `snapshot`
 
 
 class SensorEngine(Guarded, ISensorEngine):
@@ -250,14 +243,11 @@ class SensorStorage(Guarded):
     def _settings(self) -> SensorSettings:
         """Return how the sensors are set now; the same object as long as nothing has changed."""
         # NOTE: most snapshots are of games whose sensors stay as they are (benchmarks/README.md, snapshots).
-        known, changes, sensors = (
-            self._known_settings,
-            self._phase.sensor_changes,
-            tuple(self._engine._sensors.values()),
-        )
+        known, changes = self._known_settings, self._phase.sensor_changes
+        sensors = tuple(self._engine._sensors.values())
         if known is None or known.changes != changes or known.sensors != sensors:
             owners = tuple([owner_of(sensor) for sensor in sensors])
-            keywords, memories = tuple(map(_keywords_of, sensors)), tuple(map(_memory_of, sensors))
+            keywords, memories = tuple(map(_keywords_of, sensors)), tuple(filter(None, map(_memory_of, sensors)))
             known = self._known_settings = SensorSettings(changes, sensors, owners, keywords, memories)
         return known
 
@@ -274,15 +264,15 @@ class SensorStorage(Guarded):
 
 
 def _keywords_of(sensor: ISensor) -> dict[str, Any] | None:
-    return KINDS[sensor.type].keywords_of(sensor) if _is_built_in(sensor) else None
+    return KINDS[sensor.type].keywords_of(sensor) if isinstance(sensor, Sensor) and sensor.type in KINDS else None
 
 
-def _memory_of(sensor: object) -> tuple[Callable[[], Any], Callable[[Any], None]]:
+def _memory_of(sensor: object) -> tuple[Callable[[], Any], Callable[[Any], None]] | None:
     """Return the functions that give and restore what a sensor has sensed; the caller's classes need not have them."""
     if isinstance(sensor, Sensor):
         return sensor._snapshot, sensor._restore
-    functions = getattr(sensor, "snapshot", None), getattr(sensor, "restore", None)
-    return functions if all(map(callable, functions)) else (_nothing, _restore_nothing)  # type: ignore[return-value] # both are
+    give, restore = getattr(sensor, "snapshot", None), getattr(sensor, "restore", None)
+    return (give, restore) if callable(give) and callable(restore) else None
 
 
 def _copy_of(sensor: ISensor, memo: dict[int, Any]) -> ISensor:
@@ -296,30 +286,16 @@ def _copy_of(sensor: ISensor, memo: dict[int, Any]) -> ISensor:
         return sensor
 
 
-def _nothing() -> None:
-    """Return nothing."""
-
-
-def _restore_nothing(_: object) -> None:
-    """Restore nothing."""
-
-
-def _is_built_in(sensor: ISensor) -> bool:
-    return isinstance(sensor, Sensor) and sensor.type in KINDS
-
-
 def _checked_type(kind: object, sensor_id: str) -> SensorType:
     if isinstance(kind, SensorType) and kind in KINDS:
         return kind
-    known = [one.name for one in KINDS]
+    seen, known = shown(kind), [one.name for one in KINDS]
     if isinstance(kind, SensorType):
-        hint = " A custom sensor is an object of your own class: ctx.sensor.add_sensor(obj)."
+        seen, hint = str(kind), " A custom sensor is an object of your own class: ctx.sensor.add_sensor(obj)."
     else:
-        hint = nearest(
-            (kind if isinstance(kind, str) else shown(kind)).upper().removeprefix("SENSORTYPE."), known
-        ).replace("'", "")
-        hint = hint.replace("Did you mean ", "Did you mean SensorType.") or f" Use a SensorType: {', '.join(known)}."
-    seen = str(kind) if isinstance(kind, SensorType) else shown(kind)
+        hint = nearest((kind if isinstance(kind, str) else seen).upper().removeprefix("SENSORTYPE."), known)
+        hint = hint.replace("'", "").replace("Did you mean ", "Did you mean SensorType.")
+        hint = hint or f" Use a SensorType: {', '.join(known)}."
     raise UnknownType(f"Unknown sensor type {seen} for sensor {shown(sensor_id)}.{hint}")
 
 

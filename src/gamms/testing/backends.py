@@ -4,11 +4,10 @@ from collections.abc import Callable
 from typing import NamedTuple
 from xml.etree import ElementTree as ET
 
-import numpy as np
-from numpy.typing import NDArray
-
 from gamms.ir.draw import DrawCommands
+from gamms.testing.contracts import expect
 from gamms.visual.backends import Backend
+from gamms.visual.backends.pillow_backend import pixels_of
 from gamms.visual.camera import Camera
 from gamms.visual.drawing import Commands
 
@@ -163,25 +162,25 @@ def _picture(backend: Backend, commands: DrawCommands) -> bytes:
     picture = draw()
     if not isinstance(picture, bytes) or not picture:
         raise AssertionError(f"a backend returns the bytes of a file: got {type(picture)!r}.")
-    _expect("the same commands give the same bytes", draw() == picture, "other bytes")
+    expect("the same commands give the same bytes", draw() == picture, "other bytes")
     return picture
 
 
 def _look_at_pixels(case: _Case, picture: bytes) -> None:
-    pixels = _pixels(picture)
-    _expect("a picture has the size of its camera", pixels.shape == (100, 200, 3), pixels.shape)
+    pixels = pixels_of(picture)
+    expect("a picture has the size of its camera", pixels.shape == (100, 200, 3), pixels.shape)
     for expected, places in ((case.color, case.painted), (_PAPER[:3], case.free)):
         for x, y in places:
             seen = pixels[y, x]
             is_right = max(abs(int(a) - b) for a, b in zip(seen, expected, strict=True)) <= _TOLERANCE
-            _expect(f"{case.promise}; pixel ({x}, {y}) should be {expected}", is_right, seen.tolist())
+            expect(f"{case.promise}; pixel ({x}, {y}) should be {expected}", is_right, seen.tolist())
 
 
 def _look_at_elements(case: _Case, picture: bytes) -> None:
     root = ET.fromstring(picture)  # noqa: S314 - made a moment ago, by the backend
     tags = [element.tag.rpartition("}")[2] for element in root.iter()]
     wanted = 1 + (case.tag == "rect")  # the paper is a rectangle, too
-    _expect(f"{case.promise}; <{case.tag}> should be there", tags.count(case.tag) >= wanted, tags)
+    expect(f"{case.promise}; <{case.tag}> should be there", tags.count(case.tag) >= wanted, tags)
 
 
 def _check_layers(backend: Backend) -> None:
@@ -192,18 +191,18 @@ def _check_layers(backend: Backend) -> None:
     picture = _picture(backend, commands.freeze())
     promise = "higher layers are painted over lower ones"
     if picture.startswith(_PNG):
-        seen = _pixels(picture)[50, 100].tolist()
-        _expect(promise, max(abs(a - b) for a, b in zip(seen, _RED, strict=True)) <= _TOLERANCE, seen)
+        seen = pixels_of(picture)[50, 100].tolist()
+        expect(promise, max(abs(a - b) for a, b in zip(seen, _RED, strict=True)) <= _TOLERANCE, seen)
     elif picture.lstrip().startswith(_SVG):
         red, blue = (picture.find("#{:02x}{:02x}{:02x}".format(*color).encode()) for color in (_RED, _BLUE))
-        _expect(promise, 0 <= blue < red, (blue, red))
+        expect(promise, 0 <= blue < red, (blue, red))
 
 
 def _check_words(backend: Backend) -> None:
     nothing, words = Commands().freeze(), Commands()
     words.add_text("A <b> & ©", 20, 60, (0, 0, 0), 30)
     blank = _picture(backend, nothing)
-    _expect("text is shown", _picture(backend, words.freeze()) != blank, "an empty picture")
+    expect("text is shown", _picture(backend, words.freeze()) != blank, "an empty picture")
 
 
 def _check_distance(backend: Backend) -> None:
@@ -216,15 +215,4 @@ def _check_distance(backend: Backend) -> None:
         commands.add_text("far", x, y, _RED, 12)
     picture = _picture(backend, commands.freeze())
     if picture.startswith(_PNG):
-        _expect("what is far away is not seen", bool((_pixels(picture) == 255).all()), "something")
-
-
-def _pixels(picture: bytes) -> NDArray[np.uint8]:
-    from gamms.visual.backends.pillow_backend import pixels_of
-
-    return pixels_of(picture)
-
-
-def _expect(promise: str, is_true: bool, seen: object) -> None:
-    if not is_true:
-        raise AssertionError(f"{promise}: got {seen!r}.")
+        expect("what is far away is not seen", bool((pixels_of(picture) == 255).all()), "something")

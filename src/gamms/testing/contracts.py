@@ -3,8 +3,6 @@
 from collections.abc import Callable
 from copy import deepcopy
 
-import numpy as np
-
 from gamms.typing import IGraph, ISensor, SensorType
 
 _NODES = [(1, 0.0, 0.0), (2, 3.0, 4.0), (7, 10.0, 0.0), (5, 0.0, 5.0)]
@@ -31,26 +29,26 @@ def check_sensor(sensor: ISensor, node_id: int) -> None:
     Raises:
         AssertionError: a promise is broken; the message names it.
     """
-    _expect("sensor_id is a name", str(sensor.sensor_id) == sensor.sensor_id != "", sensor.sensor_id)
-    _expect("type is a SensorType", isinstance(sensor.type, SensorType), sensor.type)
-    _expect("sense returns nothing", _returned(sensor.sense(node_id)) is None, "something")
+    expect("sensor_id is a name", str(sensor.sensor_id) == sensor.sensor_id != "", sensor.sensor_id)
+    expect("type is a SensorType", isinstance(sensor.type, SensorType), sensor.type)
+    expect("sense returns nothing", sensor.sense(node_id) is None, "something")
     first = sensor.data
     kept = deepcopy(first)
     sensor.sense(node_id)
-    _expect("sensing twice in a world that holds still sees the same", sensor.data == kept, sensor.data)
-    _expect("data is fresh after every sense", _is_fresh(sensor.data, first), first)
-    _expect("a later sense changes no earlier result", first == kept, first)
-    _expect("update accepts a dict", _returned(sensor.update({})) is None, "something")
+    expect("sensing twice in a world that holds still sees the same", sensor.data == kept, sensor.data)
+    expect("data is fresh after every sense", _is_fresh(sensor.data, first), first)
+    expect("a later sense changes no earlier result", first == kept, first)
+    expect("update accepts a dict", sensor.update({}) is None, "something")
     many = sensor.sense_many([node_id, node_id])
-    _expect("sense_many looks once for each node", len(many) == 2, len(many))
-    _expect("sense_many sees the same from the same node", _plain(many[0]) == _plain(many[1]), many[1])
+    expect("sense_many looks once for each node", len(many) == 2, len(many))
+    expect("sense_many sees the same from the same node", many[0].tolist() == many[1].tolist(), many[1])
     if many.values.dtype == object:
-        _expect("sense_many sees what sense sees", _plain(many[0]) == [kept], many[0])
+        expect("sense_many sees what sense sees", many[0].tolist() == [kept], many[0])
     try:
         sensor.set_owner("no-agent-yet")
     except KeyError:
         sensor.set_owner(None)  # a sensor may insist on an agent that is there
-    _expect("set_owner accepts None", _returned(sensor.set_owner(None)) is None, "something")
+    expect("set_owner accepts None", sensor.set_owner(None) is None, "something")
 
 
 def _filled(graph: IGraph) -> IGraph:
@@ -135,19 +133,13 @@ def _offers_what_is_free(graph: IGraph) -> None:
     revision = graph.revision
     graph.update_node({"id": 1, "x": 1.0})
     if revision is not None:
-        _differ("revision changes with the graph", graph.revision, revision)
+        expect("revision changes with the graph", graph.revision != revision, revision)
     graph.clear()
     _same("clear empties", list(graph.get_nodes()), [])
 
 
 def _same(promise: str, seen: object, promised: object) -> None:
-    if seen != promised:
-        raise AssertionError(f"{promise}: expected {promised!r}, got {seen!r}.")
-
-
-def _differ(promise: str, seen: object, before: object) -> None:
-    if seen == before:
-        raise AssertionError(f"{promise}: it is still {seen!r}.")
+    expect(f"{promise}: expected {promised!r}", seen == promised, seen)
 
 
 def _raises(what: str, kind: type[Exception], call: Callable[..., object], *arguments: object) -> None:
@@ -160,18 +152,11 @@ def _raises(what: str, kind: type[Exception], call: Callable[..., object], *argu
     raise AssertionError(f"{what} must raise {kind.__name__}; nothing was raised.")
 
 
-def _returned(value: object) -> object:
-    return value
-
-
-def _plain(values: np.ndarray) -> list[object]:
-    return list(values.tolist())
-
-
 def _is_fresh(data: object, before: object) -> bool:
     return data is not before or not isinstance(data, list | dict | set | bytearray)
 
 
-def _expect(promise: str, is_true: bool, seen: object) -> None:
+def expect(promise: str, is_true: bool, seen: object) -> None:
+    """Raise AssertionError with the promise and what was seen, unless it is true."""
     if not is_true:
         raise AssertionError(f"{promise}: got {seen!r}.")
