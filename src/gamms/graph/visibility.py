@@ -310,15 +310,11 @@ class _Place(NamedTuple):
 
 
 def _made(task: VisibilityTask, workers: int | None, *, is_shown: bool) -> VisibilityRows:
-    with shown(0.0) if is_shown else nullcontext(_say_nothing) as show:
+    with shown(0.0) if is_shown else nullcontext(lambda _: None) as show:
         seen = compute_visibility(task, workers, show)
     for array in seen:
         array.flags.writeable = False  # other engines may share it
     return seen
-
-
-def _say_nothing(_: str) -> None:
-    pass
 
 
 # -- files ------------------------------------------------------------------------------------------------------------
