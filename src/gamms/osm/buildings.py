@@ -158,8 +158,7 @@ def _records_of_features(
     """Return the walls of shapes; `projection` says for all their points how these become metres."""
     texts = ((shape, {key: text for key, text in tags.items() if isinstance(text, str)}) for shape, tags in features)
     chosen = [(shape, wall) for shape, tags in texts if (wall := rules.wall_of(tags)) is not None]
-    shapes = footprints.shapes_of([shape for shape, _ in chosen])
-    points = footprints.coordinates_of(shapes)
+    shapes, points = footprints.shapes_of([shape for shape, _ in chosen])
     if not len(points):
         return iter(())
     return _records(footprints.faces_of(shapes, [wall for _, wall in chosen], projection(points), *tolerances))

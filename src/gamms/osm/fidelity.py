@@ -156,10 +156,10 @@ def _compared(edges: RoadNetwork, source: RoadNetwork, about: dict[str, Any]) ->
     resolution = about["resolution"]
     roads = roads_once(edges)
     one_way = np.fromiter((bool(roads.tags[way].get("oneway")) for way in roads.ways), np.bool_, len(roads.ways))
-    pieces = pieces_of(roads, source, resolution)
+    is_cut, is_parted = pieces_of(roads, source, resolution)
     away = deviations(source, roads)
-    uncut = np.flatnonzero(~pieces.cut)
-    regular = roads.lengths[pieces.cut & ~pieces.parted] / resolution
+    uncut = np.flatnonzero(~is_cut)
+    regular = roads.lengths[is_cut & ~is_parted] / resolution
     untrue = untrue_lengths(roads, uncut, source)
     before, after, merged = source.lengths.sum(), roads.lengths.sum(), about.get("merged_length", 0.0)
     least, most = LEAST_PIECE - _SLACK, MOST_PIECE + _SLACK
@@ -183,8 +183,8 @@ def _compared(edges: RoadNetwork, source: RoadNetwork, about: dict[str, Any]) ->
         one_way_share=float(roads.lengths[one_way].sum() / after) if after else 0.0,
         roads_uncut=len(uncut),
         roads_uncut_untrue=untrue,
-        pieces=int(pieces.cut.sum()),
-        pieces_parted=int(pieces.parted.sum()),
+        pieces=int(is_cut.sum()),
+        pieces_parted=int(is_parted.sum()),
         piece_min=float(regular.min() * resolution) if len(regular) else np.nan,
         piece_max=float(regular.max() * resolution) if len(regular) else np.nan,
         spacing=_histogram(edges.lengths / resolution),
@@ -230,13 +230,6 @@ def _histogram(shares: FloatArray) -> dict[str, int]:
     return dict(zip(names, counts.tolist(), strict=True))
 
 
-class Pieces(NamedTuple):
-    """How the roads of a graph were cut."""
-
-    cut: BoolArray  # (roads,)  a piece of a longer road
-    parted: BoolArray  # (roads,)  a piece of a short road that was cut only so that no road is lost
-
-
 def roads_once(edges: RoadNetwork) -> RoadNetwork:
     """Count the edges there and back between two nodes as one road if they have exactly the same length."""
     low, high = np.minimum(edges.sources, edges.targets), np.maximum(edges.sources, edges.targets)
@@ -252,8 +245,12 @@ def roads_once(edges: RoadNetwork) -> RoadNetwork:
     return chosen_roads(edges, rows)
 
 
-def pieces_of(roads: RoadNetwork, source: RoadNetwork, resolution: float) -> Pieces:
-    """Recognise cut roads: at a cut two pieces of exactly equal length meet where the source has no vertex."""
+def pieces_of(roads: RoadNetwork, source: RoadNetwork, resolution: float) -> tuple[BoolArray, BoolArray]:
+    """Recognise cut roads: at a cut two pieces of exactly equal length meet where the source has no vertex.
+
+    Returns:
+        which roads are pieces of longer ones; which of them are of a short road, cut only so that no road is lost.
+    """
     nodes = np.concatenate((roads.sources, roads.targets))
     lengths = np.tile(roads.lengths, 2)
     longest, shortest = np.full(len(roads.xy), -np.inf), np.full(len(roads.xy), np.inf)
@@ -264,7 +261,7 @@ def pieces_of(roads: RoadNetwork, source: RoadNetwork, resolution: float) -> Pie
     short_pair = (number == 2) & (chains.lengths < MOST_UNCUT * resolution)
     small_loop = (number == 3) & (chains.ends[:, 0] == chains.ends[:, 1]) & (chains.lengths < 2.5 * resolution)
     parted = (short_pair | small_loop)[chains.of_road]
-    return Pieces((number > 1)[chains.of_road], parted)
+    return (number > 1)[chains.of_road], parted
 
 
 def deviations(source: RoadNetwork, roads: RoadNetwork) -> FloatArray:

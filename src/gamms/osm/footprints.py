@@ -213,22 +213,14 @@ def _chosen(outlines: Outlines, is_chosen: BoolArray) -> tuple[FloatArray, IntAr
     return points, np.repeat(np.arange(int(is_chosen.sum())), sizes[is_chosen])
 
 
-def shapes_of(shapes: "Sequence[BaseGeometry]") -> Shapes:
-    """Shapes of a caller as an array; what is no polygon or multipolygon becomes an empty one."""
+def shapes_of(given: "Sequence[BaseGeometry]") -> tuple[Shapes, FloatArray]:
+    """Shapes of a caller, and all their points (points, 2); what is no polygon or multipolygon becomes empty."""
     import shapely
 
     kinds = (shapely.Polygon, shapely.MultiPolygon)
-    made: Shapes = np.empty(len(shapes), object)
-    made[:] = [shape if isinstance(shape, kinds) else shapely.Polygon() for shape in shapes]
-    return made
-
-
-def coordinates_of(shapes: Shapes) -> FloatArray:
-    """Return all points (points, 2) of some shapes."""
-    import shapely
-
-    points: FloatArray = shapely.get_coordinates(shapes)
-    return points
+    shapes: Shapes = np.empty(len(given), object)
+    shapes[:] = [shape if isinstance(shape, kinds) else shapely.Polygon() for shape in given]
+    return shapes, shapely.get_coordinates(shapes)
 
 
 def is_inside(area: "BaseGeometry", xy: FloatArray) -> BoolArray:

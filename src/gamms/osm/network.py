@@ -346,13 +346,6 @@ def chosen_roads(network: RoadNetwork, roads: IntArray) -> RoadNetwork:
     )
 
 
-def without_unused_nodes(network: RoadNetwork) -> RoadNetwork:
-    """Return the same roads, with only the nodes at their ends."""
-    used, rows = np.unique(np.concatenate((network.sources, network.targets)), return_inverse=True)
-    half = len(network.sources)
-    return replace(network, xy=network.xy[used], sources=rows[:half], targets=rows[half:])
-
-
 def both_ways(network: RoadNetwork) -> RoadNetwork:
     """Return the same network for agents that may go against the traffic."""
     return replace(network, two_way=np.ones(len(network.sources), np.bool_))

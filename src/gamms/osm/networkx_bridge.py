@@ -84,15 +84,11 @@ def travel_times(network: RoadNetwork, speeds: FloatArray) -> FloatArray:
     A way that came with a `travel_time` of its own keeps it; its pieces share it by their lengths.
     """
     needed = network.lengths / (speeds[network.ways] / 3.6)
-    given = np.array([_given_time(of_way) for of_way in network.tags] or [math.nan])[network.ways]
+    times = [of_way.get("travel_time") for of_way in network.tags] or [None]
+    given = np.array([time if is_number(time) and 0.0 <= time < math.inf else math.nan for time in times])[network.ways]
     whole = np.bincount(network.ways, weights=network.lengths, minlength=len(network.tags))[network.ways]
     share = np.where(whole > 0.0, network.lengths / np.where(whole > 0.0, whole, 1.0), 1.0)
     return np.where(np.isnan(given), needed, given * share)
-
-
-def _given_time(tags: Mapping[str, Any]) -> float:
-    given = tags.get("travel_time")
-    return float(given) if is_number(given) and 0.0 <= given < math.inf else math.nan
 
 
 def _texts(value: object) -> list[str]:

@@ -29,11 +29,10 @@ from gamms.osm.network import (
     network_of_segments,
     offsets_of,
     segments_of,
-    without_unused_nodes,
 )
 from gamms.osm.servers import Json, MapServers
 from gamms.osm.settings import setting
-from gamms.osm.topology import simplify
+from gamms.osm.topology import simplify, without_unused_nodes
 from gamms.progress import Show, progress
 from gamms.text import shown
 

@@ -10,17 +10,7 @@ from gamms import kernels
 from gamms.ir.graph import FloatArray, IntArray
 from gamms.ir.obstacles import BoolArray
 from gamms.limits import refuse_above
-from gamms.osm.network import (
-    Merged,
-    RoadNetwork,
-    along,
-    chosen_roads,
-    components,
-    moved_ends,
-    offsets_of,
-    reversed_points,
-    without_unused_nodes,
-)
+from gamms.osm.network import RoadNetwork, along, chosen_roads, components, moved_ends, offsets_of, reversed_points
 
 _REACH = 2.0  # tolerances: two circles of this radius around two nodes touch, which is how OSMnx says it
 _ACROSS = 3.0  # tolerances: wide enough for the four corners where two dual carriageways cross, and no wider
@@ -54,6 +44,13 @@ def simplify(network: RoadNetwork) -> RoadNetwork:
         tags=[_joined_tags(ways, network.tags) for ways in np.split(walked.ways, begins[1:])],
     )
     return without_unused_nodes(joined)
+
+
+def without_unused_nodes(network: RoadNetwork) -> RoadNetwork:
+    """Return the same roads, with only the nodes at their ends."""
+    used, rows = np.unique(np.concatenate((network.sources, network.targets)), return_inverse=True)
+    half = len(network.sources)
+    return replace(network, xy=network.xy[used], sources=rows[:half], targets=rows[half:])
 
 
 def _partners(network: RoadNetwork) -> IntArray:
@@ -224,7 +221,8 @@ def _contracted(network: RoadNetwork, label: IntArray, inner: BoolArray, weighty
     points, growth = moved_ends(rest.offsets, rest.points, xy[sources], xy[targets])
     lengths = rest.lengths * growth
     gone = float(network.lengths.sum() - lengths.sum())
-    merged = Merged(network.merged.nodes + len(network.xy) - len(xy), network.merged.length_m + gone)
+    before = network.merged
+    merged = before._replace(nodes=before.nodes + len(network.xy) - len(xy), length_m=before.length_m + gone)
     return replace(rest, xy=xy, sources=sources, targets=targets, points=points, lengths=lengths, merged=merged)
 
 

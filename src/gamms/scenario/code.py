@@ -180,9 +180,10 @@ def _located(text: str, sources: Sources, path: str, short: str | None = None) -
     """Find the module of a reference; whether the function is there is not looked at yet."""
     folder = sources.folder
     left, colon, function = _in_full(text, short).partition(":")
-    if (colon and not function.isidentifier()) or not left:
+    is_file = left.endswith(".py") or "/" in left or "\\" in left
+    if (colon and not function.isidentifier()) or not (is_file or _is_dotted(left)):
         raise ScenarioError(path, f"{shown(text)} is not a reference to code; write module:function.")
-    if left.endswith(".py") or "/" in left or "\\" in left:
+    if is_file:
         file = inside(left, folder, path, "Python file")
         if not file.is_file():
             raise ScenarioError(path, f"there is no file {left!r} in {folder}.{_neighbour(left, folder)}")
@@ -190,17 +191,16 @@ def _located(text: str, sources: Sources, path: str, short: str | None = None) -
         if not _is_dotted(dotted):
             raise ScenarioError(path, f"{left!r} cannot be imported: it may have letters, digits and _ in its name.")
         return _in(folder or Path(), Found(path, text, dotted, function, file, None))
-    if not _is_dotted(left):
-        raise ScenarioError(path, f"{shown(text)} is not a reference to code; write module:function.")
+    found = Found(path, text, left, function, None, None)
     if left.partition(".")[0] == "gamms":
         if left not in OFFERED:
             hint = nearest(left, OFFERED) or f" Scenarios may name what is in {', '.join(OFFERED)}."
             raise ScenarioError(path, f"{left!r} is not offered to scenarios.{hint}")
-        return Found(path, text, left, function, None, None)
-    in_folder = None if folder is None else _in_folder(left, folder, path)
-    if folder is not None and in_folder is not None:
-        return _in(folder, Found(path, text, left, function, in_folder, None))
-    found = Found(path, text, left, function, None, None)
+        return found
+    stem = left.replace(".", "/")
+    for name in (f"{stem}/__init__.py", f"{stem}.py") if folder is not None else ():
+        if folder is not None and folder.joinpath(name).is_file():
+            return _in(folder, found._replace(file=inside(name, folder, path, "Python file")))
     return found._replace(owner=_owner(found, sources))
 
 
@@ -210,15 +210,6 @@ def _in(folder: Path, found: Found) -> Found:
     for depth in range(1, len(packages) + 1):
         inside("/".join([*packages[:depth], "__init__.py"]), folder, found.path, "Python file")
     return found._replace(owner=private_package(folder))
-
-
-def _in_folder(dotted: str, folder: Path, path: str) -> Path | None:
-    """Return the file of a module in the folder."""
-    stem = "/".join(dotted.split("."))
-    for text in (f"{stem}/__init__.py", f"{stem}.py"):
-        if folder.joinpath(text).is_file():
-            return inside(text, folder, path, "Python file")
-    return None
 
 
 def _owner(found: Found, sources: Sources) -> str:

@@ -57,7 +57,7 @@ def map_file(map: Map, folder: Path | None) -> Path | None:
 
 
 def load(map: Map, folder: Path | None, library: Library) -> MapSnapshot:
-    """Load graph and obstacles, for `put`.
+    """Load graph and obstacles, to be copied into contexts.
 
     Raises:
         ScenarioError: the map cannot be loaded.
@@ -77,11 +77,6 @@ def load(map: Map, folder: Path | None, library: Library) -> MapSnapshot:
         if not len(ctx.graph.graph):
             raise ScenarioError(f"map.{kind}", "this map has no nodes.")
         return ctx.graph.storage.snapshot()
-
-
-def put(ctx: Context, map: MapSnapshot) -> None:
-    """Copy a loaded map into a new context, and share the visibility tables of earlier games with it."""
-    ctx.graph.storage.copy_from(map)
 
 
 def _load_file(ctx: Context, given: MapFile, file: Path) -> None:

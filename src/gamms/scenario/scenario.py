@@ -99,7 +99,7 @@ class Scenario:
             ScenarioError: there is no such node, or it is not a place.
         """
         with named(self.file), create_context(logger_config=maps.quiet()) as ctx:
-            maps.put(ctx, self._loaded())
+            ctx.graph.storage.copy_from(self._loaded())
             return node_at(ctx, place if isinstance(place, LatLon) else checked(place, Place, "place"), "place")
 
     def code(self) -> list[Found]:
@@ -122,7 +122,7 @@ class Scenario:
         done = ["keys, types and names", f"{len(found)} references to code (found, not run)"]
         if maps.is_data(self.spec.map):
             with named(self.file), create_context(seed=self.spec.seed, logger_config=maps.quiet()) as ctx:
-                maps.put(ctx, self._loaded())
+                ctx.graph.storage.copy_from(self._loaded())
                 place(ctx, self.spec, agents)
                 done += [
                     f"the map ({len(ctx.graph.graph)} nodes)",
@@ -171,7 +171,7 @@ class Scenario:
         )
         try:
             with named(self.file):
-                maps.put(ctx, map)
+                ctx.graph.storage.copy_from(map)  # with the visibility tables of earlier games
                 builder = Builder(ctx, self.spec, self._library, given)
                 builder.build()
                 ctx.game.internals.scenario = written_out(self.spec, self._library)
