@@ -167,16 +167,12 @@ def _records_of_features(
 def _projection(crs: object, usual: Callable[[FloatArray], str] = utm_crs) -> Callable[[FloatArray], Projection]:
     """From the points of a map to its projection: to a CRS in metres of the caller's, or to the usual one for them."""
     if crs is None:
-        return lambda points: _not_of_nothing(partial(project, source=WGS84, target=usual(points)))
+        return lambda points: partial(project, source=WGS84, target=usual(points))
     name, in_degrees = crs_of(crs)
     if in_degrees:
         raise BadValue(f"crs is {name}, which counts in degrees. Give one in metres, such as ctx.graph.crs.")
     # It may belong to another part of the world.
-    return lambda _: _not_of_nothing(partial(project_back_and_forth, source=WGS84, target=name))
-
-
-def _not_of_nothing(projection: Projection) -> Projection:
-    return lambda points: projection(points) if len(points) else points
+    return lambda _: partial(project_back_and_forth, source=WGS84, target=name)
 
 
 def _records(faces: footprints.Faces) -> Iterator[Record]:

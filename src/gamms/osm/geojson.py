@@ -25,23 +25,16 @@ _ID = re.compile(r"(?:way/)?(-?\d{1,18})", re.ASCII)
 _Line = list[Annotated[list[float], Meta(min_length=2)]]
 
 
-class _Geometry(msgspec.Struct):
-    """A geometry of any kind; what it holds depends on the kind, and is looked at where it has lines."""
+class _Object(msgspec.Struct):
+    """A document, a feature or a geometry of any kind; coordinates are looked at where they are those of lines."""
 
-    type: str
+    type: str = ""
+    features: "list[_Object]" = []
+    geometry: "_Object | None" = None
+    geometries: "list[_Object] | None" = None
     coordinates: Any = None
-    geometries: "list[_Geometry] | None" = None
-
-
-class _Feature(msgspec.Struct):
-    geometry: _Geometry | None = None
     properties: dict[str, Any] | None = None
     id: Any = None
-
-
-class _Document(msgspec.Struct):
-    type: str
-    features: list[_Feature] = []
     crs: Any = None
     attribution: Any = None
     copyright: Any = None
@@ -72,15 +65,12 @@ def is_geojson(filepath: str | os.PathLike[str]) -> bool:
 
 
 def _ways(text: bytes) -> Ways:
-    document = msgspec.json.decode(text, type=_Document)
+    document = msgspec.json.decode(text, type=_Object)
     if document.crs and not msgspec.json.encode(document.crs).decode().rstrip('"} ').endswith(_WGS84):
         raise ValueError(f"its crs is {str(document.crs)[:80]}, and GeoJSON is in WGS 84. Convert it first")
+    features = [document if document.type == "Feature" else _Object(geometry=document)]
     if document.type == "FeatureCollection":
         features = document.features
-    elif document.type == "Feature":
-        features = [msgspec.json.decode(text, type=_Feature)]
-    else:
-        features = [_Feature(msgspec.json.decode(text, type=_Geometry))]
     lines, tags, against = [], [], []
     for number, feature in enumerate(features, 1):
         for line in _lines_of(feature.geometry):
@@ -88,9 +78,8 @@ def _ways(text: bytes) -> Ways:
                 lines.append(_lonlat(msgspec.convert(line, _Line)))
             except ValueError as error:
                 raise ValueError(f"feature {number} has a line that is none: {error}") from None
-            oneway, junction = (_hashable((feature.properties or {}).get(name)) for name in ("oneway", "junction"))
-            tags.append({**_tags(feature, number), "oneway": is_one_way(oneway, junction)})
-            against.append(is_against(oneway))
+            tags.append(_tags(feature, number))
+            against.append(is_against((feature.properties or {}).get("oneway")))
     if not lines:
         raise ValueError("it has no lines")
     lonlat = np.concatenate(lines)
@@ -101,18 +90,18 @@ def _ways(text: bytes) -> Ways:
     return Ways(offsets, refs.astype(np.int64), lonlat, np.array(against, np.bool_), tags, credit)
 
 
-def _lines_of(geometry: _Geometry | None, level: int = 0) -> Iterator[Any]:
+def _lines_of(geometry: _Object | None, level: int = 0) -> Iterator[Any]:
     """Yield the coordinates of the lines in a geometry."""
-    if level > _MOST_LEVELS:
-        raise ValueError("a geometry is nested too deep")
-    if geometry is not None and geometry.type == "LineString":
+    if geometry is None:  # a feature without a place
+        return
+    if level > _MOST_LEVELS or not geometry.type:
+        raise ValueError("a geometry has no type, or is nested too deep")
+    if geometry.type == "LineString":
         yield geometry.coordinates
-    elif geometry is not None and geometry.type == "MultiLineString":
+    elif geometry.type == "MultiLineString":
         yield from msgspec.convert(geometry.coordinates, list[Any])
-    elif geometry is not None and geometry.type == "GeometryCollection":
-        if geometry.geometries is None:
-            raise ValueError("a geometry collection has no geometries")
-        for part in geometry.geometries:
+    elif geometry.type == "GeometryCollection":
+        for part in msgspec.convert(geometry.geometries, list[_Object]):
             yield from _lines_of(part, level + 1)
 
 
@@ -124,14 +113,11 @@ def _lonlat(line: list[list[float]]) -> "np.ndarray[Any, np.dtype[np.float64]]":
     return lonlat
 
 
-def _tags(feature: _Feature, number: int) -> dict[str, Any]:
+def _tags(feature: _Object, number: int) -> dict[str, Any]:
     """Return the properties of a feature, and as `osmid` the first of its ids with a number in it, such as way/123."""
     given = feature.properties or {}
     kept = {name: value for name, value in given.items() if name not in _NO_TAGS and value is not None}
     ids = (str(id) for id in (given.get("osmid"), given.get("@id"), feature.id))
     found = next((match for id in ids if (match := _ID.fullmatch(id))), None)
-    return {"osmid": number if found is None else int(found[1]), **kept}
-
-
-def _hashable(value: Any) -> str | int | None:
-    return value if isinstance(value, (str, bool, int)) else None
+    oneway = is_one_way(given.get("oneway"), given.get("junction"))
+    return {"osmid": number if found is None else int(found[1]), **kept, "oneway": oneway}

@@ -198,8 +198,6 @@ class Builder:
                 return self.ctx.sensor.from_function(id, self._function(name))
             keywords = given_values(sensor)
             kind = sensor_type(keywords.pop("type"))
-            if isinstance(sensor.at, tuple):
-                keywords["at"] = (float(sensor.at[0]), float(sensor.at[1]))
             return self.ctx.sensor.create_sensor(id, kind, **keywords)
 
     def _function(self, name: str) -> Function:

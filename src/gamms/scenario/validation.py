@@ -1,7 +1,7 @@
 """Checks of a scenario beyond the types of its values: names that fit each other, and the code that it names."""
 
 from collections.abc import Iterable, Iterator, Mapping
-from functools import cache
+from functools import reduce
 from itertools import islice
 from typing import NamedTuple
 
@@ -33,20 +33,12 @@ class NamedCode(NamedTuple):
     @property
     def path(self) -> str:
         """Return the place in the scenario as a text."""
-        return joined_all(self.keys)
+        return reduce(joined, self.keys, "")
 
     @property
     def short(self) -> str | None:
         """Return the module of a name without a colon, if there is one."""
         return RULES if self.what == "rule" else None
-
-
-def joined_all(keys: Iterable[str | int]) -> str:
-    """Return the path of what several keys lead to, one after the other."""
-    path = ""
-    for key in keys:
-        path = joined(path, key)
-    return path
 
 
 def check_sense(spec: Spec) -> None:
@@ -131,8 +123,9 @@ def _check_equipment(where: str, one: schema.Equipment, team: schema.Team, spec:
 
 def _check_teams_of(one: NamedCode, spec: Spec) -> None:
     """Check the parameters of a function of GAMMS whose annotations say that they name teams."""
-    for name, names in _team_parameters(one.reference, one.short).items():
-        given, path = one.given.get(name), joined_all((*one.keys, "with", name))
+    function = offered_function(one.reference, one.short)
+    for name, names in ({} if function is None else team_parameters(function)).items():
+        given, path = one.given.get(name), reduce(joined, ("with", name), one.path)
         if is_call(given):
             continue
         teams = [team for team in (given if isinstance(given, (dict, list)) else [given]) if isinstance(team, str)]
@@ -142,12 +135,6 @@ def _check_teams_of(one: NamedCode, spec: Spec) -> None:
             unknown = (team for team in islice(unknown, _FEW) if nearest(team, without))
         for team in unknown:
             _known_team(team, spec, path)
-
-
-@cache
-def _team_parameters(reference: str, short: str | None) -> dict[str, str]:
-    function = offered_function(reference, short)
-    return {} if function is None else team_parameters(function)
 
 
 def _known_team(team: str, spec: Spec, path: str) -> None:
@@ -216,7 +203,7 @@ def call_in(value: Plain, keys: Iterable[str | int]) -> Code | None:
     """
     if not is_call(value):
         return None
-    code: Code = checked({key: one for key, one in value.items() if one is not None}, Code, joined_all(keys))
+    code: Code = checked({key: one for key, one in value.items() if one is not None}, Code, reduce(joined, keys, ""))
     return code
 
 
