@@ -40,11 +40,10 @@ def test_an_attribute_that_is_recorded_takes_three_files(tmp_path):
     source = changed(
         tmp_path,
         ("ir/agents.py", "NUMBERS: dict[str, tuple[type, Any]] = {}", 'NUMBERS = {"battery": (np.float64, 1.0)}'),
-        ("ir/events.py", "AGENT_PROGRESS = ", "AGENT_BATTERY = 0x01100015\nAGENT_PROGRESS = "),
         (
             "ir/events.py",
-            '    ("AGENT_SPEED", "speed", ',
-            '    ("AGENT_BATTERY", "battery", "battery", Audience.TEAM, _event),\n    ("AGENT_SPEED", "speed", ',
+            "AGENT_SPEED = ",
+            'AGENT_BATTERY = _column(0x01100015, "AGENT_BATTERY", _TEAM, "battery", "battery")\nAGENT_SPEED = ',
         ),
         ("agent/agent.py", '"orientation", "speed", "team"})', '"orientation", "speed", "team", "battery"})'),
         (
