@@ -107,8 +107,11 @@ def features_of_place(
         servers = MapServers(name, show, offline=offline)
         boundary = _boundary(servers, location)
         show(f"Downloading the features of {name}")
-        filters = [part for key, values in wanted.items() for part in _filters_of(key, values)]
-        kinds = [f"{kind}{one}" for one in filters for kind in ("way", "relation")]
+        pairs = [(key, one) for key, values in wanted.items() for one in ([None] if values is None else values)]
+        filters = [
+            "=".join(json.dumps(text, ensure_ascii=False) for text in pair if text is not None) for pair in pairs
+        ]
+        kinds = [f"{kind}[{one}]" for one in filters for kind in ("way", "relation")]
         found = _download(servers, boundary, [(kinds, "(._;>;);out;")], read_areas)
         areas = _areas(found, wanted, boundary)
         if not areas:
@@ -243,13 +246,6 @@ def _filter_of(osm_type: OSMType) -> str:
     return '["highway"]' + "".join(f'["{name}"!~"^({"|".join(values)})$"]' for name, values in closed.items())
 
 
-def _filters_of(key: str, values: Collection[str] | None) -> list[str]:
-    quoted = json.dumps(key, ensure_ascii=False)
-    return (
-        [f"[{quoted}]"] if values is None else [f"[{quoted}={json.dumps(one, ensure_ascii=False)}]" for one in values]
-    )
-
-
 # -- what is asked, checked -------------------------------------------------------------------------------------
 
 
@@ -299,11 +295,6 @@ class _Typed(msgspec.Struct):
 class _Place(msgspec.Struct):
     importance: float
     geojson: _Typed | None = None
-
-
-class _Answer(msgspec.Struct):
-    elements: list[Any]
-    remark: Any = None
 
 
 class _Element(msgspec.Struct):
@@ -370,12 +361,13 @@ def read_elements(answer: Json, most_cut: float) -> list[_Element]:
         ValueError: it is of no use.
     """
     try:
-        given = msgspec.convert(answer, _Answer)
+        given = msgspec.convert(answer, dict[str, Any])
+        listed = msgspec.convert(given.get("elements"), list[Any])
     except msgspec.ValidationError:
         raise ValueError("it has no list of elements") from None
-    if given.remark:
-        raise ValueError(f"it is incomplete, for the server remarks {str(given.remark)[:200]!r}")
-    elements = [element for one in given.elements if (element := _element(one)) is not None]
+    if given.get("remark"):
+        raise ValueError(f"it is incomplete, for the server remarks {str(given['remark'])[:200]!r}")
+    elements = [element for one in listed if (element := _element(one)) is not None]
     nodes = {element.id for element in elements if isinstance(element, _Node)}
     ways = [element for element in elements if isinstance(element, _Way)]
     cut = [way.id for way in ways if not nodes.issuperset(way.nodes)]

@@ -25,11 +25,8 @@ use_cache: bool = True
 useful_tags_way: list[str] = [*KEPT_TAGS]  # the tags of a way that its edges get
 
 _DEFAULTS = {name: value for name, value in globals().items() if name in __annotations__}
-_DEFAULTS_OF_OSMNX = {
-    "cache_folder": "./cache",
-    "http_user_agent": "OSMnx Python package (https://github.com/gboeing/osmnx)",
-    "http_referer": "OSMnx Python package (https://github.com/gboeing/osmnx)",
-}
+_OSMNX = "OSMnx Python package (https://github.com/gboeing/osmnx)"
+_DEFAULTS_OF_OSMNX = {"cache_folder": "./cache", "http_user_agent": _OSMNX, "http_referer": _OSMNX}
 
 
 def setting(name: str) -> Any:

@@ -62,20 +62,16 @@ def _partners(network: RoadNetwork) -> IntArray:
     offsets, ends = kernels.group_rows(nodes, len(network.xy))
     pair = offsets[:-1][np.diff(offsets) == 2]
     a, b = ends[pair], ends[pair + 1]
-    kind = _kinds(network.tags)[network.ways]
+    # Equal numbers for ways that differ in nothing but their id.
+    tags = ([(name, value) for name, value in of_way.items() if name != "osmid"] for of_way in network.tags)
+    known: dict[str, int] = {}
+    kind = np.array([known.setdefault(repr(sorted(one)), len(known)) for one in tags], np.int64)[network.ways]
     alike = (kind[a >> 1] == kind[b >> 1]) & (network.two_way[a >> 1] == network.two_way[b >> 1])
     onward = network.two_way[a >> 1] | ((a & 1) != (b & 1))
     joined = alike & onward & (a >> 1 != b >> 1)
     partners = np.full(len(nodes), -1)
     partners[a[joined]], partners[b[joined]] = b[joined], a[joined]
     return partners
-
-
-def _kinds(tags: Sequence[Mapping[str, Any]]) -> IntArray:
-    """Equal numbers for ways that differ in nothing but their id."""
-    known: dict[str, int] = {}
-    texts = (repr(sorted((name, value) for name, value in of_way.items() if name != "osmid")) for of_way in tags)
-    return np.array([known.setdefault(text, len(known)) for text in texts], np.int64)
 
 
 def _walks(partners: list[int]) -> tuple[IntArray, IntArray]:
@@ -157,9 +153,8 @@ def chains_of(network: RoadNetwork, joints: BoolArray | None = None) -> Chains:
     outer = outer[np.argsort(of_road[outer >> 1], kind="stable")]
     ends_of = np.full((len(names), 2), -1)
     ends_of[of_road[outer[::2] >> 1]] = nodes[outer].reshape(-1, 2)
-    return Chains(
-        of_road, ends_of, np.bincount(of_road, weights=network.lengths, minlength=len(names)).astype(np.float64)
-    )
+    lengths = np.bincount(of_road, weights=network.lengths, minlength=len(names))
+    return Chains(of_road, ends_of, lengths.astype(np.float64))
 
 
 def _without_empty_roads(network: RoadNetwork) -> RoadNetwork:

@@ -80,12 +80,10 @@ def load(map: Map, folder: Path | None, library: Library) -> MapSnapshot:
 
 
 def _load_file(ctx: Context, given: MapFile, file: Path) -> None:
-    options = _options_of(given)
-    del options["path"]
-    is_saved, is_geojson = file.suffix == ".gamms", osm.is_geojson(file)
-    for option in options if is_saved else {"osm_type", "buildings"}.intersection(options if is_geojson else ()):
+    options, is_saved, is_geojson = _options_of(given), file.suffix == ".gamms", osm.is_geojson(file)
+    named = {*options, "buildings"} if given.buildings else set(options)
+    for option in named if is_saved else {"osm_type", "buildings"} & named if is_geojson else ():
         raise ScenarioError(f"map.file.{option}", f"{file.name} is no OpenStreetMap file, which this is for.")
-    options.pop("buildings", None)
     if is_saved:
         ctx.graph.load(file)
     elif is_geojson:
@@ -97,21 +95,15 @@ def _load_file(ctx: Context, given: MapFile, file: Path) -> None:
 
 
 def _load_place(ctx: Context, given: MapPlace) -> None:
-    options = _options_of(given)
-    options.pop("buildings", None)
-    ctx.graph.attach_networkx_graph(osm.create_osm_graph(options.pop("location"), **options))
+    ctx.graph.attach_networkx_graph(osm.create_osm_graph(given.location, **_options_of(given)))
     if given.buildings:
         ctx.graph.add_obstacles(osm.obstacle_from_osm(given.location, crs=ctx.graph.crs, offline=given.offline))
 
 
 def _options_of(given: MapFile | MapPlace) -> Values:
-    """Return what is set for a map, as functions of `gamms.osm` take it; buildings only if they are wanted."""
-    options = given_values(given)
-    if given.osm_type is not None:
-        options["osm_type"] = osm.OSMType[given.osm_type.upper()]
-    if not given.buildings:
-        del options["buildings"]
-    return options
+    """Return what is set for the streets of a map, as functions of `gamms.osm` take it."""
+    options = {name: one for name, one in given_values(given).items() if name not in ("path", "location", "buildings")}
+    return options if given.osm_type is None else {**options, "osm_type": osm.OSMType[given.osm_type.upper()]}
 
 
 def _generate(ctx: Context, given: Code, library: Library) -> None:

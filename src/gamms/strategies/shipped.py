@@ -23,9 +23,8 @@ if TYPE_CHECKING:
 
 F = TypeVar("F")
 
-_SHOWING_AGENTS = frozenset(
-    {SensorType.AGENT, SensorType.AGENT_RANGE, SensorType.AGENT_ARC, SensorType.OCCLUDED_AGENT}
-)  # the kinds that those on the ground may carry; data: {name: node}
+# The kinds that those on the ground may carry; data: {name: node}
+_SHOWING_AGENTS = {SensorType.AGENT, SensorType.AGENT_RANGE, SensorType.AGENT_ARC, SensorType.OCCLUDED_AGENT}
 
 _warned: WeakKeyDictionary[IContext, set[str]] = WeakKeyDictionary()  # context -> strategies warned about
 
