@@ -351,7 +351,8 @@ class Graph(Guarded, IGraph):
         Raises:
             DuplicateId (KeyError), BadValue (ValueError), BadType (TypeError): nothing has changed then.
         """
-        new_ids, xy = records.checked_nodes(ids, x, y)
+        new_ids = records.id_array(ids, "ids")
+        xy = np.column_stack([records.number_array(axis, len(new_ids), name) for axis, name in ((x, "x"), (y, "y"))])
         self._store.own()
         self._store.nodes.extend(new_ids, xy=xy)
         self._store.rows_added()

@@ -145,16 +145,6 @@ def is_everywhere(d: float, x: float, y: float) -> bool:
     return is_all
 
 
-def checked_nodes(ids: ArrayLike, x: ArrayLike, y: ArrayLike) -> tuple[IntArray, FloatArray]:
-    """Return ids (nodes,) and coordinates (nodes, 2).
-
-    Raises:
-        BadValue, BadType: they are none.
-    """
-    ids = id_array(ids, "ids")
-    return ids, np.column_stack([number_array(x, len(ids), "x"), number_array(y, len(ids), "y")])
-
-
 def checked_edges(
     nodes: NodeTable, ids: ArrayLike, sources: ArrayLike, targets: ArrayLike, lengths: ArrayLike | None
 ) -> dict[str, Any]:

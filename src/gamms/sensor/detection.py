@@ -1,6 +1,6 @@
 """Which of the agents in view a sensor reports: by team, and at random."""
 
-from collections.abc import Callable, Collection, Hashable, Iterable, Iterator, Sequence
+from collections.abc import Callable, Collection, Iterable, Iterator, Sequence
 from contextlib import contextmanager
 from copy import copy
 from numbers import Real
@@ -92,12 +92,9 @@ class DetectionModel(Guarded):
         """Return those rows whose agents are of a team that is reported; `teams` by row."""
         if self.team is None and self.exclude is None:
             return rows
-        return [row for row in rows if self._is_wanted(teams[row])]
-
-    def _is_wanted(self, team: Hashable) -> bool:
-        if self.team is not None and team not in _teams(self.team):
-            return False
-        return self.exclude is None or team not in _teams(self.exclude)
+        others = () if self.exclude is None else _teams(self.exclude)
+        known = None if self.team is None else _teams(self.team)
+        return [row for row in rows if (known is None or teams[row] in known) and teams[row] not in others]
 
     @refused_while_deciding
     def is_noticed(

@@ -321,7 +321,8 @@ class AgentSensor(DetectingSensor, GroundSensor):
         if notice is not None:
             rows = notice.wanted(rows, positions.teams)
         if self._is_occluded:
-            rows = self._in_sight(place, rows)
+            nodes = NodeColumns(positions.node_ids[rows], self._memory.nearby.coordinates().xy[rows])
+            rows = _kept(rows, in_sight(self.ctx, place, nodes, self.range, self._observer_height))
         if notice is not None and notice.needs_chance:
             owner = self._owner if self._at is None else None
             distances = np.hypot(*self._offsets(place, rows).T)
@@ -342,11 +343,6 @@ class AgentSensor(DetectingSensor, GroundSensor):
     def _offsets(self, place: Place, rows: list[int]) -> FloatArray:
         offsets: FloatArray = self._memory.nearby.coordinates().xy[rows] - coordinates(self.ctx, place)
         return offsets
-
-    def _in_sight(self, place: Place, rows: list[int]) -> list[int]:
-        """Return those rows whose agents no obstacle hides."""
-        nodes = NodeColumns(self.ctx.agent.positions.node_ids[rows], self._memory.nearby.coordinates().xy[rows])
-        return _kept(rows, in_sight(self.ctx, place, nodes, self.range, self._observer_height))
 
 
 class OccludedAgentSensor(OccludedSensor, AgentSensor):

@@ -125,17 +125,14 @@ def _attributes(owner: object) -> Iterator[tuple[str, object]]:
     kind = owner if isinstance(owner, type) else type(owner)
     if not _is_of_program(kind):
         return
-    slots = [name for one in kind.__mro__ for name in _as_names(vars(one).get("__slots__", ()))]
+    named = [vars(one).get("__slots__", ()) for one in kind.__mro__]
+    slots = [name for names in named for name in ([names] if isinstance(names, str) else names)]
     values = {name: getattr(owner, name) for name in slots if hasattr(owner, name)} | dict(
         getattr(owner, "__dict__", {})
     )
     for name, value in values.items():
         if not name.startswith("__") and not isinstance(getattr(kind, name, None), cached_property):
             yield f"The attribute {name!r} of {kind.__name__}", value
-
-
-def _as_names(slots: str | tuple[str, ...]) -> tuple[str, ...]:
-    return (slots,) if isinstance(slots, str) else tuple(slots)
 
 
 def _image(value: Any, seen: set[int]) -> object:  # Any: whatever a program keeps
