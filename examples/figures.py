@@ -17,6 +17,7 @@ from gamms.strategies import chase, flee, goto, mix, random_walk
 
 WIDE, TALL = (840, 560), (660, 720)  # pixels: 7 by 4.7 and 5.5 by 6 inches
 DPI = 120
+BLUE, RED = (20, 80, 165), (208, 48, 40)
 CENTER = (386045.0, 6672330.0)  # of Helsinki, metres in EPSG:32635
 
 
@@ -45,11 +46,10 @@ def a_grid_world(folder):
             for i, (row, column) in enumerate(places):
                 ctx.agent.create_agent(f"{team}_{i}", start_node_id=14 * row + column, team=team)
         for agent in ctx.agent.create_iter():
-            color = (0, 114, 178) if agent.team == "seeker" else (213, 94, 0)
-            ctx.visual.set_agent_visual(agent.name, color=color, size=2.6)
+            ctx.visual.set_agent_visual(agent.name, color=BLUE if agent.team == "seeker" else RED, size=2.6)
         ctx.agent.get_agent("seeker_0").register_sensor("eyes", eyes)
         eyes.sense(14 * 3 + 3)
-        ctx.visual.set_sensor_visual("eyes", color=(0, 114, 178), layer=15)
+        ctx.visual.set_sensor_visual("eyes", color=BLUE, layer=15)
         ctx.visual.add_artist("legend", gamms.visual.legend_of_teams(ctx))
         save(ctx, folder / "grid_world", WIDE)
 

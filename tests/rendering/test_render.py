@@ -72,7 +72,7 @@ def test_a_film_has_the_turns_that_were_asked_for(game, tmp_path):
     done = run(game, tmp_path / "game.mp4", "--turns", "3:5", "--width", 320, "--height", 100, "--frames-per-turn", 2)
     assert done.exit_code == 0, done.stderr
     assert "(3 turns)" in done.stdout
-    assert len(film_of(tmp_path / "game.mp4")) == 6
+    assert len(film_of(tmp_path / "game.mp4")) == 6 + 30  # the last one is held for a second
 
 
 @pytest.mark.parametrize(("turns", "shown"), [("", 10), (":4", 4), ("2:6", 6), ("0", 0), ("7", 7), (":", 10)])
@@ -89,7 +89,7 @@ def test_a_picture_shows_the_state_of_its_turn(game, tmp_path):
     places = []
     for turns in ("0", "4", "10"):
         run(game, tmp_path / "game.svg", "--turns", turns)
-        last_red = (tmp_path / "game.svg").read_text().rsplit('<g fill="#d55e00"><circle cx="', 2)[1]
+        last_red = (tmp_path / "game.svg").read_text().rsplit('<g fill="#d03028"><circle cx="', 2)[1]
         places.append(float(last_red.partition('"')[0]))
     assert places[2] - places[1] == pytest.approx(1.5 * (places[1] - places[0]), rel=0.05)
 
@@ -105,9 +105,9 @@ def test_who_is_followed_is_in_the_middle_of_every_frame(game, tmp_path):
     given = ("--follow", "red_0", "--view", 60, "--width", 320, "--height", 160, "--frames-per-turn", 3)
     run(game, tmp_path / "game.mp4", "--turns", "1:4", *given)
     pictures = film_of(tmp_path / "game.mp4")
-    assert len(pictures) == 12
+    assert len(pictures) == 12 + 30
     for picture in pictures:
-        red = np.abs(picture[40:].astype(int) - (213, 94, 0)).max(axis=2) < 50
+        red = np.abs(picture[40:].astype(int) - (208, 48, 40)).max(axis=2) < 50
         rows, columns = np.nonzero(red[:, 120:200])
         assert abs(columns.mean() + 120 - 160) < 6
         assert abs(rows.mean() + 40 - 80) < 6

@@ -59,9 +59,8 @@ def test_each_turn_adds_its_frames_and_the_last_one_is_at_the_target(plain, tmp_
         assert not path.exists()
     pictures, seconds = frames_of(path)
     assert [name.name for name in tmp_path.iterdir()] == [path.name]
-    assert len(pictures) == 4
-    assert sum(seconds) == pytest.approx(0.4)
-    xs = [center_of(picture, (255, 0, 0))[0] for picture in pictures]
+    assert sum(seconds) == pytest.approx(1.4)
+    xs = [center_of(picture, (255, 0, 0))[0] for picture in pictures[:4]]
     np.testing.assert_allclose(np.diff(xs), (xs[-1] - xs[0]) / 3, atol=1.5)
     still = plain.visual.frame(320, 200)
     assert center_of(still, (255, 0, 0)) == pytest.approx(center_of(pictures[-1], (255, 0, 0)), abs=1.5)
@@ -102,16 +101,23 @@ def test_who_did_not_move_since_does_not_glide_again(plain):
     assert plain.visual.position_of("red_0", 0.5) == (10, 0)
 
 
-def test_a_turn_takes_two_seconds_unless_told_otherwise(plain, tmp_path):
-    with plain.visual.film(tmp_path / "a.gif", fps=5, width=64, height=48) as film:
+def test_a_turn_takes_five_frames(plain, tmp_path):
+    with plain.visual.film(tmp_path / "a.gif", fps=10, width=64, height=48) as film:
         move(plain, "red_0", 1)
-    assert film.frames == 10
-    with (
-        gamms.create_context(vis_kwargs={"simulation_time_constant": 0.5}) as ctx,
-        ctx.visual.film(tmp_path / "b.gif", fps=10, width=64, height=48) as film,
-    ):
-        ctx.visual.simulate()
-    assert film.frames == 5
+        move(plain, "red_0", 2)
+        assert film.frames == 10
+
+
+def test_the_last_frame_is_held_for_a_second(plain, tmp_path):
+    for suffix in (".gif", ".mp4"):
+        with plain.visual.film(tmp_path / f"a{suffix}", fps=10, width=128, height=96, frames_per_turn=2) as film:
+            move(plain, "red_0", 1)
+            plain.agent.get_agent("red_0").current_node_id = 2  # which no turn has shown
+        assert film.frames == 2 + 10
+        pictures, seconds = frames_of(tmp_path / f"a{suffix}")
+        assert sum(seconds) == pytest.approx(1.2)
+        last = pictures[1].astype(int)
+        assert all(np.abs(picture - last).max() < 30 for picture in pictures[2:])
 
 
 @pytest.mark.parametrize("suffix", [".mp4", ".gif"])
@@ -307,7 +313,7 @@ def test_the_papers_loop_is_filmed_without_a_change(tmp_path):
         if turns == 2:
             assert ctx.visual.frame().shape == (90, 160, 3)
             ctx.terminate()
-    assert len(frames_of(path)[0]) == 6
+    assert len(frames_of(path)[0]) == 6 + 10
 
 
 def test_offscreen_looks_where_it_is_told(ctx):

@@ -23,7 +23,6 @@ from gamms.visual.legend import Rows, legend_only
 
 __all__ = ["Fog", "RenderOptions", "render"]
 
-FRAMES_PER_TURN = 5  # a sixth of a second
 _VIEW_M, _VIEW_EDGES = 400.0, 30.0  # around the agent that is followed: on a real map, and on any other
 
 Show = Callable[[str], None]
@@ -41,7 +40,7 @@ class RenderOptions:
         fog: a team, by its text: nothing is shown but what its sensors see.
         width, height: pixels; None: as the map needs.
         fps: frames per second.
-        frames_per_turn: of a film.
+        frames_per_turn: of a film; None: 5.
         title: a line above the picture.
         fit: "page", or "tight": as large as the map allows within width and height.
         scale_bar: whether there is one; None: where lengths on the map are metres.
@@ -56,7 +55,7 @@ class RenderOptions:
     width: int | None = None
     height: int | None = None
     fps: float = 30.0
-    frames_per_turn: int = FRAMES_PER_TURN
+    frames_per_turn: int | None = None
     title: str = ""
     fit: Literal["page", "tight"] = "page"
     scale_bar: bool | None = None
@@ -141,7 +140,7 @@ class _Renderer:
         from gamms.visual.files import film_plan
 
         options = self._options
-        film_plan(out, options.fps, options.width, options.height, options.frames_per_turn, 1.0)
+        film_plan(out, options.fps, options.width, options.height, options.frames_per_turn)
         self._play(records, max((options.first or 1) - 1, 0))
         begun = self._turn
         size = options.width, options.height, options.frames_per_turn

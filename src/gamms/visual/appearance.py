@@ -41,14 +41,15 @@ class Color:
 
 PAPER: Rgb = (252, 252, 250)  # behind every picture
 
-# Okabe and Ito's palette: distinct for colour-blind readers too.
+# Each is what it is called. In this order they grow lighter, by 6.8 or more of CIELAB's 100, so that they differ in
+# grey, too; for colour-blind readers (by Machado's matrices) any two are 19 or more apart, Okabe and Ito's 16.
 TEAM_COLORS: tuple[Rgb, ...] = (
-    (0, 114, 178),
-    (213, 94, 0),
-    (0, 158, 115),
-    (204, 121, 167),
-    (230, 159, 0),
-    (86, 180, 233),
+    (20, 80, 165),
+    (208, 48, 40),
+    (30, 156, 92),
+    (206, 140, 186),
+    (240, 172, 40),
+    (125, 215, 250),
 )
 
 _NAMED_TEAMS = {"blue": 0, "red": 1, "green": 2, "pink": 3, "purple": 3, "orange": 4, "yellow": 4, "cyan": 5}

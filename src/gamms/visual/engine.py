@@ -23,6 +23,8 @@ from gamms.visual.pictures import Pictures
 
 _OFFSCREEN_OPTIONS = ("width", "height", "video", "fps", "frames_per_turn", "simulation_time_constant", "title", "note")
 
+_TURN_SECONDS = 2.0
+
 _P = ParamSpec("_P")
 _R = TypeVar("_R")
 _T = TypeVar("_T")
@@ -78,7 +80,9 @@ class PictureEngine(Guarded, IVisualizationEngine):
 
     after_turn: Protected[list[Callable[[], None]]] = Protected(list)
 
-    def __init__(self, ctx: IContext, *, simulation_time_constant: float = 2.0, drawing: Drawing | None = None) -> None:
+    def __init__(
+        self, ctx: IContext, *, simulation_time_constant: float = _TURN_SECONDS, drawing: Drawing | None = None
+    ) -> None:
         self._phase = phase_of(ctx)
         self.ctx = ctx
         self.after_turn = []
@@ -223,7 +227,7 @@ class NoEngine(PictureEngine):
 
     calls_drawers = False
 
-    def __init__(self, ctx: IContext, *, simulation_time_constant: float = 2.0, **kwargs: object) -> None:  # noqa: ARG002 - options of other engines are no error
+    def __init__(self, ctx: IContext, *, simulation_time_constant: float = _TURN_SECONDS, **kwargs: object) -> None:  # noqa: ARG002 - options of other engines are no error
         super().__init__(ctx, simulation_time_constant=simulation_time_constant)
 
     def get_viewport(self) -> None:
@@ -240,7 +244,7 @@ class OffscreenEngine(PictureEngine):
         height: pixels.
         video: the file of the film, `.mp4` or `.gif`; None films nothing.
         fps: frames per second.
-        frames_per_turn: default: so many that a turn takes `simulation_time_constant` seconds.
+        frames_per_turn: default: so many that a turn takes `simulation_time_constant` seconds, or else 5.
         simulation_time_constant: seconds per turn.
         title: a line above the film.
         note: small print in its lower right corner.
@@ -260,12 +264,13 @@ class OffscreenEngine(PictureEngine):
         video: str | os.PathLike[str] | None = None,
         fps: float = 30,
         frames_per_turn: int | None = None,
-        simulation_time_constant: float = 2.0,
+        simulation_time_constant: float | None = None,
         title: str = "",
         note: str = "",
         **kwargs: object,
     ) -> None:
-        super().__init__(ctx, simulation_time_constant=simulation_time_constant)
+        seconds = _TURN_SECONDS if simulation_time_constant is None else simulation_time_constant
+        super().__init__(ctx, simulation_time_constant=seconds)
         from gamms.visual.backends.pygame_backend import load
 
         load()
@@ -273,6 +278,8 @@ class OffscreenEngine(PictureEngine):
         for sentence in misspelt(kwargs, _OFFSCREEN_OPTIONS):
             ctx.logger.warning("vis_kwargs: %s", sentence)
         if video is not None:
+            if simulation_time_constant is not None and frames_per_turn is None:
+                frames_per_turn = max(1, round(self.turn_seconds * as_float(fps, "fps")))
             self.pictures.new_film(video, fps, self.width, self.height, frames_per_turn, title=title, note=note)
             atexit.register(self.terminate)  # a program that does not end its context keeps its film, too
 

@@ -126,6 +126,8 @@ def _sides(
     return width, height or round(width / _USUAL_RATIO)
 
 
+FRAMES_PER_TURN = 5  # a sixth of a second
+_HELD_SECONDS = 1.0  # how long the end is shown
 _FASTEST = 240.0  # frames per second
 _LONGEST_MP4_PX = 16_384
 _being_made: WeakValueDictionary[Path, "Film"] = WeakValueDictionary()
@@ -146,7 +148,6 @@ def film_plan(
     width: int | None,
     height: int | None,
     frames_per_turn: int | None,
-    turn_seconds: float,
 ) -> Plan:
     """Check everything that can be checked before the first frame.
 
@@ -157,9 +158,8 @@ def film_plan(
     path, asked = as_path(path, "path"), sides(width, height, FILM_BYTES)
     if not 0.0 < (fps := as_float(fps, "fps")) <= _FASTEST:
         raise BadValue(f"A film needs between 0 and {_FASTEST:g} frames per second, not fps={fps:g}.")
-    if frames_per_turn is None:
-        frames_per_turn = max(1, round(turn_seconds * fps))
-    if (frames := as_int(frames_per_turn, "frames_per_turn")) < 1:
+    frames = FRAMES_PER_TURN if frames_per_turn is None else as_int(frames_per_turn, "frames_per_turn")
+    if frames < 1:
         raise BadValue(f"A turn needs at least one frame, not frames_per_turn={frames}.")
     if (suffix := path.suffix.lower()) not in FILMS:
         known = ", ".join(FILMS)
@@ -188,6 +188,10 @@ class Frames:
         options: of the page.
         scene: what was kept of earlier frames.
         is_even: whether sides are rounded up to even numbers.
+
+    Attributes:
+        width, height: pixels.
+        canvas: the frame that was painted last.
     """
 
     def __init__(
@@ -208,7 +212,7 @@ class Frames:
             box, blocks = bounds(ArtistGroup(self.ctx, artists).commands()), blocks_of(self.ctx, artists)
             width, height = _sides(asked, box, blocks, self._viewpoint, self._style)
         self.width, self.height = (side + side % 2 * is_even for side in size(width, height, FILM_BYTES))
-        self._canvas = Canvas(self.width, self.height)
+        self.canvas = Canvas(self.width, self.height)
         self._fitted: tuple[Camera, Point] | None = None
         self._artists: dict[str, IArtist] | None = None
         self._is_new_turn = True
@@ -233,12 +237,12 @@ class Frames:
         self._is_new_turn = False
         camera, corner = self._view(share)
         budget = None if self._viewpoint.followed is None else whole_frame()  # so that streets are shifted
-        self.scene.paint(self._canvas, camera, self._style.background, budget)
+        self.scene.paint(self.canvas, camera, self._style.background, budget)
         painted = self._painted_page
         if painted is None or painted[0] is not self._page or painted[1] != camera:
             self._painted_page = painted = self._page, camera, Painting(self._page.commands(camera, corner))
-        painted[2].paint(self._canvas, camera)
-        return self._canvas
+        painted[2].paint(self.canvas, camera)
+        return self.canvas
 
     def _world(self) -> Any:
         """Return what changes when the graph or the obstacles do."""
@@ -288,12 +292,15 @@ class Film:
             raise
 
     def finish(self) -> None:
-        """End the film and put it in its place; one without a turn is not written."""
+        """Hold the last frame for a second, and put the film in its place; one without a turn is not written."""
         if self._writer is None:
             return
         writer, self._writer = self._writer, None
         try:
             if self.frames:
+                for _ in range(round(_HELD_SECONDS * self.plan.fps)):
+                    writer.add(self._frames.canvas)
+                    self.frames += 1
                 writer.finish()
                 self._part.replace(self._place)
             else:

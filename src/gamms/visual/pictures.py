@@ -30,7 +30,7 @@ class Pictures(Guarded):
     Attributes:
         films: those that are being made.
         width, height: of a frame, pixels.
-        turn_seconds: how long a film shows a turn.
+        turn_seconds: how long a window shows a turn.
     """
 
     _called = "ctx.visual"
@@ -178,7 +178,7 @@ class Pictures(Guarded):
             fps: frames per second.
             width: pixels; None: as the map needs that is there now. For MP4, odd sizes are rounded up.
             height: pixels; likewise.
-            frames_per_turn: default: so many that a turn takes `simulation_time_constant` seconds.
+            frames_per_turn: 5 by default. The last frame of the film is held for a second.
             options: what stands around the map; `PictureOptions` has the keywords.
 
         Raises:
@@ -202,7 +202,7 @@ class Pictures(Guarded):
         """Begin a film; see `film`."""
         from gamms.visual.files import Film, Frames, Source, film_plan
 
-        plan = film_plan(path, fps, width, height, frames_per_turn, self.turn_seconds)
+        plan = film_plan(path, fps, width, height, frames_per_turn)
         source = Source(self._ctx, self._drawing, self._artists)
         frames = Frames(source, plan.asked, options, is_even=plan.path.suffix.lower() == ".mp4")
         film = Film(frames, plan, self.films)

@@ -13,7 +13,7 @@ from gamms.errors import BadValue, MissingFile, UnknownName
 from gamms.sensor import SensorType
 from gamms.typing import ISensor
 from gamms.visual import Artist, Color, Engine, Shape
-from gamms.visual.appearance import BY_DAY, BY_NIGHT
+from gamms.visual.appearance import BY_DAY, BY_NIGHT, TEAM_COLORS
 
 
 def has_color(pixels, color):
@@ -58,8 +58,8 @@ def test_without_visuals_the_whole_graph_is_seen_in_the_default_look(ctx, seen):
     assert low < 0 < 10 < high
     pixels = seen(ctx)
     assert has_color(pixels, (165, 168, 172))  # streets
-    assert has_color(pixels, (213, 94, 0))  # the red team
-    assert has_color(pixels, (0, 114, 178))
+    assert has_color(pixels, TEAM_COLORS[1])  # the red team
+    assert has_color(pixels, TEAM_COLORS[0])
 
 
 def test_the_dark_theme_is_dark(open_window, seen):
@@ -258,7 +258,7 @@ def test_an_artist_that_fails_is_logged_and_the_others_draw_on(ctx, seen):
 
     ctx.visual.add_artist("broken", Artist(ctx, fail))
     ctx.visual.update()
-    assert has_color(seen(ctx), (213, 94, 0))
+    assert has_color(seen(ctx), TEAM_COLORS[1])
 
 
 def test_resizing_the_window_resizes_the_view(ctx):
