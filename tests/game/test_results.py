@@ -1,12 +1,15 @@
 """Results, tables, collectors and settings."""
 
 import json
+import re
+import sys
 
 import numpy as np
 import pytest
 
 import gamms
-from gamms.errors import GammsError
+from gamms.errors import BadFile, GammsError, MissingExtra
+from gamms.game import Result
 
 
 def played(ctx, play):
@@ -90,10 +93,111 @@ def test_a_result_is_saved_as_json(ctx, play, tmp_path):
     result = played(ctx, play)
     result.save(tmp_path / "r.json")
     kept = json.loads((tmp_path / "r.json").read_text())
-    assert kept == result.to_dict()
+    assert kept.pop("format") == "gamms result 1"
+    assert kept == {name: value for name, value in result.to_dict().items() if name != "timings"}
     assert kept["events"][0]["at"] == [1, 2]
     with pytest.raises(FileNotFoundError, match="no folder"):
         result.save(tmp_path / "missing" / "r.json")
+
+
+def test_a_saved_result_is_loaded_as_it_was(ctx, play, tmp_path):
+    result = played(ctx, play)
+    result.save(tmp_path / "r.json")
+    again = Result.load(tmp_path / "r.json")
+    assert again == result
+    assert again.timings == {}
+    assert again.table("late")["value"].tolist() == [{"turn": 2}]
+    again.save(tmp_path / "again.json")
+    assert (tmp_path / "again.json").read_bytes() == (tmp_path / "r.json").read_bytes()
+
+
+def test_a_result_says_where_it_comes_from(ctx, play):
+    def wander(state):
+        state["action"] = state["curr_pos"]
+
+    play("a", 0)
+    ctx.agent.create_agent("b", start_node_id=0, team="red", strategy=wander)
+    ctx.game.command(
+        "red", lambda states: [state.update(action=state["curr_pos"]) for state in states.values()] and None
+    )
+    provenance = ctx.game.run(1).provenance
+    assert provenance["gamms"] == gamms.__version__
+    assert (provenance["numpy"], provenance["scenario"]) == (np.__version__, None)
+    assert provenance["strategies"]["b"].endswith("<lambda>")
+    ctx.game.command("red", None)
+    assert ctx.game.run(1).provenance["strategies"]["b"].endswith("wander")
+
+
+@pytest.mark.parametrize(
+    ("change", "message"),
+    [
+        (lambda plain: plain.pop("turns"), "'turns' is missing"),
+        (lambda plain: plain.update(turns="7"), "'turns' cannot be '7'"),
+        (lambda plain: plain.update(turns=True), "'turns' cannot be True"),
+        (lambda plain: plain.update(format="other"), "no 'format' 'gamms result 1'"),
+        (lambda plain: plain["events"].append({"turn": 3}), "events.3 cannot be"),
+        (lambda plain: plain["agents"].update(a=3), "agents.'a' cannot be 3"),
+        (lambda plain: plain["collected"]["node"].update(turn=[1]), "columns of different lengths"),
+        (lambda plain: plain["collected"].update(node=3), "collected.'node' cannot be 3"),
+    ],
+)
+def test_a_file_that_is_no_result_is_refused(ctx, play, tmp_path, change, message):
+    played(ctx, play).save(tmp_path / "r.json")
+    plain = json.loads((tmp_path / "r.json").read_text())
+    change(plain)
+    (tmp_path / "r.json").write_text(json.dumps(plain))
+    with pytest.raises(BadFile, match=re.escape(message)):
+        Result.load(tmp_path / "r.json")
+
+
+@pytest.mark.parametrize("text", ["", "[", "[" * 100_000, "3", "\xff", '{"turns": 1' + "0" * 5000 + "}"])
+def test_a_file_that_is_not_even_json_is_refused(tmp_path, text):
+    (tmp_path / "r.json").write_text(text, encoding="latin-1")
+    with pytest.raises(BadFile, match="is not a result"):
+        Result.load(tmp_path / "r.json")
+
+
+def test_a_huge_file_is_refused_before_it_is_read(tmp_path):
+    with (tmp_path / "r.json").open("wb") as file:
+        file.truncate(1 << 30)
+    with pytest.raises(BadFile, match="would take about 40"):
+        Result.load(tmp_path / "r.json")
+
+
+def test_a_result_is_printed_as_a_table(ctx, play):
+    result = played(ctx, play)
+    result.scores["met\x1b"] = 2
+    text = str(result).splitlines()
+    assert text[0] == f"red wins after 2 turns: done (seed {ctx.seed})"
+    assert text[2].split() == ["team", "agents", "alive", "moves", "score"]
+    assert [line.split() for line in text[3:5]] == [["red", "1", "1", "2", "3"], ["blue", "1", "1", "0", "0"]]
+    assert text[7].split() == ["met\\u001b", "2"]
+    assert text[-1] == "What strategies did wrong (result.errors): 1 illegal"
+    del result.scores["met\x1b"]
+    assert repr(result) == f"Result(turns=2, winner='red', reason='done', scores={{'red': 3.0}}, seed={ctx.seed})"
+
+
+def test_a_notebook_shows_a_table_of_the_teams(ctx, play):
+    result = played(ctx, play)
+    result.reason = "<done>"
+    page = result._repr_html_()
+    assert page.startswith("<b>red wins after 2 turns: &lt;done&gt;</b>")
+    assert "<tr><td>red</td><td>1</td><td>1</td><td>2</td><td>3</td></tr>" in page
+
+
+def test_tables_become_data_frames(ctx, play):
+    pandas = pytest.importorskip("pandas")
+    result = played(ctx, play)
+    for name in ("agents", "teams", "scores", "events", "errors", "node"):
+        frame, table = result.to_pandas(name), result.table(name)
+        assert isinstance(frame, pandas.DataFrame)
+        assert {column: frame[column].tolist() for column in frame} == {key: one.tolist() for key, one in table.items()}
+
+
+def test_without_pandas_the_error_says_how_to_get_it(ctx, play, monkeypatch):
+    monkeypatch.setitem(sys.modules, "pandas", None)
+    with pytest.raises(MissingExtra, match=r'pip install "gamms\[notebook\]"'):
+        played(ctx, play).to_pandas("agents")
 
 
 def test_results_are_equal_whatever_time_they_took(ctx, play):

@@ -22,7 +22,7 @@ def run(*arguments):
 def test_a_game_is_played_and_written(folder):
     done = run("run", "little.yaml", "--seed", 7, "--max-turns", 4, "--set", "teams.red.count=2", "--out", "out")
     assert done.exit_code == 0
-    assert "little, seed 7" in done.stdout
+    assert "little: no team wins after 4 turns: max_turns (seed 7)" in done.stdout
     result = json.loads((folder / "out" / "result.json").read_text())
     assert (result["turns"], result["seed"]) == (4, 7)
     assert sorted(result["agents"]) == ["anna", "bert", "red_0", "red_1"]
@@ -31,10 +31,13 @@ def test_a_game_is_played_and_written(folder):
 
 def test_code_is_named_before_it_is_imported(folder):
     (folder / "players.py").write_text("def wander(state):\n    pass\nraise RuntimeError('this was run')\n")
-    done = run("run", "little.yaml")
+    done = run("scenario", "check", "little.yaml", "--build")
     assert done.exit_code == 1
     assert f"imports teams.red.strategy: players:wander, from {folder / 'players.py'}" in done.stdout
     assert "imports rules.0: gamms.rules:tag, installed" in done.stdout
+    done = run("run", "little.yaml")
+    assert done.exit_code == 1
+    assert "imports" not in done.stdout  # what is in the folder of the scenario is the caller's own
     assert "importing 'players:wander' failed: RuntimeError: this was run" in done.stderr
     assert not (folder / "gamms-run").exists()
 
@@ -119,7 +122,7 @@ def test_names_cannot_command_the_terminal(folder):
     given["teams"]["\x1b]0;green\x07"] = {"count": 1, "strategy": "players:wander"}
     (folder / "odd.json").write_text(json.dumps(given))
     played, checked = run("run", "odd.json"), run("scenario", "check", "odd.json", "--build")
-    assert r"imports teams.\u001b]0;green\u0007.strategy: players:wander" in played.stdout
+    assert r"imports teams.\u001b]0;green\u0007.strategy: players:wander" in checked.stdout
     given["teams"]["\x1b]0;green\x07"]["\x1b[2J"] = 3
     (folder / "odd.json").write_text(json.dumps(given))
     refused = run("run", "odd.json")

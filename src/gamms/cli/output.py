@@ -168,8 +168,13 @@ def filmed(ctx: "Context", folder: Path, title: str) -> Iterator[Path | None]:
 
 
 def save_pictures(ctx: "Context", folder: Path, title: str) -> list[Path]:
-    """Save the current state as `final.svg`, and as `final.png` where Pillow is installed; return the files."""
-    files = []
+    """Save the last state as `final.svg`, and as `final.png` where Pillow is installed; return the files.
+
+    There are none if the context has ended, because somebody has closed the window.
+    """
+    files: list[Path] = []
+    if ctx.is_terminated():
+        return files
     for name in ("final.png", "final.svg"):
         try:
             ctx.visual.save(folder / name, *_PICTURE, title=title)

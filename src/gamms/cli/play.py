@@ -6,9 +6,8 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Annotated, Any
 
 import typer
-from rich.console import Console
-from rich.markup import escape
 
+from gamms.cli import many
 from gamms.cli.output import (
     console,
     echo,
@@ -23,16 +22,14 @@ from gamms.demo import Team
 from gamms.text import printable_line
 
 if TYPE_CHECKING:
-    from collections.abc import Callable
-
     from gamms.context import Context
     from gamms.game import Result
     from gamms.scenario import Scenario
-    from gamms.scenario.code import Found
 
 _HELSINKI = "Central Helsinki"
 _NAMES = ("red", "blue")
 _MOST_AGENTS = 1000
+_FILM: dict[str, Any] = {"fps": 30, "width": 1280, "height": 720, "frames_per_turn": 5}
 
 ScenarioFile = Annotated[
     Path, typer.Argument(help="A scenario file, YAML or JSON.", metavar="SCENARIO", show_default=False)
@@ -66,8 +63,7 @@ def demo(
             recording = making.enter_context(recorded(ctx, out))
             film_file = making.enter_context(filmed(ctx, out, map_name) if film else nullcontext())
             played = ctx.game.run(progress=True)
-        data = report.to_json(report.result(ctx, played, map_name, max_turns))
-        (out / "result.json").write_text(data, encoding="utf-8")
+        played.save(out / "result.json")
         pictures = save_pictures(ctx, out, f"{map_name}: {report.headline(ctx, played)}")
         _print_demo(ctx, played, sides, map_name)
     named = "" if film_file is None else f", {film_file} (the game as a film)"
@@ -78,20 +74,47 @@ def demo(
     )
 
 
-def run(
+def run(  # noqa: PLR0913, PLR0917 - one argument per option
     file: ScenarioFile,
     seed: Annotated[
-        int | None, typer.Option(help="The same seed plays the same game; by default that of the file.")
+        int | None,
+        typer.Option(help="The same seed plays the same game; by default that of the file.", metavar="SEED"),
+    ] = None,
+    seeds: Annotated[
+        str | None, typer.Option(help="Play a game for each seed, 0:50 or 1,2,5, and compare them.", metavar="SEEDS")
     ] = None,
     max_turns: Annotated[
-        int | None, typer.Option(min=0, help="The game ends after this many turns at the latest.")
+        int | None, typer.Option(min=0, help="The game ends after this many turns at the latest.", metavar="TURNS")
     ] = None,
-    changes: Annotated[list[str] | None, typer.Option("--set", help="Change the scenario: teams.red.count=8.")] = None,
+    changes: Annotated[
+        list[str] | None,
+        typer.Option("--set", help="Change the scenario: teams.red.count=8.", metavar="PATH=VALUE"),
+    ] = None,
     strategies: Annotated[
-        list[str] | None, typer.Option("--strategy", help="Play a team by a strategy of yours: red=mine.py:strategy.")
+        list[str] | None,
+        typer.Option(
+            "--strategy", help="Play a team by a strategy of yours: red=mine.py:strategy.", metavar="TEAM=CODE"
+        ),
     ] = None,
     allow: Allow = None,
-    out: Annotated[Path, typer.Option(help="The folder for result.json, game.ggr and final.png.")] = Path("gamms-run"),
+    film: Annotated[
+        Path | None, typer.Option(help="Film the game: a file .mp4 or .gif.", metavar="FILE", show_default=False)
+    ] = None,
+    window: Annotated[
+        bool, typer.Option("--window", help="Show the game in a window, which stays open at the end.")
+    ] = False,
+    out: Annotated[
+        Path,
+        typer.Option(
+            help="The folder for result.json, game.ggr and final.png; with --seeds for results.csv and a result of "
+            "each seed.",
+            metavar="FOLDER",
+        ),
+    ] = Path("gamms-run"),
+    jobs: Annotated[
+        int | None,
+        typer.Option(min=1, help="With --seeds: how many games at once. By default as many as cores.", metavar="N"),
+    ] = None,
 ) -> None:
     """Play the game in a scenario file."""
     from gamms import scenario
@@ -100,19 +123,41 @@ def run(
     if max_turns is not None:
         game = game.replace(max_turns=max_turns)
     found = _found_strategies(strategies or [])
-    for line in _code_of(game, found):
+    for line in _foreign_code(game, found):
         echo(f"imports {printable_line(line)}")
-    with game.build(seed, {team: _imported(*one) for team, one in found.items()}) as ctx:
-        with recorded(ctx, out) as recording:
+    if seeds is None:
+        _play_one(game, seed, found, film, out, is_shown=window)
+        return
+    if seed is not None or film is not None or window:
+        raise typer.BadParameter("--seed, --film and --window are for a single game.", param_hint="--seeds")
+    many.play(game, many.parsed_seeds(seeds), found, out, jobs)
+
+
+def _play_one(
+    game: "Scenario", seed: int | None, found: many.Strategies, film: Path | None, out: Path, *, is_shown: bool
+) -> None:
+    from gamms import visual
+
+    engine = visual.Engine.PYGAME if is_shown else visual.Engine.NO_VIS
+    name = game.spec.name or (game.file.stem if game.file else "A game")
+    with game.build(seed, many.imported(found), engine) as ctx:
+        with ExitStack() as making:
+            recording = making.enter_context(recorded(ctx, out))
+            if film is not None:
+                making.enter_context(ctx.visual.film(film, **_FILM, title=name))
             result = ctx.game.run(progress=True)
         result.save(out / "result.json")
-        title = f"{game.spec.name or file.stem}: {result.reason} after {result.turns} turns"
-        pictures = save_pictures(ctx, out, title)
-        _print_result(console(), game, result)
-    echo(
-        f"\nWrote {out / 'result.json'} (what came of it), {recording} (every move; gamms replay) and "
-        f"{in_words(pictures)} (the last turn).{not_made([out / 'final.png'], pictures)}"
-    )
+        pictures = save_pictures(ctx, out, f"{name}: {result.reason} after {result.turns} turns")
+        echo(f"\n{name}: {result}")
+        made = [f"{out / 'result.json'} (what came of it)", f"{recording} (every move; gamms replay)"]
+        if film is not None:
+            made.append(f"{film} (the game as a film)")
+        if pictures:
+            made.append(f"{in_words(pictures)} (the last turn)")
+        missing = not_made([out / "final.png"] if pictures else [], pictures)
+        echo(f"\nWrote {', '.join(made)}.{missing}")
+        if is_shown:
+            ctx.visual.stay_open()
 
 
 def _changes(texts: list[str]) -> dict[str, Any]:
@@ -128,7 +173,7 @@ def _changes(texts: list[str]) -> dict[str, Any]:
     return changes
 
 
-def _found_strategies(texts: list[str]) -> "dict[str, tuple[Found, Path]]":
+def _found_strategies(texts: list[str]) -> many.Strategies:
     """Find the code of `--strategy`: team or agent -> where it is, and the folder to import it from."""
     from gamms.scenario.code import chosen
 
@@ -141,37 +186,15 @@ def _found_strategies(texts: list[str]) -> "dict[str, tuple[Found, Path]]":
     return found
 
 
-def _imported(found: "Found", folder: Path) -> "Callable[..., Any]":
-    from gamms.scenario.code import function_of
-
-    return function_of(found, folder)
-
-
-def _code_of(game: "Scenario", chosen: "dict[str, tuple[Found, Path]]") -> Iterator[str]:
-    """Yield what is about to be imported: where it is named, and where it is."""
+def _foreign_code(game: "Scenario", chosen: many.Strategies) -> Iterator[str]:
+    """Yield the code to be imported that is neither GAMMS's nor in the folder of the file or the current one."""
     replaced = [f"teams.{team}.strategy" for team in chosen]
-    for found in game.code():
-        if found.path not in replaced:
-            yield f"{found.path}: {found}"
-    for team, (found, _) in chosen.items():
-        yield f"--strategy {team}: {found}"
-
-
-def _print_result(out: Console, game: "Scenario", result: "Result") -> None:
-    """Print the result of a scenario."""
-    out.print(f"\n[bold]{escape(printable_line(game.spec.name or 'A game'))}[/], seed {result.seed}")
-    end = f"{result.winner} wins" if result.winner is not None else "no team wins"
-    out.print(f"[bold]{escape(printable_line(f'{end} after {result.turns} turns: {result.reason}'))}[/]\n")
-    rows = []
-    for team in game.spec.teams:
-        agents = [agent for agent in result.agents.values() if agent["team"] == team]
-        alive, moves = sum(agent["alive"] for agent in agents), sum(agent["moves"] for agent in agents)
-        rows.append(
-            (escape(printable_line(team)), str(len(agents)), str(alive), str(moves), f"{result.scores.get(team, 0):g}")
-        )
-    out.print(rich_table(("team", "agents", "alive", "moves", "score"), rows))
-    if result.errors:
-        out.print(f"\n{len(result.errors)} actions were replaced by staying; errors in result.json says which.")
+    named = [(found.path, found) for found in game.code() if found.path not in replaced]
+    folders = [folder.resolve() for folder in (game.folder, Path.cwd()) if folder is not None]
+    for place, found in [*named, *((f"--strategy {team}", found) for team, (found, _) in chosen.items())]:
+        is_near = found.file is not None and any(found.file.resolve().is_relative_to(one) for one in folders)
+        if not is_near and found.module.partition(".")[0] != "gamms":
+            yield f"{place}: {found}"
 
 
 def _parsed_teams(text: str) -> tuple[Team, Team]:

@@ -1,6 +1,5 @@
-"""How a game of capture the flag looks, and what happened in it: as plain data and as lines of text."""
+"""How a game of capture the flag looks, and what happened in it: as lines of text."""
 
-import json
 from collections import Counter
 from collections.abc import Iterator, Mapping
 from typing import Any
@@ -16,37 +15,6 @@ _SENTENCES = {
     "capture": "{agent} brings it home: {score}",
     "drop": "{agent} is tagged, and the {flag} flag is saved",
 }
-
-
-def result(ctx: Context, played: Result, map_name: str, turns: int) -> dict[str, Any]:
-    """Return the whole game as plain data, for `result.json`."""
-    columns, flags = ctx.graph.columns(), ctx.game.facts["flags"]
-    return {
-        "game": "capture the flag",
-        "map": {
-            "name": map_name,
-            "nodes": len(columns.node_ids),
-            "edges": len(columns.edge_ids),
-            "crs": columns.crs,
-            "attribution": ctx.graph.attribution,
-        },
-        "seed": played.seed,
-        "max_turns": turns,
-        "turns": played.turns,
-        "reason": played.reason,
-        "winner": played.winner,
-        "teams": [
-            {"name": team, "agents": len(agents), "flag_node": flags[team]["node"], **_counts(ctx, played, team)}
-            for team, agents in sides(ctx).items()
-        ],
-        "agents": [{"name": name, "team": one["team"], "node": one["node"]} for name, one in played.agents.items()],
-        "events": played.events,
-    }
-
-
-def to_json(data: dict[str, Any]) -> str:
-    """Return `result` as text."""
-    return json.dumps(data, indent=2, ensure_ascii=False) + "\n"
 
 
 def headline(ctx: Context, played: Result) -> str:

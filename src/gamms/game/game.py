@@ -24,7 +24,8 @@ from gamms.readonly import ReadOnlyMapping, frozen, published
 from gamms.text import printable_line, shown
 from gamms.typing.agent_engine import IAerialAgent, IAgent
 from gamms.typing.context import HostContext
-from gamms.typing.game import AerialState, Move, Rule, State, TeamPlan, Track
+from gamms.typing.game import AerialState, Move, Rule, State, TeamPlan, Track, strategy_name
+from gamms.versions import versions
 
 
 class Start(NamedTuple):
@@ -309,8 +310,18 @@ class Game(Settings):
             timings=dict(self.timings),
             seed=self.ctx.seed,
             collected=self._collectors.tables(),
+            provenance={
+                **versions(),
+                "scenario": self._internals.scenario,
+                "strategies": {name: strategy_name(self._decider(one)) for name, one in sorted(agents.items())},
+            },
             **over,
         )
+
+    def _decider(self, agent: Any) -> object:
+        """Return the plan of an agent's team, or its strategy."""
+        plan = self.plans.get(agent.team)
+        return agent.strategy if plan is None else plan.function
 
     def _reason_so_far(self) -> str:
         """Return why no more turns were played of a game that no rule has ended."""

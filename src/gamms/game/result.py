@@ -1,29 +1,39 @@
-"""What came of a game, and the values that are collected while it is played."""
+"""What came of a game: read, shown, saved and loaded; and the values that are collected while it is played."""
 
 import json
 import os
-from collections.abc import Callable, Mapping, Sequence
+from collections import Counter
+from collections.abc import Callable, Iterator, Mapping, Sequence
 from copy import deepcopy
 from dataclasses import dataclass, field
+from html import escape
 from pathlib import Path
-from typing import Any, NamedTuple
+from typing import TYPE_CHECKING, Any, NamedTuple
 
 import numpy as np
 
 from gamms.arguments import as_choice, as_key, as_path, as_text
-from gamms.errors import BadType, Duplicate, MissingFolder, UnknownName
+from gamms.errors import BadFile, BadType, Duplicate, MissingFolder, UnknownName
 from gamms.folders import write_whole
 from gamms.ir.game_state import LogHistory, LogPoint
-from gamms.ir.tables import table_of
+from gamms.ir.tables import frame_of, table_of
+from gamms.limits import refuse_above
 from gamms.plain import Plain
-from gamms.text import shown
+from gamms.text import printable_line, reason, shown
 from gamms.typing.agent_engine import IAgent
 from gamms.typing.context import HostContext
 
+if TYPE_CHECKING:
+    import pandas as pd
 
-@dataclass(eq=False)
+_LONG = 1e15  # numbers from here on are written out
+
+
+@dataclass(eq=False, repr=False)
 class Result:
-    """One game, played to its end or as far as it was played. Two are equal if all but their timings is.
+    """One game, played to its end or as far as it was played.
+
+    Two are equal if all but their timings and provenance is. `print(result)` gives a table, and so does a notebook.
 
     Attributes:
         turns: how many were played.
@@ -38,6 +48,8 @@ class Result:
         timings: seconds by phase: decide (sensing included), resolve, apply, rules, draw.
         seed: of the context.
         collected: name -> columns of what was collected.
+        provenance: what else it takes to play it again: the versions of `gamms`, `python` and `numpy`, the `scenario`
+            (None if a program built the game) and `strategies` (agent -> module and name, as it was at the end).
     """
 
     turns: int
@@ -51,14 +63,15 @@ class Result:
     timings: dict[str, float]
     seed: int
     collected: dict[str, dict[str, list[Any]]] = field(default_factory=dict)
+    provenance: dict[str, Any] = field(default_factory=dict)
 
     def to_dict(self) -> dict[str, Any]:
-        """Return plain values, as `save` writes them: keys that are no strings become their text."""
+        """Return plain values: keys that are no strings become their text."""
         plain: dict[str, Any] = _plain({name: getattr(self, name) for name in self.__dataclass_fields__})
         return plain
 
     def save(self, path: str | os.PathLike[str]) -> None:
-        """Write the result as JSON.
+        """Write the result as JSON, all but its timings: the same game gives the same bytes. A file is replaced.
 
         Raises:
             MissingFolder: there is no such folder.
@@ -66,13 +79,39 @@ class Result:
         file: Path = as_path(path, "path")
         if not file.parent.is_dir():
             raise MissingFolder(file.name, file.parent)
-        write_whole(file, (json.dumps(self.to_dict(), indent=1) + "\n").encode())
+        plain = {"format": _FORMAT, **self.to_dict()}
+        del plain["timings"]
+        write_whole(file, (json.dumps(plain, indent=1) + "\n").encode())
+
+    @classmethod
+    def load(cls, path: str | os.PathLike[str]) -> "Result":
+        """Read a result that `save`, `gamms run` or `gamms demo` wrote; what it names is not imported.
+
+        Its timings are empty, and keys that were no strings are their texts.
+
+        Raises:
+            BadFile (ValueError): it is not a result; the message says where.
+            TooLarge (ValueError): it would take more memory than is allowed.
+            OSError: it cannot be read.
+        """
+        file: Path = as_path(path, "path")
+        refuse_above(file.stat().st_size * _BYTES_PER_LETTER, f"Reading {str(file)!r}")
+        try:
+            plain = json.loads(file.read_bytes())
+        except (ValueError, RecursionError) as error:
+            raise BadFile(f"{str(file)!r} is not a result: {reason(error)}.") from None
+        if not isinstance(plain, dict) or plain.get("format") != _FORMAT:
+            raise BadFile(f"{str(file)!r} is not a result: it has no 'format' {_FORMAT!r}. Result.save writes one.")
+        flaw = next(_flaws(plain), None)
+        if flaw is not None:
+            raise BadFile(f"{str(file)!r} is not a result: {flaw}.")
+        return cls(timings={}, **{name: plain[name] for name in _SHAPES})
 
     def table(self, name: str) -> dict[str, "np.ndarray[Any, Any]"]:
         """Return one table as columns of equal length, which pandas and polars take as they are.
 
-        `agents`, `scores`, `errors` and `events` are always there; each kind of event and each collected name is a
-        table, too. docs/game.md says which columns they have.
+        `agents`, `teams`, `scores`, `errors` and `events` are always there; each kind of event and each collected name
+        is a table, too. docs/game.md says which columns they have.
 
         Raises:
             UnknownName (KeyError): there is no such table.
@@ -81,6 +120,15 @@ class Result:
         if as_key(name, "The name of a table") not in tables:
             raise UnknownName("table", name, tables)
         return table_of(tables[name])
+
+    def to_pandas(self, name: str) -> "pd.DataFrame":
+        """Return one table as `table` does, as a data frame of pandas.
+
+        Raises:
+            UnknownName (KeyError): there is no such table.
+            MissingExtra (ImportError): pandas is not installed.
+        """
+        return frame_of(self.table(name))
 
     def _tables(self) -> dict[str, Any]:
         events: dict[str, Any] = {}
@@ -93,16 +141,122 @@ class Result:
             "errors": self.errors or {"turn": [], "agent": [], "kind": [], "message": []},
             "scores": {"of": list(self.scores), "score": list(self.scores.values())},
             "agents": [{"agent": name, **summary} for name, summary in self.agents.items()],
+            "teams": self._teams(),
         }
+
+    def _teams(self) -> dict[str, list[Any]]:
+        """Return one row per team: its agents, those that are alive, how often they moved, and its score."""
+        by_team: dict[Any, list[dict[str, Any]]] = {}
+        for one in self.agents.values():
+            by_team.setdefault(one["team"], []).append(one)
+        return {
+            "team": list(by_team),
+            "agents": [len(agents) for agents in by_team.values()],
+            "alive": [sum(one["alive"] for one in agents) for agents in by_team.values()],
+            "moves": [sum(one["moves"] for one in agents) for agents in by_team.values()],
+            "score": [self.scores.get(team, 0) for team in by_team],
+        }
+
+    def headline(self) -> str:
+        """Return in one line who has won, after how many turns and why."""
+        end = "no team wins" if self.winner is None else f"{self.winner} wins"
+        return printable_line(f"{end} after {self.turns} turns: {self.reason}")
+
+    def _shown_tables(self) -> Iterator[list[tuple[str, ...]]]:
+        """Yield the tables that `print` and notebooks show, each with its header."""
+        teams = self._teams()
+        yield [tuple(teams), *(tuple(map(_shown, row)) for row in zip(*teams.values(), strict=True))]
+        others = [(_shown(of), _shown(score)) for of, score in self.scores.items() if of not in teams["team"]]
+        if others:
+            yield [("", "score"), *others]
+
+    def __repr__(self) -> str:
+        """Show how it ended."""
+        scores, end = shown(dict(self.scores)), f"winner={shown(self.winner)}, reason={shown(self.reason)}"
+        return f"Result(turns={self.turns}, {end}, scores={scores}, seed={self.seed})"
+
+    def __str__(self) -> str:
+        """Show how it ended, and a table of the teams."""
+        lines = [f"{self.headline()} (seed {self.seed})"]
+        for rows in self._shown_tables():
+            widths = [max(map(len, column)) for column in zip(*rows, strict=True)]
+            lines.append("")
+            for first, *others in rows:
+                cells = [first.ljust(widths[0]), *map(str.rjust, others, widths[1:])]
+                lines.append("  ".join(cells).rstrip())
+        if self.errors:
+            kinds = ", ".join(
+                f"{number} {kind}" for kind, number in Counter(one["kind"] for one in self.errors).items()
+            )
+            lines += ["", f"What strategies did wrong (result.errors): {printable_line(kinds)}"]
+        return "\n".join(lines)
+
+    def _repr_html_(self) -> str:
+        """Return the same for notebooks."""
+        parts = [f"<b>{escape(self.headline())}</b> (seed {self.seed})"]
+        for header, *rows in self._shown_tables():
+            cells = ["".join(f"<td>{escape(cell)}</td>" for cell in row) for row in rows]
+            head = "".join(f"<th>{escape(cell)}</th>" for cell in header)
+            parts.append(f"<table><tr>{head}</tr>{''.join(f'<tr>{row}</tr>' for row in cells)}</table>")
+        return "".join(parts)
 
     def __eq__(self, other: object) -> bool:
         if not isinstance(other, Result):
             return NotImplemented
         mine, theirs = self.to_dict(), other.to_dict()
-        del mine["timings"], theirs["timings"]
-        return bool(mine == theirs)
+        return all(mine[name] == theirs[name] for name in _SHAPES if name != "provenance")
 
     __hash__ = None  # type: ignore[assignment] # what can be changed has no hash
+
+
+def _shown(value: object) -> str:
+    """Return a cell of a table that is printed."""
+    is_number = isinstance(value, (int, float)) and not isinstance(value, bool)
+    return format(value, "g") if is_number and abs(value) < _LONG else printable_line(str(value))  # type: ignore[arg-type] # a number
+
+
+# -- files ------------------------------------------------------------------------------------------------------
+
+_FORMAT = "gamms result 1"
+_BYTES_PER_LETTER = 40  # of memory for each byte of JSON: `{"":0}` takes most
+_Shape = type | tuple[type, ...] | dict[str, Any]
+_EVENT = {"turn": int, "kind": str}
+_AGENT = {"alive": bool, "moves": int, "team": object}
+_SHAPES: dict[str, tuple[_Shape, _Shape]] = {  # key -> what it holds, and each item of that
+    "turns": (int, object),
+    "scores": (dict, object),
+    "winner": (object, object),
+    "reason": (str, object),
+    "truncated": (bool, object),
+    "events": (list, _EVENT),
+    "agents": (dict, _AGENT),
+    "errors": (list, {**_EVENT, "agent": str, "message": str}),
+    "seed": (int, object),
+    "collected": (dict, {"turn": list, "value": list}),
+    "provenance": (dict, object),
+}
+
+
+def _flaws(plain: dict[str, Any]) -> Iterator[str]:
+    """Yield what keeps plain values from being a result."""
+    for name, (shape, of_item) in _SHAPES.items():
+        if name not in plain:
+            yield f"{name!r} is missing"
+        elif not _is(plain[name], shape):
+            yield f"{name!r} cannot be {shown(plain[name])}"
+        elif shape in (list, dict):
+            items = plain[name].items() if shape is dict else enumerate(plain[name])
+            yield from (f"{name}.{shown(key)} cannot be {shown(one)}" for key, one in items if not _is(one, of_item))
+    lengths = [{len(column) for column in table.values()} for table in plain["collected"].values()]
+    if any(len(one) > 1 for one in lengths):
+        yield "'collected' has columns of different lengths"
+
+
+def _is(value: object, shape: _Shape) -> bool:
+    """Return whether a plain value has a type, or is a mapping with at least these keys."""
+    if isinstance(shape, dict):
+        return isinstance(value, dict) and all(key in value and _is(value[key], one) for key, one in shape.items())
+    return isinstance(value, shape) and (shape is not int or not isinstance(value, bool))
 
 
 def _plain(value: object) -> Plain:

@@ -1,11 +1,15 @@
 """Rows of plain values as columns."""
 
 from collections.abc import Mapping, Sequence
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
+from gamms.errors import MissingExtra
 from gamms.limits import refuse_above
+
+if TYPE_CHECKING:
+    import pandas as pd
 
 _OF_EMPTY = 64  # bytes
 _MOST_CHARACTERS, _SHARE = 1 << 18, 16  # of texts in an array, if they are more than so many times their lengths
@@ -27,6 +31,19 @@ def table_of(rows: Rows) -> dict[str, "np.ndarray[Any, Any]"]:
     empty = len(names) * len(rows) - sum(map(len, rows))
     refuse_above(_OF_EMPTY * empty, f"A table of {len(rows):,} rows and {len(names):,} columns, most of it empty,")
     return {name: _column([row.get(name) for row in rows]) for name in names}
+
+
+def frame_of(columns: Mapping[str, "np.ndarray[Any, Any]"]) -> "pd.DataFrame":
+    """Return columns of equal length as a data frame of pandas.
+
+    Raises:
+        MissingExtra (ImportError): pandas is not installed.
+    """
+    try:
+        import pandas as pd
+    except ImportError:
+        raise MissingExtra("A table for pandas", "notebook") from None
+    return pd.DataFrame(dict(columns))
 
 
 def _column(values: list[Any]) -> "np.ndarray[Any, Any]":

@@ -9,8 +9,9 @@ from gamms.ir import events as kinds
 from gamms.ir.events import Log
 from gamms.plain import Plain, is_same, plain_subset, to_plain
 from gamms.recorder.host import HostContext
-from gamms.recorder.keyframes import decider_of, name_of, places_of
+from gamms.recorder.keyframes import decider_of, places_of
 from gamms.typing import IVisualizationEngine
+from gamms.typing.game import strategy_name
 
 Changes = dict[str, Any]  # of a dict: what is `set`, what is `removed`, and what lists and sets have `more`
 
@@ -285,7 +286,7 @@ class StrategyChanges:
         before, self._functions = self._named, now
         self._named = dict(zip(self._ctx.agent.agents, now, strict=True))
         log += [
-            (kinds.AGENT_STRATEGY, {"agent_name": name, "strategy": name_of(function)})
+            (kinds.AGENT_STRATEGY, {"agent_name": name, "strategy": strategy_name(function)})
             for name, function in self._named.items()
             if function is not before.get(name)
         ]

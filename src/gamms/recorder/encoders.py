@@ -5,7 +5,6 @@ import os
 from collections.abc import Callable, Iterable
 from contextlib import suppress
 from copy import deepcopy
-from functools import cache
 from typing import Any
 
 from gamms.ir import events as kinds
@@ -21,6 +20,7 @@ from gamms.recorder.host import HostContext
 from gamms.recorder.keyframes import Keyframe
 from gamms.recorder.replaying import TURN_NS, Record
 from gamms.recorder.session import RecordingSession
+from gamms.versions import package_version
 
 _MOST_WAITING = 1 << 16  # bytes
 
@@ -178,13 +178,6 @@ class Version2Encoder:
         self.flush()
 
 
-@cache
-def _package() -> str:
-    from importlib.metadata import version
-
-    return version("gamms")
-
-
 def header_of(ctx: HostContext, session: RecordingSession, options: dict[str, Any]) -> dict[str, Any]:
     """Return the header of a recording: no host, no user, no path, and no time unless asked."""
     created = options.get("created")
@@ -193,7 +186,7 @@ def header_of(ctx: HostContext, session: RecordingSession, options: dict[str, An
     scenario = ctx.game.internals.scenario
     return {
         "format": 3,
-        "package": _package(),
+        "package": package_version(),
         "seed": session.seed,
         "created": created,
         "provenance": options.get("provenance"),

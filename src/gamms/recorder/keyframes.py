@@ -16,6 +16,7 @@ from gamms.plain import Plain, plain_subset, to_plain
 from gamms.recorder.errors import Damaged
 from gamms.recorder.host import HostContext
 from gamms.text import shown
+from gamms.typing.game import strategy_name
 
 Keyframe = dict[str, Any]
 Columns = dict[str, Any]  # those of `LISTS` and `ARRAYS`
@@ -50,7 +51,7 @@ def captured(ctx: HostContext) -> Keyframe:
         "speed": [to_plain(speed) for speed in rows.speed],
         "sensors": [{name: one.sensor_id for name, one in agent.sensors.items()} for agent in agents],
         "attributes": [plain_subset(vars(agent)) if vars(agent) else {} for agent in agents],
-        "strategies": [name_of(decider_of(ctx, agent)) for agent in agents],
+        "strategies": [strategy_name(decider_of(ctx, agent)) for agent in agents],
     }
     described = ctx.sensor.storage.described()
     return packed(columns, len(rows.journal.names), grouped(described), ctx.game.internals.state, ctx.rng_state())
@@ -214,13 +215,6 @@ def decider_of(ctx: HostContext, agent: Any) -> Any:
     """Return the function that decides for an agent: the plan of its team, its own strategy, or None."""
     plan = ctx.game.plans.get(agent.team)
     return agent.strategy if plan is None else plan.function
-
-
-def name_of(strategy: object) -> str | None:
-    """Return what a strategy is called: its module and its name there."""
-    if strategy is None:
-        return None
-    return f"{getattr(strategy, '__module__', '?')}:{getattr(strategy, '__qualname__', type(strategy).__qualname__)}"
 
 
 def _carried(sensors: list[dict[str, str]], groups: list[dict[str, Any]]) -> dict[str, Any]:

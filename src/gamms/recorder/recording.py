@@ -7,7 +7,7 @@ from collections.abc import Callable, Iterator, Mapping
 from copy import deepcopy
 from dataclasses import dataclass, field
 from html import escape
-from typing import Any, BinaryIO, overload
+from typing import TYPE_CHECKING, Any, BinaryIO, overload
 
 import numpy as np
 
@@ -16,7 +16,7 @@ from gamms.errors import BadValue
 from gamms.ir import events as kinds
 from gamms.ir.agents import NUMBERS
 from gamms.ir.events import COMPONENTS, Log
-from gamms.ir.tables import table_of
+from gamms.ir.tables import frame_of, table_of
 from gamms.recorder import tables
 from gamms.recorder.detached import DetachedAgents, DetachedState
 from gamms.recorder.errors import Damaged, RecordingError, refusing
@@ -25,6 +25,9 @@ from gamms.recorder.maps import become, given_map, has_map, hash_in, hash_of
 from gamms.recorder.streams import Opened, format_of, readable
 from gamms.typing import IContext
 from gamms.typing.map_storage import IPackedGraph, packed_graphs
+
+if TYPE_CHECKING:
+    import pandas as pd
 
 _BLOBS = ("world",)  # parts of the header that are no words
 _CALLERS = ("folder", "file", "allow")  # what `Scenario(**header["scenario"])` takes as said by the caller
@@ -381,6 +384,15 @@ class Recording(Opened):
             UnknownName (KeyError): there is no such table.
         """
         return tables.table(self._reader, name, *self._logs_of(start, stop), self._names_at)
+
+    def to_pandas(self, name: str, start: int | None = None, stop: int | None = None) -> "pd.DataFrame":
+        """Return one table as `table` does, as a data frame of pandas.
+
+        Raises:
+            UnknownName (KeyError): there is no such table.
+            MissingExtra (ImportError): pandas is not installed.
+        """
+        return frame_of(self.table(name, start, stop))
 
     def logs(self, start: int | None = None, stop: int | None = None) -> Iterator[Log]:
         """Yield the log of each turn from `start` on and before `stop`, as docs/recording-format.md describes it."""

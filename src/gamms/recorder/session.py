@@ -26,6 +26,7 @@ from gamms.recorder.host import HostContext
 from gamms.recorder.maps import is_map_of
 from gamms.recorder.saving import Saving, uninterrupted
 from gamms.typing.agent_engine import SensorsOfAgent
+from gamms.typing.game import strategy_name
 
 _OTHER_AGENT = object()
 _REVISIONS = attrgetter("graph.revision", "obstacle_revision")
@@ -560,7 +561,7 @@ class SessionJournal(Journal):
         strategy = given.pop("strategy", None)
         if "sensors" in given:
             given["sensors"] = _ids_of(given["sensors"])
-        named = {} if strategy is None else {"strategy": keyframes.name_of(strategy)}
+        named = {} if strategy is None else {"strategy": strategy_name(strategy)}
         return {**data, "kwargs": self._skipped.plain_part("agent", data["name"], given), **named}
 
 

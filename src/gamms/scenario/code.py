@@ -26,6 +26,7 @@ from gamms.limits import refuse_above
 from gamms.plain import Plain
 from gamms.scenario.documents import ScenarioError, at, copied, joined
 from gamms.text import shown
+from gamms.typing.game import PRIVATE_MODULES
 
 OFFERED = ("gamms.strategies", "gamms.rules", "gamms.rules.territory", "gamms.demo.strategies")
 GROUP = "gamms.scenario"  # of entry points
@@ -95,7 +96,7 @@ def allowed(packages: Iterable[str]) -> tuple[str, ...]:
 
 def private_package(folder: Path) -> str:
     """Return the name under which the modules of a folder are imported."""
-    return f"_gamms_scenario_{hashlib.sha256(str(folder.resolve()).encode()).hexdigest()[:16]}"
+    return f"{PRIVATE_MODULES}{hashlib.sha256(str(folder.resolve()).encode()).hexdigest()[:16]}"
 
 
 def is_defined_in(value: object, package: str) -> bool:

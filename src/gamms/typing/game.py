@@ -1,5 +1,6 @@
 """What programs and the turn engine give each other: states, actions, strategies, plans, rules, resolvers."""
 
+import re
 from collections.abc import Awaitable, Callable, Hashable, Mapping, Sequence
 from typing import TYPE_CHECKING, Annotated, Any, NamedTuple, NotRequired, Protocol, TypedDict, TypeVar
 
@@ -114,6 +115,17 @@ AerialStrategy = Callable[[AerialState], None]
 """Decides for an aerial agent."""
 AsyncStrategy = Callable[[Any], Awaitable[None]]
 """Decides for an agent that `ctx.game` waits for, such as an `async def`. Any: `State` or `AerialState`."""
+
+PRIVATE_MODULES = "_gamms_scenario_"  # begins the names of packages that hold the code of a scenario, before a hash
+_PRIVATE = re.compile(rf"{PRIVATE_MODULES}[0-9a-f]+\.")
+
+
+def strategy_name(strategy: object) -> str | None:
+    """Return the module of a strategy and its name there, the same in every folder; None if there is none."""
+    if strategy is None:
+        return None
+    module = _PRIVATE.sub("", str(getattr(strategy, "__module__", "?")))
+    return f"{module}:{getattr(strategy, '__qualname__', type(strategy).__qualname__)}"
 
 
 # -- rules and conflicts ---------------------------------------------------------------------------------------------

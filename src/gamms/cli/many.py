@@ -1,0 +1,144 @@
+"""`gamms run --seeds`: the same scenario with many seeds, in several processes, and what came of all of them."""
+
+import csv
+import os
+from collections import Counter
+from collections.abc import Callable, Iterator, Mapping, Sequence
+from concurrent.futures import ProcessPoolExecutor
+from functools import partial
+from multiprocessing import get_context
+from pathlib import Path
+from statistics import fmean
+from typing import TYPE_CHECKING, Any
+
+import typer
+
+from gamms.cli.output import console, echo, explained, in_words, rich_table
+from gamms.limits import allowing, max_memory
+from gamms.progress import progress
+from gamms.text import printable_line
+
+if TYPE_CHECKING:
+    from gamms.game import Result
+    from gamms.scenario import Scenario
+    from gamms.scenario.code import Found
+
+Strategies = Mapping[str, tuple["Found", Path]]  # by team or agent: where its code is, and the folder to import it from
+_MOST = 1_000_000  # seeds
+_MOST_IN_A_BATCH = 20  # games that a process plays before it says what came of them
+
+
+def parsed_seeds(text: str) -> Sequence[int]:
+    """Parse `0:50`, which is 0 to 49, or `1,2,5`."""
+    first, colon, last = text.partition(":")
+    try:
+        seeds: Sequence[int] = range(int(first or 0), int(last)) if colon else [int(one) for one in text.split(",")]
+    except ValueError:
+        raise typer.BadParameter(f"{text!r}: give 0:50 or 1,2,5.", param_hint="--seeds") from None
+    if not 0 < len(seeds) <= _MOST:
+        raise typer.BadParameter(f"{text!r}: give 1 to {_MOST:,} seeds, such as 0:50.", param_hint="--seeds")
+    return seeds
+
+
+def imported(strategies: Strategies) -> dict[str, Callable[..., Any]]:
+    """Import the code of strategies."""
+    from gamms.scenario.code import function_of
+
+    return {team: function_of(*one) for team, one in strategies.items()}
+
+
+def play(game: "Scenario", seeds: Sequence[int], strategies: Strategies, out: Path, jobs: int | None) -> None:
+    """Play a game for each seed, write `result_<seed>.json` and `results.csv`, and print a table and a summary."""
+    teams = list(game.spec.teams)
+    out.mkdir(parents=True, exist_ok=True)
+    played = []
+    for seed, result in _results(game, seeds, strategies, jobs or _cores()):
+        result.save(out / f"result_{seed}.json")
+        played.append(_row(result, teams))
+    with (out / "results.csv").open("w", newline="", encoding="utf-8") as file:
+        writer = csv.DictWriter(file, list(played[0]))
+        writer.writeheader()
+        writer.writerows(played)
+    header = ("seed", "turns", "winner", *teams, "reason")
+    rows = [_cells(row, teams) for row in played]
+    console().print(rich_table(tuple(map(printable_line, header)), rows))
+    echo(f"\n{_summary(played, teams)}")
+    echo(f"\nWrote {in_words([out / 'results.csv', out / 'result_<seed>.json'])}.")
+
+
+def _results(
+    game: "Scenario", seeds: Sequence[int], strategies: Strategies, jobs: int
+) -> Iterator[tuple[int, "Result"]]:
+    """Yield the result of each seed, in their order, whatever process has played it."""
+    jobs = min(jobs, len(seeds))
+    size = max(1, min(_MOST_IN_A_BATCH, len(seeds) // (4 * jobs)))
+    batches = [seeds[first : first + size] for first in range(0, len(seeds), size)]
+    batch = partial(_play_batch, game, strategies, max_memory())
+    with progress() as show:
+        done = 0
+        if jobs == 1:
+            results: Iterator[list[Result] | str] = map(batch, batches)
+            pool = None
+        else:
+            pool = ProcessPoolExecutor(jobs, get_context("spawn"))
+            results = pool.map(batch, batches)
+        try:
+            for some, found in zip(batches, results, strict=True):
+                if isinstance(found, str):
+                    echo(found, err=True)
+                    raise typer.Exit(1)
+                yield from zip(some, found, strict=True)
+                done += len(some)
+                show(f"{done} of {len(seeds)} games")
+        finally:
+            if pool is not None:
+                pool.shutdown(cancel_futures=True)
+
+
+def _play_batch(game: "Scenario", strategies: Strategies, memory: int, seeds: Sequence[int]) -> "list[Result] | str":
+    """Return the results of some seeds, or what to print of an error, whose traceback stays in this process."""
+    seed = seeds[0]
+    try:
+        with allowing(memory):
+            functions, results = imported(strategies), []
+            for seed in seeds:
+                results.append(game.play(seed, functions))
+            return results
+    except Exception as error:  # noqa: BLE001 - it is printed by the process that has asked
+        return f"{explained(error)}\nWith seed {seed}; to play it alone: --seed {seed}"
+
+
+def _cores() -> int:
+    return len(os.sched_getaffinity(0)) if hasattr(os, "sched_getaffinity") else os.cpu_count() or 1
+
+
+def _row(result: "Result", teams: list[str]) -> dict[str, Any]:
+    """Return what a row of the CSV holds."""
+    table = result.table("teams")
+    alive = dict(zip(table["team"].tolist(), table["alive"].tolist(), strict=True))
+    return {
+        "seed": result.seed,
+        "turns": result.turns,
+        "winner": result.winner,
+        "reason": result.reason,
+        "truncated": result.truncated,
+        **{f"score_{team}": result.scores.get(team, 0) for team in teams},
+        **{f"alive_{team}": alive.get(team, 0) for team in teams},
+    }
+
+
+def _cells(row: dict[str, Any], teams: list[str]) -> tuple[str, ...]:
+    scores = (f"{row[f'score_{team}']:g}" for team in teams)
+    winner = "-" if row["winner"] is None else str(row["winner"])
+    return (str(row["seed"]), str(row["turns"]), winner, *scores, row["reason"])
+
+
+def _summary(rows: list[dict[str, Any]], teams: list[str]) -> str:
+    """Return in words who has won how often, and how long the games were."""
+    wins, turns = Counter(row["winner"] for row in rows), [row["turns"] for row in rows]
+    winners = [*teams, *(one for one in wins if one is not None and one not in teams)]
+    parts = [f"{one} wins {wins[one]} ({wins[one] / len(rows):.0%})" for one in winners]
+    if wins[None]:
+        parts.append(f"nobody {wins[None]} ({wins[None] / len(rows):.0%})")
+    length = f"{fmean(turns):.1f} turns ({min(turns)} to {max(turns)})"
+    return printable_line(f"{len(rows)} games: {', '.join(parts)}. Mean length {length}.")

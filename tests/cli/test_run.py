@@ -1,0 +1,144 @@
+"""`gamms run`: one game with a film or a window, and many seeds."""
+
+import csv
+import json
+import re
+
+import av
+import pytest
+from typer.testing import CliRunner
+
+from gamms import cli, scenario
+from gamms.game import Result
+
+GAME = """
+name: Little
+map: {grid: {width: 6, height: 6}}
+max_turns: 40
+teams:
+  red: {count: 2, strategy: "gamms.strategies:random_walk"}
+  blue: {count: 2, strategy: "players:play"}
+rules:
+  - {rule: tag, with: {taggers: red, tagged: blue, then: eliminate}}
+  - last_team
+"""
+PLAY = "def play(state):\n    state['action'] = state['draw'].choice(state['legal'])\n"
+
+
+@pytest.fixture(autouse=True)
+def folder(tmp_path, monkeypatch):
+    """The commands are given in a folder with a game."""
+    monkeypatch.chdir(tmp_path)
+    (tmp_path / "game.yaml").write_text(GAME)
+    (tmp_path / "players.py").write_text(PLAY)
+    return tmp_path
+
+
+def run(*arguments):
+    return CliRunner().invoke(cli.app, ["run", "game.yaml", *map(str, arguments)], catch_exceptions=False)
+
+
+def test_a_game_is_filmed(folder):
+    done = run("--seed", 1, "--max-turns", 3, "--film", "game.mp4")
+    assert done.exit_code == 0
+    assert "game.mp4 (the game as a film)" in done.stdout
+    with av.open("game.mp4") as film:
+        assert sum(1 for _ in film.decode(video=0)) == 15
+
+
+def test_a_film_of_an_unknown_kind_is_refused():
+    done = run("--seed", 1, "--film", "game.mov")
+    assert done.exit_code == 1
+    assert ".mp4" in done.stderr
+
+
+def test_it_prints_the_result_and_saves_it(folder):
+    done = run("--seed", 3)
+    result = Result.load("gamms-run/result.json")
+    assert f"Little: {result}" in done.stdout
+    assert result == scenario.load("game.yaml").play(seed=3)
+    assert result.provenance["scenario"]["name"] == "Little"
+    assert result.provenance["strategies"]["blue_0"] == "players:play"
+
+
+@pytest.mark.parametrize("jobs", [1, 2])
+def test_many_seeds_are_the_games_of_each_seed(folder, jobs):
+    done = run("--seeds", "0:5", "--jobs", jobs, "--out", "many")
+    assert done.exit_code == 0, done.stderr
+    game = scenario.load("game.yaml")
+    expected = [game.play(seed=seed) for seed in range(5)]
+    assert [Result.load(f"many/result_{seed}.json") for seed in range(5)] == expected
+    rows = list(csv.DictReader((folder / "many/results.csv").read_text().splitlines()))
+    assert [(row["seed"], row["turns"], row["winner"]) for row in rows] == [
+        (str(seed), str(one.turns), one.winner or "") for seed, one in enumerate(expected)
+    ]
+    assert list(rows[0]) == [
+        "seed", "turns", "winner", "reason", "truncated", "score_red", "score_blue", "alive_red", "alive_blue",
+    ]  # fmt: skip
+    red = sum(one.winner == "red" for one in expected)
+    assert f"5 games: red wins {red} (" in done.stdout
+    mean = sum(one.turns for one in expected) / 5
+    assert f"Mean length {mean:.1f} turns" in done.stdout
+    assert [line.split()[0] for line in done.stdout.splitlines()[1:6]] == list("01234")
+
+
+def test_seeds_may_be_listed():
+    done = run("--seeds", "7,3", "--max-turns", 1, "--jobs", 1)
+    assert [line.split()[0] for line in done.stdout.splitlines()[1:3]] == ["7", "3"]
+
+
+@pytest.mark.parametrize("jobs", [1, 2])
+def test_an_error_says_with_which_seed(folder, jobs):
+    (folder / "players.py").write_text(f"{PLAY}    if state['turn'] == 0: 1 / 0\n")
+    done = run("--seeds", "5:8", "--jobs", jobs)
+    assert done.exit_code == 1
+    assert done.stderr.splitlines()[-3:] == [
+        "ZeroDivisionError: division by zero",
+        "In the strategy of agent 'blue_0', in turn 0.",
+        "With seed 5; to play it alone: --seed 5",
+    ]
+    assert re.search(r'players.py", line 3', done.stderr)
+
+
+@pytest.mark.parametrize(
+    ("arguments", "hint"),
+    [
+        (["--seeds", "x"], "give 0:50 or 1,2,5"),
+        (["--seeds", "5:5"], "1 to 1,000,000 seeds"),
+        (["--seeds", "0:99999999999"], "1 to 1,000,000 seeds"),
+        (["--seeds", "0:5", "--film", "a.mp4"], "for a single game"),
+        (["--seeds", "0:5", "--seed", "1"], "for a single game"),
+        (["--seeds", "0:5", "--window"], "for a single game"),
+        (["--jobs", "0"], "--jobs"),
+    ],
+)
+def test_what_does_not_go_together_is_refused(folder, arguments, hint):
+    done = run(*arguments)
+    assert done.exit_code == 2
+    assert hint in " ".join(done.stderr.split())
+    assert not (folder / "gamms-run").exists()
+
+
+def test_code_from_elsewhere_is_announced_and_the_callers_own_is_not(folder, tmp_path_factory):
+    elsewhere = tmp_path_factory.mktemp("elsewhere") / "mine.py"
+    elsewhere.write_text(PLAY)
+    assert "imports" not in run("--max-turns", 1, "--strategy", "red=players.py:play").stdout
+    done = run("--max-turns", 1, "--strategy", f"red={elsewhere}:play")
+    assert [line for line in done.stdout.splitlines() if line.startswith("imports")] == [
+        f"imports --strategy red: mine:play, from {elsewhere}"
+    ]
+
+
+def test_the_game_is_shown_in_a_window(folder, monkeypatch):
+    monkeypatch.setenv("SDL_VIDEODRIVER", "dummy")
+    import pygame
+
+    shown = []
+    from gamms.visual.window import engine
+
+    monkeypatch.setattr(engine.WindowEngine, "stay_open", lambda self: shown.append(self.ctx.game.turn))
+    done = run("--seed", 1, "--max-turns", 1, "--window")
+    assert done.exit_code == 0, done.stderr
+    assert shown == [1]
+    assert not pygame.display.get_init()
+    assert json.loads((folder / "gamms-run/result.json").read_text())["turns"] == 1
