@@ -59,17 +59,21 @@ def _rebuilt(kind: type[GammsError], args: tuple[Any, ...], attributes: dict[str
 
 
 _FEW = 8  # names that an error message lists
+_GUESSES = 2  # names that it asks for: of more that are as much like it, none
 _LONG = 80  # characters of a name that are compared
 _MANY = 1 << 10  # names that are searched for a similar one: of more, the search would take longer than the call
 
 
 def nearest(name: object, known: Iterable[object]) -> str:
-    """Return the hint of an error message: the known name most like `name`, or nothing."""
-    from difflib import get_close_matches
+    """Return the hint of an error message: the known names most like `name`; nothing if none is, or too many are."""
+    from difflib import SequenceMatcher, get_close_matches
 
-    names = [_searchable(one) for one in islice(known, _MANY)]
-    near = get_close_matches(_searchable(name), names, n=1)
-    return f" Did you mean {near[0]!r}?" if near else ""
+    wanted, names = _searchable(name), [_searchable(one) for one in islice(known, _MANY)]
+    near = get_close_matches(wanted, names, n=_GUESSES + 1)
+    ratios = [SequenceMatcher(None, one, wanted).ratio() for one in near]
+    best = [one for one, ratio in zip(near, ratios, strict=True) if ratio == ratios[0]]
+    best = best or [one for one in names if len(wanted) > 2 and wanted in one.split("_")]  # `range`: `sensor_range`
+    return f" Did you mean {' or '.join(sorted(map(repr, best)))}?" if 0 < len(best) <= _GUESSES else ""
 
 
 def _searchable(name: object) -> str:
@@ -81,7 +85,8 @@ class UnknownName(GammsError, KeyError):
 
     def __init__(self, kind: str, name: object, known: Iterable[object] = ()) -> None:
         names = list(islice(known, _MANY))
-        few = f" There is: {', '.join(map(shown, names))}." if 0 < len(names) <= _FEW else ""
+        which = "There is" if len(names) <= _FEW else "There is, among others"
+        few = f" {which}: {', '.join(map(shown, names[:_FEW]))}." if names else ""
         super().__init__(f"Unknown {kind} {shown(name)}.{nearest(name, names) or few}")
 
 

@@ -7,6 +7,7 @@ from typer.testing import CliRunner
 
 from gamms import cli
 
+COMMANDS = ["demo", "new", "run", "replay", "render", "info", "verify", "diff", "convert"]
 GAME = """
 map: {grid: {width: 4, height: 4}}
 seed: 1
@@ -31,11 +32,7 @@ def run(*arguments):
 
 def test_commands_are_in_the_order_of_their_use():
     commands = re.findall(r"^  ([a-z]+)  ", run("--help").stdout.partition("Commands:")[2], re.MULTILINE)
-    wanted = ["demo", "run", "replay", "render", "info", "verify", "diff", "convert"]
-    assert [command for command in commands if command in wanted] == wanted
-
-
-COMMANDS = ["demo", "run", "replay", "render", "info", "verify", "diff", "convert"]
+    assert commands == [*COMMANDS, "scenario", "osm"]
 
 
 @pytest.mark.parametrize(

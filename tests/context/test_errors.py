@@ -44,7 +44,13 @@ def test_an_unknown_name_is_told_the_nearest_one_or_all_of_a_few():
         str(errors.UnknownName("map", "hot", ["viridis", "magma"]))
         == "Unknown map 'hot'. There is: 'viridis', 'magma'."
     )
-    assert str(errors.UnknownName("agent", "zoe", [f"a{i}" for i in range(99)])) == "Unknown agent 'zoe'."
+    assert str(errors.UnknownName("key", "range", ["fov", "sensor_range"])).endswith("Did you mean 'sensor_range'?")
+    reds = [f"red_{number}" for number in range(20)]
+    assert str(errors.UnknownName("agent", "red_x", reds[:2])).endswith("Did you mean 'red_0' or 'red_1'?")
+    assert str(errors.UnknownName("agent", "red_x", reds)) == (
+        "Unknown agent 'red_x'. There is, among others: "
+        "'red_0', 'red_1', 'red_2', 'red_3', 'red_4', 'red_5', 'red_6', 'red_7'."
+    )
 
 
 def ask_for_a_missing_node(_):

@@ -168,7 +168,7 @@ def test_a_result_is_printed_as_a_table(ctx, play):
     result = played(ctx, play)
     result.scores["met\x1b"] = 2
     text = str(result).splitlines()
-    assert text[0] == f"red wins after 2 turns: done (seed {ctx.seed})"
+    assert text[0] == f"red won after 2 turns: done (seed {ctx.seed})"
     assert text[2].split() == ["team", "agents", "alive", "moves", "score"]
     assert [line.split() for line in text[3:5]] == [["red", "1", "1", "2", "3"], ["blue", "1", "1", "0", "0"]]
     assert text[7].split() == ["met\\u001b", "2"]
@@ -181,7 +181,7 @@ def test_a_notebook_shows_a_table_of_the_teams(ctx, play):
     result = played(ctx, play)
     result.reason = "<done>"
     page = result._repr_html_()
-    assert page.startswith("<b>red wins after 2 turns: &lt;done&gt;</b>")
+    assert page.startswith("<b>red won after 2 turns: &lt;done&gt;</b>")
     assert "<tr><td>red</td><td>1</td><td>1</td><td>2</td><td>3</td></tr>" in page
 
 

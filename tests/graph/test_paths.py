@@ -1,6 +1,8 @@
 """Ways through a graph: the shortest ones, by networkx's measure, however often and after whatever edits."""
 
 import math
+import subprocess
+import sys
 
 import networkx as nx
 import numpy as np
@@ -13,6 +15,18 @@ from gamms.graph import Graph, cache, routes
 from gamms.graph.cache import Cache
 from gamms.typing import IGraph, graph_engine
 
+WITHOUT_SCIPY = """
+import sys; sys.modules["scipy"] = None
+import gamms
+from gamms.graph import routes
+routes._PATIENCE_S = 1e-9
+with gamms.create_context() as ctx:
+    for side in SIDES:
+        ctx.graph.attach_networkx_graph(gamms.graph.grid(side, side))
+        for node in range(3):
+            ctx.graph.distance(node, 5)
+            ctx.graph.shortest_path(node, 3)
+"""
 LAWS = settings(max_examples=100, deadline=None, derandomize=True)
 IDS = (4, -2, 9, 0, 31, 7)
 EDGES = st.lists(
@@ -359,3 +373,11 @@ def test_a_misspelt_weight_is_named_and_a_foreign_one_counts_steps(ctx):
         with pytest.raises(KeyError, match=r"Unknown weight .* Did you mean"):
             ctx.graph.shortest_path(1, 2, weight=misspelt)
     assert ctx.graph.distance(1, 2, weight="beauty") == 1.0
+
+
+@pytest.mark.parametrize(("sides", "warnings"), [("[30]", 1), ("[5]", 0)])
+def test_the_lack_of_scipy_is_told_once_where_it_costs(sides, warnings):
+    code = WITHOUT_SCIPY.replace("SIDES", sides)
+    done = subprocess.run([sys.executable, "-c", code], capture_output=True, text=True, check=True)
+    assert done.stderr.count("SciPy is not installed") == warnings
+    assert done.stderr.count('pip install "gamms[accel]"') == warnings

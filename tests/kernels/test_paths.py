@@ -70,7 +70,7 @@ def test_without_scipy_the_heap_is_used(monkeypatch):
     rng = np.random.default_rng(5)
     arcs = kernels.make_arcs(*rng.integers(0, 500, (2, 2000)), rng.random(2000), 500)
     known = kernels.shortest_distances(arcs, np.array([3]))
-    monkeypatch.setattr(paths, "is_installed", lambda: False)
+    monkeypatch.setattr(paths, "has_scipy", lambda: False)
     monkeypatch.setattr(paths, "scipy_distances", None)
     assert kernels.shortest_distances(arcs, np.array([3])).tobytes() == known.tobytes()
 

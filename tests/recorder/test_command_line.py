@@ -1,5 +1,6 @@
 """`gamms info`, `verify`, `diff`, `convert`, `replay`, and the recordings that `gamms demo` and `gamms run` write."""
 
+import csv
 import io
 import json
 from pathlib import Path
@@ -238,6 +239,38 @@ def test_moves_of_version_2_become_moves_and_a_map_may_be_given(tmp_path):
         assert set(bare.graph.columns().xy.ravel().tolist()) == {0.0}
 
 
+def test_tables_become_csv_files(tmp_path):
+    def change(ctx):
+        if ctx.game.turn == 3:
+            ctx.game.emit("odd", where=[1, {"a": None}], text='a "quoted", text\nin two lines')
+            ctx.game.emit("../../up", x=1)
+
+    game = played(tmp_path / "game.ggr", change=change)
+    done = run("convert", game, tmp_path / "t.csv")
+    assert done.exit_code == 0
+    names = {"moves", "scores", "events", "seen", "odd"}
+    assert {path.name for path in tmp_path.glob("*.csv")} == {f"t_{name}.csv" for name in names}
+    assert all(f"t_{name}.csv" in done.stdout for name in names)
+    with recorder.open(game) as recording:
+        for name in names - {"odd"}:
+            header, *rows = csv.reader((tmp_path / f"t_{name}.csv").read_text().splitlines())
+            table = recording.table(name)
+            assert header == list(table)
+            assert rows == [list(map(str, row)) for row in zip(*(one.tolist() for one in table.values()), strict=True)]
+    with (tmp_path / "t_odd.csv").open(newline="") as file:
+        assert list(csv.reader(file)) == [
+            ["turn", "where", "text"],
+            ["3", '[1, {"a": null}]', 'a "quoted", text\nin two lines'],
+        ]
+    before = (tmp_path / "t_moves.csv").stat().st_mtime_ns
+    (tmp_path / "t_events.csv").unlink()
+    done = run("convert", game, tmp_path / "t.csv")
+    assert done.exit_code == 1
+    assert "t_moves.csv' already" in done.stderr
+    assert not (tmp_path / "t_events.csv").exists()
+    assert (tmp_path / "t_moves.csv").stat().st_mtime_ns == before
+
+
 def test_every_event_becomes_a_line_of_json(game, tmp_path):
     assert run("convert", game, tmp_path / "game.jsonl").exit_code == 0
     lines = [json.loads(line) for line in (tmp_path / "game.jsonl").read_text().splitlines()]
@@ -283,6 +316,7 @@ def test_conversions_that_make_no_sense_are_refused(game, tmp_path):
     for arguments, hint in (
         ((game, tmp_path / "out.ggr"), "has version 3 already"),
         ((old, tmp_path / "out.jsonl"), "to a .ggr of version 3 first"),
+        ((old, tmp_path / "out.csv"), "to a .ggr of version 3 first"),
         ((game, tmp_path / "out.jsonl", "--map", tmp_path / "map.gamms"), "version 2 only"),
         ((old, game), "There is a file"),
         ((old, tmp_path / "out.ggr", "--map", game), "is not a graph"),
@@ -333,5 +367,5 @@ def test_a_demo_is_recorded_and_can_be_verified(tmp_path):
     with recorder.open(one) as rec:
         assert rec.turns == result["turns"]
         nodes = dict(zip(rec[-1].agents["name"].tolist(), rec[-1].agents["node"].tolist(), strict=True))
-        assert nodes == {agent["name"]: agent["node"] for agent in result["agents"]}
+        assert nodes == {name: agent["node"] for name, agent in result["agents"].items()}
         assert list(rec.events()) == result["events"]

@@ -87,6 +87,15 @@ def test_time_is_up_and_the_highest_score_wins(road):
         assert (result.turns, result.truncated, result.reason, result.winner) == (4, True, "time limit", winner)
 
 
+@pytest.mark.parametrize("winner", ["blue", None])
+def test_who_wins_by_time_may_be_said(road, winner):
+    ctx = road(r=("red", 2), b=("blue", 4))
+    ctx.game.scores["red"] = 5
+    ctx.game.add(time_limit(2, winner=winner))
+    result = ctx.game.run()
+    assert (result.winner, result.turns, result.truncated) == (winner, 2, True)
+
+
 def test_alone_nobody_wins_by_time(road):
     ctx = road(r=("red", 2))
     ctx.game.scores["red"] = 5

@@ -1,7 +1,7 @@
 import pytest
 
 import gamms
-from gamms.rules import capture_flag, reach, tag, time_limit
+from gamms.rules import capture_flag, last_team, reach, tag, time_limit
 from gamms.strategies import chase, flee, guard, stay
 from gamms.typing.game import OWNERS, TEAMS, team_parameters
 
@@ -27,6 +27,12 @@ def test_a_team_that_nobody_plays_for_is_warned_about_at_the_first_turn_and_once
     game.reset()
     game.run(1)
     assert heard == ["tag: Unknown team 'bleu'. Did you mean 'blue'? Nobody plays for it."]
+
+
+def test_a_misspelt_winner_is_warned_about(game, heard):
+    game.add(time_limit(2, winner="bleu"))
+    game.run()
+    assert heard == ["time_limit: Unknown team 'bleu'. Did you mean 'blue'? Nobody plays for it."]
 
 
 def test_a_rule_that_is_added_later_is_looked_at_when_it_begins(game, heard):
@@ -57,4 +63,5 @@ def test_annotations_say_which_parameters_name_teams():
     assert team_parameters(tag) == {"taggers": TEAMS, "tagged": TEAMS}
     assert team_parameters(reach) == {"team": TEAMS, "winner": TEAMS}
     assert team_parameters(capture_flag) == {"flags": OWNERS}
-    assert team_parameters(time_limit) == {}
+    assert team_parameters(time_limit) == {"winner": TEAMS}
+    assert team_parameters(last_team) == {}

@@ -41,11 +41,47 @@ def test_yaml_means_what_json_means():
     assert from_yaml(json.dumps(values)) == from_json(json.dumps(values)) == values
 
 
+@pytest.mark.usefixtures("parser")
+def test_an_alias_stands_for_what_its_anchor_named():
+    assert from_yaml("a: &x [1, {b: 2}]\nc: {d: *x}\ne: &x 3\nf: *x") == {
+        "a": [1, {"b": 2}],
+        "c": {"d": [1, {"b": 2}]},
+        "e": 3,
+        "f": 3,
+    }
+    assert from_yaml("&k name: 1\nb: *k") == {"name": 1, "b": "name"}
+
+
+@pytest.mark.usefixtures("parser")
+def test_values_behind_aliases_count_as_often_as_they_are_there():
+    bomb = "a0: &a0 [x]\n" + "".join(f"a{n}: &a{n} [{', '.join([f'*a{n - 1}'] * 10)}]\n" for n in range(1, 30))
+    began = time.perf_counter()
+    with pytest.raises(ScenarioError, match="line 7: with its aliases the file has over 500,000 values"):
+        from_yaml(bomb)
+    assert time.perf_counter() - began < 1.0
+
+
+@pytest.mark.usefixtures("parser")
 @pytest.mark.parametrize(
     ("text", "hint"),
     [
-        ("a: &x [1]\nb: *x", "line 2: aliases"),
-        ("a: &a [x]\nb: &b [*a,*a]\nc: [*b,*b]", "aliases"),
+        ("a:\n\tb: 1\n", "line 2 begins with a tab. YAML is indented by spaces"),
+        ("a:\n  b: 1\n\tc: 2\n", "line 3 begins with a tab"),
+        ("a: b: c\n", "line 1, column 5: mapping values are not allowed"),
+    ],
+)
+def test_what_is_not_yaml_is_told_by_its_line(text, hint):
+    with pytest.raises(ScenarioError) as raised:
+        from_yaml(text)
+    assert str(raised.value).startswith(f"this is not YAML: {hint}")
+    assert "unicode string" not in str(raised.value)
+
+
+@pytest.mark.parametrize(
+    ("text", "hint"),
+    [
+        ("a: *x\nb: &x [1]", "line 1: there is no anchor &x before the alias *x."),
+        ("a: &a [*a]", "no anchor &a"),
         ("a: 1\nb: {c: 1, c: 2}", "b.c: this key is there twice"),
         ("!!python/object/apply:os.system ['true']", "tag"),
         ("a: !!python/name:os.system", "tag"),
@@ -53,18 +89,18 @@ def test_yaml_means_what_json_means():
         ("a: !!binary aGk=", "tag"),
         ("a: !own 3", "tag"),
         ("[" * 3000, "nested"),
-        ("a: [1", "no YAML"),
+        ("a: [1", "not YAML"),
         ("a: 1\n---\nb: 2", "single document"),
         ("a: !!int foo", "invalid literal"),
         ("a: " + "9" * 6000, "a: line 1"),
         ("? [1]\n: 2", "a key must be"),
         ("true: 2", "a key must be"),
         ("a: 1e999", "too large"),
-        ("a: \x07", "no YAML"),
+        ("a: \x07", "not YAML"),
         ("a: {18446744073709551616: 1}", "a: line 1: a key that is an integer must fit into 64 bits"),
-        ("a: {<<: {b: 1}, <<: {b: 2}}", "there twice"),
+        ("a: {<<: {b: 1}}", "a: line 1: << is not read"),
         ("? " * 3000, "nested"),
-        ("a: [b: &x c, d: *x]", "aliases"),
+        ("a: &near 1\nb: *naer", "Did you mean 'near'?"),
         ("a: !!float nan_", "could not convert"),
         ("!!map [1]", "tag"),
     ],

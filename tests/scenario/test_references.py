@@ -325,5 +325,5 @@ def test_parameters_that_are_no_mapping_are_an_error(folder, made, given):
             {"facts": {"x": {"function": function, "with": given}}},
             {"teams.red.meta": {"x": [{"function": function, "with": given}]}},
         ):
-            with pytest.raises(ScenarioError, match=r"^(facts|teams\.red\.meta)\.x(\.0)?\.with"):
+            with pytest.raises(ScenarioError, match=r"^(item 1 of )?(facts|teams\.red\.meta)\.x(\.|, )with"):
                 made(changes).check()

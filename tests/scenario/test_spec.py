@@ -14,9 +14,9 @@ from gamms.typing.game import OWNERS, TEAMS, Team
 
 WRONG = [
     ({"teams.red.cuont": 8}, "teams.red.cuont", "8. Did you mean 'count'?"),
-    ({"teams.red.count": "many"}, "teams.red.count", "'many': expected int"),
+    ({"teams.red.count": "many"}, "teams.red.count", "'many': it must be a whole number, not a text."),
     ({"teams.red.count": -1}, "teams.red.count", ">= 0"),
-    ({"teams.red.count": True}, "teams.red.count", "bool"),
+    ({"teams.red.count": True}, "teams.red.count", "not true or false"),
     ({"teams.red.count": 0}, "teams.red", "no agents"),
     ({"mpa": {}}, "mpa", "Did you mean 'map'?"),
     ({"map": {}}, "map", "nothing is given"),
@@ -57,14 +57,14 @@ WRONG = [
     ),
     ({"rules.0.wiht": {}}, "rules.0.wiht", "Did you mean 'with'?"),
     ({"rules.0": {"rule": "capture_flag", "with": {"flags": {"bleu": 3}}}}, "rules.0.with.flags", "'blue'"),
-    ({"seed": "x"}, "seed", "expected int"),
-    ({"max_turns": 1.5}, "max_turns", "expected int"),
+    ({"seed": "x"}, "seed", "it must be a whole number or nothing, not a text."),
+    ({"max_turns": 1.5}, "max_turns", "it must be a whole number"),
     ({"teams": {}}, "teams", "length >= 1"),
     ({"sensors": {"eyes": {"a - at `$": 1}}}, "sensors.eyes.a - at `$", "unknown key, with the value 1"),
     ({"a - at `$": 1}, "a - at `$", "unknown key"),
     ({"settings": {"legal": "x` - at `$"}}, "settings.legal", "use one of edges, any"),
-    ({"facts": {1: 2}}, "facts.1", "cannot be 1: expected str, got int"),
-    ({"teams": {5: {"count": 1}}}, "teams.5", "cannot be 5: expected str, got int"),
+    ({"facts": {1: 2}}, "facts.1", "cannot be 1: it must be a text, not a whole number."),
+    ({"teams": {5: {"count": 1}}}, "teams.5", "cannot be 5: it must be a text, not a whole number."),
     ({"teams.red": {5: 1}}, "teams.red.5", "unknown key"),
     ({"facts": {"a": 1j}}, "facts.a", "no plain value"),
     ({"facts": {"a": float("nan")}}, "facts.a", "NaN"),
@@ -76,9 +76,27 @@ def test_an_error_names_the_place_and_the_way_out(made, changes, path, hint):
     with pytest.raises(ScenarioError) as raised:
         made(changes)
     assert raised.value.path == path
-    assert str(raised.value).startswith(f"{path}: ")
+    assert str(raised.value).startswith(f"{raised.value.place}: ")
     assert hint in str(raised.value)
     assert isinstance(raised.value, (GammsError, ValueError))
+
+
+@pytest.mark.parametrize(
+    ("changes", "place"),
+    [
+        ({"teams.red.cuont": 3}, "teams.red.cuont"),
+        ({"rules.1": {"rule": "tag", "wiht": {}}}, "item 2 of rules (tag), wiht"),
+        ({"teams.blue.agents.1.nod": 3}, "item 2 of teams.blue.agents (bert), nod"),
+        ({"teams.blue.from": [{"team": "red"}]}, "item 1 of teams.blue.from, at_least"),
+        ({"conflicts": {"capacity": {"5": "x"}}}, "conflicts.capacity.5"),
+    ],
+    ids=str,
+)
+def test_a_message_counts_the_items_of_lists_from_one(made, changes, place):
+    with pytest.raises(ScenarioError) as raised:
+        made(changes)
+    assert raised.value.place == place
+    assert str(raised.value).startswith(f"{place}: ")
 
 
 def test_the_teams_that_a_new_rule_names_are_checked_by_its_annotations(made, monkeypatch):
@@ -94,7 +112,9 @@ def test_the_teams_that_a_new_rule_names_are_checked_by_its_annotations(made, mo
         ({"guards": ["red", "rad"]}, "guards"),
         ({"watched": {"rad": 3}}, "watched"),
     ):
-        with pytest.raises(ScenarioError, match=rf"^rules\.0\.with\.{path}: unknown team 'rad'. Did you mean 'red'?"):
+        with pytest.raises(
+            ScenarioError, match=rf"^item 1 of rules \(escort\), with\.{path}: unknown team 'rad'. Did you mean 'red'?"
+        ):
             made({"rules.0": {"rule": "escort", "with": right | wrong}})
 
 
@@ -228,3 +248,18 @@ def test_the_schema_is_one_that_editors_take():
     assert json.loads(json.dumps(schema)) == schema
     assert schema["$defs"]["Team"]["additionalProperties"] is False
     assert "from" in schema["$defs"]["Team"]["properties"]
+
+
+def test_a_key_of_the_data_that_no_code_names_is_warned_about(made, folder):
+    (folder / "referee.py").write_text((folder / "referee.py").read_text() + "\nPRICE = 'price'\n")
+    odd = made({}, data={"price": 1, "pirce": 2})
+    assert odd.warnings() == ["data.pirce: nothing in the code of this game names 'pirce'."]
+    assert made({}, data={"price": 1}).warnings() == []
+
+
+def test_what_a_rule_of_gamms_keeps_counts_as_named(made):
+    rules = [{"rule": "capture_flag", "with": {"flags": {"red": 0, "blue": 5}}}]
+    assert made({}, rules=rules, data={"flags": {}}).warnings() == []
+    rules[0]["with"]["key"] = "flags_of_mine"
+    assert made({}, rules=rules, data={"flags_of_mine": {}}).warnings() == []
+    assert made({}, rules=[], data={"flags_of_mine": {}}).warnings() != []

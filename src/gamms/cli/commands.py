@@ -1,7 +1,7 @@
 """All commands in the order of the help, and those on scenario files and maps, which only look."""
 
 import json
-from collections.abc import Callable
+from collections.abc import Callable, Mapping
 from enum import StrEnum
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated, Any
@@ -10,7 +10,8 @@ import typer
 
 import gamms
 from gamms.cli import play, recordings
-from gamms.cli.output import console, echo, guarded, rich_table
+from gamms.cli.new import new
+from gamms.cli.output import console, echo, guarded, rich_table, warn
 from gamms.text import printable_line
 
 if TYPE_CHECKING:
@@ -31,7 +32,7 @@ def about(version: Annotated[bool, typer.Option("--version", help="Show the vers
         raise typer.Exit
 
 
-def check_scenario(
+def check(
     file: play.ScenarioFile,
     build: Annotated[bool, typer.Option("--build", help="Also import the code it names, and build the game.")] = False,
     allow: play.Allow = None,
@@ -41,6 +42,7 @@ def check_scenario(
 
     game = scenario.load(file, allow or ())
     done = game.check()
+    warn(game)
     for one in game.code() if build else []:
         echo(f"imports {printable_line(f'{one.path}: {one}')}")
     if build:
@@ -49,14 +51,14 @@ def check_scenario(
     echo(f"{file}: all is well. Checked: {'; '.join(done)}.")
 
 
-def scenario_schema() -> None:
+def schema() -> None:
     """Print the JSON Schema of scenario files, for editors."""
     from gamms import scenario
 
     echo(json.dumps(scenario.schema(), indent=2))
 
 
-def map_report(
+def report(
     file: Annotated[Path, typer.Argument(help="An OpenStreetMap or GeoJSON file.", metavar="FILE", show_default=False)],
     resolution: Annotated[float, typer.Option(help="Metres between nodes.", metavar="METRES")] = 10.0,
     tolerance: Annotated[
@@ -86,46 +88,38 @@ def _fidelity(file: Path, network: _Network, *, resolution: float, tolerance: fl
     return osm.report(graph, file)
 
 
-_COMMANDS: tuple[tuple[str, Callable[..., None], tuple[str, ...]], ...] = (
-    ("demo", play.demo, ("gamms demo", "gamms demo --seed 7 --teams cats=5,dogs=3 --map town.osm.pbf")),
-    (
-        "run",
-        play.run,
-        (
-            "gamms run match.yaml --seed 7 --film match.mp4",
-            "gamms run match.yaml --set teams.red.count=8 --strategy red=mine.py:strategy --out results",
-        ),
+_Commands = Mapping[Callable[..., None], tuple[str, ...]]  # each with examples, in the order of the help
+
+_COMMANDS: _Commands = {
+    play.demo: ("gamms demo", "gamms demo --seed 7 --teams cats=5,dogs=3 --map town.osm.pbf"),
+    new: ("gamms new hunt", "gamms new flags --from capture_the_flag"),
+    play.run: (
+        "gamms run match.yaml --seeds 0:50",
+        "gamms run match.yaml --seed 7 --film match.mp4",
+        "gamms run match.yaml --set teams.red.count=8 --strategy red=mine.py:strategy --out results",
     ),
-    ("replay", recordings.replay, ("gamms replay game.ggr", "gamms replay game.ggr --window --seconds 0.2")),
-    (
-        "render",
-        recordings.render,
-        (
-            "gamms render game.ggr game.mp4 --turns 100:200 --follow red_0",
-            "gamms render game.ggr turn60.png --turns 60 --fog red",
-        ),
+    recordings.replay: ("gamms replay game.ggr", "gamms replay game.ggr --window --seconds 0.2"),
+    recordings.render: (
+        "gamms render game.ggr game.mp4 --turns 100:200 --follow red_0",
+        "gamms render game.ggr turn60.png --turns 60 --fog red",
     ),
-    ("info", recordings.info, ("gamms info game.ggr", "gamms info game.ggr --json")),
-    ("verify", recordings.verify, ("gamms verify game.ggr",)),
-    ("diff", recordings.diff, ("gamms diff before.ggr after.ggr",)),
-    (
-        "convert",
-        recordings.convert,
-        ("gamms convert game.ggr game.jsonl", "gamms convert old.ggr new.ggr --map map.gamms"),
+    recordings.info: ("gamms info game.ggr", "gamms info game.ggr --json"),
+    recordings.verify: ("gamms verify game.ggr",),
+    recordings.diff: ("gamms diff before.ggr after.ggr",),
+    recordings.convert: (
+        "gamms convert game.ggr game.csv",
+        "gamms convert game.ggr game.jsonl",
+        "gamms convert old.ggr new.ggr --map map.gamms",
     ),
-)
-_ON_SCENARIOS: tuple[tuple[str, Callable[..., None], tuple[str, ...]], ...] = (
-    ("check", check_scenario, ("gamms scenario check match.yaml", "gamms scenario check match.yaml --build")),
-    ("schema", scenario_schema, ("gamms scenario schema > schema.json",)),
-)
-_ON_MAPS: tuple[tuple[str, Callable[..., None], tuple[str, ...]], ...] = (
-    ("report", map_report, ("gamms osm report town.osm.pbf --network walk",)),
-)
+}
+_ON_SCENARIOS: _Commands = {
+    check: ("gamms scenario check match.yaml", "gamms scenario check match.yaml --build"),
+    schema: ("gamms scenario schema > schema.json",),
+}
+_ON_MAPS: _Commands = {report: ("gamms osm report town.osm.pbf --network walk",)}
 
 
-def _app(
-    about: str, commands: tuple[tuple[str, Callable[..., None], tuple[str, ...]], ...], *examples: str
-) -> typer.Typer:
+def _group(about: str, commands: _Commands, examples: tuple[str, ...] = ()) -> typer.Typer:
     """Return a group of commands; its help is plain text, in which flags are shown as flags."""
     group = typer.Typer(
         help=about,
@@ -136,8 +130,8 @@ def _app(
         rich_markup_mode=None,
         context_settings={"max_content_width": 100},
     )
-    for name, command, usage in commands:
-        group.command(name, epilog=_shown(usage))(guarded(command))
+    for command, usage in commands.items():
+        group.command(epilog=_shown(usage))(guarded(command))
     return group
 
 
@@ -146,16 +140,10 @@ def _shown(examples: tuple[str, ...]) -> str | None:
     return "\n".join(("\b", "Examples:", *(f"  {example}" for example in examples))) if examples else None
 
 
-app = _app(
-    about.__doc__ or "",
-    _COMMANDS,
-    "gamms demo",
-    "gamms run match.yaml --seed 7",
-    "gamms replay gamms-run/game.ggr --window",
-)
+app = _group(about.__doc__ or "", _COMMANDS, ("gamms demo", "gamms new hunt", "gamms run hunt/hunt.yaml --window"))
 app.callback(invoke_without_command=True)(about)
-app.add_typer(_app("Look at scenario files.", _ON_SCENARIOS), name="scenario")
-app.add_typer(_app("Look at maps.", _ON_MAPS), name="osm")
+app.add_typer(_group("Look at scenario files.", _ON_SCENARIOS), name="scenario")
+app.add_typer(_group("Look at maps.", _ON_MAPS), name="osm")
 
 
 def main() -> None:

@@ -137,7 +137,7 @@ def _summary(rows: list[dict[str, Any]], teams: list[str]) -> str:
     """Return in words who has won how often, and how long the games were."""
     wins, turns = Counter(row["winner"] for row in rows), [row["turns"] for row in rows]
     winners = [*teams, *(one for one in wins if one is not None and one not in teams)]
-    parts = [f"{one} wins {wins[one]} ({wins[one] / len(rows):.0%})" for one in winners]
+    parts = [f"{one} won {wins[one]} ({wins[one] / len(rows):.0%})" for one in winners]
     if wins[None]:
         parts.append(f"nobody {wins[None]} ({wins[None] / len(rows):.0%})")
     length = f"{fmean(turns):.1f} turns ({min(turns)} to {max(turns)})"

@@ -17,7 +17,7 @@ from rich.table import Table
 
 from gamms.errors import GammsError, MissingExtra, nearest
 from gamms.limits import allowing, parse_memory
-from gamms.scenario import ScenarioError
+from gamms.scenario import Scenario, ScenarioError
 from gamms.text import printable, printable_line, reason
 
 if TYPE_CHECKING:
@@ -114,6 +114,12 @@ def echo(text: str, *, err: bool = False) -> None:
     typer.echo(printable(text), err=err)
 
 
+def warn(game: Scenario) -> None:
+    """Print what may be a mistake in a scenario."""
+    for line in game.warnings():
+        echo(f"gamms: {line}", err=True)
+
+
 class _Console(Console):
     """Prints styled texts with their control characters escaped."""
 
@@ -197,5 +203,6 @@ def not_made(wanted: Iterable[Path], made: Iterable[Path | None]) -> str:
 
 
 def in_words(files: Iterable[Path]) -> str:
-    """Return the names of files, joined by "and"."""
-    return " and ".join(map(str, files))
+    """Return the names of files: "a", "a and b", "a, b and c"."""
+    *others, last = map(str, files)
+    return f"{', '.join(others)} and {last}" if others else last

@@ -17,6 +17,7 @@ from gamms.cli.output import (
     recorded,
     rich_table,
     save_pictures,
+    warn,
 )
 from gamms.demo import Team
 from gamms.text import printable_line
@@ -125,6 +126,7 @@ def run(  # noqa: PLR0913, PLR0917 - one argument per option
     found = _found_strategies(strategies or [])
     for line in _foreign_code(game, found):
         echo(f"imports {printable_line(line)}")
+    warn(game)
     if seeds is None:
         _play_one(game, seed, found, film, out, is_shown=window)
         return

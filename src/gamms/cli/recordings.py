@@ -8,7 +8,7 @@ from typing import TYPE_CHECKING, Annotated, Any
 import typer
 from rich.markup import escape
 
-from gamms.cli.output import console, echo, rich_table
+from gamms.cli.output import console, echo, in_words, rich_table
 from gamms.errors import BadValue
 from gamms.progress import progress
 from gamms.text import as_text, shown
@@ -71,20 +71,33 @@ def diff(
 def convert(
     file: _File,
     out: Annotated[
-        Path, typer.Argument(help="What is written: .ggr from version 2; .jsonl from version 3.", show_default=False)
+        Path,
+        typer.Argument(
+            help="What is written: tables, NAME_moves.csv and others for NAME.csv; .jsonl for all events; .ggr from a "
+            "recording of version 2.",
+            metavar="OUT",
+            show_default=False,
+        ),
     ],
     map: _Map = None,
 ) -> None:
-    """Make lines of JSON of a recording, or version 3 of version 2."""
+    """Make tables (.csv) or lines of JSON (.jsonl) of a recording."""
     from gamms import recordings
 
-    is_old, is_text = recordings.version_of(file) < 3, out.suffix == ".jsonl"
-    if is_old and is_text:
-        raise BadValue(f"{str(file)!r} has version 2: convert it to a .ggr of version 3 first, and that to .jsonl.")
+    is_old, form = recordings.version_of(file) < 3, out.suffix.lower()
+    if is_old and form in (".jsonl", ".csv"):
+        raise BadValue(f"{str(file)!r} has version 2: convert it to a .ggr of version 3 first, and that to {form}.")
     if map is not None and not is_old:
         raise BadValue("--map is for recordings of version 2 only: others hold their map.")
-    warning = recordings.to_json_lines(file, out) if is_text else recordings.to_version_3(file, out, map)
-    echo(f"Wrote {out if out.suffix in ('.ggr', '.jsonl') else f'{out}.ggr'}.")
+    made = [out]
+    if form == ".csv":
+        made, warning = recordings.to_csv(file, out)
+    elif form == ".jsonl":
+        warning = recordings.to_json_lines(file, out)
+    else:
+        warning = recordings.to_version_3(file, out, map)
+        made = [out if form == ".ggr" else Path(f"{out}.ggr")]
+    echo(f"Wrote {in_words(made) if made else 'nothing: there are no rows'}.")
     if warning:
         echo(f"gamms: {warning} All before that has been converted.", err=True)
         raise typer.Exit(1)

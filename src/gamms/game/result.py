@@ -159,7 +159,7 @@ class Result:
 
     def headline(self) -> str:
         """Return in one line who has won, after how many turns and why."""
-        end = "no team wins" if self.winner is None else f"{self.winner} wins"
+        end = "no team won" if self.winner is None else f"{self.winner} won"
         return printable_line(f"{end} after {self.turns} turns: {self.reason}")
 
     def _shown_tables(self) -> Iterator[list[tuple[str, ...]]]:

@@ -4,10 +4,14 @@ Strategies ask every turn, mostly for the same goals. So the distances to a goal
 the way to it, are computed once; then a path from anywhere is a walk.
 """
 
+import logging
 from collections.abc import Callable, Hashable, Iterable
+from functools import cache, partial
+from time import perf_counter
 
 import numpy as np
 
+from gamms import kernels
 from gamms.arguments import as_range
 from gamms.errors import BadType, UnknownName, nearest
 from gamms.graph import records
@@ -18,6 +22,7 @@ from gamms.text import shown
 from gamms.typing.graph_engine import RememberedT, Routes
 from gamms.typing.graph_values import NodeIds
 
+_PATIENCE_S = 2.0
 _MOST_BYTES = 256 * 2**20  # the tables of one goal take 12 bytes a node
 
 
@@ -31,6 +36,7 @@ class CachedRoutes(Routes):
     def __init__(self, store: GraphStore) -> None:
         self._store = store
         self.cache = Cache(_MOST_BYTES)
+        self._seconds = 0.0
 
     def ids(self) -> IntArray:
         """Return the ids of all nodes (nodes,), by row, without those of nodes that were removed."""
@@ -59,7 +65,25 @@ class CachedRoutes(Routes):
 
     def remember(self, key: Hashable, make: Callable[[], RememberedT]) -> RememberedT:
         """Return what `make` gave for this revision of the graph."""
-        return self.cache.get(self._store.revision, key, make)
+        slow = kernels.lacks_scipy(len(self._store.edges))
+        return self.cache.get(self._store.revision, key, partial(self._timed, make) if slow else make)
+
+    def _timed(self, make: Callable[[], RememberedT]) -> RememberedT:
+        """Return what `make` gives; warn once it has taken seconds, most of which SciPy would have saved."""
+        began = perf_counter()
+        found = make()
+        self._seconds += perf_counter() - began
+        if self._seconds > _PATIENCE_S:
+            _warn_of_missing_scipy()
+        return found
+
+
+@cache  # once in a process
+def _warn_of_missing_scipy() -> None:
+    logging.getLogger("gamms").warning(
+        "Shortest ways have taken seconds, because SciPy is not installed. With it they take a fraction of that: "
+        'pip install "gamms[accel]"'
+    )
 
 
 def edge_weights(columns: GraphColumns, weight: str | None) -> FloatArray:

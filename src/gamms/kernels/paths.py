@@ -113,7 +113,7 @@ def first_steps(tight: Arcs, hops: FloatArray, ids: IntArray) -> IntArray:
 
 def shortest_distances(arcs: Arcs, rows: IntArray, cutoff: float = inf) -> FloatArray:
     """Return what `heap_distances` returns; by SciPy where it is installed and faster."""
-    if len(arcs.ends) < _FEW or len(rows) == 0 or not is_installed():
+    if len(arcs.ends) < _FEW or len(rows) == 0 or not has_scipy():
         return heap_distances(arcs, rows, cutoff)
     return scipy_distances(arcs, rows, cutoff)
 
@@ -128,8 +128,13 @@ def scipy_distances(arcs: Arcs, rows: IntArray, cutoff: float = inf) -> FloatArr
     return found
 
 
+def lacks_scipy(arcs: int) -> bool:
+    """Return whether SciPy would be faster for so many arcs, and is not installed."""
+    return arcs >= _FEW and not has_scipy()
+
+
 @cache
-def is_installed() -> bool:
+def has_scipy() -> bool:
     """Return whether SciPy can be imported; tried once."""
     try:
         _sparse()

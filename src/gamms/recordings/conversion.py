@@ -1,12 +1,16 @@
-"""Makes contexts for recordings, and converts these: version 2 to version 3, version 3 to lines of JSON."""
+"""Makes contexts for recordings, and converts these: to version 3, to lines of JSON and to tables in CSV files."""
 
+import csv
 import json
 import os
+import re
 from base64 import b64encode
 from collections.abc import Callable, Iterator
-from itertools import chain
+from contextlib import contextmanager
+from itertools import chain, islice
 from math import isfinite, isnan
-from typing import Any
+from pathlib import Path
+from typing import Any, TextIO
 
 import numpy as np
 
@@ -28,6 +32,7 @@ from gamms.visual import Engine
 
 _PROVENANCE = {"converted": "from a recording of version 2"}
 _Record = dict[str, Any]
+_ESCAPED = "backslashreplace"  # of halves of surrogate pairs, as JSON escapes them
 _MOST_BITS = 14_000  # of an integer that Python writes out
 _QUIET = {"level": "CRITICAL"}  # what a recording cannot say, such as the sensors of version 2, is no news
 _NODES = {kinds.AGENT_CURRENT_NODE, kinds.AGENT_PREV_NODE}
@@ -160,7 +165,8 @@ def to_version_3(
     version = version_of(path)
     if version > 2:
         raise BadValue(
-            f"{str(path)!r} has version {version} already; give an OUT that ends in .jsonl to see it as text."
+            f"{str(path)!r} has version {version} already; give an OUT that ends in .csv for its tables, in .jsonl for "
+            "all events as text."
         )
     with with_nodes_made_up(path, map) as ctx:
         ctx.record.start(out, provenance=_PROVENANCE)
@@ -232,7 +238,7 @@ def to_json_lines(path: str | os.PathLike[str], out: str | os.PathLike[str]) -> 
     if target.exists():
         raise FileExistsError(f"There is a file {str(out)!r} already; choose another name or delete it first.")
     with opened(path) as recording, whole_file(target) as beside:
-        with beside.open("w", encoding="utf-8", errors="backslashreplace") as file:  # as JSON escapes them, too
+        with beside.open("w", encoding="utf-8", errors=_ESCAPED) as file:
             lines = (json.dumps(as_json(line), ensure_ascii=False, allow_nan=False) for line in _lines(recording))
             file.writelines(f"{line}\n" for line in lines)
         return recording.warning
@@ -250,6 +256,57 @@ def _lines(recording: Recording) -> Iterator[_Record]:
     agents = [dict(zip(names, row, strict=True)) for row in rows]
     yield {"turn": 0, "event": "START", "agents": agents, "scores": start.scores, "data": start.data}
     yield from recording.steps()
+
+
+# -- tables -----------------------------------------------------------------------------------------------------
+
+_TABLES = ("moves", "positions", "scores", "events", "sensed")
+_MOST_KINDS = 100  # of events that get a file of their own
+_FILE_NAME = re.compile(r"[A-Za-z0-9_][A-Za-z0-9_-]{0,63}")
+
+
+def to_csv(path: str | os.PathLike[str], out: str | os.PathLike[str]) -> tuple[list[Path], str | None]:
+    """Write the tables of a recording of version 3 as CSV files, those that have rows.
+
+    `game.csv` gives `game_moves.csv`, `game_scores.csv`, and so on, with one file for each of the first hundred kinds
+    of events whose name can be part of a file's name. Values that are no number and no text are written as JSON.
+
+    Returns:
+        The files, and what is missing of a recording that was not finished.
+
+    Raises:
+        RecordingError (ValueError): it is damaged.
+        FileExistsError: one of the files is there already; nothing is written then.
+        OSError: a file cannot be read or written.
+    """
+    target = as_path(out, "out")
+    with opened(path) as recording:
+        kinds_of_events = dict.fromkeys(event["kind"] for event in recording.events())
+        names = dict.fromkeys((*_TABLES, *islice(filter(_FILE_NAME.fullmatch, kinds_of_events), _MOST_KINDS)))
+        tables = {name: table for name in names if len((table := recording.table(name))["turn"])}
+        files = {name: target.with_name(f"{target.stem}_{name}.csv") for name in tables}
+        for file in files.values():
+            if file.exists():
+                raise FileExistsError(f"There is a file {str(file)!r} already; choose another name or delete it first.")
+        for name, table in tables.items():
+            with _csv_file(files[name]) as stream:
+                writer = csv.writer(stream)
+                writer.writerow(table)
+                columns = [column.tolist() for column in table.values()]
+                writer.writerows([_cell(value) for value in row] for row in zip(*columns, strict=True))
+        return list(files.values()), recording.warning
+
+
+@contextmanager
+def _csv_file(path: Path) -> Iterator[TextIO]:
+    with whole_file(path) as beside, beside.open("w", newline="", encoding="utf-8", errors=_ESCAPED) as stream:
+        yield stream
+
+
+def _cell(value: Plain) -> str | int | float | bool | None:
+    """Return a value as CSV has it."""
+    plain = as_json(value)
+    return plain if plain is None or isinstance(plain, (str, int, float, bool)) else json.dumps(plain)
 
 
 def as_json(value: Plain) -> Plain:

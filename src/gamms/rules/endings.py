@@ -35,14 +35,17 @@ def with_hooks(rule: R, **hooks: Unpack[Hooks]) -> R:
     return rule
 
 
-class _ItsTeam:
-    """Stands for the team that reached the goal."""
+class _Winner:
+    """Stands for a team that shows only at the end."""
+
+    def __init__(self, name: str) -> None:
+        self._name = name
 
     def __repr__(self) -> str:
-        return "ITS_TEAM"
+        return self._name
 
 
-ITS_TEAM = _ItsTeam()
+ITS_TEAM, LEADER = _Winner("ITS_TEAM"), _Winner("LEADER")  # that reached its goal, with the highest score
 
 
 @overload
@@ -101,21 +104,27 @@ def reach(
     return with_hooks(reach, prepare=prepare, teams=list(goals))
 
 
-def time_limit(turns: int) -> Rule:
-    """Make a rule that ends the game after so many turns; the team with the highest score wins, if it is one alone.
+def time_limit(turns: int, winner: Team = LEADER) -> Rule:
+    """Make a rule that ends the game after so many turns.
 
-    Teams are those that agents play for, dead ones included; where there is only one, there is no winner.
+    Args:
+        turns: how many.
+        winner: the team that wins if the game lasts so long, None for no team; by default the one with the highest
+            score, if it is one alone. Teams are those that agents play for, dead ones included; where there is only
+            one, there is no winner by the score.
 
     Raises:
-        BadType, BadValue: the number is not an integer, or less than 1.
+        BadType, BadValue: the number is not an integer, or less than 1; or the winner cannot be a team.
     """
     last = as_count(turns, "turns")
 
+    named = [] if winner in (LEADER, None) else [as_key(winner, "winner")]
+
     def time_limit(ctx: Context) -> None:
         if ctx.game.turn >= last:
-            ctx.game.end("time limit", winner=_leader(ctx), truncated=True)
+            ctx.game.end("time limit", winner=_leader(ctx) if winner is LEADER else winner, truncated=True)
 
-    return time_limit
+    return with_hooks(time_limit, teams=named)
 
 
 def last_team() -> Rule:

@@ -26,17 +26,20 @@ class ScenarioError(GammsError, ValueError):
     """A scenario that cannot be played as it is written.
 
     Attributes:
-        path: where in the scenario, such as `teams.red.count`; "" for the whole.
+        path: where in the scenario, such as `teams.red.count` or `rules.0`; "" for the whole.
+        place: the same in words, in which items are counted from 1.
         file: the file it was read from, or None.
     """
 
-    def __init__(self, path: str, message: str, file: object = None) -> None:
+    def __init__(self, path: str, message: str, file: object = None, place: str | None = None) -> None:
         self.path, self.message, self.file = path, message, None if file is None else str(file)
-        super().__init__(printable(": ".join(part for part in (self.file, path, message) if part)))
+        self.place = path if place is None else place
+        super().__init__(printable(": ".join(part for part in (self.file, self.place, message) if part)))
 
-    def within(self, file: object) -> "ScenarioError":
-        """Return the same error with its file."""
-        return ScenarioError(self.path, self.message, file)
+    def within(self, file: object, raw: Plain) -> "ScenarioError":
+        """Return the same error with its file, and its place in words."""
+        place = _in_words(self.path, raw) if self.place == self.path else self.place
+        return ScenarioError(self.path, self.message, self.file or file, place)
 
 
 def joined(path: str, key: object) -> str:
@@ -61,18 +64,31 @@ def at(path: str) -> Iterator[None]:
 
 
 @contextmanager
-def named(file: object) -> Iterator[None]:
-    """Say of errors in which file they are; None if there is none.
+def named(file: object, raw: Plain = None) -> Iterator[None]:
+    """Say of errors in which file they are, None if there is none; and where, in words, in the values that were read.
 
     Raises:
-        ScenarioError: the same, with the file.
+        ScenarioError: the same, with both.
     """
     try:
         yield
     except ScenarioError as error:
-        if file is None or error.file is not None:
-            raise
-        raise error.within(file) from error.__cause__
+        raise error.within(file, raw) from error.__cause__
+
+
+def _in_words(path: str, raw: Plain) -> str:
+    """Return a path in which the items of lists are counted from 1: `item 3 of rules (tag), with.hops`."""
+    words, here = "", raw
+    for part in path.split("."):
+        if isinstance(here, list) and part.isdecimal() and int(part) < len(here):
+            label = _known(here)[int(part)]
+            here = here[int(part)]
+            words = f"item {int(part) + 1} of {words}{f' ({label})' if label else ''}, "
+        else:
+            key = None if isinstance(here, list) else _found(here, part)
+            here = None if key is None else here[key]
+            words = f"{words}{'.' if words and not words.endswith(', ') else ''}{part}"
+    return words.removesuffix(", ")
 
 
 # -- plain values ----------------------------------------------------------------------------------------------------
@@ -183,6 +199,7 @@ _WORDS = re.compile(
     r"|(?P<float>[-+]?(?:\.[0-9]+|[0-9]+(?:\.[0-9]*)?)(?:[eE][-+]?[0-9]+)?|[-+]?\.(?:inf|Inf|INF))"
 )
 _TAG = "tag:yaml.org,2002:"
+_MOST_VALUES = 500_000  # as many as a file without aliases can hold
 
 
 def read(file: Path) -> Plain:
@@ -225,7 +242,7 @@ def from_json(text: str) -> Plain:
 
 
 def from_yaml(text: str) -> Plain:
-    """Return the plain values in a text of YAML 1.2, which may use neither aliases nor tags.
+    """Return the plain values in a text of YAML 1.2, which may use no tags, and aliases within bounds.
 
     Raises:
         ScenarioError: it is not one, or has a key twice.
@@ -240,34 +257,81 @@ def from_yaml(text: str) -> Plain:
                 documents += 1
                 if documents > 1:
                     raise ScenarioError("", f"{_line(event)}: a file holds a single document.")
-                value = _composed(next(events), events, "", 1)
+                value = _Composer(events).composed(next(events), "", 1)
     except yaml.YAMLError as error:
-        raise ScenarioError("", f"this is no YAML: {' '.join(str(error).split())}.") from None
+        raise ScenarioError("", f"this is not YAML: {_flaw(error, text)}") from None
     return value
 
 
-def _composed(event: "yaml.Event", events: "Iterator[yaml.Event]", path: str, depth: int) -> Plain:
-    """Return the value that begins with an event; what is not plain is refused before more is read."""
-    import yaml
+def _flaw(error: "yaml.YAMLError", text: str) -> str:
+    """Return where a text is not YAML, and why."""
+    mark = getattr(error, "problem_mark", None)
+    if mark is None:
+        return f"{' '.join(str(error).split())}."
+    lines = text.splitlines()
+    for number in (mark.line, mark.line - 1):
+        line = lines[number] if 0 <= number < len(lines) else ""
+        if "\t" in line[: len(line) - len(line.lstrip())]:
+            return f"line {number + 1} begins with a tab. YAML is indented by spaces: put spaces in its place."
+    return f"line {mark.line + 1}, column {mark.column + 1}: {getattr(error, 'problem', error)}."
 
-    if depth > _DEEPEST:
-        raise ScenarioError("", f"the file is nested more than {_DEEPEST} deep.")
-    if isinstance(event, yaml.ScalarEvent):
-        return _scalar(event, path)
-    if isinstance(event, yaml.AliasEvent):
-        raise ScenarioError("", f"{_line(event)}: aliases (*name) are not allowed; write it out.")
-    is_map, tag = isinstance(event, yaml.MappingStartEvent), getattr(event, "tag", None)
-    if tag not in (None, "!", f"{_TAG}{'map' if is_map else 'seq'}"):
-        raise ScenarioError(path, f"{_line(event)}: the tag {tag!r} is not allowed.")
-    items: list[Plain] = []
-    found: dict[str | int, Plain] = {}
-    while not isinstance(event := next(events), (yaml.MappingEndEvent, yaml.SequenceEndEvent)):
-        if is_map:
-            key = _key(_composed(event, events, path, depth + 1), event, path)
-            _add_once(found, key, _composed(next(events), events, joined(path, key), depth + 1), path)
+
+class _Composer:
+    """Makes plain values of the events of a parser; what is not plain is refused before more is read.
+
+    Aliases (`*name`) stand for what an anchor (`&name`) before them has named. All values count, those in aliases as
+    often as they are there.
+    """
+
+    def __init__(self, events: "Iterator[yaml.Event]") -> None:
+        self._events, self._made = events, 0
+        self._anchored: dict[str, tuple[Plain, int]] = {}  # and how many values that are
+
+    def composed(self, event: "yaml.Event", path: str, depth: int) -> Plain:
+        """Return the value that begins with an event."""
+        import yaml
+
+        if depth > _DEEPEST:
+            raise ScenarioError("", f"the file is nested more than {_DEEPEST} deep.")
+        before = self._made
+        if isinstance(event, yaml.AliasEvent):
+            value, size = self._aliased(event)
+            self._made += size
         else:
-            items.append(_composed(event, events, joined(path, len(items)), depth + 1))
-    return found if is_map else items
+            self._made += 1
+            value = _scalar(event, path) if isinstance(event, yaml.ScalarEvent) else self._several(event, path, depth)
+            if getattr(event, "anchor", None):
+                self._anchored[event.anchor] = value, self._made - before  # type: ignore[attr-defined] # asked for above
+        if self._made > _MOST_VALUES:
+            raise ScenarioError("", f"{_line(event)}: with its aliases the file has over {_MOST_VALUES:,} values.")
+        return value
+
+    def _aliased(self, event: "yaml.AliasEvent") -> tuple[Plain, int]:
+        name = event.anchor
+        if name not in self._anchored:
+            hint = nearest(name, self._anchored)
+            raise ScenarioError("", f"{_line(event)}: there is no anchor &{name} before the alias *{name}.{hint}")
+        return self._anchored[name]
+
+    def _several(self, event: "yaml.Event", path: str, depth: int) -> Plain:
+        """Return a mapping or a list."""
+        import yaml
+
+        is_map, tag = isinstance(event, yaml.MappingStartEvent), getattr(event, "tag", None)
+        if tag not in (None, "!", f"{_TAG}{'map' if is_map else 'seq'}"):
+            raise ScenarioError(path, f"{_line(event)}: the tag {tag!r} is not allowed.")
+        items: list[Plain] = []
+        found: dict[str | int, Plain] = {}
+        ends = (yaml.MappingEndEvent, yaml.SequenceEndEvent)
+        while not isinstance(event := next(self._events), ends):
+            if is_map:
+                key = _key(self.composed(event, path, depth + 1), event, path)
+                if key == "<<":
+                    raise ScenarioError(path, f"{_line(event)}: << is not read: give an alias for each value.")
+                _add_once(found, key, self.composed(next(self._events), joined(path, key), depth + 1), path)
+            else:
+                items.append(self.composed(event, joined(path, len(items)), depth + 1))
+        return found if is_map else items
 
 
 def _key(key: Plain, event: "yaml.Event", path: str) -> str | int:

@@ -17,7 +17,7 @@ from gamms.scenario.code import Found, Library, Sources, allowed
 from gamms.scenario.documents import ScenarioError, named
 from gamms.scenario.placement import members, node_at, place
 from gamms.scenario.spec import LatLon, Place, Spec, checked, to_plain
-from gamms.scenario.validation import check_code, check_sense
+from gamms.scenario.validation import check_code, check_sense, unread_data
 from gamms.text import shown
 from gamms.typing.graph_engine import Engine as GraphEngine
 from gamms.visual import Engine
@@ -55,7 +55,7 @@ class Scenario:
         self.file = None if file is None else as_path(file, "file")
         self.allow = allowed(allow)
         self._library = Library(Sources(self.folder, self.allow))
-        with named(self.file):
+        with named(self.file, given):
             self._raw: dict[str, Any] = documents.copied(given)
             self.spec: Spec = checked(self._raw, Spec)
             check_sense(self.spec)
@@ -74,8 +74,9 @@ class Scenario:
         Raises:
             ScenarioError: a path leads nowhere, or the value cannot be there.
         """
-        with named(self.file):
+        with named(self.file, self._raw):
             raw = documents.changed(self._raw, changes)
+        with named(self.file, raw):
             new = _from_plain(raw, self.folder, self.file, self.allow)
         if raw.get("map") == self._raw.get("map"):
             new._loaded = self._loaded
@@ -88,7 +89,7 @@ class Scenario:
         Raises:
             ScenarioError: it cannot be loaded.
         """
-        with named(self.file):
+        with named(self.file, self._raw):
             columns: GraphColumns = self._loaded().columns
             return columns
 
@@ -98,7 +99,7 @@ class Scenario:
         Raises:
             ScenarioError: there is no such node, or it is not a place.
         """
-        with named(self.file), create_context(logger_config=maps.quiet()) as ctx:
+        with named(self.file, self._raw), create_context(logger_config=maps.quiet()) as ctx:
             ctx.graph.storage.copy_from(self._loaded())
             return node_at(ctx, place if isinstance(place, LatLon) else checked(place, Place, "place"), "place")
 
@@ -108,8 +109,18 @@ class Scenario:
         Raises:
             ScenarioError: some of it is not there.
         """
-        with named(self.file):
+        with named(self.file, self._raw):
             return check_code(self.spec, Sources(self.folder, self.allow))
+
+    def warnings(self) -> list[str]:
+        """Return what may be a mistake: keys of `data` that no code of the game names. No code is run.
+
+        Raises:
+            ScenarioError: some code is not there.
+        """
+        file = "" if self.file is None else f"{self.file}: "
+        unread = unread_data(self.spec, self.code())
+        return [f"{file}data.{key}: nothing in the code of this game names {shown(key)}." for key in unread]
 
     def check(self) -> list[str]:
         """Do everything that can be done without running code or asking a server; return what was done.
@@ -121,7 +132,7 @@ class Scenario:
         agents = members(self.spec)
         done = ["keys, types and names", f"{len(found)} references to code (found, not run)"]
         if maps.is_data(self.spec.map):
-            with named(self.file), create_context(seed=self.spec.seed, logger_config=maps.quiet()) as ctx:
+            with named(self.file, self._raw), create_context(seed=self.spec.seed, logger_config=maps.quiet()) as ctx:
                 ctx.graph.storage.copy_from(self._loaded())
                 place(ctx, self.spec, agents)
                 done += [
@@ -158,7 +169,7 @@ class Scenario:
         unknown = next((name for name in given if name not in known), None)
         if unknown is not None:
             raise UnknownName("team or agent", unknown, known)
-        with named(self.file):
+        with named(self.file, self._raw):
             if not self._loaded.cache_info().currsize:
                 self.code()
             map = self._loaded()
@@ -170,7 +181,7 @@ class Scenario:
             game={**to_plain(self.spec.settings), "max_turns": self.spec.max_turns},
         )
         try:
-            with named(self.file):
+            with named(self.file, self._raw):
                 ctx.graph.storage.copy_from(map)  # with the visibility tables of earlier games
                 builder = Builder(ctx, self.spec, self._library, given)
                 builder.build()
@@ -180,7 +191,7 @@ class Scenario:
             raise
 
         def draw_again() -> None:
-            with named(self.file):
+            with named(self.file, self._raw):
                 builder.draw_again()
 
         ctx.game.internals.draw_start = draw_again

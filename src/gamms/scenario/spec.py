@@ -3,6 +3,7 @@
 `Spec` is the whole file. Every class is one mapping in it; a key that is not listed is an error.
 """
 
+import re
 import types
 from collections.abc import Iterator, Mapping
 from itertools import count
@@ -261,6 +262,16 @@ def given_values(part: msgspec.Struct) -> Values:
 
 # -- errors -----------------------------------------------------------------------------------------------------
 
+_TYPES = {
+    "int": "a whole number",
+    "float": "a number",
+    "str": "a text",
+    "bool": "true or false",
+    "array": "a list",
+    "object": "a mapping",
+    "null": "nothing",
+}
+
 
 def _explained(value: Any, kind: Any, path: str, message: str) -> ScenarioError:
     """Return the error for a value that is not of a type, at the innermost place that is wrong."""
@@ -317,5 +328,7 @@ def _in_words(value: object, kind: object, message: str) -> str:
     choices = [choice for option in _options(kind) if get_origin(option) is Literal for choice in get_args(option)]
     if choices:
         return f"use one of {', '.join(map(str, choices))}.{nearest(value, choices)}"
-    plain = message.replace("`", "").replace("null", "nothing").replace("object", "mapping").replace("array", "list")
-    return f"{plain[:1].lower()}{plain[1:]}."
+    plain = re.sub(
+        r"`([a-z |]+)`", lambda found: " or ".join(_TYPES.get(one, one) for one in found[1].split(" | ")), message
+    )
+    return f"{plain[:1].lower()}{plain[1:]}.".replace("expected ", "it must be ").replace(", got ", ", not ")

@@ -3,14 +3,25 @@
 from collections.abc import Iterable, Iterator, Mapping
 from functools import reduce
 from itertools import islice
+from pathlib import Path
 from typing import NamedTuple
 
 from gamms.errors import nearest
 from gamms.plain import Plain
 from gamms.scenario import maps
 from gamms.scenario import spec as schema
-from gamms.scenario.code import GIVEN_LATER, RULES, Found, Sources, check_parameters, find, first_of, offered_function
-from gamms.scenario.documents import ScenarioError, joined
+from gamms.scenario.code import (
+    GIVEN_LATER,
+    RULES,
+    Found,
+    Sources,
+    check_parameters,
+    find,
+    first_of,
+    offered_function,
+    plain_defaults,
+)
+from gamms.scenario.documents import MOST_BYTES, ScenarioError, joined
 from gamms.scenario.placement import members
 from gamms.scenario.spec import Code, Spec, Values, checked, given_values, in_full
 from gamms.sensor.catalog import KINDS
@@ -18,6 +29,7 @@ from gamms.text import shown
 from gamms.typing.game import OWNERS, team_parameters
 from gamms.typing.sensor_engine import SensorType
 
+_MOST_FILES = 500
 _FEW = 20  # names that are compared or listed
 _RESOLVERS = ("by_priority", "at_random", "nobody")
 
@@ -84,7 +96,8 @@ def _check_sensor(path: str, sensor: schema.Sensor, spec: Spec) -> None:
     for key in (key.rstrip("_") for key in given):
         if key not in known:
             what = f"a {sensor.type} sensor" if sensor.type else "a function"
-            raise ScenarioError(joined(path, key), f"{what} has none. It has: {', '.join(known)}.")
+            hint = nearest(key, known) or f" It has: {', '.join(known)}."
+            raise ScenarioError(joined(path, key), f"{what} has none.{hint}")
     for key in ("team", "exclude"):
         teams = given.get(key, [])
         for team in [teams] if isinstance(teams, str) else teams:
@@ -224,3 +237,21 @@ def check_code(spec: Spec, sources: Sources) -> list[Found]:
             check_parameters(function, one.given, int(first_of(function) in GIVEN_LATER), one.path)
     maps.map_file(spec.map, sources.folder)
     return found
+
+
+def unread_data(spec: Spec, found: Iterable[Found]) -> list[str | int]:
+    """Return the keys of `data` that neither the files of the game nor the parameters of GAMMS's functions name."""
+    if any(one.file is None and one.module.partition(".")[0] != "gamms" for one in found):
+        return []  # an installed package may read anything
+    texts = [file.read_text(errors="replace") for file in _files_beside(found)]
+    for one in code_in(spec):
+        function = offered_function(one.reference, one.short)
+        texts.append(str(one.given if function is None else {**plain_defaults(function), **one.given}))
+    return [key for key in spec.data if not any(str(key) in text for text in texts)]
+
+
+def _files_beside(found: Iterable[Found]) -> Iterator[Path]:
+    """Yield the files of Python in the folders of code, as many as a game can have and none that is huge."""
+    folders = dict.fromkeys(one.file.parent for one in found if one.file is not None)
+    files = (file for folder in folders for file in sorted(folder.glob("*.py")))
+    yield from (file for file in islice(files, _MOST_FILES) if file.stat().st_size <= MOST_BYTES)

@@ -1,0 +1,67 @@
+"""`gamms new`: a game to begin with."""
+
+import pytest
+from typer.testing import CliRunner
+
+from gamms import cli, scenario
+
+
+@pytest.fixture(autouse=True)
+def folder(tmp_path, monkeypatch):
+    monkeypatch.chdir(tmp_path)
+    return tmp_path
+
+
+def run(*arguments):
+    return CliRunner().invoke(cli.app, list(map(str, arguments)), catch_exceptions=False)
+
+
+@pytest.mark.parametrize(
+    ("options", "agents"), [([], 5), (["--from", "pursuit"], 5), (["--from", "capture_the_flag"], 10)]
+)
+def test_a_new_game_can_be_played_at_once(folder, options, agents):
+    done = run("new", "hunt", *options)
+    assert done.exit_code == 0
+    assert sorted(path.name for path in (folder / "hunt").iterdir()) == ["hunt.yaml", "strategies.py"]
+    assert "gamms run hunt/hunt.yaml" in done.stdout
+    game = scenario.load("hunt/hunt.yaml")
+    assert game.spec.name == "hunt"
+    assert game.warnings() == []
+    assert {one.module for one in game.code() if "strategy" in one.path} == {"strategies"}
+    result = game.replace(max_turns=3).play()
+    assert len(result.agents) == agents
+    assert sum(one["moves"] for one in result.agents.values()) > agents
+    assert run("scenario", "check", "hunt/hunt.yaml", "--build").exit_code == 0
+
+
+def test_the_game_can_be_won_by_both_sides(folder):
+    run("new", "hunt")
+    game = scenario.load("hunt/hunt.yaml")
+    assert {game.play(seed=seed).winner for seed in (4, 10)} == {"pursuers", "evaders"}
+
+
+def test_what_is_there_is_not_written_over(folder):
+    (folder / "hunt").mkdir()
+    done = run("new", "hunt")
+    assert (done.exit_code, list((folder / "hunt").iterdir())) == (1, [])
+    assert "There is 'hunt' already" in done.stderr
+
+
+@pytest.mark.parametrize(
+    ("arguments", "hint"),
+    [
+        (["hunt", "--from", "pursiut"], "Unknown game 'pursiut'. Did you mean 'pursuit'?"),
+        (["a b"], "letters, digits"),
+        ([".."], "letters, digits"),
+    ],
+)
+def test_a_wrong_name_is_refused(folder, arguments, hint):
+    done = run("new", *arguments)
+    assert done.exit_code == 1
+    assert hint in done.stderr
+    assert list(folder.iterdir()) == []
+
+
+def test_a_game_may_be_in_a_folder_below(folder):
+    assert run("new", "games/hunt").exit_code == 0
+    assert scenario.load("games/hunt/hunt.yaml").spec.name == "hunt"
