@@ -3,6 +3,7 @@
 import math
 import os
 from collections.abc import Callable, Iterable, Mapping, Sequence
+from enum import Enum
 from itertools import islice
 from numbers import Real
 from operator import index
@@ -15,6 +16,7 @@ if TYPE_CHECKING:
     from pathlib import Path
 
 T = TypeVar("T")
+E = TypeVar("E", bound=Enum)
 
 _INT64 = 2**63
 
@@ -264,6 +266,13 @@ def _shown_signature(function: Callable[..., Any]) -> str:
     from inspect import signature
 
     return str(signature(function))
+
+
+def as_member(kind: type[E], value: object) -> E | None:
+    """Return a member of an enumeration, given as such or by its name in any case; None if this is neither."""
+    if isinstance(value, kind):
+        return value
+    return kind.__members__.get(value.rpartition(".")[2].upper()) if isinstance(value, str) else None
 
 
 def as_path(value: object, name: str) -> "Path":

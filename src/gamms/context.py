@@ -8,7 +8,7 @@ from types import TracebackType
 from typing import TYPE_CHECKING, Any, Self
 
 from gamms import agent, graph, kernels, memory, sensor, typing, visual
-from gamms.arguments import as_int, as_mapping, as_path, as_text
+from gamms.arguments import as_int, as_mapping, as_member, as_path, as_text
 from gamms.deciding import DecidePhase, Guarded, refused_while_deciding
 from gamms.errors import BadType, BadValue, UnknownEngine
 from gamms.text import printable, shown
@@ -326,8 +326,8 @@ class Context(Guarded, typing.IContext):
 
 
 def create_context(
-    graph_engine: "graph.Engine" = graph.Engine.MEMORY,
-    vis_engine: "visual.Engine" = visual.Engine.NO_VIS,
+    graph_engine: "graph.Engine | str" = graph.Engine.MEMORY,
+    vis_engine: "visual.Engine | str" = visual.Engine.NO_VIS,
     vis_kwargs: dict[str, Any] | None = None,
     logger_config: dict[str, Any] | None = None,
     *,
@@ -335,7 +335,7 @@ def create_context(
     graph_path: str | os.PathLike[str] | None = None,
     game: dict[str, Any] | None = None,
 ) -> Context:
-    """Open a context with all its engines.
+    """Open a context with all its engines; these are given as members, or by their names: `vis_engine="pygame"`.
 
     Args:
         graph_engine: MEMORY writes nothing to disk unless asked; SQLITE also keeps the graph in a database file.
@@ -357,6 +357,8 @@ def create_context(
         BadFile (ValueError): `graph_path` is something else than a graph's database.
     """
     keywords = _keywords(vis_kwargs, "vis_kwargs")
+    graph_engine = as_member(graph.Engine, graph_engine) or graph_engine
+    vis_engine = as_member(visual.Engine, vis_engine) or vis_engine
     ctx = Context(logger=_configured_logger(_keywords(logger_config, "logger_config")))
     if seed is not None:
         ctx._seed, ctx.is_seeded = as_int(seed, "seed"), True
@@ -365,7 +367,8 @@ def create_context(
     with ExitStack() as opened:  # closes what is open when a later engine cannot be built
         ctx.internal_context = InternalContext(memory_engine=memory.MemoryEngine())
         opened.callback(ctx.internal_context.terminate)
-        ctx.graph_engine = graph.GraphEngine(ctx, engine=graph_engine, path=_database_path(graph_engine, graph_path))
+        path = _database_path(graph_engine, graph_path)
+        ctx.graph_engine = graph.GraphEngine(ctx, engine=graph_engine, path=path)  # type: ignore[arg-type] # it is checked there
         ctx.agent_engine = agent.AgentEngine(ctx)
         ctx.sensor_engine = sensor.SensorEngine(ctx)
         if vis_engine is visual.Engine.NO_VIS and not keywords:

@@ -43,14 +43,14 @@ def test_the_published_arguments_may_be_positional():
         assert list(ctx.graph.graph.get_nodes()) == [0]
 
 
-@pytest.mark.parametrize("engine", ["SQLITE", 1, None, visual.Engine.PYGAME])
+@pytest.mark.parametrize("engine", ["SQLIGHT", 1, None, visual.Engine.PYGAME])
 def test_an_unknown_graph_engine_is_a_value_error(engine):
     with pytest.raises(ValueError, match="Unknown graph engine") as caught:
         gamms.create_context(graph_engine=engine)
     assert isinstance(caught.value, GammsError)
 
 
-@pytest.mark.parametrize("engine", ["PYGAME", 0, None, graph.Engine.MEMORY])
+@pytest.mark.parametrize("engine", ["PYGME", 0, None, graph.Engine.MEMORY])
 def test_an_unknown_visual_engine_is_a_not_implemented_error(engine):
     with pytest.raises(NotImplementedError, match="Unknown visual engine"):
         gamms.create_context(vis_engine=engine)
@@ -156,3 +156,38 @@ def test_a_strategy_may_be_the_first_to_ask_for_the_visual_engine(open_context):
 def test_the_options_of_a_visual_engine_are_checked_at_once(open_context):
     with pytest.raises(GammsError, match="simulation_time_constant"):
         open_context(vis_kwargs={"simulation_time_constant": "slow"})
+
+
+def test_engines_may_be_given_by_their_names(tmp_path):
+    path = tmp_path / "map.db"
+    with gamms.create_context("sqlite", "no_vis", graph_path=path, logger_config={"level": "CRITICAL"}) as ctx:
+        assert isinstance(ctx.visual, gamms.visual.NoEngine)
+    assert path.exists()
+
+
+def test_everything_in_a_context_says_what_it_holds(tmp_path):
+    with gamms.create_context(seed=1, logger_config={"level": "CRITICAL"}) as ctx:
+        assert repr(ctx.agent) == "AgentEngine(0 agents)"
+        ctx.graph.attach_networkx_graph(gamms.graph.grid(3, 3))
+        ctx.sensor.create_sensor("near", "neighbor")
+        for name, team in (("a", "red"), ("b", "blue"), ("c", "red")):
+            ctx.agent.create_agent(name, start_node_id=0, team=team)
+        ctx.game.add(gamms.rules.time_limit(2))
+        assert repr(ctx.record) == "Recorder(not recording)"
+        ctx.record.start(tmp_path / "game")
+        ctx.game.run(1)
+        ctx.game.scores["red"] = 2
+        assert repr(ctx.graph.graph) == "Graph(9 nodes, 24 edges)"
+        assert repr(ctx.graph) == "GraphEngine(Graph(9 nodes, 24 edges))"
+        assert repr(ctx.agent) == "AgentEngine(3 agents; 'red': 2, 'blue': 1)"
+        assert repr(ctx.sensor) == "SensorEngine(1 NEIGHBOR)"
+        assert repr(ctx.game) == "Game(turn=1, rules=[time_limit], scores={'red': 2})"
+        assert repr(ctx.record) == "Recorder(recording)"
+        ctx.record.pause()
+        assert repr(ctx.record) == "Recorder(paused)"
+        ctx.visual.set_graph_visual()
+        assert repr(ctx.visual) == "NoEngine(artists=['graph'])"
+        ctx.record.play()
+        ctx.game.run(1)
+        assert repr(ctx.game).endswith("over: time limit)")
+    assert repr(ctx.graph) == "GraphEngine(terminated)"

@@ -97,7 +97,10 @@ def test_an_action_that_is_not_legal_means_staying_and_is_counted(ctx, play, act
 
 def test_a_strategy_that_sets_no_action_is_told_so(ctx):
     ctx.agent.create_agent("a", start_node_id=0, strategy=lambda state: None)
-    assert "set no state['action']; legal are [0, 1, 4]" in ctx.game.run(1).errors[0]["message"]
+    assert (
+        "set no state['action'] (what it returns does not count); legal are [0, 1, 4]"
+        in ctx.game.run(1).errors[0]["message"]
+    )
 
 
 def test_an_illegal_action_may_raise_instead(ctx, play):

@@ -90,8 +90,8 @@ def test_an_ignored_keyword_is_warned_about_once_for_each_kind(ctx, heard):
 @pytest.mark.parametrize(
     ("kind", "words"),
     [
-        ("neighbour", "Unknown sensor type 'neighbour' for sensor 's'. Did you mean SensorType.NEIGHBOR?"),
-        ("SensorType.ARK", "Did you mean SensorType.ARC?"),
+        ("neighbour", "Unknown sensor type 'neighbour' for sensor 's'. Did you mean 'NEIGHBOR'?"),
+        ("SensorType.ARK", "Did you mean 'ARC'?"),
         ("x", "Use a SensorType: NEIGHBOR, MAP"),
         (3, "Unknown sensor type 3"),
         (None, "Unknown sensor type None"),
@@ -217,3 +217,9 @@ def test_after_the_end_sensors_stay_readable_and_none_is_created(ctx):
     with pytest.raises(AttributeError, match="terminated"):
         sensor.sense(0)
     assert sensor.data == [0, 1, 2, 3, 4]
+
+
+@pytest.mark.parametrize("name", ["neighbor", "NEIGHBOR", "SensorType.NEIGHBOR"])
+def test_a_kind_may_be_given_by_its_name(ctx, name):
+    assert ctx.sensor.create_sensor("near", name).type is SensorType.NEIGHBOR
+    assert ctx.sensor.create_sensor("far", type=name.lower()).type is SensorType.NEIGHBOR

@@ -93,3 +93,26 @@ def test_a_closed_recording_is_shown_as_its_repr(tmp_path):
     recording = recorder.open(tmp_path / "game.ggr")
     recording.close()
     assert recording._repr_html_() is None
+
+
+@pytest.mark.parametrize(("name", "element"), [("f.gif", "<img"), ("f.mp4", "<video")])
+def test_a_film_plays_where_it_was_made(ctx, tmp_path, name, element):
+    with ctx.visual.film(tmp_path / name, 5, 64, 48, 2) as film:
+        ctx.game.run(2)
+        assert film._repr_html_() is None
+        assert repr(film).endswith("being made)")
+    page = film._repr_html_()
+    assert page.startswith(element)
+    assert base64.b64decode(re.search('base64,([^"]+)', page)[1]) == (tmp_path / name).read_bytes()
+    assert repr(film) == f"Film({str(tmp_path / name)!r}, 0.8 s)"
+    (tmp_path / name).unlink()
+    assert film._repr_html_() is None
+
+
+def test_a_film_that_would_fill_a_notebook_is_not_put_into_it(ctx, tmp_path, monkeypatch):
+    from gamms.visual import files
+
+    with ctx.visual.film(tmp_path / "f.gif", 5, 64, 48, 1) as film:
+        ctx.game.run(1)
+    monkeypatch.setattr(files, "_MOST_SHOWN", (tmp_path / "f.gif").stat().st_size - 1)
+    assert film._repr_html_() is None

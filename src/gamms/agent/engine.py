@@ -1,5 +1,6 @@
 """The agent engine: creates agents and keeps them by name."""
 
+from collections import Counter
 from collections.abc import Callable, Hashable, Iterable, Iterator, Mapping, Sequence
 from contextlib import suppress
 from copy import deepcopy
@@ -8,7 +9,7 @@ from typing import Any, Literal, NamedTuple, overload
 from weakref import WeakSet
 
 from gamms.agent.agent import AerialAgent, Agent, BaseAgent
-from gamms.arguments import as_name, misspelt
+from gamms.arguments import as_member, as_name, misspelt
 from gamms.deciding import Guarded, phase_of, refused_while_deciding
 from gamms.errors import BadType, ContextTerminated, Duplicate, GammsError, MissingKey, UnknownName, nearest
 from gamms.ir import events
@@ -69,6 +70,11 @@ class AgentEngine(Guarded, IAgentEngine):
         """The agents by name, in the order of their creation; read-only while agents decide."""
         is_open = self._phase.agent is None
         return self._agents if is_open else ReadOnlyMapping(self._agents)  # type: ignore[return-value] # it reads like it
+
+    def __repr__(self) -> str:
+        """Show how many agents each team has."""
+        teams = ", ".join(f"{shown(team)}: {number}" for team, number in Counter(self._block.teams).items())
+        return f"AgentEngine({len(self._agents)} agents{f'; {teams}' if teams else ''})"
 
     @property
     def block(self) -> AgentBlock:
@@ -429,8 +435,8 @@ def _listed(sensors: Any) -> Any:
 
 def _as_type(given: object) -> AgentType | None:
     """Return a type that is given as a member, by name or by number; None if it is no type."""
-    if isinstance(given, str):
-        return AgentType.__members__.get(given.upper())
+    if isinstance(given, (str, AgentType)):
+        return as_member(AgentType, given)
     return AgentType(int(given)) if isinstance(given, Integral) and given in _CLASSES else None
 
 

@@ -30,7 +30,7 @@ if TYPE_CHECKING:
 _HELSINKI = "Central Helsinki"
 _NAMES = ("red", "blue")
 _MOST_AGENTS = 1000
-_FILM: dict[str, Any] = {"fps": 30, "width": 1280, "height": 720, "frames_per_turn": 5}
+_FILM: dict[str, Any] = {"fps": 30, "frames_per_turn": 5}
 
 ScenarioFile = Annotated[
     Path, typer.Argument(help="A scenario file, YAML or JSON.", metavar="SCENARIO", show_default=False)

@@ -314,7 +314,9 @@ class Decisions:
                 self._decide(i, action)
         else:
             legal = list(self._legality.reachable(slot, here))
-            self._refuse(i, IllegalAction(f"{by} set no state['action']; legal are {legal}"))
+            self._refuse(
+                i, IllegalAction(f"{by} set no state['action'] (what it returns does not count); legal are {legal}")
+            )
 
     def fail(self, i: int, state: State, error: Exception) -> None:
         """Handle what a strategy has raised: raise it, or take the default action, by the settings."""

@@ -77,6 +77,12 @@ class Game(Settings):
         self._unchecked_plans: list[Any] = []  # teams that were given one since the last turn
         self._is_closed = True
 
+    def __repr__(self) -> str:
+        """Show how far it is."""
+        state, rules = self._state, ", ".join(rule.name for rule in self._ruleset.rules)
+        end = "" if state.over is None else f", over: {state.over['reason']}"
+        return f"Game(turn={state.turn}, rules=[{rules}], scores={shown(dict(state.scores))}{end})"
+
     @property
     def internals(self) -> GameInternals:
         """What engines and clients do with the game; not for strategies."""

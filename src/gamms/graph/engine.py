@@ -78,6 +78,10 @@ class GraphEngine(Guarded, IGraphEngine):
             raise ContextTerminated("ctx.graph")
         return self._graph
 
+    def __repr__(self) -> str:
+        """Show the size of the graph."""
+        return "GraphEngine(terminated)" if self._graph is None else f"GraphEngine({self._graph!r})"
+
     @property
     def storage(self) -> MapStorage:
         """The map as bytes and as snapshots, for engines and clients; not for strategies."""

@@ -70,6 +70,10 @@ class Graph(Guarded, IGraph):
         """Return how many nodes there are."""
         return len(self._store.nodes)
 
+    def __repr__(self) -> str:
+        """Show its size."""
+        return f"{type(self).__name__}({len(self._store.nodes)} nodes, {len(self._store.edges)} edges)"
+
     def __bool__(self) -> bool:
         """Return True: an empty graph is one, too."""
         return True

@@ -59,6 +59,13 @@ class Recorder(Guarded, IRecorder):
         session = self._session
         return session is not None and not (session.is_paused or session.has_failed or self.ctx.is_terminated())
 
+    def __repr__(self) -> str:
+        """Show what it does."""
+        if self.is_replaying:
+            return "Recorder(replaying)"
+        doing = "recording" if self.record() else "paused"
+        return f"Recorder({doing if self.is_open else 'not recording'})"
+
     @property
     def is_open(self) -> bool:
         """Whether a recording was started and not stopped yet, paused or not."""

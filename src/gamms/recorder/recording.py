@@ -7,7 +7,7 @@ from collections.abc import Callable, Iterator, Mapping
 from copy import deepcopy
 from dataclasses import dataclass, field
 from html import escape
-from typing import TYPE_CHECKING, Any, BinaryIO, overload
+from typing import TYPE_CHECKING, Any, BinaryIO, Unpack, overload
 
 import numpy as np
 
@@ -25,6 +25,7 @@ from gamms.recorder.maps import become, given_map, has_map, hash_in, hash_of
 from gamms.recorder.streams import Opened, format_of, readable
 from gamms.typing import IContext
 from gamms.typing.map_storage import IPackedGraph, packed_graphs
+from gamms.typing.visualization_engine import PictureOptions
 
 if TYPE_CHECKING:
     import pandas as pd
@@ -279,6 +280,35 @@ class Recording(Opened):
                 live.terminate()
             raise
         return live
+
+    def save(
+        self,
+        path: str | os.PathLike[str],
+        turn: int | None = None,
+        width: int | None = None,
+        height: int | None = None,
+        *,
+        dpi: float = 96.0,
+        **options: Unpack[PictureOptions],
+    ) -> None:
+        """Save a picture of how things were after so many turns: the bytes that `ctx.visual.save` gave then.
+
+        Args:
+            path: an existing file is replaced; its suffix names the format.
+            turn: 0 is the start; None: the end.
+            width: pixels; None: as the map needs.
+            height: pixels; likewise.
+            dpi: pixels per inch: how large the picture is on paper.
+            options: those of `ctx.visual.save`.
+
+        Raises:
+            BadValue: there is no such turn, or the picture cannot be so.
+            MissingFolder (FileNotFoundError): there is no such folder.
+            MissingExtra (ImportError): what the format needs is not installed.
+            RecordingError (ValueError): the recording is damaged.
+        """
+        with self._live(self.turns if turn is None else turn, {}, is_quiet=True) as ctx:
+            ctx.visual.save(path, width, height, dpi=dpi, **options)
 
     def observation(self, turn: int, agent: str) -> dict[str, Any]:
         """Return the state that an agent's strategy got in a turn; what was sensed must be recorded.

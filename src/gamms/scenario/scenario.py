@@ -197,9 +197,23 @@ class Scenario:
         ctx.game.internals.draw_start = draw_again
         return ctx
 
-    def play(self, seed: int | None = None, strategies: Strategies | None = None) -> Result:
-        """Build the game, play it to its end, and terminate the context; see `build`."""
+    def play(
+        self,
+        seed: int | None = None,
+        strategies: Strategies | None = None,
+        *,
+        record: str | os.PathLike[str] | None = None,
+    ) -> Result:
+        """Build the game, play it to its end, and terminate the context; see `build`.
+
+        Args:
+            seed: see `build`.
+            strategies: see `build`.
+            record: the file of a recording of the game, which replaces one that is there; None: it is not recorded.
+        """
         with self.build(seed, strategies) as ctx:
+            if record is not None:
+                ctx.record.start(record, overwrite=True)
             return ctx.game.run()
 
     def __eq__(self, other: object) -> bool:

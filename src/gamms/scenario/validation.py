@@ -6,6 +6,7 @@ from itertools import islice
 from pathlib import Path
 from typing import NamedTuple
 
+from gamms.arguments import as_member
 from gamms.errors import nearest
 from gamms.plain import Plain
 from gamms.scenario import maps
@@ -76,7 +77,7 @@ def check_sense(spec: Spec) -> None:
 
 def sensor_type(given: str) -> SensorType | None:
     """Return the built-in type of that name, in upper or lower case; None if there is none."""
-    kind = SensorType.__members__.get(given.upper().removeprefix("SENSORTYPE."))
+    kind = as_member(SensorType, given)
     return kind if kind in KINDS else None
 
 

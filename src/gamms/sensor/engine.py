@@ -1,10 +1,11 @@
 """The sensor engine: creates sensors and keeps them by name."""
 
+from collections import Counter
 from collections.abc import Callable, Iterable
 from copy import deepcopy
 from typing import Any, Literal, NamedTuple, Unpack, overload
 
-from gamms.arguments import as_name
+from gamms.arguments import as_member, as_name
 from gamms.deciding import Guarded, phase_of, refused_while_deciding
 from gamms.errors import BadValue, ContextTerminated, Duplicate, UnknownName, UnknownType, nearest
 from gamms.readonly import ReadOnlyMapping
@@ -63,6 +64,11 @@ class SensorEngine(Guarded, ISensorEngine):
         is_open = self._phase.agent is None
         return self._sensors if is_open else ReadOnlyMapping(self._sensors)  # type: ignore[return-value] # it reads like it
 
+    def __repr__(self) -> str:
+        """Show how many sensors of each type there are."""
+        kinds = Counter(sensor.type.name for sensor in self._sensors.values())
+        return f"SensorEngine({', '.join(f'{number} {kind}' for kind, number in kinds.items())})"
+
     @property
     def storage(self) -> "SensorStorage":
         """What other engines do with the sensors; not for strategies."""
@@ -93,13 +99,13 @@ class SensorEngine(Guarded, ISensorEngine):
     ) -> AerialAgentSensor: ...
     @overload
     def create_sensor(
-        self, sensor_id: str, sensor_type: SensorType | None = None, **options: Unpack[SensorOptions]
+        self, sensor_id: str, sensor_type: SensorType | str | None = None, **options: Unpack[SensorOptions]
     ) -> Sensor: ...
     @refused_while_deciding
     def create_sensor(
-        self, sensor_id: str, sensor_type: SensorType | None = None, **options: Unpack[SensorOptions]
+        self, sensor_id: str, sensor_type: SensorType | str | None = None, **options: Unpack[SensorOptions]
     ) -> Sensor:
-        """Create a built-in sensor and keep it."""
+        """Create a built-in sensor, of a type given as such or by its name, and keep it."""
         synonym = options.pop("type", None)
         sensor_type = _checked_type(synonym if sensor_type is None else sensor_type, sensor_id)
         kind = KINDS[sensor_type]
@@ -287,15 +293,15 @@ def _copy_of(sensor: ISensor, memo: dict[int, Any]) -> ISensor:
 
 
 def _checked_type(kind: object, sensor_id: str) -> SensorType:
-    if isinstance(kind, SensorType) and kind in KINDS:
-        return kind
-    seen, known = shown(kind), [one.name for one in KINDS]
-    if isinstance(kind, SensorType):
-        seen, hint = str(kind), " A custom sensor is an object of your own class: ctx.sensor.add_sensor(obj)."
+    member, known = as_member(SensorType, kind), [one.name for one in KINDS]
+    if member in KINDS:
+        return member
+    if member is not None:
+        hint = " A custom sensor is an object of your own class: ctx.sensor.add_sensor(obj)."
     else:
-        hint = nearest((kind if isinstance(kind, str) else seen).upper().removeprefix("SENSORTYPE."), known)
-        hint = hint.replace("'", "").replace("Did you mean ", "Did you mean SensorType.")
+        hint = nearest((kind if isinstance(kind, str) else shown(kind)).rpartition(".")[2].upper(), known)
         hint = hint or f" Use a SensorType: {', '.join(known)}."
+    seen = str(kind) if isinstance(kind, SensorType) else shown(kind)
     raise UnknownType(f"Unknown sensor type {seen} for sensor {shown(sensor_id)}.{hint}")
 
 

@@ -12,6 +12,7 @@ from typing import Any, Concatenate, Generic, ParamSpec, TypeVar, cast
 from gamms.arguments import as_float, misspelt
 from gamms.deciding import Guarded, Protected, outside_of_deciding, phase_of, refused_while_deciding
 from gamms.ir.draw import DrawCommands
+from gamms.text import shown
 from gamms.typing import IContext, IVisualizationEngine
 from gamms.visual.appearance import Rgb
 from gamms.visual.artist import ArtistGroup
@@ -77,6 +78,10 @@ class PictureEngine(Guarded, IVisualizationEngine):
 
     _called = "ctx.visual"
     calls_drawers = True
+
+    def __repr__(self) -> str:
+        """Name the artists."""
+        return f"{type(self).__name__}(artists=[{', '.join(map(shown, self.artists.declared))}])"
 
     after_turn: Protected[list[Callable[[], None]]] = Protected(list)
 

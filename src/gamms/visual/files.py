@@ -1,6 +1,7 @@
 """Pictures and films: from what artists draw to a file."""
 
 import os
+from base64 import b64encode
 from pathlib import Path
 from types import TracebackType
 from typing import Any, NamedTuple, Self
@@ -128,6 +129,7 @@ def _sides(
 
 FRAMES_PER_TURN = 5  # a sixth of a second
 _HELD_SECONDS = 1.0  # how long the end is shown
+_MOST_SHOWN = 20 << 20  # bytes of a film that a notebook keeps
 _FASTEST = 240.0  # frames per second
 _LONGEST_MP4_PX = 16_384
 _being_made: WeakValueDictionary[Path, "Film"] = WeakValueDictionary()
@@ -323,6 +325,24 @@ class Film:
         _being_made.pop(self._place, None)
         if self in self._open:
             self._open.remove(self)
+
+    def __repr__(self) -> str:
+        """Show how long it is."""
+        made = "" if self._writer is None else ", being made"
+        return f"Film({str(self.plan.path)!r}, {self.frames / self.plan.fps:.1f} s{made})"
+
+    def _repr_html_(self) -> str | None:
+        """Return the film as an element of a page, for notebooks; None while it is made, and if it is too large."""
+        try:
+            content = b"" if self._writer is not None else self._place.read_bytes()
+        except OSError:  # it was moved, or had no turn
+            content = b""
+        if not 0 < len(content) <= _MOST_SHOWN:
+            return None
+        data = b64encode(content).decode()
+        if self._place.suffix.lower() == ".gif":
+            return f'<img style="max-width:100%" alt="the film" src="data:image/gif;base64,{data}"/>'
+        return f'<video style="max-width:100%" controls loop src="data:video/mp4;base64,{data}"></video>'
 
     def __enter__(self) -> Self:
         return self
