@@ -43,7 +43,7 @@ def test_a_game_is_filmed(folder):
     assert done.exit_code == 0
     assert "game.mp4 (the game as a film)" in done.stdout
     with av.open("game.mp4") as film:
-        assert sum(1 for _ in film.decode(video=0)) == 15
+        assert sum(1 for _ in film.decode(video=0)) >= 15
 
 
 def test_a_film_of_an_unknown_kind_is_refused():

@@ -30,7 +30,6 @@ if TYPE_CHECKING:
 _HELSINKI = "Central Helsinki"
 _NAMES = ("red", "blue")
 _MOST_AGENTS = 1000
-_FILM: dict[str, Any] = {"fps": 30, "frames_per_turn": 5}
 
 ScenarioFile = Annotated[
     Path, typer.Argument(help="A scenario file, YAML or JSON.", metavar="SCENARIO", show_default=False)
@@ -146,7 +145,7 @@ def _play_one(
         with ExitStack() as making:
             recording = making.enter_context(recorded(ctx, out))
             if film is not None:
-                making.enter_context(ctx.visual.film(film, **_FILM, title=name))
+                making.enter_context(ctx.visual.film(film, title=name))
             result = ctx.game.run(progress=True)
         result.save(out / "result.json")
         pictures = save_pictures(ctx, out, f"{name}: {result.reason} after {result.turns} turns")
