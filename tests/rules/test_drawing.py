@@ -105,7 +105,7 @@ def test_the_legend_tells_the_teams_and_their_scores(game):
     go(game, "r1", 5)
     game.game.step()
     rows = team_rows(game).rows
-    assert [(row.name, row.value) for row in rows] == [("red", ""), ("blue", "2")]
+    assert [(row.name, row.value) for row in rows] == [("red", "0"), ("blue", "2")]
     assert len({row.color for row in rows}) == 2
     for name in ("b0", "b1"):
         game.agent.delete_agent(name)

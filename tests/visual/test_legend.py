@@ -3,10 +3,12 @@
 import numpy as np
 import pytest
 
+import gamms
 from gamms.errors import BadType
+from gamms.ir.draw import DrawKind
 from gamms.visual.appearance import PAPER
 from gamms.visual.camera import Camera
-from gamms.visual.legend import Row, Rows
+from gamms.visual.legend import Legend, Row, Rows, block_from_plain, grown, plain_block, together
 from gamms.visual.page import Page, PageStyle
 
 FIRE = Rows("", (Row((200, 0, 0), "fire", "3"),))
@@ -78,3 +80,88 @@ def test_a_legend_is_where_it_belongs_whatever_the_camera_sees():
         places = camera.to_screen(commands.points[commands.offsets[:-1]])
         assert ((places > 0) & (places < (640, 400))).all()
         assert tuple(commands.color[0, :3]) == PAPER
+
+
+# -- what signs mean --------------------------------------------------------------------------------------------
+
+TEAMS = Rows("", (Row((200, 0, 0), "red", "0"), Row((0, 0, 200), "blue", "12")), "score")
+FLAG, TAGGED = Rows("", (Row((9, 9, 9), "flag", sign="flag"),)), Rows("", (Row((9, 9, 9), "tagged", sign="cross"),))
+TURN = Rows("turn 3", ())
+
+
+def texts(*blocks, width=640, height=400):
+    return Page(width, height, blocks, PageStyle()).commands(Camera(width, height, 0.0, 0.0, 1.0)).text
+
+
+def test_rows_without_a_title_are_one_block_in_which_nothing_is_said_twice():
+    assert together([TURN, TEAMS, FIRE, FLAG, FLAG]) == (TURN, Rows("", TEAMS.rows + FLAG.rows, "score"), FIRE)
+
+
+def test_in_a_film_no_row_of_the_legend_moves():
+    first = together([TEAMS, FLAG])
+    scored = Rows("", (Row((200, 0, 0), "red", "1"), TEAMS.rows[1]), "score")
+    second = grown(first, together([TURN, scored, TAGGED]))
+    assert second == (TURN, Rows("", scored.rows + FLAG.rows + TAGGED.rows, "score"))
+    assert grown(second, (FIRE,)) == (FIRE, *second[1:])
+    assert grown((), first) == first
+
+
+def test_scores_have_a_heading_and_zero_is_a_score():
+    assert texts(TEAMS) == ("", "score", "", "", "red", "0", "", "", "blue", "12")
+
+
+def test_the_column_of_scores_does_not_move_when_they_grow():
+    widths = {
+        Legend((Rows("", (Row((0, 0, 0), "red", value),), "score"),), 640, 400).width for value in ("0", "99", "1000")
+    }
+    assert len(widths) == 1
+
+
+def test_a_picture_too_small_for_signs_still_explains_colours():
+    signs = Rows("", (Row((9, 9, 9), "a sign with a rather long explanation", sign="ring"),))
+    assert "red" in texts(TEAMS, signs, width=300)
+    assert "a sign with a rather long explanation" not in texts(TEAMS, signs, width=300)
+
+
+@pytest.mark.parametrize("sign", ["disc", "ring", "dot", "field", "line", "band", "flag", "cross", "unheard of"])
+def test_each_sign_is_drawn_in_its_colour(sign):
+    commands = Page(640, 400, (Rows("", (Row((1, 2, 3), "it", sign=sign),)),), PageStyle()).commands(
+        Camera(640, 400, 0.0, 0.0, 1.0)
+    )
+    assert (commands.color[commands.kind != DrawKind.TEXT, :3] == (1, 2, 3)).all(axis=1).any()
+
+
+def test_a_recorded_legend_is_the_same_block():
+    for block in (TEAMS, FLAG, FIRE, TURN):
+        assert block_from_plain(plain_block(block)) == block
+
+
+def test_what_sensors_see_is_explained_while_it_is_shown(ctx):
+    ctx.sensor.create_sensor("eyes", gamms.sensor.SensorType.RANGE, sensor_range=8.0)
+    agent = next(iter(ctx.agent.create_iter()))
+    agent.register_sensor("eyes", ctx.sensor.get_sensor("eyes"))
+    before = ctx.visual.picture(".svg").decode()
+    assert "field of view" not in before
+    agent.get_state()
+    after = ctx.visual.picture(".svg").decode()
+    assert ">field of view<" in after
+    assert "no agent" not in after
+
+
+def test_a_sensor_that_no_agent_carries_is_explained(ctx):
+    eyes = ctx.sensor.create_sensor("eyes", gamms.sensor.SensorType.RANGE, sensor_range=8.0)
+    eyes.sense(0)
+    assert ">sensor of no agent<" in ctx.visual.picture(".svg").decode()
+
+
+def test_a_tag_is_explained_in_its_turn_only():
+    with gamms.create_context(seed=1) as ctx:
+        ctx.graph.attach_networkx_graph(gamms.graph.grid(3, 8))
+        for name, node in (("red", 0), ("blue", 1)):
+            ctx.agent.create_agent(f"{name}_0", start_node_id=node, team=name, strategy=lambda state: None)
+        ctx.game.add(gamms.rules.tag("red", "blue", hops=1))
+        ctx.game.step()
+        assert ">tagged in this turn<" in ctx.visual.picture(".svg").decode()
+        ctx.agent.get_agent("blue_0").current_node_id = 7
+        ctx.game.step()
+        assert "tagged" not in ctx.visual.picture(".svg").decode()

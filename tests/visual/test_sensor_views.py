@@ -170,11 +170,11 @@ def test_a_field_of_view_far_beyond_the_map_leaves_the_map_its_size(ctx):
     ctx.visual.set_sensor_visual("eye")
     commands = ctx.visual.draw_commands()
     corners = commands.points[commands.offsets[0] : commands.offsets[1]]
-    assert corners.min(axis=0).tolist() == pytest.approx([0.0, -2.0])
-    assert corners.max(axis=0).tolist() == [12.0, 12.0]
+    assert corners.min(axis=0).tolist() == pytest.approx([0.0, -10 / 3])
+    assert corners.max(axis=0).tolist() == pytest.approx([40 / 3, 40 / 3])
     rim = commands.points[commands.offsets[1] : commands.offsets[2]]
     assert commands.kind[1] == DrawKind.LINE
-    np.testing.assert_allclose(rim, [(0, 12), (0, 0), (0, -2)], atol=1e-9)  # the other sides are where it goes on
+    np.testing.assert_allclose(rim, [(0, 40 / 3), (0, 0), (0, -10 / 3)], atol=1e-9)  # the other sides go on
 
 
 def test_a_map_without_extent_cuts_nothing():

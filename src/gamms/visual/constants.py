@@ -34,6 +34,7 @@ class Shape(Enum):
 class Layer(IntEnum):
     """The layers of built-in artists, from the ground up; custom artists may use any number between."""
 
+    TEAMS = 1  # their legend, which comes first
     OBSTACLES = 5
     GRAPH = 10
     TERRITORIES = 12

@@ -35,6 +35,13 @@ from gamms.visual.shown_turn import Sight, says_something
 MOST_SENSORS = 20  # more of them would hide what happens
 _WITHOUT_CARRIER = (110, 114, 120)
 _USUAL_PX, _LEAST_PX, _MANY = 6.0, 3.0, 150  # radius of agents; of more than so many a smaller one
+_SIGN = (110, 114, 120)  # of which colour signs are explained that have the colours of teams
+_VIEWS = (  # the parts of a view, what they are, and their signs
+    ("outline", "field of view", "field"),
+    ("lines", "edge in view", "line"),
+    ("nodes", "node in view", "dot"),
+    ("agents", "agent in view", "ring"),
+)
 RING = 1.7  # of a sensed agent, in radii of its disc
 _WALL, _THICKEST = 0.3, 0.5  # of a wall: in radii of agents, and at most in metres
 
@@ -174,7 +181,7 @@ def artists_of_sights(
         )  # the first says what is wrong
         artists[f"sensor_{name}"] = artist = before.get(f"sensor_{name}") or Artist(ctx, drawer, Layer.SEEN)
         artist.set_drawer(drawer)
-        artist.data = {"name": name, "color": views[0][0], "sights": views, **look}
+        artist.data = {"name": name, "color": views[0][0], "sights": views, "legend": legend_of_sights(views), **look}
     ringed = [
         (color, view)
         for name, views in sights.items()
@@ -188,6 +195,17 @@ def artists_of_sights(
     return artists
 
 
+def legend_of_sights(sights: list[tuple[Rgb, SensorView | None]]) -> Rows | None:
+    """Return what the signs of views mean, in grey, as each has the colour of the agent that looks."""
+    views = [view for _, view in sights if view is not None]
+    rows = [
+        Row(_SIGN, words, sign=sign) for part, words, sign in _VIEWS if any(len(getattr(view, part)) for view in views)
+    ]
+    if any(color == _WITHOUT_CARRIER for color, _ in sights):
+        rows.append(Row(_WITHOUT_CARRIER, "sensor of no agent", sign="disc"))
+    return Rows("", tuple(rows))
+
+
 def team_rows(ctx: IContext) -> Rows | None:
     """Return the legend of the teams: colour, name and score; None where there are not two."""
     colors = drawing_of(ctx).group_colors()
@@ -196,7 +214,9 @@ def team_rows(ctx: IContext) -> Rows | None:
     named = [team for team in teams if team is not None]
     if len(named) < 2:
         return None
-    return Rows("", tuple(Row(colors[str(team)], str(team), _score(scores.get(team))) for team in named))
+    heading = "" if ctx.current_game is None else "score"
+    rows = tuple(Row(colors[str(team)], str(team), _score(scores.get(team, 0)) if heading else "") for team in named)
+    return Rows("", rows, heading)
 
 
 def _score(score: object) -> str:
@@ -205,7 +225,7 @@ def _score(score: object) -> str:
 
 def legend_of_teams(ctx: IContext) -> Artist:
     """Return an artist that draws nothing but the legend of the teams."""
-    artist = Artist(ctx, legend_only)
+    artist = Artist(ctx, legend_only, Layer.TEAMS)
     artist.data = {"legend": team_rows}
     return artist
 

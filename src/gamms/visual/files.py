@@ -19,7 +19,7 @@ from gamms.visual.backends.pygame_backend import Canvas
 from gamms.visual.backends.raster import Painting
 from gamms.visual.camera import CSS_DPI, Box, Camera, Point, Viewpoint, bounds
 from gamms.visual.drawing import Drawing, joined, magnified
-from gamms.visual.legend import Block, blocks_of
+from gamms.visual.legend import Block, blocks_of, grown
 from gamms.visual.page import Page, PageStyle, page_size, style_of
 from gamms.visual.scene import Scene, whole_frame
 
@@ -225,7 +225,8 @@ class Frames:
     def begin_turn(self) -> None:
         """Look up which artists draw in this turn."""
         self._artists, self._is_new_turn = self._shown(), True
-        blocks, style = blocks_of(self.ctx, self._artists), style_of(self.ctx, **self._options)
+        blocks = grown(self._blocks, blocks_of(self.ctx, self._artists))
+        style = style_of(self.ctx, **self._options)
         if (blocks, style) != (self._blocks, self._style):
             self._blocks, self._style = blocks, style
             self._page = Page(self.width, self.height, blocks, style)

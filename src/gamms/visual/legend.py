@@ -1,6 +1,6 @@
 """Legends, and values of nodes or edges in colours that a legend explains."""
 
-from collections.abc import Iterable, Mapping
+from collections.abc import Callable, Iterable, Mapping
 from dataclasses import dataclass
 from typing import Any, NamedTuple
 
@@ -32,8 +32,11 @@ from gamms.visual.lettering import words_width
 _FONT_PX, _TITLE_PX = 21.0, 22.0
 _LINE_PX, _GAP_PX, _PAD_PX = 23.0, 16.0, 12.0
 _SWATCH_PX, _BAR_PX, _BAR_HEIGHT_PX = 7.0, 16.0, 150.0
-_ASIDE = 0.4  # of the width of a picture: no more is taken from the map
+_NAME_PX = 2.0 * _SWATCH_PX + 9.0  # where names begin
+_ASIDE = 0.45  # of the width of a picture: no more is taken from the map
 _MOST_ROWS = 12
+_DISC = "disc"
+_SMALL_PX, _HEADING_PX, _FAINT, _LARGE = 17.0, 17.0, (119, 119, 119), "0000"
 _MOST_COLORS = 1024
 _RIM = (255, 255, 255)
 
@@ -49,18 +52,20 @@ class Bar(NamedTuple):
 
 
 class Row(NamedTuple):
-    """One colour, what it stands for, and a value to the right of that."""
+    """A colour or a sign, what it stands for, and a value to the right of that."""
 
     color: Rgb
     name: str
     value: str = ""
+    sign: str = "disc"  # or ring, dot, field, line, band, flag, cross
 
 
 class Rows(NamedTuple):
-    """Colours that are explained one by one."""
+    """Colours and signs that are explained one by one; those without a title are shown together."""
 
     title: str
     rows: tuple[Row, ...]
+    heading: str = ""  # what the values are
 
 
 Block = Bar | Rows
@@ -74,8 +79,8 @@ def blocks_of(ctx: IContext, artists: Mapping[str, IArtist]) -> tuple[Block, ...
     """
     found: list[Block] = []
     for name, artist in sorted(artists.items(), key=lambda item: item[1].get_layer()):
-        data = getattr(artist, "data", None)
-        legend = data.get("legend") if isinstance(data, dict) and artist.get_visible() else None
+        data, usual = getattr(artist, "data", None), getattr(artist.get_drawer(), "legend", None)
+        legend = data.get("legend", usual) if isinstance(data, dict) and artist.get_visible() else None
         legend = legend(ctx) if callable(legend) else legend
         for block in legend if isinstance(legend, list) else [legend]:
             if block is None:
@@ -85,14 +90,46 @@ def blocks_of(ctx: IContext, artists: Mapping[str, IArtist]) -> tuple[Block, ...
                     f"The legend of artist {shown(name)} must be a Bar or Rows, or a list of such, not {shown(block)}."
                 )
             found.append(block)
-    return tuple(found)
+    return together(found)
+
+
+def together(blocks: Iterable[Block]) -> tuple[Block, ...]:
+    """Return blocks with all rows that have no title, and no values but scores, in one, each of them once."""
+    found, rows, heading = list[Block | None](), dict[tuple[object, ...], Row](), ""
+    for block in blocks:
+        if isinstance(block, Bar) or not _is_open(block):
+            found.append(block)
+            continue
+        found += [None] * (None not in found)
+        rows |= {(row.color, row.name, row.sign): row for row in block.rows}
+        heading = heading or block.heading
+    return tuple(Rows("", tuple(rows.values()), heading) if block is None else block for block in found)
+
+
+def grown(before: tuple[Block, ...], now: tuple[Block, ...]) -> tuple[Block, ...]:
+    """Return the blocks of now with the open rows of before in their order, so that no row ever moves in a film."""
+    open_before = [block for block in before if _is_open(block)]
+    if not open_before:
+        return now
+    place = next((place for place, block in enumerate(now) if _is_open(block)), len(now))
+    return *now[:place], *together([*open_before, *now[place : place + 1]]), *now[place + 1 :]
+
+
+def _is_open(block: Block) -> bool:
+    """Return whether rows may stand with others: those without a title, and without values but scores."""
+    return isinstance(block, Rows) and not block.title and (bool(block.heading) or not _has_values(block))
+
+
+def _has_values(block: Rows) -> bool:
+    return any(row.value for row in block.rows)
 
 
 def plain_block(block: Block) -> dict[str, Any]:
     """Return a block as plain values, for a recording."""
     if isinstance(block, Bar):
         return {"title": block.title, "colors": list(block.colors), "ends": [block.low, block.middle, block.high]}
-    return {"title": block.title, "rows": [tuple(row) for row in block.rows]}
+    rows = [tuple(row) if row.sign != _DISC else tuple(row)[:3] for row in block.rows]
+    return {"title": block.title, "rows": rows} | ({"heading": block.heading} if block.heading else {})
 
 
 def block_from_plain(plain: dict[str, Any]) -> Block:
@@ -102,11 +139,12 @@ def block_from_plain(plain: dict[str, Any]) -> Block:
         BadType, BadValue, KeyError, TypeError: it did not describe this.
     """
     words = [plain["title"], *plain.get("ends", ()), *(word for _, *row in plain.get("rows", ()) for word in row)]
+    words.append(plain.get("heading", ""))
     if not all(isinstance(word, str) for word in words):
         raise BadType("The words of a recorded legend must be str.")
     if "rows" in plain:
-        return Rows(words[0], tuple(Row(rgba(color)[:3], *words) for color, *words in plain["rows"]))
-    low, middle, high = words[1:]
+        return Rows(words[0], tuple(Row(rgba(color)[:3], *row) for color, *row in plain["rows"]), words[-1])
+    low, middle, high = words[1:-1]
     colors = tuple(rgba(color)[:3] for color in plain["colors"])
     if not 0 < len(colors) <= _MOST_COLORS:
         raise BadValue(f"The bar of a recorded legend has between 1 and {_MOST_COLORS} colours, not {len(colors)}.")
@@ -122,14 +160,21 @@ class Legend:
         height: of the picture, pixels.
 
     Attributes:
-        width, height: pixels; 0.0 where the picture is too small for a legend, or there is nothing to explain.
+        width, height: pixels; 0.0 where the picture is too small for a legend, or there is nothing to explain. Where it
+            has no room for all, signs are not explained.
+        least: the width and the height of a picture that has room for it.
     """
 
+    _blocks: tuple[Block, ...]
+
     def __init__(self, blocks: tuple[Block, ...], width: float, height: float) -> None:
-        wide, high = max(map(_width, blocks), default=0.0), sum(map(_height, blocks)) + _GAP_PX * (len(blocks) - 1)
-        has_room = bool(blocks) and wide + 3.0 * _PAD_PX <= _ASIDE * width and high + 3.0 * _PAD_PX <= height
-        self._blocks = blocks if has_room else ()
-        self.width, self.height = (wide, high) if has_room else (0.0, 0.0)
+        self._blocks, self.width, self.height, self.least = (), 0.0, 0.0, (0.0, 0.0)
+        for tried in (blocks, _without_signs(blocks)):
+            wide, high = max(map(_width, tried), default=0.0), sum(map(_height, tried)) + _GAP_PX * (len(tried) - 1)
+            least = (wide + 3.0 * _PAD_PX) / _ASIDE, high + 3.0 * _PAD_PX
+            if tried and least[0] <= width and least[1] <= height:
+                self._blocks, self.width, self.height, self.least = tried, wide, high, least
+                break
 
     def draw(self, pen: "Pen", left: float, top: float, ground: Rgba) -> None:
         """Draw it; the ground lies between it and the map."""
@@ -141,7 +186,7 @@ class Legend:
             if isinstance(block, Bar):
                 _draw_bar(pen, block, left, top)
             else:
-                _draw_rows(pen, block, left, top, self.width)
+                _draw_rows(pen, block, left, top)
             top += _height(block) + _GAP_PX
 
 
@@ -165,10 +210,9 @@ class Pen:
         """Fill a rectangle from its upper left corner."""
         self.commands.add_rectangle(*self._place(x, y), width, height, color)
 
-    def disc(self, x: float, y: float, radius: float, color: AnyColor) -> None:
-        """Fill a disc with a bright rim."""
-        for size, ink in ((radius + 1.5, _RIM), (radius, color)):
-            self.commands.add_circles([self._place(x, y)], size, ink, space=DrawSpace.SCREEN)
+    def circle(self, x: float, y: float, radius: float, color: AnyColor, width: float = 0.0) -> None:
+        """Draw a circle; a width of 0 fills it."""
+        self.commands.add_circles([self._place(x, y)], radius, color, width, DrawSpace.SCREEN)
 
     def line(self, points: Iterable[tuple[float, float]], color: AnyColor, width: float) -> None:
         """Draw a polyline."""
@@ -183,6 +227,15 @@ class Pen:
         self.commands.add_text(words, *self._place(x, middle - 0.36 * font_px), ink or self._ink, font_px)
 
 
+def _without_signs(blocks: tuple[Block, ...]) -> tuple[Block, ...]:
+    """Return what explains colours only."""
+    few = [
+        block if isinstance(block, Bar) else block._replace(rows=tuple(row for row in block.rows if row.sign == _DISC))
+        for block in blocks
+    ]
+    return tuple(block for block in few if isinstance(block, Bar) or block.title or block.rows)
+
+
 def _draw_bar(pen: Pen, bar: Bar, left: float, top: float) -> None:
     top += _draw_title(pen, bar.title, left, top)
     step, bottom = _BAR_HEIGHT_PX / len(bar.colors), top + _BAR_HEIGHT_PX
@@ -193,14 +246,50 @@ def _draw_bar(pen: Pen, bar: Bar, left: float, top: float) -> None:
         pen.text(words, left + _BAR_PX + 8.0, y, _FONT_PX)
 
 
-def _draw_rows(pen: Pen, block: Rows, left: float, top: float, width: float) -> None:
+def _draw_rows(pen: Pen, block: Rows, left: float, top: float) -> None:
     top += _draw_title(pen, block.title, left, top)
+    end = left + _values_end(block)
+    if block.heading:
+        pen.text(block.heading, end - words_width(block.heading, _SMALL_PX), top + 0.4 * _LINE_PX, _SMALL_PX, _FAINT)
+        top += _HEADING_PX
     for number, row in enumerate(_shown(block)):
         middle = top + (number + 0.5) * _LINE_PX
-        pen.disc(left + _SWATCH_PX + 1.0, middle, _SWATCH_PX, row.color)
-        pen.text(row.name, left + 2.0 * _SWATCH_PX + 9.0, middle, _FONT_PX)
+        _SIGNS.get(row.sign, _disc)(pen, left + _SWATCH_PX + 1.0, middle, row.color)
+        pen.text(row.name, left + _NAME_PX, middle, _FONT_PX)
         if row.value:
-            pen.text(row.value, left + width - words_width(row.value, _FONT_PX), middle, _FONT_PX)
+            pen.text(row.value, end - words_width(row.value, _FONT_PX), middle, _FONT_PX)
+
+
+def _disc(pen: Pen, x: float, y: float, color: Rgb) -> None:
+    pen.circle(x, y, _SWATCH_PX + 1.5, _RIM)
+    pen.circle(x, y, _SWATCH_PX, color)
+
+
+def _field(pen: Pen, x: float, y: float, color: Rgb) -> None:
+    pen.circle(x, y, _SWATCH_PX + 1.0, (*color, 50))
+    pen.circle(x, y, _SWATCH_PX + 1.0, (*color, 150), 1.0)
+
+
+def _flag(pen: Pen, x: float, y: float, color: Rgb) -> None:
+    pen.line([(x - 4.0, y + 8.0), (x - 4.0, y - 8.0)], color, 2.0)
+    pen.polygon([(x - 4.0, y - 8.0), (x + 7.0, y - 4.5), (x - 4.0, y - 1.0)], color)
+
+
+def _cross(pen: Pen, x: float, y: float, color: Rgb) -> None:
+    for side in (-1.0, 1.0):
+        pen.line([(x - 5.0, y - 5.0 * side), (x + 5.0, y + 5.0 * side)], color, 2.5)
+
+
+_SIGNS: dict[str, Callable[[Pen, float, float, Rgb], None]] = {
+    _DISC: _disc,
+    "ring": lambda pen, x, y, color: pen.circle(x, y, _SWATCH_PX - 0.5, color, 2.0),
+    "dot": lambda pen, x, y, color: pen.circle(x, y, 3.5, (*color, 200)),
+    "field": _field,
+    "line": lambda pen, x, y, color: pen.line([(x - 8.0, y), (x + 8.0, y)], (*color, 150), 4.0),
+    "band": lambda pen, x, y, color: pen.line([(x - 6.0, y), (x + 6.0, y)], (*color, 90), 9.0),
+    "flag": _flag,
+    "cross": _cross,
+}
 
 
 def _draw_title(pen: Pen, title: str, left: float, top: float) -> float:
@@ -215,7 +304,9 @@ def _title_height(title: str) -> float:
 
 
 def _height(block: Block) -> float:
-    body = _BAR_HEIGHT_PX if isinstance(block, Bar) else _LINE_PX * len(_shown(block))
+    body = (
+        _BAR_HEIGHT_PX if isinstance(block, Bar) else _LINE_PX * len(_shown(block)) + _HEADING_PX * bool(block.heading)
+    )
     return _title_height(block.title) + body
 
 
@@ -223,10 +314,20 @@ def _width(block: Block) -> float:
     if isinstance(block, Bar):
         body = _BAR_PX + 8.0 + max(words_width(words, _FONT_PX) for words in (block.low, block.middle, block.high))
     else:
-        values = max((words_width(row.value, _FONT_PX) for row in block.rows), default=0.0)
         names = max((words_width(row.name, _FONT_PX) for row in _shown(block)), default=0.0)
-        body = 2.0 * _SWATCH_PX + 9.0 + names + (values + _PAD_PX if values else 0.0)
+        body = max(_NAME_PX + names, _values_end(block))
     return max(body, words_width(block.title, _TITLE_PX))
+
+
+def _values_end(block: Rows) -> float:
+    """Return where the column of values ends; it is beside the names that have one, as broad as numbers may become."""
+    valued = [row for row in block.rows if row.value]
+    if not valued:
+        return 0.0
+    values = [words_width(row.value, _FONT_PX) for row in valued]
+    if block.heading:
+        values += [words_width(block.heading, _SMALL_PX), words_width(_LARGE, _FONT_PX)]
+    return _NAME_PX + max(words_width(row.name, _FONT_PX) for row in valued) + _PAD_PX + max(values)
 
 
 def _shown(block: Rows) -> tuple[Row, ...]:

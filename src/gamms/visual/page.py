@@ -31,7 +31,7 @@ _ENDLESS = 1_000_000  # pixels
 _MARGIN_PX, _MARGIN = 16.0, 0.04  # around the map: at most, and as a share of the longer side of the page
 _HEADER_PX, _TITLE_PX = 44.0, 28.0
 _ROW_PX, _NOTE_PX, _EDGE_PX, _GAP_PX = 20.0, 16.0, 8.0, 6.0  # of the line at the bottom
-_BAR_PX, _BAR, _LABEL_PX, _LEAST_PX = 120.0, 0.2, 60.0, 200.0  # of a scale bar: at most; its words; a page with one
+_BAR_PX, _BAR, _LABEL_PX, _LEAST_PX = 120.0, 0.25, 60.0, 200.0  # of a scale bar: at most; its words; a page with one
 _NORTH_PX = 32.0
 _GROUND = 230  # alpha of what lies below words that may stand upon the map
 
@@ -126,7 +126,8 @@ class Page:
         left, top, right, bottom = self._margins
         title = words_width(self._style.title, _TITLE_PX) + 2 * self._margin if self._style.title else 0.0
         foot = (max if self._rows > 1 else sum)(self._feet) + 2 * _EDGE_PX
-        return max(across + left + right, foot, title), max(up, self.legend.height) + top + bottom
+        width, height = self.legend.least
+        return max(across + left + right, foot, title, width), max(up + top + bottom, height + top)
 
     # -- what stands around the map --------------------------------------------------------------------------
 

@@ -4,7 +4,7 @@ They read `ctx.game.data`, of a game or of its replay, which has no rules. Flags
 "carriers": team -> name or None}`; territories are in `data["territories"]`, as `as_text` made them.
 """
 
-from collections.abc import Iterable, Mapping
+from collections.abc import Callable, Iterable, Mapping
 from itertools import islice
 from typing import Any, NamedTuple
 
@@ -18,8 +18,12 @@ from gamms.visual.appearance import AnyColor, color_group, rgba
 from gamms.visual.constants import Layer
 from gamms.visual.drawers.graph import one_way_each, polylines, usual_edge
 from gamms.visual.drawing import drawing_of
+from gamms.visual.legend import Row, Rows
+from gamms.visual.shown_turn import TurnEvents
 
 TERRITORIES = "territories"  # in `ctx.game.data`: name -> team -> ids of its nodes, as text
+_SIGN = (110, 114, 120)  # signs have the colours of teams, and are explained in grey
+_FLAGS = Rows("", (Row(_SIGN, "flag", sign="flag"), Row(_SIGN, "home of a flag", sign="ring")))
 _MOST = 100  # flags, territories, and teams that have them
 _TINT, _DOT_PX, _BASE_PX = 70, 5.0, 8.0
 _BAND = 0.75  # the breadth of a territory's streets, in lengths of a usual edge
@@ -97,6 +101,7 @@ class FlagsDrawer:
     """
 
     layer = Layer.FLAGS
+    legend = _FLAGS
 
     def __init__(self, key: str, colors: Mapping[Any, Any] | None = None) -> None:
         self.artist, self.keywords = key, {"key": key, "colors": _checked_colors(colors)}
@@ -156,6 +161,7 @@ class TerritoryDrawer:
 
     once_a_turn = True
     layer = Layer.TERRITORIES
+    legend = Rows("", (Row(_SIGN, "territory", sign="band"),))
 
     def __init__(self, key: str, colors: Mapping[Any, Any] | None = None) -> None:
         self.artist, self.keywords = key, {"key": key, "colors": _checked_colors(colors)}
@@ -245,6 +251,14 @@ def _cross(ctx: IContext, x: float, y: float, arm: float, ink: AnyColor, width_p
     drawing_of(ctx).render_lines(cross, [0, 2, 4], ink, width_px)
 
 
+def _legend_of_events(find: Callable[[TurnEvents], Any], words: str) -> Callable[[IContext], Rows | None]:
+    row = Rows("", (Row(_SIGN, words, sign="cross"),))
+    return lambda ctx: row if find(drawing_of(ctx).events) else None
+
+
+render_tags.__dict__["legend"] = _legend_of_events(lambda events: events.of_kind("tag"), "tagged in this turn")
+render_eliminated.__dict__["legend"] = _legend_of_events(TurnEvents.eliminated, "out in this turn")
+render_flags.__dict__["legend"] = _FLAGS
 for _drawer in (render_tags, render_eliminated):
     _drawer.once_a_turn = True  # type: ignore[attr-defined] # a mark does not glide
 render_tags.__dict__.update(artist="tags", layer=Layer.TAGS)

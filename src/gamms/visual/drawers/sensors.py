@@ -88,7 +88,7 @@ render_sight.once_a_turn = True  # type: ignore[attr-defined] # it is seen from 
 render_map_sensor = render_agent_sensor = render_neighbor_sensor = render_aerial_agent_sensor = render_sensor
 
 
-_SPILL = 0.2  # of the map's longer side: how far a field may reach beyond it, or else it would shrink the picture
+_SPILL = 1 / 3  # of the map's longer side: how far a field may reach beyond it, or else it would shrink the picture
 _FILL_ALPHA, _RIM_ALPHA = 30, 130
 
 
