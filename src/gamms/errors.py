@@ -152,8 +152,9 @@ class NoDisplay(GammsError, RuntimeError):
 
     def __init__(self, reason: str) -> None:
         super().__init__(
-            f"No window can be opened here ({reason}). To film a game without a display, use "
-            "vis_engine=gamms.visual.Engine.OFFSCREEN; to run a window program unseen, set SDL_VIDEODRIVER=dummy."
+            f"No window can be opened here ({reason}). To film a game without a display, use `gamms run --film FILE`, "
+            "or vis_engine=gamms.visual.Engine.OFFSCREEN in Python; to run a window program unseen, set "
+            "SDL_VIDEODRIVER=dummy."
         )
 
 

@@ -98,6 +98,9 @@ def test_all_frames_are_there_if_they_are_asked_for(folder):
         (["run", "."], "a folder, not a scenario file: give the file in it, 'game.yaml'."),
         (["replay", "."], "a folder, not a recording, and none is in it."),
         (["replay", "game.yaml"], "'game.yaml' is no recording: `gamms run` plays scenarios."),
+        (["run", "players.py"], "a scenario file ends in .yaml, .yml, .json, not '.py'."),
+        (["run", "game.yaml", "--out", "players.py"], "There is 'players.py' already, and it is not a folder."),
+        (["run", "game.yaml", "--strategy", "red=players.py:ply_it_all"], "players.py. It has: play."),
         (["info", "players.py"], "'players.py' is no recording: it does not begin with 'MMGR' and a version."),
     ],
 )
@@ -112,3 +115,18 @@ def test_a_folder_that_holds_a_recording_and_a_recording_that_is_to_be_played_sa
     run("run", "game.yaml", "--out", "out")
     assert "'out' is a folder, not a recording: give the file in it, 'out/game.ggr'." in run("replay", "out").stderr
     assert "`gamms replay` shows recordings" in run("run", "out/game.ggr").stderr
+
+
+def test_a_wrong_wish_for_a_film_or_picture_is_named(folder):
+    run("run", "game.yaml", "--out", "out")
+    game = folder / "out" / "game.ggr"
+    for arguments, sentence in (
+        (["a.avi"], "Cannot write '.avi'; there is: .mp4, .gif, "),
+        (["a.png", "--fog", "rde"], "Unknown team 'rde'. Did you mean 'red'?"),
+        (["a.mp4", "--follow", "red_7"], "Unknown agent 'red_7'. Did you mean 'red_0'?"),
+        (["a.png", "--turns", "40"], "There is no turn 40: "),
+    ):
+        done = run("render", game, *arguments)
+        assert done.exit_code == 1
+        assert done.stderr.startswith(f"gamms: {sentence}")
+    assert "out/result.json' is no recording: it does not begin" in run("info", "out/result.json").stderr

@@ -54,8 +54,8 @@ def verify(file: _File, map: _Map = None) -> None:
 
 
 def diff(
-    first: Annotated[Path, typer.Argument(help="A recording, .ggr.", metavar="FILE", show_default=False)],
-    second: Annotated[Path, typer.Argument(help="Another one.", show_default=False)],
+    first: Annotated[Path, typer.Argument(help="A recording, .ggr.", metavar="FIRST", show_default=False)],
+    second: Annotated[Path, typer.Argument(help="Another one.", metavar="SECOND", show_default=False)],
 ) -> None:
     """Say where two games part; exit code 1 if they do."""
     from gamms import recorder, recordings
@@ -136,7 +136,9 @@ def replay(
 
 def render(  # noqa: PLR0913, PLR0917 - one argument per option
     file: Annotated[Path, typer.Argument(help="A recording, .ggr.", metavar="FILE", show_default=False)],
-    out: Annotated[Path, typer.Argument(help="What is written: .mp4, .gif, .png, .svg or .pdf.", show_default=False)],
+    out: Annotated[
+        Path, typer.Argument(help="What is written: .mp4, .gif, .png, .svg or .pdf.", metavar="OUT", show_default=False)
+    ],
     turns: Annotated[
         str, typer.Option(help="Turns to film, 100:200, 100: or :200; a picture shows the last one.", metavar="FROM:TO")
     ] = ":",

@@ -12,7 +12,7 @@ from gamms.text import shown
 from gamms.typing.recorder import MAGIC_NUMBER
 
 _SUFFIX = ".ggr"
-_SCENARIOS = (".yaml", ".yml", ".json")
+_SCENARIOS = (".yaml", ".yml")
 _PathOrStream = str | os.PathLike[str] | BinaryIO | io.TextIOBase  # of which the last, text, is refused
 
 

@@ -16,7 +16,7 @@ from gamms.errors import BadValue, UnknownName
 from gamms.rendering.fog import DARK, Fog
 from gamms.typing import PictureOptions
 from gamms.visual.appearance import PAPER
-from gamms.visual.backends import FILMS
+from gamms.visual.backends import FILMS, FORMATS
 from gamms.visual.drawers.graph import usual_edge
 from gamms.visual.drawing import longer_side
 from gamms.visual.legend import Rows, legend_only
@@ -90,10 +90,12 @@ def render(
         OSError: a file cannot be read or written.
     """
     options, out = options or RenderOptions(), Path(out)
+    if (suffix := out.suffix.lower()) not in (*FILMS, *FORMATS):
+        raise BadValue(f"Cannot write {out.suffix or out.name!r}; there is: {', '.join((*FILMS, *FORMATS))}.")
     total = _checked_turns(path, options)
     with recordings.context_for(path, map) as ctx:
         renderer = _Renderer(ctx, options, total, show)
-        make = renderer.film if out.suffix.lower() in FILMS else renderer.picture
+        make = renderer.film if suffix in FILMS else renderer.picture
         return make(ctx.record.replay(os.fspath(path)), out)
 
 

@@ -15,6 +15,7 @@ from contextlib import contextmanager, suppress
 from functools import partial, update_wrapper
 from importlib.util import find_spec
 from inspect import Parameter, signature
+from itertools import islice
 from pathlib import Path, PureWindowsPath
 from types import ModuleType
 from typing import Any, NamedTuple
@@ -33,6 +34,7 @@ GROUP = "gamms.scenario"  # of entry points
 RULES = "gamms.rules"  # the module of rules that are named without one
 GIVEN_LATER = ("ctx", "state", "states", "arrays")  # first parameters that the game gives, not the file
 _ARGUMENTS = {"strategy": ("state",), "plan": ("states", "arrays"), "rule": ("ctx",)}
+_FEW = 8  # names that an error lists
 _NAMED = (Parameter.POSITIONAL_OR_KEYWORD, Parameter.KEYWORD_ONLY)
 _BYTES_PER_LETTER = 1 << 10  # that a file of Python takes as a syntax tree: "f();f();…" takes 720
 _REFUSED = frozenset({"__main__", "gamms", *sys.stdlib_module_names})
@@ -288,9 +290,12 @@ def _checked(found: Found, *, is_imported_allowed: bool) -> Found:
     else:
         return found
     if found.wanted not in names and "*" not in names:
-        hint = nearest(found.wanted, sorted(names)) or (
-            "" if found.function else " Write module:function, or give the module one."
-        )
+        hint = nearest(found.wanted, sorted(names))
+        if not hint:
+            there = ", ".join(islice((name for name in sorted(names) if not name.startswith("_")), _FEW))
+            hint = f" It has: {there}." if there else ""
+        if not found.function:
+            hint += " Write module:function, or give the module one."
         raise ScenarioError(found.path, f"there is no function {found.wanted!r} in {found.file or found.module}.{hint}")
     return found
 

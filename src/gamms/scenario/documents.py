@@ -210,7 +210,7 @@ def read(file: Path) -> Plain:
         OSError: it cannot be read.
     """
     if file.is_dir():
-        held = sorted(one.name for one in file.iterdir() if one.suffix.lower() in _SUFFIXES)
+        held = sorted(one.name for one in file.iterdir() if one.suffix.lower() in (".yaml", ".yml"))
         hint = f": give the file in it, {held[0]!r}." if held else ", and none is in it."
         raise ScenarioError("", f"this is a folder, not a scenario file{hint}")
     if file.suffix.lower() not in _SUFFIXES:
