@@ -7,6 +7,7 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
+import gamms
 from gamms.errors import BadValue
 from gamms.ir.draw import DrawKind, DrawSpace
 from gamms.ir.obstacles import OTHER_OBSTACLE
@@ -163,3 +164,20 @@ def test_a_circle_is_described_by_data_or_by_a_circle(ctx, data):
 def test_a_shape_says_what_its_data_lacks(ctx):
     with pytest.raises(BadValue, match="lacks width, height; it has"):
         render_rectangle(ctx, {"x": 1, "y": 2})
+
+
+def test_paths_of_a_real_map_are_slimmer_than_its_streets():
+    with gamms.create_context() as ctx:
+        ctx.graph.add_nodes([0, 1, 2, 3], x=[0, 100, 0, 100], y=[0, 0, 5, 5])
+        for id, kind in enumerate(("residential", ["footway", "steps"])):
+            edge = {"id": id, "source": 2 * id, "target": 2 * id + 1, "length": 100.0, "highway": kind}
+            ctx.graph.graph.add_edge(edge)
+        ctx.graph.graph.crs = "EPSG:32635"
+        commands = ctx.visual.draw_commands()
+        widths = {tuple(commands.points[first].tolist()): width for first, width in street_widths(commands)}
+        assert widths[(0.0, 5.0)] == pytest.approx(0.4 * widths[(0.0, 0.0)])
+
+
+def street_widths(commands):
+    rows = np.flatnonzero((commands.kind == DrawKind.LINE) & (commands.layer == 10))
+    return zip(commands.offsets[rows].tolist(), commands.width[rows].tolist(), strict=True)

@@ -15,7 +15,8 @@ from gamms.ir.draw import DrawSpace
 from gamms.visual.backends.pillow_backend import pixels_of, png_file
 from gamms.visual.backends.pygame_backend import Canvas, stamp
 from gamms.visual.backends.raster import painted
-from gamms.visual.camera import Camera
+from gamms.visual.backends.svg import svg
+from gamms.visual.camera import FAINTEST_PX, Camera
 from gamms.visual.drawing import Commands
 
 WHITE = (255, 255, 255, 255)
@@ -101,7 +102,15 @@ def test_a_line_in_world_units_grows_with_the_scale_but_never_vanishes():
     commands.add_lines([(0, 25), (100, 25)], [0, 2], "black", 0.5, DrawSpace.WORLD)
     near, far = (ink(pixels(commands, Camera(100, 50, 0.0, 25 + 25 / scale, scale))) for scale in (10.0, 0.5))
     assert near == pytest.approx(500, rel=0.05)
-    assert far == pytest.approx(50, rel=0.1)
+    assert far == pytest.approx(50 * FAINTEST_PX, rel=0.1)
+
+
+def test_a_line_in_world_units_that_is_thinner_than_a_pixel_is_a_paler_one():
+    commands = Commands()
+    commands.add_lines([(0, 25), (100, 25)], [0, 2], "black", 1.4, DrawSpace.WORLD)
+    camera = Camera(100, 50, 0.0, 25 + 25 / 0.5, 0.5)
+    assert ink(pixels(commands, camera)) == pytest.approx(50 * 0.7, rel=0.1)
+    assert 'stroke-width="0.7"' in svg(commands.freeze(), camera, title="", background=(255, 255, 255, 255)).decode()
 
 
 def test_colours_are_blended_as_their_alpha_says():

@@ -68,6 +68,7 @@ def clipped(
 Point = tuple[float, float]
 Box = tuple[FloatArray, FloatArray]  # the lower left and the upper right corner, world units
 Margins = tuple[float, float, float, float]  # left, top, right, bottom; pixels
+FAINTEST_PX = 0.4  # of lines whose width is in world units: thinner ones would vanish
 CSS_DPI = 96.0  # at which pixels have the usual size
 _SMALLEST = 1e-9  # world units; anything smaller is a point
 

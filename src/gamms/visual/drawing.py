@@ -400,7 +400,7 @@ class Drawing:
     ) -> None:
         """Draw many polylines at once: line `i` is `points[offsets[i]:offsets[i + 1]]`.
 
-        `width` is in pixels, or in world units (but never thinner than a pixel) where `in_world` is set.
+        `width` is in pixels, or in world units where `in_world` is set: what is thinner than a pixel is paler.
         """
         if self.commands is not None:
             self.commands.add_lines(points, offsets, color, width, DrawSpace.WORLD if in_world else DrawSpace.SCREEN)

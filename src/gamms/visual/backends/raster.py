@@ -19,7 +19,7 @@ from gamms.visual.appearance import Rgba
 from gamms.visual.backends import coverage
 from gamms.visual.backends.coverage import ByteArray
 from gamms.visual.backends.pygame_backend import Canvas, Placed, stamp
-from gamms.visual.camera import CSS_DPI, Camera, clipped, extent, touching
+from gamms.visual.camera import CSS_DPI, FAINTEST_PX, Camera, clipped, extent, touching
 
 _SMALLEST_RADIUS_PX = 0.5
 _THINNEST_PX = 1.0  # of lines whose width is in world units
@@ -100,12 +100,16 @@ class _Lines:
         self.is_in_world = bool(commands.space[row] == DrawSpace.WORLD)
 
     def __call__(self, canvas: Canvas, camera: Camera) -> None:
-        width_px = max(self.width * camera.scale, _THINNEST_PX) if self.is_in_world else self.width
+        width_px, color = self.width, self.color
+        if self.is_in_world:  # what is thinner than a pixel is a paler one
+            red, green, blue, alpha = color
+            exact = max(width_px * camera.scale, FAINTEST_PX)
+            width_px, color = max(exact, _THINNEST_PX), (red, green, blue, round(alpha * min(exact, 1.0)))
         seen = touching(self.low, self.high, _view(camera, width_px + _BEYOND_PX))
-        if not seen.any() or width_px == 0.0 or self.color[3] == 0:
+        if not seen.any() or width_px == 0.0 or color[3] == 0:
             return
         starts, ends = camera.to_screen(self.starts[seen]), camera.to_screen(self.ends[seen])
-        draw_lines(canvas, starts, ends, width_px, self.color)
+        draw_lines(canvas, starts, ends, width_px, color)
 
 
 def draw_lines(canvas: Canvas, starts: FloatArray, ends: FloatArray, width_px: float, color: Rgba) -> None:

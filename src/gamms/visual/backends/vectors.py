@@ -9,11 +9,10 @@ import numpy as np
 from gamms import kernels
 from gamms.ir.draw import DrawCommands, DrawKind, DrawSpace
 from gamms.ir.graph import FloatArray, IntArray
-from gamms.visual.camera import Camera, touching
+from gamms.visual.camera import FAINTEST_PX, Camera, touching
 from gamms.visual.lettering import EM
 
 SMALLEST_RADIUS_PX = 0.5
-_THINNEST_PX = 1.0  # of lines whose width is in world units
 _MID_GREY = 128
 _BEYOND_PX = 8.0  # what is drawn so far outside may still reach into the picture
 
@@ -88,7 +87,7 @@ def _seen(commands: DrawCommands, camera: Camera) -> IntArray:
 
 def _widths_px(commands: DrawCommands, scale: FloatArray) -> FloatArray:
     in_world = (commands.kind == DrawKind.LINE) & (commands.space == DrawSpace.WORLD)
-    widths = np.where(in_world, np.maximum(commands.width * scale, _THINNEST_PX), commands.width)
+    widths = np.where(in_world, np.maximum(commands.width * scale, FAINTEST_PX), commands.width)
     # An outline must not be rounded to nothing: a width of 0 means filled.
     return np.where(widths > 0.0, np.maximum(widths, 0.1), 0.0)
 

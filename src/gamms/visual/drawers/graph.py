@@ -15,8 +15,10 @@ from gamms.visual.legend import Values
 
 _FEW = 2_000  # up to so many edges streets are drawn broader
 _ID_PX, _INK = 17, (60, 60, 60)
-_STREET = 2.0  # metres: how broad a street of a real map is drawn, but never thinner than a pixel
+_STREET = 2.0  # metres: how broad a street of a real map is drawn
 _SLIM = 0.2  # at most so broad, in lengths of a usual edge
+_PATH = 0.4  # how broad a path is drawn, in widths of a street
+_PATHS = frozenset(("footway", "path", "steps", "cycleway", "pedestrian", "corridor", "bridleway", "track"))
 
 
 def render_graph(ctx: IContext, data: dict[str, Any]) -> None:
@@ -24,25 +26,43 @@ def render_graph(ctx: IContext, data: dict[str, Any]) -> None:
     look: GraphData = data["graph_data"]
     columns = ctx.graph.columns()
     visual = drawing_of(ctx)
-    points, offsets, breadth = _streets(columns, look)
+    streets = _streets(columns, look)
     if columns.crs is None:
-        visual.render_lines(points, offsets, look.edge_color, 1.5 if len(offsets) <= _FEW else 1.0)
+        for points, offsets, _ in streets:
+            visual.render_lines(points, offsets, look.edge_color, 1.5 if len(offsets) <= _FEW else 1.0)
     else:
-        visual.render_lines(points, offsets, look.edge_color, breadth, in_world=True)
+        for points, offsets, breadth in streets:
+            visual.render_lines(points, offsets, look.edge_color, breadth, in_world=True)
     visual.render_circles(columns.xy, look.node_size, look.node_color)
     if look.draw_id:
         for id, (x, y) in zip(columns.node_ids.tolist(), columns.xy.tolist(), strict=True):
             visual.render_text(str(id), x, y, _INK, font_size=_ID_PX)
 
 
-def _streets(columns: GraphColumns, look: GraphData) -> tuple[FloatArray, IntArray, float]:
-    """Return the polylines of the graph and how broad they are on a real map, made once per revision."""
+def _streets(columns: GraphColumns, look: GraphData) -> list[tuple[FloatArray, IntArray, float]]:
+    """Return the polylines of the graph and how broad they are on a real map, made once per revision: paths first."""
     if columns.revision not in look.edge_line_points:
         look.edge_line_points.clear()
-        points, offsets = polylines(columns, one_way_each(columns))
-        look.edge_line_points[columns.revision] = points, offsets, min(_STREET, _SLIM * usual(columns.lengths))
-    made: tuple[FloatArray, IntArray, float] = look.edge_line_points[columns.revision]
+        rows, breadth = one_way_each(columns), min(_STREET, _SLIM * usual(columns.lengths))
+        is_path = _are_paths(columns)[rows]
+        parts = [(is_path, _PATH * breadth), (~is_path, breadth)]
+        look.edge_line_points[columns.revision] = [
+            (*polylines(columns, rows[part]), width) for part, width in parts if part.any()
+        ]
+    made: list[tuple[FloatArray, IntArray, float]] = look.edge_line_points[columns.revision]
     return made
+
+
+def _are_paths(columns: GraphColumns) -> BoolArray:
+    """Return which edges, (edges,), are no streets, such as the pavements that lie beside them on real maps."""
+    is_path = np.zeros(len(columns.edge_ids), bool)
+    is_path[[row for row, kind in columns.edge_attributes.get("highway", {}).items() if _is_path(kind)]] = True
+    return is_path
+
+
+def _is_path(kind: object) -> bool:
+    """Return whether a way of that kind, or of one of these kinds, is a path and no street."""
+    return kind in _PATHS if isinstance(kind, str) else isinstance(kind, list | tuple) and all(map(_is_path, kind))
 
 
 def usual(lengths: FloatArray) -> float:
