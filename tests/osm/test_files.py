@@ -111,9 +111,15 @@ def test_a_map_without_open_roads_is_refused(make_map, cross):
         graph_from_file(make_map(cross, ([1, 2], {"highway": "steps"})), osm_type=OSMType.DRIVE)
 
 
-@pytest.mark.parametrize("osm_type", ["drive", 2, True])
+def test_a_way_of_moving_may_be_given_by_its_name(make_map, cross):
+    path = make_map(cross, ([1, 2], {**ROAD, "oneway": "yes", "oneway:bicycle": "no"}))
+    assert graph_from_file(path, NO_CUT, osm_type="bike").number_of_edges() == 2
+    assert graph_from_file(path, NO_CUT, osm_type="OSMType.DRIVE").number_of_edges() == 1
+
+
+@pytest.mark.parametrize("osm_type", ["driv", 2, True])
 def test_a_way_of_moving_is_an_osm_type(make_map, cross, osm_type):
-    with pytest.raises(BadType, match=r"OSMType\.DRIVE"):
+    with pytest.raises(BadType, match=r"OSMType\.WALK, BIKE or DRIVE"):
         graph_from_file(make_map(cross, ([1, 2], ROAD)), osm_type=osm_type)
 
 

@@ -294,7 +294,7 @@ def test_the_network_types_have_the_names_that_osmnx_gives_them():
         ({"location": {"city": 7}}, TypeError, "location must be the name of a place"),
         ({"location": " "}, ValueError, "location must name a place"),
         ({"location": []}, ValueError, "location must name a place"),
-        ({"osm_type": "walk"}, TypeError, r"osm_type must be OSMType\.WALK"),
+        ({"osm_type": "wlak"}, TypeError, r"osm_type must be OSMType\.WALK"),
         ({"osm_type": 0}, TypeError, r"osm_type must be OSMType\.WALK"),
         ({"resolution": 0}, ValueError, "resolution must be more than 0"),
         ({"resolution": math.nan}, ValueError, "resolution must be finite"),

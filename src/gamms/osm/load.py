@@ -9,7 +9,7 @@ from typing import TYPE_CHECKING, Any, NamedTuple
 import numpy as np
 
 from gamms.arguments import as_bool, as_context, as_float, as_range
-from gamms.errors import BadFile, BadType, BadValue
+from gamms.errors import BadFile, BadValue
 from gamms.ir.graph import GraphColumns
 from gamms.ir.projection import crs_of
 from gamms.osm import topology
@@ -18,6 +18,7 @@ from gamms.osm.network import (
     OSMType,
     RoadNetwork,
     Ways,
+    as_osm_type,
     both_ways,
     connected,
     joined_directions,
@@ -31,7 +32,6 @@ from gamms.osm.networkx_bridge import network_of_graph, to_digraph, to_multidigr
 from gamms.osm.osmium_reader import as_file, read_ways
 from gamms.osm.topology import resample
 from gamms.progress import Show, progress
-from gamms.text import shown
 from gamms.typing import IContext
 
 if TYPE_CHECKING:
@@ -95,7 +95,7 @@ def graph_from_file(
     bidirectional: bool | None = None,
     retain_all: bool = False,
     tolerance: float = 0.5,
-    osm_type: OSMType | None = None,
+    osm_type: OSMType | str | None = None,
     simplify: bool = True,
 ) -> "nx.DiGraph[int]":
     """Make a graph of the roads in an OpenStreetMap file for one way of moving, or for any.
@@ -112,11 +112,8 @@ def graph_from_file(
 
     Returns, Raises: as `graph_from_xml`.
     """
-    if osm_type is not None and not isinstance(osm_type, OSMType):
-        raise BadType(
-            f"osm_type must be an OSMType such as OSMType.DRIVE, or None for all roads, not {shown(osm_type)}."
-        )
-    recipe = recipe_of(resolution, tolerance, bidirectional, retain_all, simplify, osm_type)
+    kind = None if osm_type is None else as_osm_type(osm_type)
+    recipe = recipe_of(resolution, tolerance, bidirectional, retain_all, simplify, kind)
     return _graph(filepath, recipe, read_ways)
 
 

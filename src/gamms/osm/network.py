@@ -8,9 +8,12 @@ from typing import Any, NamedTuple
 import numpy as np
 
 from gamms import kernels
+from gamms.arguments import as_member
+from gamms.errors import BadType
 from gamms.ir.graph import FloatArray, GraphColumns, IntArray
 from gamms.ir.obstacles import BoolArray
 from gamms.ir.projection import WGS84, ellipsoid_lengths, project, utm_crs
+from gamms.text import shown
 
 KEPT_TAGS = (
     "highway",
@@ -39,6 +42,18 @@ class OSMType(Enum):
     WALK = 0
     BIKE = 1
     DRIVE = 2
+
+
+def as_osm_type(value: object) -> OSMType:
+    """Return a way of moving, given as such or by its name.
+
+    Raises:
+        BadType: it is none.
+    """
+    kind = as_member(OSMType, value)
+    if kind is None:
+        raise BadType(f"osm_type must be OSMType.WALK, BIKE or DRIVE, or such a name, not {shown(value)}.")
+    return kind
 
 
 # What a way must not be, per way of moving: tag -> values. These are the rules of OSMnx's network types, with the

@@ -15,7 +15,7 @@ from gamms.ir.geometry import polygon as polygon_of
 from gamms.ir.graph import FloatArray
 from gamms.ir.projection import WGS84, project, utm_crs
 from gamms.osm.load import cut, recipe_of
-from gamms.osm.network import OSMType, RoadNetwork
+from gamms.osm.network import OSMType, RoadNetwork, as_osm_type
 from gamms.osm.overpass import Location, StreetOptions, streets_of_place, streets_of_polygon
 from gamms.osm.topology import consolidate
 from gamms.progress import progress
@@ -35,7 +35,7 @@ Made = TypeVar("Made", bound=Callable[..., Any])
 class PlaceOptions(TypedDict, total=False):
     """Options of the functions that make graphs of areas; `create_osm_graph` says what each means."""
 
-    osm_type: OSMType
+    osm_type: OSMType | str
     resolution: float
     simplify: bool
     retain_all: bool
@@ -48,7 +48,7 @@ class PlaceOptions(TypedDict, total=False):
 
 def create_osm_graph(
     location: Location,
-    osm_type: OSMType = OSMType.WALK,
+    osm_type: OSMType | str = OSMType.WALK,
     resolution: float = 10.0,
     simplify: bool = True,
     retain_all: bool = False,
@@ -82,10 +82,8 @@ def create_osm_graph(
         BadValue, BadType: an argument is impossible.
         MissingExtra: requests or pyproj is not installed.
     """
-    options = StreetOptions(
-        osm_type, resolution, simplify, retain_all, truncate_by_edge, custom_filter, tolerance, bidirectional, offline
-    )
-    return _graph(streets_of_place, location, shown(location), options)
+    rest = (resolution, simplify, retain_all, truncate_by_edge, custom_filter, tolerance, bidirectional, offline)
+    return _graph(streets_of_place, location, shown(location), StreetOptions(as_osm_type(osm_type), *rest))
 
 
 def _with_place_options(make: Made) -> Made:
@@ -130,30 +128,26 @@ def graph_from_polygon(polygon: "Polygon | MultiPolygon", **options: Unpack[Plac
     return _graph(streets_of_polygon, polygon, name, _options("graph_from_polygon", options))
 
 
-def get_network_type(osm_type: OSMType) -> str:
+def get_network_type(osm_type: OSMType | str) -> str:
     """Return the network type of OSMnx for a way of moving: walk, bike or drive.
 
     Raises:
         BadType: it is no OSMType.
     """
-    if not isinstance(osm_type, OSMType):
-        raise BadType(
-            f"osm_type must be OSMType.WALK, BIKE or DRIVE, not {shown(osm_type)} ({type(osm_type).__name__})."
-        )
-    return osm_type.name.lower()
+    return as_osm_type(osm_type).name.lower()
 
 
 def _options(call: str, given: PlaceOptions) -> StreetOptions:
     for name in given:
         if name not in StreetOptions._fields:
             raise BadType(f"{call}() has no argument {name!r}.{nearest(name, StreetOptions._fields)}")
-    return StreetOptions(**given)
+    rest: dict[str, Any] = {**given}
+    return StreetOptions(as_osm_type(rest.pop("osm_type", OSMType.WALK)), **rest)
 
 
 def _graph(
     streets_of: Callable[..., RoadNetwork], place: "Location | BaseGeometry", name: str, options: StreetOptions
 ) -> "nx.DiGraph[int]":
-    get_network_type(options.osm_type)  # checks it
     _check_filter(options.custom_filter)
     recipe = recipe_of(
         *(options.resolution, options.tolerance, options.bidirectional),
