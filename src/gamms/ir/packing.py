@@ -196,7 +196,7 @@ def pack_parts(values: Sequence[bytes], columns: bytes = b"", cost: int = 0) -> 
     cost = max(cost, _OF_BYTE * (len(data) + len(columns)))
     if PER_BYTE * len(body) < cost + most_cost_of(data):
         cost += sum(map(cost_of, values))
-    return body + bytes(max(0, -(-cost // PER_BYTE) - len(body)))  # readers believe as much of so few bytes
+    return padded(body, cost)
 
 
 def unpack_parts(body: bytes, most: int, *, has_columns: bool = False) -> tuple[bytes, bytes]:
@@ -211,6 +211,11 @@ def unpack_parts(body: bytes, most: int, *, has_columns: bool = False) -> tuple[
     if rest.strip(b"\0"):
         raise BadFile(f"{len(rest)} bytes are left over")
     return values, columns
+
+
+def padded(body: bytes, cost: int) -> bytes:
+    """Return packed bytes, followed by zeros where they are fewer than readers believe of so much memory."""
+    return body + bytes(max(0, -(-cost // PER_BYTE) - len(body)))
 
 
 # -- columns ----------------------------------------------------------------------------------------------------
