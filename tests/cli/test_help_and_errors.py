@@ -84,6 +84,14 @@ def test_an_error_of_gamms_in_a_strategy_names_the_line(folder):
     assert "UnknownName: Unknown node 99" in done.stderr
 
 
+def test_a_strategy_that_exits_is_named(folder):
+    (folder / "players.py").write_text("import sys\n\ndef play(state):\n    sys.exit(3)\n")
+    done = run("run", "game.yaml")
+    assert done.exit_code == 1
+    assert 'players.py", line 4, in play' in done.stderr
+    assert "SystemExit: 3" in done.stderr
+
+
 def test_all_frames_are_there_if_they_are_asked_for(folder):
     (folder / "players.py").write_text("def play(state):\n    1 / 0\n")
     with pytest.raises(ZeroDivisionError):

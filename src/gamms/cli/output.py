@@ -48,7 +48,7 @@ def guarded(command: Callable[..., None]) -> Callable[..., None]:
                 command(*args, **keywords)
         except (typer.Exit, typer.Abort, typer.BadParameter, BrokenPipeError):
             raise
-        except Exception as error:
+        except (Exception, SystemExit) as error:  # which a strategy may raise, too
             if traceback:
                 raise
             echo(explained(error), err=True)
@@ -61,7 +61,7 @@ def guarded(command: Callable[..., None]) -> Callable[..., None]:
     return run
 
 
-def explained(error: Exception) -> str:
+def explained(error: BaseException) -> str:
     """Return what is printed of an error: of GAMMS or of a file a sentence, of the user's code a traceback.
 
     Of a traceback only the user's own frames are left; where there are none, it is an error in GAMMS itself, and all

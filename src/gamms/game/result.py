@@ -160,7 +160,8 @@ class Result:
     def headline(self) -> str:
         """Return in one line who has won, after how many turns and why."""
         end = "no team won" if self.winner is None else f"{self.winner} won"
-        return printable_line(f"{end} after {self.turns} turns: {self.reason}")
+        turns = "1 turn" if self.turns == 1 else f"{self.turns} turns"
+        return printable_line(f"{end} after {turns}: {self.reason}")
 
     def _shown_tables(self) -> Iterator[list[tuple[str, ...]]]:
         """Yield the tables that `print` and notebooks show, each with its header."""

@@ -273,7 +273,9 @@ def _flaw(error: "yaml.YAMLError", text: str) -> str:
         line = lines[number] if 0 <= number < len(lines) else ""
         if "\t" in line[: len(line) - len(line.lstrip())]:
             return f"line {number + 1} begins with a tab. YAML is indented by spaces: put spaces in its place."
-    return f"line {mark.line + 1}, column {mark.column + 1}: {getattr(error, 'problem', error)}."
+    problem = str(getattr(error, "problem", error))
+    hint = " Put quotes around a text with a colon in it." if problem.startswith("mapping values") else ""
+    return f"line {mark.line + 1}, column {mark.column + 1}: {problem}.{hint}"
 
 
 class _Composer:

@@ -272,7 +272,8 @@ def _from_plain(
 ) -> Scenario:
     """Make a scenario of plain values that are data: they cannot say where code comes from."""
     if not isinstance(raw, Mapping):
-        raise ScenarioError("", f"a scenario is a mapping with the keys map and teams, not {type(raw).__name__}.")
+        given = "empty" if raw is None else shown(raw)
+        raise ScenarioError("", f"a scenario is a mapping with the keys map and teams; this is {given}.")
     for key in raw:
         if key in ("folder", "file", "allow") or not isinstance(key, str):
             raise ScenarioError(str(key), "unknown key.")
