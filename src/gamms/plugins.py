@@ -1,6 +1,7 @@
 """Named factories, filled by engines and by installed packages."""
 
 from collections.abc import Callable, Iterator
+from importlib import import_module
 from typing import Generic, TypeVar
 
 from gamms.errors import Duplicate, UnknownName
@@ -12,10 +13,15 @@ class Registry(Generic[T]):
     """Factories of one kind of object, by name.
 
     An installed package adds a name through an entry point of the registry's group.
+
+    Args:
+        kind: of object, for errors.
+        group: of entry points.
+        home: the module that registers the factory "gamms"; it is imported when that is asked for.
     """
 
-    def __init__(self, kind: str, group: str) -> None:
-        self._kind, self._group = kind, group
+    def __init__(self, kind: str, group: str, home: str = "") -> None:
+        self._kind, self._group, self._home = kind, group, home
         self._factories: dict[str, Callable[..., T]] = {}
 
     def register(self, name: str) -> Callable[[Callable[..., T]], Callable[..., T]]:
@@ -34,6 +40,8 @@ class Registry(Generic[T]):
         return keep
 
     def __getitem__(self, name: str) -> Callable[..., T]:
+        if name == "gamms" and self._home:
+            import_module(self._home)
         if name in self._factories:
             return self._factories[name]
         from importlib.metadata import entry_points

@@ -145,7 +145,7 @@ def render(  # noqa: PLR0913, PLR0917 - one argument per option
     follow: Annotated[str | None, typer.Option(help="Keep this agent in the middle.", metavar="AGENT")] = None,
     view: Annotated[
         float | None,
-        typer.Option(help="With --follow: how much is seen, in metres (map units). By default some hundred."),
+        typer.Option(help="With --follow: how much is seen, in metres (map units); by default 400, or 30 edges."),
     ] = None,
     fog: Annotated[str | None, typer.Option(help="Show only what this team's sensors see.", metavar="TEAM")] = None,
     width: Annotated[int | None, typer.Option(help="Pixels; by default as the map needs.")] = None,

@@ -145,5 +145,5 @@ class HostContext(Protocol):
     def terminate(self) -> None: ...
 
 
-contexts: Registry[IContext] = Registry("kind of context", "gamms.contexts")
+contexts: Registry[IContext] = Registry("kind of context", "gamms.contexts", "gamms.context")
 """What makes a context. Engines ask here, for they do not import `gamms.context`."""

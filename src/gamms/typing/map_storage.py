@@ -90,5 +90,5 @@ class IMapStorage(ABC):
         """Restart the random stream that `ctx.graph.place` draws from."""
 
 
-packed_graphs: Registry[IPackedGraph] = Registry("form of packed graphs", "gamms.packed_graphs")
+packed_graphs: Registry[IPackedGraph] = Registry("form of packed graphs", "gamms.packed_graphs", "gamms.graph")
 """What opens the bytes of a map: other engines find the class of `gamms.graph` here, under the name "gamms"."""
