@@ -340,7 +340,7 @@ def test_many_moves_at_once_do_what_they_do_one_by_one(game, turns, data):
         if turn:
             one_by_one.apply(game[turn - 1])
         if turn in stops or turn == len(game):
-            state = rec._state_at(turn)
+            state = rec.detached(turn)
             np.testing.assert_equal(state.agents.columns, one_by_one.agents.columns)
             assert state.game.scores == one_by_one.game.scores
 

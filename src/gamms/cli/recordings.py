@@ -108,25 +108,30 @@ def replay(
     map: _Map = None,
     window: Annotated[bool, typer.Option("--window", help="Show it in a window, which stays open at the end.")] = False,
     seconds: Annotated[float, typer.Option(help="How long a turn is shown.", min=0.0)] = 0.5,
+    start: Annotated[int, typer.Option("--from", help="Begin after this turn.", metavar="TURN", min=0)] = 0,
+    theme: Annotated[str, typer.Option(help="Of the window: light or dark.", metavar="THEME")] = "light",
+    labels: Annotated[bool, typer.Option("--labels", help="Write names beside agents in the window.")] = False,
+    trails: Annotated[int, typer.Option(help="Show the ways of the last turns in the window.", min=0)] = 0,
 ) -> None:
     """Replay a recording, in a window or not, and say how it ended."""
     from gamms import recordings, visual
     from gamms.recorder import RecordingError
 
-    warning = None
-    ctx = recordings.context_for(file, map, visual.Engine.PYGAME if window else visual.Engine.NO_VIS)
+    warning, look = None, {"theme": theme, "labels": labels, "trails": trails} if window else {}
+    ctx = recordings.context_for(file, map, visual.Engine.PYGAME if window else visual.Engine.NO_VIS, **look)
     ctx.visual.turn_seconds = seconds
     turns: list[None] = []
     ctx.visual.after_turn.append(lambda: turns.append(None))
     with ctx:
         try:
-            for _ in ctx.record.replay(file):
+            for _ in ctx.record.replay(file, start=start):
                 pass
         except RecordingError as error:
             if not turns:
                 raise
             warning = str(error)
-        _print_agents(ctx, file, len(turns))
+        playback = getattr(ctx.visual, "playback", None)  # of which a person may have shown any turn
+        _print_agents(ctx, file, start + len(turns) if playback is None else playback.turn)
         if window:
             ctx.visual.stay_open()
     if warning:

@@ -203,6 +203,12 @@ class Game(Settings):
         over = self._state.over
         return None if over is None else self._phase.shown(dict(over))
 
+    @property
+    def last_turn(self) -> int | None:
+        """The turn after which the game ends at the latest: by `run`, the settings or a time limit; None: not known."""
+        limits = [self._state.last_turn, self.max_turns, *(getattr(one.rule, "last_turn", None) for one in self.rules)]
+        return min((limit for limit in limits if isinstance(limit, int)), default=None)
+
     @refused_while_deciding
     def step(self) -> bool:
         """Play one turn; False, and nothing happens, once the game is over.

@@ -2,7 +2,7 @@
 
 import os
 import time
-from collections.abc import Callable, Iterator, KeysView, Mapping
+from collections.abc import Callable, Generator, Iterator, KeysView, Mapping
 from contextlib import nullcontext
 from copy import deepcopy
 from typing import Any, BinaryIO
@@ -21,6 +21,7 @@ from gamms.recorder.formats.reader import Reader
 from gamms.recorder.formats.writer import Output
 from gamms.recorder.host import HostContext
 from gamms.recorder.maps import without_map
+from gamms.recorder.playback import Playback
 from gamms.recorder.replaying import TURN_NS, Record, Replayer
 from gamms.recorder.session import RecordingSession
 from gamms.recorder.streams import Target, format_of, locks, readable
@@ -237,14 +238,21 @@ class Recorder(Guarded, IRecorder):
     # -- playing ------------------------------------------------------------------------------------------------
 
     @refused_while_deciding
-    def replay(self, path: str | os.PathLike[str] | BinaryIO) -> Iterator[Record]:
+    def replay(self, path: str | os.PathLike[str] | BinaryIO, *, start: int = 0) -> Iterator[Record]:
         """Apply a recording to this context, and yield what it says, record by record, as 1.0.0 did.
+
+        In a window any turn can be shown, so that records may come again, or not at all.
+
+        Args:
+            path: of the recording; or a binary stream.
+            start: how many turns are over in the beginning, which are not shown; of version 2 none.
 
         Raises (at the first `next`):
             FileNotFoundError: there is no such file.
             RecorderBusy (RuntimeError): a recording is being replayed already.
             RecordingError (ValueError): it is none, or damaged; what was whole has been applied. Or it does not fit
                 this context.
+            BadValue (ValueError): there is no such turn to start from.
         """
         if self.ctx.is_terminated():
             return
@@ -253,10 +261,14 @@ class Recorder(Guarded, IRecorder):
         stream, is_owned = readable(path)
         if is_owned:
             locks(stream, alone=False)
-        self.is_replaying = True
+        self.is_replaying, is_kept = True, False
         try:
-            is_version_2 = 0 <= format_of(stream) < 3
-            yield from self._replay_version_2(stream) if is_version_2 else self._replay_version_3(stream)
+            if not 0 <= format_of(stream) < 3:
+                is_kept = yield from self._replay_version_3(stream, start, stream if is_owned else None)
+            elif start:
+                raise BadValue(f"A recording of version 2 is replayed from its beginning, not from turn {start}.")
+            else:
+                yield from self._replay_version_2(stream)
         except ContextTerminated:
             if not self.ctx.is_terminated():
                 raise
@@ -264,14 +276,28 @@ class Recorder(Guarded, IRecorder):
             if self._session is not None:
                 self._session.end_replay()
             self.is_replaying, self._replayer = False, None
-            if is_owned:
+            if is_owned and not is_kept:
                 stream.close()
 
-    def _replay_version_3(self, stream: BinaryIO) -> Iterator[Record]:
-        reader, self._replayer = Reader(stream), Replayer(self.ctx, self._recording)
+    def _replay_version_3(self, stream: BinaryIO, start: int, owned: BinaryIO | None) -> Generator[Record, None, bool]:
+        """Replay, and return whether a window keeps the recording open, for its turns to be shown again."""
+        reader, replayer = Reader(stream), Replayer(self.ctx, self._recording)
+        self._replayer = replayer
         if reader.warning:
             self.ctx.logger.warning(reader.warning)
-        yield from self._replayer.play(reader)
+        playback = Playback(self.ctx, reader, replayer, owned)
+        keep = getattr(self.ctx.visual, "show_playback", None)
+        try:
+            replayer.begin(reader)
+            if start:
+                playback.seek(start)
+            if keep is not None:
+                keep(playback)
+            yield from replayer.play(reader)
+        except BaseException:
+            playback.close()
+            raise
+        return keep is not None
 
     def _replay_version_2(self, stream: BinaryIO) -> Iterator[Record]:
         self._replayer = replayer = Replayer(self.ctx, self._recording, is_version_2=True)

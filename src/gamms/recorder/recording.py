@@ -171,12 +171,12 @@ class Recording(Opened):
         turn = as_int(turn, "turn")
         if not 0 <= turn <= self.turns:
             raise BadValue(f"There is no state after {turn} turns: this recording has {self.turns} turns.")
-        state = self._state_at(turn)
+        state = self.detached(turn)
         version = state.agents, state.agents.version
         if self._named[0] != version:
             named = table_of({name: state.agents.columns[key] for name, key in _LISTS.items()})
             self._named = version, {name: _frozen(column) for name, column in named.items()}
-        return _state_of(state, turn, self._named[1], lambda: self._map_at(turn))
+        return _state_of(state, turn, self._named[1], lambda: self.map_at(turn))
 
     @overload
     def __getitem__(self, turn: int) -> State: ...
@@ -193,8 +193,8 @@ class Recording(Opened):
         for turn in range(self.turns + 1):
             yield self.state(turn)
 
-    def _state_at(self, turn: int) -> DetachedState:
-        """Return the state after so many turns."""
+    def detached(self, turn: int) -> DetachedState:
+        """Return the state after so many turns, which the next call changes."""
         with refusing(f"The state after turn {turn} cannot be worked out", (Damaged,)):
             return self._worked_out(turn)
 
@@ -273,7 +273,7 @@ class Recording(Opened):
         try:
             live.reseed(seed)
             become(live, self.map_hash(turn), lambda: then.graph.packed, (self.map_hash(0),))
-            resuming.resume(live, self._reader, turn, self._state_at(turn), is_fresh=ctx is None)
+            resuming.resume(live, self._reader, turn, self.detached(turn), is_fresh=ctx is None)
             resuming.register(live, strategies)
         except BaseException:
             if ctx is None:
@@ -331,7 +331,7 @@ class Recording(Opened):
         if not 1 <= turn <= self.turns:
             raise BadValue(f"There is no turn {turn}: this recording has turns 1 to {self.turns}.")
         with self._live(turn - 1, {}, is_quiet=True) as ctx:
-            return resuming.observation(ctx, self._reader.log(turn - 1), self._state_at(turn - 1), turn, agent)
+            return resuming.observation(ctx, self._reader.log(turn - 1), self.detached(turn - 1), turn, agent)
 
     # -- the map ------------------------------------------------------------------------------------------------
 
@@ -356,7 +356,7 @@ class Recording(Opened):
     def map_hash(self, turn: int) -> str:
         """Return the SHA-256 of the map after so many turns, whether the recording holds the map or not."""
         last = self._map_turn(turn)
-        return hash_of(self._map_at(turn).packed) if last else hash_in(self._reader.header)
+        return hash_of(self.map_at(turn).packed) if last else hash_in(self._reader.header)
 
     def _map_turn(self, turn: int) -> int:
         """Return the last turn up to this one in which the map changed; 0: none."""
@@ -365,7 +365,8 @@ class Recording(Opened):
         place = bisect_right(self._map_turns, turn)
         return self._map_turns[place - 1] if place else 0
 
-    def _map_at(self, turn: int) -> IPackedGraph:
+    def map_at(self, turn: int) -> IPackedGraph:
+        """Return the map after so many turns, read-only."""
         last = self._map_turn(turn)
         return self._map(last, lambda: self._changed_map(last)) if last else self.graph
 
@@ -441,7 +442,7 @@ class Recording(Opened):
 
     def _names_at(self, log: int) -> tuple[dict[int, str], int]:
         """See `tables.NamesAt`."""
-        agents = self._state_at(log).agents
+        agents = self.detached(log).agents
         return agents.names_by_number(), agents.following
 
     def _logs_of(self, start: int | None, stop: int | None) -> tuple[int, int]:

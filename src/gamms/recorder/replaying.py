@@ -374,18 +374,19 @@ class Replayer:
     Attributes:
         state: what events are applied to.
         clock: the time stamp of what is being replayed.
+        turn: how many turns have been replayed, with the one that is shown now.
     """
 
     def __init__(self, ctx: HostContext, recording: _Ongoing = lambda: None, *, is_version_2: bool = False) -> None:
         self._ctx, self._recording, self._is_version_2 = ctx, recording, is_version_2
         self.state = LegacyState(ctx) if is_version_2 else LiveState(ctx)
-        self.clock = 0
+        self.clock = self.turn = 0
 
-    def play(self, reader: Reader) -> Iterator[Record]:
-        """Apply a recording of version 3, and yield its records.
+    def begin(self, reader: Reader) -> None:
+        """Become what a recording of version 3 begins with.
 
         Raises:
-            RecordingError: it is damaged, or does not fit the context; what was whole has been applied.
+            RecordingError: it is damaged, or does not fit the context.
         """
         maps.attach(self._ctx, reader.header)
         self.show(reader.header.get("visuals"), reader.header.get("drawings", []))
@@ -394,11 +395,23 @@ class Replayer:
             self._begin(reader.header, begin[1])
         elif reader.turns or not reader.warning:  # else it was cut off behind its map
             raise RecordingError("This recording does not say how it begins.")
-        for turn in range(reader.turns):
-            yield from self._turn(turn, reader.log(turn))
+
+    def play(self, reader: Reader) -> Iterator[Record]:
+        """Apply the turns of a recording from the present one on, and yield their records.
+
+        Raises:
+            RecordingError: it is damaged, or does not fit the context; what was whole has been applied.
+        """
+        while self.turn < reader.turns:
+            yield from self.play_turn(reader)
             if self._ctx.is_terminated():
                 return
         yield {"timestamp": max(0, reader.turns - 1) * TURN_NS, "opCode": kinds.TERMINATE}
+
+    def play_turn(self, reader: Reader) -> Iterator[Record]:
+        """Apply the next turn, and yield its records; where another turn is asked for meanwhile, that is the next."""
+        self.turn += 1
+        return self._turn(self.turn - 1, reader.log(self.turn - 1))
 
     def play_until(self, log: kinds.Log, kind: int) -> Any:
         """Apply a turn as far as the first event of some kind, and return the data of that; None if there is none."""

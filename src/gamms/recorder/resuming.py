@@ -1,8 +1,10 @@
 """From a turn of a recording on: a live context in which the game stands as it stood then."""
 
-from collections.abc import Iterator, Mapping
+from bisect import bisect_left
+from collections.abc import Mapping
 from copy import deepcopy
 from logging import CRITICAL, getLogger
+from operator import itemgetter
 from typing import TYPE_CHECKING, Any
 
 from gamms.arguments import as_int
@@ -23,6 +25,7 @@ if TYPE_CHECKING:
     from gamms.recorder.formats.reader import Reader
 
 Strategies = Mapping[str, Any]  # agent or team -> its strategy
+_Logged = tuple[int, int, Any]  # the log, the kind and the data of an event
 
 _SEED_BITS = 63
 _HISTORY = (kinds.SNAPSHOT, kinds.GAME_EVENT, kinds.GAME_FACTS, kinds.GAME_TURN)
@@ -101,24 +104,24 @@ def resume(ctx: HostContext, reader: "Reader", turn: int, then: DetachedState, *
     facts = dict(ctx.game.facts)
     ctx.game.internals.draw_start = None
     ctx.game.internals.state.begin_from_here()
-    replayer = Replayer(ctx)
+    replayer, past = Replayer(ctx), Past(reader)
     with refusing(f"This game cannot go on from turn {turn}"):
-        history = _history(reader, turn)
-        history["facts"] = facts | history["facts"]  # for those which a recording cannot hold
+        known = history(reader, past, turn)
+        known["facts"] = facts | known["facts"]  # for those which a recording cannot hold
         if is_fresh:
-            ctx.game.configure(history["settings"])
-        snapshot = then.keyframe(turn) | history
+            ctx.game.configure(known["settings"])
+        snapshot = then.keyframe(turn) | known
         if ctx.seed != seed_at(reader, turn):
             snapshot["chance"] = None
-        _delete_others(ctx, snapshot["names"])
+        delete_others(ctx, snapshot["names"])
         replayer.state.restore(snapshot)
     for name, agent in ctx.agent.agents.items():
         agent.strategy = strategies.get(name)
-    looks = [data for _, data in _before(reader, turn, (kinds.VISUALS,))]
+    looks = [data for *_, data in past.events(turn, (kinds.VISUALS,))]
     drawings = reader.header.get("drawings", [])
-    drawings = [*drawings, *(data for _, data in _before(reader, turn, (kinds.VISUAL_COMMANDS,)))]
+    drawings = [*drawings, *(data for *_, data in past.events(turn, (kinds.VISUAL_COMMANDS,)))]
     replayer.show(looks[-1] if looks else reader.header.get("visuals"), drawings)
-    for kind, data in _before(reader, turn, tuple(COMPONENTS)):
+    for _, kind, data in past.events(turn, tuple(COMPONENTS)):
         ctx.record.components.apply(OpCodes(kind).name, data, lenient=True)
 
 
@@ -141,7 +144,7 @@ def register(ctx: HostContext, strategies: Strategies) -> None:
 
 def seed_at(reader: "Reader", turn: int) -> Any:
     """Return the seed of the game after so many turns: that of the recording, unless it was reset to another one."""
-    later = [data["seed"] for _, data in _before(reader, turn, (kinds.SNAPSHOT,)) if "seed" in data]
+    later = [data["seed"] for *_, data in Past(reader).events(turn, (kinds.SNAPSHOT,)) if "seed" in data]
     return [reader.header.get("seed"), *later][-1]
 
 
@@ -158,7 +161,7 @@ def as_seed(given: object, recorded: object) -> int:
     return recorded
 
 
-def _delete_others(ctx: HostContext, names: list[str]) -> None:
+def delete_others(ctx: HostContext, names: list[str]) -> None:
     """Delete agents who were not there, and those who came in another order, to be made again."""
     agents = ctx.agent.agents
     for name in [name for name in agents if name not in set(names)]:
@@ -169,22 +172,38 @@ def _delete_others(ctx: HostContext, names: list[str]) -> None:
         ctx.agent.delete_agent(name)
 
 
-def _history(reader: "Reader", turn: int) -> dict[str, Any]:
+class Past:
+    """Events of some kinds up to a turn; each is read once, whichever turns are asked for."""
+
+    def __init__(self, reader: "Reader") -> None:
+        self._reader = reader
+        self._known: dict[tuple[int, ...], tuple[int, list[_Logged]]] = {}  # kinds -> until which turn, and the events
+
+    def events(self, turn: int, which: tuple[int, ...]) -> list[_Logged]:
+        """Return the events of these kinds in the first turns, each with its log and kind."""
+        until, known = self._known.get(which, (0, []))
+        if turn > until:
+            known += [(log, kind, data) for log, _, kind, data in self._reader.events(until, turn, which)]
+            self._known[which] = turn, known
+        return known[: bisect_left(known, turn, key=itemgetter(0))]
+
+
+def history(reader: "Reader", past: Past, turn: int) -> dict[str, Any]:
     """Return what was emitted and published until then, and where agents began."""
     found = reader.keyframe(0)
     begin = {} if found is None else found[1]
     starts = _starts_of(begin)
-    history = _history_in(begin)
-    for kind, data in _before(reader, turn, _HISTORY):
+    known = _history_in(begin)
+    for _, kind, data in past.events(turn, _HISTORY):
         if kind == kinds.SNAPSHOT:
-            history = _history_in(data)
+            known = _history_in(deepcopy(data))  # whose lists `change` makes longer
         elif kind == kinds.GAME_EVENT:
-            history["events"].append(data)
+            known["events"].append(data)
         elif kind == kinds.GAME_FACTS:
-            change(history["facts"], data)
+            change(known["facts"], data)
         if kind in (kinds.SNAPSHOT, kinds.GAME_TURN):
             starts |= data.get("starts", {})
-    return deepcopy({**history, "starts": starts})
+    return {**known, "starts": starts}
 
 
 def _history_in(snapshot: Mapping[str, Any]) -> dict[str, Any]:
@@ -199,7 +218,3 @@ def _starts_of(begin: Mapping[str, Any]) -> dict[str, Any]:
     places = zip(begin["kind"].tolist(), begin["node"].tolist(), begin["position"].tolist(), strict=True)
     at = (tuple(position) if flies else node for flies, node, position in places)
     return dict(zip(begin["names"], at, strict=True))
-
-
-def _before(reader: "Reader", turn: int, which: tuple[int, ...]) -> Iterator[tuple[int, Any]]:
-    return ((kind, data) for *_, kind, data in reader.events(0, turn, which))

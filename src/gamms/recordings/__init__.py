@@ -13,6 +13,7 @@ from gamms.recordings.conversion import (
     to_json_lines,
     to_version_3,
     version_of,
+    watch,
     with_nodes_made_up,
 )
 
@@ -28,5 +29,6 @@ __all__ = [
     "to_version_3",
     "verify",
     "version_of",
+    "watch",
     "with_nodes_made_up",
 ]

@@ -55,7 +55,10 @@ def version_of(path: str | os.PathLike[str]) -> int:
 
 
 def context_for(
-    path: str | os.PathLike[str], map: str | os.PathLike[str] | None = None, vis_engine: Engine = Engine.NO_VIS
+    path: str | os.PathLike[str],
+    map: str | os.PathLike[str] | None = None,
+    vis_engine: Engine = Engine.NO_VIS,
+    **vis_kwargs: object,
 ) -> Context:
     """Create a context to replay a recording of any version in.
 
@@ -63,26 +66,66 @@ def context_for(
         path: of the recording.
         map: see `with_map`; for a recording of version 2 `with_nodes_made_up`.
         vis_engine: see `create_context`.
+        vis_kwargs: likewise.
 
     Raises:
         BadFile, RecordingError (ValueError): a file is damaged at its beginning.
         OSError: one cannot be read.
     """
-    return with_nodes_made_up(path, map, vis_engine) if version_of(path) < 3 else with_map(map, vis_engine)
+    if version_of(path) < 3:
+        return with_nodes_made_up(path, map, vis_engine, **vis_kwargs)
+    return with_map(map, vis_engine, **vis_kwargs)
 
 
-def with_map(map: str | os.PathLike[str] | None, vis_engine: Engine = Engine.NO_VIS) -> Context:
+def watch(
+    path: str | os.PathLike[str],
+    map: str | os.PathLike[str] | None = None,
+    *,
+    start: int = 0,
+    seconds: float = 0.5,
+    theme: str = "light",
+    labels: bool = False,
+    trails: int = 0,
+) -> None:
+    """Show a recording in a window, until that is closed.
+
+    Args:
+        path: of the recording.
+        map: see `context_for`.
+        start: how many turns are over in the beginning.
+        seconds: how long a turn is shown.
+        theme: "light" or "dark".
+        labels: whether agents have their names beside them.
+        trails: of how many turns the ways of agents are shown.
+
+    Raises:
+        BadFile, RecordingError (ValueError): a file is damaged.
+        BadValue (ValueError): there is no such turn or theme.
+        NoDisplay (RuntimeError): no window can be opened here.
+        OSError: a file cannot be read.
+    """
+    look = {"simulation_time_constant": seconds, "theme": theme, "labels": labels, "trails": trails}
+    with context_for(path, map, Engine.PYGAME, **look) as ctx:
+        for _ in ctx.record.replay(path, start=start):
+            pass
+        ctx.visual.stay_open()
+
+
+def with_map(map: str | os.PathLike[str] | None, vis_engine: Engine = Engine.NO_VIS, **vis_kwargs: object) -> Context:
     """Create a context with the map in a file that `ctx.graph.save` wrote; None: without one.
 
     Raises:
         BadFile (ValueError): the file is damaged.
         OSError: it cannot be read.
     """
-    return _filled(vis_engine, lambda ctx: None if map is None else ctx.graph.load(map))
+    return _filled(vis_engine, vis_kwargs, lambda ctx: None if map is None else ctx.graph.load(map))
 
 
 def with_nodes_made_up(
-    path: str | os.PathLike[str], map: str | os.PathLike[str] | None = None, vis_engine: Engine = Engine.NO_VIS
+    path: str | os.PathLike[str],
+    map: str | os.PathLike[str] | None = None,
+    vis_engine: Engine = Engine.NO_VIS,
+    **vis_kwargs: object,
 ) -> Context:
     """Create a context for a recording of version 2, which has no map.
 
@@ -90,20 +133,21 @@ def with_nodes_made_up(
         path: of the recording.
         map: a file that `ctx.graph.save` wrote; None makes up a node at (0, 0) for each node id in the recording.
         vis_engine: see `create_context`.
+        vis_kwargs: likewise.
 
     Raises:
         BadFile, RecordingError (ValueError): a file is damaged at its beginning.
         OSError: one cannot be read.
     """
     if map is not None:
-        return with_map(map, vis_engine)
+        return with_map(map, vis_engine, **vis_kwargs)
     ids = sorted(set(_node_ids(path)))
-    return _filled(vis_engine, lambda ctx: ctx.graph.add_nodes(ids, x=[0.0] * len(ids), y=[0.0] * len(ids)))
+    return _filled(vis_engine, vis_kwargs, lambda ctx: ctx.graph.add_nodes(ids, x=[0.0] * len(ids), y=[0.0] * len(ids)))
 
 
-def _filled(vis_engine: Engine, fill: Callable[[Context], object]) -> Context:
+def _filled(vis_engine: Engine, vis_kwargs: dict[str, object], fill: Callable[[Context], object]) -> Context:
     """Create a context that logs nothing, and fill it."""
-    ctx = create_context(seed=0, logger_config=_QUIET, vis_engine=vis_engine)
+    ctx = create_context(seed=0, logger_config=_QUIET, vis_engine=vis_engine, vis_kwargs=vis_kwargs)
     try:
         fill(ctx)
     except BaseException:

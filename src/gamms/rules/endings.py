@@ -27,6 +27,8 @@ class Hooks(TypedDict, total=False):
     """Draws the rule: `drawer(ctx, data)`. What it needs is in `ctx.game.data`, so that replays are drawn alike."""
     teams: Sequence[Hashable]
     """The teams that the rule names; one without agents is warned about."""
+    last_turn: int
+    """The turn after which the rule ends the game, for windows to show how far it is."""
 
 
 def with_hooks(rule: R, **hooks: Unpack[Hooks]) -> R:
@@ -124,7 +126,7 @@ def time_limit(turns: int, winner: Team = LEADER) -> Rule:
         if ctx.game.turn >= last:
             ctx.game.end("time limit", winner=_leader(ctx) if winner is LEADER else winner, truncated=True)
 
-    return with_hooks(time_limit, teams=named)
+    return with_hooks(time_limit, teams=named, last_turn=last)
 
 
 def last_team() -> Rule:

@@ -38,6 +38,14 @@ class IGameState(Protocol):
         """What rules have emitted, in order."""
 
     @property
+    def over(self) -> Mapping[str, Any] | None:
+        """The reason of the end, the winner, and whether time was up; None while the game goes on."""
+
+    @property
+    def last_turn(self) -> int | None:
+        """The turn after which the game ends at the latest; None: not known."""
+
+    @property
     def is_deciding(self) -> bool:
         """Whether agents are deciding now."""
 

@@ -34,6 +34,55 @@ class OpCodes(Enum):
     COMPONENT_UNREGISTER = kinds.COMPONENT_UNREGISTER
 
 
+Step = tuple[Any, Any]
+"""The node, or the position (x, y, z) in the air, of an agent before and after its last move."""
+
+
+class IPlayback(ABC):
+    """A recording while it is replayed, of which any turn can be shown.
+
+    Attributes:
+        is_open: whether it can still be replayed.
+    """
+
+    is_open: bool
+
+    @property
+    @abstractmethod
+    def turn(self) -> int:
+        """How many turns have been replayed, with the one that is shown now."""
+
+    @property
+    @abstractmethod
+    def turns(self) -> int:
+        """How many turns there are."""
+
+    @property
+    @abstractmethod
+    def can_seek(self) -> bool:
+        """Whether another turn may be shown."""
+
+    @abstractmethod
+    def happenings(self) -> Iterator[tuple[int, dict[str, Any]]]:
+        """Yield what rules emitted, changes of the scores (`scores`) and the end (`over`), each with its turn."""
+
+    @abstractmethod
+    def steps(self, turn: int) -> dict[str, Step]:
+        """Return the last move of every agent up to a turn, by name."""
+
+    @abstractmethod
+    def seek(self, turn: int) -> None:
+        """Let everything be as it was after so many turns, and go on from there."""
+
+    @abstractmethod
+    def play_turn(self) -> None:
+        """Replay the next turn."""
+
+    @abstractmethod
+    def close(self) -> None:
+        """Close the file; nothing more is replayed."""
+
+
 class IRecorder(ABC):
     """Writes what happens and plays it again."""
 

@@ -1,7 +1,7 @@
 """What drawers ask about the turn that is shown: how agents moved, what happened, and what sensors see."""
 
 from bisect import bisect_right
-from collections.abc import Iterator, Sequence
+from collections.abc import Iterator, Mapping, Sequence
 from itertools import islice
 from typing import Any, NamedTuple, cast
 
@@ -15,6 +15,7 @@ from gamms.ir.sensed import SensorView
 from gamms.text import shown
 from gamms.typing import IAerialAgent, IAgent, IContext, ISensor, SensorType
 from gamms.typing.agent_engine import AgentType
+from gamms.typing.recorder import Step
 
 _Point = tuple[float, float]
 
@@ -77,7 +78,7 @@ class Motion:
     def __init__(self, ctx: IContext) -> None:
         self._ctx = ctx
         self.moves = _NO_MOVES
-        self._steps: dict[str, tuple[Any, Any]] = {}
+        self._steps: dict[str, Step] = {}
         self._now: tuple[float, FloatArray, list[_Point]] | None = None  # where all that moved are after a share
         self._columns: GraphColumns | None = None
         self._sorted: IntArray = np.empty(0, np.int64)  # node rows by id
@@ -94,10 +95,19 @@ class Motion:
 
     def begin_turn(self) -> None:
         """Look up how each agent moved; one whose move is that of the turn before has not moved since."""
-        self._is_current = True
         steps = {agent.name: _step(agent) for agent in self._ctx.agent.create_iter()}
-        moved = {name: step for name, step in steps.items() if step[0] != step[1] and self._steps.get(name) != step}
-        self._steps, self._now = steps, None
+        moves = self.moves_between(self._steps, steps)
+        self.stand(steps)
+        self.moves = moves
+
+    def stand(self, steps: dict[str, Step]) -> None:
+        """Show agents where they are, after these last moves, which are over."""
+        self._is_current = True
+        self._steps, self._now, self.moves = steps, None, _NO_MOVES
+
+    def moves_between(self, before: Mapping[str, Step], steps: Mapping[str, Step]) -> Moves:
+        """Return how agents moved in a turn, by the last move of each before and after it."""
+        moved = {name: step for name, step in steps.items() if step[0] != step[1] and before.get(name) != step}
         flights = {name: step for name, step in moved.items() if isinstance(step[1], tuple)}
         names = [name for name in moved if name not in flights]
         ends = self._rows_of([moved[name] for name in names])
@@ -110,7 +120,7 @@ class Motion:
         order = [*flights, *(names[row] for row in (*straight, *bends))]
         row_of = {name: row for row, name in enumerate(order)}
         rows = {name: row_of[name] for name in moved if name in row_of}
-        self.moves = Moves(rows, Paths.through(lines, list(bends.values())))
+        return Moves(rows, Paths.through(lines, list(bends.values())))
 
     def position_of(self, name: str, share: float) -> _Point:
         """Return the position of an agent after a share of its last move, from 0.0 (before it) to 1.0 (after it).
@@ -176,7 +186,7 @@ class Motion:
         return {row: columns.polylines[edge] for row, edge in sorted(first.items()) if edge in columns.polylines}
 
 
-def _step(agent: IAgent) -> tuple[Any, Any]:
+def _step(agent: IAgent) -> Step:
     """Return the nodes, or positions in the air, of an agent before and after its last move."""
     if agent.type == AgentType.AERIAL:
         flyer = cast("IAerialAgent", agent)
@@ -197,9 +207,22 @@ class TurnEvents:
         self._begin, self._end = self._end, len(self._events())
         self._eliminated = None
 
+    def go_to_turn(self) -> None:
+        """Take the last events that bear the number of the present turn for its own, after a jump to that turn."""
+        game = self._ctx.current_game
+        events = self._events()
+        self._begin = self._end = len(events)
+        self._eliminated = None
+        while game is not None and self._begin and events[self._begin - 1].get("turn") == game.turn:
+            self._begin -= 1
+
     def of_kind(self, kind: str) -> list[dict[str, Any]]:
         """Return the events of that kind in the last turn."""
-        return [event for event in self._events()[self._begin : self._end] if event.get("kind") == kind]
+        return [event for event in self.of_turn() if event.get("kind") == kind]
+
+    def of_turn(self) -> list[dict[str, Any]]:
+        """Return the events of the last turn."""
+        return list(self._events()[self._begin : self._end])
 
     def eliminated(self) -> frozenset[str]:
         """Return the names of the agents that went out of the game in the last turn."""

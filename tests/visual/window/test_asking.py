@@ -9,6 +9,8 @@ from gamms.errors import UnknownName
 from gamms.ir.draw import DrawKind
 from gamms.visual.appearance import GraphData
 from gamms.visual.drawers import render_input_overlay
+from gamms.visual.window.input import Flight
+from gamms.visual.window.panels import BADGE_PX, Hud
 
 
 def star(ctx, leaves):
@@ -67,19 +69,107 @@ def test_digits_that_lead_nowhere_begin_anew(ctx, person):
     assert ask(ctx) == 9
 
 
+def act(ctx, *deeds):
+    """Do something in the first frames of a question, one deed in each."""
+    left = list(deeds)
+    ctx.visual.hud = lambda ctx: left.pop(0)() if left else []
+
+
+def click(ctx, person, x, y, down=0):
+    """A click on a world point, or some pixels below, as it is seen then."""
+    across, up = ctx.visual._render_manager.world_to_screen(x, y)
+    person.click(across, up + down)
+    return []
+
+
 def test_a_click_on_a_node_chooses_it(ctx, person):
-    person.click(*ctx.visual._render_manager.world_to_screen(0, 0))  # before the first frame: elsewhere
-    ctx.visual.update()
-    person.click(*ctx.visual._render_manager.world_to_screen(130.0, 1.0))
+    act(ctx, lambda: click(ctx, person, 130.0, 1.0))
     assert ask(ctx) == 13
 
 
 def test_a_click_beside_every_node_chooses_nothing(ctx, person):
-    ctx.visual.update()
-    x, y = ctx.visual._render_manager.world_to_screen(130.0, 1.0)
-    person.click(x, y + 100)
-    person.press("2")
+    act(ctx, lambda: click(ctx, person, 130.0, 1.0, down=100), lambda: person.press("2") or [])
     assert ask(ctx) == 2
+
+
+def test_a_wrong_key_says_which_are_possible(ctx, person):
+    told = []
+
+    def note():
+        told.append(ctx.visual.question.hint)
+        return []
+
+    act(
+        ctx,
+        lambda: person.press("x") or [],
+        note,
+        lambda: person.press("w") or [],
+        note,
+        lambda: person.press("3") or [],
+    )
+    assert ask(ctx) == 3
+    assert told == ["X is no choice: there is 0 to 14"] * 2
+    drone = Flight("drone", (0.0, 0.0, 0.0))
+    drone.type_digit(5)
+    assert (drone.answer, drone.hint) == (None, "5 is no choice: there are the arrows up and down, and 0")
+
+
+def near(graph):
+    """Ways of 3 m from node 0, in the corner of a map of 2 km."""
+    graph.add_nodes(range(4), x=[0.0, 3.0, 0.0, 2000.0], y=[0.0, 0.0, 3.0, 2000.0])
+    graph.add_edges(range(3), sources=[0, 0, 3], targets=[1, 2, 0])
+
+
+@pytest.fixture
+def city(open_window):
+    ctx = open_window(is_empty=True)
+    near(ctx.graph.graph)
+    ctx.agent.create_agent("anna", start_node_id=0)
+    return ctx
+
+
+def on_screen(ctx):
+    return np.array([ctx.visual.camera.world_to_screen(*place) for place in ctx.visual.question.places])
+
+
+def test_choices_are_apart_from_each_other_and_in_view(city, person):
+    seen = []
+    act(city, lambda: seen.append(on_screen(city)) or [], lambda: person.press("1") or [])
+    ask(city)
+    assert np.hypot(*(seen[0][1:] - seen[0][0]).T).min() >= 36
+    assert (seen[0] > 40).all()
+    assert (seen[0] < (600, 320)).all()
+
+
+def test_a_person_who_has_zoomed_keeps_the_scale_and_is_taken_to_the_agent(city, person):
+    person.turn_wheel(1)
+    city.visual.update()
+    scale = city.visual.camera.scale
+    seen = []
+    city.visual.camera.camera_x = 1500.0
+    act(city, lambda: seen.append((city.visual.camera.scale, on_screen(city)[0].tolist())) or person.press("0") or [])
+    ask(city)
+    assert seen[0][0] == scale
+    assert seen[0][1] == pytest.approx([320, 180], abs=1)
+
+
+def test_the_camera_stays_where_choices_are_legible(city, person):
+    city.visual.look_at(2.0, 1.0, 30.0)
+    before = city.visual.get_viewport()
+    act(city, lambda: person.press("2") or [])
+    ask(city)
+    assert city.visual.get_viewport() == before
+
+
+def test_numbers_of_choices_do_not_lie_on_each_other(ctx, person, monkeypatch):
+    placed = {}
+    monkeypatch.setattr(Hud, "badge", lambda self, canvas, words, x, y: placed.update({words: (x, y)}))
+    act(ctx, list, lambda: person.press("2") or [])
+    ask(ctx)
+    places = np.array(list(placed.values()))
+    apart = np.abs(places[:, None] - places).max(axis=2) + 1000 * np.eye(len(places))
+    assert len(placed) == 15
+    assert apart.min() >= BADGE_PX
 
 
 def test_options_are_the_out_neighbours_in_order(ctx, person):

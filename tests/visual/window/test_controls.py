@@ -48,13 +48,13 @@ def test_keys_zoom_a_notch_and_as_long_as_they_are_held(ctx, person, key, factor
     assert camera(ctx) == pytest.approx((0, 0, 32 * notch * factor))
 
 
-def test_the_wheel_zooms_by_a_twentieth(ctx, person):
+def test_the_wheel_zooms_by_a_quarter(ctx, person):
     person.turn_wheel(1)
     ctx.visual.update()
-    assert camera(ctx) == pytest.approx((0, 0, 32 / 1.05))
+    assert camera(ctx) == pytest.approx((0, 0, 32 / 1.25))
     person.turn_wheel(-2)
     ctx.visual.update()
-    assert camera(ctx) == pytest.approx((0, 0, 32 * 1.05))
+    assert camera(ctx) == pytest.approx((0, 0, 32 * 1.25))
 
 
 def test_the_wheel_zooms_around_the_pointer(ctx, person):

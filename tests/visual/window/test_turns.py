@@ -1,10 +1,13 @@
 """How turns are shown: agents glide, time can stand still, and nobody waits where nothing is shown."""
 
+from time import monotonic
+
 import numpy as np
 import pytest
 
 from gamms.agent import AgentType
 from gamms.visual.artist import ArtistGroup
+from gamms.visual.window import display
 
 
 class Clock:
@@ -63,20 +66,33 @@ def test_drones_glide_through_the_air(play):
     assert np.asarray(seen) == pytest.approx(np.array([(0, 0), (0.75, 1), (1.5, 2), (2.25, 3), (3, 4)]))
 
 
-def test_frames_wait_in_simulate_and_human_input_only(play, person):
+def test_frames_wait_in_simulate_and_human_input_only(play, person, monkeypatch):
+    waits = []
+    monkeypatch.setattr(display, "sleep", waits.append)
     ctx = play(max_fps=30)
-    limits = ctx.visual.pace.clock.limits
     ctx.visual.update()
-    assert set(limits) == {0}
-    limits.clear()
+    ctx.visual.update()
+    assert not waits
     ctx.visual.simulate()
-    assert limits.count(30) == 5
-    limits.clear()
+    assert len(waits) >= 4
+    assert all(wait <= 6 / 30 for wait in waits)  # a sleep that does not sleep lets them add up
+    waits.clear()
     person.press("0")
     ctx.visual.human_input("walker", {"curr_pos": 1})
-    assert set(limits) == {30}
+    assert waits
+    waits.clear()
     ctx.visual.update()
-    assert limits[-1] == 0
+    assert not waits
+
+
+@pytest.mark.parametrize("max_fps", [60, 100])
+def test_there_are_no_more_frames_per_second_than_allowed(open_window, max_fps):
+    pace = open_window(max_fps=max_fps).visual.pace
+    pace.is_capped = True
+    began = monotonic()
+    for _ in range(11):
+        pace.tick(0.0)
+    assert monotonic() - began >= 10 / max_fps
 
 
 def test_speed_changes_how_many_frames_a_turn_takes(play, person):
@@ -121,22 +137,26 @@ def test_a_pause_holds_turns_without_duration_too(play, person):
     assert frames == [True] * 4 + [False]
 
 
-def test_a_step_shows_one_turn_and_stands_still_again(play, person):
-    ctx, frames = play(), []
+@pytest.mark.parametrize(("seconds", "shares"), [(1.0, [0.0, 0.25, 0.5, 0.75, 1.0]), (0.0, [1.0])])
+def test_a_step_shows_a_turn_to_its_end_and_stands_still_there(play, person, seconds, shares):
+    ctx, paused = play(simulation_time_constant=seconds), []
 
     def watch(ctx):
-        frames.append(ctx.visual.pace.is_paused)
-        if len(frames) == 8:  # in the third frame of the second turn
+        paused.append(ctx.visual.pace.is_paused)
+        if len(paused) == len(shares) + 3:
             person.press("PERIOD")
+        if len(paused) == 2 * len(shares) + 7:
+            person.press("SPACE")
         return []
 
     ctx.visual.hud = watch
     person.press("PERIOD")
     ctx.visual.simulate()
-    assert len(frames) == 5
+    assert [share for share, _ in ctx.places] == [*shares, 1.0, 1.0, 1.0, 1.0]
+    ctx.places.clear()
     ctx.visual.simulate()
-    assert len(frames) == 5 + 3 + 5
-    assert all(frames)
+    assert [share for share, _ in ctx.places] == [*shares, 1.0, 1.0, 1.0, 1.0]
+    assert paused == [True] * (2 * len(shares) + 7) + [False]
 
 
 def test_a_turn_without_duration_is_one_frame(play):

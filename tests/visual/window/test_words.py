@@ -34,7 +34,7 @@ def test_turn_scores_and_frames_per_second_are_written(ctx, said):
     ctx.game.scores["red"] = 3
     ctx.game.step()
     words = frame(ctx, said)
-    assert {"turn 1", "red 3"} <= set(words)
+    assert {"turn 1", "red 3 · blue 0"} <= set(words)
     assert any(line.endswith(" fps") for line in words)
 
 
@@ -133,7 +133,7 @@ def test_a_pause_and_a_question_say_what_to_do(ctx, said, person):
     ctx.visual.human_input("red_0", {"curr_pos": 0})
     ctx.visual.question = None
     person.press("F1")
-    assert any("F1: this help" in line for line in frame(ctx, said))
+    assert any("N: light or dark" in line for line in frame(ctx, said))
 
 
 def test_an_agent_whose_node_is_gone_is_logged_and_the_window_goes_on(ctx, said, person, caplog):

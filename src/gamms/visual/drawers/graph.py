@@ -169,7 +169,8 @@ _CHOICE_PX, _RING_PX = 3.0, 11.0
 def render_input_overlay(ctx: IContext, data: dict[str, Any]) -> None:
     """Draw the ways to `data['_input_options']` (number -> node; 0 is where the agent is) and rings around them.
 
-    `data['graph_data']`, a GraphData, says how; nothing is drawn while no person is asked.
+    `data['graph_data']`, a GraphData, says how, and `data['_ink']` in which colour instead; nothing is drawn while no
+    person is asked.
     """
     options: dict[int, int] = data.get("_input_options", {})
     if not options or not data.get("_waiting_user_input"):
@@ -178,13 +179,14 @@ def render_input_overlay(ctx: IContext, data: dict[str, Any]) -> None:
     columns, graph = ctx.graph.columns(), ctx.graph.graph
     places = graph.positions(list(options.values()))
     shown = ctx.visual.get_viewport()
-    radius = max(look.node_size, _RING_PX / shown[-1]) if shown is not None else look.node_size
+    least = 0.0 if shown is None else _RING_PX / shown[-1]
+    radius = least if data.get("_ink") and least else max(look.node_size, least)
     rows = _edges_between(columns, next(iter(options.values())), set(options.values()))
     ways = [_between_rings(polylines(columns, row)[0], radius) for row in rows[:, None]]
     if ways:
         offsets = np.cumsum([0, *map(len, ways)])
-        drawing_of(ctx).render_lines(np.vstack(ways), offsets, look.edge_color, _CHOICE_PX)
-    drawing_of(ctx).render_circles(places, radius, look.node_color, _CHOICE_PX)
+        drawing_of(ctx).render_lines(np.vstack(ways), offsets, data.get("_ink") or look.edge_color, _CHOICE_PX)
+    drawing_of(ctx).render_circles(places, radius, data.get("_ink") or look.node_color, _CHOICE_PX)
 
 
 def _between_rings(way: FloatArray, radius: float) -> FloatArray:

@@ -4,7 +4,8 @@ import os
 import warnings
 from collections.abc import Iterator
 from contextlib import contextmanager
-from time import monotonic
+from math import inf
+from time import monotonic, sleep
 from types import ModuleType
 from typing import Any
 
@@ -15,6 +16,7 @@ from gamms.visual.backends.pygame_backend import load
 _NO_HANDLERS = "SDL_NO_SIGNAL_HANDLERS"  # or else SIGTERM would become one more event, and the process live on
 _RESIZED = "Requested window was forcibly resized"  # as a window manager that tiles does; the caller asks for its size
 _FALLBACK, _DRIVER_CHOSEN = "offscreen", ("SDL_VIDEODRIVER", "SDL_VIDEO_DRIVER")
+_UNSEEN = ("dummy", "offscreen")
 _owners: list[object] = []
 
 
@@ -46,6 +48,11 @@ def _check_is_seen(pygame: ModuleType) -> None:
     """Raise pygame.error for the driver that SDL falls back to without a display, unless the user has named one."""
     if pygame.display.get_driver() == _FALLBACK and not any(map(os.environ.get, _DRIVER_CHOSEN)):
         raise pygame.error("no display is connected")
+
+
+def is_watched() -> bool:
+    """Return whether there may be a person before the screen: not where tests run, nor without a display."""
+    return load().display.get_driver() not in _UNSEEN and not os.environ.get("CI")
 
 
 def close_window(owner: object) -> None:
@@ -85,6 +92,7 @@ class Pace:
 
     Attributes:
         clock: of the library.
+        frames: how many there were.
         is_capped: whether frames wait for their time.
         is_paused: whether turns stand still.
         is_showing: whether a turn is being shown.
@@ -98,6 +106,9 @@ class Pace:
         self.clock: Any = load().time.Clock()
         self.is_capped = self.is_paused = self.is_stepping = False
         self.is_showing, self.shown_seconds = False, 0.0
+        self.frames, self._due = 0, monotonic()
+        self._is_whole = False  # all of the turn is shown
+        self._ends_step = True  # a step ends with the turn that is shown
         self._speed = _SPEEDS.index(1.0)
 
     @property
@@ -119,17 +130,24 @@ class Pace:
         self.is_paused, self.is_stepping = not self.is_paused, False
 
     def step(self) -> None:
-        """Show one turn, then stand still."""
+        """Show the turn to its end, or the next one if it is there, and stand still."""
         self.is_paused = self.is_stepping = True
+        self._ends_step = self.is_showing and not self._is_whole
 
     def begin_turn(self) -> None:
         """Begin to show a turn."""
         self.is_showing, self.shown_seconds = True, 0.0
+        self._is_whole, self._ends_step = False, True
         self.clock.tick()
+
+    def rest(self) -> None:
+        """Show the end of a turn, as long as time stands still."""
+        self.is_showing, self.shown_seconds = True, inf
+        self._is_whole, self.is_stepping = True, False
 
     def end_turn(self) -> None:
         """End the turn that is shown."""
-        self.is_showing, self.shown_seconds, self.is_stepping = False, 0.0, False
+        self.is_showing, self.shown_seconds = False, 0.0
         self.clock.tick()
 
     def share(self, turn_seconds: float) -> float:
@@ -140,13 +158,25 @@ class Pace:
 
     def tick(self, turn_seconds: float) -> float:
         """End a frame, and the turn if all of it is shown: seconds since the frame before."""
-        is_over = self.is_showing and self.shown_seconds >= turn_seconds and not self.stands
-        seconds = float(self.clock.tick(self.max_fps if self.is_capped else 0)) / 1000.0
+        self._is_whole = self.is_showing and self.shown_seconds >= turn_seconds
+        if self._is_whole and self._ends_step:
+            self.is_stepping = False
+        is_over = self._is_whole and not self.stands
+        self._wait()
+        seconds = float(self.clock.tick()) / 1000.0
         if self.is_showing and not self.stands:
             self.shown_seconds += seconds * self.speed
         if is_over:
             self.end_turn()
         return seconds
+
+    def _wait(self) -> None:
+        """Wait until it is time for the next frame; SDL's own clock counts whole milliseconds, 62 frames for 60."""
+        self.frames += 1
+        now = monotonic()
+        if self.is_capped and self._due > now:
+            sleep(self._due - now)
+        self._due = max(self._due, now) + 1.0 / self.max_fps
 
     @staticmethod
     def now() -> float:

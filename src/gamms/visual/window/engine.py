@@ -3,16 +3,19 @@
 import math
 import os
 from collections.abc import Callable, Mapping
+from contextlib import suppress
 from time import monotonic
 from typing import Any, Unpack
 
 import numpy as np
 
-from gamms.arguments import as_int, misspelt
+from gamms.arguments import as_bool, as_int, misspelt
 from gamms.deciding import outside_of_deciding, refused_while_deciding
 from gamms.errors import BadValue, MissingFile
 from gamms.ir.draw import DrawCommands
+from gamms.ir.graph import FloatArray
 from gamms.typing import ArtistType, IContext, ISensor
+from gamms.typing.recorder import IPlayback
 from gamms.typing.visualization_engine import AgentVisual, GraphVisual, SensorVisual
 from gamms.visual.appearance import Color, GraphData
 from gamms.visual.artist import Artist, ArtistGroup
@@ -26,17 +29,19 @@ from gamms.visual.engine import PictureEngine
 from gamms.visual.files import size
 from gamms.visual.legend import blocks_of
 from gamms.visual.scene import FrameBudget, Scene
-from gamms.visual.window.display import Pace, close_window, open_window, window_surface
+from gamms.visual.window.display import Pace, close_window, is_watched, open_window, window_surface
 from gamms.visual.window.input import Handlers, Input, Question, Walk, question
-from gamms.visual.window.overlay import Overlay
+from gamms.visual.window.overlay import Overlay, Trails
 from gamms.visual.window.panels import HudLines, theme_called
 
 _OPTIONS = (
     "width", "height", "simulation_time_constant", "input_overlay", "max_fps", "theme", "trails", "labels", "title",
+    "stay_open",
 )  # fmt: skip
 _SMALLEST = 0.1  # world units: half the width that a graph without extent is seen in
 _FOR_TILES = 0.005  # seconds of a frame
 _ZOOM_RESTS = 0.12  # seconds after which a camera that was zooming is at rest
+_CHOICES_PX, _APART_PX, _NEAREST_PX = 80, 36, 90  # of choices: from the edge, and from the one who is asked
 _MARGINS = (
     (40, 0.06),
     (40, 0.06),
@@ -58,6 +63,7 @@ class WindowEngine(WindowNames, PictureEngine):
         trails: of how many turns the ways of agents are shown.
         labels: whether agents have their names beside them.
         title: of the window.
+        stay_open: whether a `with` block whose game is over ends only when the window is closed; see `stay_open`.
         kwargs: options of other engines are no error.
 
     Attributes:
@@ -66,6 +72,7 @@ class WindowEngine(WindowNames, PictureEngine):
         pace: how time passes in it.
         input: keys and mouse.
         overlay: what is shown beside the artists.
+        playback: the recording whose turns can be shown, if one is replayed or was.
         question: that a person is asked, if any.
         screen: the surface of the window.
         drawer_surface: what a drawer has painted on with pygame itself, if any did in this frame.
@@ -89,17 +96,21 @@ class WindowEngine(WindowNames, PictureEngine):
         trails: int = 0,
         labels: bool = False,
         title: str = "GAMMS",
+        stay_open: bool = True,
         **kwargs: object,
     ) -> None:
-        theme_ = theme_called(theme)
+        theme_, self._theme = theme_called(theme), theme
         drawing = Drawing(ctx, theme_.map.walls, _held)
         super().__init__(ctx, simulation_time_constant=simulation_time_constant, drawing=drawing)
         width, height = size(width, height)
         self.camera = RenderManager(ctx, screen_width=width, screen_height=height)
         self.pace, self._background = Pace(max_fps), theme_.background
         self.overlay = Overlay(ctx, self.drawing, self.artists, self.camera, self.pace, theme_)
-        self.overlay.keep_trails(as_int(trails, "trails"))
+        self.overlay.trails = Trails(max(as_int(trails, "trails"), 0))
         self.overlay.has_labels = bool(labels)
+        self.playback: IPlayback | None = None
+        self._wanted: int | None = None  # the turn that the person has chosen in this frame
+        self._stays_open, self._was_closed = as_bool(stay_open, "stay_open"), False
         self.hud: HudLines | None = self.overlay.turn_lines
         self.question: Question | None = None
         self.input = Input(self.camera, self._handlers())
@@ -122,6 +133,7 @@ class WindowEngine(WindowNames, PictureEngine):
         keys = {
             "SPACE": pace.pause,
             **dict.fromkeys(("PERIOD", "KP_PERIOD"), pace.step),
+            "COMMA": self.step_back,
             **dict.fromkeys(("PLUS", "EQUALS", "KP_PLUS"), lambda: pace.faster(1)),
             **dict.fromkeys(("MINUS", "KP_MINUS"), lambda: pace.faster(-1)),
             "HOME": self.see_everything,
@@ -129,10 +141,47 @@ class WindowEngine(WindowNames, PictureEngine):
             "F1": overlay.hud.toggle_help,
             "l": overlay.toggle_labels,
             "t": overlay.toggle_trails,
-            "ESCAPE": overlay.unpin,
+            "n": self.toggle_theme,
+            "ESCAPE": self._unpin,
         }
-        is_over = self.ctx.is_terminated
-        return Handlers(keys, overlay.pin, self.quit, self.resized, lambda: self.question, self._map_extent, is_over)
+        return Handlers(
+            keys=keys,
+            click=self._click,
+            take=self._take_timeline,
+            drag=self._drag_timeline,
+            quit=self.quit,
+            resize=self.resized,
+            question=lambda: self.question,
+            map_extent=self._map_extent,
+            is_over=self.ctx.is_terminated,
+        )
+
+    def _unpin(self) -> None:
+        if not self.overlay.dismiss():
+            self.overlay.unpin()
+
+    def _click(self, at: tuple[float, float]) -> None:
+        if not self.overlay.dismiss():
+            self.overlay.pin(at)
+
+    @refused_while_deciding
+    def set_theme(self, name: str) -> None:
+        """Show everything in the colours of another theme, "light" or "dark".
+
+        Raises:
+            BadValue: there is no such theme.
+        """
+        theme, self._theme = theme_called(name), name
+        self._background, self.drawing.wall_tones = theme.background, theme.map.walls
+        self.overlay.set_theme(theme)
+        self.artists.edits += 1
+        self._scene, self._is_fresh = Scene(self.ctx, self._world, tiles_turns=True), True
+        self._fitted = None
+        self._show_options(self.question)
+
+    def toggle_theme(self) -> None:
+        """Go from light to dark, or back."""
+        self.set_theme("light" if self._theme == "dark" else "dark")
 
     def _map_extent(self) -> float | None:
         xy = self.ctx.graph.columns().xy
@@ -141,7 +190,7 @@ class WindowEngine(WindowNames, PictureEngine):
     @refused_while_deciding
     def quit(self) -> None:
         """End the context because the window was closed; in the midst of a turn of `ctx.game`, when it is over."""
-        self._will_quit = True
+        self._will_quit = self._was_closed = True
         game = self.ctx.current_game
         if game is None or not game.is_deciding:
             self.ctx.terminate()
@@ -149,6 +198,7 @@ class WindowEngine(WindowNames, PictureEngine):
     def terminate(self) -> None:
         """End the films that are being made, and close the window."""
         super().terminate()
+        self._end_playback()
         close_window(self)
 
     # -- frames ----------------------------------------------------------------------------------------------
@@ -167,11 +217,30 @@ class WindowEngine(WindowNames, PictureEngine):
         if self.ctx.is_terminated():
             return
         self.drawing.motion.begin_turn_once()
-        self.overlay.turns += 1
+        self._count_turn()
         self._is_fresh = True
         self.pace.begin_turn()
-        self.overlay.trails.add_turn(self.drawing.motion)
+        self.overlay.trails.add(self.drawing.motion.moves)
         self._frames_while(lambda: self.pace.is_showing)
+
+    def _count_turn(self) -> None:
+        """Take over how far the game, or the replay, is, and what has happened."""
+        overlay, playback, game = self.overlay, self.playback, self.ctx.current_game
+        if playback is not None and getattr(self.ctx.record, "is_replaying", False):
+            overlay.turns = playback.turn
+            overlay.is_over = playback.turn >= playback.turns
+            overlay.timeline.can_seek = playback.can_seek
+            return
+        self._end_playback()
+        overlay.turns += 1
+        if game is not None:
+            overlay.turns = game.turn or overlay.turns
+            overlay.is_over = game.over is not None
+            overlay.timeline.turns = game.last_turn or 0
+            for event in self.drawing.events.of_turn():
+                overlay.timeline.add(overlay.turns, event)
+            overlay.timeline.add(overlay.turns, {"scores": game.scores})
+            overlay.timeline.add(overlay.turns, {"over": game.over})
 
     @outside_of_deciding
     def human_input(self, agent_name: str, state: dict[str, Any]) -> int | tuple[float, float, float]:
@@ -186,6 +255,8 @@ class WindowEngine(WindowNames, PictureEngine):
             return super().human_input(agent_name, state)
         asked = self.question = question(self.ctx, agent_name, state)
         self._show_options(asked)
+        if isinstance(asked, Walk):
+            self._see_choices(asked.places)
         self._is_fresh = True
         try:
             self._frames_while(lambda: asked.answer is None)
@@ -196,8 +267,95 @@ class WindowEngine(WindowNames, PictureEngine):
 
     @refused_while_deciding
     def stay_open(self) -> None:
-        """Show how things are until the window is closed, or a key handler or drawer ends the context."""
-        self._frames_while(lambda: True)
+        """Show how things are until the window is closed, or a key handler or drawer ends the context.
+
+        After a replay, any of its turns can be shown, and played on from there.
+        """
+        self.overlay.is_over |= self._is_time_up()
+        while not self.ctx.is_terminated() and not self._will_quit:
+            self._frames_while(lambda: not self._can_play())
+            if self._can_play() and self.playback is not None:
+                self.playback.play_turn()
+
+    def _can_play(self) -> bool:
+        playback = self.playback
+        return playback is not None and playback.can_seek and playback.turn < playback.turns and not self.pace.stands
+
+    def linger(self) -> None:
+        """Stay open at the end of a `with` block, where a game is over and there may be a person who looks at it."""
+        is_over = self.overlay.is_over or self._is_time_up()
+        if self._stays_open and is_over and is_watched() and not (self.ctx.is_terminated() or self._was_closed):
+            with suppress(KeyboardInterrupt):  # the person at the terminal has seen it
+                self.stay_open()
+
+    def _is_time_up(self) -> bool:
+        game = self.ctx.current_game
+        return game is not None and game.turn > 0 and game.turn == game.last_turn
+
+    # -- turns of a recording --------------------------------------------------------------------------------
+
+    def show_playback(self, playback: IPlayback) -> None:
+        """Let a person choose which turn of this recording is shown; called by the recorder that replays it."""
+        self._end_playback()
+        overlay = self.overlay
+        self.playback, overlay.is_replay, overlay.turns = playback, True, playback.turn
+        overlay.timeline.turns, overlay.timeline.can_seek = playback.turns, playback.can_seek
+        for turn, happening in playback.happenings():
+            overlay.timeline.add(turn, happening)
+        self._land(playback)
+
+    def _end_playback(self) -> None:
+        if self.playback is not None:
+            self.playback.close()
+            self.playback, self.overlay.is_replay = None, False
+            self.overlay.new_timeline()
+
+    @refused_while_deciding
+    def seek(self, turn: int) -> None:
+        """Show how things were after so many turns of the recording that is replayed, and go on from there.
+
+        Raises:
+            BadValue: there is no such turn, or no recording of version 3 is replayed.
+            RecorderBusy (RuntimeError): the replay is being recorded.
+        """
+        if self.playback is None or not self.playback.is_open:
+            raise BadValue("There is no turn to go to: no recording of version 3 is being replayed.")
+        self.playback.seek(turn)
+        self._land(self.playback)
+        self.pace.rest()
+
+    def _land(self, playback: IPlayback) -> None:
+        """Show the turn that a recording is at, with the trails that lead there."""
+        overlay, motion, turn = self.overlay, self.drawing.motion, playback.turn
+        first = max(turn - overlay.trails.most, 0)
+        steps = playback.steps(first) if turn else {}
+        for one in range(first + 1, turn + 1):
+            later = playback.steps(one)
+            overlay.trails.add(motion.moves_between(steps, later))
+            steps = later
+        motion.stand(steps)
+        self.drawing.events.go_to_turn()
+        overlay.turns, overlay.is_over, self._is_fresh = turn, turn >= playback.turns, True
+
+    @refused_while_deciding
+    def step_back(self) -> None:
+        """Show how things were a turn before, and stand still."""
+        if self.playback is not None and self.playback.can_seek:
+            self.pace.is_paused, self._wanted = True, max(self.overlay.turns - 1, 0)
+
+    def _take_timeline(self, at: tuple[float, float]) -> bool:
+        timeline = self.overlay.timeline
+        is_there = self.overlay.hud.is_shown and timeline.can_seek
+        if is_there and timeline.is_button(at):
+            self.pace.pause()
+            return True
+        if not is_there or timeline.place_at(at) is None:
+            return False
+        self._drag_timeline(at)
+        return True
+
+    def _drag_timeline(self, at: tuple[float, float]) -> None:
+        self._wanted = round(self.overlay.timeline.share_at(at) * self.overlay.timeline.turns)
 
     def _frames_while(self, goes_on: Callable[[], bool]) -> None:
         """Draw frames at their pace as long as it goes on and the window is open."""
@@ -219,8 +377,12 @@ class WindowEngine(WindowNames, PictureEngine):
 
     def handle_input(self) -> None:
         """Do what happened to keys, mouse and window since the last frame."""
-        if not self.ctx.is_terminated():
-            self.input.handle(load().event.get())
+        if self.ctx.is_terminated():
+            return
+        self.input.handle(load().event.get())
+        wanted, self._wanted = self._wanted, None  # the last one of all that a hand went over
+        if wanted is not None and wanted != self.overlay.turns and not self.ctx.is_terminated():
+            self.seek(wanted)
 
     def handle_tick(self) -> None:
         """End a frame: where its pace is capped, wait until it is time for the next one."""
@@ -296,9 +458,10 @@ class WindowEngine(WindowNames, PictureEngine):
 
     @refused_while_deciding
     def see_everything(self) -> None:
-        """Let the window show the whole graph."""
+        """Let the window show the whole graph, and go on doing so when it is resized."""
         if not self.ctx.is_terminated():
-            self._see_graph(is_pointed=True)
+            self.camera.is_pointed = self.input.has_moved_camera = False
+            self._see_graph()
 
     def get_viewport(self) -> tuple[float, float, float, float, float]:
         """Return `(left, right, low end, high end, pixels per unit)` of what is seen."""
@@ -322,12 +485,30 @@ class WindowEngine(WindowNames, PictureEngine):
             self._fitted = now
             self._see_graph()
 
-    def _see_graph(self, *, is_pointed: bool = False) -> None:
+    def _see_graph(self) -> None:
         xy = self.ctx.graph.columns().xy
         if len(xy):
             side, top, low = (min(px, share * self.height) for px, share in _MARGINS)
             margins = side, top, max(side, self.overlay.hud.legend.width), low
-            self.camera.look_at_box(xy.min(axis=0), xy.max(axis=0), margins, is_pointed=is_pointed)
+            self.camera.look_at_box(xy.min(axis=0), xy.max(axis=0), margins)
+
+    def _see_choices(self, places: FloatArray) -> None:
+        """Look at the one who is asked, unless all choices are seen, and apart from it, already.
+
+        A person who has moved or zoomed keeps the scale, and is only taken to where the agent is.
+        """
+        self._fit()
+        here, ways = places[0], places[1:] - places[0]
+        on_screen, size = self.camera.camera().to_screen(places), (self.width, self.height)
+        is_seen = bool(((on_screen >= _CHOICES_PX) & (on_screen <= np.subtract(size, _CHOICES_PX))).all())
+        lengths = np.hypot(ways[:, 0], ways[:, 1])
+        if is_seen and (self.input.has_moved_camera or (lengths * self.camera.scale >= _APART_PX).all()):
+            return
+        self.camera.camera_x, self.camera.camera_y = here.tolist()
+        if not self.input.has_moved_camera and lengths.max(initial=0.0) > 0.0:
+            free = np.maximum(np.divide(size, 2) - _CHOICES_PX, 1.0)
+            unit = max(float((np.abs(ways).max(axis=0) / free).max()), float(lengths.min()) / _NEAREST_PX)
+            self.camera.camera_size = unit * self.width / 2
 
     # -- what is declared ------------------------------------------------------------------------------------
 
@@ -378,7 +559,9 @@ class WindowEngine(WindowNames, PictureEngine):
 
     def _show_options(self, asked: Question | None) -> None:
         artist = self.artists.declared["input_overlay"]
+        theme, usual = self.overlay.hud.theme, GraphData(Color.Green, 4.0, Color.Green)
         artist.data |= {
+            "_ink": theme.ink if artist.data["graph_data"] == usual else None,
             "_input_options": dict(asked.options) if isinstance(asked, Walk) else {},
             "_waiting_user_input": asked is not None,
             "_waiting_agent_name": None if asked is None else asked.name,

@@ -32,7 +32,7 @@ class Walk:
 
     def __init__(self, ctx: IContext, name: str, here: int) -> None:
         graph = ctx.graph.graph
-        self.name, self.answer, self.typed = name, None, ""
+        self.name, self.answer, self.typed, self.hint = name, None, "", ""
         others = [node for node in graph.get_neighbors(here) if node != here]
         self.options = dict(enumerate([here, *others]))
         self.places: FloatArray = np.asarray(graph.positions(list(self.options.values())), np.float64)
@@ -48,6 +48,7 @@ class Walk:
 
     def type_digit(self, digit: int) -> None:
         """Take one more digit; one that leads to no option is forgotten, with what was typed before it."""
+        self.hint = ""
         for typed in (f"{self.typed}{digit}", str(digit)):
             meant = [number for number in self.options if str(number).startswith(typed)]
             if meant:
@@ -56,6 +57,12 @@ class Walk:
                     self.confirm()
                 return
         self.typed = ""
+        self.refuse(str(digit))
+
+    def refuse(self, key: str) -> None:
+        """Say which keys are possible, because this one is not."""
+        last = len(self.options) - 1
+        self.hint = f"{key} is no choice: there is 0{f' to {last}' if last else ', to stay'}"
 
     def erase(self) -> None:
         """Forget the last digit."""
@@ -75,7 +82,7 @@ class Flight:
     """Which way an agent in the air goes: towards a point, up, down, or nowhere."""
 
     def __init__(self, name: str, here: tuple[float, float, float]) -> None:
-        self.name, self.here = name, here
+        self.name, self.here, self.hint = name, here, ""
         self.answer: Answer | None = None
 
     @property
@@ -95,6 +102,12 @@ class Flight:
         """Stay where the digit is 0."""
         if digit == 0:
             self.answer = (0, 0, 0)
+        else:
+            self.refuse(str(digit))
+
+    def refuse(self, key: str) -> None:
+        """Say which keys are possible, because this one is not."""
+        self.hint = f"{key} is no choice: there are the arrows up and down, and 0"
 
 
 Question = Walk | Flight
@@ -112,19 +125,23 @@ def question(ctx: IContext, name: str, state: dict[str, Any]) -> Question:
     return Walk(ctx, name, state["curr_pos"])
 
 
-_ZOOM = 1.05  # of a notch of the wheel, or a tap on a key
+_ZOOM, _TAP = 1.25, 1.05  # of a notch of the wheel, and a tap on a key, which is mostly held
 _KEY_ZOOM = 4.0  # per second
 _CLICK_PX = 4.0  # a press that moves less is a click
 _CLOSEST = 2.0  # world units: half the width of the closest look that the wheel gives, where the map is not smaller
 _ACROSS = 60.0  # how many times smaller than the map
+
+_CHARACTERS = range(33, 127)  # keys that are named by what they write
 
 HELP = (
     "drag, W A S D or arrows: move",
     "wheel, page up and down: zoom",
     "home: see everything",
     "space: pause · .: one turn · + -: speed",
-    "click an agent: keep its panel",
-    "L: names · T: trails · H: words · F1: this help",
+    "click or drag the line below · ,: a turn back (replays)",
+    "click an agent: keep its panel · escape: keep none",
+    "L: names · T: trails · N: light or dark",
+    "H: words · F1: this help",
 )
 
 
@@ -133,6 +150,8 @@ class Handlers(NamedTuple):
 
     keys: Mapping[str, Callable[[], None]]  # by the names of keys, as in pygame
     click: Callable[[Point], None]  # on a point of the screen
+    take: Callable[[Point], bool]  # press on a point of the screen that belongs to the timeline
+    drag: Callable[[Point], None]  # what was taken
     quit: Callable[[], None]
     resize: Callable[[int, int], None]  # to a width and height, pixels
     question: Callable[[], Question | None]  # that the person is asked
@@ -145,6 +164,7 @@ class Input:
 
     Attributes:
         pointer: where the mouse is, in pixels; None while it is elsewhere.
+        has_moved_camera: whether the person has moved or zoomed; the engine sets it back.
     """
 
     def __init__(self, camera: WindowCamera, handlers: Handlers) -> None:
@@ -153,9 +173,11 @@ class Input:
         self._held: set[int] = set()
         self._drag: Point | None = None
         self._dragged_px = 0.0
+        self._has_taken = False  # the timeline
+        self.has_moved_camera = False  # since everything was seen
         pygame = load()
         self._events = self._event_actions(pygame)
-        zooms = {"PAGEUP": lambda: self._zoom(1 / _ZOOM), "PAGEDOWN": lambda: self._zoom(_ZOOM)}
+        zooms = {"PAGEUP": lambda: self._zoom(1 / _TAP), "PAGEDOWN": lambda: self._zoom(_TAP)}
         self._keys = {getattr(pygame, f"K_{name}"): action for name, action in {**zooms, **handlers.keys}.items()}
         self._ways = {
             pygame.K_w: (0, 1, 0), pygame.K_s: (0, -1, 0), pygame.K_a: (-1, 0, 0), pygame.K_d: (1, 0, 0),
@@ -194,6 +216,7 @@ class Input:
         if out:
             self._zoom(_KEY_ZOOM ** (out * seconds))
         if across or up:
+            self.has_moved_camera = True
             view.camera_x += across * view.camera_size / 2 * seconds
             view.camera_y += up * view.camera_size / 2 * seconds
 
@@ -206,7 +229,7 @@ class Input:
         self._do.resize(event.w, event.h)
 
     def _leave(self, event: "Event") -> None:  # noqa: ARG002
-        self.pointer, self._drag = None, None
+        self.pointer, self._drag, self._has_taken = None, None, False
 
     def _lose_focus(self, event: "Event") -> None:
         """Release all keys and buttons: another window gets the events of their release."""
@@ -222,6 +245,8 @@ class Input:
             self._held.add(event.key)
         if event.key in self._keys:
             self._keys[event.key]()
+        elif (asked := self._do.question()) is not None and event.key not in self._ways and event.key in _CHARACTERS:
+            asked.refuse(chr(event.key).upper())
 
     def _release(self, event: "Event") -> None:
         self._held.discard(event.key)
@@ -247,7 +272,8 @@ class Input:
     def _button(self, event: "Event") -> None:
         if event.button in (1, 2, 3):
             self.pointer = event.pos
-            if event.button == 1 and self._answer_by_click(*event.pos):
+            self._has_taken = event.button == 1 and self._do.take(event.pos)
+            if self._has_taken or (event.button == 1 and self._answer_by_click(*event.pos)):
                 return
             self._drag, self._dragged_px = event.pos, 0.0
 
@@ -265,17 +291,20 @@ class Input:
 
     def _move(self, event: "Event") -> None:
         self.pointer = event.pos
+        if self._has_taken:
+            self._do.drag(event.pos)
         if self._drag is None:
             return
         right, down = event.pos[0] - self._drag[0], event.pos[1] - self._drag[1]
         self._dragged_px += abs(right) + abs(down)
         if self._dragged_px >= _CLICK_PX:
+            self.has_moved_camera = True
             self._camera.move_by(right, down)
             self._drag = event.pos
 
     def _let_go(self, event: "Event") -> None:
         is_click = self._drag is not None and self._dragged_px < _CLICK_PX
-        self._drag = None
+        self._drag, self._has_taken = None, False
         if is_click and event.button == 1:
             self._do.click(event.pos)
 
@@ -285,4 +314,5 @@ class Input:
 
     def _zoom(self, factor: float) -> None:
         extent = self._do.map_extent() or _CLOSEST * _ACROSS
+        self.has_moved_camera = True
         self._camera.zoom(factor, self.pointer, min(_CLOSEST, extent / _ACROSS))

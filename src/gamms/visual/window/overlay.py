@@ -8,9 +8,10 @@ from typing import Any
 import numpy as np
 
 from gamms.deciding import Guarded, phase_of, refused_while_deciding
+from gamms.ir.graph import FloatArray
 from gamms.typing import IArtist, IContext
 from gamms.typing.agent_engine import AgentType
-from gamms.visual.appearance import AgentData, rgba
+from gamms.visual.appearance import AgentData, Rgb, color_group, rgba
 from gamms.visual.artist import Artist, looks_of
 from gamms.visual.artists import Artists
 from gamms.visual.backends.pygame_backend import Canvas
@@ -20,12 +21,14 @@ from gamms.visual.default_scene import DefaultScene, artists_of_sights
 from gamms.visual.drawers.agents import RING, RING_PX
 from gamms.visual.drawing import Drawing, drawing_of
 from gamms.visual.page import noted
-from gamms.visual.shown_turn import Motion, Moves
+from gamms.visual.shown_turn import Moves
 from gamms.visual.window.display import Pace
 from gamms.visual.window.input import Question, Walk
-from gamms.visual.window.panels import Hud, HudLines, Theme, score_line
+from gamms.visual.window.panels import BADGE_PX, EDGE_PX, Hud, HudLines, Theme, score_line
+from gamms.visual.window.timeline import HEIGHT_PX, Timeline, ending
 
 _USUAL_TRAILS = 8  # turns, where they are switched on by key
+_FPS_SECONDS = 0.5
 _BESIDE_PX = 10.0  # between an agent and its panel
 _CELL_PX = 9  # of the grid that keeps labels apart
 _NAME_PX = 12  # how high a name is
@@ -44,10 +47,13 @@ class Overlay(Guarded):
 
     Attributes:
         hud: the text.
+        timeline: along the lower edge.
         shown: the artists of the turn that is shown.
         trails: the ways of agents.
         has_labels: whether agents have their names beside them.
         turns: how many were shown.
+        is_over: whether the game, or its recording, has come to its end, which a card says.
+        is_replay: whether the turns are those of a recording.
         pointer: the point of the screen under the mouse, if any.
     """
 
@@ -59,20 +65,32 @@ class Overlay(Guarded):
         self._phase = phase_of(ctx)
         self._ctx, self._drawing, self._artists, self._camera, self._pace = ctx, drawing, artists, camera, pace
         self._scene = DefaultScene(ctx, theme.map)
-        self.hud = Hud(theme)
+        self.hud, self.timeline = Hud(theme), Timeline(self._team_of)
         self.shown: dict[str, IArtist] = {}
-        self.trails, self._usual_trails = Trails(0), _USUAL_TRAILS
+        self.trails = Trails(0)
         self.has_labels, self.turns = False, 0
+        self.is_over = self.is_replay = False
         self.pointer: Callable[[], Point | None] = lambda: None
         self._share = 1.0
         self._pinned: str | None = None
-        self._fps = (0, "")
+        self._fps = 0.0, 0, ""  # since when, how many frames there were before, and what is written
+        self._dismissed: int | None = None  # the turn whose card is not shown
         self._failed: Any = None
         self._hinted: tuple[str | None, dict[str, IArtist]] = None, {}  # the agent under the pointer, and its sight
 
-    def keep_trails(self, turns: int) -> None:
-        """Show trails of so many turns; 0 shows none until they are switched on."""
-        self.trails.turns, self._usual_trails = max(turns, 0), turns or _USUAL_TRAILS
+    def set_theme(self, theme: Theme) -> None:
+        """Take other colours."""
+        self._scene = DefaultScene(self._ctx, theme.map)
+        self.hud.set_theme(theme)
+        self.shown = {}
+
+    def new_timeline(self) -> None:
+        """Forget what has happened: what follows is another game."""
+        self.timeline = Timeline(self._team_of)
+
+    def _team_of(self, name: str) -> str | None:
+        agent = self._ctx.agent.agents.get(name)
+        return None if agent is None else str(color_group(agent))
 
     # -- artists ---------------------------------------------------------------------------------------------
 
@@ -163,10 +181,22 @@ class Overlay(Guarded):
         game = ctx.current_game
         turn = self.turns if game is None or not game.turn else game.turn
         speed = "" if self._pace.speed == 1.0 else f" · {self._pace.speed:g}x"
-        lines = [f"turn {turn}{speed}"]
-        if game is not None and game.scores:
-            lines.append(score_line(game.scores))
-        return [*lines, *self._left(), self._frames_per_second()]
+        scores = self._scores()
+        return [
+            f"turn {turn}{speed}",
+            *([score_line(scores)] if scores else []),
+            *self._left(),
+            self._frames_per_second(),
+        ]
+
+    def _scores(self) -> dict[str, Any]:
+        """Return the scores, also those of teams that have none yet in a game in which others have."""
+        game = self._ctx.current_game
+        known = {} if game is None else {str(of): score for of, score in game.scores.items()}
+        counted = self.timeline.scores.keys() | known.keys()
+        teams = dict.fromkeys(str(team) for team in self._ctx.agent.positions.teams if team is not None)
+        named = list(teams) if counted & teams.keys() else []
+        return dict.fromkeys([*named, *sorted(counted - teams.keys())], 0) | known
 
     def _left(self) -> list[str]:
         """Return how many of each team are left, once an agent is out."""
@@ -181,10 +211,11 @@ class Overlay(Guarded):
         return ["left: " + score_line(left)] if left else []
 
     def _frames_per_second(self) -> str:
-        half_second = int(self._pace.now() * 2)
-        if self._fps[0] != half_second:
-            self._fps = half_second, f"{self._pace.clock.get_fps():.0f} fps"
-        return self._fps[1]
+        since, before, _ = self._fps
+        now, frames = self._pace.now(), self._pace.frames
+        if now - since >= _FPS_SECONDS:
+            self._fps = now, frames, f"{(frames - before) / (now - since):.0f} fps" if since else "0 fps"
+        return self._fps[2]
 
     def lines(self, write: HudLines | None) -> list[str]:
         """Return what a function of the context writes; one that fails is logged once."""
@@ -199,19 +230,70 @@ class Overlay(Guarded):
             return []
 
     def paint(self, canvas: Canvas, write: HudLines | None, question: Question | None) -> None:
-        """Paint names, the text that a function writes, and what a person is asked."""
-        self._paint_labels(canvas, question)
+        """Paint names, the text that a function writes, the timeline, a person's choices, and how the game ended."""
+        self._paint_names(canvas)
         lines = self.lines(write) if self.hud.is_shown else []
         if self._ctx.is_terminated():  # by the function that writes them
             return
-        paused = ["paused: space goes on, . shows one turn"] if self._pace.is_paused else []
-        prompt = paused if question is None else [question.words]
-        self.hud.paint(canvas, lines, prompt, noted(self._ctx, ""), has_hint=write == self.turn_lines)
+        has_line = self.hud.is_shown and self.timeline.is_shown
+        foot = HEIGHT_PX + EDGE_PX if has_line else 0
+        credit, has_hint = noted(self._ctx, ""), write == self.turn_lines
+        self.hud.paint(canvas, lines, self._prompt(question), credit, foot, has_hint=has_hint)
+        if has_line:
+            done = self.turns - (1.0 - self._share)
+            is_running, colors = not self._pace.stands, self._drawing.group_colors()
+            self.timeline.paint(canvas, self.hud.theme, colors, self.turns, done, is_running=is_running)
+        if isinstance(question, Walk):
+            self._paint_choices(canvas, question)
+        card = self.card() if self.hud.is_shown else None
+        if card is not None:
+            self.hud.paint_card(canvas, *card)
         found = self.pointed_at()
         if found is not None:
-            self.hud.paint_facts(canvas, *found)
+            self.hud.paint_facts(canvas, *found, foot)
+        pointer = self.pointer()
+        if has_line and pointer is not None and (told := self.timeline.words_at(pointer)):
+            self.hud.paint_facts(canvas, told, (pointer[0], canvas.height - EDGE_PX - foot), EDGE_PX, foot)
 
-    def _paint_labels(self, canvas: Canvas, question: Question | None) -> None:
+    def _prompt(self, question: Question | None) -> list[str]:
+        if question is not None:
+            return [question.words, *([question.hint] if question.hint else [])]
+        is_said = self._pace.is_paused and not self.timeline.can_seek
+        return ["paused: space goes on, . shows one turn"] if is_said else []
+
+    def card(self) -> tuple[str, Rgb | None, list[str]] | None:
+        """Return how the game ended: who has won, with a colour, and why; None while it goes on, or was dismissed."""
+        if not self.is_over or self._share < 1.0 or self._dismissed == self.turns:
+            return None
+        game = self._ctx.current_game
+        over = None if game is None else game.over
+        usual = "end of the recording" if self.is_replay else "all turns are played"
+        title, reason = ("The end", usual) if over is None else ending(over)
+        color = None if over is None else self._drawing.group_colors().get(str(over["winner"]))
+        scores = sorted(self._scores().items(), key=lambda item: -item[1])
+        return title, color, [reason, *([score_line(dict(scores))] if scores else []), f"{self.turns} turns"]
+
+    @refused_while_deciding
+    def dismiss(self) -> bool:
+        """Show the card of the end no longer; False where there is none."""
+        is_shown = self.card() is not None
+        if is_shown:
+            self._dismissed = self.turns
+        return is_shown
+
+    def _paint_choices(self, canvas: Canvas, question: Walk) -> None:
+        """Paint the number of each choice beyond it, seen from the one who is asked, where no other number is."""
+        places = self._camera.camera().to_screen(question.places)
+        taken: list[FloatArray] = []
+        for number, way in enumerate(_ways(places)):
+            for step in range(_MOST_TRIES):
+                at = places[number] + _turned(way, step) * (BADGE_PX + _OUT_PX * (step // len(_TURNS)))
+                if all(np.abs(at - other).max() >= BADGE_PX + 1 for other in taken):
+                    break
+            taken.append(at)
+            self.hud.badge(canvas, str(number), *at.tolist())
+
+    def _paint_names(self, canvas: Canvas) -> None:
         view = self._camera.camera()
         if self.has_labels:
             looks = [look for look in self._placed_looks() if look.name in self._ctx.agent.agents]
@@ -227,10 +309,7 @@ class Overlay(Guarded):
                 is_seen = 0 <= x <= canvas.width and 0 <= y <= canvas.height and look.name != hidden
                 if is_seen and not taken.intersection(cells):
                     taken.update(cells)
-                    self.hud.tag(canvas, look.name, left, top)
-        if isinstance(question, Walk):
-            for number, (x, y) in enumerate(view.to_screen(question.places).tolist()):
-                self.hud.tag(canvas, str(number), x, y - 24, is_loud=True)
+                    self.hud.name(canvas, look.name, left, top)
 
     def _placed_looks(self) -> list[AgentData]:
         return [look for look in looks_of(self.shown) if look.current_position is not None]
@@ -248,7 +327,7 @@ class Overlay(Guarded):
     @refused_while_deciding
     def toggle_trails(self) -> None:
         """Show trails, or hide them."""
-        self.trails.turns = 0 if self.trails.turns else self._usual_trails
+        self.trails.turns = 0 if self.trails.turns else self.trails.most
         self.shown = {}
 
 
@@ -290,6 +369,31 @@ def _summary(data: object) -> str:
     return words if len(words) <= 40 else words[:39] + "…"
 
 
+_TURNS = (0.0, 0.5, -0.5, 1.0, -1.0, 1.6, -1.6, 2.4, -2.4)  # radians, by which a number goes out of the way of others
+_OUT_PX = 18  # farther from its node, where there is no room in any of these directions
+_MOST_TRIES = 6 * len(_TURNS)
+
+
+def _ways(places: FloatArray) -> FloatArray:
+    """Return unit vectors (places, 2) from the first place to the others; its own is into the widest gap."""
+    ways: FloatArray = places - places[0]
+    lengths = np.hypot(ways[:, 0], ways[:, 1])
+    ways[lengths > 0] /= lengths[lengths > 0, None]
+    angles: FloatArray = np.sort(np.arctan2(ways[1:, 1], ways[1:, 0]))
+    middle = -np.pi / 2  # up
+    if len(angles):
+        gaps = np.diff(angles, append=angles[0] + 2 * np.pi)
+        middle = angles[gaps.argmax()] + gaps.max() / 2
+    ways[lengths == 0] = np.cos(middle), np.sin(middle)
+    return ways
+
+
+def _turned(way: FloatArray, step: int) -> FloatArray:
+    """Return a unit vector turned by one of the angles in which a number may be."""
+    cos, sin = np.cos(_TURNS[step % len(_TURNS)]), np.sin(_TURNS[step % len(_TURNS)])
+    return np.array([way[0] * cos - way[1] * sin, way[0] * sin + way[1] * cos])
+
+
 _ALPHA = 150
 _FEW, _WIDTH_PX, _THIN_PX = 200, 3.0, 1.0  # so many are drawn broad; more of them fast
 
@@ -298,23 +402,28 @@ class Trails:
     """The paths of agents in the last turns.
 
     Args:
-        turns: how many; 0 keeps none.
+        turns: how many are shown.
     """
 
     def __init__(self, turns: int) -> None:
         self.turns = turns
-        self._ways: deque[Moves] = deque()
+        self._ways: deque[Moves] = deque(maxlen=turns or _USUAL_TRAILS)
 
-    def add_turn(self, motion: Motion) -> None:
+    @property
+    def most(self) -> int:
+        """Of how many turns the ways are kept, also while none are shown."""
+        return self._ways.maxlen or 0
+
+    def add(self, moves: Moves) -> None:
         """Add the moves of the turn that was just played."""
-        if self.turns:
-            self._ways.append(motion.moves)
-            while len(self._ways) > self.turns:
-                self._ways.popleft()
+        self._ways.append(moves)
+
+    def _shown(self) -> list[Moves]:
+        return list(self._ways)[-self.turns :] if self.turns else []
 
     def draw_past(self, ctx: IContext, data: dict[str, Any]) -> None:
         """Draw those of the turns before the last, in `data["colors"]`, by agent."""
-        ages = list(enumerate(reversed(self._ways)))[1:]
+        ages = list(enumerate(reversed(self._shown())))[1:]
         for age, ways in reversed(ages):
             _draw(ctx, ways, 1.0, data["colors"], round(_ALPHA * (1.0 - age / (self.turns + 1))))
 
@@ -322,7 +431,7 @@ class Trails:
 
     def draw_last(self, ctx: IContext, data: dict[str, Any]) -> None:
         """Draw those of the last turn as far as it is shown."""
-        if self._ways:
+        if self._shown():
             _draw(ctx, self._ways[-1], float(data.get("_alpha", 1.0)), data["colors"], _ALPHA)
 
 

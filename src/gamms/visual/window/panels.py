@@ -7,7 +7,7 @@ from typing import Any, NamedTuple
 from gamms.errors import BadValue, nearest
 from gamms.text import shown
 from gamms.typing import IContext
-from gamms.visual.appearance import BY_NIGHT, PAPER, Rgba
+from gamms.visual.appearance import BY_NIGHT, PAPER, Rgb, Rgba
 from gamms.visual.backends.pygame_backend import Canvas, load, painted_transparent
 from gamms.visual.backends.raster import Painting
 from gamms.visual.camera import Camera, Point
@@ -26,7 +26,6 @@ class Theme(NamedTuple):
     card: Rgba  # behind words
     border: Rgba  # of a card
     map: MapTones
-    accent: Rgba
 
 
 THEMES = {
@@ -37,7 +36,6 @@ THEMES = {
         card=(255, 255, 255, 225),
         border=(60, 64, 72, 40),
         map=ON_PAPER,
-        accent=(0, 114, 178, 255),
     ),
     "dark": Theme(
         background=(23, 26, 31, 255),
@@ -46,7 +44,6 @@ THEMES = {
         card=(38, 42, 50, 230),
         border=(228, 230, 234, 40),
         map=MapTones((84, 90, 101), (104, 110, 122), BY_NIGHT),
-        accent=(86, 180, 233, 255),
     ),
 }
 
@@ -65,8 +62,9 @@ def theme_called(name: str) -> Theme:
 HudLines = Callable[[IContext], Iterable[Any]]
 
 EDGE_PX = 12  # between a panel and the edge of the window
-_FONT_PX, _LINE_PX, _PAD_PX = 21, 20, 10
+FONT_PX, _LINE_PX, _PAD_PX = 21, 20, 10
 _SMALL_PX, _PROMPT_PX, _ABOVE_NOTE_PX = 17, 56, 14
+_TITLE_PX, _SPOT_PX, BADGE_PX = 32, 18, 24
 _FOOT_PX = 64  # of the window, where it asks and names the source of the map
 _HINT = "F1: keys"
 _LONGEST = 90  # letters of a line
@@ -79,11 +77,18 @@ class Hud:
         legend: in the upper right corner.
         is_shown: whether lines, legend and help are.
         has_help: whether the keys are explained.
+        taken: where panels were painted in this frame: left, top, right and lower end of each.
     """
 
     def __init__(self, theme: Theme) -> None:
         self.theme = theme
         self.is_shown, self.has_help = True, False
+        self.taken: list[_Box] = []
+        self.legend = WindowLegend(theme)
+
+    def set_theme(self, theme: Theme) -> None:
+        """Take other colours."""
+        self.theme = theme
         self.legend = WindowLegend(theme)
 
     def toggle(self) -> None:
@@ -94,19 +99,24 @@ class Hud:
         """Explain the keys, or do not."""
         self.has_help = not self.has_help
 
-    def paint(self, canvas: Canvas, lines: Iterable[str], prompt: list[str], credit: str, *, has_hint: bool) -> None:
-        """Paint lines in the upper left corner, the legend, a prompt at the bottom, and the source of the map."""
-        low = canvas.height - EDGE_PX
+    def paint(
+        self, canvas: Canvas, lines: Iterable[str], prompt: list[str], credit: str, foot_px: int, *, has_hint: bool
+    ) -> None:
+        """Paint lines in the upper left corner, the legend, a prompt above a foot of the window, and small print."""
+        low = canvas.height - EDGE_PX - max(foot_px, _ABOVE_NOTE_PX)
+        self.taken = []
         if self.is_shown:
             right, bottom = self._panel(canvas, [_short(line) for line in lines], EDGE_PX, EDGE_PX)
             # Right of the lines, or below them where they are too wide.
             self.legend.paint(canvas, bottom if right + EDGE_PX > canvas.width - self.legend.width else 0)
-            raised = _PROMPT_PX if prompt else _ABOVE_NOTE_PX
+            if self.legend.width:
+                self.taken.append((canvas.width - self.legend.width, 0, canvas.width, self.legend.height))
+            raised = _PROMPT_PX - _ABOVE_NOTE_PX if prompt else 0
             self._panel(canvas, HELP if self.has_help else (), EDGE_PX, low - raised, align=(0.0, 1.0))
             if has_hint and not self.has_help:
                 self._foot(canvas, _HINT)
         self._foot(canvas, credit, is_right=True)
-        self._panel(canvas, prompt, canvas.width / 2, low - _ABOVE_NOTE_PX, align=(0.5, 1.0))
+        self._panel(canvas, prompt, canvas.width / 2, low, align=(0.5, 1.0))
 
     def _foot(self, canvas: Canvas, words: str, *, is_right: bool = False) -> None:
         """Write small print in a lower corner."""
@@ -114,16 +124,42 @@ class Hud:
         if words:
             canvas.text(words, x, y, _SMALL_PX, self.theme.faint, align_right=is_right, edge=edge)
 
-    def paint_facts(self, canvas: Canvas, facts: list[str], at: Point, beside_px: float) -> None:
-        """Paint facts right of a point, or left of it where it does not fit or the legend is."""
-        x, y = at
-        lines = _wrapped(tuple(map(_short, facts)), canvas.width)
+    def paint_facts(self, canvas: Canvas, facts: list[str], at: Point, beside_px: float, foot_px: int) -> None:
+        """Paint facts beside a point, where they cover no other panel; of a point outside below the lines."""
+        (x, y), lines = at, _wrapped(tuple(map(_short, facts)), canvas.width)
         width, height = _size(lines)
-        top = min(max(y - height / 2, EDGE_PX), canvas.height - height - EDGE_PX)
-        is_beside_legend = self.is_shown and top < self.legend.height
-        right = canvas.width - max(EDGE_PX, is_beside_legend * self.legend.width)
-        left = x + beside_px if x + beside_px + width <= right else x - beside_px - width
-        self._panel(canvas, lines, max(left, EDGE_PX), top)
+        last = canvas.width - EDGE_PX - width, canvas.height - EDGE_PX - foot_px - height
+        places = [(x + beside_px, y - height / 2), (x - beside_px - width, y - height / 2)]
+        places += [(x - width / 2, y + beside_px), (x - width / 2, y - beside_px - height)]
+        if not (0 <= x <= canvas.width and 0 <= y <= canvas.height):
+            places = [(EDGE_PX, self.taken[0][3] + EDGE_PX if self.taken else EDGE_PX)]
+        inside = [
+            (max(min(left, last[0]), EDGE_PX), max(min(top, last[1]), EDGE_PX)) for left, top in places
+        ]  # as far as the window is large enough
+        taken = [*self.taken, (x - beside_px / 2, y - beside_px / 2, x + beside_px / 2, y + beside_px / 2)]
+        left, top = min(inside, key=lambda at: sum(_overlap(_box(at[0], at[1], width, height), box) for box in taken))
+        self._panel(canvas, lines, left, top)
+
+    def paint_card(self, canvas: Canvas, title: str, color: Rgb | None, lines: Sequence[str]) -> None:
+        """Paint how a game ended in the upper middle: a title with a spot of a team's colour, and lines."""
+        lines = _wrapped(tuple(map(_short, lines)), canvas.width)
+        title = _short(title)
+        spot = 0 if color is None else _SPOT_PX + _PAD_PX
+        width, height = _size(lines) if lines else (0, 2 * _PAD_PX)
+        width = max(width, text_px(title, _TITLE_PX) + spot + 2 * _PAD_PX) + 2 * _PAD_PX
+        height += _TITLE_PX + 2 * _PAD_PX
+        left, top = (canvas.width - width) // 2, max((canvas.height - height) // 5, EDGE_PX)
+        canvas.surface.blit(plain_panel(width, height, (*self.theme.card[:3], 245), self.theme.border), (left, top))
+        begin = (canvas.width - text_px(title, _TITLE_PX) - spot) // 2
+        if color is not None:
+            dot = plain_panel(_SPOT_PX, _SPOT_PX, (*color, 255), radius=_SPOT_PX // 2)
+            canvas.surface.blit(dot, (begin, top + 2 * _PAD_PX - 2))
+        canvas.text(title, begin + spot, top + 2 * _PAD_PX - 1, _TITLE_PX, self.theme.ink)
+        for row, line in enumerate(lines):
+            middle = (canvas.width - text_px(line, FONT_PX)) // 2
+            y = top + 3 * _PAD_PX + _TITLE_PX + row * _LINE_PX
+            canvas.text(line, middle, y, FONT_PX, self.theme.faint if row == 0 else self.theme.ink)
+        self.taken.append(_box(left, top, width, height))
 
     def _panel(
         self, canvas: Canvas, lines: Sequence[str], x: float, y: float, align: tuple[float, float] = (0.0, 0.0)
@@ -136,18 +172,40 @@ class Hud:
         left, top = round(x - align[0] * width), round(y - align[1] * height)
         canvas.surface.blit(plain_panel(width, height, self.theme.card, self.theme.border), (left, top))
         for row, line in enumerate(lines):
-            canvas.text(line, left + _PAD_PX, top + _PAD_PX + row * _LINE_PX, _FONT_PX, self.theme.ink)
+            canvas.text(line, left + _PAD_PX, top + _PAD_PX + row * _LINE_PX, FONT_PX, self.theme.ink)
+        self.taken.append(_box(left, top, width, height))
         return left + width, top + height
 
-    def tag(self, canvas: Canvas, words: str, x: float, y: float, *, is_loud: bool = False) -> None:
-        """Write a short label right of and above a point, or around it where it is loud."""
-        if not is_loud:
-            canvas.text(words, x, y, _SMALL_PX, self.theme.ink, edge=self.theme.background[:3])
-            return
-        width = max(round(words_width(words, _FONT_PX)) + 10, 22)
-        card = plain_panel(width, 22, self.theme.accent, radius=11)
-        canvas.surface.blit(card, (round(x - width / 2), round(y - 11)))
-        canvas.text(words, x - words_width(words, _FONT_PX) / 2, y - 6, _FONT_PX, self.theme.background)
+    def name(self, canvas: Canvas, words: str, x: float, y: float) -> None:
+        """Write a name with its upper left corner at a point."""
+        canvas.text(words, x, y, _SMALL_PX, self.theme.ink, edge=self.theme.background[:3])
+
+    def badge(self, canvas: Canvas, words: str, x: float, y: float) -> None:
+        """Paint a round label around a point, in the colour of words, which no team has."""
+        width = max(text_px(words, FONT_PX) + 10, BADGE_PX)
+        badge = plain_panel(width, BADGE_PX, self.theme.ink, self.theme.background, radius=BADGE_PX // 2)
+        canvas.surface.blit(badge, (round(x - width / 2), round(y - BADGE_PX / 2)))
+        edge = self.theme.ink[:3]  # none, so that no halo of another colour is around the words
+        canvas.text(words, x - text_px(words, FONT_PX) / 2, y - 6, FONT_PX, self.theme.background, edge=edge)
+        self.taken.append(_box(x - width / 2, y - BADGE_PX / 2, width, BADGE_PX))
+
+
+_Box = tuple[float, float, float, float]  # left, top, right, bottom
+
+
+def _box(left: float, top: float, width: float, height: float) -> _Box:
+    return left, top, left + width, top + height
+
+
+def _overlap(one: _Box, other: _Box) -> float:
+    """Return the area that two boxes share."""
+    across, down = (min(one[i + 2], other[i + 2]) - max(one[i], other[i]) for i in (0, 1))
+    return max(across, 0.0) * max(down, 0.0)
+
+
+def text_px(words: str, font_px: int) -> int:
+    """Return how wide words are, in whole pixels."""
+    return round(words_width(words, font_px))
 
 
 def score_line(scores: Mapping[Any, float]) -> str:
@@ -167,7 +225,7 @@ def _wrapped(lines: tuple[str, ...], width_px: int) -> tuple[str, ...]:
         narrow.append("")
         for word in line.split(" "):
             longer = f"{narrow[-1]} {word}" if narrow[-1] else word
-            if narrow[-1] and words_width(longer, _FONT_PX) > most_px:
+            if narrow[-1] and text_px(longer, FONT_PX) > most_px:
                 narrow.append(word)
             else:
                 narrow[-1] = longer
@@ -176,8 +234,8 @@ def _wrapped(lines: tuple[str, ...], width_px: int) -> tuple[str, ...]:
 
 @lru_cache(maxsize=256)
 def _size(words: tuple[str, ...]) -> tuple[int, int]:
-    widest = max(words_width(line, _FONT_PX) for line in words)
-    return round(widest) + 2 * _PAD_PX, len(words) * _LINE_PX + 2 * _PAD_PX - 5
+    widest = max(text_px(line, FONT_PX) for line in words)
+    return widest + 2 * _PAD_PX, len(words) * _LINE_PX + 2 * _PAD_PX - 5
 
 
 class WindowLegend:
@@ -230,13 +288,18 @@ class WindowLegend:
         return canvas.surface
 
 
-@lru_cache(maxsize=64)
+_FINER = 4  # pixels in which a panel is drawn for one of its own
+
+
+@lru_cache(maxsize=256)
 def plain_panel(width: int, height: int, color: Rgba, border: Rgba | None = None, radius: int = 8) -> Any:
-    """Return an empty panel with round corners, as a surface."""
+    """Return an empty panel with round, smooth corners, as a surface."""
     pygame = load()
-    surface = pygame.Surface((width, height), pygame.SRCALPHA, 32)
+    large = pygame.Surface((_FINER * width, _FINER * height), pygame.SRCALPHA, 32)
+    large.fill((*(border or color)[:3], 0))  # or else the edges would be mixed with black
     if border is not None:
-        pygame.draw.rect(surface, border, surface.get_rect(), border_radius=radius)
-    inside = surface.get_rect() if border is None else surface.get_rect().inflate(-2, -2)
-    pygame.draw.rect(surface, color, inside, border_radius=radius - (border is not None))
-    return surface
+        pygame.draw.rect(large, border, large.get_rect(), border_radius=_FINER * radius)
+    edge = 0 if border is None else _FINER
+    inside = large.get_rect().inflate(-2 * edge, -2 * edge)
+    pygame.draw.rect(large, color, inside, border_radius=_FINER * radius - edge)
+    return pygame.transform.smoothscale(large, (width, height))

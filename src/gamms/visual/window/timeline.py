@@ -1,0 +1,181 @@
+"""The line along the lower edge of a window: how far a game or a replay is, and what happened in which turn."""
+
+from bisect import bisect_left
+from collections.abc import Callable, Mapping
+from functools import lru_cache
+from typing import Any, NamedTuple
+
+from gamms.visual.appearance import Rgb, Rgba
+from gamms.visual.backends.pygame_backend import Canvas, load
+from gamms.visual.camera import Point
+from gamms.visual.window.panels import EDGE_PX, FONT_PX, Theme, plain_panel, text_px
+
+HEIGHT_PX = 34
+_ABOVE_EDGE_PX = 28  # of the window, for the small print below
+_PAD_PX = 12
+_BUTTON_PX = 30
+_TRACK_PX, _HANDLE_PX = 4, 14
+_MAJOR_PX, _MINOR_PX = (4, 18), (2, 10)  # width and height of marks
+_NEAR_PX = 5  # from the pointer to a mark that it is on
+_MOST_WORDS = 4  # marks that are explained at once
+_TOLD = {
+    "eliminated": "{agent} is out",
+    "capture": "{agent} captures a flag",
+    "take": "{agent} takes a flag",
+    "reach": "{agent} reaches the goal",
+}
+
+
+class Mark(NamedTuple):
+    """Something that happened in a turn, and the team that it is about, by its text."""
+
+    turn: int
+    team: str | None
+    words: str
+    is_major: bool
+
+
+class Timeline:
+    """What happened in which turn, and how far the turns are.
+
+    Args:
+        team_of: the team of an agent, by its name; None: there is no such agent any more.
+
+    Attributes:
+        turns: how many there are or will be; 0: not known, and there is no line.
+        can_seek: whether a person may choose a turn.
+        scores: the last of each team.
+    """
+
+    def __init__(self, team_of: Callable[[str], str | None]) -> None:
+        self._team_of = team_of
+        self.turns, self.can_seek = 0, False
+        self.scores: dict[str, float] = {}
+        self._marks: list[Mark] = []
+        self._bar = 0, 0, 1  # its left end, top and width, pixels
+
+    @property
+    def marks(self) -> tuple[Mark, ...]:
+        """What happened, in order."""
+        return tuple(self._marks)
+
+    def add(self, turn: int, happening: Mapping[str, Any]) -> None:
+        """Add what a rule emitted, `scores`, or the end, which is `over`."""
+        if "scores" in happening:
+            self._add_scores(turn, happening["scores"])
+        elif "over" in happening:
+            over = happening["over"]
+            winner = over.get("winner") if over else None
+            if over:
+                self._marks.append(Mark(turn, None if winner is None else str(winner), ending(over)[0], True))
+        elif happening.get("kind") in _TOLD:
+            agent = str(happening.get("agent", "an agent"))
+            words = _TOLD[happening["kind"]].format(agent=agent)
+            self._marks.append(Mark(turn, self._team_of(agent), words, False))
+
+    def _add_scores(self, turn: int, scores: Any) -> None:
+        for of, score in dict(scores).items():
+            name, before = str(of), self.scores.get(str(of), 0)
+            if isinstance(score, int | float):
+                self.scores[name] = score
+                if score > before:
+                    self._marks.append(Mark(turn, self._team_of(name) or name, f"{name} {score:g}", True))
+
+    # -- on the screen -----------------------------------------------------------------------------------------
+
+    @property
+    def is_shown(self) -> bool:
+        """Whether there is a line to paint."""
+        return self.turns > 0
+
+    def place_at(self, at: Point) -> float | None:
+        """Return which share of the turns a point of the screen lies on; None: beside the line."""
+        left, top, width = self._bar
+        is_on = self.is_shown and top <= at[1] <= top + HEIGHT_PX and left - _PAD_PX <= at[0] <= left + width + _PAD_PX
+        return self.share_at(at) if is_on else None
+
+    def share_at(self, at: Point) -> float:
+        """Return which share of the turns a point of the screen is above or below."""
+        left, _, width = self._bar
+        return min(max((at[0] - left) / width, 0.0), 1.0)
+
+    def is_button(self, at: Point) -> bool:
+        """Return whether a point of the screen is on the button that stands still and goes on."""
+        left, top, _ = self._bar
+        is_left = left - _PAD_PX - _BUTTON_PX <= at[0] < left - _PAD_PX
+        return self.is_shown and self.can_seek and is_left and top <= at[1] <= top + HEIGHT_PX
+
+    def words_at(self, at: Point | None) -> list[str]:
+        """Return what happened in the turns that a point of the screen is on."""
+        share = None if at is None else self.place_at(at)
+        if share is None:
+            return []
+        turn, near = round(share * self.turns), _NEAR_PX * self.turns / self._bar[2]
+        begin = bisect_left(self._marks, turn - near, key=lambda mark: mark.turn)
+        end = bisect_left(self._marks, turn + near, key=lambda mark: mark.turn)
+        found = [f"turn {mark.turn}: {mark.words}" for mark in self._marks[begin:end]]
+        more = [f"and {len(found) - _MOST_WORDS} more"] if len(found) > _MOST_WORDS else []
+        return [*found[:_MOST_WORDS], *more] or ([f"turn {turn}"] if self.can_seek else [])
+
+    def paint(
+        self, canvas: Canvas, theme: Theme, colors: Mapping[str, Rgb], turn: int, done: float, *, is_running: bool
+    ) -> None:
+        """Paint it above the lower edge; `done` is how many turns are shown, the last of them perhaps in part."""
+        left, top = EDGE_PX, canvas.height - _ABOVE_EDGE_PX - HEIGHT_PX
+        width = canvas.width - 2 * EDGE_PX
+        if width < HEIGHT_PX:
+            return
+        canvas.surface.blit(plain_panel(width, HEIGHT_PX, theme.card, theme.border), (left, top))
+        longest = text_px(f"{self.turns} / {self.turns}", FONT_PX)  # so that the line keeps its length
+        button, words = _BUTTON_PX if self.can_seek else 0, longest + _PAD_PX
+        words = words if width > 3 * words + button else 0
+        begin, long = left + _PAD_PX + button, max(width - 2 * _PAD_PX - button - words, 1)
+        self._bar = begin, top, long
+        middle = top + HEIGHT_PX // 2
+        if button:
+            _paint_button(canvas, theme, left + _PAD_PX, middle, is_running=is_running)
+        track = plain_panel(long, _TRACK_PX, (*theme.faint[:3], 90), radius=_TRACK_PX // 2)
+        canvas.surface.blit(track, (begin, middle - _TRACK_PX // 2))
+        share = min(done / self.turns, 1.0)
+        if long * share >= _TRACK_PX:
+            past = plain_panel(round(long * share), _TRACK_PX, theme.faint, radius=_TRACK_PX // 2)
+            canvas.surface.blit(past, (begin, middle - _TRACK_PX // 2))
+        for mark in sorted(self._marks, key=lambda one: one.is_major):
+            wide, high = _MAJOR_PX if mark.is_major else _MINOR_PX
+            color = (*colors.get(str(mark.team), theme.faint[:3]), 255)
+            x = begin + long * min(mark.turn / self.turns, 1.0) - wide / 2
+            canvas.surface.blit(plain_panel(wide, high, color, radius=1), (round(x), middle - high // 2))
+        if self.can_seek:
+            half = _HANDLE_PX // 2
+            handle = plain_panel(_HANDLE_PX, _HANDLE_PX, theme.ink, (*theme.card[:3], 255), radius=half)
+            canvas.surface.blit(handle, (round(begin + long * share) - half, middle - half))
+        if words:
+            x = left + width - _PAD_PX
+            canvas.text(f"{turn} / {self.turns}", x, middle - FONT_PX // 3 + 1, FONT_PX, theme.ink, align_right=True)
+
+
+def _paint_button(canvas: Canvas, theme: Theme, x: int, middle: int, *, is_running: bool) -> None:
+    """Paint what a click on the button does: stand still, or go on."""
+    if is_running:
+        for bar in (0, 7):
+            canvas.surface.blit(plain_panel(4, 14, theme.ink, radius=1), (x + bar, middle - 7))
+    else:
+        canvas.surface.blit(_arrow(theme.ink), (x, middle - 7))
+
+
+@lru_cache(maxsize=8)
+def _arrow(color: Rgba) -> Any:
+    """Return a smooth triangle that points to the right."""
+    pygame = load()
+    large = pygame.Surface((48, 56), pygame.SRCALPHA, 32)
+    large.fill((*color[:3], 0))
+    pygame.draw.polygon(large, color, [(0, 0), (0, 55), (47, 28)])
+    return pygame.transform.smoothscale(large, (12, 14))
+
+
+def ending(over: Mapping[str, Any]) -> tuple[str, str]:
+    """Return who has won, and why the game is over, in words."""
+    winner, reason = over.get("winner"), str(over.get("reason", ""))
+    return "No winner" if winner is None else f"{winner} wins", {"max_turns": "all turns are played"}.get(
+        reason, reason
+    )

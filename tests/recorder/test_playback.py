@@ -1,0 +1,181 @@
+"""Any turn of a recording that is replayed can be shown: what is there then is what a replay up to it gives."""
+
+import io
+
+import pytest
+from hypothesis import given
+from hypothesis import strategies as st
+
+import gamms
+from gamms.errors import BadValue
+from gamms.recorder import RecorderBusy
+from gamms.recorder.keyframes import captured
+
+TURNS = 9
+
+
+def move(state):
+    state["action"] = max(state["legal"]) if state["turn"] % 2 else min(state["legal"])
+
+
+def recorded():
+    """A game in which agents move, score, come and go, are drawn by the program, and facts and the map change."""
+    stream = io.BytesIO()
+    with gamms.create_context(seed=3) as ctx:
+        ctx.graph.attach_networkx_graph(gamms.graph.grid(4, 4))
+        for name in ("anna", "bert"):
+            ctx.agent.create_agent(name, start_node_id=0, team=name[0], strategy=move)
+        ctx.visual.add_artist("dot", {"drawer": lambda ctx, data: ctx.visual.render_circle(ctx.game.turn, 0, 1)})
+        ctx.game.publish(seen=[])
+
+        @ctx.game.add
+        def rule(ctx):
+            turn = ctx.game.turn
+            ctx.game.publish(seen=[*ctx.game.facts["seen"], turn])
+            ctx.game.data.setdefault("turns", []).append(turn)
+            if turn % 3 == 0:
+                ctx.game.scores["a"] += 1
+                ctx.game.emit("capture", agent="anna")
+            if turn == 4:
+                ctx.game.eliminate("bert")
+            if turn == 5:
+                ctx.agent.create_agent("cleo", start_node_id=5, team="c")
+                ctx.graph.graph.remove_edge(0)
+            if turn == 7:
+                ctx.agent.delete_agent("bert")
+                ctx.visual.set_agent_visual("anna", color="red")
+            if turn == TURNS:
+                ctx.game.end("enough", winner="a")
+
+        ctx.record.start(stream, drawings=True)
+        ctx.game.run(max_turns=20)
+    return stream.getvalue()
+
+
+GAME = recorded()
+
+
+def facts_of(ctx):
+    """All that is there now, as text, in which what is not a number equals itself."""
+    plain = {key: getattr(value, "tolist", lambda value=value: value)() for key, value in captured(ctx).items()}
+    drawn = {name: commands.points.tolist() for name, commands in ctx.visual.artists.drawings.commands.items()}
+    game = ctx.game
+    return repr((plain, game.turn, game.events, dict(game.facts), len(ctx.graph.columns().edge_ids), drawn))
+
+
+class Player:
+    """A replay into a context whose visual engine takes the playback, as a window does."""
+
+    def __init__(self, ctx, start=0):
+        self.ctx, self.taken = ctx, []
+        ctx.visual.show_playback = self.taken.append
+        self.records = ctx.record.replay(io.BytesIO(GAME), start=start)
+
+    def play(self):
+        """Replay one turn."""
+        for record in self.records:
+            if record["opCode"] == gamms.typing.OpCodes.SIMULATE.value:
+                return
+
+    @property
+    def playback(self):
+        return self.taken[-1]
+
+
+@pytest.fixture(scope="module")
+def truth():
+    """What a replay from the beginning to the end shows after each turn."""
+    with gamms.create_context() as ctx:
+        player = Player(ctx)
+        found = {}
+        for turn in range(1, TURNS + 1):
+            player.play()
+            found[turn] = facts_of(ctx)
+        return found
+
+
+@given(st.lists(st.integers(1, TURNS), max_size=6))
+def test_a_turn_is_the_same_however_one_gets_there(truth, turns):
+    with gamms.create_context() as ctx:
+        player = Player(ctx)
+        player.play()
+        for turn in turns:
+            player.playback.seek(turn)
+            assert facts_of(ctx) == truth[turn]
+            if turn < TURNS:
+                player.play()
+                assert (player.playback.turn, facts_of(ctx)) == (turn + 1, truth[turn + 1])
+
+
+@pytest.mark.parametrize("start", [0, 1, TURNS - 1])
+def test_a_replay_starts_after_a_turn(truth, start):
+    with gamms.create_context() as ctx:
+        player = Player(ctx, start)
+        player.play()
+        assert facts_of(ctx) == truth[start + 1]
+        assert sum(record["opCode"] == gamms.typing.OpCodes.SIMULATE.value for record in player.records) == 8 - start
+
+
+def test_a_replay_that_has_ended_can_be_played_again_from_any_turn(truth):
+    with gamms.create_context() as ctx:
+        player = Player(ctx)
+        assert list(player.records)
+        player.playback.seek(2)
+        player.playback.play_turn()
+        assert (player.playback.turn, facts_of(ctx)) == (3, truth[3])
+        assert not ctx.record.is_replaying
+
+
+def test_what_happened_is_told_with_the_turn():
+    with gamms.create_context() as ctx:
+        player = Player(ctx)
+        player.play()
+        told = list(player.playback.happenings())
+    assert [(turn, one["kind"]) for turn, one in told if "kind" in one] == [
+        (3, "capture"), (4, "eliminated"), (6, "capture"), (9, "capture"),
+    ]  # fmt: skip
+    assert [(turn, dict(one["scores"])) for turn, one in told if "scores" in one] == [
+        (3, {"a": 1}), (6, {"a": 2}), (9, {"a": 3}),
+    ]  # fmt: skip
+    assert told[-1] == (9, {"over": {"reason": "enough", "winner": "a", "truncated": False}})
+
+
+def test_the_last_moves_are_those_of_the_turn():
+    with gamms.create_context() as ctx:
+        player = Player(ctx)
+        for turn in range(1, 4):
+            player.play()
+            agents = ctx.agent.create_iter()
+            steps = {agent.name: (agent.prev_node_id, agent.current_node_id) for agent in agents}
+            assert player.playback.steps(turn) == steps
+
+
+def test_a_turn_that_is_not_there_is_refused():
+    with gamms.create_context() as ctx:
+        player = Player(ctx)
+        player.play()
+        with pytest.raises(BadValue, match="has 9 turns"):
+            player.playback.seek(10)
+    with gamms.create_context() as ctx, pytest.raises(BadValue, match="has 9 turns"):
+        Player(ctx, 10).play()
+
+
+def test_a_replay_that_is_recorded_goes_on_in_its_order():
+    with gamms.create_context() as ctx:
+        ctx.record.start(io.BytesIO())
+        player = Player(ctx)
+        player.play()
+        assert not player.playback.can_seek
+        with pytest.raises(RecorderBusy):
+            player.playback.seek(3)
+
+
+def test_a_replay_that_is_given_up_closes_its_file(tmp_path):
+    path = tmp_path / "game.ggr"
+    path.write_bytes(GAME)
+    with gamms.create_context() as ctx:
+        taken = []
+        ctx.visual.show_playback = taken.append
+        for _ in ctx.record.replay(path):
+            break
+        assert not taken[0].is_open

@@ -1,0 +1,242 @@
+"""Replays in a window: the line of turns, seeking by click and drag, steps back, trails, and the end."""
+
+from contextlib import nullcontext
+
+import pytest
+
+import gamms
+from gamms.visual import Engine
+from gamms.visual.window import engine
+from gamms.visual.window.timeline import HEIGHT_PX, Mark, Timeline
+
+TURNS = 8
+
+
+@pytest.fixture(scope="module")
+def recording(tmp_path_factory):
+    """A game in which anna walks back and forth, scores twice, and wins, and bert is out in turn 3."""
+    path = tmp_path_factory.mktemp("recording") / "game.ggr"
+    with gamms.create_context(seed=1) as ctx:
+        ctx.graph.attach_networkx_graph(gamms.graph.grid(1, 5))
+        ctx.agent.create_agent(
+            "anna", start_node_id=0, team="red", strategy=lambda state: state.update(action=step(state))
+        )
+        ctx.agent.create_agent("bert", start_node_id=4, team="blue")
+
+        @ctx.game.add
+        def rule(ctx):
+            if ctx.game.turn == 3:
+                ctx.game.eliminate("bert")
+            if ctx.game.turn in (2, 5):
+                ctx.game.scores["red"] += 1
+            if ctx.game.turn == TURNS:
+                ctx.game.end("enough", winner="red")
+
+        ctx.record.start(path)
+        ctx.game.run()
+    return path
+
+
+def step(state):
+    return (state["turn"] + 1) % 5 if state["turn"] < 4 else state["curr_pos"]
+
+
+@pytest.fixture
+def ctx(open_window):
+    return open_window(is_empty=True, width=800, height=400, trails=3)
+
+
+def place_of(ctx, turn):
+    """Where a turn is on the line."""
+    left, top, width = ctx.visual.overlay.timeline._bar
+    return left + width * turn / TURNS, top + HEIGHT_PX / 2
+
+
+def play(ctx, recording, acts, **options):
+    """Replay, and do something in some frames: frame -> function; returns what was seen per frame."""
+    seen = []
+
+    def watch(ctx):
+        if len(seen) in acts:
+            acts[len(seen)]()
+        anna = ctx.agent.get_agent("anna")
+        seen.append((ctx.visual.overlay.turns, anna.current_node_id, ctx.visual.pace.is_paused))
+        return []
+
+    ctx.visual.hud = watch
+    for _ in ctx.record.replay(recording, **options):
+        pass
+    return seen
+
+
+def test_turns_of_a_replay_are_shown_in_their_order(ctx, recording):
+    assert [turn for turn, *_ in play(ctx, recording, {})] == list(range(1, TURNS + 1))
+
+
+def test_a_click_on_the_line_shows_that_turn_and_the_replay_goes_on_from_there(ctx, recording, person):
+    seen = play(ctx, recording, {1: lambda: person.click(*place_of(ctx, 5))})
+    assert [turn for turn, *_ in seen] == [1, 2, 5, 6, 7, 8]
+    seen = play(ctx, recording, {5: lambda: person.click(*place_of(ctx, 1))})
+    assert [turn for turn, *_ in seen] == [1, 2, 3, 4, 5, 6, 1, 2, 3, 4, 5, 6, 7, 8]
+
+
+def test_a_drag_along_the_line_goes_where_the_hand_is_last(ctx, recording, person):
+    seen = play(ctx, recording, {1: lambda: person.drag(place_of(ctx, 2), place_of(ctx, 6))})
+    assert [turn for turn, *_ in seen] == [1, 2, 6, 7, 8]
+    assert not ctx.visual.camera.is_pointed
+
+
+def test_a_comma_goes_back_a_turn_and_stands_still(ctx, recording, person):
+    acts = {3: lambda: person.press("COMMA"), 5: lambda: person.press("COMMA"), 7: lambda: person.press("PERIOD")}
+    seen = play(ctx, recording, acts | {10: lambda: person.press("SPACE")})
+    assert [turn for turn, *_ in seen[:12]] == [1, 2, 3, 4, 4, 4, 3, 3, 3, 4, 4, 4]
+    assert [node for _, node, _ in seen[:10]] == [1, 2, 3, 4, 4, 4, 3, 3, 3, 4]
+    assert seen[-1][0] == TURNS
+
+
+def test_the_button_beside_the_line_stands_still_and_goes_on(ctx, recording, person):
+    def click():
+        left, top, _ = ctx.visual.overlay.timeline._bar
+        person.click(left - 30, top + 10)
+
+    seen = play(ctx, recording, {1: click, 6: click})
+    assert [turn for turn, *_ in seen] == [1, 2, 3, 3, 3, 3, 3, 3, *range(4, TURNS + 1)]
+
+
+def test_a_replay_begins_after_a_turn(ctx, recording):
+    assert [turn for turn, *_ in play(ctx, recording, {}, start=5)] == [6, 7, 8]
+
+
+def test_a_program_can_go_to_a_turn(ctx, recording):
+    play(ctx, recording, {})
+    ctx.visual.seek(2)
+    assert ctx.agent.get_agent("anna").current_node_id == 2
+    with pytest.raises(ValueError, match="has 8 turns"):
+        ctx.visual.seek(9)
+
+
+def test_there_is_no_turn_to_go_to_without_a_recording(ctx):
+    with pytest.raises(ValueError, match="no recording"):
+        ctx.visual.seek(2)
+
+
+def test_trails_lead_to_a_turn_that_one_jumps_to(ctx, recording):
+    play(ctx, recording, {}, start=1)
+    nodes = ctx.graph.columns().xy
+    ctx.visual.seek(4)
+    ways = [moves.paths.points.tolist() for moves in ctx.visual.overlay.trails._shown()]
+    assert ways == [nodes[[i, i + 1]].tolist() for i in (1, 2, 3)]
+
+
+def test_marks_are_of_the_teams_that_they_are_about(ctx, recording):
+    play(ctx, recording, {})
+    assert ctx.visual.overlay.timeline.marks == (
+        Mark(2, "red", "red 1", True),
+        Mark(3, "blue", "bert is out", False),
+        Mark(5, "red", "red 2", True),
+        Mark(8, "red", "red wins", True),
+    )
+    assert ctx.visual.overlay.timeline.words_at(place_of(ctx, 3)) == ["turn 3: bert is out"]
+    assert ctx.visual.overlay.timeline.words_at(place_of(ctx, 4)) == ["turn 4"]
+    assert ctx.visual.overlay.timeline.words_at((3, 3)) == []
+
+
+def test_the_end_is_announced_and_can_be_dismissed(ctx, recording, person):
+    play(ctx, recording, {})
+    title, color, lines = ctx.visual.overlay.card()
+    assert (title, color, lines) == ("red wins", (213, 94, 0), ["enough", "red 2 · blue 0", "8 turns"])
+    person.press("ESCAPE")
+    ctx.visual.update()
+    assert ctx.visual.overlay.card() is None
+    ctx.visual.seek(7)
+    assert ctx.visual.overlay.card() is None
+
+
+def test_a_replay_that_stays_open_can_be_played_again(ctx, recording, person):
+    play(ctx, recording, {})
+    seen = []
+
+    def watch(ctx):
+        seen.append(ctx.visual.overlay.turns)
+        if len(seen) == 2:
+            person.click(*place_of(ctx, 6))
+        if seen[-3:] == [6, 7, 8]:
+            person.close()
+        return []
+
+    ctx.visual.hud = watch
+    ctx.visual.stay_open()
+    assert seen == [8, 8, 6, 7, 8]
+    assert ctx.is_terminated()
+
+
+def test_a_game_that_is_played_after_a_replay_has_a_line_of_its_own(ctx, recording):
+    play(ctx, recording, {})
+    playback = ctx.visual.playback
+    ctx.visual.simulate()
+    assert not playback.is_open
+    assert ctx.visual.playback is None
+    assert not ctx.visual.overlay.timeline.can_seek
+
+
+def test_the_line_of_a_game_shows_how_far_it_is_as_far_as_that_is_known(ctx, open_window):
+    ctx = open_window()
+    ctx.game.step()
+    assert not ctx.visual.overlay.timeline.is_shown
+    ctx.game.run(max_turns=4)
+    timeline = ctx.visual.overlay.timeline
+    assert (timeline.turns, timeline.can_seek) == (5, False)
+    ctx.game.reset()
+    ctx.game.add(gamms.rules.time_limit(3))
+    ctx.game.step()
+    assert ctx.visual.overlay.timeline.turns == 3
+
+
+def test_a_press_beside_the_line_is_none_on_it():
+    timeline = Timeline(lambda name: None)
+    assert timeline.place_at((0, 0)) is None
+    assert not timeline.is_button((0, 0))
+
+
+@pytest.mark.parametrize(("given", "is_asked"), [(True, True), (False, False)])
+def test_a_block_whose_game_is_over_stays_open_where_somebody_may_look(monkeypatch, recording, given, is_asked):
+    monkeypatch.setattr(engine, "is_watched", lambda: True)
+    frames = []
+
+    def watch(ctx):
+        frames.append(ctx.visual.overlay.is_over)
+        if len(frames) > TURNS + 3:
+            ctx.visual.quit()
+        return []
+
+    options = {"width": 640, "height": 360, "simulation_time_constant": 0.0, "stay_open": given}
+    with gamms.create_context(vis_engine=Engine.PYGAME, vis_kwargs=options) as ctx:
+        ctx.visual.hud = watch
+        for _ in ctx.record.replay(recording):
+            pass
+        assert len(frames) == TURNS
+    assert (len(frames) > TURNS) == is_asked
+
+
+@pytest.mark.parametrize("why", ["not over", "an error", "closed", "nobody"])
+def test_a_block_ends_at_once_where(monkeypatch, recording, why):
+    monkeypatch.setattr(engine, "is_watched", lambda: why != "nobody")
+    options = {"width": 640, "height": 360, "simulation_time_constant": 0.0}
+    stayed = []
+    monkeypatch.setattr(engine.WindowEngine, "stay_open", stayed.append)
+
+    def block():
+        with gamms.create_context(vis_engine=Engine.PYGAME, vis_kwargs=options) as ctx:
+            if why == "not over":
+                ctx.game.step()
+                return
+            for _ in ctx.record.replay(recording):
+                pass
+            if why == "closed":
+                ctx.visual.quit()
+            if why == "an error":
+                raise RuntimeError(why)
+
+    with pytest.raises(RuntimeError) if why == "an error" else nullcontext():
+        block()
+    assert not stayed
