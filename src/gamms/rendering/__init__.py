@@ -1,7 +1,4 @@
-"""Pictures and films of recordings. A client: it replays into a context and draws that as any program would.
-
-`fog.py` shows only what a team can see.
-"""
+"""Pictures and films of recordings. A client: it replays into a context and draws that as any program would."""
 
 import os
 from collections.abc import Callable, Iterator
@@ -13,12 +10,12 @@ from typing import Any, Literal
 from gamms import recorder, recordings
 from gamms.context import Context
 from gamms.errors import BadValue, UnknownName
-from gamms.rendering.fog import DARK, Fog
 from gamms.typing import PictureOptions
 from gamms.visual.appearance import PAPER
 from gamms.visual.backends import FILMS, FORMATS
 from gamms.visual.drawers.graph import usual_edge
 from gamms.visual.drawing import longer_side
+from gamms.visual.fog import DARK, Fog
 from gamms.visual.legend import Rows, legend_only
 
 __all__ = ["Fog", "RenderOptions", "render"]

@@ -28,6 +28,7 @@ from gamms.visual.recorded_drawings import RecordedDrawer, RecordedDrawings
 
 if TYPE_CHECKING:
     from gamms.visual.default_scene import DefaultScene
+    from gamms.visual.fog import Fog
 
 _Data = dict[str, Any]
 _NONE: Mapping[str, IArtist] = MappingProxyType({})
@@ -137,6 +138,7 @@ class Artists(Guarded):
         is_graph_declared: whether the graph was, so that there is no default scene.
         edits: a number that changes whenever an artist is declared, added or removed.
         drawings: those of a recording that is replayed.
+        fog: what a team knows, beyond which nothing is shown; None: all is.
     """
 
     _called = "ctx.visual"
@@ -154,6 +156,7 @@ class Artists(Guarded):
         self._default: DefaultScene | None = None
         self.edits = 0
         self.drawings = RecordedDrawings(ctx)
+        self.fog: Fog | None = None
         self._drawn: tuple[Any, dict[str, IArtist]] = None, {}  # what `drawn` has found, and by which edits
 
     # -- shown -----------------------------------------------------------------------------------------------
@@ -168,6 +171,8 @@ class Artists(Guarded):
         if self._ctx.is_terminated():
             raise ContextTerminated("the state to draw")
         artists = self._of_default(scene) | self.declared
+        if self.fog is not None:
+            artists = self.fog.filtered(artists)
         if not self._drawing.events.eliminated():
             return artists
         marks = Artist(self._ctx, render_eliminated, Layer.TAGS)

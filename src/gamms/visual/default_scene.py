@@ -6,6 +6,7 @@ the teams.
 """
 
 from collections.abc import Mapping
+from math import inf
 from types import MappingProxyType
 from typing import Any, NamedTuple
 
@@ -72,7 +73,7 @@ class DefaultScene:
         self._ctx, self._tones = ctx, tones
         self._map_key: Any = None
         self._map: dict[str, IArtist] = {}
-        self._unit = 1.0  # radius of agents
+        self._unit, self._most = 1.0, inf  # radius of agents, and what it is at most
         self._agents_key: Any = None
         self._agents: dict[str, IArtist] = {}
         self._colors: dict[str, Rgb] = {}  # of agents, by name
@@ -92,8 +93,18 @@ class DefaultScene:
                 look.fill(data_of(self._agents[look.name])["agent_data"])
         for artist in declared.values():
             if artist.get_drawer() is render_sensor:
-                data_of(artist)["_usual"] = sizes_of_sights(self._unit)
+                data_of(artist)["_usual"] = sizes_of_sights(self._mark)
         return self._map | self._agents | self._sensors(declared) | self.of_rules() | {"legend": self._legend}
+
+    @property
+    def _mark(self) -> float:
+        """The radius of agents, world units."""
+        return min(self._unit, self._most)
+
+    def limit_marks(self, most: float) -> bool:
+        """Draw agents no larger than this, world units; return whether that changes their size."""
+        before, self._most = self._mark, most
+        return self._mark != before
 
     def of_rules(self) -> dict[str, IArtist]:
         """Return the artists of what rules remember, which is all that a replay has, by the names that rules use."""
@@ -127,7 +138,7 @@ class DefaultScene:
         return artist
 
     def _renew_agents(self) -> None:
-        key = self._ctx.agent.structure_version, self._unit, drawing_of(self._ctx).team_colors
+        key = self._ctx.agent.structure_version, self._mark, drawing_of(self._ctx).team_colors
         if key == self._agents_key:
             return
         sides = {agent.name: str(color_group(agent)) for agent in self._ctx.agent.create_iter()}
@@ -137,7 +148,7 @@ class DefaultScene:
         self._colors = {name: by_side[side] for name, side in sides.items()}
         for name, color in self._colors.items():
             self._agents[name] = disc = Artist(self._ctx, render_agent, Layer.AGENTS)
-            disc.data = {"agent_data": AgentData(name, color, self._unit, least_px=least_px), "_alpha": 1.0}
+            disc.data = {"agent_data": AgentData(name, color, self._mark, least_px=least_px), "_alpha": 1.0}
 
     def _sensors(self, declared: Mapping[str, IArtist]) -> dict[str, IArtist]:
         """Return artists of what sensors see at present."""
@@ -146,7 +157,7 @@ class DefaultScene:
             if sight.view is None or _is_worth_drawing(sight.view, nodes):
                 found.setdefault(sight.sensor.sensor_id, []).append(sight)
         colored = {name: [(self._color_of(one.carrier), one.view) for one in sights] for name, sights in found.items()}
-        self._views = artists_of_sights(self._ctx, colored, self._unit, declared, self._views)
+        self._views = artists_of_sights(self._ctx, colored, self._mark, declared, self._views)
         return dict(self._views)
 
     def _color_of(self, carrier: str | None) -> Rgb:

@@ -38,7 +38,7 @@ class RecordedDrawer:
         """Draw it; what was drawn elsewhere at the beginning of the turn goes from there in a straight line."""
         commands, start = self._drawings.commands.get(self._name), self._drawings.starts.get(self._name)
         target, share = drawing_of(ctx).commands, float(data.get("_alpha", 1.0))
-        if commands is None or target is None or not self._drawings.are_shown:
+        if commands is None or target is None:
             return
         if start is not None and share < 1.0:
             commands = replace(commands, points=start.points + share * (commands.points - start.points))
@@ -46,7 +46,7 @@ class RecordedDrawer:
 
     def legend(self, ctx: IContext) -> list[Block]:  # noqa: ARG002 - the arguments of every legend
         """Return the legend of the artist."""
-        return self._drawings.legends.get(self._name, []) if self._drawings.are_shown else []
+        return self._drawings.legends.get(self._name, [])
 
 
 class RecordedDrawings:
@@ -59,7 +59,6 @@ class RecordedDrawings:
         commands: what each artist draws.
         starts: what some have drawn at the beginning of the turn: the same commands at other points.
         legends: of the artists.
-        are_shown: whether they are drawn; False where only a team's view is.
     """
 
     def __init__(self, ctx: IContext) -> None:
@@ -67,7 +66,6 @@ class RecordedDrawings:
         self.commands: dict[str, DrawCommands] = {}
         self.starts: dict[str, DrawCommands] = {}
         self.legends: dict[str, list[Block]] = {}
-        self.are_shown = True
         self._plain: dict[str, Recorded] = {}  # the same as it was recorded
         self._static: dict[str, tuple[Any, Recorded]] = {}  # of STATIC artists, which draw when something has changed
         self._refused: set[str] = set()  # artists whose drawings cannot be recorded

@@ -294,3 +294,83 @@ def test_the_ways_to_choices_end_at_their_rings_and_leave_who_is_asked_free():
     assert long[[0, 1]].tolist() == [[2, 3], [2, 20]]
     assert np.hypot(*(long[-1] - (30, 0))) == pytest.approx(5)
     assert short.tolist() == [[0, 0], [3, 0]]  # nothing would be left of it
+
+
+@pytest.fixture
+def hunt(open_window):
+    """Anna, who sees 25 metres far, and two who hunt her: one is near, one is far away."""
+
+    def open_one(**options):
+        ctx = open_window(is_empty=True, **options)
+        ctx.graph.graph.add_nodes(range(20), x=[10.0 * i for i in range(20)], y=[0.0] * 20)
+        ctx.graph.graph.add_edges(range(19), sources=range(19), targets=range(1, 20))
+        for kind in ("RANGE", "AGENT_RANGE"):
+            ctx.sensor.create_sensor(kind, gamms.sensor.SensorType[kind], sensor_range=25.0)
+        ctx.agent.create_agent("anna", start_node_id=5, team="hunted", sensors=["RANGE", "AGENT_RANGE"])
+        ctx.agent.create_agent("near", start_node_id=7, team="hunters", strategy=lambda state: state.update(action=7))
+        ctx.agent.create_agent("far", start_node_id=12, team="hunters", strategy=lambda state: state.update(action=12))
+        return ctx
+
+    return open_one
+
+
+def shown_in_a_question(ctx, person, name="anna"):
+    shown = []
+
+    def note():
+        shown.extend(one for one in ("anna", "near", "far") if one in ctx.visual.overlay.shown)
+        person.press("0")
+        return []
+
+    act(ctx, list, note)
+    ask(ctx, name)
+    return shown
+
+
+def test_who_is_asked_sees_what_its_sensors_know(hunt, person):
+    assert shown_in_a_question(hunt(), person) == ["anna", "near"]
+
+
+def test_without_fog_all_is_seen(hunt, person):
+    assert shown_in_a_question(hunt(fog=False), person) == ["anna", "near", "far"]
+
+
+def test_one_who_has_no_sensor_sees_all(hunt, person):
+    assert shown_in_a_question(hunt(), person, "far") == ["anna", "near", "far"]
+
+
+def test_a_program_that_declares_its_graph_shows_what_it_declares(hunt, person):
+    ctx = hunt()
+    ctx.visual.set_graph_visual()
+    for name in ("anna", "near", "far"):
+        ctx.visual.set_agent_visual(name)
+    assert shown_in_a_question(ctx, person) == ["anna", "near", "far"]
+
+
+def test_the_fog_stays_while_turns_are_shown_and_lifts_at_the_end(hunt, person):
+    ctx, shown = hunt(), []
+    ctx.agent.get_agent("anna").register_strategy(
+        lambda state: state.update(action=ctx.visual.human_input("anna", state))
+    )
+    ctx.game.add(lambda ctx: ctx.game.turn == 3 and ctx.game.end("enough"))
+
+    def watch(ctx):
+        if ctx.visual.question is None:
+            shown.append("far" in ctx.visual.overlay.shown)
+        else:
+            person.press("0")
+        return []
+
+    ctx.visual.hud = watch
+    ctx.game.run()
+    assert shown == [False, False, True]
+
+
+def test_the_view_of_a_team_can_be_shown_all_the_time(hunt):
+    ctx = hunt(fog="hunted")
+    ctx.visual.simulate()
+    assert "far" not in ctx.visual.overlay.shown
+    ctx.visual.toggle_theme()
+    ctx.visual.update()
+    assert "far" not in ctx.visual.overlay.shown
+    assert ctx.visual.artists.fog.shades == ctx.visual.overlay.hud.theme.fog

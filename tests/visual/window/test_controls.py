@@ -1,6 +1,11 @@
 """What keys and mouse do to the camera, the pace and the words."""
 
+import numpy as np
+import pygame
 import pytest
+
+from gamms.errors import BadValue
+from gamms.visual.window.panels import Hud
 
 KEYS = {("w", "UP"): (0, 1), ("s", "DOWN"): (0, -1), ("a", "LEFT"): (-1, 0), ("d", "RIGHT"): (1, 0)}
 
@@ -140,3 +145,58 @@ def test_a_window_that_loses_the_focus_lets_go_of_everything(ctx, person):
     ctx.visual.input.glide(1.0)
     assert camera(ctx) == (0, 0, 32)
     assert ctx.visual.input.pointer is None
+
+
+def test_the_theme_changes_by_key(ctx, person, seen):
+    ctx.visual.hud = None
+    ctx.visual.update()
+    assert np.median(seen(ctx)) > 200
+    person.press("n")
+    ctx.visual.update()
+    ctx.visual.update()
+    assert np.median(seen(ctx)) < 60
+    person.press("n")
+    ctx.visual.update()
+    ctx.visual.update()
+    assert np.median(seen(ctx)) > 200
+    with pytest.raises(BadValue, match="loud"):
+        ctx.visual.set_theme("loud")
+
+
+@pytest.mark.parametrize("width", [1000.0, 20.0, 1.0])
+def test_agents_keep_a_readable_size_at_every_zoom(ctx, width):
+    ctx.visual.look_at(0.0, 0.0, width)
+    ctx.visual.update()
+    look = ctx.visual.overlay.shown["red_0"].data["agent_data"]
+    assert 6 <= max(look.size * ctx.visual.camera.scale, look.least_px) <= 15
+
+
+def test_a_resized_window_sees_the_whole_map_as_long_as_nobody_has_moved_it(open_window, person):
+    ctx = open_window()
+    ctx.visual.update()
+    person.press("HOME")
+    ctx.visual.update()
+    for size in ((900, 700), (300, 300)):
+        pygame.display.set_mode(size, pygame.RESIZABLE)
+        pygame.event.post(pygame.event.Event(pygame.VIDEORESIZE, w=size[0], h=size[1], size=size))
+        ctx.visual.update()
+        xy = ctx.graph.columns().xy
+        places = ctx.visual.camera.camera().to_screen(xy)
+        assert (places > 0).all()
+        assert (places < size).all()
+        assert np.ptp(places, axis=0).max() > 0.4 * min(size)
+
+
+def test_panels_of_agents_cover_neither_the_turn_nor_the_agent(ctx, person, monkeypatch):
+    boxes = []
+    paint = Hud.paint_facts
+    monkeypatch.setattr(Hud, "paint_facts", lambda self, *given: paint(self, *given) or boxes.append(list(self.taken)))
+    ctx.visual.look_at(0.0, 0.0, 64.0)
+    ctx.visual.update()
+    person.click(*ctx.visual.camera.world_to_screen(0.0, 0.0))
+    ctx.visual.update()
+    for x, y in ((31.0, -16.0), (29.0, -14.0), (0.0, 0.0), (60.0, 0.0), (-60.0, 40.0)):  # in the corner, out of view
+        ctx.visual.look_at(x, y, 64.0)
+        ctx.visual.update()
+        (left, top, right, bottom), facts = boxes[-1][0], boxes[-1][-1]
+        assert facts[0] >= right or facts[1] >= bottom or facts[2] <= left or facts[3] <= top

@@ -11,6 +11,7 @@ from typing import Any
 
 from gamms.arguments import as_float
 from gamms.errors import BadValue, NoDisplay
+from gamms.visual.appearance import PAPER, TEAM_COLORS
 from gamms.visual.backends.pygame_backend import load
 
 _NO_HANDLERS = "SDL_NO_SIGNAL_HANDLERS"  # or else SIGTERM would become one more event, and the process live on
@@ -33,6 +34,7 @@ def open_window(owner: object, width: int, height: int, title: str) -> Any:
         try:
             pygame.display.init()
             _check_is_seen(pygame)
+            pygame.display.set_icon(_icon(pygame))
             surface = pygame.display.set_mode((width, height), pygame.RESIZABLE)
         except pygame.error as error:
             if not _owners:
@@ -42,6 +44,23 @@ def open_window(owner: object, width: int, height: int, title: str) -> Any:
     pygame.key.set_repeat()
     _owners.append(owner)
     return surface
+
+
+_ICON_PX, _ICON_FINER = 64, 4
+_ICON_NODES = ((14, 44), (32, 16), (50, 42))  # of a small graph, each in the colour of a team
+
+
+def _icon(pygame: ModuleType) -> Any:
+    """Return the picture for title and task bars: three agents on a graph."""
+    side = _ICON_PX * _ICON_FINER
+    large = pygame.Surface((side, side), pygame.SRCALPHA, 32)
+    large.fill((*PAPER, 0))
+    pygame.draw.rect(large, PAPER, large.get_rect(), border_radius=12 * _ICON_FINER)
+    nodes = [(x * _ICON_FINER, y * _ICON_FINER) for x, y in _ICON_NODES]
+    pygame.draw.lines(large, (140, 143, 148), True, nodes, 4 * _ICON_FINER)
+    for color, node in zip(TEAM_COLORS, nodes, strict=False):
+        pygame.draw.circle(large, color, node, 9 * _ICON_FINER)
+    return pygame.transform.smoothscale(large, (_ICON_PX, _ICON_PX))
 
 
 def _check_is_seen(pygame: ModuleType) -> None:

@@ -11,13 +11,13 @@ import numpy as np
 
 from gamms.arguments import as_bool, as_int, misspelt
 from gamms.deciding import outside_of_deciding, refused_while_deciding
-from gamms.errors import BadValue, MissingFile
+from gamms.errors import BadValue, MissingFile, UnknownName
 from gamms.ir.draw import DrawCommands
 from gamms.ir.graph import FloatArray
 from gamms.typing import ArtistType, IContext, ISensor
 from gamms.typing.recorder import IPlayback
 from gamms.typing.visualization_engine import AgentVisual, GraphVisual, SensorVisual
-from gamms.visual.appearance import Color, GraphData
+from gamms.visual.appearance import Color, GraphData, color_group
 from gamms.visual.artist import Artist, ArtistGroup
 from gamms.visual.backends.pygame_backend import Canvas, hold_image, load
 from gamms.visual.camera import Camera, is_near
@@ -27,6 +27,7 @@ from gamms.visual.drawers import render_input_overlay
 from gamms.visual.drawing import Drawing, image_path
 from gamms.visual.engine import PictureEngine
 from gamms.visual.files import size
+from gamms.visual.fog import Fog
 from gamms.visual.legend import blocks_of
 from gamms.visual.scene import FrameBudget, Scene
 from gamms.visual.window.display import Pace, close_window, is_watched, open_window, window_surface
@@ -36,7 +37,7 @@ from gamms.visual.window.panels import HudLines, theme_called
 
 _OPTIONS = (
     "width", "height", "simulation_time_constant", "input_overlay", "max_fps", "theme", "trails", "labels", "title",
-    "stay_open",
+    "fog", "stay_open",
 )  # fmt: skip
 _SMALLEST = 0.1  # world units: half the width that a graph without extent is seen in
 _FOR_TILES = 0.005  # seconds of a frame
@@ -63,6 +64,8 @@ class WindowEngine(WindowNames, PictureEngine):
         trails: of how many turns the ways of agents are shown.
         labels: whether agents have their names beside them.
         title: of the window.
+        fog: whether the window shows no more than the team of the person who is asked knows; or a team, by its text,
+            of which it always shows the view.
         stay_open: whether a `with` block whose game is over ends only when the window is closed; see `stay_open`.
         kwargs: options of other engines are no error.
 
@@ -96,6 +99,7 @@ class WindowEngine(WindowNames, PictureEngine):
         trails: int = 0,
         labels: bool = False,
         title: str = "GAMMS",
+        fog: bool | str = True,
         stay_open: bool = True,
         **kwargs: object,
     ) -> None:
@@ -109,6 +113,7 @@ class WindowEngine(WindowNames, PictureEngine):
         self.overlay.trails = Trails(max(as_int(trails, "trails"), 0))
         self.overlay.has_labels = bool(labels)
         self.playback: IPlayback | None = None
+        self._fog, self._fogs = fog, dict[str, Fog]()
         self._wanted: int | None = None  # the turn that the person has chosen in this frame
         self._stays_open, self._was_closed = as_bool(stay_open, "stay_open"), False
         self.hud: HudLines | None = self.overlay.turn_lines
@@ -174,6 +179,8 @@ class WindowEngine(WindowNames, PictureEngine):
         theme, self._theme = theme_called(name), name
         self._background, self.drawing.wall_tones = theme.background, theme.map.walls
         self.overlay.set_theme(theme)
+        for fog in self._fogs.values():
+            fog.shades = theme.fog
         self.artists.edits += 1
         self._scene, self._is_fresh = Scene(self.ctx, self._world, tiles_turns=True), True
         self._fitted = None
@@ -218,6 +225,7 @@ class WindowEngine(WindowNames, PictureEngine):
             return
         self.drawing.motion.begin_turn_once()
         self._count_turn()
+        self._renew_fog()
         self._is_fresh = True
         self.pace.begin_turn()
         self.overlay.trails.add(self.drawing.motion.moves)
@@ -255,6 +263,8 @@ class WindowEngine(WindowNames, PictureEngine):
             return super().human_input(agent_name, state)
         asked = self.question = question(self.ctx, agent_name, state)
         self._show_options(asked)
+        if self._fog is True:
+            self._see_as(str(color_group(self.ctx.agent.get_agent(agent_name))))
         if isinstance(asked, Walk):
             self._see_choices(asked.places)
         self._is_fresh = True
@@ -291,6 +301,26 @@ class WindowEngine(WindowNames, PictureEngine):
     def _is_time_up(self) -> bool:
         game = self.ctx.current_game
         return game is not None and game.turn > 0 and game.turn == game.last_turn
+
+    # -- what is shown to whom -------------------------------------------------------------------------------
+
+    def _see_as(self, team: str) -> None:
+        """Show no more than a team knows, unless the graph was declared, or the team has no sensor."""
+        fog = self._fogs.get(team)
+        if fog is None and not self.artists.is_graph_declared:
+            with suppress(BadValue, UnknownName):  # nobody is there who could see anything
+                fog = self._fogs[team] = Fog(self.ctx, team, self.overlay.hud.theme.fog)
+        if fog is not None:
+            fog.look()
+
+    def _renew_fog(self) -> None:
+        """Show what is known now; everything at the end of a game in which a person was asked."""
+        if isinstance(self._fog, str):
+            self._see_as(self._fog)
+        elif self.overlay.is_over:
+            self.artists.fog = None
+        elif self.artists.fog is not None:
+            self.artists.fog.look()
 
     # -- turns of a recording --------------------------------------------------------------------------------
 
@@ -336,6 +366,7 @@ class WindowEngine(WindowNames, PictureEngine):
         motion.stand(steps)
         self.drawing.events.go_to_turn()
         overlay.turns, overlay.is_over, self._is_fresh = turn, turn >= playback.turns, True
+        self._renew_fog()
 
     @refused_while_deciding
     def step_back(self) -> None:
@@ -396,6 +427,7 @@ class WindowEngine(WindowNames, PictureEngine):
             return
         self.screen = window_surface() or self.screen
         overlay = self.overlay
+        overlay.limit_sizes()
         if self._is_fresh or not overlay.shown:
             overlay.begin_turn()
             overlay.hud.legend.explain(blocks_of(self.ctx, overlay.shown), *self.screen.get_size())

@@ -3,6 +3,7 @@
 from collections import deque
 from collections.abc import Callable
 from itertools import chain
+from math import floor, log
 from typing import Any
 
 import numpy as np
@@ -25,10 +26,11 @@ from gamms.visual.shown_turn import Moves
 from gamms.visual.window.display import Pace
 from gamms.visual.window.input import Question, Walk
 from gamms.visual.window.panels import BADGE_PX, EDGE_PX, Hud, HudLines, Theme, score_line
-from gamms.visual.window.timeline import HEIGHT_PX, Timeline, ending
+from gamms.visual.window.timeline import FOOT_PX, Timeline, ending
 
 _USUAL_TRAILS = 8  # turns, where they are switched on by key
 _FPS_SECONDS = 0.5
+_LARGEST_PX, _SIZE_STEP = 12.0, 1.25  # radius of agents: so large, or larger by less than a step of the zoom
 _BESIDE_PX = 10.0  # between an agent and its panel
 _CELL_PX = 9  # of the grid that keeps labels apart
 _NAME_PX = 12  # how high a name is
@@ -105,6 +107,12 @@ class Overlay(Guarded):
                 trails.data = {"colors": colors}
         self.shown = artists
         self._hinted = None, {}
+
+    def limit_sizes(self) -> None:
+        """Keep agents of the default look from growing with the zoom, in steps, for new sizes are new drawings."""
+        step = _SIZE_STEP ** floor(log(self._camera.scale, _SIZE_STEP))
+        if self._scene.limit_marks(_LARGEST_PX / step):
+            self.shown = {}
 
     def at(self, share: float) -> dict[str, IArtist]:
         """Return the artists of a frame, after a share of the agents' last moves."""
@@ -236,7 +244,7 @@ class Overlay(Guarded):
         if self._ctx.is_terminated():  # by the function that writes them
             return
         has_line = self.hud.is_shown and self.timeline.is_shown
-        foot = HEIGHT_PX + EDGE_PX if has_line else 0
+        foot = FOOT_PX if has_line else 0
         credit, has_hint = noted(self._ctx, ""), write == self.turn_lines
         self.hud.paint(canvas, lines, self._prompt(question), credit, foot, has_hint=has_hint)
         if has_line:

@@ -12,6 +12,7 @@ from gamms.visual.backends.pygame_backend import Canvas, load, painted_transpare
 from gamms.visual.backends.raster import Painting
 from gamms.visual.camera import Camera, Point
 from gamms.visual.default_scene import ON_PAPER, MapTones
+from gamms.visual.fog import FOG_BY_DAY, FOG_BY_NIGHT, Shades
 from gamms.visual.legend import Block, Legend, Pen
 from gamms.visual.lettering import words_width
 from gamms.visual.window.input import HELP
@@ -26,6 +27,7 @@ class Theme(NamedTuple):
     card: Rgba  # behind words
     border: Rgba  # of a card
     map: MapTones
+    fog: Shades
 
 
 THEMES = {
@@ -36,6 +38,7 @@ THEMES = {
         card=(255, 255, 255, 225),
         border=(60, 64, 72, 40),
         map=ON_PAPER,
+        fog=FOG_BY_DAY,
     ),
     "dark": Theme(
         background=(23, 26, 31, 255),
@@ -44,6 +47,7 @@ THEMES = {
         card=(38, 42, 50, 230),
         border=(228, 230, 234, 40),
         map=MapTones((84, 90, 101), (104, 110, 122), BY_NIGHT),
+        fog=FOG_BY_NIGHT,
     ),
 }
 
@@ -131,8 +135,9 @@ class Hud:
         last = canvas.width - EDGE_PX - width, canvas.height - EDGE_PX - foot_px - height
         places = [(x + beside_px, y - height / 2), (x - beside_px - width, y - height / 2)]
         places += [(x - width / 2, y + beside_px), (x - width / 2, y - beside_px - height)]
-        if not (0 <= x <= canvas.width and 0 <= y <= canvas.height):
-            places = [(EDGE_PX, self.taken[0][3] + EDGE_PX if self.taken else EDGE_PX)]
+        below_lines = EDGE_PX, self.taken[0][3] + EDGE_PX if self.taken else EDGE_PX
+        is_outside = not (0 <= x <= canvas.width and 0 <= y <= canvas.height)
+        places = [below_lines] if is_outside else [*places, below_lines]
         inside = [
             (max(min(left, last[0]), EDGE_PX), max(min(top, last[1]), EDGE_PX)) for left, top in places
         ]  # as far as the window is large enough

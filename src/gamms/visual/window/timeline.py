@@ -12,6 +12,9 @@ from gamms.visual.window.panels import EDGE_PX, FONT_PX, Theme, plain_panel, tex
 
 HEIGHT_PX = 34
 _ABOVE_EDGE_PX = 28  # of the window, for the small print below
+FOOT_PX = (
+    HEIGHT_PX + _ABOVE_EDGE_PX - EDGE_PX + 6
+)  # that other panels leave free above their usual distance from the edge
 _PAD_PX = 12
 _BUTTON_PX = 30
 _TRACK_PX, _HANDLE_PX = 4, 14

@@ -3,75 +3,93 @@
 Sensors are asked again, for a recording does not hold what they saw: those of the kinds that come with GAMMS.
 """
 
-from collections.abc import Iterator, Sequence
-from typing import Any
+from collections.abc import Iterator, Mapping, Sequence
+from typing import Any, cast
 
 import numpy as np
 
 from gamms import kernels
-from gamms.agent.agent import BaseAgent
-from gamms.context import Context
 from gamms.errors import BadValue, UnknownName
 from gamms.ir.graph import FloatArray, GraphColumns, IntArray
 from gamms.ir.obstacles import BoolArray
 from gamms.ir.sensed import SensorView
 from gamms.text import shown
-from gamms.typing import SensorType
+from gamms.typing import AgentType, IAgent, IArtist, IContext, SensorType
 from gamms.typing.visualization_engine import Drawer
-from gamms.visual import Artist
-from gamms.visual.appearance import Rgb
+from gamms.visual.appearance import AgentData, Rgb, color_group
+from gamms.visual.artist import Artist, data_of
 from gamms.visual.camera import inside
 from gamms.visual.constants import Layer
 from gamms.visual.default_scene import MOST_SENSORS, artists_of_sights, sight_radius
+from gamms.visual.drawers import render_input_overlay, render_obstacles
 from gamms.visual.drawers.graph import one_way_each, polylines, usual_edge
 from gamms.visual.drawers.rules import flags_in, render_flags, render_tags, territories_in
 from gamms.visual.drawing import drawing_of
+from gamms.visual.legend import legend_only
 from gamms.visual.shown_turn import Sight
 
+Shades = tuple[Rgb, Rgb, Rgb]  # of streets that were never seen, were seen, and are seen now
+
 DARK: Rgb = (20, 22, 26)
-_SHADES: tuple[Rgb, ...] = ((42, 45, 51), (104, 109, 118), (206, 210, 216))  # never seen, seen, seen now
+FOG_BY_NIGHT: Shades = ((42, 45, 51), (104, 109, 118), (206, 210, 216))
+FOG_BY_DAY: Shades = ((235, 236, 237), (205, 207, 211), (135, 139, 146))
+_OPEN = (render_obstacles, render_input_overlay, legend_only)  # drawers that tell nobody anything new
 _STREET, _SLIM, _DOT, _LINE_PX = 2.0, 0.2, 0.08, 1.5  # as broad as in other pictures
 _DIGITS = 6  # of the coordinates by which agents and nodes are found again
 
 
 class Fog:
-    """What a team knows of the map, and artists that show no more than that.
+    """What a team knows of the map; it filters the artists that are shown, from the first `look` on.
 
     Args:
-        ctx: a context in which a recording is replayed.
-        team: its text.
+        ctx: the context, whose `visual.artists` have this fog from now on.
+        team: its text; of an agent without a team its name.
+        shades: of streets that were never seen, were seen, and are seen now.
 
     Raises:
         UnknownName (KeyError): no agent is of this team.
         BadValue: none of its agents carries a sensor.
     """
 
-    def __init__(self, ctx: Context, team: str) -> None:
-        self._ctx, self._team = ctx, team
+    def __init__(self, ctx: IContext, team: str, shades: Shades = FOG_BY_NIGHT) -> None:
+        self._ctx, self.team, self.shades = ctx, team, shades
         if not any(True for _ in self._own()):
-            raise UnknownName("team", team, {str(agent.team) for agent in ctx.agent.create_iter()})
-        if not any(agent.sensors for agent in self._own()):
+            raise UnknownName("team", team, {str(color_group(agent)) for agent in ctx.agent.create_iter()})
+        if not any(_sensors_of(agent) for agent in self._own()):
             raise BadValue(f"No agent of team {shown(team)} has a sensor in this recording, so it sees nothing.")
-        self._seen: set[int] = set()
+        self._seen: dict[int, int] = {}  # node -> since which look
+        self._looks = 0
         self._now: set[int] = set()
-        self._hidden: dict[str, Any] = {}  # agent -> the artist that it had, if one was declared
+        self._hidden: set[str] = set()  # agents
         self._sights: dict[str, Artist] = {}  # of sensors
         self._made: tuple[Any, ...] = ()  # columns, points, offsets, ends of streets
-        self._declare()
+        self._streets_artist = Artist(ctx, _TurnDrawer(self._draw_streets), Layer.GRAPH)
+        self._tags = Artist(ctx, _TurnDrawer(self._draw_tags), Layer.TAGS)
 
-    def _own(self) -> Iterator[BaseAgent]:
-        return (agent for agent in self._ctx.agent.create_iter() if str(agent.team) == self._team)
+    def _own(self) -> Iterator[IAgent]:
+        return (agent for agent in self._ctx.agent.create_iter() if str(color_group(agent)) == self.team)
 
-    def _declare(self) -> None:
-        visual = self._ctx.visual
-        visual.artists.drawings.are_shown = False  # for they may show what the team does not see
-        streets = Artist(self._ctx, _TurnDrawer(self._draw_streets), Layer.GRAPH)
-        visual.add_artist("graph", streets)
-        for name in territories_in(self._ctx):
-            visual.add_artist(name, _hidden(self._ctx))
-        for key in flags_in(self._ctx):
-            visual.add_artist(key, {"drawer": self._draw_flags, "layer": Layer.FLAGS, "key": key})
-        visual.add_artist("tags", {"drawer": _TurnDrawer(self._draw_tags), "layer": Layer.TAGS})
+    def filtered(self, artists: Mapping[str, IArtist]) -> dict[str, IArtist]:
+        """Return what of these artists the team may see, and those of what it knows instead of the others."""
+        territories, flags = territories_in(self._ctx), flags_in(self._ctx)
+        left_out = {
+            "graph",
+            "tags",
+            "rings",
+            *territories,
+            *flags,
+            *(f"sensor_{name}" for name in self._ctx.sensor.sensors),
+        }
+        kept = {name: artist for name, artist in artists.items() if name not in left_out and self._may_show(artist)}
+        for key in flags:
+            kept[key] = shown_flags = Artist(self._ctx, self._draw_flags, Layer.FLAGS)
+            shown_flags.data = {"key": key}
+        return kept | {"graph": self._streets_artist, "tags": self._tags} | self._sights
+
+    def _may_show(self, artist: IArtist) -> bool:
+        """Return whether an artist shows an agent that is seen, or what does not depend on who sees it."""
+        look = data_of(artist).get("agent_data") if isinstance(getattr(artist, "data", None), dict) else None
+        return look.name not in self._hidden if isinstance(look, AgentData) else artist.get_drawer() in _OPEN
 
     # -- what is known ---------------------------------------------------------------------------------------
 
@@ -86,50 +104,33 @@ class Fog:
         for view in views:
             is_seen |= _at(columns.xy, view.nodes) if len(view.nodes) else _inside(columns.xy, view.outline)
         self._now = set(columns.node_ids[is_seen].tolist())
-        self._seen |= self._now
+        self._looks += 1
+        self._seen = dict.fromkeys(self._now, self._looks) | self._seen
         found = {_rounded(place) for view in views for place in view.agents.tolist()}
-        self._hide({agent.name for agent in self._others() if not self._is_found(agent, found)})
+        self._hidden = {agent.name for agent in self._others() if not self._is_found(agent, found)}
+        cast("Any", self._ctx.visual).artists.fog = self
 
-    def _others(self) -> Iterator[BaseAgent]:
-        return (agent for agent in self._ctx.agent.create_iter() if str(agent.team) != self._team)
+    def _others(self) -> Iterator[IAgent]:
+        return (agent for agent in self._ctx.agent.create_iter() if str(color_group(agent)) != self.team)
 
-    def _is_found(self, agent: BaseAgent, found: set[tuple[float, float]]) -> bool:
-        is_on_seen_node = not agent.type and agent.current_node_id in self._now
-        return is_on_seen_node or _rounded(self._ctx.visual.position_of(agent.name)) in found
+    def _is_found(self, agent: IAgent, found: set[tuple[float, float]]) -> bool:
+        is_on_seen_node = agent.type != AgentType.AERIAL and agent.current_node_id in self._now
+        return is_on_seen_node or _rounded(drawing_of(self._ctx).position_of(agent.name)) in found
 
-    def _hide(self, names: set[str]) -> None:
-        visual = self._ctx.visual
-        for name in names - self._hidden.keys():
-            self._hidden[name] = visual.artist(name)
-            visual.add_artist(name, _hidden(self._ctx))
-        for name in self._hidden.keys() - names:
-            declared = self._hidden.pop(name)
-            visual.remove_artist(name)
-            if declared is not None:
-                visual.add_artist(name, declared)
-
-    def _sights_of(self, agent: BaseAgent) -> Iterator[Sight]:
-        return (self._ctx.visual.drawing.carriers.sight(sensor, agent) for sensor in agent.sensors.values())
+    def _sights_of(self, agent: IAgent) -> Iterator[Sight]:
+        return (drawing_of(self._ctx).carriers.sight(sensor, agent) for sensor in _sensors_of(agent))
 
     def _show_sights(self, sights: list[Sight]) -> None:
         """Draw what the team's sensors see, while they are few, and no others."""
-        visual, found = self._ctx.visual, dict[str, list[Any]]()
-        color = visual.drawing.group_colors()[self._team]
+        color, found = drawing_of(self._ctx).group_colors()[self.team], dict[str, list[Any]]()
         for sight in sights if len(sights) <= MOST_SENSORS else ():
             found.setdefault(sight.sensor.sensor_id, []).append((color, sight.view or SensorView()))
-        for name in self._sights:
-            if visual.artist(name) is not None:  # which a recording may have replaced
-                visual.remove_artist(name)
-        hidden = {f"sensor_{name}": _hidden(self._ctx) for name in self._ctx.sensor.sensors}
         unit = sight_radius(self._ctx.graph.columns())
-        shown = artists_of_sights(self._ctx, found, unit, visual.artists.declared)
-        self._sights = {"rings": _hidden(self._ctx), **hidden, **shown}
-        for name, artist in self._sights.items():
-            visual.add_artist(name, artist)
+        self._sights = artists_of_sights(self._ctx, found, unit, {}, self._sights)
 
     # -- drawers ---------------------------------------------------------------------------------------------
 
-    def _draw_streets(self, ctx: Context, _: dict[str, Any]) -> None:
+    def _draw_streets(self, ctx: IContext, _: dict[str, Any]) -> None:
         columns = ctx.graph.columns()
         points, offsets, ends = self._streets(columns)
         shades = np.isin(columns.node_ids, list(self._seen)).astype(np.int64)
@@ -137,7 +138,7 @@ class Fog:
         of_streets, unit, visual = shades[ends].min(axis=1), usual_edge(columns), drawing_of(ctx)
         is_real = columns.crs is not None
         width = min(_STREET, _SLIM * unit) if is_real else _LINE_PX
-        for shade, color in enumerate(_SHADES):
+        for shade, color in enumerate(self.shades):
             rows = np.flatnonzero(of_streets == shade)
             take, ends_of = kernels.chosen_runs(offsets, rows)
             visual.render_lines(points[take], ends_of, color, width, in_world=is_real)
@@ -151,10 +152,10 @@ class Fog:
         points, offsets, ends = self._made[1:]
         return points, offsets, ends
 
-    def _draw_flags(self, ctx: Context, data: dict[str, Any]) -> None:
-        render_flags(ctx, data | {"hidden": set(self._hidden)})
+    def _draw_flags(self, ctx: IContext, data: dict[str, Any]) -> None:
+        render_flags(ctx, data | {"hidden": self._hidden})
 
-    def _draw_tags(self, ctx: Context, data: dict[str, Any]) -> None:
+    def _draw_tags(self, ctx: IContext, data: dict[str, Any]) -> None:
         render_tags(ctx, data | {"of": {agent.name for agent in self._own()}})
 
 
@@ -166,14 +167,13 @@ class _TurnDrawer:
     def __init__(self, draw: Drawer) -> None:
         self._draw = draw
 
-    def __call__(self, ctx: Context, data: dict[str, Any]) -> None:
+    def __call__(self, ctx: IContext, data: dict[str, Any]) -> None:
         self._draw(ctx, data)
 
 
-def _hidden(ctx: Context) -> Artist:
-    artist = Artist(ctx, lambda *_: None)
-    artist.set_visible(False)
-    return artist
+def _sensors_of(agent: IAgent) -> list[Any]:
+    """Return the sensors that an agent carries; Any: an agent of another class may carry any."""
+    return list(getattr(agent, "sensors", {}).values())
 
 
 def _rounded(place: Sequence[float]) -> tuple[float, float]:
