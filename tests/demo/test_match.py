@@ -6,10 +6,8 @@ from math import dist
 
 import pytest
 
-import gamms
 from gamms import scenario
 from gamms.demo import FILE, Team, capture_the_flag
-from gamms.demo.report import draw_names
 
 FIVE = (Team("red", 5), Team("blue", 5))
 
@@ -26,16 +24,6 @@ def test_nothing_goes_wrong_and_flags_change_hands():
     assert result.errors == []
     assert {"take", "capture", "tag"} <= {event["kind"] for event in result.events}
     assert result.scores[result.winner] > 0
-
-
-def test_names_are_neither_upon_each_other_nor_upon_agents():
-    with gamms.create_context(logger_config={"level": "CRITICAL"}) as ctx:
-        ctx.graph.attach_networkx_graph(gamms.graph.grid(21, 21, 1.0))
-        for name, node in (("left", 0), ("right", 1), ("same", 1), ("far", 15), ("above", 220)):
-            ctx.agent.create_agent(name, start_node_id=node)
-        ctx.visual.add_artist("names", {"drawer": draw_names, "names": list(ctx.agent.agents)})
-        words = [words.strip() for words in ctx.visual.draw_commands().text if words]
-    assert words == ["right", "far", "above"]
 
 
 def test_intruders_are_tagged_where_they_are_and_sent_home():

@@ -12,10 +12,12 @@ import gamms
 from gamms import kernels
 from gamms.ir.draw import DrawKind
 from gamms.ir.obstacles import ObstacleColumns
-from gamms.visual.appearance import BY_DAY, BY_NIGHT
 from gamms.visual.backends.coverage import polygons
 from gamms.visual.backends.pillow_backend import pixels_of
 from gamms.visual.drawers.graph import footprints
+from gamms.visual.themes import THEMES
+
+BY_DAY = THEMES["light"].map.walls
 
 GOLDEN = Path(__file__).parent / "golden" / "buildings.png"
 SQUARE = [(0.0, 0.0), (10.0, 0.0), (10.0, 10.0), (0.0, 10.0)]
@@ -219,11 +221,12 @@ def test_buildings_are_below_streets(town):
     assert max(areas) < min(nodes)
 
 
-def test_the_tones_of_day_and_night_are_told_apart():
-    for tones, background in ((BY_DAY, (252, 252, 250)), (BY_NIGHT, (23, 26, 31))):
-        away = [abs(sum(color) - sum(background)) for color in (tones.low, tones.high, tones.outline, tones.wall)]
-        assert away == sorted(away)
-        assert away[0] >= 30
+@pytest.mark.parametrize("theme", THEMES.values(), ids=THEMES)
+def test_the_tones_of_walls_are_told_apart_in_every_theme(theme):
+    tones = theme.map.walls
+    away = [abs(sum(color) - sum(theme.background[:3])) for color in (tones.low, tones.high, tones.outline, tones.wall)]
+    assert away == sorted(away)
+    assert away[0] >= 30
 
 
 # -- pixels -----------------------------------------------------------------------------------------------------

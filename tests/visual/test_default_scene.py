@@ -3,21 +3,20 @@
 import gamms
 from gamms.ir.draw import DrawKind
 from gamms.sensor import SensorType
-from gamms.visual.appearance import BY_DAY, BY_NIGHT
 from gamms.visual.default_scene import DefaultScene
-from gamms.visual.window.panels import THEMES
+from gamms.visual.themes import THEMES
 
 
 def test_as_long_as_nothing_changes_the_artists_are_the_same(ctx):
     ctx.sensor.get_sensor("spy").sense(0)
-    usual = DefaultScene(ctx)
+    usual = DefaultScene(ctx, THEMES["light"])
     first = usual.artists({})
     assert list(first) == ["graph", "obstacles", "red_0", "blue_0", "sensor_spy", "rings", "tags", "legend"]
     assert usual.artists({}) == first
 
 
 def test_a_street_that_comes_changes_the_map_and_no_agent(ctx):
-    usual = DefaultScene(ctx)
+    usual = DefaultScene(ctx, THEMES["light"])
     first = usual.artists({})
     ctx.graph.graph.add_edge({"id": 9, "source": 2, "target": 1, "length": 11})
     second = usual.artists({})
@@ -26,7 +25,7 @@ def test_a_street_that_comes_changes_the_map_and_no_agent(ctx):
 
 
 def test_obstacles_are_drawn_as_soon_as_there_are_some(ctx):
-    usual = DefaultScene(ctx)
+    usual = DefaultScene(ctx, THEMES["light"])
     ctx.graph.remove_obstacle_face(0)
     assert "obstacles" not in usual.artists({})
     ctx.graph.add_obstacle_face(1, (4, 3, 9), (2, 3, 9), (4, 3, 0), (2, 3, 0), 1)
@@ -34,14 +33,14 @@ def test_obstacles_are_drawn_as_soon_as_there_are_some(ctx):
 
 
 def test_who_changes_sides_changes_color(ctx):
-    usual = DefaultScene(ctx)
+    usual = DefaultScene(ctx, THEMES["light"])
     first = usual.artists({})["red_0"].data["agent_data"].color
     ctx.agent.get_agent("red_0").team = "green"
     assert usual.artists({})["red_0"].data["agent_data"].color != first
 
 
 def test_agents_come_and_go(ctx):
-    usual = DefaultScene(ctx)
+    usual = DefaultScene(ctx, THEMES["light"])
     ctx.agent.delete_agent("red_0")
     ctx.agent.create_agent("new", start_node_id=0)
     assert [name for name in usual.artists({}) if name in ("red_0", "blue_0", "new")] == ["blue_0", "new"]
@@ -50,14 +49,14 @@ def test_agents_come_and_go(ctx):
 def test_one_of_many_agents_goes(ctx):
     for name in "abcdef":
         ctx.agent.create_agent(name, start_node_id=0)
-    usual = DefaultScene(ctx)
+    usual = DefaultScene(ctx, THEMES["light"])
     assert "c" in usual.artists({})
     ctx.agent.delete_agent("c")
     assert [name for name in usual.artists({}) if len(name) == 1] == list("abdef")
 
 
 def test_a_sensor_is_drawn_once_it_has_looked_and_in_the_color_of_who_carries_it(ctx):
-    usual = DefaultScene(ctx)
+    usual = DefaultScene(ctx, THEMES["light"])
     assert "sensor_spy" not in usual.artists({})
     ctx.sensor.get_sensor("spy").sense(0)
     nobodys = usual.artists({})["sensor_spy"].data["color"]
@@ -77,12 +76,8 @@ def test_a_picture_shows_what_changed_after_the_one_before(ctx):
     assert DrawKind.POLYGON in kinds()
 
 
-def test_each_theme_has_tones_for_walls():
-    assert {name: theme.map.walls for name, theme in THEMES.items()} == {"light": BY_DAY, "dark": BY_NIGHT}
-
-
 def test_the_default_look_of_an_empty_world_is_no_error():
     with gamms.create_context() as ctx:
-        assert list(DefaultScene(ctx).artists({})) == ["graph", "tags", "legend"]
+        assert list(DefaultScene(ctx, THEMES["light"]).artists({})) == ["graph", "tags", "legend"]
         ctx.sensor.create_sensor("eye", SensorType.MAP)
         assert len(ctx.visual.draw_commands()) == 0

@@ -30,7 +30,7 @@ _MaxMemory = Annotated[
 ]
 _Traceback = Annotated[bool, typer.Option("--traceback", help="Print errors with all that Python knows of them.")]
 _GAMMS = str(Path(__file__).parents[1])
-_PICTURE = (1400, 1600)
+_PICTURE, _FINE = (1400, 1600), 192.0  # pixels, of which so many are an inch
 _MOST_ROWS = 500  # of a table that is printed
 _FILMS: dict[str, dict[str, Any]] = {  # the first that can be written; under half a minute for 300 turns
     "game.mp4": {"fps": 25, "width": 700, "height": 800, "frames_per_turn": 2},
@@ -185,7 +185,7 @@ def save_pictures(ctx: "Context", folder: Path, title: str) -> list[Path]:
         return files
     for name in ("final.png", "final.svg"):
         try:
-            ctx.visual.save(folder / name, *_PICTURE, title=title)
+            ctx.visual.save(folder / name, *_PICTURE, title=title, dpi=_FINE)
         except MissingExtra:
             continue
         files.append(folder / name)

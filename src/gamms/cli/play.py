@@ -58,7 +58,6 @@ def demo(
     map_name = _HELSINKI if map is None else map.name
     with game.build(seed) as ctx:
         check_ways(ctx)
-        report.declare(ctx)
         with ExitStack() as making:
             recording = making.enter_context(recorded(ctx, out))
             film_file = making.enter_context(filmed(ctx, out, map_name) if film else nullcontext())

@@ -3,7 +3,7 @@
 import json
 from collections import Counter
 from pathlib import Path
-from typing import TYPE_CHECKING, Annotated, Any
+from typing import TYPE_CHECKING, Annotated, Any, Literal
 
 import typer
 from rich.markup import escape
@@ -165,6 +165,14 @@ def render(  # noqa: PLR0913, PLR0917 - one argument per option
     fps: Annotated[float, typer.Option(help="Frames per second.")] = 30.0,
     frames_per_turn: Annotated[int, typer.Option(help="More of them show a turn more slowly.")] = 5,
     title: Annotated[str, typer.Option(help="A line above the picture.")] = "",
+    theme: Annotated[
+        Literal["light", "dark", "print"] | None,
+        typer.Option(help="Its colours; by default light, and dark with --fog."),
+    ] = None,
+    labels: Annotated[
+        bool | None, typer.Option("--labels/--no-labels", help="Names beside agents; by default while they are few.")
+    ] = None,
+    trails: Annotated[int, typer.Option(help="Of how many turns the ways of agents are shown.")] = 0,
     map: Annotated[
         Path | None, typer.Option("--map", help="The map of a recording of version 2, .gamms.", metavar="FILE")
     ] = None,
@@ -188,6 +196,9 @@ def render(  # noqa: PLR0913, PLR0917 - one argument per option
             "tight" if tight else "page",
             scale_bar=scale_bar,
             north=north,
+            theme=theme,
+            labels="auto" if labels is None else labels,
+            trails=trails,
         )
         shown = rendering.render(file, out, options, map=map, show=show)
     is_film = out.suffix.lower() in (".mp4", ".gif")

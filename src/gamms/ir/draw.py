@@ -19,7 +19,7 @@ MOST_POINTS = 1 << 20  # of drawings that are recorded
 class DrawKind(IntEnum):
     """What one command draws, and what its points and size mean."""
 
-    CIRCLE = 1  # one point, the centre; size = radius
+    CIRCLE = 1  # the centre, and in pixels how far it is moved right and down, if it is; size = radius
     RECTANGLE = 2  # two points: top-left corner, in world units; (width, height), in the unit of `space`
     LINE = 3  # two or more points, an open polyline; width
     POLYGON = 4  # three or more points, closed; what it winds around is filled, so a seam to a ring may make a hole

@@ -64,6 +64,14 @@ class Positions:
         return self._block.node
 
     @property
+    def places(self) -> list[Any]:
+        """Where the agents are (agents,), as a list of its own: ids of nodes, and points (x, y, z) of those who fly."""
+        places: list[Any] = list(self._block.node)
+        for row in self._block.flyers:
+            places[row] = self._block.position[row]
+        return places
+
+    @property
     def node_ids(self) -> IntArray:
         """The same (agents,) as an array."""
         self._catch_up_arrays()

@@ -1,7 +1,7 @@
 """Pictures and films of recordings. A client: it replays into a context and draws that as any program would."""
 
 import os
-from collections.abc import Callable, Iterator
+from collections.abc import Callable, Collection, Iterator
 from contextlib import ExitStack
 from dataclasses import dataclass
 from pathlib import Path
@@ -11,11 +11,10 @@ from gamms import recorder, recordings
 from gamms.context import Context
 from gamms.errors import BadValue, UnknownName
 from gamms.typing import PictureOptions
-from gamms.visual.appearance import PAPER
 from gamms.visual.backends import FILMS, FORMATS
 from gamms.visual.drawers.graph import usual_edge
 from gamms.visual.drawing import longer_side
-from gamms.visual.fog import DARK, Fog
+from gamms.visual.fog import Fog
 from gamms.visual.legend import Rows, legend_only
 
 __all__ = ["Fog", "RenderOptions", "render"]
@@ -42,6 +41,9 @@ class RenderOptions:
         fit: "page", or "tight": as large as the map allows within width and height.
         scale_bar: whether there is one; None: where lengths on the map are metres.
         north: whether an arrow shows where north is.
+        theme: "light", "dark" or "print"; None: "light", and "dark" where there is fog.
+        labels: whether agents have their names beside them, or which have; "auto": while they are few.
+        trails: of how many turns the ways of agents are shown.
     """
 
     first: int | None = None
@@ -57,6 +59,9 @@ class RenderOptions:
     fit: Literal["page", "tight"] = "page"
     scale_bar: bool | None = None
     north: bool = False
+    theme: Literal["light", "dark", "print"] | None = None
+    labels: bool | Literal["auto"] | Collection[str] = "auto"
+    trails: int = 0
 
 
 def render(
@@ -154,10 +159,12 @@ class _Renderer:
         options = self._options
         return {
             "title": options.title,
-            "background": PAPER if options.fog is None else DARK,
             "fit": options.fit,
             "scale_bar": options.scale_bar,
             "north": options.north,
+            "theme": options.theme or ("dark" if options.fog else "light"),
+            "labels": options.labels,
+            "trails": options.trails,
         }
 
     def _play(self, records: Iterator[Any], last: int | None) -> None:

@@ -3,6 +3,8 @@
 from collections.abc import Callable, Hashable, Iterable, Mapping, Sequence
 from typing import Annotated, Any, TypedDict, TypeVar, Unpack, overload
 
+import numpy as np
+
 from gamms.arguments import as_count, as_flag, as_float, as_int, as_key
 from gamms.context import Context
 from gamms.errors import BadValue, UnknownName
@@ -10,6 +12,7 @@ from gamms.rules.contacts import tracks_of, visits_of
 from gamms.text import shown
 from gamms.typing import AgentType, NodeId, Rule
 from gamms.typing.game import TEAMS, Team
+from gamms.visual.drawers.rules import GOALS, as_text, render_goals
 
 R = TypeVar("R", bound=Callable[[Context], object])
 
@@ -94,8 +97,11 @@ def reach(
 
     def prepare(ctx: Context) -> None:
         refuse_unknown(ctx, {node for goal in goals.values() if not isinstance(goal, str) for node in goal})
+        _publish(ctx, goals)
 
     def reach(ctx: Context) -> None:
+        if ctx.game.turn == 1:  # now starts are known
+            _publish(ctx, goals)
         there = _arrive(ctx, goals, passing=passing)
         for one in there if score else ():
             ctx.game.scores[one] += score
@@ -103,7 +109,7 @@ def reach(
             won = (there[0] if winner is ITS_TEAM else winner) if len(there) == 1 else None
             ctx.game.end(f"{' and '.join(map(str, there))} reached the goal", winner=won)
 
-    return with_hooks(reach, prepare=prepare, teams=list(goals))
+    return with_hooks(reach, prepare=prepare, drawer=render_goals, teams=list(goals))
 
 
 def time_limit(turns: int, winner: Team = LEADER) -> Rule:
@@ -164,6 +170,15 @@ def _arrive(ctx: Context, goals: Mapping[Any, frozenset[int] | str], *, passing:
     for _, node, name, _ in first:
         ctx.game.emit("reach", agent=name, node=node)
     return list(dict.fromkeys(team for *_, team in first))
+
+
+def _publish(ctx: Context, goals: Mapping[Any, frozenset[int] | str]) -> None:
+    """Say where the goals are, for those who draw the game."""
+    known: dict[Any, str] = ctx.game.data.setdefault(GOALS, {})
+    for team, goal in goals.items():
+        nodes = _starts(ctx, goal) if isinstance(goal, str) else goal
+        parts = [*known.get(team, "").split(), *as_text(np.array(sorted(nodes), np.int64)).split()]
+        known[team] = " ".join(dict.fromkeys(parts))  # another rule may have goals of the team, too
 
 
 def _leader(ctx: Context) -> Hashable:

@@ -1,7 +1,7 @@
 """Contract of the visual engine, and the keywords with which visuals are declared."""
 
 from abc import ABC, abstractmethod
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Callable, Collection, Mapping, Sequence
 from enum import Enum
 from os import PathLike
 from typing import Any, Literal, TypedDict, Unpack
@@ -74,20 +74,26 @@ _BLACK = (0, 0, 0)
 
 
 class PictureOptions(TypedDict, total=False):
-    """The keywords of pictures, frames and films that say what is around the map."""
+    """The keywords of pictures, frames and films that say how they look, and what is around the map."""
 
     title: str
     """A line above the map: none."""
     note: str
     """Small print in the lower right corner, to which the source of the map is added: none."""
     background: ColorType | str
-    """The colour behind everything: (252, 252, 250)."""
+    """The colour behind everything: that of the theme."""
     fit: Literal["page", "tight"]
     """Whether the page is as large as was asked, or as tight as the map allows within that: "page"."""
     scale_bar: bool | None
     """Whether there is one: None, where lengths on the map are metres."""
     north: bool
     """Whether an arrow shows where north is: False."""
+    theme: Literal["light", "dark", "print"]
+    """The colours of the background, of words, of the map and of teams: "light"."""
+    labels: bool | Literal["auto"] | Collection[str]
+    """Whether agents have their names beside them, or which have: "auto", while they are few."""
+    trails: int
+    """Of how many turns the ways of agents are shown: 0."""
 
 
 class GraphVisual(TypedDict, total=False):

@@ -1,10 +1,10 @@
 """How things look: colours, and the data of the built-in drawers."""
 
-from collections.abc import Callable, Iterable, Mapping
+from collections.abc import Callable, Iterable, Mapping, Sequence
 from dataclasses import dataclass, field
 from functools import lru_cache
 from types import MappingProxyType
-from typing import Any, NamedTuple
+from typing import Any
 
 import numpy as np
 
@@ -55,25 +55,33 @@ TEAM_COLORS: tuple[Rgb, ...] = (
 _NAMED_TEAMS = {"blue": 0, "red": 1, "green": 2, "pink": 3, "purple": 3, "orange": 4, "yellow": 4, "cyan": 5}
 
 
-def team_colors(teams: Iterable[Any], given: Mapping[str, Rgb] = MappingProxyType({})) -> dict[str, Rgb]:
+def team_colors(
+    teams: Iterable[Any], given: Mapping[str, Rgb] = MappingProxyType({}), palette: Sequence[Rgb] = TEAM_COLORS
+) -> dict[str, Rgb]:
     """Return a colour for each team, by its text: its own where it is named after one, else the next that is left.
 
     Args:
         teams: in the order in which they choose; a team may be anything.
         given: text of a team -> its colour, which no other team chooses.
+        palette: blue, red, green, pink, orange and cyan.
     """
     names = dict.fromkeys(map(str, teams))
-    own = {name: TEAM_COLORS[_NAMED_TEAMS[name.lower()]] for name in names if name.lower() in _NAMED_TEAMS}
+    own = {name: palette[_NAMED_TEAMS[name.lower()]] for name in names if name.lower() in _NAMED_TEAMS}
     own |= {name: given[name] for name in names if name in given}
-    left = [color for color in TEAM_COLORS if color not in own.values()] or list(TEAM_COLORS)
+    left = [color for color in palette if color not in own.values()] or list(palette)
     others = [name for name in names if name not in own]
     own |= {name: left[i % len(left)] for i, name in enumerate(others)}
     return {name: own[name] for name in names}
 
 
+def is_dark(color: Sequence[float]) -> bool:
+    """Return whether a colour is nearer to black than to white."""
+    return sum(color[:3]) < 3 * 128
+
+
 def inks(background: Rgba) -> tuple[Rgb, Rgb]:
     """Return two greys for words on a background: one that is easy to read, and a fainter one."""
-    if sum(background[:3]) < 3 * 128:
+    if is_dark(background):
         return (222, 224, 228), (150, 154, 160)
     return (51, 51, 51), (119, 119, 119)
 
@@ -213,6 +221,7 @@ class AgentData:
     image: Any = None  # the path of a picture; a window may keep the loaded one
     current_position: tuple[float, float] | None = None  # where it was drawn last
     least_px: float = 6.0  # its radius is never less
+    shift: tuple[float, float] = (0.0, 0.0)  # by how many radii it was drawn right of and below its position
     undeclared: dict[str, Any] = field(default_factory=dict, compare=False)  # what was filled in
 
     @classmethod
@@ -247,16 +256,3 @@ class GraphData:
     edge_line_points: dict[int, Any] = field(
         default_factory=dict, compare=False
     )  # graph revision -> what the drawer made of it
-
-
-class WallTones(NamedTuple):
-    """How buildings and walls look that have no colour of their own."""
-
-    low: Rgb  # of the areas of the lowest buildings
-    high: Rgb  # of the areas of the highest ones; what is between is mixed
-    outline: Rgb  # of areas
-    wall: Rgb  # of walls that stand around nothing
-
-
-BY_DAY = WallTones(low=(240, 236, 228), high=(206, 197, 181), outline=(193, 184, 168), wall=(139, 128, 110))
-BY_NIGHT = WallTones(low=(37, 40, 45), high=(70, 68, 66), outline=(86, 84, 81), wall=(140, 130, 116))

@@ -22,9 +22,17 @@ from gamms.visual.drawers import (
     render_rectangle,
     render_sensor,
 )
-from gamms.visual.drawers.rules import FlagsDrawer, TerritoryDrawer, render_eliminated, render_tags, teams_of_rules
+from gamms.visual.drawers.rules import (
+    FlagsDrawer,
+    TerritoryDrawer,
+    render_eliminated,
+    render_goals,
+    render_tags,
+    teams_of_rules,
+)
 from gamms.visual.drawing import Drawing
 from gamms.visual.recorded_drawings import RecordedDrawer, RecordedDrawings
+from gamms.visual.themes import Theme
 
 if TYPE_CHECKING:
     from gamms.visual.default_scene import DefaultScene
@@ -72,6 +80,7 @@ _KINDS = {
     "flags": _Kind(FlagsDrawer, ("key", "colors"), dict, dict),
     "territory": _Kind(TerritoryDrawer, ("key", "colors"), dict, dict),
     "tags": _Kind(render_tags, (), dict, dict),
+    "goals": _Kind(render_goals, (), dict, dict),
 }
 _NAME_OF = {kind.drawer: name for name, kind in _KINDS.items()}
 _DRAWING = "drawing"  # the kind of an artist whose commands are recorded
@@ -153,7 +162,7 @@ class Artists(Guarded):
         self._proposed: dict[str, IArtist] = {}
         self.is_graph_declared = False
         self._is_replayed = False  # what is declared is from a recording, where rules drew, too
-        self._default: DefaultScene | None = None
+        self._default: dict[Theme, DefaultScene] = {}
         self.edits = 0
         self.drawings = RecordedDrawings(ctx)
         self.fog: Fog | None = None
@@ -162,8 +171,12 @@ class Artists(Guarded):
     # -- shown -----------------------------------------------------------------------------------------------
 
     @outside_of_deciding
-    def shown(self, scene: "DefaultScene | None" = None) -> dict[str, IArtist]:
+    def shown(self, trails: int = 0, scene: "DefaultScene | None" = None) -> dict[str, IArtist]:
         """Return the artists that draw: the declared ones, and those of the default scene that they do not replace.
+
+        Args:
+            trails: of how many turns the ways of agents are shown, besides.
+            scene: the default one; None: that of pictures, in the theme of the drawing.
 
         Raises:
             ContextTerminated: the context has ended.
@@ -171,8 +184,13 @@ class Artists(Guarded):
         if self._ctx.is_terminated():
             raise ContextTerminated("the state to draw")
         artists = self._of_default(scene) | self.declared
+        self._drawing.has_default_look = not self.is_graph_declared
         if self.fog is not None:
             artists = self.fog.filtered(artists)
+        if trails:
+            from gamms.visual.drawers.trails import artists_of_trails
+
+            artists |= artists_of_trails(self._ctx, artists, trails)
         if not self._drawing.events.eliminated():
             return artists
         marks = Artist(self._ctx, render_eliminated, Layer.TAGS)
@@ -186,7 +204,8 @@ class Artists(Guarded):
         if scene is None:
             from gamms.visual.default_scene import DefaultScene
 
-            scene = self._default = self._default or DefaultScene(self._ctx)
+            theme = self._drawing.theme
+            scene = self._default[theme] = self._default.get(theme) or DefaultScene(self._ctx, theme)
         return scene.of_rules() if self.is_graph_declared else scene.artists(self.declared)
 
     # -- declared --------------------------------------------------------------------------------------------

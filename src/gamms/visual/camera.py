@@ -9,7 +9,7 @@ from gamms.arguments import as_float, as_int
 from gamms.deciding import Guarded, outside_of_deciding, phase_of, refused_while_deciding
 from gamms.errors import BadValue, GammsError
 from gamms.ir.draw import DrawCommands, DrawKind, DrawSpace
-from gamms.ir.graph import FloatArray
+from gamms.ir.graph import FloatArray, IntArray
 from gamms.typing import IContext
 
 _SHORTEST = 1e-12  # what goes less far along an axis does not go along it
@@ -198,6 +198,24 @@ def _corners(commands: DrawCommands) -> FloatArray:
     anchors = commands.offsets[rows]
     in_world = (commands.space[rows] == DrawSpace.WORLD)[:, None]
     points[anchors + 1] = points[anchors] + points[anchors + 1] * (1.0, -1.0) * in_world
+    moved = moved_circles(commands)
+    points[moved + 1] = points[moved]
+    return points
+
+
+def moved_circles(commands: DrawCommands) -> IntArray:
+    """Return where the points of circles that are moved by pixels begin: the centre, then right and down."""
+    circles = np.flatnonzero(commands.kind == DrawKind.CIRCLE)
+    begins = commands.offsets[circles]
+    moved: IntArray = begins[commands.offsets[circles + 1] - begins == 2]
+    return moved
+
+
+def on_screen(commands: DrawCommands, camera: Camera) -> FloatArray:
+    """Return all points in pixels; of circles that are moved both points are the centre."""
+    points, moved = camera.to_screen(commands.points), moved_circles(commands)
+    points[moved] += commands.points[moved + 1]
+    points[moved + 1] = points[moved]
     return points
 
 

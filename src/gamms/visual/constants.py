@@ -41,6 +41,7 @@ class Layer(IntEnum):
     VALUES = 13
     TRAILS = 14
     SEEN = 15  # what sensors see in the default scene
+    GOALS = 18
     AGENTS = 20
     FLAGS = 22
     TAGS = 25

@@ -8,7 +8,7 @@ the teams.
 from collections.abc import Mapping
 from math import inf
 from types import MappingProxyType
-from typing import Any, NamedTuple
+from typing import Any
 
 import numpy as np
 
@@ -16,7 +16,7 @@ from gamms.ir.graph import GraphColumns
 from gamms.ir.sensed import SensorView
 from gamms.typing import ArtistType, IArtist, IContext
 from gamms.typing.visualization_engine import Drawer
-from gamms.visual.appearance import BY_DAY, AgentData, GraphData, Rgb, WallTones, color_group
+from gamms.visual.appearance import AgentData, GraphData, Rgb, color_group
 from gamms.visual.artist import Artist, data_of, looks_of
 from gamms.visual.constants import Layer
 from gamms.visual.drawers import render_agent, render_graph, render_obstacles, render_sensor
@@ -24,7 +24,9 @@ from gamms.visual.drawers.graph import usual
 from gamms.visual.drawers.rules import (
     TerritoryDrawer,
     flags_in,
+    goals_in,
     render_flags,
+    render_goals,
     render_tags,
     territories_in,
 )
@@ -32,6 +34,7 @@ from gamms.visual.drawers.sensors import render_rings, render_sight
 from gamms.visual.drawing import drawing_of
 from gamms.visual.legend import Row, Rows, legend_only
 from gamms.visual.shown_turn import Sight, says_something
+from gamms.visual.themes import Theme
 
 MOST_SENSORS = 20  # more of them would hide what happens
 _WITHOUT_CARRIER = (110, 114, 120)
@@ -50,27 +53,16 @@ _WALL, _THICKEST = 0.3, 0.5  # of a wall: in radii of agents, and at most in met
 ColoredSights = Mapping[str, list[tuple[Rgb, SensorView | None]]]
 
 
-class MapTones(NamedTuple):
-    """The colours of the map."""
-
-    streets: Rgb
-    nodes: Rgb
-    walls: WallTones
-
-
-ON_PAPER = MapTones((165, 168, 172), (140, 143, 148), BY_DAY)
-
-
 class DefaultScene:
     """The artists of a scenario that does not declare its graph, kept as long as what they depend on stays the same.
 
     Args:
         ctx: the context.
-        tones: of the map.
+        theme: its colours.
     """
 
-    def __init__(self, ctx: IContext, tones: MapTones = ON_PAPER) -> None:
-        self._ctx, self._tones = ctx, tones
+    def __init__(self, ctx: IContext, theme: Theme) -> None:
+        self._ctx, self._theme = ctx, theme
         self._map_key: Any = None
         self._map: dict[str, IArtist] = {}
         self._unit, self._most = 1.0, inf  # radius of agents, and what it is at most
@@ -109,6 +101,8 @@ class DefaultScene:
     def of_rules(self) -> dict[str, IArtist]:
         """Return the artists of what rules remember, which is all that a replay has, by the names that rules use."""
         artists: dict[str, IArtist] = {"tags": self._tags}
+        if goals_in(self._ctx):
+            artists["goals"] = Artist(self._ctx, render_goals, Layer.GOALS)
         for name in territories_in(self._ctx):
             drawer = self._territories.setdefault(name, TerritoryDrawer(name))
             artists[name] = Artist(self._ctx, drawer, Layer.TERRITORIES)
@@ -122,15 +116,15 @@ class DefaultScene:
         key = graph.columns().revision, graph.obstacle_revision
         if key == self._map_key and None not in key:  # which are engines that do not count
             return
-        columns = graph.columns()
+        columns, tones = graph.columns(), self._theme.map
         self._map_key, self._unit = key, sight_radius(columns)
         streets = self._static(render_graph, Layer.GRAPH)
-        streets.data = {"graph_data": GraphData(self._tones.nodes, 0.35 * self._unit, self._tones.streets)}
+        streets.data = {"graph_data": GraphData(tones.nodes, 0.35 * self._unit, tones.streets)}
         self._map = {"graph": streets}
         if len(graph.obstacle_columns().ids):
             thickness = _WALL * self._unit if columns.crs is None else min(_WALL * self._unit, _THICKEST)
             self._map["obstacles"] = walls = self._static(render_obstacles, Layer.OBSTACLES)
-            walls.data = {"fill": True, "boundary_thickness": thickness, "tones": self._tones.walls}
+            walls.data = {"fill": True, "boundary_thickness": thickness}
 
     def _static(self, drawer: Drawer, layer: int) -> Artist:
         artist = Artist(self._ctx, drawer, layer)

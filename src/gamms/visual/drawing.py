@@ -3,7 +3,8 @@
 
 import os
 from array import array
-from collections.abc import Callable, Iterable, Mapping, Sequence
+from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
+from contextlib import contextmanager
 from dataclasses import replace
 from typing import Any, NamedTuple, TypeVar, cast
 
@@ -15,9 +16,10 @@ from gamms.ir.draw import FARTHEST, DrawCommands, DrawKind, DrawSpace
 from gamms.ir.graph import FloatArray, GraphColumns, IntArray
 from gamms.text import shown
 from gamms.typing import IAgent, IContext
-from gamms.visual.appearance import BY_DAY, AnyColor, Color, Rgb, WallTones, color_group, rgba, team_colors
-from gamms.visual.camera import Viewpoint
+from gamms.visual.appearance import AnyColor, Color, Rgb, color_group, rgba, team_colors
+from gamms.visual.camera import Viewpoint, moved_circles
 from gamms.visual.shown_turn import Carriers, Motion, TurnEvents
+from gamms.visual.themes import THEMES, Theme
 
 _ONE = array("q", (1,))  # point, of as many commands as it is repeated
 _CIRCLES = 4  # that make a disc: two edges and two areas, in world units and in pixels
@@ -57,8 +59,14 @@ class Commands:
         points = _as_points(centers)
         self._add(DrawKind.CIRCLE, points, _ONE * len(points), color, space=space, size=radius, width=width)
 
-    def add_discs(self, centers: Points, discs: Sequence[Disc], looks: IntArray) -> None:
-        """Draw discs around `centers` (discs, 2), each above those before it; `looks` (discs,) are rows of `discs`."""
+    def add_discs(
+        self, centers: Points, discs: Sequence[Disc], looks: IntArray, shifts: FloatArray | None = None
+    ) -> None:
+        """Draw discs around `centers` (discs, 2), each above those before it; `looks` (discs,) are rows of `discs`.
+
+        `shifts` (discs, 2) moves discs right and down, by at most one radius: so the smaller of the two sizes of a
+        disc stays within the larger one, whichever that is.
+        """
         points, n = np.repeat(_as_points(centers), _CIRCLES, axis=0), _CIRCLES * len(looks)
         sizes, widths, inks = [], [], []
         for disc in discs:
@@ -72,8 +80,15 @@ class Commands:
         size, width = (np.array(column, np.float64)[looks] for column in (sizes, widths))
         values = {"kind": DrawKind.CIRCLE, "layer": self.layer, "space": spaces, "size": size, "width": width}
         self._append(n, values | {"angle": 0.0}, np.array(inks, np.uint8)[looks].tobytes(), "")
-        self._points.append(points)
-        self._counts.extend(_ONE * n)
+        if shifts is None or not shifts.any():
+            self._points.append(points)
+            self._counts.extend(_ONE * n)
+            return
+        moves = np.repeat(shifts, _CIRCLES, axis=0) * size.reshape(-1, 1)
+        is_moved = (spaces == DrawSpace.SCREEN) & moves.any(axis=1)
+        points[~is_moved] += (moves * (1.0, -1.0) * (spaces == DrawSpace.WORLD)[:, None])[~is_moved]
+        self._points.append(np.insert(points, np.flatnonzero(is_moved) + 1, moves[is_moved], axis=0))
+        self._counts.frombytes((1 + is_moved).astype(np.int64).tobytes())
 
     def add_lines(
         self, points: Points, offsets: Offsets, color: AnyColor, width: float = 1.0, space: DrawSpace = DrawSpace.SCREEN
@@ -213,6 +228,7 @@ def magnified(commands: DrawCommands, factor: float) -> DrawCommands:
     in_pixels, points = commands.space == DrawSpace.SCREEN, commands.points.copy()
     extents = commands.offsets[:-1][in_pixels & (commands.kind == DrawKind.RECTANGLE)] + 1
     points[extents] *= factor
+    points[moved_circles(commands) + 1] *= factor
     width_in_pixels = in_pixels | (commands.kind != DrawKind.LINE)  # outlines always are
     return replace(
         commands,
@@ -266,27 +282,39 @@ class Drawing:
 
     Args:
         ctx: the context.
-        wall_tones: of obstacles that are filled, on the background that is usual here.
+        theme: of what is drawn where nothing else is said.
         held_image: turns an image into the path of a file, or the name of a loaded image.
 
     Attributes:
+        theme: of what is being drawn.
         motion: the last moves of agents.
         events: of the turn that is shown.
         carriers: of sensors.
         viewpoint: of pictures.
         team_colors: text of a team -> the colour that was declared for it.
+        has_default_look: whether the graph was not declared, so that agents on one node are drawn beside each other.
         commands: the open list; None: nothing is drawn.
     """
 
     def __init__(
-        self, ctx: IContext, wall_tones: WallTones = BY_DAY, held_image: Callable[[object], str] | None = None
+        self, ctx: IContext, theme: Theme = THEMES["light"], held_image: Callable[[object], str] | None = None
     ) -> None:
-        self._ctx, self.wall_tones, self._held_image = ctx, wall_tones, held_image or image_path
+        self._ctx, self.theme, self._held_image = ctx, theme, held_image or image_path
         self.motion, self.events, self.carriers = Motion(ctx), TurnEvents(ctx), Carriers(ctx)
         self.viewpoint = Viewpoint(ctx, self.motion.position_of)
         self.team_colors: Mapping[str, Rgb] = {}
+        self.has_default_look = False
         self.commands: Commands | None = None
         self._measured: tuple[GraphColumns | None, dict[Any, Any]] = None, {}
+
+    @contextmanager
+    def themed(self, theme: Theme) -> Iterator[None]:
+        """Draw in another theme, in a `with` block."""
+        before, self.theme = self.theme, theme
+        try:
+            yield
+        finally:
+            self.theme = before
 
     def record(self, draw: "Callable[[Commands], None]") -> DrawCommands:
         """Return what is drawn while a function runs, as draw commands."""
@@ -456,7 +484,9 @@ class Drawing:
 
     def group_colors(self, more: Iterable[Any] = ()) -> dict[str, Rgb]:
         """Return a colour for each group of agents, and for more teams, by text; the same in all pictures of a game."""
-        return team_colors([*map(color_group, self._ctx.agent.create_iter()), *more], self.team_colors)
+        return team_colors(
+            [*map(color_group, self._ctx.agent.create_iter()), *more], self.team_colors, self.theme.teams
+        )
 
     def extent(self) -> float:
         """Return how much of the map pictures show, world units, for marks of one size in all; 0.0 for no map.
@@ -490,10 +520,12 @@ class Drawing:
         if self.commands is not None:
             self.render_all_discs(centers, [Disc(radius, at_least_px, color, edge)], np.zeros(len(centers), np.int64))
 
-    def render_all_discs(self, centers: Points, discs: "Sequence[Disc]", looks: IntArray) -> None:
-        """Draw discs of several looks, each above those before it; `looks` (discs,) are rows of `discs`."""
+    def render_all_discs(
+        self, centers: Points, discs: "Sequence[Disc]", looks: IntArray, shifts: FloatArray | None = None
+    ) -> None:
+        """Draw discs of several looks, each above those before it; see `Commands.add_discs`."""
         if self.commands is not None:
-            self.commands.add_discs(centers, discs, looks)
+            self.commands.add_discs(centers, discs, looks, shifts)
 
 
 def longer_side(columns: GraphColumns) -> float:

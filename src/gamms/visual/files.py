@@ -2,6 +2,7 @@
 
 import os
 from base64 import b64encode
+from contextlib import AbstractContextManager
 from pathlib import Path
 from types import TracebackType
 from typing import Any, NamedTuple, Self
@@ -9,16 +10,16 @@ from weakref import WeakValueDictionary
 
 from gamms.arguments import as_float, as_int, as_path
 from gamms.errors import BadValue, Duplicate, MissingFolder, NotYet, UnknownName
-from gamms.ir.draw import DrawCommands
 from gamms.limits import refuse_above
 from gamms.typing import IArtist, IContext, PictureOptions
-from gamms.visual.artist import ArtistGroup
+from gamms.visual.artist import ArtistGroup, looks_of
 from gamms.visual.artists import Artists
 from gamms.visual.backends import FILMS, FORMATS, Backend, FilmWriter
 from gamms.visual.backends.pygame_backend import Canvas
 from gamms.visual.backends.raster import Painting
 from gamms.visual.camera import CSS_DPI, Box, Camera, Point, Viewpoint, bounds
 from gamms.visual.drawing import Drawing, joined, magnified
+from gamms.visual.labels import Labels
 from gamms.visual.legend import Block, blocks_of, grown
 from gamms.visual.page import Page, PageStyle, page_size, style_of
 from gamms.visual.scene import Scene, whole_frame
@@ -102,17 +103,20 @@ def _backend(path: Path) -> Backend:
         raise NotYet(f"saving a picture as {path.suffix or path.name!r} (there is: {known})") from None
 
 
-def painted(
-    sheet: Sheet, commands: DrawCommands, blocks: tuple[Block, ...], viewpoint: Viewpoint, style: PageStyle
-) -> bytes:
-    """Paint the columns and what stands around them, as the content of a file."""
+def painted(source: "Source", sheet: Sheet, style: PageStyle) -> bytes:
+    """Paint the present state and what stands around it, as the content of a file."""
+    artists, viewpoint = source.artists.shown(style.trails), source.drawing.viewpoint
+    blocks, commands = blocks_of(source.ctx, artists), ArtistGroup(source.ctx, artists).commands()
     fine = sheet.dpi / CSS_DPI  # so that lines, letters and marks are as large on paper whatever the dpi
     box = bounds(commands)
     width, height = size(*_sides(sheet.asked, box, blocks, viewpoint, style, fine))
     page, camera, corner = Page(width, height, blocks, style, fine), viewpoint.camera(width, height), None
     if camera is None:
         camera, corner = page.fit(*box)
-    commands = magnified(joined(commands, page.commands(camera, corner)), fine)
+    pen = page.pen(camera)
+    page.draw_labels(Labels(), pen, source.ctx, list(looks_of(artists)), corner)
+    commands = joined(joined(commands, pen.commands.freeze()), page.commands(camera, corner))
+    commands = magnified(commands, fine)
     return sheet.backend(commands, camera, title=style.title, background=style.background, dpi=sheet.dpi)
 
 
@@ -206,15 +210,16 @@ class Frames:
         is_even: bool = False,
     ) -> None:
         self.ctx, self.scene = source.ctx, scene or Scene(source.ctx, self._world)
-        self._shown, self._viewpoint, self._options = source.artists.shown, source.drawing.viewpoint, options
-        self._style = style_of(self.ctx, **options)
+        self._source, self._viewpoint, self._options = source, source.drawing.viewpoint, options
+        self._style, self._labels = style_of(self.ctx, **options), Labels()
         width, height = asked
         if width is None or height is None or self._style.is_tight:
-            artists = self._shown()
-            box, blocks = bounds(ArtistGroup(self.ctx, artists).commands()), blocks_of(self.ctx, artists)
+            with self._themed():
+                artists = source.artists.shown(self._style.trails)
+                box, blocks = bounds(ArtistGroup(self.ctx, artists).commands()), blocks_of(self.ctx, artists)
             width, height = _sides(asked, box, blocks, self._viewpoint, self._style)
         self.width, self.height = (side + side % 2 * is_even for side in size(width, height, FILM_BYTES))
-        self.canvas = Canvas(self.width, self.height)
+        self.canvas = Canvas(self.width, self.height, paper=self._style.background[:3])
         self._fitted: tuple[Camera, Point] | None = None
         self._artists: dict[str, IArtist] | None = None
         self._is_new_turn = True
@@ -224,9 +229,10 @@ class Frames:
 
     def begin_turn(self) -> None:
         """Look up which artists draw in this turn."""
-        self._artists, self._is_new_turn = self._shown(), True
-        blocks = grown(self._blocks, blocks_of(self.ctx, self._artists))
-        style = style_of(self.ctx, **self._options)
+        style = self._style if isinstance(self._style.labels, frozenset) else style_of(self.ctx, **self._options)
+        with self._themed():
+            self._artists, self._is_new_turn = self._source.artists.shown(style.trails), True
+            blocks = grown(self._blocks, blocks_of(self.ctx, self._artists))
         if (blocks, style) != (self._blocks, self._style):
             self._blocks, self._style = blocks, style
             self._page = Page(self.width, self.height, blocks, style)
@@ -236,21 +242,28 @@ class Frames:
         if self._artists is None:
             self.begin_turn()
         artists = self._artists or {}
-        self.scene.draw(artists, lambda group: group.commands(share), is_new_turn=self._is_new_turn)
+        with self._themed():
+            self.scene.draw(artists, lambda group: group.commands(share), is_new_turn=self._is_new_turn)
         self._is_new_turn = False
         camera, corner = self._view(share)
         budget = None if self._viewpoint.followed is None else whole_frame()  # so that streets are shifted
         self.scene.paint(self.canvas, camera, self._style.background, budget)
+        pen = self._page.pen(camera)
+        self._page.draw_labels(self._labels, pen, self.ctx, list(looks_of(artists)), corner)
+        Painting(pen.commands.freeze()).paint(self.canvas, camera)
         painted = self._painted_page
         if painted is None or painted[0] is not self._page or painted[1] != camera:
             self._painted_page = painted = self._page, camera, Painting(self._page.commands(camera, corner))
         painted[2].paint(self.canvas, camera)
         return self.canvas
 
+    def _themed(self) -> AbstractContextManager[None]:
+        return self._source.drawing.themed(self._style.theme)
+
     def _world(self) -> Any:
-        """Return what changes when the graph or the obstacles do."""
+        """Return what changes when the graph or the obstacles do, or the theme."""
         graph = self.ctx.graph
-        return getattr(graph.graph, "revision", None), getattr(graph, "obstacle_revision", None)
+        return getattr(graph.graph, "revision", None), getattr(graph, "obstacle_revision", None), self._style.theme
 
     def _view(self, share: float) -> tuple[Camera, Point | None]:
         """Return the camera, and the corner of the map where it is in the picture as a whole."""

@@ -16,7 +16,7 @@ from gamms.ir.sensed import SensorView
 from gamms.text import shown
 from gamms.typing import AgentType, IAgent, IArtist, IContext, SensorType
 from gamms.typing.visualization_engine import Drawer
-from gamms.visual.appearance import AgentData, Rgb, color_group
+from gamms.visual.appearance import AgentData, color_group
 from gamms.visual.artist import Artist, data_of
 from gamms.visual.camera import inside
 from gamms.visual.constants import Layer
@@ -28,11 +28,6 @@ from gamms.visual.drawing import drawing_of
 from gamms.visual.legend import legend_only
 from gamms.visual.shown_turn import Sight
 
-Shades = tuple[Rgb, Rgb, Rgb]  # of streets that were never seen, were seen, and are seen now
-
-DARK: Rgb = (20, 22, 26)
-FOG_BY_NIGHT: Shades = ((42, 45, 51), (104, 109, 118), (206, 210, 216))
-FOG_BY_DAY: Shades = ((235, 236, 237), (205, 207, 211), (135, 139, 146))
 _OPEN = (render_obstacles, render_input_overlay, legend_only)  # drawers that tell nobody anything new
 _STREET, _SLIM, _DOT, _LINE_PX = 2.0, 0.2, 0.08, 1.5  # as broad as in other pictures
 _DIGITS = 6  # of the coordinates by which agents and nodes are found again
@@ -44,15 +39,14 @@ class Fog:
     Args:
         ctx: the context, whose `visual.artists` have this fog from now on.
         team: its text; of an agent without a team its name.
-        shades: of streets that were never seen, were seen, and are seen now.
 
     Raises:
         UnknownName (KeyError): no agent is of this team.
         BadValue: none of its agents carries a sensor.
     """
 
-    def __init__(self, ctx: IContext, team: str, shades: Shades = FOG_BY_NIGHT) -> None:
-        self._ctx, self.team, self.shades = ctx, team, shades
+    def __init__(self, ctx: IContext, team: str) -> None:
+        self._ctx, self.team = ctx, team
         if not any(True for _ in self._own()):
             raise UnknownName("team", team, {str(color_group(agent)) for agent in ctx.agent.create_iter()})
         if not any(_sensors_of(agent) for agent in self._own()):
@@ -138,7 +132,7 @@ class Fog:
         of_streets, unit, visual = shades[ends].min(axis=1), usual_edge(columns), drawing_of(ctx)
         is_real = columns.crs is not None
         width = min(_STREET, _SLIM * unit) if is_real else _LINE_PX
-        for shade, color in enumerate(self.shades):
+        for shade, color in enumerate(visual.theme.fog):
             rows = np.flatnonzero(of_streets == shade)
             take, ends_of = kernels.chosen_runs(offsets, rows)
             visual.render_lines(points[take], ends_of, color, width, in_world=is_real)

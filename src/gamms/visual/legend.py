@@ -57,7 +57,7 @@ class Row(NamedTuple):
     color: Rgb
     name: str
     value: str = ""
-    sign: str = "disc"  # or ring, dot, field, line, band, flag, cross
+    sign: str = "disc"  # or ring, dot, field, line, band, flag, cross, goal
 
 
 class Rows(NamedTuple):
@@ -200,11 +200,11 @@ class Pen:
     """
 
     def __init__(self, camera: Camera, fine: float, ink: Rgb) -> None:
-        self._camera, self._ink, self.commands = camera, ink, Commands()
+        self.camera, self.fine, self._ink, self.commands = camera, fine, ink, Commands()
         self._scale = camera.scale / fine
 
     def _place(self, x: float, y: float) -> tuple[float, float]:
-        return self._camera.left + x / self._scale, self._camera.top - y / self._scale
+        return self.camera.left + x / self._scale, self.camera.top - y / self._scale
 
     def rectangle(self, x: float, y: float, width: float, height: float, color: AnyColor) -> None:
         """Fill a rectangle from its upper left corner."""
@@ -280,6 +280,11 @@ def _cross(pen: Pen, x: float, y: float, color: Rgb) -> None:
         pen.line([(x - 5.0, y - 5.0 * side), (x + 5.0, y + 5.0 * side)], color, 2.5)
 
 
+def _goal(pen: Pen, x: float, y: float, color: Rgb) -> None:
+    for radius in (_SWATCH_PX - 0.5, 3.0):
+        pen.circle(x, y, radius, color, 2.0)
+
+
 _SIGNS: dict[str, Callable[[Pen, float, float, Rgb], None]] = {
     _DISC: _disc,
     "ring": lambda pen, x, y, color: pen.circle(x, y, _SWATCH_PX - 0.5, color, 2.0),
@@ -289,6 +294,7 @@ _SIGNS: dict[str, Callable[[Pen, float, float, Rgb], None]] = {
     "band": lambda pen, x, y, color: pen.line([(x - 6.0, y), (x + 6.0, y)], (*color, 90), 9.0),
     "flag": _flag,
     "cross": _cross,
+    "goal": _goal,
 }
 
 

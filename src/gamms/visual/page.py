@@ -3,6 +3,7 @@
 From the top down: the title; the map with the legend at its right; a line with the scale bar, north and the note.
 """
 
+from collections.abc import Sequence
 from dataclasses import dataclass, replace
 from math import ceil, floor, log10
 from typing import Unpack
@@ -16,10 +17,13 @@ from gamms.ir.graph import FloatArray
 from gamms.text import shown
 from gamms.typing import IContext
 from gamms.typing.visualization_engine import PictureOptions
-from gamms.visual.appearance import PAPER, Rgb, Rgba, inks, rgba
+from gamms.visual.appearance import PAPER, AgentData, Rgb, Rgba, inks, rgba
 from gamms.visual.camera import Box, Camera, Point, fit_box
+from gamms.visual.labels import AUTO, Choice, Labels, as_choice
 from gamms.visual.legend import Block, Legend, Pen
 from gamms.visual.lettering import shortened, words_width
+from gamms.visual.shown_turn import as_turns
+from gamms.visual.themes import THEMES, Theme, theme_called
 
 _FITS = "page", "tight"
 _IN_DEGREES = "EPSG:4326", "OGC:CRS84"  # maps in which lengths cannot be read off
@@ -46,6 +50,9 @@ class PageStyle:
     is_tight: bool = False
     unit: str | None = None  # of the scale bar; None: there is none
     north: bool = False
+    theme: Theme = THEMES["light"]
+    labels: Choice = AUTO
+    trails: int = 0
 
 
 def style_of(ctx: IContext, **options: Unpack[PictureOptions]) -> PageStyle:
@@ -59,15 +66,18 @@ def style_of(ctx: IContext, **options: Unpack[PictureOptions]) -> PageStyle:
     fit, scale_bar = options.get("fit", _FITS[0]), options.get("scale_bar")
     if fit not in _FITS:
         raise BadValue(f"fit is one of {', '.join(map(repr, _FITS))}, not {shown(fit)}.")
-    crs = ctx.graph.columns().crs
+    crs, theme = ctx.graph.columns().crs, theme_called(options.get("theme", "light"))
     has_bar = crs is not None and crs not in _IN_DEGREES if scale_bar is None else as_bool(scale_bar, "scale_bar")
     return PageStyle(
         title=as_text(options.get("title", ""), "title"),
         note=noted(ctx, options.get("note", "")),
-        background=rgba(options.get("background", PAPER)),
+        background=rgba(options.get("background") or theme.background),
         is_tight=fit == _FITS[1],
         unit=(" m" if crs else "") if has_bar else None,
         north=as_bool(options.get("north", False), "north"),
+        theme=theme,
+        labels=as_choice(ctx, options.get("labels", AUTO)),
+        trails=as_turns(options.get("trails", 0)),
     )
 
 
@@ -103,6 +113,7 @@ class Page:
         self._style = replace(style, title=title, note=note)
         self._bar_px = min(_BAR_PX, _BAR * self._size[0])
         self._feet = self._feet_px()
+        self._foot = 2.0 if not any(self._feet) else _ROW_PX * self._rows
         foot = self._margin if not any(self._feet) else _ROW_PX * self._rows + _GAP_PX
         aside = self._margin + (self.legend.width + self._margin if self.legend.width else 0.0)
         self._margins = self._margin, (_HEADER_PX if style.title else self._margin), aside, foot
@@ -129,6 +140,10 @@ class Page:
         width, height = self.legend.least
         return max(across + left + right, foot, title, width), max(up + top + bottom, height + top)
 
+    def pen(self, camera: Camera) -> Pen:
+        """Return what draws on this page."""
+        return Pen(camera, self._fine, inks(self._style.background)[0])
+
     # -- what stands around the map --------------------------------------------------------------------------
 
     def commands(self, camera: Camera, corner: Point | None = None) -> DrawCommands:
@@ -138,19 +153,36 @@ class Page:
             camera: of the map.
             corner: the upper right corner of the map, beside which the legend stands; None: that of the page.
         """
-        style, (width, height) = self._style, self._size
-        ink, faint = inks(style.background)
-        pen = Pen(camera, self._fine, ink)
+        style, (_, faint) = self._style, inks(self._style.background)
+        pen = self.pen(camera)
         if style.title:
             pen.text(style.title, self._margin, 0.6 * _HEADER_PX, _TITLE_PX)
+        self.legend.draw(pen, *self._legend_at(corner), (*style.background[:3], _GROUND))
+        self._draw_foot(pen, faint, camera.scale * self._fine)
+        return pen.commands.freeze()
+
+    def _legend_at(self, corner: Point | None) -> Point:
         _, top, _, bottom = self._margins
+        width, height = self._size
         left = width - self._margin - self.legend.width
         if corner is not None:  # the legend stays on the page where it grows after the map has found its place
             left = min(corner[0] / self._fine + self._margin, left)
             top = max(min(corner[1] / self._fine, height - bottom - self.legend.height), top)
-        self.legend.draw(pen, left, top, (*style.background[:3], _GROUND))
-        self._draw_foot(pen, faint, camera.scale * self._fine)
-        return pen.commands.freeze()
+        return left, top
+
+    def draw_labels(
+        self, labels: Labels, pen: Pen, ctx: IContext, looks: Sequence[AgentData], corner: Point | None
+    ) -> None:
+        """Draw what stands beside agents, on the map, with a pen of this page."""
+        (width, height), (left, top) = self._size, self._legend_at(corner)
+        page = 2.0, _HEADER_PX if self._style.title else 2.0, width - 2.0, height - self._foot
+        legend = (
+            left - self._margin,
+            top - self._margin,
+            left + self.legend.width,
+            top + self.legend.height + self._margin,
+        )
+        labels.draw(pen, ctx, looks, self._style.labels, page, [legend] if self.legend.width else [])
 
     @property
     def _rows(self) -> int:

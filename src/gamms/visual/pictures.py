@@ -7,7 +7,6 @@ from typing import TYPE_CHECKING, Unpack
 from gamms.deciding import Guarded, Protected, outside_of_deciding, phase_of, refused_while_deciding
 from gamms.errors import ContextTerminated, MissingExtra
 from gamms.typing import IContext, PictureOptions
-from gamms.visual.artist import ArtistGroup
 from gamms.visual.artists import Artists
 from gamms.visual.drawing import Drawing
 
@@ -107,13 +106,11 @@ class Pictures(Guarded):
             ContextTerminated: the context has ended.
         """
         from gamms.visual import files
-        from gamms.visual.legend import blocks_of
         from gamms.visual.page import style_of
 
-        sheet, artists = files.sheet(format, width, height, dpi), self._artists.shown()
-        style, blocks = style_of(self._ctx, **options), blocks_of(self._ctx, artists)
-        commands = ArtistGroup(self._ctx, artists).commands()
-        return files.painted(sheet, commands, blocks, self._drawing.viewpoint, style)
+        sheet, style = files.sheet(format, width, height, dpi), style_of(self._ctx, **options)
+        with self._drawing.themed(style.theme):
+            return files.painted(files.Source(self._ctx, self._drawing, self._artists), sheet, style)
 
     @outside_of_deciding
     def as_png(self) -> bytes | None:

@@ -1,15 +1,16 @@
 """What drawers ask about the turn that is shown: how agents moved, what happened, and what sensors see."""
 
 from bisect import bisect_right
-from collections.abc import Iterator, Mapping, Sequence
+from collections import deque
+from collections.abc import Iterable, Iterator, Mapping, Sequence
 from itertools import islice
 from typing import Any, NamedTuple, cast
 
 import numpy as np
 
 from gamms import kernels
-from gamms.arguments import as_key
-from gamms.errors import BadType, ContextTerminated, NotOffered
+from gamms.arguments import as_int, as_key
+from gamms.errors import BadType, BadValue, ContextTerminated, NotOffered
 from gamms.ir.graph import FloatArray, GraphColumns, IntArray
 from gamms.ir.sensed import SensorView
 from gamms.text import shown
@@ -70,14 +71,49 @@ class Moves(NamedTuple):
 
 
 _NO_MOVES = Moves({}, Paths.through(np.empty((0, 2, 2)), ()))
+MOST_TURNS = 200  # that are remembered
+
+
+def as_turns(trails: object) -> int:
+    """Check of how many turns trails are wanted.
+
+    Raises:
+        BadType, BadValue: this is no number of turns that are remembered.
+    """
+    turns = as_int(trails, "trails")
+    if not 0 <= turns <= MOST_TURNS:
+        raise BadValue(f"trails is a number of turns from 0 to {MOST_TURNS}, not {turns}.")
+    return turns
+
+
+class _Turn(NamedTuple):
+    """Where agents were at the end of a turn: at nodes, or, those in the air, at points."""
+
+    names: Sequence[str]
+    places: list[Any]
+    number: int
+
+
+class _Turns(NamedTuple):
+    """A turn and the one before, as long as nothing has asked how agents moved."""
+
+    before: _Turn
+    now: _Turn
 
 
 class Motion:
-    """The last move of every agent, from the start of a turn's frames to their end."""
+    """The last move of every agent, from the start of a turn's frames to their end, and where they were before.
+
+    Attributes:
+        moves: in the turn that is shown.
+    """
 
     def __init__(self, ctx: IContext) -> None:
         self._ctx = ctx
         self.moves = _NO_MOVES
+        self._past: deque[_Turns | Moves] = deque(maxlen=MOST_TURNS)
+        self._last: _Turn | None = None
+        self._structure: int | None = None  # of the agents whose names are those of the last turn
         self._steps: dict[str, Step] = {}
         self._now: tuple[float, FloatArray, list[_Point]] | None = None  # where all that moved are after a share
         self._columns: GraphColumns | None = None
@@ -85,8 +121,42 @@ class Motion:
         self._is_current = True
 
     def end_turn(self) -> None:
-        """End a turn: its moves have to be looked up before they are shown."""
+        """End a turn: note where agents are; its moves have to be looked up before they are shown."""
         self._is_current = False
+        agents, number = self._ctx.agent, self._number_of_turn()
+        positions, version = agents.positions, agents.structure_version
+        if self._last is None:
+            steps = {agent.name: _step(agent) for agent in agents.create_iter()}
+            self._last, self._structure = _Turn(list(steps), [before for before, _ in steps.values()], number), None
+        # NOTE: copies of lists only, for games without pictures pay for it in every turn.
+        is_known = version is not None and version == self._structure
+        now = _Turn(self._last.names if is_known else list(positions.names), positions.places, number)
+        self._past.append(_Turns(self._last, now))
+        self._last, self._structure = now, version
+
+    def past(self, turns: int) -> list[Moves]:
+        """Return the moves of the last turns, so many at most, the latest first."""
+        self._number_of_turn()
+        for place in range(max(len(self._past) - turns, 0), len(self._past)):
+            entry = self._past[place]
+            if isinstance(entry, _Turns):
+                was, now = (dict(zip(turn.names, turn.places, strict=True)) for turn in entry)
+                self._past[place] = self.moves_between({}, {name: (was.get(name, at), at) for name, at in now.items()})
+        return [moves for moves in reversed(self._past) if isinstance(moves, Moves)][:turns]
+
+    def _number_of_turn(self) -> int:
+        """Return the turn of the game, after a look whether it was reset."""
+        game = self._ctx.current_game
+        number = 0 if game is None else game.turn
+        if self._last is not None and number < self._last.number:
+            self.forget()
+        return number
+
+    def forget(self, past: Iterable[Moves] = ()) -> None:
+        """Forget where agents were; their past is this instead, the latest last."""
+        self._last = None
+        self._past.clear()
+        self._past.extend(past)
 
     def begin_turn_once(self) -> None:
         """Look up how each agent moved, unless that was done since the turn ended."""

@@ -20,7 +20,7 @@ def open_window():
     opened = []
 
     def open_one(is_empty=False, **options):
-        options = {"width": 640, "height": 360, "simulation_time_constant": 0.0, **options}
+        options = {"width": 640, "height": 360, "simulation_time_constant": 0.0, "labels": False, **options}
         ctx = gamms.create_context(vis_engine=Engine.PYGAME, vis_kwargs=options, seed=1)
         opened.append(ctx)
         if not is_empty:

@@ -373,4 +373,4 @@ def test_the_view_of_a_team_can_be_shown_all_the_time(hunt):
     ctx.visual.toggle_theme()
     ctx.visual.update()
     assert "far" not in ctx.visual.overlay.shown
-    assert ctx.visual.artists.fog.shades == ctx.visual.overlay.hud.theme.fog
+    assert ctx.visual.drawing.theme is ctx.visual.overlay.hud.theme

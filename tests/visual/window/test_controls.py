@@ -113,17 +113,17 @@ def test_the_camera_stays_where_somebody_pointed_it_while_the_graph_grows(open_w
 
 def test_keys_hide_the_words_and_show_help_names_and_trails(ctx, person):
     visual, overlay, hud = ctx.visual, ctx.visual.overlay, ctx.visual.overlay.hud
-    assert (hud.is_shown, hud.has_help, overlay.has_labels, overlay.trails.turns) == (True, False, False, 0)
+    assert (hud.is_shown, hud.has_help, overlay.labels, overlay.trails) == (True, False, False, 0)
     person.press("h", "F1", "l", "t")
     visual.update()
     assert not hud.is_shown
     assert hud.has_help
-    assert overlay.has_labels
-    assert overlay.trails.turns > 0
+    assert overlay.labels is True
+    assert overlay.trails > 0
     person.press("h", "F1", "l", "t")
     visual.update()
     assert hud.is_shown
-    assert overlay.trails.turns == 0
+    assert (overlay.labels, overlay.trails) == (False, 0)
 
 
 def test_a_pointer_that_leaves_does_not_stop_the_keys(ctx, person):

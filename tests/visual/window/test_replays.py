@@ -6,6 +6,7 @@ import pytest
 
 import gamms
 from gamms.visual import Engine
+from gamms.visual.appearance import TEAM_COLORS
 from gamms.visual.window import engine
 from gamms.visual.window.timeline import HEIGHT_PX, Mark, Timeline
 
@@ -124,7 +125,9 @@ def test_trails_lead_to_a_turn_that_one_jumps_to(ctx, recording):
     play(ctx, recording, {}, start=1)
     nodes = ctx.graph.columns().xy
     ctx.visual.seek(4)
-    ways = [moves.paths.points.tolist() for moves in ctx.visual.overlay.trails._shown()]
+    ways = [
+        moves.paths.points.tolist() for moves in reversed(ctx.visual.drawing.motion.past(ctx.visual.overlay.trails))
+    ]
     assert ways == [nodes[[i, i + 1]].tolist() for i in (1, 2, 3)]
 
 
@@ -144,7 +147,7 @@ def test_marks_are_of_the_teams_that_they_are_about(ctx, recording):
 def test_the_end_is_announced_and_can_be_dismissed(ctx, recording, person):
     play(ctx, recording, {})
     title, color, lines = ctx.visual.overlay.card()
-    assert (title, color, lines) == ("red wins", (213, 94, 0), ["enough", "red 2 · blue 0", "8 turns"])
+    assert (title, color, lines) == ("red wins", TEAM_COLORS[1], ["enough", "red 2 · blue 0", "8 turns"])
     person.press("ESCAPE")
     ctx.visual.update()
     assert ctx.visual.overlay.card() is None

@@ -13,7 +13,8 @@ from gamms.errors import BadValue, MissingFile, UnknownName
 from gamms.sensor import SensorType
 from gamms.typing import ISensor
 from gamms.visual import Artist, Color, Engine, Shape
-from gamms.visual.appearance import BY_DAY, BY_NIGHT, TEAM_COLORS
+from gamms.visual.appearance import TEAM_COLORS
+from gamms.visual.themes import THEMES
 
 
 def has_color(pixels, color):
@@ -282,7 +283,7 @@ def test_a_frame_after_which_nothing_changed_has_the_same_artists(ctx):
     assert ctx.visual.overlay.shown != shown
 
 
-@pytest.mark.parametrize(("theme", "tone"), [("light", BY_DAY), ("dark", BY_NIGHT)])
+@pytest.mark.parametrize(("theme", "tone"), [(name, theme.map.walls) for name, theme in THEMES.items()])
 def test_a_building_is_filled_in_the_tone_of_the_theme(open_window, seen, theme, tone):
     ctx = open_window(theme=theme)
     corners = [(2, 3), (8, 3), (8, 7), (2, 7)]

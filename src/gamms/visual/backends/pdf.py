@@ -9,7 +9,7 @@ from typing import TYPE_CHECKING, Any
 
 from gamms.errors import BadValue, MissingExtra
 from gamms.ir.draw import DrawCommands, DrawKind
-from gamms.visual.appearance import PAPER, Rgba
+from gamms.visual.appearance import Rgba
 from gamms.visual.backends.pillow_backend import image_size
 from gamms.visual.backends.vectors import SMALLEST_RADIUS_PX, Sheet, sheet_of
 from gamms.visual.camera import CSS_DPI, Camera
@@ -47,7 +47,7 @@ def pdf(commands: DrawCommands, camera: Camera, *, title: str, background: Rgba,
     page.setAuthor("")
     page.setSubject("")
     page.scale(unit, unit)
-    _Painter(page, sheet_of(commands, camera), camera).paint(background)
+    _Painter(page, sheet_of(commands, camera, background), camera).paint(background)
     page.save()
     return data.getvalue()
 
@@ -132,7 +132,7 @@ class _Painter:
             self._page.saveState()
             if mode == _STROKE:
                 self._page.setLineWidth(_HALO_PX)
-                self._page.setStrokeColorRGB(*(part / 255 for part in PAPER))
+                self._page.setStrokeColorRGB(*(part / 255 for part in self._sheet.paper))
             text: Any = self._page.beginText(x, y - ASCENT * size)
             text.setFont(_FAMILY, size)
             text.setTextRenderMode(mode)

@@ -19,7 +19,7 @@ import numpy as np
 from gamms.errors import BadValue, MissingExtra
 from gamms.ir.graph import FloatArray
 from gamms.limits import refuse_above
-from gamms.visual.appearance import PAPER, Rgb, Rgba
+from gamms.visual.appearance import PAPER, Rgb, Rgba, is_dark
 from gamms.visual.backends.coverage import ByteArray, Patch, PixelArray
 from gamms.visual.backends.pillow_backend import image_size
 from gamms.visual.camera import extent
@@ -76,11 +76,12 @@ class Canvas:
         width: pixels.
         height: pixels.
         surface: what to paint on instead of a new one, such as that of a window; 32 bits.
+        paper: the colour behind everything, of which words have an edge.
     """
 
-    def __init__(self, width: int, height: int, surface: "Surface | None" = None) -> None:
+    def __init__(self, width: int, height: int, surface: "Surface | None" = None, paper: Rgb = PAPER) -> None:
         self._pygame = load()
-        self.width, self.height = width, height
+        self.width, self.height, self._paper = width, height, paper
         self.surface: Surface = self._pygame.Surface((width, height), 0, 32) if surface is None else surface
         self._noted: list[Placed] | None = None  # what is painted, while it is noted and nothing but surfaces
 
@@ -180,8 +181,8 @@ class Canvas:
         align_right: bool = False,
         edge: Rgb | None = None,
     ) -> None:
-        """Write with the upper left, or upper right, corner at (x, y); dark words get a light edge if no other."""
-        edge = PAPER if edge is None and _is_dark(color[:3]) else edge
+        """Write with the upper left, or upper right, corner at (x, y); words that paper lets read have its edge."""
+        edge = self._paper if edge is None and is_dark(color) != is_dark(self._paper) else edge
         font_px = min(max(round(font_px), 1), _MOST_FONT_PX)
         # What is certainly beyond the edge is cut off: a hostile map may want to be credited in a million letters.
         most = min(_LETTERS * (self.width + round(max(-x, 0.0))) // font_px + _LETTERS, _MOST_LETTERS)
@@ -293,10 +294,6 @@ def _letter(letter: str, font_px: int, ink: Rgb, step: int) -> "Surface":
     surface.fill((*ink, 0))
     surface.blit(large, (step * finer // _STEPS, -lead))
     return surface if finer == 1 else pygame.transform.smoothscale(surface, (width, height))
-
-
-def _is_dark(ink: Rgb) -> bool:
-    return sum(ink) < 3 * 128
 
 
 _held: "WeakValueDictionary[str, Surface]" = WeakValueDictionary()

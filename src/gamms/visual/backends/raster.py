@@ -138,20 +138,24 @@ class _Circles:
 
     def __init__(self, commands: DrawCommands, rows: IntArray) -> None:
         self.centers = commands.points[commands.offsets[rows]]
+        self.shift = np.zeros((len(rows), 2))
+        is_moved = commands.offsets[rows + 1] - commands.offsets[rows] == 2
+        self.shift[is_moved] = commands.points[commands.offsets[rows[is_moved]] + 1]
         self.size, self.width, self.color = commands.size[rows], commands.width[rows], commands.color[rows]
         self.is_in_world = commands.space[rows] == DrawSpace.WORLD
         self.largest_in_world = float(self.size[self.is_in_world].max(initial=0.0))
-        self.largest_px, self.widest_px = (
-            float(px.max(initial=0.0)) for px in (self.size[~self.is_in_world], self.width)
+        self.largest_px, self.widest_px, self.farthest_px = (
+            float(px.max(initial=0.0)) for px in (self.size[~self.is_in_world], self.width, np.abs(self.shift))
         )
 
     def __call__(self, canvas: Canvas, camera: Camera) -> None:
         farthest = max(self.largest_in_world * camera.scale, self.largest_px) + self.widest_px + _BEYOND_PX
+        farthest += self.farthest_px
         near = np.flatnonzero(touching(self.centers, self.centers, _view(camera, farthest)))
         if len(near) == 0:
             return
         radius, width = self.size[near] * np.where(self.is_in_world[near], camera.scale, 1.0), self.width[near]
-        centers, color = camera.to_screen(self.centers[near]), self.color[near]
+        centers, color = camera.to_screen(self.centers[near]) + self.shift[near], self.color[near]
         reach = (radius + width)[:, None] + 1.0
         inside = touching(centers - reach, centers + reach, (0.0, 0.0, canvas.width, canvas.height))
         inside &= (radius >= _SMALLEST_RADIUS_PX) & (color[:, 3] > 0)
@@ -364,7 +368,7 @@ _RUNS: dict[DrawKind, Callable[[DrawCommands, IntArray], _Run]] = {
 
 def painted(commands: DrawCommands, camera: Camera, background: Rgba) -> Canvas:
     """Paint a whole picture."""
-    canvas = Canvas(camera.width, camera.height)
+    canvas = Canvas(camera.width, camera.height, paper=background[:3])
     canvas.fill(background)
     Painting(commands).paint(canvas, camera)
     return canvas

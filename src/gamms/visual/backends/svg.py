@@ -14,12 +14,12 @@ import numpy as np
 from gamms.errors import BadValue
 from gamms.ir.draw import DrawCommands, DrawKind
 from gamms.ir.graph import IntArray
-from gamms.visual.appearance import PAPER, Rgba
+from gamms.visual.appearance import Rgba
 from gamms.visual.backends.vectors import SMALLEST_RADIUS_PX, Sheet, sheet_of
 from gamms.visual.camera import CSS_DPI, Camera
 from gamms.visual.lettering import ASCENT, FAMILIES
 
-_HALO = ' stroke="#{:02x}{:02x}{:02x}" stroke-width="3" paint-order="stroke"'.format(*PAPER)
+_HALO = ' stroke="#{:02x}{:02x}{:02x}" stroke-width="3" paint-order="stroke"'
 _NO_XML = re.compile("[^\t\n\r\x20-\ud7ff\ue000-\ufffd\U00010000-\U0010ffff]")
 _IMAGE_TYPES = {
     ".png": "png",
@@ -33,7 +33,7 @@ _IMAGE_TYPES = {
 
 def svg(commands: DrawCommands, camera: Camera, *, title: str, background: Rgba, dpi: float = CSS_DPI) -> bytes:
     """Return the whole picture as an SVG file, as large on paper as `dpi` says."""
-    sheet = sheet_of(commands, camera)
+    sheet = sheet_of(commands, camera, background)
     lines = [
         _opening(camera, dpi),
         f"<title>{_escaped(title or 'GAMMS')}</title>",
@@ -116,7 +116,7 @@ def _number(tenths: int) -> str:
 
 
 def _circle(sheet: Sheet, row: int) -> str:
-    ((x, y),), radius = sheet.points_of(row), int(sheet.size[row])
+    (x, y), radius = sheet.points_of(row)[0], int(sheet.size[row])
     if radius < 10 * SMALLEST_RADIUS_PX:
         return ""
     return f'<circle cx="{_number(x)}" cy="{_number(y)}" r="{_number(radius)}"/>'
@@ -140,7 +140,7 @@ def _text(sheet: Sheet, row: int) -> str:
 
 
 def _halo(sheet: Sheet, row: int) -> str:
-    return _HALO if sheet.has_halo(row) else ""
+    return _HALO.format(*sheet.paper) if sheet.has_halo(row) else ""
 
 
 def _image(sheet: Sheet, row: int) -> str:

@@ -9,11 +9,11 @@ import numpy as np
 from gamms import kernels
 from gamms.ir.draw import DrawCommands, DrawKind, DrawSpace
 from gamms.ir.graph import FloatArray, IntArray
-from gamms.visual.camera import FAINTEST_PX, Camera, touching
+from gamms.visual.appearance import Rgb, Rgba, is_dark
+from gamms.visual.camera import FAINTEST_PX, Camera, on_screen, touching
 from gamms.visual.lettering import EM
 
 SMALLEST_RADIUS_PX = 0.5
-_MID_GREY = 128
 _BEYOND_PX = 8.0  # what is drawn so far outside may still reach into the picture
 
 
@@ -28,6 +28,7 @@ class Sheet(NamedTuple):
     offsets: IntArray  # (commands + 1,)
     points: IntArray  # (points, 2)
     text: list[str]  # (commands,)
+    paper: Rgb
 
     def points_of(self, row: int) -> list[list[int]]:
         """Return the points of one command."""
@@ -35,8 +36,8 @@ class Sheet(NamedTuple):
         return points
 
     def has_halo(self, row: int) -> bool:
-        """Return whether words have an edge around them, so that they can be read over a map: dark ones have."""
-        return bool(self.color[row, :3].mean() < _MID_GREY)
+        """Return whether words have an edge of paper, so that they can be read over a map: those that it lets read."""
+        return is_dark(self.color[row].tolist()) != is_dark(self.paper)
 
     def runs(self) -> Iterator[tuple[int, int]]:
         """Yield commands that follow each other and are painted together: first row and last row + 1."""
@@ -47,11 +48,11 @@ class Sheet(NamedTuple):
         yield from pairwise([0, *changes.tolist(), len(style)])
 
 
-def sheet_of(commands: DrawCommands, camera: Camera) -> Sheet:
-    """Return what a camera sees of draw commands."""
+def sheet_of(commands: DrawCommands, camera: Camera, background: Rgba) -> Sheet:
+    """Return what a camera sees of draw commands on a background."""
     rows = _seen(commands, camera)
     take, offsets = kernels.chosen_runs(commands.offsets, rows)
-    points = camera.to_screen(commands.points)
+    points = on_screen(commands, camera)
     boxes = np.flatnonzero(commands.kind == DrawKind.RECTANGLE)
     scale = np.where(commands.space == DrawSpace.WORLD, camera.scale, 1.0)
     font_scale = np.where(commands.kind == DrawKind.TEXT, EM, 1.0)
@@ -65,6 +66,7 @@ def sheet_of(commands: DrawCommands, camera: Camera) -> Sheet:
         offsets=offsets,
         points=_tenths(points)[take],
         text=[commands.text[row] for row in rows.tolist()],
+        paper=background[:3],
     )
 
 
@@ -76,7 +78,7 @@ def _seen(commands: DrawCommands, camera: Camera) -> IntArray:
     scale = np.where(commands.space == DrawSpace.WORLD, camera.scale, 1.0)
     letters = np.array([max(len(text), 1) for text in commands.text])
     reach = 2.0 * commands.size * scale * np.where(commands.kind == DrawKind.TEXT, letters, 1) + commands.width * scale
-    points = camera.to_screen(commands.points)
+    points = on_screen(commands, camera)
     low, high = (measure.reduceat(points, commands.offsets[:-1]) for measure in (np.minimum, np.maximum))
     box = (0.0, 0.0, float(camera.width), float(camera.height))
     margin = (reach + _BEYOND_PX)[:, None]

@@ -7,6 +7,7 @@ from typing import Any, TypeVar, cast
 import numpy as np
 
 from gamms.errors import BadValue
+from gamms.ir.graph import FloatArray
 from gamms.typing import ColorType, IAerialAgent, IAgent, IContext
 from gamms.typing.agent_engine import AgentType
 from gamms.visual.appearance import AgentData, AnyColor, Circle, Rectangle, Rgb, rgba
@@ -57,8 +58,6 @@ _WHITE, _DARK = (255, 255, 255), (60, 60, 60)
 
 RING, RING_PX = 1.8, 11.0  # of an agent in the air: in radii of its disc, and at least
 _NOSE = 2.6  # how far it reaches, in radii of the disc
-_HEIGHT_PX = 17
-_ASIDE = "\u00a0" * 4  # as wide as the smallest ring, for text is placed in world units only
 
 
 def render_agent(ctx: IContext, data: dict[str, Any]) -> None:
@@ -74,13 +73,13 @@ def render_agent(ctx: IContext, data: dict[str, Any]) -> None:
 
 
 def render_aerial_agent(ctx: IContext, data: dict[str, Any]) -> None:
-    """Draw the agent in the air that `data['agent_data']` names: from above, with its height written beside it.
+    """Draw the agent in the air that `data['agent_data']` names, from above; `labels.py` writes its height beside it.
 
     One that is out of the game is not drawn.
     """
     look: AgentData = data["agent_data"]
     agent = cast("IAerialAgent", ctx.agent.get_agent(look.name))
-    (_, _, z), (cos, sin) = agent.position, agent.orientation
+    cos, sin = agent.orientation
     place = _place(ctx, look, agent, data.get("_alpha", 1.0))
     if place is None:
         return
@@ -91,8 +90,6 @@ def render_aerial_agent(ctx: IContext, data: dict[str, Any]) -> None:
             nose = (x + _NOSE * look.size * cos, y + _NOSE * look.size * sin)
             drawing_of(ctx).render_lines([(x, y), nose], [0, 2], color, 3.0 + edge_px)
     _body(ctx, look, x, y)
-    if z > 0.0:
-        ctx.visual.render_text(_ASIDE + _height(z), x + RING * look.size, y, _DARK, font_size=_HEIGHT_PX)
 
 
 def render_agents(ctx: IContext, looks: list[AgentData], share: float) -> bool:
@@ -114,10 +111,51 @@ def render_agents(ctx: IContext, looks: list[AgentData], share: float) -> bool:
     rows = [styles.setdefault((look.color, look.size, look.least_px), len(styles)) for look in looks]
     positions = visual.motion.positions_of([agents[look.name] for look in looks], share)
     discs = [Disc(size, least_px, color, outline_of(color)) for color, size, least_px in styles]
-    visual.render_all_discs(positions, discs, np.array(rows, np.int64))
-    for look, (x, y) in zip(looks, positions.tolist(), strict=True):
-        look.current_position = x, y
+    shifts = _shifts(ctx, looks, rows, share)
+    visual.render_all_discs(positions, discs, np.array(rows, np.int64), shifts)
+    for look, (x, y), (right, down) in zip(looks, positions.tolist(), shifts.tolist(), strict=True):
+        look.current_position, look.shift = (x, y), (right, down)
     return True
+
+
+_SPREAD = {2: 0.7, 3: 0.85, 4: 0.95}  # how far discs are moved that stand on one node, in radii; more of them by one
+_MOST_SPREAD = 6  # of more on one node, those of one look are drawn as one
+
+
+def _shifts(ctx: IContext, looks: list[AgentData], rows: list[int], share: float) -> FloatArray:
+    """Return by how many radii discs (agents, 2) are moved right and down, so that those on one node can be told apart.
+
+    Those of agents that leave or come glide from where they stood to where they will.
+    """
+    visual, agents = drawing_of(ctx), ctx.agent.agents
+    if not visual.has_default_look:
+        return np.zeros((len(looks), 2))
+    nodes = [agents[look.name].current_node_id for look in looks]
+    ends = _spread(nodes, rows)
+    if share >= 1.0 or not visual.motion.moves.rows:
+        return ends
+    moved = visual.motion.moves.rows
+    names = (look.name for look in looks)
+    before = [agents[name].prev_node_id if name in moved else node for name, node in zip(names, nodes, strict=True)]
+    return (1.0 - share) * _spread(before, rows) + share * ends
+
+
+def _spread(nodes: list[int], rows: list[int]) -> FloatArray:
+    """Return how agents on nodes, each of the look in a row, are moved around these."""
+    moves, on = np.zeros((len(nodes), 2)), dict[int, list[int]]()
+    if len(set(nodes)) == len(nodes):
+        return moves
+    for place, node in enumerate(nodes):
+        on.setdefault(node, []).append(place)
+    for places in on.values():
+        slots = places if len(places) <= _MOST_SPREAD else list(dict.fromkeys(rows[place] for place in places))
+        if len(places) > 1 < len(slots):
+            taken = places if slots is places else [rows[place] for place in places]
+            turns = np.array([slots.index(one) for one in taken]) / len(slots)
+            angles = np.pi * (1.0 + 2.0 * turns) - (np.pi / 2 if len(slots) % 2 else 0.0)
+            far = _SPREAD.get(len(slots), 1.0)
+            moves[places] = far * np.column_stack([np.cos(angles), np.sin(angles)])
+    return moves
 
 
 def _place(ctx: IContext, look: AgentData, agent: IAgent, share: float) -> tuple[float, float] | None:
@@ -133,10 +171,6 @@ def _body(ctx: IContext, look: AgentData, x: float, y: float) -> None:
     else:
         edge = outline_of(look.color)
         drawing_of(ctx).render_discs([(x, y)], look.size, look.color, edge, at_least_px=look.least_px)
-
-
-def _height(z: float) -> str:
-    return f"{z:.0f} m" if z >= 10.0 else f"{z:.2g} m"
 
 
 @lru_cache(maxsize=256)

@@ -8,13 +8,14 @@ from gamms import kernels
 from gamms.ir.graph import FloatArray, GraphColumns, IntArray
 from gamms.ir.obstacles import COLOR_TYPES, OTHER_OBSTACLE, BoolArray, ObstacleColumns
 from gamms.typing import IContext
-from gamms.visual.appearance import AnyColor, GraphData, Rgb, Rgba, WallTones, rgba
+from gamms.visual.appearance import AnyColor, GraphData, Rgb, Rgba, rgba
 from gamms.visual.camera import inside
 from gamms.visual.drawing import Drawing, drawing_of
 from gamms.visual.legend import Values
+from gamms.visual.themes import WallTones
 
 _FEW = 2_000  # up to so many edges streets are drawn broader
-_ID_PX, _INK = 17, (60, 60, 60)
+_ID_PX = 17
 _STREET = 2.0  # metres: how broad a street of a real map is drawn
 _SLIM = 0.2  # at most so broad, in lengths of a usual edge
 _PATH = 0.4  # how broad a path is drawn, in widths of a street
@@ -36,7 +37,7 @@ def render_graph(ctx: IContext, data: dict[str, Any]) -> None:
     visual.render_circles(columns.xy, look.node_size, look.node_color)
     if look.draw_id:
         for id, (x, y) in zip(columns.node_ids.tolist(), columns.xy.tolist(), strict=True):
-            visual.render_text(str(id), x, y, _INK, font_size=_ID_PX)
+            visual.render_text(str(id), x, y, visual.theme.ink, font_size=_ID_PX)
 
 
 def _streets(columns: GraphColumns, look: GraphData) -> list[tuple[FloatArray, IntArray, float]]:
@@ -321,15 +322,14 @@ def render_obstacles(ctx: IContext, data: dict[str, Any]) -> None:
     """Draw all obstacles.
 
     `data`: `color_map` (type -> colour), `boundary_thickness` (world units); `fill` (bool): whether buildings are
-    filled, in the colour of their type or, where the map has none, in a tone that says how high they are; `tones`,
-    a WallTones, instead of the usual ones.
+    filled, in the colour of their type or, where the map has none, in a tone that says how high they are.
 
     Faces of one type are drawn at once, the types in the order of their first face.
     """
     columns = ctx.graph.obstacle_columns()
     visual, thickness = drawing_of(ctx), data.get("boundary_thickness", 1.0)
     if data.get("fill"):
-        _draw_buildings(ctx, columns, data.get("color_map", {}), thickness, data.get("tones") or visual.wall_tones)
+        _draw_buildings(ctx, columns, data.get("color_map", {}), thickness, visual.theme.map.walls)
         return
     colors: dict[int, Any] = {**COLOR_TYPES, **data.get("color_map", {})}
     types, first = np.unique(columns.types, return_index=True)

@@ -22,10 +22,14 @@ from gamms.visual.legend import Row, Rows
 from gamms.visual.shown_turn import TurnEvents
 
 TERRITORIES = "territories"  # in `ctx.game.data`: name -> team -> ids of its nodes, as text
+GOALS = "goals of reach"  # likewise: team -> ids of its nodes, as text
 _SIGN = (110, 114, 120)  # signs have the colours of teams, and are explained in grey
 _FLAGS = Rows("", (Row(_SIGN, "flag", sign="flag"), Row(_SIGN, "home of a flag", sign="ring")))
+_GOALS = Rows("", (Row(_SIGN, "goal", sign="goal"),))
 _MOST = 100  # flags, territories, and teams that have them
 _TINT, _DOT_PX, _BASE_PX = 70, 5.0, 8.0
+_GOAL_PX = (11.0, 2.5), (5.5, 2.5)  # radii and widths of the rings around a goal
+_FEW_GOALS = 12  # of more of them a team has, each is a dot
 _BAND = 0.75  # the breadth of a territory's streets, in lengths of a usual edge
 _FLAG = 0.04  # the height of a flag, in widths of what is seen
 
@@ -53,9 +57,15 @@ def territories_in(ctx: IContext) -> dict[str, dict[Any, str]]:
     return _first((name, _first(owned.items())) for name, owned in kept.items() if _is_owned(owned))
 
 
+def goals_in(ctx: IContext) -> dict[Any, str]:
+    """Return all goals in what rules remember: team -> ids of its nodes, as text."""
+    kept = game_data(ctx).get(GOALS)
+    return _first(kept.items()) if isinstance(kept, dict) and _is_owned(kept) else {}
+
+
 def teams_of_rules(ctx: IContext) -> set[str]:
-    """Return the teams of flags and territories, by their text."""
-    owned = [flags["bases"] for flags in flags_in(ctx).values()] + list(territories_in(ctx).values())
+    """Return the teams of flags, territories and goals, by their text."""
+    owned = [flags["bases"] for flags in flags_in(ctx).values()] + [*territories_in(ctx).values(), goals_in(ctx)]
     return {str(team) for teams in owned for team in teams}
 
 
@@ -131,6 +141,8 @@ def _pennant(ctx: IContext, x: float, y: float, color: AnyColor) -> None:
 
 def as_text(ids: IntArray) -> str:
     """Return ascending ids as text such as "0..41 57": it is short and immutable."""
+    if len(ids) == 0:
+        return ""
     cuts = np.flatnonzero(np.diff(ids) != 1)
     begins, ends = ids[np.r_[0, cuts + 1]].tolist(), ids[np.r_[cuts, len(ids) - 1]].tolist()
     runs = zip(begins, ends, strict=True)
@@ -210,6 +222,19 @@ def team_colors_of(ctx: IContext, teams: Mapping[Any, Any], given: Mapping[Any, 
     return {team: (given or {}).get(team, usual[str(team)]) for team in sorted(teams, key=str)}
 
 
+def render_goals(ctx: IContext, data: dict[str, Any]) -> None:
+    """Draw the nodes that agents are to reach, by the rule `reach`; `data` may have `colors` by team."""
+    goals, columns, visual = goals_in(ctx), ctx.graph.columns(), drawing_of(ctx)
+    for team, color in team_colors_of(ctx, goals, data.get("colors")).items():
+        places = columns.xy[in_text(goals[team], columns.node_ids)]
+        if len(places) > _FEW_GOALS:
+            visual.render_circles(places, _DOT_PX, (*rgba(color)[:3], 2 * _TINT), in_pixels=True)
+            continue
+        for radius, width in _GOAL_PX:
+            visual.render_circles(places, radius, _WHITE, width + 2.0, in_pixels=True)
+            visual.render_circles(places, radius, color, width, in_pixels=True)
+
+
 _ARM, _REACH = 0.011, 1.5  # half of a cross, in widths of what is seen; radius of its ring, in such halves
 _WHITE, _LINE_PX, _EDGE_PX = (255, 255, 255), 3.0, 3.0
 
@@ -259,6 +284,8 @@ def _legend_of_events(find: Callable[[TurnEvents], Any], words: str) -> Callable
 render_tags.__dict__["legend"] = _legend_of_events(lambda events: events.of_kind("tag"), "tagged in this turn")
 render_eliminated.__dict__["legend"] = _legend_of_events(TurnEvents.eliminated, "out in this turn")
 render_flags.__dict__["legend"] = _FLAGS
-for _drawer in (render_tags, render_eliminated):
+render_goals.__dict__["legend"] = _GOALS
+for _drawer in (render_goals, render_tags, render_eliminated):
     _drawer.once_a_turn = True  # type: ignore[attr-defined] # a mark does not glide
 render_tags.__dict__.update(artist="tags", layer=Layer.TAGS)
+render_goals.__dict__.update(artist="goals", layer=Layer.GOALS)

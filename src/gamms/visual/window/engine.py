@@ -4,12 +4,13 @@ import math
 import os
 from collections.abc import Callable, Mapping
 from contextlib import suppress
+from itertools import pairwise
 from time import monotonic
-from typing import Any, Unpack
+from typing import Any, Literal, Unpack
 
 import numpy as np
 
-from gamms.arguments import as_bool, as_int, misspelt
+from gamms.arguments import as_bool, misspelt
 from gamms.deciding import outside_of_deciding, refused_while_deciding
 from gamms.errors import BadValue, MissingFile, UnknownName
 from gamms.ir.draw import DrawCommands
@@ -28,12 +29,15 @@ from gamms.visual.drawing import Drawing, image_path
 from gamms.visual.engine import PictureEngine
 from gamms.visual.files import size
 from gamms.visual.fog import Fog
+from gamms.visual.labels import as_choice
 from gamms.visual.legend import blocks_of
 from gamms.visual.scene import FrameBudget, Scene
+from gamms.visual.shown_turn import as_turns
+from gamms.visual.themes import theme_called
 from gamms.visual.window.display import Pace, close_window, is_watched, open_window, window_surface
 from gamms.visual.window.input import Handlers, Input, Question, Walk, question
-from gamms.visual.window.overlay import Overlay, Trails
-from gamms.visual.window.panels import HudLines, theme_called
+from gamms.visual.window.overlay import Overlay
+from gamms.visual.window.panels import HudLines
 
 _OPTIONS = (
     "width", "height", "simulation_time_constant", "input_overlay", "max_fps", "theme", "trails", "labels", "title",
@@ -43,11 +47,7 @@ _SMALLEST = 0.1  # world units: half the width that a graph without extent is se
 _FOR_TILES = 0.005  # seconds of a frame
 _ZOOM_RESTS = 0.12  # seconds after which a camera that was zooming is at rest
 _CHOICES_PX, _APART_PX, _NEAREST_PX = 80, 36, 90  # of choices: from the edge, and from the one who is asked
-_MARGINS = (
-    (40, 0.06),
-    (40, 0.06),
-    (84, 0.12),
-)  # at the sides, above and below a whole graph: pixels, share of the height
+_MARGINS = (40, 0.06), (40, 0.06), (84, 0.12)  # at the sides, above, below a whole graph: pixels, share of the height
 
 
 class WindowEngine(WindowNames, PictureEngine):
@@ -60,9 +60,9 @@ class WindowEngine(WindowNames, PictureEngine):
         simulation_time_constant: seconds for which a turn is shown.
         input_overlay: how a person's choices look: `node_color`, `node_size` (world units), `edge_color`.
         max_fps: frames per second at most in `simulate`, `human_input` and `stay_open`; `update` never waits.
-        theme: "light" or "dark".
+        theme: "light", "dark" or "print".
         trails: of how many turns the ways of agents are shown.
-        labels: whether agents have their names beside them.
+        labels: whether agents have their names beside them; "auto": while they are few.
         title: of the window.
         fog: whether the window shows no more than the team of the person who is asked knows; or a team, by its text,
             of which it always shows the view.
@@ -97,21 +97,21 @@ class WindowEngine(WindowNames, PictureEngine):
         max_fps: float = 60,
         theme: str = "light",
         trails: int = 0,
-        labels: bool = False,
+        labels: bool | Literal["auto"] = "auto",
         title: str = "GAMMS",
         fog: bool | str = True,
         stay_open: bool = True,
         **kwargs: object,
     ) -> None:
         theme_, self._theme = theme_called(theme), theme
-        drawing = Drawing(ctx, theme_.map.walls, _held)
+        drawing = Drawing(ctx, theme_, _held)
         super().__init__(ctx, simulation_time_constant=simulation_time_constant, drawing=drawing)
         width, height = size(width, height)
         self.camera = RenderManager(ctx, screen_width=width, screen_height=height)
         self.pace, self._background = Pace(max_fps), theme_.background
         self.overlay = Overlay(ctx, self.drawing, self.artists, self.camera, self.pace, theme_)
-        self.overlay.trails = Trails(max(as_int(trails, "trails"), 0))
-        self.overlay.has_labels = bool(labels)
+        self.overlay.keep_trails(as_turns(trails))
+        self.overlay.labels = as_choice(ctx, labels)
         self.playback: IPlayback | None = None
         self._fog, self._fogs = fog, dict[str, Fog]()
         self._wanted: int | None = None  # the turn that the person has chosen in this frame
@@ -171,16 +171,14 @@ class WindowEngine(WindowNames, PictureEngine):
 
     @refused_while_deciding
     def set_theme(self, name: str) -> None:
-        """Show everything in the colours of another theme, "light" or "dark".
+        """Show everything in the colours of another theme, "light", "dark" or "print".
 
         Raises:
             BadValue: there is no such theme.
         """
         theme, self._theme = theme_called(name), name
-        self._background, self.drawing.wall_tones = theme.background, theme.map.walls
+        self._background, self.drawing.theme = theme.background, theme
         self.overlay.set_theme(theme)
-        for fog in self._fogs.values():
-            fog.shades = theme.fog
         self.artists.edits += 1
         self._scene, self._is_fresh = Scene(self.ctx, self._world, tiles_turns=True), True
         self._fitted = None
@@ -228,7 +226,6 @@ class WindowEngine(WindowNames, PictureEngine):
         self._renew_fog()
         self._is_fresh = True
         self.pace.begin_turn()
-        self.overlay.trails.add(self.drawing.motion.moves)
         self._frames_while(lambda: self.pace.is_showing)
 
     def _count_turn(self) -> None:
@@ -309,7 +306,7 @@ class WindowEngine(WindowNames, PictureEngine):
         fog = self._fogs.get(team)
         if fog is None and not self.artists.is_graph_declared:
             with suppress(BadValue, UnknownName):  # nobody is there who could see anything
-                fog = self._fogs[team] = Fog(self.ctx, team, self.overlay.hud.theme.fog)
+                fog = self._fogs[team] = Fog(self.ctx, team)
         if fog is not None:
             fog.look()
 
@@ -357,13 +354,10 @@ class WindowEngine(WindowNames, PictureEngine):
     def _land(self, playback: IPlayback) -> None:
         """Show the turn that a recording is at, with the trails that lead there."""
         overlay, motion, turn = self.overlay, self.drawing.motion, playback.turn
-        first = max(turn - overlay.trails.most, 0)
-        steps = playback.steps(first) if turn else {}
-        for one in range(first + 1, turn + 1):
-            later = playback.steps(one)
-            overlay.trails.add(motion.moves_between(steps, later))
-            steps = later
-        motion.stand(steps)
+        first = max(turn - overlay.most_trails, 0)
+        steps = [playback.steps(one) for one in range(first, turn + 1)] if turn else [{}]
+        motion.forget(motion.moves_between(before, after) for before, after in pairwise(steps))
+        motion.stand(steps[-1])
         self.drawing.events.go_to_turn()
         overlay.turns, overlay.is_over, self._is_fresh = turn, turn >= playback.turns, True
         self._renew_fog()
@@ -547,11 +541,9 @@ class WindowEngine(WindowNames, PictureEngine):
     def set_graph_visual(self, **kwargs: Unpack[GraphVisual]) -> Artist:
         """Declare how the graph looks, and look at it; `GraphVisual` has the keywords."""
         artist = self.artists.set_graph_visual(**kwargs)
-        if not self.ctx.is_terminated():
-            xy = self.ctx.graph.columns().xy
-            if len(xy):
-                self.camera.set_origin(*xy.mean(axis=0).tolist())
-                self.camera.camera_size = max(float(np.ptp(xy, axis=0).max()), _SMALLEST)
+        if not self.ctx.is_terminated() and len(xy := self.ctx.graph.columns().xy):
+            self.camera.set_origin(*xy.mean(axis=0).tolist())
+            self.camera.camera_size = max(float(np.ptp(xy, axis=0).max()), _SMALLEST)
         return artist
 
     @refused_while_deciding
@@ -584,8 +576,7 @@ class WindowEngine(WindowNames, PictureEngine):
 
     def _declare_options(self, look: dict[str, Any]) -> None:
         artist = Artist(self.ctx, render_input_overlay, Layer.OPTIONS)
-        known = {name: look[name] for name in ("node_color", "node_size", "edge_color")}
-        artist.data = {"graph_data": GraphData(**known)}
+        artist.data = {"graph_data": GraphData(look["node_color"], look["node_size"], look["edge_color"])}
         self.artists.declared["input_overlay"] = artist
         self._show_options(None)
 

@@ -1,8 +1,6 @@
 """What a window shows beside the artists: trails, hints, names and facts; `panels.py` paints the words."""
 
-from collections import deque
 from collections.abc import Callable
-from itertools import chain
 from math import floor, log
 from typing import Any
 
@@ -13,27 +11,26 @@ from gamms.ir.graph import FloatArray
 from gamms.typing import IArtist, IContext
 from gamms.typing.agent_engine import AgentType
 from gamms.visual.appearance import AgentData, Rgb, color_group, rgba
-from gamms.visual.artist import Artist, looks_of
+from gamms.visual.artist import looks_of
 from gamms.visual.artists import Artists
 from gamms.visual.backends.pygame_backend import Canvas
+from gamms.visual.backends.raster import Painting
 from gamms.visual.camera import Point, WindowCamera, nearest_point
-from gamms.visual.constants import Layer
 from gamms.visual.default_scene import DefaultScene, artists_of_sights
-from gamms.visual.drawers.agents import RING, RING_PX
-from gamms.visual.drawing import Drawing, drawing_of
+from gamms.visual.drawing import Drawing
+from gamms.visual.labels import AUTO, Choice, Labels, dots_of
+from gamms.visual.legend import Pen
 from gamms.visual.page import noted
-from gamms.visual.shown_turn import Moves
+from gamms.visual.themes import Theme
 from gamms.visual.window.display import Pace
 from gamms.visual.window.input import Question, Walk
-from gamms.visual.window.panels import BADGE_PX, EDGE_PX, Hud, HudLines, Theme, score_line
+from gamms.visual.window.panels import BADGE_PX, EDGE_PX, Hud, HudLines, score_line
 from gamms.visual.window.timeline import FOOT_PX, Timeline, ending
 
 _USUAL_TRAILS = 8  # turns, where they are switched on by key
 _FPS_SECONDS = 0.5
 _LARGEST_PX, _SIZE_STEP = 12.0, 1.25  # radius of agents: so large, or larger by less than a step of the zoom
 _BESIDE_PX = 10.0  # between an agent and its panel
-_CELL_PX = 9  # of the grid that keeps labels apart
-_NAME_PX = 12  # how high a name is
 
 
 class Overlay(Guarded):
@@ -51,8 +48,9 @@ class Overlay(Guarded):
         hud: the text.
         timeline: along the lower edge.
         shown: the artists of the turn that is shown.
-        trails: the ways of agents.
-        has_labels: whether agents have their names beside them.
+        trails: of how many turns the ways of agents are shown.
+        most_trails: of how many, while they are.
+        labels: whose names are shown.
         turns: how many were shown.
         is_over: whether the game, or its recording, has come to its end, which a card says.
         is_replay: whether the turns are those of a recording.
@@ -66,11 +64,12 @@ class Overlay(Guarded):
     ) -> None:
         self._phase = phase_of(ctx)
         self._ctx, self._drawing, self._artists, self._camera, self._pace = ctx, drawing, artists, camera, pace
-        self._scene = DefaultScene(ctx, theme.map)
+        self._scene = DefaultScene(ctx, theme)
         self.hud, self.timeline = Hud(theme), Timeline(self._team_of)
         self.shown: dict[str, IArtist] = {}
-        self.trails = Trails(0)
-        self.has_labels, self.turns = False, 0
+        self.trails, self.most_trails = 0, _USUAL_TRAILS
+        self.labels: Choice = AUTO
+        self._names, self.turns = Labels(), 0
         self.is_over = self.is_replay = False
         self.pointer: Callable[[], Point | None] = lambda: None
         self._share = 1.0
@@ -82,7 +81,7 @@ class Overlay(Guarded):
 
     def set_theme(self, theme: Theme) -> None:
         """Take other colours."""
-        self._scene = DefaultScene(self._ctx, theme.map)
+        self._scene = DefaultScene(self._ctx, theme)
         self.hud.set_theme(theme)
         self.shown = {}
 
@@ -94,18 +93,15 @@ class Overlay(Guarded):
         agent = self._ctx.agent.agents.get(name)
         return None if agent is None else str(color_group(agent))
 
+    def keep_trails(self, turns: int) -> None:
+        """Show trails of so many turns; 0 shows none until they are switched on."""
+        self.trails, self.most_trails = turns, turns or _USUAL_TRAILS
+
     # -- artists ---------------------------------------------------------------------------------------------
 
     def begin_turn(self) -> None:
         """Look up which artists draw: those of pictures, in the colours of the theme, and the trails."""
-        artists = self._artists.shown(self._scene)
-        if self.trails.turns:
-            hidden = self._drawing.hidden_agents()
-            colors = {look.name: look.color for look in looks_of(artists) if look.name not in hidden}
-            for name, drawer in (("past trails", self.trails.draw_past), ("trails", self.trails.draw_last)):
-                artists[name] = trails = Artist(self._ctx, drawer, Layer.TRAILS)
-                trails.data = {"colors": colors}
-        self.shown = artists
+        self.shown = self._artists.shown(self.trails, self._scene)
         self._hinted = None, {}
 
     def limit_sizes(self) -> None:
@@ -158,9 +154,9 @@ class Overlay(Guarded):
         look = next((look for look in self._placed_looks() if look.name == name), None)
         if look is None or look.current_position is None:
             return None
-        radius = max(look.size * self._camera.scale, look.least_px)
-        at = self._camera.world_to_screen(*look.current_position)
-        return facts_about(self._ctx, look.name), at, radius + _BESIDE_PX
+        dots = dots_of([look], self._camera.camera())
+        x, y = dots.centers[0].tolist()
+        return facts_about(self._ctx, look.name), (x, y), float(dots.radii[0]) + _BESIDE_PX
 
     def _pointed_name(self) -> str | None:
         pointer = self.pointer()
@@ -177,8 +173,7 @@ class Overlay(Guarded):
         looks = self._placed_looks()
         if not looks:
             return None
-        places = np.array([look.current_position for look in looks], np.float64)
-        row = nearest_point(self._camera.camera().to_screen(places), *at)
+        row = nearest_point(dots_of(looks, self._camera.camera()).centers, *at)
         name = None if row is None else looks[row].name
         return name if name in self._ctx.agent.agents else None
 
@@ -302,48 +297,28 @@ class Overlay(Guarded):
             self.hud.badge(canvas, str(number), *at.tolist())
 
     def _paint_names(self, canvas: Canvas) -> None:
-        view = self._camera.camera()
-        if self.has_labels:
-            looks = [look for look in self._placed_looks() if look.name in self._ctx.agent.agents]
-            places = np.array([look.current_position for look in looks], np.float64).reshape(-1, 2)
-            taken: set[tuple[int, int]] = set()
-            flying, hidden = self._flyers(), self._pointed_name()
-            for look, (x, y) in zip(looks, view.to_screen(places).tolist(), strict=True):
-                radius = max(look.size * view.scale, look.least_px)
-                left, top = x + radius + 4, y - 6
-                if look.name in flying:  # beside its ring, above its height
-                    left, top = x + max(RING * look.size * view.scale, RING_PX) + 4, top - radius - 4
-                cells = _cells(left, top, 8 * len(look.name))
-                is_seen = 0 <= x <= canvas.width and 0 <= y <= canvas.height and look.name != hidden
-                if is_seen and not taken.intersection(cells):
-                    taken.update(cells)
-                    self.hud.name(canvas, look.name, left, top)
+        """Paint what stands beside agents, but not below the panels of the frame before."""
+        view, theme, page = self._camera.camera(), self.hud.theme, (0.0, 0.0, canvas.width, canvas.height)
+        pen = Pen(view, 1.0, theme.ink[:3])
+        self._names.draw(pen, self._ctx, list(looks_of(self.shown)), self.labels, page, self.hud.taken)
+        paper = Canvas(canvas.width, canvas.height, canvas.surface, paper=theme.background[:3])
+        Painting(pen.commands.freeze()).paint(paper, view)
 
     def _placed_looks(self) -> list[AgentData]:
         return [look for look in looks_of(self.shown) if look.current_position is not None]
-
-    def _flyers(self) -> set[str]:
-        return {agent.name for agent in self._ctx.agent.create_iter() if agent.type == AgentType.AERIAL}
 
     # -- keys ----------------------------------------------------------------------------------------------
 
     @refused_while_deciding
     def toggle_labels(self) -> None:
         """Show names, or hide them."""
-        self.has_labels = not self.has_labels
+        self.labels = not (self._names.are_shown if self.labels == AUTO else self.labels)
 
     @refused_while_deciding
     def toggle_trails(self) -> None:
         """Show trails, or hide them."""
-        self.trails.turns = 0 if self.trails.turns else self.trails.most
+        self.trails = 0 if self.trails else self.most_trails
         self.shown = {}
-
-
-def _cells(left: float, top: float, width: float) -> list[tuple[int, int]]:
-    """Return the cells of a coarse grid that a line of text touches."""
-    columns = range(int(left // _CELL_PX), int((left + width) // _CELL_PX) + 1)
-    rows = range(int(top // _CELL_PX), int((top + _NAME_PX) // _CELL_PX) + 1)
-    return [(column, row) for column in columns for row in rows]
 
 
 def facts_about(ctx: IContext, name: str) -> list[str]:
@@ -400,56 +375,3 @@ def _turned(way: FloatArray, step: int) -> FloatArray:
     """Return a unit vector turned by one of the angles in which a number may be."""
     cos, sin = np.cos(_TURNS[step % len(_TURNS)]), np.sin(_TURNS[step % len(_TURNS)])
     return np.array([way[0] * cos - way[1] * sin, way[0] * sin + way[1] * cos])
-
-
-_ALPHA = 150
-_FEW, _WIDTH_PX, _THIN_PX = 200, 3.0, 1.0  # so many are drawn broad; more of them fast
-
-
-class Trails:
-    """The paths of agents in the last turns.
-
-    Args:
-        turns: how many are shown.
-    """
-
-    def __init__(self, turns: int) -> None:
-        self.turns = turns
-        self._ways: deque[Moves] = deque(maxlen=turns or _USUAL_TRAILS)
-
-    @property
-    def most(self) -> int:
-        """Of how many turns the ways are kept, also while none are shown."""
-        return self._ways.maxlen or 0
-
-    def add(self, moves: Moves) -> None:
-        """Add the moves of the turn that was just played."""
-        self._ways.append(moves)
-
-    def _shown(self) -> list[Moves]:
-        return list(self._ways)[-self.turns :] if self.turns else []
-
-    def draw_past(self, ctx: IContext, data: dict[str, Any]) -> None:
-        """Draw those of the turns before the last, in `data["colors"]`, by agent."""
-        ages = list(enumerate(reversed(self._shown())))[1:]
-        for age, ways in reversed(ages):
-            _draw(ctx, ways, 1.0, data["colors"], round(_ALPHA * (1.0 - age / (self.turns + 1))))
-
-    draw_past.once_a_turn = True  # type: ignore[attr-defined] # then it is over
-
-    def draw_last(self, ctx: IContext, data: dict[str, Any]) -> None:
-        """Draw those of the last turn as far as it is shown."""
-        if self._shown():
-            _draw(ctx, self._ways[-1], float(data.get("_alpha", 1.0)), data["colors"], _ALPHA)
-
-
-def _draw(ctx: IContext, moves: Moves, share: float, colors: dict[str, Any], alpha: int) -> None:
-    by_color: dict[Any, list[list[tuple[float, float]]]] = {}
-    paths, ends = moves.paths, [(x, y) for x, y in moves.paths.at(share).tolist()]
-    for name, row in moves.rows.items():
-        if name in colors:
-            by_color.setdefault(rgba(colors[name]), []).append(paths.until(row, share, ends[row]))
-    width = _WIDTH_PX if len(moves.rows) <= _FEW else _THIN_PX
-    for color, lines in by_color.items():
-        points, offsets = list(chain.from_iterable(lines)), np.cumsum([0, *map(len, lines)])
-        drawing_of(ctx).render_lines(points, offsets, (*color[:3], alpha), width)

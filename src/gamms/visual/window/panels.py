@@ -2,66 +2,17 @@
 
 from collections.abc import Callable, Iterable, Mapping, Sequence
 from functools import lru_cache
-from typing import Any, NamedTuple
+from typing import Any
 
-from gamms.errors import BadValue, nearest
-from gamms.text import shown
 from gamms.typing import IContext
-from gamms.visual.appearance import BY_NIGHT, PAPER, Rgb, Rgba
+from gamms.visual.appearance import Rgb, Rgba
 from gamms.visual.backends.pygame_backend import Canvas, load, painted_transparent
 from gamms.visual.backends.raster import Painting
 from gamms.visual.camera import Camera, Point
-from gamms.visual.default_scene import ON_PAPER, MapTones
-from gamms.visual.fog import FOG_BY_DAY, FOG_BY_NIGHT, Shades
 from gamms.visual.legend import Block, Legend, Pen
 from gamms.visual.lettering import words_width
+from gamms.visual.themes import Theme
 from gamms.visual.window.input import HELP
-
-
-class Theme(NamedTuple):
-    """The colours of the background, of text, and of the default map."""
-
-    background: Rgba
-    ink: Rgba
-    faint: Rgba
-    card: Rgba  # behind words
-    border: Rgba  # of a card
-    map: MapTones
-    fog: Shades
-
-
-THEMES = {
-    "light": Theme(
-        background=(*PAPER, 255),
-        ink=(45, 48, 54, 255),
-        faint=(112, 116, 124, 255),
-        card=(255, 255, 255, 225),
-        border=(60, 64, 72, 40),
-        map=ON_PAPER,
-        fog=FOG_BY_DAY,
-    ),
-    "dark": Theme(
-        background=(23, 26, 31, 255),
-        ink=(228, 230, 234, 255),
-        faint=(150, 155, 164, 255),
-        card=(38, 42, 50, 230),
-        border=(228, 230, 234, 40),
-        map=MapTones((84, 90, 101), (104, 110, 122), BY_NIGHT),
-        fog=FOG_BY_NIGHT,
-    ),
-}
-
-
-def theme_called(name: str) -> Theme:
-    """Return the theme of that name.
-
-    Raises:
-        BadValue: there is none.
-    """
-    if name not in THEMES:
-        raise BadValue(f"Unknown theme {shown(name)}; there is: {', '.join(THEMES)}.{nearest(name, THEMES)}")
-    return THEMES[name]
-
 
 HudLines = Callable[[IContext], Iterable[Any]]
 
@@ -180,10 +131,6 @@ class Hud:
             canvas.text(line, left + _PAD_PX, top + _PAD_PX + row * _LINE_PX, FONT_PX, self.theme.ink)
         self.taken.append(_box(left, top, width, height))
         return left + width, top + height
-
-    def name(self, canvas: Canvas, words: str, x: float, y: float) -> None:
-        """Write a name with its upper left corner at a point."""
-        canvas.text(words, x, y, _SMALL_PX, self.theme.ink, edge=self.theme.background[:3])
 
     def badge(self, canvas: Canvas, words: str, x: float, y: float) -> None:
         """Paint a round label around a point, in the colour of words, which no team has."""

@@ -8,7 +8,8 @@ from typing import Any, NamedTuple
 from gamms.visual.appearance import Rgb, Rgba
 from gamms.visual.backends.pygame_backend import Canvas, load
 from gamms.visual.camera import Point
-from gamms.visual.window.panels import EDGE_PX, FONT_PX, Theme, plain_panel, text_px
+from gamms.visual.themes import Theme
+from gamms.visual.window.panels import EDGE_PX, FONT_PX, plain_panel, text_px
 
 HEIGHT_PX = 34
 _ABOVE_EDGE_PX = 28  # of the window, for the small print below

@@ -1,0 +1,236 @@
+"""Words beside agents: names, heights, and how many stand on one node; where they go, and how they are drawn.
+
+A label stands at one of eight sides of its own dot, and never on a dot, another label, what stands around the map or
+the edge of the page; one that finds no place is left out. `Labels` remembers the sides from frame to frame.
+"""
+
+from collections.abc import Iterable, Iterator, Mapping, Sequence
+from typing import NamedTuple, cast
+
+import numpy as np
+
+from gamms.errors import BadType, UnknownName
+from gamms.ir.graph import FloatArray, IntArray
+from gamms.ir.obstacles import BoolArray
+from gamms.text import shown
+from gamms.typing import IAerialAgent, IContext
+from gamms.visual.appearance import AgentData
+from gamms.visual.camera import Camera
+from gamms.visual.drawers.agents import RING, RING_PX
+from gamms.visual.drawing import drawing_of
+from gamms.visual.legend import Pen
+from gamms.visual.lettering import EM, words_width
+
+AUTO = "auto"
+Choice = bool | str | frozenset[str]
+"""All names, none, as many as are easy to read ("auto"), or these."""
+Rectangle = tuple[float, float, float, float]  # left, top, right, bottom; pixels
+
+# Above at the right first, as on maps, where the streets of a grid do not pass: the order in which they are tried.
+SIDES = np.array([(1, -1), (1, 1), (1, 0), (-1, -1), (-1, 1), (-1, 0), (0, -1), (0, 1)], np.float64)
+_FONT_PX = 18.0
+_GAP_PX, _DOTS_PX = 3.0, 5.0  # between a label and its dot; other dots
+_APART_PX = 2.0  # other labels, and dots that touch its own
+_COMES_PX = 6.0  # what is free around a label that was left out in the frame before
+_DIAGONAL = 0.5**0.5
+_MOST_AUTO, _AUTO_PX = 30, 10_000.0  # so many names are easy to read, if each has so many pixels of the page
+
+
+def as_choice(ctx: IContext, labels: object) -> Choice:
+    """Check whose names are to be shown.
+
+    Raises:
+        BadType: it is no bool, "auto" or collection of names.
+        UnknownName (KeyError): there is no such agent.
+    """
+    if isinstance(labels, bool) or labels == AUTO:
+        return cast("Choice", labels)
+    if isinstance(labels, str) or not isinstance(labels, Iterable):
+        raise BadType(f"labels is True, False, {AUTO!r} or a list of names of agents, not {shown(labels)}.")
+    names = list(labels)
+    for name in names:
+        if name not in ctx.agent.agents:
+            raise UnknownName("agent", name, ctx.agent.agents)
+    return frozenset(names)
+
+
+class Dots(NamedTuple):
+    """What is seen of agents, in pixels."""
+
+    centers: FloatArray  # (dots, 2)
+    radii: FloatArray  # (dots,)
+
+
+class Labels:
+    """The words beside agents, which stay at their sides of the dots from frame to frame as long as they can.
+
+    Attributes:
+        are_shown: whether there were names among them.
+    """
+
+    def __init__(self) -> None:
+        self._sides: dict[str, int] = {}
+        self._is_first, self.are_shown = True, False
+
+    def draw(
+        self,
+        pen: Pen,
+        ctx: IContext,
+        looks: Sequence[AgentData],
+        choice: Choice,
+        page: Rectangle,
+        taken: Sequence[Rectangle],
+    ) -> None:
+        """Draw the labels of agents that were drawn.
+
+        Args:
+            pen: draws in the unit of the page.
+            ctx: the context.
+            looks: of agents.
+            choice: whose names are shown.
+            page: where labels may be.
+            taken: where they may not.
+        """
+        looks = [look for look in looks if look.current_position is not None and look.name in ctx.agent.agents]
+        heights = dict(_heights(ctx))
+        dots = dots_of(looks, pen.camera, pen.fine, heights.keys())
+        named = _named(ctx, looks, choice, page)
+        words, self.are_shown = dict(_words(looks, dots, heights, named)), bool(named)
+        if not words:
+            self._sides = {}
+            return
+        # Those that were there stay; counts and heights say more than names.
+        order = {row: (looks[row].name not in self._sides, words[row] == looks[row].name, row) for row in words}
+        rows = np.array(sorted(words, key=order.__getitem__))
+        sizes = np.array([(words_width(words[row], _FONT_PX), EM * _FONT_PX) for row in rows.tolist()])
+        names = [looks[row].name for row in rows.tolist()]
+        before = np.array([self._sides.get(name, -1) for name in names])
+        boxes = beside(Dots(dots.centers[rows], dots.radii[rows]), sizes)
+        comes = np.where((before < 0) & (not self._is_first), _COMES_PX, 0.0)
+        sides = placed(boxes, are_free(boxes, dots, rows, page, taken, comes), before)
+        self._sides, self._is_first = (
+            {name: side for name, side in zip(names, sides.tolist(), strict=True) if side >= 0},
+            False,
+        )
+        for number, side in enumerate(sides.tolist()):
+            if side >= 0:
+                left, top, _, bottom = boxes[number, side].tolist()
+                pen.text(words[int(rows[number])], left, (top + bottom) / 2, _FONT_PX)
+
+
+def _named(ctx: IContext, looks: Sequence[AgentData], choice: Choice, page: Rectangle) -> frozenset[str]:
+    """Return the names of the agents whose names are shown."""
+    if isinstance(choice, frozenset):
+        return choice
+    if choice == AUTO:
+        left, top, right, bottom = page
+        most = min(_MOST_AUTO, (right - left) * (bottom - top) / _AUTO_PX)
+        choice = drawing_of(ctx).has_default_look and len(looks) <= most
+    return frozenset(look.name for look in looks) if choice else frozenset()
+
+
+def _heights(ctx: IContext) -> Iterator[tuple[str, str]]:
+    """Yield the names of agents in the air, and how high they are; "" on the ground."""
+    positions = ctx.agent.positions
+    for row in positions.flyers.tolist():
+        z = cast("IAerialAgent", ctx.agent.agents[positions.names[row]]).position[2]
+        yield positions.names[row], "" if z <= 0.0 else f"{z:.0f} m" if z >= 10.0 else f"{z:.2g} m"
+
+
+def dots_of(looks: Sequence[AgentData], camera: Camera, fine: float = 1.0, flyers: Iterable[str] = ()) -> Dots:
+    """Return the dots of agents that were drawn, in pixels of which the camera has `fine` in one."""
+    scale, above = camera.scale / fine, set(flyers)
+    columns = np.array(
+        [(*(look.current_position or ()), *look.shift, look.size, look.least_px, look.name in above) for look in looks],
+        np.float64,
+    ).reshape(-1, 7)
+    radii = np.maximum(columns[:, 4] * scale, columns[:, 5])
+    centers = camera.to_screen(columns[:, :2]) / fine + columns[:, 2:4] * radii[:, None]
+    rings = np.maximum(RING * columns[:, 4] * scale, RING_PX) + 2.0
+    return Dots(centers, np.where(columns[:, 6] > 0.0, rings, radii + 1.5))
+
+
+def _words(
+    looks: Sequence[AgentData], dots: Dots, heights: Mapping[str, str], named: frozenset[str]
+) -> Iterator[tuple[int, str]]:
+    """Yield rows of dots and the words beside them: of those at one place the first counts how many there are."""
+    at: dict[tuple[object, ...], list[int]] = {}
+    for row, (look, place) in enumerate(zip(looks, np.rint(dots.centers).tolist(), strict=True)):
+        at.setdefault((*place, look.color), []).append(row)
+    for rows in at.values():
+        if len(rows) > 1:
+            yield rows[0], f"\N{MULTIPLICATION SIGN}{len(rows)}"
+        else:
+            name = looks[rows[0]].name
+            words = ", ".join(filter(None, (name if name in named else "", heights.get(name, ""))))
+            if words:
+                yield rows[0], words
+
+
+# -- where they go ------------------------------------------------------------------------------------------------
+
+
+def beside(dots: Dots, sizes: FloatArray) -> FloatArray:
+    """Return rectangles of sizes (dots, 2) at all sides of their dots, (dots, sides, 4): left, top, right, bottom."""
+    away = (
+        (dots.radii + _GAP_PX)[:, None, None]
+        * np.where(np.abs(SIDES).sum(axis=1) > 1.0, _DIAGONAL, 1.0)[:, None]
+        * SIDES
+    )
+    middle = dots.centers[:, None] + away + SIDES * sizes[:, None] / 2
+    half = np.broadcast_to(sizes[:, None] / 2, middle.shape)
+    found: FloatArray = np.concatenate([middle - half, middle + half], axis=2)
+    return found
+
+
+def are_free(
+    boxes: FloatArray, dots: Dots, own: IntArray, page: Rectangle, taken: Sequence[Rectangle], comes: FloatArray
+) -> BoolArray:
+    """Return which rectangles (labels, sides, 4) touch no dot, nothing that is taken, and no edge of the page.
+
+    Args:
+        boxes: of labels.
+        dots: of all agents.
+        own: (labels,) the row of the dot of each.
+        page: where labels may be.
+        taken: where they may not.
+        comes: (labels,) how much has to be free around each, besides.
+    """
+    low, high = boxes[:, :, :2], boxes[:, :, 2:]
+    is_free = np.asarray(((low >= page[:2]) & (high <= page[2:])).all(axis=2), np.bool_)
+    for left, top, right, bottom in taken:
+        is_free = is_free & ((high <= (left, top)) | (low >= (right, bottom))).any(axis=2)
+    around_low, around_high = low.min(axis=1) - comes[:, None], high.max(axis=1) + comes[:, None]
+    reach = dots.radii[:, None] + _DOTS_PX
+    is_near = ((dots.centers + reach > around_low[:, None]) & (dots.centers - reach < around_high[:, None])).all(axis=2)
+    labels, others = np.nonzero(is_near)
+    centers = dots.centers[others, None]
+    beyond = np.maximum(np.maximum(low[labels] - centers, centers - high[labels]), 0.0)
+    ways = dots.centers[own[labels]] - dots.centers[others]
+    is_beside = np.hypot(ways[:, 0], ways[:, 1]) < dots.radii[own[labels]] + dots.radii[others]
+    apart = np.where(is_beside, _APART_PX, _DOTS_PX) + comes[labels]
+    apart[own[labels] == others] = 0.0
+    is_hit = np.hypot(beyond[..., 0], beyond[..., 1]) < (dots.radii[others] + apart)[:, None]
+    rows, sides = np.nonzero(is_hit)
+    is_free[labels[rows], sides] = False
+    return is_free
+
+
+def placed(boxes: FloatArray, is_free: BoolArray, before: IntArray) -> IntArray:
+    """Return the side of each label, one after the other: that of before, else the first that is free; -1 for none."""
+    sides, kept = np.full(len(boxes), -1), list[Rectangle]()
+    for label, (free, last) in enumerate(zip(is_free.tolist(), before.tolist(), strict=True)):
+        wanted = [side for side in dict.fromkeys((last, *range(len(SIDES)))) if side >= 0 and free[side]]
+        for side in wanted:
+            left, top, right, bottom = box = boxes[label, side].tolist()
+            if not any(
+                left < other[2] + _APART_PX
+                and right > other[0] - _APART_PX
+                and top < other[3] + _APART_PX
+                and bottom > other[1] - _APART_PX
+                for other in kept
+            ):
+                kept.append(box)
+                sides[label] = side
+                break
+    return sides

@@ -1,0 +1,96 @@
+"""Themes: the colours of backgrounds, words, maps and teams in pictures, films and windows."""
+
+from typing import NamedTuple
+
+from gamms.errors import BadValue, nearest
+from gamms.text import shown
+from gamms.visual.appearance import PAPER, TEAM_COLORS, Rgb, Rgba
+
+
+class WallTones(NamedTuple):
+    """How buildings and walls look that have no colour of their own."""
+
+    low: Rgb  # of the areas of the lowest buildings
+    high: Rgb  # of the areas of the highest ones; what is between is mixed
+    outline: Rgb  # of areas
+    wall: Rgb  # of walls that stand around nothing
+
+
+class MapTones(NamedTuple):
+    """The colours of the map."""
+
+    streets: Rgb
+    nodes: Rgb
+    walls: WallTones
+
+
+Shades = tuple[Rgb, Rgb, Rgb]  # of streets that a team has never seen, has seen, and sees now
+
+
+class Theme(NamedTuple):
+    """The colours of the background, of text, of the default map, and of teams without a colour of their own."""
+
+    background: Rgba
+    ink: Rgba
+    faint: Rgba
+    card: Rgba  # behind words
+    border: Rgba  # of a card
+    map: MapTones
+    fog: Shades
+    teams: tuple[Rgb, ...] = TEAM_COLORS
+
+
+THEMES = {
+    "light": Theme(
+        background=(*PAPER, 255),
+        ink=(45, 48, 54, 255),
+        faint=(112, 116, 124, 255),
+        card=(255, 255, 255, 225),
+        border=(60, 64, 72, 40),
+        map=MapTones(
+            streets=(165, 168, 172),
+            nodes=(140, 143, 148),
+            walls=WallTones(low=(240, 236, 228), high=(206, 197, 181), outline=(193, 184, 168), wall=(139, 128, 110)),
+        ),
+        fog=((235, 236, 237), (205, 207, 211), (135, 139, 146)),
+    ),
+    "dark": Theme(
+        background=(23, 26, 31, 255),
+        ink=(228, 230, 234, 255),
+        faint=(150, 155, 164, 255),
+        card=(38, 42, 50, 230),
+        border=(228, 230, 234, 40),
+        map=MapTones(
+            streets=(84, 90, 101),
+            nodes=(104, 110, 122),
+            walls=WallTones(low=(37, 40, 45), high=(70, 68, 66), outline=(86, 84, 81), wall=(140, 130, 116)),
+        ),
+        fog=((42, 45, 51), (104, 109, 118), (206, 210, 216)),
+    ),
+    # Paper has no tone; team colours differ by an eighth in brightness, so that a copy in grey tells them apart.
+    "print": Theme(
+        background=(255, 255, 255, 255),
+        ink=(0, 0, 0, 255),
+        faint=(70, 70, 70, 255),
+        card=(255, 255, 255, 255),
+        border=(0, 0, 0, 90),
+        map=MapTones(
+            streets=(170, 170, 170),
+            nodes=(150, 150, 150),
+            walls=WallTones(low=(244, 244, 244), high=(212, 212, 212), outline=(190, 190, 190), wall=(110, 110, 110)),
+        ),
+        fog=((232, 232, 232), (196, 196, 196), (110, 110, 110)),
+        teams=((0, 52, 116), (192, 64, 84), (18, 102, 62), (196, 112, 156), (228, 172, 56), (164, 220, 240)),
+    ),
+}
+
+
+def theme_called(name: str) -> Theme:
+    """Return the theme of that name.
+
+    Raises:
+        BadValue: there is none.
+    """
+    if name not in THEMES:
+        raise BadValue(f"Unknown theme {shown(name)}; there is: {', '.join(THEMES)}.{nearest(name, THEMES)}")
+    return THEMES[name]

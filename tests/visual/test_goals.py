@@ -1,0 +1,83 @@
+"""Goals of the rule `reach` are drawn, in replays too, and the legend says what they are."""
+
+import io
+import re
+
+import pytest
+
+import gamms
+from gamms.rules import reach
+from gamms.visual.appearance import TEAM_COLORS
+
+BLUE, RED = TEAM_COLORS[:2]
+
+
+@pytest.fixture
+def race():
+    """Two agents on a street, without rules."""
+    with gamms.create_context(seed=1, logger_config={"level": "ERROR"}) as ctx:
+        ctx.graph.attach_networkx_graph(gamms.graph.grid(1, 40))
+        for name, node in (("red", 0), ("blue", 20)):
+            stay = lambda state: state.update(action=state["curr_pos"])
+            ctx.agent.create_agent(name, start_node_id=node, team=name, strategy=stay)
+        yield ctx
+
+
+def goals(ctx):
+    """Where rings are on the layer of goals, and of which colours."""
+    commands = ctx.visual.draw_commands()
+    rows = (commands.layer == 18).nonzero()[0]
+    places = {tuple(commands.points[commands.offsets[row]].tolist()) for row in rows}
+    return places, set(map(tuple, commands.color[rows, :3].tolist())) - {(255, 255, 255)}
+
+
+def words(ctx):
+    return re.findall(r">([^<>]+)</text>", ctx.visual.picture(".svg", 600, 400, labels=False, scale_bar=False).decode())
+
+
+def test_each_teams_goals_are_drawn_in_its_color(race):
+    race.game.add(reach({"red": [5, 9], "blue": 0}))
+    assert goals(race) == ({(50.0, 0.0), (90.0, 0.0), (0.0, 0.0)}, {RED, BLUE})
+    assert {"red", "blue", "goal"} <= set(words(race))
+
+
+def test_two_rules_may_have_goals_of_one_team(race):
+    race.game.add(reach("red", 5))
+    race.game.add(reach("red", [6, 11]), name="another")
+    assert goals(race)[0] == {(50.0, 0.0), (60.0, 0.0), (110.0, 0.0)}
+
+
+def test_where_a_team_began_is_drawn_from_the_first_turn_on(race):
+    race.game.add(reach("red", "starts of blue"))
+    race.game.run(1)
+    assert goals(race) == ({(200.0, 0.0)}, {RED})
+
+
+def test_many_goals_are_faint_dots(race):
+    race.game.add(reach("red", range(20, 40)))
+    commands = race.visual.draw_commands()
+    rows = commands.layer == 18
+    assert (rows.sum(), set(commands.width[rows].tolist())) == (20, {0.0})
+    assert commands.color[rows, 3].max() < 255
+
+
+@pytest.mark.parametrize("is_graph_declared", [False, True])
+def test_goals_are_drawn_in_replays(race, is_graph_declared):
+    if is_graph_declared:
+        race.visual.set_graph_visual(node_size=1.0)
+    stream = io.BytesIO()
+    race.game.add(reach("red", [5]))
+    race.record.start(stream)
+    race.game.run(2)
+    race.record.stop()
+    with gamms.create_context() as again:
+        for _ in again.record.replay(io.BytesIO(stream.getvalue())):
+            pass
+        assert goals(again) == goals(race) == ({(50.0, 0.0)}, {RED})
+
+
+def test_a_program_can_hide_the_goals_and_their_row_of_the_legend(race):
+    race.game.add(reach("red", 5))
+    race.visual.add_artist("goals", {"drawer": lambda ctx, data: None}).set_visible(False)
+    assert goals(race)[0] == set()
+    assert "goal" not in words(race)
