@@ -8,9 +8,9 @@ from typing import Any
 from gamms.ir import events as kinds
 from gamms.ir.events import Log
 from gamms.plain import Plain, is_same, plain_subset, to_plain
-from gamms.recorder.host import HostContext
 from gamms.recorder.keyframes import decider_of, places_of
 from gamms.typing import IVisualizationEngine
+from gamms.typing.context import HostContext
 from gamms.typing.game import strategy_name
 
 Changes = dict[str, Any]  # of a dict: what is `set`, what is `removed`, and what lists and sets have `more`

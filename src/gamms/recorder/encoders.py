@@ -16,10 +16,10 @@ from gamms.recorder.errors import Damaged
 from gamms.recorder.formats.chunks import FORMS
 from gamms.recorder.formats.version2 import Version2Writer
 from gamms.recorder.formats.writer import Output, Writer
-from gamms.recorder.host import HostContext
 from gamms.recorder.keyframes import Keyframe
 from gamms.recorder.replaying import TURN_NS, Record
 from gamms.recorder.session import RecordingSession
+from gamms.typing.context import HostContext
 from gamms.versions import package_version
 
 _MOST_WAITING = 1 << 16  # bytes

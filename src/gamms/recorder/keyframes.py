@@ -14,8 +14,8 @@ from gamms.ir.game_state import GameState
 from gamms.ir.graph import FloatArray
 from gamms.plain import Plain, plain_subset, to_plain
 from gamms.recorder.errors import Damaged
-from gamms.recorder.host import HostContext
 from gamms.text import shown
+from gamms.typing.context import HostContext
 from gamms.typing.game import strategy_name
 
 Keyframe = dict[str, Any]

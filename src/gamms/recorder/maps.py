@@ -8,8 +8,8 @@ from typing import Any
 from gamms.arguments import as_path
 from gamms.errors import BadFile, BadType
 from gamms.recorder.errors import RecordingError, refusing
-from gamms.recorder.host import HostContext
 from gamms.text import shown
+from gamms.typing.context import HostContext
 
 HASH = "world_sha256"  # what a header has instead of "world"
 

@@ -9,10 +9,10 @@ from gamms.ir import events as kinds
 from gamms.ir.events import COMPONENTS
 from gamms.recorder.errors import RecorderBusy, refusing
 from gamms.recorder.formats.reader import Reader
-from gamms.recorder.host import HostContext
 from gamms.recorder.recording import Recording
 from gamms.recorder.replaying import Replayer
 from gamms.recorder.resuming import Past, delete_others, history
+from gamms.typing.context import HostContext
 from gamms.typing.recorder import IPlayback, OpCodes, Step
 
 _TOLD = (kinds.GAME_EVENT, kinds.GAME_SCORES, kinds.GAME_OVER)

@@ -19,13 +19,13 @@ from gamms.recorder.errors import RecorderBusy, RecordingError
 from gamms.recorder.formats import version2
 from gamms.recorder.formats.reader import Reader
 from gamms.recorder.formats.writer import Output
-from gamms.recorder.host import HostContext
 from gamms.recorder.maps import without_map
 from gamms.recorder.playback import Playback
 from gamms.recorder.replaying import TURN_NS, Record, Replayer
 from gamms.recorder.session import RecordingSession
 from gamms.recorder.streams import Target, format_of, locks, readable
 from gamms.text import shown
+from gamms.typing.context import HostContext
 from gamms.typing.recorder import C, IRecorder, OpCodes
 
 _VERSIONS = (2, 3)

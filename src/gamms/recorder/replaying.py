@@ -27,11 +27,11 @@ from gamms.recorder import keyframes, maps, sensed
 from gamms.recorder.errors import UNFIT, Damaged, RecordingError, refusing
 from gamms.recorder.formats.chunks import FORMS
 from gamms.recorder.formats.reader import Reader
-from gamms.recorder.host import HostContext
 from gamms.recorder.keyframes import Keyframe
 from gamms.recorder.session import RecordingSession
 from gamms.text import reason, shown
 from gamms.typing.actions import as_position
+from gamms.typing.context import HostContext
 from gamms.typing.recorder import OpCodes
 
 Record = dict[str, Any]  # timestamp, opCode, data

@@ -14,11 +14,10 @@ from gamms.ir.events import COMPONENTS, change
 from gamms.recorder import sensed
 from gamms.recorder.detached import DetachedState
 from gamms.recorder.errors import UNFIT, RecordingError, refusing
-from gamms.recorder.host import HostContext
 from gamms.recorder.replaying import Replayer
 from gamms.text import reason, shown
 from gamms.typing import SensorType
-from gamms.typing.context import contexts
+from gamms.typing.context import HostContext, contexts
 from gamms.typing.recorder import OpCodes
 
 if TYPE_CHECKING:

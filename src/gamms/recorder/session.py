@@ -22,10 +22,10 @@ from gamms.recorder import keyframes, sensed
 from gamms.recorder.changes import DrawingChanges, GameChanges, StrategyChanges
 from gamms.recorder.detached import DetachedState
 from gamms.recorder.errors import Damaged
-from gamms.recorder.host import HostContext
 from gamms.recorder.maps import is_map_of
 from gamms.recorder.saving import Saving, uninterrupted
 from gamms.typing.agent_engine import SensorsOfAgent
+from gamms.typing.context import HostContext
 from gamms.typing.game import strategy_name
 
 _OTHER_AGENT = object()
