@@ -185,7 +185,7 @@ def save_pictures(ctx: "Context", folder: Path, title: str) -> list[Path]:
         return files
     for name in ("final.png", "final.svg"):
         try:
-            ctx.visual.save(folder / name, *_PICTURE, title=title, dpi=_FINE)
+            ctx.visual.save(folder / name, *_PICTURE, title=title, dpi=_FINE, fit="tight")
         except MissingExtra:
             continue
         files.append(folder / name)

@@ -147,7 +147,7 @@ def _play_one(
                 making.enter_context(ctx.visual.film(film, title=name))
             result = ctx.game.run(progress=True)
         result.save(out / "result.json")
-        pictures = save_pictures(ctx, out, f"{name}: {result.reason} after {result.turns} turns")
+        pictures = save_pictures(ctx, out, f"{name}: {result.headline()}")
         echo(f"\n{name}: {result}")
         made = [f"{out / 'result.json'} (what came of it)", f"{recording} (every move; gamms replay)"]
         if film is not None:
