@@ -63,7 +63,7 @@ errors = {
     "no start": refused(ctx.agent.create_agent, "new"),
     "unknown agent": refused(ctx.agent.get_agent, "nobody"),
     "unknown sensor": refused(ctx.sensor.get_sensor, "nothing"),
-    "unknown type": refused(ctx.sensor.create_sensor, "s", "NEIGHBOR"),
+    "unknown type": refused(ctx.sensor.create_sensor, "s", "NEAR"),
     "custom type": refused(ctx.sensor.create_sensor, "s", gamms.sensor.SensorType.CUSTOM),
     "unknown node": refused(act, 99),
     "text": refused(act, "north"),
@@ -71,7 +71,7 @@ errors = {
     "a bad orientation": refused(act, {"node_id": 0, "orientation": (1.0,)}),
     "no strategy": refused(ctx.agent.get_agent("agent_0").step),
     "read-only": refused(ctx.agent.create_agent, "new2", start_node_id=0, state={}),
-    "unknown graph engine": refused(gamms.create_context, graph_engine="memory", logger_config={"level": "CRITICAL"}),
+    "unknown graph engine": refused(gamms.create_context, graph_engine="ram", logger_config={"level": "CRITICAL"}),
     "unknown visual engine": refused(gamms.create_context, vis_engine="window", logger_config={"level": "CRITICAL"}),
     "none of these": refused(act, 0),
 }
