@@ -144,6 +144,16 @@ def test_a_scale_bar_is_as_long_as_it_says(street, width, label):
     assert float(bar) == pytest.approx(float(number) * (1000 if unit == "km" else 1) * 600 / width, abs=0.11)
 
 
+@pytest.mark.parametrize("fine", [0.5, 2, 3])
+def test_a_scale_bar_is_as_long_at_any_resolution(street, fine):
+    ctx = street(900, 900, "EPSG:32635")
+    ctx.visual.look_at(500_000, 6_700_000, 900)
+    picture = ctx.visual.picture(".svg", round(600 * fine), round(500 * fine), dpi=96 * fine).decode()
+    (bar,) = re.findall(r'<path fill="none" stroke="#777777"[^>]* d="M[\d.]+ [\d.]+l0 [\d.]+l([\d.]+) 0l0-', picture)
+    assert ">100 m</text>" in picture
+    assert float(bar) == pytest.approx(fine * 100 * 600 / 900, abs=0.11)
+
+
 def test_north_is_shown_where_it_is_asked_for(street):
     assert "N" in words(street(500, 1000), north=True)
     assert "N" not in words(street(500, 1000))

@@ -158,7 +158,7 @@ class Page:
         if style.title:
             pen.text(style.title, self._margin, 0.6 * _HEADER_PX, _TITLE_PX)
         self.legend.draw(pen, *self._legend_at(corner), (*style.background[:3], _GROUND))
-        self._draw_foot(pen, faint, camera.scale * self._fine)
+        self._draw_foot(pen, faint, camera.scale / self._fine)
         return pen.commands.freeze()
 
     def _legend_at(self, corner: Point | None) -> Point:
