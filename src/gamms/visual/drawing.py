@@ -293,6 +293,8 @@ class Drawing:
         viewpoint: of pictures.
         team_colors: text of a team -> the colour that was declared for it.
         has_default_look: whether the graph was not declared, so that agents on one node are drawn beside each other.
+        has_stacks: whether so many agents are on one node that they are counted.
+        spread: how agents on one node were moved before and after a turn, and for which nodes, looks and moves.
         commands: the open list; None: nothing is drawn.
     """
 
@@ -303,7 +305,8 @@ class Drawing:
         self.motion, self.events, self.carriers = Motion(ctx), TurnEvents(ctx), Carriers(ctx)
         self.viewpoint = Viewpoint(ctx, self.motion.position_of)
         self.team_colors: Mapping[str, Rgb] = {}
-        self.has_default_look = False
+        self.has_default_look = self.has_stacks = False
+        self.spread: tuple[tuple[int, ...], object, FloatArray, FloatArray] | None = None
         self.commands: Commands | None = None
         self._measured: tuple[GraphColumns | None, dict[Any, Any]] = None, {}
 

@@ -12,14 +12,15 @@ from gamms.arguments import as_float, as_int, as_path
 from gamms.errors import BadValue, Duplicate, MissingFolder, NotYet, UnknownName
 from gamms.limits import refuse_above
 from gamms.typing import IArtist, IContext, PictureOptions
-from gamms.visual.artist import ArtistGroup, looks_of
+from gamms.visual.appearance import inks
+from gamms.visual.artist import ArtistGroup
 from gamms.visual.artists import Artists
 from gamms.visual.backends import FILMS, FORMATS, Backend, FilmWriter
 from gamms.visual.backends.pygame_backend import Canvas
 from gamms.visual.backends.raster import Painting
 from gamms.visual.camera import CSS_DPI, Box, Camera, Point, Viewpoint, bounds
 from gamms.visual.drawing import Drawing, joined, magnified
-from gamms.visual.labels import Labels
+from gamms.visual.labels import LABEL_PX, Labels, write_labels
 from gamms.visual.legend import Block, blocks_of, grown
 from gamms.visual.page import Page, PageStyle, page_size, style_of
 from gamms.visual.scene import Scene, whole_frame
@@ -114,7 +115,8 @@ def painted(source: "Source", sheet: Sheet, style: PageStyle) -> bytes:
     if camera is None:
         camera, corner = page.fit(*box)
     pen = page.pen(camera)
-    page.draw_labels(Labels(), pen, source.ctx, list(looks_of(artists)), corner)
+    for words, left, middle in page.labels(Labels(), camera, source.ctx, artists, corner):
+        pen.text(words, left, middle, LABEL_PX)
     commands = joined(joined(commands, pen.commands.freeze()), page.commands(camera, corner))
     commands = magnified(commands, fine)
     return sheet.backend(commands, camera, title=style.title, background=style.background, dpi=sheet.dpi)
@@ -248,9 +250,8 @@ class Frames:
         camera, corner = self._view(share)
         budget = None if self._viewpoint.followed is None else whole_frame()  # so that streets are shifted
         self.scene.paint(self.canvas, camera, self._style.background, budget)
-        pen = self._page.pen(camera)
-        self._page.draw_labels(self._labels, pen, self.ctx, list(looks_of(artists)), corner)
-        Painting(pen.commands.freeze()).paint(self.canvas, camera)
+        labels = self._page.labels(self._labels, camera, self.ctx, artists, corner)
+        write_labels(self.canvas, labels, inks(self._style.background)[0])
         painted = self._painted_page
         if painted is None or painted[0] is not self._page or painted[1] != camera:
             self._painted_page = painted = self._page, camera, Painting(self._page.commands(camera, corner))

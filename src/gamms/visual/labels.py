@@ -5,7 +5,7 @@ the edge of the page; one that finds no place is left out. `Labels` remembers th
 """
 
 from collections.abc import Iterable, Iterator, Mapping, Sequence
-from typing import NamedTuple, cast
+from typing import TYPE_CHECKING, NamedTuple, cast
 
 import numpy as np
 
@@ -13,13 +13,16 @@ from gamms.errors import BadType, UnknownName
 from gamms.ir.graph import FloatArray, IntArray
 from gamms.ir.obstacles import BoolArray
 from gamms.text import shown
-from gamms.typing import IAerialAgent, IContext
-from gamms.visual.appearance import AgentData
+from gamms.typing import IAerialAgent, IArtist, IContext
+from gamms.visual.appearance import AgentData, Rgb
+from gamms.visual.artist import looks_of
 from gamms.visual.camera import Camera
 from gamms.visual.drawers.agents import RING, RING_PX
 from gamms.visual.drawing import drawing_of
-from gamms.visual.legend import Pen
-from gamms.visual.lettering import EM, words_width
+from gamms.visual.lettering import EM, MIDDLE, words_width
+
+if TYPE_CHECKING:
+    from gamms.visual.backends.pygame_backend import Canvas
 
 AUTO = "auto"
 Choice = bool | str | frozenset[str]
@@ -28,11 +31,11 @@ Rectangle = tuple[float, float, float, float]  # left, top, right, bottom; pixel
 
 # Above at the right first, as on maps, where the streets of a grid do not pass: the order in which they are tried.
 SIDES = np.array([(1, -1), (1, 1), (1, 0), (-1, -1), (-1, 1), (-1, 0), (0, -1), (0, 1)], np.float64)
-_FONT_PX = 18.0
+LABEL_PX = 18.0
 _GAP_PX, _DOTS_PX = 3.0, 5.0  # between a label and its dot; other dots
 _APART_PX = 2.0  # other labels, and dots that touch its own
 _COMES_PX = 6.0  # what is free around a label that was left out in the frame before
-_DIAGONAL = 0.5**0.5
+_DIAGONAL, _CELL_PX = 0.5**0.5, 48.0
 _MOST_AUTO, _AUTO_PX = 30, 10_000.0  # so many names are easy to read, if each has so many pixels of the page
 
 
@@ -54,6 +57,14 @@ def as_choice(ctx: IContext, labels: object) -> Choice:
     return frozenset(names)
 
 
+class Label(NamedTuple):
+    """Words, where they begin, and the middle of their small letters, pixels from the upper left corner."""
+
+    words: str
+    left: float
+    middle: float
+
+
 class Dots(NamedTuple):
     """What is seen of agents, in pixels."""
 
@@ -72,37 +83,40 @@ class Labels:
         self._sides: dict[str, int] = {}
         self._is_first, self.are_shown = True, False
 
-    def draw(
+    def placed(
         self,
-        pen: Pen,
+        camera: Camera,
+        fine: float,
         ctx: IContext,
-        looks: Sequence[AgentData],
+        artists: Mapping[str, IArtist],
         choice: Choice,
         page: Rectangle,
         taken: Sequence[Rectangle],
-    ) -> None:
-        """Draw the labels of agents that were drawn.
+    ) -> list[Label]:
+        """Return the labels of agents that were drawn.
 
         Args:
-            pen: draws in the unit of the page.
+            camera: of the picture.
+            fine: how many of its pixels are one of the page.
             ctx: the context.
-            looks: of agents.
+            artists: that have drawn the agents.
             choice: whose names are shown.
             page: where labels may be.
             taken: where they may not.
         """
-        looks = [look for look in looks if look.current_position is not None and look.name in ctx.agent.agents]
-        heights = dict(_heights(ctx))
-        dots = dots_of(looks, pen.camera, pen.fine, heights.keys())
-        named = _named(ctx, looks, choice, page)
-        words, self.are_shown = dict(_words(looks, dots, heights, named)), bool(named)
+        heights, named, agents = dict(_heights(ctx)), _named(ctx, choice, page), ctx.agent.agents
+        words, self.are_shown = dict[int, str](), bool(named)
+        if named or heights or drawing_of(ctx).has_stacks:
+            looks = [look for look in looks_of(artists) if look.current_position is not None and look.name in agents]
+            dots = dots_of(looks, camera, fine, heights.keys())
+            words = dict(_words(looks, dots, heights, named))
         if not words:
             self._sides = {}
-            return
+            return []
         # Those that were there stay; counts and heights say more than names.
         order = {row: (looks[row].name not in self._sides, words[row] == looks[row].name, row) for row in words}
         rows = np.array(sorted(words, key=order.__getitem__))
-        sizes = np.array([(words_width(words[row], _FONT_PX), EM * _FONT_PX) for row in rows.tolist()])
+        sizes = np.array([(words_width(words[row], LABEL_PX), EM * LABEL_PX) for row in rows.tolist()])
         names = [looks[row].name for row in rows.tolist()]
         before = np.array([self._sides.get(name, -1) for name in names])
         boxes = beside(Dots(dots.centers[rows], dots.radii[rows]), sizes)
@@ -112,21 +126,27 @@ class Labels:
             {name: side for name, side in zip(names, sides.tolist(), strict=True) if side >= 0},
             False,
         )
-        for number, side in enumerate(sides.tolist()):
-            if side >= 0:
-                left, top, _, bottom = boxes[number, side].tolist()
-                pen.text(words[int(rows[number])], left, (top + bottom) / 2, _FONT_PX)
+        there = [
+            (row, boxes[number, side]) for number, (row, side) in enumerate(zip(rows, sides, strict=True)) if side >= 0
+        ]
+        return [Label(words[int(row)], float(box[0]), float(box[1] + box[3]) / 2) for row, box in there]
 
 
-def _named(ctx: IContext, looks: Sequence[AgentData], choice: Choice, page: Rectangle) -> frozenset[str]:
+def write_labels(canvas: "Canvas", labels: Sequence[Label], ink: Rgb) -> None:
+    """Write labels on a picture of pixels."""
+    for words, left, middle in labels:
+        canvas.text(words, left, middle - MIDDLE * LABEL_PX, LABEL_PX, (*ink, 255))
+
+
+def _named(ctx: IContext, choice: Choice, page: Rectangle) -> frozenset[str]:
     """Return the names of the agents whose names are shown."""
     if isinstance(choice, frozenset):
         return choice
     if choice == AUTO:
         left, top, right, bottom = page
         most = min(_MOST_AUTO, (right - left) * (bottom - top) / _AUTO_PX)
-        choice = drawing_of(ctx).has_default_look and len(looks) <= most
-    return frozenset(look.name for look in looks) if choice else frozenset()
+        choice = drawing_of(ctx).has_default_look and len(ctx.agent.agents) <= most
+    return frozenset(ctx.agent.agents if choice else ())
 
 
 def _heights(ctx: IContext) -> Iterator[tuple[str, str]]:
@@ -218,19 +238,27 @@ def are_free(
 
 def placed(boxes: FloatArray, is_free: BoolArray, before: IntArray) -> IntArray:
     """Return the side of each label, one after the other: that of before, else the first that is free; -1 for none."""
-    sides, kept = np.full(len(boxes), -1), list[Rectangle]()
+    sides, kept = np.full(len(boxes), -1), dict[tuple[int, int], list[Rectangle]]()
     for label, (free, last) in enumerate(zip(is_free.tolist(), before.tolist(), strict=True)):
-        wanted = [side for side in dict.fromkeys((last, *range(len(SIDES)))) if side >= 0 and free[side]]
-        for side in wanted:
-            left, top, right, bottom = box = boxes[label, side].tolist()
-            if not any(
-                left < other[2] + _APART_PX
-                and right > other[0] - _APART_PX
-                and top < other[3] + _APART_PX
-                and bottom > other[1] - _APART_PX
-                for other in kept
-            ):
-                kept.append(box)
+        for side in dict.fromkeys((last, *range(len(SIDES)))):
+            if side < 0 or not free[side]:
+                continue
+            left, top, right, bottom = boxes[label, side].tolist()
+            box = left - _APART_PX, top - _APART_PX, right + _APART_PX, bottom + _APART_PX
+            cells = _cells(box)
+            if not any(_touch(box, other) for cell in cells for other in kept.get(cell, ())):
+                for cell in cells:
+                    kept.setdefault(cell, []).append((left, top, right, bottom))
                 sides[label] = side
                 break
     return sides
+
+
+def _cells(box: Rectangle) -> list[tuple[int, int]]:
+    """Return the cells of a coarse grid that a rectangle touches."""
+    left, top, right, bottom = (int(end // _CELL_PX) for end in box)
+    return [(column, row) for column in range(left, right + 1) for row in range(top, bottom + 1)]
+
+
+def _touch(one: Rectangle, other: Rectangle) -> bool:
+    return one[0] < other[2] and one[2] > other[0] and one[1] < other[3] and one[3] > other[1]

@@ -27,7 +27,7 @@ from gamms.visual.appearance import (
 )
 from gamms.visual.camera import Camera
 from gamms.visual.drawing import Commands
-from gamms.visual.lettering import words_width
+from gamms.visual.lettering import MIDDLE, words_width
 
 _FONT_PX, _TITLE_PX = 21.0, 22.0
 _LINE_PX, _GAP_PX, _PAD_PX = 23.0, 16.0, 12.0
@@ -200,11 +200,11 @@ class Pen:
     """
 
     def __init__(self, camera: Camera, fine: float, ink: Rgb) -> None:
-        self.camera, self.fine, self._ink, self.commands = camera, fine, ink, Commands()
+        self._camera, self._ink, self.commands = camera, ink, Commands()
         self._scale = camera.scale / fine
 
     def _place(self, x: float, y: float) -> tuple[float, float]:
-        return self.camera.left + x / self._scale, self.camera.top - y / self._scale
+        return self._camera.left + x / self._scale, self._camera.top - y / self._scale
 
     def rectangle(self, x: float, y: float, width: float, height: float, color: AnyColor) -> None:
         """Fill a rectangle from its upper left corner."""
@@ -224,7 +224,7 @@ class Pen:
 
     def text(self, words: str, x: float, middle: float, font_px: float, ink: Rgb | None = None) -> None:
         """Write words whose small letters have their middle so far down."""
-        self.commands.add_text(words, *self._place(x, middle - 0.36 * font_px), ink or self._ink, font_px)
+        self.commands.add_text(words, *self._place(x, middle - MIDDLE * font_px), ink or self._ink, font_px)
 
 
 def _without_signs(blocks: tuple[Block, ...]) -> tuple[Block, ...]:

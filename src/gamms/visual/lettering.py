@@ -10,6 +10,7 @@ from struct import unpack_from
 FONT = Path(__file__).parent.parent / "data" / "fonts" / "Arimo-Regular.ttf"
 FAMILIES = "Arimo, Arial, 'Liberation Sans', Helvetica, sans-serif"
 EM = 0.6875  # font size, in heights as 1.0.0 and pygame count them
+MIDDLE = 0.36  # from the top of a line of words to the middle of small letters, in heights
 ASCENT = 0.8  # from the top of a line of words to its baseline, in font sizes
 
 _SLIMMEST = 0.15  # of letters, in font sizes

@@ -3,7 +3,7 @@
 From the top down: the title; the map with the legend at its right; a line with the scale bar, north and the note.
 """
 
-from collections.abc import Sequence
+from collections.abc import Mapping
 from dataclasses import dataclass, replace
 from math import ceil, floor, log10
 from typing import Unpack
@@ -15,11 +15,11 @@ from gamms.errors import BadType, BadValue, nearest
 from gamms.ir.draw import DrawCommands
 from gamms.ir.graph import FloatArray
 from gamms.text import shown
-from gamms.typing import IContext
+from gamms.typing import IArtist, IContext
 from gamms.typing.visualization_engine import PictureOptions
-from gamms.visual.appearance import PAPER, AgentData, Rgb, Rgba, inks, rgba
+from gamms.visual.appearance import PAPER, Rgb, Rgba, inks, rgba
 from gamms.visual.camera import Box, Camera, Point, fit_box
-from gamms.visual.labels import AUTO, Choice, Labels, as_choice
+from gamms.visual.labels import AUTO, Choice, Label, Labels, as_choice
 from gamms.visual.legend import Block, Legend, Pen
 from gamms.visual.lettering import shortened, words_width
 from gamms.visual.shown_turn import as_turns
@@ -170,19 +170,15 @@ class Page:
             top = max(min(corner[1] / self._fine, height - bottom - self.legend.height), top)
         return left, top
 
-    def draw_labels(
-        self, labels: Labels, pen: Pen, ctx: IContext, looks: Sequence[AgentData], corner: Point | None
-    ) -> None:
-        """Draw what stands beside agents, on the map, with a pen of this page."""
+    def labels(
+        self, labels: Labels, camera: Camera, ctx: IContext, artists: Mapping[str, IArtist], corner: Point | None
+    ) -> list[Label]:
+        """Return what stands beside agents, where the map is on this page."""
         (width, height), (left, top) = self._size, self._legend_at(corner)
         page = 2.0, _HEADER_PX if self._style.title else 2.0, width - 2.0, height - self._foot
-        legend = (
-            left - self._margin,
-            top - self._margin,
-            left + self.legend.width,
-            top + self.legend.height + self._margin,
-        )
-        labels.draw(pen, ctx, looks, self._style.labels, page, [legend] if self.legend.width else [])
+        right, bottom = left + self.legend.width, top + self.legend.height
+        taken = [(left - self._margin, top - self._margin, right, bottom + self._margin)] * bool(self.legend.width)
+        return labels.placed(camera, self._fine, ctx, artists, self._style.labels, page, taken)
 
     @property
     def _rows(self) -> int:

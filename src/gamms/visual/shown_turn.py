@@ -86,19 +86,8 @@ def as_turns(trails: object) -> int:
     return turns
 
 
-class _Turn(NamedTuple):
-    """Where agents were at the end of a turn: at nodes, or, those in the air, at points."""
-
-    names: Sequence[str]
-    places: list[Any]
-    number: int
-
-
-class _Turns(NamedTuple):
-    """A turn and the one before, as long as nothing has asked how agents moved."""
-
-    before: _Turn
-    now: _Turn
+# Where agents were at the end of a turn: their names, the nodes or points they were at, and the number of the turn.
+_Turn = tuple[Sequence[str], list[Any], int]
 
 
 class Motion:
@@ -111,7 +100,7 @@ class Motion:
     def __init__(self, ctx: IContext) -> None:
         self._ctx = ctx
         self.moves = _NO_MOVES
-        self._past: deque[_Turns | Moves] = deque(maxlen=MOST_TURNS)
+        self._past: deque[tuple[_Turn, _Turn] | Moves] = deque(maxlen=MOST_TURNS)
         self._last: _Turn | None = None
         self._structure: int | None = None  # of the agents whose names are those of the last turn
         self._steps: dict[str, Step] = {}
@@ -123,15 +112,15 @@ class Motion:
     def end_turn(self) -> None:
         """End a turn: note where agents are; its moves have to be looked up before they are shown."""
         self._is_current = False
-        agents, number = self._ctx.agent, self._number_of_turn()
+        # NOTE: games without pictures pay for this in every turn (benchmarks/README.md, w2).
+        agents, number, last = self._ctx.agent, self._number_of_turn(), self._last
         positions, version = agents.positions, agents.structure_version
-        if self._last is None:
+        if last is None:
             steps = {agent.name: _step(agent) for agent in agents.create_iter()}
-            self._last, self._structure = _Turn(list(steps), [before for before, _ in steps.values()], number), None
-        # NOTE: copies of lists only, for games without pictures pay for it in every turn.
+            last, self._structure = (list(steps), [before for before, _ in steps.values()], number), None
         is_known = version is not None and version == self._structure
-        now = _Turn(self._last.names if is_known else list(positions.names), positions.places, number)
-        self._past.append(_Turns(self._last, now))
+        now = last[0] if is_known else list(positions.names), positions.places, number
+        self._past.append((last, now))
         self._last, self._structure = now, version
 
     def past(self, turns: int) -> list[Moves]:
@@ -139,8 +128,8 @@ class Motion:
         self._number_of_turn()
         for place in range(max(len(self._past) - turns, 0), len(self._past)):
             entry = self._past[place]
-            if isinstance(entry, _Turns):
-                was, now = (dict(zip(turn.names, turn.places, strict=True)) for turn in entry)
+            if not isinstance(entry, Moves):
+                was, now = (dict(zip(names, places, strict=True)) for names, places, _ in entry)
                 self._past[place] = self.moves_between({}, {name: (was.get(name, at), at) for name, at in now.items()})
         return [moves for moves in reversed(self._past) if isinstance(moves, Moves)][:turns]
 
@@ -148,7 +137,7 @@ class Motion:
         """Return the turn of the game, after a look whether it was reset."""
         game = self._ctx.current_game
         number = 0 if game is None else game.turn
-        if self._last is not None and number < self._last.number:
+        if self._last is not None and number < self._last[2]:
             self.forget()
         return number
 
@@ -207,13 +196,13 @@ class Motion:
         node = self._ctx.graph.graph.get_node(agent.current_node_id)
         return node.x, node.y
 
-    def positions_of(self, agents: Sequence[IAgent], share: float) -> FloatArray:
-        """Return the positions (agents, 2) of agents on the ground, as `position_of` does.
+    def positions_of(self, agents: Sequence[IAgent], nodes: list[int], share: float) -> FloatArray:
+        """Return the positions (agents, 2) of agents on the ground, which are on nodes, as `position_of` does.
 
         Raises:
             UnknownName (KeyError): the node of an agent is gone.
         """
-        positions: FloatArray = self._ctx.graph.graph.positions([agent.current_node_id for agent in agents])
+        positions: FloatArray = self._ctx.graph.graph.positions(nodes)
         if share < 1.0 and self.moves.rows:
             rows = np.array([self.moves.rows.get(agent.name, -1) for agent in agents])
             positions[rows >= 0] = self._moved(share)[0][rows[rows >= 0]]

@@ -1,5 +1,6 @@
 """Drawers of agents and of plain shapes."""
 
+from collections import Counter
 from dataclasses import fields
 from functools import lru_cache
 from typing import Any, TypeVar, cast
@@ -109,9 +110,11 @@ def render_agents(ctx: IContext, looks: list[AgentData], share: float) -> bool:
         return False
     styles: dict[tuple[Any, ...], int] = {}
     rows = [styles.setdefault((look.color, look.size, look.least_px), len(styles)) for look in looks]
-    positions = visual.motion.positions_of([agents[look.name] for look in looks], share)
+    shown = [agents[look.name] for look in looks]
+    nodes = [agent.current_node_id for agent in shown]
+    positions = visual.motion.positions_of(shown, nodes, share)
     discs = [Disc(size, least_px, color, outline_of(color)) for color, size, least_px in styles]
-    shifts = _shifts(ctx, looks, rows, share)
+    shifts = _shifts(ctx, shown, nodes, rows, share)
     visual.render_all_discs(positions, discs, np.array(rows, np.int64), shifts)
     for look, (x, y), (right, down) in zip(looks, positions.tolist(), shifts.tolist(), strict=True):
         look.current_position, look.shift = (x, y), (right, down)
@@ -122,22 +125,24 @@ _SPREAD = {2: 0.7, 3: 0.85, 4: 0.95}  # how far discs are moved that stand on on
 _MOST_SPREAD = 6  # of more on one node, those of one look are drawn as one
 
 
-def _shifts(ctx: IContext, looks: list[AgentData], rows: list[int], share: float) -> FloatArray:
+def _shifts(ctx: IContext, agents: list[IAgent], nodes: list[int], rows: list[int], share: float) -> FloatArray:
     """Return by how many radii discs (agents, 2) are moved right and down, so that those on one node can be told apart.
 
     Those of agents that leave or come glide from where they stood to where they will.
     """
-    visual, agents = drawing_of(ctx), ctx.agent.agents
+    visual, key = drawing_of(ctx), (*nodes, *rows)
     if not visual.has_default_look:
-        return np.zeros((len(looks), 2))
-    nodes = [agents[look.name].current_node_id for look in looks]
-    ends = _spread(nodes, rows)
-    if share >= 1.0 or not visual.motion.moves.rows:
-        return ends
-    moved = visual.motion.moves.rows
-    names = (look.name for look in looks)
-    before = [agents[name].prev_node_id if name in moved else node for name, node in zip(names, nodes, strict=True)]
-    return (1.0 - share) * _spread(before, rows) + share * ends
+        visual.has_stacks = False
+        return np.zeros((len(agents), 2))
+    moved = visual.motion.moves
+    if visual.spread is None or visual.spread[0] != key or visual.spread[1] is not moved:  # else it is the same turn
+        before = [
+            agent.prev_node_id if agent.name in moved.rows else node for agent, node in zip(agents, nodes, strict=True)
+        ]
+        visual.spread = key, moved, _spread(before, rows), _spread(nodes, rows)
+        visual.has_stacks = max(Counter(nodes).values(), default=0) > _MOST_SPREAD
+    *_, starts, ends = visual.spread
+    return ends if share >= 1.0 else (1.0 - share) * starts + share * ends
 
 
 def _spread(nodes: list[int], rows: list[int]) -> FloatArray:

@@ -14,12 +14,10 @@ from gamms.visual.appearance import AgentData, Rgb, color_group, rgba
 from gamms.visual.artist import looks_of
 from gamms.visual.artists import Artists
 from gamms.visual.backends.pygame_backend import Canvas
-from gamms.visual.backends.raster import Painting
 from gamms.visual.camera import Point, WindowCamera, nearest_point
 from gamms.visual.default_scene import DefaultScene, artists_of_sights
 from gamms.visual.drawing import Drawing
-from gamms.visual.labels import AUTO, Choice, Labels, dots_of
-from gamms.visual.legend import Pen
+from gamms.visual.labels import AUTO, Choice, Labels, dots_of, write_labels
 from gamms.visual.page import noted
 from gamms.visual.themes import Theme
 from gamms.visual.window.display import Pace
@@ -299,10 +297,9 @@ class Overlay(Guarded):
     def _paint_names(self, canvas: Canvas) -> None:
         """Paint what stands beside agents, but not below the panels of the frame before."""
         view, theme, page = self._camera.camera(), self.hud.theme, (0.0, 0.0, canvas.width, canvas.height)
-        pen = Pen(view, 1.0, theme.ink[:3])
-        self._names.draw(pen, self._ctx, list(looks_of(self.shown)), self.labels, page, self.hud.taken)
+        labels = self._names.placed(view, 1.0, self._ctx, self.shown, self.labels, page, self.hud.taken)
         paper = Canvas(canvas.width, canvas.height, canvas.surface, paper=theme.background[:3])
-        Painting(pen.commands.freeze()).paint(paper, view)
+        write_labels(paper, labels, theme.ink[:3])
 
     def _placed_looks(self) -> list[AgentData]:
         return [look for look in looks_of(self.shown) if look.current_position is not None]
