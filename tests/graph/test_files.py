@@ -480,7 +480,7 @@ def _end_well(data):
     except BadFile:
         return
     store = GraphStore()
-    store.replace(contents.columns, contents.attribution)
+    store.replace(contents.columns, contents.attribution, contents.scenery)
     graph = Graph(store)
     assert [graph.get_node(id).id for id in graph.get_nodes()] == contents.columns.node_ids.tolist()
     for id in graph.get_edges():

@@ -302,6 +302,12 @@ class GraphEngine(Guarded, IGraphEngine):
         """The authors of the data; shown where the graph is shown."""
         return self.graph.attribution
 
+    def scenery_columns(self) -> ObstacleColumns:
+        """Return the faces of buildings that are drawn and block no sight, such as those of `gamms.osm.helsinki`."""
+        from gamms.graph.map_file import scenery_called
+
+        return scenery_called(self.graph.scenery)
+
     # -- inside -------------------------------------------------------------------------------------------------
 
     def _present(self) -> Obstacles:
@@ -340,7 +346,7 @@ class GraphEngine(Guarded, IGraphEngine):
 
     def _state(self) -> tuple[object, ...]:
         """Return what differs after every change of graph or obstacles."""
-        return self.graph.revision, self.obstacle_revision, self.graph.attribution
+        return self.graph.revision, self.obstacle_revision, self.graph.attribution, self.graph.scenery
 
 
 def share_map(target: GraphEngine, source: GraphEngine, memo: dict[int, Any]) -> None:

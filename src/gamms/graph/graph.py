@@ -66,6 +66,16 @@ class Graph(Guarded, IGraph):
     def attribution(self, attribution: str | None) -> None:
         self._store.attribution = records.as_text(attribution, "graph.attribution")
 
+    @property
+    def scenery(self) -> str | None:
+        """The name of the buildings that are drawn with the graph and are no obstacles."""
+        return self._store.scenery
+
+    @scenery.setter
+    def scenery(self, scenery: str | None) -> None:
+        self._store.scenery = records.as_text(scenery, "graph.scenery")
+        self._store.revision += 1
+
     def __len__(self) -> int:
         """Return how many nodes there are."""
         return len(self._store.nodes)

@@ -9,7 +9,9 @@ import zlib
 from collections.abc import Iterable, Iterator, Mapping
 from contextlib import contextmanager
 from dataclasses import replace
+from functools import lru_cache
 from itertools import count
+from pathlib import Path
 from struct import Struct
 from typing import Any, NamedTuple
 
@@ -20,11 +22,12 @@ from gamms.arguments import as_path
 from gamms.errors import BadFile, BadValue, GammsError, MissingFolder, WriteConflict
 from gamms.folders import write_whole
 from gamms.graph import records
-from gamms.graph.obstacles import checked_face
+from gamms.graph.obstacles import Obstacles, checked_face
 from gamms.graph.store import GraphStore
 from gamms.graph.tables import RowIndex
 from gamms.ir import packing
 from gamms.ir.graph import FloatArray, GraphColumns, IntArray
+from gamms.ir.obstacles import ObstacleColumns
 from gamms.limits import Allowance
 from gamms.plain import Plain, is_plain, why_not_plain
 from gamms.text import shown
@@ -33,6 +36,7 @@ from gamms.typing.memory_engine import IPathLike, Row, Schema
 
 MAGIC = b"GAMMSMAP"
 VERSION = 2  # of development versions, 1 was; it is not read
+_SCENERIES: dict[str | None, Path] = {"helsinki": Path(__file__).parent.parent / "data" / "helsinki.gamms"}
 _HEAD = Struct("<8sIII")
 _GRAPH = ("node_ids", "xy", "edge_ids", "sources", "targets", "lengths")
 _OTHERS = ("bend_rows", "bend_sizes", "bend_points", "face_ids", "face_types", "face_corners")
@@ -45,6 +49,7 @@ class SavedMap(NamedTuple):
     columns: GraphColumns
     faces: list[ObsFace]
     attribution: str | None
+    scenery: str | None = None
 
 
 LeftOut = dict[tuple[str, str], list[int]]  # "node" or "edge", and the name of an attribute -> whose was left out
@@ -189,6 +194,15 @@ def load(path: str | os.PathLike[str]) -> SavedMap:
         raise type(error)(f"{path} is not a graph that GAMMS can load: {error}.") from error
 
 
+@lru_cache(maxsize=1)
+def scenery_called(name: str | None) -> ObstacleColumns:
+    """Return the faces of the buildings of that name, which come with GAMMS; none of any other name."""
+    obstacles = Obstacles()
+    if name in _SCENERIES:
+        obstacles.replace(load(_SCENERIES[name]).faces)
+    return obstacles.columns()
+
+
 def encode(contents: SavedMap) -> bytes:
     """Return a graph as the bytes of a file; the same graph gives the same bytes.
 
@@ -199,6 +213,7 @@ def encode(contents: SavedMap) -> bytes:
     state = {
         "crs": graph.crs,
         "attribution": contents.attribution,
+        **({} if contents.scenery is None else {"scenery": contents.scenery}),
         **_arrays_of(contents),
         "node_attributes": _columns_of(graph.node_attributes, "Node"),
         "edge_attributes": _columns_of(graph.edge_attributes, "Edge"),
@@ -218,7 +233,8 @@ def decode(data: bytes) -> SavedMap:
         attributes = _attributes_of(state["node_attributes"]), _attributes_of(state["edge_attributes"])
         crs, attribution = (records.as_text(state[key], key) for key in ("crs", "attribution"))
         graph = checked_columns(arrays, _polylines_of(others), attributes, crs)
-        return SavedMap(graph, list(_faces_of(others)), attribution)
+        scenery = records.as_text(state.get("scenery"), "scenery")
+        return SavedMap(graph, list(_faces_of(others)), attribution, scenery)
 
 
 # -- any file of columns and plain values -------------------------------------------------------------------------

@@ -32,6 +32,7 @@ class MapSnapshot(NamedTuple):
     columns: GraphColumns
     obstacles: ObstacleColumns
     attribution: str | None
+    scenery: str | None
     revision: int
     obstacle_revision: int
     visibility_rows: Cache
@@ -59,12 +60,12 @@ class MapStorage(Guarded, IMapStorage):
         """Return all that a file holds."""
         from gamms.graph.map_file import SavedMap
 
-        return SavedMap(self._store.columns(), list(self._obstacles), self._store.attribution)
+        return SavedMap(self._store.columns(), list(self._obstacles), self._store.attribution, self._store.scenery)
 
     @refused_while_deciding
     def put(self, contents: "SavedMap") -> None:
         """Replace graph and obstacles by those of a file."""
-        self._store.replace(contents.columns, contents.attribution)
+        self._store.replace(contents.columns, contents.attribution, contents.scenery)
         self._obstacles.replace(contents.faces)
 
     def pack(self) -> bytes:
@@ -100,6 +101,7 @@ class MapStorage(Guarded, IMapStorage):
             store.columns(),
             self._obstacles.columns(),
             store.attribution,
+            store.scenery,
             store.revision,
             self._obstacles.revision,
             self.visibility_rows,
@@ -111,7 +113,7 @@ class MapStorage(Guarded, IMapStorage):
         """Restore a snapshot of this context; what has not changed is left alone, its indexes too."""
         store, obstacles = self._store, self._obstacles
         if store.revision not in (before.revision, self._restored.get(before.revision)):
-            store.replace(before.columns, before.attribution)
+            store.replace(before.columns, before.attribution, before.scenery)
             self._restored = {before.revision: store.revision}
         known = before.obstacle_revision, self._restored_obstacles.get(before.obstacle_revision)
         if obstacles.revision not in known:
@@ -124,7 +126,7 @@ class MapStorage(Guarded, IMapStorage):
     @refused_while_deciding
     def copy_from(self, snapshot: MapSnapshot) -> None:
         """Replace graph and obstacles by those of a snapshot of another context, and share its visibility rows."""
-        self._store.replace(snapshot.columns, snapshot.attribution)
+        self._store.replace(snapshot.columns, snapshot.attribution, snapshot.scenery)
         self._obstacles.put(snapshot.obstacles)
         self.visibility_rows = snapshot.visibility_rows
 

@@ -64,6 +64,7 @@ class GraphStore:
         revision: a number that changes with every change of the graph.
         crs: the coordinate reference system of x and y.
         attribution: whom the data is by.
+        scenery: the name of the buildings that are drawn and are no obstacles; None: there are none.
     """
 
     indexes: Indexes
@@ -80,6 +81,7 @@ class GraphStore:
         self.nodes, self.edges = NodeTable(), EdgeTable()
         self.crs: str | None = None
         self.attribution: str | None = None
+        self.scenery: str | None = None
         self._columns: GraphColumns | None = None
         self.rows_added()
 
@@ -91,10 +93,11 @@ class GraphStore:
             known = self._columns = self._frozen()
         return known
 
-    def replace(self, columns: GraphColumns, attribution: str | None) -> None:
+    def replace(self, columns: GraphColumns, attribution: str | None, scenery: str | None) -> None:
         """Become the graph that columns describe."""
         self.clear()
         self.append(columns, attribution)
+        self.scenery = scenery
 
     def append(self, columns: GraphColumns, attribution: str | None) -> None:
         """Add nodes and edges after those that are there, all or none.
@@ -156,7 +159,8 @@ class GraphStore:
         store = GraphStore()
         store.nodes, store.edges, store.indexes, store._columns = self.nodes, self.edges, self.indexes, columns
         store.neighborhoods = Neighborhoods(store, self.neighborhoods)
-        store.revision, store.crs, store.attribution = self.revision, self.crs, self.attribution
+        store.revision, store.crs = self.revision, self.crs
+        store.attribution, store.scenery = self.attribution, self.scenery
         if self._sharers is None:
             self._sharers = WeakSet([self])
         self._sharers.add(store)
@@ -169,7 +173,7 @@ class GraphStore:
             return
         if self._stop_sharing():
             columns, revision = self.columns(), self.revision
-            self.replace(columns, self.attribution)
+            self.replace(columns, self.attribution, self.scenery)
             self.revision, self._columns = revision, columns
         self.indexes.neighborhoods = self.neighborhoods
 
@@ -185,12 +189,12 @@ class GraphStore:
 
     def __reduce__(self) -> tuple[Any, ...]:
         """Pickle the graph; its indexes are made again."""
-        return _rebuilt, (self.columns(), self.attribution)
+        return _rebuilt, (self.columns(), self.attribution, self.scenery)
 
     def __deepcopy__(self, memo: dict[int, Any]) -> "GraphStore":
         """Copy the graph, for a look ahead into a game that goes on elsewhere."""
         copied = memo[id(self)] = GraphStore()
-        copied.replace(deepcopy(self.columns(), memo), self.attribution)
+        copied.replace(deepcopy(self.columns(), memo), self.attribution, self.scenery)
         return copied
 
     def _discard_indexes(self) -> None:
@@ -240,7 +244,7 @@ def _add_attributes(columns: dict[str, dict[int, Any]], first: int, given: Attri
         columns.setdefault(name, {}).update({first + row: value for row, value in values.items()} if first else values)
 
 
-def _rebuilt(columns: GraphColumns, attribution: str | None) -> GraphStore:
+def _rebuilt(columns: GraphColumns, attribution: str | None, scenery: str | None) -> GraphStore:
     store = GraphStore()
-    store.replace(columns, attribution)
+    store.replace(columns, attribution, scenery)
     return store

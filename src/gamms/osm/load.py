@@ -279,7 +279,7 @@ def read_network(
 
 
 def helsinki(
-    ctx: IContext, resolution: float = 10.0, bidirectional: bool = True, buildings: bool = False
+    ctx: IContext, resolution: float = 10.0, bidirectional: bool = True, buildings: bool | None = None
 ) -> "nx.DiGraph[int]":
     """Put the streets of central Helsinki into the empty graph of a context; returns them as a networkx graph, too.
 
@@ -287,7 +287,8 @@ def helsinki(
         ctx: the context.
         resolution: metres between nodes.
         bidirectional: let agents go against one-way streets.
-        buildings: put the walls of the buildings among the obstacles.
+        buildings: put the walls of the buildings among the obstacles; None: draw them only, so that nobody's sight ends
+            at them; False: leave them out.
 
     Raises:
         BadType: `ctx` is no context.
@@ -307,4 +308,6 @@ def helsinki(
     ctx.graph.attach_networkx_graph(streets)
     if buildings:
         ctx.graph.add_obstacles(walls.corners, walls.ids, walls.types)
+    elif buildings is None:
+        graph.scenery = "helsinki"
     return streets

@@ -76,7 +76,7 @@ class Grid(_Mapping, frozen=True, kw_only=True):
 class Helsinki(_Mapping, frozen=True, kw_only=True):
     """The map that comes with GAMMS."""
 
-    buildings: bool = False
+    buildings: bool | None = None
     resolution: float = 10.0
     bidirectional: bool = True
 

@@ -61,6 +61,9 @@ class IGraph(ABC):
     never changed and never kept. A call that raises has changed nothing.
     """
 
+    scenery: str | None = None
+    """The name of the buildings that are drawn with the graph and are no obstacles; None: there are none."""
+
     # -- must write ---------------------------------------------------------------------------------------------
 
     @abstractmethod

@@ -61,6 +61,10 @@ class IObstacles(ABC):
         """Return all quadrangles as read-only arrays, in insertion order."""
         return face_columns([self.get_obstacle_face(id) for id in self.get_obstacle_faces()])
 
+    def scenery_columns(self) -> ObstacleColumns:
+        """Return faces of buildings that are drawn where there are no obstacles, and block no sight: none."""
+        return ObstacleColumns(np.zeros(0, np.int64), np.zeros((0, 4, 3)), np.zeros(0, np.int64))
+
     def visible(self, origin: ArrayLike, targets: ArrayLike) -> BoolArray:
         """Return whether no face blocks the straight line from one place to each of others.
 

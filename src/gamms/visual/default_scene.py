@@ -20,7 +20,7 @@ from gamms.visual.appearance import AgentData, GraphData, Rgb, color_group
 from gamms.visual.artist import Artist, data_of, looks_of
 from gamms.visual.constants import Layer
 from gamms.visual.drawers import render_agent, render_graph, render_obstacles, render_sensor
-from gamms.visual.drawers.graph import usual
+from gamms.visual.drawers.graph import obstacles_to_draw, usual
 from gamms.visual.drawers.rules import (
     TerritoryDrawer,
     flags_in,
@@ -121,7 +121,7 @@ class DefaultScene:
         streets = self._static(render_graph, Layer.GRAPH)
         streets.data = {"graph_data": GraphData(tones.nodes, 0.35 * self._unit, tones.streets)}
         self._map = {"graph": streets}
-        if len(graph.obstacle_columns().ids):
+        if len(obstacles_to_draw(self._ctx).ids):
             thickness = _WALL * self._unit if columns.crs is None else min(_WALL * self._unit, _THICKEST)
             self._map["obstacles"] = walls = self._static(render_obstacles, Layer.OBSTACLES)
             walls.data = {"fill": True, "boundary_thickness": thickness}

@@ -326,7 +326,7 @@ def render_obstacles(ctx: IContext, data: dict[str, Any]) -> None:
 
     Faces of one type are drawn at once, the types in the order of their first face.
     """
-    columns = ctx.graph.obstacle_columns()
+    columns = obstacles_to_draw(ctx)
     visual, thickness = drawing_of(ctx), data.get("boundary_thickness", 1.0)
     if data.get("fill"):
         _draw_buildings(ctx, columns, data.get("color_map", {}), thickness, visual.theme.map.walls)
@@ -335,6 +335,12 @@ def render_obstacles(ctx: IContext, data: dict[str, Any]) -> None:
     types, first = np.unique(columns.types, return_index=True)
     for type in types[np.argsort(first)].tolist():
         _draw_tops(visual, columns, columns.types == type, colors.get(type, OTHER_OBSTACLE), thickness)
+
+
+def obstacles_to_draw(ctx: IContext) -> ObstacleColumns:
+    """Return the obstacles of a context; of one without any, the buildings that are drawn and block no sight."""
+    obstacles = ctx.graph.obstacle_columns()
+    return obstacles if len(obstacles.ids) else ctx.graph.scenery_columns()
 
 
 def _draw_tops(visual: Drawing, columns: ObstacleColumns, chosen: BoolArray, color: AnyColor, thickness: float) -> None:

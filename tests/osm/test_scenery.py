@@ -1,0 +1,80 @@
+"""The buildings of the map of Helsinki are drawn by default, and are no obstacles."""
+
+import numpy as np
+import pytest
+
+import gamms
+
+
+@pytest.fixture
+def helsinki():
+    with gamms.create_context(seed=1) as ctx:
+        gamms.osm.helsinki(ctx)
+        yield ctx
+
+
+def polygons(ctx):
+    from gamms.ir.draw import DrawKind
+
+    commands = ctx.visual.draw_commands()
+    return int((commands.kind == DrawKind.POLYGON).sum())
+
+
+def test_buildings_are_drawn_and_hide_nothing(helsinki):
+    assert len(helsinki.graph.obstacle_columns().ids) == 0
+    assert list(helsinki.graph.get_obstacle_faces()) == []
+    assert polygons(helsinki) > 400
+    low, high = helsinki.graph.columns().xy.min(axis=0), helsinki.graph.columns().xy.max(axis=0)
+    assert helsinki.graph.visible([*low, 1.0], [[*high, 1.0]]).all()
+
+
+def test_they_can_be_obstacles_or_left_out():
+    drawn = []
+    for buildings, faces in ((True, 3606), (False, 0)):
+        with gamms.create_context(seed=1) as ctx:
+            gamms.osm.helsinki(ctx, buildings=buildings)
+            assert len(ctx.graph.obstacle_columns().ids) == faces
+            drawn.append(polygons(ctx))
+    assert drawn[0] > 400
+    assert drawn[1] == 0
+
+
+def test_what_is_drawn_is_what_would_be_an_obstacle(helsinki):
+    with gamms.create_context(seed=1) as ctx:
+        gamms.osm.helsinki(ctx, buildings=True)
+        walls, drawn = ctx.graph.obstacle_columns(), helsinki.graph.scenery_columns()
+        assert all(np.array_equal(one, other) for one, other in zip(walls, drawn, strict=True))
+        assert polygons(ctx) == polygons(helsinki)
+
+
+def test_the_first_obstacle_is_drawn_instead(helsinki):
+    before = polygons(helsinki)
+    x, y = helsinki.graph.columns().xy[0]
+    helsinki.graph.add_obstacle_face(1, (x, y, 3), (x + 9, y, 3), (x, y, 0), (x + 9, y, 0), 0)
+    assert polygons(helsinki) < before
+
+
+def test_files_recordings_forks_and_snapshots_keep_them(helsinki, tmp_path):
+    helsinki.graph.save(tmp_path / "map.gamms")
+    helsinki.agent.create_agent("a", start_node_id=1, strategy=lambda state: None)
+    helsinki.record.start(tmp_path / "game.ggr")
+    helsinki.game.step()
+    helsinki.record.stop()
+    snapshot = helsinki.graph.storage.snapshot()
+    with gamms.create_context() as ctx:
+        ctx.graph.load(tmp_path / "map.gamms")
+        assert ctx.graph.graph.scenery == "helsinki"
+    with gamms.create_context() as ctx:
+        for _ in ctx.record.replay(tmp_path / "game.ggr"):
+            pass
+        assert polygons(ctx) == polygons(helsinki)
+    with gamms.create_context() as ctx:
+        ctx.graph.storage.copy_from(snapshot)
+        assert ctx.graph.graph.scenery == "helsinki"
+    helsinki.graph.graph.clear()
+    assert helsinki.graph.graph.scenery is None
+
+
+def test_a_name_that_nobody_knows_draws_nothing(helsinki):
+    helsinki.graph.graph.scenery = "../../etc/passwd"
+    assert polygons(helsinki) == 0
