@@ -47,4 +47,4 @@ def test_a_figure_of_a_real_map_names_its_source(made, name):
 
 
 def test_the_figures_stay_small():
-    assert max(path.stat().st_size for path in SHOWN.iterdir()) < 500_000
+    assert max(path.stat().st_size for path in SHOWN.iterdir()) < 600_000

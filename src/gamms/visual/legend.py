@@ -57,7 +57,7 @@ class Row(NamedTuple):
     color: Rgb
     name: str
     value: str = ""
-    sign: str = "disc"  # or ring, dot, field, line, band, flag, cross, goal
+    sign: str = "disc"  # or ring, dot, field, line, band, flag, cross, tag, goal
 
 
 class Rows(NamedTuple):
@@ -285,6 +285,12 @@ def _goal(pen: Pen, x: float, y: float, color: Rgb) -> None:
         pen.circle(x, y, radius, color, 2.0)
 
 
+def _tag(pen: Pen, x: float, y: float, color: Rgb) -> None:
+    pen.circle(x, y, 7.0, color, 1.5)
+    for side in (-1.0, 1.0):
+        pen.line([(x - 3.5, y - 3.5 * side), (x + 3.5, y + 3.5 * side)], color, 1.5)
+
+
 _SIGNS: dict[str, Callable[[Pen, float, float, Rgb], None]] = {
     _DISC: _disc,
     "ring": lambda pen, x, y, color: pen.circle(x, y, _SWATCH_PX - 0.5, color, 2.0),
@@ -294,6 +300,7 @@ _SIGNS: dict[str, Callable[[Pen, float, float, Rgb], None]] = {
     "band": lambda pen, x, y, color: pen.line([(x - 6.0, y), (x + 6.0, y)], (*color, 90), 9.0),
     "flag": _flag,
     "cross": _cross,
+    "tag": _tag,
     "goal": _goal,
 }
 

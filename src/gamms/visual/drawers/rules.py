@@ -276,13 +276,13 @@ def _cross(ctx: IContext, x: float, y: float, arm: float, ink: AnyColor, width_p
     drawing_of(ctx).render_lines(cross, [0, 2, 4], ink, width_px)
 
 
-def _legend_of_events(find: Callable[[TurnEvents], Any], words: str) -> Callable[[IContext], Rows | None]:
-    row = Rows("", (Row(_SIGN, words, sign="cross"),))
+def _legend_of_events(find: Callable[[TurnEvents], Any], words: str, sign: str) -> Callable[[IContext], Rows | None]:
+    row = Rows("", (Row(_SIGN, words, sign=sign),))
     return lambda ctx: row if find(drawing_of(ctx).events) else None
 
 
-render_tags.__dict__["legend"] = _legend_of_events(lambda events: events.of_kind("tag"), "tagged in this turn")
-render_eliminated.__dict__["legend"] = _legend_of_events(TurnEvents.eliminated, "out in this turn")
+render_tags.__dict__["legend"] = _legend_of_events(lambda events: events.of_kind("tag"), "tagged in this turn", "tag")
+render_eliminated.__dict__["legend"] = _legend_of_events(TurnEvents.eliminated, "out in this turn", "cross")
 render_flags.__dict__["legend"] = _FLAGS
 render_goals.__dict__["legend"] = _GOALS
 for _drawer in (render_goals, render_tags, render_eliminated):
