@@ -53,7 +53,7 @@ def plain(ctx):
 @pytest.mark.parametrize("suffix", [".mp4", ".gif"])
 def test_each_turn_adds_its_frames_and_the_last_one_is_at_the_target(plain, tmp_path, suffix):
     path = tmp_path / f"game{suffix}"
-    with plain.visual.film(path, fps=10, width=320, height=200, frames_per_turn=4) as film:
+    with plain.visual.film(path, fps=10, width=320, height=200, frames_per_turn=4, captions=False) as film:
         move(plain, "red_0", 1)
         assert film.frames == 4
         assert not path.exists()

@@ -77,7 +77,8 @@ def test_each_frame_is_what_it_would_be_if_it_were_painted_anew(city, case, fram
     add = witness.add
 
     def compared(canvas):
-        fresh = Frames(Source(city, city.visual.drawing, city.visual.artists), SIZE, {"title": "Walk"})
+        options = {"title": "Walk", "captions": True}
+        fresh = Frames(Source(city, city.visual.drawing, city.visual.artists), SIZE, options)
         fresh._fitted = film._frames._fitted
         anew.append(np.abs(at(fresh, painted[-1]).pixels().astype(int) - canvas.pixels()).max())
         add(canvas)

@@ -112,7 +112,7 @@ def page_px(ctx, dpi):
 
 def test_a_film_of_no_given_size_is_as_its_map(street, tmp_path):
     ctx = street(500, 1000)
-    with ctx.visual.film(tmp_path / "a.gif", frames_per_turn=1):
+    with ctx.visual.film(tmp_path / "a.gif", frames_per_turn=1, captions=False):
         ctx.visual.simulate()
     picture = (tmp_path / "a.gif").read_bytes()
     width, height = int.from_bytes(picture[6:8], "little"), int.from_bytes(picture[8:10], "little")
@@ -134,14 +134,15 @@ def test_a_scale_bar_can_be_asked_for_and_left_out(street):
 
 
 @pytest.mark.parametrize(("width", "label"), [(100, "20 m"), (9_000, "1 km"), (90_000, "10 km"), (2, "0.2 m")])
-def test_a_scale_bar_is_as_long_as_it_says(street, width, label):
+@pytest.mark.parametrize("fine", [1.0, 2.0])
+def test_a_scale_bar_is_as_long_as_it_says(street, width, label, fine):
     ctx = street(width, width, "EPSG:32635")
     ctx.visual.look_at(500_000, 6_700_000, width)
-    picture = ctx.visual.picture(".svg", 600, 500).decode()
-    (bar,) = re.findall(r'<path fill="none" stroke="#777777"[^>]* d="M[\d.]+ [\d.]+l0 5l([\d.]+) 0l0-5"', picture)
+    picture = ctx.visual.picture(".svg", round(600 * fine), round(500 * fine), dpi=96 * fine).decode()
+    (bar,) = re.findall(r'<path fill="none" stroke="#777777"[^>]* d="M[\d.]+ [\d.]+l0 \d+l([\d.]+) 0l0-\d+"', picture)
     assert f">{label}</text>" in picture
     number, unit = label.split()
-    assert float(bar) == pytest.approx(float(number) * (1000 if unit == "km" else 1) * 600 / width, abs=0.11)
+    assert float(bar) == pytest.approx(float(number) * (1000 if unit == "km" else 1) * 600 * fine / width, abs=0.11)
 
 
 @pytest.mark.parametrize("fine", [0.5, 2, 3])

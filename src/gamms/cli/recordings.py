@@ -162,6 +162,9 @@ def render(  # noqa: PLR0913, PLR0917 - one argument per option
         bool | None, typer.Option("--scale-bar/--no-scale-bar", help="By default where the map is in metres.")
     ] = None,
     north: Annotated[bool, typer.Option("--north", help="Show where north is.")] = False,
+    captions: Annotated[
+        bool, typer.Option("--captions/--no-captions", help="Say below the map which turn it is, and what happens.")
+    ] = True,
     fps: Annotated[float, typer.Option(help="Frames per second.")] = 30.0,
     frames_per_turn: Annotated[int, typer.Option(help="More of them show a turn more slowly.")] = 5,
     title: Annotated[str, typer.Option(help="A line above the picture.")] = "",
@@ -196,6 +199,7 @@ def render(  # noqa: PLR0913, PLR0917 - one argument per option
             "tight" if tight else "page",
             scale_bar=scale_bar,
             north=north,
+            captions=captions,
             theme=theme,
             labels="auto" if labels is None else labels,
             trails=trails,

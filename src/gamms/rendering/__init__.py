@@ -15,7 +15,6 @@ from gamms.visual.backends import FILMS, FORMATS
 from gamms.visual.drawers.graph import usual_edge
 from gamms.visual.drawing import longer_side
 from gamms.visual.fog import Fog
-from gamms.visual.legend import Rows, legend_only
 
 __all__ = ["Fog", "RenderOptions", "render"]
 
@@ -41,6 +40,7 @@ class RenderOptions:
         fit: "page", or "tight": as large as the map allows within width and height.
         scale_bar: whether there is one; None: where lengths on the map are metres.
         north: whether an arrow shows where north is.
+        captions: whether the turn and what happens in it stand below the map.
         theme: "light", "dark" or "print"; None: "light", and "dark" where there is fog.
         labels: whether agents have their names beside them, or which have; "auto": while they are few.
         trails: of how many turns the ways of agents are shown.
@@ -59,6 +59,7 @@ class RenderOptions:
     fit: Literal["page", "tight"] = "page"
     scale_bar: bool | None = None
     north: bool = False
+    captions: bool = True
     theme: Literal["light", "dark", "print"] | None = None
     labels: bool | Literal["auto"] | Collection[str] = "auto"
     trails: int = 0
@@ -162,6 +163,7 @@ class _Renderer:
             "fit": options.fit,
             "scale_bar": options.scale_bar,
             "north": options.north,
+            "captions": options.captions,
             "theme": options.theme or ("dark" if options.fog else "light"),
             "labels": options.labels,
             "trails": options.trails,
@@ -182,7 +184,6 @@ class _Renderer:
     def _begin(self) -> None:
         """Declare what can only be declared once map and agents are there."""
         ctx, options = self._ctx, self._options
-        ctx.visual.add_artist("turn", {"drawer": legend_only, "layer": 0, "legend": lambda _: Rows(self._words(), ())})
         if options.fog is not None and self._fog is None:
             self._fog = Fog(ctx, options.fog)
         if self._fog is not None:
@@ -198,10 +199,6 @@ class _Renderer:
         if self._ctx.visual.is_filming or self._options.fog is not None:
             self._begin()
         self._show(f"Turn {self._turn}" if self._total is None else f"Turn {self._turn} of {self._total}")
-
-    def _words(self) -> str:
-        """Return the turn, as long as that of the last one so that the legend stays where it is."""
-        return f"turn {self._turn}".ljust(len(f"turn {self._total or 0}"))
 
 
 def _view(ctx: Context) -> float:

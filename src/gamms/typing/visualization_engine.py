@@ -94,6 +94,10 @@ class PictureOptions(TypedDict, total=False):
     """Whether agents have their names beside them, or which have: "auto", while they are few."""
     trails: int
     """Of how many turns the ways of agents are shown: 0."""
+    sensors: bool
+    """Whether what sensors see is drawn, as far as it is by default or was declared: True."""
+    captions: bool
+    """Whether the turn and what happens in it stand below the map: in films, not in pictures."""
 
 
 class GraphVisual(TypedDict, total=False):

@@ -3,11 +3,11 @@
 An engine (`engine.py`, read it first) is a facade of parts: `drawing.py` has the primitives, which collect draw
 commands; `artists.py` keeps the artists (`artist.py`) that were declared, and `default_scene.py` those of a scenario
 that does not declare its graph; `camera.py` says where pictures look; `pictures.py` saves them by way of `files.py`;
-`page.py` has what stands around the map, and `labels.py` what stands beside agents. Drawers
-(`drawers/`) say what a thing looks like, with what `shown_turn.py` knows of the turn; backends (`backends/`) turn draw
-commands into files; `scene.py` paints frames of films and of the window (`window/`) fast. Colours are in
-`appearance.py` and `themes.py`, the font in `lettering.py`, legends and values in `legend.py`, recorded drawings in
-`recorded_drawings.py`, and names of 1.0.0's window in `compat.py`.
+`page.py` has what stands around the map, `captions.py` what is said below it, and `labels.py` what stands beside
+agents. Drawers (`drawers/`) say what a thing looks like, with what `shown_turn.py` knows of the turn; backends
+(`backends/`) turn draw commands into files; `scene.py` paints frames of films and of the window (`window/`) fast.
+Colours are in `appearance.py` and `themes.py`, the font in `lettering.py`, legends and values in `legend.py`, recorded
+drawings in `recorded_drawings.py`, and names of 1.0.0's window in `compat.py`.
 May import: `gamms.typing`, `gamms.kernels`, `gamms.ir`, `gamms.plugins`, `gamms.arguments`, `gamms.errors`.
 To extend: something to draw is one function in `drawers/`; a way to show it is one file in `backends/` and
 one line in its `__init__`. Drawing only reads the scenario; it never changes it.

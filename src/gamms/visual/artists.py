@@ -171,12 +171,15 @@ class Artists(Guarded):
     # -- shown -----------------------------------------------------------------------------------------------
 
     @outside_of_deciding
-    def shown(self, trails: int = 0, scene: "DefaultScene | None" = None) -> dict[str, IArtist]:
+    def shown(
+        self, trails: int = 0, scene: "DefaultScene | None" = None, *, sensors: bool = True
+    ) -> dict[str, IArtist]:
         """Return the artists that draw: the declared ones, and those of the default scene that they do not replace.
 
         Args:
             trails: of how many turns the ways of agents are shown, besides.
             scene: the default one; None: that of pictures, in the theme of the drawing.
+            sensors: whether those of what sensors see are among them.
 
         Raises:
             ContextTerminated: the context has ended.
@@ -187,6 +190,8 @@ class Artists(Guarded):
         self._drawing.has_default_look = not self.is_graph_declared
         if self.fog is not None:
             artists = self.fog.filtered(artists)
+        if not sensors:
+            artists = {name: one for name, one in artists.items() if name != "rings" and name[:7] != "sensor_"}
         if trails:
             from gamms.visual.drawers.trails import artists_of_trails
 

@@ -2,6 +2,7 @@
 
 import os
 from base64 import b64encode
+from collections.abc import Callable, Collection
 from contextlib import AbstractContextManager
 from pathlib import Path
 from types import TracebackType
@@ -10,6 +11,7 @@ from weakref import WeakValueDictionary
 
 from gamms.arguments import as_float, as_int, as_path
 from gamms.errors import BadValue, Duplicate, MissingFolder, NotYet, UnknownName
+from gamms.ir.draw import DrawCommands
 from gamms.limits import refuse_above
 from gamms.typing import IArtist, IContext, PictureOptions
 from gamms.visual.appearance import inks
@@ -19,7 +21,8 @@ from gamms.visual.backends import FILMS, FORMATS, Backend, FilmWriter
 from gamms.visual.backends.pygame_backend import Canvas
 from gamms.visual.backends.raster import Painting
 from gamms.visual.camera import CSS_DPI, Box, Camera, Point, Viewpoint, bounds
-from gamms.visual.drawing import Drawing, joined, magnified
+from gamms.visual.captions import Captions, Card, Told, end_card
+from gamms.visual.drawing import Commands, Drawing, joined, magnified
 from gamms.visual.labels import LABEL_PX, Labels, write_labels
 from gamms.visual.legend import Block, blocks_of, grown
 from gamms.visual.page import Page, PageStyle, page_size, style_of
@@ -106,7 +109,7 @@ def _backend(path: Path) -> Backend:
 
 def painted(source: "Source", sheet: Sheet, style: PageStyle) -> bytes:
     """Paint the present state and what stands around it, as the content of a file."""
-    artists, viewpoint = source.artists.shown(style.trails), source.drawing.viewpoint
+    artists, viewpoint = source.artists.shown(style.trails, sensors=style.sensors), source.drawing.viewpoint
     blocks, commands = blocks_of(source.ctx, artists), ArtistGroup(source.ctx, artists).commands()
     fine = sheet.dpi / CSS_DPI  # so that lines, letters and marks are as large on paper whatever the dpi
     box = bounds(commands)
@@ -118,6 +121,8 @@ def painted(source: "Source", sheet: Sheet, style: PageStyle) -> bytes:
     for words, left, middle in page.labels(Labels(), camera, source.ctx, artists, corner):
         pen.text(words, left, middle, LABEL_PX)
     commands = joined(joined(commands, pen.commands.freeze()), page.commands(camera, corner))
+    if page.has_captions:
+        commands = joined(commands, page.captions(camera, Captions(source.ctx, source.drawing).now(source.hidden)))
     commands = magnified(commands, fine)
     return sheet.backend(commands, camera, title=style.title, background=style.background, dpi=sheet.dpi)
 
@@ -134,7 +139,8 @@ def _sides(
 
 
 FRAMES_PER_TURN = 5  # a sixth of a second
-_HELD_SECONDS = 1.0  # how long the end is shown
+_HELD_SECONDS, _CARD_SECONDS = 1.0, 2.5  # how long the end is shown, and the card that says how it ended
+_CAPTION_SECONDS = 2.0
 _MOST_SHOWN = 20 << 20  # bytes of a film that a notebook keeps
 _FASTEST = 240.0  # frames per second
 _LONGEST_MP4_PX = 16_384
@@ -186,6 +192,25 @@ class Source(NamedTuple):
     drawing: Drawing
     artists: Artists
 
+    @property
+    def hidden(self) -> Collection[str]:
+        """The agents that fog hides."""
+        return () if self.artists.fog is None else self.artists.fog.hidden
+
+
+class _Kept:
+    """A painting that is prepared anew only when what it depends on has changed."""
+
+    def __init__(self) -> None:
+        self._key: object = None
+        self._painting = Painting(Commands().freeze())
+
+    def paint(self, canvas: Canvas, camera: Camera, key: object, draw: Callable[[], DrawCommands]) -> None:
+        """Paint what a function draws; with an equal key, what it drew before."""
+        if key != self._key:
+            self._key, self._painting = key, Painting(draw())
+        self._painting.paint(canvas, camera)
+
 
 class Frames:
     """Paints the state of a context at any time between two turns, always through the same camera.
@@ -200,6 +225,7 @@ class Frames:
     Attributes:
         width, height: pixels.
         canvas: the frame that was painted last.
+        captions: what happened in the last turns.
     """
 
     def __init__(
@@ -217,7 +243,7 @@ class Frames:
         width, height = asked
         if width is None or height is None or self._style.is_tight:
             with self._themed():
-                artists = source.artists.shown(self._style.trails)
+                artists = source.artists.shown(self._style.trails, sensors=self._style.sensors)
                 box, blocks = bounds(ArtistGroup(self.ctx, artists).commands()), blocks_of(self.ctx, artists)
             width, height = _sides(asked, box, blocks, self._viewpoint, self._style)
         self.width, self.height = (side + side % 2 * is_even for side in size(width, height, FILM_BYTES))
@@ -227,17 +253,24 @@ class Frames:
         self._is_new_turn = True
         self._blocks: tuple[Block, ...] = ()
         self._page = Page(self.width, self.height, (), self._style)
-        self._painted_page: tuple[Page, Camera, Painting] | None = None
+        self._around, self._below = _Kept(), _Kept()  # the map
+        self.captions, self._told = Captions(self.ctx, source.drawing), Told(0, "", ())
+        self._card: Card | None = None
+        self._camera: Camera | None = None  # of the last frame
 
     def begin_turn(self) -> None:
         """Look up which artists draw in this turn."""
         style = self._style if isinstance(self._style.labels, frozenset) else style_of(self.ctx, **self._options)
         with self._themed():
-            self._artists, self._is_new_turn = self._source.artists.shown(style.trails), True
+            self._artists, self._is_new_turn = self._source.artists.shown(style.trails, sensors=style.sensors), True
             blocks = grown(self._blocks, blocks_of(self.ctx, self._artists))
         if (blocks, style) != (self._blocks, self._style):
             self._blocks, self._style = blocks, style
             self._page = Page(self.width, self.height, blocks, style)
+        if style.has_captions:
+            with self._themed():
+                self._told = self.captions.now(self._source.hidden)
+                self._card = end_card(self.ctx, self._told.turn)
 
     def at(self, share: float) -> Canvas:
         """Return the picture after a share of the agents' last moves; it is painted over by the next one."""
@@ -250,13 +283,21 @@ class Frames:
         camera, corner = self._view(share)
         budget = None if self._viewpoint.followed is None else whole_frame()  # so that streets are shifted
         self.scene.paint(self.canvas, camera, self._style.background, budget)
-        labels = self._page.labels(self._labels, camera, self.ctx, artists, corner)
+        page, told = self._page, self._told
+        labels = page.labels(self._labels, camera, self.ctx, artists, corner)
         write_labels(self.canvas, labels, inks(self._style.background)[0])
-        painted = self._painted_page
-        if painted is None or painted[0] is not self._page or painted[1] != camera:
-            self._painted_page = painted = self._page, camera, Painting(self._page.commands(camera, corner))
-        painted[2].paint(self.canvas, camera)
+        self._around.paint(self.canvas, camera, (page, camera), lambda: page.commands(camera, corner))
+        if page.has_captions:
+            self._below.paint(self.canvas, camera, (page, camera, told), lambda: page.captions(camera, told))
+        self._camera = camera
         return self.canvas
+
+    def add_card(self) -> bool:
+        """Paint how the game ended over the last frame; False where it has not, or nothing is said in the film."""
+        if self._card is None or self._camera is None or not self._page.has_captions:
+            return False
+        Painting(self._page.card(self._camera, self._card)).paint(self.canvas, self._camera)
+        return True
 
     def _themed(self) -> AbstractContextManager[None]:
         return self._source.drawing.themed(self._style.theme)
@@ -281,6 +322,7 @@ class Film:
 
     def __init__(self, frames: Frames, plan: Plan, open_films: "list[Film]") -> None:
         self.plan, self._frames, self._open = plan, frames, open_films
+        frames.captions.turns = max(1, round(_CAPTION_SECONDS * plan.fps / plan.frames_per_turn))
         self._place = plan.path.resolve()
         if self._place in _being_made:
             raise Duplicate("a film that is being made", str(plan.path))
@@ -309,15 +351,15 @@ class Film:
             raise
 
     def finish(self) -> None:
-        """Hold the last frame for a second, and put the film in its place; one without a turn is not written."""
+        """Hold the last frame, say how the game ended, and put the film in its place; without a turn, write none."""
         if self._writer is None:
             return
         writer, self._writer = self._writer, None
         try:
             if self.frames:
-                for _ in range(round(_HELD_SECONDS * self.plan.fps)):
-                    writer.add(self._frames.canvas)
-                    self.frames += 1
+                self._hold(writer, _HELD_SECONDS)
+                if self._frames.add_card():
+                    self._hold(writer, _CARD_SECONDS)
                 writer.finish()
                 self._part.replace(self._place)
             else:
@@ -325,6 +367,12 @@ class Film:
                 self._frames.ctx.logger.warning("The film %r has no turn: it is not written.", self.plan.path.name)
         finally:
             self._close()
+
+    def _hold(self, writer: FilmWriter, seconds: float) -> None:
+        """Show the frame that was painted last for some time."""
+        for _ in range(round(seconds * self.plan.fps)):
+            writer.add(self._frames.canvas)
+            self.frames += 1
 
     def discard(self) -> None:
         """Give the film up: nothing is written."""

@@ -43,6 +43,9 @@ class Fog:
     Raises:
         UnknownName (KeyError): no agent is of this team.
         BadValue: none of its agents carries a sensor.
+
+    Attributes:
+        hidden: the names of the agents that it does not see.
     """
 
     def __init__(self, ctx: IContext, team: str) -> None:
@@ -54,7 +57,7 @@ class Fog:
         self._seen: dict[int, int] = {}  # node -> since which look
         self._looks = 0
         self._now: set[int] = set()
-        self._hidden: set[str] = set()  # agents
+        self.hidden: set[str] = set()
         self._sights: dict[str, Artist] = {}  # of sensors
         self._made: tuple[Any, ...] = ()  # columns, points, offsets, ends of streets
         self._streets_artist = Artist(ctx, _TurnDrawer(self._draw_streets), Layer.GRAPH)
@@ -83,7 +86,7 @@ class Fog:
     def _may_show(self, artist: IArtist) -> bool:
         """Return whether an artist shows an agent that is seen, or what does not depend on who sees it."""
         look = data_of(artist).get("agent_data") if isinstance(getattr(artist, "data", None), dict) else None
-        return look.name not in self._hidden if isinstance(look, AgentData) else artist.get_drawer() in _OPEN
+        return look.name not in self.hidden if isinstance(look, AgentData) else artist.get_drawer() in _OPEN
 
     # -- what is known ---------------------------------------------------------------------------------------
 
@@ -101,7 +104,7 @@ class Fog:
         self._looks += 1
         self._seen = dict.fromkeys(self._now, self._looks) | self._seen
         found = {_rounded(place) for view in views for place in view.agents.tolist()}
-        self._hidden = {agent.name for agent in self._others() if not self._is_found(agent, found)}
+        self.hidden = {agent.name for agent in self._others() if not self._is_found(agent, found)}
         cast("Any", self._ctx.visual).artists.fog = self
 
     def _others(self) -> Iterator[IAgent]:
@@ -147,7 +150,7 @@ class Fog:
         return points, offsets, ends
 
     def _draw_flags(self, ctx: IContext, data: dict[str, Any]) -> None:
-        render_flags(ctx, data | {"hidden": self._hidden})
+        render_flags(ctx, data | {"hidden": self.hidden})
 
     def _draw_tags(self, ctx: IContext, data: dict[str, Any]) -> None:
         render_tags(ctx, data | {"of": {agent.name for agent in self._own()}})

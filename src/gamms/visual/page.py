@@ -1,6 +1,7 @@
 """A page: how large it is, where the map stands on it, and what stands around the map.
 
-From the top down: the title; the map with the legend at its right; a line with the scale bar, north and the note.
+From the top down: the title; the map with the legend at its right; the turn and what happens in it; a line with the
+scale bar, north and the note.
 """
 
 from collections.abc import Mapping
@@ -19,6 +20,7 @@ from gamms.typing import IArtist, IContext
 from gamms.typing.visualization_engine import PictureOptions
 from gamms.visual.appearance import PAPER, Rgb, Rgba, inks, rgba
 from gamms.visual.camera import Box, Camera, Point, fit_box
+from gamms.visual.captions import LINE_PX, Card, Told, draw_card, draw_told
 from gamms.visual.labels import AUTO, Choice, Label, Labels, as_choice
 from gamms.visual.legend import Block, Legend, Pen
 from gamms.visual.lettering import shortened, words_width
@@ -37,6 +39,7 @@ _HEADER_PX, _TITLE_PX = 44.0, 28.0
 _ROW_PX, _NOTE_PX, _EDGE_PX, _GAP_PX = 20.0, 16.0, 8.0, 6.0  # of the line at the bottom
 _BAR_PX, _BAR, _LABEL_PX, _LEAST_PX = 120.0, 0.25, 60.0, 200.0  # of a scale bar: at most; its words; a page with one
 _NORTH_PX = 32.0
+_LEAST_HEIGHTS_PX = 120.0, 280.0  # of pages that have room for one caption, and for two
 _GROUND = 230  # alpha of what lies below words that may stand upon the map
 
 
@@ -53,6 +56,8 @@ class PageStyle:
     theme: Theme = THEMES["light"]
     labels: Choice = AUTO
     trails: int = 0
+    sensors: bool = True
+    has_captions: bool = False
 
 
 def style_of(ctx: IContext, **options: Unpack[PictureOptions]) -> PageStyle:
@@ -78,6 +83,8 @@ def style_of(ctx: IContext, **options: Unpack[PictureOptions]) -> PageStyle:
         theme=theme,
         labels=as_choice(ctx, options.get("labels", AUTO)),
         trails=as_turns(options.get("trails", 0)),
+        sensors=as_bool(options.get("sensors", True), "sensors"),
+        has_captions=as_bool(options.get("captions", False), "captions"),
     )
 
 
@@ -102,6 +109,7 @@ class Page:
 
     Attributes:
         legend: it has no extent where there is no room for it.
+        has_captions: whether there is room for what happens.
     """
 
     def __init__(self, width: int, height: int, blocks: tuple[Block, ...], style: PageStyle, fine: float = 1.0) -> None:
@@ -116,6 +124,9 @@ class Page:
         self._foot = 2.0 if not any(self._feet) else _ROW_PX * self._rows
         foot = self._margin if not any(self._feet) else _ROW_PX * self._rows + _GAP_PX
         aside = self._margin + (self.legend.width + self._margin if self.legend.width else 0.0)
+        self._lines = sum(self._size[1] >= least for least in _LEAST_HEIGHTS_PX) if style.has_captions else 0
+        self.has_captions = self._lines > 0
+        foot, self._foot = foot + LINE_PX * self._lines, self._foot + LINE_PX * self._lines
         self._margins = self._margin, (_HEADER_PX if style.title else self._margin), aside, foot
 
     def fit(self, low: FloatArray, high: FloatArray) -> tuple[Camera, Point]:
@@ -179,6 +190,22 @@ class Page:
         right, bottom = left + self.legend.width, top + self.legend.height
         taken = [(left - self._margin, top - self._margin, right, bottom + self._margin)] * bool(self.legend.width)
         return labels.placed(camera, self._fine, ctx, artists, self._style.labels, page, taken)
+
+    def captions(self, camera: Camera, told: Told) -> DrawCommands:
+        """Return the turn and what happened in it, below the map."""
+        (width, height), (left, *_, foot), lines = self._size, self._margins, self._lines
+        pen, top = self.pen(camera), height - foot + _GAP_PX
+        pen.rectangle(0.0, top, width, lines * LINE_PX, (*self._style.background[:3], _GROUND))
+        scores, (_, faint) = not self.legend.width, inks(self._style.background)
+        draw_told(pen, told, (left, top, width - 2 * left), lines, faint, scores=scores)
+        return pen.commands.freeze()
+
+    def card(self, camera: Camera, card: Card) -> DrawCommands:
+        """Return how the game ended, on a card upon the map."""
+        pen, (left, top, right, bottom), (width, height) = self.pen(camera), self._margins, self._size
+        center = (left + width - right) / 2, top + 0.4 * (height - top - bottom)
+        draw_card(pen, card, center, self._style.background[:3], inks(self._style.background)[1])
+        return pen.commands.freeze()
 
     @property
     def _rows(self) -> int:

@@ -175,7 +175,7 @@ class Pictures(Guarded):
             fps: frames per second.
             width: pixels; None: as the map needs that is there now. For MP4, odd sizes are rounded up.
             height: pixels; likewise.
-            frames_per_turn: 5 by default. The last frame of the film is held for a second.
+            frames_per_turn: 5 by default. The last frame is held, and then a card says how the game ended.
             options: what stands around the map; `PictureOptions` has the keywords.
 
         Raises:
@@ -201,6 +201,7 @@ class Pictures(Guarded):
 
         plan = film_plan(path, fps, width, height, frames_per_turn)
         source = Source(self._ctx, self._drawing, self._artists)
+        options.setdefault("captions", True)
         frames = Frames(source, plan.asked, options, is_even=plan.path.suffix.lower() == ".mp4")
         film = Film(frames, plan, self.films)
         self.films.append(film)

@@ -258,13 +258,14 @@ class TurnEvents:
 
     def __init__(self, ctx: IContext) -> None:
         self._ctx = ctx
-        self._begin = self._end = 0
+        self._begin = self._end = self.turns = 0
         self._eliminated: frozenset[str] | None = None  # of the last turn, once they are asked for
 
     def end_turn(self) -> None:
         """End a turn: its events are those that came since the one before."""
         self._begin, self._end = self._end, len(self._events())
         self._eliminated = None
+        self.turns += 1
 
     def go_to_turn(self) -> None:
         """Take the last events that bear the number of the present turn for its own, after a jump to that turn."""

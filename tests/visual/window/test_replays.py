@@ -147,7 +147,7 @@ def test_marks_are_of_the_teams_that_they_are_about(ctx, recording):
 def test_the_end_is_announced_and_can_be_dismissed(ctx, recording, person):
     play(ctx, recording, {})
     title, color, lines = ctx.visual.overlay.card()
-    assert (title, color, lines) == ("red wins", TEAM_COLORS[1], ["enough", "red 2 · blue 0", "8 turns"])
+    assert (title, color, lines) == ("red wins", TEAM_COLORS[1], ("enough", "red 2 · blue 0", "8 turns"))
     person.press("ESCAPE")
     ctx.visual.update()
     assert ctx.visual.overlay.card() is None

@@ -281,8 +281,8 @@ def _legend_of_events(find: Callable[[TurnEvents], Any], words: str, sign: str) 
     return lambda ctx: row if find(drawing_of(ctx).events) else None
 
 
-render_tags.__dict__["legend"] = _legend_of_events(lambda events: events.of_kind("tag"), "tagged in this turn", "tag")
-render_eliminated.__dict__["legend"] = _legend_of_events(TurnEvents.eliminated, "out in this turn", "cross")
+render_tags.__dict__["legend"] = _legend_of_events(lambda events: events.of_kind("tag"), "tagged", "tag")
+render_eliminated.__dict__["legend"] = _legend_of_events(TurnEvents.eliminated, "out", "cross")
 render_flags.__dict__["legend"] = _FLAGS
 render_goals.__dict__["legend"] = _GOALS
 for _drawer in (render_goals, render_tags, render_eliminated):

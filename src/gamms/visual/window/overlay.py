@@ -10,11 +10,12 @@ from gamms.deciding import Guarded, phase_of, refused_while_deciding
 from gamms.ir.graph import FloatArray
 from gamms.typing import IArtist, IContext
 from gamms.typing.agent_engine import AgentType
-from gamms.visual.appearance import AgentData, Rgb, color_group, rgba
+from gamms.visual.appearance import AgentData, color_group, rgba
 from gamms.visual.artist import looks_of
 from gamms.visual.artists import Artists
 from gamms.visual.backends.pygame_backend import Canvas
 from gamms.visual.camera import Point, WindowCamera, nearest_point
+from gamms.visual.captions import ALL_PLAYED, Card, end_card, score_line, scores_of
 from gamms.visual.default_scene import DefaultScene, artists_of_sights
 from gamms.visual.drawing import Drawing
 from gamms.visual.labels import AUTO, Choice, Labels, dots_of, write_labels
@@ -22,8 +23,8 @@ from gamms.visual.page import noted
 from gamms.visual.themes import Theme
 from gamms.visual.window.display import Pace
 from gamms.visual.window.input import Question, Walk
-from gamms.visual.window.panels import BADGE_PX, EDGE_PX, Hud, HudLines, score_line
-from gamms.visual.window.timeline import FOOT_PX, Timeline, ending
+from gamms.visual.window.panels import BADGE_PX, EDGE_PX, Hud, HudLines
+from gamms.visual.window.timeline import FOOT_PX, Timeline
 
 _USUAL_TRAILS = 8  # turns, where they are switched on by key
 _FPS_SECONDS = 0.5
@@ -182,22 +183,13 @@ class Overlay(Guarded):
         game = ctx.current_game
         turn = self.turns if game is None or not game.turn else game.turn
         speed = "" if self._pace.speed == 1.0 else f" · {self._pace.speed:g}x"
-        scores = self._scores()
+        scores = scores_of(ctx, self.timeline.scores)
         return [
             f"turn {turn}{speed}",
             *([score_line(scores)] if scores else []),
             *self._left(),
             self._frames_per_second(),
         ]
-
-    def _scores(self) -> dict[str, Any]:
-        """Return the scores, also those of teams that have none yet in a game in which others have."""
-        game = self._ctx.current_game
-        known = {} if game is None else {str(of): score for of, score in game.scores.items()}
-        counted = self.timeline.scores.keys() | known.keys()
-        teams = dict.fromkeys(str(team) for team in self._ctx.agent.positions.teams if team is not None)
-        named = list(teams) if counted & teams.keys() else []
-        return dict.fromkeys([*named, *sorted(counted - teams.keys())], 0) | known
 
     def _left(self) -> list[str]:
         """Return how many of each team are left, once an agent is out."""
@@ -262,17 +254,12 @@ class Overlay(Guarded):
         is_said = self._pace.is_paused and not self.timeline.can_seek
         return ["paused: space goes on, . shows one turn"] if is_said else []
 
-    def card(self) -> tuple[str, Rgb | None, list[str]] | None:
-        """Return how the game ended: who has won, with a colour, and why; None while it goes on, or was dismissed."""
+    def card(self) -> Card | None:
+        """Return how the game ended; None while it goes on, or was dismissed."""
         if not self.is_over or self._share < 1.0 or self._dismissed == self.turns:
             return None
-        game = self._ctx.current_game
-        over = None if game is None else game.over
-        usual = "end of the recording" if self.is_replay else "all turns are played"
-        title, reason = ("The end", usual) if over is None else ending(over)
-        color = None if over is None else self._drawing.group_colors().get(str(over["winner"]))
-        scores = sorted(self._scores().items(), key=lambda item: -item[1])
-        return title, color, [reason, *([score_line(dict(scores))] if scores else []), f"{self.turns} turns"]
+        usual = "end of the recording" if self.is_replay else ALL_PLAYED
+        return end_card(self._ctx, self.turns, self.timeline.scores, usual)
 
     @refused_while_deciding
     def dismiss(self) -> bool:

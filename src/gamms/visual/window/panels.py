@@ -1,6 +1,6 @@
 """What a window paints over the world: panels of text, the legend and small print, in the colours of a theme."""
 
-from collections.abc import Callable, Iterable, Mapping, Sequence
+from collections.abc import Callable, Iterable, Sequence
 from functools import lru_cache
 from typing import Any
 
@@ -158,11 +158,6 @@ def _overlap(one: _Box, other: _Box) -> float:
 def text_px(words: str, font_px: int) -> int:
     """Return how wide words are, in whole pixels."""
     return round(words_width(words, font_px))
-
-
-def score_line(scores: Mapping[Any, float]) -> str:
-    """Return scores by name, on one line."""
-    return " · ".join(f"{name} {value:g}" for name, value in scores.items())
 
 
 def _short(line: str) -> str:

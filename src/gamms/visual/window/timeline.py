@@ -8,6 +8,7 @@ from typing import Any, NamedTuple
 from gamms.visual.appearance import Rgb, Rgba
 from gamms.visual.backends.pygame_backend import Canvas, load
 from gamms.visual.camera import Point
+from gamms.visual.captions import captions_of, ending
 from gamms.visual.themes import Theme
 from gamms.visual.window.panels import EDGE_PX, FONT_PX, plain_panel, text_px
 
@@ -22,12 +23,7 @@ _TRACK_PX, _HANDLE_PX = 4, 14
 _MAJOR_PX, _MINOR_PX = (4, 18), (2, 10)  # width and height of marks
 _NEAR_PX = 5  # from the pointer to a mark that it is on
 _MOST_WORDS = 4  # marks that are explained at once
-_TOLD = {
-    "eliminated": "{agent} is out",
-    "capture": "{agent} captures a flag",
-    "take": "{agent} takes a flag",
-    "reach": "{agent} reaches the goal",
-}
+_UNMARKED = "tag", "respawned"  # kinds of events that are too many
 
 
 class Mark(NamedTuple):
@@ -72,10 +68,9 @@ class Timeline:
             winner = over.get("winner") if over else None
             if over:
                 self._marks.append(Mark(turn, None if winner is None else str(winner), ending(over)[0], True))
-        elif happening.get("kind") in _TOLD:
-            agent = str(happening.get("agent", "an agent"))
-            words = _TOLD[happening["kind"]].format(agent=agent)
-            self._marks.append(Mark(turn, self._team_of(agent), words, False))
+        elif happening.get("kind") not in _UNMARKED:
+            for words, agent in captions_of([happening]):
+                self._marks.append(Mark(turn, None if agent is None else self._team_of(agent), words, False))
 
     def _add_scores(self, turn: int, scores: Any) -> None:
         for of, score in dict(scores).items():
@@ -175,11 +170,3 @@ def _arrow(color: Rgba) -> Any:
     large.fill((*color[:3], 0))
     pygame.draw.polygon(large, color, [(0, 0), (0, 55), (47, 28)])
     return pygame.transform.smoothscale(large, (12, 14))
-
-
-def ending(over: Mapping[str, Any]) -> tuple[str, str]:
-    """Return who has won, and why the game is over, in words."""
-    winner, reason = over.get("winner"), str(over.get("reason", ""))
-    return "No winner" if winner is None else f"{winner} wins", {"max_turns": "all turns are played"}.get(
-        reason, reason
-    )

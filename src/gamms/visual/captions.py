@@ -1,0 +1,200 @@
+"""What happens in a game, in words: sentences for events, and how it ended; films, windows and commands share it."""
+
+from collections.abc import Collection, Iterable, Mapping
+from typing import Any, NamedTuple
+
+from gamms.typing import IContext
+from gamms.visual.appearance import Rgb, color_group
+from gamms.visual.drawing import Drawing, drawing_of
+from gamms.visual.legend import Pen
+from gamms.visual.lettering import shortened, words_width
+
+MOST_LINES = 2  # at once
+LINE_PX = 25.0
+_FONT_PX, _ASIDE_PX, _SPOT_PX = 21.0, 26.0, 5.0  # of captions; between the turn and them; their dots
+_CARD_PX, _TITLE_PX, _PAD_PX, _TITLE_SPOT_PX = 26.0, 34.0, 24.0, 8.0
+_LONGEST = 90  # letters
+_LAST = "starts again"  # which rules may note before others see why
+_TOLD = {  # kind of event -> which of its agents the sentence is about, and what it says of that one
+    "tag": ("other", "is tagged by {agent}"),
+    "take": ("agent", "takes the {flag} flag"),
+    "drop": ("agent", "loses the {flag} flag"),
+    "capture": ("agent", "brings the {flag} flag home"),
+    "reach": ("agent", "reaches the goal"),
+    "eliminated": ("agent", "is out"),
+    "respawned": ("agent", _LAST),
+}
+ALL_PLAYED = "all turns are played"
+_REASONS = {"max_turns": ALL_PLAYED}
+
+
+class Caption(NamedTuple):
+    """A sentence, and the agent that it is about."""
+
+    words: str
+    agent: str | None
+
+
+def captions_of(events: Iterable[Mapping[str, Any]]) -> list[Caption]:
+    """Return what happened in a turn: a sentence for each agent, and kind and agent where no sentence is known."""
+    told: dict[tuple[str | None, str], list[str]] = {}
+    for event in events:
+        kind, agent = str(event.get("kind", "")), event.get("agent")
+        about, predicate = _TOLD.get(kind, ("", ""))
+        if about and {"agent", about} <= event.keys() and ("{flag}" not in predicate or "flag" in event):
+            told.setdefault((str(event[about]), ""), []).append(predicate.format_map(event))
+        else:
+            told[None if agent is None else str(agent), kind] = []
+    return [Caption(_sentence(agent, kind, predicates), agent) for (agent, kind), predicates in told.items()]
+
+
+def _sentence(agent: str | None, kind: str, predicates: list[str]) -> str:
+    words = kind if agent is None else f"{agent}: {kind}"
+    if predicates:
+        *others, last = sorted(predicates, key=_LAST.__eq__)
+        words = f"{agent} {', '.join(others)} and {last}" if others else f"{agent} {last}"
+    return words if len(words) <= _LONGEST else f"{words[: _LONGEST - 1]}…"
+
+
+def score_line(scores: Mapping[Any, float]) -> str:
+    """Return scores by name, on one line."""
+    return " · ".join(f"{name} {value:g}" for name, value in scores.items())
+
+
+def scores_of(ctx: IContext, later: Iterable[str] = ()) -> dict[str, float]:
+    """Return the scores by text, of all teams where one has any; `later` are those that will have some."""
+    game = ctx.current_game
+    known = {} if game is None else {str(of): score for of, score in game.scores.items()}
+    teams = dict.fromkeys(str(team) for team in ctx.agent.positions.teams if team is not None)
+    counted = {*later, *known}
+    return dict.fromkeys([*(teams if counted & teams.keys() else ()), *sorted(counted - teams.keys())], 0) | known
+
+
+def ending(over: Mapping[str, Any]) -> tuple[str, str]:
+    """Return who has won, and why the game is over, in words."""
+    winner, reason = over.get("winner"), str(over.get("reason", ""))
+    return "No winner" if winner is None else f"{winner} wins", _REASONS.get(reason, reason)
+
+
+class Card(NamedTuple):
+    """How a game ended: who has won, in which colour, and why, with the scores and the number of turns."""
+
+    title: str
+    color: Rgb | None
+    lines: tuple[str, ...]
+
+
+def end_card(ctx: IContext, turn: int, later: Iterable[str] = (), usual: str = "") -> Card | None:
+    """Return how the game ended; where it did not, and there is no usual reason for its last turn, None."""
+    game = ctx.current_game
+    over = None if game is None else game.over
+    if game is not None and turn and turn == game.last_turn:
+        usual = usual or ALL_PLAYED
+    if over is None and not usual:
+        return None
+    title, reason = ("The end", usual) if over is None else ending(over)
+    color = None if over is None else drawing_of(ctx).group_colors().get(str(over["winner"]))
+    scores = dict(sorted(scores_of(ctx, later).items(), key=lambda item: -item[1]))
+    return Card(title, color, (reason, *([score_line(scores)] if scores else []), f"{turn} turn{'s' * (turn != 1)}"))
+
+
+class Line(NamedTuple):
+    """A line of what happened, the colour of the team that it is about, and for how many turns it will be shown."""
+
+    words: str
+    color: Rgb | None
+    turns: int
+
+
+class Told(NamedTuple):
+    """What stands below the map: the turn, the scores, and what happened, the latest first."""
+
+    turn: int
+    scores: str
+    lines: tuple[Line, ...]
+
+
+class Captions:
+    """What happened in the last turns.
+
+    Args:
+        ctx: the context.
+        drawing: has the events of the turn that is shown.
+
+    Attributes:
+        turns: for how many a line is shown.
+    """
+
+    def __init__(self, ctx: IContext, drawing: Drawing) -> None:
+        self._ctx, self._drawing, self.turns = ctx, drawing, 1
+        self._lines: list[Line] = []
+
+    def now(self, hidden: Collection[str] = ()) -> Told:
+        """Return what is said in this turn; call it once in each.
+
+        Args:
+            hidden: agents that are not shown; what happens among them is not told.
+        """
+        game, colors, agents = self._ctx.current_game, self._drawing.group_colors(), self._ctx.agent.agents
+        new = list[Line]()
+        if game is not None and game.over is not None:
+            color = colors.get(str(game.over.get("winner")))
+            new.append(Line(": ".join(ending(game.over)), color, self.turns))
+        for words, name in captions_of(one for one in self._drawing.events.of_turn() if _is_open(one, hidden)):
+            color = colors[str(color_group(agents[name]))] if name in agents else None
+            new.append(Line(words, color, self.turns))
+        if len(new) > MOST_LINES:
+            last = new[MOST_LINES - 1]
+            new[MOST_LINES - 1 :] = [last._replace(words=f"{last.words}, and {len(new) - MOST_LINES} more")]
+        older = [line._replace(turns=line.turns - 1) for line in self._lines if line.turns > 1]
+        self._lines = [*new, *older][:MOST_LINES]
+        turn = (0 if game is None else game.turn) or self._drawing.events.turns
+        return Told(turn, score_line(scores_of(self._ctx)), tuple(self._lines))
+
+
+def _is_open(event: Mapping[str, Any], hidden: Collection[str]) -> bool:
+    """Return whether an event names an agent that is not hidden; where none is, all are told."""
+    return not hidden or any(key in event and str(event[key]) not in hidden for key in ("agent", "other"))
+
+
+def draw_told(pen: Pen, told: Told, at: tuple[float, float, float], lines: int, faint: Rgb, *, scores: bool) -> None:
+    """Draw the turn, the scores if they are asked for, and at their right the captions.
+
+    Args:
+        pen: of the page.
+        told: what is said.
+        at: the left end, the upper end and the width of the space for it.
+        lines: how many there are.
+        faint: the ink of what happened in earlier turns.
+        scores: whether nothing else shows them.
+    """
+    left, top, width = at
+    words = f"turn {told.turn}" + (f" · {told.scores}" if scores and told.scores else "")
+    pen.text(shortened(words, _FONT_PX, width), left, top + 0.5 * LINE_PX, _FONT_PX)
+    begin = left + max(words_width(words, _FONT_PX), words_width("turn 0000", _FONT_PX)) + _ASIDE_PX
+    room = left + width - begin - 4 * _SPOT_PX
+    newest = max((line.turns for line in told.lines), default=0)
+    for number, line in enumerate(told.lines[:lines] if room > _ASIDE_PX else ()):
+        middle, ink = top + (number + 0.5) * LINE_PX, None if line.turns == newest else faint
+        if line.color is not None:
+            pen.circle(begin + _SPOT_PX, middle, _SPOT_PX, line.color)
+        pen.text(shortened(line.words, _FONT_PX, room), begin + 4 * _SPOT_PX, middle, _FONT_PX, ink)
+
+
+def draw_card(pen: Pen, card: Card, center: tuple[float, float], ground: Rgb, faint: Rgb) -> None:
+    """Draw how a game ended on a card around a point."""
+    spot = 0.0 if card.color is None else 3.0 * _TITLE_SPOT_PX
+    title = words_width(card.title, _TITLE_PX) + spot
+    width = max(title, *(words_width(line, _FONT_PX) for line in card.lines)) + 2 * _PAD_PX
+    height = _TITLE_PX + _CARD_PX * len(card.lines) + 1.6 * _PAD_PX
+    (x, y), edge = center, 1.0
+    left, top = x - width / 2, y - height / 2
+    pen.rectangle(left - edge, top - edge, width + 2 * edge, height + 2 * edge, (*faint, 255))
+    pen.rectangle(left, top, width, height, (*ground, 255))
+    middle = top + 0.8 * _PAD_PX + 0.5 * _TITLE_PX
+    if card.color is not None:
+        pen.circle(x - title / 2 + _TITLE_SPOT_PX, middle, _TITLE_SPOT_PX, card.color)
+    pen.text(card.title, x - title / 2 + spot, middle, _TITLE_PX)
+    for number, line in enumerate(card.lines):
+        down = top + 0.8 * _PAD_PX + _TITLE_PX + (number + 0.6) * _CARD_PX
+        pen.text(line, x - words_width(line, _FONT_PX) / 2, down, _FONT_PX, faint if number == 0 else None)

@@ -1,0 +1,203 @@
+"""What happens is said below films: in sentences, by kind where there is none, with turn, scores and the end."""
+
+import re
+
+import numpy as np
+import pytest
+
+import gamms
+from gamms.rules import tag
+from gamms.visual.captions import Captions, captions_of, end_card, scores_of
+
+
+@pytest.fixture
+def duel():
+    """Two teams of two on a street of ten nodes, which stay where they are."""
+    with gamms.create_context(seed=1, logger_config={"level": "CRITICAL"}) as ctx:
+        ctx.graph.attach_networkx_graph(gamms.graph.grid(2, 10, 10.0))
+        for number in range(4):
+            team = ("red", "blue")[number % 2]
+            name = f"{team}_{number // 2}"
+            ctx.agent.create_agent(name, start_node_id=3 * number, team=team, strategy=lambda state: None)
+        yield ctx
+
+
+def words_of(events):
+    return [caption.words for caption in captions_of(events)]
+
+
+def text_of(picture):
+    return re.findall(r"<text[^>]*>([^<]+)", picture.decode())
+
+
+def emits(*turns):
+    """A rule that emits kinds of events, those of the first turn first."""
+
+    def emit(ctx):
+        for kind, data in turns[ctx.game.turn - 1] if ctx.game.turn <= len(turns) else ():
+            ctx.game.emit(kind, **data)
+
+    return emit
+
+
+# -- words --------------------------------------------------------------------------------------------------------
+
+
+def test_an_event_is_a_sentence_about_the_agent_to_whom_it_happens():
+    assert words_of([{"kind": "take", "agent": "red_2", "flag": "blue"}]) == ["red_2 takes the blue flag"]
+    assert words_of([{"kind": "tag", "agent": "blue_3", "other": "red_1"}]) == ["red_1 is tagged by blue_3"]
+
+
+def test_what_happens_to_an_agent_in_a_turn_is_one_sentence():
+    events = [
+        {"kind": "tag", "agent": "blue_3", "other": "red_1", "node": 7},
+        {"kind": "eliminated", "agent": "blue_0"},
+        {"kind": "respawned", "agent": "red_1", "node": 2},
+        {"kind": "drop", "agent": "red_1", "flag": "blue"},
+    ]
+    first = "red_1 is tagged by blue_3, loses the blue flag and starts again"
+    assert words_of(events) == [first, "blue_0 is out"]
+
+
+def test_an_event_without_a_sentence_is_its_kind_and_agent():
+    assert words_of([{"kind": "storm", "agent": "anna", "strength": 3}, {"kind": "dusk"}]) == ["anna: storm", "dusk"]
+
+
+@pytest.mark.parametrize("event", [{"kind": "tag", "agent": "anna"}, {"kind": "take", "agent": "anna"}])
+def test_an_event_of_a_known_kind_that_lacks_what_its_sentence_needs_is_not_made_up(event):
+    assert words_of([event]) == [f"anna: {event['kind']}"]
+
+
+def test_braces_in_names_are_letters():
+    assert words_of([{"kind": "tag", "agent": "{flag}", "other": "{0.x}"}]) == ["{0.x} is tagged by {flag}"]
+
+
+def test_teams_without_a_score_have_none_only_where_nobody_has_one(duel):
+    assert scores_of(duel) == {}
+    duel.game.scores["blue"] += 2
+    assert scores_of(duel) == {"red": 0, "blue": 2}
+
+
+def test_a_card_says_who_won_why_and_when(duel):
+    assert end_card(duel, 0) is None
+    duel.game.add(lambda ctx: ctx.game.end("enough", winner="red"))
+    duel.game.scores["red"] += 1
+    duel.game.run(5)
+    card = end_card(duel, duel.game.turn)
+    assert (card.title, card.lines) == ("red wins", ("enough", "red 1 · blue 0", "1 turn"))
+    assert card.color == duel.visual.drawing.group_colors()["red"]
+
+
+# -- pictures and films -------------------------------------------------------------------------------------------
+
+
+def test_a_picture_says_the_turn_and_what_happened_in_it_if_it_is_asked_to(duel):
+    duel.game.add(emits([("storm", {"agent": "red_0"})], [("dusk", {})]))
+    duel.game.run(2)
+    assert not {"turn 2", "dusk"} & set(text_of(duel.visual.picture(".svg", 600, 400)))
+    said = text_of(duel.visual.picture(".svg", 600, 400, captions=True))
+    assert {"turn 2", "dusk"} <= set(said)
+    assert "red_0: storm" not in said
+
+
+def test_a_picture_of_the_end_says_how_the_game_ended(duel):
+    duel.game.add(lambda ctx: ctx.game.end("enough", winner="blue"))
+    duel.game.run()
+    assert "blue wins: enough" in text_of(duel.visual.picture(".svg", 600, 400, captions=True))
+
+
+def test_scores_stand_beside_the_turn_where_there_is_no_legend(duel):
+    duel.game.scores["red"] += 3
+    duel.game.run(1)
+    duel.visual.set_graph_visual()  # without a legend
+    assert "turn 1 · red 3 · blue 0" in text_of(duel.visual.picture(".svg", 600, 400, captions=True))
+
+
+@pytest.mark.parametrize(("height", "lines"), [(100, 0), (200, 1), (400, 2)])
+def test_a_low_picture_has_fewer_lines(duel, height, lines):
+    duel.game.add(emits([("dawn", {}), ("dusk", {})]))
+    duel.game.run(1)
+    said = text_of(duel.visual.picture(".svg", 600, height, captions=True))
+    assert len({"dawn", "dusk"} & set(said)) == lines
+    assert ("turn 1" in said) is (lines > 0)
+
+
+def test_a_caption_stays_for_some_turns_and_the_latest_is_first(duel):
+    duel.game.add(emits([("dawn", {})], [("noon", {})], [], [("dusk", {"agent": "blue_1"})]))
+    captions, said = Captions(duel, duel.visual.drawing), []
+    captions.turns = 2
+    for _ in range(5):
+        duel.game.step()
+        said.append([line.words for line in captions.now().lines])
+    assert said == [["dawn"], ["noon", "dawn"], ["noon"], ["blue_1: dusk"], ["blue_1: dusk"]]
+
+
+def test_a_caption_has_the_colour_of_its_team(duel):
+    duel.game.add(emits([("dusk", {"agent": "blue_1"}), ("dawn", {})]))
+    duel.game.step()
+    told = Captions(duel, duel.visual.drawing).now()
+    assert [line.color for line in told.lines] == [duel.visual.drawing.group_colors()["blue"], None]
+
+
+def test_what_is_too_much_for_the_lines_is_counted(duel):
+    duel.game.add(emits([(kind, {}) for kind in ("one", "two", "three", "four")]))
+    duel.game.step()
+    assert [line.words for line in Captions(duel, duel.visual.drawing).now().lines] == ["one", "two, and 2 more"]
+
+
+def test_what_happens_among_hidden_agents_is_not_told(duel):
+    duel.game.add(emits([("storm", {"agent": "red_0"}), ("tag", {"agent": "red_1", "other": "blue_1", "node": 0})]))
+    duel.game.step()
+    told = Captions(duel, duel.visual.drawing).now({"red_0", "red_1"})
+    assert [line.words for line in told.lines] == ["blue_1 is tagged by red_1"]
+
+
+def test_the_paper_s_loop_is_counted(duel):
+    for _ in range(3):
+        duel.visual.simulate()
+    assert Captions(duel, duel.visual.drawing).now().turn == 3
+
+
+def frames_of(path):
+    av = pytest.importorskip("av")
+    with av.open(str(path)) as film:
+        return [frame.to_ndarray(format="rgb24").astype(int) for frame in film.decode(video=0)]
+
+
+@pytest.mark.parametrize(("rule", "is_said"), [(tag("red", "blue", hops=9), False), (gamms.rules.time_limit(2), True)])
+def test_a_film_ends_with_a_card_only_if_the_game_is_over(duel, tmp_path, rule, is_said):
+    duel.game.add(rule)
+    with duel.visual.film(tmp_path / "a.mp4", 10, 640, 400, 2) as film:
+        duel.game.step()
+        duel.game.step()
+    assert film.frames == 4 + 10 + 25 * is_said
+    held, last = frames_of(tmp_path / "a.mp4")[5], frames_of(tmp_path / "a.mp4")[-1]
+    assert bool((np.abs(held - last).max(axis=2) > 60).any()) is is_said
+
+
+def test_a_film_without_captions_has_no_card(duel, tmp_path):
+    duel.game.add(gamms.rules.time_limit(1))
+    with duel.visual.film(tmp_path / "a.mp4", 10, 640, 400, 2, captions=False) as film:
+        duel.game.run()
+    assert film.frames == 2 + 10
+
+
+def test_captions_are_painted_once_for_all_frames_of_a_turn(duel, tmp_path, monkeypatch):
+    from gamms.visual.page import Page
+
+    drawn = []
+    captions = Page.captions
+    monkeypatch.setattr(Page, "captions", lambda *of: drawn.append(of[-1]) or captions(*of))
+    with duel.visual.film(tmp_path / "a.mp4", 10, 640, 400, 8):
+        duel.game.run(3)
+    assert [told.turn for told in drawn] == [1, 2, 3]
+
+
+def test_sensors_can_be_left_out(duel):
+    duel.sensor.create_sensor("eyes", gamms.sensor.SensorType.RANGE, sensor_range=15.0)
+    duel.agent.get_agent("red_0").register_sensor("eyes", duel.sensor.get_sensor("eyes"))
+    duel.game.step()
+    assert "sensor_eyes" in duel.visual.artists.shown()
+    assert not {"sensor_eyes", "rings"} & duel.visual.artists.shown(sensors=False).keys()
+    assert "field of view" in text_of(duel.visual.picture(".svg", 600, 400))
+    assert "field of view" not in text_of(duel.visual.picture(".svg", 600, 400, sensors=False))
