@@ -23,6 +23,7 @@ bench: $(VENV)/.dev
 
 figures: $(VENV)/.dev
 	$(BIN)/python examples/figures.py docs/figures
+	out=$$(mktemp -d) && $(BIN)/gamms demo --no-film --out $$out && cp $$out/final.svg docs/demo.svg && rm -r $$out
 	$(BIN)/python scripts/draw_architecture.py docs/figures
 
 format: $(VENV)/.dev

@@ -41,7 +41,7 @@ def test_it_films_the_game_and_names_all_that_it_wrote(tmp_path):
     assert all(f"{tmp_path / name}" in done.stdout for name in files)
     assert "Not made" not in done.stdout
     with av.open(str(tmp_path / "game.mp4")) as film:
-        assert sum(1 for _ in film.decode(video=0)) == 20 + 25  # the last one is held for a second
+        assert sum(1 for _ in film.decode(video=0)) == 20 + 25 + 62  # the last one is held, and then there is a card
 
 
 @pytest.mark.parametrize(

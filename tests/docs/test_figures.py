@@ -1,11 +1,13 @@
-"""The figures that the documentation shows are those that the example makes; `make figures` refreshes them."""
+"""The figures that the documentation shows are those that example and demo make; `make figures` refreshes them."""
 
 import runpy
 from pathlib import Path
 
 import numpy as np
 import pytest
+from typer.testing import CliRunner
 
+from gamms import cli
 from gamms.visual.backends.pillow_backend import pixels_of
 
 ROOT = Path(__file__).parents[2]
@@ -44,6 +46,11 @@ def test_a_vector_figure_is_the_same_file(made, name):
 @pytest.mark.parametrize("name", ["capture_the_flag", "city", "from_the_air"])
 def test_a_figure_of_a_real_map_names_its_source(made, name):
     assert "OpenStreetMap contributors" in (made / f"{name}.svg").read_text()
+
+
+def test_the_picture_of_the_readme_is_what_the_demo_draws(tmp_path):
+    CliRunner().invoke(cli.app, ["demo", "--no-film", "--out", str(tmp_path)], catch_exceptions=False)
+    assert (tmp_path / "final.svg").read_text() == (ROOT / "docs/demo.svg").read_text()
 
 
 def test_the_figures_stay_small():

@@ -9,7 +9,7 @@ from inspect import Parameter, signature
 from itertools import dropwhile
 from pathlib import Path
 from traceback import FrameSummary, StackSummary, TracebackException
-from typing import TYPE_CHECKING, Annotated, Any
+from typing import TYPE_CHECKING, Annotated, Any, Unpack
 
 import typer
 from rich.console import Console
@@ -22,6 +22,7 @@ from gamms.text import printable, printable_line, reason
 
 if TYPE_CHECKING:
     from gamms.context import Context
+    from gamms.typing import PictureOptions
 
 RECORDING = "game.ggr"
 _MaxMemory = Annotated[
@@ -30,11 +31,11 @@ _MaxMemory = Annotated[
 ]
 _Traceback = Annotated[bool, typer.Option("--traceback", help="Print errors with all that Python knows of them.")]
 _GAMMS = str(Path(__file__).parents[1])
-_PICTURE, _FINE = (1400, 1600), 192.0  # pixels, of which so many are an inch
+_FINE = 192.0  # pixels of an inch
 _MOST_ROWS = 500  # of a table that is printed
-_FILMS: dict[str, dict[str, Any]] = {  # the first that can be written; under half a minute for 300 turns
-    "game.mp4": {"fps": 25, "width": 700, "height": 800, "frames_per_turn": 2},
-    "game.gif": {"fps": 12, "width": 560, "height": 640, "frames_per_turn": 1},
+_FILMS: dict[str, dict[str, Any]] = {  # the first that can be written; under a minute for 600 turns
+    "game.mp4": {"fps": 25, "frames_per_turn": 2},
+    "game.gif": {"fps": 12, "height": 640, "frames_per_turn": 1},
 }
 
 
@@ -162,11 +163,11 @@ def recorded(ctx: "Context", folder: Path) -> Iterator[Path]:
 
 
 @contextmanager
-def filmed(ctx: "Context", folder: Path, title: str) -> Iterator[Path | None]:
+def filmed(ctx: "Context", folder: Path, **page: Unpack["PictureOptions"]) -> Iterator[Path | None]:
     """Film a game into a folder; yield the file, or None where the libraries for films are missing."""
     for name, options in _FILMS.items():
         try:
-            film = ctx.visual.film(folder / name, **options, title=title)
+            film = ctx.visual.film(folder / name, **options, **page)
         except MissingExtra:
             continue
         with film:
@@ -175,7 +176,7 @@ def filmed(ctx: "Context", folder: Path, title: str) -> Iterator[Path | None]:
     yield None
 
 
-def save_pictures(ctx: "Context", folder: Path, title: str) -> list[Path]:
+def save_pictures(ctx: "Context", folder: Path, **page: Unpack["PictureOptions"]) -> list[Path]:
     """Save the last state as `final.svg`, and as `final.png` where Pillow is installed; return the files.
 
     There are none if the context has ended, because somebody has closed the window.
@@ -185,7 +186,7 @@ def save_pictures(ctx: "Context", folder: Path, title: str) -> list[Path]:
         return files
     for name in ("final.png", "final.svg"):
         try:
-            ctx.visual.save(folder / name, *_PICTURE, title=title, dpi=_FINE, fit="tight")
+            ctx.visual.save(folder / name, dpi=_FINE, **page)
         except MissingExtra:
             continue
         files.append(folder / name)

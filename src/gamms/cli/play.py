@@ -26,6 +26,7 @@ if TYPE_CHECKING:
     from gamms.context import Context
     from gamms.game import Result
     from gamms.scenario import Scenario
+    from gamms.typing import PictureOptions
 
 _HELSINKI = "Central Helsinki"
 _NAMES = ("red", "blue")
@@ -51,19 +52,20 @@ def demo(
     film: Annotated[bool, typer.Option("--film/--no-film", help="Whether to film it.")] = True,
 ) -> None:
     """Play capture the flag on the streets of a city."""
-    from gamms.demo import capture_the_flag, check_ways, report
+    from gamms.demo import capture_the_flag, check_ways
 
     sides = _parsed_teams(teams)
     game = capture_the_flag(sides, max_turns, map)
     map_name = _HELSINKI if map is None else map.name
+    page: PictureOptions = {"title": f"Capture the flag, {map_name}", "captions": True, "sensors": False}
     with game.build(seed) as ctx:
         check_ways(ctx)
         with ExitStack() as making:
             recording = making.enter_context(recorded(ctx, out))
-            film_file = making.enter_context(filmed(ctx, out, map_name) if film else nullcontext())
+            film_file = making.enter_context(filmed(ctx, out, **page) if film else nullcontext())
             played = ctx.game.run(progress=True)
         played.save(out / "result.json")
-        pictures = save_pictures(ctx, out, f"{map_name}: {report.headline(ctx, played)}")
+        pictures = save_pictures(ctx, out, **page)
         _print_demo(ctx, played, sides, map_name)
     named = "" if film_file is None else f", {film_file} (the game as a film)"
     wanted = [out / name for name in ("game.mp4",) * film + ("final.png",)]
@@ -147,7 +149,7 @@ def _play_one(
                 making.enter_context(ctx.visual.film(film, title=name))
             result = ctx.game.run(progress=True)
         result.save(out / "result.json")
-        pictures = save_pictures(ctx, out, f"{name}: {result.headline()}")
+        pictures = save_pictures(ctx, out, title=name, captions=True)
         echo(f"\n{name}: {result}")
         made = [f"{out / 'result.json'} (what came of it)", f"{recording} (every move; gamms replay)"]
         if film is not None:

@@ -2,16 +2,13 @@
 
 from collections import Counter
 from collections.abc import Iterator
+from itertools import groupby
+from operator import itemgetter
 from typing import Any
 
 from gamms.context import Context
 from gamms.game.result import Result
-
-_SENTENCES = {
-    "take": "{agent} takes the {flag} flag",
-    "capture": "{agent} brings it home: {score}",
-    "drop": "{agent} is tagged, and the {flag} flag is saved",
-}
+from gamms.visual.captions import captions_of
 
 
 def headline(ctx: Context, played: Result) -> str:
@@ -23,10 +20,15 @@ def headline(ctx: Context, played: Result) -> str:
 def story(ctx: Context, played: Result) -> Iterator[tuple[int, str]]:
     """Turn and sentence of everything that moved a flag."""
     score: Counter[str] = Counter()
-    for event in played.events:
-        if event["kind"] in _SENTENCES:
-            score[ctx.agent.get_agent(event["agent"]).team] += event["kind"] == "capture"
-            yield event["turn"], _SENTENCES[event["kind"]].format(score=_score(list(sides(ctx)), score), **event)
+    for turn, events in groupby(played.events, itemgetter("turn")):
+        of_turn = list(events)
+        for words, name in captions_of(of_turn):
+            own = [event["kind"] for event in of_turn if event["agent"] == name and "flag" in event]
+            if name is not None and "capture" in own:
+                score[ctx.agent.get_agent(name).team] += 1
+                yield turn, f"{words}: {_score(list(sides(ctx)), score)}"
+            elif own:
+                yield turn, words
 
 
 def table(ctx: Context, played: Result) -> list[tuple[str, ...]]:
