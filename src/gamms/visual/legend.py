@@ -37,6 +37,7 @@ _ASIDE = 0.45  # of the width of a picture: no more is taken from the map
 _MOST_ROWS = 12
 _DISC = "disc"
 _SMALL_PX, _HEADING_PX, _FAINT, _LARGE = 17.0, 17.0, (119, 119, 119), "0000"
+_FAINT_BY_NIGHT = (150, 154, 160)
 _MOST_COLORS = 1024
 _RIM = (255, 255, 255)
 
@@ -203,6 +204,11 @@ class Pen:
         self._camera, self._ink, self.commands = camera, ink, Commands()
         self._scale = camera.scale / fine
 
+    @property
+    def faint(self) -> Rgb:
+        """The ink of headings: paler, and light where other words are."""
+        return _FAINT if sum(self._ink) < 3 * 128 else _FAINT_BY_NIGHT
+
     def _place(self, x: float, y: float) -> tuple[float, float]:
         return self._camera.left + x / self._scale, self._camera.top - y / self._scale
 
@@ -250,7 +256,7 @@ def _draw_rows(pen: Pen, block: Rows, left: float, top: float) -> None:
     top += _draw_title(pen, block.title, left, top)
     end = left + _values_end(block)
     if block.heading:
-        pen.text(block.heading, end - words_width(block.heading, _SMALL_PX), top + 0.4 * _LINE_PX, _SMALL_PX, _FAINT)
+        pen.text(block.heading, end - words_width(block.heading, _SMALL_PX), top + 0.4 * _LINE_PX, _SMALL_PX, pen.faint)
         top += _HEADING_PX
     for number, row in enumerate(_shown(block)):
         middle = top + (number + 0.5) * _LINE_PX

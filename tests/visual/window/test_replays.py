@@ -7,7 +7,7 @@ import pytest
 import gamms
 from gamms.visual import Engine
 from gamms.visual.appearance import TEAM_COLORS
-from gamms.visual.window import engine
+from gamms.visual.window import engine, panels
 from gamms.visual.window.timeline import HEIGHT_PX, Mark, Timeline
 
 TURNS = 8
@@ -243,3 +243,26 @@ def test_a_block_ends_at_once_where(monkeypatch, recording, why):
     with pytest.raises(RuntimeError) if why == "an error" else nullcontext():
         block()
     assert not stayed
+
+
+def test_the_card_of_the_end_covers_no_panel_in_a_small_window(open_window, recording, monkeypatch):
+    ctx, boxes = open_window(is_empty=True, width=400, height=300), []
+    paint = panels.Hud.paint_card
+    monkeypatch.setattr(
+        panels.Hud, "paint_card", lambda self, *given: paint(self, *given) or boxes.append(list(self.taken))
+    )
+    for _ in ctx.record.replay(recording):
+        pass
+    ctx.visual.update()
+    *others, card = boxes[-1]
+    assert len(others) >= 2
+    assert all(panels._overlap(card, box) == 0 for box in others)
+
+
+def test_the_map_lies_above_the_line_of_turns(open_window, recording):
+    ctx = open_window(is_empty=True, width=400, height=300)
+    for _ in ctx.record.replay(recording):
+        pass
+    ctx.visual.update()
+    places = ctx.visual.camera.camera().to_screen(ctx.graph.columns().xy)
+    assert places[:, 1].max() < ctx.visual.overlay.timeline._bar[1]

@@ -506,7 +506,7 @@ class WindowEngine(WindowNames, PictureEngine):
             return
         revision = getattr(self.ctx.graph.graph, "revision", None)
         # Not the width of the legend: with it, the map would jump whenever a score has one more digit.
-        now = revision, self.screen.get_size(), len(self.overlay.hud.legend.blocks)
+        now = revision, self.screen.get_size(), len(self.overlay.hud.legend.blocks), self.overlay.foot
         if revision is None or now != self._fitted:
             self._fitted = now
             self._see_graph()
@@ -515,7 +515,7 @@ class WindowEngine(WindowNames, PictureEngine):
         xy = self.ctx.graph.columns().xy
         if len(xy):
             side, top, low = (min(px, share * self.height) for px, share in _MARGINS)
-            margins = side, top, max(side, self.overlay.hud.legend.width), low
+            margins = side, top, max(side, self.overlay.hud.legend.width), max(low, self.overlay.foot + 16)
             self.camera.look_at_box(xy.min(axis=0), xy.max(axis=0), margins)
 
     def _see_choices(self, places: FloatArray) -> None:

@@ -222,14 +222,18 @@ class Overlay(Guarded):
                 self._ctx.logger.error(f"The HUD could not be written: {type(error).__name__}: {error}")  # noqa: TRY400
             return []
 
+    @property
+    def foot(self) -> int:
+        """Pixels along the lower edge that the timeline takes, if it is shown, besides the usual distance of panels."""
+        return FOOT_PX if self.hud.is_shown and self.timeline.is_shown else 0
+
     def paint(self, canvas: Canvas, write: HudLines | None, question: Question | None) -> None:
         """Paint names, the text that a function writes, the timeline, a person's choices, and how the game ended."""
         self._paint_names(canvas)
         lines = self.lines(write) if self.hud.is_shown else []
         if self._ctx.is_terminated():  # by the function that writes them
             return
-        has_line = self.hud.is_shown and self.timeline.is_shown
-        foot = FOOT_PX if has_line else 0
+        has_line, foot = self.foot > 0, self.foot
         credit, has_hint = noted(self._ctx, ""), write == self.turn_lines
         self.hud.paint(canvas, lines, self._prompt(question), credit, foot, has_hint=has_hint)
         if has_line:

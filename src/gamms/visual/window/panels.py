@@ -105,6 +105,9 @@ class Hud:
         width = max(width, text_px(title, _TITLE_PX) + spot + 2 * _PAD_PX) + 2 * _PAD_PX
         height += _TITLE_PX + 2 * _PAD_PX
         left, top = (canvas.width - width) // 2, max((canvas.height - height) // 5, EDGE_PX)
+        upper = [box for box in self.taken if box[1] < canvas.height / 2]
+        if any(_overlap(_box(left, top, width, height), box) for box in upper):  # in a small window: below all of them
+            top = round(max(box[3] for box in upper)) + EDGE_PX
         canvas.surface.blit(plain_panel(width, height, (*self.theme.card[:3], 245), self.theme.border), (left, top))
         begin = (canvas.width - text_px(title, _TITLE_PX) - spot) // 2
         if color is not None:
