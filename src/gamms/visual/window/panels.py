@@ -227,7 +227,8 @@ class WindowLegend:
             canvas.surface.blit(self._panel_surface, place, special_flags=load().BLEND_PREMULTIPLIED)
 
     def _painted(self, behind: Rgba) -> Any:
-        canvas, theme = Canvas(self.width, self.height), self._theme
+        theme = self._theme
+        canvas = Canvas(self.width, self.height, paper=theme.background[:3])
         canvas.fill(behind)
         card = plain_panel(self.width - EDGE_PX, self.height - EDGE_PX, theme.card, theme.border)
         canvas.surface.blit(card, (0, EDGE_PX))
