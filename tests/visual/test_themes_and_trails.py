@@ -185,6 +185,6 @@ def test_a_recording_is_rendered_with_theme_labels_and_trails(road, tmp_path):
     svg = (tmp_path / "a.svg").read_text()
     assert f'fill="#{hexadecimal(THEMES["dark"].background)}"/>' in svg
     assert ">anna</text>" in svg
-    assert len(re.findall(f'stroke="#{hexadecimal(TEAM_COLORS[1])}" stroke-opacity', svg)) == 4
+    assert len(re.findall(f'stroke="#{hexadecimal(THEMES["dark"].teams[1])}" stroke-opacity', svg)) == 4
     render(tmp_path / "game.ggr", tmp_path / "b.svg", RenderOptions(labels=False))
     assert ">anna</text>" not in (tmp_path / "b.svg").read_text()

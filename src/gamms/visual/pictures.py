@@ -15,7 +15,7 @@ if TYPE_CHECKING:
     from gamms.visual.files import Film
     from gamms.visual.scene import Scene
 
-_NOTEBOOK_PX = 900, 600
+_NOTEBOOK_PX = 900, 600  # at most
 
 
 class Pictures(Guarded):
@@ -116,7 +116,7 @@ class Pictures(Guarded):
     def as_png(self) -> bytes | None:
         """Return the present state as a PNG file for a notebook; None where there is nothing to make it with."""
         try:
-            return self.picture(".png", *_NOTEBOOK_PX)
+            return self.picture(".png", *_NOTEBOOK_PX, fit="tight")
         except MissingExtra:
             return None
 
@@ -125,10 +125,9 @@ class Pictures(Guarded):
         """Return the present state as an element of a page: a PNG, or an SVG where that cannot be made."""
         kind, content = "png", self.as_png()
         if content is None:
-            kind, content = "svg+xml", self.picture(".svg", *_NOTEBOOK_PX)
+            kind, content = "svg+xml", self.picture(".svg", *_NOTEBOOK_PX, fit="tight")
         source = f"data:image/{kind};base64,{b64encode(content).decode()}"
-        width, height = _NOTEBOOK_PX
-        return f'<img width="{width}" height="{height}" alt="the present state" src="{source}"/>'
+        return f'<img alt="the present state" src="{source}"/>'
 
     @outside_of_deciding
     def frame(

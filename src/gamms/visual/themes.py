@@ -66,6 +66,7 @@ THEMES = {
             walls=WallTones(low=(37, 40, 45), high=(70, 68, 66), outline=(86, 84, 81), wall=(140, 130, 116)),
         ),
         fog=((42, 45, 51), (104, 109, 118), (206, 210, 216)),
+        teams=((50, 114, 208), (230, 80, 68), (60, 172, 108), (222, 158, 204), (246, 190, 76), (150, 226, 252)),
     ),
     # Paper has no tone; team colours differ by an eighth in brightness, so that a copy in grey tells them apart.
     "print": Theme(
