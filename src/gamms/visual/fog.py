@@ -54,8 +54,7 @@ class Fog:
             raise UnknownName("team", team, {str(color_group(agent)) for agent in ctx.agent.create_iter()})
         if not any(_sensors_of(agent) for agent in self._own()):
             raise BadValue(f"No agent of team {shown(team)} has a sensor in this recording, so it sees nothing.")
-        self._seen: dict[int, int] = {}  # node -> since which look
-        self._looks = 0
+        self._seen: dict[int, int] = {}  # node -> since which turn
         self._now: set[int] = set()
         self.hidden: set[str] = set()
         self._sights: dict[str, Artist] = {}  # of sensors
@@ -101,8 +100,10 @@ class Fog:
         for view in views:
             is_seen |= _at(columns.xy, view.nodes) if len(view.nodes) else _inside(columns.xy, view.outline)
         self._now = set(columns.node_ids[is_seen].tolist())
-        self._looks += 1
-        self._seen = dict.fromkeys(self._now, self._looks) | self._seen
+        game = self._ctx.current_game
+        turn = 0 if game is None else game.turn
+        before = {node: since for node, since in self._seen.items() if since <= turn}  # a replay may go back
+        self._seen = dict.fromkeys(self._now, turn) | before
         found = {_rounded(place) for view in views for place in view.agents.tolist()}
         self.hidden = {agent.name for agent in self._others() if not self._is_found(agent, found)}
         cast("Any", self._ctx.visual).artists.fog = self

@@ -300,8 +300,10 @@ def test_the_ways_to_choices_end_at_their_rings_and_leave_who_is_asked_free():
 def hunt(open_window):
     """Anna, who sees 25 metres far, and two who hunt her: one is near, one is far away."""
 
-    def open_one(**options):
+    def open_one(*, is_filled=True, **options):
         ctx = open_window(is_empty=True, **options)
+        if not is_filled:
+            return ctx
         ctx.graph.graph.add_nodes(range(20), x=[10.0 * i for i in range(20)], y=[0.0] * 20)
         ctx.graph.graph.add_edges(range(19), sources=range(19), targets=range(1, 20))
         for kind in ("RANGE", "AGENT_RANGE"):
@@ -374,3 +376,25 @@ def test_the_view_of_a_team_can_be_shown_all_the_time(hunt):
     ctx.visual.update()
     assert "far" not in ctx.visual.overlay.shown
     assert ctx.visual.drawing.theme is ctx.visual.overlay.hud.theme
+
+
+def test_the_fog_of_a_replay_forgets_what_was_seen_later_than_the_turn_it_goes_back_to(hunt, tmp_path):
+    with gamms.create_context(seed=1) as played:
+        played.graph.add_nodes(range(20), x=[10.0 * i for i in range(20)], y=[0.0] * 20)
+        played.graph.add_edges(range(19), sources=range(19), targets=range(1, 20))
+        played.sensor.create_sensor("eyes", gamms.sensor.SensorType.RANGE, sensor_range=15.0)
+        played.agent.create_agent(
+            "anna",
+            start_node_id=0,
+            team="a",
+            sensors=["eyes"],
+            strategy=lambda state: state.update(action=state["turn"] + 1),
+        )
+        played.record.start(tmp_path / "game")
+        played.game.run(max_turns=10)
+    ctx = hunt(fog="a", is_filled=False)
+    for _ in ctx.record.replay(tmp_path / "game"):
+        pass
+    assert set(ctx.visual.artists.fog._seen) == set(range(12))
+    ctx.visual.seek(4)
+    assert set(ctx.visual.artists.fog._seen) == set(range(6))
