@@ -292,7 +292,7 @@ def _print_agents(ctx: "Context", file: Path, turns: int) -> None:
     if ctx.game.scores:
         out.print()
         scores = [(escape(_text(of)), escape(_score(score))) for of, score in ctx.game.scores.items()]
-        out.print(rich_table(("scores of", ""), scores))
+        out.print(rich_table(("", "score"), scores))
 
 
 def _parsed_turns(text: str) -> tuple[int | None, int | None]:
