@@ -187,7 +187,7 @@ def test_captions_are_painted_once_for_all_frames_of_a_turn(duel, tmp_path, monk
 
     drawn = []
     captions = Page.captions
-    monkeypatch.setattr(Page, "captions", lambda *of: drawn.append(of[-1]) or captions(*of))
+    monkeypatch.setattr(Page, "captions", lambda *of: drawn.append(of[2]) or captions(*of))
     with duel.visual.film(tmp_path / "a.mp4", 10, 640, 400, 8):
         duel.game.run(3)
     assert [told.turn for told in drawn] == [1, 2, 3]

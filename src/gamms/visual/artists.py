@@ -186,7 +186,7 @@ class Artists(Guarded):
         """
         if self._ctx.is_terminated():
             raise ContextTerminated("the state to draw")
-        artists = self._of_default(scene) | self.declared
+        artists = self._of_default(scene, sensors=sensors) | self.declared
         self._drawing.has_default_look = not self.is_graph_declared
         if self.fog is not None:
             artists = self.fog.filtered(artists)
@@ -202,7 +202,7 @@ class Artists(Guarded):
         marks.data = {"colors": {look.name: look.color for look in looks_of(artists)}}
         return {"eliminated": marks} | artists
 
-    def _of_default(self, scene: "DefaultScene | None") -> dict[str, IArtist]:
+    def _of_default(self, scene: "DefaultScene | None", *, sensors: bool) -> dict[str, IArtist]:
         """Return the default scene unless the graph was declared; in a replay of such a game, what its rules drew."""
         if self.is_graph_declared and not self._is_replayed:
             return {}
@@ -211,7 +211,7 @@ class Artists(Guarded):
 
             theme = self._drawing.theme
             scene = self._default[theme] = self._default.get(theme) or DefaultScene(self._ctx, theme)
-        return scene.of_rules() if self.is_graph_declared else scene.artists(self.declared)
+        return scene.of_rules() if self.is_graph_declared else scene.artists(self.declared, sensors=sensors)
 
     # -- declared --------------------------------------------------------------------------------------------
 

@@ -73,7 +73,7 @@ class DefaultScene:
         self._territories: dict[str, TerritoryDrawer] = {}  # they keep polylines of territories
         self._tags, self._legend = Artist(ctx, render_tags, Layer.TAGS), legend_of_teams(ctx)
 
-    def artists(self, declared: Mapping[str, IArtist]) -> dict[str, IArtist]:
+    def artists(self, declared: Mapping[str, IArtist], *, sensors: bool = True) -> dict[str, IArtist]:
         """Return the artists of the map, all agents, the sensors while they are few, rules, and the legend, by name.
 
         Sizes and colours that declared artists do not have are filled in.
@@ -86,7 +86,8 @@ class DefaultScene:
         for artist in declared.values():
             if artist.get_drawer() is render_sensor:
                 data_of(artist)["_usual"] = sizes_of_sights(self._mark)
-        return self._map | self._agents | self._sensors(declared) | self.of_rules() | {"legend": self._legend}
+        seen = self._sensors(declared) if sensors else {}
+        return self._map | self._agents | seen | self.of_rules() | {"legend": self._legend}
 
     @property
     def _mark(self) -> float:

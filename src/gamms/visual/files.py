@@ -122,7 +122,8 @@ def painted(source: "Source", sheet: Sheet, style: PageStyle) -> bytes:
         pen.text(words, left, middle, LABEL_PX)
     commands = joined(joined(commands, pen.commands.freeze()), page.commands(camera, corner))
     if page.has_captions:
-        commands = joined(commands, page.captions(camera, Captions(source.ctx, source.drawing).now(source.hidden)))
+        told = Captions(source.ctx, source.drawing).now(source.hidden)
+        commands = joined(commands, page.captions(camera, told, corner))
     commands = magnified(commands, fine)
     return sheet.backend(commands, camera, title=style.title, background=style.background, dpi=sheet.dpi)
 
@@ -288,7 +289,7 @@ class Frames:
         write_labels(self.canvas, labels, inks(self._style.background)[0])
         self._around.paint(self.canvas, camera, (page, camera), lambda: page.commands(camera, corner))
         if page.has_captions:
-            self._below.paint(self.canvas, camera, (page, camera, told), lambda: page.captions(camera, told))
+            self._below.paint(self.canvas, camera, (page, camera, told), lambda: page.captions(camera, told, corner))
         self._camera = camera
         return self.canvas
 

@@ -191,11 +191,12 @@ class Page:
         taken = [(left - self._margin, top - self._margin, right, bottom + self._margin)] * bool(self.legend.width)
         return labels.placed(camera, self._fine, ctx, artists, self._style.labels, page, taken)
 
-    def captions(self, camera: Camera, told: Told) -> DrawCommands:
-        """Return the turn and what happened in it, below the map."""
+    def captions(self, camera: Camera, told: Told, corner: Point | None) -> DrawCommands:
+        """Return the turn and what happened in it, below the map, or upon one without a corner on this page."""
         (width, height), (left, *_, foot), lines = self._size, self._margins, self._lines
         pen, top = self.pen(camera), height - foot + _GAP_PX
-        pen.rectangle(0.0, top, width, lines * LINE_PX, (*self._style.background[:3], _GROUND))
+        if corner is None:
+            pen.rectangle(0.0, top, width, lines * LINE_PX, (*self._style.background[:3], _GROUND))
         scores, (_, faint) = not self.legend.width, inks(self._style.background)
         draw_told(pen, told, (left, top, width - 2 * left), lines, faint, scores=scores)
         return pen.commands.freeze()
