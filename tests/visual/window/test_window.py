@@ -68,7 +68,7 @@ def test_the_dark_theme_is_dark(open_window, seen):
     ctx.visual.hud = None
     ctx.visual.update()
     assert np.median(seen(ctx)) < 40
-    assert has_color(seen(ctx), (84, 90, 101))
+    assert has_color(seen(ctx), THEMES["dark"].map.streets)
 
 
 def test_declaring_the_graph_points_the_camera_at_it(ctx):
