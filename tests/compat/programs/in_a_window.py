@@ -89,7 +89,8 @@ cameras.append(camera())
 pygame.event.post(pygame.event.Event(pygame.MOUSEBUTTONDOWN, button=1, pos=(600, 100)))
 answers.append([round(float(part), 6) for part in ctx.visual.human_input("drone", {"curr_pos": (0.0, 0.0, 0.0)})])
 pygame.event.post(pygame.event.Event(pygame.MOUSEMOTION, pos=(400, 200), rel=(0, 0), buttons=(0, 0, 0)))
-pygame.event.post(pygame.event.Event(pygame.MOUSEWHEEL, x=0, y=1))
+# A notch of 1.0.0 is a twentieth, one of ours a quarter, so that ours is turned by a part of a notch.
+pygame.event.post(pygame.event.Event(pygame.MOUSEWHEEL, x=0, y=1, precise_y=0.218649223))
 ctx.visual.update()
 cameras.append(camera())
 
