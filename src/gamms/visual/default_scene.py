@@ -120,7 +120,8 @@ class DefaultScene:
         columns, tones = graph.columns(), self._theme.map
         self._map_key, self._unit = key, sight_radius(columns)
         streets = self._static(render_graph, Layer.GRAPH)
-        streets.data = {"graph_data": GraphData(tones.nodes, 0.35 * self._unit, tones.streets)}
+        size = (0.35 if columns.crs is None else 0.15) * self._unit  # where paths are slim, larger ones would be beads
+        streets.data = {"graph_data": GraphData(tones.nodes, size, tones.streets)}
         self._map = {"graph": streets}
         if len(obstacles_to_draw(self._ctx).ids):
             thickness = _WALL * self._unit if columns.crs is None else min(_WALL * self._unit, _THICKEST)
