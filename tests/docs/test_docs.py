@@ -1,7 +1,9 @@
 """The documentation says what is so: its fences run, its links lead somewhere, the examples print what is pinned.
 
 A page's ```python fences run in order in one namespace, in an empty folder. A ```text fence right behind one is what
-it prints. A fence tagged `no-run` is only compiled. `GAMMS_REFRESH_EXAMPLES=1` writes the examples' `.out` anew.
+it prints. A fence tagged `no-run` is only compiled. Every picture that a page saves is shown on it, from the folder
+`docs/figures/<page>`, and is what the code makes. `GAMMS_REFRESH_EXAMPLES=1` writes the examples' `.out` and these
+pictures again.
 """
 
 import contextlib
@@ -9,6 +11,7 @@ import io
 import logging
 import os
 import re
+import shutil
 import subprocess
 import sys
 from pathlib import Path
@@ -22,6 +25,7 @@ ROOT = Path(__file__).parents[2]
 DOCS = ROOT / "docs"
 PAGES = [ROOT / "README.md", *sorted(DOCS.rglob("*.md"))]
 EXAMPLES = sorted((ROOT / "examples").glob("*.py"))
+IS_REFRESHING = os.environ.get("GAMMS_REFRESH_EXAMPLES") == "1"
 
 _FENCE = re.compile(r"^```([^\n`]*)\n(.*?)^```[ \t]*$", re.MULTILINE | re.DOTALL)
 _LINK = re.compile(r"\[[^\]]*\]\(([^)\s]+)\)")
@@ -75,6 +79,20 @@ def test_every_fence_of_a_page_runs_and_prints_what_the_page_says(page, tmp_path
             exec(code, namespace)
         if fence.printed is not None:
             assert printed.getvalue() == fence.printed, f"{name_of(page)}:{fence.line} prints something else"
+    check_figures(page, sorted(path for path in tmp_path.iterdir() if path.suffix in {".svg", ".png"}))
+
+
+def check_figures(page, made):
+    """Assert that a page shows the pictures that its code has made, and no others in their folder."""
+    folder = DOCS / "figures" / page.stem.lower()
+    shown = [target for target, _ in internal_links_of(page) if target.parent == folder]
+    assert sorted(path.name for path in shown) == [path.name for path in made], "show every picture that the page saves"
+    for path in made:
+        if IS_REFRESHING:
+            folder.mkdir(exist_ok=True)
+            shutil.copy(path, folder)
+        assert_same_figure(folder / path.name, path)
+    assert {path.name for path in made} == {path.name for path in folder.glob("*")}, "a figure that no page shows"
 
 
 def prose_of(page: Path) -> str:
@@ -132,6 +150,6 @@ def test_an_example_prints_exactly_what_is_pinned(example, tmp_path):
     )
     assert run.returncode == 0, run.stderr
     pinned = example.with_suffix(".out")
-    if os.environ.get("GAMMS_REFRESH_EXAMPLES") == "1":
+    if IS_REFRESHING:
         pinned.write_text(run.stdout, encoding="utf-8")
     assert run.stdout == pinned.read_text(encoding="utf-8")
