@@ -18,6 +18,7 @@ from pathlib import Path
 from typing import NamedTuple
 
 import pytest
+from figure_files import assert_same_figure
 
 from gamms import _legacy
 
@@ -84,7 +85,7 @@ def test_every_fence_of_a_page_runs_and_prints_what_the_page_says(page, tmp_path
 
 def check_figures(page, made):
     """Assert that a page shows the pictures that its code has made, and no others in their folder."""
-    folder = DOCS / "figures" / page.stem.lower()
+    folder = DOCS / "figures" / "_".join(page.relative_to(ROOT).with_suffix("").parts).lower().removeprefix("docs_")
     shown = [target for target, _ in internal_links_of(page) if target.parent == folder]
     assert sorted(path.name for path in shown) == [path.name for path in made], "show every picture that the page saves"
     for path in made:
