@@ -168,10 +168,7 @@ class Recording(Opened):
 
     def state(self, turn: int) -> State:
         """Return the state after so many turns; 0 is the start."""
-        turn = as_int(turn, "turn")
-        if not 0 <= turn <= self.turns:
-            raise BadValue(f"There is no state after {turn} turns: this recording has {self.turns} turns.")
-        state = self.detached(turn)
+        state = self.detached(turn := as_int(turn, "turn"))
         version = state.agents, state.agents.version
         if self._named[0] != version:
             named = table_of({name: state.agents.columns[key] for name, key in _LISTS.items()})
@@ -195,6 +192,9 @@ class Recording(Opened):
 
     def detached(self, turn: int) -> DetachedState:
         """Return the state after so many turns, which the next call changes."""
+        turn = as_int(turn, "turn")
+        if not 0 <= turn <= self.turns:
+            raise BadValue(f"There is no state after {turn} turns: this recording has {self.turns} turns.")
         with refusing(f"The state after turn {turn} cannot be worked out", (Damaged,)):
             return self._worked_out(turn)
 
