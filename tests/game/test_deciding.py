@@ -246,6 +246,7 @@ HARMLESS = {  # on what is a copy, or the strategy's own
     "neighborhoods": lambda ctx, s: vandalise(ctx.graph.graph.neighborhoods),
     "columns": lambda ctx, s: [vandalise(part) for part in ctx.graph.columns().polylines.values()],
     "obstacle_columns": lambda ctx, s: vandalise(ctx.graph.obstacle_columns()),
+    "scenery_columns": lambda ctx, s: vandalise(ctx.graph.scenery_columns()),
     "weights": lambda ctx, s: vandalise(ctx.graph.weights(None)),
     "distances": lambda ctx, s: vandalise(ctx.graph.distances(source=0)),
     "shortest_path": lambda ctx, s: vandalise(ctx.graph.shortest_path(0, 8)),
@@ -517,7 +518,7 @@ READERS = {
     "DetectionModel": "on_trial repeated wanted",
     "GraphEngine": """columns distance distance_matrix distances edge_attributes from_latlon get_obstacle_face
         get_obstacle_faces nearest_node networkx_labels node_attributes obstacle_columns place
-        shortest_path to_latlon to_networkx visibility visibility_table visible weights""",
+        scenery_columns shortest_path to_latlon to_networkx visibility visibility_table visible weights""",
     "Graph": """among columns distance distance_matrix distances edge_attributes from_latlon get_edge get_edges
         get_neighbors get_node get_nodes has_node nearest_node node_attributes nodes_near place positions
         shortest_path to_latlon to_networkx weights within""",

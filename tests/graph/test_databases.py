@@ -239,7 +239,7 @@ def test_a_graph_in_memory_has_no_database(open_ctx, tmp_path):
     assert list(tmp_path.iterdir()) == []
 
 
-@pytest.mark.parametrize("engine", ["SQLITE", 1, None, "memory"])
+@pytest.mark.parametrize("engine", ["SQLLITE", 1, None, "disk"])
 def test_an_unknown_engine_is_named(open_ctx, engine):
     with pytest.raises(UnknownType, match=repr(engine)):
         open_ctx(engine)
