@@ -376,6 +376,7 @@ class Interrupts:
 def interrupted_game(path, at, version, turns=66):
     """A game in which Ctrl-C comes at some line after `turns` turns."""
     interrupts = 0
+    before = signal.signal(signal.SIGINT, signal.default_int_handler)  # shells ignore it for what runs behind them
     with new_game() as ctx:
         ctx.record.start(path, version=version)
         for turn in range(turns):
@@ -387,6 +388,7 @@ def interrupted_game(path, at, version, turns=66):
                 interrupts += 1
             finally:
                 sys.settrace(None)
+    signal.signal(signal.SIGINT, before)
     return interrupts
 
 
