@@ -106,6 +106,8 @@ def test_an_error_says_with_which_seed(folder, jobs):
         (["--seeds", "x"], "give 0:50 or 1,2,5"),
         (["--seeds", "5:5"], "1 to 1,000,000 seeds"),
         (["--seeds", "0:99999999999"], "1 to 1,000,000 seeds"),
+        (["--seeds", "0:99999999999999999999"], "'0:99999999999999999999': give 1 to 1,000,000 seeds, such as 0:50"),
+        (["--seeds", "-99999999999999999999:0"], "1 to 1,000,000 seeds"),
         (["--seeds", "0:5", "--film", "a.mp4"], "for a single game"),
         (["--seeds", "0:5", "--seed", "1"], "for a single game"),
         (["--seeds", "0:5", "--window"], "for a single game"),

@@ -32,12 +32,13 @@ def parsed_seeds(text: str) -> Sequence[int]:
     """Parse `0:50`, which is 0 to 49, or `1,2,5`."""
     first, colon, last = text.partition(":")
     try:
-        seeds: Sequence[int] = range(int(first or 0), int(last)) if colon else [int(one) for one in text.split(",")]
+        numbers = [int(one) for one in ((first or "0", last) if colon else text.split(","))]
     except ValueError:
         raise typer.BadParameter(f"{text!r}: give 0:50 or 1,2,5.", param_hint="--seeds") from None
-    if not 0 < len(seeds) <= _MOST:
+    count = numbers[1] - numbers[0] if colon else len(numbers)
+    if not 0 < count <= _MOST:
         raise typer.BadParameter(f"{text!r}: give 1 to {_MOST:,} seeds, such as 0:50.", param_hint="--seeds")
-    return seeds
+    return range(*numbers) if colon else numbers
 
 
 def imported(strategies: Strategies) -> dict[str, Callable[..., Any]]:
@@ -139,6 +140,6 @@ def _summary(rows: list[dict[str, Any]], teams: list[str]) -> str:
     winners = [*teams, *(one for one in wins if one is not None and one not in teams)]
     parts = [f"{one} won {wins[one]} ({wins[one] / len(rows):.0%})" for one in winners]
     if wins[None]:
-        parts.append(f"nobody {wins[None]} ({wins[None] / len(rows):.0%})")
+        parts.append(f"no winner in {wins[None]} ({wins[None] / len(rows):.0%})")
     length = f"{fmean(turns):.1f} turns ({min(turns)} to {max(turns)})"
     return printable_line(f"{len(rows)} games: {', '.join(parts)}. Mean length {length}.")
