@@ -9,7 +9,7 @@ from hypothesis import strategies as st
 
 from gamms.errors import BadType, BadValue, UnknownName
 from gamms.ir.draw import DrawKind
-from gamms.visual.appearance import DIVERGING, LEVELS, NAMES, levels, table
+from gamms.visual.appearance import DIVERGING, LEVELS, levels, table
 from gamms.visual.legend import Bar, Rows
 
 
@@ -30,7 +30,7 @@ def discs(ctx):
     return found
 
 
-@pytest.mark.parametrize("name", [name for name in NAMES if name != DIVERGING])
+@pytest.mark.parametrize("name", ["viridis", "magma", "cividis"])
 def test_a_map_grows_lighter_in_even_steps(name):
     steps = np.diff(lightness(table(name)[::15]))
     assert (steps > 0).all()

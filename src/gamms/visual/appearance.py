@@ -150,7 +150,6 @@ _TABLES = {
     "cividis": "00224e 123570 3b496c 575d6d 707173 8a8678 a59c74 c3b369 e1cc55 fee838",
     DIVERGING: "124376 2963a2 4b85c7 77a9e3 a9cdf7 f0eeec ebc09a d39760 b4712d 904f00 673300",
 }
-NAMES = tuple(_TABLES)
 
 
 def table(name: object) -> tuple[Rgb, ...]:
