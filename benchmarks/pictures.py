@@ -92,7 +92,7 @@ def quiet_pygame():
 
 
 def big_map():
-    """A window that nobody sees, on 99,224 edges and ten agents."""
+    """Open a window without a display, on 99,224 edges and ten agents."""
     size = {"width": 1280, "height": 720, "simulation_time_constant": 0.5}
     ctx = gamms.create_context(
         graph_engine=gamms.graph.Engine.MEMORY,

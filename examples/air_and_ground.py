@@ -21,7 +21,7 @@ def look_around(state):
 
 
 def nearest_seen(state):
-    """Where the drone has seen the intruder that is nearest to a guard; None while it sees nobody."""
+    """Where the drone has seen the intruder that is nearest to a guard; None while it sees none."""
     nodes = state["team_memory"].get("seen", {}).values()
     return min(nodes, key=lambda node: (ctx.graph.distance(state["curr_pos"], node), node), default=None)
 
@@ -49,5 +49,5 @@ with gamms.create_context(seed=2) as ctx:
 tags, known = result.table("tag"), result.table("known")["value"]
 for turn, guard, intruder, node in zip(tags["turn"], tags["agent"], tags["other"], tags["node"], strict=True):
     print(f"turn {turn:3d}: {guard} catches {intruder} on node {node}")
-print(f"in {(known > 0).sum()} of {result.turns} turns the guards knew of somebody from the drone")
+print(f"in {(known > 0).sum()} of {result.turns} turns the guards knew of an intruder from the drone")
 print(f"{result.reason}: {result.scores}, the winner is {result.winner}")

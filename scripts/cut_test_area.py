@@ -67,7 +67,7 @@ def cut(pbf: Path) -> tuple[dict[int, tuple[float, float]], list[Element], list[
 
 
 def tags_of(found: Any) -> dict[str, str]:
-    """The tags of an element that somebody asks for."""
+    """Return the tags of an element that the tests need."""
     return {tag.k: tag.v for tag in found.tags if tag.k in KEPT_TAGS}
 
 

@@ -130,7 +130,7 @@ def test_what_happened_is_told_with_the_turn():
     with gamms.create_context() as ctx:
         player = Player(ctx)
         player.play()
-        told = list(player.playback.happenings())
+        told = list(player.playback.highlights())
     assert [(turn, one["kind"]) for turn, one in told if "kind" in one] == [
         (3, "capture"), (4, "eliminated"), (6, "capture"), (9, "capture"),
     ]  # fmt: skip

@@ -26,20 +26,20 @@ def test_a_team_that_nobody_plays_for_is_warned_about_at_the_first_turn_and_once
     game.run(3)
     game.reset()
     game.run(1)
-    assert heard == ["tag: Unknown team 'bleu'. Did you mean 'blue'? Nobody plays for it."]
+    assert heard == ["tag: Unknown team 'bleu'. Did you mean 'blue'? No agent plays for it."]
 
 
 def test_a_misspelt_winner_is_warned_about(game, heard):
     game.add(time_limit(2, winner="bleu"))
     game.run()
-    assert heard == ["time_limit: Unknown team 'bleu'. Did you mean 'blue'? Nobody plays for it."]
+    assert heard == ["time_limit: Unknown team 'bleu'. Did you mean 'blue'? No agent plays for it."]
 
 
 def test_a_rule_that_is_added_later_is_looked_at_when_it_begins(game, heard):
     game.run(1)
     game.add(reach("green", 3))
     game.run(1)
-    assert heard == ["reach: Unknown team 'green'. There is: 'blue', 'red'. Nobody plays for it."]
+    assert heard == ["reach: Unknown team 'green'. There is: 'blue', 'red'. No agent plays for it."]
 
 
 def test_sides_that_are_functions_and_teams_that_are_there_are_not_warned_about(game, heard):

@@ -179,7 +179,7 @@ def filmed(ctx: "Context", folder: Path, **page: Unpack["PictureOptions"]) -> It
 def save_pictures(ctx: "Context", folder: Path, **page: Unpack["PictureOptions"]) -> list[Path]:
     """Save the last state as `final.svg`, and as `final.png` where Pillow is installed; return the files.
 
-    There are none if the context has ended, because somebody has closed the window.
+    There are none if the context has ended, because the window was closed.
     """
     files: list[Path] = []
     if ctx.is_terminated():

@@ -256,7 +256,7 @@ class RuleSet:
             teams = self._ctx.agent.teams
             for team in getattr(named.rule, "teams", ()):
                 if team not in teams:
-                    self._ctx.logger.warning(f"{named.name}: {UnknownName('team', team, teams)} Nobody plays for it.")
+                    self._ctx.logger.warning(f"{named.name}: {UnknownName('team', team, teams)} No agent plays for it.")
         self._unchecked.clear()
 
     def _propose(self, named: NamedRule) -> None:

@@ -124,7 +124,7 @@ class Audience(Enum):
     ALL = "all"
     TEAM = "the team of the agent"
     SENSED = "the team of the agent, and who senses it"
-    HOST = "only whoever runs the game"
+    HOST = "only the program that runs the game"
 
 
 class Role(Enum):

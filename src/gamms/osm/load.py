@@ -287,8 +287,8 @@ def helsinki(
         ctx: the context.
         resolution: metres between nodes.
         bidirectional: let agents go against one-way streets.
-        buildings: put the walls of the buildings among the obstacles; None: draw them only, so that nobody's sight ends
-            at them; False: leave them out.
+        buildings: put the walls of the buildings among the obstacles; None: draw them only, so that they block no sight
+            line; False: leave them out.
 
     Raises:
         BadType: `ctx` is no context.

@@ -15,7 +15,7 @@ from gamms.recorder.resuming import Past, delete_others, history
 from gamms.typing.context import HostContext
 from gamms.typing.recorder import IPlayback, OpCodes, Step
 
-_TOLD = (kinds.GAME_EVENT, kinds.GAME_SCORES, kinds.GAME_OVER)
+_HIGHLIGHTS = (kinds.GAME_EVENT, kinds.GAME_SCORES, kinds.GAME_OVER)
 _LOOKS, _DRAWINGS = (kinds.VISUALS,), {kinds.VISUAL_COMMANDS}
 
 
@@ -57,9 +57,9 @@ class Playback(IPlayback):
         if self._owned is not None:
             self._owned.close()
 
-    def happenings(self) -> Iterator[tuple[int, dict[str, Any]]]:
+    def highlights(self) -> Iterator[tuple[int, dict[str, Any]]]:
         """Yield what rules emitted, changes of the scores (`scores`) and the end (`over`), each with its turn."""
-        for log, _, kind, data in self._reader.events(kinds=_TOLD):
+        for log, _, kind, data in self._reader.events(kinds=_HIGHLIGHTS):
             if isinstance(data, dict):
                 yield log + 1, {"over": data} if kind == kinds.GAME_OVER else data
 

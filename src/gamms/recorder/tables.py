@@ -34,7 +34,7 @@ _MOST_CHARACTERS = 1 << 18
 
 _ROSTER = {kinds.AGENT_CREATE, kinds.SNAPSHOT}
 _FLIGHTS_BY_NAME = {kinds.AERIAL_AGENT_POSITION}
-_TOLD = {kinds.GAME_EVENT, kinds.USER_EVENT}
+_EMITTED = {kinds.GAME_EVENT, kinds.USER_EVENT}
 _EVENTS: dict[str, type] = {"turn": np.int64, "kind": np.str_}
 _SCORES: dict[str, type] = {"turn": np.int64, "of": np.str_, "score": np.float64}
 _SENSED: dict[str, type] = {"turn": np.int64, "agent": np.str_, "sensor": np.str_, "node": np.int64, "other": np.str_}
@@ -42,7 +42,7 @@ _SENSED: dict[str, type] = {"turn": np.int64, "agent": np.str_, "sensor": np.str
 
 def events(reader: Reader, start: int, stop: int) -> Iterator[dict[str, Any]]:
     """Yield what rules emitted and programs recorded in these logs."""
-    for log, _, _, data in reader.events(start, stop, _TOLD):
+    for log, _, _, data in reader.events(start, stop, _EMITTED):
         if not (isinstance(data, dict) and isinstance(data.get("kind"), str)):
             raise RecordingError(f"An event of turn {log + 1} has no kind: {shown(data)}.")
         yield {"turn": log + 1, **data}

@@ -28,7 +28,7 @@ def disc(x: float, y: float, radius: float) -> FloatArray:
 def sector(x: float, y: float, radius: float, heading: tuple[float, float], fov: float) -> FloatArray:
     """Corners (corners, 2) of the sector that opens `fov` radians around `heading`: its centre, then the arc.
 
-    Whoever has no heading, (0.0, 0.0), sees a disc. None (0, 2) where the radius is infinite.
+    An agent without a heading, (0.0, 0.0), sees a disc. No corners, (0, 2), where the radius is infinite.
     """
     if fov >= 2.0 * pi or heading == (0.0, 0.0):
         return disc(x, y, radius)

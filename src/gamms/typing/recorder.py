@@ -63,7 +63,7 @@ class IPlayback(ABC):
         """Whether another turn may be shown."""
 
     @abstractmethod
-    def happenings(self) -> Iterator[tuple[int, dict[str, Any]]]:
+    def highlights(self) -> Iterator[tuple[int, dict[str, Any]]]:
         """Yield what rules emitted, changes of the scores (`scores`) and the end (`over`), each with its turn."""
 
     @abstractmethod

@@ -15,7 +15,7 @@ _FONT_PX, _ASIDE_PX, _SPOT_PX = 21.0, 26.0, 5.0  # of captions; between the turn
 _CARD_PX, _TITLE_PX, _PAD_PX, _TITLE_SPOT_PX = 26.0, 34.0, 24.0, 8.0
 _LONGEST = 90  # letters
 _LAST = "starts again"  # which rules may note before others see why
-_TOLD = {  # kind of event -> which of its agents the sentence is about, and what it says of that one
+_SENTENCES = {  # kind of event -> which of its agents the sentence is about, and what it says of that one
     "tag": ("other", "is tagged by {agent}"),
     "take": ("agent", "takes the {flag} flag"),
     "drop": ("agent", "loses the {flag} flag"),
@@ -37,15 +37,15 @@ class Caption(NamedTuple):
 
 def captions_of(events: Iterable[Mapping[str, Any]]) -> list[Caption]:
     """Return what happened in a turn: a sentence for each agent, and kind and agent where no sentence is known."""
-    told: dict[tuple[str | None, str], list[str]] = {}
+    found: dict[tuple[str | None, str], list[str]] = {}  # by agent and kind
     for event in events:
         kind, agent = str(event.get("kind", "")), event.get("agent")
-        about, predicate = _TOLD.get(kind, ("", ""))
+        about, predicate = _SENTENCES.get(kind, ("", ""))
         if about and {"agent", about} <= event.keys() and ("{flag}" not in predicate or "flag" in event):
-            told.setdefault((str(event[about]), ""), []).append(predicate.format_map(event))
+            found.setdefault((str(event[about]), ""), []).append(predicate.format_map(event))
         else:
-            told[None if agent is None else str(agent), kind] = []
-    return [Caption(_sentence(agent, kind, predicates), agent) for (agent, kind), predicates in told.items()]
+            found[None if agent is None else str(agent), kind] = []
+    return [Caption(_sentence(agent, kind, predicates), agent) for (agent, kind), predicates in found.items()]
 
 
 def _sentence(agent: str | None, kind: str, predicates: list[str]) -> str:
@@ -106,7 +106,7 @@ class Line(NamedTuple):
     turns: int
 
 
-class Told(NamedTuple):
+class CaptionBar(NamedTuple):
     """What stands below the map: the turn, the scores, and what happened, the latest first."""
 
     turn: int
@@ -129,11 +129,11 @@ class Captions:
         self._ctx, self._drawing, self.turns = ctx, drawing, 1
         self._lines: list[Line] = []
 
-    def now(self, hidden: Collection[str] = ()) -> Told:
+    def now(self, hidden: Collection[str] = ()) -> CaptionBar:
         """Return what is said in this turn; call it once in each.
 
         Args:
-            hidden: agents that are not shown; what happens among them is not told.
+            hidden: agents that are not shown; what happens among them is left out.
         """
         game, colors, agents = self._ctx.current_game, self._drawing.group_colors(), self._ctx.agent.agents
         new = list[Line]()
@@ -149,32 +149,34 @@ class Captions:
         older = [line._replace(turns=line.turns - 1) for line in self._lines if line.turns > 1]
         self._lines = [*new, *older][:MOST_LINES]
         turn = (0 if game is None else game.turn) or self._drawing.events.turns
-        return Told(turn, score_line(scores_of(self._ctx)), tuple(self._lines))
+        return CaptionBar(turn, score_line(scores_of(self._ctx)), tuple(self._lines))
 
 
 def _is_open(event: Mapping[str, Any], hidden: Collection[str]) -> bool:
-    """Return whether an event names an agent that is not hidden; where none is, all are told."""
+    """Return whether an event names an agent that is not hidden; where none is hidden, all do."""
     return not hidden or any(key in event and str(event[key]) not in hidden for key in ("agent", "other"))
 
 
-def draw_told(pen: Pen, told: Told, at: tuple[float, float, float], lines: int, faint: Rgb, *, scores: bool) -> None:
+def draw_caption_bar(
+    pen: Pen, bar: CaptionBar, at: tuple[float, float, float], lines: int, faint: Rgb, *, scores: bool
+) -> None:
     """Draw the turn, the scores if they are asked for, and at their right the captions.
 
     Args:
         pen: of the page.
-        told: what is said.
+        bar: what is written.
         at: the left end, the upper end and the width of the space for it.
         lines: how many there are.
         faint: the ink of what happened in earlier turns.
         scores: whether nothing else shows them.
     """
     left, top, width = at
-    words = f"turn {told.turn}" + (f" · {told.scores}" if scores and told.scores else "")
+    words = f"turn {bar.turn}" + (f" · {bar.scores}" if scores and bar.scores else "")
     pen.text(shortened(words, _FONT_PX, width), left, top + 0.5 * LINE_PX, _FONT_PX)
     begin = left + max(words_width(words, _FONT_PX), words_width("turn 0000", _FONT_PX)) + _ASIDE_PX
     room = left + width - begin - 4 * _SPOT_PX
-    newest = max((line.turns for line in told.lines), default=0)
-    for number, line in enumerate(told.lines[:lines] if room > _ASIDE_PX else ()):
+    newest = max((line.turns for line in bar.lines), default=0)
+    for number, line in enumerate(bar.lines[:lines] if room > _ASIDE_PX else ()):
         middle, ink = top + (number + 0.5) * LINE_PX, None if line.turns == newest else faint
         if line.color is not None:
             pen.circle(begin + _SPOT_PX, middle, _SPOT_PX, line.color)

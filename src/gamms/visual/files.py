@@ -21,7 +21,7 @@ from gamms.visual.backends import FILMS, FORMATS, Backend, FilmWriter
 from gamms.visual.backends.pygame_backend import Canvas
 from gamms.visual.backends.raster import Painting
 from gamms.visual.camera import CSS_DPI, Box, Camera, Point, Viewpoint, bounds
-from gamms.visual.captions import Captions, Card, Told, end_card
+from gamms.visual.captions import CaptionBar, Captions, Card, end_card
 from gamms.visual.drawing import Commands, Drawing, joined, magnified
 from gamms.visual.labels import LABEL_PX, Labels, write_labels
 from gamms.visual.legend import Block, blocks_of, grown
@@ -122,8 +122,8 @@ def painted(source: "Source", sheet: Sheet, style: PageStyle) -> bytes:
         pen.text(words, left, middle, LABEL_PX)
     commands = joined(joined(commands, pen.commands.freeze()), page.commands(camera, corner))
     if page.has_captions:
-        told = Captions(source.ctx, source.drawing).now(source.hidden)
-        commands = joined(commands, page.captions(camera, told, corner))
+        bar = Captions(source.ctx, source.drawing).now(source.hidden)
+        commands = joined(commands, page.captions(camera, bar, corner))
     commands = magnified(commands, fine)
     return sheet.backend(commands, camera, title=style.title, background=style.background, dpi=sheet.dpi)
 
@@ -199,8 +199,8 @@ class Source(NamedTuple):
         return () if self.artists.fog is None else self.artists.fog.hidden
 
 
-class _Kept:
-    """A painting that is prepared anew only when what it depends on has changed."""
+class _CachedPainting:
+    """A painting that is prepared again only when what it depends on has changed."""
 
     def __init__(self) -> None:
         self._key: object = None
@@ -254,8 +254,8 @@ class Frames:
         self._is_new_turn = True
         self._blocks: tuple[Block, ...] = ()
         self._page = Page(self.width, self.height, (), self._style)
-        self._around, self._below = _Kept(), _Kept()  # the map
-        self.captions, self._told = Captions(self.ctx, source.drawing), Told(0, "", ())
+        self._around, self._below = _CachedPainting(), _CachedPainting()  # the map
+        self.captions, self._caption_bar = Captions(self.ctx, source.drawing), CaptionBar(0, "", ())
         self._card: Card | None = None
         self._camera: Camera | None = None  # of the last frame
 
@@ -270,8 +270,8 @@ class Frames:
             self._page = Page(self.width, self.height, blocks, style)
         if style.has_captions:
             with self._themed():
-                self._told = self.captions.now(self._source.hidden)
-                self._card = end_card(self.ctx, self._told.turn)
+                self._caption_bar = self.captions.now(self._source.hidden)
+                self._card = end_card(self.ctx, self._caption_bar.turn)
 
     def at(self, share: float) -> Canvas:
         """Return the picture after a share of the agents' last moves; it is painted over by the next one."""
@@ -284,12 +284,12 @@ class Frames:
         camera, corner = self._view(share)
         budget = None if self._viewpoint.followed is None else whole_frame()  # so that streets are shifted
         self.scene.paint(self.canvas, camera, self._style.background, budget)
-        page, told = self._page, self._told
+        page, bar = self._page, self._caption_bar
         labels = page.labels(self._labels, camera, self.ctx, artists, corner)
         write_labels(self.canvas, labels, inks(self._style.background)[0])
         self._around.paint(self.canvas, camera, (page, camera), lambda: page.commands(camera, corner))
         if page.has_captions:
-            self._below.paint(self.canvas, camera, (page, camera, told), lambda: page.captions(camera, told, corner))
+            self._below.paint(self.canvas, camera, (page, camera, bar), lambda: page.captions(camera, bar, corner))
         self._camera = camera
         return self.canvas
 

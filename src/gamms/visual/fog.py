@@ -28,7 +28,7 @@ from gamms.visual.drawing import drawing_of
 from gamms.visual.legend import legend_only
 from gamms.visual.shown_turn import Sight
 
-_OPEN = (render_obstacles, render_input_overlay, legend_only)  # drawers that tell nobody anything new
+_OPEN = (render_obstacles, render_input_overlay, legend_only)  # drawers of what every team knows
 _STREET, _SLIM, _DOT, _LINE_PX = 2.0, 0.2, 0.08, 1.5  # as broad as in other pictures
 _DIGITS = 6  # of the coordinates by which agents and nodes are found again
 

@@ -122,10 +122,8 @@ class Labels:
         boxes = beside(Dots(dots.centers[rows], dots.radii[rows]), sizes)
         comes = np.where((before < 0) & (not self._is_first), _COMES_PX, 0.0)
         sides = placed(boxes, are_free(boxes, dots, rows, page, taken, comes), before)
-        self._sides, self._is_first = (
-            {name: side for name, side in zip(names, sides.tolist(), strict=True) if side >= 0},
-            False,
-        )
+        self._sides = {name: side for name, side in zip(names, sides.tolist(), strict=True) if side >= 0}
+        self._is_first = False
         there = [
             (row, boxes[number, side]) for number, (row, side) in enumerate(zip(rows, sides, strict=True)) if side >= 0
         ]

@@ -20,7 +20,7 @@ from gamms.typing import IArtist, IContext
 from gamms.typing.visualization_engine import PictureOptions
 from gamms.visual.appearance import PAPER, Rgb, Rgba, inks, rgba
 from gamms.visual.camera import Box, Camera, Point, fit_box
-from gamms.visual.captions import LINE_PX, Card, Told, draw_card, draw_told
+from gamms.visual.captions import LINE_PX, CaptionBar, Card, draw_caption_bar, draw_card
 from gamms.visual.labels import AUTO, Choice, Label, Labels, as_choice
 from gamms.visual.legend import Block, Legend, Pen
 from gamms.visual.lettering import shortened, words_width
@@ -29,10 +29,8 @@ from gamms.visual.themes import THEMES, Theme, theme_called
 
 _FITS = "page", "tight"
 _IN_DEGREES = "EPSG:4326", "OGC:CRS84"  # maps in which lengths cannot be read off
-_AREA, _SLIMMEST = (
-    560_000.0,
-    0.45,
-)  # of the map on a page of no given size; its shorter side by the longer one, at least
+_AREA = 560_000.0  # square pixels of the map on a page of no given size
+_SLIMMEST = 0.45  # the shorter side of such a map, as a share of the longer one, at least
 _ENDLESS = 1_000_000  # pixels
 _MARGIN_PX, _MARGIN = 16.0, 0.04  # around the map: at most, and as a share of the longer side of the page
 _HEADER_PX, _TITLE_PX = 44.0, 28.0
@@ -191,14 +189,14 @@ class Page:
         taken = [(left - self._margin, top - self._margin, right, bottom + self._margin)] * bool(self.legend.width)
         return labels.placed(camera, self._fine, ctx, artists, self._style.labels, page, taken)
 
-    def captions(self, camera: Camera, told: Told, corner: Point | None) -> DrawCommands:
+    def captions(self, camera: Camera, bar: CaptionBar, corner: Point | None) -> DrawCommands:
         """Return the turn and what happened in it, below the map, or upon one without a corner on this page."""
         (width, height), (left, *_, foot), lines = self._size, self._margins, self._lines
         pen, top = self.pen(camera), height - foot + _GAP_PX
         if corner is None:
             pen.rectangle(0.0, top, width, lines * LINE_PX, (*self._style.background[:3], _GROUND))
         scores, (_, faint) = not self.legend.width, inks(self._style.background)
-        draw_told(pen, told, (left, top, width - 2 * left), lines, faint, scores=scores)
+        draw_caption_bar(pen, bar, (left, top, width - 2 * left), lines, faint, scores=scores)
         return pen.commands.freeze()
 
     def card(self, camera: Camera, card: Card) -> DrawCommands:
@@ -260,7 +258,7 @@ def page_size(
     style: PageStyle,
     fine: float = 1.0,
 ) -> tuple[int, int]:
-    """Return how large a page is: as asked, and on a side that nobody asked for as the map needs, pixels.
+    """Return how large a page is: as asked, and on a side without a given length as the map needs, pixels.
 
     Args:
         box: the lower left and the upper right corner of the map.

@@ -47,10 +47,10 @@ class Painting:
         if self._laid[0] == camera:
             canvas.stamps(self._laid[1], len(self._laid[1]))
             return
-        laid = canvas.noted(lambda: self._paint_anew(canvas, camera))
+        laid = canvas.noted(lambda: self._paint_fresh(canvas, camera))
         self._laid = (None, []) if laid is None else (camera, laid)
 
-    def _paint_anew(self, canvas: Canvas, camera: Camera) -> None:
+    def _paint_fresh(self, canvas: Canvas, camera: Camera) -> None:
         for run in self._runs:
             run(canvas, camera)
 

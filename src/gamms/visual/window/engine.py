@@ -305,7 +305,7 @@ class WindowEngine(WindowNames, PictureEngine):
         """Show no more than a team knows, unless the graph was declared, or the team has no sensor."""
         fog = self._fogs.get(team)
         if fog is None and not self.artists.is_graph_declared:
-            with suppress(BadValue, UnknownName):  # nobody is there who could see anything
+            with suppress(BadValue, UnknownName):  # the team has no sensor
                 fog = self._fogs[team] = Fog(self.ctx, team)
         if fog is not None:
             fog.look()
@@ -327,8 +327,8 @@ class WindowEngine(WindowNames, PictureEngine):
         overlay = self.overlay
         self.playback, overlay.is_replay, overlay.turns = playback, True, playback.turn
         overlay.timeline.turns, overlay.timeline.can_seek = playback.turns, playback.can_seek
-        for turn, happening in playback.happenings():
-            overlay.timeline.add(turn, happening)
+        for turn, highlight in playback.highlights():
+            overlay.timeline.add(turn, highlight)
         self._land(playback)
 
     def _end_playback(self) -> None:

@@ -249,8 +249,8 @@ class Overlay(Guarded):
         if found is not None:
             self.hud.paint_facts(canvas, *found, foot)
         pointer = self.pointer()
-        if has_line and pointer is not None and (told := self.timeline.words_at(pointer)):
-            self.hud.paint_facts(canvas, told, (pointer[0], canvas.height - EDGE_PX - foot), EDGE_PX, foot)
+        if has_line and pointer is not None and (words := self.timeline.words_at(pointer)):
+            self.hud.paint_facts(canvas, words, (pointer[0], canvas.height - EDGE_PX - foot), EDGE_PX, foot)
 
     def _prompt(self, question: Question | None) -> list[str]:
         if question is not None:

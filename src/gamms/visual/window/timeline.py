@@ -14,9 +14,7 @@ from gamms.visual.window.panels import EDGE_PX, FONT_PX, plain_panel, text_px
 
 HEIGHT_PX = 34
 _ABOVE_EDGE_PX = 28  # of the window, for the small print below
-FOOT_PX = (
-    HEIGHT_PX + _ABOVE_EDGE_PX - EDGE_PX + 6
-)  # that other panels leave free above their usual distance from the edge
+FOOT_PX = HEIGHT_PX + _ABOVE_EDGE_PX - EDGE_PX + 6  # free below other panels, above their distance from the edge
 _PAD_PX = 12
 _BUTTON_PX = 30
 _TRACK_PX, _HANDLE_PX = 4, 14
@@ -59,17 +57,17 @@ class Timeline:
         """What happened, in order."""
         return tuple(self._marks)
 
-    def add(self, turn: int, happening: Mapping[str, Any]) -> None:
+    def add(self, turn: int, highlight: Mapping[str, Any]) -> None:
         """Add what a rule emitted, `scores`, or the end, which is `over`."""
-        if "scores" in happening:
-            self._add_scores(turn, happening["scores"])
-        elif "over" in happening:
-            over = happening["over"]
+        if "scores" in highlight:
+            self._add_scores(turn, highlight["scores"])
+        elif "over" in highlight:
+            over = highlight["over"]
             winner = over.get("winner") if over else None
             if over:
                 self._marks.append(Mark(turn, None if winner is None else str(winner), ending(over)[0], True))
-        elif happening.get("kind") not in _UNMARKED:
-            for words, agent in captions_of([happening]):
+        elif highlight.get("kind") not in _UNMARKED:
+            for words, agent in captions_of([highlight]):
                 self._marks.append(Mark(turn, None if agent is None else self._team_of(agent), words, False))
 
     def _add_scores(self, turn: int, scores: Any) -> None:
