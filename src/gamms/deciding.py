@@ -65,13 +65,13 @@ class DecidePhase:
         phase, deciders = _of_task.get()
         return deciders if phase is self else AWAITED
 
-    def refuse(self, deed: str) -> None:
+    def refuse(self, action: str) -> None:
         """Raise IllegalMutation if a strategy is running."""
         if self.agent is not None:
             deciders = self._deciders()
             who = deciders.described if isinstance(deciders, Deciders) else f"The strategy of agent {deciders.name!r}"
             raise IllegalMutation(
-                f"{who} may not {deed}: while agents decide, nothing changes. "
+                f"{who} may not {action}: while agents decide, nothing changes. "
                 "It may set state['action'], and write into state['memory'] and state['team_memory']. What changes "
                 "anything else belongs into a rule: ctx.game.add(rule)."
             )

@@ -17,7 +17,7 @@ def run(*arguments):
     return CliRunner().invoke(cli.app, ["demo", "--no-film", *map(str, arguments)], catch_exceptions=False)
 
 
-def test_it_tells_the_story_and_writes_both_files(tmp_path):
+def test_it_prints_what_happened_and_writes_both_files(tmp_path):
     done = run("--max-turns", 400, "--out", tmp_path)
 
     assert done.exit_code == 0

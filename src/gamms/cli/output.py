@@ -57,7 +57,7 @@ def guarded(command: Callable[..., None]) -> Callable[..., None]:
 
     known = signature(command)
     options = (("max_memory", None, _MaxMemory), ("traceback", False, _Traceback))
-    added = [Parameter(name, Parameter.KEYWORD_ONLY, default=usual, annotation=of) for name, usual, of in options]
+    added = [Parameter(name, Parameter.KEYWORD_ONLY, default=default, annotation=of) for name, default, of in options]
     run.__signature__ = known.replace(parameters=[*known.parameters.values(), *added])  # type: ignore[attr-defined] # what typer reads
     return run
 

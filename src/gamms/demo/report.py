@@ -17,8 +17,8 @@ def headline(ctx: Context, played: Result) -> str:
     return f"{_score(list(sides(ctx)), Counter(played.scores))} after {played.turns} turns ({played.reason}): {end}"
 
 
-def story(ctx: Context, played: Result) -> Iterator[tuple[int, str]]:
-    """Turn and sentence of everything that moved a flag."""
+def key_events(ctx: Context, played: Result) -> Iterator[tuple[int, str]]:
+    """Yield turn and sentence of all that moved a flag."""
     score: Counter[str] = Counter()
     for turn, events in groupby(played.events, itemgetter("turn")):
         of_turn = list(events)

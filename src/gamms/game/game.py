@@ -523,11 +523,11 @@ class Game(Settings):
 
     # -- inside -------------------------------------------------------------------------------------------------
 
-    def _refuse_in_turn(self, deed: str) -> None:
+    def _refuse_in_turn(self, action: str) -> None:
         if self.ctx.is_terminated():
             raise ContextTerminated("ctx.game")
         if self._turns.is_playing:
-            raise SnapshotError(f"A snapshot cannot be {deed} in the middle of a turn: do it between two turns.")
+            raise SnapshotError(f"A snapshot cannot be {action} in the middle of a turn: do it between two turns.")
 
     def _reseed(self, seed: int) -> None:
         """Key every stream by a seed, and continue that of the context as at the start with this seed."""

@@ -111,8 +111,8 @@ class TurnOrder:
 
     Attributes:
         slots: the slots.
-        usual: of each agent that no plan decides for, what a usual turn needs, in the form that is read fastest: the
-            index of its slot, the agent, its template if it is plain, its sensors and its last state.
+        individuals: of each agent that no plan decides for, what a usual turn needs, in the form that is read fastest:
+            the index of its slot, the agent, its template if it is plain, its sensors and its last state.
         commanded: the agents that plans decide for, team by team.
         observing: the indices of the slots of agents whose sensors are asked.
         selection: the rows of all.
@@ -125,7 +125,7 @@ class TurnOrder:
 
     def __init__(self, slots: list[AgentSlot], progress: list[Any], plans: Mapping[Any, Plan]) -> None:
         self.slots = slots
-        self.usual = [
+        self.individuals = [
             (i, slot.agent, slot.template if slot.is_plain else None, slot.carried, slot.last)
             for i, slot in enumerate(slots)
             if slot.team not in plans

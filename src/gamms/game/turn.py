@@ -145,10 +145,10 @@ class TurnEngine:
         try:
             seen = self._observe_first(order, observers)
             if seen is not None or state.team_memories or self._settings.time_budget is not None:
-                for i, *_ in order.usual:
+                for i, *_ in order.individuals:
                     decisions.ask(i, self.observation(order.slots[i]) if seen is None else seen[i])
             else:
-                self._ask_usual(order, starts, decisions)
+                self._ask_individuals(order, starts, decisions)
             for commanded in order.commanded:
                 if commanded.plan.arrays:
                     decisions.ask_arrays(commanded, self._ctx.seed, self._facts)
@@ -168,11 +168,11 @@ class TurnEngine:
         decisions.close()
         return TurnMoves(order, starts, decisions.ends, decisions.actions)
 
-    def _ask_usual(self, order: TurnOrder, starts: list[int], decisions: Decisions) -> None:
+    def _ask_individuals(self, order: TurnOrder, starts: list[int], decisions: Decisions) -> None:
         """Ask agents one by one, where neither memories of teams nor a time budget count."""
         near, phase, turn = self._ctx.graph.graph.neighborhoods, self._phase, self._state.turn
         ends, note, wait_for = decisions.ends, decisions.note, decisions.wait_for
-        for i, agent, template, carried, last in order.usual:
+        for i, agent, template, carried, last in order.individuals:
             strategy: Callable[[Any], Any] | None = agent.strategy
             if template is None or strategy is None:
                 decisions.ask(i, self.observation(order.slots[i]))

@@ -237,12 +237,12 @@ class FaceGrid:
         half = high - low
         with np.errstate(over="ignore"):
             spread = half[:, :2].max(axis=1) + 2.0 * _MARGIN * half.sum(axis=1)
-        aside = isqrt(len(rows))
-        order = np.argpartition(spread, len(rows) - 1 - aside)
-        usual, self._others = order[: len(rows) - aside], rows[order[len(rows) - aside :]]
-        self._rows = rows[usual]
-        self._reach = float(spread[usual].max())
-        self._cells = kernels.build_cells((low + high)[usual, :2])
+        most_large = isqrt(len(rows))
+        order = np.argpartition(spread, len(rows) - 1 - most_large)
+        small, self._others = order[: len(rows) - most_large], rows[order[len(rows) - most_large :]]
+        self._rows = rows[small]
+        self._reach = float(spread[small].max())
+        self._cells = kernels.build_cells((low + high)[small, :2])
         self._count = len(boxes)
 
     def is_worn(self, count: int) -> bool:

@@ -225,7 +225,7 @@ class AgentBlock:
             column = getattr(self, name)
             is_list = isinstance(column, list)
             setattr(self, name, [column[row] for row in rows] if is_list else column[rows])
-        self.journal.kept(rows)
+        self.journal.keep_rows(rows)
         self._unlocated = {i for i, row in enumerate(rows) if row in self._unlocated}
         self._renew()
 

@@ -48,7 +48,7 @@ class Journal:
         self.ids.append(len(self.names))
         self.names.append(name)
 
-    def kept(self, rows: list[int]) -> None:
+    def keep_rows(self, rows: list[int]) -> None:
         """Keep only the numbers of these rows, in this order."""
         self.ids = [self.ids[row] for row in rows]
 
@@ -69,9 +69,9 @@ class Muted(Journal):
         """Number an agent that has come, in the last row."""
         self._journal.entered(row, name)
 
-    def kept(self, rows: list[int]) -> None:
+    def keep_rows(self, rows: list[int]) -> None:
         """Keep only the numbers of these rows, in this order."""
-        self._journal.kept(rows)
+        self._journal.keep_rows(rows)
 
 
 class _Silent(Journal):
@@ -90,7 +90,7 @@ class _Silent(Journal):
     def entered(self, row: int, name: str) -> None:
         pass
 
-    def kept(self, rows: list[int]) -> None:
+    def keep_rows(self, rows: list[int]) -> None:
         pass
 
 

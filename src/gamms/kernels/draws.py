@@ -70,7 +70,7 @@ def draw_bits_many(purpose: int, names: BitArray, turn: int, k: int = 0) -> BitA
     return _mix_many(_mix_many(_mix_many(names ^ np.uint64(purpose)) + turned) + counted)
 
 
-def lots(purpose: int, names: Iterable[str], turn: int) -> list[int]:
+def draw_bits_each(purpose: int, names: Iterable[str], turn: int) -> list[int]:
     """Return 64 random bits for each name, (names,): for few names faster than arrays."""
     return [draw_bits(purpose, name_key(name), turn) for name in names]
 

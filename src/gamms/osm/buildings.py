@@ -164,10 +164,10 @@ def _records_of_features(
     return _records(footprints.faces_of(shapes, [wall for _, wall in chosen], projection(points), *tolerances))
 
 
-def _projection(crs: object, usual: Callable[[FloatArray], str] = utm_crs) -> Callable[[FloatArray], Projection]:
-    """From the points of a map to its projection: to a CRS in metres of the caller's, or to the usual one for them."""
+def _projection(crs: object, default: Callable[[FloatArray], str] = utm_crs) -> Callable[[FloatArray], Projection]:
+    """From the points of a map to its projection: to a CRS in metres of the caller's, or to the default one."""
     if crs is None:
-        return lambda points: partial(project, source=WGS84, target=usual(points))
+        return lambda points: partial(project, source=WGS84, target=default(points))
     name, in_degrees = crs_of(crs)
     if in_degrees:
         raise BadValue(f"crs is {name}, which counts in degrees. Give one in metres, such as ctx.graph.crs.")

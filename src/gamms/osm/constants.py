@@ -69,5 +69,5 @@ def wall_estimates() -> dict[tuple[str, str], tuple[float, int]]:
     `carport`).
     """
     bodies = {row: estimate for row, estimate in HEIGHT_ESTIMATES_TYPES.items() if row[0] != "landuse"}
-    usual = bodies.get(("building", "yes"))
-    return bodies if usual is None else {("building", "*"): usual, **bodies}
+    default = bodies.get(("building", "yes"))
+    return bodies if default is None else {("building", "*"): default, **bodies}

@@ -159,14 +159,14 @@ class _Lines:
         self.row_of[way.id] = len(self.offsets) - 1
         self.offsets.append(len(self.refs))
 
-    def complete(self, source: "io.File", tell: Callable[[int], None]) -> None:
+    def complete(self, source: "io.File", report: Callable[[int], None]) -> None:
         """Look for the nodes that osmium itself does not find: those after their way, and those with negative ids."""
         from osmium import FileProcessor, osm
 
         missing = {ref for ref, x in zip(self.refs, self.x, strict=True) if x == _NOWHERE}
         if not missing:
             return
-        tell(len(missing))
+        report(len(missing))
         nodes: Iterator[Any] = iter(FileProcessor(source, osm.NODE))
         places = {node.id: (node.location.x, node.location.y) for node in nodes if node.id in missing}
         for position, (ref, x) in enumerate(zip(self.refs, self.x, strict=True)):

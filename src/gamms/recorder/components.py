@@ -463,25 +463,25 @@ def _parameters_of(cls: type[Any]) -> Mapping[str, Any]:
         return {}
 
 
-def _property_of(field: str, keeper: Components) -> property:
+def _property_of(field: str, components: Components) -> property:
     def get(self: object) -> Any:
         value = getattr(self, STORE)[field]
         return list(value) if isinstance(value, list) else value  # a change within would go unrecorded
 
     def put(self: object, value: object) -> None:
-        keeper.assign(self, field, value)
+        components.assign(self, field, value)
 
     return property(get, put, doc=f"The recorded field {shown(field)}; a list is handed out as a copy.")
 
 
-def _init_of(kind: Kind, keeper: Components) -> Callable[..., None]:
+def _init_of(kind: Kind, components: Components) -> Callable[..., None]:
     def __init__(self: object, name: object, *args: object, **kwargs: object) -> None:  # noqa: N807 - it becomes the method
         kind.begin(self, name)
-        keeper.begin(self, name)
+        components.begin(self, name)
         try:
             kind.original_init(self, *args, **kwargs)
         except BaseException:
-            keeper.abandon(self)
+            components.abandon(self)
             raise
 
     return __init__

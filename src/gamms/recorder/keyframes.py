@@ -258,8 +258,8 @@ def checked(columns: Columns) -> Columns:
         Damaged: they are not right; other errors tell the same.
     """
     names = [checked_name(name) for name in columns["names"]]
-    usual: Columns = {name: np.full(len(names), value, kind) for name, (kind, value) in NUMBERS.items()}
-    columns = dict.fromkeys(_ON_EDGES, np.zeros(len(names))) | usual | columns
+    defaults: Columns = {name: np.full(len(names), value, kind) for name, (kind, value) in NUMBERS.items()}
+    columns = dict.fromkeys(_ON_EDGES, np.zeros(len(names))) | defaults | columns
     whole: Columns = {name: list(columns[name]) for name in LISTS}
     for name, (dtype, shape) in ARRAYS.items():
         whole[name] = np.array(columns[name], dtype)

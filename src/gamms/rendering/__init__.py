@@ -12,7 +12,7 @@ from gamms.context import Context
 from gamms.errors import BadValue, UnknownName
 from gamms.typing import PictureOptions
 from gamms.visual.backends import FILMS, FORMATS
-from gamms.visual.drawers.graph import usual_edge
+from gamms.visual.drawers.graph import typical_edge_length
 from gamms.visual.drawing import longer_side
 from gamms.visual.fog import Fog
 
@@ -204,6 +204,6 @@ class _Renderer:
 def _view(ctx: Context) -> float:
     """Return how much is seen around the agent that is followed, map units: some hundred metres at most."""
     columns = ctx.graph.columns()
-    wanted = _VIEW_EDGES * usual_edge(columns) if columns.crs is None else _VIEW_M
+    wanted = _VIEW_EDGES * typical_edge_length(columns) if columns.crs is None else _VIEW_M
     widest = longer_side(columns)
     return min(wanted, widest) or wanted

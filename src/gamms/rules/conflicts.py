@@ -255,8 +255,8 @@ def at_random() -> Resolver:
     def at_random(contest: Contest, ctx: Context) -> list[Move]:
         movers = contest.movers
         purpose = kernels.purpose_key(ctx.seed, "conflicts")
-        lots = kernels.lots(purpose, (mover.agent for mover in movers), ctx.game.turn)
-        order = sorted(range(len(movers)), key=lots.__getitem__)
+        draws = kernels.draw_bits_each(purpose, (mover.agent for mover in movers), ctx.game.turn)
+        order = sorted(range(len(movers)), key=draws.__getitem__)
         return [movers[number] for number in order[: contest.places]]
 
     return at_random

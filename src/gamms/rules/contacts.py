@@ -162,9 +162,9 @@ def found(ctx: Context, is_a: Test, is_b: Test, nearness: Nearness) -> list[Cont
         met += _on_edges(*sides) if nearness.passing else _crossed(ctx, ours, theirs)
     pairs = list({(one[3], one[4]): None for one in met})
     # By name, so that other agents that meet never change the order of two.
-    lots = kernels.lots(kernels.purpose_key(ctx.seed, "contacts"), map(repr, pairs), ctx.game.turn)
-    lot_of = dict(zip(pairs, lots, strict=True))
-    ranked = sorted((*one[:2], lot_of[one[3], one[4]], *one[2:]) for one in met if one[3] != one[4])
+    draws = kernels.draw_bits_each(kernels.purpose_key(ctx.seed, "contacts"), map(repr, pairs), ctx.game.turn)
+    draw_of = dict(zip(pairs, draws, strict=True))
+    ranked = sorted((*one[:2], draw_of[one[3], one[4]], *one[2:]) for one in met if one[3] != one[4])
     return [Contact(a, b, distance, time, *nodes) for time, distance, _, _, a, b, *nodes in ranked]
 
 

@@ -154,8 +154,8 @@ class _Flags(NamedTuple):
             there = [agent.name for agent in enemies if agent.name not in busy]
             if turn.carriers[flag] is None and there:
                 purpose = kernels.purpose_key(ctx.seed, "capture_flag", self.key, str(flag))
-                lots = kernels.lots(purpose, there, ctx.game.turn)
-                turn.carriers[flag] = taker = min(zip(lots, there, strict=True))[1]
+                draws = kernels.draw_bits_each(purpose, there, ctx.game.turn)
+                turn.carriers[flag] = taker = min(zip(draws, there, strict=True))[1]
                 turn.taken_at[flag] = turn.now
                 ctx.game.emit("take", agent=taker, flag=flag, node=base)
 

@@ -360,8 +360,8 @@ def written_out(spec: Spec, library: Library) -> Values:
     plain: Values = copied(to_plain(spec))
     for sensor in plain["sensors"].values():
         kind = None if sensor["type"] is None else sensor_type(sensor["type"])
-        usual = {} if kind is None else copied(KINDS[kind].keywords)
-        sensor |= {name: value for name, value in usual.items() if sensor[name] is None}
+        defaults = {} if kind is None else copied(KINDS[kind].keywords)
+        sensor |= {name: value for name, value in defaults.items() if sensor[name] is None}
     for one in code_in(spec):
         if one.what != "resolver":
             _write_defaults(plain, one, library.known(one.reference, one.short))

@@ -50,7 +50,7 @@ class FlyingSensor(Sensor):
 
     _type: ClassVar[SensorType]
     _is_occluded = False
-    _usual: ClassVar[tuple[float, Quaternion]]  # fov and quat, where they are not given
+    _defaults: ClassVar[tuple[float, Quaternion]]  # fov and quat, where they are not given
     _widest = inf
 
     def __init__(
@@ -62,10 +62,10 @@ class FlyingSensor(Sensor):
         quat: Quaternion | None = None,
     ) -> None:
         super().__init__(ctx, sensor_id, self._type)
-        self.quat = self._usual[1] if quat is None else quat
+        self.quat = self._defaults[1] if quat is None else quat
         self._at: Axis | None = None
         self.range = as_range(sensor_range, f"sensor_range of {sensor_id!r}")
-        self.fov = min(as_range(self._usual[0] if fov is None else fov, f"fov of {sensor_id!r}"), self._widest)
+        self.fov = min(as_range(self._defaults[0] if fov is None else fov, f"fov of {sensor_id!r}"), self._widest)
         self._last[0] = {}
 
     @property
@@ -152,7 +152,7 @@ class AerialSensor(FlyingSensor):
     """
 
     _type = SensorType.AERIAL
-    _usual = (pi / 3.0, DOWN)
+    _defaults = (pi / 3.0, DOWN)
     _widest = 0.9 * pi  # of a cone that looks at the ground, as in 1.0.0
 
     def sense(self, node_id: int | None = None) -> None:  # noqa: ARG002 - it looks from the air
@@ -216,7 +216,7 @@ class AerialAgentSensor(DetectingSensor, FlyingSensor):
     """
 
     _type = SensorType.AERIAL_AGENT
-    _usual = (2.0 * pi, AHEAD)
+    _defaults = (2.0 * pi, AHEAD)
     _notice = None
 
     def sense(self, node_id: int | None = None) -> None:  # noqa: ARG002 - it looks from the air

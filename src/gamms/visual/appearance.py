@@ -221,26 +221,26 @@ class AgentData:
     current_position: tuple[float, float] | None = None  # where it was drawn last
     least_px: float = 6.0  # its radius is never less
     shift: tuple[float, float] = (0.0, 0.0)  # by how many radii it was drawn right of and below its position
-    undeclared: dict[str, Any] = field(default_factory=dict, compare=False)  # what was filled in
+    defaults: dict[str, Any] = field(default_factory=dict, compare=False)  # what was filled in
 
     @classmethod
     def declared(cls, **given: Any) -> "AgentData":
         """Return a look of which only these values were declared, so that `fill` may change the others."""
         look = cls(**given)
         names = ("color",) * ("color" not in given) + ("size", "least_px") * ("size" not in given)
-        look.undeclared = {name: getattr(look, name) for name in names}
+        look.defaults = {name: getattr(look, name) for name in names}
         return look
 
-    def fill(self, usual: "AgentData") -> None:
+    def fill(self, other: "AgentData") -> None:
         """Take from another look what was neither declared nor set by the program since."""
-        for name, value in self.undeclared.items():
+        for name, value in self.defaults.items():
             if getattr(self, name) == value:
-                self.undeclared[name] = getattr(usual, name)
-                setattr(self, name, getattr(usual, name))
+                self.defaults[name] = getattr(other, name)
+                setattr(self, name, getattr(other, name))
 
     def given(self) -> dict[str, Any]:
         """Return the values that were declared."""
-        filled = {name for name, value in self.undeclared.items() if getattr(self, name) == value}
+        filled = {name for name, value in self.defaults.items() if getattr(self, name) == value}
         return {name: value for name, value in self.__dict__.items() if name not in filled}
 
 

@@ -249,7 +249,7 @@ class Artists(Guarded):
                 look.fill(AgentData(look.name))
             for artist in self.declared.values():
                 if artist.get_drawer() is render_sensor:
-                    data_of(artist).pop("_usual", None)
+                    data_of(artist).pop("_defaults", None)
 
     @refused_while_deciding
     def set_obstacle_visual(self, **kwargs: Unpack[ObstacleVisual]) -> Artist:

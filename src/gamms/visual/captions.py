@@ -84,15 +84,15 @@ class Card(NamedTuple):
     lines: tuple[str, ...]
 
 
-def end_card(ctx: IContext, turn: int, later: Iterable[str] = (), usual: str = "") -> Card | None:
-    """Return how the game ended; where it did not, and there is no usual reason for its last turn, None."""
+def end_card(ctx: IContext, turn: int, later: Iterable[str] = (), reason: str = "") -> Card | None:
+    """Return how the game ended; where it did not, and no reason for its last turn is given or known, None."""
     game = ctx.current_game
     over = None if game is None else game.over
     if game is not None and turn and turn == game.last_turn:
-        usual = usual or ALL_PLAYED
-    if over is None and not usual:
+        reason = reason or ALL_PLAYED
+    if over is None and not reason:
         return None
-    title, reason = ("The end", usual) if over is None else ending(over)
+    title, reason = ("The end", reason) if over is None else ending(over)
     color = None if over is None else drawing_of(ctx).group_colors().get(str(over["winner"]))
     scores = dict(sorted(scores_of(ctx, later).items(), key=lambda item: -item[1]))
     return Card(title, color, (reason, *([score_line(scores)] if scores else []), f"{turn} turn{'s' * (turn != 1)}"))

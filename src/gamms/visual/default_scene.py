@@ -20,7 +20,7 @@ from gamms.visual.appearance import AgentData, GraphData, Rgb, color_group
 from gamms.visual.artist import Artist, data_of, looks_of
 from gamms.visual.constants import Layer
 from gamms.visual.drawers import render_agent, render_graph, render_obstacles, render_sensor
-from gamms.visual.drawers.graph import obstacles_to_draw, usual
+from gamms.visual.drawers.graph import median, obstacles_to_draw
 from gamms.visual.drawers.rules import (
     TerritoryDrawer,
     flags_in,
@@ -33,12 +33,12 @@ from gamms.visual.drawers.rules import (
 from gamms.visual.drawers.sensors import render_rings, render_sight
 from gamms.visual.drawing import drawing_of
 from gamms.visual.legend import Row, Rows, legend_only
-from gamms.visual.shown_turn import Sight, says_something
+from gamms.visual.shown_turn import Sight, has_content
 from gamms.visual.themes import Theme
 
 MOST_SENSORS = 20  # more of them would hide what happens
 _WITHOUT_CARRIER = (110, 114, 120)
-_USUAL_PX, _LEAST_PX, _MANY = 6.0, 3.0, 150  # radius of agents; of more than so many a smaller one
+_AGENT_PX, _LEAST_PX, _MANY = 6.0, 3.0, 150  # radius of agents; of more than so many a smaller one
 _SIGN = (110, 114, 120)  # of which colour signs are explained that have the colours of teams
 _VIEWS = (  # the parts of a view, what they are, and their signs
     ("outline", "field of view", "field"),
@@ -85,7 +85,7 @@ class DefaultScene:
                 look.fill(data_of(self._agents[look.name])["agent_data"])
         for artist in declared.values():
             if artist.get_drawer() is render_sensor:
-                data_of(artist)["_usual"] = sizes_of_sights(self._mark)
+                data_of(artist)["_defaults"] = sizes_of_sights(self._mark)
         seen = self._sensors(declared) if sensors else {}
         return self._map | self._agents | seen | self.of_rules() | {"legend": self._legend}
 
@@ -139,7 +139,7 @@ class DefaultScene:
             return
         sides = {agent.name: str(color_group(agent)) for agent in self._ctx.agent.create_iter()}
         by_side = drawing_of(self._ctx).group_colors()
-        least_px = max(_LEAST_PX, min(_USUAL_PX, _USUAL_PX * (_MANY / max(len(sides), 1)) ** 0.5))
+        least_px = max(_LEAST_PX, min(_AGENT_PX, _AGENT_PX * (_MANY / max(len(sides), 1)) ** 0.5))
         self._agents_key, self._agents = key, {}
         self._colors = {name: by_side[side] for name, side in sides.items()}
         for name, color in self._colors.items():
@@ -239,7 +239,7 @@ def legend_of_teams(ctx: IContext) -> Artist:
 
 def _is_worth_drawing(view: SensorView, nodes: int) -> bool:
     """Return whether there is something to draw, and not just the whole map, which has so many nodes."""
-    return says_something(view) and (len(view.nodes) < nodes or len(view.outline) > 0)
+    return has_content(view) and (len(view.nodes) < nodes or len(view.outline) > 0)
 
 
 def sight_radius(columns: GraphColumns) -> float:
@@ -249,5 +249,5 @@ def sight_radius(columns: GraphColumns) -> float:
     widest = float(np.ptp(columns.xy, axis=0).max())
     ways = columns.xy[columns.targets] - columns.xy[columns.sources]
     lengths = np.hypot(ways[:, 0], ways[:, 1])
-    typical = usual(lengths) if len(lengths) else widest
+    typical = median(lengths) if len(lengths) else widest
     return min(0.22 * typical, 0.018 * widest) or 1.0

@@ -28,7 +28,7 @@ from gamms.visual.legend import Block, blocks_of, grown
 from gamms.visual.page import Page, PageStyle, page_size, style_of
 from gamms.visual.scene import Scene, whole_frame
 
-_USUAL_PX, _USUAL_RATIO = 1280, 16 / 9  # of a picture that looks at a part of the map
+_DEFAULT_PX, _DEFAULT_RATIO = 1280, 16 / 9  # of a picture that looks at a part of the map
 _LONGEST_PX = 65_535  # as GIF counts them
 _FINEST_DPI = 10_000.0
 _PICTURE_BYTES = 20  # of memory per pixel, measured: the canvas, its copies and the file
@@ -135,8 +135,8 @@ def _sides(
     width, height = asked
     if viewpoint.look is None:
         return page_size(box, asked, blocks, style, fine)
-    width = width or round(height * _USUAL_RATIO if height else _USUAL_PX * fine)
-    return width, height or round(width / _USUAL_RATIO)
+    width = width or round(height * _DEFAULT_RATIO if height else _DEFAULT_PX * fine)
+    return width, height or round(width / _DEFAULT_RATIO)
 
 
 FRAMES_PER_TURN = 5  # a sixth of a second

@@ -22,7 +22,7 @@ from gamms.visual.camera import inside
 from gamms.visual.constants import Layer
 from gamms.visual.default_scene import MOST_SENSORS, artists_of_sights, sight_radius
 from gamms.visual.drawers import render_input_overlay, render_obstacles
-from gamms.visual.drawers.graph import one_way_each, polylines, usual_edge
+from gamms.visual.drawers.graph import one_way_each, polylines, typical_edge_length
 from gamms.visual.drawers.rules import flags_in, render_flags, render_tags, territories_in
 from gamms.visual.drawing import drawing_of
 from gamms.visual.legend import legend_only
@@ -133,7 +133,7 @@ class Fog:
         points, offsets, ends = self._streets(columns)
         shades = np.isin(columns.node_ids, list(self._seen)).astype(np.int64)
         shades += np.isin(columns.node_ids, list(self._now))
-        of_streets, unit, visual = shades[ends].min(axis=1), usual_edge(columns), drawing_of(ctx)
+        of_streets, unit, visual = shades[ends].min(axis=1), typical_edge_length(columns), drawing_of(ctx)
         is_real = columns.crs is not None
         width = min(_STREET, _SLIM * unit) if is_real else _LINE_PX
         for shade, color in enumerate(visual.theme.fog):

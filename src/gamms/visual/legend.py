@@ -80,8 +80,8 @@ def blocks_of(ctx: IContext, artists: Mapping[str, IArtist]) -> tuple[Block, ...
     """
     found: list[Block] = []
     for name, artist in sorted(artists.items(), key=lambda item: item[1].get_layer()):
-        data, usual = getattr(artist, "data", None), getattr(artist.get_drawer(), "legend", None)
-        legend = data.get("legend", usual) if isinstance(data, dict) and artist.get_visible() else None
+        data, default = getattr(artist, "data", None), getattr(artist.get_drawer(), "legend", None)
+        legend = data.get("legend", default) if isinstance(data, dict) and artist.get_visible() else None
         legend = legend(ctx) if callable(legend) else legend
         for block in legend if isinstance(legend, list) else [legend]:
             if block is None:

@@ -19,8 +19,8 @@ _UNICODE = 0  # the platform of a table of characters
 
 def words_width(words: str, font_px: float) -> float:
     """Return how broad words are, in the unit of `font_px`, the height as `render_text` counts it."""
-    widths, usual = _widths()
-    return EM * font_px * sum(widths.get(ord(letter), usual) for letter in words)
+    widths, default = _widths()
+    return EM * font_px * sum(widths.get(ord(letter), default) for letter in words)
 
 
 def shortened(words: str, font_px: float, most_px: float) -> str:

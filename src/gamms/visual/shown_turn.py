@@ -378,13 +378,13 @@ def view_of(sensor: ISensor) -> SensorView:
 
 def _has_looked(sensor: ISensor) -> bool:
     try:
-        return says_something(view_of(sensor))
+        return has_content(view_of(sensor))
     except NotOffered:
         return False
     except Exception:  # noqa: BLE001 - see above
         return True
 
 
-def says_something(view: SensorView) -> bool:
+def has_content(view: SensorView) -> bool:
     """Return whether there is anything to draw."""
     return any(len(part) for part in (view.nodes, view.lines, view.agents, view.outline))

@@ -17,7 +17,7 @@ from gamms.visual.themes import WallTones
 _FEW = 2_000  # up to so many edges streets are drawn broader
 _ID_PX = 17
 _STREET = 2.0  # metres: how broad a street of a real map is drawn
-_SLIM = 0.2  # at most so broad, in lengths of a usual edge
+_SLIM = 0.2  # at most so broad, in lengths of a typical edge
 _PATH = 0.4  # how broad a path is drawn, in widths of a street
 _PATHS = frozenset(("footway", "path", "steps", "cycleway", "pedestrian", "corridor", "bridleway", "track"))
 
@@ -44,7 +44,7 @@ def _streets(columns: GraphColumns, look: GraphData) -> list[tuple[FloatArray, I
     """Return the polylines of the graph and how broad they are on a real map, made once per revision: paths first."""
     if columns.revision not in look.edge_line_points:
         look.edge_line_points.clear()
-        rows, breadth = one_way_each(columns), min(_STREET, _SLIM * usual(columns.lengths))
+        rows, breadth = one_way_each(columns), min(_STREET, _SLIM * median(columns.lengths))
         is_path = _are_paths(columns)[rows]
         parts = [(is_path, _PATH * breadth), (~is_path, breadth)]
         look.edge_line_points[columns.revision] = [
@@ -66,7 +66,7 @@ def _is_path(kind: object) -> bool:
     return kind in _PATHS if isinstance(kind, str) else isinstance(kind, list | tuple) and all(map(_is_path, kind))
 
 
-def usual(lengths: FloatArray) -> float:
+def median(lengths: FloatArray) -> float:
     """Return the median of some lengths; 0.0 of none."""
     if len(lengths) == 0:
         return 0.0
@@ -114,7 +114,7 @@ def _undirected(bend: FloatArray) -> bytes:
     return min(bend.tobytes(), bend[::-1].tobytes())
 
 
-_NODE, _EDGE = 0.5, 0.35  # radius of a disc and width of a line, in lengths of a usual edge
+_NODE, _EDGE = 0.5, 0.35  # radius of a disc and width of a line, in lengths of a typical edge
 _NODE_PX, _EDGE_PX = 2.0, 3.0  # but never less
 
 
@@ -127,16 +127,16 @@ def render_values(ctx: IContext, data: dict[str, Any]) -> None:
     places = values.places[order][is_there]
     cuts = np.flatnonzero(np.diff(places)) + 1
     draw = _draw_nodes if values.of == "nodes" else _draw_edges
-    unit = usual_edge(columns)
+    unit = typical_edge_length(columns)
     for part in np.split(np.arange(len(rows)), cuts) if len(rows) else []:
         draw(ctx, columns, rows[part], unit, values.colors[int(places[part[0]])])
 
 
-def usual_edge(columns: GraphColumns) -> float:
+def typical_edge_length(columns: GraphColumns) -> float:
     """Return the median length of edges as the crow flies; for a map without any, how large it is, or 1.0."""
     ways = columns.xy[columns.targets] - columns.xy[columns.sources]
     if len(ways):
-        return usual(np.hypot(ways[:, 0], ways[:, 1]))
+        return median(np.hypot(ways[:, 0], ways[:, 1]))
     return float(np.ptp(columns.xy, axis=0).max()) if len(columns.xy) > 1 else 1.0
 
 

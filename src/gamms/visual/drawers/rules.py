@@ -16,7 +16,7 @@ from gamms.text import shown
 from gamms.typing import IContext
 from gamms.visual.appearance import AnyColor, color_group, rgba
 from gamms.visual.constants import Layer
-from gamms.visual.drawers.graph import one_way_each, polylines, usual_edge
+from gamms.visual.drawers.graph import one_way_each, polylines, typical_edge_length
 from gamms.visual.drawing import drawing_of
 from gamms.visual.legend import Row, Rows
 from gamms.visual.shown_turn import TurnEvents
@@ -30,7 +30,7 @@ _MOST = 100  # flags, territories, and teams that have them
 _TINT, _DOT_PX, _BASE_PX = 70, 5.0, 8.0
 _GOAL_PX = (11.0, 2.5), (5.5, 2.5)  # radii and widths of the rings around a goal
 _FEW_GOALS = 12  # of more of them a team has, each is a dot
-_BAND = 0.75  # the breadth of a territory's streets, in lengths of a usual edge
+_BAND = 0.75  # the breadth of a territory's streets, in lengths of a typical edge
 _FLAG = 0.04  # the height of a flag, in widths of what is seen
 
 
@@ -186,7 +186,7 @@ class TerritoryDrawer:
         """Draw it."""
         owned, columns = territories_in(ctx).get(self._name, {}), ctx.graph.columns()
         if self._seen is None or self._seen[0] is not columns or self._seen[1] != owned:
-            self._seen, self._breadth = (columns, owned), _BAND * usual_edge(columns)
+            self._seen, self._breadth = (columns, owned), _BAND * typical_edge_length(columns)
             self._places = _places(columns, owned)
         visual = drawing_of(ctx)
         for team, color in team_colors_of(ctx, self._places, self._given).items():
@@ -218,8 +218,8 @@ def _places(columns: GraphColumns, owned: Mapping[Any, str]) -> dict[Any, _Groun
 
 def team_colors_of(ctx: IContext, teams: Mapping[Any, Any], given: Mapping[Any, Any] | None) -> dict[Any, Any]:
     """Return a colour for each team: the given one, or what its agents have where nothing is declared."""
-    usual = drawing_of(ctx).group_colors(sorted(teams, key=str))
-    return {team: (given or {}).get(team, usual[str(team)]) for team in sorted(teams, key=str)}
+    colors = drawing_of(ctx).group_colors(sorted(teams, key=str))
+    return {team: (given or {}).get(team, colors[str(team)]) for team in sorted(teams, key=str)}
 
 
 def render_goals(ctx: IContext, data: dict[str, Any]) -> None:
@@ -248,13 +248,13 @@ def render_tags(ctx: IContext, data: dict[str, Any]) -> None:
     tags = [tag for tag in visual.events.of_kind("tag") if of is None or {tag.get("agent"), tag.get("other")} & of]
     if not tags:
         return
-    arm, usual = _ARM * visual.extent() or 1.0, visual.group_colors()
+    arm, colors = _ARM * visual.extent() or 1.0, visual.group_colors()
     for tag in tags:
         node, tagger = tag.get("node", -1), ctx.agent.agents.get(tag.get("agent", ""))
         if tagger is None or not ctx.graph.graph.has_node(node):
             continue
         side = color_group(tagger)
-        color = data.get("colors", {}).get(side, usual[str(side)])
+        color = data.get("colors", {}).get(side, colors[str(side)])
         place = ctx.graph.graph.get_node(node)
         for ink, more_px in ((_WHITE, _EDGE_PX), (color, 0.0)):
             visual.render_circles([(place.x, place.y)], _REACH * arm, ink, _LINE_PX + more_px)

@@ -54,7 +54,7 @@ def render_rings(ctx: IContext, data: dict[str, Any]) -> None:
 
 
 def _draw(ctx: IContext, data: dict[str, Any], view: SensorView) -> None:
-    data = {**data.get("_usual", {}), **data}
+    data = {**data.get("_defaults", {}), **data}
     color = data.get("color", data.get("node_color", Color.Cyan))
     if len(view.outline):
         field_of_view(ctx, view.outline, color)
@@ -62,8 +62,8 @@ def _draw(ctx: IContext, data: dict[str, Any], view: SensorView) -> None:
         edge_color = _see_through(data.get("edge_color", color))
         drawing_of(ctx).render_lines(view.lines, view.offsets, edge_color, _EDGE_PX)
     if len(view.nodes):
-        usual = _JUNCTION_RADIUS if len(view.lines) else _NODE_RADIUS
-        _mark(ctx, view.nodes, data.get("node_size", usual), data.get("node_color", color))
+        default = _JUNCTION_RADIUS if len(view.lines) else _NODE_RADIUS
+        _mark(ctx, view.nodes, data.get("node_size", default), data.get("node_color", color))
     if len(view.agents):
         rings(ctx, view.agents, data.get("size", _AGENT_RADIUS), color, _RING_PX)
 

@@ -136,7 +136,7 @@ class Pace:
         return _SPEEDS[self._speed]
 
     @property
-    def stands(self) -> bool:
+    def is_halted(self) -> bool:
         """Whether no time passes for the turn that is shown."""
         return self.is_paused and not self.is_stepping
 
@@ -159,7 +159,7 @@ class Pace:
         self._is_whole, self._ends_step = False, True
         self.clock.tick()
 
-    def rest(self) -> None:
+    def show_end(self) -> None:
         """Show the end of a turn, as long as time stands still."""
         self.is_showing, self.shown_seconds = True, inf
         self._is_whole, self.is_stepping = True, False
@@ -180,10 +180,10 @@ class Pace:
         self._is_whole = self.is_showing and self.shown_seconds >= turn_seconds
         if self._is_whole and self._ends_step:
             self.is_stepping = False
-        is_over = self._is_whole and not self.stands
+        is_over = self._is_whole and not self.is_halted
         self._wait()
         seconds = float(self.clock.tick()) / 1000.0
-        if self.is_showing and not self.stands:
+        if self.is_showing and not self.is_halted:
             self.shown_seconds += seconds * self.speed
         if is_over:
             self.end_turn()

@@ -286,7 +286,7 @@ class WindowEngine(WindowNames, PictureEngine):
 
     def _can_play(self) -> bool:
         playback = self.playback
-        return playback is not None and playback.can_seek and playback.turn < playback.turns and not self.pace.stands
+        return playback is not None and playback.can_seek and playback.turn < playback.turns and not self.pace.is_halted
 
     def linger(self) -> None:
         """Stay open at the end of a `with` block, where a game is over and there may be a person who looks at it."""
@@ -349,7 +349,7 @@ class WindowEngine(WindowNames, PictureEngine):
             raise BadValue("There is no turn to go to: no recording of version 3 is being replayed.")
         self.playback.seek(turn)
         self._land(self.playback)
-        self.pace.rest()
+        self.pace.show_end()
 
     def _land(self, playback: IPlayback) -> None:
         """Show the turn that a recording is at, with the trails that lead there."""
@@ -582,9 +582,9 @@ class WindowEngine(WindowNames, PictureEngine):
 
     def _show_options(self, asked: Question | None) -> None:
         artist = self.artists.declared["input_overlay"]
-        theme, usual = self.overlay.hud.theme, GraphData(Color.Green, 4.0, Color.Green)
+        theme, standard = self.overlay.hud.theme, GraphData(Color.Green, 4.0, Color.Green)
         artist.data |= {
-            "_ink": theme.ink if artist.data["graph_data"] == usual else None,
+            "_ink": theme.ink if artist.data["graph_data"] == standard else None,
             "_input_options": dict(asked.options) if isinstance(asked, Walk) else {},
             "_waiting_user_input": asked is not None,
             "_waiting_agent_name": None if asked is None else asked.name,

@@ -26,7 +26,7 @@ from gamms.visual.window.input import Question, Walk
 from gamms.visual.window.panels import BADGE_PX, EDGE_PX, Hud, HudLines
 from gamms.visual.window.timeline import FOOT_PX, Timeline
 
-_USUAL_TRAILS = 8  # turns, where they are switched on by key
+_DEFAULT_TRAILS = 8  # turns, where they are switched on by key
 _FPS_SECONDS = 0.5
 _LARGEST_PX, _SIZE_STEP = 12.0, 1.25  # radius of agents: so large, or larger by less than a step of the zoom
 _BESIDE_PX = 10.0  # between an agent and its panel
@@ -66,7 +66,7 @@ class Overlay(Guarded):
         self._scene = DefaultScene(ctx, theme)
         self.hud, self.timeline = Hud(theme), Timeline(self._team_of)
         self.shown: dict[str, IArtist] = {}
-        self.trails, self.most_trails = 0, _USUAL_TRAILS
+        self.trails, self.most_trails = 0, _DEFAULT_TRAILS
         self.labels: Choice = AUTO
         self._names, self.turns = Labels(), 0
         self.is_over = self.is_replay = False
@@ -94,7 +94,7 @@ class Overlay(Guarded):
 
     def keep_trails(self, turns: int) -> None:
         """Show trails of so many turns; 0 shows none until they are switched on."""
-        self.trails, self.most_trails = turns, turns or _USUAL_TRAILS
+        self.trails, self.most_trails = turns, turns or _DEFAULT_TRAILS
 
     # -- artists ---------------------------------------------------------------------------------------------
 
@@ -238,7 +238,7 @@ class Overlay(Guarded):
         self.hud.paint(canvas, lines, self._prompt(question), credit, foot, has_hint=has_hint)
         if has_line:
             done = self.turns - (1.0 - self._share)
-            is_running, colors = not self._pace.stands, self._drawing.group_colors()
+            is_running, colors = not self._pace.is_halted, self._drawing.group_colors()
             self.timeline.paint(canvas, self.hud.theme, colors, self.turns, done, is_running=is_running)
         if isinstance(question, Walk):
             self._paint_choices(canvas, question)
@@ -262,8 +262,8 @@ class Overlay(Guarded):
         """Return how the game ended; None while it goes on, or was dismissed."""
         if not self.is_over or self._share < 1.0 or self._dismissed == self.turns:
             return None
-        usual = "end of the recording" if self.is_replay else ALL_PLAYED
-        return end_card(self._ctx, self.turns, self.timeline.scores, usual)
+        reason = "end of the recording" if self.is_replay else ALL_PLAYED
+        return end_card(self._ctx, self.turns, self.timeline.scores, reason)
 
     @refused_while_deciding
     def dismiss(self) -> bool:
