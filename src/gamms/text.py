@@ -1,7 +1,14 @@
 """Values and texts of any origin in a form that is safe to read: bounded, and without control characters."""
 
 import re
+from collections.abc import Callable
+from functools import partial, update_wrapper, wraps
 from reprlib import Repr
+from types import FunctionType
+from typing import Any, ParamSpec, TypeVar, cast
+
+P = ParamSpec("P")
+F = TypeVar("F", bound=Callable[..., Any])
 
 _LONG = 200  # bits
 _MOST = 1000  # characters of what an error says
@@ -28,6 +35,43 @@ _bounded.maxstring = _bounded.maxlong = _bounded.maxother = 80
 def shown(value: object) -> str:
     """Return the `repr` of a value, shortened to what a message can hold; it never raises."""
     return printable(_bounded.repr(value)).replace("\n", " ")
+
+
+class Called(partial[Any]):
+    """A function that another one has made; it prints as the call that made it."""
+
+    call: str
+
+    def __repr__(self) -> str:
+        return self.call
+
+
+def shown_as_called(make: Callable[P, F]) -> Callable[P, F]:
+    """Let the functions that a function makes, such as rules, print as the call that made them.
+
+    An argument `ctx`, which has to be the first, prints as that word.
+    """
+    code: Any = getattr(make, "__code__", None)
+    words = ["ctx"] if code.co_varnames[:1] == ("ctx",) else []
+
+    @wraps(make)
+    def call(*args: P.args, **kwargs: P.kwargs) -> F:
+        function: Any = make(*args, **kwargs)
+        made: Any = update_wrapper(Called(function), function)
+        del made.__wrapped__
+        given = [*(words if args else ()), *map(as_code, args[len(words) :])]
+        named = [f"{name}={name if name in words else as_code(value)}" for name, value in kwargs.items()]
+        made.call = f"{make.__name__}({', '.join([*given, *named])})"
+        return cast("F", made)
+
+    return call
+
+
+def as_code(value: object) -> str:
+    """Return how a program writes a value: functions have their names, others are shortened as by `shown`."""
+    if isinstance(value, Called):
+        return value.call
+    return value.__name__ if isinstance(value, FunctionType) else shown(value)
 
 
 def as_text(value: object) -> str:

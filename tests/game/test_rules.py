@@ -41,7 +41,9 @@ def test_a_name_may_be_given_once(ctx):
         pass
 
     assert [(one.name, one.phase) for one in ctx.game.rules] == [("tide", "before"), ("moon", "after")]
-    assert repr(ctx.game.rules) == "(NamedRule('tide', phase='before'), NamedRule('moon', phase='after'))"
+    assert (
+        repr(ctx.game.rules) == "(NamedRule('tide', <lambda>, phase='before'), NamedRule('moon', rule, phase='after'))"
+    )
     with pytest.raises(ValueError, match="There is already a rule named 'tide'"):
         ctx.game.add(rule, name="tide")
     with pytest.raises(TypeError, match="name of a rule"):

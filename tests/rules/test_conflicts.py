@@ -214,6 +214,8 @@ def test_allow_swaps_must_be_true_or_false():
 
 
 def test_conflicts_show_their_arguments():
-    assert repr(Conflicts()) == "Conflicts(capacity=1, among='all', allow_swaps=True, resolve=at_random)"
+    assert repr(Conflicts()) == "Conflicts(capacity=1, among='all', allow_swaps=True, resolve=at_random())"
     priority = Conflicts({3: None}, "team", allow_swaps=False, resolve=by_priority(["red"]))
-    assert repr(priority) == "Conflicts(capacity={3: None}, among='team', allow_swaps=False, resolve=by_priority)"
+    assert (
+        repr(priority) == "Conflicts(capacity={3: None}, among='team', allow_swaps=False, resolve=by_priority(['red']))"
+    )

@@ -33,7 +33,7 @@ def test_a_recording_plays_by_the_defaults_that_it_was_made_with(made, monkeypat
     game = made({"sensors.eyes": {"type": "AGENT_RANGE"}})
     recording, first = recorded(game)
     assert recorded(scenario.from_recording(recording, folder=game.folder))[1] == first
-    monkeypatch.setitem(rules.tag.__kwdefaults__, "score", 50)
+    monkeypatch.setitem(rules.tag.__wrapped__.__kwdefaults__, "score", 50)
     assert recorded(game)[1] != first
     assert recorded(scenario.from_recording(recording, folder=game.folder))[1] == first
     said = recording.header["scenario"]

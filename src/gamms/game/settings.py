@@ -8,7 +8,7 @@ from gamms.deciding import Guarded, refused_while_deciding
 from gamms.errors import BadType, BadValue, Duplicate, GammsError, UnknownName, nearest
 from gamms.ir.game_state import GameState
 from gamms.readonly import ReadOnlyMapping
-from gamms.text import shown
+from gamms.text import as_code, shown
 from gamms.typing.context import HostContext
 from gamms.typing.game import IConflicts, Rule
 
@@ -176,8 +176,8 @@ class NamedRule(NamedTuple):
     phase: str  # "before" or "after"
 
     def __repr__(self) -> str:
-        """Show the name and the phase."""
-        return f"NamedRule({self.name!r}, phase={self.phase!r})"
+        """Show the name, the rule as a program writes it, and the phase."""
+        return f"NamedRule({self.name!r}, {as_code(self.rule)}, phase={self.phase!r})"
 
 
 class RuleSet:

@@ -17,6 +17,7 @@ from gamms.game.settings import NamedRule, Plan, RuleSet, Settings
 from gamms.game.turn import Observer, TurnEngine, TurnMoves
 from gamms.ir.agents import Position
 from gamms.ir.game_state import GameState
+from gamms.text import Called
 from gamms.typing.agent_engine import IAgent
 from gamms.typing.context import HostContext
 
@@ -297,11 +298,13 @@ def _rebound_method(method: MethodType, memo: Memo) -> Any:
 
 
 def _rebound_partial(function: "partial[Any]", memo: Memo) -> Any:
-    args = [_rebound(one, memo) for one in function.args]
-    keywords = {name: _rebound(one, memo) for name, one in function.keywords.items()}
-    made = partial(_rebound(function.func, memo), *args, **keywords)
-    made.__dict__.update(function.__dict__)
-    return made
+    parts = function.func, function.args, function.keywords
+    func, args, keywords = made = [_rebound(one, memo) for one in parts]
+    if all(new is one for new, one in zip(made, parts, strict=True)):
+        return function
+    twin = memo[id(function)] = type(function)(func, *args, **keywords)
+    twin.__dict__.update(function.__dict__)
+    return twin
 
 
 def _rebound_items(values: list[Any] | tuple[Any, ...], memo: Memo) -> Any:
@@ -318,6 +321,7 @@ _REBOUND: dict[type, Callable[[Any, Memo], Any]] = {
     FunctionType: _rebound_function,
     MethodType: _rebound_method,
     partial: _rebound_partial,
+    Called: _rebound_partial,
     tuple: _rebound_items,
     list: _rebound_items,
     dict: _rebound_values,

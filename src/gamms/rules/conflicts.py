@@ -13,7 +13,7 @@ from gamms.arguments import as_choice, as_flag, as_int, as_key, as_text
 from gamms.context import Context
 from gamms.errors import BadType, BadValue, MissingKey, UnknownName, nearest
 from gamms.graph import Graph
-from gamms.text import shown
+from gamms.text import as_code, shown, shown_as_called
 from gamms.typing.game import Move
 
 UNLIMITED = maxsize  # no graph has so many agents
@@ -66,9 +66,9 @@ class Conflicts:
     ) -> None:
         as_choice(as_text(among, "among"), "among", ("all", "team"))
         self._limits = _as_limits(capacity)
-        name = "at_random" if resolve is None else getattr(resolve, "__name__", shown(resolve))
-        self._given = {"capacity": repr(capacity), "among": repr(among), "allow_swaps": allow_swaps, "resolve": name}
         self._resolve = at_random() if resolve is None else _as_resolver(resolve)
+        given = {"capacity": capacity, "among": among, "allow_swaps": allow_swaps, "resolve": self._resolve}
+        self._given = {name: as_code(value) for name, value in given.items()}
         self._allow_swaps = as_flag(allow_swaps, "allow_swaps")
         per_team = among == "team"
         self._place_of = attrgetter("end", "team") if per_team else attrgetter("end")  # where it counts if it moves
@@ -211,6 +211,7 @@ def _rank_of(contest: Contest) -> tuple[Any, str]:
 # -- resolvers ---------------------------------------------------------------------------------------------------------
 
 
+@shown_as_called
 def by_priority(teams_or_key: Sequence[Hashable] | Callable[[BaseAgent], Any]) -> Resolver:
     """Make a resolver by which those that come first win; the names decide between equals.
 
@@ -245,6 +246,7 @@ def by_priority(teams_or_key: Sequence[Hashable] | Callable[[BaseAgent], Any]) -
     return by_priority
 
 
+@shown_as_called
 def at_random() -> Resolver:
     """Make a resolver that draws a number for each agent in every turn; the smallest win.
 
@@ -262,6 +264,7 @@ def at_random() -> Resolver:
     return at_random
 
 
+@shown_as_called
 def nobody() -> Resolver:
     """Make a resolver by which no agent wins: where too many want to go, all stay."""
 

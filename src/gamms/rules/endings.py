@@ -9,7 +9,7 @@ from gamms.arguments import as_count, as_flag, as_float, as_int, as_key
 from gamms.context import Context
 from gamms.errors import BadValue, UnknownName
 from gamms.rules.contacts import tracks_of, visits_of
-from gamms.text import shown
+from gamms.text import shown, shown_as_called
 from gamms.typing import AgentType, NodeId, Rule
 from gamms.typing.game import TEAMS, Team
 from gamms.visual.drawers.rules import GOALS, as_text, render_goals
@@ -59,6 +59,7 @@ def reach(team: Mapping[Any, Nodes], *, score: float = 0, passing: bool = True) 
 def reach(
     team: Hashable, nodes: Nodes, *, winner: Hashable = ITS_TEAM, score: float = 0, passing: bool = True
 ) -> Rule: ...
+@shown_as_called
 def reach(
     team: Annotated[object, TEAMS],
     nodes: object = None,
@@ -112,6 +113,7 @@ def reach(
     return with_hooks(reach, prepare=prepare, drawer=render_goals, teams=list(goals))
 
 
+@shown_as_called
 def time_limit(turns: int, winner: Team = LEADER) -> Rule:
     """Make a rule that ends the game after so many turns.
 
@@ -135,6 +137,7 @@ def time_limit(turns: int, winner: Team = LEADER) -> Rule:
     return with_hooks(time_limit, teams=named, last_turn=last)
 
 
+@shown_as_called
 def last_team() -> Rule:
     """Make a rule that ends the game when the living agents are of one team, which wins, or of none.
 

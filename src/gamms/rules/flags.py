@@ -10,12 +10,13 @@ from gamms.errors import BadType
 from gamms.rules.contacts import Visit, tracks_of, visits_of
 from gamms.rules.endings import refuse_unknown, with_hooks
 from gamms.rules.territory import Colors, Territory, as_territory
-from gamms.text import shown
+from gamms.text import shown, shown_as_called
 from gamms.typing import AgentType, IAgent, NodeId, Rule
 from gamms.typing.game import OWNERS
 from gamms.visual.drawers.rules import FlagsDrawer
 
 
+@shown_as_called
 def capture_flag(
     flags: Annotated[Mapping[Any, NodeId], OWNERS],
     *,

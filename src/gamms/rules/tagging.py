@@ -10,7 +10,7 @@ from gamms.errors import BadType, BadValue, nearest
 from gamms.rules.contacts import Contact, Side, as_nearness, as_test, found, one_to_one
 from gamms.rules.endings import with_hooks
 from gamms.rules.territory import Territory, as_territory
-from gamms.text import shown
+from gamms.text import shown, shown_as_called
 from gamms.typing.game import Rule
 from gamms.visual.drawers.rules import render_tags
 
@@ -24,6 +24,7 @@ _THEN: dict[str, Then] = {
 }
 
 
+@shown_as_called
 def tag(  # noqa: PLR0913 - all that a rule is, in one call
     taggers: Side,
     tagged: Side,

@@ -10,7 +10,7 @@ from gamms.arguments import as_choice, as_int, as_name
 from gamms.context import Context
 from gamms.errors import BadType, BadValue, UnknownName
 from gamms.rules.endings import with_hooks
-from gamms.text import shown
+from gamms.text import shown, shown_as_called
 from gamms.typing import ColorType, NodeId, Rule
 from gamms.typing.game import OWNERS, TEAMS
 from gamms.visual.drawers.rules import TERRITORIES, TerritoryDrawer, as_text
@@ -83,6 +83,7 @@ def halves(
     return {node: sides[beyond] for node, beyond in zip(columns.node_ids.tolist(), is_beyond, strict=True)}
 
 
+@shown_as_called
 def published(nodes: Territory, name: str = "territory", colors: Colors | None = None) -> Rule:
     """Make a rule that publishes a territory to all strategies, and draws it.
 

@@ -13,7 +13,7 @@ from weakref import WeakKeyDictionary
 
 from gamms.arguments import as_context, as_float, as_int, as_items, as_range
 from gamms.errors import BadType, BadValue, MissingKey, NoPath, UnknownName
-from gamms.text import shown
+from gamms.text import shown, shown_as_called
 from gamms.typing import IContext
 from gamms.typing.game import AerialState, AerialStrategy, NodeId, State, Strategy
 from gamms.typing.sensor_engine import SensorType
@@ -63,6 +63,7 @@ def random_walk(state: State | AerialState) -> None:
         state["action"] = legal[drawn_below(state, len(legal), "random_walk")]
 
 
+@shown_as_called
 def goto(
     ctx: IContext, target: NodeId | Callable[[State], NodeId | None], otherwise: Strategy | None = stay
 ) -> Strategy:
@@ -87,6 +88,7 @@ def goto(
     return strategy
 
 
+@shown_as_called
 def follow_path(
     ctx: IContext, nodes: Iterable[NodeId], repeat: bool = False, otherwise: Strategy | None = stay
 ) -> Strategy:
@@ -106,6 +108,7 @@ def follow_path(
     return _route(ctx, nodes, otherwise, "follow_path", repeat=repeat)
 
 
+@shown_as_called
 def patrol(ctx: IContext, nodes: Iterable[NodeId], otherwise: Strategy | None = stay) -> Strategy:
     """Visit some nodes in a cycle, beginning with the nearest by road; of several, with the first on the list.
 
@@ -125,6 +128,7 @@ def patrol(ctx: IContext, nodes: Iterable[NodeId], otherwise: Strategy | None = 
 # -- enemies ------------------------------------------------------------------------------------------------------
 
 
+@shown_as_called
 def chase(ctx: IContext, otherwise: Strategy | None = random_walk) -> Strategy:
     """Go to the nearest enemy in sight, by road; of several, to the first by name.
 
@@ -142,6 +146,7 @@ def chase(ctx: IContext, otherwise: Strategy | None = random_walk) -> Strategy:
     return strategy
 
 
+@shown_as_called
 def flee(ctx: IContext, otherwise: Strategy | None = stay) -> Strategy:
     """Go to the legal node, perhaps the agent's own, that is farthest by road from the nearest enemy in sight.
 
@@ -169,6 +174,7 @@ def flee(ctx: IContext, otherwise: Strategy | None = stay) -> Strategy:
     return strategy
 
 
+@shown_as_called
 def guard(ctx: IContext, node: NodeId, radius: float) -> Strategy:
     """Stay near a node, the post, and go after the enemies in sight that come near it; it always sets an action.
 
@@ -210,6 +216,7 @@ def guard(ctx: IContext, node: NodeId, radius: float) -> Strategy:
 def first(*strategies: Strategy) -> Strategy: ...
 @overload
 def first(*strategies: AerialStrategy) -> AerialStrategy: ...
+@shown_as_called
 def first(*strategies: Callable[[Any], None]) -> Callable[[Any], None]:
     """Call one strategy after the other until one sets an action.
 
@@ -236,6 +243,7 @@ def first(*strategies: Callable[[Any], None]) -> Callable[[Any], None]:
 def mix(p: float, a: Strategy, b: Strategy) -> Strategy: ...
 @overload
 def mix(p: float, a: AerialStrategy, b: AerialStrategy) -> AerialStrategy: ...
+@shown_as_called
 def mix(p: float, a: Callable[[Any], None], b: Callable[[Any], None]) -> Callable[[Any], None]:
     """Call `a` with the probability `p`, else `b`; one number is drawn from `state["draw"]` in every turn.
 
@@ -257,6 +265,7 @@ def mix(p: float, a: Callable[[Any], None], b: Callable[[Any], None]) -> Callabl
 def human(read: Callable[[State], Any]) -> Strategy: ...
 @overload
 def human(read: Callable[[AerialState], Any]) -> AerialStrategy: ...
+@shown_as_called
 def human(read: Callable[[Any], Any]) -> Callable[[Any], None]:
     """Let a person decide, through any front end.
 

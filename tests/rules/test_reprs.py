@@ -1,0 +1,99 @@
+"""What the shipped rules, resolvers and strategies print as."""
+
+import pytest
+
+import gamms
+from gamms import rules, strategies
+
+
+def is_near(agent):
+    return True
+
+
+CALLS = {  # exported name -> how it is called with `ctx`, and what is printed of that
+    "tag": (lambda ctx: rules.tag("red", "blue", metres=40), "tag('red', 'blue', metres=40)"),
+    "capture_flag": (lambda ctx: rules.capture_flag({"red": 0}, goal=3), "capture_flag({'red': 0}, goal=3)"),
+    "last_team": (lambda _: rules.last_team(), "last_team()"),
+    "reach": (lambda ctx: rules.reach("red", [1, 2], winner=None), "reach('red', [1, 2], winner=None)"),
+    "time_limit": (lambda ctx: rules.time_limit(9), "time_limit(9)"),
+    "territory.published": (lambda ctx: rules.territory.published({0: "red"}), "published({0: 'red'})"),
+    "by_priority": (lambda ctx: rules.by_priority(["red", "blue"]), "by_priority(['red', 'blue'])"),
+    "at_random": (lambda ctx: rules.at_random(), "at_random()"),
+    "nobody": (lambda ctx: rules.nobody(), "nobody()"),
+    "goto": (lambda ctx: strategies.goto(ctx, 3), "goto(ctx, 3)"),
+    "follow_path": (lambda ctx: strategies.follow_path(ctx, [1], repeat=True), "follow_path(ctx, [1], repeat=True)"),
+    "patrol": (lambda ctx: strategies.patrol(ctx=ctx, nodes=[1, 2]), "patrol(ctx=ctx, nodes=[1, 2])"),
+    "chase": (lambda ctx: strategies.chase(ctx, otherwise=strategies.stay), "chase(ctx, otherwise=stay)"),
+    "flee": (strategies.flee, "flee(ctx)"),
+    "guard": (lambda ctx: strategies.guard(ctx, 1, 5.0), "guard(ctx, 1, 5.0)"),
+    "first": (
+        lambda ctx: strategies.first(strategies.chase(ctx, otherwise=None), strategies.patrol(ctx, [0, 2, 1])),
+        "first(chase(ctx, otherwise=None), patrol(ctx, [0, 2, 1]))",
+    ),
+    "mix": (lambda ctx: strategies.mix(0.5, strategies.stay, strategies.flee(ctx)), "mix(0.5, stay, flee(ctx))"),
+    "human": (lambda ctx: strategies.human(is_near), "human(is_near)"),
+}
+MAKE_NONE = {"Conflicts", "Contact", "Contest", "contacts", "one_to_one", "territory", "stay", "random_walk"}
+MAKE_NONE |= {"territory.by_distance", "territory.halves"}
+
+
+@pytest.fixture
+def ctx():
+    with gamms.create_context(seed=1) as ctx:
+        ctx.graph.attach_networkx_graph(gamms.graph.grid(2, 2))
+        ctx.agent.create_agent("red_0", start_node_id=0, team="red", strategy=strategies.random_walk)
+        ctx.agent.create_agent("blue_0", start_node_id=3, team="blue", strategy=strategies.random_walk)
+        yield ctx
+
+
+def test_all_that_is_exported_is_in_the_table():
+    exported = {*rules.__all__, *strategies.__all__, *(f"territory.{name}" for name in rules.territory.__all__)}
+    assert exported == CALLS.keys() | MAKE_NONE
+
+
+@pytest.mark.parametrize("name", CALLS)
+def test_what_a_function_makes_prints_as_the_call(ctx, name):
+    make, printed = CALLS[name]
+    made = make(ctx)
+    assert repr(made) == printed
+    assert made.__name__ in (name.rpartition(".")[2], "strategy")
+
+
+def test_the_rules_of_a_game_and_of_its_fork_show_how_they_were_made(ctx):
+    tag = rules.tag("red", "blue", then=is_near)
+    ctx.game.add(tag)
+    ctx.game.add(rules.time_limit(9), name="end")
+    printed = (
+        "(NamedRule('tag', tag('red', 'blue', then=is_near), phase='after'), "
+        "NamedRule('end', time_limit(9), phase='after'))"
+    )
+    assert repr(ctx.game.rules) == printed
+    with ctx.game.fork(seed=2).ctx as fork:
+        assert repr(fork.game.rules) == printed
+        fork.game.remove(tag)
+        assert repr(fork.game.rules) == "(NamedRule('end', time_limit(9), phase='after'),)"
+    ctx.game.remove(tag)
+    assert [one.name for one in ctx.game.rules] == ["end"]
+
+
+def test_a_strategy_that_prints_as_its_call_is_bound_to_the_context_of_a_fork(ctx):
+    both = strategies.goto(ctx, 3)
+    for agent in ctx.agent.agents.values():
+        agent.register_strategy(both)
+    with ctx.game.fork(seed=2).ctx as fork:
+        red, blue = fork.agent.agents.values()
+        assert red.strategy is blue.strategy is not both
+        assert repr(red.strategy) == "goto(ctx, 3)"
+        cells = red.strategy.func.__closure__
+        assert any(cell.cell_contents is fork for cell in cells)
+
+
+def test_long_arguments_are_shortened():
+    printed = repr(rules.territory.published(dict.fromkeys(range(1000), "red")))
+    assert printed == "published({0: 'red', 1: 'red', 2: 'red', 3: 'red', ...})"
+
+
+def test_a_function_that_makes_rules_is_still_refused_where_a_rule_is_wanted(ctx):
+    for make in (rules.tag, rules.last_team, rules.time_limit):
+        with pytest.raises(TypeError, match=f"{make.__name__} makes such a function: call it"):
+            ctx.game.add(make)
