@@ -68,6 +68,36 @@ while not ctx.is_terminated():
 print(json.dumps({"turns": turns}))
 """
 
+A_GAME = """
+import os
+import sys
+import gamms
+
+case = sys.argv[1]
+if case == "a test":
+    os.environ["CI"] = "1"
+options = {"width": 640, "height": 360, "simulation_time_constant": 0.05, "stay_open": case != "stay_open=False"}
+ctx = gamms.create_context(vis_engine="PYGAME", vis_kwargs=options, logger_config={"level": "ERROR"}, seed=1)
+ctx.graph.attach_networkx_graph(gamms.graph.grid(3, 3))
+ctx.agent.create_agent("anna", start_node_id=0, team="red", strategy=gamms.strategies.random_walk)
+if case == "a loop of one's own":
+    for _ in range(2):
+        ctx.game.step()
+elif case == "a rule":
+    ctx.game.add(gamms.rules.time_limit(2))
+    while not ctx.game.is_over:
+        ctx.game.step()
+else:
+    ctx.game.run(max_turns=2)
+if case == "terminate":
+    ctx.terminate()
+if case == "an exception":
+    raise RuntimeError("a mistake")
+if case == "an interpreter":
+    sys.ps1 = ">>> "
+print("done", ctx.is_terminated(), flush=True)
+"""
+
 CLOSE = """
 import sys
 from ctypes import *
@@ -184,6 +214,51 @@ def test_closing_the_window_ends_the_loop_of_the_paper_and_its_recording_is_whol
     recordings.verify(tmp_path / "game.ggr")
     with recorder.open(tmp_path / "game.ggr") as game:
         assert game.turns == last["turns"]
+
+
+@contextmanager
+def a_game(screen, case):
+    """A program that plays a game in a window and does not end its context; where a person may be looking."""
+    environment = {name: value for name, value in screen.items() if name != "CI"}
+    command = [sys.executable, "-c", A_GAME, case]
+    with subprocess.Popen(
+        command, env=environment, stdout=subprocess.PIPE, stderr=subprocess.PIPE, text=True
+    ) as player:
+        try:
+            yield player
+        finally:
+            player.kill()
+
+
+@pytest.mark.skipif(find_library("X11") is None, reason="needs libX11")
+@pytest.mark.parametrize("case", ["run", "a rule"])
+def test_the_window_of_a_game_that_is_over_stays_open_at_the_end_of_the_program(screen, find, case):
+    with a_game(screen, case) as player:
+        window = find()
+        assert player.stdout.readline() == "done False\n"
+        with pytest.raises(subprocess.TimeoutExpired):
+            player.wait(1.0)
+        close(screen, window)
+        assert (player.wait(20), player.stderr.read()) == (0, "")
+
+
+def test_ctrl_c_ends_a_program_whose_window_stays_open(screen, find):
+    with a_game(screen, "run") as player:
+        find()
+        assert player.stdout.readline() == "done False\n"
+        sleep(0.5)
+        player.send_signal(signal.SIGINT)
+        assert (player.wait(20), player.stderr.read()) == (0, "")
+
+
+@pytest.mark.parametrize(
+    "case",
+    ["terminate", "stay_open=False", "a loop of one's own", "an exception", "an interpreter", "a test"],
+)
+def test_a_program_with_a_window_ends_by_itself_after(screen, case):
+    with a_game(screen, case) as player:
+        told, errors = player.communicate(timeout=20)
+    assert (player.returncode == 0) == (told != "") == (case != "an exception"), errors
 
 
 @pytest.mark.skipif(find_library("X11") is None, reason="needs libX11")

@@ -1,13 +1,15 @@
 """The display of a window, and the pace of its frames."""
 
+import atexit
 import os
+import sys
 import warnings
 from collections.abc import Iterator
 from contextlib import contextmanager
 from math import inf
 from time import monotonic, sleep
 from types import ModuleType
-from typing import Any
+from typing import Any, Protocol
 
 from gamms.arguments import as_float
 from gamms.errors import BadValue, NoDisplay
@@ -18,10 +20,19 @@ _NO_HANDLERS = "SDL_NO_SIGNAL_HANDLERS"  # or else SIGTERM would become one more
 _RESIZED = "Requested window was forcibly resized"  # as a window manager that tiles does; the caller asks for its size
 _FALLBACK, _DRIVER_CHOSEN = "offscreen", ("SDL_VIDEODRIVER", "SDL_VIDEO_DRIVER")
 _UNSEEN = ("dummy", "offscreen")
-_owners: list[object] = []
 
 
-def open_window(owner: object, width: int, height: int, title: str) -> Any:
+class Owner(Protocol):
+    """The engine that a window belongs to."""
+
+    def linger_at_exit(self) -> None:
+        """Stay open when the program has come to its end, if there is something to look at."""
+
+
+_owners: list[Owner] = []
+
+
+def open_window(owner: Owner, width: int, height: int, title: str) -> Any:
     """Open a window that can be resized, and return its surface.
 
     Raises:
@@ -42,6 +53,9 @@ def open_window(owner: object, width: int, height: int, title: str) -> Any:
             raise NoDisplay(str(error)) from None
     pygame.display.set_caption(title)
     pygame.key.set_repeat()
+    if not _owners:  # after pygame's own, which closes the display, so that this one is called before
+        atexit.unregister(_linger_at_exit)
+        atexit.register(_linger_at_exit)
     _owners.append(owner)
     return surface
 
@@ -70,11 +84,21 @@ def _check_is_seen(pygame: ModuleType) -> None:
 
 
 def is_watched() -> bool:
-    """Return whether there may be a person before the screen: not where tests run, nor without a display."""
-    return load().display.get_driver() not in _UNSEEN and not os.environ.get("CI")
+    """Return whether there may be a person before the screen who does nothing else.
+
+    Not where tests run, nor without a display, nor in an interpreter or a notebook, which waits for the next command.
+    """
+    is_interactive = hasattr(sys, "ps1") or sys.flags.interactive
+    return load().display.get_driver() not in _UNSEEN and not os.environ.get("CI") and not is_interactive
 
 
-def close_window(owner: object) -> None:
+def _linger_at_exit() -> None:
+    """Let the window that is seen stay open, unless an exception has ended the program."""
+    if _owners and not hasattr(sys, "last_value"):
+        _owners[-1].linger_at_exit()
+
+
+def close_window(owner: Owner) -> None:
     """Close the window, unless another context still shows something in it."""
     if owner in _owners:
         _owners.remove(owner)

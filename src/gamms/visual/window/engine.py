@@ -14,7 +14,6 @@ from gamms.arguments import as_bool, misspelt
 from gamms.deciding import outside_of_deciding, refused_while_deciding
 from gamms.errors import BadValue, MissingFile, UnknownName
 from gamms.ir.draw import DrawCommands
-from gamms.ir.graph import FloatArray
 from gamms.typing import ArtistType, IContext, ISensor
 from gamms.typing.recorder import IPlayback
 from gamms.typing.visualization_engine import AgentVisual, GraphVisual, SensorVisual
@@ -35,6 +34,7 @@ from gamms.visual.scene import FrameBudget, Scene
 from gamms.visual.shown_turn import as_turns
 from gamms.visual.themes import theme_called
 from gamms.visual.window.display import Pace, close_window, is_watched, open_window, window_surface
+from gamms.visual.window.framing import Framing
 from gamms.visual.window.input import Handlers, Input, Question, Walk, question
 from gamms.visual.window.overlay import Overlay
 from gamms.visual.window.panels import HudLines
@@ -46,8 +46,6 @@ _OPTIONS = (
 _SMALLEST = 0.1  # world units: half the width that a graph without extent is seen in
 _FOR_TILES = 0.005  # seconds of a frame
 _ZOOM_RESTS = 0.12  # seconds after which a camera that was zooming is at rest
-_CHOICES_PX, _APART_PX, _NEAREST_PX = 80, 36, 90  # of choices: from the edge, and from the one who is asked
-_MARGINS = (40, 0.06), (40, 0.06), (84, 0.12)  # at the sides, above, below a whole graph: pixels, share of the height
 
 
 class WindowEngine(WindowNames, PictureEngine):
@@ -66,7 +64,7 @@ class WindowEngine(WindowNames, PictureEngine):
         title: of the window.
         fog: whether the window shows no more than the team of the person who is asked knows; or a team, by its text,
             of which it always shows the view.
-        stay_open: whether a `with` block whose game is over ends only when the window is closed; see `stay_open`.
+        stay_open: whether a `with` block, or a program, whose game is over ends only when the window is closed.
         kwargs: options of other engines are no error.
 
     Attributes:
@@ -119,6 +117,7 @@ class WindowEngine(WindowNames, PictureEngine):
         self.hud: HudLines | None = self.overlay.turn_lines
         self.question: Question | None = None
         self.input = Input(self.camera, self._handlers())
+        self._framing = Framing(ctx, self.camera, self.overlay, self.input)
         self.overlay.pointer = lambda: self.input.pointer
         look = {"node_color": Color.Green, "node_size": 4.0, "edge_color": Color.Green, **(input_overlay or {})}
         self._declare_options(look)
@@ -129,7 +128,6 @@ class WindowEngine(WindowNames, PictureEngine):
         self._is_fresh = True
         self._last_camera: Camera | None = None
         self._last_frame = self._zoomed = -math.inf
-        self._fitted: Any = None
         self.screen = open_window(self, width, height, title)
         self.resized(*self.screen.get_size())
 
@@ -157,7 +155,7 @@ class WindowEngine(WindowNames, PictureEngine):
             quit=self.quit,
             resize=self.resized,
             question=lambda: self.question,
-            map_extent=self._map_extent,
+            map_extent=lambda: self._framing.map_extent,
             is_over=self.ctx.is_terminated,
         )
 
@@ -181,16 +179,11 @@ class WindowEngine(WindowNames, PictureEngine):
         self.overlay.set_theme(theme)
         self.artists.edits += 1
         self._scene, self._is_fresh = Scene(self.ctx, self._world, tiles_turns=True), True
-        self._fitted = None
         self._show_options(self.question)
 
     def toggle_theme(self) -> None:
         """Go from light to dark, or back."""
         self.set_theme("light" if self._theme == "dark" else "dark")
-
-    def _map_extent(self) -> float | None:
-        xy = self.ctx.graph.columns().xy
-        return float((xy.max(axis=0) - xy.min(axis=0)).max()) if len(xy) > 1 else None
 
     @refused_while_deciding
     def quit(self) -> None:
@@ -263,7 +256,7 @@ class WindowEngine(WindowNames, PictureEngine):
         if self._fog is True:
             self._see_as(str(color_group(self.ctx.agent.get_agent(agent_name))))
         if isinstance(asked, Walk):
-            self._see_choices(asked.places)
+            self._framing.see_choices(asked.places)
         self._is_fresh = True
         try:
             self._frames_while(lambda: asked.answer is None)
@@ -294,6 +287,11 @@ class WindowEngine(WindowNames, PictureEngine):
         if self._stays_open and is_over and is_watched() and not (self.ctx.is_terminated() or self._was_closed):
             with suppress(KeyboardInterrupt):  # the person at the terminal has seen it
                 self.stay_open()
+
+    def linger_at_exit(self) -> None:
+        """Stay open at the end of a program as well, after a game; a replay ends with its program, as in 1.0.0."""
+        if not self.overlay.is_replay:
+            self.linger()
 
     def _is_time_up(self) -> bool:
         game = self.ctx.current_game
@@ -425,7 +423,7 @@ class WindowEngine(WindowNames, PictureEngine):
         if self._is_fresh or not overlay.shown:
             overlay.begin_turn()
             overlay.hud.legend.explain(blocks_of(self.ctx, overlay.shown), *self.screen.get_size())
-        self._fit()
+        self._framing.fit()
         share = self.pace.share(self.turn_seconds)
         is_new_turn = self._is_fresh or self._has_painters
         self._scene.draw(overlay.at(share), lambda group: self._draw(group, share), is_new_turn=is_new_turn)
@@ -486,8 +484,7 @@ class WindowEngine(WindowNames, PictureEngine):
     def see_everything(self) -> None:
         """Let the window show the whole graph, and go on doing so when it is resized."""
         if not self.ctx.is_terminated():
-            self.camera.is_pointed = self.input.has_moved_camera = False
-            self._see_graph()
+            self._framing.see_everything()
 
     def get_viewport(self) -> tuple[float, float, float, float, float]:
         """Return `(left, right, low end, high end, pixels per unit)` of what is seen."""
@@ -499,42 +496,6 @@ class WindowEngine(WindowNames, PictureEngine):
         self.screen = window_surface() or self.screen
         self.width, self.height = width, height
         self.camera.set_screen_size(width, height)
-
-    def _fit(self) -> None:
-        """Show the whole graph, as long as the camera was not moved."""
-        if self.camera.is_pointed:
-            return
-        revision = getattr(self.ctx.graph.graph, "revision", None)
-        # Not the width of the legend: with it, the map would jump whenever a score has one more digit.
-        now = revision, self.screen.get_size(), len(self.overlay.hud.legend.blocks), self.overlay.foot
-        if revision is None or now != self._fitted:
-            self._fitted = now
-            self._see_graph()
-
-    def _see_graph(self) -> None:
-        xy = self.ctx.graph.columns().xy
-        if len(xy):
-            side, top, low = (min(px, share * self.height) for px, share in _MARGINS)
-            margins = side, top, max(side, self.overlay.hud.legend.width), max(low, self.overlay.foot + 16)
-            self.camera.look_at_box(xy.min(axis=0), xy.max(axis=0), margins)
-
-    def _see_choices(self, places: FloatArray) -> None:
-        """Look at the one who is asked, unless all choices are seen, and apart from it, already.
-
-        A person who has moved or zoomed keeps the scale, and is only taken to where the agent is.
-        """
-        self._fit()
-        here, ways = places[0], places[1:] - places[0]
-        on_screen, size = self.camera.camera().to_screen(places), (self.width, self.height)
-        is_seen = bool(((on_screen >= _CHOICES_PX) & (on_screen <= np.subtract(size, _CHOICES_PX))).all())
-        lengths = np.hypot(ways[:, 0], ways[:, 1])
-        if is_seen and (self.input.has_moved_camera or (lengths * self.camera.scale >= _APART_PX).all()):
-            return
-        self.camera.camera_x, self.camera.camera_y = here.tolist()
-        if not self.input.has_moved_camera and lengths.max(initial=0.0) > 0.0:
-            free = np.maximum(np.divide(size, 2) - _CHOICES_PX, 1.0)
-            unit = max(float((np.abs(ways).max(axis=0) / free).max()), float(lengths.min()) / _NEAREST_PX)
-            self.camera.camera_size = unit * self.width / 2
 
     # -- what is declared ------------------------------------------------------------------------------------
 

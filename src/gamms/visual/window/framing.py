@@ -1,0 +1,78 @@
+"""Where the window looks: at the whole graph until a person moves it, and at the choices of one who is asked."""
+
+from typing import Any
+
+import numpy as np
+
+from gamms.ir.graph import FloatArray
+from gamms.typing import IContext
+from gamms.visual.camera import WindowCamera
+from gamms.visual.window.input import Input
+from gamms.visual.window.overlay import Overlay
+
+_CHOICES_PX, _APART_PX, _NEAREST_PX = 80, 36, 90  # of choices: from the edge, and from the one who is asked
+_MARGINS = (40, 0.06), (40, 0.06), (84, 0.12)  # at the sides, above, below a whole graph: pixels, share of the height
+
+
+class Framing:
+    """Moves the camera to what has to be seen.
+
+    Args:
+        ctx: the context.
+        camera: of the window.
+        overlay: what the graph is not to be hidden by.
+        input: knows whether a person has moved the camera.
+    """
+
+    def __init__(self, ctx: IContext, camera: WindowCamera, overlay: Overlay, input: Input) -> None:
+        self._ctx, self._camera, self._overlay, self._input = ctx, camera, overlay, input
+        self._fitted: Any = None
+
+    @property
+    def map_extent(self) -> float | None:
+        """The larger side of the graph, in world units; None for fewer than two nodes."""
+        xy = self._ctx.graph.columns().xy
+        return float(np.ptp(xy, axis=0).max()) if len(xy) > 1 else None
+
+    def fit(self) -> None:
+        """Show the whole graph, as long as the camera was not moved."""
+        if self._camera.is_pointed:
+            return
+        revision, camera = getattr(self._ctx.graph.graph, "revision", None), self._camera
+        # Not the width of the legend: with it, the map would jump whenever a score has one more digit.
+        blocks, size = self._overlay.hud.legend.blocks, (camera.screen_width, camera.screen_height)
+        now = revision, size, len(blocks), self._overlay.foot
+        if revision is None or now != self._fitted:
+            self._fitted = now
+            self._see_graph()
+
+    def see_everything(self) -> None:
+        """Show the whole graph, and go on doing so when the window is resized."""
+        self._camera.is_pointed = self._input.has_moved_camera = False
+        self._see_graph()
+
+    def _see_graph(self) -> None:
+        xy = self._ctx.graph.columns().xy
+        if len(xy):
+            side, top, low = (min(px, share * self._camera.screen_height) for px, share in _MARGINS)
+            margins = side, top, max(side, self._overlay.hud.legend.width), max(low, self._overlay.foot + 16)
+            self._camera.look_at_box(xy.min(axis=0), xy.max(axis=0), margins)
+
+    def see_choices(self, places: FloatArray) -> None:
+        """Look at the one who is asked, unless all choices are seen, and apart from it, already.
+
+        A person who has moved or zoomed keeps the scale, and is only taken to where the agent is.
+        """
+        self.fit()
+        view, has_moved = self._camera, self._input.has_moved_camera
+        here, ways = places[0], places[1:] - places[0]
+        on_screen, size = view.camera().to_screen(places), (view.screen_width, view.screen_height)
+        is_seen = bool(((on_screen >= _CHOICES_PX) & (on_screen <= np.subtract(size, _CHOICES_PX))).all())
+        lengths = np.hypot(ways[:, 0], ways[:, 1])
+        if is_seen and (has_moved or (lengths * view.scale >= _APART_PX).all()):
+            return
+        view.camera_x, view.camera_y = here.tolist()
+        if not has_moved and lengths.max(initial=0.0) > 0.0:
+            free = np.maximum(np.divide(size, 2) - _CHOICES_PX, 1.0)
+            unit = max(float((np.abs(ways).max(axis=0) / free).max()), float(lengths.min()) / _NEAREST_PX)
+            view.camera_size = unit * view.screen_width / 2
