@@ -14,7 +14,6 @@ from gamms.recordings.conversion import (
     to_version_3,
     version_of,
     watch,
-    with_nodes_made_up,
 )
 
 __all__ = [
@@ -30,5 +29,4 @@ __all__ = [
     "verify",
     "version_of",
     "watch",
-    "with_nodes_made_up",
 ]

@@ -64,7 +64,8 @@ def context_for(
 
     Args:
         path: of the recording.
-        map: see `with_map`; for a recording of version 2 `with_nodes_made_up`.
+        map: a file that `ctx.graph.save` wrote; None: no map, or for a recording of version 2, which has none, a node
+            at (0, 0) for each node id in it.
         vis_engine: see `create_context`.
         vis_kwargs: likewise.
 
@@ -72,9 +73,10 @@ def context_for(
         BadFile, RecordingError (ValueError): a file is damaged at its beginning.
         OSError: one cannot be read.
     """
-    if version_of(path) < 3:
-        return with_nodes_made_up(path, map, vis_engine, **vis_kwargs)
-    return with_map(map, vis_engine, **vis_kwargs)
+    if version_of(path) > 2 or map is not None:
+        return with_map(map, vis_engine, **vis_kwargs)
+    ids = sorted(set(_node_ids(path)))
+    return _filled(vis_engine, vis_kwargs, lambda ctx: ctx.graph.add_nodes(ids, x=[0.0] * len(ids), y=[0.0] * len(ids)))
 
 
 def watch(
@@ -119,30 +121,6 @@ def with_map(map: str | os.PathLike[str] | None, vis_engine: Engine = Engine.NO_
         OSError: it cannot be read.
     """
     return _filled(vis_engine, vis_kwargs, lambda ctx: None if map is None else ctx.graph.load(map))
-
-
-def with_nodes_made_up(
-    path: str | os.PathLike[str],
-    map: str | os.PathLike[str] | None = None,
-    vis_engine: Engine = Engine.NO_VIS,
-    **vis_kwargs: object,
-) -> Context:
-    """Create a context for a recording of version 2, which has no map.
-
-    Args:
-        path: of the recording.
-        map: a file that `ctx.graph.save` wrote; None makes up a node at (0, 0) for each node id in the recording.
-        vis_engine: see `create_context`.
-        vis_kwargs: likewise.
-
-    Raises:
-        BadFile, RecordingError (ValueError): a file is damaged at its beginning.
-        OSError: one cannot be read.
-    """
-    if map is not None:
-        return with_map(map, vis_engine, **vis_kwargs)
-    ids = sorted(set(_node_ids(path)))
-    return _filled(vis_engine, vis_kwargs, lambda ctx: ctx.graph.add_nodes(ids, x=[0.0] * len(ids), y=[0.0] * len(ids)))
 
 
 def _filled(vis_engine: Engine, vis_kwargs: dict[str, object], fill: Callable[[Context], object]) -> Context:
@@ -194,7 +172,7 @@ def to_version_3(
     Args:
         path: of the recording.
         out: of the new one.
-        map: see `with_nodes_made_up`.
+        map: see `context_for`.
 
     Returns:
         What is missing, where the recording was damaged or not finished, or says what cannot be on this map; all before
@@ -212,7 +190,7 @@ def to_version_3(
             f"{str(path)!r} has version {version} already; give an OUT that ends in .csv for its tables, in .jsonl for "
             "all events as text."
         )
-    with with_nodes_made_up(path, map) as ctx:
+    with context_for(path, map) as ctx:
         ctx.record.start(out, provenance=_PROVENANCE)
         try:
             _replay(ctx, records_of(path))

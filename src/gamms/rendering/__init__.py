@@ -79,7 +79,7 @@ def render(
         path: of the recording, of any version.
         out: an existing file is replaced.
         options: which turns, and how they look.
-        map: of a recording of version 2, which holds none; see `recordings.with_nodes_made_up`.
+        map: of a recording of version 2, which holds none; see `recordings.context_for`.
         show: called with a line of text as it goes on.
 
     Returns:
