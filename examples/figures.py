@@ -27,7 +27,7 @@ def a_city(folder):
         gamms.osm.helsinki(ctx, resolution=60.0)
         start = ctx.graph.nearest_node(*CENTER)
         ctx.visual.set_graph_visual(node_size=0.0, edge_color=(110, 114, 120))
-        metres = ctx.graph.graph.distances(source=start)
+        metres = ctx.graph.distances(source=start)
         ctx.visual.set_values(nodes=metres, name="metres")
         save(ctx, folder / "city", TALL)
 
