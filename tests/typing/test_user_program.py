@@ -16,6 +16,12 @@ def checked(tmp_path, program):
     return subprocess.run(command, check=False, cwd=tmp_path, text=True, capture_output=True).stdout
 
 
+def assert_errors_where_marked(tmp_path, program):
+    wanted = {number for number, line in enumerate(program.splitlines(), 1) if line.endswith("# error")}
+    found = {int(line) for line in re.findall(r"^program.py:(\d+): error", checked(tmp_path, program), re.MULTILINE)}
+    assert found == wanted
+
+
 @pytest.mark.slow
 def test_every_package_is_typed_after_import_gamms_and_misspelt_names_are_errors(tmp_path):
     said = checked(
@@ -108,6 +114,37 @@ gamms.rules.tag("red", "blue", meters=5)  # error
 gamms.rules.tag("red", "blue", metres="near")  # error
 gamms.rules.reach("red", [0], winner="blue").add  # error
 """
-    wanted = {number for number, line in enumerate(program.splitlines(), 1) if line.endswith("# error")}
-    found = {int(line) for line in re.findall(r"^program.py:(\d+): error", checked(tmp_path, program), re.MULTILINE)}
-    assert found == wanted
+    assert_errors_where_marked(tmp_path, program)
+
+
+@pytest.mark.slow
+def test_a_resumed_context_is_typed(tmp_path):
+    program = """
+import gamms
+
+
+def stay(state: gamms.typing.State) -> None:
+    state["action"] = state["curr_pos"]
+
+
+def scores(ctx: gamms.Context) -> dict[str, float]:
+    return {str(team): score for team, score in ctx.game.scores.items()}
+
+
+with gamms.recorder.open("game.ggr") as recording:
+    with recording.resume(20, {"red": stay}, seed=3, vis_engine=gamms.visual.Engine.NO_VIS) as ctx:
+        ctx.agent.create_iter()
+        ctx.game.run(max_turns=5)
+        ctx.gme.run()  # error
+        ctx.agents  # error
+        ctx.seed.real + ctx.seed.name  # error
+    with recording.resume(20, ctx=gamms.create_context(seed=1)) as own:
+        scores(own)
+        own.game.end("over")
+        own.game.edn("over")  # error
+        own.agent.create_itr()  # error
+    recording.resume(20, {"red": 5})  # error
+    recording.resume(20, ctx=5)  # error
+    recording.resume(20, vis_engine=gamms.visual.Engine.NO_VIS, ctx=own)  # error
+"""
+    assert_errors_where_marked(tmp_path, program)

@@ -7,7 +7,7 @@ from collections.abc import Callable, Iterator, Mapping
 from copy import deepcopy
 from dataclasses import dataclass, field
 from html import escape
-from typing import TYPE_CHECKING, Any, BinaryIO, Unpack, overload
+from typing import TYPE_CHECKING, Any, BinaryIO, TypeVar, Unpack, overload
 
 import numpy as np
 
@@ -23,12 +23,16 @@ from gamms.recorder.errors import Damaged, RecordingError, refusing
 from gamms.recorder.formats.reader import Reader
 from gamms.recorder.maps import become, given_map, has_map, hash_in, hash_of
 from gamms.recorder.streams import Opened, format_of, readable
-from gamms.typing import IContext
+from gamms.typing import AerialStrategy, AsyncStrategy, IContext, Strategy
+from gamms.typing.context import HostContext
 from gamms.typing.map_storage import IPackedGraph, packed_graphs
 from gamms.typing.visualization_engine import PictureOptions
 
 if TYPE_CHECKING:
     import pandas as pd
+
+C = TypeVar("C", bound=IContext)
+Strategies = Mapping[str, Strategy | AerialStrategy | AsyncStrategy]  # agent or team -> its strategy
 
 _BLOBS = ("world",)  # parts of the header that are no words
 _CALLERS = ("folder", "file", "allow")  # what `Scenario(**header["scenario"])` takes as said by the caller
@@ -215,15 +219,35 @@ class Recording(Opened):
         self._state, self._at = state, turn
         return state
 
+    @overload
     def resume(
         self,
         turn: int,
-        strategies: Mapping[str, Any] | None = None,
+        strategies: Strategies | None = None,
+        seed: int | None = None,
+        vis_engine: object = None,
+        *,
+        ctx: None = None,
+    ) -> HostContext: ...
+    @overload
+    def resume(
+        self,
+        turn: int,
+        strategies: Strategies | None = None,
+        seed: int | None = None,
+        vis_engine: None = None,
+        *,
+        ctx: C,
+    ) -> C: ...
+    def resume(
+        self,
+        turn: int,
+        strategies: Strategies | None = None,
         seed: int | None = None,
         vis_engine: object = None,
         *,
         ctx: IContext | None = None,
-    ) -> Any:
+    ) -> HostContext | IContext:
         """Return a live context with the game as it was after so many turns, to go on or to branch from there.
 
         Agents, sensors, teams, scores, data, facts, memories and random streams are as they were; `ctx.game.reset`
@@ -240,7 +264,7 @@ class Recording(Opened):
                 them; it is changed. None: a fresh one, which the caller terminates.
 
         Returns:
-            The context.
+            The context; a given one for type checkers as what it is, a `gamms.Context`.
 
         Raises:
             BadValue: there is no such turn, or vis_engine goes with ctx.
@@ -250,7 +274,8 @@ class Recording(Opened):
         if ctx is not None and vis_engine is not None:
             raise BadValue("vis_engine is for a fresh context, and ctx has an engine already.")
         given = {} if strategies is None else as_mapping(strategies, "strategies")
-        return self._live(turn, given, seed, vis_engine, ctx)
+        live: HostContext = self._live(turn, given, seed, vis_engine, ctx)
+        return live
 
     def _live(
         self,

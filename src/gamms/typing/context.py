@@ -2,11 +2,13 @@
 
 from abc import ABC, abstractmethod
 from collections.abc import Mapping, Sequence
-from typing import TYPE_CHECKING, Any, Protocol
+from typing import TYPE_CHECKING, Any, Protocol, Self
 
 from gamms.plugins import Registry
 
 if TYPE_CHECKING:
+    from types import TracebackType
+
     from numpy.random import Generator
 
     from gamms.typing.agent_engine import IAgentEngine
@@ -117,7 +119,7 @@ class IContext(ABC):
 
 
 class HostContext(Protocol):
-    """A context as games and recorders use it: its engines offer them more than their contracts.
+    """A context as games and recorders use it and recordings open it: its engines offer more than their contracts.
 
     Any: the engines of `gamms.context`, of which an engine may know no class.
     """
@@ -138,6 +140,10 @@ class HostContext(Protocol):
     @property
     def game(self) -> Any: ...
     @property
+    def current_game(self) -> IGameState | None: ...
+    @property
+    def ictx(self) -> "IInternalContext": ...
+    @property
     def logger(self) -> "ILogger": ...
     @property
     def seed(self) -> int: ...
@@ -151,6 +157,10 @@ class HostContext(Protocol):
     def fork(self, seed: int) -> "tuple[HostContext, dict[int, Any]]": ...
     def is_terminated(self) -> bool: ...
     def terminate(self) -> None: ...
+    def __enter__(self) -> Self: ...
+    def __exit__(
+        self, kind: type[BaseException] | None, error: BaseException | None, trace: "TracebackType | None", /
+    ) -> None: ...
 
 
 contexts: Registry[IContext] = Registry("kind of context", "gamms.contexts", "gamms.context")
