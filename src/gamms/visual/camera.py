@@ -185,7 +185,8 @@ def bounds(commands: DrawCommands) -> Box:
     """Return the lower left and upper right corner of everything drawn, world units; sizes in pixels do not count."""
     if len(commands) == 0:
         return np.zeros(2), np.zeros(2)
-    reach = np.where(commands.space == DrawSpace.WORLD, commands.size, 0.0)
+    breadth = np.where(commands.kind == DrawKind.LINE, commands.width, 0.0)
+    reach = np.where(commands.space == DrawSpace.WORLD, commands.size + breadth / 2.0, 0.0)
     around, axes = np.repeat(reach, np.diff(commands.offsets)), _corners(commands).T
     # NOTE: one axis after the other, which takes a third of the time (first frame of 100,000 edges).
     return np.array([(axis - around).min() for axis in axes]), np.array([(axis + around).max() for axis in axes])
