@@ -7,7 +7,7 @@ import pytest
 
 import gamms
 from gamms.rules import reach
-from gamms.visual.appearance import TEAM_COLORS
+from gamms.visual.appearance import PAPER, TEAM_COLORS
 
 BLUE, RED = TEAM_COLORS[:2]
 
@@ -28,7 +28,7 @@ def goals(ctx):
     commands = ctx.visual.draw_commands()
     rows = (commands.layer == 18).nonzero()[0]
     places = {tuple(commands.points[commands.offsets[row]].tolist()) for row in rows}
-    return places, set(map(tuple, commands.color[rows, :3].tolist())) - {(255, 255, 255)}
+    return places, set(map(tuple, commands.color[rows, :3].tolist())) - {PAPER}
 
 
 def words(ctx):

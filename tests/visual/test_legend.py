@@ -123,6 +123,35 @@ def test_a_picture_too_small_for_signs_still_explains_colours():
     assert "a sign with a rather long explanation" not in texts(TEAMS, signs, width=300)
 
 
+SIGNS = Rows("", tuple(Row((9, 9, 9), f"a {sign} of theirs", sign=sign) for sign in ("dot", "field", "band", "flag")))
+
+
+@pytest.mark.parametrize("width", [200, 300, 400, 600, 900])
+@pytest.mark.parametrize("height", [80, 120, 160, 240, 900])
+def test_a_legend_takes_a_third_of_the_width_and_stays_in_its_room(width, height):
+    legend = Legend(together([TEAMS, SIGNS]), width, height)
+    assert legend.height <= height
+    words = [text for text in texts(TEAMS, SIGNS, width=width, height=height) if text.startswith("a ")]
+    assert legend.width <= width * (1 / 3 if words else 0.45)
+
+
+def test_where_rows_have_no_room_letters_become_smaller_and_then_the_least_important_signs_go():
+    many = together([TEAMS, SIGNS])
+    heights = {height: Legend(many, 900, height) for height in (160, 150, 120, 110, 60)}
+    assert heights[160].height == pytest.approx(heights[150].height / 0.8)
+    shown = [text for text in texts(TEAMS, SIGNS, width=900, height=100 + 32) if text.startswith("a ")]
+    assert shown == ["a band of theirs", "a flag of theirs"]
+    assert heights[60].height > 0.0
+
+
+def test_a_long_legend_does_not_reach_into_what_is_below_the_map(ctx):
+    rows = Rows("", tuple(Row((9, 9, 9), f"sign {number}", sign="ring") for number in range(9)))
+    page = Page(400, 300, (TEAMS, rows), PageStyle(title="a title", note="a note", has_captions=True))
+    _, top, _, bottom = page._margins
+    assert page.legend.width > 0.0
+    assert page.legend.height <= 300 - top - bottom
+
+
 @pytest.mark.parametrize("sign", ["disc", "ring", "dot", "field", "line", "band", "flag", "cross", "unheard of"])
 def test_each_sign_is_drawn_in_its_colour(sign):
     commands = Page(640, 400, (Rows("", (Row((1, 2, 3), "it", sign=sign),)),), PageStyle()).commands(

@@ -32,14 +32,13 @@ from gamms.visual.drawers.rules import (
 )
 from gamms.visual.drawers.sensors import render_rings, render_sight
 from gamms.visual.drawing import drawing_of
-from gamms.visual.legend import Row, Rows, legend_only
+from gamms.visual.legend import SIGN, Row, Rows, legend_only
 from gamms.visual.shown_turn import Sight, has_content
 from gamms.visual.themes import Theme
 
 MOST_SENSORS = 20  # more of them would hide what happens
 _WITHOUT_CARRIER = (110, 114, 120)
 _AGENT_PX, _LEAST_PX, _MANY = 6.0, 3.0, 150  # radius of agents; of more than so many a smaller one
-_SIGN = (110, 114, 120)  # of which colour signs are explained that have the colours of teams
 _VIEWS = (  # the parts of a view, what they are, and their signs
     ("outline", "field of view", "field"),
     ("lines", "edge in view", "line"),
@@ -206,7 +205,7 @@ def legend_of_sights(sights: list[tuple[Rgb, SensorView | None]]) -> Rows | None
     """Return what the signs of views mean, in grey, as each has the colour of the agent that looks."""
     views = [view for _, view in sights if view is not None]
     rows = [
-        Row(_SIGN, words, sign=sign) for part, words, sign in _VIEWS if any(len(getattr(view, part)) for view in views)
+        Row(SIGN, words, sign=sign) for part, words, sign in _VIEWS if any(len(getattr(view, part)) for view in views)
     ]
     if any(color == _WITHOUT_CARRIER for color, _ in sights):
         rows.append(Row(_WITHOUT_CARRIER, "sensor of no agent", sign="disc"))

@@ -1,6 +1,7 @@
 """Legends, and values of nodes or edges in colours that a legend explains."""
 
-from collections.abc import Callable, Iterable, Mapping
+from collections.abc import Callable, Iterable, Iterator, Mapping
+from copy import copy
 from dataclasses import dataclass
 from typing import Any, NamedTuple
 
@@ -33,9 +34,25 @@ _FONT_PX, _TITLE_PX = 21.0, 22.0
 _LINE_PX, _GAP_PX, _PAD_PX = 23.0, 16.0, 12.0
 _SWATCH_PX, _BAR_PX, _BAR_HEIGHT_PX = 7.0, 16.0, 150.0
 _NAME_PX = 2.0 * _SWATCH_PX + 9.0  # where names begin
-_ASIDE = 0.45  # of the width of a picture: no more is taken from the map
+_ASIDE, _MOST_ASIDE = (
+    1 / 3,
+    0.45,
+)  # of the width of a picture: so much is taken from the map, and of a small one at most
+_SMALLER = 0.8  # letters of a legend that has no room otherwise
 _MOST_ROWS = 12
 _DISC = "disc"
+_IMPORTANCE = (
+    "flag",
+    "goal",
+    "tag",
+    "cross",
+    "band",
+    "field",
+    "ring",
+    "line",
+    "dot",
+)  # of signs, the most important first
+SIGN: Rgb = (110, 114, 120)  # signs have the colours of teams, and are explained in grey
 _SMALL_PX, _HEADING_PX, _FAINT, _LARGE = 17.0, 17.0, (119, 119, 119), "0000"
 _FAINT_BY_NIGHT = (150, 154, 160)
 _MOST_COLORS = 1024
@@ -155,26 +172,30 @@ def block_from_plain(plain: dict[str, Any]) -> Block:
 class Legend:
     """Blocks, one below the other.
 
+    Where there is no room for all of them in a third of the width of the picture, letters are smaller. Where that is
+    not enough, the least important signs are left out, one kind after the other; colours may take 45 % of the width.
+
     Args:
         blocks: from top to bottom.
         width: of the picture, pixels.
-        height: of the picture, pixels.
+        height: of the room for it, pixels.
 
     Attributes:
-        width, height: pixels; 0.0 where the picture is too small for a legend, or there is nothing to explain. Where it
-            has no room for all, signs are not explained.
-        least: the width and the height of a picture that has room for it.
+        width, height: pixels; 0.0 where there is no room for a legend, or there is nothing to explain.
+        least: the width of a picture, and the height of the room, in which it looks the same.
     """
 
     _blocks: tuple[Block, ...]
 
     def __init__(self, blocks: tuple[Block, ...], width: float, height: float) -> None:
-        self._blocks, self.width, self.height, self.least = (), 0.0, 0.0, (0.0, 0.0)
-        for tried in (blocks, _without_signs(blocks)):
-            wide, high = max(map(_width, tried), default=0.0), sum(map(_height, tried)) + _GAP_PX * (len(tried) - 1)
-            least = (wide + 3.0 * _PAD_PX) / _ASIDE, high + 3.0 * _PAD_PX
+        self._blocks, self._zoom = (), 1.0
+        self.width, self.height, self.least = 0.0, 0.0, (0.0, 0.0)
+        for tried, zoom, share in _tries(blocks):
+            wide = zoom * max(map(_width, tried), default=0.0)
+            high = zoom * (sum(map(_height, tried)) + _GAP_PX * (len(tried) - 1))
+            least = wide / share + _PAD_PX, high
             if tried and least[0] <= width and least[1] <= height:
-                self._blocks, self.width, self.height, self.least = tried, wide, high, least
+                self._blocks, self._zoom, self.width, self.height, self.least = tried, zoom, wide, high, least
                 break
 
     def draw(self, pen: "Pen", left: float, top: float, ground: Rgba) -> None:
@@ -183,12 +204,22 @@ class Legend:
             pen.rectangle(
                 left - _PAD_PX, top - _PAD_PX, self.width + 2.0 * _PAD_PX, self.height + 2.0 * _PAD_PX, ground
             )
+        pen, top = pen.zoomed(self._zoom, left, top), 0.0
         for block in self._blocks:
             if isinstance(block, Bar):
-                _draw_bar(pen, block, left, top)
+                _draw_bar(pen, block, 0.0, top)
             else:
-                _draw_rows(pen, block, left, top)
+                _draw_rows(pen, block, 0.0, top)
             top += _height(block) + _GAP_PX
+
+
+def _tries(blocks: tuple[Block, ...]) -> Iterator[tuple[tuple[Block, ...], float, float]]:
+    """Yield what a legend may show, its size, and its share of the width of a picture, the best first."""
+    yield blocks, 1.0, _ASIDE
+    yield blocks, _SMALLER, _ASIDE
+    for kinds in range(len(_IMPORTANCE) - 1, -1, -1):
+        yield _with_signs(blocks, _IMPORTANCE[:kinds]), _SMALLER, _ASIDE
+    yield _with_signs(blocks, ()), _SMALLER, _MOST_ASIDE
 
 
 class Pen:
@@ -202,7 +233,13 @@ class Pen:
 
     def __init__(self, camera: Camera, fine: float, ink: Rgb) -> None:
         self._camera, self._ink, self.commands = camera, ink, Commands()
-        self._scale = camera.scale / fine
+        self._scale, self._zoom, self._begin = camera.scale / fine, 1.0, (0.0, 0.0)
+
+    def zoomed(self, zoom: float, left: float, top: float) -> "Pen":
+        """Return a pen that draws into the same commands, in another size, and from a point of this one's."""
+        pen = copy(self)
+        pen._begin, pen._zoom = (left, top), zoom
+        return pen
 
     @property
     def faint(self) -> Rgb:
@@ -210,19 +247,21 @@ class Pen:
         return _FAINT if sum(self._ink) < 3 * 128 else _FAINT_BY_NIGHT
 
     def _place(self, x: float, y: float) -> tuple[float, float]:
-        return self._camera.left + x / self._scale, self._camera.top - y / self._scale
+        left, top = (begin + self._zoom * way for begin, way in zip(self._begin, (x, y), strict=True))
+        return self._camera.left + left / self._scale, self._camera.top - top / self._scale
 
     def rectangle(self, x: float, y: float, width: float, height: float, color: AnyColor) -> None:
         """Fill a rectangle from its upper left corner."""
-        self.commands.add_rectangle(*self._place(x, y), width, height, color)
+        self.commands.add_rectangle(*self._place(x, y), self._zoom * width, self._zoom * height, color)
 
     def circle(self, x: float, y: float, radius: float, color: AnyColor, width: float = 0.0) -> None:
         """Draw a circle; a width of 0 fills it."""
-        self.commands.add_circles([self._place(x, y)], radius, color, width, DrawSpace.SCREEN)
+        place, zoom = self._place(x, y), self._zoom
+        self.commands.add_circles([place], zoom * radius, color, zoom * width, DrawSpace.SCREEN)
 
     def line(self, points: Iterable[tuple[float, float]], color: AnyColor, width: float) -> None:
         """Draw a polyline."""
-        self.commands.add_line([self._place(*point) for point in points], color, width)
+        self.commands.add_line([self._place(*point) for point in points], color, self._zoom * width)
 
     def polygon(self, points: Iterable[tuple[float, float]], color: AnyColor) -> None:
         """Fill a polygon."""
@@ -230,13 +269,15 @@ class Pen:
 
     def text(self, words: str, x: float, middle: float, font_px: float, ink: Rgb | None = None) -> None:
         """Write words whose small letters have their middle so far down."""
-        self.commands.add_text(words, *self._place(x, middle - MIDDLE * font_px), ink or self._ink, font_px)
+        place = self._place(x, middle - MIDDLE * font_px)
+        self.commands.add_text(words, *place, ink or self._ink, self._zoom * font_px)
 
 
-def _without_signs(blocks: tuple[Block, ...]) -> tuple[Block, ...]:
-    """Return what explains colours only."""
+def _with_signs(blocks: tuple[Block, ...], signs: tuple[str, ...]) -> tuple[Block, ...]:
+    """Return what explains colours, and these signs."""
+    kept = _DISC, *signs
     few = [
-        block if isinstance(block, Bar) else block._replace(rows=tuple(row for row in block.rows if row.sign == _DISC))
+        block if isinstance(block, Bar) else block._replace(rows=tuple(row for row in block.rows if row.sign in kept))
         for block in blocks
     ]
     return tuple(block for block in few if isinstance(block, Bar) or block.title or block.rows)
@@ -260,7 +301,8 @@ def _draw_rows(pen: Pen, block: Rows, left: float, top: float) -> None:
         top += _HEADING_PX
     for number, row in enumerate(_shown(block)):
         middle = top + (number + 0.5) * _LINE_PX
-        _SIGNS.get(row.sign, _disc)(pen, left + _SWATCH_PX + 1.0, middle, row.color)
+        color = pen.faint if row.color == SIGN and row.sign != _DISC else row.color
+        _SIGNS.get(row.sign, _disc)(pen, left + _SWATCH_PX + 1.0, middle, color)
         pen.text(row.name, left + _NAME_PX, middle, _FONT_PX)
         if row.value:
             pen.text(row.value, end - words_width(row.value, _FONT_PX), middle, _FONT_PX)

@@ -112,7 +112,6 @@ class Page:
 
     def __init__(self, width: int, height: int, blocks: tuple[Block, ...], style: PageStyle, fine: float = 1.0) -> None:
         self._fine, self._size = fine, (width / fine, height / fine)
-        self.legend = Legend(blocks, *self._size)
         self._margin = min(_MARGIN_PX, _MARGIN * max(self._size))
         room = self._size[0] - 2 * self._margin
         title, note = shortened(style.title, _TITLE_PX, room), shortened(style.note, _NOTE_PX, room)
@@ -121,11 +120,13 @@ class Page:
         self._feet = self._feet_px()
         self._foot = 2.0 if not any(self._feet) else _ROW_PX * self._rows
         foot = self._margin if not any(self._feet) else _ROW_PX * self._rows + _GAP_PX
-        aside = self._margin + (self.legend.width + self._margin if self.legend.width else 0.0)
         self._lines = sum(self._size[1] >= least for least in _LEAST_HEIGHTS_PX) if style.has_captions else 0
         self.has_captions = self._lines > 0
         foot, self._foot = foot + LINE_PX * self._lines, self._foot + LINE_PX * self._lines
-        self._margins = self._margin, (_HEADER_PX if style.title else self._margin), aside, foot
+        header = _HEADER_PX if style.title else self._margin
+        self.legend = Legend(blocks, self._size[0], self._size[1] - header - foot)
+        aside = self._margin + (self.legend.width + self._margin if self.legend.width else 0.0)
+        self._margins = self._margin, header, aside, foot
 
     def fit(self, low: FloatArray, high: FloatArray) -> tuple[Camera, Point]:
         """Return a camera that sees all from corner to corner, and the pixel of the map's upper right corner."""
@@ -147,7 +148,7 @@ class Page:
         title = words_width(self._style.title, _TITLE_PX) + 2 * self._margin if self._style.title else 0.0
         foot = (max if self._rows > 1 else sum)(self._feet) + 2 * _EDGE_PX
         width, height = self.legend.least
-        return max(across + left + right, foot, title, width), max(up + top + bottom, height + top)
+        return max(across + left + right, foot, title, width), max(up, height) + top + bottom
 
     def pen(self, camera: Camera) -> Pen:
         """Return what draws on this page."""

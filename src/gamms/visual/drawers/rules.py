@@ -18,14 +18,13 @@ from gamms.visual.appearance import AnyColor, color_group, rgba
 from gamms.visual.constants import Layer
 from gamms.visual.drawers.graph import one_way_each, polylines, typical_edge_length
 from gamms.visual.drawing import drawing_of
-from gamms.visual.legend import Row, Rows
+from gamms.visual.legend import SIGN, Row, Rows
 from gamms.visual.shown_turn import TurnEvents
 
 TERRITORIES = "territories"  # in `ctx.game.data`: name -> team -> ids of its nodes, as text
 GOALS = "goals of reach"  # likewise: team -> ids of its nodes, as text
-_SIGN = (110, 114, 120)  # signs have the colours of teams, and are explained in grey
-_FLAGS = Rows("", (Row(_SIGN, "flag", sign="flag"), Row(_SIGN, "home of a flag", sign="ring")))
-_GOALS = Rows("", (Row(_SIGN, "goal", sign="goal"),))
+_FLAGS = Rows("", (Row(SIGN, "flag", sign="flag"), Row(SIGN, "home of a flag", sign="ring")))
+_GOALS = Rows("", (Row(SIGN, "goal", sign="goal"),))
 _MOST = 100  # flags, territories, and teams that have them
 _TINT, _DOT_PX, _BASE_PX = 70, 5.0, 8.0
 _GOAL_PX = (11.0, 2.5), (5.5, 2.5)  # radii and widths of the rings around a goal
@@ -112,6 +111,7 @@ class FlagsDrawer:
 
     layer = Layer.FLAGS
     legend = _FLAGS
+    is_mark = True
 
     def __init__(self, key: str, colors: Mapping[Any, Any] | None = None) -> None:
         self.artist, self.keywords = key, {"key": key, "colors": _checked_colors(colors)}
@@ -173,7 +173,7 @@ class TerritoryDrawer:
 
     once_a_turn = True
     layer = Layer.TERRITORIES
-    legend = Rows("", (Row(_SIGN, "territory", sign="band"),))
+    legend = Rows("", (Row(SIGN, "territory", sign="band"),))
 
     def __init__(self, key: str, colors: Mapping[Any, Any] | None = None) -> None:
         self.artist, self.keywords = key, {"key": key, "colors": _checked_colors(colors)}
@@ -231,12 +231,12 @@ def render_goals(ctx: IContext, data: dict[str, Any]) -> None:
             visual.render_circles(places, _DOT_PX, (*rgba(color)[:3], 2 * _TINT), in_pixels=True)
             continue
         for radius, width in _GOAL_PX:
-            visual.render_circles(places, radius, _WHITE, width + 2.0, in_pixels=True)
+            visual.render_circles(places, radius, visual.theme.background, width + 2.0, in_pixels=True)
             visual.render_circles(places, radius, color, width, in_pixels=True)
 
 
 _ARM, _REACH = 0.011, 1.5  # half of a cross, in widths of what is seen; radius of its ring, in such halves
-_WHITE, _LINE_PX, _EDGE_PX = (255, 255, 255), 3.0, 3.0
+_LINE_PX, _EDGE_PX = 3.0, 3.0
 
 
 def render_tags(ctx: IContext, data: dict[str, Any]) -> None:
@@ -256,7 +256,7 @@ def render_tags(ctx: IContext, data: dict[str, Any]) -> None:
         side = color_group(tagger)
         color = data.get("colors", {}).get(side, colors[str(side)])
         place = ctx.graph.graph.get_node(node)
-        for ink, more_px in ((_WHITE, _EDGE_PX), (color, 0.0)):
+        for ink, more_px in ((visual.theme.background, _EDGE_PX), (color, 0.0)):
             visual.render_circles([(place.x, place.y)], _REACH * arm, ink, _LINE_PX + more_px)
             _cross(ctx, place.x, place.y, arm, ink, _LINE_PX + more_px)
 
@@ -267,7 +267,7 @@ def render_eliminated(ctx: IContext, data: dict[str, Any]) -> None:
     arm = _ARM * visual.extent() or 1.0
     for name in sorted(visual.events.eliminated() & data["colors"].keys() & ctx.agent.agents.keys()):
         x, y = visual.position_of(name)
-        for ink, more_px in ((_WHITE, _EDGE_PX), (data["colors"][name], 0.0)):
+        for ink, more_px in ((visual.theme.background, _EDGE_PX), (data["colors"][name], 0.0)):
             _cross(ctx, x, y, arm, ink, _LINE_PX + more_px)
 
 
@@ -277,7 +277,7 @@ def _cross(ctx: IContext, x: float, y: float, arm: float, ink: AnyColor, width_p
 
 
 def _legend_of_events(find: Callable[[TurnEvents], Any], words: str, sign: str) -> Callable[[IContext], Rows | None]:
-    row = Rows("", (Row(_SIGN, words, sign=sign),))
+    row = Rows("", (Row(SIGN, words, sign=sign),))
     return lambda ctx: row if find(drawing_of(ctx).events) else None
 
 
@@ -287,5 +287,7 @@ render_flags.__dict__["legend"] = _FLAGS
 render_goals.__dict__["legend"] = _GOALS
 for _drawer in (render_goals, render_tags, render_eliminated):
     _drawer.once_a_turn = True  # type: ignore[attr-defined] # a mark does not glide
+for _drawer in (render_flags, render_goals, render_tags, render_eliminated):
+    _drawer.is_mark = True  # type: ignore[attr-defined] # no name is written upon it
 render_tags.__dict__.update(artist="tags", layer=Layer.TAGS)
 render_goals.__dict__.update(artist="goals", layer=Layer.GOALS)
