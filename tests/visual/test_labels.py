@@ -213,3 +213,25 @@ def test_a_picture_of_a_city_has_readable_names_only(count):
     for x, y in names:
         box = (float(x), float(y) - 8.5, float(x) + 40.0, float(y))
         assert not any(box[0] <= cx <= box[2] and box[1] <= cy <= box[3] for cx, cy in dots)
+
+
+def test_names_cover_no_flag_and_no_goal(square):
+    from gamms.rules import capture_flag, reach
+    from gamms.visual.labels import Labels
+
+    for number, node in enumerate((5, 6, 9, 10, 13)):
+        add(square, [f"agent_{number}"], node, ("red", "blue")[number % 2])
+    square.game.add(capture_flag({"red": 5, "blue": 10}))
+    square.game.add(reach("red", [6]))
+    for agent in square.agent.create_iter():
+        agent.register_strategy(lambda state: state.update(action=state["curr_pos"]))
+    square.game.step()
+    artists, view = square.visual.artists.shown(), Camera(400, 400, -5.0, 35.0, 10.0)
+    square.visual.draw_commands()
+    found = Labels().placed(view, 1.0, square, artists, True, PAGE, [])
+    assert {label.words for label in found} >= {"agent_0", "agent_1", "agent_3"}
+    for label in found:
+        box = label.left, label.middle - 6.0, label.left + 40.0, label.middle + 6.0
+        flags = [(x, y - 0.04 * 300.0, x + 8.0, y) for x, y in ((150.0, 250.0), (250.0, 150.0))]
+        assert not any(overlap(box, flag) for flag in flags)
+        assert distance(box, (250.0, 250.0)) > 11.0  # the goal

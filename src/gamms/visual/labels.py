@@ -10,15 +10,16 @@ from typing import TYPE_CHECKING, NamedTuple, cast
 import numpy as np
 
 from gamms.errors import BadType, UnknownName
+from gamms.ir.draw import DrawKind, DrawSpace
 from gamms.ir.graph import FloatArray, IntArray
 from gamms.ir.obstacles import BoolArray
 from gamms.text import shown
 from gamms.typing import IAerialAgent, IArtist, IContext
 from gamms.visual.appearance import AgentData, Rgb
-from gamms.visual.artist import looks_of
-from gamms.visual.camera import Camera
+from gamms.visual.artist import ArtistGroup, data_of, looks_of
+from gamms.visual.camera import Camera, on_screen
 from gamms.visual.drawers.agents import RING, RING_PX
-from gamms.visual.drawing import drawing_of
+from gamms.visual.drawing import Commands, drawing_of
 from gamms.visual.lettering import EM, MIDDLE, words_width
 
 if TYPE_CHECKING:
@@ -36,6 +37,7 @@ _GAP_PX, _DOTS_PX = 3.0, 5.0  # between a label and its dot; other dots
 _APART_PX = 2.0  # other labels, and dots that touch its own
 _COMES_PX = 6.0  # what is free around a label that was left out in the frame before
 _DIAGONAL, _CELL_PX = 0.5**0.5, 48.0
+_MOST_MARKS = 200  # commands of flags, goals and the like of which names are kept clear
 _MOST_AUTO, _AUTO_PX = 30, 10_000.0  # so many names are easy to read, if each has so many pixels of the page
 
 
@@ -119,6 +121,8 @@ class Labels:
         sizes = np.array([(words_width(words[row], LABEL_PX), EM * LABEL_PX) for row in rows.tolist()])
         names = [looks[row].name for row in rows.tolist()]
         before = np.array([self._sides.get(name, -1) for name in names])
+        rings, shapes = _marks(ctx, artists, camera, fine)
+        dots, taken = _ringed(dots, rings), [*taken, *shapes]
         boxes = beside(Dots(dots.centers[rows], dots.radii[rows]), sizes)
         comes = np.where((before < 0) & (not self._is_first), _COMES_PX, 0.0)
         sides = placed(boxes, are_free(boxes, dots, rows, page, taken, comes), before)
@@ -166,6 +170,31 @@ def dots_of(looks: Sequence[AgentData], camera: Camera, fine: float = 1.0, flyer
     centers = camera.to_screen(columns[:, :2]) / fine + columns[:, 2:4] * radii[:, None]
     rings = np.maximum(RING * columns[:, 4] * scale, RING_PX) + 2.0
     return Dots(centers, np.where(columns[:, 6] > 0.0, rings, radii + 1.5))
+
+
+def _marks(ctx: IContext, artists: Mapping[str, IArtist], camera: Camera, fine: float) -> tuple[Dots, list[Rectangle]]:
+    """Return the circles of flags, goals and the like, and the boxes around what else is drawn of them, in pixels."""
+    marks = {name: artist for name, artist in artists.items() if getattr(artist.get_drawer(), "is_mark", False)}
+    share = max((data.get("_alpha", 1.0) for data in map(data_of, marks.values())), default=1.0)
+    commands = ArtistGroup(ctx, marks).commands(share) if marks else Commands().freeze()
+    if not 0 < len(commands) <= _MOST_MARKS:
+        return Dots(np.empty((0, 2)), np.empty(0)), []
+    view = camera._replace(scale=camera.scale / fine)
+    in_world, points = commands.space == DrawSpace.WORLD, on_screen(commands, view)
+    reach = (commands.size * np.where(in_world, view.scale, 1.0) + commands.width / 2)[:, None]
+    low = np.minimum.reduceat(points, commands.offsets[:-1]) - reach
+    high = np.maximum.reduceat(points, commands.offsets[:-1]) + reach
+    is_round = commands.kind == DrawKind.CIRCLE
+    boxes: list[Rectangle] = [(*box[:2], *box[2:]) for box in np.hstack([low, high])[~is_round].tolist()]
+    return Dots((low + high)[is_round] / 2, reach[is_round, 0]), boxes
+
+
+def _ringed(dots: Dots, rings: Dots) -> Dots:
+    """Return dots, each as large as the widest ring that is drawn around it, and then the rings."""
+    apart = np.hypot(*np.moveaxis(dots.centers[:, None] - rings.centers, 2, 0))
+    around = np.where(apart < dots.radii[:, None], apart + rings.radii, 0.0).max(axis=1, initial=0.0)
+    radii = np.maximum(dots.radii, around)
+    return Dots(np.concatenate([dots.centers, rings.centers]), np.concatenate([radii, rings.radii]))
 
 
 def _words(
