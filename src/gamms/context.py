@@ -316,8 +316,8 @@ class Context(Guarded, typing.IContext):
         self, kind: type[BaseException] | None, error: BaseException | None, trace: TracebackType | None
     ) -> None:
         try:
-            if error is None and not self.is_terminated() and hasattr(self.visual_engine, "linger"):
-                self.visual_engine.linger()  # a window with a game that is over
+            if error is None and not self.is_terminated() and hasattr(self.visual_engine, "stay_open_after_game"):
+                self.visual_engine.stay_open_after_game()  # a window with a game that is over
             self.terminate()
         except Exception as failure:
             if error is None:

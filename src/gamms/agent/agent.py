@@ -157,7 +157,7 @@ class BaseAgent(Guarded, IAgent):
             self._shared -= {id(sensor)}
         self._carry()
         self._note(events.AGENT_SENSOR_DEREGISTER, name, sensor)
-        self._disown(sensor)
+        self._clear_owner(sensor)
 
     @refused_while_deciding
     def register_strategy(self, strategy: Strategy | AerialStrategy | AsyncStrategy | None) -> None:
@@ -174,7 +174,7 @@ class BaseAgent(Guarded, IAgent):
             self._phase.refuse("call agent.get_state")
         block = self._block
         if block.journal is CLOSED:
-            return self._last[0] or self._state_of(self._unasked())
+            return self._last[0] or self._state_of(self._held_data())
         node = block.node[self._row]
         sensed = {}
         for name, sense, sensor, last in self._carried:
@@ -272,7 +272,7 @@ class BaseAgent(Guarded, IAgent):
         """Return a state with these results of sensors."""
         return {"curr_pos": self.current_node_id, "sensor": sensed}
 
-    def _unasked(self) -> dict[str, Any]:
+    def _held_data(self) -> dict[str, Any]:
         """Return what the sensors hold without having been asked; a sensor of the caller's may have nothing yet."""
         held = ((name, sensor.type, getattr(sensor, "data", None)) for name, sensor in self._sensor_list.items())
         return {name: (kind, data) for name, kind, data in held}
@@ -301,7 +301,7 @@ class BaseAgent(Guarded, IAgent):
         own = self.name if shared else None
         self._carried = tuple([_carried(name, one, own if id(one) in shared else None) for name, one in sensors])
 
-    def _disown(self, sensor: ISensor) -> None:
+    def _clear_owner(self, sensor: ISensor) -> None:
         if owner_of(sensor) in (None, self.name):  # unless another agent carries it by now
             sensor.set_owner(None)
 
@@ -491,7 +491,7 @@ class AerialAgent(BaseAgent, IAerialAgent):
     def get_state(self) -> AerialState:  # type: ignore[override] # an agent of unknown kind is taken for one on the ground
         """Sense; return a fresh dict with `curr_pos`, `quat` and `sensor`."""
         if self._is_closed:
-            return self._last[0] or self._state_of(self._unasked())
+            return self._last[0] or self._state_of(self._held_data())
         sensed = self.sense()
         self._last[0] = state = self._state_of(sensed)
         return state

@@ -272,7 +272,7 @@ class AgentEngine(Guarded, IAgentEngine):
         del self._agents[agent.name]
         agent._live_in(AgentBlock(block.graph))
         for sensor in agent._sensor_list.values():
-            agent._disown(sensor)
+            agent._clear_owner(sensor)
         self._deleted.add(agent)
         block.remove(row)
         if block.removed > len(self._agents):  # so that deleting costs each agent its share only once

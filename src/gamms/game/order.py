@@ -301,7 +301,7 @@ class Legality:
         begun, covered = self._begun(mover, here)
         if not is_route:
             path = self._shortest(here, path[0], begun, covered)
-        return self._as_far_as(mover.speed, here, path, covered if path[0] == begun else 0.0)
+        return self._advance_along(mover.speed, here, path, covered if path[0] == begun else 0.0)
 
     def _shortest(self, here: int, target: int, begun: int | None, covered: float) -> list[int]:
         """Return the shortest path to a node, on from `here` or along the edge that the agent has begun."""
@@ -316,7 +316,7 @@ class Legality:
             raise BadValue(str(error)) from None
         return path
 
-    def _as_far_as(self, speed: float, here: int, route: list[int], covered: float) -> ResolvedAction:
+    def _advance_along(self, speed: float, here: int, route: list[int], covered: float) -> ResolvedAction:
         """Follow a path as far as the edges or metres of this turn go; `covered` is what was gone before it."""
         budget, gone, path, reached = speed + covered, 0.0, [here], [0.0]
         limit = _limit(budget)

@@ -137,11 +137,11 @@ def copied(value: object, memo: Memo | None = None) -> Any:
     """
     try:
         return _copied(value, set())
-    except _Unusual:
+    except _NotPlain:
         return deepcopy(value, memo)
 
 
-class _Unusual(Exception):
+class _NotPlain(Exception):
     """A value is not made of plain values, or an object is in it twice."""
 
 
@@ -151,7 +151,7 @@ def _copied(value: Any, seen: set[int]) -> Any:
         return value
     is_array = kind is np.ndarray
     if kind not in _CONTAINERS or id(value) in seen or (is_array and (value.dtype.hasobject or value.base is not None)):
-        raise _Unusual
+        raise _NotPlain
     seen.add(id(value))
     if kind is dict:
         return {key: one if type(one) in _SCALARS else _copied(one, seen) for key, one in value.items()}

@@ -42,7 +42,7 @@ class NodeGrid:
         self._late.add(row)
 
     @property
-    def is_worn(self) -> bool:
+    def is_outdated(self) -> bool:
         """Whether so much was noted that a new grid is cheaper."""
         return len(self._late) > _LATE_NODES + 2 * isqrt(len(self._cells.rows))
 
@@ -106,7 +106,7 @@ class Adjacency:
         self._is_exact = False
 
     @property
-    def is_worn(self) -> bool:
+    def is_outdated(self) -> bool:
         """Whether so much was noted that a new grouping is cheaper."""
         return self._late_count > _LATE_EDGES + len(self._rows) // 4
 
@@ -322,14 +322,14 @@ class Indexes:
         self.neighborhoods.pop(self._nodes.ids[ends[0]], None)
 
     def _node_grid(self) -> NodeGrid:
-        if self._grid is None or self._grid.is_worn:
+        if self._grid is None or self._grid.is_outdated:
             self._grid = NodeGrid(self._nodes)
             self.is_built = True
         return self._grid
 
     def _adjacency(self, end: str) -> Adjacency:
         adjacency = self._by_end.get(end)
-        if adjacency is None or adjacency.is_worn:
+        if adjacency is None or adjacency.is_outdated:
             adjacency = self._by_end[end] = Adjacency(self._edges, end, self._nodes.count)
             self.is_built = True
         return adjacency

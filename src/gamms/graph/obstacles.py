@@ -174,7 +174,7 @@ class Obstacles:
         """Rows, in any order, of a superset of the faces whose box meets a rectangle; dead ones may be among them."""
         table = self._faces
         if table.count > _FEW:
-            if self._grid is None or self._grid.is_worn(table.count):
+            if self._grid is None or self._grid.is_outdated(table.count):
                 self._grid = FaceGrid(table.array("boxes"))
             rows = self._grid.between(low, high, table.count)
             if rows is not None:
@@ -245,7 +245,7 @@ class FaceGrid:
         self._cells = kernels.build_cells((low + high)[small, :2])
         self._count = len(boxes)
 
-    def is_worn(self, count: int) -> bool:
+    def is_outdated(self, count: int) -> bool:
         """Return whether so many rows, of `count` now, were appended since that a new grid is cheaper."""
         return count - self._count > _LATE + 2 * isqrt(self._count)
 

@@ -113,7 +113,7 @@ class AgentBlock:
     """
 
     __slots__ = (
-        *(*BY_ROW, "_changed", "_logs", "_row_of", "_surveyed", "_unlocated", "_version", "flyers", "graph"),
+        *(*BY_ROW, "_changed", "_logs", "_row_of", "_located_revision", "_unlocated", "_version", "flyers", "graph"),
         *("inactive", "journal", "removed", "structure_version", "trusts_nodes"),
     )
 
@@ -144,7 +144,9 @@ class AgentBlock:
         self._logs: list[ChangeLog] = []
         self._version = 0
         self._unlocated: set[int] = set()  # rows of flyers that have moved since their node was found
-        self._surveyed: int | None = None  # the revision of the graph in which the nodes of the other flyers were found
+        self._located_revision: int | None = (
+            None  # the revision of the graph in which the nodes of the other flyers were found
+        )
 
     @classmethod
     def from_arrays(cls, columns: Mapping[str, Any]) -> "AgentBlock":
@@ -350,7 +352,7 @@ class AgentBlock:
         In a graph without nodes it is the one of before.
         """
         if self.journal is not CLOSED:
-            self._survey()
+            self._renew_flyer_nodes()
             if row in self._unlocated:
                 self._locate(row)
         return self.node[row]
@@ -359,17 +361,17 @@ class AgentBlock:
         """Find the nodes of all flyers."""
         if not self.flyers or self.journal is CLOSED:
             return
-        self._survey()
+        self._renew_flyer_nodes()
         for row in sorted(self._unlocated):
             self._locate(row)
 
-    def _survey(self) -> None:
+    def _renew_flyer_nodes(self) -> None:
         """Let the nodes below all flyers be found again if the graph has changed."""
         if self.graph is not None:
             revision = self.graph.revision
-            if revision is None or revision != self._surveyed:
+            if revision is None or revision != self._located_revision:
                 self._unlocated.update(self.flyers)
-                self._surveyed = revision
+                self._located_revision = revision
 
     def _locate(self, row: int) -> None:
         graph, position, node = self.graph, self.position[row], self.node[row]
@@ -385,7 +387,7 @@ class AgentBlock:
             self._changed.add(row)
 
     @contextmanager
-    def trusting(self) -> Iterator[None]:
+    def accepting_any_node(self) -> Iterator[None]:
         """Take any integer for a node (used by replay, because the map may have changed since)."""
         before, self.trusts_nodes = self.trusts_nodes, True
         try:

@@ -64,11 +64,11 @@ def project_back_and_forth(points: FloatArray, source: str, target: str) -> Floa
     """
     there = _transformed(points, source, target)
     lonlat, again = _transformed(points, source, WGS84), _transformed(there, target, WGS84)
-    astray = np.full(len(points), np.inf)  # metres
+    errors_m = np.full(len(points), np.inf)  # metres
     sound = np.flatnonzero(np.isfinite(np.column_stack([there, lonlat, again])).all(axis=1))
     sound = sound[_is_in_zone(lonlat[sound], source) & _is_in_zone(lonlat[sound], target)]
-    astray[sound] = ellipsoid_lengths(lonlat[sound], again[sound])
-    lost = np.flatnonzero(astray > _CENTIMETRE)
+    errors_m[sound] = ellipsoid_lengths(lonlat[sound], again[sound])
+    lost = np.flatnonzero(errors_m > _CENTIMETRE)
     if len(lost):
         raise BadValue(
             f"The position {points[lost[0]].tolist()} of {source} has no place in {target}: it lies outside the area "

@@ -99,21 +99,23 @@ class MapServers:
         if setting("nominatim_key") is not None:
             asked["key"] = setting("nominatim_key")
         self._show(f"Asking {self._nominatim} where {self._name} is")
-        return self._kept(f"{self._nominatim}/search", asked, read, self._search)
+        return self._cached(f"{self._nominatim}/search", asked, read, self._search)
 
     def query(self, query: str, read: Read[T]) -> T:
         """Ask Overpass a question in its own language, without its settings; raises what `search` raises."""
         memory = setting("overpass_memory")
         size = "" if memory is None else f"[maxsize:{memory}]"
         asked = {"data": f"[out:json][timeout:{math.ceil(self._timeout_s)}]{size};{query}"}
-        return self._kept(f"{self._overpass}/interpreter", asked, read, self._interpret)
+        return self._cached(f"{self._overpass}/interpreter", asked, read, self._interpret)
 
     def save_rest(self) -> None:
         """Keep answers without a shape, too: the map is made, so they were no mistake."""
         for path, content in self._unsaved:
             self._save(path, content)
 
-    def _kept(self, url: str, asked: dict[str, str], read: Read[T], ask: Callable[[str, dict[str, str]], _Answer]) -> T:
+    def _cached(
+        self, url: str, asked: dict[str, str], read: Read[T], ask: Callable[[str, dict[str, str]], _Answer]
+    ) -> T:
         """Return the answer from the disk, or else from the server."""
         key = hashlib.sha256(f"{url}?{urlencode(asked)}".encode()).hexdigest()
         path, damage = self._folder / f"{key}.json", ""
@@ -154,7 +156,7 @@ class MapServers:
 
     def _search(self, url: str, asked: dict[str, str]) -> _Answer:
         self._pause(url, _SEARCH_PAUSE_S)
-        return self._patiently("GET", url, min(self._timeout_s, _SEARCH_S), params=asked)
+        return self._request_with_retries("GET", url, min(self._timeout_s, _SEARCH_S), params=asked)
 
     def _interpret(self, url: str, asked: dict[str, str]) -> _Answer:
         while setting("overpass_rate_limit"):
@@ -163,9 +165,9 @@ class MapServers:
             if not pause_s:
                 break
             self._pause(url, pause_s)
-        return self._patiently("POST", url, self._timeout_s, data=asked)
+        return self._request_with_retries("POST", url, self._timeout_s, data=asked)
 
-    def _patiently(self, method: str, url: str, patience_s: float, **options: dict[str, str]) -> _Answer:
+    def _request_with_retries(self, method: str, url: str, patience_s: float, **options: dict[str, str]) -> _Answer:
         for pause_s in _PAUSES_S:
             answer = _request(method, url, patience_s, self._show, **options)
             if answer.status not in _BUSY:
@@ -214,7 +216,7 @@ def _request(method: str, url: str, patience_s: float, show: Show, **options: di
     thread.start()
     thread.join(_ANSWER_FACTOR * patience_s + min(_CONNECT_S, patience_s))
     if not outcome:
-        raise _too_slow(url, patience_s)
+        raise _timeout_error(url, patience_s)
     if isinstance(outcome[0], Exception):
         raise outcome[0]
     return outcome[0]
@@ -241,13 +243,13 @@ def _read(method: str, url: str, patience_s: float, most_bytes: int, show: Show,
                         "more memory with gamms.limits.allowing(bytes)."
                     )
                 if time.monotonic() > deadline:
-                    raise _too_slow(url, patience_s)
+                    raise _timeout_error(url, patience_s)
             retry_after = response.headers.get("Retry-After", "")
             return _Answer(response.status_code, str(response.reason), bytes(content), retry_after)
     except requests.exceptions.RequestException as error:
         reason = _first_cause(error)
         if isinstance(reason, TimeoutError) or "timed out" in str(error):
-            raise _too_slow(url, patience_s) from error
+            raise _timeout_error(url, patience_s) from error
         raise NetworkError(
             f"{_host(url)} cannot be reached, or broke off: {reason}. Check the connection and the address {url!r} "
             "(gamms.osm.settings); what was downloaded before works with offline=True."
@@ -296,7 +298,7 @@ def _seconds_to_slot(status: str) -> float:
     return _STATUS_PAUSE_S if "Currently running queries" in status else 0.0
 
 
-def _too_slow(url: str, patience_s: float) -> NetworkError:
+def _timeout_error(url: str, patience_s: float) -> NetworkError:
     return NetworkError(
         f"{_host(url)} timed out: an answer must begin within {patience_s:g} s and be there within "
         f"{_ANSWER_FACTOR * patience_s:g} s (gamms.osm.settings.requests_timeout). Choose a smaller area. {_LATER}"

@@ -200,9 +200,9 @@ class Recording(Opened):
         if not 0 <= turn <= self.turns:
             raise BadValue(f"There is no state after {turn} turns: this recording has {self.turns} turns.")
         with refusing(f"The state after turn {turn} cannot be worked out", (Damaged,)):
-            return self._worked_out(turn)
+            return self._computed(turn)
 
-    def _worked_out(self, turn: int) -> DetachedState:
+    def _computed(self, turn: int) -> DetachedState:
         """Return a state from the last keyframe, or from the state that was asked for last."""
         state = self._state
         if state is None or not max(self._reader.keyframe_before(turn), 0) <= self._at <= turn:

@@ -140,7 +140,7 @@ class LiveAgents(AgentsState):
         numbers, names = columns["numbers"].tolist(), columns["names"]
         self.following = keyframes.checked_following(numbers, snapshot["next"])
         make_sensors()
-        with self._engine.block.trusting():
+        with self._engine.block.accepting_any_node():
             for row, name in enumerate(names):
                 self._put(name, columns, row)
         self.names = dict(zip(numbers, names, strict=True))
@@ -178,7 +178,7 @@ class LiveAgents(AgentsState):
         for key, numbers in places.items():
             if len(numbers) != _PLACES[key]:
                 raise BadValue(f"{shown(key)} has {_PLACES[key]} numbers, and not {shown(numbers)}.")
-        with self._engine.block.trusting():
+        with self._engine.block.accepting_any_node():
             agent = self._engine.create_agent(name, **self._with_known_sensors(kwargs))
         self._block.write(self._block.row_of(agent.name), places)
         self.names[self.following] = name

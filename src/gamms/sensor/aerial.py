@@ -240,7 +240,7 @@ class AerialAgentSensor(DetectingSensor, FlyingSensor):
         `data` stays as it is.
         """
         pose = self.pose()
-        with self.notice.on_trial():
+        with self.notice.rolled_back():
             looks = [self._found(pose).tolist() for _ in node_ids]
             return Sensed(*ragged(looks), names=tuple(self.ctx.agent.positions.names))
 

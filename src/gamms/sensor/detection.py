@@ -76,8 +76,8 @@ class DetectionModel(Guarded):
         return twin
 
     @contextmanager
-    def on_trial(self) -> Iterator[None]:
-        """Let looks of a strategy that is running not count: they do not change what the sensor notices later."""
+    def rolled_back(self) -> Iterator[None]:
+        """Undo what looks of a running strategy change, so that they do not decide what the sensor notices later."""
         if self._phase.agent is None:
             yield
             return
@@ -152,8 +152,8 @@ class DetectingSensor(Sensor):
         if self._notice is not None:
             self._notice._looks = looks.copy()
 
-    def _twin(self) -> Self:
-        twin = super()._twin()
+    def _copy_for_view(self) -> Self:
+        twin = super()._copy_for_view()
         twin._notice = None if self._notice is None else self._notice.repeated()
         return twin
 

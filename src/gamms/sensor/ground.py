@@ -297,7 +297,7 @@ class AgentSensor(DetectingSensor, GroundSensor):
         """Look from many nodes; values are positions in `names`. `data` stays as it is."""
         heading = ALL_AROUND if self.fov == FULL_CIRCLE else self.heading()
         own = self._owner if self._at is None else None
-        with self._phase.suspended() if self._notice is None else self._notice.on_trial():
+        with self._phase.suspended() if self._notice is None else self._notice.rolled_back():
             names = tuple(self.ctx.agent.positions.names)
             looks = [self._found(self.place(id), heading)[1] for id in as_ids(node_ids, "node_ids")]
         return Sensed(*ragged([[row for row in look if names[row] != own] for look in looks]), names=names)
@@ -322,19 +322,19 @@ class AgentSensor(DetectingSensor, GroundSensor):
             rows = notice.wanted(rows, positions.teams)
         if self._is_occluded:
             nodes = NodeColumns(positions.node_ids[rows], self._memory.nearby.coordinates().xy[rows])
-            rows = _kept(rows, in_sight(self.ctx, place, nodes, self.range, self._observer_height))
+            rows = _selected(rows, in_sight(self.ctx, place, nodes, self.range, self._observer_height))
         if notice is not None and notice.needs_chance:
             owner = self._owner if self._at is None else None
             distances = np.hypot(*self._offsets(place, rows).T)
             names = [positions.names[row] for row in rows]
-            rows = _kept(rows, notice.is_noticed(self.ctx, owner, names, distances))
+            rows = _selected(rows, notice.is_noticed(self.ctx, owner, names, distances))
         return positions, rows
 
     def _ahead(self, place: Place, rows: list[int], nodes: Sequence[int], heading: Heading) -> list[int]:
         """Return those rows whose agents are in the field of view."""
         if len(rows) > _FEW:
             dx, dy = self._offsets(place, rows).T
-            return _kept(rows, kernels.in_cone(dx, dy, heading, self.fov))
+            return _selected(rows, kernels.in_cone(dx, dy, heading, self.fov))
         x0, y0 = coordinates(self.ctx, place)
         places = [self.ctx.graph.graph.get_node(nodes[row]) for row in rows]
         ahead = [kernels.is_in_cone(x - x0, y - y0, heading, self.fov) for _, x, y in places]
@@ -351,7 +351,7 @@ class OccludedAgentSensor(OccludedSensor, AgentSensor):
     __slots__ = ()
 
 
-def _kept(rows: list[int], is_kept: "np.ndarray[Any, np.dtype[np.bool_]]") -> list[int]:
+def _selected(rows: list[int], is_kept: "np.ndarray[Any, np.dtype[np.bool_]]") -> list[int]:
     return [row for row, is_in in zip(rows, is_kept.tolist(), strict=True) if is_in]
 
 

@@ -141,7 +141,7 @@ class Sensor(Guarded, ISensor):
         """Return what it would see now, for drawing; a class of the user's own is not asked, but what it saw last."""
         if not self._is_ours:
             return self.last_view()
-        twin = self._twin()
+        twin = self._copy_for_view()
         twin._owner = owner
         try:
             twin.sense(node_id)  # type: ignore[arg-type] # those that look from the air need no node
@@ -149,7 +149,7 @@ class Sensor(Guarded, ISensor):
             return SensorView()
         return twin.last_view()
 
-    def _twin(self) -> Self:
+    def _copy_for_view(self) -> Self:
         """A sensor that looks in its place."""
         twin = copy(self)
         twin._last = list(self._last)

@@ -15,7 +15,7 @@ def check_graph(make: Callable[[], IGraph]) -> None:
     Raises:
         AssertionError: a promise is broken; the message names it.
     """
-    for promise in (_answers, _refuses, _edits, _keeps_to_itself, _offers_what_is_free):
+    for promise in (_answers, _refuses, _edits, _copies_what_it_is_given, _offers_derived_methods):
         promise(_filled(make()))
 
 
@@ -104,7 +104,7 @@ def _edits(graph: IGraph) -> None:
     _same("remove_node of a missing node is no error", list(graph.get_nodes()), [1, 7, 5])
 
 
-def _keeps_to_itself(graph: IGraph) -> None:
+def _copies_what_it_is_given(graph: IGraph) -> None:
     node = {"id": 8, "x": 1, "y": 2, "name": "corner"}
     graph.add_node(node)
     _same("a caller's dict is not changed", node, {"id": 8, "x": 1, "y": 2, "name": "corner"})
@@ -115,7 +115,7 @@ def _keeps_to_itself(graph: IGraph) -> None:
     _same("a graph may be changed while its ids are read", list(graph.get_nodes()), [])
 
 
-def _offers_what_is_free(graph: IGraph) -> None:
+def _offers_derived_methods(graph: IGraph) -> None:
     _same("has_node", [graph.has_node(1), graph.has_node(99)], [True, False])
     _same("neighborhoods begin with the node itself", list(graph.neighborhoods[1]), [1, 2, 7])
     seen = graph.within(1, 5.0)

@@ -43,7 +43,7 @@ def check_rule(rule: Rule, make_ctx: Callable[..., Context], *, turns: int = 30)
         AssertionError: a game went differently; the message says which, and what to do about it.
     """
     play = _Play(make_ctx, rule, turns)
-    play.trust()
+    play.check_repeatable()
     hidden = HiddenState(rule)
     first = play.once()
     with _naming(hidden, _RULES_REMEMBER):
@@ -71,7 +71,7 @@ def check_strategy(
     """
     play = _Play(make_ctx, None, turns)
     if strategy is not None:
-        play.trust()
+        play.check_repeatable()
     with play.opened() as ctx:
         watched = _Watched(ctx, agent, strategy)
         hidden = HiddenState(watched.strategy)
@@ -139,7 +139,7 @@ class _Play:
         with self.opened(with_rule=with_rule, **keywords) as ctx:
             return _played(ctx, self.turns)
 
-    def trust(self) -> None:
+    def check_repeatable(self) -> None:
         """Check that `make_ctx` makes the same game twice.
 
         Raises:

@@ -423,7 +423,7 @@ class Part:
             self.tiles = Tiles(self.painting, self.box, behind, pool)
         self.tiles.show(canvas, camera, budget)
 
-    def shows_what(self, commands: DrawCommands) -> bool:
+    def matches(self, commands: DrawCommands) -> bool:
         """Return whether these commands would give the same part."""
         mine = self.painting.commands
         if not np.array_equal(mine.points, commands.points) or mine.text != commands.text:  # what differs most often
@@ -476,7 +476,7 @@ class Scene:
         """Return artists in painting order, those together that make one part; within a turn they are sorted once."""
         if self._grouped is not None and not is_new_turn and self._grouped[:2] == (artists, Artist.edits):
             return self._grouped[2]
-        by_likeness = groupby(in_painting_order(artists), _likeness)
+        by_likeness = groupby(in_painting_order(artists), _group_key)
         parts = [(rate, dict(members)) for (rate, *_), members in by_likeness]
         groups = [(rate, members, ArtistGroup(self._ctx, members)) for rate, members in parts]
         are_counted = all(isinstance(artist, Artist) for artist in artists.values())  # others may change unseen
@@ -488,7 +488,7 @@ class Scene:
         commands = draw(group)
         for part in self._before:
             is_taken = any(part is other for other in self._parts)  # by artists that draw the same
-            if not part.is_static and not is_taken and part.shows_what(commands):
+            if not part.is_static and not is_taken and part.matches(commands):
                 part.artists = group.artists
                 part.is_old |= is_new_turn
                 return part
@@ -581,7 +581,7 @@ class _Rate(Enum):
     FRAME = "for every frame"
 
 
-def _likeness(item: tuple[str, IArtist]) -> tuple[_Rate, int, Drawer | None]:
+def _group_key(item: tuple[str, IArtist]) -> tuple[_Rate, int, Drawer | None]:
     """Return the key of the artists that make one part: those that change together."""
     artist = item[1]
     if artist.get_artist_type() is ArtistType.STATIC:

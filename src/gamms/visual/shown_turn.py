@@ -156,10 +156,10 @@ class Motion:
         """Look up how each agent moved; one whose move is that of the turn before has not moved since."""
         steps = {agent.name: _step(agent) for agent in self._ctx.agent.create_iter()}
         moves = self.moves_between(self._steps, steps)
-        self.stand(steps)
+        self.show_end(steps)
         self.moves = moves
 
-    def stand(self, steps: dict[str, Step]) -> None:
+    def show_end(self, steps: dict[str, Step]) -> None:
         """Show agents where they are, after these last moves, which are over."""
         self._is_current = True
         self._steps, self._now, self.moves = steps, None, _NO_MOVES

@@ -25,7 +25,7 @@ _UNSEEN = ("dummy", "offscreen")
 class Owner(Protocol):
     """The engine that a window belongs to."""
 
-    def linger_at_exit(self) -> None:
+    def stay_open_at_exit(self) -> None:
         """Stay open when the program has come to its end, if there is something to look at."""
 
 
@@ -40,7 +40,7 @@ def open_window(owner: Owner, width: int, height: int, title: str) -> Any:
         NoDisplay: no window can be opened here.
     """
     pygame = load()
-    with _left_alone(_NO_HANDLERS), warnings.catch_warnings():
+    with _default_environment(_NO_HANDLERS), warnings.catch_warnings():
         warnings.filterwarnings("ignore", message=_RESIZED, category=RuntimeWarning)
         try:
             pygame.display.init()
@@ -54,8 +54,8 @@ def open_window(owner: Owner, width: int, height: int, title: str) -> Any:
     pygame.display.set_caption(title)
     pygame.key.set_repeat()
     if not _owners:  # after pygame's own, which closes the display, so that this one is called before
-        atexit.unregister(_linger_at_exit)
-        atexit.register(_linger_at_exit)
+        atexit.unregister(_stay_open_at_exit)
+        atexit.register(_stay_open_at_exit)
     _owners.append(owner)
     return surface
 
@@ -92,10 +92,10 @@ def is_watched() -> bool:
     return load().display.get_driver() not in _UNSEEN and not os.environ.get("CI") and not is_interactive
 
 
-def _linger_at_exit() -> None:
+def _stay_open_at_exit() -> None:
     """Let the window that is seen stay open, unless an exception has ended the program."""
     if _owners and not hasattr(sys, "last_value"):
-        _owners[-1].linger_at_exit()
+        _owners[-1].stay_open_at_exit()
 
 
 def close_window(owner: Owner) -> None:
@@ -113,7 +113,7 @@ def window_surface() -> Any:
 
 
 @contextmanager
-def _left_alone(name: str) -> Iterator[None]:
+def _default_environment(name: str) -> Iterator[None]:
     """Set an environment variable for a moment, unless the user has set it."""
     is_ours = name not in os.environ
     os.environ.setdefault(name, "1")

@@ -281,17 +281,17 @@ class WindowEngine(WindowNames, PictureEngine):
         playback = self.playback
         return playback is not None and playback.can_seek and playback.turn < playback.turns and not self.pace.is_halted
 
-    def linger(self) -> None:
+    def stay_open_after_game(self) -> None:
         """Stay open at the end of a `with` block, where a game is over and there may be a person who looks at it."""
         is_over = self.overlay.is_over or self._is_time_up()
         if self._stays_open and is_over and is_watched() and not (self.ctx.is_terminated() or self._was_closed):
             with suppress(KeyboardInterrupt):  # the person at the terminal has seen it
                 self.stay_open()
 
-    def linger_at_exit(self) -> None:
+    def stay_open_at_exit(self) -> None:
         """Stay open at the end of a program as well, after a game; a replay ends with its program, as in 1.0.0."""
         if not self.overlay.is_replay:
-            self.linger()
+            self.stay_open_after_game()
 
     def _is_time_up(self) -> bool:
         game = self.ctx.current_game
@@ -355,7 +355,7 @@ class WindowEngine(WindowNames, PictureEngine):
         first = max(turn - overlay.most_trails, 0)
         steps = [playback.steps(one) for one in range(first, turn + 1)] if turn else [{}]
         motion.forget(motion.moves_between(before, after) for before, after in pairwise(steps))
-        motion.stand(steps[-1])
+        motion.show_end(steps[-1])
         self.drawing.events.go_to_turn()
         overlay.turns, overlay.is_over, self._is_fresh = turn, turn >= playback.turns, True
         self._renew_fog()

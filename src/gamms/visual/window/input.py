@@ -192,7 +192,7 @@ class Input:
             pygame.KEYDOWN: self._press,
             pygame.KEYUP: self._release,
             pygame.MOUSEBUTTONDOWN: self._button,
-            pygame.MOUSEBUTTONUP: self._let_go,
+            pygame.MOUSEBUTTONUP: self._release_button,
             pygame.MOUSEMOTION: self._move,
             pygame.MOUSEWHEEL: self._wheel,
             pygame.WINDOWLEAVE: self._leave,
@@ -302,7 +302,7 @@ class Input:
             self._camera.move_by(right, down)
             self._drag = event.pos
 
-    def _let_go(self, event: "Event") -> None:
+    def _release_button(self, event: "Event") -> None:
         is_click = self._drag is not None and self._dragged_px < _CLICK_PX
         self._drag, self._has_taken = None, False
         if is_click and event.button == 1:
