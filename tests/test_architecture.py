@@ -5,6 +5,7 @@ import inspect
 import re
 import subprocess
 import sys
+from functools import cache
 from importlib import import_module
 from pathlib import Path
 from types import ModuleType
@@ -55,21 +56,33 @@ def shown(path):
     return str(path.relative_to(SRC))
 
 
+@cache
+def tree_of(path):
+    """A file's syntax tree, which is parsed once for all rules."""
+    return ast.parse(path.read_text())
+
+
+@cache
+def nodes_of(path):
+    """All nodes of a file's syntax tree, in the order of `ast.walk`."""
+    return tuple(ast.walk(tree_of(path)))
+
+
 def package_of(path):
     parts = path.relative_to(SRC).with_suffix("").parts
     return "" if parts == ("__init__",) else parts[0]
 
 
-def packages_imported_by(tree):
+def packages_imported_by(nodes):
     """Yield the packages of gamms that a module imports, but for those that only a type checker sees."""
     hidden = {
         id(node)
-        for test in ast.walk(tree)
+        for test in nodes
         if isinstance(test, ast.If) and ast.unparse(test.test) == "TYPE_CHECKING"
         for part in test.body
         for node in ast.walk(part)
     }
-    for node in ast.walk(tree):
+    for node in nodes:
         if id(node) in hidden:
             continue
         if isinstance(node, ast.Import):
@@ -90,7 +103,7 @@ def test_a_file_has_at_most_600_lines(path):
 
 @pytest.mark.parametrize("path", MODULES, ids=shown)
 def test_a_file_says_what_it_is_for(path):
-    docstring = ast.get_docstring(ast.parse(path.read_text()))
+    docstring = ast.get_docstring(tree_of(path))
     assert docstring, f"{shown(path)} has no module docstring"
     assert docstring.splitlines()[0].rstrip().endswith((".", ":", "!", "?", "─"))
 
@@ -101,7 +114,7 @@ def test_a_file_imports_only_from_lower_layers(path):
     if package in OUTSIDE:
         return
     assert package in LEVEL, f"{package!r} is in no layer: give it one in pyproject.toml"
-    for other in set(packages_imported_by(ast.parse(path.read_text()))) - {package}:
+    for other in set(packages_imported_by(nodes_of(path))) - {package}:
         assert LEVEL.get(other, 99) < LEVEL[package], f"{shown(path)} imports {other}, which is not below {package}"
 
 
@@ -118,9 +131,10 @@ def test_a_package_says_what_it_may_import(path):
 
 
 def test_an_import_from_a_higher_layer_would_be_found():
-    assert set(packages_imported_by(ast.parse("from gamms import agent\nimport gamms.osm.load"))) == {"agent", "osm"}
+    lines = ast.parse("from gamms import agent\nimport gamms.osm.load")
+    assert set(packages_imported_by(list(ast.walk(lines)))) == {"agent", "osm"}
     tree = ast.parse("if TYPE_CHECKING:\n    from gamms.agent.engine import X\nelse:\n    import gamms.ir.draw")
-    assert list(packages_imported_by(tree)) == ["ir"]
+    assert list(packages_imported_by(list(ast.walk(tree)))) == ["ir"]
 
 
 def test_the_package_root_lists_exactly_what_is_public():
@@ -143,7 +157,7 @@ def test_a_package_lists_what_it_offers(path):
 
 @pytest.mark.parametrize("path", MODULES, ids=shown)
 def test_only_clients_import_the_package_root(path):
-    for node in ast.walk(ast.parse(path.read_text())):
+    for node in nodes_of(path):
         names = [alias.name for alias in node.names] if isinstance(node, ast.Import) else []
         assert "gamms" not in names or package_of(path) in CLIENTS, f"{shown(path)} imports gamms itself"
         assert not (isinstance(node, ast.ImportFrom) and node.level), f"{shown(path)} imports relatively"
@@ -201,13 +215,12 @@ def test_commands_print_by_way_of_one_file(path):
     )
 
 
-def trees():
-    return {path: ast.parse(path.read_text()) for path in MODULES}
+imports_of_modules = cache(draw_architecture.imports_of_modules)
 
 
 def test_no_files_import_each_other_in_a_circle():
     """Imports for type checkers and those in functions count; the package root, which names everything, does not."""
-    modules = draw_architecture.imports_of_modules()
+    modules = imports_of_modules()
     modules = {name: others - OUTSIDE for name, others in modules.items() if name not in OUTSIDE}
     draw_architecture.levels(modules)  # which names the files of a circle
 
@@ -219,8 +232,8 @@ def test_the_source_stays_small():
 def test_a_context_has_a_type():
     untyped = [
         f"{shown(path)}:{arg.lineno}"
-        for path, tree in trees().items()
-        for arg in ast.walk(tree)
+        for path in MODULES
+        for arg in nodes_of(path)
         if isinstance(arg, ast.arg) and arg.arg == "ctx" and arg.annotation and ast.unparse(arg.annotation) == "Any"
     ]
     assert not untyped
@@ -229,16 +242,16 @@ def test_a_context_has_a_type():
 def test_few_parameters_take_anything():
     bare = [
         f"{shown(path)}:{arg.lineno} {arg.arg}"
-        for path, tree in trees().items()
-        for arg in ast.walk(tree)
+        for path in MODULES
+        for arg in nodes_of(path)
         if isinstance(arg, ast.arg) and arg.annotation is not None and ast.unparse(arg.annotation) == "Any"
     ]
     assert len(bare) < 150, f"{len(bare)} parameters are Any: give them a type"
 
 
 def test_a_class_has_at_most_25_public_methods():
-    for path, tree in trees().items():
-        for node in ast.walk(tree):
+    for path in MODULES:
+        for node in nodes_of(path):
             if isinstance(node, ast.ClassDef):
                 methods = {part.name for part in node.body if is_plain_method(part)}
                 assert len(methods) <= PUBLISHED.get(node.name, 25), f"{shown(path)}: {node.name} has {len(methods)}"
@@ -256,7 +269,7 @@ def is_plain_method(node):
 
 def classes():
     """Yield all classes of GAMMS."""
-    for module in draw_architecture.imports_of_modules():
+    for module in imports_of_modules():
         if module not in OUTSIDE:
             loaded = import_module(f"gamms.{module}")
             yield from (one for one in vars(loaded).values() if inspect.isclass(one) and is_of(one, loaded.__name__))
@@ -283,12 +296,16 @@ PUBLIC = {"_replace", "_asdict", "_fields", "_make"}  # of every NamedTuple
 
 def test_no_package_uses_underscore_names_of_another():
     defined = {}
-    for path, tree in trees().items():
+    for path in MODULES:
         names = defined.setdefault(package_of(path), set(PUBLIC))
-        for node in ast.walk(tree):
+        for node in nodes_of(path):
             if isinstance(node, (ast.FunctionDef, ast.ClassDef)):
                 names.add(node.name)
-            elif isinstance(node, ast.Attribute) and ast.unparse(node.value) in ("self", "cls"):
+            elif (
+                isinstance(node, ast.Attribute)
+                and isinstance(node.value, ast.Name)
+                and node.value.id in ("self", "cls")
+            ):
                 names.add(node.attr)
             elif isinstance(node, ast.Constant):
                 names.add(node.value)
@@ -296,8 +313,8 @@ def test_no_package_uses_underscore_names_of_another():
                 names.add(node.id)
     foreign = [
         f"{shown(path)}:{node.lineno} {ast.unparse(node)}"
-        for path, tree in trees().items()
-        for node in ast.walk(tree)
+        for path in MODULES
+        for node in nodes_of(path)
         if isinstance(node, ast.Attribute) and re.match(r"_[a-z]", node.attr)
         if node.attr not in defined[package_of(path)] and path.name != "engine.py"
     ]

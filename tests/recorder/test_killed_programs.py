@@ -61,17 +61,16 @@ def check_prefix(path, seconds):
 
 
 @pytest.mark.skipif(not hasattr(signal, "SIGKILL"), reason="nobody is killed here")
-@pytest.mark.parametrize("seconds", [0.05, 0.7, 1.6])
+@pytest.mark.parametrize("seconds", [0.05, 1.6])
 def test_a_killed_program_leaves_a_recording_of_its_first_turns(tmp_path, seconds):
     killed_after(tmp_path / "game.ggr", seconds)
     check_prefix(tmp_path / "game.ggr", seconds)
 
 
-@pytest.mark.slow
 @pytest.mark.skipif(not hasattr(signal, "SIGKILL"), reason="nobody is killed here")
-@pytest.mark.parametrize("number", range(20))
+@pytest.mark.parametrize("number", range(6))
 def test_a_killed_program_leaves_a_recording_at_any_moment(tmp_path, number):
-    seconds = random.Random(number).uniform(0.0, 2.5)
+    seconds = random.Random(number).uniform(0.0, 2.0)
     killed_after(tmp_path / "game.ggr", seconds)
     check_prefix(tmp_path / "game.ggr", seconds)
 

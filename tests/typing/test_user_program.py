@@ -10,23 +10,7 @@ import pytest
 TUTORIAL = Path(__file__).with_name("tutorial.py.txt")  # what docs/tutorial.md does, annotated
 
 
-def checked(tmp_path, program):
-    (tmp_path / "program.py").write_text(program)
-    command = [sys.executable, "-m", "mypy", "--strict", "--cache-dir", str(tmp_path / "cache"), "program.py"]
-    return subprocess.run(command, check=False, cwd=tmp_path, text=True, capture_output=True).stdout
-
-
-def assert_errors_where_marked(tmp_path, program):
-    wanted = {number for number, line in enumerate(program.splitlines(), 1) if line.endswith("# error")}
-    found = {int(line) for line in re.findall(r"^program.py:(\d+): error", checked(tmp_path, program), re.MULTILINE)}
-    assert found == wanted
-
-
-@pytest.mark.slow
-def test_every_package_is_typed_after_import_gamms_and_misspelt_names_are_errors(tmp_path):
-    said = checked(
-        tmp_path,
-        """
+PACKAGES = """
 import gamms
 
 ctx = gamms.create_context(seed=1)
@@ -36,20 +20,8 @@ gamms.rules.tag("red", "blue")
 gamms.scenario.load("game.yaml").play(seed=7)
 gamms.recorder.open("game.ggr")
 gamms.rulez
-""",
-    )
-    assert 'Module has no attribute "rulez"' in said
-    assert "Found 1 error" in said
-
-
-@pytest.mark.slow
-def test_the_program_of_the_tutorial_is_typed_to_the_end(tmp_path):
-    assert "Success: no issues found" in checked(tmp_path, TUTORIAL.read_text())
-
-
-@pytest.mark.slow
-def test_a_wrong_keyword_or_key_is_an_error_at_its_line(tmp_path):
-    program = """
+"""
+ERRORS = """
 import gamms
 from gamms.sensor import SensorType
 
@@ -114,12 +86,7 @@ gamms.rules.tag("red", "blue", meters=5)  # error
 gamms.rules.tag("red", "blue", metres="near")  # error
 gamms.rules.reach("red", [0], winner="blue").add  # error
 """
-    assert_errors_where_marked(tmp_path, program)
-
-
-@pytest.mark.slow
-def test_a_resumed_context_is_typed(tmp_path):
-    program = """
+RESUMED = """
 import gamms
 
 
@@ -147,4 +114,38 @@ with gamms.recorder.open("game.ggr") as recording:
     recording.resume(20, ctx=5)  # error
     recording.resume(20, vis_engine=gamms.visual.Engine.NO_VIS, ctx=own)  # error
 """
-    assert_errors_where_marked(tmp_path, program)
+
+
+@pytest.fixture(scope="module")
+def said(tmp_path_factory):
+    """What mypy prints of each program; it is asked once, because most of its time goes to reading GAMMS."""
+    folder = tmp_path_factory.mktemp("programs")
+    programs = {
+        "packages.py": PACKAGES,
+        "tutorial.py": TUTORIAL.read_text(),
+        "errors.py": ERRORS,
+        "resumed.py": RESUMED,
+    }
+    for name, program in programs.items():
+        (folder / name).write_text(program)
+    command = [sys.executable, "-m", "mypy", "--strict", "--cache-dir", str(folder / "cache"), *programs]
+    output = subprocess.run(command, check=False, cwd=folder, text=True, capture_output=True).stdout
+    *lines, end = output.splitlines()
+    assert "checked 4 source files" in end
+    return {name: [line for line in lines if line.startswith(f"{name}:")] for name in programs}
+
+
+def test_every_package_is_typed_after_import_gamms_and_misspelt_names_are_errors(said):
+    [line] = [line for line in said["packages.py"] if "error" in line]
+    assert 'Module has no attribute "rulez"' in line
+
+
+def test_the_program_of_the_tutorial_is_typed_to_the_end(said):
+    assert said["tutorial.py"] == []
+
+
+@pytest.mark.parametrize(("name", "program"), [("errors.py", ERRORS), ("resumed.py", RESUMED)])
+def test_a_wrong_keyword_or_key_is_an_error_at_its_line(said, name, program):
+    wanted = {number for number, line in enumerate(program.splitlines(), 1) if line.endswith("# error")}
+    found = {int(re.match(rf"{name}:(\d+): error", line)[1]) for line in said[name] if ": error" in line}
+    assert found == wanted
