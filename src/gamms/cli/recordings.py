@@ -103,7 +103,7 @@ def convert(
         raise typer.Exit(1)
 
 
-def replay(
+def replay(  # noqa: PLR0913, PLR0917 - one argument per option
     file: _File,
     map: _Map = None,
     window: Annotated[bool, typer.Option("--window", help="Show it in a window, which stays open at the end.")] = False,
@@ -112,13 +112,18 @@ def replay(
     theme: Annotated[str, typer.Option(help="Of the window: light or dark.", metavar="THEME")] = "light",
     labels: Annotated[bool, typer.Option("--labels", help="Write names beside agents in the window.")] = False,
     trails: Annotated[int, typer.Option(help="Show the ways of the last turns in the window.", min=0)] = 0,
+    captions: Annotated[
+        bool, typer.Option("--captions/--no-captions", help="Say in the window what happens, such as tags.")
+    ] = True,
 ) -> None:
     """Replay a recording, in a window or not, and say how it ended."""
     from gamms import recordings, visual
     from gamms.recorder import RecordingError
 
-    warning, look = None, {"theme": theme, "labels": labels, "trails": trails} if window else {}
-    ctx = recordings.context_for(file, map, visual.Engine.PYGAME if window else visual.Engine.NO_VIS, **look)
+    warning, look = None, {"theme": theme, "labels": labels, "trails": trails, "captions": captions}
+    ctx = recordings.context_for(
+        file, map, visual.Engine.PYGAME if window else visual.Engine.NO_VIS, **(look if window else {})
+    )
     ctx.visual.turn_seconds = seconds
     turns: list[None] = []
     ctx.visual.after_turn.append(lambda: turns.append(None))

@@ -10,6 +10,7 @@ from gamms.visual.legend import Pen
 from gamms.visual.lettering import shortened, words_width
 
 MOST_LINES = 2  # at once
+CAPTION_SECONDS = 2.0  # for which a line is shown
 LINE_PX = 25.0
 _FONT_PX, _ASIDE_PX, _SPOT_PX = 21.0, 26.0, 5.0  # of captions; between the turn and them; their dots
 _CARD_PX, _TITLE_PX, _PAD_PX, _TITLE_SPOT_PX = 26.0, 34.0, 24.0, 8.0

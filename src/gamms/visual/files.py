@@ -21,7 +21,7 @@ from gamms.visual.backends import FILMS, FORMATS, Backend, FilmWriter
 from gamms.visual.backends.pygame_backend import Canvas
 from gamms.visual.backends.raster import Painting
 from gamms.visual.camera import CSS_DPI, Box, Camera, Point, Viewpoint, bounds
-from gamms.visual.captions import CaptionBar, Captions, Card, end_card
+from gamms.visual.captions import CAPTION_SECONDS, CaptionBar, Captions, Card, end_card
 from gamms.visual.drawing import Commands, Drawing, joined, magnified
 from gamms.visual.labels import LABEL_PX, Labels, write_labels
 from gamms.visual.legend import Block, blocks_of, grown
@@ -141,7 +141,6 @@ def _sides(
 
 FRAMES_PER_TURN = 5  # a sixth of a second
 _HELD_SECONDS, _CARD_SECONDS = 1.0, 2.5  # how long the end is shown, and the card that says how it ended
-_CAPTION_SECONDS = 2.0
 _MOST_SHOWN = 20 << 20  # bytes of a film that a notebook keeps
 _FASTEST = 240.0  # frames per second
 _LONGEST_MP4_PX = 16_384
@@ -323,7 +322,7 @@ class Film:
 
     def __init__(self, frames: Frames, plan: Plan, open_films: "list[Film]") -> None:
         self.plan, self._frames, self._open = plan, frames, open_films
-        frames.captions.turns = max(1, round(_CAPTION_SECONDS * plan.fps / plan.frames_per_turn))
+        frames.captions.turns = max(1, round(CAPTION_SECONDS * plan.fps / plan.frames_per_turn))
         self._place = plan.path.resolve()
         if self._place in _being_made:
             raise Duplicate("a film that is being made", str(plan.path))

@@ -7,6 +7,7 @@ from gamms.errors import NotOffered
 from gamms.sensor import SensorType
 from gamms.typing import ISensor
 from gamms.visual.window import overlay
+from gamms.visual.window.input import question
 
 
 @pytest.fixture
@@ -188,3 +189,78 @@ def test_a_sensor_without_a_view_is_left_out_quietly(ctx, person, caplog):
     person.point(*ctx.visual._render_manager.world_to_screen(0.0, 0.0))
     ctx.visual.update()
     assert not [record for record in caplog.records if record.levelname == "ERROR"]
+
+
+# -- captions ------------------------------------------------------------------------------------------------------
+
+
+def tell(ctx, kinds):
+    """Let events of these kinds happen: turn -> kinds."""
+
+    @ctx.game.add
+    def rule(ctx):
+        for kind in kinds.get(ctx.game.turn, ()):
+            ctx.game.emit(kind, agent="red_0")
+
+
+def test_what_happens_in_a_turn_is_said(ctx, said):
+    tell(ctx, {1: ["storm"], 3: ["dusk"]})
+    for expected in (["red_0: storm"], [], ["red_0: dusk"]):
+        ctx.game.step()
+        assert [line for line in frame(ctx, said) if line.startswith("red_0:")] == expected
+
+
+def test_it_is_said_for_two_seconds_however_fast_turns_are_shown(ctx, said):
+    tell(ctx, {1: ["storm"]})
+    ctx.visual.turn_seconds = 0.04
+    ctx.visual.pace.faster(-2)  # a sixth of a second
+    lines = []
+    for _ in range(14):
+        ctx.game.step()
+        lines.append("red_0: storm" in frame(ctx, said))
+    assert lines == [True] * 12 + [False] * 2
+
+
+def test_the_newest_is_above_what_happened_before_and_older_lines_go(open_window, said):
+    ctx = open_window(simulation_time_constant=0.01)
+    tell(ctx, {1: ["dawn"], 2: ["noon"], 3: ["dusk"]})
+    for _ in range(3):
+        ctx.game.step()
+    assert [line for line in frame(ctx, said) if line.startswith("red_0:")] == ["red_0: dusk", "red_0: noon"]
+
+
+@pytest.mark.parametrize("hide", ["option", "H", "help"])
+def test_captions_can_be_left_out(open_window, said, hide):
+    ctx = open_window(captions=hide != "option")
+    tell(ctx, {1: ["storm"]})
+    ctx.game.step()
+    if hide == "H":
+        ctx.visual.overlay.hud.toggle()
+    elif hide == "help":
+        ctx.visual.overlay.hud.toggle_help()
+    assert "red_0: storm" not in frame(ctx, said)
+
+
+def test_captions_must_be_true_or_false(open_window):
+    with pytest.raises(TypeError, match="captions must be True or False, not 'yes'"):
+        open_window(captions="yes")
+
+
+def test_captions_and_questions_cover_each_other_in_no_window(open_window, said):
+    ctx = open_window(width=300, height=300)
+    tell(ctx, {1: ["a storm of which much can be said, more than the window is wide"]})
+    ctx.game.step()
+    ctx.visual.question = question(ctx, "red_0", {"curr_pos": 0})
+    words = frame(ctx, said)
+    assert any(line.startswith("…") and line.endswith("the window is wide") for line in words)
+    *_, prompt, captions = [box for box in ctx.visual.overlay.hud.taken if box[2] - box[0] > 100]
+    assert captions[3] <= prompt[1]
+
+
+def test_a_team_is_told_nothing_of_agents_that_it_does_not_see(open_window, said):
+    ctx = open_window(fog="blue")
+    ctx.sensor.create_sensor("far", SensorType.AGENT_RANGE, sensor_range=1)
+    ctx.agent.get_agent("blue_0").register_sensor("far", ctx.sensor.get_sensor("far"))
+    tell(ctx, {1: ["storm"]})
+    ctx.game.step()
+    assert "red_0: storm" not in frame(ctx, said)

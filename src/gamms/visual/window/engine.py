@@ -41,7 +41,7 @@ from gamms.visual.window.panels import HudLines
 
 _OPTIONS = (
     "width", "height", "simulation_time_constant", "input_overlay", "max_fps", "theme", "trails", "labels", "title",
-    "fog", "stay_open",
+    "fog", "stay_open", "captions",
 )  # fmt: skip
 _SMALLEST = 0.1  # world units: half the width that a graph without extent is seen in
 _FOR_TILES = 0.005  # seconds of a frame
@@ -64,6 +64,7 @@ class WindowEngine(WindowNames, PictureEngine):
         title: of the window.
         fog: whether the window shows no more than the team of the person who is asked knows; or a team, by its text,
             of which it always shows the view.
+        captions: whether it is said what happens, such as tags.
         stay_open: whether a `with` block, or a program, whose game is over ends only when the window is closed.
         kwargs: options of other engines are no error.
 
@@ -99,6 +100,7 @@ class WindowEngine(WindowNames, PictureEngine):
         title: str = "GAMMS",
         fog: bool | str = True,
         stay_open: bool = True,
+        captions: bool = True,
         **kwargs: object,
     ) -> None:
         theme_, self._theme = theme_called(theme), theme
@@ -110,6 +112,7 @@ class WindowEngine(WindowNames, PictureEngine):
         self.overlay = Overlay(ctx, self.drawing, self.artists, self.camera, self.pace, theme_)
         self.overlay.keep_trails(as_turns(trails))
         self.overlay.labels = as_choice(ctx, labels)
+        self.overlay.has_captions = as_bool(captions, "captions")
         self.playback: IPlayback | None = None
         self._fog, self._fogs = fog, dict[str, Fog]()
         self._wanted: int | None = None  # the turn that the person has chosen in this frame
@@ -217,6 +220,7 @@ class WindowEngine(WindowNames, PictureEngine):
         self.drawing.motion.begin_turn_once()
         self._count_turn()
         self._renew_fog()
+        self._caption()
         self._is_fresh = True
         self.pace.begin_turn()
         self._frames_while(lambda: self.pace.is_showing)
@@ -317,6 +321,10 @@ class WindowEngine(WindowNames, PictureEngine):
         elif self.artists.fog is not None:
             self.artists.fog.look()
 
+    def _caption(self, *, after_jump: bool = False) -> None:
+        hidden = () if self.artists.fog is None else self.artists.fog.hidden
+        self.overlay.caption(hidden, self.turn_seconds, after_jump=after_jump)
+
     # -- turns of a recording --------------------------------------------------------------------------------
 
     def show_playback(self, playback: IPlayback) -> None:
@@ -359,6 +367,7 @@ class WindowEngine(WindowNames, PictureEngine):
         self.drawing.events.go_to_turn()
         overlay.turns, overlay.is_over, self._is_fresh = turn, turn >= playback.turns, True
         self._renew_fog()
+        self._caption(after_jump=True)
 
     @refused_while_deciding
     def step_back(self) -> None:

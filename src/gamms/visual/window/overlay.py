@@ -1,6 +1,6 @@
 """What a window shows beside the artists: trails, hints, names and facts; `panels.py` paints the words."""
 
-from collections.abc import Callable
+from collections.abc import Callable, Collection
 from math import floor, log
 from typing import Any
 
@@ -15,7 +15,7 @@ from gamms.visual.artist import looks_of
 from gamms.visual.artists import Artists
 from gamms.visual.backends.pygame_backend import Canvas
 from gamms.visual.camera import Point, WindowCamera, nearest_point
-from gamms.visual.captions import ALL_PLAYED, Card, end_card, score_line, scores_of
+from gamms.visual.captions import ALL_PLAYED, CAPTION_SECONDS, Captions, Card, Line, end_card, score_line, scores_of
 from gamms.visual.default_scene import DefaultScene, artists_of_sights
 from gamms.visual.drawing import Drawing
 from gamms.visual.labels import AUTO, Choice, Labels, dots_of, write_labels
@@ -49,6 +49,8 @@ class Overlay(Guarded):
         shown: the artists of the turn that is shown.
         trails: of how many turns the ways of agents are shown.
         most_trails: of how many, while they are.
+        has_captions: whether it is said what happens.
+        captions: what is said.
         labels: whose names are shown.
         turns: how many were shown.
         is_over: whether the game, or its recording, has come to its end, which a card says.
@@ -70,6 +72,8 @@ class Overlay(Guarded):
         self.labels: Choice = AUTO
         self._names, self.turns = Labels(), 0
         self.is_over = self.is_replay = False
+        self.has_captions, self._captions = True, Captions(ctx, drawing)
+        self.captions: tuple[Line, ...] = ()
         self.pointer: Callable[[], Point | None] = lambda: None
         self._share = 1.0
         self._pinned: str | None = None
@@ -91,6 +95,20 @@ class Overlay(Guarded):
     def _team_of(self, name: str) -> str | None:
         agent = self._ctx.agent.agents.get(name)
         return None if agent is None else str(color_group(agent))
+
+    def caption(self, hidden: Collection[str], turn_seconds: float, *, after_jump: bool = False) -> None:
+        """Say what happened in the turn that is shown, and for some seconds what happened before it.
+
+        Args:
+            hidden: agents that are not shown.
+            turn_seconds: how long a turn is shown.
+            after_jump: whether the turns before it were not shown.
+        """
+        if after_jump:
+            self._captions = Captions(self._ctx, self._drawing)
+        shown_seconds = turn_seconds / self._pace.speed
+        self._captions.turns = max(1, round(CAPTION_SECONDS / shown_seconds)) if shown_seconds else 1
+        self.captions = self._captions.now(hidden).lines if self.has_captions else ()
 
     def keep_trails(self, turns: int) -> None:
         """Show trails of so many turns; 0 shows none until they are switched on."""
@@ -235,14 +253,17 @@ class Overlay(Guarded):
             return
         has_line, foot = self.foot > 0, self.foot
         credit, has_hint = noted(self._ctx, ""), write == self.turn_lines
-        self.hud.paint(canvas, lines, self._prompt(question), credit, foot, has_hint=has_hint)
+        prompt = self._prompt(question)
+        self.hud.paint(canvas, lines, prompt, credit, foot, has_hint=has_hint)
+        card = self.card() if self.hud.is_shown else None
+        if self.captions and self.hud.is_shown and not self.hud.has_help and card is None:
+            self.hud.paint_captions(canvas, self.captions, foot, has_prompt=bool(prompt))
         if has_line:
             done = self.turns - (1.0 - self._share)
             is_running, colors = not self._pace.is_halted, self._drawing.group_colors()
             self.timeline.paint(canvas, self.hud.theme, colors, self.turns, done, is_running=is_running)
         if isinstance(question, Walk):
             self._paint_choices(canvas, question)
-        card = self.card() if self.hud.is_shown else None
         if card is not None:
             self.hud.paint_card(canvas, *card)
         found = self.pointed_at()

@@ -9,8 +9,9 @@ from gamms.visual.appearance import Rgb, Rgba
 from gamms.visual.backends.pygame_backend import Canvas, load, painted_transparent
 from gamms.visual.backends.raster import Painting
 from gamms.visual.camera import Camera, Point
+from gamms.visual.captions import Line
 from gamms.visual.legend import Block, Legend, Pen
-from gamms.visual.lettering import words_width
+from gamms.visual.lettering import shortened, words_width
 from gamms.visual.themes import Theme
 from gamms.visual.window.input import HELP
 
@@ -72,6 +73,25 @@ class Hud:
                 self._foot(canvas, _HINT)
         self._foot(canvas, credit, is_right=True)
         self._panel(canvas, prompt, canvas.width / 2, low, align=(0.5, 1.0))
+
+    def paint_captions(self, canvas: Canvas, captions: Sequence[Line], foot_px: int, *, has_prompt: bool) -> None:
+        """Paint what happened in the lower left corner, above foot and prompt; earlier turns are faint."""
+        widest = canvas.width - 2 * (EDGE_PX + _PAD_PX) - _SPOT_PX
+        lines = [shortened(line.words, FONT_PX, widest) for line in captions]
+        width, height = _size(tuple(lines))
+        low = self.taken[-1][1] if has_prompt else canvas.height - max(foot_px, _ABOVE_NOTE_PX)
+        left, top = EDGE_PX, round(low) - EDGE_PX - height
+        newest = max(line.turns for line in captions)
+        panel = plain_panel(width + _SPOT_PX, height, self.theme.card, self.theme.border)
+        canvas.surface.blit(panel, (left, top))
+        for row, (words, line) in enumerate(zip(lines, captions, strict=True)):
+            y, spot = top + _PAD_PX + row * _LINE_PX, _SPOT_PX * 2 // 3
+            if line.color is not None:
+                dot = plain_panel(spot, spot, (*line.color, 255), radius=spot // 2)
+                canvas.surface.blit(dot, (left + _PAD_PX, y + 2))
+            ink = self.theme.ink if line.turns == newest else self.theme.faint
+            canvas.text(words, left + _PAD_PX + _SPOT_PX, y, FONT_PX, ink)
+        self.taken.append(_box(left, top, width + _SPOT_PX, height))
 
     def _foot(self, canvas: Canvas, words: str, *, is_right: bool = False) -> None:
         """Write small print in a lower corner."""
