@@ -368,6 +368,27 @@ def test_the_fog_stays_while_turns_are_shown_and_lifts_at_the_end(hunt, person):
     assert shown == [False, False, True]
 
 
+def test_all_is_seen_while_the_window_stays_open_after_the_last_turn(hunt, person):
+    ctx, shown = hunt(), []
+    ctx.agent.get_agent("anna").register_strategy(
+        lambda state: state.update(action=ctx.visual.human_input("anna", state))
+    )
+
+    def watch(ctx):
+        shown.append("far" in ctx.visual.overlay.shown)
+        if ctx.visual.question is not None:
+            person.press("0")
+        elif ctx.visual.overlay.is_over:
+            ctx.visual.quit()
+        return []
+
+    ctx.visual.hud = watch
+    ctx.game.run(max_turns=2)
+    assert not any(shown)
+    ctx.visual.stay_open()
+    assert shown[-1]
+
+
 def test_the_view_of_a_team_can_be_shown_all_the_time(hunt):
     ctx = hunt(fog="hunted")
     ctx.visual.simulate()

@@ -68,6 +68,27 @@ while not ctx.is_terminated():
 print(json.dumps({"turns": turns}))
 """
 
+TURNS = 40
+
+REPLAYED = """
+import json
+import sys
+import gamms
+
+shown = {"width": 640, "height": 360, "simulation_time_constant": 0.2}
+with gamms.create_context(vis_engine="PYGAME", vis_kwargs=shown, logger_config={"level": "ERROR"}) as ctx:
+
+    def watch(ctx):
+        bar = ctx.visual.overlay.timeline._bar
+        if bar[2] > 1:
+            print(json.dumps({"turn": ctx.visual.overlay.turns, "bar": bar}), flush=True)
+        return []
+
+    ctx.visual.hud = watch
+    for _ in ctx.record.replay(sys.argv[1]):
+        pass
+"""
+
 A_GAME = """
 import os
 import sys
@@ -214,6 +235,34 @@ def test_closing_the_window_ends_the_loop_of_the_paper_and_its_recording_is_whol
     recordings.verify(tmp_path / "game.ggr")
     with recorder.open(tmp_path / "game.ggr") as game:
         assert game.turns == last["turns"]
+
+
+def test_the_line_of_turns_is_dragged_and_a_turn_that_is_held_stands_still(screen, do, find, tmp_path):
+    with gamms.create_context(logger_config={"level": "ERROR"}) as ctx:
+        ctx.graph.attach_networkx_graph(gamms.graph.grid(3, 3))
+        ctx.agent.create_agent("anna", start_node_id=0, strategy=gamms.strategies.random_walk)
+        ctx.record.start(tmp_path / "game")
+        ctx.game.run(max_turns=TURNS)
+    command = [sys.executable, "-c", REPLAYED, str(tmp_path / "game.ggr")]
+    with subprocess.Popen(command, env=screen, stdout=subprocess.PIPE, text=True) as player:
+        try:
+            left, top, width = heard(player)["bar"]
+            window, y = find(), top + 12
+
+            def is_shown(wanted):
+                return any(heard(player)["turn"] == wanted for _ in range(300))
+
+            do("mousemove", "--window", window, left + width // 8, y, "mousedown", 1)
+            for x in (left + width // 4, left + width // 2, left + width * 3 // 4, 639, left + width // 3):
+                do("mousemove", "--window", window, x, y)
+                assert is_shown(round(TURNS * min((x - left) / width, 1)))
+            do("mousemove", "--window", window, left + width // 2, -60)  # beside the window
+            assert is_shown(TURNS // 2)
+            assert {heard(player)["turn"] for _ in range(40)} == {TURNS // 2}  # in the time of three turns
+            do("mouseup", 1)
+            assert is_shown(TURNS // 2 + 1)
+        finally:
+            player.kill()
 
 
 @contextmanager

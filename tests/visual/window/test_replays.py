@@ -195,6 +195,17 @@ def test_the_line_of_a_game_shows_how_far_it_is_as_far_as_that_is_known(ctx, ope
     assert ctx.visual.overlay.timeline.turns == 3
 
 
+def test_a_drag_on_the_line_of_a_game_moves_neither_its_turns_nor_the_map(open_window, person):
+    ctx = open_window()
+    ctx.game.run(max_turns=4)
+    before = ctx.visual.camera.camera()
+    left, top, width = ctx.visual.overlay.timeline._bar
+    person.drag((left + width // 2, top + 5), (left + width // 4, top - 50))
+    ctx.visual.update()
+    assert ctx.visual.camera.camera() == before
+    assert (ctx.visual.overlay.turns, ctx.visual.pace.is_halted) == (4, False)
+
+
 def test_a_press_beside_the_line_is_none_on_it():
     timeline = Timeline(lambda name: None)
     assert timeline.place_at((0, 0)) is None

@@ -138,6 +138,7 @@ class Pace:
         frames: how many there were.
         is_capped: whether frames wait for their time.
         is_paused: whether turns stand still.
+        is_held: whether they do as long as a person chooses one.
         is_showing: whether a turn is being shown.
         shown_seconds: how much of it was shown.
     """
@@ -147,7 +148,7 @@ class Pace:
             raise BadValue(f"A window needs a positive number of frames per second, not max_fps={max_fps:g}.")
         self.max_fps = max_fps
         self.clock: Any = load().time.Clock()
-        self.is_capped = self.is_paused = self.is_stepping = False
+        self.is_capped = self.is_paused = self.is_held = self.is_stepping = False
         self.is_showing, self.shown_seconds = False, 0.0
         self.frames, self._due = 0, monotonic()
         self._is_whole = False  # all of the turn is shown
@@ -162,7 +163,7 @@ class Pace:
     @property
     def is_halted(self) -> bool:
         """Whether no time passes for the turn that is shown."""
-        return self.is_paused and not self.is_stepping
+        return self.is_held or (self.is_paused and not self.is_stepping)
 
     def faster(self, steps: int) -> None:
         """Show turns faster, or slower where `steps` is negative."""

@@ -155,6 +155,7 @@ class WindowEngine(WindowNames, PictureEngine):
             click=self._click,
             take=self._take_timeline,
             drag=self._drag_timeline,
+            release=self._release_timeline,
             quit=self.quit,
             resize=self.resized,
             question=lambda: self.question,
@@ -275,7 +276,9 @@ class WindowEngine(WindowNames, PictureEngine):
 
         After a replay, any of its turns can be shown, and played on from there.
         """
-        self.overlay.is_over |= self._is_time_up()
+        if self._is_time_up():
+            self.overlay.is_over = self._is_fresh = True
+            self._renew_fog()
         while not self.ctx.is_terminated() and not self._will_quit:
             self._frames_while(lambda: not self._can_play())
             if self._can_play() and self.playback is not None:
@@ -376,18 +379,24 @@ class WindowEngine(WindowNames, PictureEngine):
             self.pace.is_paused, self._wanted = True, max(self.overlay.turns - 1, 0)
 
     def _take_timeline(self, at: tuple[float, float]) -> bool:
+        """Take a press on the line of turns; the turn that is chosen stands still as long as it is held."""
         timeline = self.overlay.timeline
-        is_there = self.overlay.hud.is_shown and timeline.can_seek
-        if is_there and timeline.is_button(at):
+        if not self.overlay.foot:
+            return False
+        if timeline.is_button(at):
             self.pace.pause()
             return True
-        if not is_there or timeline.place_at(at) is None:
-            return False
+        is_there = timeline.place_at(at) is not None
+        self.pace.is_held = is_there and timeline.can_seek
         self._drag_timeline(at)
-        return True
+        return is_there
 
     def _drag_timeline(self, at: tuple[float, float]) -> None:
-        self._wanted = round(self.overlay.timeline.share_at(at) * self.overlay.timeline.turns)
+        if self.pace.is_held:
+            self._wanted = round(self.overlay.timeline.share_at(at) * self.overlay.timeline.turns)
+
+    def _release_timeline(self) -> None:
+        self.pace.is_held = False
 
     def _frames_while(self, goes_on: Callable[[], bool]) -> None:
         """Draw frames at their pace as long as it goes on and the window is open."""

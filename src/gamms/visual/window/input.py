@@ -152,6 +152,7 @@ class Handlers(NamedTuple):
     click: Callable[[Point], None]  # on a point of the screen
     take: Callable[[Point], bool]  # press on a point of the screen that belongs to the timeline
     drag: Callable[[Point], None]  # what was taken
+    release: Callable[[], None]  # likewise
     quit: Callable[[], None]
     resize: Callable[[int, int], None]  # to a width and height, pixels
     question: Callable[[], Question | None]  # that the person is asked
@@ -229,7 +230,13 @@ class Input:
         self._do.resize(event.w, event.h)
 
     def _leave(self, event: "Event") -> None:  # noqa: ARG002
-        self.pointer, self._drag, self._has_taken = None, None, False
+        self.pointer = self._drag = None
+        self._release_taken()
+
+    def _release_taken(self) -> None:
+        if self._has_taken:
+            self._has_taken = False
+            self._do.release()
 
     def _lose_focus(self, event: "Event") -> None:
         """Release all keys and buttons: another window gets the events of their release."""
@@ -304,7 +311,8 @@ class Input:
 
     def _release_button(self, event: "Event") -> None:
         is_click = self._drag is not None and self._dragged_px < _CLICK_PX
-        self._drag, self._has_taken = None, False
+        self._drag = None
+        self._release_taken()
         if is_click and event.button == 1:
             self._do.click(event.pos)
 
