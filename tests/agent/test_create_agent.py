@@ -222,7 +222,7 @@ def test_an_agent_that_cannot_carry_its_sensors_is_not_created(ctx):
     ctx.agent.create_agent("a", start_node_id=0)
 
 
-def test_a_team_that_cannot_be_told_from_others_is_refused(ctx):
+def test_a_team_that_cannot_be_distinguished_from_others_is_refused(ctx):
     from gamms.errors import BadType
 
     agent = ctx.agent.create_agent("of a team", start_node_id=0, team=("red", 1))

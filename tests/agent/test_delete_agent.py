@@ -79,7 +79,7 @@ def test_deleting_an_unknown_agent_only_warns(ctx, anna, heard):
     assert heard == ["Unknown agent 'ana'. Did you mean 'anna'? Nothing is deleted."]
 
 
-def test_a_deleted_agent_stays_usable_and_touches_nobody(ctx, anna, team):
+def test_a_deleted_agent_stays_usable_and_touches_no_other(ctx, anna, team):
     anna.orientation, anna.team, anna.prev_node_id = (0, 1), "red", 3
     ctx.agent.delete_agent("anna")
     assert (anna.name, anna.current_node_id, anna.prev_node_id, anna.team) == ("anna", 4, 3, "red")

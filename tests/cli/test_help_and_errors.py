@@ -112,7 +112,7 @@ def test_all_frames_are_there_if_they_are_asked_for(folder):
         (["info", "players.py"], "'players.py' is no recording: it does not begin with 'MMGR' and a version."),
     ],
 )
-def test_a_wrong_file_is_told_what_to_do(arguments, sentence):
+def test_an_error_about_a_wrong_file_says_what_to_do(arguments, sentence):
     done = run(*arguments)
     assert done.exit_code == 1
     assert done.stderr.startswith("gamms: ")

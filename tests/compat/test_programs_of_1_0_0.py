@@ -26,7 +26,7 @@ def test_there_are_programs():
 @pytest.mark.parametrize("path", PROGRAMS, ids=lambda path: path.stem)
 def test_a_program_comes_out_as_in_1_0_0(path, engine, monkeypatch, tmp_path):
     monkeypatch.chdir(tmp_path)
-    for name in ("SDL_VIDEODRIVER", "SDL_AUDIODRIVER"):  # which programs set, to be heard and seen by nobody
+    for name in ("SDL_VIDEODRIVER", "SDL_AUDIODRIVER"):  # which programs set, to need no device
         monkeypatch.setenv(name, "dummy")
     monkeypatch.setattr(gamms, "create_context", functools.partial(gamms.create_context, graph_engine=engine))
     outcome = runpy.run_path(str(path))["outcome"]

@@ -6,7 +6,7 @@ import gamms
 
 
 class Listener:
-    """A logger that keeps what it is told."""
+    """A logger that keeps its messages."""
 
     def __init__(self):
         self.heard = []

@@ -35,7 +35,7 @@ def test_an_error_survives_the_way_home(error):
         assert (str(again), again.args) == (str(error), error.args)
 
 
-def test_an_unknown_name_is_told_the_nearest_one_or_all_of_a_few():
+def test_an_error_about_an_unknown_name_shows_the_nearest_one_or_all_of_a_few():
     assert (
         str(errors.UnknownName("map", "vridis", ["viridis", "magma"]))
         == "Unknown map 'vridis'. Did you mean 'viridis'?"

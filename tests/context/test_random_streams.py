@@ -1,4 +1,4 @@
-"""Randomness: one seed, and streams by name that nobody else's draws can change."""
+"""Randomness: one seed, and streams by name that other draws do not change."""
 
 import subprocess
 import sys
@@ -38,7 +38,7 @@ def test_a_stream_is_independent_of_all_other_draws(open_context):
     assert second.rng.random() != first.rng.random()
 
 
-def test_a_stream_begins_anew_each_time_and_the_contexts_own_goes_on(open_context):
+def test_a_stream_begins_again_each_time_and_the_contexts_own_goes_on(open_context):
     ctx = open_context(seed=3)
     assert draws(ctx, "a") == draws(ctx, "a")
     assert ctx.rng is ctx.rng

@@ -90,7 +90,7 @@ def test_dead_agents_and_those_of_other_teams_are_not_in_a_plan(ctx):
     assert seen == [["a", "b", "c"], ["c"]]
 
 
-def test_a_plan_that_returns_something_is_told_how_to_act(ctx):
+def test_a_plan_that_returns_something_is_an_error_that_says_how_to_act(ctx):
     team(ctx, "a")
     ctx.game.command("red", lambda states: dict.fromkeys(states, 6))
     with pytest.raises(BadType, match=r"sets state\['action'\] in each state.*arrays=True") as error:

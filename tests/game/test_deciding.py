@@ -399,7 +399,7 @@ def test_an_interrupt_changes_nothing_and_closes_the_phase(grid, error, budget):
         assert ctx.game.run(1).turns == 1
 
 
-def test_what_one_agent_did_wrong_is_told_when_all_have_decided(grid):
+def test_what_one_agent_did_wrong_is_reported_when_all_have_decided(grid):
     seen = []
     with grid(on_error="stay") as ctx:
         ctx.agent.create_agent("a", start_node_id=0, strategy=lambda state: state["nothing"])

@@ -18,7 +18,7 @@ def test_a_memory_is_an_agents_own_and_lasts(ctx):
     assert ctx.game.memories == {"a": {"turns": 3}, "b": {"turns": 3}}
 
 
-def test_what_a_team_is_told_is_known_in_the_next_turn_to_the_team_alone(ctx):
+def test_what_a_team_remembers_is_known_in_the_next_turn_to_the_team_alone(ctx):
     heard = []
 
     def tell(state):

@@ -1,4 +1,4 @@
-"""Beginning anew: as before the first turn, and equal to a fresh build."""
+"""Starting again: as before the first turn, and equal to a fresh build."""
 
 from io import BytesIO
 
@@ -117,7 +117,7 @@ def test_a_reset_before_the_first_turn_sets_the_seed(grid):
         assert ctx.rng.random() == other.rng.random()
 
 
-def test_a_sensor_of_the_users_own_is_told_to_begin_anew(ctx, play):
+def test_a_sensor_of_the_users_own_is_asked_to_begin_again(ctx, play):
     class Counter:
         sensor_id, type, data = "counter", SensorType.CUSTOM, 0
 
@@ -171,7 +171,7 @@ def test_a_thousand_games_leave_nothing_behind(grid):
 
 
 class Nobody:
-    """Conflicts in which nobody moves."""
+    """Conflicts in which no agent moves."""
 
     def resolve(self, moves, ctx):
         return set(moves)

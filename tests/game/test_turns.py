@@ -29,7 +29,7 @@ def test_everybody_sees_the_world_as_it_was_before_anybody_moved(ctx, play, ever
     assert b.seen[1]["sensor"]["AGENT"][1] == {"a": 1}
 
 
-def test_a_strategy_is_told_who_it_is_and_what_it_may_do(ctx, play, everything):
+def test_a_strategy_gets_its_name_and_what_it_may_do(ctx, play, everything):
     ctx.game.publish(flags={"red": [1, 2]})
     agent = everything(ctx, play("a", 0, 1, team="red"))
     ctx.game.run(2)
@@ -95,7 +95,7 @@ def test_an_action_that_is_not_legal_means_staying_and_is_counted(ctx, play, act
     assert words in error["message"]
 
 
-def test_a_strategy_that_sets_no_action_is_told_so(ctx):
+def test_a_strategy_that_sets_no_action_is_an_error(ctx):
     ctx.agent.create_agent("a", start_node_id=0, strategy=lambda state: None)
     assert (
         "set no state['action'] (what it returns does not count); legal are [0, 1, 4]"

@@ -17,7 +17,7 @@ def open_context(engine=Engine.MEMORY, **keywords):
 
 @pytest.fixture(scope="session")
 def open_ctx():
-    """Opens a context; whoever does so ends it."""
+    """Opens a context; the caller ends it."""
     return open_context
 
 

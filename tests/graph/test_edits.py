@@ -287,7 +287,7 @@ def test_a_graph_may_be_changed_while_it_is_listed(any_ctx, fill):
     assert list(graph.get_nodes()) == [1001, 1002, 993, 1040]
 
 
-def test_parallel_edges_are_told_apart(any_ctx, fill):
+def test_parallel_edges_are_distinguished(any_ctx, fill):
     graph = fill(any_ctx)
     assert list(graph.get_neighbors(1)) == [2]
     graph.remove_edge(1)

@@ -127,7 +127,7 @@ def test_the_same_graph_gives_the_same_bytes(ctx, fill, saved, open_ctx, tmp_pat
     assert saved.read_bytes() == (tmp_path / "other.gamms").read_bytes()
 
 
-def test_an_attribute_that_nobody_has_any_more_does_not_spoil_the_file(ctx, graph, tmp_path):
+def test_an_attribute_that_no_node_has_any_more_does_not_spoil_the_file(ctx, graph, tmp_path):
     graph.add_node({"id": 1, "x": 0.0, "y": 0.0, "name": "a"})
     graph.remove_node(1)
     ctx.graph.save(tmp_path / "map")
@@ -338,7 +338,7 @@ def test_no_flipped_byte_does_harm(saved):
 
 
 def test_no_forged_state_does_harm(saved):
-    """Checksums are no protection against somebody who writes them."""
+    """Checksums are no protection against an attacker who writes them."""
     data, rng = saved.read_bytes(), random.Random(1)
     for _ in range(800):
         state = _state_of(data)

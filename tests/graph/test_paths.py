@@ -36,7 +36,7 @@ WEIGHTS = ("length", "toll", None)
 
 
 class Slow(Graph):
-    """A graph of somebody else's, with the defaults of the contract."""
+    """A foreign graph, with the defaults of the contract."""
 
     weights = IGraph.weights
     shortest_path = IGraph.shortest_path
@@ -376,7 +376,7 @@ def test_a_misspelt_weight_is_named_and_a_foreign_one_counts_steps(ctx):
 
 
 @pytest.mark.parametrize(("sides", "warnings"), [("[30]", 1), ("[5]", 0)])
-def test_the_lack_of_scipy_is_told_once_where_it_costs(sides, warnings):
+def test_the_lack_of_scipy_is_warned_of_once_where_it_costs(sides, warnings):
     code = WITHOUT_SCIPY.replace("SIDES", sides)
     done = subprocess.run([sys.executable, "-c", code], capture_output=True, text=True, check=True)
     assert done.stderr.count("SciPy is not installed") == warnings

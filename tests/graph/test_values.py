@@ -172,7 +172,7 @@ def test_positions_belong_to_the_caller(graph):
     assert graph.positions([]).shape == (0, 2)
 
 
-def test_an_attribute_that_nobody_has_any_more_is_no_column(graph):
+def test_an_attribute_that_no_node_has_any_more_is_no_column(graph):
     graph.add_node({"id": 1, "x": 0.0, "y": 0.0, "name": "a"})
     graph.remove_node(1)
     assert graph.columns().node_attributes == {}

@@ -164,7 +164,7 @@ def test_impossible_arguments_are_refused(town, arguments, error, words):
         town.graph.visibility(**arguments)
 
 
-def test_an_engine_of_somebody_elses_need_not_offer_tables(ctx):
+def test_a_foreign_engine_need_not_offer_tables(ctx):
     with pytest.raises(NotOffered, match="visibility"):
         IGraphEngine.visibility(ctx.graph, 5.0)
     assert IGraphEngine.visibility_table(ctx.graph, 5.0, 1.6) is None
@@ -206,7 +206,7 @@ def test_a_larger_town_is_answered_alike_by_one_worker_and_by_three(ctx, radius)
     strewn(ctx, nodes=150, faces=300)
     tables = []
     for workers in (1, 3, 3):
-        ctx.graph._tables = None  # so that it is worked out anew
+        ctx.graph._tables = None  # so that it is worked out again
         tables.append(ctx.graph.visibility(radius, path=False, workers=workers))
     for table in tables[1:]:
         assert all(np.array_equal(*columns) for columns in zip(table.seen, tables[0].seen, strict=True))
@@ -340,7 +340,7 @@ def test_a_table_is_kept_in_the_cache_folder_and_found_again(town, open_ctx, cac
     table = town.graph.visibility(20.0)
     (kept,) = files(cache)
     town.graph.save(tmp_path / "map.gamms")
-    monkeypatch.setattr("gamms.graph.visibility.compute_visibility", lambda *_: pytest.fail("worked out anew"))
+    monkeypatch.setattr("gamms.graph.visibility.compute_visibility", lambda *_: pytest.fail("worked out again"))
     with open_ctx() as other:
         other.graph.load(tmp_path / "map.gamms")
         again = other.graph.visibility(20.0)
@@ -356,7 +356,7 @@ def test_every_world_radius_and_height_has_its_own_file(town, cache):
         change(town)
 
 
-def test_a_table_goes_where_it_is_told_to(town, cache, tmp_path):
+def test_a_table_goes_to_the_given_path(town, cache, tmp_path):
     table = town.graph.visibility(20.0, path=False)
     assert files(cache) == []
     assert town.graph.visibility(20.0, path=tmp_path / "town.sight") is table
@@ -468,7 +468,7 @@ def test_a_table_of_an_open_field_is_believed(monkeypatch):
     assert np.array_equal(found.rows, field.rows)
 
 
-def test_a_file_of_somebody_elses_is_left_alone(town, heard, tmp_path):
+def test_a_foreign_file_is_left_alone(town, heard, tmp_path):
     theirs = tmp_path / "notes.txt"
     theirs.write_text("do not lose this")
     assert town.graph.visibility(20.0, path=theirs).sees(50, 40)

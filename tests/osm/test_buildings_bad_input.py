@@ -52,7 +52,7 @@ def test_a_file_without_buildings_gives_no_walls(make_map):
     assert list(obstacle_from_file(make_map({}))) == []
 
 
-def test_missing_files_and_folders_are_told_apart(tmp_path):
+def test_missing_files_and_folders_are_distinguished(tmp_path):
     with pytest.raises(FileNotFoundError, match="nowhere"):
         obstacle_from_file(tmp_path / "nowhere.osm")
     with pytest.raises(IsADirectoryError):

@@ -86,9 +86,7 @@ def test_every_way_of_moving_has_its_rules():
         (OSMType.DRIVE, True, 2),
     ],
 )
-def test_who_rides_or_drives_keeps_to_one_way_streets_unless_told_otherwise(
-    make_map, cross, osm_type, bidirectional, edges
-):
+def test_who_rides_or_drives_keeps_to_one_way_streets_by_default(make_map, cross, osm_type, bidirectional, edges):
     path = make_map(cross, ([1, 2], {**ROAD, "oneway": "yes"}))
     assert graph_from_file(path, NO_CUT, bidirectional, osm_type=osm_type).number_of_edges() == edges
 

@@ -29,7 +29,7 @@ def test_ways_of_moving_have_their_numbers():
     assert [(kind.name, kind.value) for kind in gamms.osm.OSMType] == [("WALK", 0), ("BIKE", 1), ("DRIVE", 2)]
 
 
-def test_a_name_that_nobody_has_is_no_attribute():
+def test_an_unknown_name_is_no_attribute():
     with pytest.raises(AttributeError, match="nonsense"):
         _ = gamms.osm.nonsense
 

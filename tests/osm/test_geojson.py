@@ -145,7 +145,7 @@ def test_the_credit_is_that_of_the_file(write):
     assert load(write(collection(line(A, B), copyright="© me"))).graph["attribution"] == "© me"
 
 
-def test_a_geojson_file_is_told_from_a_map_of_osm(write, make_map, cross):
+def test_a_geojson_file_is_distinguished_from_a_map_of_osm(write, make_map, cross):
     assert is_geojson(write(line(A, B)))
     assert not is_geojson(make_map(cross, ([1, 2], {"highway": "steps"})))
 

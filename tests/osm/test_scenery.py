@@ -75,6 +75,6 @@ def test_files_recordings_forks_and_snapshots_keep_them(helsinki, tmp_path):
     assert helsinki.graph.graph.scenery is None
 
 
-def test_a_name_that_nobody_knows_draws_nothing(helsinki):
+def test_an_unknown_name_draws_nothing(helsinki):
     helsinki.graph.graph.scenery = "../../etc/passwd"
     assert polygons(helsinki) == 0

@@ -34,13 +34,13 @@ def no_network(monkeypatch):
     """Whatever would open a socket, or look for a server, is an error."""
 
     def refuse(*_, **__):
-        raise AssertionError("somebody touched the network")
+        raise AssertionError("the network was used")
 
     for name in ("socket", "create_connection", "getaddrinfo", "gethostbyname"):
         monkeypatch.setattr(socket, name, refuse)
 
 
-def test_a_second_call_asks_nobody(server):
+def test_a_second_call_asks_no_server(server):
     first = create_osm_graph(PLACE, DRIVE)
     assert server.asked == ["search", "interpreter"]
     server.asked.clear()

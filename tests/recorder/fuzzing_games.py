@@ -169,7 +169,7 @@ def use(data):
 
 
 def look(data):
-    """Draw how things stand after each turn, in every way; raises what nobody must who looks at a stranger's file."""
+    """Draw how things stand after each turn, in every way; raises only errors that a stranger's file may cause."""
     with suppress(GammsError), gamms.create_context(logger_config=QUIET) as ctx:
         for _ in ctx.record.replay(io.BytesIO(data)):
             with suppress(GammsError):

@@ -325,7 +325,7 @@ WRONG = {
 
 @pytest.mark.parametrize("in_header", [False, True])
 @pytest.mark.parametrize("wrong", WRONG.values(), ids=WRONG.keys())
-def test_a_drawing_that_nobody_recorded_is_refused(wrong, in_header, ctx):
+def test_a_drawing_that_was_not_recorded_is_refused(wrong, in_header, ctx):
     again = empty_context()
     with pytest.raises(RecordingError):
         replayed(with_drawing(ctx, deepcopy(wrong), in_header=in_header), again)

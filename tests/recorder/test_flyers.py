@@ -185,7 +185,7 @@ def test_positions_are_those_that_steps_tell(programme):
         assert list(zip(*(column.tolist() for column in rec.table("positions").values()), strict=True)) == rows
 
 
-def test_flights_are_told_as_1_0_0_told_them():
+def test_flights_are_reported_as_by_1_0_0():
     ctx = grid_context()
     ctx.agent.create_agent("kite", start_node_id=0, type=1, speed=10.0)
 

@@ -93,7 +93,7 @@ def record_until_it_fails(ctx, stream, turns, version):
 @pytest.mark.parametrize("turns", [0, 3, 500])
 @pytest.mark.parametrize("version", [2, 3])
 @pytest.mark.parametrize("buffering", [-1, 0])
-def test_a_full_disk_is_told_once_and_the_game_can_go_on(tmp_path, turns, version, buffering):
+def test_a_full_disk_is_reported_once_and_the_game_can_go_on(tmp_path, turns, version, buffering):
     ctx = grid_context()
     with Path("/dev/full").open("wb", buffering) as file:
         errors = record_until_it_fails(ctx, file, turns, version)
@@ -106,7 +106,7 @@ def test_a_full_disk_is_told_once_and_the_game_can_go_on(tmp_path, turns, versio
 
 @pytest.mark.parametrize("turns", [0, 3, 500])
 @pytest.mark.parametrize("version", [2, 3])
-def test_a_closed_pipe_is_told_once(turns, version):
+def test_a_closed_pipe_is_reported_once(turns, version):
     ctx = grid_context()
     read, write = os.pipe()
     os.close(read)

@@ -17,7 +17,7 @@ QUIET = {"level": "CRITICAL"}
 
 
 def rng_of(state):
-    """What the agent's stream would give next; each turn begins it anew."""
+    """What the agent's stream would give next; each turn begins it again."""
     return state["rng"].random(3).tolist()
 
 

@@ -175,7 +175,7 @@ def test_d14_what_cannot_be_written_is_left_out_and_the_rest_is_whole(version):
     assert agent.current_node_id == 1
 
 
-def test_d14_values_of_the_game_that_are_not_plain_are_told_in_words_without_addresses():
+def test_d14_values_of_the_game_that_are_not_plain_are_recorded_as_words_without_addresses():
     class Treasure:
         pass
 

@@ -126,7 +126,7 @@ def test_a_replay_that_has_ended_can_be_played_again_from_any_turn(truth):
         assert not ctx.record.is_replaying
 
 
-def test_what_happened_is_told_with_the_turn():
+def test_highlights_come_with_their_turns():
     with gamms.create_context() as ctx:
         player = Player(ctx)
         player.play()

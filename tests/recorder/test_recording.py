@@ -452,7 +452,7 @@ def test_version_2_is_refused_with_the_way_out():
         ([(kinds.GAME_SCORES, {"scores": 5})], "scores are none"),
     ],
 )
-def test_an_event_that_does_not_fit_is_told_with_its_turn(log, reason):
+def test_an_event_that_does_not_fit_is_reported_with_its_turn(log, reason):
     stream = io.BytesIO()
     writer = Writer(stream, {"world": b""})
     writer.keyframe(blank(3))
@@ -477,7 +477,7 @@ def test_an_event_that_does_not_fit_is_told_with_its_turn(log, reason):
         ("moves", (kinds.AGENT_CREATE, [])),
     ],
 )
-def test_an_event_that_does_not_fit_a_table_is_told(table, event):
+def test_an_event_that_does_not_fit_a_table_is_an_error(table, event):
     stream = io.BytesIO()
     writer = Writer(stream, {"world": b""})
     writer.keyframe(blank(3))

@@ -137,7 +137,7 @@ def test_any_text_is_a_type_or_refused(text):
     ],
     ids=str,
 )
-def test_values_are_told_apart(hint, fitting, others):
+def test_values_are_distinguished(hint, fitting, others):
     field = of_hint(hint).or_none()
     assert all(field.fits(value) for value in [None, *fitting])
     assert not any(field.fits(value) for value in others)

@@ -116,7 +116,7 @@ def test_a_game_that_is_resumed_looks_as_it_did_then(ctx):
                 assert list(again.visual.artists.declared) == ["graph", "obstacles", "a", "sensor_near", "disc", "box"]
 
 
-def test_no_path_of_a_picture_is_told(ctx):
+def test_no_path_of_a_picture_is_recorded(ctx):
     ctx.visual.set_agent_visual("a", image_path="/home/me/picture.png", size=3.0)
     data = recorded(a_game, ctx)
     look = replayed(data)[0].visual.artists.declared["a"].data["agent_data"]
@@ -142,7 +142,7 @@ def test_nothing_is_said_where_nothing_was_declared(ctx):
         {"artists": [{"name": "a", "kind": ["agent"], "keywords": {}, "layer": 1, "visible": 1}], "is_declared": 1},
     ],
 )
-def test_a_look_that_nobody_recorded_is_refused(visuals, ctx):
+def test_a_look_that_was_not_recorded_is_refused(visuals, ctx):
     stream = io.BytesIO()
     Writer(stream, {"world": ctx.graph.storage.pack(), "visuals": visuals}).close()
     with pytest.raises(RecordingError, match="looks like"):

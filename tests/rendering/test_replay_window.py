@@ -1,4 +1,4 @@
-"""`gamms replay --window`: a recording in a window, until somebody closes it."""
+"""`gamms replay --window`: a recording in a window, until it is closed."""
 
 import os
 import subprocess
@@ -25,7 +25,7 @@ def recording(tmp_path):
 
 @pytest.fixture
 def shown(monkeypatch):
-    """How many turns had been shown when the window was closed, which somebody does after sixty frames."""
+    """How many turns had been shown when the window was closed, after sixty frames."""
     pytest.importorskip("pygame")
     monkeypatch.setenv("SDL_VIDEODRIVER", "dummy")
     from gamms.visual.window.engine import WindowEngine

@@ -24,12 +24,12 @@ class Heard:
         return by_name(contest, ctx)
 
 
-def test_nobody_has_to_stay_where_everybody_ends_alone(stay):
+def test_no_agent_has_to_stay_where_each_ends_alone(stay):
     assert stay(Conflicts(resolve=nobody()), (0, 1), (2, 3), (4, 4)) == ""
     assert stay(Conflicts(resolve=nobody())) == ""
 
 
-def test_only_those_in_the_way_of_somebody_are_involved():
+def test_only_those_in_the_way_of_others_are_involved():
     """Two that want node 1, one that wants to where the first of them stands."""
     starts, ends = [0, 2, 4, 7, 8], [1, 1, 0, 6, 8]
     assert Conflicts().involved(starts, ends) == [0, 1, 2]
@@ -98,7 +98,7 @@ def test_a_contest_names_the_node_its_places_and_those_who_come(stay):
     assert (node, places, [mover.agent for mover in movers]) == (5, 2, ["a", "c", "d"])
 
 
-def test_nobody_is_asked_where_no_place_is_free(stay):
+def test_no_resolver_is_asked_where_no_place_is_free(stay):
     heard = Heard()
     assert stay(Conflicts(resolve=heard), (0, 1), (1, 1), (2, 1)) == "ac"
     assert heard.contests == []
@@ -118,12 +118,12 @@ def test_a_node_that_loses_a_place_is_contested_again(stay):
     assert [(contest.node, contest.places) for contest in heard.contests] == [(1, 2), (1, 1)]
 
 
-def test_who_starts_above_capacity_may_stay_and_nobody_comes(stay):
+def test_who_starts_above_capacity_may_stay_and_no_agent_comes(stay):
     ways = [(0, 0), (0, 0), (0, 0), (1, 0)]
     assert stay(Conflicts(2, resolve=by_name), *ways) == "d"
 
 
-def test_nobody_comes_until_fewer_stay_than_a_node_takes(stay):
+def test_no_agent_comes_until_fewer_stay_than_a_node_takes(stay):
     crowded = Conflicts(2, resolve=by_name)
     assert stay(crowded, (0, 1), (0, 0), (0, 0), (1, 0)) == "d"
     assert stay(crowded, (0, 1), (0, 2), (0, 0), (1, 0)) == ""

@@ -1,4 +1,4 @@
-"""Conflicts in games of the turn engine, and lots that are drawn anew in every turn."""
+"""Conflicts in games of the turn engine, and lots that are drawn again in every turn."""
 
 import random
 from collections import Counter
@@ -46,7 +46,7 @@ def rivals(ctx, names="ab", target=6):
 
 
 def drawn(seed, names="ab", bystanders=(), turns=1):
-    """Who won in each turn, where all rivals begin anew after each; bystanders have a contest of their own."""
+    """Who won in each turn, where all rivals begin again after each; bystanders have a contest of their own."""
     with quiet(seed=seed) as ctx:
         grid(ctx)
         for name in bystanders:
@@ -80,17 +80,17 @@ def test_conflicts_are_drawn_by_lot_unless_something_else_is_asked_for(ctx):
         assert Conflicts().resolve(moves, ctx) == drawn_by_lot.resolve(moves, ctx)
 
 
-def test_lots_follow_from_the_seed_and_are_drawn_anew_in_every_turn():
+def test_draws_follow_from_the_seed_and_the_turn():
     assert drawn(3, turns=12) == drawn(3, turns=12)
     assert len({drawn(seed, turns=12) for seed in range(5)}) == 5
     assert set(drawn(3, turns=12)) == {"a", "b"}
 
 
-def test_lots_do_not_depend_on_who_else_is_there():
+def test_draws_do_not_depend_on_who_else_is_there():
     assert drawn(3, turns=12) == drawn(3, bystanders=("aa", "zoe"), turns=12)
 
 
-def test_lots_favour_nobody():
+def test_draws_favour_no_agent():
     won = Counter(drawn(1, names="abcd", turns=400))
     assert all(70 <= won[name] <= 130 for name in "abcd")
 
@@ -119,7 +119,7 @@ def test_on_a_crowded_grid_no_two_ever_share_a_node_in_whatever_order_they_were_
     assert played_in_order[0] != played_in_order[-1]
 
 
-def test_a_reset_game_draws_the_same_lots(ctx):
+def test_a_reset_game_draws_the_same_numbers(ctx):
     for number in range(14):
         ctx.agent.create_agent(f"{number:02}", start_node_id=number, strategy=wander)
     ctx.game.conflicts = Conflicts()

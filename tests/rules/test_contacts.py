@@ -37,7 +37,7 @@ def test_agents_with_a_speed_meet_anywhere_on_their_way(road):
     assert pairs(ctx) == {("r", "b"): 0.0}
 
 
-def test_who_was_put_back_has_met_nobody_on_its_way(road):
+def test_who_was_put_back_has_met_no_agent_on_its_way(road):
     ctx = road(r=("red", 3, 4), b=("blue", 4, 3))
     ctx.game.step()
     ctx.game.respawn("b", 9)
@@ -86,7 +86,7 @@ def test_flyers_meet_only_where_asked_for_and_in_space_only_straight(road):
     assert list(pairs(ctx, euclid=10, air=True).values()) == pytest.approx([82**0.5])
 
 
-def test_the_dead_meet_nobody_and_nobody_meets_itself(road):
+def test_the_dead_meet_no_agent_and_none_meets_itself(road):
     ctx = road(r=("red", 3), b=("blue", 3))
     assert contacts(ctx, "red", "red", hops=3) == []
     assert {contact[:2] for contact in contacts(ctx, lambda _: True, lambda _: True)} == {("r", "b"), ("b", "r")}
@@ -107,7 +107,7 @@ def test_the_nearest_comes_first_and_everybody_is_in_one_pair_at_most(road):
     assert [contact[:3] for contact in one_to_one(found)] == [("r4", "b3", 1.0), ("r0", "b6", 6.0)]
 
 
-def test_lots_decide_between_equals_anew_in_every_turn_and_favour_nobody(road):
+def test_draws_of_each_turn_decide_between_equals_and_favour_no_agent(road):
     ctx = road(a=("red", 3), b=("red", 3), z=("blue", 3))
     winners = ""
     for turn in range(400):

@@ -57,7 +57,7 @@ def test_a_tag_is_marked_in_its_turn_only_and_where_it_happened(game):
     assert on_layer(game, 25) == []
 
 
-def test_a_game_that_begins_anew_has_no_marks(game):
+def test_a_game_that_begins_again_has_no_marks(game):
     game.game.step()
     go(game, "r1", 5)
     game.game.step()
@@ -147,7 +147,7 @@ def test_of_very_many_flags_and_territories_only_some_are_drawn(game):
 
 
 @pytest.mark.parametrize("kept", [5, {"land": 3}, {"land": {"red": 4}}, {"land": {"red": "1..x"}}])
-def test_what_a_program_keeps_under_the_same_names_hurts_nobody(game, kept):
+def test_what_a_program_keeps_under_the_same_names_does_no_harm(game, kept):
     game.game.data["territories"] = kept
     game.game.data["flags"] = {"bases": 3, "carriers": {}}
     assert len(game.visual.draw_commands()) > 0

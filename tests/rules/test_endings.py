@@ -15,7 +15,7 @@ def test_the_first_team_to_reach_a_node_wins(road):
     assert result.events == [{"turn": 2, "kind": "reach", "agent": "r", "node": 4}]
 
 
-def test_a_goal_may_be_one_of_several_nodes_and_somebody_else_may_win(road):
+def test_a_goal_may_be_one_of_several_nodes_and_another_team_may_win(road):
     ctx = road(r=("red", 2, 3, 4))
     ctx.game.add(reach("red", [9, 3], winner="the house"))
     assert ctx.game.run(9).winner == "the house"
@@ -96,7 +96,7 @@ def test_who_wins_by_time_may_be_said(road, winner):
     assert (result.winner, result.turns, result.truncated) == (winner, 2, True)
 
 
-def test_alone_nobody_wins_by_time(road):
+def test_a_team_alone_does_not_win_by_time(road):
     ctx = road(r=("red", 2))
     ctx.game.scores["red"] = 5
     ctx.game.add(time_limit(1))
@@ -111,7 +111,7 @@ def test_the_last_team_wins(road):
     assert (result.turns, result.winner, result.reason, result.truncated) == (1, "red", "last team", False)
 
 
-def test_if_nobody_is_left_nobody_wins(road):
+def test_if_no_agent_is_left_no_team_wins(road):
     ctx = road(r=("red", 2, 3), b=("blue", 4, 3))
     ctx.game.add(tag("red", "blue", then="eliminate", mutual=True))
     ctx.game.add(last_team())

@@ -94,7 +94,7 @@ def test_a_carrier_that_is_deleted_drops_its_flag(road):
     assert told(ctx) == [(1, "take", "r"), (2, "drop", "r")]
 
 
-def test_nobody_takes_its_own_flag_or_one_that_is_away_or_any_from_the_air_or_for_no_team(road):
+def test_no_agent_takes_its_own_flag_or_one_that_is_away_or_any_from_the_air_or_for_no_team(road):
     ctx = road(b=("blue", 8), r=("red", 7, 7, 8), late=("red", 7, 7, 7, 8), nobodys=(None, 8))
     ctx.agent.create_agent("drone", type=AgentType.AERIAL, team="red", start_node_id=8, speed=1.0)
     ctx.game.add(capture_flag(FLAGS))
@@ -102,7 +102,7 @@ def test_nobody_takes_its_own_flag_or_one_that_is_away_or_any_from_the_air_or_fo
     assert told(ctx) == [(2, "take", "r")]
 
 
-def test_nobody_carries_two_flags(road):
+def test_no_agent_carries_two_flags(road):
     ctx = road(r=("red", 8), r2=("red", 7, 7, 8))
     ctx.game.add(capture_flag({"red": 0, "blue": 8, "green": 8}))
     ctx.game.run(3)
@@ -120,7 +120,7 @@ def test_chance_decides_who_takes_a_flag(road):
     assert takers == {"r", "r2", "g"}
 
 
-def test_strategies_are_told_from_the_first_turn_on(road):
+def test_strategies_read_flags_from_the_first_turn_on(road):
     seen = []
     ctx = road(r=("red", 7))
     ctx.agent.get_agent("r").register_strategy(

@@ -116,7 +116,7 @@ def test_what_rules_remember_and_emit_is_plain(game):
             assert json.loads(json.dumps(values)) == values
 
 
-def test_rules_and_conflicts_play_together_whoever_was_created_first():
+def test_rules_and_conflicts_play_together_in_any_order_of_creation():
     agents = {f"agent{i}": (["red", "blue"][i % 2], i) for i in range(10)}
     order = list(agents)
     random.Random(4).shuffle(order)

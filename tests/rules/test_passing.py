@@ -34,7 +34,7 @@ def met(ctx, a="red", b="blue", **more):
 
 
 @pytest.mark.parametrize("speed", [2, 3, 5])
-def test_a_road_block_stops_whoever_passes_it(speed):
+def test_a_road_block_stops_every_agent_that_passes_it(speed):
     ctx = open_road(("runner", "red", 0, speed, 8), ("guard", "blue", 3, None, 3))
     ctx.game.add(tag("blue", "red", then="eliminate"))
     result = ctx.game.run(6)
@@ -82,7 +82,7 @@ def test_the_first_on_the_way_is_met_first_and_each_agent_is_in_one_pair():
     ]
 
 
-def test_lots_decide_who_is_met_of_those_that_are_met_at_once():
+def test_draws_decide_who_is_met_of_those_that_are_met_at_once():
     firsts = set()
     for seed in range(20):
         ctx = open_road(("r", "red", 0, 2, 2), ("b", "blue", 1, None, 1), ("c", "blue", 1, None, 1))

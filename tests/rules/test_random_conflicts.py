@@ -16,7 +16,7 @@ NODES = 7
 
 
 def some(contest, _ctx):
-    """Fewer than might win, and nobody where the node is odd."""
+    """Fewer than might win, and none where the node is odd."""
     number = contest.node[0] if isinstance(contest.node, tuple) else contest.node
     return [] if number % 2 else contest.movers[1 : contest.places + 1]
 
@@ -94,7 +94,7 @@ ANY = given(turns(), st.sampled_from(sorted(RESOLVERS)), CAPACITIES, AMONG, st.b
 
 
 @ANY
-def test_no_node_takes_in_more_than_its_capacity_and_nobody_exchanges_against_the_rule(
+def test_no_node_takes_in_more_than_its_capacity_and_no_agents_exchange_against_the_rule(
     ctx, moves, resolve, capacity, among, allow_swaps
 ):
     stopped = resolved(moves, ctx, resolve, capacity, among, allow_swaps)
@@ -133,7 +133,7 @@ def test_those_involved_decide_it_among_themselves(ctx, moves, resolve, capacity
 
 
 @given(turns(), st.sampled_from(sorted(FULL)), CAPACITIES, AMONG, st.booleans())
-def test_nobody_stays_whose_node_has_a_place_left(ctx, moves, resolve, capacity, among, allow_swaps):
+def test_no_agent_stays_whose_node_has_a_place_left(ctx, moves, resolve, capacity, among, allow_swaps):
     """But for those against whom an exchange was decided."""
     stopped = resolved(moves, ctx, resolve, capacity, among, allow_swaps)
     ending = crowds(after(moves, stopped), among, "end")

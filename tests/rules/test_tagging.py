@@ -74,7 +74,7 @@ def test_a_tagger_tags_one_the_nearest(road):
 
 def test_all_are_judged_by_where_they_are_before_anybody_is_moved(road):
     ctx = road(r1=("red", 4, 3), r2=("red", 7), b1=("blue", 4, 3), b2=("blue", 8, 7))
-    ctx.agent.get_agent("r1").current_node_id = 2  # b1's start is in nobody's reach, b2's is
+    ctx.agent.get_agent("r1").current_node_id = 2  # b1's start is in no agent's reach, b2's is
     ctx.game.add(tag("red", "blue", then=lambda ctx, _, other: ctx.game.respawn(other, 3)))
     ctx.game.step()
     assert sorted(tags(ctx)) == [("r1", "b1", 3), ("r2", "b2", 7)]

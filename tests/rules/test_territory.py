@@ -17,7 +17,7 @@ def test_equally_near_teams_are_taken_by_text(road):
     assert territory.by_distance(road(), {"b": 0, "c": 8}, weight=None)[4] == "b"
 
 
-def test_a_node_that_no_way_joins_to_a_base_is_nobodys(road):
+def test_a_node_that_no_way_joins_to_a_base_has_no_owner(road):
     ctx = road()
     ctx.graph.add_nodes([10, 11], [200, 210], [0, 0])
     ctx.graph.add_edges([90], [11], [9], [5.0])  # one way only

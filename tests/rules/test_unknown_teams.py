@@ -20,7 +20,7 @@ def game(ctx, heard):
     return ctx.game
 
 
-def test_a_team_that_nobody_plays_for_is_warned_about_at_the_first_turn_and_once(game, heard):
+def test_a_team_without_agents_is_warned_about_at_the_first_turn_and_once(game, heard):
     game.add(tag("bleu", "red"))
     assert heard == []
     game.run(3)

@@ -70,7 +70,7 @@ def test_values_behind_aliases_count_as_often_as_they_are_there():
         ("a: b: c\n", "line 1, column 5: mapping values are not allowed"),
     ],
 )
-def test_what_is_not_yaml_is_told_by_its_line(text, hint):
+def test_what_is_not_yaml_is_reported_by_its_line(text, hint):
     with pytest.raises(ScenarioError) as raised:
         from_yaml(text)
     assert str(raised.value).startswith(f"this is not YAML: {hint}")
@@ -255,7 +255,7 @@ def test_code_of_two_scenarios_does_not_meet_and_leaves_no_trace(folder, tmp_pat
     assert sorted(path.name for path in tmp_path.rglob("*") if path.is_dir()) == ["games", "others"]
 
 
-def test_code_that_was_edited_is_imported_anew(folder):
+def test_code_that_was_edited_is_imported_again(folder):
     before = scenario.load(folder / "little.yaml").play()
     (folder / "players.py").write_text("def wander(state):\n    state['action'] = state['curr_pos']  # stay\n")
     assert scenario.load(folder / "little.yaml").play() != before

@@ -1,4 +1,4 @@
-"""Where agents start: by the rules of their team, and by chance that nobody else's number moves."""
+"""Where agents start: by the rules of their team, and by draws that do not depend on the numbers of others."""
 
 from itertools import combinations
 from math import dist, inf

@@ -195,7 +195,7 @@ def test_a_check_never_runs_a_file_that_is_named_as_gamms_is(folder, made):
     made({"rules.1": "gamms.py:rule"}).check()
 
 
-def test_what_a_file_only_imports_is_told_by_a_check(folder, made):
+def test_what_a_file_only_imports_is_reported_by_a_check(folder, made):
     (folder / "helper.py").write_text(HELPER)
     with pytest.raises(ScenarioError, match=r"'system' is not defined in .*helper\.py, only imported there"):
         made({"teams.red.strategy": "helper:system"}).check()

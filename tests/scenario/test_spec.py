@@ -155,7 +155,7 @@ MISSING = [
 
 
 @pytest.mark.parametrize(("changes", "path", "hint"), MISSING, ids=[str(changes) for changes, _, _ in MISSING])
-def test_what_is_not_there_is_told_when_the_game_is_built(made, changes, path, hint):
+def test_what_is_not_there_is_reported_when_the_game_is_built(made, changes, path, hint):
     little = made(changes)
     with pytest.raises(ScenarioError) as raised:
         little.build()

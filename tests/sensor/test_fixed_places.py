@@ -8,7 +8,7 @@ from gamms.agent import AgentType
 from gamms.sensor import SensorType
 
 
-def test_a_tower_looks_from_its_node_whoever_asks(ctx):
+def test_a_tower_looks_from_its_node_for_every_agent(ctx):
     tower = ctx.sensor.create_sensor("tower", SensorType.RANGE, sensor_range=1.0, at=5)
     for node in (None, 0, 1):
         tower.sense(node)

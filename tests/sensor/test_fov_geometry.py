@@ -48,7 +48,7 @@ def test_a_sector_is_its_centre_and_an_arc_that_its_heading_halves(x, y, radius,
 
 
 @pytest.mark.parametrize(("heading", "fov"), [((0.0, 0.0), 1.0), ((1.0, 0.0), 2 * pi), ((1.0, 0.0), 7.0)])
-def test_whoever_sees_all_around_sees_a_disc(heading, fov):
+def test_an_agent_that_sees_all_around_sees_a_disc(heading, fov):
     assert fov_geometry.sector(1.0, 2.0, 3.0, heading, fov).tolist() == fov_geometry.disc(1.0, 2.0, 3.0).tolist()
 
 

@@ -121,7 +121,7 @@ def test_a_file_that_is_being_appended_to_is_sensed(ctx, tmp_path):
 def test_what_comes_through_a_socket_is_sensed(ctx):
     @ctx.sensor.custom(name="RADIO_TEST")
     class Radio(ISensor):
-        """Hears what a station sends; `update` is called by whoever listens."""
+        """Hears what a station sends; `update` is called by the listener."""
 
         sensor_id, type, data = "radio", SensorType.CUSTOM, ()
 

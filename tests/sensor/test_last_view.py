@@ -1,4 +1,4 @@
-"""What a sensor offers to whoever draws it: the last look, from where it was taken."""
+"""What a sensor offers to drawers: the last look, from where it was taken."""
 
 from math import inf, pi
 

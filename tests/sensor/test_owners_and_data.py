@@ -79,7 +79,7 @@ def test_a_shared_arc_looks_where_the_agent_that_asks_is_heading(ctx, two):
         assert set(agent.get_state()["sensor"]["alone"][1]["nodes"]) == nodes
 
 
-def test_a_sensor_nobody_carries_any_more_is_nobodys(ctx, two):
+def test_a_sensor_that_no_agent_carries_any_more_has_no_owner(ctx, two):
     sensor = ctx.sensor.create_sensor("s", SensorType.AGENT)
     two[0].register_sensor("s", sensor)
     two[0].deregister_sensor("s")

@@ -86,9 +86,9 @@ def test_chance_follows_from_the_seed_alone(kind):
 
     looks = game(7)
     assert game(7) == looks
-    assert game(7, extra=["late"]) == looks  # who else is there changes nobody's chance
+    assert game(7, extra=["late"]) == looks  # who else is there changes no draw
     assert game(8) != looks
-    assert len({tuple(look) for look in looks}) == 4  # every look draws anew
+    assert len({tuple(look) for look in looks}) == 4  # every look draws again
     assert 30 < sum(map(len, looks)) < 90
 
 

@@ -78,7 +78,7 @@ def test_an_arc_turns_with_its_owner(ctx, sense):
     assert list(sense(SensorType.ARC, owner=owner, fov=1, orientation=(0, 1))["nodes"]) == [0, 1]
 
 
-def test_the_heading_is_the_owners_and_the_place_is_where_it_is_told_to_look_from(ctx, sense):
+def test_the_heading_is_the_owners_and_the_place_is_the_one_that_is_given(ctx, sense):
     owner = ctx.agent.create_agent("a", start_node_id=5, orientation=(1, 0))
     assert list(sense(SensorType.ARC, node=3, owner=owner, fov=0)["nodes"]) == [0, 1, 3]
 

@@ -33,7 +33,7 @@ class World:
         self.agents, self.rngs, self.memories = {}, {}, {}
 
     def add(self, name, node, strategy=None, *, sight=inf, **keywords):
-        """An agent that sees whoever is at most `sight` away."""
+        """An agent that sees those at most `sight` away."""
         eyes = self.ctx.sensor.create_sensor(f"eyes of {name}", SensorType.AGENT_RANGE, sensor_range=sight)
         keywords |= {"sensors": {"near": "near", "eyes": eyes}, "strategy": strategy}
         agent = self.agents[name] = self.ctx.agent.create_agent(name, start_node_id=node, **keywords)

@@ -26,7 +26,7 @@ def test_the_first_that_sets_an_action_decides(actions):
     assert action_of(first(first(*map(says, actions)), stay)) == (5 if expected is None else expected)
 
 
-def test_nobody_is_asked_after_the_first_that_decides():
+def test_no_strategy_is_asked_after_the_first_that_decides():
     asked = []
     first(says(1), human(asked.append))({"curr_pos": 5, "sensor": {}})
     assert asked == []

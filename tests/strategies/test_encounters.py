@@ -37,7 +37,7 @@ def test_of_equally_near_enemies_the_first_by_name_is_chased(world):
     assert decided(world, "cat") == 13
 
 
-def test_out_of_sight_nobody_is_chased(world):
+def test_out_of_sight_no_agent_is_chased(world):
     world.add("cat", 0, chase(world.ctx, stay), sight=25.0, team=1)
     world.add("mouse", 3, goto(world.ctx, 1), team=2)
     assert world.play(3)["cat"] == [0, 0, 1, 1]
@@ -112,7 +112,7 @@ def test_no_legal_node_is_farther_from_the_nearest_enemy_than_the_one_chosen(ope
         assert decided(world, "mouse") == min(node for node in legal if distances[node] == most)
 
 
-def test_without_an_enemy_in_sight_nobody_flees(world):
+def test_without_an_enemy_in_sight_no_agent_flees(world):
     world.add("mouse", 14, flee(world.ctx), sight=5.0, team=1)
     world.add("cat", 16, stay, team=2)
     assert decided(world, "mouse") == 14
@@ -172,7 +172,7 @@ def test_in_a_loop_of_ones_own_they_ask_for_the_team(world):
     assert state["action"] == 6
 
 
-def test_a_flyer_is_told_that_these_go_along_edges(world):
+def test_for_a_flyer_an_error_says_that_these_go_along_edges(world):
     kite = world.add("kite", 0, type=AgentType.AERIAL, speed=3.0)
     for strategy in (chase(world.ctx), flee(world.ctx), guard(world.ctx, 0, 5.0)):
         with pytest.raises(TypeError, match="goes along edges"):

@@ -84,7 +84,7 @@ def test_a_path_is_followed_leg_by_leg_and_ends(world):
     assert been["bert"] == [7, 1, 7, 13, 13, 13, 13, 13, 13]
 
 
-def test_a_path_that_repeats_begins_anew(world):
+def test_a_path_that_repeats_begins_again(world):
     world.add("anna", 0, follow_path(world.ctx, iter([0, 1, 7]), repeat=True))
     world.add("bert", 3, follow_path(world.ctx, [3, 3], repeat=True))
     been = world.play(7)
@@ -135,7 +135,7 @@ def test_an_agent_may_have_several_paths_in_its_memory(world):
     assert world.memories["anna"] == {"follow_path [0, 12]": 2, "follow_path [14]": 1}
 
 
-def test_with_a_fresh_memory_a_path_begins_anew(world):
+def test_with_a_fresh_memory_a_path_begins_again(world):
     anna = world.add("anna", 0, follow_path(world.ctx, [1, 0]))
     assert world.play(4)["anna"] == [0, 1, 0, 0, 0]
     world.memories["anna"] = {}
@@ -168,7 +168,7 @@ def test_impossible_arguments_are_refused(world):
         goto(world.ctx, 3, 3)
 
 
-def test_a_flyer_is_told_that_these_go_along_edges(world):
+def test_for_a_flyer_an_error_says_that_these_go_along_edges(world):
     for i, make in enumerate((goto, follow_path, patrol)):
         world.add(f"kite {i}", 0, make(world.ctx, 3 if make is goto else [3]), type=AgentType.AERIAL, speed=3.0)
         with pytest.raises(TypeError, match=f"{make.__name__} goes along edges, and an agent at .* flies"):

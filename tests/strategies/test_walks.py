@@ -58,7 +58,7 @@ def test_in_a_loop_of_ones_own_a_random_walk_needs_a_generator_and_a_neighbor_se
         random_walk({**anna.get_state(), "rng": world.ctx.rng})
 
 
-def test_the_same_seed_gives_the_same_walk_whoever_else_is_there(open_world):
+def test_the_same_seed_gives_the_same_walk_whichever_agents_are_there(open_world):
     walks = []
     for others in ([], ["bert", "zoe"], ["zoe", "bert"]):
         with open_world(seed=3) as world:

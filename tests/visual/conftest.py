@@ -23,7 +23,7 @@ class Own(ISensor):
         """Take nothing in."""
 
     def set_owner(self, owner):
-        """Belong to nobody."""
+        """Have no owner."""
 
 
 @pytest.fixture

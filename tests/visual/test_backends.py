@@ -1,4 +1,4 @@
-"""Every shipped picture format keeps the contract, and a format that does not is told why."""
+"""Every shipped picture format keeps the contract, and an error says why another does not."""
 
 import builtins
 from dataclasses import replace

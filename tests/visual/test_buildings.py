@@ -222,7 +222,7 @@ def test_buildings_are_below_streets(town):
 
 
 @pytest.mark.parametrize("theme", THEMES.values(), ids=THEMES)
-def test_the_tones_of_walls_are_told_apart_in_every_theme(theme):
+def test_the_tones_of_walls_are_distinguished_in_every_theme(theme):
     tones = theme.map.walls
     away = [abs(sum(color) - sum(theme.background[:3])) for color in (tones.low, tones.high, tones.outline, tones.wall)]
     assert away == sorted(away)

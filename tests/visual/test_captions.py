@@ -72,7 +72,7 @@ def test_braces_in_names_are_letters():
     assert words_of([{"kind": "tag", "agent": "{flag}", "other": "{0.x}"}]) == ["{0.x} is tagged by {flag}"]
 
 
-def test_teams_without_a_score_have_none_only_where_nobody_has_one(duel):
+def test_teams_without_a_score_have_none_only_where_no_team_has_one(duel):
     assert scores_of(duel) == {}
     duel.game.scores["blue"] += 2
     assert scores_of(duel) == {"red": 0, "blue": 2}
@@ -145,7 +145,7 @@ def test_what_is_too_much_for_the_lines_is_counted(duel):
     assert [line.words for line in Captions(duel, duel.visual.drawing).now().lines] == ["one", "two, and 2 more"]
 
 
-def test_what_happens_among_hidden_agents_is_not_told(duel):
+def test_what_happens_among_hidden_agents_is_left_out(duel):
     duel.game.add(emits([("storm", {"agent": "red_0"}), ("tag", {"agent": "red_1", "other": "blue_1", "node": 0})]))
     duel.game.step()
     told = Captions(duel, duel.visual.drawing).now({"red_0", "red_1"})

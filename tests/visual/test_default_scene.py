@@ -1,4 +1,4 @@
-"""The default look is made anew when what it depends on has changed, and only then."""
+"""The default look is made again when what it depends on has changed, and only then."""
 
 import gamms
 from gamms.ir.draw import DrawKind

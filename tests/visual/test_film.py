@@ -248,7 +248,7 @@ def test_static_artists_are_asked_again_only_when_something_changes(plain):
     assert (plain.visual.frame(100, 80) != before).any()
 
 
-def test_dynamic_artists_are_told_how_far_the_turn_is(plain, tmp_path):
+def test_dynamic_artists_know_how_far_the_turn_is(plain, tmp_path):
     _, calls = counted(plain, "spark", ArtistType.DYNAMIC, 12, (0, 0, 255))
     with plain.visual.film(tmp_path / "a.gif", width=64, height=48, frames_per_turn=4):
         plain.visual.simulate()
@@ -316,7 +316,7 @@ def test_the_papers_loop_is_filmed_without_a_change(tmp_path):
     assert len(frames_of(path)[0]) == 6 + 10
 
 
-def test_offscreen_looks_where_it_is_told(ctx):
+def test_offscreen_looks_at_the_given_place(ctx):
     with gamms.create_context(vis_engine=Engine.OFFSCREEN, vis_kwargs={"width": 200, "height": 100}) as ctx:
         ctx.graph.graph.add_node({"id": 0, "x": 0, "y": 0})
         assert ctx.visual.get_viewport() is None

@@ -1,4 +1,4 @@
-"""Films paint and convert only what changes: the pictures are those that would be painted anew."""
+"""Films paint and convert only what changes: the pictures are those that would be painted again."""
 
 import av
 import numpy as np
@@ -55,7 +55,7 @@ def city():
 
 @pytest.mark.parametrize("frames_per_turn", [1, 2, 4])
 @pytest.mark.parametrize("case", ["plain", "static above", "followed", "followed above a band", "declared"])
-def test_each_frame_is_what_it_would_be_if_it_were_painted_anew(city, case, frames_per_turn, monkeypatch, tmp_path):
+def test_each_frame_is_what_it_would_be_if_it_were_painted_again(city, case, frames_per_turn, monkeypatch, tmp_path):
     if case == "static above":
         above = city.visual.add_artist("roof", {"drawer": roof, "layer": 60})
         above.set_artist_type(gamms.typing.ArtistType.STATIC)
@@ -73,22 +73,22 @@ def test_each_frame_is_what_it_would_be_if_it_were_painted_anew(city, case, fram
     at = Frames.at
     monkeypatch.setattr(Frames, "at", lambda self, share: painted.append(share) or at(self, share))
     film = city.visual.film(tmp_path / "x.mp4", 10, *SIZE, frames_per_turn=frames_per_turn, title="Walk")
-    anew = []
+    differences = []
     add = witness.add
 
     def compared(canvas):
         options = {"title": "Walk", "captions": True}
         fresh = Frames(Source(city, city.visual.drawing, city.visual.artists), SIZE, options)
         fresh._fitted = film._frames._fitted
-        anew.append(np.abs(at(fresh, painted[-1]).pixels().astype(int) - canvas.pixels()).max())
+        differences.append(np.abs(at(fresh, painted[-1]).pixels().astype(int) - canvas.pixels()).max())
         add(canvas)
 
     witness.add = compared
     city.game.run(max_turns=4)
     film.discard()
-    assert len(anew) == 4 * frames_per_turn
+    assert len(differences) == 4 * frames_per_turn
     # A static part above is laid on as a transparent surface, which rounds; hairlines of tiles begin elsewhere.
-    assert max(anew) <= (40 if case.startswith("followed") else 1)
+    assert max(differences) <= (40 if case.startswith("followed") else 1)
     if case in ("plain", "declared") and frames_per_turn > 1:
         assert sum(changes is not None for changes in witness.changes) >= 3
 

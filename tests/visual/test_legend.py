@@ -1,4 +1,4 @@
-"""Legends: beside the map, the same in every format, and told by whoever draws."""
+"""Legends: beside the map, the same in every format, and declared by drawers."""
 
 import numpy as np
 import pytest

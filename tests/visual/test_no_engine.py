@@ -1,4 +1,4 @@
-"""The engine without a window: takes every call, shows nothing, keeps what it was told."""
+"""The engine without a window: takes every call, shows nothing, keeps what was declared."""
 
 import logging
 

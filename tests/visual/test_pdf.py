@@ -75,7 +75,7 @@ def test_transparency_is_kept():
     assert b"/ca .2" in written(commands)
 
 
-def test_what_nobody_can_see_is_left_out():
+def test_what_is_invisible_is_left_out():
     commands = Commands()
     commands.add_circles([(900, 900)], 5, "red")
     commands.add_circles([(50, 50)], 0.1, "red")

@@ -155,7 +155,7 @@ def test_a_picture_of_more_dots_per_inch_is_the_same_picture(ctx, tmp_path):
     assert 'font-size="38.5"' in text
 
 
-def test_an_svg_leaves_out_what_nobody_can_see(ctx, tmp_path):
+def test_an_svg_leaves_out_what_is_invisible(ctx, tmp_path):
     ctx.visual.look_at(10, 10, 2.0)
     ctx.visual.save(tmp_path / "near.svg", 300, 200)
     ctx.visual.look_at_all()

@@ -24,7 +24,7 @@ SQUARE = np.array([(2.0, 2.0), (8.0, 2.0), (8.0, 8.0), (2.0, 8.0)])
 
 
 class Sonar(ISensor):
-    """A sensor of the user's own kind, which shows what it is told to show."""
+    """A sensor of the user's own kind, which shows what is given."""
 
     sensor_id, type, data = "sonar", SensorType.CUSTOM, None
     view = SensorView()
@@ -36,10 +36,10 @@ class Sonar(ISensor):
         """Take nothing in."""
 
     def set_owner(self, owner):
-        """Belong to nobody."""
+        """Have no owner."""
 
     def last_view(self):
-        """What it was told."""
+        """What was given."""
         return self.view
 
 
@@ -142,7 +142,7 @@ def test_a_view_that_cannot_be_drawn_is_an_error_of_its_artist(ctx, sonar, caplo
     assert f"'sensor_sonar' could not be drawn: {words}" in caplog.text
 
 
-def test_a_class_that_is_a_sensor_by_its_decorator_alone_is_told_what_is_missing(ctx, caplog):
+def test_a_class_that_is_a_sensor_by_its_decorator_alone_is_warned_of_what_is_missing(ctx, caplog):
     @ctx.sensor.custom(name="DUCK_TO_DRAW")
     class Duck:
         sensor_id = "duck"
@@ -218,14 +218,14 @@ def test_where_one_may_go_and_the_whole_map_are_no_news(town):
     assert 15 not in town.visual.draw_commands().layer
 
 
-def test_a_sensor_that_nobody_carries_is_grey(town):
+def test_a_sensor_that_no_agent_carries_is_grey(town):
     town.sensor.create_sensor("mast", SensorType.RANGE).sense(0)
     commands = town.visual.draw_commands()
     (color,) = {tuple(color) for color in commands.color[commands.layer == 15, :3].tolist()}
     assert color not in TEAM_COLORS
 
 
-def test_more_sensors_than_can_be_told_apart_are_left_out(town):
+def test_more_sensors_than_can_be_distinguished_are_left_out(town):
     for number in range(default_scene.MOST_SENSORS):
         town.sensor.create_sensor(f"mast_{number}", SensorType.RANGE).sense(number)
     assert 15 in town.visual.draw_commands().layer

@@ -1,4 +1,4 @@
-"""Sensors that nobody declared show what is seen from where the agents are drawn; asking them changes nothing."""
+"""Undeclared sensors show what is seen from where the agents are drawn; asking them changes nothing."""
 
 import numpy as np
 import pytest

@@ -62,7 +62,7 @@ def test_a_background_of_the_callers_wins_and_words_can_be_read_on_it(ctx):
     assert all(not is_dark(tuple(bytes.fromhex(ink))) for ink in texts(svg)[0])
 
 
-def test_teams_on_paper_are_told_apart_in_grey():
+def test_teams_on_paper_are_distinguished_in_grey():
     red, green, blue = np.array(THEMES["print"].teams, float).T
     grey = np.sort(0.299 * red + 0.587 * green + 0.114 * blue)
     assert np.diff(grey).min() > 25.0

@@ -106,7 +106,7 @@ def test_two_names_are_shown_side_by_side(ctx):
     assert sum(map(len, discs(ctx).values())) == 3
 
 
-def test_equal_values_are_told_by_one_row(ctx):
+def test_equal_values_are_explained_by_one_row(ctx):
     artist = ctx.visual.set_values(nodes={0: 2.5, 1: 2.5})
     assert isinstance(artist.data["legend"], Rows)
     assert [row.name for row in artist.data["legend"].rows] == ["2.5"]

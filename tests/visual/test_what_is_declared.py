@@ -1,4 +1,4 @@
-"""What is declared adds to the default look; whoever declares the graph draws nothing but what is declared."""
+"""What is declared adds to the default look; where the graph is declared, nothing else is drawn."""
 
 import io
 

@@ -1,4 +1,4 @@
-"""A window that nobody sees, on a small world, and somebody who sits before it."""
+"""A window without a display, on a small world, and a person who uses it."""
 
 import pytest
 
@@ -47,7 +47,7 @@ def ctx(open_window):
 
 
 class Person:
-    """Whoever sits before the window: what is done is seen by the next frame."""
+    """A person before the window: what is done is seen by the next frame."""
 
     def __init__(self):
         import pygame

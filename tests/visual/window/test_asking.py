@@ -64,7 +64,7 @@ def test_a_digit_can_be_taken_back(ctx, person):
     assert ask(ctx) == 2
 
 
-def test_digits_that_lead_nowhere_begin_anew(ctx, person):
+def test_digits_that_lead_nowhere_begin_again(ctx, person):
     person.press("1", "9")
     assert ask(ctx) == 9
 
@@ -187,7 +187,7 @@ def test_options_are_the_out_neighbours_in_order(ctx, person):
     assert overlay.data["_input_options"] == {}
 
 
-def test_nobody_needs_to_be_declared_to_be_asked(ctx, person):
+def test_an_agent_need_not_be_declared_to_be_asked(ctx, person):
     ctx.visual.set_graph_visual()  # the agent has no visual, then
     person.press("4")
     assert ask(ctx) == 4

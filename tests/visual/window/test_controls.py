@@ -96,7 +96,7 @@ def test_home_shows_everything(ctx, person):
     assert right - left < 64
 
 
-def test_the_camera_stays_where_somebody_pointed_it_while_the_graph_grows(open_window, person):
+def test_the_camera_stays_where_a_person_pointed_it_while_the_graph_grows(open_window, person):
     ctx = open_window()
     ctx.visual.update()
     fitted = camera(ctx)
@@ -171,7 +171,7 @@ def test_agents_keep_a_readable_size_at_every_zoom(ctx, width):
     assert 6 <= max(look.size * ctx.visual.camera.scale, look.least_px) <= 15
 
 
-def test_a_resized_window_sees_the_whole_map_as_long_as_nobody_has_moved_it(open_window, person):
+def test_a_resized_window_sees_the_whole_map_as_long_as_it_was_not_moved(open_window, person):
     ctx = open_window()
     ctx.visual.update()
     person.press("HOME")

@@ -134,7 +134,7 @@ protocols, delete = (x11.XInternAtom(screen, name, 0) for name in (b"WM_PROTOCOL
 message = Message(33, 0, 1, None, window, protocols, 32, (c_long * 5)(delete, 0))
 assert x11.XSendEvent(screen, window, 0, c_long(0), byref(message))
 x11.XCloseDisplay(screen)
-"""  # as a window manager does when somebody clicks on the cross
+"""  # as a window manager does when a person clicks on the cross
 
 
 @pytest.fixture(scope="module")

@@ -213,7 +213,7 @@ def test_a_press_beside_the_line_is_none_on_it():
 
 
 @pytest.mark.parametrize(("given", "is_asked"), [(True, True), (False, False)])
-def test_a_block_whose_game_is_over_stays_open_where_somebody_may_look(monkeypatch, recording, given, is_asked):
+def test_a_block_whose_game_is_over_stays_open_where_a_person_may_look(monkeypatch, recording, given, is_asked):
     monkeypatch.setattr(engine, "is_watched", lambda: True)
     frames = []
 

@@ -1,4 +1,4 @@
-"""How turns are shown: agents glide, time can stand still, and nobody waits where nothing is shown."""
+"""How turns are shown: agents glide, time can stand still, and nothing waits where nothing is shown."""
 
 from time import monotonic
 

@@ -68,7 +68,7 @@ def test_a_hud_that_fails_is_logged_once(ctx, said, caplog):
     ]
 
 
-def test_those_who_are_left_are_counted_once_somebody_is_out(ctx, said):
+def test_those_who_are_left_are_counted_once_an_agent_is_out(ctx, said):
     assert not any(line.startswith("left") for line in frame(ctx, said))
     ctx.game.eliminate("blue_0")
     assert "left: red 1 · blue 0" in frame(ctx, said)
@@ -120,11 +120,11 @@ def test_names_are_written_where_there_is_room(open_window, said):
 
 
 def test_the_source_of_the_map_is_always_named(ctx, said):
-    ctx.graph.graph.attribution = "© somebody"
+    ctx.graph.graph.attribution = "© a person"
     ctx.visual.overlay.hud.toggle()
-    assert frame(ctx, said) == ["© somebody"]
+    assert frame(ctx, said) == ["© a person"]
     ctx.visual.overlay.hud.toggle()
-    assert {"© somebody", "F1: keys", "turn 0"} <= set(frame(ctx, said))
+    assert {"© a person", "F1: keys", "turn 0"} <= set(frame(ctx, said))
 
 
 def test_a_pause_and_a_question_say_what_to_do(ctx, said, person):
@@ -159,7 +159,7 @@ def test_an_agent_whose_node_is_gone_is_logged_and_the_window_goes_on(ctx, said,
         ("x" * 50, "x" * 39 + "…"),
     ],
 )
-def test_what_a_sensor_told_in_a_few_words(data, words):
+def test_what_a_sensor_found_in_a_few_words(data, words):
     assert overlay._summary(data) == words
 
 
