@@ -31,6 +31,15 @@ class Sensed:
         return self.values[self.offsets[look] : self.offsets[look + 1]]
 
 
+@dataclass(slots=True, frozen=True, eq=False)
+class Coverage:
+    """Where a sensor would show agents at this moment: what follows from not seeing one."""
+
+    node_ids: IntArray  # (nodes,) in insertion order
+    detection: FloatArray  # (nodes,)  how probable it is that an agent on the node is noticed
+    not_shown: tuple[str, ...]  # names of the agents that it does not show wherever they are: of other teams, dead
+
+
 def _no_points() -> FloatArray:
     return np.zeros((0, 2))
 

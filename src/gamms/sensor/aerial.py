@@ -244,6 +244,19 @@ class AerialAgentSensor(DetectingSensor, FlyingSensor):
             looks = [self._found(pose).tolist() for _ in node_ids]
             return Sensed(*ragged(looks), names=tuple(self.ctx.agent.positions.names))
 
+    def _covered(self, node_id: int | None) -> tuple[IntArray, FloatArray]:  # noqa: ARG002 - it looks from the air
+        pose = self.pose()
+        if pose is None:
+            return np.zeros(0, np.int64), np.zeros(0)
+        x, y, _ = pose.position.tolist()
+        ids, xy = self.ctx.graph.graph.nodes_near(x, y, self.range)
+        offsets = at_height(xy, 0.0) - pose.position
+        rows = self._reaches(offsets, pose.axis)
+        rows = rows[offsets[rows].any(axis=1)]
+        if self._is_occluded:
+            rows = rows[self.ctx.graph.visible(pose.position, at_height(xy[rows], 0.0))]
+        return ids[rows], np.linalg.norm(offsets[rows], axis=1)
+
     @of_data
     def last_view(self) -> SensorView:
         """Return the agents seen last, where they were then, and the shadow of the cone they were seen in."""

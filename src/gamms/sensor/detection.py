@@ -1,5 +1,6 @@
 """Which of the agents in view a sensor reports: by team, and at random."""
 
+from abc import abstractmethod
 from collections.abc import Callable, Collection, Iterable, Iterator, Sequence
 from contextlib import contextmanager
 from copy import copy
@@ -11,7 +12,8 @@ import numpy as np
 from gamms import kernels
 from gamms.deciding import UNDECIDED, DecidePhase, Guarded, refused_while_deciding
 from gamms.errors import BadType, BadValue
-from gamms.ir.graph import FloatArray
+from gamms.ir.graph import FloatArray, IntArray
+from gamms.ir.sensed import Coverage
 from gamms.sensor.sensor import Sensor
 from gamms.text import shown
 from gamms.typing import IContext
@@ -105,17 +107,23 @@ class DetectionModel(Guarded):
         last, look = self._looks.get(owner, (turn, 0))
         look = look + 1 if last == turn else 1
         self._looks[owner] = turn, look
-        assert self._chance is not None  # noqa: S101 - asked only where `needs_chance`
+        chances = self.chances(distances)
+        purpose = kernels.purpose_key(ctx.seed, "detection", self._sensor_id, "" if owner is None else owner)
+        bits = kernels.draw_bits_many(purpose, kernels.name_keys(names), turn, look - 1)
+        noticed: np.ndarray[tuple[int, ...], np.dtype[np.bool_]] = kernels.fraction_many(bits) < chances
+        return noticed
+
+    def chances(self, distances: FloatArray) -> FloatArray:
+        """Return how probable it is that agents at some distances are noticed (agents,)."""
+        if self._chance is None:
+            return np.ones(len(distances))
         chances = np.asarray(self._chance(distances), np.float64)
         if chances.shape != distances.shape or not ((chances >= 0.0) & (chances <= 1.0)).all():
             raise BadValue(
                 f"detection of {self._sensor_id!r} must give a probability from 0 to 1 for each of "
                 f"{len(distances)} distances, not {shown(chances)}."
             )
-        purpose = kernels.purpose_key(ctx.seed, "detection", self._sensor_id, "" if owner is None else owner)
-        bits = kernels.draw_bits_many(purpose, kernels.name_keys(names), turn, look - 1)
-        noticed: np.ndarray[tuple[int, ...], np.dtype[np.bool_]] = kernels.fraction_many(bits) < chances
-        return noticed
+        return chances
 
 
 class DetectingSensor(Sensor):
@@ -135,6 +143,24 @@ class DetectingSensor(Sensor):
         if self._notice is None:  # NOTE: made when asked for, so that a look touches less memory (see `NearbyAgents`)
             self._notice = DetectionModel(self.sensor_id, self._phase)
         return self._notice
+
+    def coverage(self, node_id: int | None = None, owner: str | None = None) -> Coverage:
+        """Return on which nodes it would show agents on the ground now; a class of the user's own is not asked."""
+        if not self._is_ours:
+            return super().coverage(node_id, owner)
+        looking = self._copy_for_view()
+        looking._owner = self._owner if owner is None else owner
+        with self._phase.suspended():
+            node_ids, distances = looking._covered(node_id)
+            positions, living = self.ctx.agent.positions, self.ctx.agent.positions.living.tolist()
+        shown_rows = set(living if self._notice is None else self._notice.wanted(living, positions.teams))
+        not_shown = tuple(name for row, name in enumerate(positions.names) if row not in shown_rows)
+        chances = np.ones(len(distances)) if self._notice is None else self._notice.chances(distances)
+        return Coverage(node_ids, chances, not_shown)
+
+    @abstractmethod
+    def _covered(self, node_id: int | None) -> tuple[IntArray, FloatArray]:
+        """Return the ids of the nodes in view (nodes,), and how far away they are (nodes,)."""
 
     def reset(self) -> None:
         """Forget what was sensed, and how often."""

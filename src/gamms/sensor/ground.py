@@ -16,7 +16,7 @@ from gamms.ir.sensed import Sensed, SensorView
 from gamms.sensor import fov_geometry
 from gamms.sensor.detection import DetectingSensor
 from gamms.sensor.sensor import Heading, Sensor, of_data
-from gamms.sensor.views import FULL_CIRCLE, Place, coordinates, in_sight, memory_of
+from gamms.sensor.views import FULL_CIRCLE, Place, coordinates, in_sight, memory_of, nodes_ahead
 from gamms.typing import IContext
 from gamms.typing.graph_engine import NodeColumns, Surroundings
 from gamms.typing.sensor_engine import SensorType
@@ -301,6 +301,15 @@ class AgentSensor(DetectingSensor, GroundSensor):
             names = tuple(self.ctx.agent.positions.names)
             looks = [self._found(self.place(id), heading)[1] for id in as_ids(node_ids, "node_ids")]
         return Sensed(*ragged([[row for row in look if names[row] != own] for look in looks]), names=names)
+
+    def _covered(self, node_id: int | None) -> tuple[IntArray, FloatArray]:
+        heading = ALL_AROUND if self.fov == FULL_CIRCLE else self.heading()
+        place = self.place(node_id)
+        nodes = nodes_ahead(self.ctx, place, self.range, self.fov, heading)
+        if self._is_occluded:
+            is_seen = in_sight(self.ctx, place, nodes, self.range, self._observer_height)
+            nodes = NodeColumns(nodes.ids[is_seen], nodes.xy[is_seen])
+        return nodes.ids, np.hypot(*(nodes.xy - coordinates(self.ctx, place)).T)
 
     @of_data
     def last_view(self) -> SensorView:

@@ -10,7 +10,7 @@ import numpy as np
 from gamms.arguments import as_ids
 from gamms.errors import BadType, NotOffered
 from gamms.ir.graph import FloatArray
-from gamms.ir.sensed import Sensed, SensorView
+from gamms.ir.sensed import Coverage, Sensed, SensorView
 from gamms.text import shown
 
 
@@ -115,6 +115,18 @@ class ISensor(ABC):
             NotOffered: this sensor cannot be drawn.
         """
         return self.last_view()
+
+    def coverage(self, node_id: int | None = None, owner: str | None = None) -> Coverage:  # noqa: ARG002 - as above
+        """Return on which nodes it would show agents on the ground now; neither `data` nor what it will see changes.
+
+        Args:
+            node_id: where it looks from.
+            owner: the agent that looks; None: its owner.
+
+        Raises:
+            NotOffered: this sensor does not say so.
+        """
+        raise NotOffered(self, "coverage, so that not seeing an agent says nothing")
 
     def live_result(self) -> Sequence[Any]:
         """Return a sequence whose first item always is what was sensed last (used by agents, which read it often).

@@ -1,0 +1,81 @@
+"""A sensor that looks for agents says on which nodes it would show one, and how probably."""
+
+import pytest
+from hypothesis import given
+from hypothesis import strategies as st
+
+import gamms
+from gamms.agent import AgentType
+from gamms.errors import NotOffered
+from gamms.sensor import SensorType
+
+KINDS = ["AGENT", "AGENT_RANGE", "AGENT_ARC", "OCCLUDED_AGENT", "AERIAL_AGENT", "OCCLUDED_AERIAL_AGENT"]
+
+
+def world():
+    ctx = gamms.create_context(seed=1, logger_config={"level": "CRITICAL"})
+    ctx.graph.attach_networkx_graph(gamms.graph.grid(5, 5))
+    wall = [(18.0, 12.0), (22.0, 28.0)]
+    (x0, y0), (x1, y1) = wall
+    ctx.graph.add_obstacle_face(1, tr=(x1, y1, 9), tl=(x0, y0, 9), br=(x1, y1, 0), bl=(x0, y0, 0), type=1)
+    return ctx
+
+
+@given(kind=st.sampled_from(KINDS), node=st.integers(0, 24), reach=st.floats(0, 60), fov=st.floats(0.1, 6.0))
+def test_it_covers_the_nodes_on_which_an_agent_is_seen_and_no_others(kind, node, reach, fov):
+    with world() as ctx:
+        type = AgentType.AERIAL if "AERIAL" in kind else AgentType.BASIC
+        owner = ctx.agent.create_agent("owner", start_node_id=node, type=type, speed=1.0)
+        sensor = ctx.sensor.create_sensor("eyes", SensorType[kind], sensor_range=reach, fov=fov)
+        owner.register_sensor("eyes", sensor)
+        if type is AgentType.AERIAL:
+            owner.position = (*owner.position[:2], 3.0)
+        else:
+            owner.orientation = (0.6, 0.8)
+        other = ctx.agent.create_agent("other", start_node_id=0)
+        seen = []
+        for place in range(25):
+            other.current_node_id = place
+            sensor.sense(node)
+            seen += [place] * ("other" in sensor.data)
+        covered = sensor.coverage(node)
+        assert covered.node_ids.tolist() == seen
+        assert covered.detection.tolist() == [1.0] * len(seen)
+        assert covered.not_shown == ()
+
+
+def test_it_says_how_probably_an_agent_is_noticed():
+    with world() as ctx:
+        options = {"sensor_range": 20.0, "detection": [(0, 1.0), (20, 0.5)], "at": 0}
+        covered = ctx.sensor.create_sensor("eyes", SensorType.AGENT_RANGE, **options).coverage()
+        found = dict(zip(covered.node_ids.tolist(), covered.detection.tolist(), strict=True))
+        assert found[0] == 1.0
+        assert found[1] == found[5] == 0.75
+        assert found[2] == 0.5
+
+
+def test_it_names_the_agents_that_it_does_not_show():
+    with world() as ctx:
+        for name, team in (("a", "red"), ("b", "blue"), ("c", "blue")):
+            ctx.agent.create_agent(name, start_node_id=1, team=team)
+        ctx.agent.get_agent("c").alive = False
+        assert ctx.sensor.create_sensor("all", SensorType.AGENT).coverage(0).not_shown == ("c",)
+        assert ctx.sensor.create_sensor("reds", SensorType.AGENT, team="red").coverage(0).not_shown == ("b", "c")
+
+
+def test_a_strategy_may_ask_for_it():
+    with world() as ctx:
+        eyes, found = ctx.sensor.create_sensor("eyes", SensorType.AGENT_RANGE, sensor_range=10.0), []
+
+        def look(state):
+            found.extend(ctx.sensor.get_sensor("eyes").coverage(state["curr_pos"]).node_ids.tolist())
+            state["action"] = state["curr_pos"]
+
+        ctx.agent.create_agent("a", start_node_id=0, sensors={"eyes": eyes}, strategy=look)
+        ctx.game.step()
+        assert found == [0, 1, 5]
+
+
+def test_a_sensor_that_does_not_look_for_agents_does_not_offer_it():
+    with world() as ctx, pytest.raises(NotOffered, match="coverage"):
+        ctx.sensor.create_sensor("near", SensorType.NEIGHBOR).coverage(0)
