@@ -19,7 +19,7 @@ from gamms import _legacy
 if _typing.TYPE_CHECKING:  # for completion and type checkers; at run time names come on first use
     # ruff: isort: off
     from gamms import agent, graph, memory, sensor, typing, visual
-    from gamms import context as context, errors as errors, game as game, limits as limits, osm as osm
+    from gamms import belief as belief, context as context, errors as errors, game as game, limits as limits, osm as osm
     from gamms import recorder as recorder, recordings as recordings, rendering as rendering, rules as rules
     from gamms import scenario as scenario, strategies as strategies, testing as testing
     from gamms.context import Context, InternalContext, create_context
@@ -41,7 +41,20 @@ __all__ = [
 ]
 
 _MODULES = {
-    *("agent", "context", "errors", "game", "graph", "limits", "memory", "osm", "recorder", "recordings", "rendering"),
+    *(
+        "agent",
+        "belief",
+        "context",
+        "errors",
+        "game",
+        "graph",
+        "limits",
+        "memory",
+        "osm",
+        "recorder",
+        "recordings",
+        "rendering",
+    ),
     *("rules", "scenario", "sensor", "strategies", "testing", "typing", "visual"),
 }
 _HOMES = {

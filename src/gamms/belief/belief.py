@@ -1,0 +1,255 @@
+"""What an agent believes of others: where it saw them last, where they can be, and where they probably are."""
+
+from collections import OrderedDict
+from collections.abc import Callable, Sequence
+from hashlib import blake2b
+from itertools import groupby
+from operator import attrgetter
+from typing import Any
+from weakref import WeakKeyDictionary
+
+import numpy as np
+
+from gamms.arguments import as_range
+from gamms.belief.evidence import Observation, Sighting, agent_on_ground, note_senses, observations_in, sightings_of
+from gamms.belief.filter import Filter, by_node
+from gamms.belief.ground import Ground, ground_of
+from gamms.belief.motion import Motion, random_walk
+from gamms.belief.reach import Reach
+from gamms.context import Context
+from gamms.ir.graph import FloatArray
+from gamms.ir.obstacles import BoolArray
+from gamms.typing.game import AerialState, State
+from gamms.visual.constants import Layer
+from gamms.visual.drawers.graph import render_values
+from gamms.visual.legend import Values, checked
+
+_MOST, _MOST_BYTES = 1 << 12, 1 << 26  # arrays, and about as many bytes: what stays of one context
+_LATE = 2  # turns: what teammates tell is known after one
+_MARK = 16  # of so many turns, one is kept
+_COLORS, _FAINT = "magma", 0.01  # of the highest probability: less is not drawn
+_CAN_BE = (150, 110, 190)
+
+Step = Callable[[FloatArray, int, list[Observation]], FloatArray]
+
+_worked_out: WeakKeyDictionary[Context, OrderedDict[bytes, FloatArray]] = WeakKeyDictionary()
+
+
+def observe(ctx: Context, state: State | AerialState, *, share: bool = True, horizon: int = 50) -> "Belief":
+    """Remember what the sensors show of other teams' agents now, and return what follows from all that is known.
+
+    Call it in every turn. What is remembered is in `state["memory"]`, a short text for each turn.
+
+    Args:
+        ctx: the context.
+        state: of the agent, in its strategy.
+        share: whether the team is told, in `state["team_memory"]`: teammates know it in the next turn.
+        horizon: for at least how many turns it is remembered on which nodes nobody was. Where an agent was seen last is
+            never forgotten.
+
+    Raises:
+        MissingKey (KeyError): the state has no name, team, turn or memory, in a loop of your own.
+    """
+    note_senses(ctx, state, share=share, horizon=horizon)
+    return believed(ctx, state)
+
+
+def believed(ctx: Context, state: State | AerialState) -> "Belief":
+    """Return what follows from what an agent and its team remember, without looking."""
+    memories = state["memory"], state.get("team_memory", {})
+    return Belief(ctx, observations_in(*memories), state["turn"])
+
+
+def belief_of(ctx: Context, observer: str) -> "Belief":
+    """Return what an agent believes between two turns, for rules, drawers and tests.
+
+    Raises:
+        UnknownName (KeyError): there is no such agent.
+    """
+    team = getattr(ctx.agent.get_agent(observer), "team", None)
+    shared = {} if team is None else ctx.game.team_memories.get(team, {})
+    return Belief(ctx, observations_in(ctx.game.memories.get(observer, {}), shared), ctx.game.turn)
+
+
+class Belief:
+    """What follows from some observations, at a turn; `observe`, `believed` and `belief_of` make it.
+
+    Args:
+        ctx: the context.
+        observations: in the order of their turns.
+        turn: the present one.
+
+    Attributes:
+        turn: the turn.
+        last_seen: agent -> where it was seen last, in which turn and by whom.
+    """
+
+    def __init__(self, ctx: Context, observations: Sequence[Observation], turn: int) -> None:
+        self._ctx, self.turn = ctx, turn
+        self._observations = [one for one in observations if one.turn <= turn]
+        self.last_seen: dict[str, Sighting] = sightings_of(self._observations)
+
+    # -- where they can be ----------------------------------------------------------------------------------------
+
+    def reachable(self, target: str, speed: float | None = None) -> set[int]:
+        """Return the ids of all nodes on which a target can be; it is on one of them.
+
+        It has gone along edges that were open at some time since it was seen last, as fast as it can, and was on no
+        node on which a sensor would have shown it for certain.
+
+        Args:
+            target: the name of an agent on the ground; one that is dead is nowhere.
+            speed: edges or metres in a turn; None: that of the agent, which is one edge if it has none. Give the
+                greatest where that changes.
+
+        Raises:
+            UnknownName (KeyError): there is no such agent.
+            BadType: it flies.
+        """
+        return set(ground_of(self._ctx.graph.columns()).ids_where(self.are_reachable([target], speed)[0]))
+
+    def are_reachable(self, targets: Sequence[str], speed: float | None = None) -> BoolArray:
+        """Return the same for several targets: (targets, nodes), with the nodes as in `ctx.graph.columns()`."""
+        agents = [agent_on_ground(self._ctx, name) for name in targets]
+        paces = [getattr(agent, "speed", None) if speed is None else as_range(speed, "speed") for agent in agents]
+        game = None if self._ctx.current_game is None else self._ctx.game
+        in_metres = game is not None and game.speed_unit == "metres"
+        found = np.zeros((len(agents), ground_of(self._ctx.graph.columns()).size), bool)
+        # An agent without a speed goes along one edge of any length, also where others have metres.
+        for has_pace in (False, True):
+            lines = [line for line, pace in enumerate(paces) if (pace is not None) is has_pace]
+            if lines:
+                names, speeds = tuple(targets[line] for line in lines), [paces[line] or 0.0 for line in lines]
+                labels = self._reached(names, speeds if has_pace else [1.0] * len(lines), has_pace and in_metres)
+                found[lines] = labels > -np.inf
+        found[[not getattr(agent, "alive", True) for agent in agents]] = False
+        return found
+
+    def _reached(self, targets: tuple[str, ...], speeds: list[float], in_metres: bool) -> FloatArray:
+        """Return labels (targets, nodes) of what targets can have reached; see `Reach`."""
+        ground = ground_of(self._ctx.graph.columns())
+        closed = tuple((one.turn, arc) for one in self._observations for arc in one.closed or ())
+        is_free = self._ctx.current_game is not None and self._ctx.game.legal == "any"
+        reach = Reach(ground, np.array(speeds), in_metres=in_metres, is_free=is_free, closed=closed)
+
+        def advance(labels: FloatArray, turn: int, seen: list[Observation]) -> FloatArray:
+            moved = reach.advance(labels, turn) if turn else labels
+            return reach.observe(moved, turn, seen, targets) if seen else moved
+
+        key = ("reach", ground.digest, targets, speeds, in_metres, is_free, closed)
+        return self._folded(key, reach.anywhere(0), advance)
+
+    # -- where they probably are ------------------------------------------------------------------------------------
+
+    def probability(self, target: str, motion: Motion | None = None) -> dict[int, float]:
+        """Return node -> how probable it is that a target is there, without those where it cannot be.
+
+        The probabilities are those of Bayes' rule with all that is remembered, for a target that was anywhere at turn
+        0. What the model of its motion rules out and is seen all the same begins the belief anew.
+
+        Args:
+            target: the name of an agent on the ground; one that is dead is nowhere.
+            motion: how it moves; None: `random_walk()`.
+
+        Raises:
+            UnknownName (KeyError): there is no such agent.
+            BadType: it flies.
+        """
+        return by_node(ground_of(self._ctx.graph.columns()), self.probabilities([target], motion)[0])
+
+    def probabilities(self, targets: Sequence[str], motion: Motion | None = None) -> FloatArray:
+        """Return the same for several targets: (targets, nodes), with the nodes as in `ctx.graph.columns()`."""
+        agents = [agent_on_ground(self._ctx, name) for name in targets]
+        names, ground = tuple(targets), ground_of(self._ctx.graph.columns())
+        filter = Filter(self._ctx, random_walk() if motion is None else motion, names)
+
+        def advance(masses: FloatArray, turn: int, seen: list[Observation]) -> FloatArray:
+            filter.masses = masses
+            if turn:
+                filter.predict()
+            if seen:
+                filter.weigh(likelihoods(ground, names, seen))
+            return filter.masses
+
+        name = random_walk().name if motion is None else motion.name
+        key = ("probable", ground.digest, names, name, 1 if motion is None else motion.steps)
+        filter.masses = self._folded(key, filter.masses, advance)
+        found = filter.probabilities()
+        found[[not getattr(agent, "alive", True) for agent in agents]] = 0.0
+        return found
+
+    def _folded(self, key: object, start: FloatArray, advance: Step) -> FloatArray:
+        """Return what turns and observations make of a start, from the last turn of which that is known.
+
+        Each turn has a digest of all that led to it, so that what is kept never has to be forgotten for being wrong.
+        """
+        by_turn = {turn: list(seen) for turn, seen in groupby(self._observations, attrgetter("turn"))}
+        digests = [blake2b(repr(key).encode(), digest_size=16).digest()]
+        for turn in range(self.turn + 1):
+            texts = "\n".join(f"{one.by}\n{one.text}" for one in by_turn.get(turn, ()))
+            digests.append(blake2b(digests[-1] + texts.encode(), digest_size=16).digest())
+        kept = _worked_out.setdefault(self._ctx, OrderedDict())
+        begin = next((turn for turn in range(self.turn, -1, -1) if digests[turn + 1] in kept), -1)
+        value = kept[digests[begin + 1]] if begin >= 0 else start
+        for turn in range(begin + 1, self.turn + 1):
+            value = advance(value, turn, by_turn.get(turn, []))
+            if turn % _MARK == 0 or turn >= self.turn - _LATE:
+                kept[digests[turn + 1]] = value
+        while len(kept) > min(_MOST, max(_MARK, _MOST_BYTES // max(1, value.nbytes))):
+            kept.popitem(last=False)
+        return value
+
+
+def likelihoods(ground: Ground, targets: Sequence[str], seen: list[Observation]) -> FloatArray:
+    """Return how probable the observations of a turn are, (targets, nodes) for each node on which a target may be."""
+    found = {name: ground.row(node) for one in seen for name, node in one.found.items()}
+    shown_to_all, special = np.ones(ground.size), list[tuple[frozenset[str], FloatArray]]()
+    for look in (look for one in seen for look in one.looks):
+        missed = np.ones(ground.size)
+        if look.node_ids is None:
+            missed -= look.detection
+        else:
+            rows = ground.rows(look.node_ids)
+            missed[rows[rows >= 0]] -= np.broadcast_to(look.detection, rows.shape)[rows >= 0]
+        if look.not_shown:
+            special.append((look.not_shown, missed))
+        else:
+            shown_to_all *= missed
+    values = np.tile(shown_to_all, (len(targets), 1))
+    for line, name in enumerate(targets):
+        for not_shown, missed in special:
+            if name not in not_shown:
+                values[line] *= missed
+        if found.get(name, -1) >= 0:
+            values[line] = np.arange(ground.size) == found[name]
+        elif name in found:
+            values[line] = 1.0
+    return values
+
+
+def artist(observer: str, target: str, motion: Motion | None = None, *, can_be: bool = False) -> dict[str, Any]:
+    """Return an artist for `ctx.visual.add_artist` that shows where an agent believes another one to be.
+
+    Args:
+        observer: whose belief is shown.
+        target: the name of the agent that it is about.
+        motion: how that moves; None: `random_walk()`.
+        can_be: show all nodes on which it can be, instead of how probable each is.
+    """
+    words = f"{target}, by {observer}"
+
+    def values_of(ctx: Context) -> Values:
+        belief, columns = belief_of(ctx, observer), ctx.graph.columns()
+        if can_be:
+            shown = dict.fromkeys(sorted(belief.reachable(target)), 1.0)
+            return checked("nodes", shown, columns.node_ids, lambda _: _CAN_BE, (None, None), words)
+        shown = belief.probability(target, motion)
+        least = _FAINT * max(shown.values(), default=0.0)
+        shown = {node: value for node, value in shown.items() if value >= least}
+        return checked("nodes", shown, columns.node_ids, _COLORS, (0.0, None), words)
+
+    def draw(ctx: Context, data: dict[str, Any]) -> None:  # noqa: ARG001 - the arguments of every drawer
+        render_values(ctx, {"values": values_of(ctx)})
+
+    draw.__dict__["once_a_turn"] = True  # a belief does not glide
+    return {"drawer": draw, "layer": Layer.VALUES, "legend": lambda ctx: values_of(ctx).legend}

@@ -1,0 +1,266 @@
+"""What agents have observed of others, as one short text for each agent and turn in their memories.
+
+An entry of a memory is `("belief", turn, observer)` -> JSON: `found` (agent -> node), `looks` (where agents that were
+not found were not noticed) and `closed` (edges that were open until then). Ascending ids of nodes are written as
+differences. An entry never changes, but for what `note` adds, so that a recording gets each once.
+"""
+
+import json
+from collections.abc import Iterable, Mapping
+from functools import lru_cache
+from typing import Any, NamedTuple
+from weakref import WeakKeyDictionary
+
+import numpy as np
+
+from gamms.arguments import as_count, as_int
+from gamms.belief.ground import Arc, Ground, ground_of
+from gamms.context import Context
+from gamms.deciding import phase_of
+from gamms.errors import BadType, MissingKey, NotOffered, UnknownName
+from gamms.ir.graph import FloatArray, IntArray
+from gamms.text import shown
+from gamms.typing import AgentType, IAgent, SensorType
+from gamms.typing.game import AerialState, NodeId, State
+
+Memory = dict[Any, Any]
+Key = tuple[str, int, str]
+
+ENTRY = "belief"  # the first part of a key
+_MAP = "belief map"  # the key of the digest of the map that was seen last
+_ON_GROUND = {SensorType.AGENT, SensorType.AGENT_RANGE, SensorType.AGENT_ARC, SensorType.OCCLUDED_AGENT}
+_IN_AIR = {SensorType.AERIAL_AGENT, SensorType.OCCLUDED_AERIAL_AGENT}
+_ALMOST = 0.999999  # the highest probability that is written of those below 1
+
+_grounds: WeakKeyDictionary[Context, dict[str, Ground]] = WeakKeyDictionary()  # the last maps, by their digests
+_MOST_MAPS = 4
+
+
+class Look(NamedTuple):
+    """Nodes on which agents would have been noticed, with some probability."""
+
+    node_ids: IntArray | None  # (nodes,) ascending; None: all nodes
+    detection: float | FloatArray  # of all, or (nodes,)
+    not_shown: frozenset[str]  # names of the agents of which it says nothing
+
+
+class Observation(NamedTuple):
+    """What one agent observed in one turn."""
+
+    turn: int
+    by: str
+    text: str  # what it was read from
+    found: Mapping[str, int]  # agent -> node
+    looks: tuple[Look, ...]
+    closed: tuple[Arc, ...] | None  # edges that were open until this turn; None: it is not known which
+
+
+class Sighting(NamedTuple):
+    """Where an agent was, in which turn, and which agent saw it."""
+
+    node: int
+    turn: int
+    by: str
+
+
+def merge(*memories: Mapping[Any, Any]) -> dict[Key, str]:
+    """Return the observations in several memories, in the order of their turns and observers.
+
+    Beliefs of teammates are merged by merging what they follow from: the result is what Bayes' rule gives with all
+    observations, whatever the order, and an observation that several know counts once.
+    """
+    found: dict[Key, str] = {}
+    for memory in memories:
+        for key, text in memory.items():
+            if type(key) is tuple and len(key) == 3 and key[0] == ENTRY:
+                found[key] = max(text, found.get(key, ""))
+    return dict(sorted(found.items()))
+
+
+def observations_in(*memories: Mapping[Any, Any]) -> list[Observation]:
+    """Return the observations in several memories, read, in the same order."""
+    return [_read(turn, by, text) for (_, turn, by), text in merge(*memories).items()]
+
+
+def sightings_of(observations: Iterable[Observation]) -> dict[str, Sighting]:
+    """Return where each agent was seen last; of several observers in one turn, the first by name counts."""
+    last: dict[str, Sighting] = {}
+    for turn, by, _, found, *_ in observations:
+        for name, node in found.items():
+            if name not in last or last[name].turn < turn:
+                last[name] = Sighting(node, turn, by)
+    return dict(sorted(last.items()))
+
+
+# -- notes ----------------------------------------------------------------------------------------------------------
+
+
+def note_senses(ctx: Context, state: State | AerialState, *, share: bool, horizon: int) -> None:
+    """Write into memory what the sensors of an agent show in this turn of agents that are not of its team."""
+    agent = ctx.agent.get_agent(_required(state, "name"))
+    found, looks = _respawned(ctx, state), []
+    for name, (kind, data) in state["sensor"].items():
+        if kind not in _ON_GROUND | _IN_AIR:
+            continue
+        places = data if kind in _ON_GROUND else _nodes_under(ctx, data)
+        found |= {one: int(node) for one, node in places.items() if _is_other(ctx, state, one)}
+        try:
+            covered = agent.sensors[name].coverage(agent.current_node_id, agent.name)
+        except (KeyError, NotOffered):  # a sensor of another class may notice anything
+            continue
+        others = sorted(one for one in covered.not_shown if _is_other(ctx, state, one))
+        looks.append(_look(ctx, covered.node_ids, covered.detection, others))
+    _note(ctx, state, {"found": dict(sorted(found.items())), "looks": [look for look in looks if look]}, share=share)
+    for memory in (_required(state, "memory"), *([state["team_memory"]] if "team_memory" in state else [])):
+        _prune(memory, state["turn"], as_count(horizon, "horizon"))
+
+
+def note(ctx: Context, state: State | AerialState, name: str, node: NodeId, *, share: bool = True) -> None:
+    """Remember that an agent is on a node now: what a sensor of your own, a message or a rule has told.
+
+    Raises:
+        UnknownName (KeyError): there is no such agent or node.
+    """
+    where = as_int(node, f"node of agent {shown(name)}")
+    if not ctx.graph.graph.has_node(where):
+        raise UnknownName("node", where)
+    _note(ctx, state, {"found": {ctx.agent.get_agent(name).name: where}, "looks": []}, share=share)
+
+
+def _note(ctx: Context, state: State | AerialState, new: dict[str, Any], *, share: bool) -> None:
+    memory, turn = _required(state, "memory"), _required(state, "turn")
+    key = (ENTRY, turn, _required(state, "name"))
+    known = json.loads(memory[key]) if key in memory else {"found": {}, "looks": []}
+    found = dict(sorted((known["found"] | new["found"]).items()))
+    closed = known.get("closed", []) or _closed(ctx, memory)
+    entry = {"found": found, "looks": new["looks"] or known["looks"], "closed": closed}
+    text = json.dumps({name: part for name, part in entry.items() if part != []}, separators=(",", ":"))
+    memory[key] = text
+    if share and "team_memory" in state and state.get("team") is not None:
+        state["team_memory"][key] = text
+
+
+def _required(state: State | AerialState, key: str) -> Any:
+    if key not in state:
+        raise MissingKey(
+            f"A belief needs state[{key!r}]. ctx.game puts it there; in a loop of your own, set name, team, turn and "
+            "memory, a dict that you keep for the agent."
+        )
+    return state[key]  # type: ignore[literal-required] # one of those above
+
+
+def _is_other(ctx: Context, state: State | AerialState, name: str) -> bool:
+    """Whether an agent is on the ground and not of the team of the observer."""
+    other, team = ctx.agent.get_agent(name), _required(state, "team")
+    is_mate = name == state["name"] or (team is not None and getattr(other, "team", None) == team)
+    return not is_mate and other.type is not AgentType.AERIAL
+
+
+def _nodes_under(ctx: Context, data: Mapping[str, tuple[AgentType, tuple[float, ...]]]) -> dict[str, int]:
+    graph = ctx.graph.graph
+    return {
+        name: graph.nearest_node(place[0], place[1])
+        for name, (kind, place) in data.items()
+        if kind is not AgentType.AERIAL
+    }
+
+
+def _respawned(ctx: Context, state: State | AerialState) -> dict[str, int]:
+    """Return where agents were put by `ctx.game.respawn` since the last turn, which all strategies can read."""
+    found: dict[str, int] = {}
+    if ctx.current_game is None:
+        return found
+    with phase_of(ctx).suspended():  # NOTE: which spares a copy of the events of the whole game, 3 us for each
+        events = ctx.game.events
+    for event in reversed(events):
+        if event["turn"] < state["turn"]:
+            break
+        name = event.get("agent")
+        if event["kind"] == "respawned" and name in ctx.agent.agents and _is_other(ctx, state, name):
+            found.setdefault(name, event["node"])
+    return found
+
+
+def _look(ctx: Context, node_ids: IntArray, detection: FloatArray, not_shown: list[str]) -> list[Any]:
+    """Return a look as it is written; [] if nothing follows from it."""
+    order = np.argsort(node_ids)
+    order = order[detection[order] > 0.0]
+    if not len(order):
+        return []
+    ids, chances = node_ids[order], detection[order]
+    chances = np.where(chances < 1.0, np.minimum(np.round(chances, 6), _ALMOST), 1.0)
+    is_even = bool((chances == chances[0]).all())
+    is_everywhere = len(ids) == len(ctx.graph.columns().node_ids)
+    steps = None if is_everywhere and is_even else np.diff(ids, prepend=0).tolist()
+    return [steps, float(chances[0]) if is_even else chances.tolist(), *([not_shown] if not_shown else [])]
+
+
+@lru_cache(maxsize=1 << 14)
+def _read(turn: int, by: str, text: str) -> Observation:
+    try:
+        entry = json.loads(text)
+        looks = tuple(_read_look(*look) for look in entry.get("looks", ()))
+        closed = entry.get("closed", ())
+        arcs = None if closed is None else tuple((int(s), int(t), float(length)) for s, t, length in closed)
+        return Observation(turn, by, text, entry.get("found", {}), looks, arcs)
+    except (AttributeError, KeyError, TypeError, ValueError) as error:
+        raise BadType(
+            f"Memory has {shown(text)} as what {by!r} has observed in turn {turn}. "
+            f"Write nothing under keys that begin with {ENTRY!r}; gamms.belief does."
+        ) from error
+
+
+def _read_look(steps: list[int] | None, detection: float | list[float], not_shown: Iterable[str] = ()) -> Look:
+    ids = None if steps is None else np.cumsum(np.array(steps, np.int64))
+    chances = np.array(detection) if isinstance(detection, list) else float(detection)
+    return Look(ids, chances, frozenset(not_shown))
+
+
+# -- what changes -----------------------------------------------------------------------------------------------------
+
+
+def _closed(ctx: Context, memory: Memory) -> list[list[float]] | None:
+    """Return the edges that are gone since the agent has observed last; None if that map is not known any more."""
+    ground = ground_of(ctx.graph.columns())
+    known = _grounds.setdefault(ctx, {})
+    known[ground.digest] = ground
+    while len(known) > _MOST_MAPS:
+        del known[next(iter(known))]
+    before, memory[_MAP] = memory.get(_MAP, ground.digest), ground.digest
+    if before == ground.digest:
+        return []
+    return [list(arc) for arc in sorted(known[before].arcs() - ground.arcs())] if before in known else None
+
+
+def _prune(memory: Memory, turn: int, horizon: int) -> None:
+    """Forget looks that are older than some turns; where each agent was seen last stays."""
+    if turn % max(1, horizon // 2):  # NOTE: seldom, because what is worked out from the first entry on has to be again
+        return
+    observations = observations_in(memory)
+    last = sightings_of(observations)
+    oldest = min((one.turn for one in last.values()), default=turn)
+    for one in observations:
+        if one.turn >= turn - horizon:
+            return
+        found = {name: node for name, node in one.found.items() if last[name] == (node, one.turn, one.by)}
+        entry: dict[str, Any] = {"found": found} if found else {}
+        if one.closed != () and oldest < one.turn:
+            entry["closed"] = one.closed
+        key = (ENTRY, one.turn, one.by)
+        if entry:
+            memory[key] = json.dumps(entry, separators=(",", ":"))
+        else:
+            del memory[key]
+
+
+def agent_on_ground(ctx: Context, name: str) -> IAgent:
+    """Return an agent that a belief can be about.
+
+    Raises:
+        UnknownName (KeyError): there is no such agent.
+        BadType: it flies.
+    """
+    agent = ctx.agent.get_agent(name)
+    if agent.type is AgentType.AERIAL:
+        raise BadType(f"Beliefs are about agents that go along edges, and {name!r} flies. Ask for others only.")
+    return agent

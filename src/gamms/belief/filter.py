@@ -1,0 +1,139 @@
+"""Bayes filters on a graph: where some targets probably are, by a model of their motion and by what is observed."""
+
+from collections.abc import Iterable, Mapping, Sequence
+
+import numpy as np
+
+from gamms.arguments import as_count, as_ids, as_items
+from gamms.belief.ground import Ground, ground_of
+from gamms.belief.motion import Chain, Motion, chain_of
+from gamms.errors import BadValue, UnknownName
+from gamms.ir.graph import FloatArray
+from gamms.text import shown
+from gamms.typing import IContext
+from gamms.typing.game import NodeId
+
+
+class Filter:
+    """Probabilities of where some targets are, which are exactly those of Bayes' rule.
+
+    The targets move independently of each other. At first each is on any node, with the same probability.
+
+    Args:
+        ctx: the context, whose map is taken as it is now.
+        motion: how the targets move.
+        targets: their names.
+
+    Attributes:
+        targets: their names.
+        masses: (targets, states) of the chain of the model; of each target they add up to 1. Settable, to go on from a
+            copy of earlier ones.
+    """
+
+    def __init__(self, ctx: IContext, motion: Motion, targets: Iterable[str]) -> None:
+        self.targets: Sequence[str] = tuple(as_items(targets, "targets", "names"))
+        self._ground: Ground = ground_of(ctx.graph.columns())
+        self._chain: Chain = chain_of(motion, self._ground)
+        self._motion = motion
+        if not self._ground.size:
+            raise BadValue("A filter needs a map, and the graph has no nodes. Add them before.")
+        self.masses: FloatArray = np.tile(self._chain.shares / self._ground.size, (len(self.targets), 1))
+
+    def predict(self, turns: int = 1) -> None:
+        """Let turns pass, in which the targets move by the model."""
+        sources, targets, chances, *_ = self._chain
+        moved = self.masses.copy()
+        for _ in range(as_count(turns, "turns", 0) * self._motion.steps):
+            for line, masses in enumerate(
+                moved
+            ):  # NOTE: one by one, so that the row stays in the cache of the processor
+                moved[line] = np.bincount(targets, masses[sources] * chances, len(masses))
+        self.masses = moved
+
+    def update(
+        self,
+        seen_nodes: Iterable[NodeId] = (),
+        detection_probability: float | Iterable[float] = 1.0,
+        found: Mapping[str, NodeId] | None = None,
+        not_shown: Iterable[str] = (),
+    ) -> FloatArray:
+        """Take in what was observed at one moment, between two turns.
+
+        Args:
+            seen_nodes: ids of nodes on which a target would have been noticed.
+            detection_probability: how probable that was, or for each of these nodes how probable.
+            found: target -> the node it was seen on.
+            not_shown: targets of which `seen_nodes` say nothing.
+
+        Returns:
+            (targets,) how probable the observation was by what was believed before. Where it was 0, the belief was
+            wrong, and begins anew from this observation alone.
+
+        Raises:
+            UnknownName (KeyError): there is no such node or target.
+            BadType, BadValue: a probability is none.
+        """
+        seen = self._ground.known_rows(np.array(as_ids(seen_nodes, "seen_nodes"), np.int64))
+        given = detection_probability if isinstance(detection_probability, float | int) else [*detection_probability]
+        chances = np.broadcast_to(np.asarray(given, np.float64), (len(seen),))
+        if not ((chances >= 0.0) & (chances <= 1.0)).all():
+            raise BadValue(f"detection_probability must be from 0 to 1, not {shown(detection_probability)}.")
+        places = {} if found is None else dict(found)
+        for name in (*places, *not_shown):
+            if name not in self.targets:
+                raise UnknownName("target", name, self.targets)
+        rows = dict(
+            zip(places, self._ground.known_rows(np.array(as_ids(places.values(), "found"), np.int64)), strict=True)
+        )
+        missed = np.ones(self._ground.size)
+        np.multiply.at(missed, seen, 1.0 - chances)
+        likelihoods = np.tile(missed, (len(self.targets), 1))
+        for line, name in enumerate(self.targets):
+            if name in rows:
+                likelihoods[line] = np.arange(self._ground.size) == rows[name]
+            elif name in not_shown:
+                likelihoods[line] = 1.0
+        return self.weigh(likelihoods)
+
+    def weigh(self, likelihoods: FloatArray) -> FloatArray:
+        """Take in an observation by how probable it is for each node.
+
+        Args:
+            likelihoods: (targets, nodes) of the observation, if the target is on the node.
+
+        Returns:
+            As `update`.
+        """
+        chain = self._chain
+        weighed = self.masses * likelihoods[:, chain.rows]
+        totals: FloatArray = weighed.sum(axis=1)
+        for line in np.flatnonzero(totals == 0.0).tolist():
+            weighed[line] = chain.shares * likelihoods[line, chain.rows]
+            if not weighed[line].any():  # no node is possible
+                weighed[line] = chain.shares
+        is_told = (likelihoods != 1.0).any(
+            axis=1
+        )  # of others not a bit changes, so that targets do not depend on each other
+        self.masses = np.where(is_told[:, None], weighed / weighed.sum(axis=1, keepdims=True), self.masses)
+        return totals
+
+    def probabilities(self) -> FloatArray:
+        """Return how probable each node is, (targets, nodes) with the nodes as in `ctx.graph.columns()`."""
+        rows, size = self._chain.rows, self._ground.size
+        return np.array([np.bincount(rows, masses, size) for masses in self.masses]).reshape(-1, size)
+
+    def probability(self, target: str) -> dict[int, float]:
+        """Return node -> how probable it is that a target is there, without those where it cannot be.
+
+        Raises:
+            UnknownName (KeyError): there is no such target.
+        """
+        if target not in self.targets:
+            raise UnknownName("target", target, self.targets)
+        return by_node(self._ground, self.probabilities()[self.targets.index(target)])
+
+
+def by_node(ground: Ground, probabilities: FloatArray) -> dict[int, float]:
+    """Return node -> probability for those that are more than 0."""
+    rows = np.flatnonzero(probabilities)
+    return dict(zip(ground.ids_where(rows), probabilities[rows].tolist(), strict=True))

@@ -1,0 +1,77 @@
+"""The map as beliefs use it: rows of nodes, which edges lead where, and what they cost."""
+
+from functools import cached_property, lru_cache
+from hashlib import blake2b
+
+import numpy as np
+
+from gamms.errors import UnknownName
+from gamms.ir.graph import FloatArray, GraphColumns, IntArray
+
+Arc = tuple[int, int, float]  # ids of both ends, length
+
+
+class Ground:
+    """One revision of the map.
+
+    Attributes:
+        columns: of the graph.
+        size: how many nodes there are.
+        digest: the same text for the same nodes and edges, in every run.
+    """
+
+    def __init__(self, columns: GraphColumns) -> None:
+        self.columns, self.size = columns, len(columns.node_ids)
+        self._order = np.argsort(columns.node_ids, kind="stable")
+        self._ascending = columns.node_ids[self._order]
+        ends = columns.node_ids[columns.sources], columns.node_ids[columns.targets]
+        parts = (columns.node_ids, *ends, columns.lengths)
+        self.digest = blake2b(
+            b"".join(np.ascontiguousarray(part).tobytes() for part in parts), digest_size=8
+        ).hexdigest()
+
+    def rows(self, node_ids: IntArray) -> IntArray:
+        """Return the rows of some nodes (nodes,); -1 of those that are not on the map."""
+        if not self.size:
+            return np.full(len(node_ids), -1)
+        places = np.minimum(np.searchsorted(self._ascending, node_ids), self.size - 1)
+        return np.where(self._ascending[places] == node_ids, self._order[places], -1)
+
+    def row(self, node_id: int) -> int:
+        """Return the row of a node; -1 if it is not on the map."""
+        return int(self.rows(np.array([node_id]))[0])
+
+    def known_rows(self, node_ids: IntArray) -> IntArray:
+        """Return the rows of some nodes (nodes,).
+
+        Raises:
+            UnknownName (KeyError): one is not on the map.
+        """
+        rows = self.rows(node_ids)
+        if (rows < 0).any():
+            raise UnknownName("node", int(node_ids[np.argmax(rows < 0)]))
+        return rows
+
+    @cached_property
+    def ways(self) -> tuple[IntArray, IntArray]:
+        """Rows of both ends (ways,) of which node leads to which other, each pair once, by start and then by end."""
+        sources, targets = self.columns.sources, self.columns.targets
+        pairs = np.unique((sources * self.size + targets)[sources != targets])
+        return pairs // max(1, self.size), pairs % max(1, self.size)
+
+    def arcs(self) -> set[Arc]:
+        """Return all edges by the ids of their ends and by their lengths."""
+        ids, columns = self.columns.node_ids, self.columns
+        ends = ids[columns.sources].tolist(), ids[columns.targets].tolist()
+        return set(zip(*ends, columns.lengths.tolist(), strict=True))
+
+    def ids_where(self, chosen: "IntArray | FloatArray") -> list[int]:
+        """Return the ids of some rows."""
+        found: list[int] = self.columns.node_ids[chosen].tolist()
+        return found
+
+
+@lru_cache(maxsize=4)
+def ground_of(columns: GraphColumns) -> Ground:
+    """Return the map of a revision of a graph, made once."""
+    return Ground(columns)

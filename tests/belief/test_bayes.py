@@ -1,0 +1,265 @@
+"""The filter gives exactly what Bayes' rule gives over all paths that a target can have taken."""
+
+from collections import defaultdict
+
+import numpy as np
+import pytest
+from hypothesis import given, settings
+from hypothesis import strategies as st
+
+import gamms
+from gamms import belief
+from gamms.errors import BadType, BadValue, UnknownName
+from gamms.sensor import SensorType
+
+PROBABILITIES = st.sampled_from([0.0, 0.2, 0.5, 0.9, 1.0])
+
+
+def context(nodes, edges):
+    ctx = gamms.create_context(seed=1, logger_config={"level": "CRITICAL"})
+    ctx.graph.add_nodes([3 * i for i in range(nodes)], [10.0 * i for i in range(nodes)], [0.0] * nodes)
+    for id, (source, target) in enumerate(edges):
+        ctx.graph.graph.add_edge({"id": id, "source": 3 * source, "target": 3 * target, "length": 1.0 + id})
+    return ctx
+
+
+def walk_by_hand(ctx, stay):
+    """Transitions of a random walk: node -> [(node, probability)], of the definition."""
+    graph, found = ctx.graph.graph, {}
+    for node in graph.get_nodes():
+        others = [other for other in graph.get_neighbors(node) if other != node]
+        here = 1 / (1 + len(others)) if stay is None else (stay if others else 1.0)
+        found[node] = [(node, here), *((other, (1 - here) / len(others)) for other in others)]
+    return found
+
+
+def goal_by_hand(ctx, goal, wander):
+    """Transitions of a target that goes to one goal."""
+    graph, walk = ctx.graph.graph, walk_by_hand(ctx, None)
+    for node in walk:
+        if node == goal:
+            walk[node] = [(goal, 1.0)]
+        elif graph.distance(node, goal) < float("inf"):
+            step = graph.shortest_path(node, goal)[1]
+            walk[node] = [(step, 1 - wander), *((other, wander * chance) for other, chance in walk[node])]
+    return walk
+
+
+def by_enumeration(hypotheses, nodes, evidence):
+    """Posterior of the last node, and the probability of all evidence, over every path by every hypothesis.
+
+    hypotheses: [(prior, transitions)]; evidence: for each turn, node -> how probable what was observed is there.
+    """
+    masses = defaultdict(float)
+
+    def extend(node, mass, turn, transitions):
+        mass *= evidence[turn][node]
+        if mass == 0.0:
+            return
+        if turn == len(evidence) - 1:
+            masses[node] += mass
+            return
+        for other, chance in transitions[node]:
+            extend(other, mass * chance, turn + 1, transitions)
+
+    for prior, transitions in hypotheses:
+        for node in nodes:
+            extend(node, prior / len(nodes), 0, transitions)
+    total = sum(masses.values())
+    return {node: mass / total for node, mass in masses.items() if mass}, total  # without any, if all are 0
+
+
+@st.composite
+def cases(draw):
+    nodes = draw(st.integers(1, 6))
+    node = st.integers(0, nodes - 1)
+    look = st.one_of(
+        st.none(),
+        st.tuples(st.just("found"), node),
+        st.tuples(st.just("missed"), st.dictionaries(node, PROBABILITIES, max_size=nodes)),
+    )
+    return {
+        "nodes": nodes,
+        "edges": draw(st.lists(st.tuples(node, node), max_size=10)),
+        "looks": draw(st.lists(st.lists(look, max_size=2), min_size=1, max_size=5)),
+        "model": draw(st.sampled_from(["walk", "lazy walk", "goals", "mixture"])),
+        "goals": draw(
+            st.lists(st.tuples(node, st.integers(1, 3)), min_size=1, max_size=2, unique_by=lambda pair: pair[0])
+        ),
+        "wander": draw(PROBABILITIES),
+    }
+
+
+def modelled(ctx, case):
+    """The model of a case, and its hypotheses by hand."""
+    walk = (1.0, walk_by_hand(ctx, None))
+    goals = {3 * goal: float(weight) for goal, weight in case["goals"]}
+    total, wander = sum(goals.values()), case["wander"]
+    by_goals = [(weight / total, goal_by_hand(ctx, goal, wander)) for goal, weight in goals.items()]
+    if case["model"] == "walk":
+        return belief.random_walk(), [walk]
+    if case["model"] == "lazy walk":
+        return belief.random_walk(stay=wander), [(1.0, walk_by_hand(ctx, wander))]
+    if case["model"] == "goals":
+        return belief.to_goals(goals, wander=wander), by_goals
+    mixed = belief.mixture({belief.random_walk(): 3, belief.to_goals(goals, wander): 1})
+    return mixed, [(0.75, walk[1]), *((0.25 * share, hops) for share, hops in by_goals)]
+
+
+def likelihood(nodes, looks):
+    """How probable the looks of a turn are at each node."""
+    found = dict.fromkeys(nodes, 1.0)
+    for look in looks:
+        for node in nodes:
+            if look and look[0] == "found":
+                found[node] *= float(node == 3 * look[1])
+            elif look:
+                found[node] *= 1.0 - look[1].get(node // 3, 0.0)
+    return found
+
+
+def observe(filter, look, names):
+    if look and look[0] == "found":
+        return filter.update(found=dict.fromkeys(names, 3 * look[1]))
+    if look:
+        return filter.update([3 * node for node in look[1]], list(look[1].values()))
+    return 1.0
+
+
+@settings(max_examples=300, deadline=None)
+@given(case=cases())
+def test_it_equals_the_sum_over_all_paths(case):
+    with context(case["nodes"], case["edges"]) as ctx:
+        motion, hypotheses = modelled(ctx, case)
+        nodes = list(ctx.graph.graph.get_nodes())
+        expected, total = by_enumeration(hypotheses, nodes, [likelihood(nodes, looks) for looks in case["looks"]])
+        filter, product = belief.Filter(ctx, motion, ["prey", "twin"]), 1.0
+        for turn, looks in enumerate(case["looks"]):
+            if turn:
+                filter.predict()
+            for look in looks:
+                product = product * observe(filter, look, ["prey", "twin"])
+        assert np.allclose(filter.probabilities().sum(axis=1), 1.0)
+        assert np.allclose(product, total)
+        if total:
+            assert filter.probability("prey") == pytest.approx(expected, abs=1e-12)
+        assert (filter.probabilities()[0] == filter.probabilities()[1]).all()
+
+
+@settings(max_examples=60, deadline=None)
+@given(case=cases(), order=st.permutations(range(3)))
+def test_several_targets_at_once_are_those_one_by_one(case, order):
+    with context(case["nodes"], case["edges"]) as ctx:
+        motion, _ = modelled(ctx, case)
+        names = ["a", "b", "c"]
+        together, alone = belief.Filter(ctx, motion, names), [belief.Filter(ctx, motion, [name]) for name in names]
+        for turn, looks in enumerate(case["looks"]):
+            together.predict()
+            for filter in alone:
+                filter.predict()
+            for look in looks:
+                of = [names[order[turn % 3]]]
+                if look and look[0] == "found":
+                    together.update(found=dict.fromkeys(of, 3 * look[1]))
+                    alone[names.index(of[0])].update(found=dict.fromkeys(of, 3 * look[1]))
+                elif look:
+                    seen = [3 * node for node in look[1]]
+                    together.update(seen, look[1].values(), not_shown=of)
+                    for filter in alone:
+                        filter.update(seen, look[1].values(), not_shown=set(of) & set(filter.targets))
+        assert (together.probabilities() == np.vstack([filter.probabilities() for filter in alone])).all()
+
+
+@settings(max_examples=60, deadline=None)
+@given(
+    seed=st.integers(0, 10_000), sights=st.lists(st.integers(0, 25), min_size=2, max_size=3), detection=PROBABILITIES
+)
+def test_agents_believe_in_a_game_what_bayes_rule_gives_with_all_that_the_team_has_observed(seed, sights, detection):
+    with context(6, [(a, b) for i in range(5) for a, b in ((i, i + 1), (i + 1, i))]) as ctx:
+        nodes = list(ctx.graph.graph.get_nodes())
+        evidence = [dict.fromkeys(nodes, 1.0) for _ in range(4)]
+
+        def watch(state):
+            here, [(_, data)] = state["curr_pos"], state["sensor"].values()
+            reach = sights[int(state["name"][1:])]
+            now = evidence[state["turn"]]
+            for node in nodes:
+                distance = abs(node - here) / 3 * 10
+                chance = (detection if distance > 0 else 1.0) if distance <= reach else 0.0
+                now[node] *= float(data["prey"] == node) if "prey" in data else 1.0 - chance
+            belief.observe(ctx, state)
+            state["action"] = state["draw"].choice(state["legal"])
+
+        for i, sight in enumerate(sights):
+            steps = [(0.0, 1.0), (1e-6, detection)]
+            eyes = ctx.sensor.create_sensor(f"eyes {i}", SensorType.AGENT_RANGE, sensor_range=sight, detection=steps)
+            start = nodes[(seed // 6**i) % 6]
+            ctx.agent.create_agent(f"w{i}", start_node_id=start, team="red", sensors={"e": eyes}, strategy=watch)
+        ctx.agent.create_agent(
+            "prey", start_node_id=nodes[seed % 6], team="blue", strategy=gamms.strategies.random_walk
+        )
+        ctx.game.reset(seed)
+        ctx.game.run(4)
+        expected, _ = by_enumeration([(1.0, walk_by_hand(ctx, None))], nodes, [*evidence, dict.fromkeys(nodes, 1.0)])
+        assert belief.belief_of(ctx, "w0").probability("prey") == pytest.approx(expected, abs=1e-9)
+        assert belief.belief_of(ctx, "w1").probability("prey") == belief.belief_of(ctx, "w0").probability("prey")
+
+
+def test_steps_are_edges_in_a_turn():
+    with context(5, [(i, i + 1) for i in range(4)]) as ctx:
+        slow, fast = (belief.Filter(ctx, belief.random_walk(0.5, steps=steps), ["a"]) for steps in (1, 2))
+        slow.predict(4)
+        fast.predict(2)
+        assert slow.probability("a") == fast.probability("a")
+
+
+def test_a_walker_is_expected_where_the_shipped_random_walk_goes():
+    with context(4, [(0, 1), (0, 2), (0, 3), (0, 3)]) as ctx:
+        filter = belief.Filter(ctx, belief.random_walk(), ["a"])
+        filter.update(found={"a": 0})
+        filter.predict()
+        assert filter.probability("a") == {0: 0.25, 3: 0.25, 6: 0.25, 9: 0.25}
+
+
+def test_what_contradicts_the_model_begins_the_belief_anew():
+    with context(3, [(0, 1)]) as ctx:
+        filter = belief.Filter(ctx, belief.random_walk(), ["a"])
+        filter.update(found={"a": 0})
+        assert filter.update(found={"a": 6}).tolist() == [0.0]
+        assert filter.probability("a") == {6: 1.0}
+        filter.update([6])
+        assert filter.probability("a") == {0: 0.5, 3: 0.5}
+        filter.update([0, 3, 6])
+        assert len(filter.probability("a")) == 3
+
+
+@pytest.mark.parametrize(
+    ("call", "error", "words"),
+    [
+        (lambda f: f.update([1]), UnknownName, "node 1"),
+        (lambda f: f.update(found={"b": 0}), UnknownName, "target 'b'"),
+        (lambda f: f.update([0], 1.5), BadValue, "from 0 to 1, not 1.5"),
+        (lambda f: f.probability("b"), UnknownName, "target 'b'"),
+        (lambda f: f.predict(-1), BadValue, "turns must not be negative"),
+        (lambda f: belief.random_walk(stay=2), BadValue, "stay of random_walk must be a probability"),
+        (lambda f: belief.random_walk(steps=0), BadValue, "steps of random_walk"),
+        (lambda f: belief.to_goals([]), BadValue, "Goals of to_goals need weights"),
+        (lambda f: belief.to_goals({0: -1}), BadValue, "need weights"),
+        (lambda f: belief.mixture([belief.random_walk()]), BadType, "models of mixture must be a dict"),
+        (lambda f: belief.mixture({"walk": 1}), BadType, "mixture takes a dict from models"),
+        (lambda f: belief.mixture({belief.random_walk(): 1, belief.random_walk(0.1, steps=2): 1}), BadValue, "steps"),
+    ],
+)
+def test_errors_name_what_is_wrong(call, error, words):
+    with context(2, [(0, 1)]) as ctx, pytest.raises(error, match=words):
+        call(belief.Filter(ctx, belief.random_walk(), ["a"]))
+
+
+def test_a_goal_that_is_not_on_the_map_is_named():
+    with context(2, [(0, 1)]) as ctx, pytest.raises(UnknownName, match="node 7"):
+        belief.Filter(ctx, belief.to_goals([0, 7]), ["a"])
+
+
+def test_a_map_without_nodes_is_refused():
+    with gamms.create_context() as ctx, pytest.raises(BadValue, match="no nodes"):
+        belief.Filter(ctx, belief.random_walk(), ["a"])

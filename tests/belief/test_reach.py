@@ -1,0 +1,246 @@
+"""The set of nodes on which a target can be holds the one on which it is, and no more than was seen allows."""
+
+from math import inf
+
+import pytest
+from hypothesis import given, settings
+from hypothesis import strategies as st
+
+import gamms
+from gamms import belief
+from gamms.errors import BadType, UnknownName
+from gamms.sensor import SensorType
+
+SPEEDS = st.one_of(st.none(), st.integers(0, 3).map(float), st.floats(0.1, 3.0))
+
+
+@st.composite
+def worlds(draw):
+    nodes = draw(st.integers(2, 7))
+    node, coordinate = st.integers(0, nodes - 1), st.floats(0, 30)
+    return {
+        "places": draw(st.lists(st.tuples(coordinate, coordinate), min_size=nodes, max_size=nodes)),
+        "edges": draw(st.lists(st.tuples(node, node, st.floats(0.5, 9.0)), max_size=14)),
+        "starts": draw(st.lists(node, min_size=3, max_size=3)),
+        "speed": draw(SPEEDS),
+        "unit": draw(st.sampled_from(["edges", "metres"])),
+        "sights": draw(st.lists(st.floats(0, 25), min_size=2, max_size=2)),
+        "detection": draw(st.sampled_from([None, 0.5, ((0.0, 1.0), (12.0, 0.0))])),
+        "changes": draw(st.dictionaries(st.integers(0, 7), st.tuples(node, node, st.floats(0.5, 9.0)), max_size=5)),
+        "phase": draw(st.sampled_from(["before", "after"])),
+        "respawns": draw(st.sets(st.integers(0, 7), max_size=2)),
+        "out": draw(st.sets(st.integers(0, 7), max_size=1)),
+        "share": draw(st.booleans()),
+        "horizon": draw(st.integers(1, 6)),
+        "seed": draw(st.integers(0, 1000)),
+    }
+
+
+def rover(state):
+    """Go somewhere else or the same way on, as far as the speed allows, so that parts of edges count."""
+    memory, draw = state["memory"], state["draw"]
+    if memory.get("goal") in (None, state["curr_pos"]) or draw.random() < 0.3:
+        memory["goal"] = draw.choice(state["legal"])
+    state["action"] = memory["goal"]
+
+
+def changing(world):
+    """A rule that closes an edge where there is one between two nodes, and opens one where there is none."""
+
+    def change(ctx):
+        turn, graph = ctx.game.turn, ctx.graph.graph
+        if turn in world["changes"]:
+            source, target, length = world["changes"][turn]
+            between = [
+                id for id in graph.get_edges() if (e := graph.get_edge(id)).source == source and e.target == target
+            ]
+            for id in between:
+                graph.remove_edge(id)
+            if not between:
+                graph.add_edge({"id": 1000 + turn, "source": source, "target": target, "length": length})
+        if turn in world["out"]:
+            ctx.game.eliminate("prey")
+        if turn in world["respawns"]:
+            ctx.game.respawn("prey")
+
+    return change
+
+
+@settings(max_examples=150, deadline=None)
+@given(world=worlds())
+def test_the_truth_is_always_in_the_set(world):
+    with gamms.create_context(seed=world["seed"], logger_config={"level": "CRITICAL"}) as ctx:
+        ctx.graph.add_nodes(range(len(world["places"])), *zip(*world["places"], strict=True))
+        for id, (source, target, length) in enumerate(world["edges"]):
+            ctx.graph.graph.add_edge({"id": id, "source": source, "target": target, "length": length})
+        ctx.game.speed_unit, ctx.game.on_illegal = world["unit"], "stay"
+        checked = []
+
+        def watch(state):
+            known = belief.observe(ctx, state, share=world["share"], horizon=world["horizon"])
+            checked.append((known.turn, known.reachable("prey")))
+            state["action"] = state["draw"].choice(state["legal"])
+
+        where = {}
+
+        @ctx.game.add(phase="before")
+        def note_truth(ctx):
+            prey = ctx.agent.get_agent("prey")
+            where[ctx.game.turn] = prey.current_node_id if prey.alive else None
+
+        ctx.game.add(changing(world), phase=world["phase"])
+        ctx.game.add(ctx.game.remove("note_truth") or note_truth, phase="before")  # after what changes the world
+        ctx.agent.create_agent("prey", start_node_id=world["starts"][0], team="a", strategy=rover)
+        if world["speed"] is not None:
+            ctx.agent.get_agent("prey").speed = world["speed"]
+        for i, sight in enumerate(world["sights"]):
+            options = {"sensor_range": sight, "detection": world["detection"]}
+            eyes = ctx.sensor.create_sensor(f"eyes {i}", SensorType.AGENT_RANGE, **options)
+            start = world["starts"][i + 1]
+            ctx.agent.create_agent(f"w{i}", start_node_id=start, team="b", sensors={"eyes": eyes}, strategy=watch)
+        ctx.game.run(9)
+        for turn, reachable in checked:
+            assert where[turn] in reachable or (where[turn] is None and not reachable), turn
+
+
+def test_a_target_gets_one_edge_farther_in_each_turn(make_ctx, add):
+    ctx = make_ctx(9)
+    add(ctx, "spy", 4, "red", sight=0.0)
+    add(ctx, "prey", 4, "blue")
+    state = {"name": "spy", "team": "red", "memory": {}, "sensor": {}, "curr_pos": 4}
+    belief.note(ctx, state | {"turn": 0}, "prey", 4)
+    sizes = [belief.believed(ctx, state | {"turn": turn}).reachable("prey") for turn in range(3)]
+    assert sizes == [{4}, {3, 4, 5}, {2, 3, 4, 5, 6}]
+    assert belief.believed(ctx, state | {"turn": 1}).reachable("prey", speed=3) == {1, 2, 3, 4, 5, 6, 7}
+
+
+@pytest.mark.parametrize(
+    ("speed", "unit", "reach"),
+    [
+        (2.0, "edges", [0, 2, 4]),
+        (1.5, "edges", [0, 2, 3]),  # it may have covered half of an edge before it was seen
+        (0.5, "edges", [0, 1, 1]),
+        (0.0, "edges", [0, 0, 0]),
+        (25.0, "metres", [0, 3, 5]),
+        (10.0, "metres", [0, 1, 2]),
+        (inf, "metres", [0, 8, 8]),
+    ],
+)
+def test_how_far_it_gets_follows_from_its_speed(make_ctx, add, speed, unit, reach):
+    ctx = make_ctx(9, game={"speed_unit": unit})
+    add(ctx, "spy", 0, "red")
+    add(ctx, "prey", 0, "blue").speed = speed
+    state = {"name": "spy", "team": "red", "memory": {}, "sensor": {}, "curr_pos": 0}
+    belief.note(ctx, state | {"turn": 0}, "prey", 0)
+    assert [max(belief.believed(ctx, state | {"turn": turn}).reachable("prey")) for turn in range(3)] == reach
+
+
+def watching(ctx, found, name="prey"):
+    def watch(state):
+        found.append(belief.observe(ctx, state).reachable(name))
+        state["action"] = state["curr_pos"]
+
+    return watch
+
+
+def test_nodes_that_were_seen_empty_are_not_in_it_but_may_be_entered_again(make_ctx, add):
+    ctx, found = make_ctx(6), []
+    add(ctx, "spy", 0, "red", sight=20.0, strategy=watching(ctx, found))
+    add(ctx, "prey", 5, "blue")
+    ctx.game.run(2)
+    assert found == [{3, 4, 5}, {3, 4, 5}]  # nodes 0 to 2 are in sight
+    ctx.sensor.get_sensor("eyes of spy").range = 0.0
+    ctx.game.run(3)
+    assert found[2:] == [{2, 3, 4, 5}, {1, 2, 3, 4, 5}, {1, 2, 3, 4, 5}]  # node 0 is still in sight
+
+
+def test_an_edge_that_was_closed_counts_for_the_time_when_it_was_open(make_ctx, add):
+    ctx, found = make_ctx(4), []
+    add(ctx, "spy", 0, "red", sight=0.0, strategy=watching(ctx, found))
+    add(ctx, "prey", 0, "blue", strategy=lambda state: state.update(action=min(3, state["curr_pos"] + 1)))
+
+    @ctx.game.add(phase="before")
+    def close(ctx):
+        if ctx.game.turn == 2:
+            for id in (4, 5):  # between nodes 2 and 3
+                ctx.graph.graph.remove_edge(id)
+
+    ctx.game.run(5)
+    assert found == [{0}, {1}, {1, 2}, {1, 2}, {1, 2}]
+
+
+def test_a_map_that_changed_while_it_was_not_known_lets_a_target_be_anywhere(make_ctx, add):
+    ctx, found = make_ctx(4), []
+    add(ctx, "spy", 0, "red", sight=0.0, strategy=watching(ctx, found))
+    add(ctx, "prey", 0, "blue")
+    ctx.game.run(1)
+    ctx.game.memories["spy"]["belief map"] = "of another program"
+    ctx.game.run(1)
+    assert found == [{0}, {0}]
+    add(ctx, "other", 1, "green")
+    ctx.agent.get_agent("prey").current_node_id = 3  # by a rule that tells nobody
+    ctx.game.memories["spy"]["belief map"] = "of another program"
+    ctx.game.run(2)
+    assert found[2:] == [{1, 2, 3}, {1, 2, 3}]
+
+
+def test_a_target_that_cannot_be_anywhere_is_looked_for_everywhere(make_ctx, add):
+    ctx, found = make_ctx(4), []
+    add(ctx, "spy", 0, "red", sight=10.0, strategy=watching(ctx, found))
+    add(ctx, "prey", 0, "blue")
+    ctx.game.run(1)
+    ctx.agent.get_agent("prey").current_node_id = 3
+    ctx.game.run(1)
+    assert found == [{0}, {2, 3}]
+
+
+def test_where_moves_need_no_edges_all_that_is_not_in_sight_can_be_reached(make_ctx, add):
+    ctx, found = make_ctx(4, edges=[], game={"legal": "any"}), []
+    add(ctx, "spy", 0, "red", sight=10.0, strategy=watching(ctx, found))
+    add(ctx, "prey", 0, "blue", strategy=lambda state: state.update(action=3))
+    ctx.game.run(2)
+    assert found == [{0}, {2, 3}]
+
+
+def test_a_sensor_that_may_miss_agents_or_ignores_their_team_clears_nothing(make_ctx, add):
+    for option in ({"detection": 0.9}, {"team": "green"}):
+        ctx, found = make_ctx(3), []
+        add(ctx, "spy", 0, "red", strategy=watching(ctx, found))
+        eyes = ctx.sensor.create_sensor("tower", SensorType.AGENT_RANGE, sensor_range=50.0, **option)
+        ctx.agent.get_agent("spy").register_sensor("tower", eyes)
+        add(ctx, "prey", 2, "blue")
+        ctx.game.run(1)
+        assert len(found[0]) in (1, 3)
+        assert 2 in found[0]
+
+
+def test_several_targets_at_once_are_those_one_by_one(make_ctx, add):
+    ctx, found = make_ctx(7), []
+    names = ["p0", "p1", "p2", "p3"]
+
+    def watch(state):
+        known = belief.observe(ctx, state)
+        ids = ctx.graph.columns().node_ids
+        together = [set(ids[row].tolist()) for row in known.are_reachable(names)]
+        found.append(together == [known.reachable(name) for name in names])
+        state["action"] = state["draw"].choice(state["legal"])
+
+    add(ctx, "spy", 3, "red", sight=15.0, strategy=watch)
+    for i, speed in enumerate((None, 2.0, 0.7, None)):
+        add(ctx, names[i], 2 * i, "blue", strategy=gamms.strategies.random_walk).speed = speed
+    ctx.game.run(8)
+    assert found == [True] * 8
+
+
+def test_agents_that_are_dead_fly_or_are_unknown(make_ctx, add):
+    ctx = make_ctx(3)
+    add(ctx, "spy", 0, "red")
+    add(ctx, "prey", 1, "blue").alive = False
+    ctx.agent.create_agent("drone", type=gamms.agent.AgentType.AERIAL, start_node_id=0, speed=1.0)
+    known = belief.belief_of(ctx, "spy")
+    assert known.reachable("prey") == set()
+    assert known.probability("prey") == {}
+    with pytest.raises(BadType, match="'drone' flies"):
+        known.reachable("drone")
+    with pytest.raises(UnknownName, match="nobody"):
+        known.probability("nobody")
