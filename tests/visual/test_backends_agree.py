@@ -19,7 +19,7 @@ BUILDING = [(24.0, 4.0), (36.0, 4.0), (36.0, 16.0), (24.0, 16.0)]
 YARD = [(28.0, 8.0), (28.0, 12.0), (32.0, 12.0), (32.0, 8.0)]
 BADGE = (30, 160, 90)
 WORDS_AT = (64.0, 30.0)
-NUMBER = re.compile(r"-?[0-9.]+")
+NUMBER = re.compile(r"-?(?:\d+(?:\.\d+)?|\.\d+)")
 ROWS, COLUMNS = np.mgrid[0:HEIGHT, 0:WIDTH] + 0.5
 
 
@@ -129,16 +129,13 @@ def elements(root):
 
 
 def chains(path):
-    """The polylines of a path: moves and lines, both absolute and by steps."""
-    lines = []
-    for letter, numbers in re.findall("([MLl])([^MLlZ]*)", path):
-        x, y = map(float, NUMBER.findall(numbers))
-        if letter == "M":
-            lines.append([(x, y)])
-        else:
-            before = lines[-1][-1] if letter == "l" else (0.0, 0.0)
-            lines[-1].append((before[0] + x, before[1] + y))
-    return [np.array(line) for line in lines]
+    """The polylines of a path: each is a move and lines, all of them steps from the point before."""
+    lines, place = [], np.zeros(2)
+    for numbers in path.removesuffix("z").split("m")[1:]:
+        steps = np.array(list(map(float, NUMBER.findall(numbers)))).reshape(-1, 2)
+        lines.append(place + np.cumsum(steps, axis=0))
+        place = lines[-1][-1]
+    return lines
 
 
 def near_lines(lines, reach):
@@ -173,7 +170,7 @@ def covered_by(tag, given):
         mask = np.abs(away - number["r"]) <= width / 2 if role == "stroke" else away <= number["r"]
     elif tag == "path":
         lines = chains(given["d"])
-        closed = [np.concatenate((line, line[:1])) for line in lines] if given["d"].endswith("Z") else lines
+        closed = [np.concatenate((line, line[:1])) for line in lines] if given["d"].endswith("z") else lines
         mask = near_lines(closed, width / 2) if role == "stroke" else inside(lines)
     elif tag == "image":
         side = float(given["width"])

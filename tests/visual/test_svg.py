@@ -1,8 +1,10 @@
 """SVG files: small, well-formed, and the same for the same commands."""
 
 import os
+import re
 from base64 import b64encode
-from itertools import chain
+from collections import Counter
+from itertools import chain, pairwise
 from pathlib import Path
 from xml.etree import ElementTree as ET
 
@@ -64,7 +66,7 @@ def test_repeated_points_and_lines_too_short_to_see_are_left_out():
     commands = Commands()
     commands.add_line([(1, 1), (1.01, 1), (2, 1)], "red")
     commands.add_line([(5, 5), (5.01, 5.01)], "red")
-    assert 'd="M1 49l1 0"' in written(commands)
+    assert 'd="m1 49 1 0"' in written(commands)
 
 
 def test_lower_layers_come_first_whatever_the_order_of_drawing():
@@ -142,3 +144,21 @@ def test_any_picture_is_well_formed_and_written_the_same_twice(calls, words):
     text = written(commands, camera, words)
     assert ET.fromstring(text).get("role") == "img"
     assert text == written(commands, camera, words)
+
+
+@given(st.lists(st.tuples(st.integers(0, 4), st.integers(0, 4), st.integers(0, 4), st.integers(0, 4)), min_size=1))
+def test_lines_that_meet_are_chained_and_each_is_drawn_once(lines):
+    commands = Commands()
+    for ax, ay, bx, by in lines:
+        commands.add_line([(ax, ay), (bx, by)], "red")
+    path = "".join(re.findall(' d="([^"]*)"', written(commands)))
+    drawn, open_ends, place = [], [], np.zeros(2, int)
+    for steps in path.split("m")[1:]:
+        points = place + np.cumsum(np.array(re.findall(r"-?\d+", steps), int).reshape(-1, 2), axis=0)
+        drawn += [frozenset(map(tuple, ends)) for ends in pairwise(points.tolist())]
+        open_ends.append((tuple(points[0].tolist()), tuple(points[-1].tolist())))
+        place = points[-1]
+    wanted = [frozenset(((ax, 50 - ay), (bx, 50 - by))) for ax, ay, bx, by in lines if (ax, ay) != (bx, by)]
+    assert Counter(drawn) == Counter(wanted)
+    uneven = [point for point, count in Counter(chain(*wanted)).items() if count % 2]
+    assert sorted(chain(*(ends for ends in open_ends if ends[0] != ends[1]))) == sorted(uneven)

@@ -5,21 +5,23 @@ The same commands give the same bytes.
 
 import re
 from base64 import b64encode
-from collections.abc import Callable
+from collections import defaultdict
+from collections.abc import Callable, Iterable, Iterator, Sequence
+from functools import lru_cache
 from html import escape
+from itertools import pairwise
 from pathlib import Path
-
-import numpy as np
 
 from gamms.errors import BadValue
 from gamms.ir.draw import DrawCommands, DrawKind
-from gamms.ir.graph import IntArray
 from gamms.visual.appearance import Rgba
 from gamms.visual.backends.vectors import SMALLEST_RADIUS_PX, Sheet, sheet_of
 from gamms.visual.camera import CSS_DPI, Camera
 from gamms.visual.lettering import ASCENT, FAMILIES
 
 _HALO = ' stroke="#{:02x}{:02x}{:02x}" stroke-width="3" paint-order="stroke"'
+_NEEDLESS = re.compile(r" (?=[-a-z])|(?<=[a-z]) |(?<!\d)(?<!\.)0(?=\.)")  # in a path
+_Point = tuple[int, ...]  # x, y
 _NO_XML = re.compile("[^\t\n\r\x20-\ud7ff\ue000-\ufffd\U00010000-\U0010ffff]")
 _IMAGE_TYPES = {
     ".png": "png",
@@ -81,28 +83,58 @@ def _paint(role: str, color: Rgba) -> str:
 
 
 def _lines(sheet: Sheet, begin: int, end: int) -> str:
-    """Return one path through all lines of a run: where each starts, then steps; repeated points are left out."""
-    offsets = sheet.offsets[begin : end + 1] - sheet.offsets[begin]
-    points = sheet.points[sheet.offsets[begin] : sheet.offsets[end]]
-    line = np.repeat(np.arange(end - begin), np.diff(offsets))
-    steps = np.diff(points, axis=0, prepend=points[:1])
-    is_first = np.zeros(len(points), bool)
-    is_first[offsets[:-1]] = True
-    is_kept = is_first | (steps != 0).any(axis=1)
-    # A line that shrank to a point is left out altogether.
-    is_kept &= np.bincount(line[is_kept], minlength=end - begin)[line] > 1
-    numbers = np.where(is_first[:, None], points, steps)[is_kept]
-    letters = np.where(is_first[is_kept], "M", "l").tolist()
-    xs, ys = _numbers(numbers[:, 0]), _numbers(numbers[:, 1])
-    return "".join(
-        f"{letter}{x}{y}" if y[0] == "-" else f"{letter}{x} {y}" for letter, x, y in zip(letters, xs, ys, strict=True)
-    )
+    """Return one path through all lines of a run, chained where they meet, without those that shrank to a point."""
+    offsets = (sheet.offsets[begin : end + 1] - sheet.offsets[begin]).tolist()
+    points = list(map(tuple, sheet.points[sheet.offsets[begin] : sheet.offsets[end]].tolist()))
+    lines = [points[first:last] for first, last in pairwise(offsets) if len(set(points[first:last])) > 1]
+    steps, x, y = list[str](), 0, 0
+    for chain in _chains([(line[0], line[-1]) for line in lines]):
+        steps.append("m")
+        for row, is_reversed in chain:
+            for to_x, to_y in reversed(lines[row]) if is_reversed else lines[row]:
+                if to_x != x or to_y != y or steps[-1] == "m":
+                    steps.append(_step(to_x - x, to_y - y))
+                    x, y = to_x, to_y
+    return _joined(steps)
 
 
-def _numbers(tenths: IntArray) -> list[str]:
-    values, inverse = np.unique(tenths, return_inverse=True)
-    texts: list[str] = np.array([_number(value) for value in values.tolist()], object)[inverse].tolist()
-    return texts
+def _chains(ends: Sequence[tuple[_Point, _Point]]) -> Iterator[list[tuple[int, bool]]]:
+    """Yield lines as (row, whether it is reversed), in chains in which each begins where the one before ended."""
+    at = defaultdict[_Point, list[int]](list)
+    for row, (first, last) in enumerate(ends):
+        at[first].append(row)
+        at[last].append(row)
+    is_left = [True] * len(ends)
+
+    def onward(place: _Point) -> Iterator[tuple[int, bool]]:
+        rows = at[place]
+        while rows:
+            row = rows.pop()
+            if is_left[row]:
+                is_left[row], (first, last) = False, ends[row]
+                yield row, first != place
+                rows = at[place := first if first != place else last]
+
+    uneven = {place for place, rows in at.items() if len(rows) % 2}  # where chains have to end
+    for place in list(at):
+        if place in uneven:
+            chain = list(onward(place))
+            row, is_reversed = chain[-1]
+            uneven -= {place, ends[row][not is_reversed]}
+            yield chain
+    for place in list(at):
+        while chain := list(onward(place)):
+            yield chain
+
+
+def _joined(steps: Iterable[str]) -> str:
+    """Return steps and letters of a path without the spaces and zeros that say nothing."""
+    return _NEEDLESS.sub("", " ".join(steps))
+
+
+@lru_cache(maxsize=1 << 16)
+def _step(x: int, y: int) -> str:
+    return f"{_number(x)} {_number(y)}"
 
 
 def _number(tenths: int) -> str:
@@ -128,8 +160,9 @@ def _rectangle(sheet: Sheet, row: int) -> str:
 
 
 def _polygon(sheet: Sheet, row: int) -> str:
-    corners = "L".join(f"{_number(x)} {_number(y)}" for x, y in sheet.points_of(row))
-    return f'<path d="M{corners}Z"/>'
+    points = sheet.points_of(row)
+    steps = [_step(x - old_x, y - old_y) for (old_x, old_y), (x, y) in pairwise([(0, 0), *points])]
+    return f'<path d="{_joined(["m", *steps, "z"])}"/>'
 
 
 def _text(sheet: Sheet, row: int) -> str:
