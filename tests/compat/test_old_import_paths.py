@@ -168,7 +168,7 @@ def test_one_sensor_type_whatever_the_path():
 
 
 @pytest.mark.parametrize("old", ["AgentEngine.agent_engine", "VisualizationEngine", "osm_constants", "MemoryEngine"])
-def test_a_star_import_from_an_old_path_brings_what_the_room_offers(old):
+def test_a_star_import_from_an_old_path_brings_what_the_package_offers(old):
     scope = {}
     exec(f"from gamms.{old} import *", scope)
     room = importlib.import_module(PATHS[f"gamms.{old}"][0])

@@ -315,7 +315,7 @@ def test_a_seeded_context_places_the_same_nodes_again(open_ctx):
     assert drawn[0][0] != drawn[0][1]
 
 
-def test_the_room_forwards(ctx):
+def test_the_engine_forwards_to_the_graph(ctx):
     ctx.graph.add_nodes([1, 2], [385_000, 386_000], [6_672_000, 6_672_000])
     ctx.graph.graph.crs = "EPSG:32635"
     lat, lon = ctx.graph.to_latlon(386_000, 6_672_000)

@@ -285,14 +285,14 @@ def test_no_path_is_ours_and_a_value_error(square):
         square.shortest_path(5, 1)
 
 
-def test_the_room_forwards(any_ctx, fill):
+def test_the_engine_forwards_to_the_graph(any_ctx, fill):
     graph = fill(any_ctx)
-    room = any_ctx.graph
-    assert room.shortest_path(1, -7) == graph.shortest_path(1, -7) == [1, 2, -7]
-    assert room.distance(1, -7) == 10.0
-    assert room.distances(source=1, weight=None, cutoff=1) == {1: 0.0, 2: 1.0}
-    assert room.distance_matrix([1, 40], -7).tolist() == [[10.0], [math.inf]]
-    assert room.weights("lanes").tolist() == [2.0, 1.0, 1.0, 1.0]
+    engine = any_ctx.graph
+    assert engine.shortest_path(1, -7) == graph.shortest_path(1, -7) == [1, 2, -7]
+    assert engine.distance(1, -7) == 10.0
+    assert engine.distances(source=1, weight=None, cutoff=1) == {1: 0.0, 2: 1.0}
+    assert engine.distance_matrix([1, 40], -7).tolist() == [[10.0], [math.inf]]
+    assert engine.weights("lanes").tolist() == [2.0, 1.0, 1.0, 1.0]
 
 
 def test_after_the_end_there_are_no_ways(open_ctx, fill):

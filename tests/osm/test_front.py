@@ -34,7 +34,7 @@ def test_an_unknown_name_is_no_attribute():
         _ = gamms.osm.nonsense
 
 
-def test_importing_the_room_loads_no_library():
+def test_importing_the_package_loads_no_library():
     code = (
         "import gamms.osm, sys; "
         "assert not {'osmium', 'pyproj', 'networkx', 'shapely'} & set(sys.modules), sorted(sys.modules)"

@@ -1,4 +1,4 @@
-"""The door of the room: what may be imported from `gamms.visual`, and what it says about the rest."""
+"""The public names of `gamms.visual`, and what its `__init__` says about the rest."""
 
 import subprocess
 import sys
