@@ -79,7 +79,7 @@ def test_the_same_seed_gives_the_same_bytes_in_any_process(tmp_path):
                 "gamms.cli",
                 "demo",
                 "--max-turns",
-                "150",
+                "40",
                 "--seed",
                 "5",
                 "--out",
@@ -97,7 +97,7 @@ def test_the_same_seed_gives_the_same_bytes_in_any_process(tmp_path):
 
 def test_another_seed_plays_another_game(tmp_path):
     for seed in (1, 2):
-        run("--max-turns", 100, "--seed", seed, "--out", tmp_path / str(seed))
+        run("--max-turns", 20, "--seed", seed, "--out", tmp_path / str(seed))
     assert (tmp_path / "1" / "final.svg").read_bytes() != (tmp_path / "2" / "final.svg").read_bytes()
 
 

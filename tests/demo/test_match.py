@@ -14,8 +14,8 @@ FIVE = (Team("red", 5), Team("blue", 5))
 
 def test_the_demo_plays_the_file_as_it_is():
     assert capture_the_flag(FIVE, 600) == scenario.load(FILE)
-    assert capture_the_flag(FIVE, 60).play(seed=3) == scenario.load(FILE).replace(
-        **{"rules.time_limit.with.turns": 60}
+    assert capture_the_flag(FIVE, 20).play(seed=3) == scenario.load(FILE).replace(
+        **{"rules.time_limit.with.turns": 20}
     ).play(seed=3)
 
 

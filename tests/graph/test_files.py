@@ -98,7 +98,7 @@ def contents(draw):
 
 
 @given(contents=contents())
-@settings(max_examples=150, deadline=None, derandomize=True)
+@settings(max_examples=75, deadline=None, derandomize=True)
 def test_decoding_undoes_encoding(contents):
     data = map_file.encode(contents)
     back = map_file.decode(data)

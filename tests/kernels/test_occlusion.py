@@ -238,14 +238,14 @@ def scenes(draw):
 @pytest.mark.filterwarnings("ignore:overflow:RuntimeWarning")  # of the places in the middle of huge faces
 @given(scene=scenes(), shift=st.sampled_from([0.0, 0.0, 385_000.0, 6.67e6, 1e12]))
 @example((np.array([wall((-1, 0), (1, 0))]), np.zeros(3), np.array([[0.0, 0.0, -9.0], [0.0, 1e-300, -9.0]])), 0.0)
-@settings(max_examples=600, deadline=None, derandomize=True)
+@settings(max_examples=250, deadline=None, derandomize=True)
 def test_the_fast_form_answers_as_the_exact_test_over_all_pairs(scene, shift):
     there = np.array([shift, shift, 0.0])
     corners, origin, targets = (np.nan_to_num(array + there, posinf=1.0, neginf=1.0) for array in scene)
     assert kernels.visible(corners, origin, targets).tolist() == by_brute_force(corners, origin, targets).tolist()
 
 
-@pytest.mark.parametrize("seed", range(12))
+@pytest.mark.parametrize("seed", range(6))
 def test_the_fast_form_agrees_on_whole_towns(seed):
     rng = np.random.default_rng(seed)
     grain = (0.0, 1.0, 10.0)[seed % 3]

@@ -6,7 +6,7 @@ import random
 
 import numpy as np
 import pytest
-from hypothesis import given
+from hypothesis import given, settings
 from hypothesis import strategies as st
 from recordings import HEADER, logs_of, opened, read_all, walk, written
 
@@ -48,9 +48,13 @@ def entries_of(log):
     return found
 
 
+FEWER = settings(max_examples=50)  # each is a whole recording
+
+
 # -- there and back ---------------------------------------------------------------------------------------------
 
 
+@FEWER
 @given(games, st.integers(1, 5), st.integers(1, 200), st.booleans())
 def test_every_log_is_read_as_it_was_added(game, turns, size, keyframes):
     reader, found = read_all(written(game, turns=turns, size=size, keyframes=keyframes))
@@ -58,6 +62,7 @@ def test_every_log_is_read_as_it_was_added(game, turns, size, keyframes):
     assert (reader.turns, reader.is_complete, reader.warning) == (len(game), True, None)
 
 
+@FEWER
 @given(games, st.integers(1, 4), st.data())
 def test_arrays_and_events_say_what_the_logs_say(game, turns, data):
     reader = opened(written(game, turns=turns))
@@ -146,6 +151,7 @@ def test_unknown_blocks_are_skipped():
 # -- the same bytes ---------------------------------------------------------------------------------------------
 
 
+@FEWER
 @given(games, st.lists(st.booleans(), min_size=8, max_size=8), st.booleans())
 def test_neither_time_nor_flushing_leaves_a_trace(game, flushes, is_slow):
     stream, ticks = io.BytesIO(), iter(range(10**6))
@@ -184,6 +190,7 @@ def test_turns_with_something_else_than_moves_are_not_added_together(together):
     assert stream.getvalue() == written([])
 
 
+@FEWER
 @given(games, st.integers(1, 4))
 def test_recording_what_was_read_gives_the_same_bytes(game, turns):
     first = written(game, turns=turns)

@@ -13,7 +13,7 @@ from gamms.agent import AgentType
 from gamms.rules import Conflicts, capture_flag, contacts, last_team, one_to_one, reach, tag, territory, time_limit
 from gamms.strategies import random_walk
 
-LAWS = settings(max_examples=40, deadline=None, derandomize=True, suppress_health_check=[HealthCheck.too_slow])
+LAWS = settings(max_examples=20, deadline=None, derandomize=True, suppress_health_check=[HealthCheck.too_slow])
 SIDE = 4
 
 

@@ -43,13 +43,12 @@ def test_file_python_engines_and_processes_agree(folder, made, strategy):
     assert told(scenario.load(folder / "same.yaml").play(seed=11)) == result
     with one.build(seed=11, graph_engine=gamms.graph.Engine.SQLITE) as ctx:
         assert told(ctx.game.run()) == result
-    for hash_seed in ("0", "4"):
-        printed = subprocess.check_output(
-            [sys.executable, "-W", "error", "-c", CODE, str(file)],
-            env={**os.environ, "PYTHONHASHSEED": hash_seed},
-            text=True,
-        )
-        assert json.loads(printed) == result
+    printed = subprocess.check_output(
+        [sys.executable, "-W", "error", "-c", CODE, str(file)],
+        env={**os.environ, "PYTHONHASHSEED": "0" if os.environ.get("PYTHONHASHSEED") == "4" else "4"},
+        text=True,
+    )
+    assert json.loads(printed) == result
     assert told(one.play(seed=12)) != result
 
 
