@@ -138,3 +138,31 @@ def test_a_wrong_wish_for_a_film_or_picture_is_named(folder):
         assert done.exit_code == 1
         assert done.stderr.startswith(f"gamms: {sentence}")
     assert "out/result.json' is no recording: it does not begin" in run("info", "out/result.json").stderr
+
+
+@pytest.mark.parametrize(
+    ("options", "said"),
+    [
+        (["--seed", "abc"], "'--seed': 'abc'"),
+        (["--seed=abc"], "'--seed': 'abc'"),
+        (["--max-turns", "-1"], "'--max-turns': '-1'"),
+        (["--max-turns", "3", "--jobs", "none"], "'--jobs': 'none'"),
+        (["--jobs", "2"], "--jobs: 2 games at once need several seeds: add --seeds 0:20"),
+    ],
+)
+def test_what_an_option_cannot_be_is_named(options, said):
+    done = run("run", "game.yaml", *options)
+    assert done.exit_code == 2
+    assert said in done.stderr
+
+
+def test_a_film_that_cannot_be_written_leaves_an_earlier_game_as_it_was(folder):
+    assert run("run", "game.yaml", "--out", "first").exit_code == 0
+    before = (folder / "first" / "game.ggr").read_bytes()
+    refused = run("run", "game.yaml", "--out", "first", "--film", "game.avi")
+    assert (refused.exit_code, (folder / "first" / "game.ggr").read_bytes()) == (1, before)
+
+
+def test_a_film_may_be_written_into_the_folder_of_the_game(folder):
+    done = run("run", "game.yaml", "--out", "new", "--film", "new/game.gif")
+    assert (done.exit_code, (folder / "new" / "game.gif").exists()) == (0, True)

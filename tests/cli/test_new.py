@@ -1,9 +1,14 @@
 """`gamms new`: a game to begin with."""
 
+from pathlib import Path
+
 import pytest
 from typer.testing import CliRunner
 
+import gamms
 from gamms import cli, scenario
+
+DATA = Path(gamms.__file__).parent / "data"
 
 
 @pytest.fixture(autouse=True)
@@ -32,6 +37,16 @@ def test_a_new_game_can_be_played_at_once(folder, options, agents):
     assert len(result.agents) == agents
     assert sum(one["moves"] for one in result.agents.values()) > agents
     assert run("scenario", "check", "hunt/hunt.yaml", "--build").exit_code == 0
+
+
+@pytest.mark.parametrize("source", [path.stem for path in sorted(DATA.glob("*.yaml"))])
+def test_every_game_that_comes_with_gamms_can_be_begun_with_and_run(folder, source):
+    assert run("new", "mine", "--from", source).exit_code == 0
+    assert run("scenario", "check", "mine/mine.yaml").exit_code == 0
+    played = run("run", "mine/mine.yaml", "--max-turns", 2, "--out", "mine/first")
+    assert played.exit_code == 0
+    assert "after 2 turns" in played.stdout
+    assert (folder / "mine" / "first" / "game.ggr").exists()
 
 
 def test_the_game_can_be_won_by_both_sides(folder):

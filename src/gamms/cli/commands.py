@@ -3,10 +3,12 @@
 import json
 from collections.abc import Callable, Mapping
 from enum import StrEnum
+from itertools import pairwise
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated, Any
 
 import typer
+from typer.core import TyperCommand
 
 import gamms
 from gamms.cli import play, recordings
@@ -119,6 +121,21 @@ _ON_SCENARIOS: _Commands = {
 _ON_MAPS: _Commands = {report: ("gamms osm report town.osm.pbf --network walk",)}
 
 
+class _Command(TyperCommand):
+    """A command whose errors name the value that an option cannot have, which typer leaves out."""
+
+    def parse_args(self, ctx: typer.Context, args: list[str]) -> list[str]:  # type: ignore[override] # a click.Context
+        words = [part for word in args for part in (word.split("=", 1) if word.startswith("--") else [word])]
+        try:
+            return super().parse_args(ctx, args)
+        except typer.BadParameter as error:
+            names = getattr(error.param, "opts", ())
+            value = next((repr(value) for name, value in pairwise(words) if name in names), "")
+            if value and value not in error.message:
+                error.message = f"{value}: {error.message}"
+            raise
+
+
 def _group(about: str, commands: _Commands, examples: tuple[str, ...] = ()) -> typer.Typer:
     """Return a group of commands; its help is plain text, in which flags are shown as flags."""
     group = typer.Typer(
@@ -131,7 +148,7 @@ def _group(about: str, commands: _Commands, examples: tuple[str, ...] = ()) -> t
         context_settings={"max_content_width": 100},
     )
     for command, usage in commands.items():
-        group.command(epilog=_shown(usage))(guarded(command))
+        group.command(cls=_Command, epilog=_shown(usage))(guarded(command))
     return group
 
 

@@ -128,6 +128,8 @@ def run(  # noqa: PLR0913, PLR0917 - one argument per option
         echo(f"imports {printable_line(line)}")
     warn(game)
     if seeds is None:
+        if jobs is not None:
+            raise typer.BadParameter(f"{jobs} games at once need several seeds: add --seeds 0:20.", param_hint="--jobs")
         _play_one(game, seed, found, film, out, is_shown=window)
         return
     if seed is not None or film is not None or window:
@@ -144,9 +146,10 @@ def _play_one(
     name = game.spec.name or (game.file.stem if game.file else "A game")
     with game.build(seed, many.imported(found), engine) as ctx:
         with ExitStack() as making:
-            recording = making.enter_context(recorded(ctx, out))
-            if film is not None:
+            out.mkdir(parents=True, exist_ok=True)  # where the film may be
+            if film is not None:  # refused, if at all, before an earlier recording is replaced
                 making.enter_context(ctx.visual.film(film, title=name))
+            recording = making.enter_context(recorded(ctx, out))
             result = ctx.game.run(progress=True)
         result.save(out / "result.json")
         pictures = save_pictures(ctx, out, title=name, captions=True)
