@@ -15,6 +15,7 @@ from gamms.typing import ISensor
 from gamms.visual import Artist, Color, Engine, Shape
 from gamms.visual.appearance import TEAM_COLORS
 from gamms.visual.themes import THEMES
+from gamms.visual.window import display
 
 
 def has_color(pixels, color):
@@ -329,3 +330,22 @@ def test_who_is_out_is_neither_shown_nor_found_nor_named_nor_followed_by_a_trail
     assert "left: red 0 · blue 1" in ctx.visual.overlay.turn_lines(ctx)
     ctx.agent.delete_agent("blue_0")
     assert "left: red 0" in ctx.visual.overlay.turn_lines(ctx)
+
+
+@pytest.mark.parametrize(
+    ("options", "said"),
+    [
+        ({"input_overlay": "green"}, "input_overlay must be a dict with some of node_color, .*, not 'green'"),
+        ({"title": 5}, "title must be a string, not 5"),
+        ({"stay_open": "no"}, "stay_open must be True or False, not 'no'"),
+    ],
+)
+def test_an_option_of_the_wrong_type_is_refused_before_a_window_opens(open_window, options, said):
+    with pytest.raises(TypeError, match=said):
+        open_window(**options)
+    assert display.window_surface() is None
+
+
+def test_a_misspelt_part_of_the_look_of_choices_is_warned_about(open_window, caplog):
+    open_window(input_overlay={"node_colour": (1, 2, 3), "edge_color": (4, 5, 6)})
+    assert "vis_kwargs: Unknown keyword 'node_colour'. Did you mean 'node_color'?" in caplog.text

@@ -264,3 +264,11 @@ def test_a_team_is_told_nothing_of_agents_that_it_does_not_see(open_window, said
     tell(ctx, {1: ["storm"]})
     ctx.game.step()
     assert "red_0: storm" not in frame(ctx, said)
+
+
+def test_captions_have_the_colours_of_the_theme(ctx):
+    tell(ctx, {1: ["storm"]})
+    ctx.game.step()
+    before = ctx.visual.overlay.captions[0].color
+    ctx.visual.toggle_theme()
+    assert ctx.visual.overlay.captions[0].color == ctx.visual.drawing.group_colors()["red"] != before

@@ -10,10 +10,11 @@ from typing import Any, Literal, Unpack
 
 import numpy as np
 
-from gamms.arguments import as_bool, misspelt
+from gamms.arguments import as_bool, as_text, misspelt
 from gamms.deciding import outside_of_deciding, refused_while_deciding
-from gamms.errors import BadValue, MissingFile, UnknownName
+from gamms.errors import BadType, BadValue, MissingFile, UnknownName
 from gamms.ir.draw import DrawCommands
+from gamms.text import shown
 from gamms.typing import ArtistType, IContext, ISensor
 from gamms.typing.recorder import IPlayback
 from gamms.typing.visualization_engine import AgentVisual, GraphVisual, SensorVisual
@@ -122,16 +123,19 @@ class WindowEngine(WindowNames, PictureEngine):
         self.input = Input(self.camera, self._handlers())
         self._framing = Framing(ctx, self.camera, self.overlay, self.input)
         self.overlay.pointer = lambda: self.input.pointer
-        look = {"node_color": Color.Green, "node_size": 4.0, "edge_color": Color.Green, **(input_overlay or {})}
-        self._declare_options(look)
-        for sentence in misspelt(kwargs, _OPTIONS):
+        look = {"node_color": Color.Green, "node_size": 4.0, "edge_color": Color.Green}
+        given: object = input_overlay or {}
+        if not isinstance(given, Mapping):
+            raise BadType(f"input_overlay must be a dict with some of {', '.join(look)}, not {shown(given)}.")
+        for sentence in (*misspelt(kwargs, _OPTIONS), *misspelt(given, look)):
             ctx.logger.warning("vis_kwargs: %s", sentence)
+        self._declare_options({**look, **given})
         self._scene, self.drawer_surface = Scene(ctx, self._world, tiles_turns=True), None
         self._has_painters = self._will_quit = False
         self._is_fresh = True
         self._last_camera: Camera | None = None
         self._last_frame = self._zoomed = -math.inf
-        self.screen = open_window(self, width, height, title)
+        self.screen = open_window(self, width, height, as_text(title, "title"))
         self.resized(*self.screen.get_size())
 
     def _handlers(self) -> Handlers:
@@ -184,6 +188,7 @@ class WindowEngine(WindowNames, PictureEngine):
         self.artists.edits += 1
         self._scene, self._is_fresh = Scene(self.ctx, self._world, tiles_turns=True), True
         self._show_options(self.question)
+        self._caption(after_jump=True)
 
     def toggle_theme(self) -> None:
         """Go from light to dark, or back."""
